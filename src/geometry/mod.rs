@@ -1,0 +1,16 @@
+//! Vectors as planes, frames, and the flattened triangles of a scene.
+//!
+//! A quantity of a triangle is a column `[T, 1]`, one of a ray a row `[1, N]`, one of a
+//! ray–triangle pair `[T, N]`: they broadcast against each other, and the long axis of rays is
+//! contiguous.
+
+mod context;
+mod triangles;
+mod vec3;
+
+pub use context::Context;
+pub(crate) use context::{host_values, plain};
+pub(crate) use triangles::nearest_on_triangle;
+pub use triangles::{Nearest, Topology, Triangles, VertexData};
+pub use vec3::Vec3;
+pub(crate) use vec3::gather_row;

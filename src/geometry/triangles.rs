@@ -1,0 +1,261 @@
+use std::collections::HashMap;
+
+use burn::tensor::{Bool, Tensor};
+
+use super::{Context, Vec3, plain};
+
+/// Per-corner data of the triangles: three vectors `[T, 1]` each.
+#[derive(Clone, Debug)]
+pub struct VertexData {
+    /// At the first corner.
+    pub a: Vec3,
+    /// At the second corner.
+    pub b: Vec3,
+    /// At the third corner.
+    pub c: Vec3,
+}
+
+/// The triangles of a scene, flattened: every plane is a column `[T, 1]`, positions are relative
+/// to the centre of the scene's bounds.
+///
+/// Each triangle carries an orthonormal frame in its plane, with corner a at the origin, b at
+/// `(base, 0)` and c at `(apex_u, apex_v)`, `apex_v > 0`.
+#[derive(Clone, Debug)]
+pub struct Triangles {
+    /// Corners, with degenerate triangles replaced by a unit one so that nothing divides by zero.
+    pub corners: VertexData,
+    /// Unit normal, counter-clockwise front.
+    pub normal: Vec3,
+    /// Unit vector from a towards b.
+    pub u: Vec3,
+    /// normal × u.
+    pub v: Vec3,
+    /// normal · a.
+    pub plane: Tensor<2>,
+    /// u · a.
+    pub a_u: Tensor<2>,
+    /// v · a.
+    pub a_v: Tensor<2>,
+    /// |b − a|.
+    pub base: Tensor<2>,
+    /// u · (c − a).
+    pub apex_u: Tensor<2>,
+    /// v · (c − a).
+    pub apex_v: Tensor<2>,
+    /// Area.
+    pub area: Tensor<2>,
+    /// Whether the triangle has area.
+    pub valid: Tensor<2, Bool>,
+    /// Linear velocity over the shutter, where anything moves.
+    pub velocity: Option<Vec3>,
+    /// Normals, tangents and planes without tape, as `[T, 3]`, for products with rays.
+    pub(crate) normal_matrix: Tensor<2>,
+    pub(crate) u_matrix: Tensor<2>,
+    pub(crate) v_matrix: Tensor<2>,
+}
+
+impl Triangles {
+    /// Frames and planes from corners (columns `[T, 1]`, relative to the centre of the bounds).
+    pub fn new(context: &Context, corners: VertexData, velocity: Option<Vec3>) -> Self {
+        let VertexData { a, b, c } = corners;
+        let (ab, ac) = (plain_sub(&b, &a), plain_sub(&c, &a));
+        let n = ab.cross(&ac);
+        let doubled_area = n.dot(&n).sqrt();
+        let longest = ab.dot(&ab).max_pair(ac.dot(&ac));
+        let valid = doubled_area
+            .greater(longest * (4.0 * context.epsilon()));
+        let invalid = valid.clone().bool_not();
+        let any_invalid = invalid.clone().any().into_scalar::<bool>();
+        let sanitise = |p: Vec3, unit: [f64; 3]| {
+            if !any_invalid {
+                return p;
+            }
+            let fill = |x: Tensor<2>, value: f64| x.mask_fill(invalid.clone(), value);
+            Vec3::new(fill(p.x, unit[0]), fill(p.y, unit[1]), fill(p.z, unit[2]))
+        };
+        let a = sanitise(a, [0.0, 0.0, 0.0]);
+        let b = sanitise(b, [1.0, 0.0, 0.0]);
+        let c = sanitise(c, [0.0, 1.0, 0.0]);
+
+        let (ab, ac) = (b.sub(&a), c.sub(&a));
+        let n = ab.cross(&ac);
+        let doubled_area = n.dot(&n).sqrt();
+        let normal = n.map(|x| x / doubled_area.clone());
+        let base = ab.dot(&ab).sqrt();
+        let u = ab.map(|x| x / base.clone());
+        let v = normal.cross(&u);
+        Self {
+            plane: normal.dot(&a),
+            a_u: u.dot(&a),
+            a_v: v.dot(&a),
+            apex_u: u.dot(&ac),
+            apex_v: doubled_area.clone() / base.clone(),
+            area: doubled_area * 0.5,
+            normal_matrix: normal.columns(),
+            u_matrix: u.columns(),
+            v_matrix: v.columns(),
+            corners: VertexData { a, b, c },
+            normal,
+            u,
+            v,
+            base,
+            valid,
+            velocity,
+        }
+    }
+
+    /// How many triangles.
+    pub fn len(&self) -> usize {
+        self.base.dims()[0]
+    }
+
+    /// Whether there is no triangle.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether any geometry takes part in an autodiff graph.
+    pub fn is_tracked(&self) -> bool {
+        self.plane.is_tracked() || self.velocity.as_ref().is_some_and(Vec3::is_tracked)
+    }
+}
+
+fn plain_sub(a: &Vec3, b: &Vec3) -> Vec3 {
+    a.plain().sub(&b.plain())
+}
+
+/// The point of a triangle's border that is nearest to a point of its plane, without tape.
+#[derive(Clone, Debug)]
+pub struct Nearest {
+    /// Squared distance from the point to the border.
+    pub squared_distance: Tensor<2>,
+    /// Whether the point is inside of the triangle.
+    pub inside: Tensor<2, Bool>,
+    /// Weight of corner b in the nearest point.
+    pub weight_b: Tensor<2>,
+    /// Weight of corner c in the nearest point.
+    pub weight_c: Tensor<2>,
+}
+
+/// The nearest point on the three edge segments to the points `(x, y)` of the triangles' frames,
+/// for pairs `[T, N]` as for drawn triangles `[1, N]`. Takes and returns values without tape: the
+/// squared distance at a fixed nearest point has the right derivative (envelope theorem).
+pub(crate) fn nearest_on_triangle(
+    x: &Tensor<2>,
+    y: &Tensor<2>,
+    base: &Tensor<2>,
+    apex_u: &Tensor<2>,
+    apex_v: &Tensor<2>,
+) -> Nearest {
+    let (base, apex_u, apex_v) = (plain(base), plain(apex_u), plain(apex_v));
+    let square = |u: Tensor<2>, v: Tensor<2>| u.clone() * u + v.clone() * v;
+    // a → b
+    let s_ab = (x.clone() * base.clone().recip()).clamp(0.0, 1.0);
+    let d_ab = square(x.clone() - s_ab.clone() * base.clone(), y.clone());
+    // c → b, so that the parameter is the weight of b
+    let (f_u, f_v) = (apex_u.clone() - base.clone(), apex_v.clone());
+    let inverse = square(f_u.clone(), f_v.clone()).recip();
+    let x_b = x.clone() - base;
+    let s_bc = (x_b.clone() * (f_u.clone() * inverse.clone())
+        + y.clone() * (f_v.clone() * inverse))
+        .clamp(0.0, 1.0);
+    let d_bc = square(
+        x_b.clone() - s_bc.clone() * f_u.clone(),
+        y.clone() - s_bc.clone() * f_v.clone(),
+    );
+    // a → c
+    let inverse = square(apex_u.clone(), apex_v.clone()).recip();
+    let s_ac = (x.clone() * (apex_u.clone() * inverse.clone())
+        + y.clone() * (apex_v.clone() * inverse))
+        .clamp(0.0, 1.0);
+    let d_ac = square(
+        x.clone() - s_ac.clone() * apex_u.clone(),
+        y.clone() - s_ac.clone() * apex_v.clone(),
+    );
+    let inside = y
+        .clone()
+        .greater_equal_elem(0.0)
+        .bool_and((f_u * y.clone()).greater_equal(f_v * x_b))
+        .bool_and((apex_v * x.clone()).greater_equal(apex_u * y.clone()));
+    let on_bc = d_bc.clone().lower(d_ab.clone());
+    let least = d_ab.min_pair(d_bc);
+    let on_ac = d_ac.clone().lower(least.clone());
+    let weight_b = s_ab
+        .mask_where(on_bc.clone(), s_bc.clone().neg().add_scalar(1.0))
+        .mask_fill(on_ac.clone(), 0.0);
+    let weight_c = s_bc
+        .mask_fill(on_bc.bool_not(), 0.0)
+        .mask_where(on_ac, s_ac);
+    Nearest {
+        squared_distance: least.min_pair(d_ac),
+        inside,
+        weight_b,
+        weight_c,
+    }
+}
+
+/// What is known of the triangles on the host: neighbours, objects, closed surfaces.
+#[derive(Clone, Debug, Default)]
+pub struct Topology {
+    /// The object of each triangle.
+    pub object: Vec<u32>,
+    /// The material of each triangle, an index into the scene's flattened materials.
+    pub material: Vec<u32>,
+    /// Whether the object of each triangle is closed.
+    pub closed: Vec<bool>,
+    /// Triangles of the same object that share a welded vertex, each once, ascending.
+    pub neighbours: Vec<Vec<u32>>,
+    /// For a triangle of a closed object: +1 if only its sides with n·d > 0 can be seen, −1 if
+    /// only those with n·d < 0 can; 0 for open objects.
+    pub visible_side: Vec<f64>,
+}
+
+impl Topology {
+    /// Adds an object's faces, welded by position, and says whether it is closed (every welded
+    /// edge has two faces of opposite direction).
+    pub fn push_object(&mut self, positions: &[[f64; 3]], faces: &[[u32; 3]], materials: &[u32]) {
+        let object = self.object.last().map_or(0, |o| o + 1);
+        let first = self.object.len() as u32;
+        let mut weld = HashMap::new();
+        let welded: Vec<u32> = positions
+            .iter()
+            .map(|p| {
+                // −0 and 0 are one place.
+                let key = p.map(|x| (x + 0.0).to_bits());
+                let next = weld.len() as u32;
+                *weld.entry(key).or_insert(next)
+            })
+            .collect();
+        let mut at_vertex = vec![Vec::new(); weld.len()];
+        let mut edges: HashMap<(u32, u32), (u32, u32)> = HashMap::new();
+        for (f, face) in faces.iter().enumerate() {
+            let w = face.map(|i| welded[i as usize]);
+            for i in 0..3 {
+                at_vertex[w[i] as usize].push(first + f as u32);
+                let (p, q) = (w[i], w[(i + 1) % 3]);
+                let entry = edges.entry((p.min(q), p.max(q))).or_default();
+                if p < q {
+                    entry.0 += 1;
+                } else {
+                    entry.1 += 1;
+                }
+            }
+        }
+        let closed = !faces.is_empty() && edges.values().all(|&e| e == (1, 1));
+        for (f, face) in faces.iter().enumerate() {
+            let own = first + f as u32;
+            let mut around: Vec<u32> = face
+                .iter()
+                .flat_map(|&i| at_vertex[welded[i as usize] as usize].iter().copied())
+                .filter(|&j| j != own)
+                .collect();
+            around.sort_unstable();
+            around.dedup();
+            self.neighbours.push(around);
+            self.object.push(object);
+            self.material.push(materials[f]);
+            self.closed.push(closed);
+            self.visible_side.push(0.0);
+        }
+    }
+}

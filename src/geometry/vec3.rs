@@ -1,0 +1,153 @@
+use burn::tensor::{Int, Tensor};
+
+use super::{Context, plain};
+
+/// Three planes of one shape: `[1, N]` for rays, `[T, 1]` for triangles.
+#[derive(Clone, Debug)]
+pub struct Vec3 {
+    /// The x components.
+    pub x: Tensor<2>,
+    /// The y components.
+    pub y: Tensor<2>,
+    /// The z components.
+    pub z: Tensor<2>,
+}
+
+impl Vec3 {
+    /// Three planes as a vector.
+    pub fn new(x: Tensor<2>, y: Tensor<2>, z: Tensor<2>) -> Self {
+        Self { x, y, z }
+    }
+
+    /// A constant `[1, 1]` vector.
+    pub fn constant(context: &Context, v: [f64; 3]) -> Self {
+        Self::new(
+            context.row(&v[..1]),
+            context.row(&v[1..2]),
+            context.row(&v[2..]),
+        )
+    }
+
+    /// A tensor `[3]` as a `[1, 1]` vector.
+    pub fn from_tensor(v: Tensor<1>) -> Self {
+        let v = v.reshape([3, 1]);
+        Self::from_rows(v)
+    }
+
+    /// The rows of `[3, N]` as planes `[1, N]`.
+    pub fn from_rows(v: Tensor<2>) -> Self {
+        Self::new(
+            v.clone().slice([0..1]),
+            v.clone().slice([1..2]),
+            v.slice([2..3]),
+        )
+    }
+
+    /// The columns of `[T, 3]` as planes `[T, 1]`.
+    pub fn from_columns(v: Tensor<2>) -> Self {
+        Self::new(
+            v.clone().narrow(1, 0, 1),
+            v.clone().narrow(1, 1, 1),
+            v.narrow(1, 2, 1),
+        )
+    }
+
+    /// The planes `[1, N]` as `[3, N]`.
+    pub fn rows(&self) -> Tensor<2> {
+        Tensor::cat(vec![self.x.clone(), self.y.clone(), self.z.clone()], 0)
+    }
+
+    /// The planes `[T, 1]` as `[T, 3]`.
+    pub fn columns(&self) -> Tensor<2> {
+        Tensor::cat(vec![self.x.clone(), self.y.clone(), self.z.clone()], 1)
+    }
+
+    /// A function of each plane.
+    pub fn map(&self, f: impl Fn(Tensor<2>) -> Tensor<2>) -> Self {
+        Self::new(f(self.x.clone()), f(self.y.clone()), f(self.z.clone()))
+    }
+
+    /// A function of each pair of planes.
+    pub fn zip(&self, o: &Self, f: impl Fn(Tensor<2>, Tensor<2>) -> Tensor<2>) -> Self {
+        Self::new(
+            f(self.x.clone(), o.x.clone()),
+            f(self.y.clone(), o.y.clone()),
+            f(self.z.clone(), o.z.clone()),
+        )
+    }
+
+    /// Without tape.
+    pub fn plain(&self) -> Self {
+        Self::new(plain(&self.x), plain(&self.y), plain(&self.z))
+    }
+
+    /// Whether any plane takes part in an autodiff graph.
+    pub fn is_tracked(&self) -> bool {
+        self.x.is_tracked() || self.y.is_tracked() || self.z.is_tracked()
+    }
+
+    /// Sum.
+    pub fn add(&self, o: &Self) -> Self {
+        self.zip(o, |a, b| a + b)
+    }
+
+    /// Difference.
+    pub fn sub(&self, o: &Self) -> Self {
+        self.zip(o, |a, b| a - b)
+    }
+
+    /// Product by components.
+    pub fn mul(&self, o: &Self) -> Self {
+        self.zip(o, |a, b| a * b)
+    }
+
+    /// Product with a scalar a ray (or a triangle).
+    pub fn scale(&self, s: &Tensor<2>) -> Self {
+        self.map(|a| a * s.clone())
+    }
+
+    /// Product with a number.
+    pub fn scale_by(&self, s: f64) -> Self {
+        self.map(|a| a * s)
+    }
+
+    /// Dot product.
+    pub fn dot(&self, o: &Self) -> Tensor<2> {
+        self.x.clone() * o.x.clone() + self.y.clone() * o.y.clone() + self.z.clone() * o.z.clone()
+    }
+
+    /// Cross product.
+    pub fn cross(&self, o: &Self) -> Self {
+        let term = |a: &Tensor<2>, b: &Tensor<2>, c: &Tensor<2>, d: &Tensor<2>| {
+            a.clone() * b.clone() - c.clone() * d.clone()
+        };
+        Self::new(
+            term(&self.y, &o.z, &self.z, &o.y),
+            term(&self.z, &o.x, &self.x, &o.z),
+            term(&self.x, &o.y, &self.y, &o.x),
+        )
+    }
+
+    /// The unit vector of this direction; zero vectors must have been excluded.
+    pub fn normalized(&self) -> Self {
+        let length = self.dot(self).sqrt();
+        self.map(|a| a / length.clone())
+    }
+
+    /// The components of the triangles (columns `[T, 1]`) named by a row of indices, as rows
+    /// `[1, N]`.
+    pub fn gather(&self, index: &Tensor<2, Int>) -> Self {
+        self.map(|a| gather_row(a, index))
+    }
+
+    /// The rays (of rows `[1, N]`) named by a row of indices.
+    pub fn pick(&self, index: &Tensor<2, Int>) -> Self {
+        self.map(|a| gather_row(a, index))
+    }
+}
+
+/// Elements of a column `[T, 1]` or row `[1, T]` named by a row of indices `[1, N]`, as a row.
+pub(crate) fn gather_row(plane: Tensor<2>, index: &Tensor<2, Int>) -> Tensor<2> {
+    let [a, b] = plane.dims();
+    plane.reshape([1, a * b]).gather(1, index.clone())
+}

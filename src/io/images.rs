@@ -1,0 +1,334 @@
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use burn::tensor::{Device, Tensor, TensorData};
+use image::{ImageFormat, ImageReader, Rgb32FImage, RgbImage};
+
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+
+/// White columns between images side by side.
+const GAP: usize = 2;
+
+/// A linear RGB image on the host.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HostImage {
+    /// Columns.
+    pub width: usize,
+    /// Rows, the first at the top.
+    pub height: usize,
+    /// height · width · 3 values, row by row.
+    pub pixels: Vec<f32>,
+}
+
+impl HostImage {
+    /// An image from its values, row by row.
+    ///
+    /// # Errors
+    /// When there are not height · width · 3 values.
+    pub fn new(width: usize, height: usize, pixels: Vec<f32>) -> Result<Self> {
+        let image = Self {
+            width,
+            height,
+            pixels,
+        };
+        image.check()?;
+        Ok(image)
+    }
+
+    /// A tensor `[H, W, 3]`, read back from its device.
+    ///
+    /// # Errors
+    /// When the last axis is not 3 long, or the device fails.
+    pub fn from_tensor(tensor: &Tensor<3>) -> Result<Self> {
+        let [height, width, channels] = tensor.dims();
+        if channels != 3 {
+            return Err(Error::invalid(
+                "image",
+                "tensor",
+                format!("of shape [{height}, {width}, {channels}]"),
+                "shape [H, W, 3]",
+            ));
+        }
+        let pixels = host_values(tensor)?.iter().map(|&v| v as f32).collect();
+        Self::new(width, height, pixels)
+    }
+
+    /// As a tensor `[H, W, 3]` in the device's default float type.
+    pub fn to_tensor(&self, device: &Device) -> Tensor<3> {
+        let shape = [self.height, self.width, 3];
+        Tensor::from_data(TensorData::new(self.pixels.clone(), shape), device)
+    }
+
+    /// Reads an image as linear RGB: EXR and HDR as they are, PNG and JPEG decoded from sRGB.
+    /// Grey becomes RGB and alpha is dropped.
+    ///
+    /// # Errors
+    /// When the file can't be read or is not an image of these formats.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let io = |source| Error::Io {
+            path: path.into(),
+            source,
+        };
+        // The contents say what a file is, its ending only where they don't.
+        let reader = ImageReader::open(path)
+            .map_err(io)?
+            .with_guessed_format()
+            .map_err(io)?;
+        let linear = matches!(
+            reader.format(),
+            Some(ImageFormat::OpenExr | ImageFormat::Hdr)
+        );
+        let decoded = reader
+            .decode()
+            .map_err(|e| Error::format(path, format!("it can't be decoded: {e}")))?
+            .into_rgb32f();
+        let (width, height) = decoded.dimensions();
+        let mut pixels = decoded.into_raw();
+        if !linear {
+            pixels.iter_mut().for_each(|v| *v = srgb_to_linear(*v));
+        }
+        Self::new(width as usize, height as usize, pixels)
+    }
+
+    /// Writes by the file's ending: `.exr` as linear 32-bit floats, `.png` as 8-bit sRGB clipped
+    /// to [0, 1]. The file appears under its name only when it is complete.
+    ///
+    /// # Errors
+    /// When the ending is another one, the image is empty, or the system fails.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        let format = match ending.to_ascii_lowercase().as_str() {
+            "exr" => ImageFormat::OpenExr,
+            "png" => ImageFormat::Png,
+            _ => {
+                return Err(Error::format(
+                    path,
+                    format!("its ending is {ending:?}, expected .exr or .png"),
+                ));
+            }
+        };
+        self.check()?;
+        let (Ok(w), Ok(h)) = (u32::try_from(self.width), u32::try_from(self.height)) else {
+            return Err(self.bad_size("at most 2³² − 1 columns and rows"));
+        };
+        if w == 0 || h == 0 {
+            return Err(self.bad_size("at least one column and row"));
+        }
+        let mut bytes = Cursor::new(Vec::new());
+        let encoded = if format == ImageFormat::Png {
+            let srgb = self.pixels.iter().map(|&v| srgb_byte(v)).collect();
+            RgbImage::from_raw(w, h, srgb).map(|i| i.write_to(&mut bytes, format))
+        } else {
+            Rgb32FImage::from_raw(w, h, self.pixels.clone()).map(|i| i.write_to(&mut bytes, format))
+        };
+        match encoded {
+            Some(Ok(())) => write_whole(path, bytes.get_ref()),
+            Some(Err(e)) => Err(Error::format(path, format!("it can't be encoded: {e}"))),
+            None => Err(self.bad_size("as many pixels as values")),
+        }
+    }
+
+    /// The mean of each channel.
+    pub fn mean(&self) -> [f64; 3] {
+        let n = (self.width * self.height) as f64;
+        std::array::from_fn(|c| {
+            let channel = self.pixels.iter().skip(c).step_by(3);
+            channel.map(|&v| f64::from(v)).sum::<f64>() / n
+        })
+    }
+
+    /// The root mean square difference over all channels; `clipped` limits both images to [0, 1]
+    /// first, so that directly seen lights don't outweigh the rest.
+    ///
+    /// # Errors
+    /// When the sizes differ.
+    pub fn rmse(&self, other: &Self, clipped: bool) -> Result<f64> {
+        self.check()?;
+        other.check()?;
+        if (self.width, self.height) != (other.width, other.height) {
+            return Err(self.bad_size(&format!(
+                "{} × {} like the other image",
+                other.width, other.height
+            )));
+        }
+        let value = |&v: &f32| {
+            let v = f64::from(v);
+            if clipped { v.clamp(0.0, 1.0) } else { v }
+        };
+        let pairs = self.pixels.iter().zip(&other.pixels);
+        let sum: f64 = pairs.map(|(a, b)| (value(a) - value(b)).powi(2)).sum();
+        Ok((sum / self.pixels.len() as f64).sqrt())
+    }
+
+    /// The sum of all values over that of another image.
+    pub fn mean_ratio(&self, other: &Self) -> f64 {
+        let sum = |image: &Self| image.pixels.iter().map(|&v| f64::from(v)).sum::<f64>();
+        sum(self) / sum(other)
+    }
+
+    /// Images in a row, aligned at the top, with white gaps of 2 pixels.
+    pub fn side_by_side(images: &[&Self]) -> Self {
+        let height = images.iter().map(|i| i.height).max().unwrap_or(0);
+        let gaps = GAP * images.len().saturating_sub(1);
+        let width = images.iter().map(|i| i.width).sum::<usize>() + gaps;
+        let mut pixels = vec![1.0; width * height * 3];
+        let mut left = 0;
+        for image in images.iter().filter(|i| i.width > 0) {
+            for (y, row) in image.pixels.chunks_exact(3 * image.width).enumerate() {
+                let start = 3 * (y * width + left);
+                if let Some(target) = pixels.get_mut(start..start + row.len()) {
+                    target.copy_from_slice(row);
+                }
+            }
+            left += image.width + GAP;
+        }
+        Self {
+            width,
+            height,
+            pixels,
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        let expected = self.width * self.height * 3;
+        if self.pixels.len() == expected {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            "image",
+            "pixels",
+            format!("{} values", self.pixels.len()),
+            format!("{expected} for {} × {} pixels", self.width, self.height),
+        ))
+    }
+
+    fn bad_size(&self, expected: &str) -> Error {
+        Error::invalid(
+            "image",
+            "size",
+            format!("{} × {}", self.width, self.height),
+            expected,
+        )
+    }
+}
+
+/// Writes under another name in the same folder and renames: nobody sees half a file.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    static COUNT: AtomicUsize = AtomicUsize::new(0);
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    name.push(format!(".{}-{count}.part", std::process::id()));
+    let part = path.with_file_name(name);
+    fs::write(&part, bytes)
+        .and_then(|()| fs::rename(&part, path))
+        .map_err(|source| {
+            // Of the two errors the first one matters.
+            let _ = fs::remove_file(&part);
+            Error::Io {
+                path: path.into(),
+                source,
+            }
+        })
+}
+
+fn srgb_to_linear(v: f32) -> f32 {
+    if v <= 0.04045 {
+        v / 12.92
+    } else {
+        ((v + 0.055) / 1.055).powf(2.4)
+    }
+}
+
+fn srgb_byte(linear: f32) -> u8 {
+    let v = linear.clamp(0.0, 1.0);
+    let encoded = if v <= 0.003_130_8 {
+        v * 12.92
+    } else {
+        1.055 * v.powf(1.0 / 2.4) - 0.055
+    };
+    (encoded * 255.0).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp(width: usize, height: usize) -> HostImage {
+        let n = width * height * 3;
+        let pixels = (0..n).map(|i| i as f32 / n as f32 * 1.5).collect();
+        HostImage::new(width, height, pixels).expect("size")
+    }
+
+    fn temporary(name: &str) -> std::path::PathBuf {
+        std::env::temp_dir().join(format!("softray-images-{}-{name}", std::process::id()))
+    }
+
+    #[test]
+    fn exr_keeps_every_value() {
+        let path = temporary("ramp.exr");
+        let image = ramp(5, 4);
+        image.write(&path).expect("write");
+        assert_eq!(HostImage::read(&path).expect("read"), image);
+        fs::remove_file(path).expect("remove");
+    }
+
+    #[test]
+    fn png_is_clipped_srgb() {
+        let path = temporary("ramp.png");
+        let image = ramp(5, 4);
+        image.write(&path).expect("write");
+        let read = HostImage::read(&path).expect("read");
+        assert!(read.rmse(&image, true).expect("size") < 3e-3);
+        assert!(read.pixels.iter().all(|v| (0.0..=1.0).contains(v)));
+        fs::remove_file(path).expect("remove");
+    }
+
+    #[test]
+    fn srgb_bytes_survive() {
+        for byte in 0..=255u8 {
+            assert_eq!(srgb_byte(srgb_to_linear(f32::from(byte) / 255.0)), byte);
+        }
+    }
+
+    #[test]
+    fn statistics() {
+        let image = HostImage::new(2, 1, vec![0.0, 1.0, 2.0, 2.0, 3.0, 4.0]).expect("size");
+        let black = HostImage::new(2, 1, vec![0.0; 6]).expect("size");
+        assert_eq!(image.mean(), [1.0, 2.0, 3.0]);
+        assert_eq!(image.mean_ratio(&image), 1.0);
+        let rmse = |clipped| image.rmse(&black, clipped).expect("size");
+        assert!((rmse(false) - (34f64 / 6.0).sqrt()).abs() < 1e-12);
+        assert!((rmse(true) - (5f64 / 6.0).sqrt()).abs() < 1e-12);
+        let error = image.rmse(&ramp(1, 1), false).expect_err("sizes differ");
+        assert!(error.to_string().contains("2 × 1"), "{error}");
+    }
+
+    #[test]
+    fn side_by_side_has_white_gaps() {
+        let (a, b) = (ramp(2, 2), ramp(1, 1));
+        let row = HostImage::side_by_side(&[&a, &b]);
+        assert_eq!((row.width, row.height), (5, 2));
+        assert_eq!(row.pixels[..6], a.pixels[..6]);
+        assert_eq!(row.pixels[6..12], [1.0; 6]);
+        assert_eq!(row.pixels[12..15], b.pixels[..]);
+        assert_eq!(row.pixels[15..21], a.pixels[6..]);
+    }
+
+    #[test]
+    fn tensors_and_endings() {
+        let image = ramp(3, 2);
+        let tensor = image.to_tensor(&Device::flex());
+        assert_eq!(tensor.dims(), [2, 3, 3]);
+        assert_eq!(HostImage::from_tensor(&tensor).expect("values"), image);
+        let error = image.write("image.gif").expect_err("ending");
+        assert!(error.to_string().contains("image.gif"), "{error}");
+        let error = HostImage::read("nowhere/a.exr").expect_err("missing");
+        assert!(error.to_string().contains("nowhere/a.exr"), "{error}");
+    }
+}

@@ -1,0 +1,220 @@
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use burn::tensor::{Device, Tensor, TensorData};
+
+use super::HostImage;
+use super::obj_text::ObjText;
+use crate::error::{Error, Result};
+use crate::scene::{Albedo, CornerAttribute, Material, Mesh, Object, Scene};
+
+impl Scene {
+    /// Reads an OBJ file with its MTL files.
+    ///
+    /// Every `o` or `g` becomes an [`Object`]; pieces of equal name are one object, with a
+    /// material for each face. Vertices that faces share in the file stay shared. Polygons become
+    /// triangle fans. Normals and texture coordinates count for objects that have them at every
+    /// corner.
+    ///
+    /// Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side) and `map_Kd` count, the
+    /// latter instead of `Kd`. What has no `Kd` or no material is mid-grey like
+    /// [`Material::default`].
+    ///
+    /// # Errors
+    /// When a file is missing or malformed, an index is out of range, or there is no face.
+    pub fn from_obj(path: impl AsRef<Path>, device: &Device) -> Result<Scene> {
+        let path = path.as_ref();
+        let text = ObjText::read(path)?;
+        let (models, described) = text.parse(path)?;
+        let mut pieces: Vec<(String, Pieces)> = Vec::new();
+        let mut index = HashMap::new();
+        for model in &models {
+            if model.mesh.indices.is_empty() {
+                continue;
+            }
+            let i = *index.entry(&model.name).or_insert(pieces.len());
+            if i == pieces.len() {
+                pieces.push((model.name.clone(), Pieces::default()));
+            }
+            pieces[i].1.add(&model.mesh);
+        }
+        if pieces.is_empty() {
+            return Err(Error::NoTriangles { objects: 0 });
+        }
+        let mut materials = Materials {
+            described: &described,
+            textures: &text.textures,
+            built: HashMap::new(),
+            device,
+        };
+        let mut scene = Scene::new();
+        for (name, mut joined) in pieces {
+            if text.without_uvs.contains(&name) {
+                joined.uvs = Corners::default();
+            }
+            if text.without_normals.contains(&name) {
+                joined.normals = Corners::default();
+            }
+            scene = scene.with(joined.object(name, &mut materials, device)?);
+        }
+        Ok(scene)
+    }
+}
+
+/// Values of corners with their own index, as far as all faces have them.
+struct Corners<const C: usize> {
+    values: Vec<[f64; C]>,
+    faces: Vec<[u32; 3]>,
+}
+
+// Derived, it would ask for a default of `[f64; C]`.
+impl<const C: usize> Default for Corners<C> {
+    fn default() -> Self {
+        Self {
+            values: Vec::new(),
+            faces: Vec::new(),
+        }
+    }
+}
+
+impl<const C: usize> Corners<C> {
+    fn add(&mut self, values: &[f64], indices: &[u32]) {
+        let base = self.values.len() as u32;
+        self.values.extend(rows(values));
+        let faces = rows::<u32, 3>(indices);
+        self.faces.extend(faces.map(|f| f.map(|i| base + i)));
+    }
+
+    /// None unless every face has them.
+    fn attribute(self, faces: usize, device: &Device) -> Option<CornerAttribute> {
+        if self.faces.is_empty() || self.faces.len() != faces {
+            return None;
+        }
+        let shape = [self.values.len(), C];
+        let flat: Vec<f64> = self.values.into_iter().flatten().collect();
+        Some(CornerAttribute {
+            values: Tensor::from_data(TensorData::new(flat, shape), device),
+            faces: Arc::new(self.faces),
+        })
+    }
+}
+
+/// An object put together again: tobj splits it wherever the material changes.
+#[derive(Default)]
+struct Pieces {
+    positions: Vec<[f64; 3]>,
+    /// From the file's vertices to `positions`.
+    row_of_vertex: HashMap<u64, u32>,
+    faces: Vec<[u32; 3]>,
+    uvs: Corners<2>,
+    normals: Corners<3>,
+    materials: Vec<Option<usize>>,
+    face_materials: Vec<u32>,
+}
+
+impl Pieces {
+    fn add(&mut self, mesh: &tobj::Mesh) {
+        let vertices = rows::<f64, 3>(&mesh.positions);
+        // The "colour" is the vertex's row in the file.
+        let in_file = mesh.vertex_color.chunks_exact(3).map(|c| c[0] as u64);
+        let mut row = Vec::with_capacity(mesh.positions.len() / 3);
+        for (position, vertex) in vertices.zip(in_file) {
+            let next = self.positions.len() as u32;
+            let at = *self.row_of_vertex.entry(vertex).or_insert(next);
+            if at == next {
+                self.positions.push(position);
+            }
+            row.push(at);
+        }
+        let faces = rows::<u32, 3>(&mesh.indices).map(|f| f.map(|i| row[i as usize]));
+        self.faces.extend(faces);
+        self.uvs.add(&mesh.texcoords, &mesh.texcoord_indices);
+        self.normals.add(&mesh.normals, &mesh.normal_indices);
+        let known = self.materials.iter().position(|&m| m == mesh.material_id);
+        let material = known.unwrap_or_else(|| {
+            self.materials.push(mesh.material_id);
+            self.materials.len() - 1
+        });
+        self.face_materials
+            .resize(self.faces.len(), material as u32);
+    }
+
+    fn object(mut self, name: String, all: &mut Materials, device: &Device) -> Result<Object> {
+        if self.normals.values.contains(&[0.0; 3]) {
+            log::warn!("{name}: it has normals of zero length, using none of its normals");
+            self.normals = Corners::default();
+        }
+        let n = self.faces.len();
+        let mut mesh = Mesh::from_host(&self.positions, self.faces, device);
+        mesh.uvs = self.uvs.attribute(n, device);
+        mesh.normals = self.normals.attribute(n, device);
+        let mut object = Object::new(mesh).named(name);
+        object.materials = self
+            .materials
+            .iter()
+            .map(|&m| all.get(m))
+            .collect::<Result<_>>()?;
+        for material in &object.materials {
+            let textured = matches!(material.diffuse, Albedo::Texture { .. });
+            if textured && object.mesh.uvs.is_none() {
+                log::warn!(
+                    "{}: material {} has a texture, but not all corners have coordinates",
+                    object.name,
+                    material.name
+                );
+            }
+        }
+        if object.materials.len() > 1 {
+            object.face_materials = Arc::new(self.face_materials);
+        }
+        Ok(object)
+    }
+}
+
+/// Materials made when first used, so that objects share textures and unused ones aren't read.
+struct Materials<'a> {
+    described: &'a [tobj::Material],
+    textures: &'a [PathBuf],
+    built: HashMap<usize, Material>,
+    device: &'a Device,
+}
+
+impl Materials<'_> {
+    fn get(&mut self, id: Option<usize>) -> Result<Material> {
+        let Some((id, source)) = id.and_then(|i| Some((i, self.described.get(i)?))) else {
+            return Ok(Material::default().named("default"));
+        };
+        if let Some(built) = self.built.get(&id) {
+            return Ok(built.clone());
+        }
+        let mut material = Material::default().named(source.name.clone());
+        if let Some(kd) = source.diffuse {
+            material.diffuse = kd.into();
+        }
+        let texture = source.diffuse_texture.as_deref();
+        if let Some(file) = texture.and_then(|t| self.textures.get(t.parse::<usize>().ok()?)) {
+            let image = HostImage::read(file)?;
+            material.diffuse = Albedo::texture(image.to_tensor(self.device));
+            if source.diffuse.is_some_and(|kd| kd != [1.0; 3]) {
+                log::info!("material {}: map_Kd replaces Kd", source.name);
+            }
+        }
+        if let Some(ks) = source.specular {
+            material.specular = ks.into();
+        }
+        if let Some(ns) = source.shininess {
+            material.shininess = ns.into();
+        }
+        if let Some(ke) = source.emissive {
+            material.emission = ke.into();
+        }
+        self.built.insert(id, material.clone());
+        Ok(material)
+    }
+}
+
+/// Flat values as rows of N.
+fn rows<T: Copy, const N: usize>(flat: &[T]) -> impl Iterator<Item = [T; N]> {
+    flat.chunks_exact(N).map(|c| std::array::from_fn(|i| c[i]))
+}

@@ -1,0 +1,332 @@
+//! OBJ and MTL text made fit for tobj, which loses or refuses some of what files hold: it takes
+//! polylines for faces, fills in missing normals, panics on `Kd` with less than 3 numbers, forgets
+//! the names of missing materials and which vertices its pieces share.
+
+use std::collections::HashSet;
+use std::fmt::Write;
+use std::io::{BufRead, Read};
+use std::path::{Path, PathBuf};
+
+use super::read_text;
+use crate::error::{Error, Result};
+
+/// The name that tobj gives to what comes before any `o` or `g`.
+const UNNAMED: &str = "unnamed_object";
+
+/// An OBJ file and its MTL files as tobj gets them.
+#[derive(Default)]
+pub struct ObjText {
+    /// Line n + 1 stands for line n of the file, line 1 loads [`Self::mtl`]. Each vertex carries
+    /// its row as a colour: that is how pieces of an object find their shared vertices again.
+    obj: String,
+    /// All materials, those that are used but not defined as empty ones; `map_Kd i` is the i-th
+    /// texture.
+    mtl: String,
+    /// Files of textures.
+    pub textures: Vec<PathBuf>,
+    /// Objects with a corner without texture coordinates.
+    pub without_uvs: HashSet<String>,
+    /// Objects with a corner without a normal.
+    pub without_normals: HashSet<String>,
+}
+
+impl ObjText {
+    /// Reads an OBJ file and the MTL files that it names.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = read_text(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let keywords = || text.lines().filter_map(|l| l.split_whitespace().next());
+        // Faces may name what only comes after them.
+        let totals = ["v", "vt", "vn"].map(|k| keywords().filter(|&w| w == k).count());
+        let mut found = [0; 3];
+        let mut this = Self {
+            obj: "mtllib all\n".into(),
+            ..Self::default()
+        };
+        let (mut used, mut defined) = (Vec::new(), HashSet::new());
+        let mut object = UNNAMED.to_owned();
+        let mut continued = String::new();
+        // The empty line ends a last one that goes on.
+        for (i, line) in text.lines().chain([""]).enumerate() {
+            let fail = |message: String| Error::format(path, format!("line {}: {message}", i + 1));
+            if !line.starts_with('#')
+                && let Some(begun) = line.trim_end().strip_suffix('\\')
+            {
+                continued += begun;
+                continued.push(' ');
+                this.obj.push('\n');
+                continue;
+            }
+            let line = std::mem::take(&mut continued) + line;
+            let (keyword, rest) = keyword(&line);
+            let values: Vec<&str> = rest
+                .split_whitespace()
+                .take_while(|w| !w.starts_with('#'))
+                .collect();
+            match keyword {
+                "v" => {
+                    this.obj += &vertex(&values, found[0]);
+                    found[0] += 1;
+                }
+                "vt" => {
+                    let v = values.get(1).unwrap_or(&"0");
+                    this.obj += &format!("vt {} {v}", values.first().unwrap_or(&""));
+                    found[1] += 1;
+                }
+                "vn" => {
+                    this.obj += &format!("vn {}", values.join(" "));
+                    found[2] += 1;
+                }
+                "f" => {
+                    if values.len() < 3 {
+                        let n = values.len();
+                        return Err(fail(format!("f has {n} corners, expected at least 3")));
+                    }
+                    for corner in &values {
+                        let [uv, normal] = check_corner(corner, found, totals).map_err(fail)?;
+                        if !uv {
+                            this.without_uvs.insert(object.clone());
+                        }
+                        if !normal {
+                            this.without_normals.insert(object.clone());
+                        }
+                    }
+                    this.obj += &format!("f {}", values.join(" "));
+                }
+                "o" | "g" => {
+                    object = if rest.is_empty() { UNNAMED } else { rest }.to_owned();
+                    this.obj += &format!("o {object}");
+                }
+                "usemtl" => {
+                    used.push(rest.to_owned());
+                    this.obj += &format!("usemtl {rest}");
+                }
+                "mtllib" => {
+                    for file in libraries(folder, rest) {
+                        let text = read_text(&file).map_err(|e| {
+                            let from = format!("named by {}, line {}", path.display(), i + 1);
+                            Error::format(&file, format!("it can't be read ({from}): {e}"))
+                        })?;
+                        this.add_mtl(&file, folder, &text, &mut defined)?;
+                    }
+                }
+                _ => {}
+            }
+            this.obj.push('\n');
+        }
+        for name in used {
+            if !name.is_empty() && defined.insert(name.clone()) {
+                log::warn!(
+                    "{}: no material is called {name:?}, taking the default",
+                    path.display()
+                );
+                this.mtl += &format!("newmtl {name}\n");
+            }
+        }
+        Ok(this)
+    }
+
+    /// What tobj makes of it.
+    pub fn parse(&self, path: &Path) -> Result<(Vec<tobj::Model>, Vec<tobj::Material>)> {
+        let options = tobj::LoadOptions {
+            triangulate: true,
+            single_index: false,
+            ..Default::default()
+        };
+        let mut reader = Counting {
+            rest: self.obj.as_bytes(),
+            lines: 0,
+        };
+        let parsed = tobj::load_obj_buf(&mut reader, &options, |_| {
+            tobj::load_mtl_buf(&mut self.mtl.as_bytes())
+        });
+        let fail = |e: tobj::LoadError| match e {
+            // These show at the end of an object only.
+            tobj::LoadError::FaceVertexOutOfBounds
+            | tobj::LoadError::FaceTexCoordOutOfBounds
+            | tobj::LoadError::FaceNormalOutOfBounds => Error::format(path, e.to_string()),
+            _ => Error::format(path, format!("line {}: {e}", reader.lines.max(2) - 1)),
+        };
+        let (models, materials) = parsed.map_err(fail)?;
+        let materials = materials.map_err(|e| Error::format(path, format!("materials: {e}")))?;
+        Ok((models, materials))
+    }
+
+    /// Appends the part of an MTL file that counts.
+    fn add_mtl(
+        &mut self,
+        path: &Path,
+        obj_folder: &Path,
+        text: &str,
+        defined: &mut HashSet<String>,
+    ) -> Result<()> {
+        let mut named = false;
+        for (i, line) in text.lines().enumerate() {
+            let fail = |message: String| Error::format(path, format!("line {}: {message}", i + 1));
+            let (keyword, rest) = keyword(line);
+            let values = || {
+                rest.split_whitespace()
+                    .take_while(|w| !w.starts_with('#'))
+                    .collect::<Vec<_>>()
+            };
+            let numbers = |count: usize| {
+                let values = values();
+                let valid = values.iter().take(count).all(|v| v.parse::<f64>().is_ok());
+                match values.len() {
+                    // One number stands for all three channels.
+                    1 if valid => Ok(vec![values[0]; count].join(" ")),
+                    n if n >= count && valid => Ok(values[..count].join(" ")),
+                    _ => Err(fail(format!(
+                        "{keyword} is {rest:?}, expected 1 or {count} numbers"
+                    ))),
+                }
+            };
+            let written = match keyword {
+                "newmtl" if rest.is_empty() => {
+                    return Err(fail("newmtl has no name".into()));
+                }
+                "newmtl" => {
+                    named = true;
+                    defined.insert(rest.to_owned());
+                    writeln!(self.mtl, "newmtl {rest}")
+                }
+                "Kd" | "Ks" | "Ke" if named => writeln!(self.mtl, "{keyword} {}", numbers(3)?),
+                "Ns" if named => writeln!(self.mtl, "Ns {}", numbers(1)?),
+                "map_Kd" if named => {
+                    let name = texture_name(rest);
+                    if name.is_empty() {
+                        return Err(fail("map_Kd names no file".into()));
+                    }
+                    if name != rest {
+                        log::warn!("{}: options of map_Kd {rest} are ignored", path.display());
+                    }
+                    let own = path.parent().unwrap_or(obj_folder);
+                    self.textures.push(resolve(&[own, obj_folder], name));
+                    writeln!(self.mtl, "map_Kd {}", self.textures.len() - 1)
+                }
+                "Kd" | "Ks" | "Ke" | "Ns" | "map_Kd" => {
+                    return Err(fail(format!("{keyword} comes before any newmtl")));
+                }
+                _ => Ok(()),
+            };
+            written.map_err(|e| fail(e.to_string()))?;
+        }
+        Ok(())
+    }
+}
+
+/// The first word of a line and the rest, trimmed.
+fn keyword(line: &str) -> (&str, &str) {
+    let line = line.trim();
+    let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    (keyword, rest.trim())
+}
+
+/// A vertex with its row for a colour; numbers that don't parse are left for tobj to refuse.
+fn vertex(values: &[&str], row: usize) -> String {
+    let homogeneous: Vec<f64> = values.iter().filter_map(|v| v.parse().ok()).collect();
+    match (values, homogeneous.as_slice()) {
+        ([_, _, _, _], &[x, y, z, w]) if w != 0.0 => {
+            format!("v {} {} {} {row} 0 0", x / w, y / w, z / w)
+        }
+        ([x, y, z, rest @ ..], _) if rest.len() != 1 => format!("v {x} {y} {z} {row} 0 0"),
+        _ => format!("v {}", values.join(" ")),
+    }
+}
+
+/// Checks the indices of `v/vt/vn` and says whether there are a texture coordinate and a normal.
+fn check_corner(
+    corner: &str,
+    found: [usize; 3],
+    totals: [usize; 3],
+) -> std::result::Result<[bool; 2], String> {
+    let mut present = [false; 3];
+    let slots = found.iter().zip(totals).zip(["v", "vt", "vn"]);
+    for ((part, ((&found, total), kind)), present) in corner.split('/').zip(slots).zip(&mut present)
+    {
+        // Empty parts are none; what is no number is for tobj to refuse.
+        let Ok(index) = part.parse::<i64>() else {
+            continue;
+        };
+        let valid = if index < 0 {
+            index.unsigned_abs() <= found as u64
+        } else {
+            (1..=total as u64).contains(&index.unsigned_abs())
+        };
+        if !valid {
+            return Err(format!(
+                "f {corner}: {kind} index {index} is out of range, there are {total}"
+            ));
+        }
+        *present = true;
+    }
+    Ok([present[1], present[2]])
+}
+
+/// The files of an `mtllib` line: one name that may have spaces, or several names.
+fn libraries(folder: &Path, rest: &str) -> Vec<PathBuf> {
+    let whole = resolve(&[folder], rest);
+    if whole.is_file() || rest.split_whitespace().count() < 2 {
+        return vec![whole];
+    }
+    rest.split_whitespace()
+        .map(|name| resolve(&[folder], name))
+        .collect()
+}
+
+/// The file of that name in the first folder that has it, else what it would be in the first one.
+fn resolve(folders: &[&Path], name: &str) -> PathBuf {
+    // Windows exporters write backslashes.
+    let slashed = name.replace('\\', "/");
+    let mut candidates = folders
+        .iter()
+        .flat_map(|f| [f.join(name), f.join(&slashed)]);
+    let first = candidates.clone().next().unwrap_or_else(|| name.into());
+    candidates.find(|c| c.is_file()).unwrap_or(first)
+}
+
+/// The file name of a texture statement after its options, like `-s 2 2 1 -clamp on wood.png`.
+fn texture_name(mut rest: &str) -> &str {
+    while rest.starts_with('-') {
+        let (option, mut after) = keyword(rest);
+        let (least, most) = match option {
+            "-o" | "-s" | "-t" => (1, 3),
+            "-mm" => (2, 2),
+            _ => (1, 1),
+        };
+        for i in 0..most {
+            let (word, next) = keyword(after);
+            if i >= least && word.parse::<f64>().is_err() {
+                break;
+            }
+            after = next;
+        }
+        rest = after;
+    }
+    rest
+}
+
+/// A reader that knows how many lines were taken from it.
+struct Counting<'a> {
+    rest: &'a [u8],
+    lines: usize,
+}
+
+impl Read for Counting<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.rest.read(buffer)
+    }
+}
+
+impl BufRead for Counting<'_> {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        let end = self.rest.iter().position(|&b| b == b'\n');
+        Ok(&self.rest[..end.map_or(self.rest.len(), |e| e + 1)])
+    }
+
+    fn consume(&mut self, amount: usize) {
+        let (taken, rest) = self.rest.split_at(amount.min(self.rest.len()));
+        self.lines += taken.iter().filter(|&&b| b == b'\n').count();
+        self.rest = rest;
+    }
+}

@@ -1,0 +1,119 @@
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use burn::tensor::Device;
+use serde::Deserialize;
+
+use super::read_file;
+use crate::error::{Error, Result};
+use crate::scene::{Camera, Scene};
+
+/// A scene with a camera and an image size, from a JSON file that names an OBJ file:
+///
+/// ```json
+/// {
+///   "obj": "scene.obj",
+///   "camera": {
+///     "eye": [0, 1, 4], "target": [0, 0, 0], "up": [0, 1, 0],
+///     "fov_y_degrees": 40, "width": 64, "height": 64,
+///     "aperture_radius": 0.1, "focus_distance": 4
+///   },
+///   "environment": [0.1, 0.1, 0.1],
+///   "velocities": { "ball": [0.5, 0, 0] }
+/// }
+/// ```
+///
+/// `up` (y), the lens (a pinhole), `environment` (black) and `velocities` (none) may be left out;
+/// other fields are ignored. A lens without a focus distance focuses on the target.
+#[derive(Clone, Debug)]
+pub struct SceneFile {
+    /// The scene.
+    pub scene: Scene,
+    /// The camera.
+    pub camera: Camera,
+    /// Columns of the image.
+    pub width: usize,
+    /// Rows of the image.
+    pub height: usize,
+}
+
+#[derive(Deserialize)]
+struct Document {
+    obj: String,
+    camera: CameraDocument,
+    #[serde(default)]
+    environment: [f64; 3],
+    #[serde(default)]
+    velocities: BTreeMap<String, [f64; 3]>,
+}
+
+#[derive(Deserialize)]
+struct CameraDocument {
+    eye: [f64; 3],
+    target: [f64; 3],
+    #[serde(default = "y_axis")]
+    up: [f64; 3],
+    fov_y_degrees: f64,
+    width: usize,
+    height: usize,
+    aperture_radius: Option<f64>,
+    focus_distance: Option<f64>,
+}
+
+fn y_axis() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
+}
+
+impl SceneFile {
+    /// Reads the JSON file and the OBJ file that it names, relative to its own folder.
+    ///
+    /// # Errors
+    /// When a file is missing or malformed, or a velocity names no object.
+    pub fn load(path: impl AsRef<Path>, device: &Device) -> Result<Self> {
+        let path = path.as_ref();
+        let document: Document = serde_json::from_slice(&read_file(path)?)
+            .map_err(|e| Error::format(path, e.to_string()))?;
+        let camera = document.camera;
+        for (field, size) in [("width", camera.width), ("height", camera.height)] {
+            if size == 0 {
+                let message = format!("camera.{field} is 0, expected at least 1");
+                return Err(Error::format(path, message));
+            }
+        }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut scene = Scene::from_obj(folder.join(&document.obj), device)?;
+        scene = scene.environment(document.environment);
+        for (name, velocity) in document.velocities {
+            if scene.object(&name).is_none() {
+                let known: Vec<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();
+                return Err(Error::format(
+                    path,
+                    format!("velocities names {name:?}, expected one of the objects {known:?}"),
+                ));
+            }
+            scene = scene.map_object(&name, |o| o.velocity(velocity));
+        }
+        Ok(Self {
+            scene,
+            width: camera.width,
+            height: camera.height,
+            camera: camera.build(),
+        })
+    }
+}
+
+impl CameraDocument {
+    fn build(self) -> Camera {
+        let camera = Camera::look_at(self.eye, self.target)
+            .up(self.up)
+            .fov_y(self.fov_y_degrees);
+        match self.aperture_radius {
+            Some(radius) => {
+                let target = glam::DVec3::from(self.target);
+                let to_target = target.distance(glam::DVec3::from(self.eye));
+                camera.thin_lens(radius, self.focus_distance.unwrap_or(to_target))
+            }
+            None => camera,
+        }
+    }
+}

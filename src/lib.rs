@@ -1,0 +1,46 @@
+//! A differentiable path tracer on burn: discontinuities are regularised by blurring the geometry
+//! (Quinn et al., *Differentiable Path Tracing by Regularizing Discontinuities*).
+//!
+//! A [`Scene`](scene::Scene) is a plain value made of tensors. [`render()`](render::render) turns it into an image in
+//! their autodiff graph, so that `backward()` gives gradients to geometry, materials, lights,
+//! camera, lens and motion.
+//!
+//! ```
+//! use softray::prelude::*;
+//!
+//! let device = Device::flex();
+//! let offset = Tensor::<1>::from_floats([0.0, 0.2, 0.0], &device).autodiff().require_grad();
+//! let scene = Scene::new()
+//!     .with(Object::new(shapes::icosahedron(&device).translated(offset.clone())))
+//!     .environment([1.0, 1.0, 1.0]);
+//! let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+//! let options = RenderOptions::new(16, 16).samples(4).bounces(0).blur(1e-2, 1e-3);
+//! let image = render(&scene, &camera, &options)?;
+//! let gradients = image.radiance.powf_scalar(2.0).mean().backward();
+//! assert!(offset.grad(&gradients).is_some());
+//! # Ok::<(), softray::Error>(())
+//! ```
+
+#![warn(missing_docs)]
+
+pub mod error;
+pub mod geometry;
+pub mod io;
+pub mod render;
+pub mod scene;
+mod transport;
+pub mod visibility;
+
+pub use error::{Error, Result};
+
+/// What most programs need.
+pub mod prelude {
+    pub use burn::tensor::{Device, Tensor};
+
+    pub use crate::error::{Error, Result};
+    pub use crate::io::{HostImage, SceneFile};
+    pub use crate::render::{Image, Progress, RenderOptions, Statistics, render};
+    pub use crate::scene::{
+        Albedo, Bounds, Camera, Material, Mesh, Object, Parameter, Scene, Transform, Wrap, shapes,
+    };
+}

@@ -1,0 +1,439 @@
+//! From a scene to the planes that rays meet: the one place that checks tensors and gathers
+//! vertices into triangles.
+
+use burn::tensor::{Device, Tensor};
+
+use super::mesh::take;
+use super::{Albedo, Camera, Material, Parameter, Scene, Wrap};
+use crate::error::{Error, Result};
+use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData};
+
+/// A sphere around the scene: sets the scale of depths and tolerances; takes no gradient.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// The mean of all vertices.
+    pub center: [f64; 3],
+    /// The largest distance of a vertex from it, over the whole shutter.
+    pub radius: f64,
+}
+
+/// Where a texture lies in the atlas.
+#[derive(Clone, Copy, Debug)]
+pub struct TextureSlot {
+    /// Its first texel.
+    pub offset: usize,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Outside of the unit square.
+    pub wrap: Wrap,
+}
+
+/// The diffuse or specular albedos of all materials.
+#[derive(Clone, Debug)]
+pub struct Albedos {
+    /// `[1, M]`; 0 where the material has a texture.
+    pub constant: Vec3,
+    /// The texture of each material.
+    pub texture: Vec<Option<TextureSlot>>,
+    /// All texels `[1, A]`, if there are textures.
+    pub atlas: Option<Vec3>,
+}
+
+/// All materials of a scene; planes are rows `[1, M]`.
+#[derive(Clone, Debug)]
+pub struct Materials {
+    /// k_d.
+    pub diffuse: Albedos,
+    /// k_s and the exponent, if any material is glossy.
+    pub specular: Option<(Albedos, Tensor<2>)>,
+    /// Emitted radiance.
+    pub emission: Vec3,
+    /// Whether a material reflects.
+    pub reflects: Vec<bool>,
+    /// Whether a material emits.
+    pub emits: Vec<bool>,
+}
+
+/// A scene as planes of triangles and materials.
+#[derive(Clone, Debug)]
+pub struct Flattened {
+    /// Device and float type.
+    pub context: Context,
+    /// Relative to the centre of the bounds.
+    pub triangles: Triangles,
+    /// Host-side connectivity.
+    pub topology: Topology,
+    /// All materials.
+    pub materials: Materials,
+    /// Triangles that emit.
+    pub emitters: Vec<u32>,
+    /// The scene's bounds.
+    pub bounds: Bounds,
+    /// Texture coordinates of the corners, z unused, if any material has a texture.
+    pub uvs: Option<VertexData>,
+    /// Shading normals of the corners, if any mesh has them, and for which triangles.
+    pub normals: Option<(VertexData, Vec<bool>)>,
+    /// Environment radiance `[1, 1]`, if it is not a constant black.
+    pub environment: Option<Vec3>,
+}
+
+impl Flattened {
+    /// Checks the scene and gathers its triangles.
+    ///
+    /// # Errors
+    /// Whatever a user can get wrong in a scene, named.
+    pub fn new(scene: &Scene, camera: &Camera, bounds: Option<Bounds>) -> Result<Self> {
+        let context = check(scene, camera)?;
+        let mut topology = Topology::default();
+        let mut materials = Vec::new();
+        let mut host = Vec::new();
+        for object in &scene.objects {
+            let positions = object.mesh.host_vertices()?;
+            let base = materials.len() as u32;
+            let of_face: Vec<u32> = (0..object.mesh.faces.len())
+                .map(|f| base + object.face_materials.get(f).copied().unwrap_or(0))
+                .collect();
+            materials.extend(object.materials.iter());
+            topology.push_object(&positions, &object.mesh.faces, &of_face);
+            let velocity = match &object.velocity {
+                Some(v) => v.check(&object.name, "velocity", "finite numbers", |_| true)?,
+                None => [0.0; 3],
+            };
+            host.push((positions, velocity));
+        }
+        let bounds = bounds.unwrap_or_else(|| bounds_of(&host));
+        let eye = camera.eye.values()?;
+        let mut first = 0;
+        for (object, (positions, _)) in scene.objects.iter().zip(&host) {
+            let n = object.mesh.faces.len();
+            if n > 0 && topology.closed[first] {
+                let side = visible_side(positions, &object.mesh.faces, eye);
+                topology.visible_side[first..first + n].fill(side);
+            }
+            first += n;
+        }
+
+        let centre = context.tensor(&bounds.center, [1, 3]);
+        let corner = |i| {
+            let parts = scene
+                .objects
+                .iter()
+                .filter(|o| !o.mesh.faces.is_empty())
+                .map(|o| o.mesh.corner(i))
+                .collect();
+            Vec3::from_columns(Tensor::cat(parts, 0) - centre.clone())
+        };
+        let corners = VertexData {
+            a: corner(0),
+            b: corner(1),
+            c: corner(2),
+        };
+        let triangles = Triangles::new(&context, corners, velocities(scene, &context));
+        let materials = flatten_materials(&materials, &context);
+        let emitters: Vec<u32> = (0..topology.object.len() as u32)
+            .filter(|&t| materials.emits[topology.material[t as usize] as usize])
+            .collect();
+        let textured = materials.diffuse.atlas.is_some()
+            || materials.specular.as_ref().is_some_and(|(s, _)| s.atlas.is_some());
+        let uvs = textured.then(|| corner_values(scene, &context, 2));
+        let smooth: Vec<bool> = scene
+            .objects
+            .iter()
+            .flat_map(|o| vec![o.mesh.normals.is_some(); o.mesh.faces.len()])
+            .collect();
+        let normals = smooth
+            .iter()
+            .any(|&s| s)
+            .then(|| (corner_values(scene, &context, 3), smooth));
+        let black = matches!(scene.environment, Parameter::Constant(v) if v == [0.0; 3]);
+        let environment = (!black).then(|| {
+            let [r, g, b] = scene.environment.planes(&context);
+            Vec3::new(r, g, b)
+        });
+        if emitters.is_empty() && environment.is_none() {
+            log::warn!("the scene has no emitter and a black environment: the image is black");
+        }
+        Ok(Self {
+            context,
+            triangles,
+            topology,
+            materials,
+            emitters,
+            bounds,
+            uvs,
+            normals,
+            environment,
+        })
+    }
+}
+
+/// One device and float type for all tensors; values finite and in range.
+fn check(scene: &Scene, camera: &Camera) -> Result<Context> {
+    let triangles: usize = scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
+    if triangles == 0 {
+        return Err(Error::NoTriangles {
+            objects: scene.objects.len(),
+        });
+    }
+    let first = &scene.objects[0].mesh.vertices;
+    let context = Context {
+        device: first.device().inner(),
+        dtype: first.dtype(),
+    };
+    let same = |object: &str, field: &str, device: Device, dtype| {
+        if device != context.device {
+            return Err(Error::DeviceMismatch {
+                object: object.into(),
+                field: field.into(),
+                found: format!("{device:?}"),
+                expected: format!("{:?}", context.device),
+            });
+        }
+        if dtype != context.dtype {
+            return Err(Error::DtypeMismatch {
+                object: object.into(),
+                field: field.into(),
+                found: format!("{dtype:?}"),
+                expected: format!("{:?}", context.dtype),
+            });
+        }
+        Ok(())
+    };
+    for object in &scene.objects {
+        let name = &object.name;
+        let mesh = &object.mesh;
+        same(name, "vertices", mesh.vertices.device(), mesh.vertices.dtype())?;
+        for (field, a) in [("uvs", &mesh.uvs), ("normals", &mesh.normals)] {
+            if let Some(a) = a {
+                same(name, field, a.values.device(), a.values.dtype())?;
+            }
+        }
+        mesh.check(name)?;
+        if let Some(t) = object.velocity.as_ref().and_then(Parameter::tensor) {
+            same(name, "velocity", t.device(), t.dtype())?;
+        }
+        if object.materials.is_empty() {
+            return Err(Error::invalid(name, "materials", "empty", "at least one material"));
+        }
+        let count = object.materials.len();
+        let of_face = &object.face_materials;
+        if !of_face.is_empty() && of_face.len() != mesh.faces.len() {
+            return Err(Error::invalid(
+                name,
+                "face_materials",
+                format!("of length {}", of_face.len()),
+                format!("one for each of the {} faces, or empty", mesh.faces.len()),
+            ));
+        }
+        if let Some(f) = of_face.iter().position(|&m| m as usize >= count) {
+            return Err(Error::invalid(
+                name,
+                format!("material of face {f}"),
+                of_face[f],
+                format!("an index under {count}"),
+            ));
+        }
+        for material in &object.materials {
+            for (field, t) in material_tensors(material) {
+                same(&format!("{name}, material {}", material.name), field, t.0, t.1)?;
+            }
+            material.check(name)?;
+        }
+    }
+    for (field, t) in camera.tensors() {
+        same("camera", field, t.device(), t.dtype())?;
+    }
+    camera.check()?;
+    if let Some(t) = scene.environment.tensor() {
+        same("scene", "environment", t.device(), t.dtype())?;
+    }
+    scene
+        .environment
+        .check("scene", "environment", "finite numbers", |_| true)?;
+    Ok(context)
+}
+
+fn material_tensors(m: &Material) -> Vec<(&'static str, (Device, burn::tensor::DType))> {
+    let albedo = |a: &Albedo| match a {
+        Albedo::Constant(p) => p.tensor().map(|t| (t.device(), t.dtype())),
+        Albedo::Texture { texels, .. } => Some((texels.device(), texels.dtype())),
+    };
+    [
+        ("diffuse", albedo(&m.diffuse)),
+        ("specular", albedo(&m.specular)),
+        ("shininess", m.shininess.tensor().map(|t| (t.device(), t.dtype()))),
+        ("emission", m.emission.tensor().map(|t| (t.device(), t.dtype()))),
+    ]
+    .into_iter()
+    .filter_map(|(n, t)| t.map(|t| (n, t)))
+    .collect()
+}
+
+fn bounds_of(objects: &[(Vec<[f64; 3]>, [f64; 3])]) -> Bounds {
+    let all = || objects.iter().flat_map(|(v, _)| v.iter());
+    let n = all().count() as f64;
+    let center: [f64; 3] = std::array::from_fn(|i| all().map(|v| v[i]).sum::<f64>() / n);
+    let distance = |v: &[f64; 3], u: &[f64; 3], time: f64| {
+        (0..3)
+            .map(|i| (v[i] + time * u[i] - center[i]).powi(2))
+            .sum::<f64>()
+            .sqrt()
+    };
+    let radius = objects
+        .iter()
+        .flat_map(|(vs, u)| vs.iter().map(move |v| distance(v, u, 0.0).max(distance(v, u, 1.0))))
+        .fold(0.0, f64::max);
+    Bounds { center, radius }
+}
+
+/// Which side of a closed object can be seen from `eye`: +1 those with n·d > 0, −1 those with
+/// n·d < 0. From outside a surface can only be entered, from inside only be left; nothing
+/// transmits light, so this holds for every ray of a path.
+fn visible_side(positions: &[[f64; 3]], faces: &[[u32; 3]], eye: [f64; 3]) -> f64 {
+    let eye = glam::DVec3::from(eye);
+    let (mut solid_angle, mut volume) = (0.0, 0.0);
+    for f in faces {
+        let [a, b, c] = f.map(|i| glam::DVec3::from(positions[i as usize]) - eye);
+        let triple = a.dot(b.cross(c));
+        let (la, lb, lc) = (a.length(), b.length(), c.length());
+        // Van Oosterom and Strackee 1983.
+        let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+        solid_angle += 2.0 * triple.atan2(below);
+        volume += triple;
+    }
+    let outside = solid_angle.abs() < 2.0 * std::f64::consts::PI;
+    if outside == (volume > 0.0) { -1.0 } else { 1.0 }
+}
+
+fn velocities(scene: &Scene, context: &Context) -> Option<Vec3> {
+    let still = |p: &Option<Parameter<3>>| match p {
+        None => true,
+        Some(Parameter::Constant(v)) => *v == [0.0; 3],
+        Some(Parameter::Tensor(_)) => false,
+    };
+    if scene.objects.iter().all(|o| still(&o.velocity)) {
+        return None;
+    }
+    let parts: Vec<Vec3> = scene
+        .objects
+        .iter()
+        .map(|o| {
+            let n = o.mesh.faces.len();
+            let [x, y, z] = match &o.velocity {
+                Some(v) => v.planes(context),
+                None => Parameter::Constant([0.0; 3]).planes(context),
+            };
+            Vec3::new(x, y, z).map(|p| p.expand([n, 1]))
+        })
+        .filter(|v| v.x.dims()[0] > 0)
+        .collect();
+    Some(cat(parts, 0))
+}
+
+fn cat(parts: Vec<Vec3>, dim: usize) -> Vec3 {
+    let plane = |f: fn(&Vec3) -> &Tensor<2>| Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim);
+    Vec3::new(plane(|p| &p.x), plane(|p| &p.y), plane(|p| &p.z))
+}
+
+/// Texture coordinates (`width` 2) or normals (3) at the corners of all triangles, zero where an
+/// object has none.
+fn corner_values(scene: &Scene, context: &Context, width: usize) -> VertexData {
+    let at = |corner: usize| {
+        let parts = scene
+            .objects
+            .iter()
+            .filter(|o| !o.mesh.faces.is_empty())
+            .map(|o| {
+                let attribute = if width == 2 { &o.mesh.uvs } else { &o.mesh.normals };
+                let n = o.mesh.faces.len();
+                let zero = |c: usize| context.tensor(&vec![0.0; n * c], [n, c]);
+                match attribute {
+                    Some(a) => {
+                        let v = take(&a.values, &a.faces, corner);
+                        if width == 2 { Tensor::cat(vec![v, zero(1)], 1) } else { v }
+                    }
+                    None => zero(3),
+                }
+            })
+            .collect();
+        Vec3::from_columns(Tensor::cat(parts, 0))
+    };
+    VertexData {
+        a: at(0),
+        b: at(1),
+        c: at(2),
+    }
+}
+
+fn flatten_materials(materials: &[&Material], context: &Context) -> Materials {
+    let planes = |f: &dyn Fn(&Material) -> [Tensor<2>; 3]| {
+        cat(
+            materials
+                .iter()
+                .map(|m| {
+                    let [x, y, z] = f(m);
+                    Vec3::new(x, y, z)
+                })
+                .collect(),
+            1,
+        )
+    };
+    let glossy = materials.iter().any(|m| m.specular.reflects());
+    Materials {
+        diffuse: albedos(materials.iter().map(|m| &m.diffuse), context),
+        specular: glossy.then(|| {
+            let exponent = materials
+                .iter()
+                .map(|m| {
+                    let [n] = m.shininess.planes(context);
+                    n
+                })
+                .collect();
+            (
+                albedos(materials.iter().map(|m| &m.specular), context),
+                Tensor::cat(exponent, 1),
+            )
+        }),
+        emission: planes(&|m| m.emission.planes(context)),
+        reflects: materials.iter().map(|m| m.reflects()).collect(),
+        emits: materials.iter().map(|m| m.emits()).collect(),
+    }
+}
+
+fn albedos<'a>(list: impl Iterator<Item = &'a Albedo>, context: &Context) -> Albedos {
+    let (mut constant, mut texture, mut atlas) = (Vec::new(), Vec::new(), Vec::new());
+    let mut offset = 0;
+    for albedo in list {
+        let [r, g, b] = match albedo {
+            Albedo::Constant(p) => {
+                texture.push(None);
+                p.planes(context)
+            }
+            Albedo::Texture { texels, wrap } => {
+                let [height, width, _] = texels.dims();
+                texture.push(Some(TextureSlot {
+                    offset,
+                    height,
+                    width,
+                    wrap: *wrap,
+                }));
+                offset += height * width;
+                let texels = if texels.is_tracked() {
+                    texels.clone()
+                } else {
+                    texels.clone().inner()
+                };
+                atlas.push(Vec3::from_rows(texels.reshape([height * width, 3]).transpose()));
+                Parameter::Constant([0.0; 3]).planes(context)
+            }
+        };
+        constant.push(Vec3::new(r, g, b));
+    }
+    Albedos {
+        constant: cat(constant, 1),
+        texture,
+        atlas: (!atlas.is_empty()).then(|| cat(atlas, 1)),
+    }
+}

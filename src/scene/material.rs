@@ -1,0 +1,181 @@
+use burn::tensor::Tensor;
+
+use super::Parameter;
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+
+/// How texture coordinates outside of [0, 1] are mapped into the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// Tiles.
+    #[default]
+    Repeat,
+    /// The border's texel goes on.
+    Clamp,
+    /// Tiles, every other one mirrored.
+    Mirror,
+}
+
+impl Wrap {
+    /// The texel for any integer coordinate.
+    pub(crate) fn texel(self, i: i64, size: usize) -> usize {
+        let n = size as i64;
+        match self {
+            Self::Repeat => i.rem_euclid(n) as usize,
+            Self::Clamp => i.clamp(0, n - 1) as usize,
+            Self::Mirror => {
+                let j = i.rem_euclid(2 * n);
+                (if j < n { j } else { 2 * n - 1 - j }) as usize
+            }
+        }
+    }
+}
+
+/// An albedo: a constant RGB, or a texture.
+#[derive(Clone, Debug)]
+pub enum Albedo {
+    /// RGB.
+    Constant(Parameter<3>),
+    /// `[H, W, 3]`, row 0 at the top (v = 1), looked up bilinearly; texel centres at half-integers.
+    Texture {
+        /// The texels.
+        texels: Tensor<3>,
+        /// Outside of the unit square.
+        wrap: Wrap,
+    },
+}
+
+impl<P: Into<Parameter<3>>> From<P> for Albedo {
+    fn from(p: P) -> Self {
+        Self::Constant(p.into())
+    }
+}
+
+impl Albedo {
+    /// A texture `[H, W, 3]` that repeats.
+    pub fn texture(texels: Tensor<3>) -> Self {
+        Self::Texture { texels, wrap: Wrap::Repeat }
+    }
+
+    /// Whether it can reflect any light: false only for a constant zero.
+    pub(crate) fn reflects(&self) -> bool {
+        !matches!(self, Self::Constant(Parameter::Constant(v)) if v.iter().all(|&x| x == 0.0))
+    }
+
+    fn check(&self, object: &str, field: &str) -> Result<Option<[f64; 3]>> {
+        match self {
+            Self::Constant(p) => {
+                let v = p.check(object, field, "finite numbers", |_| true)?;
+                Ok(matches!(p, Parameter::Constant(_)).then_some(v))
+            }
+            Self::Texture { texels, .. } => {
+                let [h, w, c] = texels.dims();
+                if h == 0 || w == 0 || c != 3 {
+                    return Err(Error::invalid(object, field, format!("of shape [{h}, {w}, {c}]"), "shape [H, W, 3]"));
+                }
+                let host = host_values(texels)?;
+                match host.iter().position(|x| !x.is_finite()) {
+                    Some(i) => Err(Error::invalid(
+                        object,
+                        format!("{field} texel ({}, {})", i / 3 / w, i / 3 % w),
+                        host[i],
+                        "finite numbers",
+                    )),
+                    None => Ok(None),
+                }
+            }
+        }
+    }
+}
+
+/// Lambert plus normalised Phong, and emission:
+/// f = k_d/π + k_s (n + 2)/(2π) cosⁿα.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// For messages.
+    pub name: String,
+    /// k_d.
+    pub diffuse: Albedo,
+    /// k_s.
+    pub specular: Albedo,
+    /// The exponent n ≥ 0.
+    pub shininess: Parameter<1>,
+    /// Radiance of the front side, RGB.
+    pub emission: Parameter<3>,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self::diffuse([0.5; 3])
+    }
+}
+
+impl Material {
+    /// A Lambertian surface.
+    pub fn diffuse(albedo: impl Into<Albedo>) -> Self {
+        Self {
+            name: "material".into(),
+            diffuse: albedo.into(),
+            specular: Albedo::Constant(Parameter::Constant([0.0; 3])),
+            shininess: Parameter::Constant([1.0]),
+            emission: Parameter::Constant([0.0; 3]),
+        }
+    }
+
+    /// A black surface that emits radiance from its front side.
+    pub fn emitter(radiance: impl Into<Parameter<3>>) -> Self {
+        Self::diffuse([0.0; 3]).emission(radiance)
+    }
+
+    /// With a name, for messages.
+    pub fn named(mut self, name: impl Into<String>) -> Self {
+        self.name = name.into();
+        self
+    }
+
+    /// With a Phong lobe: albedo k_s and exponent.
+    pub fn specular(mut self, albedo: impl Into<Albedo>, shininess: impl Into<Parameter<1>>) -> Self {
+        self.specular = albedo.into();
+        self.shininess = shininess.into();
+        self
+    }
+
+    /// With emitted radiance.
+    pub fn emission(mut self, radiance: impl Into<Parameter<3>>) -> Self {
+        self.emission = radiance.into();
+        self
+    }
+
+    /// Whether it emits or may come to: false only for a constant zero.
+    pub(crate) fn emits(&self) -> bool {
+        !matches!(self.emission, Parameter::Constant(v) if v.iter().all(|&x| x == 0.0))
+    }
+
+    /// Whether it can reflect light.
+    pub(crate) fn reflects(&self) -> bool {
+        self.diffuse.reflects() || self.specular.reflects()
+    }
+
+    pub(crate) fn check(&self, object: &str) -> Result<()> {
+        let name = format!("{object}, material {}", self.name);
+        let kd = self.diffuse.check(&name, "diffuse")?;
+        let ks = self.specular.check(&name, "specular")?;
+        self.shininess.check(&name, "shininess", "a finite number ≥ 0", |n| n >= 0.0)?;
+        self.emission.check(&name, "emission", "finite numbers", |_| true)?;
+        // Tensors may wander outside for a step of a fit; constants may not.
+        for (field, albedo) in [("diffuse", kd), ("specular", ks)] {
+            if let Some(v) = albedo
+                && v.iter().any(|&x| x < 0.0)
+            {
+                return Err(Error::invalid(&name, field, format!("{v:?}"), "numbers ≥ 0"));
+            }
+        }
+        if let (Some(d), Some(s)) = (kd, ks) {
+            let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
+            if sum.iter().any(|&x| x > 1.0 + 1e-6) {
+                return Err(Error::invalid(&name, "diffuse + specular", format!("{sum:?}"), "at most 1, or energy is made"));
+            }
+        }
+        Ok(())
+    }
+}

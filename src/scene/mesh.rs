@@ -1,0 +1,190 @@
+use std::sync::Arc;
+
+use burn::tensor::{DType, Device, Int, Tensor, TensorData};
+
+use super::Transform;
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+
+/// Values at the corners of faces, with an index of their own: texture coordinates and normals
+/// have seams where positions have none.
+#[derive(Clone, Debug)]
+pub struct CornerAttribute {
+    /// `[V, C]`.
+    pub values: Tensor<2>,
+    /// Rows of `values` for the three corners of each face.
+    pub faces: Arc<Vec<[u32; 3]>>,
+}
+
+/// A triangle mesh. Shared vertices stay shared: a gradient on a vertex moves every face at it.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    /// Positions `[V, 3]`, scene units.
+    pub vertices: Tensor<2>,
+    /// Rows of `vertices`, counter-clockwise seen from the front.
+    pub faces: Arc<Vec<[u32; 3]>>,
+    /// Texture coordinates `[_, 2]`, (0, 0) at the lower left of an image.
+    pub uvs: Option<CornerAttribute>,
+    /// Shading normals `[_, 3]`.
+    pub normals: Option<CornerAttribute>,
+}
+
+impl Mesh {
+    /// A mesh from a tensor of vertices `[V, 3]` and faces.
+    pub fn new(vertices: Tensor<2>, faces: Vec<[u32; 3]>) -> Self {
+        Self {
+            vertices,
+            faces: Arc::new(faces),
+            uvs: None,
+            normals: None,
+        }
+    }
+
+    /// A mesh of constants on a device, in the device's default float type.
+    pub fn from_host(vertices: &[[f64; 3]], faces: Vec<[u32; 3]>, device: &Device) -> Self {
+        Self::new(host_tensor(vertices, device), faces)
+    }
+
+    /// With texture coordinates `[V, 2]` for each vertex.
+    pub fn with_uvs(mut self, uvs: Tensor<2>) -> Self {
+        self.uvs = Some(CornerAttribute {
+            values: uvs,
+            faces: self.faces.clone(),
+        });
+        self
+    }
+
+    /// With shading normals `[V, 3]` for each vertex; they need not be of unit length.
+    pub fn with_normals(mut self, normals: Tensor<2>) -> Self {
+        self.normals = Some(CornerAttribute {
+            values: normals,
+            faces: self.faces.clone(),
+        });
+        self
+    }
+
+    /// With other vertices `[V, 3]`, the faces and attributes kept.
+    pub fn with_vertices(mut self, vertices: Tensor<2>) -> Self {
+        self.vertices = vertices;
+        self
+    }
+
+    /// All tensors in another float type.
+    pub fn cast(mut self, dtype: DType) -> Self {
+        self.vertices = self.vertices.cast(dtype);
+        for attribute in [&mut self.uvs, &mut self.normals].into_iter().flatten() {
+            attribute.values = attribute.values.clone().cast(dtype);
+        }
+        self
+    }
+
+    /// Moved by a tensor `[3]`.
+    pub fn translated(self, offset: Tensor<1>) -> Self {
+        let moved = self.vertices.clone() + offset.reshape([1, 3]);
+        self.with_vertices(moved)
+    }
+
+    /// Scaled about the origin by a tensor `[1]` or `[3]`.
+    pub fn scaled(self, scale: Tensor<1>) -> Self {
+        let n = scale.dims()[0];
+        let scaled = self.vertices.clone() * scale.reshape([1, n]);
+        self.with_vertices(scaled)
+    }
+
+    /// Moved by a rigid transform with scale.
+    pub fn transformed(mut self, transform: &Transform) -> Self {
+        self.vertices = transform.apply(self.vertices);
+        if let Some(normals) = &mut self.normals {
+            normals.values = transform.apply_to_normals(normals.values.clone());
+        }
+        self
+    }
+
+    /// Corner values of the faces: `[F, 3]` for the i-th corner.
+    pub(crate) fn corner(&self, corner: usize) -> Tensor<2> {
+        take(&self.vertices, &self.faces, corner)
+    }
+
+    /// The vertices on the host.
+    pub fn host_vertices(&self) -> Result<Vec<[f64; 3]>> {
+        Ok(host_values(&self.vertices)?
+            .chunks_exact(3)
+            .map(|v| [v[0], v[1], v[2]])
+            .collect())
+    }
+
+    pub(crate) fn check(&self, object: &str) -> Result<()> {
+        check_table(object, "vertices", &self.vertices, 3, &self.faces)?;
+        if let Some(uvs) = &self.uvs {
+            self.check_attribute(object, "uvs", uvs, 2)?;
+        }
+        if let Some(normals) = &self.normals {
+            self.check_attribute(object, "normals", normals, 3)?;
+        }
+        Ok(())
+    }
+
+    fn check_attribute(&self, object: &str, field: &str, a: &CornerAttribute, width: usize) -> Result<()> {
+        if a.faces.len() != self.faces.len() {
+            return Err(Error::invalid(
+                object,
+                format!("{field} faces"),
+                a.faces.len(),
+                format!("one entry for each of the {} faces", self.faces.len()),
+            ));
+        }
+        check_table(object, field, &a.values, width, &a.faces)
+    }
+}
+
+/// Rows of `values` at one corner of each face, `[F, C]`.
+pub(crate) fn take(values: &Tensor<2>, faces: &[[u32; 3]], corner: usize) -> Tensor<2> {
+    let [_, width] = values.dims();
+    let index: Vec<i32> = faces.iter().map(|f| f[corner] as i32).collect();
+    let n = index.len();
+    let values = if values.is_tracked() { values.clone() } else { values.clone().inner() };
+    let device = values.device().inner();
+    let index = Tensor::<2, Int>::from_data(TensorData::new(index, [n, 1]), &device);
+    // `gather`, not `select`: the backward of `select` over a long index is serial on GPUs.
+    values.gather(0, index.expand([n, width]))
+}
+
+/// Host positions as a tensor in the device's default float type.
+pub(crate) fn host_tensor<const C: usize>(rows: &[[f64; C]], device: &Device) -> Tensor<2> {
+    let flat: Vec<f64> = rows.iter().flatten().copied().collect();
+    Tensor::from_data(TensorData::new(flat, [rows.len(), C]), device)
+}
+
+fn check_table(object: &str, field: &str, values: &Tensor<2>, width: usize, faces: &[[u32; 3]]) -> Result<()> {
+    let [rows, columns] = values.dims();
+    if columns != width {
+        return Err(Error::invalid(
+            object,
+            field,
+            format!("of shape [{rows}, {columns}]"),
+            format!("shape [_, {width}]"),
+        ));
+    }
+    if let Some((i, f)) = faces
+        .iter()
+        .enumerate()
+        .find(|(_, f)| f.iter().any(|&v| v as usize >= rows))
+    {
+        return Err(Error::invalid(
+            object,
+            format!("{field} of face {i}"),
+            format!("{f:?}"),
+            format!("indices under {rows}"),
+        ));
+    }
+    let host = host_values(values)?;
+    if let Some(i) = host.iter().position(|v| !v.is_finite()) {
+        return Err(Error::invalid(
+            object,
+            format!("{field} {}", i / width),
+            format!("{:?}", &host[i / width * width..(i / width + 1) * width]),
+            "finite numbers",
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,70 @@
+//! What is rendered: meshes, materials, transforms, objects, lights and the camera, all tensors.
+
+mod camera;
+mod flatten;
+mod material;
+mod mesh;
+mod object;
+mod parameter;
+pub mod shapes;
+mod transform;
+
+pub use camera::Camera;
+pub use flatten::{Albedos, Bounds, Flattened, Materials, TextureSlot};
+pub use material::{Albedo, Material, Wrap};
+pub use mesh::{CornerAttribute, Mesh};
+pub use object::Object;
+pub use parameter::Parameter;
+pub use transform::Transform;
+
+/// A scene: objects and a constant environment.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// What is in it.
+    pub objects: Vec<Object>,
+    /// Radiance from every direction that no surface covers, RGB.
+    pub environment: Parameter<3>,
+}
+
+impl Default for Scene {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Scene {
+    /// An empty scene with a black environment.
+    pub fn new() -> Self {
+        Self {
+            objects: Vec::new(),
+            environment: Parameter::Constant([0.0; 3]),
+        }
+    }
+
+    /// With one more object.
+    pub fn with(mut self, object: Object) -> Self {
+        self.objects.push(object);
+        self
+    }
+
+    /// With a constant environment radiance.
+    pub fn environment(mut self, radiance: impl Into<Parameter<3>>) -> Self {
+        self.environment = radiance.into();
+        self
+    }
+
+    /// The first object of that name.
+    pub fn object(&self, name: &str) -> Option<&Object> {
+        self.objects.iter().find(|o| o.name == name)
+    }
+
+    /// With the objects of that name changed; others stay as they are.
+    pub fn map_object(mut self, name: &str, f: impl Fn(Object) -> Object) -> Self {
+        self.objects = self
+            .objects
+            .into_iter()
+            .map(|o| if o.name == name { f(o) } else { o })
+            .collect();
+        self
+    }
+}

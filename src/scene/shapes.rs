@@ -1,0 +1,215 @@
+//! Meshes by formula; all counter-clockwise seen from outside.
+
+use std::collections::HashMap;
+use std::f64::consts::TAU;
+
+use burn::tensor::Device;
+
+use super::Mesh;
+use super::mesh::host_tensor;
+
+/// One triangle.
+pub fn triangle(a: [f64; 3], b: [f64; 3], c: [f64; 3], device: &Device) -> Mesh {
+    Mesh::from_host(&[a, b, c], vec![[0, 1, 2]], device)
+}
+
+/// Two triangles, a b c and a c d, with the unit square as texture coordinates.
+pub fn quad(a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3], device: &Device) -> Mesh {
+    let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    Mesh::from_host(&[a, b, c, d], vec![[0, 1, 2], [0, 2, 3]], device)
+        .with_uvs(host_tensor(&uvs, device))
+}
+
+/// A cube of side 2 about the origin: 8 shared vertices, 12 faces.
+pub fn cube(device: &Device) -> Mesh {
+    let vertices: Vec<[f64; 3]> = (0..8)
+        .map(|i| [1, 2, 4].map(|bit| if i & bit == 0 { -1.0 } else { 1.0 }))
+        .collect();
+    let sides: [[u32; 4]; 6] = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    let faces = sides
+        .iter()
+        .flat_map(|s| [[s[0], s[1], s[2]], [s[0], s[2], s[3]]])
+        .collect();
+    Mesh::from_host(&vertices, faces, device)
+}
+
+/// A regular icosahedron of circumradius 1.
+pub fn icosahedron(device: &Device) -> Mesh {
+    icosphere(0, device)
+}
+
+/// A unit sphere of 20·4ⁿ faces: an icosahedron subdivided n times.
+pub fn icosphere(subdivisions: u32, device: &Device) -> Mesh {
+    let phi = (1.0 + 5f64.sqrt()) / 2.0;
+    let unit = |v: [f64; 3]| glam::DVec3::from(v).normalize().to_array();
+    let mut vertices = Vec::new();
+    for (s, t) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+        vertices.push(unit([0.0, s, t * phi]));
+        vertices.push(unit([s, t * phi, 0.0]));
+        vertices.push(unit([t * phi, 0.0, s]));
+    }
+    let mut faces = hull_of_icosahedron(&vertices);
+    for _ in 0..subdivisions {
+        let mut middle = HashMap::new();
+        let mut finer = Vec::with_capacity(4 * faces.len());
+        for [a, b, c] in faces {
+            let mut split = |i: u32, j: u32| {
+                *middle.entry((i.min(j), i.max(j))).or_insert_with(|| {
+                    let (p, q) = (vertices[i as usize], vertices[j as usize]);
+                    vertices.push(unit([p[0] + q[0], p[1] + q[1], p[2] + q[2]]));
+                    vertices.len() as u32 - 1
+                })
+            };
+            let (ab, bc, ca) = (split(a, b), split(b, c), split(c, a));
+            finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+        faces = finer;
+    }
+    Mesh::from_host(&vertices, faces, device)
+}
+
+/// The 20 triples of mutually nearest vertices, wound outwards.
+fn hull_of_icosahedron(vertices: &[[f64; 3]]) -> Vec<[u32; 3]> {
+    let at = |i: usize| glam::DVec3::from(vertices[i]);
+    // Neighbours on the unit icosahedron have a dot product of 1/√5, others −1/√5 or −1.
+    let near = |i: usize, j: usize| at(i).dot(at(j)) > 0.4;
+    let mut faces = Vec::new();
+    for i in 0..12 {
+        for j in i + 1..12 {
+            for k in j + 1..12 {
+                if near(i, j) && near(j, k) && near(k, i) {
+                    let outward = at(i).dot(at(j).cross(at(k))) > 0.0;
+                    let (i, j, k) = (i as u32, j as u32, k as u32);
+                    faces.push(if outward { [i, j, k] } else { [i, k, j] });
+                }
+            }
+        }
+    }
+    faces
+}
+
+/// A closed torus about the y axis: `segments` around the axis, `rings` around the tube (at least
+/// 3 of each).
+pub fn torus(major: f64, minor: f64, segments: usize, rings: usize, device: &Device) -> Mesh {
+    let (segments, rings) = (segments.max(3), rings.max(3));
+    let mut vertices = Vec::new();
+    let mut faces = Vec::new();
+    for i in 0..segments {
+        let (sin, cos) = (TAU * i as f64 / segments as f64).sin_cos();
+        for j in 0..rings {
+            let (s, c) = (TAU * j as f64 / rings as f64).sin_cos();
+            let r = major + minor * c;
+            vertices.push([r * cos, minor * s, r * sin]);
+            let at = |i: usize, j: usize| ((i % segments) * rings + j % rings) as u32;
+            let (p, q) = (at(i, j), at(i + 1, j));
+            let (r, s) = (at(i + 1, j + 1), at(i, j + 1));
+            faces.extend([[p, s, r], [p, r, q]]);
+        }
+    }
+    Mesh::from_host(&vertices, faces, device)
+}
+
+/// A closed cylinder with caps about the y axis, centred (at least 3 segments).
+pub fn cylinder(radius: f64, height: f64, segments: usize, device: &Device) -> Mesh {
+    let n = segments.max(3);
+    let mut vertices = vec![[0.0, -height / 2.0, 0.0], [0.0, height / 2.0, 0.0]];
+    let mut faces = Vec::new();
+    for i in 0..n {
+        let (sin, cos) = (TAU * i as f64 / n as f64).sin_cos();
+        vertices.push([radius * cos, -height / 2.0, radius * sin]);
+        vertices.push([radius * cos, height / 2.0, radius * sin]);
+        let at = |i: usize, top: u32| 2 + 2 * (i % n) as u32 + top;
+        let (p, q, r, s) = (at(i, 0), at(i + 1, 0), at(i + 1, 1), at(i, 1));
+        faces.extend([[0, p, q], [1, r, s], [p, s, r], [p, r, q]]);
+    }
+    Mesh::from_host(&vertices, faces, device)
+}
+
+/// A grid of rectangles in the plane y = 0, facing +y, centred, with the unit square as texture
+/// coordinates (at least 1 column and row).
+pub fn plane_grid(width: f64, depth: f64, columns: usize, rows: usize, device: &Device) -> Mesh {
+    let (columns, rows) = (columns.max(1), rows.max(1));
+    let (mut vertices, mut uvs, mut faces) = (Vec::new(), Vec::new(), Vec::new());
+    for j in 0..=rows {
+        for i in 0..=columns {
+            let (u, v) = (i as f64 / columns as f64, j as f64 / rows as f64);
+            vertices.push([(u - 0.5) * width, 0.0, (0.5 - v) * depth]);
+            uvs.push([u, v]);
+            if i < columns && j < rows {
+                let p = (j * (columns + 1) + i) as u32;
+                let q = p + columns as u32 + 1;
+                faces.extend([[p, p + 1, q + 1], [p, q + 1, q]]);
+            }
+        }
+    }
+    Mesh::from_host(&vertices, faces, device).with_uvs(host_tensor(&uvs, device))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device() -> Device {
+        Device::flex()
+    }
+
+    fn volume(mesh: &Mesh) -> f64 {
+        let v = mesh.host_vertices().expect("values");
+        let at = |i: u32| glam::DVec3::from(v[i as usize]);
+        let six = |f: &[u32; 3]| at(f[0]).dot(at(f[1]).cross(at(f[2])));
+        mesh.faces.iter().map(six).sum::<f64>() / 6.0
+    }
+
+    fn is_closed(mesh: &Mesh) -> bool {
+        let mut count = HashMap::new();
+        for f in mesh.faces.iter() {
+            for i in 0..3 {
+                *count.entry((f[i], f[(i + 1) % 3])).or_insert(0) += 1;
+            }
+        }
+        count.iter().all(|(&(p, q), &n)| n == 1 && count.get(&(q, p)) == Some(&1))
+    }
+
+    #[test]
+    fn solids_are_closed_and_wound_outwards() {
+        use std::f64::consts::PI;
+        for (mesh, faces, expected, tolerance) in [
+            (cube(&device()), 12, 8.0, 1e-6),
+            (icosahedron(&device()), 20, 2.5362, 1e-3),
+            (icosphere(3, &device()), 1280, 4.0 / 3.0 * PI, 0.05),
+            (torus(1.0, 0.3, 64, 32, &device()), 4096, 2.0 * PI * PI * 0.09, 0.02),
+            (cylinder(0.5, 2.0, 64, &device()), 256, PI * 0.5, 0.01),
+        ] {
+            assert_eq!(mesh.faces.len(), faces);
+            assert!(is_closed(&mesh), "{faces} faces");
+            assert!((volume(&mesh) - expected).abs() < tolerance, "{}", volume(&mesh));
+        }
+    }
+
+    #[test]
+    fn icospheres_are_round() {
+        let vertices = icosphere(2, &device()).host_vertices().expect("values");
+        assert_eq!(vertices.len(), 162);
+        for v in vertices {
+            assert!((glam::DVec3::from(v).length() - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn sheets_face_up() {
+        let grid = plane_grid(2.0, 3.0, 4, 5, &device());
+        assert_eq!(grid.faces.len(), 40);
+        let v = grid.host_vertices().expect("values");
+        for f in grid.faces.iter() {
+            let [a, b, c] = f.map(|i| glam::DVec3::from(v[i as usize]));
+            assert!((b - a).cross(c - a).y > 0.0);
+        }
+    }
+}

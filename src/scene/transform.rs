@@ -1,0 +1,113 @@
+use burn::tensor::Tensor;
+
+/// A similarity: scale, then rotation, then translation. Every part is a tensor or absent.
+#[derive(Clone, Debug, Default)]
+pub struct Transform {
+    rotation: Option<Tensor<2>>,
+    translation: Option<Tensor<1>>,
+    scale: Option<Tensor<1>>,
+}
+
+impl Transform {
+    /// The identity.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// With a rotation by a quaternion `[4]` in the order (w, x, y, z). It is normalised here, so
+    /// any non-zero tensor is a rotation, and the gradient is defined at every angle.
+    pub fn quaternion(mut self, q: Tensor<1>) -> Self {
+        let q = q.clone() / (q.clone() * q).sum().sqrt();
+        let at = |i: usize| q.clone().slice([i..i + 1]);
+        let (w, x, y, z) = (at(0), at(1), at(2), at(3));
+        let p = |a: &Tensor<1>, b: &Tensor<1>| a.clone() * b.clone() * 2.0;
+        let (xx, yy, zz) = (p(&x, &x), p(&y, &y), p(&z, &z));
+        let (xy, xz, yz) = (p(&x, &y), p(&x, &z), p(&y, &z));
+        let (wx, wy, wz) = (p(&w, &x), p(&w, &y), p(&w, &z));
+        let one_minus = |a: Tensor<1>| a.neg().add_scalar(1.0);
+        self.rotation = Some(
+            Tensor::cat(
+                vec![
+                    one_minus(yy.clone() + zz.clone()),
+                    xy.clone() - wz.clone(),
+                    xz.clone() + wy.clone(),
+                    xy + wz,
+                    one_minus(xx.clone() + zz),
+                    yz.clone() - wx.clone(),
+                    xz - wy,
+                    yz + wx,
+                    one_minus(xx + yy),
+                ],
+                0,
+            )
+            .reshape([3, 3]),
+        );
+        self
+    }
+
+    /// With a rotation by an angle `[1]` in radians about an axis (normalised here).
+    pub fn axis_angle(self, axis: [f64; 3], angle: Tensor<1>) -> Self {
+        let axis = glam::DVec3::from_array(axis).normalize_or(glam::DVec3::Y);
+        let (sin, cos) = ((angle.clone() * 0.5).sin(), (angle * 0.5).cos());
+        let q = vec![cos, sin.clone() * axis.x, sin.clone() * axis.y, sin * axis.z];
+        self.quaternion(Tensor::cat(q, 0))
+    }
+
+    /// With a rotation by its first two columns `[6]` (x₀ y₀ z₀ x₁ y₁ z₁), made orthonormal here
+    /// (Zhou et al. 2019): continuous over all rotations, which suits networks.
+    pub fn six_d(mut self, columns: Tensor<1>) -> Self {
+        let unit = |v: Tensor<1>| v.clone() / (v.clone() * v).sum().sqrt();
+        let first = unit(columns.clone().slice([0..3]));
+        let second = columns.slice([3..6]);
+        let along = (first.clone() * second.clone()).sum();
+        let second = unit(second - first.clone() * along);
+        let at = |v: &Tensor<1>, i: usize| v.clone().slice([i..i + 1]);
+        let minor = |i: usize, j: usize| at(&first, i) * at(&second, j) - at(&first, j) * at(&second, i);
+        let third = Tensor::cat(vec![minor(1, 2), minor(2, 0), minor(0, 1)], 0);
+        self.rotation = Some(Tensor::stack::<2>(vec![first, second, third], 1));
+        self
+    }
+
+    /// With a translation `[3]`.
+    pub fn translation(mut self, offset: Tensor<1>) -> Self {
+        self.translation = Some(offset);
+        self
+    }
+
+    /// With a scale `[1]` or `[3]` along the axes before rotation.
+    pub fn scale(mut self, scale: Tensor<1>) -> Self {
+        self.scale = Some(scale);
+        self
+    }
+
+    /// Points `[V, 3]` transformed.
+    pub fn apply(&self, points: Tensor<2>) -> Tensor<2> {
+        let mut p = points;
+        if let Some(s) = &self.scale {
+            let n = s.dims()[0];
+            p = p * s.clone().reshape([1, n]);
+        }
+        p = self.rotate(p);
+        if let Some(t) = &self.translation {
+            p = p + t.clone().reshape([1, 3]);
+        }
+        p
+    }
+
+    /// Normals `[V, 3]` transformed (by the inverse transpose; their length changes).
+    pub fn apply_to_normals(&self, normals: Tensor<2>) -> Tensor<2> {
+        let mut n = normals;
+        if let Some(s) = &self.scale {
+            let c = s.dims()[0];
+            n = n / s.clone().reshape([1, c]);
+        }
+        self.rotate(n)
+    }
+
+    fn rotate(&self, p: Tensor<2>) -> Tensor<2> {
+        match &self.rotation {
+            Some(r) => p.matmul(r.clone().transpose()),
+            None => p,
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Explicit connection to one emitter point.
+
+use burn::tensor::Tensor;
+
+use super::bsdf::scattered;
+use super::path::Tracer;
+use super::surface::SurfacePoints;
+use super::Dimension;
+use crate::error::Result;
+use crate::geometry::{Vec3, plain};
+use crate::visibility::{Rays, transmittance};
+
+/// Light from one point of one emitter triangle, both uniform, at each surface point: planes of
+/// f·cos θ·cos θ_e/r²·L_e·T over the density. None where the scene has no emitter.
+pub(crate) fn connect(
+    tracer: &Tracer,
+    points: &SurfacePoints,
+    incoming: &Vec3,
+    time: &Option<Tensor<2>>,
+    paths: &[(u32, u32)],
+    bounce: u32,
+) -> Result<Option<Vec3>> {
+    let scene = tracer.scene;
+    if scene.emitters.is_empty() {
+        return Ok(None);
+    }
+    let context = &scene.context;
+    let random = |d| tracer.sampler.uniform(paths, bounce, d);
+    let count = scene.emitters.len();
+    let emitter: Vec<u32> = random(Dimension::Emitter)
+        .iter()
+        .map(|&u| scene.emitters[((u * count as f64) as usize).min(count - 1)])
+        .collect();
+    let index = context.index_row(&emitter);
+    let (u, v) = (random(Dimension::EmitterU), random(Dimension::EmitterV));
+    let weights: Vec<(f64, f64)> = u
+        .iter()
+        .zip(&v)
+        .map(|(&u, &v)| (u.sqrt() * (1.0 - v), u.sqrt() * v))
+        .collect();
+    let b = context.row(&weights.iter().map(|w| w.0).collect::<Vec<_>>());
+    let c = context.row(&weights.iter().map(|w| w.1).collect::<Vec<_>>());
+    let a = (b.clone() + c.clone()).neg() + 1.0;
+    let corners = &scene.triangles.corners;
+    let mut light = corners
+        .a
+        .gather(&index)
+        .scale(&a)
+        .add(&corners.b.gather(&index).scale(&b))
+        .add(&corners.c.gather(&index).scale(&c));
+    if let (Some(time), Some(velocity)) = (time, &scene.triangles.velocity) {
+        light = light.add(&velocity.gather(&index).scale(time));
+    }
+    let to_light = light.sub(&points.position);
+    // A light that touches the receiver is held off by the distance under which hits don't count.
+    let squared = to_light.dot(&to_light).clamp_min(tracer.t_min() * tracer.t_min());
+    let distance = squared.clone().sqrt();
+    let direction = to_light.map(|x| x / distance.clone());
+    let facing = scene
+        .triangles
+        .normal
+        .gather(&index)
+        .dot(&direction)
+        .neg()
+        .clamp_min(0.0);
+    let area = crate::geometry::gather_row(scene.triangles.area.clone(), &index);
+    let materials: Vec<u32> = emitter
+        .iter()
+        .map(|&k| scene.topology.material[k as usize])
+        .collect();
+    let emission = scene
+        .materials
+        .emission
+        .gather(&context.index_row(&materials));
+    let rays = Rays {
+        origin: points.position.clone(),
+        direction,
+        time: time.clone(),
+        departure: Some(points.triangle.clone()),
+        arrival: Some((emitter, plain(&distance))),
+    };
+    let passed = transmittance(&tracer.coverage(&rays));
+    let geometry = facing / squared * area * passed * count as f64;
+    let light = emission.scale(&geometry);
+    Ok(Some(
+        scattered(points, incoming, &rays.direction).mul(&light),
+    ))
+}

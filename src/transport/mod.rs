@@ -1,0 +1,11 @@
+//! Light transport: one loop over the bounces of a path, emitters, BSDF, random numbers.
+
+mod bsdf;
+mod emitters;
+mod path;
+mod sampler;
+mod surface;
+mod texture;
+
+pub(crate) use path::{PathSettings, Radiance, trace};
+pub(crate) use sampler::{Dimension, Sampler};

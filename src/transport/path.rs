@@ -1,0 +1,298 @@
+//! The path loop: draw a surface, connect it to an emitter, scatter, repeat.
+
+use burn::tensor::{IndexingUpdateOp, Tensor};
+
+use super::surface::SurfacePoints;
+use super::{Dimension, Sampler, bsdf, emitters};
+use crate::error::Result;
+use crate::geometry::{Vec3, gather_row, host_values, plain};
+use crate::scene::Flattened;
+use crate::visibility::{Coverage, CoverageSettings, Rays, Softmax, Weights, coverage};
+
+/// What a path does.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathSettings {
+    /// σ of Eq. 1, scene units squared.
+    pub sigma: f64,
+    /// γ and ε of Eq. 3.
+    pub softmax: Softmax,
+    /// Bounces after the surface that the camera sees; 0 is direct light only.
+    pub bounces: u32,
+    /// The bounce from which paths may be ended at random.
+    pub roulette_after: Option<u32>,
+}
+
+/// A scene with the settings and random numbers of a render.
+pub(crate) struct Tracer<'a> {
+    pub scene: &'a Flattened,
+    pub settings: &'a PathSettings,
+    pub sampler: &'a Sampler,
+}
+
+/// What the paths of a tile bring back; rows `[1, N]`.
+pub(crate) struct Radiance {
+    pub radiance: Vec3,
+    /// How the surfaces share the camera rays, with those rays.
+    pub first: Weights,
+    /// Rays traced.
+    pub rays: u64,
+}
+
+/// Contributions of some of a tile's paths.
+struct Contribution {
+    slots: Vec<u32>,
+    light: Vec3,
+}
+
+impl Tracer<'_> {
+    /// Hits nearer than this don't count: relative to the scene's size.
+    pub(crate) fn t_min(&self) -> f64 {
+        1e-5 * self.scene.bounds.radius
+    }
+
+    pub(crate) fn coverage(&self, rays: &Rays) -> Coverage {
+        let settings = CoverageSettings {
+            sigma: self.settings.sigma,
+            t_min: self.t_min(),
+            arrival_margin: 1e-4,
+        };
+        coverage(
+            &self.scene.context,
+            &self.scene.triangles,
+            &self.scene.topology,
+            rays,
+            &settings,
+        )
+    }
+
+    fn weights(&self, rays: &Rays) -> Weights {
+        self.settings
+            .softmax
+            .weights(self.coverage(rays), rays, self.scene.bounds.radius)
+    }
+}
+
+/// Radiance along camera rays, each of the path (pixel, sample).
+pub(crate) fn trace(
+    scene: &Flattened,
+    settings: &PathSettings,
+    sampler: &Sampler,
+    rays: Rays,
+    paths: &[(u32, u32)],
+) -> Result<Radiance> {
+    let tracer = Tracer {
+        scene,
+        settings,
+        sampler,
+    };
+    let context = &scene.context;
+    let count = paths.len();
+    let mut traced = 0u64;
+    let mut found: Vec<Contribution> = Vec::new();
+    let mut paths = paths.to_vec();
+    let mut slots: Vec<u32> = (0..count as u32).collect();
+    let mut rays = rays;
+    let mut throughput: Option<Vec3> = None;
+    let mut first = None;
+
+    for bounce in 0..=settings.bounces {
+        let weights = tracer.weights(&rays);
+        traced += paths.len() as u64;
+        let random = sampler.uniform(&paths, bounce, Dimension::Surface);
+        let drawn = weights.draw(context, &random)?;
+        if let Some(ratio) = weights.ratio(context, &drawn) {
+            throughput = Some(times(throughput, &ratio));
+        }
+        first.get_or_insert(weights);
+
+        // Who drew the background sees the environment, and is done.
+        let triangles = scene.triangles.len() as u32;
+        let is_surface = |i: &usize| drawn[*i] < triangles;
+        if let Some(environment) = &scene.environment {
+            let missed: Vec<usize> = (0..paths.len()).filter(|i| !is_surface(i)).collect();
+            if !missed.is_empty() {
+                let n = missed.len();
+                let light = environment.map(|e| e.expand([1, n]));
+                found.push(Contribution {
+                    slots: missed.iter().map(|&i| slots[i]).collect(),
+                    light: weighted(light, pick(context, &throughput, &missed)),
+                });
+            }
+        }
+        // Emission is seen directly by camera rays alone; black surfaces end a path.
+        let useful = |i: &usize| {
+            is_surface(i) && {
+                let m = scene.topology.material[drawn[*i] as usize] as usize;
+                scene.materials.reflects[m] || (bounce == 0 && scene.materials.emits[m])
+            }
+        };
+        let hits: Vec<usize> = (0..paths.len()).filter(useful).collect();
+        if hits.is_empty() {
+            break;
+        }
+        let drawn: Vec<u32> = hits.iter().map(|&i| drawn[i]).collect();
+        keep(context, &hits, &mut paths, &mut slots, &mut rays, &mut throughput);
+        let points = SurfacePoints::new(scene, &rays, drawn)?;
+
+        if bounce == 0 && !scene.emitters.is_empty() {
+            let emission = scene.materials.emission.gather(&points.material);
+            found.push(Contribution {
+                slots: slots.clone(),
+                light: weighted(emission.scale(&points.front), throughput.clone()),
+            });
+        }
+        let light = emitters::connect(&tracer, &points, &rays.direction, &rays.time, &paths, bounce)?;
+        if let Some(light) = light {
+            traced += paths.len() as u64;
+            found.push(Contribution {
+                slots: slots.clone(),
+                light: weighted(light, throughput.clone()),
+            });
+        }
+        let last = bounce == settings.bounces;
+        if last && scene.environment.is_none() {
+            break;
+        }
+        let scatter = bsdf::sample(context, &points, &rays.direction, sampler, &paths, bounce);
+        rays = Rays {
+            origin: points.position,
+            direction: scatter.direction,
+            time: rays.time,
+            departure: Some(points.triangle),
+            arrival: None,
+        };
+        throughput = Some(weighted(scatter.weight, throughput));
+        if last {
+            // The environment's share of the direct light at the last hit.
+            if let Some(environment) = &scene.environment {
+                let visible = tracer.weights(&rays).attached_background();
+                traced += paths.len() as u64;
+                found.push(Contribution {
+                    slots: slots.clone(),
+                    light: weighted(environment.scale(&visible), throughput.clone()),
+                });
+            }
+            break;
+        }
+        if settings.roulette_after.is_some_and(|after| bounce >= after) {
+            let survivors = roulette(&tracer, &mut throughput, &paths, bounce)?;
+            keep(context, &survivors, &mut paths, &mut slots, &mut rays, &mut throughput);
+            if paths.is_empty() {
+                break;
+            }
+        }
+    }
+    let first = match first {
+        Some(first) => first,
+        None => tracer.weights(&rays),
+    };
+    Ok(Radiance {
+        radiance: gather_contributions(scene, &found, count),
+        first,
+        rays: traced,
+    })
+}
+
+/// Ends paths at random in proportion to their throughput, and returns those that go on.
+fn roulette(
+    tracer: &Tracer,
+    throughput: &mut Option<Vec3>,
+    paths: &[(u32, u32)],
+    bounce: u32,
+) -> Result<Vec<usize>> {
+    let Some(current) = throughput else {
+        return Ok((0..paths.len()).collect());
+    };
+    let largest = plain(&current.x)
+        .max_pair(plain(&current.y))
+        .max_pair(plain(&current.z));
+    // Not under 5 %, so that a path whose light is 0 for now still carries its gradient.
+    let survival: Vec<f64> = host_values(&largest)?
+        .iter()
+        .map(|q| q.clamp(0.05, 1.0))
+        .collect();
+    let random = tracer
+        .sampler
+        .uniform(paths, bounce, Dimension::Roulette);
+    let inverse: Vec<f64> = survival.iter().map(|q| q.recip()).collect();
+    *current = current.scale(&tracer.scene.context.row(&inverse));
+    Ok((0..paths.len()).filter(|&i| random[i] < survival[i]).collect())
+}
+
+/// Drops all paths but some from the batch.
+fn keep(
+    context: &crate::geometry::Context,
+    which: &[usize],
+    paths: &mut Vec<(u32, u32)>,
+    slots: &mut Vec<u32>,
+    rays: &mut Rays,
+    throughput: &mut Option<Vec3>,
+) {
+    if which.len() == paths.len() {
+        return;
+    }
+    *paths = which.iter().map(|&i| paths[i]).collect();
+    *slots = which.iter().map(|&i| slots[i]).collect();
+    if which.is_empty() {
+        return;
+    }
+    let index = context.index_row(&which.iter().map(|&i| i as u32).collect::<Vec<_>>());
+    rays.origin = rays.origin.pick(&index);
+    rays.direction = rays.direction.pick(&index);
+    rays.time = rays.time.take().map(|t| gather_row(t, &index));
+    if let Some(departure) = &mut rays.departure {
+        *departure = which.iter().map(|&i| departure[i]).collect();
+    }
+    *throughput = throughput.take().map(|t| t.pick(&index));
+}
+
+fn pick(
+    context: &crate::geometry::Context,
+    throughput: &Option<Vec3>,
+    which: &[usize],
+) -> Option<Vec3> {
+    let index = context.index_row(&which.iter().map(|&i| i as u32).collect::<Vec<_>>());
+    throughput.as_ref().map(|t| t.pick(&index))
+}
+
+/// A throughput times a scalar a path; none stands for 1.
+fn times(throughput: Option<Vec3>, ratio: &Tensor<2>) -> Vec3 {
+    match throughput {
+        Some(t) => t.scale(ratio),
+        None => Vec3::new(ratio.clone(), ratio.clone(), ratio.clone()),
+    }
+}
+
+fn weighted(light: Vec3, throughput: Option<Vec3>) -> Vec3 {
+    match throughput {
+        Some(t) => light.mul(&t),
+        None => light,
+    }
+}
+
+/// Adds contributions up by path.
+fn gather_contributions(scene: &Flattened, found: &[Contribution], count: usize) -> Vec3 {
+    let context = &scene.context;
+    let zero = Tensor::<2>::zeros([1, count], (&context.device, context.dtype));
+    if found.is_empty() {
+        return Vec3::new(zero.clone(), zero.clone(), zero);
+    }
+    let whole: Vec<Vec3> = found
+        .iter()
+        .map(|c| {
+            if c.slots.len() == count {
+                return c.light.clone();
+            }
+            let index = context.index_row(&c.slots);
+            c.light.map(|l| {
+                zero.clone()
+                    .scatter(1, index.clone(), l, IndexingUpdateOp::Add)
+            })
+        })
+        .collect();
+    let mut sum = whole[0].clone();
+    for light in &whole[1..] {
+        sum = sum.add(light);
+    }
+    sum
+}

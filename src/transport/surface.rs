@@ -1,0 +1,126 @@
+//! What a path finds at the surface that it drew.
+
+use burn::tensor::{Int, Tensor};
+
+use super::texture::albedo;
+use crate::error::Result;
+use crate::geometry::{Vec3, nearest_on_triangle, plain};
+use crate::scene::Flattened;
+use crate::visibility::Rays;
+
+/// Drawn surface points, rows `[1, N]`.
+pub(crate) struct SurfacePoints {
+    /// The triangle of each.
+    pub triangle: Vec<u32>,
+    /// Position, relative to the centre of the bounds, at the time that the object is unshifted.
+    pub position: Vec3,
+    /// Unit geometric normal on the side that the ray came from.
+    pub geometric_normal: Vec3,
+    /// Unit shading normal on that side.
+    pub normal: Vec3,
+    /// 1 where the ray came from the front, else 0, without tape.
+    pub front: Tensor<2>,
+    /// k_d.
+    pub diffuse: Vec3,
+    /// k_s and exponent, if any material of the scene is glossy.
+    pub specular: Option<(Vec3, Tensor<2>)>,
+    /// Indices of the materials.
+    pub material: Tensor<2, Int>,
+}
+
+impl SurfacePoints {
+    /// Intersects each ray with its drawn triangle, in the graph where gradients can flow.
+    pub(crate) fn new(scene: &Flattened, rays: &Rays, triangle: Vec<u32>) -> Result<Self> {
+        let context = &scene.context;
+        let triangles = &scene.triangles;
+        let index = context.index_row(&triangle);
+        let normal = triangles.normal.gather(&index);
+        let velocity = triangles.velocity.as_ref().map(|v| v.gather(&index));
+        let shifted = rays.origin_for(velocity.as_ref());
+        let gather = |p: &Tensor<2>| crate::geometry::gather_row(p.clone(), &index);
+        let cosine = normal.dot(&rays.direction);
+        let t = (gather(&triangles.plane) - normal.dot(&shifted)) / cosine.clone();
+        let position = rays.origin.add(&rays.direction.scale(&t));
+
+        let front = plain(&cosine).lower_elem(0.0).float().cast(context.dtype);
+        let side = front.clone() * 2.0 - 1.0;
+        let geometric_normal = normal.scale(&side);
+
+        let barycentrics = (scene.uvs.is_some() || scene.normals.is_some()).then(|| {
+            let corner = triangles.corners.a.gather(&index);
+            let from_a = shifted.add(&rays.direction.scale(&t)).sub(&corner);
+            let x = triangles.u.gather(&index).dot(&from_a);
+            let y = triangles.v.gather(&index).dot(&from_a);
+            let (base, apex_u, apex_v) = (
+                gather(&triangles.base),
+                gather(&triangles.apex_u),
+                gather(&triangles.apex_v),
+            );
+            let c = y.clone() / apex_v.clone();
+            let b = (x.clone() - c.clone() * apex_u.clone()) / base.clone();
+            let nearest = nearest_on_triangle(&plain(&x), &plain(&y), &base, &apex_u, &apex_v);
+            (b, c, nearest)
+        });
+        let normal = match (&scene.normals, &barycentrics) {
+            (Some((corners, smooth)), Some((b, c, nearest))) => {
+                let outside = nearest.inside.clone().bool_not();
+                // At the triangle's point nearest to the hit.
+                let b = b.clone().mask_where(outside.clone(), nearest.weight_b.clone());
+                let c = c.clone().mask_where(outside, nearest.weight_c.clone());
+                let a = (b.clone() + c.clone()).neg() + 1.0;
+                let at = |v: &Vec3| v.gather(&index);
+                let shading = at(&corners.a)
+                    .scale(&a)
+                    .add(&at(&corners.b).scale(&b))
+                    .add(&at(&corners.c).scale(&c));
+                let flat: Vec<f64> = triangle
+                    .iter()
+                    .map(|&k| if smooth[k as usize] { 0.0 } else { 1.0 })
+                    .collect();
+                let flat = context.row(&flat).greater_elem(0.5);
+                // Objects without normals have zeros here: replaced before the square root.
+                let shading = shading.zip(&geometric_normal, |s, g| s.mask_where(flat.clone(), g));
+                let facing = plain(&shading.dot(&geometric_normal));
+                let flip = facing.greater_equal_elem(0.0).float().cast(context.dtype) * 2.0 - 1.0;
+                shading.normalized().scale(&flip)
+            }
+            _ => geometric_normal.clone(),
+        };
+        let uv = match (&scene.uvs, &barycentrics) {
+            (Some(corners), Some((b, c, _))) => {
+                // Outside of the triangle the coordinates extrapolate.
+                let a = (b.clone() + c.clone()).neg() + 1.0;
+                let interpolate = |f: fn(&Vec3) -> &Tensor<2>| {
+                    gather(f(&corners.a)) * a.clone()
+                        + gather(f(&corners.b)) * b.clone()
+                        + gather(f(&corners.c)) * c.clone()
+                };
+                Some([interpolate(|v| &v.x), interpolate(|v| &v.y)])
+            }
+            _ => None,
+        };
+        let materials: Vec<u32> = triangle
+            .iter()
+            .map(|&k| scene.topology.material[k as usize])
+            .collect();
+        let material = context.index_row(&materials);
+        let diffuse = albedo(context, &scene.materials.diffuse, &materials, &material, &uv)?;
+        let specular = match &scene.materials.specular {
+            Some((albedos, exponent)) => Some((
+                albedo(context, albedos, &materials, &material, &uv)?,
+                crate::geometry::gather_row(exponent.clone(), &material),
+            )),
+            None => None,
+        };
+        Ok(Self {
+            triangle,
+            position,
+            geometric_normal,
+            normal,
+            front,
+            diffuse,
+            specular,
+            material,
+        })
+    }
+}

@@ -1,0 +1,261 @@
+use burn::tensor::{Bool, DType, Tensor, TensorData};
+
+use crate::geometry::{Context, Topology, Triangles, Vec3, nearest_on_triangle, plain};
+
+/// Rays o + t·d with |d| = 1, rows `[1, N]`; origins relative to the centre of the bounds.
+#[derive(Clone, Debug)]
+pub struct Rays {
+    /// Origins, at the positions that static objects have.
+    pub origin: Vec3,
+    /// Unit directions.
+    pub direction: Vec3,
+    /// Time in the shutter, if anything moves.
+    pub time: Option<Tensor<2>>,
+    /// The triangle that each ray leaves, if it leaves a surface.
+    pub departure: Option<Vec<u32>>,
+    /// The emitter triangle that each ray ends on and its distance (without tape), for shadow rays.
+    pub arrival: Option<(Vec<u32>, Tensor<2>)>,
+}
+
+impl Rays {
+    /// How many rays.
+    pub fn len(&self) -> usize {
+        self.direction.x.dims()[1]
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Origins shifted into the frame of objects with a velocity (one for each ray).
+    pub(crate) fn origin_for(&self, velocity: Option<&Vec3>) -> Vec3 {
+        match (&self.time, velocity) {
+            (Some(time), Some(velocity)) => self.origin.sub(&velocity.scale(time)),
+            _ => self.origin.clone(),
+        }
+    }
+}
+
+/// What Eq. 1 depends on.
+#[derive(Clone, Copy, Debug)]
+pub struct CoverageSettings {
+    /// Blur of the edges, scene units squared.
+    pub sigma: f64,
+    /// Hits nearer than this don't count, scene units.
+    pub t_min: f64,
+    /// Hits beyond (1 − margin)·distance of an arrival don't count.
+    pub arrival_margin: f64,
+}
+
+/// How each triangle counts along each ray: pairs `[T, N]`.
+#[derive(Clone, Debug)]
+pub struct Coverage {
+    /// Distance along the ray to the triangle's plane, without tape.
+    pub t: Tensor<2>,
+    /// ±D/σ, without tape; 0 where the pair does not count.
+    pub logit: Tensor<2>,
+    /// exp(−|logit|).
+    pub(crate) decay: Tensor<2>,
+    /// Whether the pair counts at all.
+    pub counted: Tensor<2, Bool>,
+    /// Pairs that count by max(0, 2p − 1): neighbours of a triangle at an end of the ray.
+    pub(crate) softened: Option<Tensor<2, Bool>>,
+    /// Distances and logits in the graph, if a gradient can flow to them.
+    pub(crate) attached: Option<(Tensor<2>, Tensor<2>)>,
+}
+
+impl Coverage {
+    /// p of Eq. 1 as it counts: 0 where the pair doesn't, max(0, 2p − 1) for softened pairs.
+    pub fn probability(&self) -> Tensor<2> {
+        let one_plus = self.decay.clone() + 1.0;
+        let inside = self.inside();
+        let p = self
+            .decay
+            .clone()
+            .mask_fill(inside.clone(), 1.0)
+            / one_plus.clone();
+        let p = match &self.softened {
+            Some(s) => {
+                let soft = (self.decay.clone().neg() + 1.0) / one_plus;
+                p.mask_where(s.clone(), soft.mask_fill(inside.bool_not(), 0.0))
+            }
+            None => p,
+        };
+        p.mask_fill(self.counted.clone().bool_not(), 0.0)
+    }
+
+    pub(crate) fn inside(&self) -> Tensor<2, Bool> {
+        self.logit.clone().greater_equal_elem(0.0)
+    }
+
+    /// Σ over triangles of `a`·logit + `b`·t minus its own value: a row `[1, N]` that is zero and
+    /// has that derivative. None if no gradient can flow.
+    pub(crate) fn linear(&self, a: Tensor<2>, b: Option<Tensor<2>>) -> Option<Tensor<2>> {
+        let (t, logit) = self.attached.as_ref()?;
+        let mut sum = a * logit.clone();
+        if let Some(b) = b {
+            sum = sum + b * t.clone();
+        }
+        let sum = sum.sum_dim(0);
+        let value = plain(&sum);
+        Some(sum - value)
+    }
+}
+
+/// Plane hits and edge distances of all pairs (Eq. 1), with the rules at both ends of a ray.
+pub fn coverage(
+    context: &Context,
+    triangles: &Triangles,
+    topology: &Topology,
+    rays: &Rays,
+    settings: &CoverageSettings,
+) -> Coverage {
+    let (o, d) = (rays.origin.rows(), rays.direction.rows());
+    // With a velocity, n·(o − time·velocity) = n·o − time·(n·velocity).
+    let shifted = |matrix: &Tensor<2>, axis: &Vec3| {
+        let along = matrix.clone().matmul(o.clone());
+        match (&rays.time, &triangles.velocity) {
+            (Some(time), Some(velocity)) => along - axis.dot(velocity) * time.clone(),
+            _ => along,
+        }
+    };
+    let height = triangles.plane.clone() - shifted(&triangles.normal_matrix, &triangles.normal);
+    let cosine = triangles.normal_matrix.clone().matmul(d.clone());
+    let plain_cosine = plain(&cosine);
+    let delta = if context.dtype == DType::F64 { 1e-9 } else { 1e-6 };
+    let mut counted = plain_cosine
+        .clone()
+        .abs()
+        .greater_elem(delta)
+        .bool_and(triangles.valid.clone().expand(cosine.dims()));
+    // The inputs of the division are made safe: masking its output would not stop NaN.
+    let t = height / cosine.mask_fill(counted.clone().bool_not(), 1.0);
+    let x = shifted(&triangles.u_matrix, &triangles.u) - triangles.a_u.clone()
+        + t.clone() * triangles.u_matrix.clone().matmul(d.clone());
+    let y = shifted(&triangles.v_matrix, &triangles.v) - triangles.a_v.clone()
+        + t.clone() * triangles.v_matrix.clone().matmul(d);
+
+    let (plain_t, plain_x, plain_y) = (plain(&t), plain(&x), plain(&y));
+    let nearest = nearest_on_triangle(
+        &plain_x,
+        &plain_y,
+        &triangles.base,
+        &triangles.apex_u,
+        &triangles.apex_v,
+    );
+    counted = counted.bool_and(plain_t.clone().greater_elem(settings.t_min));
+    // Held finite: what is that far outside has p = 0 exactly.
+    let largest = settings.sigma * 1e30;
+    counted = counted.bool_and(
+        nearest
+            .squared_distance
+            .clone()
+            .lower_elem(largest.min(1e37)),
+    );
+    if let Some((_, distance)) = &rays.arrival {
+        let end = distance.clone() * (1.0 - settings.arrival_margin);
+        counted = counted.bool_and(plain_t.clone().lower(end));
+    }
+    let (excluded, softened) = end_masks(context, topology, rays);
+    if let Some(excluded) = excluded {
+        counted = counted.bool_and(excluded.bool_not());
+    }
+    if let Some(hidden) = hidden_sides(context, topology, rays, &plain_cosine, &plain_t) {
+        counted = counted.bool_and(hidden.bool_not());
+    }
+    let discounted = counted.clone().bool_not();
+
+    let per_sigma = 1.0 / settings.sigma;
+    let sign = nearest.inside.clone().float().cast(context.dtype) * (2.0 * per_sigma) - per_sigma;
+    let logit = (nearest.squared_distance.clone() * sign.clone()).mask_fill(discounted.clone(), 0.0);
+    let tracked = t.is_tracked() || x.is_tracked() || y.is_tracked();
+    let attached = tracked.then(|| {
+        let from_border_x = x
+            - (nearest.weight_b * triangles.base.clone()
+                + nearest.weight_c.clone() * triangles.apex_u.clone());
+        let from_border_y = y - nearest.weight_c * triangles.apex_v.clone();
+        let squared =
+            from_border_x.clone() * from_border_x + from_border_y.clone() * from_border_y;
+        (t.mask_fill(discounted.clone(), 0.0), (squared * sign).mask_fill(discounted, 0.0))
+    });
+    Coverage {
+        t: plain_t,
+        decay: logit.clone().abs().neg().exp(),
+        logit,
+        counted,
+        softened,
+        attached,
+    }
+}
+
+type Masks = (Option<Tensor<2, Bool>>, Option<Tensor<2, Bool>>);
+
+/// The triangles left out (those at the ends of the ray) and softened (their neighbours).
+fn end_masks(context: &Context, topology: &Topology, rays: &Rays) -> Masks {
+    let ends: Vec<&Vec<u32>> = [
+        rays.departure.as_ref(),
+        rays.arrival.as_ref().map(|(emitter, _)| emitter),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    if ends.is_empty() {
+        return (None, None);
+    }
+    let (triangles, n) = (topology.object.len(), rays.len());
+    let mut excluded = vec![false; triangles * n];
+    let mut softened = vec![false; triangles * n];
+    for end in ends {
+        for (i, &k) in end.iter().enumerate() {
+            excluded[k as usize * n + i] = true;
+            for &j in &topology.neighbours[k as usize] {
+                softened[j as usize * n + i] = true;
+            }
+        }
+    }
+    let mask = |v| Tensor::from_data(TensorData::new(v, [triangles, n]), &context.device);
+    (Some(mask(excluded)), Some(mask(softened)))
+}
+
+/// Sides of closed objects that can't be seen. Near its end on an emitter a ray is treated like
+/// one that leaves the emitter: there the emitter's object shows the other side.
+fn hidden_sides(
+    context: &Context,
+    topology: &Topology,
+    rays: &Rays,
+    cosine: &Tensor<2>,
+    t: &Tensor<2>,
+) -> Option<Tensor<2, Bool>> {
+    if topology.visible_side.iter().all(|&s| s == 0.0) {
+        return None;
+    }
+    let side = context.column(&topology.visible_side) * cosine.clone();
+    let hidden = side.clone().lower_elem(0.0);
+    let Some((emitter, distance)) = &rays.arrival else {
+        return Some(hidden);
+    };
+    if emitter.iter().all(|&e| !topology.closed[e as usize]) {
+        return Some(hidden);
+    }
+    let object = |k: u32| f64::from(topology.object[k as usize]);
+    let objects: Vec<f64> = (0..topology.object.len() as u32).map(object).collect();
+    let of_emitter: Vec<f64> = emitter.iter().map(|&e| object(e)).collect();
+    // A ray from an object to itself changes sides half-way.
+    let from: Vec<f64> = emitter
+        .iter()
+        .enumerate()
+        .map(|(i, &e)| {
+            let same = rays
+                .departure
+                .as_ref()
+                .is_some_and(|d| topology.object[d[i] as usize] == topology.object[e as usize]);
+            if same { 0.5 } else { 0.0 }
+        })
+        .collect();
+    let near_end = context
+        .column(&objects)
+        .equal(context.row(&of_emitter))
+        .bool_and(t.clone().greater_equal(distance.clone() * context.row(&from)));
+    Some(hidden.mask_where(near_end, side.greater_elem(0.0)))
+}

@@ -1,0 +1,149 @@
+use burn::tensor::Tensor;
+
+use super::{Coverage, Rays};
+use crate::error::{Error, Result};
+use crate::geometry::{Context, plain};
+
+/// The paper's softmax over depth (Eq. 3, corrected): W over log p_k + z_k/γ and ε/γ for the
+/// background, with z_k = (far − t_k)/(far − near).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Softmax {
+    /// Blur in depth, in units of the scene's depth.
+    pub gamma: f64,
+    /// Score of the background.
+    pub epsilon: f64,
+}
+
+/// How the surfaces of each ray and the background share its weight.
+#[derive(Clone, Debug)]
+pub struct Weights {
+    /// W_k `[T, N]`, without tape.
+    pub surfaces: Tensor<2>,
+    /// W of the background `[1, N]`, without tape.
+    pub background: Tensor<2>,
+    coverage: Coverage,
+    /// ∂ score/∂ logit `[T, N]` and ∂ score/∂ t `[1, N]`, if a gradient can flow.
+    slopes: Option<(Tensor<2>, Tensor<2>)>,
+}
+
+impl Softmax {
+    /// Weights of all surfaces of each ray; `radius` is that of the scene's bounds, at whose
+    /// centre the origin lies.
+    pub fn weights(&self, coverage: Coverage, rays: &Rays, radius: f64) -> Weights {
+        let origin = rays.origin.plain();
+        let distance = origin.dot(&origin).sqrt();
+        let near = (distance.clone() - radius).clamp_min(0.0);
+        let far = distance + radius;
+        let per_depth = (far.clone() - near).recip() / self.gamma;
+        let score = (far - coverage.t.clone()) * per_depth.clone();
+        let counted = coverage.counted.clone();
+        let discounted = counted.bool_not();
+        // log p = min(logit, 0) − log(1 + exp(−|logit|)): the exponent is shifted by its largest
+        // piecewise linear part, so that nothing overflows and no logarithm is needed.
+        let exponent = score + coverage.logit.clone().clamp_max(0.0);
+        let exponent = exponent.mask_fill(discounted.clone(), -1e30);
+        let background = self.epsilon / self.gamma;
+        let largest = exponent.clone().max_dim(0).clamp_min(background);
+        let one_plus = coverage.decay.clone() + 1.0;
+        let mut weight = (exponent - largest.clone()).exp() / one_plus.clone();
+        if let Some(softened) = &coverage.softened {
+            // max(0, 2p − 1) = tanh(logit/2) inside, (1 − e)/(1 + e) with e = exp(−logit).
+            let soft = weight.clone() * (coverage.decay.clone().neg() + 1.0);
+            let soft = soft.mask_fill(coverage.inside().bool_not(), 0.0);
+            weight = weight.mask_where(softened.clone(), soft);
+        }
+        let weight = weight.mask_fill(discounted.clone(), 0.0);
+        let rest = (largest.neg() + background).exp();
+        let total = weight.clone().sum_dim(0) + rest.clone();
+        let slopes = coverage.attached.is_some().then(|| {
+            let mut slope = coverage.decay.clone().mask_fill(coverage.inside().bool_not(), 1.0)
+                / one_plus;
+            if let Some(softened) = &coverage.softened {
+                // d log tanh(x/2)/dx = 2e/(1 − e²)
+                let e = coverage.decay.clone();
+                let soft = e.clone() * 2.0 / (e.clone() * e).neg().add_scalar(1.0).clamp_min(1e-6);
+                slope = slope.mask_where(softened.clone(), soft);
+            }
+            (slope.mask_fill(discounted, 0.0), per_depth.neg())
+        });
+        Weights {
+            surfaces: weight / total.clone(),
+            background: rest / total,
+            coverage,
+            slopes,
+        }
+    }
+}
+
+impl Weights {
+    /// Draws one surface a ray with random numbers in [0, 1); the number of triangles stands for
+    /// the background. A surface of weight 0 is never drawn.
+    ///
+    /// # Errors
+    /// If the drawn indices can't be read back.
+    pub fn draw(&self, context: &Context, random: &[f64]) -> Result<Vec<u32>> {
+        let cumulative = self.surfaces.clone().cumsum(0);
+        let triangles = cumulative.dims()[0];
+        let total = cumulative.clone().slice([triangles - 1..triangles]) + self.background.clone();
+        let threshold = total * context.row(random);
+        let passed = cumulative.lower_equal(threshold);
+        let index = passed.int().sum_dim(0);
+        let data = index
+            .try_into_data()
+            .map_err(|e| Error::Read(format!("{e:?}")))?;
+        Ok(data.iter::<i64>().map(|k| k as u32).collect())
+    }
+
+    /// W_k / stop_gradient(W_k) of the drawn surfaces `[1, N]`: 1, with the derivative of log W_k.
+    /// None if no gradient can flow.
+    pub fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
+        let (slope, per_depth) = self.slopes.clone()?;
+        let triangles = self.surfaces.dims()[0];
+        let numbers: Vec<f64> = (0..triangles).map(|k| k as f64).collect();
+        let row: Vec<f64> = drawn.iter().map(|&k| f64::from(k)).collect();
+        let one_hot = context.column(&numbers).equal(context.row(&row));
+        let share = one_hot.float().cast(context.dtype) - self.surfaces.clone();
+        let change = self
+            .coverage
+            .linear(share.clone() * slope, Some(share * per_depth))?;
+        Some(change + 1.0)
+    }
+
+    /// W of the background `[1, N]`, in the graph if a gradient can flow.
+    pub fn attached_background(&self) -> Tensor<2> {
+        let change = self.slopes.clone().and_then(|(slope, per_depth)| {
+            let share = self.surfaces.clone();
+            self.coverage
+                .linear(share.clone() * slope, Some(share * per_depth))
+        });
+        match change {
+            Some(change) => self.background.clone() * (change.neg() + 1.0),
+            None => self.background.clone(),
+        }
+    }
+
+    /// All W_k `[T, N]`, in the graph if a gradient can flow.
+    pub fn attached_surfaces(&self) -> Tensor<2> {
+        let (Some((slope, per_depth)), Some((t, logit))) = (&self.slopes, &self.coverage.attached)
+        else {
+            return self.surfaces.clone();
+        };
+        let score = slope.clone() * logit.clone() + per_depth.clone() * t.clone();
+        let change = score.clone() - plain(&score);
+        let mean = (change.clone() * self.surfaces.clone()).sum_dim(0);
+        self.surfaces.clone() * (change - mean + 1.0)
+    }
+
+    /// Distances to the triangles' planes `[T, N]`, in the graph if a gradient can flow; 0 where
+    /// a pair does not count.
+    pub fn attached_distances(&self) -> Tensor<2> {
+        match &self.coverage.attached {
+            Some((t, _)) => t.clone(),
+            None => self
+                .coverage
+                .t
+                .clone()
+                .mask_fill(self.coverage.counted.clone().bool_not(), 0.0),
+        }
+    }
+}

@@ -1,0 +1,38 @@
+use burn::tensor::Tensor;
+
+use super::Coverage;
+
+/// The share of light that passes all counted triangles, ∏(1 − p_k) = exp Σ log(1 − p_k), as a row
+/// `[1, N]`; in the graph if a gradient can flow.
+///
+/// The paper writes 1 − ∏(1 − p_k) for it, which is the opacity.
+pub fn transmittance(coverage: &Coverage) -> Tensor<2> {
+    let inside = coverage.inside();
+    let one_plus = coverage.decay.clone() + 1.0;
+    // 1 − p = sigmoid(−logit); a softened pair passes 2e/(1 + e) inside and everything outside.
+    let mut passed = coverage
+        .decay
+        .clone()
+        .mask_fill(inside.clone().bool_not(), 1.0)
+        / one_plus.clone();
+    let mut slope = coverage.decay.clone().mask_fill(inside.clone(), 1.0) / one_plus.clone();
+    let discounted = coverage.counted.clone().bool_not();
+    if let Some(softened) = &coverage.softened {
+        let outside = softened.clone().bool_and(inside.bool_not());
+        passed = passed
+            .clone()
+            .mask_where(softened.clone(), passed * 2.0)
+            .mask_fill(outside.clone(), 1.0);
+        slope = slope.mask_fill(outside, 0.0);
+    }
+    let value = passed
+        .mask_fill(discounted.clone(), 1.0)
+        .log()
+        .sum_dim(0)
+        .exp();
+    // d log(1 − p)/d logit = −p, for softened pairs inside too.
+    match coverage.linear(slope.mask_fill(discounted, 0.0).neg(), None) {
+        Some(change) => value * (change + 1.0),
+        None => value,
+    }
+}

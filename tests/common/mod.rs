@@ -1,0 +1,35 @@
+//! Shared by the integration tests: reference data, devices, statistics.
+#![allow(dead_code)] // each test binary uses a part
+
+pub mod gradients;
+pub mod images;
+pub mod visibility;
+
+use std::path::PathBuf;
+
+use softray::prelude::*;
+
+/// The folder of reference data: `SOFTRAY_REFERENCE`, or the project's own copy.
+pub fn reference(path: &str) -> PathBuf {
+    let folder = std::env::var_os("SOFTRAY_REFERENCE").map_or_else(
+        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data"),
+        PathBuf::from,
+    );
+    folder.join(path)
+}
+
+/// Whether the long tier was asked for: converged renders, every gradient.
+pub fn long() -> bool {
+    std::env::var_os("SOFTRAY_LONG").is_some_and(|v| v != "0")
+}
+
+/// The CPU backends.
+#[allow(deprecated)] // burn deprecates ndarray; users ask for it
+pub fn cpu_devices() -> Vec<Device> {
+    vec![Device::flex(), Device::ndarray()]
+}
+
+/// A tensor's values.
+pub fn values<const D: usize>(t: &Tensor<D>) -> Vec<f64> {
+    t.clone().inner().into_data().iter::<f64>().collect()
+}

@@ -1,0 +1,222 @@
+//! The formulas against `visibility.json`: float64 values and gradients from an independent
+//! implementation.
+
+use burn::tensor::{DType, Device, Tensor, TensorData};
+use serde_json::Value;
+use softray::geometry::{Context, Topology, Triangles, Vec3, VertexData};
+use softray::visibility::{Coverage, CoverageSettings, Rays, Softmax, coverage, transmittance};
+
+use super::{reference, values};
+
+struct Case {
+    name: String,
+    json: Value,
+    triangles: usize,
+    rays: usize,
+}
+
+fn flat(v: &Value) -> Vec<f64> {
+    match v {
+        Value::Array(list) => list.iter().flat_map(flat).collect(),
+        other => vec![other.as_f64().expect("a number")],
+    }
+}
+
+fn cases() -> Vec<Case> {
+    let text = std::fs::read_to_string(reference("visibility.json")).expect("visibility.json");
+    let json: Value = serde_json::from_str(&text).expect("JSON");
+    let list = json["cases"].as_array().expect("cases").clone();
+    assert!(!list.is_empty());
+    list.into_iter()
+        .map(|c| Case {
+            name: c["name"].as_str().expect("a name").into(),
+            triangles: c["triangles"].as_array().expect("triangles").len(),
+            rays: c["origins"].as_array().expect("origins").len(),
+            json: c,
+        })
+        .collect()
+}
+
+/// A case's leaves and what follows from them.
+struct Built {
+    corners: Tensor<2>,
+    origins: Tensor<2>,
+    directions: Tensor<2>,
+    rays: Rays,
+    coverage: Coverage,
+    radius: f64,
+    softmax: Softmax,
+}
+
+/// `t_max` cuts the rays for the transmittance.
+fn build(case: &Case, device: &Device, dtype: DType, cut: bool) -> Built {
+    let context = Context { device: device.clone(), dtype };
+    let leaf = |field: &str, rows: usize| -> Tensor<2> {
+        let data = TensorData::new(flat(&case.json[field]), [rows, 3]);
+        let t = Tensor::<2>::from_data(data, (device, dtype));
+        t.autodiff().require_grad()
+    };
+    let corners = leaf("triangles", case.triangles * 3);
+    let origins = leaf("origins", case.rays);
+    let directions = leaf("directions", case.rays);
+    let center = context.tensor(&flat(&case.json["center"]), [1, 3]);
+    let corner = |i: usize| {
+        let all = (corners.clone() - center.clone()).reshape([case.triangles, 9]);
+        Vec3::from_columns(all.narrow(1, 3 * i, 3))
+    };
+    let triangles = Triangles::new(
+        &context,
+        VertexData { a: corner(0), b: corner(1), c: corner(2) },
+        None,
+    );
+    let topology = Topology {
+        object: vec![0; case.triangles],
+        material: vec![0; case.triangles],
+        closed: vec![false; case.triangles],
+        neighbours: vec![Vec::new(); case.triangles],
+        visible_side: vec![0.0; case.triangles],
+    };
+    let mut rays = Rays {
+        origin: Vec3::from_rows((origins.clone() - center).transpose()),
+        direction: Vec3::from_rows(directions.clone().transpose()),
+        time: None,
+        departure: None,
+        arrival: None,
+    };
+    if cut {
+        // No triangle is left out: the emitter is none of these, only its distance counts.
+        let t_max = context.row(&flat(&case.json["t_max"]));
+        rays.arrival = Some((Vec::new(), t_max));
+    }
+    let settings = CoverageSettings {
+        sigma: case.json["sigma"].as_f64().expect("sigma"),
+        t_min: 0.0,
+        arrival_margin: 0.0,
+    };
+    Built {
+        coverage: coverage(&context, &triangles, &topology, &rays, &settings),
+        corners,
+        origins,
+        directions,
+        rays,
+        radius: case.json["radius"].as_f64().expect("radius"),
+        softmax: Softmax {
+            gamma: case.json["gamma"].as_f64().expect("gamma"),
+            epsilon: case.json["epsilon"].as_f64().expect("epsilon"),
+        },
+    }
+}
+
+/// Rows by ray as in the file, from planes `[T, N]`.
+fn by_ray(t: &Tensor<2>) -> Vec<f64> {
+    values(&t.clone().inner().transpose())
+}
+
+fn assert_close(what: &str, found: &[f64], expected: &[f64], tolerance: f64) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for (i, (f, e)) in found.iter().zip(expected).enumerate() {
+        assert!(
+            (f - e).abs() <= tolerance,
+            "{what}[{i}]: found {f}, expected {e}, tolerance {tolerance}"
+        );
+    }
+}
+
+fn assert_gradients(case: &Case, kind: &str, built: &Built, loss: Tensor<1>, relative: f64) {
+    let gradients = loss.backward();
+    for (field, leaf) in [
+        ("triangles", &built.corners),
+        ("origins", &built.origins),
+        ("directions", &built.directions),
+    ] {
+        let expected = flat(&case.json[kind][field]);
+        let found = leaf.grad(&gradients).map_or(vec![0.0; expected.len()], |g| values(&g));
+        let scale = expected.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        assert_close(
+            &format!("{} {kind} {field}", case.name),
+            &found,
+            &expected,
+            relative * scale.max(1.0),
+        );
+        if field == "triangles" {
+            // What does not count sends back exactly nothing.
+            let t = flat(&case.json["t"]);
+            for k in 0..case.triangles {
+                let missed = (0..case.rays).all(|i| t[i * case.triangles + k] < 0.0);
+                if missed {
+                    assert!(found[9 * k..9 * k + 9].iter().all(|&g| g == 0.0), "{} triangle {k}", case.name);
+                }
+            }
+        }
+    }
+}
+
+/// Values and gradients of every case on one device.
+pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
+    for case in &cases() {
+        let context = Context { device: device.clone(), dtype };
+        let cotangent = |kind: &str, i: usize, columns: usize| {
+            let all = case.json[kind]["cotangents"].as_array().expect("cotangents");
+            context.tensor(&flat(&all[i]), [case.rays, columns]).transpose()
+        };
+        let built = build(case, device, dtype, false);
+        let p = by_ray(&built.coverage.probability());
+        assert_close(&format!("{} p", case.name), &p, &flat(&case.json["p"]), value);
+        let weights = built.softmax.weights(built.coverage.clone(), &built.rays, built.radius);
+        let surfaces = weights.attached_surfaces();
+        let background = weights.attached_background();
+        let expected = &case.json["softmax"];
+        let name = format!("{} softmax", case.name);
+        assert_close(&name, &by_ray(&surfaces), &flat(&expected["weights"]), value);
+        assert_close(&name, &by_ray(&background), &flat(&expected["background"]), value);
+        let loss = (surfaces * cotangent("softmax_gradient", 0, case.triangles)).sum()
+            + (background * cotangent("softmax_gradient", 1, 1)).sum();
+        assert_gradients(case, "softmax_gradient", &built, loss, gradient);
+
+        let built = build(case, device, dtype, true);
+        let passed = transmittance(&built.coverage);
+        let name = format!("{} transmittance", case.name);
+        assert_close(&name, &by_ray(&passed), &flat(&case.json["product_transmittance"]), value);
+        let loss = (passed * cotangent("product_transmittance_gradient", 0, 1)).sum();
+        assert_gradients(case, "product_transmittance_gradient", &built, loss, gradient);
+    }
+}
+
+/// The ratio W/stop(W) of a drawn surface is 1 and carries the derivative of log W, as the
+/// reference's gradients say of W.
+pub fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
+    for case in &cases() {
+        let context = Context { device: device.clone(), dtype };
+        for k in 0..=case.triangles {
+            let built = build(case, device, dtype, false);
+            let weights = built.softmax.weights(built.coverage.clone(), &built.rays, built.radius);
+            let drawn = vec![k as u32; case.rays];
+            let ratio = weights.ratio(&context, &drawn).expect("tracked");
+            assert!(values(&ratio).iter().all(|&r| r == 1.0));
+            let weight = if k < case.triangles {
+                weights.surfaces.clone().slice([k..k + 1])
+            } else {
+                weights.background.clone()
+            };
+            // Σ W · ratio has the gradient of Σ W.
+            let found = (ratio * weight).sum().backward();
+            let built_again = build(case, device, dtype, false);
+            let weights = built_again.softmax.weights(
+                built_again.coverage.clone(),
+                &built_again.rays,
+                built_again.radius,
+            );
+            let whole = if k < case.triangles {
+                weights.attached_surfaces().slice([k..k + 1])
+            } else {
+                weights.attached_background()
+            };
+            let expected = whole.sum().backward();
+            let zero = || vec![0.0; case.triangles * 9];
+            let found = built.corners.grad(&found).map_or_else(zero, |g| values(&g));
+            let expected = built_again.corners.grad(&expected).map_or_else(zero, |g| values(&g));
+            let scale = expected.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+            assert_close(&case.name, &found, &expected, gradient * scale);
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! OBJ and MTL files, written and read back.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use softray::prelude::*;
+
+/// A folder of one test, removed at its end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("softray-obj-{}-{name}", std::process::id()));
+        fs::create_dir_all(&path).expect("a temporary folder");
+        Self(path)
+    }
+
+    fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.0.join(name);
+        fs::write(&path, text).expect("a file");
+        path
+    }
+
+    fn load(&self, obj: &str) -> softray::Result<Scene> {
+        Scene::from_obj(self.write("scene.obj", obj), &Device::flex())
+    }
+
+    /// The message of what loading fails with.
+    fn message(&self, obj: &str) -> String {
+        self.load(obj).expect_err("a malformed file").to_string()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+fn constant(albedo: &Albedo) -> [f64; 3] {
+    match albedo {
+        Albedo::Constant(p) => p.values().expect("values"),
+        Albedo::Texture { .. } => panic!("a texture"),
+    }
+}
+
+fn vertices(object: &Object) -> Vec<[f64; 3]> {
+    object.mesh.host_vertices().expect("values")
+}
+
+#[test]
+fn objects_and_materials() {
+    let folder = Folder::new("objects");
+    folder.write(
+        "some materials.mtl",
+        "# comment\nnewmtl red\nKa 1 1 1\nKd 0.8 0.1 0.05\n\nnewmtl lamp\nKd 0 0 0\nKe 17 12 4\n\
+         newmtl gloss\nKd 0.5\nKs 0.25 0.25 0.2\nNs 40\nillum 2\nnewmtl bare\n",
+    );
+    let scene = folder
+        .load(&format!(
+            "mtllib some materials.mtl\no first\n{SQUARE}usemtl red\nf 1 2 3\nusemtl gloss\nf 1 3 4\n\
+             g second\nv 0 0 2\nv 1 0 2\nv 0 1 2\nusemtl lamp\nf 5 6 7\nusemtl bare\nf 5 7 6\n\
+             o first\nusemtl red\nf 2 1 4\nusemtl unknown\nf 4 3 2\n"
+        ))
+        .expect("a scene");
+    let names: Vec<_> = scene.objects.iter().map(|o| o.name.as_str()).collect();
+    assert_eq!(names, ["first", "second"]);
+
+    let first = &scene.objects[0];
+    let materials: Vec<_> = first.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!(materials, ["red", "gloss", "unknown"]);
+    assert_eq!(*first.face_materials, [0, 1, 0, 2]);
+    // Four vertices for all pieces, in the order of their first use.
+    assert_eq!(vertices(first).len(), 4);
+    assert_eq!(
+        *first.mesh.faces,
+        [[0, 1, 2], [0, 2, 3], [1, 0, 3], [3, 2, 1]]
+    );
+    assert_eq!(constant(&first.materials[0].diffuse), [0.8, 0.1, 0.05]);
+    let gloss = &first.materials[1];
+    assert_eq!(constant(&gloss.diffuse), [0.5; 3]);
+    assert_eq!(constant(&gloss.specular), [0.25, 0.25, 0.2]);
+    assert_eq!(gloss.shininess.values().expect("values"), [40.0]);
+    let grey = constant(&Material::default().diffuse);
+    assert_eq!(constant(&first.materials[2].diffuse), grey);
+
+    let second = &scene.objects[1];
+    assert_eq!(
+        vertices(second),
+        [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]]
+    );
+    let lamp = &second.materials[0];
+    assert_eq!(lamp.emission.values().expect("values"), [17.0, 12.0, 4.0]);
+    assert_eq!(constant(&lamp.diffuse), [0.0; 3]);
+    assert_eq!(constant(&second.materials[1].diffuse), grey);
+}
+
+#[test]
+fn textures_are_decoded() {
+    let folder = Folder::new("textures");
+    fs::create_dir_all(folder.0.join("maps")).expect("a folder");
+    let mut image = image::RgbImage::new(2, 1);
+    image.put_pixel(0, 0, image::Rgb([255, 0, 128]));
+    image.put_pixel(1, 0, image::Rgb([0, 64, 255]));
+    image
+        .save(folder.0.join("maps/wood fine.png"))
+        .expect("a PNG file");
+    folder.write(
+        "maps/wood.mtl",
+        "newmtl wood\nmap_Kd -s 1 1 1 -clamp off wood fine.png\nnewmtl unused\nmap_Kd none.png\n",
+    );
+    let scene = folder
+        .load(&format!(
+            "mtllib maps\\wood.mtl\n{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nusemtl wood\nf 1/1 2/2 3/3\n"
+        ))
+        .expect("a scene");
+    let Albedo::Texture { texels, .. } = &scene.objects[0].materials[0].diffuse else {
+        panic!("no texture");
+    };
+    assert_eq!(texels.dims(), [1, 2, 3]);
+    let found = HostImage::from_tensor(texels).expect("values").pixels;
+    // Of sRGB 128 and 64.
+    let expected = [1.0, 0.0, 0.215_860_5, 0.0, 0.051_269_46, 1.0];
+    for (f, e) in found.iter().zip(expected) {
+        assert!((f - e).abs() < 1e-5, "{found:?}");
+    }
+}
+
+#[test]
+fn polygons_and_negative_indices() {
+    let folder = Folder::new("polygons");
+    let scene = folder
+        .load(&format!(
+            "{SQUARE}v -1 0.5 0\nf -5 -4 -3 \\\n -2 -1 # five corners\nl 1 2 3\np 1\nf 1 2 3 4\n"
+        ))
+        .expect("a scene");
+    let object = &scene.objects[0];
+    let expected = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [0, 2, 3]];
+    assert_eq!(*object.mesh.faces, expected);
+    assert_eq!(vertices(object)[4], [-1.0, 0.5, 0.0]);
+}
+
+#[test]
+fn attributes_are_optional() {
+    let folder = Folder::new("attributes");
+    let corners = "vt 0 0\nvt 1 0\nvt 0.25 1\nvn 0 0 1\nvn 0 1 1\n";
+    let scene = folder
+        .load(&format!(
+            "{SQUARE}{corners}o all\nf 1/3/1 2/1/1 3/2/2\no uvs\nf 1/1 2/2 3/3\n\
+             o normals\nf 1//2 2//1 3//1\no none\nf 1 2 3\n\
+             o some\nf 1/1/1 2/2/1 3/3/1\nf 1 3 4\n"
+        ))
+        .expect("a scene");
+    let has = |name: &str| {
+        let mesh = &scene.object(name).expect("an object").mesh;
+        (mesh.uvs.is_some(), mesh.normals.is_some())
+    };
+    assert_eq!(has("all"), (true, true));
+    assert_eq!(has("uvs"), (true, false));
+    assert_eq!(has("normals"), (false, true));
+    assert_eq!(has("none"), (false, false));
+    assert_eq!(has("some"), (false, false));
+
+    let mesh = &scene.object("all").expect("an object").mesh;
+    let uvs = mesh.uvs.as_ref().expect("uvs");
+    let values: Vec<f64> = uvs.values.to_data().iter::<f64>().collect();
+    let first = uvs.faces[0][0] as usize;
+    assert_eq!(values[2 * first..2 * first + 2], [0.25, 1.0]);
+    let normals = mesh.normals.as_ref().expect("normals");
+    assert_eq!(*normals.faces, [[0, 0, 1]]);
+
+    let zero = folder.load(&format!("{SQUARE}vn 0 0 0\nf 1//1 2//1 3//1\n"));
+    assert!(zero.expect("a scene").objects[0].mesh.normals.is_none());
+}
+
+#[test]
+fn shared_vertices_stay_shared() {
+    let folder = Folder::new("cube");
+    folder.write(
+        "cube.mtl",
+        "newmtl a\nKd 0.1 0.1 0.1\nnewmtl b\nKd 0.2 0.2 0.2\n",
+    );
+    let mut obj = String::from("mtllib cube.mtl\no cube\n");
+    for i in 0..8 {
+        obj += &format!("v {} {} {}\n", i & 1, (i >> 1) & 1, i >> 2);
+    }
+    // A ninth vertex that no face has.
+    obj += "v 9 9 9\n";
+    let sides = [
+        "1 5 7 3", "2 4 8 6", "1 2 6 5", "3 7 8 4", "1 3 4 2", "5 6 8 7",
+    ];
+    for (i, side) in sides.iter().enumerate() {
+        obj += &format!("usemtl {}\nf {side}\n", ["a", "b"][i % 2]);
+    }
+    let scene = folder.load(&obj).expect("a scene");
+    let cube = &scene.objects[0];
+    assert_eq!((scene.objects.len(), cube.materials.len()), (1, 2));
+    assert_eq!(vertices(cube).len(), 8);
+    assert_eq!(*cube.face_materials, [0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1, 1]);
+    // Closed: each directed edge has its opposite.
+    let edges: Vec<_> = cube
+        .mesh
+        .faces
+        .iter()
+        .flat_map(|f| [(f[0], f[1]), (f[1], f[2]), (f[2], f[0])])
+        .collect();
+    assert!(edges.iter().all(|&(p, q)| edges.contains(&(q, p))));
+}
+
+#[test]
+fn errors_name_file_and_field() {
+    let folder = Folder::new("errors");
+    let missing = Scene::from_obj(folder.0.join("none.obj"), &Device::flex());
+    let message = missing.expect_err("no file").to_string();
+    assert!(message.contains("none.obj"), "{message}");
+
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    for (tail, parts) in [
+        ("f 1 2 x\n", ["scene.obj", "line 4", "face"]),
+        ("v 1 zero 0\nf 1 2 3\n", ["scene.obj", "line 4", "position"]),
+        ("vn 1\nf 1 2 3\n", ["scene.obj", "line 4", "normal"]),
+        ("f 1 2\n", ["scene.obj", "line 4", "2 corners"]),
+        ("f 1 2 4\n", ["scene.obj", "v index 4", "out of range"]),
+        ("f 1 2 0\n", ["scene.obj", "v index 0", "out of range"]),
+        ("f 1 2 -4\n", ["scene.obj", "v index -4", "out of range"]),
+        (
+            "f 1/1 2/1 3/1\n",
+            ["scene.obj", "vt index 1", "out of range"],
+        ),
+        (
+            "vn 0 0 1\nf 1//-9 2//1 3//1\n",
+            ["scene.obj", "vn index -9", "out of range"],
+        ),
+        (
+            "mtllib none.mtl\nf 1 2 3\n",
+            ["none.mtl", "scene.obj", "line 4"],
+        ),
+    ] {
+        let message = folder.message(&format!("{triangle}{tail}"));
+        for part in parts {
+            assert!(message.contains(part), "{part}: {message}");
+        }
+    }
+    assert!(matches!(
+        folder.load(triangle),
+        Err(Error::NoTriangles { .. })
+    ));
+
+    for (material, parts) in [
+        ("newmtl m\nKd 0.1 0.2\n", ["m.mtl", "line 2", "Kd"]),
+        ("newmtl m\n\nNs shiny\n", ["m.mtl", "line 3", "Ns"]),
+        ("newmtl\n", ["m.mtl", "line 1", "newmtl"]),
+        ("Kd 1 1 1\n", ["m.mtl", "line 1", "Kd"]),
+        ("newmtl m\nmap_Kd none.png\n", ["none.png", "", ""]),
+        ("newmtl m\nmap_Kd m.mtl\n", ["m.mtl", "", "decoded"]),
+    ] {
+        folder.write("m.mtl", material);
+        let message = folder.message(&format!("mtllib m.mtl\nusemtl m\n{triangle}f 1 2 3\n"));
+        for part in parts {
+            assert!(message.contains(part), "{part}: {message}");
+        }
+    }
+}
+
+fn scene_file(folder: &Folder, tail: &str) -> softray::Result<SceneFile> {
+    folder.write("scene.obj", &format!("o ball\n{SQUARE}f 1 2 3 4\n"));
+    let text = format!(
+        r#"{{ "obj": "scene.obj", "samples_per_pixel": 4,
+             "camera": {{ "eye": [0, 1, 4], "target": [0, 1, 0], "up": [0, 1, 0],
+                          "fov_y_degrees": 35, "width": 12, "height": 8 {tail} }}"#
+    );
+    SceneFile::load(folder.write("scene.json", &text), &Device::flex())
+}
+
+#[test]
+fn scene_files() {
+    let folder = Folder::new("json");
+    // The tail closes the camera.
+    let full = r#", "aperture_radius": 0.2, "focus_distance": 3 }, "environment": [1, 2, 3],
+        "velocities": { "ball": [0.5, 0, -1] }"#;
+    let file = scene_file(&folder, full).expect("a scene");
+    assert_eq!((file.width, file.height), (12, 8));
+    assert_eq!(file.camera.fov_y.values().expect("values"), [35.0]);
+    let (aperture, focus) = file.camera.lens.as_ref().expect("a lens");
+    assert_eq!(aperture.values().expect("values"), [0.2]);
+    assert_eq!(focus.values().expect("values"), [3.0]);
+    assert_eq!(
+        file.scene.environment.values().expect("values"),
+        [1.0, 2.0, 3.0]
+    );
+    let velocity = file.scene.objects[0].velocity.as_ref().expect("a velocity");
+    assert_eq!(velocity.values().expect("values"), [0.5, 0.0, -1.0]);
+
+    let plain = scene_file(&folder, "}").expect("a scene");
+    assert!(plain.camera.lens.is_none() && plain.scene.objects[0].velocity.is_none());
+
+    let unknown = scene_file(&folder, r#"}, "velocities": { "moon": [1, 0, 0] }"#);
+    let message = unknown.expect_err("no such object").to_string();
+    for part in ["scene.json", "velocities", "moon", "ball"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    let malformed = scene_file(&folder, "")
+        .expect_err("a brace is missing")
+        .to_string();
+    assert!(malformed.contains("scene.json"), "{malformed}");
+    let none = SceneFile::load(Path::new("nowhere/scene.json"), &Device::flex());
+    assert!(none.expect_err("no file").to_string().contains("nowhere"));
+}

@@ -1,0 +1,216 @@
+//! Furnaces, determinism, outputs and errors of `render()`.
+
+mod common;
+
+use burn::tensor::Device;
+use common::{cpu_devices, values};
+use softray::prelude::*;
+
+fn white(environment: f64) -> Scene {
+    Scene::new().environment([environment; 3])
+}
+
+/// Mean radiance over an image, all channels.
+fn mean(image: &Image) -> f64 {
+    image.mean().expect("values").iter().sum::<f64>() / 3.0
+}
+
+#[test]
+fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
+    for faces in 0..3 {
+        let device = Device::flex();
+        let ball = Object::new(shapes::icosphere(faces, &device)).material(Material::diffuse([1.0; 3]));
+        let camera = Camera::look_at([0.0, 0.5, 3.0], [0.0; 3]).fov_y(30.0);
+        let options = RenderOptions::new(24, 24).samples(16).bounces(0).blur(1e-3, 1e-3);
+        let image = render(&white(0.7).with(ball), &camera, &options).expect("an image");
+        assert!((mean(&image) / 0.7 - 1.0).abs() < 0.01, "{} faces: {}", 20 << (2 * faces), mean(&image));
+    }
+}
+
+#[test]
+fn a_torus_of_albedo_1_vanishes_given_enough_bounces() {
+    let device = Device::flex();
+    let torus = Object::new(shapes::torus(1.0, 0.4, 12, 8, &device)).material(Material::diffuse([1.0; 3]));
+    let camera = Camera::look_at([0.0, 2.5, 2.0], [0.0; 3]).fov_y(40.0);
+    let options = RenderOptions::new(16, 16).samples(32).bounces(12).blur(1e-6, 1e-5);
+    let image = render(&white(1.0).with(torus), &camera, &options).expect("an image");
+    assert!((mean(&image) - 1.0).abs() < 0.01, "{}", mean(&image));
+}
+
+#[test]
+fn inside_a_box_light_adds_up_as_a_geometric_series() {
+    let device = Device::flex();
+    let (emission, albedo) = (0.8f64, 0.5f64);
+    // Seen from inside, the walls must be in front: the winding is turned over.
+    let walls = shapes::cube(&device);
+    let inward = walls.faces.iter().map(|f| [f[0], f[2], f[1]]).collect();
+    let walls = Mesh::new(walls.vertices, inward);
+    let scene = Scene::new().with(
+        Object::new(walls).material(Material::diffuse([albedo; 3]).emission([emission; 3])),
+    );
+    let camera = Camera::look_at([0.1, 0.0, 0.1], [0.0, 0.1, -0.4]).fov_y(70.0);
+    let render_at = |bounces, samples: u32| {
+        let options = RenderOptions::new(16, 16).samples(samples).bounces(bounces).blur(1e-8, 1e-5).seed(1);
+        mean(&render(&scene, &camera, &options).expect("an image"))
+    };
+    for bounces in [0, 1, 3] {
+        // The camera sees E, and every hit adds the light of the one after it.
+        let expected: f64 = (0..=bounces as i32 + 1).map(|k| emission * albedo.powi(k)).sum();
+        let found = render_at(bounces, 512);
+        assert!((found / expected - 1.0).abs() < 0.01, "{bounces} bounces: {found}, expected {expected}");
+    }
+    let (found, expected) = (render_at(10, 256), emission / (1.0 - albedo));
+    assert!((found / expected - 1.0).abs() < 0.01, "in the limit: {found}, expected {expected}");
+}
+
+#[test]
+fn lobes_reflect_their_albedo_at_normal_incidence() {
+    let device = Device::flex();
+    let plane = shapes::quad([-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], &device);
+    let camera = Camera::look_at([0.0, 0.0, 50.0], [0.0; 3]).fov_y(0.5);
+    let materials = [
+        (Material::diffuse([0.6; 3]), 0.6),
+        (Material::diffuse([0.0; 3]).specular([0.7; 3], 5.0), 0.7),
+        (Material::diffuse([0.0; 3]).specular([0.7; 3], 80.0), 0.7),
+        (Material::diffuse([0.3; 3]).specular([0.4; 3], 20.0), 0.7),
+    ];
+    for (material, expected) in materials {
+        let scene = white(1.0).with(Object::new(plane.clone()).material(material));
+        let options = RenderOptions::new(16, 16).samples(256).bounces(0).blur(1e-6, 1e-4);
+        let image = render(&scene, &camera, &options).expect("an image");
+        assert!((mean(&image) / expected - 1.0).abs() < 0.01, "{}, expected {expected}", mean(&image));
+    }
+}
+
+fn cornell(device: &Device) -> SceneFile {
+    SceneFile::load(common::reference("cornell/scene.json"), device).expect("the Cornell box")
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_whatever_the_tiles() {
+    for device in cpu_devices() {
+        let file = cornell(&device);
+        let at = |options: RenderOptions| {
+            let image = render(&file.scene, &file.camera, &options).expect("an image");
+            values(&image.radiance)
+        };
+        let options = RenderOptions::new(24, 24).samples(4).bounces(1).seed(9);
+        let first = at(options.clone());
+        assert_eq!(first, at(options.clone()));
+        assert_eq!(first, at(options.clone().rays_per_tile(160)));
+        assert_ne!(first, at(options.seed(10)));
+    }
+}
+
+#[test]
+fn backends_agree_up_to_rounding() {
+    let images: Vec<Vec<f64>> = cpu_devices()
+        .iter()
+        .map(|device| {
+            let file = cornell(device);
+            let options = RenderOptions::new(32, 32).samples(16).bounces(3).seed(2);
+            values(&render(&file.scene, &file.camera, &options).expect("an image").radiance)
+        })
+        .collect();
+    let close = common::images::share_of_close_pixels(&images[0], &images[1]);
+    assert!(close >= 0.99, "{close}");
+}
+
+#[test]
+fn outputs_of_the_camera_rays() {
+    let device = Device::flex();
+    let plane = shapes::quad([-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], &device);
+    let scene = white(1.0)
+        .with(Object::new(plane.clone()).named("front"))
+        .with(Object::new(plane.translated(Tensor::from_floats([2.0, 0.0, -1.0], &device))).named("side"));
+    let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]).fov_y(60.0);
+    let options = RenderOptions::new(31, 31).samples(4).bounces(0).blur(1e-6, 1e-5)
+        .with_opacity().with_depth().with_normals().with_object_ids();
+    let image = render(&scene, &camera, &options).expect("an image");
+    let opacity = values(&image.opacity.expect("opacity"));
+    let depth = values(&image.depth.expect("depth"));
+    let normals = values(&image.normals.expect("normals"));
+    let ids: Vec<i64> = image.object_ids.expect("ids").into_data().iter::<i64>().collect();
+    let centre = 15 * 31 + 15;
+    assert!((opacity[centre] - 1.0).abs() < 1e-4);
+    assert!((depth[centre] - 3.0).abs() < 1e-2, "{}", depth[centre]);
+    assert!((normals[3 * centre + 2] - 1.0).abs() < 1e-4);
+    assert_eq!(ids[centre], 0);
+    assert_eq!(ids[15 * 31 + 30], 1);
+    assert_eq!(ids[0], -1);
+    assert!(opacity[0] < 1e-4);
+    assert_eq!(depth[0], 0.0);
+}
+
+#[test]
+fn errors_name_what_is_wrong() {
+    let device = Device::flex();
+    let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]);
+    let ball = || Object::new(shapes::icosahedron(&device)).named("ball");
+    let options = RenderOptions::new(8, 8).samples(1);
+    let message = |scene: &Scene, camera: &Camera, options: &RenderOptions| {
+        render(scene, camera, options).expect_err("an error").to_string()
+    };
+    let expect = |message: String, parts: &[&str]| {
+        for part in parts {
+            assert!(message.contains(part), "`{message}` does not say `{part}`");
+        }
+    };
+    let good = white(1.0).with(ball());
+    expect(message(&Scene::new(), &camera, &options), &["no triangles"]);
+    expect(message(&good, &camera, &RenderOptions::new(0, 8)), &["width", "0"]);
+    expect(message(&good, &camera, &options.clone().samples(0)), &["samples", "0"]);
+    for bad in [0.0, -1.0, f64::NAN] {
+        expect(message(&good, &camera, &options.clone().blur(bad, 1e-3)), &["sigma", &bad.to_string()]);
+        expect(message(&good, &camera, &options.clone().blur(1e-3, bad)), &["gamma", &bad.to_string()]);
+    }
+    let nan = Mesh::from_host(&[[0.0; 3], [1.0, 0.0, f64::NAN], [0.0, 1.0, 0.0]], vec![[0, 1, 2]], &device);
+    expect(message(&white(1.0).with(Object::new(nan).named("broken")), &camera, &options), &["broken", "vertices 1", "NaN"]);
+    let range = Mesh::from_host(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 3]], &device);
+    expect(message(&white(1.0).with(Object::new(range).named("short")), &camera, &options), &["short", "face 0", "3"]);
+    let bright = ball().material(Material::diffuse([0.7; 3]).specular([0.4; 3], 8.0));
+    expect(message(&white(1.0).with(bright), &camera, &options), &["ball", "diffuse + specular", "1.1"]);
+    let up = camera.clone().up([0.0, 0.0, 1.0]);
+    expect(message(&good, &up, &options), &["camera", "up"]);
+    let fov = camera.clone().fov_y(180.0);
+    expect(message(&good, &fov, &options), &["camera", "fov_y", "180"]);
+    let nowhere = Camera::look_at([0.0; 3], [0.0; 3]);
+    expect(message(&good, &nowhere, &options), &["camera", "target"]);
+    let devices = cpu_devices();
+    let other = Object::new(shapes::icosahedron(&devices[1])).named("elsewhere");
+    expect(message(&good.clone().with(other), &camera, &options), &["elsewhere", "vertices", "NdArray"]);
+}
+
+#[test]
+fn a_scene_without_light_is_black() {
+    let device = Device::flex();
+    let scene = Scene::new().with(Object::new(shapes::icosahedron(&device)));
+    let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]);
+    let image = render(&scene, &camera, &RenderOptions::new(8, 8).samples(2)).expect("an image");
+    assert!(values(&image.radiance).iter().all(|&v| v == 0.0));
+}
+
+#[test]
+fn a_fine_icosphere_renders_like_a_coarse_one() {
+    // σ = (0.3 mean edges)², so the blur is the same to each mesh.
+    let render_at = |subdivisions: u32| {
+        let device = Device::flex();
+        let faces = 20.0 * 4f64.powi(subdivisions as i32);
+        // The area of a unit sphere shared by equilateral triangles.
+        let edge = (4.0 * std::f64::consts::PI / faces * 4.0 / 3f64.sqrt()).sqrt();
+        let ball = Object::new(shapes::icosphere(subdivisions, &device)).material(Material::diffuse([0.8; 3]));
+        let light = shapes::quad([-0.5, 3.0, -0.5], [0.5, 3.0, -0.5], [0.5, 3.0, 0.5], [-0.5, 3.0, 0.5], &device);
+        let scene = white(0.5).with(ball).with(Object::new(light).material(Material::emitter([8.0; 3])));
+        let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3]).fov_y(45.0);
+        let (size, samples) = if common::long() { (32, 32) } else { (12, 8) };
+        let options = RenderOptions::new(size, size).samples(samples).bounces(0).blur((0.3 * edge).powi(2), 1e-4);
+        let image = render(&scene, &camera, &options).expect("an image");
+        (mean(&image), values(&image.radiance))
+    };
+    let fine = if common::long() { 5 } else { 4 };
+    let (coarse, image) = render_at(2);
+    let (found, fine_image) = render_at(fine);
+    let rmse = (image.iter().zip(&fine_image).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / image.len() as f64).sqrt();
+    println!("mean {coarse} at 320 faces, {found} at {} faces, rmse {rmse}", 20 << (2 * fine));
+    assert!((found / coarse - 1.0).abs() < 0.03, "{found}, coarse {coarse}");
+}

@@ -1,0 +1,60 @@
+//! The tests that depend on the backend, on wgpu: a GPU or a software Vulkan driver.
+//!
+//! `SOFTRAY_WGPU_KIND=cpu` picks a software adapter.
+#![cfg(feature = "wgpu")]
+
+mod common;
+
+use burn::tensor::{DType, Device, DeviceKind};
+use common::values;
+use softray::prelude::*;
+
+fn kind() -> DeviceKind {
+    match std::env::var("SOFTRAY_WGPU_KIND").as_deref() {
+        Ok("cpu") => DeviceKind::Cpu,
+        _ => DeviceKind::DefaultDevice,
+    }
+}
+
+fn device() -> Device {
+    #[cfg(feature = "vulkan")]
+    return Device::vulkan(kind());
+    #[cfg(not(feature = "vulkan"))]
+    Device::wgpu(kind())
+}
+
+#[test]
+fn formulas_in_f32() {
+    common::visibility::check(&device(), DType::F32, 2e-4, 2e-3);
+}
+
+#[test]
+fn the_image_is_that_of_the_cpu_and_repeats() {
+    let at = |device: &Device| {
+        let file = SceneFile::load(common::reference("cornell/scene.json"), device).expect("a scene");
+        let options = RenderOptions::new(16, 16).samples(16).bounces(1).seed(2);
+        values(&render(&file.scene, &file.camera, &options).expect("an image").radiance)
+    };
+    let gpu = at(&device());
+    assert_eq!(gpu, at(&device()));
+    let close = common::images::share_of_close_pixels(&gpu, &at(&Device::flex()));
+    assert!(close >= 0.99, "{close}");
+}
+
+#[test]
+fn gradients_are_those_of_the_cpu() {
+    let at = |device: &Device| {
+        let file = SceneFile::load(common::reference("shadow/scene.json"), device).expect("a scene");
+        let offset = Tensor::<1>::zeros([3], device).autodiff().require_grad();
+        let scene = file.scene.map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())));
+        let options = RenderOptions::new(12, 12).samples(8).bounces(0).blur(1e-2, 1e-2).seed(3);
+        let image = render(&scene, &file.camera, &options).expect("an image");
+        let gradients = image.radiance.powf_scalar(2.0).sum().backward();
+        values(&offset.grad(&gradients).expect("a gradient"))
+    };
+    let (gpu, cpu) = (at(&device()), at(&Device::flex()));
+    let norm = cpu.iter().map(|x| x * x).sum::<f64>().sqrt();
+    for (g, c) in gpu.iter().zip(&cpu) {
+        assert!((g - c).abs() < 1e-2 * norm, "{gpu:?}, on the CPU {cpu:?}");
+    }
+}
