@@ -57,7 +57,7 @@ pub struct Coverage {
     pub logit: Tensor<2>,
     /// exp(−|logit|).
     pub(crate) decay: Tensor<2>,
-    /// Whether the pair counts at all.
+    /// Whether the pair counts at all; softened pairs do only inside.
     pub counted: Tensor<2, Bool>,
     /// Pairs that count by max(0, 2p − 1): neighbours of a triangle at an end of the ray.
     pub(crate) softened: Option<Tensor<2, Bool>>,
@@ -73,12 +73,11 @@ impl Coverage {
         let p = self
             .decay
             .clone()
-            .mask_fill(inside.clone(), 1.0)
+            .mask_fill(inside, 1.0)
             / one_plus.clone();
         let p = match &self.softened {
             Some(s) => {
-                let soft = (self.decay.clone().neg() + 1.0) / one_plus;
-                p.mask_where(s.clone(), soft.mask_fill(inside.bool_not(), 0.0))
+                p.mask_where(s.clone(), (self.decay.clone().neg() + 1.0) / one_plus)
             }
             None => p,
         };
@@ -163,6 +162,15 @@ pub fn coverage(
     }
     if let Some(hidden) = hidden_sides(context, topology, rays, &plain_cosine, &plain_t) {
         counted = counted.bool_and(hidden.bool_not());
+    }
+    if let Some(softened) = &softened {
+        // max(0, 2p − 1) is 0 outside, and below rounding close to the border.
+        let none = nearest
+            .squared_distance
+            .clone()
+            .lower_elem(settings.sigma * context.epsilon())
+            .bool_or(nearest.inside.clone().bool_not());
+        counted = counted.bool_and(softened.clone().bool_and(none).bool_not());
     }
     let discounted = counted.clone().bool_not();
 

@@ -36,22 +36,20 @@ impl Softmax {
         let far = distance + radius;
         let per_depth = (far.clone() - near).recip() / self.gamma;
         let score = (far - coverage.t.clone()) * per_depth.clone();
-        let counted = coverage.counted.clone();
-        let discounted = counted.bool_not();
+        let discounted = coverage.counted.clone().bool_not();
         // log p = min(logit, 0) − log(1 + exp(−|logit|)): the exponent is shifted by its largest
         // piecewise linear part, so that nothing overflows and no logarithm is needed.
-        let exponent = score + coverage.logit.clone().clamp_max(0.0);
+        let mut exponent = score + coverage.logit.clone().clamp_max(0.0);
+        if let Some(softened) = &coverage.softened {
+            // max(0, 2p − 1) = tanh(logit/2) = (1 − e)/(1 + e) with e = exp(−logit).
+            let soft = (coverage.decay.clone().neg() + 1.0).mask_fill(discounted.clone(), 1.0).log();
+            exponent = exponent.clone().mask_where(softened.clone(), exponent + soft);
+        }
         let exponent = exponent.mask_fill(discounted.clone(), -1e30);
         let background = self.epsilon / self.gamma;
         let largest = exponent.clone().max_dim(0).clamp_min(background);
         let one_plus = coverage.decay.clone() + 1.0;
-        let mut weight = (exponent - largest.clone()).exp() / one_plus.clone();
-        if let Some(softened) = &coverage.softened {
-            // max(0, 2p − 1) = tanh(logit/2) inside, (1 − e)/(1 + e) with e = exp(−logit).
-            let soft = weight.clone() * (coverage.decay.clone().neg() + 1.0);
-            let soft = soft.mask_fill(coverage.inside().bool_not(), 0.0);
-            weight = weight.mask_where(softened.clone(), soft);
-        }
+        let weight = (exponent - largest.clone()).exp() / one_plus.clone();
         let weight = weight.mask_fill(discounted.clone(), 0.0);
         let rest = (largest.neg() + background).exp();
         let total = weight.clone().sum_dim(0) + rest.clone();

@@ -9,28 +9,24 @@ use super::Coverage;
 pub fn transmittance(coverage: &Coverage) -> Tensor<2> {
     let inside = coverage.inside();
     let one_plus = coverage.decay.clone() + 1.0;
-    // 1 − p = sigmoid(−logit); a softened pair passes 2e/(1 + e) inside and everything outside.
+    // 1 − p = sigmoid(−logit); a softened pair, which counts only inside,
+    // passes 2e/(1 + e).
     let mut passed = coverage
         .decay
         .clone()
         .mask_fill(inside.clone().bool_not(), 1.0)
         / one_plus.clone();
-    let mut slope = coverage.decay.clone().mask_fill(inside.clone(), 1.0) / one_plus.clone();
+    let slope = coverage.decay.clone().mask_fill(inside, 1.0) / one_plus;
     let discounted = coverage.counted.clone().bool_not();
     if let Some(softened) = &coverage.softened {
-        let outside = softened.clone().bool_and(inside.bool_not());
-        passed = passed
-            .clone()
-            .mask_where(softened.clone(), passed * 2.0)
-            .mask_fill(outside.clone(), 1.0);
-        slope = slope.mask_fill(outside, 0.0);
+        passed = passed.clone().mask_where(softened.clone(), passed * 2.0);
     }
     let value = passed
         .mask_fill(discounted.clone(), 1.0)
         .log()
         .sum_dim(0)
         .exp();
-    // d log(1 − p)/d logit = −p, for softened pairs inside too.
+    // d log(1 − p)/d logit = −p, for softened pairs too.
     match coverage.linear(slope.mask_fill(discounted, 0.0).neg(), None) {
         Some(change) => value * (change + 1.0),
         None => value,
