@@ -178,7 +178,12 @@ impl RenderOptions {
         }
         if self.width.saturating_mul(self.height) > u32::MAX as usize {
             let size = format!("{} × {}", self.width, self.height);
-            return Err(Error::invalid(options, "width × height", size, "at most 2³² − 1 pixels"));
+            return Err(Error::invalid(
+                options,
+                "width × height",
+                size,
+                "at most 2³² − 1 pixels",
+            ));
         }
         for (field, value) in [("sigma", self.sigma), ("gamma", self.gamma)] {
             if !(value.is_finite() && value > 0.0) {
@@ -186,12 +191,22 @@ impl RenderOptions {
             }
         }
         if !self.epsilon.is_finite() {
-            return Err(Error::invalid(options, "epsilon", self.epsilon, "a finite number"));
+            return Err(Error::invalid(
+                options,
+                "epsilon",
+                self.epsilon,
+                "a finite number",
+            ));
         }
         if let Some(b) = self.bounds
             && !(b.radius.is_finite() && b.radius > 0.0 && b.center.iter().all(|c| c.is_finite()))
         {
-            return Err(Error::invalid(options, "bounds", format!("{b:?}"), "a finite centre and a radius > 0"));
+            return Err(Error::invalid(
+                options,
+                "bounds",
+                format!("{b:?}"),
+                "a finite centre and a radius > 0",
+            ));
         }
         Ok(())
     }
@@ -316,7 +331,11 @@ impl Renderer<'_> {
         let triangles = self.scene.triangles.len();
         let pixels = self.options.width * self.options.height;
         let samples = self.options.samples as usize;
-        let pairs = if is_cpu(&self.scene.context) { 1 << 18 } else { 1 << 23 };
+        let pairs = if is_cpu(&self.scene.context) {
+            1 << 18
+        } else {
+            1 << 23
+        };
         let rays = self
             .options
             .rays_per_tile
@@ -342,11 +361,18 @@ impl Renderer<'_> {
             .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel as u32, sample)))
             .collect();
         let rays = self.camera_rays(&paths);
-        let found = trace(self.scene, &self.settings, &self.sampler, rays.clone(), &paths)?;
+        let samples = (tile.to - tile.from) as usize;
+        let found = trace(
+            self.scene,
+            &self.settings,
+            &self.sampler,
+            rays.clone(),
+            &paths,
+            samples,
+        )?;
         let traced = found.rays;
         let rows = Tensor::cat(self.outputs(found, &rays), 0);
         let channels = rows.dims()[0];
-        let samples = (tile.to - tile.from) as usize;
         let sums = rows
             .reshape([channels * tile.pixels, samples])
             .sum_dim(1)
@@ -442,7 +468,11 @@ impl Renderer<'_> {
     }
 
     fn objects(&self) -> usize {
-        self.scene.topology.object.last().map_or(0, |&o| o as usize + 1)
+        self.scene
+            .topology
+            .object
+            .last()
+            .map_or(0, |&o| o as usize + 1)
     }
 
     /// The image from means `[C, H·W]` of the rows of `outputs`.
@@ -480,7 +510,11 @@ impl Renderer<'_> {
         });
         Image {
             radiance,
-            opacity: if outputs.opacity { opacity.map(plane) } else { None },
+            opacity: if outputs.opacity {
+                opacity.map(plane)
+            } else {
+                None
+            },
             depth,
             normals,
             object_ids,

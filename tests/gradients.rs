@@ -9,13 +9,23 @@ use common::gradients::{Effort, cases, compare};
 #[test]
 fn agree_with_central_differences() {
     let device = Device::flex();
-    let (sigma, gamma) = (1e-3, 3e-2);
+    let (sigma, gamma) = (2e-2, 0.3);
     let (gradient, difference, share, bound) = if common::long() {
-        let effort = |samples, seeds| Effort { sigma, gamma, samples, seeds };
+        let effort = |samples, seeds| Effort {
+            sigma,
+            gamma,
+            samples,
+            seeds,
+        };
         (effort(64, 64), effort(256, 96), 0.01, 0.03)
     } else {
-        let effort = |samples, seeds| Effort { sigma, gamma, samples, seeds };
-        (effort(32, 40), effort(64, 40), 0.15, 0.3)
+        let effort = |samples, seeds| Effort {
+            sigma,
+            gamma,
+            samples,
+            seeds,
+        };
+        (effort(16, 20), effort(32, 20), 0.15, 0.3)
     };
     let mut failures = Vec::new();
     for case in cases() {

@@ -15,7 +15,10 @@ fn unblurred_limit() {
             (32, 0.02, 0.12)
         };
         let found = compare(name, bounces, samples, (1e-7, 1e-5), &Device::flex());
-        assert!((found.mean_ratio - 1.0).abs() < mean, "{name} {bounces}: {found:?}");
+        assert!(
+            (found.mean_ratio - 1.0).abs() < mean,
+            "{name} {bounces}: {found:?}"
+        );
         assert!(found.rmse_clipped < rmse, "{name} {bounces}: {found:?}");
     }
 }

@@ -19,20 +19,33 @@ fn mean(image: &Image) -> f64 {
 fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
     for faces in 0..3 {
         let device = Device::flex();
-        let ball = Object::new(shapes::icosphere(faces, &device)).material(Material::diffuse([1.0; 3]));
+        let ball =
+            Object::new(shapes::icosphere(faces, &device)).material(Material::diffuse([1.0; 3]));
         let camera = Camera::look_at([0.0, 0.5, 3.0], [0.0; 3]).fov_y(30.0);
-        let options = RenderOptions::new(24, 24).samples(16).bounces(0).blur(1e-5, 1e-3);
+        let options = RenderOptions::new(24, 24)
+            .samples(16)
+            .bounces(0)
+            .blur(1e-5, 1e-3);
         let image = render(&white(0.7).with(ball), &camera, &options).expect("an image");
-        assert!((mean(&image) / 0.7 - 1.0).abs() < 0.01, "{} faces: {}", 20 << (2 * faces), mean(&image));
+        assert!(
+            (mean(&image) / 0.7 - 1.0).abs() < 0.01,
+            "{} faces: {}",
+            20 << (2 * faces),
+            mean(&image)
+        );
     }
 }
 
 #[test]
 fn a_torus_of_albedo_1_vanishes_given_enough_bounces() {
     let device = Device::flex();
-    let torus = Object::new(shapes::torus(1.0, 0.4, 12, 8, &device)).material(Material::diffuse([1.0; 3]));
+    let torus =
+        Object::new(shapes::torus(1.0, 0.4, 12, 8, &device)).material(Material::diffuse([1.0; 3]));
     let camera = Camera::look_at([0.0, 2.5, 2.0], [0.0; 3]).fov_y(40.0);
-    let options = RenderOptions::new(16, 16).samples(32).bounces(12).blur(1e-6, 1e-5);
+    let options = RenderOptions::new(16, 16)
+        .samples(32)
+        .bounces(12)
+        .blur(1e-6, 1e-5);
     let image = render(&white(1.0).with(torus), &camera, &options).expect("an image");
     assert!((mean(&image) - 1.0).abs() < 0.01, "{}", mean(&image));
 }
@@ -45,28 +58,45 @@ fn inside_a_box_light_adds_up_as_a_geometric_series() {
     let walls = shapes::cube(&device);
     let inward = walls.faces.iter().map(|f| [f[0], f[2], f[1]]).collect();
     let walls = Mesh::new(walls.vertices, inward);
-    let scene = Scene::new().with(
-        Object::new(walls).material(Material::diffuse([albedo; 3]).emission([emission; 3])),
-    );
+    let scene = Scene::new()
+        .with(Object::new(walls).material(Material::diffuse([albedo; 3]).emission([emission; 3])));
     let camera = Camera::look_at([0.1, 0.0, 0.1], [0.0, 0.1, -0.4]).fov_y(70.0);
     let render_at = |bounces, samples: u32| {
-        let options = RenderOptions::new(16, 16).samples(samples).bounces(bounces).blur(1e-8, 1e-5).seed(1);
+        let options = RenderOptions::new(16, 16)
+            .samples(samples)
+            .bounces(bounces)
+            .blur(1e-8, 1e-5)
+            .seed(1);
         mean(&render(&scene, &camera, &options).expect("an image"))
     };
     for bounces in [0, 1, 3] {
         // The camera sees E, and every hit adds the light of the one after it.
-        let expected: f64 = (0..=bounces as i32 + 1).map(|k| emission * albedo.powi(k)).sum();
+        let expected: f64 = (0..=bounces as i32 + 1)
+            .map(|k| emission * albedo.powi(k))
+            .sum();
         let found = render_at(bounces, 512);
-        assert!((found / expected - 1.0).abs() < 0.01, "{bounces} bounces: {found}, expected {expected}");
+        assert!(
+            (found / expected - 1.0).abs() < 0.01,
+            "{bounces} bounces: {found}, expected {expected}"
+        );
     }
     let (found, expected) = (render_at(10, 256), emission / (1.0 - albedo));
-    assert!((found / expected - 1.0).abs() < 0.01, "in the limit: {found}, expected {expected}");
+    assert!(
+        (found / expected - 1.0).abs() < 0.01,
+        "in the limit: {found}, expected {expected}"
+    );
 }
 
 #[test]
 fn lobes_reflect_their_albedo_at_normal_incidence() {
     let device = Device::flex();
-    let plane = shapes::quad([-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], &device);
+    let plane = shapes::quad(
+        [-1.0, -1.0, 0.0],
+        [1.0, -1.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [-1.0, 1.0, 0.0],
+        &device,
+    );
     let camera = Camera::look_at([0.0, 0.0, 50.0], [0.0; 3]).fov_y(0.5);
     let materials = [
         (Material::diffuse([0.6; 3]), 0.6),
@@ -76,9 +106,16 @@ fn lobes_reflect_their_albedo_at_normal_incidence() {
     ];
     for (material, expected) in materials {
         let scene = white(1.0).with(Object::new(plane.clone()).material(material));
-        let options = RenderOptions::new(16, 16).samples(256).bounces(0).blur(1e-6, 1e-4);
+        let options = RenderOptions::new(16, 16)
+            .samples(256)
+            .bounces(0)
+            .blur(1e-6, 1e-4);
         let image = render(&scene, &camera, &options).expect("an image");
-        assert!((mean(&image) / expected - 1.0).abs() < 0.01, "{}, expected {expected}", mean(&image));
+        assert!(
+            (mean(&image) / expected - 1.0).abs() < 0.01,
+            "{}, expected {expected}",
+            mean(&image)
+        );
     }
 }
 
@@ -109,7 +146,11 @@ fn backends_agree_up_to_rounding() {
         .map(|device| {
             let file = cornell(device);
             let options = RenderOptions::new(32, 32).samples(16).bounces(3).seed(2);
-            values(&render(&file.scene, &file.camera, &options).expect("an image").radiance)
+            values(
+                &render(&file.scene, &file.camera, &options)
+                    .expect("an image")
+                    .radiance,
+            )
         })
         .collect();
     let close = common::images::share_of_close_pixels(&images[0], &images[1]);
@@ -119,18 +160,38 @@ fn backends_agree_up_to_rounding() {
 #[test]
 fn outputs_of_the_camera_rays() {
     let device = Device::flex();
-    let plane = shapes::quad([-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], &device);
+    let plane = shapes::quad(
+        [-1.0, -1.0, 0.0],
+        [1.0, -1.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [-1.0, 1.0, 0.0],
+        &device,
+    );
     let scene = white(1.0)
         .with(Object::new(plane.clone()).named("front"))
-        .with(Object::new(plane.translated(Tensor::from_floats([2.0, 0.0, -1.0], &device))).named("side"));
+        .with(
+            Object::new(plane.translated(Tensor::from_floats([2.0, 0.0, -1.0], &device)))
+                .named("side"),
+        );
     let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]).fov_y(60.0);
-    let options = RenderOptions::new(31, 31).samples(4).bounces(0).blur(1e-6, 1e-5)
-        .with_opacity().with_depth().with_normals().with_object_ids();
+    let options = RenderOptions::new(31, 31)
+        .samples(4)
+        .bounces(0)
+        .blur(1e-6, 1e-5)
+        .with_opacity()
+        .with_depth()
+        .with_normals()
+        .with_object_ids();
     let image = render(&scene, &camera, &options).expect("an image");
     let opacity = values(&image.opacity.expect("opacity"));
     let depth = values(&image.depth.expect("depth"));
     let normals = values(&image.normals.expect("normals"));
-    let ids: Vec<i64> = image.object_ids.expect("ids").into_data().iter::<i64>().collect();
+    let ids: Vec<i64> = image
+        .object_ids
+        .expect("ids")
+        .into_data()
+        .iter::<i64>()
+        .collect();
     let centre = 15 * 31 + 15;
     assert!((opacity[centre] - 1.0).abs() < 1e-4);
     assert!((depth[centre] - 3.0).abs() < 1e-2, "{}", depth[centre]);
@@ -149,7 +210,9 @@ fn errors_name_what_is_wrong() {
     let ball = || Object::new(shapes::icosahedron(&device)).named("ball");
     let options = RenderOptions::new(8, 8).samples(1);
     let message = |scene: &Scene, camera: &Camera, options: &RenderOptions| {
-        render(scene, camera, options).expect_err("an error").to_string()
+        render(scene, camera, options)
+            .expect_err("an error")
+            .to_string()
     };
     let expect = |message: String, parts: &[&str]| {
         for part in parts {
@@ -158,18 +221,55 @@ fn errors_name_what_is_wrong() {
     };
     let good = white(1.0).with(ball());
     expect(message(&Scene::new(), &camera, &options), &["no triangles"]);
-    expect(message(&good, &camera, &RenderOptions::new(0, 8)), &["width", "0"]);
-    expect(message(&good, &camera, &options.clone().samples(0)), &["samples", "0"]);
+    expect(
+        message(&good, &camera, &RenderOptions::new(0, 8)),
+        &["width", "0"],
+    );
+    expect(
+        message(&good, &camera, &options.clone().samples(0)),
+        &["samples", "0"],
+    );
     for bad in [0.0, -1.0, f64::NAN] {
-        expect(message(&good, &camera, &options.clone().blur(bad, 1e-3)), &["sigma", &bad.to_string()]);
-        expect(message(&good, &camera, &options.clone().blur(1e-3, bad)), &["gamma", &bad.to_string()]);
+        expect(
+            message(&good, &camera, &options.clone().blur(bad, 1e-3)),
+            &["sigma", &bad.to_string()],
+        );
+        expect(
+            message(&good, &camera, &options.clone().blur(1e-3, bad)),
+            &["gamma", &bad.to_string()],
+        );
     }
-    let nan = Mesh::from_host(&[[0.0; 3], [1.0, 0.0, f64::NAN], [0.0, 1.0, 0.0]], vec![[0, 1, 2]], &device);
-    expect(message(&white(1.0).with(Object::new(nan).named("broken")), &camera, &options), &["broken", "vertices 1", "NaN"]);
-    let range = Mesh::from_host(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 3]], &device);
-    expect(message(&white(1.0).with(Object::new(range).named("short")), &camera, &options), &["short", "face 0", "3"]);
+    let nan = Mesh::from_host(
+        &[[0.0; 3], [1.0, 0.0, f64::NAN], [0.0, 1.0, 0.0]],
+        vec![[0, 1, 2]],
+        &device,
+    );
+    expect(
+        message(
+            &white(1.0).with(Object::new(nan).named("broken")),
+            &camera,
+            &options,
+        ),
+        &["broken", "vertices 1", "NaN"],
+    );
+    let range = Mesh::from_host(
+        &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        vec![[0, 1, 3]],
+        &device,
+    );
+    expect(
+        message(
+            &white(1.0).with(Object::new(range).named("short")),
+            &camera,
+            &options,
+        ),
+        &["short", "face 0", "3"],
+    );
     let bright = ball().material(Material::diffuse([0.7; 3]).specular([0.4; 3], 8.0));
-    expect(message(&white(1.0).with(bright), &camera, &options), &["ball", "diffuse + specular", "1.1"]);
+    expect(
+        message(&white(1.0).with(bright), &camera, &options),
+        &["ball", "diffuse + specular", "1.1"],
+    );
     let up = camera.clone().up([0.0, 0.0, 1.0]);
     expect(message(&good, &up, &options), &["camera", "up"]);
     let fov = camera.clone().fov_y(180.0);
@@ -178,7 +278,10 @@ fn errors_name_what_is_wrong() {
     expect(message(&good, &nowhere, &options), &["camera", "target"]);
     let devices = cpu_devices();
     let other = Object::new(shapes::icosahedron(&devices[1])).named("elsewhere");
-    expect(message(&good.clone().with(other), &camera, &options), &["elsewhere", "vertices", "NdArray"]);
+    expect(
+        message(&good.clone().with(other), &camera, &options),
+        &["elsewhere", "vertices", "NdArray"],
+    );
 }
 
 #[test]
@@ -224,10 +327,22 @@ fn fine_faces_render_like_coarse_ones() {
     let edge = (16.0 * std::f64::consts::PI / 3f64.sqrt() / fine.faces.len() as f64).sqrt();
     let render_at = |mesh: &Mesh, seed| {
         let ball = Object::new(mesh.clone()).material(Material::diffuse([0.8; 3]));
-        let light = shapes::quad([-0.5, 3.0, -0.5], [0.5, 3.0, -0.5], [0.5, 3.0, 0.5], [-0.5, 3.0, 0.5], &device);
-        let scene = white(0.5).with(ball).with(Object::new(light).material(Material::emitter([8.0; 3])));
+        let light = shapes::quad(
+            [-0.5, 3.0, -0.5],
+            [0.5, 3.0, -0.5],
+            [0.5, 3.0, 0.5],
+            [-0.5, 3.0, 0.5],
+            &device,
+        );
+        let scene = white(0.5)
+            .with(ball)
+            .with(Object::new(light).material(Material::emitter([8.0; 3])));
         let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3]).fov_y(45.0);
-        let options = RenderOptions::new(12, 12).samples(8).bounces(0).blur((0.3 * edge).powi(2), 1e-2).seed(seed);
+        let options = RenderOptions::new(12, 12)
+            .samples(8)
+            .bounces(0)
+            .blur((0.3 * edge).powi(2), 1e-2)
+            .seed(seed);
         let image = render(&scene, &camera, &options).expect("an image");
         (mean(&image), values(&image.radiance))
     };
@@ -238,7 +353,13 @@ fn fine_faces_render_like_coarse_ones() {
     let noise = rmse(&image, &render_at(&coarse, 2).1);
     let (found, split) = render_at(&fine, 3);
     let difference = rmse(&image, &split);
-    println!("mean {expected} at 320 faces, {found} at {}; rmse {difference}, noise {noise}", fine.faces.len());
-    assert!((found / expected - 1.0).abs() < 0.02, "{found}, expected {expected}");
+    println!(
+        "mean {expected} at 320 faces, {found} at {}; rmse {difference}, noise {noise}",
+        fine.faces.len()
+    );
+    assert!(
+        (found / expected - 1.0).abs() < 0.02,
+        "{found}, expected {expected}"
+    );
     assert!(difference < 1.3 * noise, "{difference}, noise {noise}");
 }

@@ -31,9 +31,14 @@ fn formulas_in_f32() {
 #[test]
 fn the_image_is_that_of_the_cpu_and_repeats() {
     let at = |device: &Device| {
-        let file = SceneFile::load(common::reference("cornell/scene.json"), device).expect("a scene");
+        let file =
+            SceneFile::load(common::reference("cornell/scene.json"), device).expect("a scene");
         let options = RenderOptions::new(16, 16).samples(16).bounces(1).seed(2);
-        values(&render(&file.scene, &file.camera, &options).expect("an image").radiance)
+        values(
+            &render(&file.scene, &file.camera, &options)
+                .expect("an image")
+                .radiance,
+        )
     };
     let gpu = at(&device());
     assert_eq!(gpu, at(&device()));
@@ -44,10 +49,17 @@ fn the_image_is_that_of_the_cpu_and_repeats() {
 #[test]
 fn gradients_are_those_of_the_cpu() {
     let at = |device: &Device| {
-        let file = SceneFile::load(common::reference("shadow/scene.json"), device).expect("a scene");
+        let file =
+            SceneFile::load(common::reference("shadow/scene.json"), device).expect("a scene");
         let offset = Tensor::<1>::zeros([3], device).autodiff().require_grad();
-        let scene = file.scene.map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())));
-        let options = RenderOptions::new(12, 12).samples(8).bounces(0).blur(1e-2, 1e-2).seed(3);
+        let scene = file
+            .scene
+            .map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())));
+        let options = RenderOptions::new(12, 12)
+            .samples(8)
+            .bounces(0)
+            .blur(1e-2, 1e-2)
+            .seed(3);
         let image = render(&scene, &file.camera, &options).expect("an image");
         let gradients = image.radiance.powf_scalar(2.0).sum().backward();
         values(&offset.grad(&gradients).expect("a gradient"))

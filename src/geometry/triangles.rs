@@ -62,8 +62,7 @@ impl Triangles {
         let n = ab.cross(&ac);
         let doubled_area = n.dot(&n).sqrt();
         let longest = ab.dot(&ab).max_pair(ac.dot(&ac));
-        let valid = doubled_area
-            .greater(longest * (4.0 * context.epsilon()));
+        let valid = doubled_area.greater(longest * (4.0 * context.epsilon()));
         let invalid = valid.clone().bool_not();
         let any_invalid = invalid.clone().any().into_scalar::<bool>();
         let sanitise = |p: Vec3, unit: [f64; 3]| {

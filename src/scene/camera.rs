@@ -44,7 +44,11 @@ impl Camera {
     }
 
     /// With a thin lens: aperture radius and focus distance in scene units.
-    pub fn thin_lens(mut self, aperture_radius: impl Into<Parameter<1>>, focus_distance: impl Into<Parameter<1>>) -> Self {
+    pub fn thin_lens(
+        mut self,
+        aperture_radius: impl Into<Parameter<1>>,
+        focus_distance: impl Into<Parameter<1>>,
+    ) -> Self {
         self.lens = Some((aperture_radius.into(), focus_distance.into()));
         self
     }
@@ -52,26 +56,50 @@ impl Camera {
     pub(crate) fn check(&self) -> Result<()> {
         let finite = |_| true;
         let eye = glam::DVec3::from(self.eye.check("camera", "eye", "finite numbers", finite)?);
-        let target = glam::DVec3::from(self.target.check("camera", "target", "finite numbers", finite)?);
+        let target =
+            glam::DVec3::from(
+                self.target
+                    .check("camera", "target", "finite numbers", finite)?,
+            );
         let up = glam::DVec3::from(self.up.check("camera", "up", "finite numbers", finite)?);
-        self.fov_y.check("camera", "fov_y", "degrees in (0, 180)", |f| f > 0.0 && f < 180.0)?;
+        self.fov_y
+            .check("camera", "fov_y", "degrees in (0, 180)", |f| {
+                f > 0.0 && f < 180.0
+            })?;
         if let Some((aperture, focus)) = &self.lens {
             aperture.check("camera", "aperture radius", "a number ≥ 0", |a| a >= 0.0)?;
             focus.check("camera", "focus distance", "a number > 0", |f| f > 0.0)?;
         }
         let view = target - eye;
         if view.length() <= 0.0 {
-            return Err(Error::invalid("camera", "target", target, "a point other than the eye"));
+            return Err(Error::invalid(
+                "camera",
+                "target",
+                target,
+                "a point other than the eye",
+            ));
         }
         if view.normalize().cross(up.normalize_or_zero()).length() < 1e-6 {
-            return Err(Error::invalid("camera", "up", up, format!("a vector not along the view {view}")));
+            return Err(Error::invalid(
+                "camera",
+                "up",
+                up,
+                format!("a vector not along the view {view}"),
+            ));
         }
         Ok(())
     }
 
     /// Rays through film points (rows `[1, N]` in units of the image, (0, 0) top left), from lens
     /// points (rows, on the unit disk). Origins are relative to `centre`.
-    pub(crate) fn rays(&self, context: &Context, centre: [f64; 3], aspect: f64, film: &[Tensor<2>; 2], disk: Option<&[Tensor<2>; 2]>) -> (Vec3, Vec3) {
+    pub(crate) fn rays(
+        &self,
+        context: &Context,
+        centre: [f64; 3],
+        aspect: f64,
+        film: &[Tensor<2>; 2],
+        disk: Option<&[Tensor<2>; 2]>,
+    ) -> (Vec3, Vec3) {
         let vector = |p: &Parameter<3>| {
             let [x, y, z] = p.planes(context);
             Vec3::new(x, y, z)
@@ -117,6 +145,8 @@ impl Camera {
             all.push(("aperture radius", a.tensor()));
             all.push(("focus distance", f.tensor()));
         }
-        all.into_iter().filter_map(|(n, t)| t.map(|t| (n, t))).collect()
+        all.into_iter()
+            .filter_map(|(n, t)| t.map(|t| (n, t)))
+            .collect()
     }
 }

@@ -136,7 +136,10 @@ impl Flattened {
             .filter(|&t| materials.emits[topology.material[t as usize] as usize])
             .collect();
         let textured = materials.diffuse.atlas.is_some()
-            || materials.specular.as_ref().is_some_and(|(s, _)| s.atlas.is_some());
+            || materials
+                .specular
+                .as_ref()
+                .is_some_and(|(s, _)| s.atlas.is_some());
         let uvs = textured.then(|| corner_values(scene, &context, 2));
         let smooth: Vec<bool> = scene
             .objects
@@ -204,7 +207,12 @@ fn check(scene: &Scene, camera: &Camera) -> Result<Context> {
     for object in &scene.objects {
         let name = &object.name;
         let mesh = &object.mesh;
-        same(name, "vertices", mesh.vertices.device(), mesh.vertices.dtype())?;
+        same(
+            name,
+            "vertices",
+            mesh.vertices.device(),
+            mesh.vertices.dtype(),
+        )?;
         for (field, a) in [("uvs", &mesh.uvs), ("normals", &mesh.normals)] {
             if let Some(a) = a {
                 same(name, field, a.values.device(), a.values.dtype())?;
@@ -215,7 +223,12 @@ fn check(scene: &Scene, camera: &Camera) -> Result<Context> {
             same(name, "velocity", t.device(), t.dtype())?;
         }
         if object.materials.is_empty() {
-            return Err(Error::invalid(name, "materials", "empty", "at least one material"));
+            return Err(Error::invalid(
+                name,
+                "materials",
+                "empty",
+                "at least one material",
+            ));
         }
         let count = object.materials.len();
         let of_face = &object.face_materials;
@@ -237,7 +250,12 @@ fn check(scene: &Scene, camera: &Camera) -> Result<Context> {
         }
         for material in &object.materials {
             for (field, t) in material_tensors(material) {
-                same(&format!("{name}, material {}", material.name), field, t.0, t.1)?;
+                same(
+                    &format!("{name}, material {}", material.name),
+                    field,
+                    t.0,
+                    t.1,
+                )?;
             }
             material.check(name)?;
         }
@@ -263,8 +281,14 @@ fn material_tensors(m: &Material) -> Vec<(&'static str, (Device, burn::tensor::D
     [
         ("diffuse", albedo(&m.diffuse)),
         ("specular", albedo(&m.specular)),
-        ("shininess", m.shininess.tensor().map(|t| (t.device(), t.dtype()))),
-        ("emission", m.emission.tensor().map(|t| (t.device(), t.dtype()))),
+        (
+            "shininess",
+            m.shininess.tensor().map(|t| (t.device(), t.dtype())),
+        ),
+        (
+            "emission",
+            m.emission.tensor().map(|t| (t.device(), t.dtype())),
+        ),
     ]
     .into_iter()
     .filter_map(|(n, t)| t.map(|t| (n, t)))
@@ -283,7 +307,10 @@ fn bounds_of(objects: &[(Vec<[f64; 3]>, [f64; 3])]) -> Bounds {
     };
     let radius = objects
         .iter()
-        .flat_map(|(vs, u)| vs.iter().map(move |v| distance(v, u, 0.0).max(distance(v, u, 1.0))))
+        .flat_map(|(vs, u)| {
+            vs.iter()
+                .map(move |v| distance(v, u, 0.0).max(distance(v, u, 1.0)))
+        })
         .fold(0.0, f64::max);
     Bounds { center, radius }
 }
@@ -333,7 +360,8 @@ fn velocities(scene: &Scene, context: &Context) -> Option<Vec3> {
 }
 
 fn cat(parts: Vec<Vec3>, dim: usize) -> Vec3 {
-    let plane = |f: fn(&Vec3) -> &Tensor<2>| Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim);
+    let plane =
+        |f: fn(&Vec3) -> &Tensor<2>| Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim);
     Vec3::new(plane(|p| &p.x), plane(|p| &p.y), plane(|p| &p.z))
 }
 
@@ -346,13 +374,21 @@ fn corner_values(scene: &Scene, context: &Context, width: usize) -> VertexData {
             .iter()
             .filter(|o| !o.mesh.faces.is_empty())
             .map(|o| {
-                let attribute = if width == 2 { &o.mesh.uvs } else { &o.mesh.normals };
+                let attribute = if width == 2 {
+                    &o.mesh.uvs
+                } else {
+                    &o.mesh.normals
+                };
                 let n = o.mesh.faces.len();
                 let zero = |c: usize| context.tensor(&vec![0.0; n * c], [n, c]);
                 match attribute {
                     Some(a) => {
                         let v = take(&a.values, &a.faces, corner);
-                        if width == 2 { Tensor::cat(vec![v, zero(1)], 1) } else { v }
+                        if width == 2 {
+                            Tensor::cat(vec![v, zero(1)], 1)
+                        } else {
+                            v
+                        }
                     }
                     None => zero(3),
                 }
@@ -425,7 +461,9 @@ fn albedos<'a>(list: impl Iterator<Item = &'a Albedo>, context: &Context) -> Alb
                 } else {
                     texels.clone().inner()
                 };
-                atlas.push(Vec3::from_rows(texels.reshape([height * width, 3]).transpose()));
+                atlas.push(Vec3::from_rows(
+                    texels.reshape([height * width, 3]).transpose(),
+                ));
                 Parameter::Constant([0.0; 3]).planes(context)
             }
         };

@@ -54,7 +54,10 @@ impl<P: Into<Parameter<3>>> From<P> for Albedo {
 impl Albedo {
     /// A texture `[H, W, 3]` that repeats.
     pub fn texture(texels: Tensor<3>) -> Self {
-        Self::Texture { texels, wrap: Wrap::Repeat }
+        Self::Texture {
+            texels,
+            wrap: Wrap::Repeat,
+        }
     }
 
     /// Whether it can reflect any light: false only for a constant zero.
@@ -71,7 +74,12 @@ impl Albedo {
             Self::Texture { texels, .. } => {
                 let [h, w, c] = texels.dims();
                 if h == 0 || w == 0 || c != 3 {
-                    return Err(Error::invalid(object, field, format!("of shape [{h}, {w}, {c}]"), "shape [H, W, 3]"));
+                    return Err(Error::invalid(
+                        object,
+                        field,
+                        format!("of shape [{h}, {w}, {c}]"),
+                        "shape [H, W, 3]",
+                    ));
                 }
                 let host = host_values(texels)?;
                 match host.iter().position(|x| !x.is_finite()) {
@@ -134,7 +142,11 @@ impl Material {
     }
 
     /// With a Phong lobe: albedo k_s and exponent.
-    pub fn specular(mut self, albedo: impl Into<Albedo>, shininess: impl Into<Parameter<1>>) -> Self {
+    pub fn specular(
+        mut self,
+        albedo: impl Into<Albedo>,
+        shininess: impl Into<Parameter<1>>,
+    ) -> Self {
         self.specular = albedo.into();
         self.shininess = shininess.into();
         self
@@ -160,20 +172,32 @@ impl Material {
         let name = format!("{object}, material {}", self.name);
         let kd = self.diffuse.check(&name, "diffuse")?;
         let ks = self.specular.check(&name, "specular")?;
-        self.shininess.check(&name, "shininess", "a finite number ≥ 0", |n| n >= 0.0)?;
-        self.emission.check(&name, "emission", "finite numbers", |_| true)?;
+        self.shininess
+            .check(&name, "shininess", "a finite number ≥ 0", |n| n >= 0.0)?;
+        self.emission
+            .check(&name, "emission", "finite numbers", |_| true)?;
         // Tensors may wander outside for a step of a fit; constants may not.
         for (field, albedo) in [("diffuse", kd), ("specular", ks)] {
             if let Some(v) = albedo
                 && v.iter().any(|&x| x < 0.0)
             {
-                return Err(Error::invalid(&name, field, format!("{v:?}"), "numbers ≥ 0"));
+                return Err(Error::invalid(
+                    &name,
+                    field,
+                    format!("{v:?}"),
+                    "numbers ≥ 0",
+                ));
             }
         }
         if let (Some(d), Some(s)) = (kd, ks) {
             let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
             if sum.iter().any(|&x| x > 1.0 + 1e-6) {
-                return Err(Error::invalid(&name, "diffuse + specular", format!("{sum:?}"), "at most 1, or energy is made"));
+                return Err(Error::invalid(
+                    &name,
+                    "diffuse + specular",
+                    format!("{sum:?}"),
+                    "at most 1, or energy is made",
+                ));
             }
         }
         Ok(())

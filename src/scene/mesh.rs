@@ -124,7 +124,13 @@ impl Mesh {
         Ok(())
     }
 
-    fn check_attribute(&self, object: &str, field: &str, a: &CornerAttribute, width: usize) -> Result<()> {
+    fn check_attribute(
+        &self,
+        object: &str,
+        field: &str,
+        a: &CornerAttribute,
+        width: usize,
+    ) -> Result<()> {
         if a.faces.len() != self.faces.len() {
             return Err(Error::invalid(
                 object,
@@ -142,7 +148,11 @@ pub(crate) fn take(values: &Tensor<2>, faces: &[[u32; 3]], corner: usize) -> Ten
     let [_, width] = values.dims();
     let index: Vec<i32> = faces.iter().map(|f| f[corner] as i32).collect();
     let n = index.len();
-    let values = if values.is_tracked() { values.clone() } else { values.clone().inner() };
+    let values = if values.is_tracked() {
+        values.clone()
+    } else {
+        values.clone().inner()
+    };
     let device = values.device().inner();
     let index = Tensor::<2, Int>::from_data(TensorData::new(index, [n, 1]), &device);
     // `gather`, not `select`: the backward of `select` over a long index is serial on GPUs.
@@ -155,7 +165,13 @@ pub(crate) fn host_tensor<const C: usize>(rows: &[[f64; C]], device: &Device) ->
     Tensor::from_data(TensorData::new(flat, [rows.len(), C]), device)
 }
 
-fn check_table(object: &str, field: &str, values: &Tensor<2>, width: usize, faces: &[[u32; 3]]) -> Result<()> {
+fn check_table(
+    object: &str,
+    field: &str,
+    values: &Tensor<2>,
+    width: usize,
+    faces: &[[u32; 3]],
+) -> Result<()> {
     let [rows, columns] = values.dims();
     if columns != width {
         return Err(Error::invalid(

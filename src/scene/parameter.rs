@@ -26,7 +26,12 @@ impl<const C: usize> Parameter<C> {
             Self::Tensor(t) => {
                 let v = host_values(t)?;
                 v.as_slice().try_into().map_err(|_| {
-                    Error::invalid("parameter", "shape", format!("[{}]", v.len()), format!("[{C}]"))
+                    Error::invalid(
+                        "parameter",
+                        "shape",
+                        format!("[{}]", v.len()),
+                        format!("[{C}]"),
+                    )
                 })
             }
         }
@@ -37,7 +42,11 @@ impl<const C: usize> Parameter<C> {
         std::array::from_fn(|i| match self {
             Self::Constant(v) => context.row(&v[i..=i]),
             Self::Tensor(t) => {
-                let t = if t.is_tracked() { t.clone() } else { t.clone().inner() };
+                let t = if t.is_tracked() {
+                    t.clone()
+                } else {
+                    t.clone().inner()
+                };
                 t.slice([i..i + 1]).reshape([1, 1])
             }
         })
@@ -54,13 +63,22 @@ impl<const C: usize> Parameter<C> {
         if let Self::Tensor(t) = self
             && t.dims() != [C]
         {
-            return Err(Error::invalid(object, field, format!("of shape {:?}", t.dims()), format!("shape [{C}]")));
+            return Err(Error::invalid(
+                object,
+                field,
+                format!("of shape {:?}", t.dims()),
+                format!("shape [{C}]"),
+            ));
         }
         let values = self.values()?;
         if values.iter().all(|&v| v.is_finite() && valid(v)) {
             Ok(values)
         } else {
-            let shown = if C == 1 { values[0].to_string() } else { format!("{values:?}") };
+            let shown = if C == 1 {
+                values[0].to_string()
+            } else {
+                format!("{values:?}")
+            };
             Err(Error::invalid(object, field, shown, expected))
         }
     }

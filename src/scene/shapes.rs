@@ -174,7 +174,9 @@ mod tests {
                 *count.entry((f[i], f[(i + 1) % 3])).or_insert(0) += 1;
             }
         }
-        count.iter().all(|(&(p, q), &n)| n == 1 && count.get(&(q, p)) == Some(&1))
+        count
+            .iter()
+            .all(|(&(p, q), &n)| n == 1 && count.get(&(q, p)) == Some(&1))
     }
 
     #[test]
@@ -184,12 +186,21 @@ mod tests {
             (cube(&device()), 12, 8.0, 1e-6),
             (icosahedron(&device()), 20, 2.5362, 1e-3),
             (icosphere(3, &device()), 1280, 4.0 / 3.0 * PI, 0.05),
-            (torus(1.0, 0.3, 64, 32, &device()), 4096, 2.0 * PI * PI * 0.09, 0.02),
+            (
+                torus(1.0, 0.3, 64, 32, &device()),
+                4096,
+                2.0 * PI * PI * 0.09,
+                0.02,
+            ),
             (cylinder(0.5, 2.0, 64, &device()), 256, PI * 0.5, 0.01),
         ] {
             assert_eq!(mesh.faces.len(), faces);
             assert!(is_closed(&mesh), "{faces} faces");
-            assert!((volume(&mesh) - expected).abs() < tolerance, "{}", volume(&mesh));
+            assert!(
+                (volume(&mesh) - expected).abs() < tolerance,
+                "{}",
+                volume(&mesh)
+            );
         }
     }
 

@@ -49,7 +49,12 @@ impl Transform {
     pub fn axis_angle(self, axis: [f64; 3], angle: Tensor<1>) -> Self {
         let axis = glam::DVec3::from_array(axis).normalize_or(glam::DVec3::Y);
         let (sin, cos) = ((angle.clone() * 0.5).sin(), (angle * 0.5).cos());
-        let q = vec![cos, sin.clone() * axis.x, sin.clone() * axis.y, sin * axis.z];
+        let q = vec![
+            cos,
+            sin.clone() * axis.x,
+            sin.clone() * axis.y,
+            sin * axis.z,
+        ];
         self.quaternion(Tensor::cat(q, 0))
     }
 
@@ -62,7 +67,8 @@ impl Transform {
         let along = (first.clone() * second.clone()).sum();
         let second = unit(second - first.clone() * along);
         let at = |v: &Tensor<1>, i: usize| v.clone().slice([i..i + 1]);
-        let minor = |i: usize, j: usize| at(&first, i) * at(&second, j) - at(&first, j) * at(&second, i);
+        let minor =
+            |i: usize, j: usize| at(&first, i) * at(&second, j) - at(&first, j) * at(&second, i);
         let third = Tensor::cat(vec![minor(1, 2), minor(2, 0), minor(0, 1)], 0);
         self.rotation = Some(Tensor::stack::<2>(vec![first, second, third], 1));
         self

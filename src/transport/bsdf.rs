@@ -66,7 +66,9 @@ pub(crate) fn sample(
     let log_u = list(&|i| u[i].clamp(1e-7, 1.0 - 1e-7).ln());
     let log_cosine = log_u / (exponent.clone() + 1.0);
     let cosine = log_cosine.clone().exp();
-    let sine = ((log_cosine * 2.0).exp().neg() + 1.0).clamp_min(context.epsilon()).sqrt();
+    let sine = ((log_cosine * 2.0).exp().neg() + 1.0)
+        .clamp_min(context.epsilon())
+        .sqrt();
     let local = [
         sine.clone() * list(&|i| (TAU * v[i]).cos()),
         sine * list(&|i| (TAU * v[i]).sin()),
@@ -77,7 +79,9 @@ pub(crate) fn sample(
     let sum = |k: &Vec3| plain(&(k.x.clone() + k.y.clone() + k.z.clone()));
     let (kd, ks) = (sum(&points.diffuse).abs(), sum(specular).abs());
     let p_specular = ks.clone() / (kd + ks).clamp_min(1e-20);
-    let lobe = context.row(&random(Dimension::Lobe)).lower(p_specular.clone());
+    let lobe = context
+        .row(&random(Dimension::Lobe))
+        .lower(p_specular.clone());
     let direction = diffuse.zip(&glossy, |d, g| d.mask_where(lobe.clone(), g));
 
     let value = scattered(points, incoming, &direction);
@@ -117,7 +121,12 @@ fn phong(exponent: &Tensor<2>, cosine: &Tensor<2>) -> Tensor<2> {
 /// A local direction turned so that z lies along a unit axis (Duff et al. 2017).
 fn from_frame(axis: &Vec3, local: &[Tensor<2>; 3]) -> Vec3 {
     let [x, y, z] = local.clone();
-    let sign = plain(&axis.z).greater_equal_elem(0.0).float().cast(axis.z.dtype()) * 2.0 - 1.0;
+    let sign = plain(&axis.z)
+        .greater_equal_elem(0.0)
+        .float()
+        .cast(axis.z.dtype())
+        * 2.0
+        - 1.0;
     let a = (axis.z.clone() + sign.clone()).recip().neg();
     let b = axis.x.clone() * axis.y.clone() * a.clone();
     let tangent = Vec3::new(
@@ -130,5 +139,8 @@ fn from_frame(axis: &Vec3, local: &[Tensor<2>; 3]) -> Vec3 {
         axis.y.clone() * axis.y.clone() * a + sign,
         axis.y.clone().neg(),
     );
-    tangent.scale(&x).add(&bitangent.scale(&y)).add(&axis.scale(&z))
+    tangent
+        .scale(&x)
+        .add(&bitangent.scale(&y))
+        .add(&axis.scale(&z))
 }

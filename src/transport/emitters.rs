@@ -2,10 +2,10 @@
 
 use burn::tensor::Tensor;
 
+use super::Dimension;
 use super::bsdf::scattered;
 use super::path::Tracer;
 use super::surface::SurfacePoints;
-use super::Dimension;
 use crate::error::Result;
 use crate::geometry::{Vec3, plain};
 use crate::visibility::{Rays, transmittance};
@@ -53,7 +53,9 @@ pub(crate) fn connect(
     }
     let to_light = light.sub(&points.position);
     // A light that touches the receiver is held off by the distance under which hits don't count.
-    let squared = to_light.dot(&to_light).clamp_min(tracer.t_min() * tracer.t_min());
+    let squared = to_light
+        .dot(&to_light)
+        .clamp_min(tracer.t_min() * tracer.t_min());
     let distance = squared.clone().sqrt();
     let direction = to_light.map(|x| x / distance.clone());
     let facing = scene

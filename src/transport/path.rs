@@ -40,8 +40,15 @@ pub(crate) struct Radiance {
 
 /// Contributions of some of a tile's paths.
 struct Contribution {
+    bounce: u32,
     slots: Vec<u32>,
     light: Vec3,
+}
+
+/// The ratios W/stop(W) of the surfaces that some of a tile's paths drew.
+struct Draw {
+    slots: Vec<u32>,
+    ratio: Tensor<2>,
 }
 
 impl Tracer<'_> {
@@ -72,13 +79,15 @@ impl Tracer<'_> {
     }
 }
 
-/// Radiance along camera rays, each of the path (pixel, sample).
+/// Radiance along camera rays, each of the path (pixel, sample); `per_pixel` consecutive paths
+/// belong to one pixel.
 pub(crate) fn trace(
     scene: &Flattened,
     settings: &PathSettings,
     sampler: &Sampler,
     rays: Rays,
     paths: &[(u32, u32)],
+    per_pixel: usize,
 ) -> Result<Radiance> {
     let tracer = Tracer {
         scene,
@@ -89,6 +98,7 @@ pub(crate) fn trace(
     let count = paths.len();
     let mut traced = 0u64;
     let mut found: Vec<Contribution> = Vec::new();
+    let mut draws: Vec<Draw> = Vec::new();
     let mut paths = paths.to_vec();
     let mut slots: Vec<u32> = (0..count as u32).collect();
     let mut rays = rays;
@@ -102,6 +112,8 @@ pub(crate) fn trace(
         let drawn = weights.draw(context, &random)?;
         if let Some(ratio) = weights.ratio(context, &drawn) {
             throughput = Some(times(throughput, &ratio));
+            let slots = slots.clone();
+            draws.push(Draw { slots, ratio });
         }
         first.get_or_insert(weights);
 
@@ -114,6 +126,7 @@ pub(crate) fn trace(
                 let n = missed.len();
                 let light = environment.map(|e| e.expand([1, n]));
                 found.push(Contribution {
+                    bounce,
                     slots: missed.iter().map(|&i| slots[i]).collect(),
                     light: weighted(light, pick(context, &throughput, &missed)),
                 });
@@ -131,20 +144,36 @@ pub(crate) fn trace(
             break;
         }
         let drawn: Vec<u32> = hits.iter().map(|&i| drawn[i]).collect();
-        keep(context, &hits, &mut paths, &mut slots, &mut rays, &mut throughput);
+        keep(
+            context,
+            &hits,
+            &mut paths,
+            &mut slots,
+            &mut rays,
+            &mut throughput,
+        );
         let points = SurfacePoints::new(scene, &rays, drawn)?;
 
         if bounce == 0 && !scene.emitters.is_empty() {
             let emission = scene.materials.emission.gather(&points.material);
             found.push(Contribution {
+                bounce,
                 slots: slots.clone(),
                 light: weighted(emission.scale(&points.front), throughput.clone()),
             });
         }
-        let light = emitters::connect(&tracer, &points, &rays.direction, &rays.time, &paths, bounce)?;
+        let light = emitters::connect(
+            &tracer,
+            &points,
+            &rays.direction,
+            &rays.time,
+            &paths,
+            bounce,
+        )?;
         if let Some(light) = light {
             traced += paths.len() as u64;
             found.push(Contribution {
+                bounce,
                 slots: slots.clone(),
                 light: weighted(light, throughput.clone()),
             });
@@ -168,6 +197,7 @@ pub(crate) fn trace(
                 let visible = tracer.weights(&rays).attached_background();
                 traced += paths.len() as u64;
                 found.push(Contribution {
+                    bounce,
                     slots: slots.clone(),
                     light: weighted(environment.scale(&visible), throughput.clone()),
                 });
@@ -176,7 +206,14 @@ pub(crate) fn trace(
         }
         if settings.roulette_after.is_some_and(|after| bounce >= after) {
             let survivors = roulette(&tracer, &mut throughput, &paths, bounce)?;
-            keep(context, &survivors, &mut paths, &mut slots, &mut rays, &mut throughput);
+            keep(
+                context,
+                &survivors,
+                &mut paths,
+                &mut slots,
+                &mut rays,
+                &mut throughput,
+            );
             if paths.is_empty() {
                 break;
             }
@@ -186,8 +223,15 @@ pub(crate) fn trace(
         Some(first) => first,
         None => tracer.weights(&rays),
     };
+    let mut radiance = whole(scene, &found, 0, count);
+    for (bounce, draw) in draws.iter().enumerate() {
+        let later = whole(scene, &found, bounce as u32, count).plain();
+        if let Some(control) = control_variate(scene, draw, &later, per_pixel) {
+            radiance = radiance.add(&control);
+        }
+    }
     Ok(Radiance {
-        radiance: gather_contributions(scene, &found, count),
+        radiance,
         first,
         rays: traced,
     })
@@ -211,12 +255,12 @@ fn roulette(
         .iter()
         .map(|q| q.clamp(0.05, 1.0))
         .collect();
-    let random = tracer
-        .sampler
-        .uniform(paths, bounce, Dimension::Roulette);
+    let random = tracer.sampler.uniform(paths, bounce, Dimension::Roulette);
     let inverse: Vec<f64> = survival.iter().map(|q| q.recip()).collect();
     *current = current.scale(&tracer.scene.context.row(&inverse));
-    Ok((0..paths.len()).filter(|&i| random[i] < survival[i]).collect())
+    Ok((0..paths.len())
+        .filter(|&i| random[i] < survival[i])
+        .collect())
 }
 
 /// Drops all paths but some from the batch.
@@ -270,29 +314,43 @@ fn weighted(light: Vec3, throughput: Option<Vec3>) -> Vec3 {
     }
 }
 
-/// Adds contributions up by path.
-fn gather_contributions(scene: &Flattened, found: &[Contribution], count: usize) -> Vec3 {
-    let context = &scene.context;
-    let zero = Tensor::<2>::zeros([1, count], (&context.device, context.dtype));
-    if found.is_empty() {
-        return Vec3::new(zero.clone(), zero.clone(), zero);
-    }
-    let whole: Vec<Vec3> = found
-        .iter()
-        .map(|c| {
-            if c.slots.len() == count {
-                return c.light.clone();
-            }
-            let index = context.index_row(&c.slots);
-            c.light.map(|l| {
-                zero.clone()
-                    .scatter(1, index.clone(), l, IndexingUpdateOp::Add)
-            })
-        })
-        .collect();
-    let mut sum = whole[0].clone();
-    for light in &whole[1..] {
-        sum = sum.add(light);
+/// Contributions of a bounce and all later ones, added up by path.
+fn whole(scene: &Flattened, found: &[Contribution], from: u32, count: usize) -> Vec3 {
+    let zero = Tensor::<2>::zeros([1, count], (&scene.context.device, scene.context.dtype));
+    let mut sum = Vec3::new(zero.clone(), zero.clone(), zero);
+    for c in found.iter().filter(|c| c.bounce >= from) {
+        sum = sum.add(&c.light.map(|l| spread(scene, l, &c.slots, count)));
     }
     sum
+}
+
+/// A row of some paths as a row of all, zero elsewhere.
+fn spread(scene: &Flattened, row: Tensor<2>, slots: &[u32], count: usize) -> Tensor<2> {
+    if slots.len() == count {
+        return row;
+    }
+    let context = &scene.context;
+    Tensor::<2>::zeros([1, count], (&context.device, context.dtype)).scatter(
+        1,
+        context.index_row(slots),
+        row,
+        IndexingUpdateOp::Add,
+    )
+}
+
+/// A term of value 0 that lowers the variance of the gradient of a draw. The derivative of a
+/// drawn weight has an expectation of 0 whatever it is multiplied by, as long as that does not
+/// depend on the draw: so the mean of what the pixel's *other* paths brought back is taken off
+/// (a leave-one-out baseline of the score-function estimator).
+fn control_variate(scene: &Flattened, draw: &Draw, later: &Vec3, per_pixel: usize) -> Option<Vec3> {
+    if per_pixel < 2 {
+        return None;
+    }
+    let count = later.x.dims()[1];
+    let change = spread(scene, draw.ratio.clone() - 1.0, &draw.slots, count);
+    Some(later.map(|l| {
+        let l = l.reshape([count / per_pixel, per_pixel]);
+        let others = (l.clone().sum_dim(1) - l) / (per_pixel - 1) as f64;
+        (others.reshape([1, count]) * change.clone()).neg()
+    }))
 }

@@ -28,12 +28,19 @@ pub(crate) struct Sampler {
 
 impl Sampler {
     pub(crate) fn new(seed: u64) -> Self {
-        Self { seed: mix(seed ^ 0x9e37_79b9_7f4a_7c15) }
+        Self {
+            seed: mix(seed ^ 0x9e37_79b9_7f4a_7c15),
+        }
     }
 
     /// Uniform numbers in [0, 1) for a list of paths, each (pixel, sample). They have 24 bits, so
     /// that they are the same numbers in f32 and f64.
-    pub(crate) fn uniform(&self, paths: &[(u32, u32)], bounce: u32, dimension: Dimension) -> Vec<f64> {
+    pub(crate) fn uniform(
+        &self,
+        paths: &[(u32, u32)],
+        bounce: u32,
+        dimension: Dimension,
+    ) -> Vec<f64> {
         let stage = mix(self.seed ^ ((u64::from(bounce) << 32) | dimension as u64));
         paths
             .iter()

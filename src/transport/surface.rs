@@ -65,7 +65,9 @@ impl SurfacePoints {
             (Some((corners, smooth)), Some((b, c, nearest))) => {
                 let outside = nearest.inside.clone().bool_not();
                 // At the triangle's point nearest to the hit.
-                let b = b.clone().mask_where(outside.clone(), nearest.weight_b.clone());
+                let b = b
+                    .clone()
+                    .mask_where(outside.clone(), nearest.weight_b.clone());
                 let c = c.clone().mask_where(outside, nearest.weight_c.clone());
                 let a = (b.clone() + c.clone()).neg() + 1.0;
                 let at = |v: &Vec3| v.gather(&index);
@@ -104,7 +106,13 @@ impl SurfacePoints {
             .map(|&k| scene.topology.material[k as usize])
             .collect();
         let material = context.index_row(&materials);
-        let diffuse = albedo(context, &scene.materials.diffuse, &materials, &material, &uv)?;
+        let diffuse = albedo(
+            context,
+            &scene.materials.diffuse,
+            &materials,
+            &material,
+            &uv,
+        )?;
         let specular = match &scene.materials.specular {
             Some((albedos, exponent)) => Some((
                 albedo(context, albedos, &materials, &material, &uv)?,

@@ -70,15 +70,9 @@ impl Coverage {
     pub fn probability(&self) -> Tensor<2> {
         let one_plus = self.decay.clone() + 1.0;
         let inside = self.inside();
-        let p = self
-            .decay
-            .clone()
-            .mask_fill(inside, 1.0)
-            / one_plus.clone();
+        let p = self.decay.clone().mask_fill(inside, 1.0) / one_plus.clone();
         let p = match &self.softened {
-            Some(s) => {
-                p.mask_where(s.clone(), (self.decay.clone().neg() + 1.0) / one_plus)
-            }
+            Some(s) => p.mask_where(s.clone(), (self.decay.clone().neg() + 1.0) / one_plus),
             None => p,
         };
         p.mask_fill(self.counted.clone().bool_not(), 0.0)
@@ -122,7 +116,11 @@ pub fn coverage(
     let height = triangles.plane.clone() - shifted(&triangles.normal_matrix, &triangles.normal);
     let cosine = triangles.normal_matrix.clone().matmul(d.clone());
     let plain_cosine = plain(&cosine);
-    let delta = if context.dtype == DType::F64 { 1e-9 } else { 1e-6 };
+    let delta = if context.dtype == DType::F64 {
+        1e-9
+    } else {
+        1e-6
+    };
     let mut counted = plain_cosine
         .clone()
         .abs()
@@ -176,16 +174,19 @@ pub fn coverage(
 
     let per_sigma = 1.0 / settings.sigma;
     let sign = nearest.inside.clone().float().cast(context.dtype) * (2.0 * per_sigma) - per_sigma;
-    let logit = (nearest.squared_distance.clone() * sign.clone()).mask_fill(discounted.clone(), 0.0);
+    let logit =
+        (nearest.squared_distance.clone() * sign.clone()).mask_fill(discounted.clone(), 0.0);
     let tracked = t.is_tracked() || x.is_tracked() || y.is_tracked();
     let attached = tracked.then(|| {
         let from_border_x = x
             - (nearest.weight_b * triangles.base.clone()
                 + nearest.weight_c.clone() * triangles.apex_u.clone());
         let from_border_y = y - nearest.weight_c * triangles.apex_v.clone();
-        let squared =
-            from_border_x.clone() * from_border_x + from_border_y.clone() * from_border_y;
-        (t.mask_fill(discounted.clone(), 0.0), (squared * sign).mask_fill(discounted, 0.0))
+        let squared = from_border_x.clone() * from_border_x + from_border_y.clone() * from_border_y;
+        (
+            t.mask_fill(discounted.clone(), 0.0),
+            (squared * sign).mask_fill(discounted, 0.0),
+        )
     });
     Coverage {
         t: plain_t,
@@ -264,6 +265,9 @@ fn hidden_sides(
     let near_end = context
         .column(&objects)
         .equal(context.row(&of_emitter))
-        .bool_and(t.clone().greater_equal(distance.clone() * context.row(&from)));
+        .bool_and(
+            t.clone()
+                .greater_equal(distance.clone() * context.row(&from)),
+        );
     Some(hidden.mask_where(near_end, side.greater_elem(0.0)))
 }

@@ -42,8 +42,12 @@ impl Softmax {
         let mut exponent = score + coverage.logit.clone().clamp_max(0.0);
         if let Some(softened) = &coverage.softened {
             // max(0, 2p − 1) = tanh(logit/2) = (1 − e)/(1 + e) with e = exp(−logit).
-            let soft = (coverage.decay.clone().neg() + 1.0).mask_fill(discounted.clone(), 1.0).log();
-            exponent = exponent.clone().mask_where(softened.clone(), exponent + soft);
+            let soft = (coverage.decay.clone().neg() + 1.0)
+                .mask_fill(discounted.clone(), 1.0)
+                .log();
+            exponent = exponent
+                .clone()
+                .mask_where(softened.clone(), exponent + soft);
         }
         let exponent = exponent.mask_fill(discounted.clone(), -1e30);
         let background = self.epsilon / self.gamma;
@@ -54,7 +58,10 @@ impl Softmax {
         let rest = (largest.neg() + background).exp();
         let total = weight.clone().sum_dim(0) + rest.clone();
         let slopes = coverage.attached.is_some().then(|| {
-            let mut slope = coverage.decay.clone().mask_fill(coverage.inside().bool_not(), 1.0)
+            let mut slope = coverage
+                .decay
+                .clone()
+                .mask_fill(coverage.inside().bool_not(), 1.0)
                 / one_plus;
             if let Some(softened) = &coverage.softened {
                 // d log tanh(x/2)/dx = 2e/(1 − e²)

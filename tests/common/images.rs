@@ -28,9 +28,16 @@ pub const REFERENCES: [(&str, u32); 9] = [
 ];
 
 /// Renders a reference scene and compares.
-pub fn compare(name: &str, bounces: u32, samples: u32, blur: (f64, f64), device: &Device) -> Comparison {
+pub fn compare(
+    name: &str,
+    bounces: u32,
+    samples: u32,
+    blur: (f64, f64),
+    device: &Device,
+) -> Comparison {
     let file = SceneFile::load(reference(&format!("{name}/scene.json")), device).expect("a scene");
-    let target = HostImage::read(reference(&format!("{name}/bounces-{bounces}.exr"))).expect("a reference");
+    let target =
+        HostImage::read(reference(&format!("{name}/bounces-{bounces}.exr"))).expect("a reference");
     let options = RenderOptions::new(file.width, file.height)
         .samples(samples)
         .bounces(bounces)
@@ -53,7 +60,9 @@ pub fn share_of_close_pixels(a: &[f64], b: &[f64]) -> f64 {
         .chunks_exact(3)
         .zip(b.chunks_exact(3))
         .filter(|(p, q)| {
-            p.iter().zip(q.iter()).all(|(x, y)| (x - y).abs() <= 1e-3 * x.abs().max(y.abs()).max(1e-6))
+            p.iter()
+                .zip(q.iter())
+                .all(|(x, y)| (x - y).abs() <= 1e-3 * x.abs().max(y.abs()).max(1e-6))
         })
         .count();
     close as f64 / (a.len() / 3) as f64

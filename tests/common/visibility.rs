@@ -50,7 +50,10 @@ struct Built {
 
 /// `t_max` cuts the rays for the transmittance.
 fn build(case: &Case, device: &Device, dtype: DType, cut: bool) -> Built {
-    let context = Context { device: device.clone(), dtype };
+    let context = Context {
+        device: device.clone(),
+        dtype,
+    };
     let leaf = |field: &str, rows: usize| -> Tensor<2> {
         let data = TensorData::new(flat(&case.json[field]), [rows, 3]);
         let t = Tensor::<2>::from_data(data, (device, dtype));
@@ -66,7 +69,11 @@ fn build(case: &Case, device: &Device, dtype: DType, cut: bool) -> Built {
     };
     let triangles = Triangles::new(
         &context,
-        VertexData { a: corner(0), b: corner(1), c: corner(2) },
+        VertexData {
+            a: corner(0),
+            b: corner(1),
+            c: corner(2),
+        },
         None,
     );
     let topology = Topology {
@@ -130,7 +137,9 @@ fn assert_gradients(case: &Case, kind: &str, built: &Built, loss: Tensor<1>, rel
         ("directions", &built.directions),
     ] {
         let expected = flat(&case.json[kind][field]);
-        let found = leaf.grad(&gradients).map_or(vec![0.0; expected.len()], |g| values(&g));
+        let found = leaf
+            .grad(&gradients)
+            .map_or(vec![0.0; expected.len()], |g| values(&g));
         let scale = expected.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         assert_close(
             &format!("{} {kind} {field}", case.name),
@@ -144,7 +153,11 @@ fn assert_gradients(case: &Case, kind: &str, built: &Built, loss: Tensor<1>, rel
             for k in 0..case.triangles {
                 let missed = (0..case.rays).all(|i| t[i * case.triangles + k] < 0.0);
                 if missed {
-                    assert!(found[9 * k..9 * k + 9].iter().all(|&g| g == 0.0), "{} triangle {k}", case.name);
+                    assert!(
+                        found[9 * k..9 * k + 9].iter().all(|&g| g == 0.0),
+                        "{} triangle {k}",
+                        case.name
+                    );
                 }
             }
         }
@@ -154,21 +167,45 @@ fn assert_gradients(case: &Case, kind: &str, built: &Built, loss: Tensor<1>, rel
 /// Values and gradients of every case on one device.
 pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
     for case in &cases() {
-        let context = Context { device: device.clone(), dtype };
+        let context = Context {
+            device: device.clone(),
+            dtype,
+        };
         let cotangent = |kind: &str, i: usize, columns: usize| {
-            let all = case.json[kind]["cotangents"].as_array().expect("cotangents");
-            context.tensor(&flat(&all[i]), [case.rays, columns]).transpose()
+            let all = case.json[kind]["cotangents"]
+                .as_array()
+                .expect("cotangents");
+            context
+                .tensor(&flat(&all[i]), [case.rays, columns])
+                .transpose()
         };
         let built = build(case, device, dtype, false);
         let p = by_ray(&built.coverage.probability());
-        assert_close(&format!("{} p", case.name), &p, &flat(&case.json["p"]), value);
-        let weights = built.softmax.weights(built.coverage.clone(), &built.rays, built.radius);
+        assert_close(
+            &format!("{} p", case.name),
+            &p,
+            &flat(&case.json["p"]),
+            value,
+        );
+        let weights = built
+            .softmax
+            .weights(built.coverage.clone(), &built.rays, built.radius);
         let surfaces = weights.attached_surfaces();
         let background = weights.attached_background();
         let expected = &case.json["softmax"];
         let name = format!("{} softmax", case.name);
-        assert_close(&name, &by_ray(&surfaces), &flat(&expected["weights"]), value);
-        assert_close(&name, &by_ray(&background), &flat(&expected["background"]), value);
+        assert_close(
+            &name,
+            &by_ray(&surfaces),
+            &flat(&expected["weights"]),
+            value,
+        );
+        assert_close(
+            &name,
+            &by_ray(&background),
+            &flat(&expected["background"]),
+            value,
+        );
         let loss = (surfaces * cotangent("softmax_gradient", 0, case.triangles)).sum()
             + (background * cotangent("softmax_gradient", 1, 1)).sum();
         assert_gradients(case, "softmax_gradient", &built, loss, gradient);
@@ -176,9 +213,20 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
         let built = build(case, device, dtype, true);
         let passed = transmittance(&built.coverage);
         let name = format!("{} transmittance", case.name);
-        assert_close(&name, &by_ray(&passed), &flat(&case.json["product_transmittance"]), value);
+        assert_close(
+            &name,
+            &by_ray(&passed),
+            &flat(&case.json["product_transmittance"]),
+            value,
+        );
         let loss = (passed * cotangent("product_transmittance_gradient", 0, 1)).sum();
-        assert_gradients(case, "product_transmittance_gradient", &built, loss, gradient);
+        assert_gradients(
+            case,
+            "product_transmittance_gradient",
+            &built,
+            loss,
+            gradient,
+        );
     }
 }
 
@@ -186,10 +234,15 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
 /// reference's gradients say of W.
 pub fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
     for case in &cases() {
-        let context = Context { device: device.clone(), dtype };
+        let context = Context {
+            device: device.clone(),
+            dtype,
+        };
         for k in 0..=case.triangles {
             let built = build(case, device, dtype, false);
-            let weights = built.softmax.weights(built.coverage.clone(), &built.rays, built.radius);
+            let weights = built
+                .softmax
+                .weights(built.coverage.clone(), &built.rays, built.radius);
             let drawn = vec![k as u32; case.rays];
             let ratio = weights.ratio(&context, &drawn).expect("tracked");
             assert!(values(&ratio).iter().all(|&r| r == 1.0));
@@ -214,7 +267,10 @@ pub fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
             let expected = whole.sum().backward();
             let zero = || vec![0.0; case.triangles * 9];
             let found = built.corners.grad(&found).map_or_else(zero, |g| values(&g));
-            let expected = built_again.corners.grad(&expected).map_or_else(zero, |g| values(&g));
+            let expected = built_again
+                .corners
+                .grad(&expected)
+                .map_or_else(zero, |g| values(&g));
             let scale = expected.iter().fold(1.0f64, |m, x| m.max(x.abs()));
             assert_close(&case.name, &found, &expected, gradient * scale);
         }
