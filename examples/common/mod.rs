@@ -1,0 +1,46 @@
+//! Shared by the examples: devices by name, progress bars.
+
+use std::sync::Arc;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use softray::prelude::*;
+
+/// A device by name; GPU backends need their feature.
+#[allow(deprecated)] // burn deprecates ndarray; it is offered all the same
+pub fn device(name: &str) -> Result<Device, String> {
+    match name {
+        #[cfg(feature = "flex")]
+        "flex" => Ok(Device::flex()),
+        #[cfg(feature = "ndarray")]
+        "ndarray" => Ok(Device::ndarray()),
+        #[cfg(feature = "wgpu")]
+        "wgpu" => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
+        #[cfg(feature = "vulkan")]
+        "vulkan" => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
+        "flex" | "ndarray" | "wgpu" | "vulkan" => Err(format!(
+            "this program was built without the feature `{name}`: add `--features {name}`"
+        )),
+        _ => Err(format!(
+            "there is no device `{name}`: flex, ndarray, wgpu or vulkan"
+        )),
+    }
+}
+
+/// A progress bar of known length.
+pub fn bar(length: u64, message: &'static str) -> ProgressBar {
+    let style = ProgressStyle::with_template("{msg:12} {bar:40} {pos}/{len} [{elapsed} < {eta}]");
+    ProgressBar::new(length)
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        .with_message(message)
+}
+
+/// A progress bar that a render moves.
+pub fn render_progress(message: &'static str) -> (ProgressBar, Progress) {
+    let bar = bar(1, message);
+    let moved = bar.clone();
+    let progress: Progress = Arc::new(move |done, all| {
+        moved.set_length(all as u64);
+        moved.set_position(done as u64);
+    });
+    (bar, progress)
+}

@@ -1,0 +1,170 @@
+//! Renders the Cornell box, then turns its short block away and recovers the angle from the image.
+
+mod common;
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use burn::module::Param;
+use burn::optim::{AdamConfig, GradientsParams};
+use clap::Parser;
+use softray::prelude::*;
+
+/// Renders the Cornell box with global illumination, then fits the rotation of its short block.
+#[derive(Parser)]
+struct Arguments {
+    /// Width and height of the image; a multiple of 64 is compared with the reference.
+    #[arg(long, default_value_t = 256)]
+    size: usize,
+    /// Paths a pixel.
+    #[arg(long, default_value_t = 64)]
+    spp: u32,
+    /// Bounces after the surface that the camera sees.
+    #[arg(long, default_value_t = 3)]
+    bounces: u32,
+    /// Edge blur σ, scene units squared.
+    #[arg(long, default_value_t = 1e-6)]
+    sigma: f64,
+    /// Depth blur γ, in units of the scene's depth.
+    #[arg(long, default_value_t = 1e-4)]
+    gamma: f64,
+    /// Steps of the fit.
+    #[arg(long, default_value_t = 100)]
+    steps: usize,
+    /// Degrees that the block is turned away at the start of the fit.
+    #[arg(long, default_value_t = 10.0)]
+    degrees: f64,
+    /// flex, ndarray, wgpu or vulkan.
+    #[arg(long, default_value = "flex")]
+    device: String,
+    /// Folder for the pictures.
+    #[arg(long, default_value = "out")]
+    out: PathBuf,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    env_logger::init();
+    let arguments = Arguments::parse();
+    let device = common::device(&arguments.device)?;
+    std::fs::create_dir_all(&arguments.out)?;
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/cornell");
+    let file = SceneFile::load(data.join("scene.json"), &device)?;
+    picture(&arguments, &file, &data)?;
+    fit(&arguments, &file, &device)
+}
+
+fn picture(arguments: &Arguments, file: &SceneFile, data: &Path) -> Result<(), Box<dyn Error>> {
+    let (bar, progress) = common::render_progress("rendering");
+    let options = RenderOptions::new(arguments.size, arguments.size)
+        .samples(arguments.spp)
+        .bounces(arguments.bounces)
+        .blur(arguments.sigma, arguments.gamma)
+        .progress(progress);
+    let start = Instant::now();
+    let image = render(&file.scene, &file.camera, &options)?;
+    let host = HostImage::from_tensor(&image.radiance)?;
+    let seconds = start.elapsed().as_secs_f64();
+    bar.finish_and_clear();
+    for ending in ["png", "exr"] {
+        let path = arguments.out.join(format!("cornell_box.{ending}"));
+        host.write(&path)?;
+        println!("wrote {}", path.display());
+    }
+    let rays = image.statistics.rays;
+    println!(
+        "{seconds:.1} s, {rays} rays, {:.0} rays/s",
+        rays as f64 / seconds
+    );
+    let reference = data.join(format!("bounces-{}.exr", arguments.bounces));
+    if reference.exists() {
+        let reference = HostImage::read(reference)?;
+        if let Some(small) = shrink(&host, reference.width)? {
+            println!("rmse {:.5}", small.rmse(&reference, false)?);
+            println!("rmse_clipped {:.5}", small.rmse(&reference, true)?);
+            println!("mean_ratio {:.5}", small.mean_ratio(&reference));
+        }
+    }
+    Ok(())
+}
+
+/// A square image averaged over blocks to a smaller width, where that divides its own.
+fn shrink(image: &HostImage, width: usize) -> Result<Option<HostImage>, Box<dyn Error>> {
+    if !image.width.is_multiple_of(width) {
+        return Ok(None);
+    }
+    let block = image.width / width;
+    let mut pixels = vec![0.0; width * width * 3];
+    for (i, value) in image.pixels.iter().enumerate() {
+        let (y, x, c) = (
+            i / 3 / image.width / block,
+            i / 3 % image.width / block,
+            i % 3,
+        );
+        pixels[(y * width + x) * 3 + c] += value / (block * block) as f32;
+    }
+    Ok(Some(HostImage::new(width, width, pixels)?))
+}
+
+/// The scene with its short block turned about the vertical axis through its centre.
+fn turned(file: &SceneFile, angle: &Tensor<1>) -> Scene {
+    file.scene.clone().map_object("short", |object| {
+        object.map_mesh(|mesh| {
+            let centre = mesh.vertices.clone().mean_dim(0).reshape([3]);
+            let turn = Transform::new()
+                .axis_angle([0.0, 1.0, 0.0], angle.clone())
+                .translation(centre.clone());
+            mesh.translated(centre.neg()).transformed(&turn)
+        })
+    })
+}
+
+fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), Box<dyn Error>> {
+    const SIZE: usize = 48;
+    let options = RenderOptions::new(SIZE, SIZE).bounces(1).blur(2e-3, 3e-2);
+    let show = |radians: f64| -> Result<HostImage, Box<dyn Error>> {
+        let angle = Tensor::<1>::from_floats([radians as f32], device);
+        let options = options.clone().samples(256).seed(1_000_000);
+        let image = render(&turned(file, &angle), &file.camera, &options)?;
+        Ok(HostImage::from_tensor(&image.radiance)?)
+    };
+    let start = Instant::now();
+    let before = show(arguments.degrees.to_radians())?;
+    let target_image = show(0.0)?;
+    let target = target_image.to_tensor(device);
+
+    let initial = [arguments.degrees.to_radians() as f32];
+    let mut angle = Param::from_tensor(Tensor::<1>::from_floats(
+        initial,
+        &device.clone().autodiff(),
+    ));
+    let mut adam = AdamConfig::new().with_beta_2(0.99).init();
+    let bar = common::bar(arguments.steps as u64, "fitting");
+    for step in 0..arguments.steps {
+        // A fresh seed every step: noise averages out over the steps.
+        let noisy = options.clone().samples(4).seed(step as u64);
+        let image = render(&turned(file, &angle.val()), &file.camera, &noisy)?;
+        let loss = (image.radiance.clamp(0.0, 1.0) - target.clone().clamp(0.0, 1.0))
+            .powf_scalar(2.0)
+            .mean();
+        let gradients = GradientsParams::from_grads(loss.backward(), &angle);
+        let done = step as f64 / arguments.steps as f64;
+        let rate = 0.02 * 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
+        angle = adam.step(rate, angle, gradients);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let found = f64::from(angle.val().inner().into_scalar::<f32>());
+    println!(
+        "angle: {:.2}° at the start, {:.2}° after {} steps, {:.1} s",
+        arguments.degrees,
+        found.to_degrees(),
+        arguments.steps,
+        start.elapsed().as_secs_f64()
+    );
+    let after = show(found)?;
+    let path = arguments.out.join("cornell_box_fit.png");
+    HostImage::side_by_side(&[&before, &after, &target_image]).write(&path)?;
+    println!("wrote {} (before, after, target)", path.display());
+    Ok(())
+}

@@ -1,0 +1,137 @@
+//! Renders an OBJ file, or a scene.json with its camera, to a PNG or EXR.
+
+mod common;
+
+use std::error::Error;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Parser;
+use softray::prelude::*;
+
+/// Renders a scene.
+#[derive(Parser)]
+struct Arguments {
+    /// An .obj, or a .json that names one with a camera.
+    scene: PathBuf,
+    /// The picture, .png or .exr.
+    #[arg(short, long)]
+    out: PathBuf,
+    /// Camera position x,y,z.
+    #[arg(long, value_parser = triple, allow_hyphen_values = true)]
+    eye: Option<[f64; 3]>,
+    /// The point looked at x,y,z.
+    #[arg(long, value_parser = triple, allow_hyphen_values = true)]
+    target: Option<[f64; 3]>,
+    /// Vertical field of view, degrees.
+    #[arg(long)]
+    fov: Option<f64>,
+    /// Width×height, as 512x512 or 512.
+    #[arg(long, value_parser = size)]
+    size: Option<(usize, usize)>,
+    /// Paths a pixel.
+    #[arg(long, default_value_t = 64)]
+    spp: u32,
+    /// Bounces after the surface that the camera sees.
+    #[arg(long, default_value_t = 3)]
+    bounces: u32,
+    /// Edge blur σ, scene units squared.
+    #[arg(long, default_value_t = 1e-7)]
+    sigma: f64,
+    /// Depth blur γ, in units of the scene's depth.
+    #[arg(long, default_value_t = 1e-5)]
+    gamma: f64,
+    /// Environment radiance r,g,b.
+    #[arg(long, value_parser = triple)]
+    environment: Option<[f64; 3]>,
+    /// Same seed, same image.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// flex, ndarray, wgpu or vulkan.
+    #[arg(long, default_value = "flex")]
+    device: String,
+    /// An image to compare with.
+    #[arg(long)]
+    reference: Option<PathBuf>,
+}
+
+fn triple(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
+    let numbers = numbers.map_err(|e| e.to_string())?;
+    numbers.try_into().map_err(|_| "three numbers x,y,z".into())
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let (width, height) = text.split_once('x').unwrap_or((text, text));
+    let parse = |n: &str| n.parse::<usize>().map_err(|e| e.to_string());
+    Ok((parse(width)?, parse(height)?))
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    env_logger::init();
+    let arguments = Arguments::parse();
+    let device = common::device(&arguments.device)?;
+    let (mut scene, mut camera, mut size) = load(&arguments, &device)?;
+    if let Some(eye) = arguments.eye {
+        camera.eye = eye.into();
+    }
+    if let Some(target) = arguments.target {
+        camera.target = target.into();
+    }
+    if let Some(fov) = arguments.fov {
+        camera = camera.fov_y(fov);
+    }
+    if let Some(radiance) = arguments.environment {
+        scene = scene.environment(radiance);
+    }
+    size = arguments.size.unwrap_or(size);
+
+    let (bar, progress) = common::render_progress("rendering");
+    let options = RenderOptions::new(size.0, size.1)
+        .samples(arguments.spp)
+        .bounces(arguments.bounces)
+        .blur(arguments.sigma, arguments.gamma)
+        .seed(arguments.seed)
+        .progress(progress);
+    let start = Instant::now();
+    let image = render(&scene, &camera, &options)?;
+    let host = HostImage::from_tensor(&image.radiance)?;
+    bar.finish_and_clear();
+    let seconds = start.elapsed().as_secs_f64();
+    host.write(&arguments.out)?;
+    println!("wrote {}", arguments.out.display());
+    println!("seconds {seconds:.2}");
+    println!(
+        "rays_per_second {:.0}",
+        image.statistics.rays as f64 / seconds
+    );
+    if let Some(reference) = &arguments.reference {
+        let reference = HostImage::read(reference)?;
+        println!("rmse {}", host.rmse(&reference, false)?);
+        println!("rmse_clipped {}", host.rmse(&reference, true)?);
+        println!("mean_ratio {}", host.mean_ratio(&reference));
+    }
+    Ok(())
+}
+
+type Loaded = (Scene, Camera, (usize, usize));
+
+fn load(arguments: &Arguments, device: &Device) -> Result<Loaded, Box<dyn Error>> {
+    if arguments.scene.extension().is_some_and(|e| e == "json") {
+        let file = SceneFile::load(&arguments.scene, device)?;
+        return Ok((file.scene, file.camera, (file.width, file.height)));
+    }
+    let scene = Scene::from_obj(&arguments.scene, device)?;
+    // From the front, a little above, the whole of the scene in view.
+    let mut low = glam::DVec3::INFINITY;
+    let mut high = glam::DVec3::NEG_INFINITY;
+    for object in &scene.objects {
+        for v in object.mesh.host_vertices()? {
+            low = low.min(v.into());
+            high = high.max(v.into());
+        }
+    }
+    let centre = (low + high) / 2.0;
+    let away = glam::DVec3::new(0.0, 0.4, 1.0).normalize() * (high - low).length() * 1.5;
+    Ok((scene, Camera::look_at(centre + away, centre), (256, 256)))
+}
