@@ -131,7 +131,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     let start = Instant::now();
     let before = show(arguments.degrees.to_radians())?;
     let target_image = show(0.0)?;
-    let target = target_image.to_tensor(device);
+    let target = target_image.to_tensor(device).clamp(0.0, 1.0);
 
     let initial = [arguments.degrees.to_radians() as f32];
     let mut angle = Param::from_tensor(Tensor::<1>::from_floats(
@@ -141,12 +141,14 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     let mut adam = AdamConfig::new().with_beta_2(0.99).init();
     let bar = common::bar(arguments.steps as u64, "fitting");
     for step in 0..arguments.steps {
-        // A fresh seed every step: noise averages out over the steps.
-        let noisy = options.clone().samples(4).seed(step as u64);
-        let image = render(&turned(file, &angle.val()), &file.camera, &noisy)?;
-        let loss = (image.radiance.clamp(0.0, 1.0) - target.clone().clamp(0.0, 1.0))
-            .powf_scalar(2.0)
-            .mean();
+        // Fresh seeds every step: noise averages out over the steps. Two independent images in
+        // the place of a square keep the noise's own variance out of the loss.
+        let difference = |seed: usize| -> Result<Tensor<3>, Box<dyn Error>> {
+            let noisy = options.clone().samples(4).seed(seed as u64);
+            let image = render(&turned(file, &angle.val()), &file.camera, &noisy)?;
+            Ok(image.radiance.clamp(0.0, 1.0) - target.clone())
+        };
+        let loss = (difference(2 * step)? * difference(2 * step + 1)?).mean();
         let gradients = GradientsParams::from_grads(loss.backward(), &angle);
         let done = step as f64 / arguments.steps as f64;
         let rate = 0.02 * 0.5 * (1.0 + (std::f64::consts::PI * done).cos());

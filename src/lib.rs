@@ -37,7 +37,6 @@ pub use error::{Error, Result};
 pub mod prelude {
     pub use burn::tensor::{Device, Tensor};
 
-    pub use crate::error::{Error, Result};
     pub use crate::io::{HostImage, SceneFile};
     pub use crate::render::{Image, Progress, RenderOptions, Statistics, render};
     pub use crate::scene::{

@@ -6,6 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use softray::prelude::*;
 
 /// A device by name; GPU backends need their feature.
+#[allow(unreachable_patterns)] // the names of features that are built in were matched before
 #[allow(deprecated)] // burn deprecates ndarray; it is offered all the same
 pub fn device(name: &str) -> Result<Device, String> {
     match name {

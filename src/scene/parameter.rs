@@ -3,6 +3,8 @@ use burn::tensor::Tensor;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, host_values};
 
+// A tensor is a handle of some words; boxing it would cost more than it saves.
+#[allow(clippy::large_enum_variant)]
 /// A small vector that a user gives as numbers or as a tensor `[C]`: a constant, a leaf with
 /// `require_grad`, a module's parameter or the output of a network.
 #[derive(Clone, Debug)]
