@@ -21,7 +21,9 @@
 //! # Ok::<(), softray::Error>(())
 //! ```
 
-#![warn(missing_docs)]
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 pub mod error;
 pub mod geometry;

@@ -245,7 +245,7 @@ fn errors_name_file_and_field() {
     }
     assert!(matches!(
         folder.load(triangle),
-        Err(Error::NoTriangles { .. })
+        Err(softray::Error::NoTriangles { .. })
     ));
 
     for (material, parts) in [
