@@ -29,6 +29,12 @@ struct Arguments {
     /// Depth blur γ, in units of the scene's depth.
     #[arg(long, default_value_t = 1e-4)]
     gamma: f64,
+    /// Edge blur σ of the fit.
+    #[arg(long, default_value_t = 1e-2)]
+    fit_sigma: f64,
+    /// Depth blur γ of the fit.
+    #[arg(long, default_value_t = 1e-1)]
+    fit_gamma: f64,
     /// Steps of the fit.
     #[arg(long, default_value_t = 100)]
     steps: usize,
@@ -121,16 +127,20 @@ fn turned(file: &SceneFile, angle: &Tensor<1>) -> Scene {
 
 fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), Box<dyn Error>> {
     const SIZE: usize = 48;
-    let options = RenderOptions::new(SIZE, SIZE).bounces(1).blur(2e-3, 3e-2);
-    let show = |radians: f64| -> Result<HostImage, Box<dyn Error>> {
+    let options = RenderOptions::new(SIZE, SIZE)
+        .bounces(1)
+        .blur(arguments.fit_sigma, arguments.fit_gamma);
+    let sharp = RenderOptions::new(128, 128)
+        .bounces(1)
+        .blur(arguments.sigma, arguments.gamma)
+        .samples(64);
+    let show = |radians: f64, options: &RenderOptions| -> Result<HostImage, Box<dyn Error>> {
         let angle = Tensor::<1>::from_floats([radians as f32], device);
-        let options = options.clone().samples(256).seed(1_000_000);
-        let image = render(&turned(file, &angle), &file.camera, &options)?;
+        let image = render(&turned(file, &angle), &file.camera, options)?;
         Ok(HostImage::from_tensor(&image.radiance)?)
     };
     let start = Instant::now();
-    let before = show(arguments.degrees.to_radians())?;
-    let target_image = show(0.0)?;
+    let target_image = show(0.0, &options.clone().samples(256).seed(1_000_000))?;
     let target = target_image.to_tensor(device).clamp(0.0, 1.0);
 
     let initial = [arguments.degrees.to_radians() as f32];
@@ -164,7 +174,10 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         arguments.steps,
         start.elapsed().as_secs_f64()
     );
-    let after = show(found)?;
+    // Shown larger and sharp; the fit saw them blurred.
+    let before = show(arguments.degrees.to_radians(), &sharp)?;
+    let after = show(found, &sharp)?;
+    let target_image = show(0.0, &sharp)?;
     let path = arguments.out.join("cornell_box_fit.png");
     HostImage::side_by_side(&[&before, &after, &target_image]).write(&path)?;
     println!("wrote {} (before, after, target)", path.display());

@@ -443,7 +443,7 @@ impl Renderer<'_> {
         }
         if outputs.normals {
             let normal = &self.scene.triangles.normal;
-            let away = normal.columns().matmul(rays.direction.rows());
+            let away = normal.dot(&rays.direction);
             let side = crate::geometry::plain(&away)
                 .lower_elem(0.0)
                 .float()
@@ -451,17 +451,22 @@ impl Renderer<'_> {
                 * 2.0
                 - 1.0;
             let facing = first.attached_surfaces() * side;
-            rows.push(normal.columns().transpose().matmul(facing));
+            for axis in [&normal.x, &normal.y, &normal.z] {
+                rows.push((facing.clone() * axis.clone()).sum_dim(0));
+            }
         }
         if outputs.object_ids {
             let object = &self.scene.topology.object;
             let objects = self.objects();
-            let mut member = vec![0.0; objects * object.len()];
-            for (k, &o) in object.iter().enumerate() {
-                member[o as usize * object.len() + k] = 1.0;
+            let triangles = object.len();
+            for id in 0..objects as u32 {
+                let member: Vec<f64> = object
+                    .iter()
+                    .map(|&o| if o == id { 1.0 } else { 0.0 })
+                    .collect();
+                let member = self.scene.context.tensor(&member, [triangles, 1]);
+                rows.push((first.surfaces.clone() * member).sum_dim(0));
             }
-            let member = self.scene.context.tensor(&member, [objects, object.len()]);
-            rows.push(member.matmul(first.surfaces));
             rows.push(first.background);
         }
         rows

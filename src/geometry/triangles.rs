@@ -48,10 +48,6 @@ pub struct Triangles {
     pub valid: Tensor<2, Bool>,
     /// Linear velocity over the shutter, where anything moves.
     pub velocity: Option<Vec3>,
-    /// Normals, tangents and planes without tape, as `[T, 3]`, for products with rays.
-    pub(crate) normal_matrix: Tensor<2>,
-    pub(crate) u_matrix: Tensor<2>,
-    pub(crate) v_matrix: Tensor<2>,
 }
 
 impl Triangles {
@@ -90,9 +86,6 @@ impl Triangles {
             apex_u: u.dot(&ac),
             apex_v: doubled_area.clone() / base.clone(),
             area: doubled_area * 0.5,
-            normal_matrix: normal.columns(),
-            u_matrix: u.columns(),
-            v_matrix: v.columns(),
             corners: VertexData { a, b, c },
             normal,
             u,

@@ -112,7 +112,12 @@ impl Transform {
 
     fn rotate(&self, p: Tensor<2>) -> Tensor<2> {
         match &self.rotation {
-            Some(r) => p.matmul(r.clone().transpose()),
+            Some(r) => {
+                // Products summed by hand: `matmul` may round to less than f32 on GPUs.
+                let n = p.dims()[0];
+                let p = p.reshape([n, 1, 3]) * r.clone().reshape([1, 3, 3]);
+                p.sum_dim(2).reshape([n, 3])
+            }
             None => p,
         }
     }

@@ -104,17 +104,18 @@ pub fn coverage(
     rays: &Rays,
     settings: &CoverageSettings,
 ) -> Coverage {
-    let (o, d) = (rays.origin.rows(), rays.direction.rows());
-    // With a velocity, n·(o − time·velocity) = n·o − time·(n·velocity).
-    let shifted = |matrix: &Tensor<2>, axis: &Vec3| {
-        let along = matrix.clone().matmul(o.clone());
+    // Broadcast products, not `matmul`: it is no faster for an inner length of 3, may round to
+    // less than f32 on GPUs, and returns zeros on SwiftShader.
+    let along = |axis: &Vec3| {
+        let along = axis.dot(&rays.origin);
         match (&rays.time, &triangles.velocity) {
+            // n·(o − time·velocity) = n·o − time·(n·velocity)
             (Some(time), Some(velocity)) => along - axis.dot(velocity) * time.clone(),
             _ => along,
         }
     };
-    let height = triangles.plane.clone() - shifted(&triangles.normal_matrix, &triangles.normal);
-    let cosine = triangles.normal_matrix.clone().matmul(d.clone());
+    let height = triangles.plane.clone() - along(&triangles.normal);
+    let cosine = triangles.normal.dot(&rays.direction);
     let plain_cosine = plain(&cosine);
     let delta = if context.dtype == DType::F64 {
         1e-9
@@ -128,10 +129,11 @@ pub fn coverage(
         .bool_and(triangles.valid.clone().expand(cosine.dims()));
     // The inputs of the division are made safe: masking its output would not stop NaN.
     let t = height / cosine.mask_fill(counted.clone().bool_not(), 1.0);
-    let x = shifted(&triangles.u_matrix, &triangles.u) - triangles.a_u.clone()
-        + t.clone() * triangles.u_matrix.clone().matmul(d.clone());
-    let y = shifted(&triangles.v_matrix, &triangles.v) - triangles.a_v.clone()
-        + t.clone() * triangles.v_matrix.clone().matmul(d);
+    let in_plane = |axis: &Vec3, corner: &Tensor<2>| {
+        along(axis) - corner.clone() + t.clone() * axis.dot(&rays.direction)
+    };
+    let x = in_plane(&triangles.u, &triangles.a_u);
+    let y = in_plane(&triangles.v, &triangles.a_v);
 
     let (plain_t, plain_x, plain_y) = (plain(&t), plain(&x), plain(&y));
     let nearest = nearest_on_triangle(

@@ -123,8 +123,7 @@ pub fn cases() -> Vec<Case> {
                 "triangle",
                 |o| {
                     let row = constant(&[1.0, 0.0, 0.0], [3, 1], d, t);
-                    let shift =
-                        row.matmul(vector(p.clone(), [0.6, 0.8, 0.3], d, t).reshape([1, 3]));
+                    let shift = row * (vector(p.clone(), [0.6, 0.8, 0.3], d, t).reshape([1, 3]));
                     o.map_mesh(|m| {
                         let v = m.vertices.clone() + shift;
                         m.with_vertices(v)
