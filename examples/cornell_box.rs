@@ -33,10 +33,10 @@ struct Arguments {
     #[arg(long, default_value_t = 1e-2)]
     fit_sigma: f64,
     /// Depth blur γ of the fit.
-    #[arg(long, default_value_t = 1e-1)]
+    #[arg(long, default_value_t = 5e-2)]
     fit_gamma: f64,
     /// Steps of the fit.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 130)]
     steps: usize,
     /// Degrees that the block is turned away at the start of the fit.
     #[arg(long, default_value_t = 10.0)]
@@ -154,14 +154,14 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         // Fresh seeds every step: noise averages out over the steps. Two independent images in
         // the place of a square keep the noise's own variance out of the loss.
         let difference = |seed: usize| -> Result<Tensor<3>, Box<dyn Error>> {
-            let noisy = options.clone().samples(4).seed(seed as u64);
+            let noisy = options.clone().samples(8).seed(seed as u64);
             let image = render(&turned(file, &angle.val()), &file.camera, &noisy)?;
             Ok(image.radiance.clamp(0.0, 1.0) - target.clone())
         };
         let loss = (difference(2 * step)? * difference(2 * step + 1)?).mean();
         let gradients = GradientsParams::from_grads(loss.backward(), &angle);
         let done = step as f64 / arguments.steps as f64;
-        let rate = 0.02 * 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
+        let rate = 0.015 * 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
         angle = adam.step(rate, angle, gradients);
         bar.inc(1);
     }
