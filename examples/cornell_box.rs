@@ -36,7 +36,7 @@ struct Arguments {
     #[arg(long, default_value_t = 5e-2)]
     fit_gamma: f64,
     /// Steps of the fit.
-    #[arg(long, default_value_t = 130)]
+    #[arg(long, default_value_t = 170)]
     steps: usize,
     /// Degrees that the block is turned away at the start of the fit.
     #[arg(long, default_value_t = 10.0)]
@@ -140,7 +140,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         Ok(HostImage::from_tensor(&image.radiance)?)
     };
     let start = Instant::now();
-    let target_image = show(0.0, &options.clone().samples(256).seed(1_000_000))?;
+    let target_image = show(0.0, &options.clone().samples(2048).seed(1_000_000))?;
     let target = target_image.to_tensor(device).clamp(0.0, 1.0);
 
     let initial = [arguments.degrees.to_radians() as f32];
@@ -161,7 +161,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         let loss = (difference(2 * step)? * difference(2 * step + 1)?).mean();
         let gradients = GradientsParams::from_grads(loss.backward(), &angle);
         let done = step as f64 / arguments.steps as f64;
-        let rate = 0.015 * 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
+        let rate = 0.02 * 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
         angle = adam.step(rate, angle, gradients);
         bar.inc(1);
     }
