@@ -134,14 +134,9 @@ impl Vec3 {
         self.map(|a| a / length.clone())
     }
 
-    /// The components of the triangles (columns `[T, 1]`) named by a row of indices, as rows
+    /// The elements (of columns `[T, 1]` or rows `[1, T]`) named by a row of indices, as rows
     /// `[1, N]`.
     pub fn gather(&self, index: &Tensor<2, Int>) -> Self {
-        self.map(|a| gather_row(a, index))
-    }
-
-    /// The rays (of rows `[1, N]`) named by a row of indices.
-    pub fn pick(&self, index: &Tensor<2, Int>) -> Self {
         self.map(|a| gather_row(a, index))
     }
 }

@@ -281,13 +281,13 @@ fn keep(
         return;
     }
     let index = context.index_row(&which.iter().map(|&i| i as u32).collect::<Vec<_>>());
-    rays.origin = rays.origin.pick(&index);
-    rays.direction = rays.direction.pick(&index);
+    rays.origin = rays.origin.gather(&index);
+    rays.direction = rays.direction.gather(&index);
     rays.time = rays.time.take().map(|t| gather_row(t, &index));
     if let Some(departure) = &mut rays.departure {
         *departure = which.iter().map(|&i| departure[i]).collect();
     }
-    *throughput = throughput.take().map(|t| t.pick(&index));
+    *throughput = throughput.take().map(|t| t.gather(&index));
 }
 
 fn pick(
@@ -296,7 +296,7 @@ fn pick(
     which: &[usize],
 ) -> Option<Vec3> {
     let index = context.index_row(&which.iter().map(|&i| i as u32).collect::<Vec<_>>());
-    throughput.as_ref().map(|t| t.pick(&index))
+    throughput.as_ref().map(|t| t.gather(&index))
 }
 
 /// A throughput times a scalar a path; none stands for 1.
