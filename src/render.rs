@@ -366,12 +366,12 @@ impl Renderer<'_> {
             self.scene,
             &self.settings,
             &self.sampler,
-            rays.clone(),
+            rays,
             &paths,
             samples,
         )?;
         let traced = found.rays;
-        let rows = Tensor::cat(self.outputs(found, &rays), 0);
+        let rows = Tensor::cat(self.outputs(found), 0);
         let channels = rows.dims()[0];
         let sums = rows
             .reshape([channels * tile.pixels, samples])
@@ -430,7 +430,7 @@ impl Renderer<'_> {
     }
 
     /// Rows `[_, N]`: radiance, opacity, depth, normal, weight of each object.
-    fn outputs(&self, found: Radiance, rays: &Rays) -> Vec<Tensor<2>> {
+    fn outputs(&self, found: Radiance) -> Vec<Tensor<2>> {
         let outputs = self.options.outputs;
         let Vec3 { x, y, z } = found.radiance;
         let mut rows = vec![x, y, z];
@@ -439,20 +439,14 @@ impl Renderer<'_> {
             rows.push(first.attached_background().neg() + 1.0);
         }
         if outputs.depth {
-            rows.push((first.attached_surfaces() * first.attached_distances()).sum_dim(0));
+            rows.push(first.mean(first.attached_distances(), None));
         }
         if outputs.normals {
             let normal = &self.scene.triangles.normal;
-            let away = normal.dot(&rays.direction);
-            let side = crate::geometry::plain(&away)
-                .lower_elem(0.0)
-                .float()
-                .cast(self.scene.context.dtype)
-                * 2.0
-                - 1.0;
-            let facing = first.attached_surfaces() * side;
+            let front = first.cosine().clone().lower_elem(0.0);
+            let side = front.float().cast(self.scene.context.dtype) * 2.0 - 1.0;
             for axis in [&normal.x, &normal.y, &normal.z] {
-                rows.push((facing.clone() * axis.clone()).sum_dim(0));
+                rows.push(first.mean(side.clone() * axis.clone(), None));
             }
         }
         if outputs.object_ids {

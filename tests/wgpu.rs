@@ -33,7 +33,7 @@ fn the_image_is_that_of_the_cpu_and_repeats() {
     let at = |device: &Device| {
         let file =
             SceneFile::load(common::reference("cornell/scene.json"), device).expect("a scene");
-        let options = RenderOptions::new(16, 16).samples(16).bounces(1).seed(2);
+        let options = RenderOptions::new(32, 32).samples(16).bounces(1).seed(2);
         values(
             &render(&file.scene, &file.camera, &options)
                 .expect("an image")
@@ -43,10 +43,9 @@ fn the_image_is_that_of_the_cpu_and_repeats() {
     let gpu = at(&device());
     assert_eq!(gpu, at(&device()));
     let cpu = at(&Device::flex());
-    // 95.3 to 98.4 % of the pixels are within 1e-3 on SwiftShader, whose division and exponential
-    // round less exactly than the CPU's; the depth of camera rays agrees to 1e-4 in all but one.
     let close = common::images::share_of_close_pixels(&gpu, &cpu);
-    assert!(close >= 0.95, "{close}");
+    println!("{:.2} % of the pixels within 1e-3", 100.0 * close);
+    assert!(close >= 0.99, "{close}");
 }
 
 #[test]

@@ -2,7 +2,7 @@ use burn::tensor::Tensor;
 
 use super::Parameter;
 use crate::error::{Error, Result};
-use crate::geometry::{Context, Vec3};
+use crate::geometry::{Context, Vec3, sin_cos};
 
 /// A perspective camera, pinhole or thin lens. Right-handed, pixel (0, 0) top left.
 #[derive(Clone, Debug)]
@@ -110,7 +110,8 @@ impl Camera {
         let up = right.cross(&forward);
         let [fov] = self.fov_y.planes(context);
         let half = fov * (std::f64::consts::PI / 360.0);
-        let half_height = half.clone().sin() / half.cos();
+        let (sin, cos) = sin_cos(half);
+        let half_height = sin / cos;
         let sx = (film[0].clone() * 2.0 - 1.0) * (half_height.clone() * aspect);
         let sy = (film[1].clone() * (-2.0) + 1.0) * half_height;
         let n = film[0].dims()[1];

@@ -1,5 +1,7 @@
 use burn::tensor::Tensor;
 
+use crate::geometry::sin_cos;
+
 /// A similarity: scale, then rotation, then translation. Every part is a tensor or absent.
 #[derive(Clone, Debug, Default)]
 pub struct Transform {
@@ -48,7 +50,7 @@ impl Transform {
     /// With a rotation by an angle `[1]` in radians about an axis (normalised here).
     pub fn axis_angle(self, axis: [f64; 3], angle: Tensor<1>) -> Self {
         let axis = glam::DVec3::from_array(axis).normalize_or(glam::DVec3::Y);
-        let (sin, cos) = ((angle.clone() * 0.5).sin(), (angle * 0.5).cos());
+        let (sin, cos) = sin_cos(angle * 0.5);
         let q = vec![
             cos,
             sin.clone() * axis.x,

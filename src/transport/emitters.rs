@@ -8,7 +8,31 @@ use super::path::Tracer;
 use super::surface::SurfacePoints;
 use crate::error::Result;
 use crate::geometry::{Vec3, plain};
-use crate::visibility::{Rays, transmittance};
+use crate::scene::Flattened;
+use crate::visibility::{Rays, Weights, transmittance};
+
+/// What camera rays see of emitters and environment: the mean over all their surfaces, not over
+/// drawn ones, which has no noise of a draw. None where all is black.
+pub(crate) fn seen(scene: &Flattened, weights: &Weights) -> Option<Vec3> {
+    if scene.emitters.is_empty() && scene.environment.is_none() {
+        return None;
+    }
+    let context = &scene.context;
+    let front = weights.cosine().clone().lower_elem(0.0);
+    let front = front.float().cast(context.dtype);
+    let materials = context.index_row(&scene.topology.material);
+    let emission = scene.materials.emission.gather(&materials);
+    let mean = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| {
+        let emission = emission.clone().transpose() * front.clone();
+        weights.mean(emission, environment.cloned())
+    };
+    let environment = scene.environment.as_ref();
+    Some(Vec3::new(
+        mean(&emission.x, environment.map(|e| &e.x)),
+        mean(&emission.y, environment.map(|e| &e.y)),
+        mean(&emission.z, environment.map(|e| &e.z)),
+    ))
+}
 
 /// Light from one point of one emitter triangle, both uniform, at each surface point: planes of
 /// f·cos θ·cos θ_e/r²·L_e·T over the density. None where the scene has no emitter.

@@ -104,6 +104,7 @@ pub(crate) fn trace(
     let mut rays = rays;
     let mut throughput: Option<Vec3> = None;
     let mut first = None;
+    let mut seen = None;
 
     for bounce in 0..=settings.bounces {
         let weights = tracer.weights(&rays);
@@ -115,12 +116,17 @@ pub(crate) fn trace(
             let slots = slots.clone();
             draws.push(Draw { slots, ratio });
         }
-        first.get_or_insert(weights);
+        if bounce == 0 {
+            seen = emitters::seen(scene, &weights);
+            first = Some(weights);
+        }
 
-        // Who drew the background sees the environment, and is done.
+        // Who drew the background sees the environment, and is done. Camera rays have seen it.
         let triangles = scene.triangles.len() as u32;
         let is_surface = |i: &usize| drawn[*i] < triangles;
-        if let Some(environment) = &scene.environment {
+        if let Some(environment) = &scene.environment
+            && bounce > 0
+        {
             let missed: Vec<usize> = (0..paths.len()).filter(|i| !is_surface(i)).collect();
             if !missed.is_empty() {
                 let n = missed.len();
@@ -132,11 +138,11 @@ pub(crate) fn trace(
                 });
             }
         }
-        // Emission is seen directly by camera rays alone; black surfaces end a path.
+        // Black surfaces end a path.
         let useful = |i: &usize| {
             is_surface(i) && {
                 let m = scene.topology.material[drawn[*i] as usize] as usize;
-                scene.materials.reflects[m] || (bounce == 0 && scene.materials.emits[m])
+                scene.materials.reflects[m]
             }
         };
         let hits: Vec<usize> = (0..paths.len()).filter(useful).collect();
@@ -154,14 +160,6 @@ pub(crate) fn trace(
         );
         let points = SurfacePoints::new(scene, &rays, drawn)?;
 
-        if bounce == 0 && !scene.emitters.is_empty() {
-            let emission = scene.materials.emission.gather(&points.material);
-            found.push(Contribution {
-                bounce,
-                slots: slots.clone(),
-                light: weighted(emission.scale(&points.front), throughput.clone()),
-            });
-        }
         let light = emitters::connect(
             &tracer,
             &points,
@@ -224,6 +222,9 @@ pub(crate) fn trace(
         None => tracer.weights(&rays),
     };
     let mut radiance = whole(scene, &found, 0, count);
+    if let Some(seen) = seen {
+        radiance = radiance.add(&seen);
+    }
     for (bounce, draw) in draws.iter().enumerate() {
         let later = whole(scene, &found, bounce as u32, count).plain();
         if let Some(control) = control_variate(scene, draw, &later, per_pixel) {

@@ -1,6 +1,6 @@
 //! What a path finds at the surface that it drew.
 
-use burn::tensor::{Int, Tensor};
+use burn::tensor::Tensor;
 
 use super::texture::albedo;
 use crate::error::Result;
@@ -18,14 +18,10 @@ pub(crate) struct SurfacePoints {
     pub geometric_normal: Vec3,
     /// Unit shading normal on that side.
     pub normal: Vec3,
-    /// 1 where the ray came from the front, else 0, without tape.
-    pub front: Tensor<2>,
     /// k_d.
     pub diffuse: Vec3,
     /// k_s and exponent, if any material of the scene is glossy.
     pub specular: Option<(Vec3, Tensor<2>)>,
-    /// Indices of the materials.
-    pub material: Tensor<2, Int>,
 }
 
 impl SurfacePoints {
@@ -43,7 +39,7 @@ impl SurfacePoints {
         let position = rays.origin.add(&rays.direction.scale(&t));
 
         let front = plain(&cosine).lower_elem(0.0).float().cast(context.dtype);
-        let side = front.clone() * 2.0 - 1.0;
+        let side = front * 2.0 - 1.0;
         let geometric_normal = normal.scale(&side);
 
         let barycentrics = (scene.uvs.is_some() || scene.normals.is_some()).then(|| {
@@ -125,10 +121,8 @@ impl SurfacePoints {
             position,
             geometric_normal,
             normal,
-            front,
             diffuse,
             specular,
-            material,
         })
     }
 }

@@ -55,6 +55,8 @@ pub struct Coverage {
     pub t: Tensor<2>,
     /// ±D/σ, without tape; 0 where the pair does not count.
     pub logit: Tensor<2>,
+    /// n·d, without tape: negative where the ray meets the triangle's front.
+    pub cosine: Tensor<2>,
     /// exp(−|logit|).
     pub(crate) decay: Tensor<2>,
     /// Whether the pair counts at all; softened pairs do only inside.
@@ -192,6 +194,7 @@ pub fn coverage(
     });
     Coverage {
         t: plain_t,
+        cosine: plain_cosine,
         decay: logit.clone().abs().neg().exp(),
         logit,
         counted,

@@ -114,29 +114,38 @@ impl Weights {
         Some(change + 1.0)
     }
 
-    /// W of the background `[1, N]`, in the graph if a gradient can flow.
-    pub fn attached_background(&self) -> Tensor<2> {
-        let change = self.slopes.clone().and_then(|(slope, per_depth)| {
-            let share = self.surfaces.clone();
-            self.coverage
-                .linear(share.clone() * slope, Some(share * per_depth))
-        });
-        match change {
-            Some(change) => self.background.clone() * (change.neg() + 1.0),
-            None => self.background.clone(),
+    /// Σ W_k·v_k + W_background·v of a quantity of the surfaces `[T, N]` or `[T, 1]` and of the
+    /// background `[1, N]` or `[1, 1]`: a row `[1, N]`, in the graph if a gradient can flow to the
+    /// weights or to the quantity.
+    pub fn mean(&self, surfaces: Tensor<2>, background: Option<Tensor<2>>) -> Tensor<2> {
+        let mut mean = (self.surfaces.clone() * surfaces.clone()).sum_dim(0);
+        if let Some(background) = background {
+            mean = mean + self.background.clone() * background;
+        }
+        // ∂ mean/∂ score_k = W_k·(v_k − mean)
+        let Some((slope, per_depth)) = self.slopes.clone() else {
+            return mean;
+        };
+        let share = (plain(&surfaces) - plain(&mean)) * self.surfaces.clone();
+        match self
+            .coverage
+            .linear(share.clone() * slope, Some(share * per_depth))
+        {
+            Some(change) => mean + change,
+            None => mean,
         }
     }
 
-    /// All W_k `[T, N]`, in the graph if a gradient can flow.
-    pub fn attached_surfaces(&self) -> Tensor<2> {
-        let (Some((slope, per_depth)), Some((t, logit))) = (&self.slopes, &self.coverage.attached)
-        else {
-            return self.surfaces.clone();
-        };
-        let score = slope.clone() * logit.clone() + per_depth.clone() * t.clone();
-        let change = score.clone() - plain(&score);
-        let mean = (change.clone() * self.surfaces.clone()).sum_dim(0);
-        self.surfaces.clone() * (change - mean + 1.0)
+    /// W of the background `[1, N]`, in the graph if a gradient can flow.
+    pub fn attached_background(&self) -> Tensor<2> {
+        let [triangles, n] = self.surfaces.dims();
+        let like = |shape| Tensor::zeros(shape, (&self.surfaces.device(), self.surfaces.dtype()));
+        self.mean(like([triangles, 1]), Some(like([1, n]) + 1.0))
+    }
+
+    /// n·d of each pair `[T, N]`, without tape.
+    pub fn cosine(&self) -> &Tensor<2> {
+        &self.coverage.cosine
     }
 
     /// Distances to the triangles' planes `[T, N]`, in the graph if a gradient can flow; 0 where

@@ -190,24 +190,25 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
         let weights = built
             .softmax
             .weights(built.coverage.clone(), &built.rays, built.radius);
-        let surfaces = weights.attached_surfaces();
-        let background = weights.attached_background();
         let expected = &case.json["softmax"];
         let name = format!("{} softmax", case.name);
         assert_close(
             &name,
-            &by_ray(&surfaces),
+            &by_ray(&weights.surfaces),
             &flat(&expected["weights"]),
             value,
         );
         assert_close(
             &name,
-            &by_ray(&background),
+            &by_ray(&weights.attached_background()),
             &flat(&expected["background"]),
             value,
         );
-        let loss = (surfaces * cotangent("softmax_gradient", 0, case.triangles)).sum()
-            + (background * cotangent("softmax_gradient", 1, 1)).sum();
+        let loss = weights.mean(
+            cotangent("softmax_gradient", 0, case.triangles),
+            Some(cotangent("softmax_gradient", 1, 1)),
+        );
+        let loss = loss.sum();
         assert_gradients(case, "softmax_gradient", &built, loss, gradient);
 
         let built = build(case, device, dtype, true);
@@ -260,7 +261,10 @@ pub fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
                 built_again.radius,
             );
             let whole = if k < case.triangles {
-                weights.attached_surfaces().slice([k..k + 1])
+                let one_hot: Vec<f64> = (0..case.triangles)
+                    .map(|j| if j == k { 1.0 } else { 0.0 })
+                    .collect();
+                weights.mean(context.column(&one_hot), None)
             } else {
                 weights.attached_background()
             };
