@@ -39,7 +39,9 @@ mod tests {
     fn values_and_derivatives_to_rounding() {
         for (dtype, tolerance) in [(DType::F64, 1e-14), (DType::F32, 5e-7)] {
             let device = Device::flex();
-            for angle in [-40.0, -3.1416, -1.3, -1e-9, 0.0, 1e-3, 0.6, 1.570_796, 3.0, 25.0] {
+            for angle in [
+                -40.0, -3.1416, -1.3, -1e-9, 0.0, 1e-3, 0.6, 1.570_796, 3.0, 25.0,
+            ] {
                 let x = Tensor::<1>::from_data(TensorData::new(vec![angle], [1]), (&device, dtype))
                     .autodiff()
                     .require_grad();
@@ -53,10 +55,22 @@ mod tests {
                 let rounded = x.clone().inner().into_scalar::<f64>();
                 // Rounding of the angle itself, relative to its size.
                 let tolerance = tolerance * rounded.abs().max(1.0);
-                assert!((value(&sin) - rounded.sin()).abs() < tolerance, "sin {angle}");
-                assert!((value(&cos) - rounded.cos()).abs() < tolerance, "cos {angle}");
-                assert!((slope(&sin) - rounded.cos()).abs() < tolerance, "sin' {angle}");
-                assert!((slope(&cos) + rounded.sin()).abs() < tolerance, "cos' {angle}");
+                assert!(
+                    (value(&sin) - rounded.sin()).abs() < tolerance,
+                    "sin {angle}"
+                );
+                assert!(
+                    (value(&cos) - rounded.cos()).abs() < tolerance,
+                    "cos {angle}"
+                );
+                assert!(
+                    (slope(&sin) - rounded.cos()).abs() < tolerance,
+                    "sin' {angle}"
+                );
+                assert!(
+                    (slope(&cos) + rounded.sin()).abs() < tolerance,
+                    "cos' {angle}"
+                );
             }
         }
     }

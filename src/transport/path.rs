@@ -7,7 +7,7 @@ use super::{Dimension, Sampler, bsdf, emitters};
 use crate::error::Result;
 use crate::geometry::{Vec3, gather_row, host_values, plain};
 use crate::scene::Flattened;
-use crate::visibility::{Coverage, CoverageSettings, Rays, Softmax, Weights, coverage};
+use crate::visibility::{Coverage, CoverageSettings, DepthRange, Rays, Softmax, Weights, coverage};
 
 /// What a path does.
 #[derive(Clone, Copy, Debug)]
@@ -73,9 +73,8 @@ impl Tracer<'_> {
     }
 
     fn weights(&self, rays: &Rays) -> Weights {
-        self.settings
-            .softmax
-            .weights(self.coverage(rays), rays, self.scene.bounds.radius)
+        let range = DepthRange::new(rays, self.scene.bounds.radius);
+        self.settings.softmax.weights(self.coverage(rays), range)
     }
 }
 

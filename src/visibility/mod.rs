@@ -10,5 +10,5 @@ mod softmax;
 mod transmittance;
 
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
-pub use softmax::{Softmax, Weights};
+pub use softmax::{DepthRange, Softmax, Weights};
 pub use transmittance::transmittance;

@@ -14,6 +14,53 @@ pub struct Softmax {
     pub epsilon: f64,
 }
 
+/// near and far of each ray (Eq. 3): where it may meet the bounds of the scene, as seen from its
+/// origin.
+#[derive(Clone, Debug)]
+pub struct DepthRange {
+    near: Tensor<2>,
+    far: Tensor<2>,
+    /// A row that is 0 and has the derivative of `far`.
+    change: Option<Tensor<2>>,
+}
+
+impl DepthRange {
+    /// For bounds of a radius about the point that origins are relative to. The gradient flows to
+    /// the origins, not to the bounds.
+    pub fn new(rays: &Rays, radius: f64) -> Self {
+        let origin = rays.origin.plain();
+        let distance = origin.dot(&origin).sqrt();
+        let change = rays.origin.is_tracked().then(|| {
+            let away = origin.map(|x| x / distance.clone().clamp_min(1e-6 * radius));
+            rays.origin.sub(&origin).dot(&away)
+        });
+        Self {
+            near: (distance.clone() - radius).clamp_min(0.0),
+            far: distance + radius,
+            change,
+        }
+    }
+
+    /// The same without gradient.
+    pub fn detached(self) -> Self {
+        Self {
+            change: None,
+            ..self
+        }
+    }
+}
+
+/// Derivatives of the scores.
+#[derive(Clone, Debug)]
+struct Slopes {
+    /// By the logits `[T, N]`.
+    logit: Tensor<2>,
+    /// By the distances `[1, N]`.
+    distance: Tensor<2>,
+    /// By far `[T, N]`, with its change `[1, N]`.
+    far: Option<(Tensor<2>, Tensor<2>)>,
+}
+
 /// How the surfaces of each ray and the background share its weight.
 #[derive(Clone, Debug)]
 pub struct Weights {
@@ -22,20 +69,16 @@ pub struct Weights {
     /// W of the background `[1, N]`, without tape.
     pub background: Tensor<2>,
     coverage: Coverage,
-    /// ∂ score/∂ logit `[T, N]` and ∂ score/∂ t `[1, N]`, if a gradient can flow.
-    slopes: Option<(Tensor<2>, Tensor<2>)>,
+    /// If a gradient can flow.
+    slopes: Option<Slopes>,
 }
 
 impl Softmax {
-    /// Weights of all surfaces of each ray; `radius` is that of the scene's bounds, at whose
-    /// centre the origin lies.
-    pub fn weights(&self, coverage: Coverage, rays: &Rays, radius: f64) -> Weights {
-        let origin = rays.origin.plain();
-        let distance = origin.dot(&origin).sqrt();
-        let near = (distance.clone() - radius).clamp_min(0.0);
-        let far = distance + radius;
-        let per_depth = (far.clone() - near).recip() / self.gamma;
-        let score = (far - coverage.t.clone()) * per_depth.clone();
+    /// Weights of all surfaces of each ray.
+    pub fn weights(&self, coverage: Coverage, range: DepthRange) -> Weights {
+        let DepthRange { near, far, change } = range;
+        let per_depth = (far.clone() - near.clone()).recip() / self.gamma;
+        let score = (far.clone() - coverage.t.clone()) * per_depth.clone();
         let discounted = coverage.counted.clone().bool_not();
         // log p = min(logit, 0) − log(1 + exp(−|logit|)): the exponent is shifted by its largest
         // piecewise linear part, so that nothing overflows and no logarithm is needed.
@@ -69,7 +112,20 @@ impl Softmax {
                 let soft = e.clone() * 2.0 / (e.clone() * e).neg().add_scalar(1.0).clamp_min(1e-6);
                 slope = slope.mask_where(softened.clone(), soft);
             }
-            (slope.mask_fill(discounted, 0.0), per_depth.neg())
+            // Outside of the bounds only (far − t) depends on far; inside its divisor does too.
+            let far = change.map(|change| {
+                let inside = near.lower_equal_elem(0.0);
+                let kept = coverage.t.clone() / far;
+                let ones = kept.ones_like();
+                let kept = ones.mask_where(inside.expand(kept.dims()), kept);
+                let kept = kept.mask_fill(discounted.clone(), 0.0);
+                (kept * per_depth.clone(), change)
+            });
+            Slopes {
+                logit: slope.mask_fill(discounted, 0.0),
+                distance: per_depth.neg(),
+                far,
+            }
         });
         Weights {
             surfaces: weight / total.clone(),
@@ -102,16 +158,26 @@ impl Weights {
     /// W_k / stop_gradient(W_k) of the drawn surfaces `[1, N]`: 1, with the derivative of log W_k.
     /// None if no gradient can flow.
     pub fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
-        let (slope, per_depth) = self.slopes.clone()?;
+        self.slopes.as_ref()?;
         let triangles = self.surfaces.dims()[0];
         let numbers: Vec<f64> = (0..triangles).map(|k| k as f64).collect();
         let row: Vec<f64> = drawn.iter().map(|&k| f64::from(k)).collect();
         let one_hot = context.column(&numbers).equal(context.row(&row));
         let share = one_hot.float().cast(context.dtype) - self.surfaces.clone();
-        let change = self
-            .coverage
-            .linear(share.clone() * slope, Some(share * per_depth))?;
-        Some(change + 1.0)
+        Some(self.change(share)? + 1.0)
+    }
+
+    /// A row `[1, N]` that is 0 and has the derivative of Σ share_k·score_k.
+    fn change(&self, share: Tensor<2>) -> Option<Tensor<2>> {
+        let slopes = self.slopes.clone()?;
+        let change = self.coverage.linear(
+            share.clone() * slopes.logit,
+            Some(share.clone() * slopes.distance),
+        )?;
+        Some(match slopes.far {
+            Some((slope, far)) => change + (share * slope).sum_dim(0) * far,
+            None => change,
+        })
     }
 
     /// Σ W_k·v_k + W_background·v of a quantity of the surfaces `[T, N]` or `[T, 1]` and of the
@@ -123,14 +189,11 @@ impl Weights {
             mean = mean + self.background.clone() * background;
         }
         // ∂ mean/∂ score_k = W_k·(v_k − mean)
-        let Some((slope, per_depth)) = self.slopes.clone() else {
+        if self.slopes.is_none() {
             return mean;
-        };
+        }
         let share = (plain(&surfaces) - plain(&mean)) * self.surfaces.clone();
-        match self
-            .coverage
-            .linear(share.clone() * slope, Some(share * per_depth))
-        {
+        match self.change(share) {
             Some(change) => mean + change,
             None => mean,
         }

@@ -10,6 +10,8 @@ pub struct Case {
     pub value: f64,
     pub step: f64,
     pub bounces: u32,
+    /// Weight of the objective at a point of the image, both coordinates from −1 to 1.
+    pub weight: fn(f64, f64) -> f64,
     /// Scene and camera from the number, a tensor `[1]`.
     pub build: fn(&Device, DType, Tensor<1>) -> (Scene, Camera),
 }
@@ -64,26 +66,26 @@ fn objects(device: &Device, dtype: DType) -> [Object; 4] {
     );
     let half = constant(&[0.5], [1], device, dtype);
     let ball = shapes::icosahedron(device).cast(dtype).scaled(half);
-    let ball = ball.translated(constant(&[0.3, 0.7, 0.1], [3], device, dtype));
+    let ball = ball.translated(constant(&[0.3, 0.95, 0.1], [3], device, dtype));
     let triangle = shapes::triangle(
-        [-1.2, 0.9, 0.3],
-        [-0.3, 1.0, 0.6],
-        [-0.6, 1.3, -0.5],
+        [-1.3, 0.8, 0.3],
+        [-0.4, 0.9, 0.6],
+        [-0.7, 1.5, -0.3],
         device,
     );
     [
         Object::new(floor.cast(dtype))
             .named("floor")
-            .material(Material::diffuse([0.6, 0.5, 0.4])),
+            .material(Material::diffuse([0.35, 0.3, 0.25])),
         Object::new(light.cast(dtype))
             .named("light")
-            .material(Material::emitter([5.0, 4.5, 4.0])),
+            .material(Material::emitter([3.0, 2.7, 2.4])),
         Object::new(ball)
             .named("ball")
-            .material(Material::diffuse([0.3, 0.4, 0.7])),
+            .material(Material::diffuse([0.1, 0.2, 0.3])),
         Object::new(triangle.cast(dtype))
             .named("triangle")
-            .material(Material::diffuse([0.5, 0.6, 0.3])),
+            .material(Material::diffuse([0.2, 0.25, 0.1])),
     ]
 }
 
@@ -92,11 +94,11 @@ fn scene(objects: [Object; 4]) -> Scene {
         objects: objects.into(),
         ..Scene::new()
     }
-    .environment([0.2, 0.25, 0.3])
+    .environment([0.9, 1.0, 1.1])
 }
 
 fn camera() -> Camera {
-    Camera::look_at([0.2, 1.7, 4.2], [0.0, 0.6, 0.0]).fov_y(38.0)
+    Camera::look_at([0.2, 1.3, 4.2], [0.0, 0.9, 0.0]).fov_y(38.0)
 }
 
 fn change(
@@ -116,6 +118,7 @@ pub fn cases() -> Vec<Case> {
         step,
         bounces,
         build,
+        weight: |x, y| 0.8 + 0.6 * x + 0.3 * y,
     };
     vec![
         case("vertex", 0.0, 0.02, 0, |d, t, p| {
@@ -156,7 +159,7 @@ pub fn cases() -> Vec<Case> {
         }),
         case("camera position", 0.0, 0.02, 0, |d, t, p| {
             let mut c = camera();
-            c.eye = offset(p, [0.2, 1.7, 4.2], [1.0, 0.5, 0.3], d, t).into();
+            c.eye = offset(p, [0.2, 1.3, 4.2], [1.0, 0.5, 0.3], d, t).into();
             (scene(objects(d, t)), c)
         }),
         case("field of view", 38.0, 0.4, 0, |d, t, p| {
@@ -219,16 +222,15 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-/// Blur and samples of an estimate.
+/// Blur and samples of a render.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
     pub sigma: f64,
     pub gamma: f64,
     pub samples: u32,
-    pub seeds: u64,
 }
 
-/// Σ of the image under fixed smooth weights, so that no symmetry cancels.
+/// Σ of the image under fixed smooth weights that rise across it, so that no symmetry cancels.
 fn objective(
     case: &Case,
     device: &Device,
@@ -250,10 +252,11 @@ fn objective(
     let image = render(&scene, &camera, &options)
         .expect("an image")
         .radiance;
+    let centre = |i: usize| (2 * i + 1) as f64 / SIZE as f64 - 1.0;
     let weights: Vec<f64> = (0..SIZE * SIZE * 3)
         .map(|i| {
             let (y, x, c) = (i / 3 / SIZE, i / 3 % SIZE, i % 3);
-            0.3 + 0.12 * x as f64 + 0.05 * y as f64 + 0.2 * c as f64
+            (case.weight)(centre(x), -centre(y)) * (1.0 + 0.2 * c as f64)
         })
         .collect();
     (image * constant(&weights, [SIZE, SIZE, 3], device, dtype)).sum()
@@ -263,74 +266,114 @@ fn number(t: Tensor<1>) -> f64 {
     t.inner().into_scalar::<f64>()
 }
 
-fn estimate(values: Vec<f64>) -> Estimate {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    Estimate {
-        mean,
-        error: (variance / n).sqrt(),
+impl Estimate {
+    fn of(values: &[f64]) -> Self {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        Self {
+            mean,
+            error: (variance / n).sqrt(),
+        }
+    }
+
+    /// How many times more seeds bring the standard error to a share of the mean.
+    fn more(&self, share: f64) -> f64 {
+        (self.error / (share * self.mean.abs())).powi(2)
     }
 }
 
-/// The autodiff gradient, over independent seeds.
-pub fn gradient(case: &Case, device: &Device, dtype: DType, effort: Effort) -> Estimate {
-    estimate(
-        (0..effort.seeds)
-            .into_par_iter()
-            .map(|seed| {
-                let p = constant(&[case.value], [1], device, dtype)
-                    .autodiff()
-                    .require_grad();
-                let gradients =
-                    objective(case, device, dtype, p.clone(), effort, 1000 + seed).backward();
-                number(p.grad(&gradients).expect("a gradient"))
-            })
-            .collect(),
-    )
+/// The autodiff gradient, for each seed.
+pub fn gradients(
+    case: &Case,
+    device: &Device,
+    dtype: DType,
+    effort: Effort,
+    seeds: std::ops::Range<u64>,
+) -> Vec<f64> {
+    seeds
+        .into_par_iter()
+        .map(|seed| {
+            let p = constant(&[case.value], [1], device, dtype)
+                .autodiff()
+                .require_grad();
+            let gradients = objective(case, device, dtype, p.clone(), effort, seed).backward();
+            number(p.grad(&gradients).expect("a gradient"))
+        })
+        .collect()
 }
 
-/// Central differences with common random numbers, over independent seeds.
-pub fn difference(case: &Case, device: &Device, dtype: DType, effort: Effort) -> Estimate {
-    estimate(
-        (0..effort.seeds)
-            .into_par_iter()
-            .map(|seed| {
-                let at = |v: f64| {
-                    number(objective(
-                        case,
-                        device,
-                        dtype,
-                        constant(&[v], [1], device, dtype),
-                        effort,
-                        900_000 + seed,
-                    ))
-                };
-                (at(case.value + case.step) - at(case.value - case.step)) / (2.0 * case.step)
-            })
-            .collect(),
-    )
+/// Central differences with common random numbers, for each seed.
+pub fn differences(
+    case: &Case,
+    device: &Device,
+    dtype: DType,
+    effort: Effort,
+    seeds: std::ops::Range<u64>,
+) -> Vec<f64> {
+    seeds
+        .into_par_iter()
+        .map(|seed| {
+            let at = |v: f64| {
+                let p = constant(&[v], [1], device, dtype);
+                number(objective(case, device, dtype, p, effort, seed))
+            };
+            (at(case.value + case.step) - at(case.value - case.step)) / (2.0 * case.step)
+        })
+        .collect()
 }
 
-/// Compares both and prints a line; returns (gradient, difference).
+/// How precise a comparison has to be.
+#[derive(Clone, Copy, Debug)]
+pub struct Demand {
+    /// Seeds of each side, at least.
+    pub seeds: u64,
+    /// The standard error of each side, as a share of its mean, and the most seeds for it.
+    pub error: f64,
+    pub most_seeds: u64,
+}
+
+/// Compares gradient and difference, prints a line, and returns both. The number of seeds is set by
+/// a pilot run, whose values are not used again.
 pub fn compare(
     case: &Case,
     device: &Device,
     dtype: DType,
-    gradient_effort: Effort,
-    difference_effort: Effort,
+    effort: Effort,
+    demand: Demand,
 ) -> (Estimate, Estimate) {
-    let g = gradient(case, device, dtype, gradient_effort);
-    let d = difference(case, device, dtype, difference_effort);
+    type Side = fn(&Case, &Device, DType, Effort, std::ops::Range<u64>) -> Vec<f64>;
+    let start = std::time::Instant::now();
+    let side = |f: Side, offset: u64| {
+        let run = |seeds| Estimate::of(&f(case, device, dtype, effort, seeds));
+        let pilot = run(offset..offset + demand.seeds);
+        let factor = 1.1 * pilot.more(demand.error);
+        if factor <= 1.0 {
+            return (pilot, demand.seeds);
+        }
+        let seeds =
+            ((factor * demand.seeds as f64).ceil() as u64).clamp(demand.seeds, demand.most_seeds);
+        (run(offset + 1_000_000..offset + 1_000_000 + seeds), seeds)
+    };
+    let (g, n) = side(gradients, 0);
+    let (d, m) = side(
+        differences,
+        if std::env::var("SAME").is_ok() {
+            0
+        } else {
+            10_000_000
+        },
+    );
     println!(
-        "{:18} gradient {:10.4} ± {:.4}   difference {:10.4} ± {:.4}   ({:+.2} %, {:.1} standard errors)",
+        "{:18} gradient {:9.4} ± {:.2} %   difference {:9.4} ± {:.2} %   {:+.2} %, {:.1} standard errors ({n} and {m} seeds, {:.0} s)",
         case.name,
         g.mean,
-        g.error,
+        100.0 * g.error / g.mean.abs(),
         d.mean,
-        d.error,
+        100.0 * d.error / d.mean.abs(),
         100.0 * (g.mean / d.mean - 1.0),
-        (g.mean - d.mean).abs() / g.error.hypot(d.error)
+        (g.mean - d.mean).abs() / g.error.hypot(d.error),
+        start.elapsed().as_secs_f64(),
     );
     (g, d)
 }

@@ -4,7 +4,9 @@
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use serde_json::Value;
 use softray::geometry::{Context, Topology, Triangles, Vec3, VertexData};
-use softray::visibility::{Coverage, CoverageSettings, Rays, Softmax, coverage, transmittance};
+use softray::visibility::{
+    Coverage, CoverageSettings, DepthRange, Rays, Softmax, coverage, transmittance,
+};
 
 use super::{reference, values};
 
@@ -42,9 +44,8 @@ struct Built {
     corners: Tensor<2>,
     origins: Tensor<2>,
     directions: Tensor<2>,
-    rays: Rays,
+    range: DepthRange,
     coverage: Coverage,
-    radius: f64,
     softmax: Softmax,
 }
 
@@ -100,13 +101,15 @@ fn build(case: &Case, device: &Device, dtype: DType, cut: bool) -> Built {
         t_min: 0.0,
         arrival_margin: 0.0,
     };
+    // The reference's gradients don't flow through near and far.
+    let radius = case.json["radius"].as_f64().expect("radius");
+    let range = DepthRange::new(&rays, radius).detached();
     Built {
         coverage: coverage(&context, &triangles, &topology, &rays, &settings),
         corners,
         origins,
         directions,
-        rays,
-        radius: case.json["radius"].as_f64().expect("radius"),
+        range,
         softmax: Softmax {
             gamma: case.json["gamma"].as_f64().expect("gamma"),
             epsilon: case.json["epsilon"].as_f64().expect("epsilon"),
@@ -189,7 +192,7 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
         );
         let weights = built
             .softmax
-            .weights(built.coverage.clone(), &built.rays, built.radius);
+            .weights(built.coverage.clone(), built.range.clone());
         let expected = &case.json["softmax"];
         let name = format!("{} softmax", case.name);
         assert_close(
@@ -243,7 +246,7 @@ pub fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
             let built = build(case, device, dtype, false);
             let weights = built
                 .softmax
-                .weights(built.coverage.clone(), &built.rays, built.radius);
+                .weights(built.coverage.clone(), built.range.clone());
             let drawn = vec![k as u32; case.rays];
             let ratio = weights.ratio(&context, &drawn).expect("tracked");
             assert!(values(&ratio).iter().all(|&r| r == 1.0));
@@ -255,11 +258,9 @@ pub fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
             // Σ W · ratio has the gradient of Σ W.
             let found = (ratio * weight).sum().backward();
             let built_again = build(case, device, dtype, false);
-            let weights = built_again.softmax.weights(
-                built_again.coverage.clone(),
-                &built_again.rays,
-                built_again.radius,
-            );
+            let weights = built_again
+                .softmax
+                .weights(built_again.coverage.clone(), built_again.range.clone());
             let whole = if k < case.triangles {
                 let one_hot: Vec<f64> = (0..case.triangles)
                     .map(|j| if j == k { 1.0 } else { 0.0 })
