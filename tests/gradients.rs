@@ -3,7 +3,7 @@
 mod common;
 
 use burn::tensor::{DType, Device};
-use common::gradients::{Demand, Effort, cases, compare};
+use common::gradients::{Demand, EFFORT, agreement, cases, compare};
 
 /// The short tier asks for agreement within 3.5 standard errors, and for errors small enough that
 /// a wrong factor of two shows in every class. The long tier asks for standard errors of 1 % of
@@ -11,32 +11,23 @@ use common::gradients::{Demand, Effort, cases, compare};
 #[test]
 fn agree_with_central_differences() {
     let device = Device::flex();
-    let effort = Effort {
-        sigma: 1e-2,
-        gamma: 0.05,
-        samples: 16,
-    };
     let long = common::long();
     let demand = if long {
         Demand {
             seeds: 40,
-            error: 0.009,
-            most_seeds: 4000,
+            error: 0.01,
+            most_seeds: 12_000,
         }
     } else {
         Demand {
             seeds: 12,
             error: 0.08,
-            most_seeds: 60,
+            most_seeds: 240,
         }
     };
-    let only = std::env::var("SOFTRAY_ONLY").ok();
     let mut failures = Vec::new();
     for case in cases() {
-        if only.as_deref().is_some_and(|o| o != case.name) {
-            continue;
-        }
-        let (g, d) = compare(&case, &device, DType::F64, effort, demand);
+        let (g, d) = compare(&case, &device, DType::F64, EFFORT, demand);
         let apart = (g.mean - d.mean).abs();
         let error = g.error.hypot(d.error);
         let close = if long {
@@ -50,4 +41,16 @@ fn agree_with_central_differences() {
         }
     }
     assert!(failures.is_empty(), "{failures:?}");
+}
+
+/// The same seed gives the same gradient on the other CPU backend.
+#[test]
+fn the_same_on_ndarray() {
+    for (case, apart) in agreement(
+        (&common::cpu_devices()[1], &Device::flex()),
+        DType::F64,
+        EFFORT.samples,
+    ) {
+        assert!(apart < 1e-6, "{case}: {apart:e}");
+    }
 }

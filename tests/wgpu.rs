@@ -72,3 +72,11 @@ fn gradients_are_those_of_the_cpu() {
         assert!((g - c).abs() < 1e-2 * norm, "{gpu:?}, on the CPU {cpu:?}");
     }
 }
+
+#[test]
+fn every_gradient_is_that_of_the_cpu() {
+    let devices = (&device(), &Device::flex());
+    for (case, apart) in common::gradients::agreement(devices, DType::F32, 4) {
+        assert!(apart < 1e-2, "{case}: {apart:e}");
+    }
+}

@@ -1,6 +1,7 @@
 //! What is rendered: meshes, materials, transforms, objects, lights and the camera, all tensors.
 
 mod camera;
+mod check;
 mod flatten;
 mod material;
 mod mesh;

@@ -1,0 +1,72 @@
+//! Renders and gradients: `cargo bench --bench render`. Items are rays.
+
+use std::path::PathBuf;
+
+use divan::Bencher;
+use divan::counter::ItemsCount;
+use softray::prelude::*;
+
+fn main() {
+    divan::main();
+}
+
+fn cornell(device: &Device) -> SceneFile {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/cornell/scene.json");
+    SceneFile::load(path, device).expect("a scene")
+}
+
+fn options(bounces: u32) -> RenderOptions {
+    RenderOptions::new(64, 64).samples(4).bounces(bounces)
+}
+
+fn rays(scene: &Scene, camera: &Camera, options: &RenderOptions) -> u64 {
+    let image = render(scene, camera, options).expect("an image");
+    image.statistics.rays
+}
+
+/// Without gradient, over bounces.
+#[divan::bench(args = [0, 1, 3], sample_count = 10)]
+fn cornell_box(bencher: Bencher, bounces: u32) {
+    let file = cornell(&Device::flex());
+    let options = options(bounces);
+    bencher
+        .counter(ItemsCount::new(rays(&file.scene, &file.camera, &options)))
+        .bench(|| render(&file.scene, &file.camera, &options).expect("an image"));
+}
+
+/// Forward and backward to all vertices of the short block, over bounces.
+#[divan::bench(args = [0, 1, 3], sample_count = 10)]
+fn cornell_box_gradient(bencher: Bencher, bounces: u32) {
+    let file = cornell(&Device::flex());
+    let options = options(bounces);
+    bencher
+        .counter(ItemsCount::new(rays(&file.scene, &file.camera, &options)))
+        .bench(|| {
+            let offset = Tensor::<2>::zeros([1, 3], &Device::flex())
+                .autodiff()
+                .require_grad();
+            let scene = file.scene.clone().map_object("short", |o| {
+                o.map_mesh(|m| {
+                    let moved = m.vertices.clone() + offset.clone();
+                    m.with_vertices(moved)
+                })
+            });
+            let image = render(&scene, &file.camera, &options).expect("an image");
+            image.radiance.powf_scalar(2.0).mean().backward()
+        });
+}
+
+/// A sphere in a uniform environment, without gradient, over its faces.
+#[divan::bench(args = [1, 2, 3], sample_count = 10)]
+fn icosphere(bencher: Bencher, subdivisions: u32) {
+    let device = Device::flex();
+    let ball = shapes::icosphere(subdivisions, &device);
+    let scene = Scene::new()
+        .with(Object::new(ball).material(Material::diffuse([0.7; 3])))
+        .environment([1.0; 3]);
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
+    let options = RenderOptions::new(32, 32).samples(4).bounces(0);
+    bencher
+        .counter(ItemsCount::new(rays(&scene, &camera, &options)))
+        .bench(|| render(&scene, &camera, &options).expect("an image"));
+}

@@ -1,0 +1,206 @@
+//! How to render.
+
+use std::fmt;
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::scene::Bounds;
+
+/// Called after each tile with the number of tiles done and of all tiles.
+pub type Progress = Arc<dyn Fn(usize, usize) + Send + Sync>;
+
+/// How to render.
+#[derive(Clone)]
+pub struct RenderOptions {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) samples: u32,
+    pub(super) bounces: u32,
+    pub(super) sigma: f64,
+    pub(super) gamma: f64,
+    pub(super) epsilon: f64,
+    pub(super) seed: u64,
+    pub(super) roulette_after: Option<u32>,
+    pub(super) rays_per_tile: Option<usize>,
+    pub(super) bounds: Option<Bounds>,
+    pub(super) outputs: Outputs,
+    pub(super) progress: Option<Progress>,
+}
+
+/// What to return beside radiance.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Outputs {
+    pub(super) opacity: bool,
+    pub(super) depth: bool,
+    pub(super) normals: bool,
+    pub(super) object_ids: bool,
+}
+
+impl fmt::Debug for RenderOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RenderOptions")
+            .field("width", &self.width)
+            .field("height", &self.height)
+            .field("samples", &self.samples)
+            .field("bounces", &self.bounces)
+            .field("sigma", &self.sigma)
+            .field("gamma", &self.gamma)
+            .field("epsilon", &self.epsilon)
+            .field("seed", &self.seed)
+            .field("roulette_after", &self.roulette_after)
+            .field("rays_per_tile", &self.rays_per_tile)
+            .field("bounds", &self.bounds)
+            .field("outputs", &self.outputs)
+            .finish_non_exhaustive()
+    }
+}
+
+impl RenderOptions {
+    /// An image of width × height pixels: 16 samples, 3 bounces, σ = 1e-4, γ = 1e-3, seed 0.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            samples: 16,
+            bounces: 3,
+            sigma: 1e-4,
+            gamma: 1e-3,
+            epsilon: 1e-3,
+            seed: 0,
+            roulette_after: None,
+            rays_per_tile: None,
+            bounds: None,
+            outputs: Outputs::default(),
+            progress: None,
+        }
+    }
+
+    /// Paths a pixel.
+    pub fn samples(mut self, samples: u32) -> Self {
+        self.samples = samples;
+        self
+    }
+
+    /// Bounces after the surface that the camera sees; 0 is direct light only.
+    pub fn bounces(mut self, bounces: u32) -> Self {
+        self.bounces = bounces;
+        self
+    }
+
+    /// σ of Eq. 1 in scene units squared, and γ of Eq. 3 in units of the scene's depth.
+    pub fn blur(mut self, sigma: f64, gamma: f64) -> Self {
+        self.sigma = sigma;
+        self.gamma = gamma;
+        self
+    }
+
+    /// ε of Eq. 3, the score of the background.
+    pub fn epsilon(mut self, epsilon: f64) -> Self {
+        self.epsilon = epsilon;
+        self
+    }
+
+    /// Same seed, same image.
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// Ends paths at random, in proportion to their throughput, after the given bounce and every
+    /// later one (0: after the surface that the camera sees).
+    pub fn russian_roulette(mut self, after: u32) -> Self {
+        self.roulette_after = Some(after);
+        self
+    }
+
+    /// The most rays processed at once. Bounds the memory of a render without gradient; by
+    /// default chosen from the number of triangles.
+    pub fn rays_per_tile(mut self, rays: usize) -> Self {
+        self.rays_per_tile = Some(rays);
+        self
+    }
+
+    /// Fixes the bounds that set the scale of depths and tolerances. Finite differences need the
+    /// same bounds on both sides.
+    pub fn bounds(mut self, bounds: Bounds) -> Self {
+        self.bounds = Some(bounds);
+        self
+    }
+
+    /// Also returns the opacity.
+    pub fn with_opacity(mut self) -> Self {
+        self.outputs.opacity = true;
+        self
+    }
+
+    /// Also returns the depth.
+    pub fn with_depth(mut self) -> Self {
+        self.outputs.depth = true;
+        self
+    }
+
+    /// Also returns normals.
+    pub fn with_normals(mut self) -> Self {
+        self.outputs.normals = true;
+        self
+    }
+
+    /// Also returns object ids.
+    pub fn with_object_ids(mut self) -> Self {
+        self.outputs.object_ids = true;
+        self
+    }
+
+    /// Calls a function after each tile.
+    pub fn progress(mut self, progress: Progress) -> Self {
+        self.progress = Some(progress);
+        self
+    }
+
+    pub(super) fn check(&self) -> Result<()> {
+        let options = "options";
+        for (field, value) in [
+            ("width", self.width),
+            ("height", self.height),
+            ("samples", self.samples as usize),
+            ("rays_per_tile", self.rays_per_tile.unwrap_or(1)),
+        ] {
+            if value == 0 {
+                return Err(Error::invalid(options, field, value, "at least 1"));
+            }
+        }
+        if self.width.saturating_mul(self.height) > u32::MAX as usize {
+            let size = format!("{} × {}", self.width, self.height);
+            return Err(Error::invalid(
+                options,
+                "width × height",
+                size,
+                "at most 2³² − 1 pixels",
+            ));
+        }
+        for (field, value) in [("sigma", self.sigma), ("gamma", self.gamma)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(Error::invalid(options, field, value, "a finite number > 0"));
+            }
+        }
+        if !self.epsilon.is_finite() {
+            return Err(Error::invalid(
+                options,
+                "epsilon",
+                self.epsilon,
+                "a finite number",
+            ));
+        }
+        if let Some(b) = self.bounds
+            && !(b.radius.is_finite() && b.radius > 0.0 && b.center.iter().all(|c| c.is_finite()))
+        {
+            return Err(Error::invalid(
+                options,
+                "bounds",
+                format!("{b:?}"),
+                "a finite centre and a radius > 0",
+            ));
+        }
+        Ok(())
+    }
+}
