@@ -21,7 +21,7 @@ fn agree_with_central_differences() {
     } else {
         Demand {
             seeds: 12,
-            error: 0.08,
+            error: 0.06,
             most_seeds: 240,
         }
     };

@@ -101,7 +101,8 @@ impl Renderer<'_> {
                 columns.push(sum + result.sums);
             }
         }
-        let mean = Tensor::cat(columns, 1) / f64::from(self.options.samples);
+        // Not a division: its backward pass rounds 1/n to f32.
+        let mean = Tensor::cat(columns, 1) * f64::from(self.options.samples).recip();
         Ok(self.image(mean, rays))
     }
 
