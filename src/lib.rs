@@ -44,4 +44,5 @@ pub mod prelude {
     pub use crate::scene::{
         Albedo, Bounds, Camera, Material, Mesh, Object, Parameter, Scene, Transform, Wrap, shapes,
     };
+    pub use crate::visibility::Visibility;
 }

@@ -1,33 +1,32 @@
-//! Gradients of every class of parameter against central differences.
+//! Gradients of every class of parameter against central differences, in both forms of visibility.
 
 mod common;
 
 use burn::tensor::{DType, Device};
-use common::gradients::{Demand, EFFORT, agreement, cases, compare};
+use common::gradients::{Demand, Effort, LAYERED, SOFTMAX, agreement, cases, compare};
 
 /// The short tier asks for agreement within 3.5 standard errors, and for errors small enough that
 /// a wrong factor of two shows in every class. The long tier asks for standard errors of 1 % of
 /// the reference and agreement within 3 of them and 3 %.
-#[test]
-fn agree_with_central_differences() {
+fn agree_with_central_differences(effort: Effort) {
     let device = Device::flex();
     let long = common::long();
     let demand = if long {
         Demand {
-            seeds: 40,
+            seeds: 100,
             error: 0.01,
             most_seeds: 12_000,
         }
     } else {
         Demand {
-            seeds: 12,
-            error: 0.06,
+            seeds: 32,
+            error: 0.08,
             most_seeds: 240,
         }
     };
     let mut failures = Vec::new();
     for case in cases() {
-        let (g, d) = compare(&case, &device, DType::F64, EFFORT, demand);
+        let (g, d) = compare(&case, &device, DType::F64, effort, demand);
         let apart = (g.mean - d.mean).abs();
         let error = g.error.hypot(d.error);
         let close = if long {
@@ -43,14 +42,23 @@ fn agree_with_central_differences() {
     assert!(failures.is_empty(), "{failures:?}");
 }
 
+#[test]
+fn softmax_agrees_with_central_differences() {
+    agree_with_central_differences(SOFTMAX);
+}
+
+#[test]
+fn layered_agrees_with_central_differences() {
+    agree_with_central_differences(LAYERED);
+}
+
 /// The same seed gives the same gradient on the other CPU backend.
 #[test]
 fn the_same_on_ndarray() {
-    for (case, apart) in agreement(
-        (&common::cpu_devices()[1], &Device::flex()),
-        DType::F64,
-        EFFORT.samples,
-    ) {
-        assert!(apart < 1e-6, "{case}: {apart:e}");
+    for effort in [SOFTMAX, LAYERED] {
+        let devices = (&common::cpu_devices()[1], &Device::flex());
+        for (case, apart) in agreement(devices, DType::F64, effort) {
+            assert!(apart < 1e-6, "{case}: {apart:e}");
+        }
     }
 }

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::geometry::Context;
 use crate::scene::{Camera, Flattened, Scene};
 use crate::transport::{Dimension, PathSettings, Sampler, trace};
-use crate::visibility::{Rays, Softmax};
+use crate::visibility::Rays;
 
 pub use film::{Image, Statistics};
 pub use options::{Progress, RenderOptions};
@@ -35,10 +35,7 @@ pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result
         sampler: Sampler::new(options.seed),
         settings: PathSettings {
             sigma: options.sigma,
-            softmax: Softmax {
-                gamma: options.gamma,
-                epsilon: options.epsilon,
-            },
+            visibility: options.visibility,
             bounces: options.bounces,
             roulette_after: options.roulette_after,
         },

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::scene::Bounds;
+use crate::visibility::Visibility;
 
 /// Called after each tile with the number of tiles done and of all tiles.
 pub type Progress = Arc<dyn Fn(usize, usize) + Send + Sync>;
@@ -17,8 +18,7 @@ pub struct RenderOptions {
     pub(super) samples: u32,
     pub(super) bounces: u32,
     pub(super) sigma: f64,
-    pub(super) gamma: f64,
-    pub(super) epsilon: f64,
+    pub(super) visibility: Visibility,
     pub(super) seed: u64,
     pub(super) roulette_after: Option<u32>,
     pub(super) rays_per_tile: Option<usize>,
@@ -44,8 +44,7 @@ impl fmt::Debug for RenderOptions {
             .field("samples", &self.samples)
             .field("bounces", &self.bounces)
             .field("sigma", &self.sigma)
-            .field("gamma", &self.gamma)
-            .field("epsilon", &self.epsilon)
+            .field("visibility", &self.visibility)
             .field("seed", &self.seed)
             .field("roulette_after", &self.roulette_after)
             .field("rays_per_tile", &self.rays_per_tile)
@@ -64,8 +63,7 @@ impl RenderOptions {
             samples: 16,
             bounces: 3,
             sigma: 1e-4,
-            gamma: 1e-3,
-            epsilon: 1e-3,
+            visibility: Visibility::softmax(1e-3),
             seed: 0,
             roulette_after: None,
             rays_per_tile: None,
@@ -87,16 +85,26 @@ impl RenderOptions {
         self
     }
 
-    /// σ of Eq. 1 in scene units squared, and γ of Eq. 3 in units of the scene's depth.
+    /// σ of Eq. 1 in scene units squared, and γ of the form of visibility, if it has one, in units
+    /// of the scene's depth.
     pub fn blur(mut self, sigma: f64, gamma: f64) -> Self {
+        if let Visibility::Softmax { gamma: g, .. } | Visibility::LayeredSoft { gamma: g } =
+            &mut self.visibility
+        {
+            *g = gamma;
+        }
+        self.sigma(sigma)
+    }
+
+    /// σ of Eq. 1, the blur of edges in scene units squared.
+    pub fn sigma(mut self, sigma: f64) -> Self {
         self.sigma = sigma;
-        self.gamma = gamma;
         self
     }
 
-    /// ε of Eq. 3, the score of the background.
-    pub fn epsilon(mut self, epsilon: f64) -> Self {
-        self.epsilon = epsilon;
+    /// The form of visibility, with its blur in depth.
+    pub fn visibility(mut self, visibility: Visibility) -> Self {
+        self.visibility = visibility;
         self
     }
 
@@ -178,19 +186,15 @@ impl RenderOptions {
                 "at most 2³² − 1 pixels",
             ));
         }
-        for (field, value) in [("sigma", self.sigma), ("gamma", self.gamma)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(Error::invalid(options, field, value, "a finite number > 0"));
-            }
-        }
-        if !self.epsilon.is_finite() {
+        if !(self.sigma.is_finite() && self.sigma > 0.0) {
             return Err(Error::invalid(
                 options,
-                "epsilon",
-                self.epsilon,
-                "a finite number",
+                "sigma",
+                self.sigma,
+                "a finite number > 0",
             ));
         }
+        self.visibility.check()?;
         if let Some(b) = self.bounds
             && !(b.radius.is_finite() && b.radius > 0.0 && b.center.iter().all(|c| c.is_finite()))
         {

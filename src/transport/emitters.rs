@@ -9,7 +9,7 @@ use super::surface::SurfacePoints;
 use crate::error::Result;
 use crate::geometry::{Vec3, plain};
 use crate::scene::Flattened;
-use crate::visibility::{Rays, Weights, transmittance};
+use crate::visibility::{Rays, Weights};
 
 /// What camera rays see of emitters and environment: the mean over all their surfaces, not over
 /// drawn ones, which has no noise of a draw. None where all is black.
@@ -105,7 +105,7 @@ pub(crate) fn connect(
         departure: Some(points.triangle.clone()),
         arrival: Some((emitter, plain(&distance))),
     };
-    let passed = transmittance(&tracer.coverage(&rays));
+    let passed = tracer.transmittance(&rays);
     let geometry = facing / squared * area * passed * count as f64;
     let light = emission.scale(&geometry);
     Ok(Some(

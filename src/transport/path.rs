@@ -7,15 +7,17 @@ use super::{Dimension, Sampler, bsdf, emitters};
 use crate::error::Result;
 use crate::geometry::{Vec3, gather_row, host_values, plain};
 use crate::scene::Flattened;
-use crate::visibility::{Coverage, CoverageSettings, DepthRange, Rays, Softmax, Weights, coverage};
+use crate::visibility::{
+    Coverage, CoverageSettings, DepthRange, Rays, Visibility, Weights, coverage,
+};
 
 /// What a path does.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {
     /// σ of Eq. 1, scene units squared.
     pub sigma: f64,
-    /// γ and ε of Eq. 3.
-    pub softmax: Softmax,
+    /// The form of visibility.
+    pub visibility: Visibility,
     /// Bounces after the surface that the camera sees; 0 is direct light only.
     pub bounces: u32,
     /// The bounce from which paths may be ended at random.
@@ -72,9 +74,20 @@ impl Tracer<'_> {
         )
     }
 
-    fn weights(&self, rays: &Rays) -> Weights {
+    fn weights(&self, rays: &Rays) -> Result<Weights> {
         let range = DepthRange::new(rays, self.scene.bounds.radius);
-        self.settings.softmax.weights(self.coverage(rays), range)
+        let (context, topology) = (&self.scene.context, &self.scene.topology);
+        self.settings
+            .visibility
+            .weights(context, topology, self.coverage(rays), range)
+    }
+
+    /// The share of light that arrives along shadow rays.
+    pub(crate) fn transmittance(&self, rays: &Rays) -> Tensor<2> {
+        let (context, topology) = (&self.scene.context, &self.scene.topology);
+        self.settings
+            .visibility
+            .transmittance(context, topology, &self.coverage(rays))
     }
 }
 
@@ -106,7 +119,7 @@ pub(crate) fn trace(
     let mut seen = None;
 
     for bounce in 0..=settings.bounces {
-        let weights = tracer.weights(&rays);
+        let weights = tracer.weights(&rays)?;
         traced += paths.len() as u64;
         let random = sampler.uniform(&paths, bounce, Dimension::Surface);
         let drawn = weights.draw(context, &random)?;
@@ -191,7 +204,7 @@ pub(crate) fn trace(
         if last {
             // The environment's share of the direct light at the last hit.
             if let Some(environment) = &scene.environment {
-                let visible = tracer.weights(&rays).attached_background();
+                let visible = tracer.weights(&rays)?.attached_background();
                 traced += paths.len() as u64;
                 found.push(Contribution {
                     bounce,
@@ -218,7 +231,7 @@ pub(crate) fn trace(
     }
     let first = match first {
         Some(first) => first,
-        None => tracer.weights(&rays),
+        None => tracer.weights(&rays)?,
     };
     let mut radiance = whole(scene, &found, 0, count);
     if let Some(seen) = seen {

@@ -80,6 +80,17 @@ impl Coverage {
         p.mask_fill(self.counted.clone().bool_not(), 0.0)
     }
 
+    /// ∂p/∂logit of `probability`.
+    pub(crate) fn slope(&self) -> Tensor<2> {
+        let one_plus = self.decay.clone() + 1.0;
+        let slope = self.decay.clone() / (one_plus.clone() * one_plus);
+        let slope = match &self.softened {
+            Some(s) => slope.clone().mask_where(s.clone(), slope * 2.0),
+            None => slope,
+        };
+        slope.mask_fill(self.counted.clone().bool_not(), 0.0)
+    }
+
     pub(crate) fn inside(&self) -> Tensor<2, Bool> {
         self.logit.clone().greater_equal_elem(0.0)
     }

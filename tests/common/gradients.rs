@@ -257,16 +257,25 @@ pub fn cases() -> Vec<Case> {
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
     pub sigma: f64,
-    pub gamma: f64,
+    pub visibility: Visibility,
     pub samples: u32,
 }
 
 /// The swelling √(σ·Δz/γ) stays well under the distances between objects: where it reaches the
 /// plane's origin a surface stops to count, a jump that no gradient sees.
-pub const EFFORT: Effort = Effort {
+pub const SOFTMAX: Effort = Effort {
     sigma: 5e-3,
-    gamma: 0.2,
+    visibility: Visibility::Softmax {
+        gamma: 0.2,
+        epsilon: 1e-3,
+    },
     samples: 16,
+};
+
+/// The layered form does not swell.
+pub const LAYERED: Effort = Effort {
+    visibility: Visibility::Layered,
+    ..SOFTMAX
 };
 
 /// Σ of the image under fixed smooth weights that rise across it, so that no symmetry cancels.
@@ -282,7 +291,8 @@ fn objective(
     let options = RenderOptions::new(SIZE, SIZE)
         .samples(effort.samples)
         .bounces(case.bounces)
-        .blur(effort.sigma, effort.gamma)
+        .sigma(effort.sigma)
+        .visibility(effort.visibility)
         .bounds(Bounds {
             center: [0.0, 0.8, 0.0],
             radius: 3.2,
@@ -372,8 +382,8 @@ pub struct Demand {
     pub most_seeds: u64,
 }
 
-/// Compares gradient and difference, prints a line, and returns both. The number of seeds is set by
-/// a pilot run, whose values are not used again.
+/// Compares gradient and difference, prints a line, and returns both. Seeds are added until the
+/// standard error is small enough.
 pub fn compare(
     case: &Case,
     device: &Device,
@@ -384,15 +394,24 @@ pub fn compare(
     type Side = fn(&Case, &Device, DType, Effort, std::ops::Range<u64>) -> Vec<f64>;
     let start = std::time::Instant::now();
     let side = |f: Side, offset: u64| {
-        let run = |seeds| Estimate::of(&f(case, device, dtype, effort, seeds));
-        let pilot = run(offset..offset + demand.seeds);
-        let factor = 1.5 * pilot.more(demand.error);
-        if factor <= 1.0 {
-            return (pilot, demand.seeds);
+        let mut found = f(case, device, dtype, effort, offset..offset + demand.seeds);
+        loop {
+            let estimate = Estimate::of(&found);
+            let seeds = found.len() as u64;
+            let factor = estimate.more(demand.error);
+            if factor <= 1.0 || seeds >= demand.most_seeds {
+                return (estimate, seeds);
+            }
+            let wanted = (1.1 * factor * seeds as f64).ceil() as u64;
+            let more = wanted.min(10 * seeds).min(demand.most_seeds);
+            found.extend(f(
+                case,
+                device,
+                dtype,
+                effort,
+                offset + seeds..offset + more,
+            ));
         }
-        let seeds =
-            ((factor * demand.seeds as f64).ceil() as u64).clamp(demand.seeds, demand.most_seeds);
-        (run(offset + 1_000_000..offset + 1_000_000 + seeds), seeds)
     };
     let (g, n) = side(gradients, 0);
     let (d, m) = side(
@@ -421,9 +440,8 @@ pub fn compare(
 pub fn agreement(
     (a, b): (&Device, &Device),
     dtype: DType,
-    samples: u32,
+    effort: Effort,
 ) -> Vec<(&'static str, f64)> {
-    let effort = Effort { samples, ..EFFORT };
     let apart = |case: &Case| {
         let [x, y] = [a, b].map(|d| gradients(case, d, dtype, effort, 5..6)[0]);
         (x - y).abs() / x.abs().max(y.abs())

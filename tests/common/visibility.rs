@@ -5,7 +5,7 @@ use burn::tensor::{DType, Device, Tensor, TensorData};
 use serde_json::Value;
 use softray::geometry::{Context, Topology, Triangles, Vec3, VertexData};
 use softray::visibility::{
-    Coverage, CoverageSettings, DepthRange, Rays, Softmax, coverage, transmittance,
+    Coverage, CoverageSettings, DepthRange, Rays, Visibility, Weights, coverage,
 };
 
 use super::{reference, values};
@@ -45,12 +45,28 @@ struct Built {
     origins: Tensor<2>,
     directions: Tensor<2>,
     range: DepthRange,
+    /// Along the whole ray, and up to `t_max`.
     coverage: Coverage,
-    softmax: Softmax,
+    cut: Coverage,
+    softmax: Visibility,
+    context: Context,
+    topology: Topology,
 }
 
-/// `t_max` cuts the rays for the transmittance.
-fn build(case: &Case, device: &Device, dtype: DType, cut: bool) -> Built {
+impl Built {
+    fn weights(&self, visibility: Visibility) -> Weights {
+        let (coverage, range) = (self.coverage.clone(), self.range.clone());
+        visibility
+            .weights(&self.context, &self.topology, coverage, range)
+            .expect("weights")
+    }
+
+    fn transmittance(&self, visibility: Visibility) -> Tensor<2> {
+        visibility.transmittance(&self.context, &self.topology, &self.cut)
+    }
+}
+
+fn build(case: &Case, device: &Device, dtype: DType) -> Built {
     let context = Context {
         device: device.clone(),
         dtype,
@@ -78,24 +94,25 @@ fn build(case: &Case, device: &Device, dtype: DType, cut: bool) -> Built {
         None,
     );
     let topology = Topology {
-        object: vec![0; case.triangles],
+        object: flat(&case.json["mesh"]).iter().map(|&m| m as u32).collect(),
         material: vec![0; case.triangles],
         closed: vec![false; case.triangles],
         neighbours: vec![Vec::new(); case.triangles],
         visible_side: vec![0.0; case.triangles],
     };
-    let mut rays = Rays {
+    let rays = Rays {
         origin: Vec3::from_rows((origins.clone() - center).transpose()),
         direction: Vec3::from_rows(directions.clone().transpose()),
         time: None,
         departure: None,
         arrival: None,
     };
-    if cut {
-        // No triangle is left out: the emitter is none of these, only its distance counts.
-        let t_max = context.row(&flat(&case.json["t_max"]));
-        rays.arrival = Some((Vec::new(), t_max));
-    }
+    // No triangle is left out: the emitter is none of these, only its distance counts.
+    let t_max = context.row(&flat(&case.json["t_max"]));
+    let up_to = Rays {
+        arrival: Some((Vec::new(), t_max)),
+        ..rays.clone()
+    };
     let settings = CoverageSettings {
         sigma: case.json["sigma"].as_f64().expect("sigma"),
         t_min: 0.0,
@@ -106,14 +123,17 @@ fn build(case: &Case, device: &Device, dtype: DType, cut: bool) -> Built {
     let range = DepthRange::new(&rays, radius).detached();
     Built {
         coverage: coverage(&context, &triangles, &topology, &rays, &settings),
+        cut: coverage(&context, &triangles, &topology, &up_to, &settings),
         corners,
         origins,
         directions,
         range,
-        softmax: Softmax {
+        softmax: Visibility::Softmax {
             gamma: case.json["gamma"].as_f64().expect("gamma"),
             epsilon: case.json["epsilon"].as_f64().expect("epsilon"),
         },
+        context,
+        topology,
     }
 }
 
@@ -167,7 +187,7 @@ fn assert_gradients(case: &Case, kind: &str, built: &Built, loss: Tensor<1>, rel
     }
 }
 
-/// Values and gradients of every case on one device.
+/// Values and gradients of every case on one device, in both forms.
 pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
     for case in &cases() {
         let context = Context {
@@ -182,7 +202,7 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
                 .tensor(&flat(&all[i]), [case.rays, columns])
                 .transpose()
         };
-        let built = build(case, device, dtype, false);
+        let built = build(case, device, dtype);
         let p = by_ray(&built.coverage.probability());
         assert_close(
             &format!("{} p", case.name),
@@ -190,32 +210,41 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
             &flat(&case.json["p"]),
             value,
         );
-        let weights = built
-            .softmax
-            .weights(built.coverage.clone(), built.range.clone());
-        let expected = &case.json["softmax"];
-        let name = format!("{} softmax", case.name);
-        assert_close(
-            &name,
-            &by_ray(&weights.surfaces),
-            &flat(&expected["weights"]),
-            value,
-        );
-        assert_close(
-            &name,
-            &by_ray(&weights.attached_background()),
-            &flat(&expected["background"]),
-            value,
-        );
-        let loss = weights.mean(
-            cotangent("softmax_gradient", 0, case.triangles),
-            Some(cotangent("softmax_gradient", 1, 1)),
-        );
-        let loss = loss.sum();
-        assert_gradients(case, "softmax_gradient", &built, loss, gradient);
+        for (form, visibility) in [("softmax", built.softmax), ("layered", Visibility::Layered)] {
+            let built = build(case, device, dtype);
+            let weights = built.weights(visibility);
+            let expected = &case.json[form];
+            let name = format!("{} {form}", case.name);
+            assert_close(
+                &name,
+                &by_ray(&weights.surfaces),
+                &flat(&expected["weights"]),
+                value,
+            );
+            assert_close(
+                &name,
+                &by_ray(&weights.attached_background()),
+                &flat(&expected["background"]),
+                value,
+            );
+            let kind = format!("{form}_gradient");
+            let loss = weights.mean(
+                cotangent(&kind, 0, case.triangles),
+                Some(cotangent(&kind, 1, 1)),
+            );
+            let mut loss = loss.sum();
+            if form == "layered" {
+                // Its third cotangent is that of the transmittance.
+                let passed = built.transmittance(visibility);
+                let values = flat(&expected["transmittance"]);
+                assert_close(&name, &by_ray(&passed), &values, value);
+                loss = loss + (passed * cotangent(&kind, 2, 1)).sum();
+            }
+            assert_gradients(case, &kind, &built, loss, gradient);
+        }
 
-        let built = build(case, device, dtype, true);
-        let passed = transmittance(&built.coverage);
+        let built = build(case, device, dtype);
+        let passed = built.transmittance(built.softmax);
         let name = format!("{} transmittance", case.name);
         assert_close(
             &name,
@@ -234,50 +263,82 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
     }
 }
 
-/// The ratio W/stop(W) of a drawn surface is 1 and carries the derivative of log W, as the
-/// reference's gradients say of W.
+/// The ratio W/stop(W) of a drawn surface is 1 and carries the derivative of log W, as `mean`, which
+/// the reference checks, has it of W.
 pub fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
     for case in &cases() {
-        let context = Context {
-            device: device.clone(),
-            dtype,
-        };
-        for k in 0..=case.triangles {
-            let built = build(case, device, dtype, false);
-            let weights = built
-                .softmax
-                .weights(built.coverage.clone(), built.range.clone());
-            let drawn = vec![k as u32; case.rays];
-            let ratio = weights.ratio(&context, &drawn).expect("tracked");
-            assert!(values(&ratio).iter().all(|&r| r == 1.0));
-            let weight = if k < case.triangles {
-                weights.surfaces.clone().slice([k..k + 1])
-            } else {
-                weights.background.clone()
-            };
-            // Σ W · ratio has the gradient of Σ W.
-            let found = (ratio * weight).sum().backward();
-            let built_again = build(case, device, dtype, false);
-            let weights = built_again
-                .softmax
-                .weights(built_again.coverage.clone(), built_again.range.clone());
-            let whole = if k < case.triangles {
-                let one_hot: Vec<f64> = (0..case.triangles)
-                    .map(|j| if j == k { 1.0 } else { 0.0 })
-                    .collect();
-                weights.mean(context.column(&one_hot), None)
-            } else {
-                weights.attached_background()
-            };
-            let expected = whole.sum().backward();
-            let zero = || vec![0.0; case.triangles * 9];
-            let found = built.corners.grad(&found).map_or_else(zero, |g| values(&g));
-            let expected = built_again
-                .corners
-                .grad(&expected)
-                .map_or_else(zero, |g| values(&g));
-            let scale = expected.iter().fold(1.0f64, |m, x| m.max(x.abs()));
-            assert_close(&case.name, &found, &expected, gradient * scale);
+        let softmax = build(case, device, dtype).softmax;
+        let soft = Visibility::LayeredSoft { gamma: 0.1 };
+        for form in [softmax, Visibility::Layered, soft] {
+            for k in 0..=case.triangles {
+                check_one_ratio(case, device, dtype, form, k, gradient);
+            }
         }
     }
+}
+
+fn check_one_ratio(
+    case: &Case,
+    device: &Device,
+    dtype: DType,
+    form: Visibility,
+    k: usize,
+    gradient: f64,
+) {
+    let context = Context {
+        device: device.clone(),
+        dtype,
+    };
+    let built = build(case, device, dtype);
+    let weights = built.weights(form);
+    // What is never drawn needs no ratio.
+    let weight = if k < case.triangles {
+        weights.surfaces.clone().slice([k..k + 1])
+    } else {
+        weights.background.clone()
+    };
+    let possible = weight.clone().greater_elem(1e-12).float().cast(dtype);
+    let drawn: Vec<u32> = values(&possible)
+        .iter()
+        .enumerate()
+        .map(|(i, &p)| {
+            // Some other surface where it is not.
+            let column = |t: &Tensor<2>| values(&t.clone().slice([0..t.dims()[0], i..i + 1]));
+            let likeliest = || {
+                let mut all = column(&weights.surfaces);
+                all.extend(column(&weights.background));
+                (0..all.len())
+                    .max_by(|&a, &b| all[a].total_cmp(&all[b]))
+                    .expect("some") as u32
+            };
+            if p > 0.0 { k as u32 } else { likeliest() }
+        })
+        .collect();
+    let Some(ratio) = weights.ratio(&context, &drawn) else {
+        return;
+    };
+    for r in values(&ratio) {
+        assert!((r - 1.0).abs() < 1e-12, "{}: {r}", case.name);
+    }
+    // Σ W · ratio has the gradient of Σ W.
+    let found = (ratio * weight * possible.clone()).sum().backward();
+    let built_again = build(case, device, dtype);
+    let weights = built_again.weights(form);
+    let whole = if k < case.triangles {
+        let one_hot: Vec<f64> = (0..case.triangles)
+            .map(|j| if j == k { 1.0 } else { 0.0 })
+            .collect();
+        weights.mean(context.column(&one_hot), None)
+    } else {
+        weights.attached_background()
+    };
+    let expected = (whole * possible).sum().backward();
+    let zero = || vec![0.0; case.triangles * 9];
+    let found = built.corners.grad(&found).map_or_else(zero, |g| values(&g));
+    let expected = built_again
+        .corners
+        .grad(&expected)
+        .map_or_else(zero, |g| values(&g));
+    let scale = expected.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+    assert_close(&case.name, &found, &expected, gradient * scale);
 }

@@ -1,0 +1,51 @@
+use burn::tensor::Tensor;
+
+use super::Rays;
+
+/// near and far of each ray (Eq. 3): where it may meet the bounds of the scene, as seen from its
+/// origin.
+#[derive(Clone, Debug)]
+pub struct DepthRange {
+    pub(super) near: Tensor<2>,
+    pub(super) far: Tensor<2>,
+    /// A row that is 0 and has the derivative of `far`.
+    pub(super) change: Option<Tensor<2>>,
+}
+
+impl DepthRange {
+    /// For bounds of a radius about the point that origins are relative to. The gradient flows to
+    /// the origins, not to the bounds.
+    pub fn new(rays: &Rays, radius: f64) -> Self {
+        let origin = rays.origin.plain();
+        let distance = origin.dot(&origin).sqrt();
+        let change = rays.origin.is_tracked().then(|| {
+            let away = origin.map(|x| x / distance.clone().clamp_min(1e-6 * radius));
+            rays.origin.sub(&origin).dot(&away)
+        });
+        Self {
+            near: (distance.clone() - radius).clamp_min(0.0),
+            far: distance + radius,
+            change,
+        }
+    }
+
+    /// The same without gradient.
+    pub fn detached(self) -> Self {
+        Self {
+            change: None,
+            ..self
+        }
+    }
+
+    /// 1/(far − near) `[1, N]`, in the graph: far moves it only where the origin lies inside.
+    pub(super) fn per_depth(&self) -> Tensor<2> {
+        let depth = self.far.clone() - self.near.clone();
+        match &self.change {
+            Some(change) => {
+                let outside = self.near.clone().greater_elem(0.0);
+                (depth + change.clone().mask_fill(outside, 0.0)).recip()
+            }
+            None => depth.recip(),
+        }
+    }
+}

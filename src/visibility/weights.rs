@@ -1,0 +1,130 @@
+use burn::tensor::Tensor;
+
+use super::Coverage;
+use super::layered::Layers;
+use super::soft_order::SoftOrder;
+use super::softmax::Slopes;
+use crate::error::{Error, Result};
+use crate::geometry::{Context, plain};
+
+/// How the surfaces of each ray and the background share its weight.
+#[derive(Clone, Debug)]
+pub struct Weights {
+    /// W_k `[T, N]`, without tape.
+    pub surfaces: Tensor<2>,
+    /// W of the background `[1, N]`, without tape.
+    pub background: Tensor<2>,
+    pub(super) coverage: Coverage,
+    pub(super) derivative: Derivative,
+}
+
+/// How the weights depend on logits and distances, by form.
+#[derive(Clone, Debug)]
+pub(super) enum Derivative {
+    /// No gradient can flow.
+    None,
+    Softmax(Slopes),
+    Layered(Layers),
+    SoftOrder(SoftOrder),
+}
+
+impl Weights {
+    /// Draws one surface a ray with random numbers in [0, 1); the number of triangles stands for
+    /// the background. A surface of weight 0 is never drawn.
+    ///
+    /// # Errors
+    /// If the drawn indices can't be read back.
+    pub fn draw(&self, context: &Context, random: &[f64]) -> Result<Vec<u32>> {
+        let cumulative = self.surfaces.clone().cumsum(0);
+        let triangles = cumulative.dims()[0];
+        let total = cumulative.clone().slice([triangles - 1..triangles]) + self.background.clone();
+        let threshold = total * context.row(random);
+        let passed = cumulative.lower_equal(threshold);
+        let index = passed.int().sum_dim(0);
+        let data = index
+            .try_into_data()
+            .map_err(|e| Error::Read(format!("{e:?}")))?;
+        Ok(data.iter::<i64>().map(|k| k as u32).collect())
+    }
+
+    /// W_k / stop_gradient(W_k) of the drawn surfaces `[1, N]`: 1, with the derivative of log W_k.
+    /// None if no gradient can flow.
+    pub fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
+        let change = match &self.derivative {
+            Derivative::None => None,
+            Derivative::Softmax(slopes) => {
+                let share =
+                    one_hot(context, drawn, self.surfaces.dims()[0]) - self.surfaces.clone();
+                slopes.change(&self.coverage, share)
+            }
+            Derivative::Layered(layers) => {
+                self.coverage.linear(layers.by_log(context, drawn), None)
+            }
+            Derivative::SoftOrder(order) => order.by_log(context, drawn),
+        };
+        Some(change? + 1.0)
+    }
+
+    /// Σ W_k·v_k + W_background·v of a quantity of the surfaces `[T, N]` or `[T, 1]` and of the
+    /// background `[1, N]` or `[1, 1]`: a row `[1, N]`, in the graph if a gradient can flow to the
+    /// weights or to the quantity.
+    pub fn mean(&self, surfaces: Tensor<2>, background: Option<Tensor<2>>) -> Tensor<2> {
+        let mut mean = (self.surfaces.clone() * surfaces.clone()).sum_dim(0);
+        if let Some(background) = &background {
+            mean = mean + self.background.clone() * background.clone();
+        }
+        let values = plain(&surfaces).expand(self.surfaces.dims());
+        let background = match &background {
+            Some(b) => plain(b).expand(self.background.dims()),
+            None => self.background.zeros_like(),
+        };
+        let change = match &self.derivative {
+            Derivative::None => None,
+            Derivative::Softmax(slopes) => {
+                // ∂ mean/∂ score_k = W_k·(v_k − mean)
+                let share = (values - plain(&mean)) * self.surfaces.clone();
+                slopes.change(&self.coverage, share)
+            }
+            Derivative::Layered(layers) => self
+                .coverage
+                .linear(layers.by_mean(values, background), None),
+            Derivative::SoftOrder(order) => Some(order.by_mean(values, background)),
+        };
+        match change {
+            Some(change) => mean + change,
+            None => mean,
+        }
+    }
+
+    /// W of the background `[1, N]`, in the graph if a gradient can flow.
+    pub fn attached_background(&self) -> Tensor<2> {
+        let zero = self.background.zeros_like().expand(self.surfaces.dims());
+        self.mean(zero, Some(self.background.ones_like()))
+    }
+
+    /// n·d of each pair `[T, N]`, without tape.
+    pub fn cosine(&self) -> &Tensor<2> {
+        &self.coverage.cosine
+    }
+
+    /// Distances to the triangles' planes `[T, N]`, in the graph if a gradient can flow; 0 where
+    /// a pair does not count.
+    pub fn attached_distances(&self) -> Tensor<2> {
+        match &self.coverage.attached {
+            Some((t, _)) => t.clone(),
+            None => self
+                .coverage
+                .t
+                .clone()
+                .mask_fill(self.coverage.counted.clone().bool_not(), 0.0),
+        }
+    }
+}
+
+/// 1 at the drawn row of each column, else 0.
+fn one_hot(context: &Context, drawn: &[u32], rows: usize) -> Tensor<2> {
+    let numbers: Vec<f64> = (0..rows).map(|k| k as f64).collect();
+    let row: Vec<f64> = drawn.iter().map(|&k| f64::from(k)).collect();
+    let hit = context.column(&numbers).equal(context.row(&row));
+    hit.float().cast(context.dtype)
+}
