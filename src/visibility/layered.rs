@@ -59,7 +59,7 @@ pub(super) fn weights(
         let room = with.neg() + 1.0;
         let full = room.clone().lower_elem(4.0 * context.epsilon());
         let slope = coverage.slope().gather(0, index) * slots.used.clone();
-        Derivative::Layered(Layers {
+        Derivative::Layered(Box::new(Layers {
             inverse_room: room
                 .mask_fill(full.clone(), 1.0)
                 .recip()
@@ -70,7 +70,7 @@ pub(super) fn weights(
             after,
             slope,
             triangles,
-        })
+        }))
     } else {
         Derivative::None
     };

@@ -79,12 +79,12 @@ pub(super) fn weights(
     let surfaces =
         zeros(triangles).scatter(0, slots.triangle.clone(), value, IndexingUpdateOp::Add);
     let derivative = if coverage.attached.is_some() {
-        Derivative::SoftOrder(SoftOrder {
+        Derivative::SoftOrder(Box::new(SoftOrder {
             slots,
             weight,
             background,
             triangles,
-        })
+        }))
     } else {
         Derivative::None
     };

@@ -73,7 +73,7 @@ pub(super) fn weights(coverage: Coverage, range: DepthRange, gamma: f64, epsilon
         surfaces: weight / total.clone(),
         background: rest / total,
         coverage,
-        derivative: slopes.map_or(Derivative::None, Derivative::Softmax),
+        derivative: slopes.map_or(Derivative::None, |s| Derivative::Softmax(Box::new(s))),
     }
 }
 

@@ -23,9 +23,9 @@ pub struct Weights {
 pub(super) enum Derivative {
     /// No gradient can flow.
     None,
-    Softmax(Slopes),
-    Layered(Layers),
-    SoftOrder(SoftOrder),
+    Softmax(Box<Slopes>),
+    Layered(Box<Layers>),
+    SoftOrder(Box<SoftOrder>),
 }
 
 impl Weights {
