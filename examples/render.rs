@@ -38,7 +38,10 @@ struct Arguments {
     /// Edge blur σ, scene units squared.
     #[arg(long, default_value_t = 1e-7)]
     sigma: f64,
-    /// Depth blur γ, in units of the scene's depth.
+    /// The form of visibility.
+    #[arg(long, value_enum, default_value_t = common::Form::Layered)]
+    visibility: common::Form,
+    /// Depth blur γ of the forms softmax and layered-soft, in units of the scene's depth.
     #[arg(long, default_value_t = 1e-5)]
     gamma: f64,
     /// Environment radiance r,g,b.
@@ -90,7 +93,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = RenderOptions::new(size.0, size.1)
         .samples(arguments.spp)
         .bounces(arguments.bounces)
-        .blur(arguments.sigma, arguments.gamma)
+        .sigma(arguments.sigma)
+        .visibility(arguments.visibility.with(arguments.gamma))
         .seed(arguments.seed)
         .progress(progress);
     let start = Instant::now();

@@ -293,25 +293,6 @@ fn a_scene_without_light_is_black() {
     assert!(values(&image.radiance).iter().all(|&v| v == 0.0));
 }
 
-/// A mesh with every face split in four, in its plane: the same shape.
-fn split(mesh: &Mesh, device: &Device) -> Mesh {
-    let mut vertices = mesh.host_vertices().expect("values");
-    let mut middle = std::collections::HashMap::new();
-    let mut faces = Vec::new();
-    for &[a, b, c] in mesh.faces.iter() {
-        let mut half = |i: u32, j: u32| {
-            *middle.entry((i.min(j), i.max(j))).or_insert_with(|| {
-                let (p, q) = (vertices[i as usize], vertices[j as usize]);
-                vertices.push(std::array::from_fn(|k| (p[k] + q[k]) / 2.0));
-                vertices.len() as u32 - 1
-            })
-        };
-        let (ab, bc, ca) = (half(a, b), half(b, c), half(c, a));
-        faces.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-    }
-    Mesh::from_host(&vertices, faces, device)
-}
-
 /// 320 faces against the same shape in 5,120 (long tier: 20,480), at σ = (0.3 mean edges of the
 /// finer)²: no face shadows itself, no seam shows.
 #[test]
@@ -321,7 +302,7 @@ fn fine_faces_render_like_coarse_ones() {
     let coarse = shapes::icosphere(2, &device);
     let mut fine = coarse.clone();
     for _ in 0..splits {
-        fine = split(&fine, &device);
+        fine = fine.subdivided();
     }
     // The area of a unit sphere shared by equilateral triangles.
     let edge = (16.0 * std::f64::consts::PI / 3f64.sqrt() / fine.faces.len() as f64).sqrt();

@@ -105,6 +105,32 @@ impl Mesh {
         take(&self.vertices, &self.faces, corner)
     }
 
+    /// With every face split into four in its own plane: the same shape. Vertices stay in the
+    /// graph; texture coordinates and normals are dropped.
+    pub fn subdivided(&self) -> Self {
+        let count = self.vertices.dims()[0] as u32;
+        let mut middles = std::collections::HashMap::new();
+        let mut ends: Vec<(u32, u32)> = Vec::new();
+        let mut faces = Vec::with_capacity(4 * self.faces.len());
+        for &[a, b, c] in self.faces.iter() {
+            let mut middle = |i: u32, j: u32| {
+                *middles.entry((i.min(j), i.max(j))).or_insert_with(|| {
+                    ends.push((i, j));
+                    count + ends.len() as u32 - 1
+                })
+            };
+            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+            faces.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+        let at = |f: fn(&(u32, u32)) -> u32| {
+            let rows: Vec<i32> = ends.iter().map(|e| f(e) as i32).collect();
+            let rows = Tensor::from_ints(rows.as_slice(), &self.vertices.device().inner());
+            self.vertices.clone().select(0, rows)
+        };
+        let middles = (at(|e| e.0) + at(|e| e.1)) * 0.5;
+        Self::new(Tensor::cat(vec![self.vertices.clone(), middles], 0), faces)
+    }
+
     /// The vertices on the host.
     pub fn host_vertices(&self) -> Result<Vec<[f64; 3]>> {
         Ok(host_values(&self.vertices)?
