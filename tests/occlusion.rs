@@ -1,0 +1,246 @@
+//! Scenes that leak or shadow themselves where the ends of rays are not treated right: against
+//! closed forms and against the same scene with next to no blur.
+
+mod common;
+
+use burn::tensor::Device;
+use common::values;
+use softray::prelude::*;
+
+/// A quad in the plane y = height, a light if it faces down.
+fn horizontal(x: [f64; 2], z: [f64; 2], height: f64, down: bool, device: &Device) -> Mesh {
+    let mut corners = [
+        [x[0], height, z[1]],
+        [x[1], height, z[1]],
+        [x[1], height, z[0]],
+        [x[0], height, z[0]],
+    ];
+    if down {
+        corners.reverse();
+    }
+    let [a, b, c, d] = corners;
+    shapes::quad(a, b, c, d, device)
+}
+
+fn forms() -> [Visibility; 2] {
+    [Visibility::Layered, Visibility::LayeredSoft { gamma: 1e-4 }]
+}
+
+fn image(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Vec<f64> {
+    values(&render(scene, camera, options).expect("an image").radiance)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// What a point of a floor sees of a parallel square light of half width h above it: the closed
+/// form of the configuration factor, four corners added up.
+fn square_above(h: f64, height: f64) -> f64 {
+    let r = (h / height) / (1.0 + (h / height).powi(2)).sqrt();
+    4.0 / std::f64::consts::TAU * (2.0 * r * r.atan())
+}
+
+#[test]
+fn both_triangles_of_a_light_shine_and_both_of_an_occluder_block() {
+    let device = Device::flex();
+    let floor = horizontal([-6.0, 6.0], [-6.0, 6.0], 0.0, false, &device);
+    let light = horizontal([-1.0, 1.0], [-1.0, 1.0], 2.0, true, &device);
+    let open = Scene::new()
+        .with(Object::new(floor).material(Material::diffuse([0.5; 3])))
+        .with(Object::new(light).material(Material::emitter([1.0; 3])));
+    // Far larger than the light, so that the whole shadow of a point below is umbra.
+    let roof = horizontal([-3.0, 3.0], [-3.0, 3.0], 1.0, false, &device);
+    let roofed = open.clone().with(Object::new(roof));
+    // From below the roof, at the point under the middle of the light.
+    let camera = Camera::look_at([0.3, 0.8, 0.4], [0.0; 3]).fov_y(2.0);
+    let expected = 0.5 * square_above(1.0, 2.0);
+    for form in forms() {
+        for sigma in [1e-6, 1e-4, 1e-3] {
+            let options = RenderOptions::new(8, 8)
+                .samples(256)
+                .bounces(0)
+                .sigma(sigma)
+                .visibility(form);
+            let lit = mean(&image(&open, &camera, &options));
+            assert!(
+                (lit / expected - 1.0).abs() < 0.015,
+                "{form:?}, σ {sigma}: {lit}, expected {expected}"
+            );
+            let dark = mean(&image(&roofed, &camera, &options));
+            assert!(dark < 1e-5 * lit, "{form:?}, σ {sigma}: {dark} under the roof");
+        }
+    }
+}
+
+/// A wall between a room with a lamp and one without: what little light comes over the top is
+/// that of the unblurred scene, and none comes through.
+#[test]
+fn a_thin_wall_keeps_the_dark() {
+    let device = Device::flex();
+    let inward = |m: Mesh| {
+        let faces = m.faces.iter().map(|f| [f[0], f[2], f[1]]).collect();
+        Mesh::new(m.vertices, faces)
+    };
+    let room = inward(shapes::cube(&device)).scaled(Tensor::from_floats([2.0], &device));
+    let lamp = horizontal([-1.3, -0.7], [-0.3, 0.3], 1.9, true, &device);
+    let sheet = shapes::quad(
+        [0.0, -2.0, 2.0],
+        [0.0, -2.0, -2.0],
+        [0.0, 2.0, -2.0],
+        [0.0, 2.0, 2.0],
+        &device,
+    );
+    // A wall 0.05 thick, as wide and as high as the room.
+    let slab = {
+        let cube = shapes::cube(&device);
+        let size = Tensor::<2>::from_floats([[0.025, 2.0, 2.0]], &device);
+        let vertices = cube.vertices.clone() * size;
+        cube.with_vertices(vertices)
+    };
+    for wall in [sheet, slab] {
+        let scene = Scene::new()
+            .with(Object::new(room.clone()).material(Material::diffuse([0.7; 3])))
+            .with(Object::new(wall).material(Material::diffuse([0.7; 3])))
+            .with(Object::new(lamp.clone()).material(Material::emitter([5.0; 3])));
+        let camera = |x: f64| Camera::look_at([x, 0.0, 1.5], [x, -0.5, -1.0]).fov_y(60.0);
+        for form in forms() {
+            for sigma in [1e-6, 1e-4] {
+                let options = RenderOptions::new(12, 12)
+                    .samples(16)
+                    .bounces(3)
+                    .sigma(sigma)
+                    .visibility(form);
+                let lit = mean(&image(&scene, &camera(-1.0), &options));
+                let dark = mean(&image(&scene, &camera(1.0), &options));
+                println!("{form:?}, σ {sigma}: {lit} and {dark}");
+                assert!(lit > 0.03);
+                assert!(dark < 2e-3 * lit, "{form:?}, σ {sigma}: {dark} beside {lit}");
+            }
+        }
+    }
+}
+
+/// Objects that stand on a floor, a concave closed mesh and an open sheet: with the blur as
+/// without.
+#[test]
+fn standing_objects_neither_leak_nor_shadow_themselves() {
+    let device = Device::flex();
+    let floor = horizontal([-4.0, 4.0], [-4.0, 4.0], 0.0, false, &device);
+    let offset = |v: [f64; 3]| Tensor::<1>::from_floats(v.map(|x| x as f32), &device);
+    let grey = |m: Mesh| Object::new(m).material(Material::diffuse([0.6; 3]));
+    let bowl = {
+        // The lower half of a sphere's faces: open, and concave from inside.
+        let ball = shapes::icosphere(2, &device);
+        let vertices = ball.host_vertices().expect("vertices");
+        let low = |f: &&[u32; 3]| f.iter().all(|&i| vertices[i as usize][1] < 0.3);
+        let faces = ball.faces.iter().filter(low).copied().collect();
+        Mesh::new(ball.vertices.clone(), faces)
+    };
+    let cases = [
+        (
+            "cube",
+            shapes::cube(&device)
+                .scaled(Tensor::from_floats([0.5], &device))
+                .translated(offset([0.0, 0.5, 0.0])),
+        ),
+        (
+            "torus",
+            shapes::torus(1.0, 0.4, 16, 10, &device).translated(offset([0.0, 0.4, 0.0])),
+        ),
+        ("bowl", bowl.translated(offset([0.0, 1.0, 0.0]))),
+        (
+            "screen",
+            shapes::quad(
+                [-1.0, 0.0, 0.2],
+                [1.0, 0.0, 0.2],
+                [1.0, 1.2, -0.4],
+                [-1.0, 1.2, -0.4],
+                &device,
+            ),
+        ),
+    ];
+    for (name, mesh) in cases {
+        let light = horizontal([-1.5, -0.5], [0.5, 1.5], 3.0, true, &device);
+        let scene = Scene::new()
+            .with(grey(floor.clone()))
+            .with(grey(mesh))
+            .with(Object::new(light).material(Material::emitter([9.0; 3])));
+        let camera = Camera::look_at([0.4, 2.5, 4.0], [0.0, 0.4, 0.0]).fov_y(45.0);
+        let at = |sigma| {
+            let options = RenderOptions::new(24, 24)
+                .samples(64)
+                .bounces(1)
+                .sigma(sigma)
+                .visibility(Visibility::Layered);
+            image(&scene, &camera, &options)
+        };
+        let sharp = at(1e-8);
+        for (sigma, tolerance) in [(1e-4, 0.015), (1e-3, 0.025)] {
+            let soft = at(sigma);
+            let ratio = mean(&soft) / mean(&sharp);
+            println!("{name}, σ {sigma}: {ratio}");
+            assert!((ratio - 1.0).abs() < tolerance, "{name}, σ {sigma}: {ratio}");
+        }
+    }
+}
+
+/// A white and a black sheet pass through each other; moving one in depth moves the line where
+/// they cross. With the hard order no weight knows of it; with the soft order the gradient is that
+/// of the line's movement.
+#[test]
+fn the_crossing_of_surfaces_needs_the_soft_order() {
+    let device = Device::flex();
+    let sheet = |tilt: f64| {
+        shapes::quad(
+            [-4.0, -4.0, -4.0 * tilt],
+            [4.0, -4.0, 4.0 * tilt],
+            [4.0, 4.0, 4.0 * tilt],
+            [-4.0, 4.0, -4.0 * tilt],
+            &device,
+        )
+    };
+    let camera = Camera::look_at([0.0, 0.0, 10.0], [0.0; 3]).fov_y(12.0);
+    let bounds = Bounds {
+        center: [0.0; 3],
+        radius: 6.0,
+    };
+    let scene = |depth: Tensor<1>| {
+        let axis = Tensor::<1>::from_floats([0.0, 0.0, 1.0], &device);
+        let white = sheet(0.5).translated(depth * axis);
+        Scene::new()
+            .with(Object::new(white).material(Material::emitter([1.0; 3])))
+            .with(Object::new(sheet(-0.5)).material(Material::diffuse([0.0; 3])))
+    };
+    let options = |form| {
+        RenderOptions::new(32, 32)
+            .samples(64)
+            .bounces(0)
+            .sigma(1e-4)
+            .visibility(form)
+            .bounds(bounds)
+    };
+    let render_at = |depth: Tensor<1>, form| {
+        render(&scene(depth), &camera, &options(form))
+            .expect("an image")
+            .radiance
+            .mean()
+    };
+    let number = |t: Tensor<1>| values(&t)[0];
+    // Central differences of the hard order: the share of the image that is white.
+    let at = |d: f32| number(render_at(Tensor::from_floats([d], &device), Visibility::Layered));
+    let expected = (at(0.2) - at(-0.2)) / 0.4;
+    // In closed form: the planes z = ±x/2 (+ d) cross at x = −d; the image is 2·10·tan 6° wide.
+    let width = 20.0 * 6f64.to_radians().tan();
+    assert!((expected * width - 1.0).abs() < 0.02, "{expected}, width {width}");
+    let gradient = |form| {
+        let depth = Tensor::<1>::zeros([1], &device).autodiff().require_grad();
+        let gradients = render_at(depth.clone(), form).backward();
+        depth.grad(&gradients).map_or(0.0, number)
+    };
+    let soft = gradient(Visibility::LayeredSoft { gamma: 0.01 });
+    println!("soft {soft}, expected {expected}");
+    assert!((soft / expected - 1.0).abs() < 0.03, "{soft}, expected {expected}");
+    let hard = gradient(Visibility::Layered);
+    assert!(hard.abs() < 1e-3 * expected, "{hard}");
+}
