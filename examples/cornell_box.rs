@@ -24,15 +24,18 @@ struct Arguments {
     #[arg(long, default_value_t = 3)]
     bounces: u32,
     /// Edge blur σ, scene units squared.
-    #[arg(long, default_value_t = 1e-6)]
+    #[arg(long, default_value_t = 1e-4)]
     sigma: f64,
-    /// Depth blur γ, in units of the scene's depth.
+    /// The form of visibility.
+    #[arg(long, value_enum, default_value_t = common::Form::Layered)]
+    visibility: common::Form,
+    /// Depth blur γ of the forms softmax and layered-soft, in units of the scene's depth.
     #[arg(long, default_value_t = 1e-4)]
     gamma: f64,
     /// Edge blur σ of the fit.
     #[arg(long, default_value_t = 1e-2)]
     fit_sigma: f64,
-    /// Depth blur γ of the fit.
+    /// Depth blur γ of the fit, where the form has one.
     #[arg(long, default_value_t = 5e-2)]
     fit_gamma: f64,
     /// Steps of the fit.
@@ -68,7 +71,8 @@ fn picture(arguments: &Arguments, file: &SceneFile, data: &Path) -> Result<(), B
     let options = RenderOptions::new(arguments.size, arguments.size)
         .samples(arguments.spp)
         .bounces(arguments.bounces)
-        .blur(arguments.sigma, arguments.gamma)
+        .sigma(arguments.sigma)
+        .visibility(arguments.visibility.with(arguments.gamma))
         .progress(progress);
     let start = Instant::now();
     let image = render(&file.scene, &file.camera, &options)?;
@@ -138,10 +142,12 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     const SIZE: usize = 48;
     let options = RenderOptions::new(SIZE, SIZE)
         .bounces(1)
-        .blur(arguments.fit_sigma, arguments.fit_gamma);
+        .sigma(arguments.fit_sigma)
+        .visibility(arguments.visibility.with(arguments.fit_gamma));
     let sharp = RenderOptions::new(128, 128)
         .bounces(1)
-        .blur(arguments.sigma, arguments.gamma)
+        .sigma(arguments.sigma)
+        .visibility(arguments.visibility.with(arguments.gamma))
         .samples(64);
     let show = |radians: f64, options: &RenderOptions| -> Result<HostImage, Box<dyn Error>> {
         let angle = Tensor::<1>::from_floats([radians as f32], device);

@@ -68,7 +68,10 @@ fn both_triangles_of_a_light_shine_and_both_of_an_occluder_block() {
                 "{form:?}, σ {sigma}: {lit}, expected {expected}"
             );
             let dark = mean(&image(&roofed, &camera, &options));
-            assert!(dark < 1e-5 * lit, "{form:?}, σ {sigma}: {dark} under the roof");
+            assert!(
+                dark < 1e-5 * lit,
+                "{form:?}, σ {sigma}: {dark} under the roof"
+            );
         }
     }
 }
@@ -115,7 +118,10 @@ fn a_thin_wall_keeps_the_dark() {
                 let dark = mean(&image(&scene, &camera(1.0), &options));
                 println!("{form:?}, σ {sigma}: {lit} and {dark}");
                 assert!(lit > 0.03);
-                assert!(dark < 2e-3 * lit, "{form:?}, σ {sigma}: {dark} beside {lit}");
+                assert!(
+                    dark < 2e-3 * lit,
+                    "{form:?}, σ {sigma}: {dark} beside {lit}"
+                );
             }
         }
     }
@@ -180,7 +186,10 @@ fn standing_objects_neither_leak_nor_shadow_themselves() {
             let soft = at(sigma);
             let ratio = mean(&soft) / mean(&sharp);
             println!("{name}, σ {sigma}: {ratio}");
-            assert!((ratio - 1.0).abs() < tolerance, "{name}, σ {sigma}: {ratio}");
+            assert!(
+                (ratio - 1.0).abs() < tolerance,
+                "{name}, σ {sigma}: {ratio}"
+            );
         }
     }
 }
@@ -228,11 +237,19 @@ fn the_crossing_of_surfaces_needs_the_soft_order() {
     };
     let number = |t: Tensor<1>| values(&t)[0];
     // Central differences of the hard order: the share of the image that is white.
-    let at = |d: f32| number(render_at(Tensor::from_floats([d], &device), Visibility::Layered));
+    let at = |d: f32| {
+        number(render_at(
+            Tensor::from_floats([d], &device),
+            Visibility::Layered,
+        ))
+    };
     let expected = (at(0.2) - at(-0.2)) / 0.4;
     // In closed form: the planes z = ±x/2 (+ d) cross at x = −d; the image is 2·10·tan 6° wide.
     let width = 20.0 * 6f64.to_radians().tan();
-    assert!((expected * width - 1.0).abs() < 0.02, "{expected}, width {width}");
+    assert!(
+        (expected * width - 1.0).abs() < 0.02,
+        "{expected}, width {width}"
+    );
     let gradient = |form| {
         let depth = Tensor::<1>::zeros([1], &device).autodiff().require_grad();
         let gradients = render_at(depth.clone(), form).backward();
@@ -240,7 +257,10 @@ fn the_crossing_of_surfaces_needs_the_soft_order() {
     };
     let soft = gradient(Visibility::LayeredSoft { gamma: 0.01 });
     println!("soft {soft}, expected {expected}");
-    assert!((soft / expected - 1.0).abs() < 0.03, "{soft}, expected {expected}");
+    assert!(
+        (soft / expected - 1.0).abs() < 0.03,
+        "{soft}, expected {expected}"
+    );
     let hard = gradient(Visibility::Layered);
     assert!(hard.abs() < 1e-3 * expected, "{hard}");
 }

@@ -6,6 +6,14 @@ use burn::tensor::Device;
 use common::{cpu_devices, values};
 use softray::prelude::*;
 
+/// Both forms of visibility with the blur that each bears: the softmax form swells.
+fn forms(softmax: (f64, f64), layered: f64) -> [(f64, Visibility); 2] {
+    [
+        (softmax.0, Visibility::softmax(softmax.1)),
+        (layered, Visibility::Layered),
+    ]
+}
+
 fn white(environment: f64) -> Scene {
     Scene::new().environment([environment; 3])
 }
@@ -17,7 +25,8 @@ fn mean(image: &Image) -> f64 {
 
 #[test]
 fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
-    for faces in 0..3 {
+    let blurs = forms((1e-5, 1e-3), 1e-3);
+    for (faces, (sigma, form)) in (0..3).flat_map(|f| blurs.map(|b| (f, b))) {
         let device = Device::flex();
         let ball =
             Object::new(shapes::icosphere(faces, &device)).material(Material::diffuse([1.0; 3]));
@@ -25,11 +34,12 @@ fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
         let options = RenderOptions::new(24, 24)
             .samples(16)
             .bounces(0)
-            .blur(1e-5, 1e-3);
+            .sigma(sigma)
+            .visibility(form);
         let image = render(&white(0.7).with(ball), &camera, &options).expect("an image");
         assert!(
             (mean(&image) / 0.7 - 1.0).abs() < 0.01,
-            "{} faces: {}",
+            "{form:?}, {} faces: {}",
             20 << (2 * faces),
             mean(&image)
         );
@@ -42,12 +52,20 @@ fn a_torus_of_albedo_1_vanishes_given_enough_bounces() {
     let torus =
         Object::new(shapes::torus(1.0, 0.4, 12, 8, &device)).material(Material::diffuse([1.0; 3]));
     let camera = Camera::look_at([0.0, 2.5, 2.0], [0.0; 3]).fov_y(40.0);
-    let options = RenderOptions::new(16, 16)
-        .samples(32)
-        .bounces(12)
-        .blur(1e-6, 1e-5);
-    let image = render(&white(1.0).with(torus), &camera, &options).expect("an image");
-    assert!((mean(&image) - 1.0).abs() < 0.01, "{}", mean(&image));
+    for (sigma, form) in forms((1e-6, 1e-5), 1e-4) {
+        let options = RenderOptions::new(16, 16)
+            .samples(32)
+            .bounces(12)
+            .sigma(sigma)
+            .visibility(form);
+        let scene = white(1.0).with(torus.clone());
+        let image = render(&scene, &camera, &options).expect("an image");
+        assert!(
+            (mean(&image) - 1.0).abs() < 0.01,
+            "{form:?}: {}",
+            mean(&image)
+        );
+    }
 }
 
 #[test]
@@ -61,30 +79,36 @@ fn inside_a_box_light_adds_up_as_a_geometric_series() {
     let scene = Scene::new()
         .with(Object::new(walls).material(Material::diffuse([albedo; 3]).emission([emission; 3])));
     let camera = Camera::look_at([0.1, 0.0, 0.1], [0.0, 0.1, -0.4]).fov_y(70.0);
-    let render_at = |bounces, samples: u32| {
+    let render_at = |(sigma, form), bounces, samples: u32| {
         let options = RenderOptions::new(16, 16)
             .samples(samples)
             .bounces(bounces)
-            .blur(1e-8, 1e-5)
+            .sigma(sigma)
+            .visibility(form)
             .seed(1);
         mean(&render(&scene, &camera, &options).expect("an image"))
     };
-    for bounces in [0, 1, 3] {
+    for (bounces, blur) in [0, 1, 3]
+        .into_iter()
+        .flat_map(|b| forms((1e-8, 1e-5), 1e-6).map(|f| (b, f)))
+    {
         // The camera sees E, and every hit adds the light of the one after it.
         let expected: f64 = (0..=bounces as i32 + 1)
             .map(|k| emission * albedo.powi(k))
             .sum();
-        let found = render_at(bounces, 512);
+        let found = render_at(blur, bounces, 512);
         assert!(
             (found / expected - 1.0).abs() < 0.01,
-            "{bounces} bounces: {found}, expected {expected}"
+            "{blur:?}, {bounces} bounces: {found}, expected {expected}"
         );
     }
-    let (found, expected) = (render_at(10, 256), emission / (1.0 - albedo));
-    assert!(
-        (found / expected - 1.0).abs() < 0.01,
-        "in the limit: {found}, expected {expected}"
-    );
+    for blur in forms((1e-8, 1e-5), 1e-6) {
+        let (found, expected) = (render_at(blur, 10, 256), emission / (1.0 - albedo));
+        assert!(
+            (found / expected - 1.0).abs() < 0.01,
+            "{blur:?}, in the limit: {found}, expected {expected}"
+        );
+    }
 }
 
 #[test]
@@ -109,7 +133,7 @@ fn lobes_reflect_their_albedo_at_normal_incidence() {
         let options = RenderOptions::new(16, 16)
             .samples(256)
             .bounces(0)
-            .blur(1e-6, 1e-4);
+            .sigma(1e-6);
         let image = render(&scene, &camera, &options).expect("an image");
         assert!(
             (mean(&image) / expected - 1.0).abs() < 0.01,
@@ -177,7 +201,7 @@ fn outputs_of_the_camera_rays() {
     let options = RenderOptions::new(31, 31)
         .samples(4)
         .bounces(0)
-        .blur(1e-6, 1e-5)
+        .sigma(1e-6)
         .with_opacity()
         .with_depth()
         .with_normals()
@@ -231,13 +255,19 @@ fn errors_name_what_is_wrong() {
     );
     for bad in [0.0, -1.0, f64::NAN] {
         expect(
-            message(&good, &camera, &options.clone().blur(bad, 1e-3)),
+            message(&good, &camera, &options.clone().sigma(bad)),
             &["sigma", &bad.to_string()],
         );
-        expect(
-            message(&good, &camera, &options.clone().blur(1e-3, bad)),
-            &["gamma", &bad.to_string()],
-        );
+        for form in [
+            Visibility::softmax(bad),
+            Visibility::LayeredSoft { gamma: bad },
+        ] {
+            let options = options.clone().visibility(form);
+            expect(
+                message(&good, &camera, &options),
+                &["gamma", &bad.to_string()],
+            );
+        }
     }
     let nan = Mesh::from_host(
         &[[0.0; 3], [1.0, 0.0, f64::NAN], [0.0, 1.0, 0.0]],
@@ -306,7 +336,7 @@ fn fine_faces_render_like_coarse_ones() {
     }
     // The area of a unit sphere shared by equilateral triangles.
     let edge = (16.0 * std::f64::consts::PI / 3f64.sqrt() / fine.faces.len() as f64).sqrt();
-    let render_at = |mesh: &Mesh, seed| {
+    let render_at = |mesh: &Mesh, form, seed| {
         let ball = Object::new(mesh.clone()).material(Material::diffuse([0.8; 3]));
         let light = shapes::quad(
             [-0.5, 3.0, -0.5],
@@ -322,7 +352,8 @@ fn fine_faces_render_like_coarse_ones() {
         let options = RenderOptions::new(12, 12)
             .samples(8)
             .bounces(0)
-            .blur((0.3 * edge).powi(2), 1e-2)
+            .sigma((0.3 * edge).powi(2))
+            .visibility(form)
             .seed(seed);
         let image = render(&scene, &camera, &options).expect("an image");
         (mean(&image), values(&image.radiance))
@@ -330,17 +361,22 @@ fn fine_faces_render_like_coarse_ones() {
     let rmse = |a: &[f64], b: &[f64]| {
         (a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
     };
-    let (expected, image) = render_at(&coarse, 1);
-    let noise = rmse(&image, &render_at(&coarse, 2).1);
-    let (found, split) = render_at(&fine, 3);
-    let difference = rmse(&image, &split);
-    println!(
-        "mean {expected} at 320 faces, {found} at {}; rmse {difference}, noise {noise}",
-        fine.faces.len()
-    );
-    assert!(
-        (found / expected - 1.0).abs() < 0.02,
-        "{found}, expected {expected}"
-    );
-    assert!(difference < 1.3 * noise, "{difference}, noise {noise}");
+    for form in [Visibility::softmax(1e-2), Visibility::Layered] {
+        let (expected, image) = render_at(&coarse, form, 1);
+        let noise = rmse(&image, &render_at(&coarse, form, 2).1);
+        let (found, split) = render_at(&fine, form, 3);
+        let difference = rmse(&image, &split);
+        println!(
+            "{form:?}: mean {expected} at 320 faces, {found} at {}; rmse {difference}, noise {noise}",
+            fine.faces.len()
+        );
+        assert!(
+            (found / expected - 1.0).abs() < 0.02,
+            "{form:?}: {found}, expected {expected}"
+        );
+        assert!(
+            difference < 1.3 * noise,
+            "{form:?}: {difference}, noise {noise}"
+        );
+    }
 }

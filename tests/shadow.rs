@@ -12,8 +12,7 @@ const SIGMA: f64 = 1e-3;
 /// The derivative image of the occluder's translation in x against central differences of
 /// unblurred renders. One backward pass gives Σ weight·d image/dx, so the image is projected on
 /// the reference itself, for the slope, and on blocks of 8 × 8 pixels, for the correlation.
-#[test]
-fn its_gradient_is_that_of_unblurred_differences() {
+fn agrees_with_unblurred_differences(visibility: Visibility) {
     let device = Device::flex();
     let file = SceneFile::load(common::reference("shadow/scene.json"), &device).expect("a scene");
     let expected =
@@ -29,7 +28,8 @@ fn its_gradient_is_that_of_unblurred_differences() {
         let options = RenderOptions::new(file.width, file.height)
             .samples(samples)
             .bounces(0)
-            .blur(SIGMA, 1e-2)
+            .sigma(SIGMA)
+            .visibility(visibility)
             .seed(seed);
         let image = render(&scene, &file.camera, &options).expect("an image");
         let gradients = (image.radiance * weights.clone()).sum().backward();
@@ -69,6 +69,16 @@ fn its_gradient_is_that_of_unblurred_differences() {
     let correlation = correlation(&found, &wanted);
     println!("correlation {correlation}");
     assert!(correlation > 0.9, "{correlation}");
+}
+
+#[test]
+fn in_softmax_form() {
+    agrees_with_unblurred_differences(Visibility::softmax(1e-2));
+}
+
+#[test]
+fn in_layered_form() {
+    agrees_with_unblurred_differences(Visibility::Layered);
 }
 
 fn correlation(a: &[f64], b: &[f64]) -> f64 {

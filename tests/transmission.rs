@@ -84,8 +84,7 @@ fn leaving(mesh: &Mesh, count: usize) -> (Vec<u32>, Vec<[f64; 3]>, Vec<[f64; 3]>
         let k = (u[0] * mesh.faces.len() as f64) as usize;
         let [a, b, c] = mesh.faces[k].map(|i| vertices[i as usize]);
         let (s, t) = (u[1].sqrt() * (1.0 - u[2]), u[1].sqrt() * u[2]);
-        let point: [f64; 3] =
-            std::array::from_fn(|i| a[i] + s * (b[i] - a[i]) + t * (c[i] - a[i]));
+        let point: [f64; 3] = std::array::from_fn(|i| a[i] + s * (b[i] - a[i]) + t * (c[i] - a[i]));
         let e = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| p[i] - a[i]) };
         let (p, q) = (e(b), e(c));
         let normal: [f64; 3] = std::array::from_fn(|i| {
@@ -99,7 +98,10 @@ fn leaving(mesh: &Mesh, count: usize) -> (Vec<u32>, Vec<[f64; 3]>, Vec<[f64; 3]>
             let n = normal[i] / length(normal);
             0.04 * n + angle.cos() * p[i] / along + angle.sin() * (n - p[i] / along) * u[1]
         });
-        let above = (0..3).map(|i| direction[i] * normal[i]).sum::<f64>().signum();
+        let above = (0..3)
+            .map(|i| direction[i] * normal[i])
+            .sum::<f64>()
+            .signum();
         let size = length(direction);
         found.0.push(k as u32);
         found.1.push(point);
@@ -113,7 +115,14 @@ fn rays_leave_a_convex_mesh_freely() {
     let device = Device::flex();
     let sphere = |splits| shapes::icosphere(splits, &device);
     let cube = || shapes::cube(&device).subdivided();
-    for mesh in [cube(), sphere(1), sphere(2), sphere(3), sphere(4), sphere(5)] {
+    for mesh in [
+        cube(),
+        sphere(1),
+        sphere(2),
+        sphere(3),
+        sphere(4),
+        sphere(5),
+    ] {
         let rays = if mesh.faces.len() > 5000 { 64 } else { 256 };
         let (departure, origins, directions) = leaving(&mesh, rays);
         for sigma in [1e-6, 1e-4, 1e-2] {
@@ -125,7 +134,11 @@ fn rays_leave_a_convex_mesh_freely() {
                 let faces = mesh.faces.len();
                 // Where nothing is met the softmax is over the background alone.
                 for passed in [shadow, drawn] {
-                    assert_eq!(passed, vec![1.0; rays], "{form:?}, {faces} faces, σ {sigma}");
+                    assert_eq!(
+                        passed,
+                        vec![1.0; rays],
+                        "{form:?}, {faces} faces, σ {sigma}"
+                    );
                 }
             }
         }
@@ -181,13 +194,18 @@ fn half_passes_at_a_straight_border_and_all_beyond() {
     // Along the side x = 4, in the middle of edges: at a vertex of the border the triangles that
     // share it would add up.
     for across in [-0.2, -0.1, -0.05, -0.01, 0.0, 0.01, 0.05, 0.1, 0.2, 0.5] {
-        let at: Vec<[f64; 2]> = (-3..3).map(|j| [4.0 + across, f64::from(j) + 0.5]).collect();
+        let at: Vec<[f64; 2]> = (-3..3)
+            .map(|j| [4.0 + across, f64::from(j) + 0.5])
+            .collect();
         let (origins, directions) = down(&at, 0.3);
         let logit = -across * f64::abs(across) / sigma;
         let expected = 1.0 - 1.0 / (1.0 + (-logit).exp());
         for passed in range.passed(Visibility::Layered, &origins, &directions, None) {
             for v in passed {
-                assert!((v - expected).abs() < 1e-9, "{v}, expected {expected} at {across}");
+                assert!(
+                    (v - expected).abs() < 1e-9,
+                    "{v}, expected {expected} at {across}"
+                );
             }
         }
     }

@@ -30,10 +30,20 @@ fn formulas_in_f32() {
 
 #[test]
 fn the_image_is_that_of_the_cpu_and_repeats() {
+    for form in [Visibility::Layered, Visibility::softmax(1e-3)] {
+        image_of_the_cpu(form);
+    }
+}
+
+fn image_of_the_cpu(form: Visibility) {
     let at = |device: &Device| {
         let file =
             SceneFile::load(common::reference("cornell/scene.json"), device).expect("a scene");
-        let options = RenderOptions::new(32, 32).samples(16).bounces(1).seed(2);
+        let options = RenderOptions::new(32, 32)
+            .samples(16)
+            .bounces(1)
+            .visibility(form)
+            .seed(2);
         values(
             &render(&file.scene, &file.camera, &options)
                 .expect("an image")
@@ -60,7 +70,7 @@ fn gradients_are_those_of_the_cpu() {
         let options = RenderOptions::new(12, 12)
             .samples(8)
             .bounces(0)
-            .blur(1e-2, 1e-2)
+            .sigma(1e-2)
             .seed(3);
         let image = render(&scene, &file.camera, &options).expect("an image");
         let gradients = image.radiance.powf_scalar(2.0).sum().backward();

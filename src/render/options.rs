@@ -55,7 +55,8 @@ impl fmt::Debug for RenderOptions {
 }
 
 impl RenderOptions {
-    /// An image of width × height pixels: 16 samples, 3 bounces, σ = 1e-4, γ = 1e-3, seed 0.
+    /// An image of width × height pixels: 16 samples, 3 bounces, layered visibility, σ = 1e-4,
+    /// seed 0.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             width,
@@ -63,7 +64,7 @@ impl RenderOptions {
             samples: 16,
             bounces: 3,
             sigma: 1e-4,
-            visibility: Visibility::softmax(1e-3),
+            visibility: Visibility::Layered,
             seed: 0,
             roulette_after: None,
             rays_per_tile: None,
@@ -85,8 +86,9 @@ impl RenderOptions {
         self
     }
 
-    /// σ of Eq. 1 in scene units squared, and γ of the form of visibility, if it has one, in units
-    /// of the scene's depth.
+    /// σ of Eq. 1 in scene units squared, and γ of the form of visibility in units of the scene's
+    /// depth. The layered form with its hard order in depth, which is the default, has no γ: choose
+    /// another form first.
     pub fn blur(mut self, sigma: f64, gamma: f64) -> Self {
         if let Visibility::Softmax { gamma: g, .. } | Visibility::LayeredSoft { gamma: g } =
             &mut self.visibility

@@ -32,7 +32,7 @@ pub fn compare(
     name: &str,
     bounces: u32,
     samples: u32,
-    blur: (f64, f64),
+    (sigma, visibility): (f64, Visibility),
     device: &Device,
 ) -> Comparison {
     let file = SceneFile::load(reference(&format!("{name}/scene.json")), device).expect("a scene");
@@ -41,7 +41,8 @@ pub fn compare(
     let options = RenderOptions::new(file.width, file.height)
         .samples(samples)
         .bounces(bounces)
-        .blur(blur.0, blur.1)
+        .sigma(sigma)
+        .visibility(visibility)
         .seed(5);
     let image = render(&file.scene, &file.camera, &options).expect("an image");
     let image = HostImage::from_tensor(&image.radiance).expect("values");
@@ -49,7 +50,7 @@ pub fn compare(
         mean_ratio: image.mean_ratio(&target),
         rmse_clipped: image.rmse(&target, true).expect("the same size"),
     };
-    println!("{name} bounces {bounces}, {samples} samples, blur {blur:?}: {found:?}");
+    println!("{name} bounces {bounces}, {samples} samples, σ {sigma}, {visibility:?}: {found:?}");
     found
 }
 
