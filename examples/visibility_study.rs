@@ -38,6 +38,10 @@ enum Study {
     },
     /// One shape in ever finer faces: coverage, silhouette, mean.
     Tessellation,
+    /// Coverage as the integral of a kernel over each triangle, which adds up over subdivisions,
+    /// beside Eq. 1: the opacity of a unit sphere along parallel rays at growing distances from
+    /// its centre.
+    Kernel,
 }
 
 const FORMS: [(&str, Visibility); 2] = [
@@ -58,6 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         Study::References { sigma } => references(&arguments, sigma),
         Study::Gradient { sigma } => gradient(&arguments, sigma),
         Study::Tessellation => tessellation(&arguments),
+        Study::Kernel => kernel(),
     }
 }
 
@@ -227,7 +232,7 @@ fn tessellation(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     for _ in 0..4 {
         let faces = ball.faces.len();
         let edge = (16.0 * std::f64::consts::PI / 3f64.sqrt() / faces as f64).sqrt();
-        for sigma in [1e-3, (0.3 * edge).powi(2)] {
+        for sigma in [1e-2, 1e-3, (0.3 * edge).powi(2)] {
             for (form, visibility) in FORMS {
                 let white = Object::new(ball.clone()).material(Material::diffuse([1.0; 3]));
                 let scene = Scene::new().with(white).environment([1.0; 3]);
@@ -277,18 +282,111 @@ fn surfaces_a_ray(scene: &Scene, camera: &Camera, sigma: f64) -> Result<f64, Box
     let eye = [0.0, 0.0, 4.0].map(|v| context.row(&[v; 256]));
     let [a, b, c] = eye;
     let rays = Rays {
-        origin: Vec3::new(a, b, c).sub(&Vec3::constant(context, flat.bounds.center)),
+        origin: Vec3::new(a, b, c)
+            .sub(&Vec3::constant(context, flat.bounds.center))
+            .scale_by(flat.unit.recip()),
         direction: Vec3::new(x, y, z),
         time: None,
         departure: None,
         arrival: None,
     };
     let settings = CoverageSettings {
-        sigma,
+        sigma: sigma / flat.unit.powi(2),
         t_min: 0.0,
         arrival_margin: 0.0,
     };
     let found = coverage(context, &flat.triangles, &flat.topology, &rays, &settings);
     let counts = found.probability().greater_elem(1e-4).int().sum();
     Ok(counts.into_scalar::<i32>() as f64 / 256.0)
+}
+
+/// An edge as seen from a point of the plane: its signed distance, positive inside, and where it
+/// begins and ends along its own direction.
+type Edge = (f64, f64, f64);
+
+fn by_distance(edges: &[Edge; 3], sigma: f64) -> f64 {
+    let inside = edges.iter().all(|e| e.0 >= 0.0);
+    let squared = |&(h, from, to): &Edge| h * h + 0f64.clamp(from, to).powi(2);
+    let d = edges.iter().map(squared).fold(f64::INFINITY, f64::min);
+    1.0 / (1.0 + (if inside { -d } else { d } / sigma).exp())
+}
+
+/// The integral over the triangle of 3/(πR²)·(1 − r²/R²)² within R, R² such that the half plane has
+/// the same variance as in Eq. 1. By the divergence theorem a sum over edges: with q = 1 − r²/R²,
+/// inside − Σ ∫ q³ dθ/(2π), where q³ dθ = dθ − h/R²·(1 + q + q²) dl.
+fn by_kernel(edges: &[Edge; 3], sigma: f64) -> f64 {
+    let r2 = 16.0 * std::f64::consts::LN_2 * sigma;
+    let inside = edges.iter().all(|e| e.0 >= 0.0);
+    let cut = edges.iter().map(|&(h, from, to)| {
+        let half = (r2 - h * h).max(0.0).sqrt();
+        let (a, b) = (from.max(-half), to.min(half));
+        if a >= b {
+            return 0.0;
+        }
+        let angle = (h * (b - a)).atan2(h * h + a * b);
+        let q = 1.0 - h * h / r2;
+        let along = |l: f64| {
+            l * (1.0 + q + q * q) - l.powi(3) / (3.0 * r2) * (1.0 + 2.0 * q)
+                + l.powi(5) / (5.0 * r2 * r2)
+        };
+        angle - h / r2 * (along(b) - along(a))
+    });
+    let whole = if inside { 1.0 } else { 0.0 };
+    whole - cut.sum::<f64>() / std::f64::consts::TAU
+}
+
+fn kernel() -> Result<(), Box<dyn Error>> {
+    use glam::DVec3;
+    const AT: [f64; 8] = [0.5, 0.8, 0.9, 0.95, 0.98, 1.0, 1.02, 1.05];
+    const TURNS: usize = 16;
+    print!("| σ | faces | coverage |");
+    AT.iter().for_each(|b| print!(" {b} |"));
+    println!("\n|---|---|---|{}", "---|".repeat(AT.len()));
+    for sigma in [1e-2, 1e-3] {
+        for subdivisions in 2..6 {
+            let mesh = shapes::icosphere(subdivisions, &Device::flex());
+            let vertices = mesh.host_vertices()?;
+            let faces: Vec<[DVec3; 3]> = mesh
+                .faces
+                .iter()
+                .map(|f| f.map(|i| DVec3::from(vertices[i as usize])))
+                .collect();
+            type Coverage = fn(&[Edge; 3], f64) -> f64;
+            for (name, p) in [
+                ("Eq. 1", by_distance as Coverage),
+                ("kernel", by_kernel as Coverage),
+            ] {
+                let opacity = |distance: f64| {
+                    let along = |turn: usize| {
+                        let angle = 0.1 + turn as f64 * std::f64::consts::TAU / TURNS as f64;
+                        let x = DVec3::new(distance * angle.cos(), distance * angle.sin(), 0.0);
+                        let sum: f64 = faces
+                            .iter()
+                            .filter_map(|corners| {
+                                let [a, b, c] = *corners;
+                                let n = (b - a).cross(c - a).normalize();
+                                if n.z < 1e-6 {
+                                    return None;
+                                }
+                                let hit = x + DVec3::Z * (n.dot(a - x) / n.z);
+                                let edges = [(a, b), (b, c), (c, a)].map(|(from, to)| {
+                                    let d = (to - from).normalize();
+                                    let begin = (from - hit).dot(d);
+                                    let end = begin + from.distance(to);
+                                    ((hit - from).dot(n.cross(d)) + 0.0, begin, end)
+                                });
+                                Some(p(&edges, sigma))
+                            })
+                            .sum();
+                        sum.min(1.0)
+                    };
+                    (0..TURNS).map(along).sum::<f64>() / TURNS as f64
+                };
+                print!("| {sigma:e} | {} | {name} |", faces.len());
+                AT.iter().for_each(|&b| print!(" {:.3} |", opacity(b)));
+                println!();
+            }
+        }
+    }
+    Ok(())
 }

@@ -27,13 +27,16 @@ struct Readme;
 
 pub mod error;
 pub mod geometry;
+pub mod gradcheck;
 pub mod io;
+pub mod optim;
 pub mod render;
 pub mod scene;
 mod transport;
 pub mod visibility;
 
 pub use error::{Error, Result};
+pub use optim::loss;
 
 /// What most programs need.
 pub mod prelude {

@@ -30,10 +30,10 @@ impl Range {
     }
 
     /// Rows of absolute origins, relative to the centre of the bounds.
-    fn rows(&self, points: &[[f64; 3]], center: [f64; 3]) -> Vec3 {
+    fn rows(&self, points: &[[f64; 3]], center: [f64; 3], unit: f64) -> Vec3 {
         let context = &self.flat.context;
         let axis = |k: usize| {
-            let row: Vec<f64> = points.iter().map(|p| p[k] - center[k]).collect();
+            let row: Vec<f64> = points.iter().map(|p| (p[k] - center[k]) / unit).collect();
             context.row(&row)
         };
         Vec3::new(axis(0), axis(1), axis(2))
@@ -48,20 +48,20 @@ impl Range {
         departure: Option<Vec<u32>>,
     ) -> [Vec<f64>; 2] {
         let rays = Rays {
-            origin: self.rows(origins, self.flat.bounds.center),
-            direction: self.rows(directions, [0.0; 3]),
+            origin: self.rows(origins, self.flat.bounds.center, self.flat.unit),
+            direction: self.rows(directions, [0.0; 3], 1.0),
             time: None,
             departure,
             arrival: None,
         };
         let settings = CoverageSettings {
-            sigma: self.sigma,
-            t_min: 1e-5 * self.flat.bounds.radius,
+            sigma: self.sigma / self.flat.unit.powi(2),
+            t_min: 1e-5 * self.flat.radius(),
             arrival_margin: 1e-4,
         };
         let (context, topology) = (&self.flat.context, &self.flat.topology);
         let found = coverage(context, &self.flat.triangles, topology, &rays, &settings);
-        let range = softray::visibility::DepthRange::new(&rays, self.flat.bounds.radius);
+        let range = softray::visibility::DepthRange::new(&rays, self.flat.radius());
         let passed = form.transmittance(context, topology, &found);
         let weights = form.weights(context, topology, found, range);
         [

@@ -16,7 +16,7 @@ pub struct VertexData {
 }
 
 /// The triangles of a scene, flattened: every plane is a column `[T, 1]`, positions are relative
-/// to the centre of the scene's bounds.
+/// to the centre of the scene's bounds, in units of about its radius.
 ///
 /// Each triangle carries an orthonormal frame in its plane, with corner a at the origin, b at
 /// `(base, 0)` and c at `(apex_u, apex_v)`, `apex_v > 0`.

@@ -45,7 +45,7 @@ impl Renderer<'_> {
             rows.push(first.attached_background().neg() + 1.0);
         }
         if outputs.depth {
-            rows.push(first.mean(first.attached_distances(), None));
+            rows.push(first.mean(first.attached_distances() * self.scene.unit, None));
         }
         if outputs.normals {
             let normal = &self.scene.triangles.normal;

@@ -5,11 +5,10 @@ mod options;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor};
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::geometry::Context;
 use crate::scene::{Camera, Flattened, Scene};
 use crate::transport::{Dimension, PathSettings, Sampler, trace};
 use crate::visibility::Rays;
@@ -34,7 +33,7 @@ pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result
         options,
         sampler: Sampler::new(options.seed),
         settings: PathSettings {
-            sigma: options.sigma,
+            sigma: options.sigma / (flattened.unit * flattened.unit),
             visibility: options.visibility,
             bounces: options.bounces,
             roulette_after: options.roulette_after,
@@ -80,7 +79,7 @@ impl Renderer<'_> {
         };
         // The first tile tells whether there is a tape: a graph is built by one thread.
         let mut results = vec![run(&tiles[0])?];
-        if results[0].sums.is_tracked() || !is_cpu(&self.scene.context) {
+        if results[0].sums.is_tracked() || !is_cpu(&self.scene.context.device) {
             for tile in &tiles[1..] {
                 results.push(run(tile)?);
             }
@@ -107,7 +106,7 @@ impl Renderer<'_> {
         let triangles = self.scene.triangles.len();
         let pixels = self.options.width * self.options.height;
         let samples = self.options.samples as usize;
-        let pairs = if is_cpu(&self.scene.context) {
+        let pairs = if is_cpu(&self.scene.context.device) {
             1 << 18
         } else {
             1 << 23
@@ -192,6 +191,7 @@ impl Renderer<'_> {
         let (origin, direction) = self.camera.rays(
             context,
             self.scene.bounds.center,
+            self.scene.unit,
             width as f64 / height as f64,
             &film,
             disk.as_ref(),
@@ -207,7 +207,7 @@ impl Renderer<'_> {
 }
 
 /// Whether tiles of rays gain from several host threads.
-fn is_cpu(context: &Context) -> bool {
-    let name = format!("{:?}", context.device);
+pub(crate) fn is_cpu(device: &Device) -> bool {
+    let name = format!("{device:?}");
     name.contains("Flex") || name.contains("NdArray")
 }

@@ -91,11 +91,12 @@ impl Camera {
     }
 
     /// Rays through film points (rows `[1, N]` in units of the image, (0, 0) top left), from lens
-    /// points (rows, on the unit disk). Origins are relative to `centre`.
+    /// points (rows, on the unit disk). Origins are relative to `centre`, in units of `unit`.
     pub(crate) fn rays(
         &self,
         context: &Context,
         centre: [f64; 3],
+        unit: f64,
         aspect: f64,
         film: &[Tensor<2>; 2],
         disk: Option<&[Tensor<2>; 2]>,
@@ -104,9 +105,14 @@ impl Camera {
             let [x, y, z] = p.planes(context);
             Vec3::new(x, y, z)
         };
-        let eye = vector(&self.eye);
-        let forward = vector(&self.target).sub(&eye).normalized();
-        let right = forward.cross(&vector(&self.up)).normalized();
+        let per_unit = unit.recip();
+        let relative = |p: &Parameter<3>| {
+            let v = vector(p).sub(&Vec3::constant(context, centre));
+            v.scale_by(per_unit)
+        };
+        let eye = relative(&self.eye);
+        let forward = relative(&self.target).sub(&eye).normalized();
+        let right = forward.cross(&vector(&self.up).normalized()).normalized();
         let up = right.cross(&forward);
         let [fov] = self.fov_y.planes(context);
         let half = fov * (std::f64::consts::PI / 360.0);
@@ -116,10 +122,10 @@ impl Camera {
         let sy = (film[1].clone() * (-2.0) + 1.0) * half_height;
         let n = film[0].dims()[1];
         let through = right.scale(&sx).add(&up.scale(&sy)).add(&forward);
-        let eye = eye.sub(&Vec3::constant(context, centre));
         match (&self.lens, disk) {
             (Some((aperture, focus)), Some(disk)) => {
                 let ([aperture], [focus]) = (aperture.planes(context), focus.planes(context));
+                let (aperture, focus) = (aperture * per_unit, focus * per_unit);
                 let on_lens = right
                     .scale(&(disk[0].clone() * aperture.clone()))
                     .add(&up.scale(&(disk[1].clone() * aperture)));

@@ -61,7 +61,7 @@ pub struct Materials {
 pub struct Flattened {
     /// Device and float type.
     pub context: Context,
-    /// Relative to the centre of the bounds.
+    /// Relative to the centre of the bounds, in units of `unit`.
     pub triangles: Triangles,
     /// Host-side connectivity.
     pub topology: Topology,
@@ -69,8 +69,12 @@ pub struct Flattened {
     pub materials: Materials,
     /// Triangles that emit.
     pub emitters: Vec<u32>,
-    /// The scene's bounds.
+    /// The scene's bounds, in scene units.
     pub bounds: Bounds,
+    /// The length that everything is measured in from here on, in scene units: the power of two
+    /// nearest to the radius of the bounds. So a scene renders alike at any scale, and squares and
+    /// products of small lengths do not underflow.
+    pub unit: f64,
     /// Texture coordinates of the corners, z unused, if any material has a texture.
     pub uvs: Option<VertexData>,
     /// Shading normals of the corners, if any mesh has them, and for which triangles.
@@ -115,6 +119,7 @@ impl Flattened {
             first += n;
         }
 
+        let unit = bounds.radius.log2().round().exp2();
         let centre = context.tensor(&bounds.center, [1, 3]);
         let corner = |i| {
             let parts = scene
@@ -123,14 +128,15 @@ impl Flattened {
                 .filter(|o| !o.mesh.faces.is_empty())
                 .map(|o| o.mesh.corner(i))
                 .collect();
-            Vec3::from_columns(Tensor::cat(parts, 0) - centre.clone())
+            Vec3::from_columns((Tensor::cat(parts, 0) - centre.clone()) * unit.recip())
         };
         let corners = VertexData {
             a: corner(0),
             b: corner(1),
             c: corner(2),
         };
-        let triangles = Triangles::new(&context, corners, velocities(scene, &context));
+        let velocities = velocities(scene, &context).map(|v| v.map(|x| x * unit.recip()));
+        let triangles = Triangles::new(&context, corners, velocities);
         let materials = flatten_materials(&materials, &context);
         let emitters: Vec<u32> = (0..topology.object.len() as u32)
             .filter(|&t| materials.emits[topology.material[t as usize] as usize])
@@ -165,10 +171,16 @@ impl Flattened {
             materials,
             emitters,
             bounds,
+            unit,
             uvs,
             normals,
             environment,
         })
+    }
+
+    /// The radius of the bounds in units of `unit`.
+    pub fn radius(&self) -> f64 {
+        self.bounds.radius / self.unit
     }
 }
 
@@ -189,6 +201,8 @@ fn bounds_of(objects: &[(Vec<[f64; 3]>, [f64; 3])]) -> Bounds {
                 .map(move |v| distance(v, u, 0.0).max(distance(v, u, 1.0)))
         })
         .fold(0.0, f64::max);
+    // A scene that is one point has no scale of its own.
+    let radius = if radius > 0.0 { radius } else { 1.0 };
     Bounds { center, radius }
 }
 

@@ -14,7 +14,7 @@ use crate::visibility::{
 /// What a path does.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {
-    /// σ of Eq. 1, scene units squared.
+    /// σ of Eq. 1, in units of the flattened scene, squared.
     pub sigma: f64,
     /// The form of visibility.
     pub visibility: Visibility,
@@ -56,7 +56,7 @@ struct Draw {
 impl Tracer<'_> {
     /// Hits nearer than this don't count: relative to the scene's size.
     pub(crate) fn t_min(&self) -> f64 {
-        1e-5 * self.scene.bounds.radius
+        1e-5 * self.scene.radius()
     }
 
     pub(crate) fn coverage(&self, rays: &Rays) -> Coverage {
@@ -75,7 +75,7 @@ impl Tracer<'_> {
     }
 
     fn weights(&self, rays: &Rays) -> Result<Weights> {
-        let range = DepthRange::new(rays, self.scene.bounds.radius);
+        let range = DepthRange::new(rays, self.scene.radius());
         let (context, topology) = (&self.scene.context, &self.scene.topology);
         self.settings
             .visibility

@@ -2,7 +2,8 @@ use burn::tensor::{Bool, DType, Tensor, TensorData};
 
 use crate::geometry::{Context, Topology, Triangles, Vec3, nearest_on_triangle, plain};
 
-/// Rays o + t·d with |d| = 1, rows `[1, N]`; origins relative to the centre of the bounds.
+/// Rays o + t·d with |d| = 1, rows `[1, N]`; origins relative to the centre of the bounds, in the
+/// triangles' unit.
 #[derive(Clone, Debug)]
 pub struct Rays {
     /// Origins, at the positions that static objects have.
@@ -37,12 +38,12 @@ impl Rays {
     }
 }
 
-/// What Eq. 1 depends on.
+/// What Eq. 1 depends on, in the triangles' unit.
 #[derive(Clone, Copy, Debug)]
 pub struct CoverageSettings {
-    /// Blur of the edges, scene units squared.
+    /// Blur of the edges σ, a length squared.
     pub sigma: f64,
-    /// Hits nearer than this don't count, scene units.
+    /// Hits nearer than this don't count.
     pub t_min: f64,
     /// Hits beyond (1 − margin)·distance of an arrival don't count.
     pub arrival_margin: f64,

@@ -23,7 +23,9 @@ pub use depth::DepthRange;
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
 pub use weights::Weights;
 
-/// How the surfaces that a ray meets share its weight. `docs/VISIBILITY.md` compares the forms.
+/// How the surfaces that a ray meets share its weight, and how much light passes along a segment.
+/// `docs/VISIBILITY.md` compares the forms by measurement: [`Visibility::Layered`] is the accurate
+/// one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Visibility {
     /// The paper's (Eq. 3, corrected): softmax over log p_k + z_k/γ and ε/γ for the background,

@@ -66,14 +66,20 @@ pub(super) fn weights(
         let before = p.clone() * nearer * context.column(&keep);
         let (sums, _) = slots.sums(before.clone());
         let without = passed(sums);
+        // Where so many surfaces share a place and a depth that each finds its layer full, none
+        // would take anything: this faint part decides between them there, and nowhere else.
+        let crowd = before.clone().sum_dim(0) + 1.0;
+        let faint = row(&p, i) * 1e-6 / (crowd.clone() * crowd);
         let own = slots.only(i, row(&p, i));
         let (sums, _) = slots.sums(before + own);
-        raw.push((without - passed(sums)).clamp_min(0.0));
+        raw.push((without - passed(sums)).clamp_min(0.0) + faint);
     }
     let raw = Tensor::cat(raw, 0);
     let total = raw.clone().sum_dim(0);
-    let nothing = plain(&total).lower_elem(1e-30);
-    let scale = (background.clone().neg() + 1.0) / total.mask_fill(nothing, 1.0);
+    // What next to nothing takes needs no scale, and the square of its inverse would overflow.
+    let nothing = plain(&total).lower_elem(1e-12);
+    let scale = (background.clone().neg() + 1.0) / total.mask_fill(nothing.clone(), 1.0);
+    let scale = scale.mask_fill(nothing, 1.0);
     let weight = raw * scale;
     let (value, background_value) = (plain(&weight), plain(&background));
     let surfaces =

@@ -1,0 +1,3 @@
+//! What optimising a scene takes beside a renderer.
+
+pub mod loss;

@@ -1,0 +1,654 @@
+//! Scenes at the edge of what floats can hold. Every number of a [`World`] is a leaf of the graph.
+
+use burn::tensor::{DType, Device, Gradients, Tensor, TensorData};
+use softray::prelude::*;
+
+/// An object by numbers.
+#[derive(Clone, Debug)]
+pub struct Thing {
+    pub name: &'static str,
+    pub vertices: Vec<[f64; 3]>,
+    pub faces: Vec<[u32; 3]>,
+    pub diffuse: [f64; 3],
+    pub gloss: Option<([f64; 3], f64)>,
+    pub emission: Option<[f64; 3]>,
+    pub velocity: Option<[f64; 3]>,
+    /// Height, width, texels; and texture coordinates of the vertices.
+    pub texture: Option<([usize; 2], Vec<f64>, Vec<[f64; 2]>)>,
+}
+
+impl Thing {
+    pub fn new(name: &'static str, vertices: Vec<[f64; 3]>, faces: Vec<[u32; 3]>) -> Self {
+        Self {
+            name,
+            vertices,
+            faces,
+            diffuse: [0.5, 0.4, 0.3],
+            gloss: None,
+            emission: None,
+            velocity: None,
+            texture: None,
+        }
+    }
+
+    pub fn quad(name: &'static str, corners: [[f64; 3]; 4]) -> Self {
+        Self::new(name, corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]])
+    }
+
+    pub fn triangle(name: &'static str, corners: [[f64; 3]; 3]) -> Self {
+        Self::new(name, corners.to_vec(), vec![[0, 1, 2]])
+    }
+
+    pub fn shape(name: &'static str, mesh: Mesh, at: [f64; 3], size: f64) -> Self {
+        let vertices = mesh.host_vertices().expect("vertices");
+        let place = |v: [f64; 3]| std::array::from_fn(|i| at[i] + size * v[i]);
+        let vertices = vertices.into_iter().map(place).collect();
+        Self::new(name, vertices, mesh.faces.to_vec())
+    }
+
+    pub fn emitting(mut self, radiance: [f64; 3]) -> Self {
+        self.emission = Some(radiance);
+        self
+    }
+}
+
+/// A scene, a camera and how to render it.
+#[derive(Clone, Debug)]
+pub struct World {
+    pub things: Vec<Thing>,
+    pub environment: [f64; 3],
+    pub eye: [f64; 3],
+    pub target: [f64; 3],
+    pub up: [f64; 3],
+    pub fov: f64,
+    pub lens: Option<(f64, f64)>,
+    pub options: RenderOptions,
+}
+
+/// What came out.
+pub struct Outcome {
+    pub image: Vec<f64>,
+    /// By leaf.
+    pub gradients: Vec<(String, Vec<f64>)>,
+}
+
+impl Outcome {
+    /// Names the first value that is not finite.
+    pub fn not_finite(&self) -> Option<String> {
+        let bad = |values: &[f64]| values.iter().position(|v| !v.is_finite());
+        if let Some(i) = bad(&self.image) {
+            return Some(format!("image[{i}] is {}", self.image[i]));
+        }
+        self.gradients.iter().find_map(|(name, values)| {
+            bad(values).map(|i| format!("gradient of {name}[{i}] is {}", values[i]))
+        })
+    }
+
+    pub fn gradient(&self, name: &str) -> &[f64] {
+        let found = self.gradients.iter().find(|(n, _)| n == name);
+        &found.unwrap_or_else(|| panic!("no leaf {name}")).1
+    }
+
+    pub fn mean(&self) -> f64 {
+        self.image.iter().sum::<f64>() / self.image.len() as f64
+    }
+}
+
+type Read = Box<dyn Fn(&Gradients) -> Vec<f64>>;
+
+/// Makes leaves and remembers them.
+struct Leaves {
+    device: Device,
+    dtype: DType,
+    all: Vec<(String, Read)>,
+}
+
+impl Leaves {
+    fn make<const D: usize>(&mut self, name: String, v: Vec<f64>, shape: [usize; D]) -> Tensor<D> {
+        let data = TensorData::new(v, shape);
+        let leaf = Tensor::<D>::from_data(data, (&self.device, self.dtype));
+        let leaf = leaf.autodiff().require_grad();
+        let read = leaf.clone();
+        let count = shape.iter().product();
+        self.all.push((
+            name,
+            Box::new(move |g| read.grad(g).map_or(vec![0.0; count], |g| super::values(&g))),
+        ));
+        leaf
+    }
+}
+
+impl World {
+    /// A floor, a ball, a triangle and a light: all kinds of parameters but lens, motion and
+    /// texture, seen from above.
+    pub fn new() -> Self {
+        let device = Device::flex();
+        let floor = [
+            [-2.0, 0.0, 2.0],
+            [2.0, 0.0, 2.0],
+            [2.0, 0.0, -2.0],
+            [-2.0, 0.0, -2.0],
+        ];
+        let light = [
+            [-0.5, 2.5, -0.5],
+            [0.5, 2.5, -0.5],
+            [0.5, 2.5, 0.5],
+            [-0.5, 2.5, 0.5],
+        ];
+        let slope = [[-1.2, 0.3, 0.4], [-0.3, 0.4, 0.8], [-0.6, 1.2, 0.1]];
+        let mut ball = Thing::shape("ball", shapes::icosahedron(&device), [0.4, 0.7, 0.0], 0.6);
+        ball.gloss = Some(([0.3, 0.3, 0.3], 20.0));
+        Self {
+            things: vec![
+                Thing::quad("floor", floor),
+                ball,
+                Thing::triangle("triangle", slope),
+                Thing::quad("light", light).emitting([4.0, 3.5, 3.0]),
+            ],
+            environment: [0.3, 0.4, 0.5],
+            eye: [0.3, 1.6, 4.0],
+            target: [0.0, 0.7, 0.0],
+            up: [0.0, 1.0, 0.0],
+            fov: 40.0,
+            lens: None,
+            options: RenderOptions::new(8, 8)
+                .samples(4)
+                .bounces(2)
+                .sigma(1e-3)
+                .seed(3),
+        }
+    }
+
+    pub fn with(mut self, f: impl FnOnce(&mut Self)) -> Self {
+        f(&mut self);
+        self
+    }
+
+    pub fn thing(&mut self, name: &str) -> &mut Thing {
+        let found = self.things.iter_mut().find(|t| t.name == name);
+        found.unwrap_or_else(|| panic!("nothing is called {name}"))
+    }
+
+    /// Every point moved.
+    pub fn mapped(mut self, f: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
+        for t in &mut self.things {
+            t.vertices.iter_mut().for_each(|v| *v = f(*v));
+        }
+        self.eye = f(self.eye);
+        self.target = f(self.target);
+        self
+    }
+
+    fn build(&self, leaves: &mut Leaves) -> (Scene, Camera) {
+        let mut scene = Scene::new();
+        for t in &self.things {
+            let name = |field: &str| format!("{} {field}", t.name);
+            let rows = |v: &[[f64; 3]]| v.iter().flatten().copied().collect::<Vec<_>>();
+            let vertices = rows(&t.vertices);
+            let vertices = leaves.make(name("vertices"), vertices, [t.vertices.len(), 3]);
+            let mut mesh = Mesh::new(vertices, t.faces.clone());
+            let mut material = match &t.texture {
+                Some(([h, w], texels, uvs)) => {
+                    let flat = uvs.iter().flatten().copied().collect();
+                    mesh = mesh.with_uvs(leaves.make(name("uvs"), flat, [uvs.len(), 2]));
+                    let texels = leaves.make(name("texels"), texels.clone(), [*h, *w, 3]);
+                    Material::diffuse(Albedo::texture(texels))
+                }
+                None => Material::diffuse(leaves.make(name("diffuse"), t.diffuse.to_vec(), [3])),
+            };
+            if let Some((specular, shininess)) = t.gloss {
+                let specular = leaves.make(name("specular"), specular.to_vec(), [3]);
+                let shininess = leaves.make(name("shininess"), vec![shininess], [1]);
+                material = material.specular(specular, shininess);
+            }
+            if let Some(emission) = t.emission {
+                let emission = leaves.make(name("emission"), emission.to_vec(), [3]);
+                material = material.emission(emission);
+            }
+            let mut object = Object::new(mesh).named(t.name).material(material);
+            if let Some(v) = t.velocity {
+                object = object.velocity(leaves.make(name("velocity"), v.to_vec(), [3]));
+            }
+            scene = scene.with(object);
+        }
+        let environment = self.environment.to_vec();
+        let scene = scene.environment(leaves.make("environment".into(), environment, [3]));
+        let eye = leaves.make("eye".into(), self.eye.to_vec(), [3]);
+        let target = leaves.make("target".into(), self.target.to_vec(), [3]);
+        let up = leaves.make("up".into(), self.up.to_vec(), [3]);
+        let fov = leaves.make("fov".into(), vec![self.fov], [1]);
+        let mut camera = Camera::look_at(eye, target).up(up).fov_y(fov);
+        if let Some((aperture, focus)) = self.lens {
+            let aperture = leaves.make("aperture".into(), vec![aperture], [1]);
+            let focus = leaves.make("focus".into(), vec![focus], [1]);
+            camera = camera.thin_lens(aperture, focus);
+        }
+        (scene, camera)
+    }
+
+    /// Renders, and differentiates the mean radiance under weights that rise across the image.
+    pub fn run(&self, device: &Device, dtype: DType) -> softray::Result<Outcome> {
+        let mut leaves = Leaves {
+            device: device.clone(),
+            dtype,
+            all: Vec::new(),
+        };
+        let (scene, camera) = self.build(&mut leaves);
+        let image = render(&scene, &camera, &self.options)?.radiance;
+        let values = super::values(&image);
+        let weights = Tensor::<3>::from_data(
+            TensorData::new(
+                (0..values.len())
+                    .map(|i| 0.5 + i as f64 / values.len() as f64)
+                    .collect::<Vec<_>>(),
+                image.dims(),
+            ),
+            (device, dtype),
+        );
+        let gradients = (image * weights).mean().backward();
+        Ok(Outcome {
+            image: values,
+            gradients: leaves
+                .all
+                .into_iter()
+                .map(|(name, read)| (name, read(&gradients)))
+                .collect(),
+        })
+    }
+}
+
+const FORMS: [Visibility; 3] = [
+    Visibility::Layered,
+    Visibility::Softmax {
+        gamma: 1e-3,
+        epsilon: 1e-3,
+    },
+    Visibility::LayeredSoft { gamma: 1e-2 },
+];
+
+/// Scenes that have to give finite images and gradients, by name.
+pub fn cases() -> Vec<(String, World)> {
+    let mut all: Vec<(String, World)> = Vec::new();
+    fn add(all: &mut Vec<(String, World)>, name: String, world: World) {
+        for form in FORMS {
+            let world = World {
+                options: world.options.clone().visibility(form),
+                ..world.clone()
+            };
+            all.push((format!("{name}, {form:?}"), world));
+        }
+    }
+    for (name, world) in geometry() {
+        add(&mut all, format!("geometry: {name}"), world);
+    }
+    for (name, world) in views() {
+        add(&mut all, format!("view: {name}"), world);
+    }
+    for (name, world) in lights() {
+        add(&mut all, format!("light: {name}"), world);
+    }
+    for (name, world) in surfaces() {
+        add(&mut all, format!("surface: {name}"), world);
+    }
+    for (name, world) in sizes() {
+        add(&mut all, format!("size: {name}"), world);
+    }
+    for sigma in [1e-14, 1e-10, 1e-6, 1e-2, 1.0, 1e2, 1e4] {
+        let options = World::new().options.sigma(sigma);
+        let world = World::new().with(|w| w.options = options);
+        add(&mut all, format!("blur: σ {sigma:e}"), world);
+        for gamma in [1e-8, 1e-4, 1.0, 1e2] {
+            for epsilon in [0.0, 1e-3, 1.0] {
+                let forms = [
+                    Visibility::Softmax { gamma, epsilon },
+                    Visibility::LayeredSoft { gamma },
+                ];
+                for form in forms {
+                    if matches!(form, Visibility::LayeredSoft { .. }) && epsilon > 0.0 {
+                        continue;
+                    }
+                    let options = World::new().options.sigma(sigma).visibility(form);
+                    let world = World::new().with(|w| w.options = options);
+                    all.push((format!("blur: σ {sigma:e}, {form:?}"), world));
+                }
+            }
+        }
+    }
+    all
+}
+
+type Named = Vec<(&'static str, World)>;
+
+fn geometry() -> Named {
+    let device = Device::flex();
+    let extra = |thing: Thing| World::new().with(|w| w.things.push(thing));
+    let triangle = |corners| Thing::triangle("extra", corners);
+    let base = || World::new();
+    let ball = |at, size| Thing::shape("extra", shapes::icosahedron(&device), at, size);
+    vec![
+        (
+            "sliver, aspect 1e6",
+            extra(triangle([
+                [-1.0, 0.5, 0.5],
+                [1.0, 0.5, 0.5],
+                [0.0, 0.5 + 2e-6, 0.5],
+            ])),
+        ),
+        (
+            "sliver, aspect 1e6, sharp corner",
+            extra(triangle([
+                [-1.0, 0.5, 0.5],
+                [1.0, 0.5, 0.5],
+                [1.0, 0.5 + 2e-6, 0.5],
+            ])),
+        ),
+        (
+            "three corners on a line",
+            extra(triangle([
+                [-1.0, 0.5, 0.5],
+                [0.0, 0.5, 0.5],
+                [1.0, 0.5, 0.5],
+            ])),
+        ),
+        (
+            "three corners in one point",
+            extra(triangle([[0.1, 0.5, 0.5]; 3])),
+        ),
+        (
+            "two corners in one point",
+            extra(triangle([
+                [0.1, 0.5, 0.5],
+                [0.1, 0.5, 0.5],
+                [0.5, 0.9, 0.5],
+            ])),
+        ),
+        (
+            "a face that names a vertex twice",
+            base().with(|w| w.thing("floor").faces.push([0, 0, 1])),
+        ),
+        (
+            "a face twice",
+            base().with(|w| w.thing("floor").faces.push([0, 1, 2])),
+        ),
+        (
+            "a face twice, the other way round",
+            base().with(|w| w.thing("floor").faces.push([2, 1, 0])),
+        ),
+        (
+            "coplanar triangles that overlap",
+            extra(Thing::quad(
+                "extra",
+                [
+                    [-1.0, 0.0, 1.0],
+                    [1.5, 0.0, 1.0],
+                    [1.5, 0.0, -1.0],
+                    [-1.0, 0.0, -1.0],
+                ],
+            )),
+        ),
+        ("an object twice", {
+            let mut w = base();
+            let again = Thing {
+                name: "extra",
+                ..w.thing("ball").clone()
+            };
+            w.things.push(again);
+            w
+        }),
+        (
+            "meshes that pass through each other",
+            extra(ball([0.7, 0.8, 0.2], 0.6)),
+        ),
+        (
+            "a ball half under the floor",
+            extra(ball([-0.5, 0.0, 0.0], 0.5)),
+        ),
+        (
+            "inside out",
+            base().with(|w| {
+                let faces = &mut w.thing("ball").faces;
+                faces.iter_mut().for_each(|f| f.reverse());
+            }),
+        ),
+        (
+            "one face turned",
+            base().with(|w| w.thing("ball").faces[3].reverse()),
+        ),
+        (
+            "a triangle through the camera",
+            extra(triangle([
+                [-1.0, 1.6, 4.0],
+                [1.3, 1.6, 4.0],
+                [0.3, 1.7, 3.0],
+            ])),
+        ),
+        (
+            "a triangle behind the camera",
+            extra(triangle([
+                [-1.0, 1.0, 6.0],
+                [1.3, 1.0, 6.0],
+                [0.3, 3.0, 6.0],
+            ])),
+        ),
+        (
+            "edge-on to the camera",
+            extra(triangle([
+                [0.3, 1.6, 2.0],
+                [0.3, 2.6, 0.0],
+                [0.3, 0.6, -1.0],
+            ])),
+        ),
+        ("a tiny ball", extra(ball([-0.2, 0.5, 0.5], 1e-7))),
+        ("a huge ball around", extra(ball([0.0; 3], 1e5))),
+        (
+            "neighbours of very different size",
+            extra(Thing::new(
+                "extra",
+                vec![
+                    [0.0, 0.5, 0.5],
+                    [1e-7, 0.5, 0.5],
+                    [0.0, 0.5 + 1e-7, 0.5],
+                    [-1.0, 1.5, 0.5],
+                ],
+                vec![[0, 1, 2], [0, 2, 3]],
+            )),
+        ),
+    ]
+}
+
+fn views() -> Named {
+    let base = World::new;
+    let seen = |eye, target| base().with(|w| (w.eye, w.target) = (eye, target));
+    vec![
+        // The middle of the middle pixel of an odd image is the view axis, up to the jitter.
+        ("at a vertex", {
+            let at = base().thing("triangle").vertices[2];
+            seen([0.3, 1.6, 4.0], at)
+        }),
+        ("along an edge", {
+            let [a, b] = [0, 1].map(|i| base().thing("triangle").vertices[i]);
+            let back: [f64; 3] = std::array::from_fn(|i| a[i] - 2.0 * (b[i] - a[i]));
+            seen(back, a).with(|w| w.fov = 1e-3)
+        }),
+        ("in the plane of the floor", {
+            seen([0.0, 0.0, 5.0], [0.0; 3]).with(|w| w.fov = 1e-3)
+        }),
+        (
+            "parallel to the floor",
+            seen([0.0, 0.5, 5.0], [0.0, 0.5, 0.0]),
+        ),
+        ("inside the ball", seen([0.4, 0.7, 0.0], [0.5, 0.7, 0.0])),
+        ("on the floor", seen([0.0, 0.0, 1.5], [0.4, 0.7, 0.0])),
+        ("on a vertex", {
+            let at = base().thing("triangle").vertices[0];
+            seen(at, [0.4, 0.7, 0.0])
+        }),
+        ("at the light", seen([0.0, 2.5, 0.0], [0.3, 0.0, 0.2])),
+        (
+            "far away",
+            seen([3.0, 1e4, 4e4], [0.0, 0.7, 0.0]).with(|w| w.fov = 0.01),
+        ),
+        ("nothing in view", seen([0.0, 1.0, 8.0], [0.0, 1.0, 20.0])),
+        ("fov 1°", base().with(|w| w.fov = 1.0)),
+        ("fov 175°", base().with(|w| w.fov = 175.0)),
+        ("aperture 0", base().with(|w| w.lens = Some((0.0, 4.0)))),
+        ("aperture 1e-6", base().with(|w| w.lens = Some((1e-6, 4.0)))),
+        ("aperture 10", base().with(|w| w.lens = Some((10.0, 4.0)))),
+        (
+            "focus at the lens",
+            base().with(|w| w.lens = Some((0.1, 1e-6))),
+        ),
+        (
+            "focus at infinity",
+            base().with(|w| w.lens = Some((0.1, 1e6))),
+        ),
+        (
+            "up nearly along the view",
+            base().with(|w| w.up = [0.075, 0.225, 1.001]),
+        ),
+        ("a long up", base().with(|w| w.up = [0.0, 1e9, 0.0])),
+    ]
+}
+
+fn lights() -> Named {
+    let base = World::new;
+    let height = |h: f64| {
+        base().with(|w| {
+            let light = w.thing("light");
+            light.vertices.iter_mut().for_each(|v| v[1] = h);
+        })
+    };
+    let radiance = |v: f64| base().with(|w| w.thing("light").emission = Some([v; 3]));
+    vec![
+        ("in the floor", height(0.0)),
+        ("on the floor", height(1e-6)),
+        ("under the floor", height(-0.5)),
+        ("without area", {
+            base().with(|w| {
+                let light = w.thing("light");
+                light.vertices = vec![[0.0, 2.5, 0.0]; 4];
+            })
+        }),
+        ("a line", {
+            base().with(|w| {
+                let light = w.thing("light");
+                light.vertices.iter_mut().for_each(|v| v[2] = 0.0);
+            })
+        }),
+        ("behind everything", height(-50.0)),
+        ("stands on the floor", {
+            base().with(|w| {
+                w.thing("light").vertices = vec![
+                    [-1.0, 0.0, 0.2],
+                    [1.0, 0.0, 0.2],
+                    [1.0, 1.0, 0.2],
+                    [-1.0, 1.0, 0.2],
+                ];
+            })
+        }),
+        ("a thousand", {
+            base().with(|w| {
+                w.options = w.options.clone().bounces(1);
+                let (mut vertices, mut faces) = (Vec::new(), Vec::new());
+                for i in 0..1000u32 {
+                    let (x, z) = (f64::from(i % 32) / 8.0 - 2.0, f64::from(i / 32) / 8.0 - 2.0);
+                    vertices.extend([[x, 2.5, z], [x + 0.1, 2.5, z], [x, 2.5, z + 0.1]]);
+                    faces.push([3 * i, 3 * i + 1, 3 * i + 2]);
+                }
+                let light = w.thing("light");
+                (light.vertices, light.faces) = (vertices, faces);
+            })
+        }),
+        ("radiance 1e-12", radiance(1e-12)),
+        ("radiance 1e12", radiance(1e12)),
+        ("radiance 0", radiance(0.0)),
+        ("no environment", base().with(|w| w.environment = [0.0; 3])),
+        (
+            "environment 1e12",
+            base().with(|w| w.environment = [1e12; 3]),
+        ),
+        ("a ball of light", {
+            base().with(|w| w.thing("ball").emission = Some([2.0; 3]))
+        }),
+        (
+            "moving",
+            base().with(|w| w.thing("light").velocity = Some([0.5, -0.5, 0.2])),
+        ),
+    ]
+}
+
+fn surfaces() -> Named {
+    let base = World::new;
+    let ball = |f: &dyn Fn(&mut Thing)| base().with(|w| f(w.thing("ball")));
+    let shiny = |n: f64| ball(&move |t| t.gloss = Some(([0.3; 3], n)));
+    let velocity = |v: [f64; 3]| ball(&move |t| t.velocity = Some(v));
+    let floor = |size: [usize; 2], texel: f64, uv: f64| {
+        base().with(|w| {
+            let uvs = vec![[0.0, 0.0], [uv, 0.0], [uv, uv], [0.0, uv]];
+            let texels = vec![texel; size[0] * size[1] * 3];
+            w.thing("floor").texture = Some((size, texels, uvs));
+        })
+    };
+    vec![
+        ("black", ball(&|t| (t.diffuse, t.gloss) = ([0.0; 3], None))),
+        (
+            "black, with a lobe",
+            ball(&|t| (t.diffuse, t.gloss) = ([0.0; 3], Some(([0.0; 3], 5.0)))),
+        ),
+        ("white", ball(&|t| (t.diffuse, t.gloss) = ([1.0; 3], None))),
+        (
+            "specular only",
+            ball(&|t| (t.diffuse, t.gloss) = ([0.0; 3], Some(([1.0; 3], 50.0)))),
+        ),
+        ("shininess 0", shiny(0.0)),
+        ("shininess 1e-3", shiny(1e-3)),
+        ("shininess 1e5", shiny(1e5)),
+        ("velocity 0", velocity([0.0; 3])),
+        ("velocity 1e3", velocity([1e3, 0.0, 0.0])),
+        ("velocity towards the camera", velocity([-0.1, 0.9, 4.0])),
+        ("texture 1 × 1", floor([1, 1], 0.5, 1.0)),
+        ("texture 2 × 3", floor([2, 3], 0.5, 1.0)),
+        ("uv 1e6", floor([4, 4], 0.5, 1e6)),
+        ("uv all 0", floor([4, 4], 0.5, 0.0)),
+    ]
+}
+
+fn sizes() -> Named {
+    let base = World::new;
+    let of = |width, height| {
+        let options = RenderOptions::new(width, height)
+            .samples(2)
+            .bounces(1)
+            .sigma(1e-3);
+        base().with(|w| w.options = options)
+    };
+    let change = |f: &dyn Fn(RenderOptions) -> RenderOptions| {
+        base().with(|w| w.options = f(w.options.clone()))
+    };
+    vec![
+        ("1 × 1", of(1, 1)),
+        ("1 × 512", of(1, 512)),
+        ("512 × 1", of(512, 1)),
+        ("one sample", change(&|o| o.samples(1))),
+        ("no bounce", change(&|o| o.bounces(0))),
+        ("64 bounces", change(&|o| o.samples(1).bounces(64))),
+        (
+            "roulette at once",
+            change(&|o| o.bounces(8).russian_roulette(0)),
+        ),
+        (
+            "roulette never",
+            change(&|o| o.bounces(3).russian_roulette(100)),
+        ),
+        ("one ray a tile", {
+            let options = RenderOptions::new(2, 2)
+                .samples(2)
+                .bounces(1)
+                .rays_per_tile(1);
+            base().with(|w| w.options = options)
+        }),
+        ("one triangle", {
+            base().with(|w| w.things.retain(|t| t.name == "triangle"))
+        }),
+    ]
+}

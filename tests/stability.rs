@@ -1,0 +1,325 @@
+//! Nothing a scene can hold makes an image or a gradient infinite or NaN, and what should not
+//! matter does not: scale, place, orientation.
+
+mod common;
+
+use burn::tensor::{DType, Device};
+use common::stress::{Outcome, World, cases};
+use common::{cpu_devices, long};
+use softray::prelude::*;
+
+/// Every case on both CPU backends in both float types.
+#[test]
+fn images_and_gradients_are_finite() {
+    let mut failures = Vec::new();
+    let all = cases();
+    for (number, (name, world)) in all.iter().enumerate() {
+        for device in cpu_devices() {
+            for dtype in [DType::F32, DType::F64] {
+                let is_flex = format!("{device:?}").contains("Flex");
+                // The short tier takes Flex in f32, and a sample of the rest.
+                if !long() && !(is_flex && dtype == DType::F32) && !number.is_multiple_of(7) {
+                    continue;
+                }
+                match world.run(&device, dtype) {
+                    Ok(outcome) => {
+                        if let Some(what) = outcome.not_finite() {
+                            failures.push(format!("{name}, {device:?}, {dtype:?}: {what}"));
+                        }
+                    }
+                    Err(e) => failures.push(format!("{name}, {device:?}, {dtype:?}: {e}")),
+                }
+            }
+        }
+    }
+    println!("{} cases", all.len());
+    assert!(
+        failures.is_empty(),
+        "{}:\n{}",
+        failures.len(),
+        failures.join("\n")
+    );
+}
+
+/// The largest difference of two images or gradients, relative to their largest value.
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    let largest = a.iter().chain(b).fold(0.0f64, |m, v| m.max(v.abs()));
+    let difference = a
+        .iter()
+        .zip(b)
+        .fold(0.0f64, |m, (x, y)| m.max((x - y).abs()));
+    if largest == 0.0 {
+        0.0
+    } else {
+        difference / largest
+    }
+}
+
+/// Paths are the same but where rounding tips a decision: all pixels but that share.
+fn share_apart(a: &[f64], b: &[f64], tolerance: f64) -> f64 {
+    let far = |(x, y): &(&f64, &f64)| (*x - *y).abs() > tolerance * x.abs().max(y.abs()).max(1e-3);
+    a.iter().zip(b).filter(far).count() as f64 / a.len() as f64
+}
+
+fn forms() -> [Visibility; 2] {
+    [Visibility::Layered, Visibility::softmax(1e-2)]
+}
+
+fn world(form: Visibility) -> World {
+    World::new().with(|w| {
+        w.options = RenderOptions::new(12, 12)
+            .samples(4)
+            .bounces(2)
+            .sigma(1e-3)
+            .visibility(form)
+            .seed(3);
+        w.thing("ball").velocity = Some([0.2, 0.1, 0.0]);
+        w.lens = Some((0.05, 4.0));
+    })
+}
+
+/// Times s, with σ times s²: the same image. Gradients to lengths are divided by s.
+#[test]
+fn scale_does_not_matter() {
+    for form in forms() {
+        let expected = world(form)
+            .run(&Device::flex(), DType::F32)
+            .expect("an image");
+        for s in [1e-6, 1e-3, 0.37, 128.0, 1e3, 1e6] {
+            let scaled = world(form).mapped(|p| p.map(|x| s * x)).with(|w| {
+                w.options = w.options.clone().sigma(1e-3 * s * s);
+                w.thing("ball").velocity = Some([0.2 * s, 0.1 * s, 0.0]);
+                w.lens = Some((0.05 * s, 4.0 * s));
+            });
+            let found = scaled.run(&Device::flex(), DType::F32).expect("an image");
+            assert_eq!(found.not_finite(), None, "{form:?}, scale {s:e}");
+            let tipped = share_apart(&expected.image, &found.image, 1e-3);
+            assert!(tipped < 0.02, "{form:?}, scale {s:e}: {tipped}");
+            let lengths = ["ball vertices", "floor vertices", "light vertices", "eye"];
+            for name in lengths
+                .into_iter()
+                .chain(["ball velocity", "aperture", "focus"])
+            {
+                let rescaled: Vec<f64> = found.gradient(name).iter().map(|g| g * s).collect();
+                let far = apart(expected.gradient(name), &rescaled);
+                assert!(far < 0.05, "{form:?}, scale {s:e}: {name} {far}");
+            }
+            for name in ["ball diffuse", "light emission", "fov", "environment"] {
+                let far = apart(expected.gradient(name), found.gradient(name));
+                assert!(far < 0.02, "{form:?}, scale {s:e}: {name} {far}");
+            }
+        }
+        // By powers of two nothing even rounds differently.
+        for s in [2f64.powi(-20), 0.25, 2f64.powi(20)] {
+            let scaled = world(form).mapped(|p| p.map(|x| s * x)).with(|w| {
+                w.options = w.options.clone().sigma(1e-3 * s * s);
+                w.thing("ball").velocity = Some([0.2 * s, 0.1 * s, 0.0]);
+                w.lens = Some((0.05 * s, 4.0 * s));
+            });
+            let found = scaled.run(&Device::flex(), DType::F32).expect("an image");
+            assert_eq!(expected.image, found.image, "{form:?}, scale {s:e}");
+        }
+    }
+}
+
+/// Scene and camera shifted by up to 1e4 scene sizes in f32. What the vertices themselves lose by
+/// rounding can't come back, 1e4·6e-8 of the scene's size; nothing is lost beyond it.
+#[test]
+fn place_does_not_matter() {
+    for form in forms() {
+        let device = Device::flex();
+        let near = world(form).run(&device, DType::F32).expect("an image");
+        for distance in [1.0, 1e2, 1e4] {
+            let size = 3.0 * distance;
+            let shift = |p: [f64; 3]| [p[0] + size, p[1] - 0.7 * size, p[2] + 0.4 * size];
+            // The same rounding of vertices and camera, but at the origin and in f64.
+            let rounded = |p: [f64; 3]| shift(p).map(|x| f64::from(x as f32));
+            let back = |p: [f64; 3]| {
+                let o = shift([0.0; 3]);
+                std::array::from_fn(|i| rounded(p)[i] - o[i])
+            };
+            let expected = world(form)
+                .mapped(back)
+                .run(&device, DType::F64)
+                .expect("an image");
+            let found = world(form)
+                .mapped(shift)
+                .run(&device, DType::F32)
+                .expect("an image");
+            assert_eq!(found.not_finite(), None, "{form:?}, {distance:e}");
+            let tipped = share_apart(&expected.image, &found.image, 1e-2);
+            let moved = (found.mean() / near.mean() - 1.0).abs();
+            println!("{form:?}, {distance:e} sizes: {tipped} of the values, mean off by {moved:e}");
+            assert!(tipped < 0.03, "{form:?}, {distance:e}: {tipped}");
+            assert!(moved < 0.02, "{form:?}, {distance:e}: {moved}");
+        }
+    }
+}
+
+/// Rotations about the three axes, one after the other.
+fn turn([x, y, z]: [f64; 3], angles: [f64; 3]) -> [f64; 3] {
+    let q = glam::DQuat::from_euler(glam::EulerRot::XYZ, angles[0], angles[1], angles[2]);
+    (q * glam::DVec3::new(x, y, z)).to_array()
+}
+
+/// A rigid motion of scene and camera. Diffuse bounces take their frame from the world's axes, so
+/// bounced paths are others: direct light from emitters only.
+#[test]
+fn orientation_does_not_matter() {
+    for form in forms() {
+        let still = || {
+            world(form).with(|w| {
+                w.environment = [0.0; 3];
+                w.options = w.options.clone().bounces(0);
+            })
+        };
+        let device = Device::flex();
+        let expected = still().run(&device, DType::F32).expect("an image");
+        for angles in [[0.3, 0.0, 0.0], [0.0, 1.7, 0.4], [2.0, -1.0, 3.0]] {
+            let turned = still()
+                .mapped(|p| turn(p, angles).map(|x| x + 0.25))
+                .with(|w| {
+                    w.up = turn(w.up, angles);
+                    let ball = w.thing("ball");
+                    ball.velocity = ball.velocity.map(|v| turn(v, angles));
+                });
+            let found = turned.run(&device, DType::F32).expect("an image");
+            let tipped = share_apart(&expected.image, &found.image, 1e-3);
+            assert!(tipped < 0.01, "{form:?}, {angles:?}: {tipped}");
+            for name in ["ball diffuse", "light emission", "aperture", "focus"] {
+                let far = apart(expected.gradient(name), found.gradient(name));
+                assert!(far < 0.02, "{form:?}, {angles:?}: {name} {far}");
+            }
+            // A gradient to a direction turns with it.
+            let eye = |o: &Outcome| -> [f64; 3] { o.gradient("eye").try_into().expect("three") };
+            let far = apart(&turn(eye(&expected), angles), &eye(&found));
+            assert!(far < 0.02, "{form:?}, {angles:?}: eye {far}");
+        }
+    }
+}
+
+/// σ → 0 and γ → 0: images settle, without a jump.
+#[test]
+fn the_limits_are_approached_without_a_jump() {
+    let device = Device::flex();
+    let at = |sigma, form| {
+        let world = World::new().with(|w| {
+            w.options = RenderOptions::new(12, 12)
+                .samples(16)
+                .bounces(1)
+                .sigma(sigma)
+                .visibility(form);
+        });
+        world.run(&device, DType::F32).expect("an image").mean()
+    };
+    let sharp = at(1e-14, Visibility::Layered);
+    for exponent in 6..=14 {
+        let mean = at(10f64.powi(-exponent), Visibility::Layered);
+        assert!(
+            (mean / sharp - 1.0).abs() < 0.01,
+            "σ 1e-{exponent}: {mean}, limit {sharp}"
+        );
+        // The swelling √(σ·Δz/γ) needs σ ≪ γ.
+        let gamma = 10f64.powi(-(exponent / 2));
+        let mean = at(10f64.powi(-exponent), Visibility::softmax(gamma));
+        let tolerance = 3.0 * 10f64.powi(-exponent / 4) + 0.01;
+        assert!(
+            (mean / sharp - 1.0).abs() < tolerance,
+            "σ 1e-{exponent}, γ {gamma:e}: {mean}, limit {sharp}"
+        );
+    }
+    for gamma in [1e-3, 1e-5, 1e-8] {
+        let mean = at(1e-8, Visibility::LayeredSoft { gamma });
+        assert!(
+            (mean / sharp - 1.0).abs() < 0.01,
+            "γ {gamma:e}: {mean}, limit {sharp}"
+        );
+    }
+}
+
+#[test]
+fn nan_texture_coordinates_are_an_error() {
+    let world = World::new().with(|w| {
+        let uvs = vec![[0.0, 0.0], [1.0, 0.0], [1.0, f64::NAN], [0.0, 1.0]];
+        w.thing("floor").texture = Some(([2, 2], vec![0.5; 12], uvs));
+    });
+    let error = world
+        .run(&Device::flex(), DType::F32)
+        .err()
+        .expect("an error")
+        .to_string();
+    for part in ["floor", "uvs 2", "NaN"] {
+        assert!(error.contains(part), "`{error}` does not say `{part}`");
+    }
+}
+
+/// Texels in the graph may wander far over 1 during a fit.
+#[test]
+fn hdr_texels_stay_finite() {
+    let world = World::new().with(|w| {
+        let uvs = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        w.thing("floor").texture = Some(([1, 2], vec![50.0; 6], uvs));
+    });
+    let outcome = world.run(&Device::flex(), DType::F32);
+    assert_eq!(outcome.expect("an image").not_finite(), None);
+}
+
+/// Resident memory in KiB.
+fn resident() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|l| l.starts_with("VmRSS:"));
+    let value = line.and_then(|l| l.split_whitespace().nth(1)?.parse().ok());
+    value.unwrap_or(0.0)
+}
+
+/// Run in a process of its own, or other tests' memory is counted.
+#[test]
+fn memory_stays_flat_over_repeated_renders() {
+    if std::env::var_os("SOFTRAY_ALONE").is_none() {
+        let this = std::env::current_exe().expect("this test");
+        let status = std::process::Command::new(this)
+            .args([
+                "--exact",
+                "memory_stays_flat_over_repeated_renders",
+                "--nocapture",
+            ])
+            .env("SOFTRAY_ALONE", "1")
+            .status()
+            .expect("a process");
+        assert!(status.success());
+        return;
+    }
+    let device = Device::flex();
+    let world = World::new();
+    let plain = || {
+        let ball = Object::new(shapes::icosphere(1, &device));
+        let scene = Scene::new().with(ball).environment([1.0; 3]);
+        let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
+        render(&scene, &camera, &world.options).expect("an image")
+    };
+    let both = || world.run(&device, DType::F32).expect("an image");
+    for _ in 0..100 {
+        plain();
+    }
+    let before = resident();
+    for _ in 0..1000 {
+        plain();
+    }
+    let forward = resident();
+    for _ in 0..50 {
+        both();
+    }
+    let warm = resident();
+    for _ in 0..200 {
+        both();
+    }
+    let after = resident();
+    println!("forward {before} → {forward} KiB, with backward {warm} → {after} KiB");
+    if before > 0.0 {
+        assert!(
+            (forward / before - 1.0).abs() < 0.05,
+            "{before} → {forward} KiB"
+        );
+        assert!((after / warm - 1.0).abs() < 0.05, "{warm} → {after} KiB");
+    }
+}
