@@ -314,7 +314,8 @@ impl fmt::Display for Report {
 }
 
 /// Compares autodiff with central differences of renders. `build` makes scene and camera from the
-/// parameters; it is called for every render, from several threads on a CPU. The bounds of the scene are held fixed.
+/// parameters; it is called for every render, from several threads on a CPU. The bounds of the scene
+/// are held fixed: at those of the options, or else of the scene itself.
 ///
 /// ```
 /// use softray::gradcheck::{Checked, GradCheck, gradcheck};
@@ -352,7 +353,7 @@ pub fn gradcheck(
     let run = Run {
         parameters,
         settings,
-        options: settings.options.clone().bounds(bounds),
+        options: settings.options.clone().bounds_or(bounds),
         build: &build,
     };
     let directions: Vec<(usize, String, Vec<f64>)> = parameters

@@ -43,7 +43,7 @@ pub mod prelude {
     pub use burn::tensor::{Device, Tensor};
 
     pub use crate::io::{HostImage, SceneFile};
-    pub use crate::render::{Image, Progress, RenderOptions, Statistics, render};
+    pub use crate::render::{Diagnostics, Image, Progress, RenderOptions, Statistics, render};
     pub use crate::scene::{
         Albedo, Bounds, Camera, Material, Mesh, Object, Parameter, Scene, Transform, Wrap, shapes,
     };

@@ -380,3 +380,51 @@ fn fine_faces_render_like_coarse_ones() {
         );
     }
 }
+
+#[test]
+fn diagnostics_count_what_is_degenerate() {
+    let device = Device::flex();
+    let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]).fov_y(30.0);
+    let options = RenderOptions::new(8, 8).samples(4).bounces(1).sigma(1e-6);
+    let ball = || Object::new(shapes::icosahedron(&device));
+    let at = |scene: &Scene, options: &RenderOptions| {
+        let image = render(scene, &camera, options).expect("an image");
+        (image.diagnostics, values(&image.radiance))
+    };
+    let (none, expected) = at(&white(1.0).with(ball()), &options);
+    assert_eq!(none, None);
+    let options = options.with_diagnostics();
+    let (clean, radiance) = at(&white(1.0).with(ball()), &options);
+    assert_eq!(expected, radiance);
+    let clean = clean.expect("diagnostics");
+    assert_eq!(clean.degenerate_triangles, 0);
+    assert_eq!(clean.parallel_pairs, 0);
+    let non_finite = [
+        clean.non_finite_weights,
+        clean.non_finite_throughputs,
+        clean.non_finite_light,
+    ];
+    assert_eq!(non_finite, [0; 3]);
+    assert!((1.0..1.2).contains(&clean.effective_surfaces), "{clean:?}");
+    assert!((0.4..0.6).contains(&clean.largest_throughput), "{clean:?}");
+
+    // Two faces without area, one that every ray of this camera is parallel to.
+    let flat = shapes::triangle([0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], &device);
+    let point = shapes::triangle([0.5; 3], [0.5; 3], [0.5; 3], &device);
+    let scene = white(1.0)
+        .with(ball())
+        .with(Object::new(flat))
+        .with(Object::new(point));
+    let found = at(&scene, &options).0.expect("diagnostics");
+    assert_eq!(found.degenerate_triangles, 2);
+    let narrow = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]).fov_y(1e-7);
+    let wall = shapes::triangle([0.5, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, 0.0, 1.0], &device);
+    let scene = white(1.0).with(Object::new(wall));
+    let image = render(&scene, &narrow, &options).expect("an image");
+    let found = image.diagnostics.expect("diagnostics");
+    assert_eq!(found.parallel_pairs, 8 * 8 * 4, "{found:?}");
+
+    // A large blur lets many surfaces share a ray.
+    let blurred = at(&white(1.0).with(ball()), &options.sigma(0.3)).0;
+    assert!(blurred.expect("diagnostics").effective_surfaces > 1.5);
+}

@@ -5,7 +5,7 @@ use burn::tensor::{Int, Tensor};
 use super::Renderer;
 use crate::error::Result;
 use crate::geometry::{Vec3, host_values};
-use crate::transport::Radiance;
+use crate::transport::{Diagnostics, Radiance};
 
 /// What a render cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,6 +32,8 @@ pub struct Image {
     pub object_ids: Option<Tensor<2, Int>>,
     /// What it cost.
     pub statistics: Statistics,
+    /// What was degenerate. On request.
+    pub diagnostics: Option<Diagnostics>,
 }
 
 impl Renderer<'_> {
@@ -124,6 +126,7 @@ impl Renderer<'_> {
             normals,
             object_ids,
             statistics: Statistics { rays },
+            diagnostics: None,
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::scene::{Camera, Flattened, Scene};
 use crate::transport::{Dimension, PathSettings, Sampler, trace};
 use crate::visibility::Rays;
 
+pub use crate::transport::Diagnostics;
 pub use film::{Image, Statistics};
 pub use options::{Progress, RenderOptions};
 
@@ -35,6 +36,7 @@ pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result
         settings: PathSettings {
             sigma: options.sigma / (flattened.unit * flattened.unit),
             visibility: options.visibility,
+            diagnostics: options.diagnostics,
             bounces: options.bounces,
             roulette_after: options.roulette_after,
         },
@@ -63,6 +65,7 @@ struct Tile {
 struct TileSums {
     sums: Tensor<2>,
     rays: u64,
+    diagnostics: Option<Diagnostics>,
 }
 
 impl Renderer<'_> {
@@ -87,6 +90,10 @@ impl Renderer<'_> {
             results.extend(tiles[1..].par_iter().map(run).collect::<Result<Vec<_>>>()?);
         }
         let rays = results.iter().map(|r| r.rays).sum();
+        let mut diagnostics: Option<Diagnostics> = None;
+        for found in results.iter().filter_map(|r| r.diagnostics.as_ref()) {
+            diagnostics.get_or_insert_default().merge(found);
+        }
 
         // Tiles come in order of pixels, then samples.
         let mut columns: Vec<Tensor<2>> = Vec::new();
@@ -99,7 +106,9 @@ impl Renderer<'_> {
         }
         // Not a division: its backward pass rounds 1/n to f32.
         let mean = Tensor::cat(columns, 1) * f64::from(self.options.samples).recip();
-        Ok(self.image(mean, rays))
+        let mut image = self.image(mean, rays);
+        image.diagnostics = diagnostics;
+        Ok(image)
     }
 
     fn tiles(&self) -> Vec<Tile> {
@@ -146,13 +155,18 @@ impl Renderer<'_> {
             samples,
         )?;
         let traced = found.rays;
+        let diagnostics = found.diagnostics.clone();
         let rows = Tensor::cat(self.outputs(found), 0);
         let channels = rows.dims()[0];
         let sums = rows
             .reshape([channels * tile.pixels, samples])
             .sum_dim(1)
             .reshape([channels, tile.pixels]);
-        Ok(TileSums { sums, rays: traced })
+        Ok(TileSums {
+            sums,
+            rays: traced,
+            diagnostics,
+        })
     }
 
     fn camera_rays(&self, paths: &[(u32, u32)]) -> Rays {

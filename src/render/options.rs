@@ -24,6 +24,7 @@ pub struct RenderOptions {
     pub(super) rays_per_tile: Option<usize>,
     pub(super) bounds: Option<Bounds>,
     pub(super) outputs: Outputs,
+    pub(super) diagnostics: bool,
     pub(super) progress: Option<Progress>,
 }
 
@@ -50,6 +51,7 @@ impl fmt::Debug for RenderOptions {
             .field("rays_per_tile", &self.rays_per_tile)
             .field("bounds", &self.bounds)
             .field("outputs", &self.outputs)
+            .field("diagnostics", &self.diagnostics)
             .finish_non_exhaustive()
     }
 }
@@ -70,6 +72,7 @@ impl RenderOptions {
             rays_per_tile: None,
             bounds: None,
             outputs: Outputs::default(),
+            diagnostics: false,
             progress: None,
         }
     }
@@ -137,6 +140,12 @@ impl RenderOptions {
         self
     }
 
+    /// The bounds as they are set, or else these.
+    pub(crate) fn bounds_or(mut self, bounds: Bounds) -> Self {
+        self.bounds = Some(self.bounds.unwrap_or(bounds));
+        self
+    }
+
     /// Also returns the opacity.
     pub fn with_opacity(mut self) -> Self {
         self.outputs.opacity = true;
@@ -158,6 +167,12 @@ impl RenderOptions {
     /// Also returns object ids.
     pub fn with_object_ids(mut self) -> Self {
         self.outputs.object_ids = true;
+        self
+    }
+
+    /// Also counts what is degenerate, which takes time.
+    pub fn with_diagnostics(mut self) -> Self {
+        self.diagnostics = true;
         self
     }
 

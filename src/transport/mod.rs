@@ -1,11 +1,13 @@
 //! Light transport: one loop over the bounces of a path, emitters, BSDF, random numbers.
 
 mod bsdf;
+mod diagnostics;
 mod emitters;
 mod path;
 mod sampler;
 mod surface;
 mod texture;
 
+pub use diagnostics::Diagnostics;
 pub(crate) use path::{PathSettings, Radiance, trace};
 pub(crate) use sampler::{Dimension, Sampler};

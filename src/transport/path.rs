@@ -1,7 +1,10 @@
 //! The path loop: draw a surface, connect it to an emitter, scatter, repeat.
 
+use std::cell::RefCell;
+
 use burn::tensor::{IndexingUpdateOp, Tensor};
 
+use super::diagnostics::Diagnostics;
 use super::surface::SurfacePoints;
 use super::{Dimension, Sampler, bsdf, emitters};
 use crate::error::Result;
@@ -20,6 +23,8 @@ pub(crate) struct PathSettings {
     pub visibility: Visibility,
     /// Bounces after the surface that the camera sees; 0 is direct light only.
     pub bounces: u32,
+    /// Whether to count what is degenerate.
+    pub diagnostics: bool,
     /// The bounce from which paths may be ended at random.
     pub roulette_after: Option<u32>,
 }
@@ -29,6 +34,8 @@ pub(crate) struct Tracer<'a> {
     pub scene: &'a Flattened,
     pub settings: &'a PathSettings,
     pub sampler: &'a Sampler,
+    /// What was degenerate, if that is asked for.
+    pub diagnostics: RefCell<Option<Diagnostics>>,
 }
 
 /// What the paths of a tile bring back; rows `[1, N]`.
@@ -38,6 +45,8 @@ pub(crate) struct Radiance {
     pub first: Weights,
     /// Rays traced.
     pub rays: u64,
+    /// What was degenerate, if that was asked for.
+    pub diagnostics: Option<Diagnostics>,
 }
 
 /// Contributions of some of a tile's paths.
@@ -77,9 +86,14 @@ impl Tracer<'_> {
     fn weights(&self, rays: &Rays) -> Result<Weights> {
         let range = DepthRange::new(rays, self.scene.radius());
         let (context, topology) = (&self.scene.context, &self.scene.topology);
-        self.settings
-            .visibility
-            .weights(context, topology, self.coverage(rays), range)
+        let weights =
+            self.settings
+                .visibility
+                .weights(context, topology, self.coverage(rays), range)?;
+        if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
+            d.weights(&weights, &self.scene.triangles.valid)?;
+        }
+        Ok(weights)
     }
 
     /// The share of light that arrives along shadow rays.
@@ -105,6 +119,7 @@ pub(crate) fn trace(
         scene,
         settings,
         sampler,
+        diagnostics: RefCell::new(settings.diagnostics.then(Diagnostics::default)),
     };
     let context = &scene.context;
     let count = paths.len();
@@ -200,7 +215,11 @@ pub(crate) fn trace(
             departure: Some(points.triangle),
             arrival: None,
         };
-        throughput = Some(weighted(scatter.weight, throughput));
+        let next = weighted(scatter.weight, throughput);
+        if let Some(d) = tracer.diagnostics.borrow_mut().as_mut() {
+            d.throughput(&next)?;
+        }
+        throughput = Some(next);
         if last {
             // The environment's share of the direct light at the last hit.
             if let Some(environment) = &scene.environment {
@@ -233,6 +252,11 @@ pub(crate) fn trace(
         Some(first) => first,
         None => tracer.weights(&rays)?,
     };
+    if let Some(d) = tracer.diagnostics.borrow_mut().as_mut() {
+        for c in &found {
+            d.light(&c.light)?;
+        }
+    }
     let mut radiance = whole(scene, &found, 0, count);
     if let Some(seen) = seen {
         radiance = radiance.add(&seen);
@@ -247,6 +271,7 @@ pub(crate) fn trace(
         radiance,
         first,
         rays: traced,
+        diagnostics: tracer.diagnostics.into_inner(),
     })
 }
 

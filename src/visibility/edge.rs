@@ -110,6 +110,11 @@ impl Coverage {
     }
 }
 
+/// The cosine |n·d| up to which a ray counts as parallel to a triangle.
+pub(crate) fn grazing(dtype: DType) -> f64 {
+    if dtype == DType::F64 { 1e-9 } else { 1e-6 }
+}
+
 /// Plane hits and edge distances of all pairs (Eq. 1), with the rules at both ends of a ray.
 pub fn coverage(
     context: &Context,
@@ -131,15 +136,10 @@ pub fn coverage(
     let height = triangles.plane.clone() - along(&triangles.normal);
     let cosine = triangles.normal.dot(&rays.direction);
     let plain_cosine = plain(&cosine);
-    let delta = if context.dtype == DType::F64 {
-        1e-9
-    } else {
-        1e-6
-    };
     let mut counted = plain_cosine
         .clone()
         .abs()
-        .greater_elem(delta)
+        .greater_elem(grazing(context.dtype))
         .bool_and(triangles.valid.clone().expand(cosine.dims()));
     // The inputs of the division are made safe: masking its output would not stop NaN.
     let t = height / cosine.mask_fill(counted.clone().bool_not(), 1.0);

@@ -20,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{Context, Topology};
 
 pub use depth::DepthRange;
+pub(crate) use edge::grazing;
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
 pub use weights::Weights;
 

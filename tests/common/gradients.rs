@@ -1,7 +1,7 @@
 //! Gradients against central differences of renders of the same blurred scene.
 
 use burn::tensor::{DType, Device, Tensor, TensorData};
-use rayon::prelude::*;
+use softray::gradcheck::{Checked, GradCheck, Row, gradcheck};
 use softray::prelude::*;
 
 /// A scene that depends on one number.
@@ -14,13 +14,6 @@ pub struct Case {
     pub weight: fn(f64, f64) -> f64,
     /// Scene and camera from the number, a tensor `[1]`.
     pub build: fn(&Device, DType, Tensor<1>) -> (Scene, Camera),
-}
-
-/// A mean with its standard error.
-#[derive(Clone, Copy, Debug)]
-pub struct Estimate {
-    pub mean: f64,
-    pub error: f64,
 }
 
 const SIZE: usize = 12;
@@ -165,7 +158,7 @@ pub fn cases() -> Vec<Case> {
             );
             (s, camera())
         }),
-        case("translation", 0.0, 0.02, 1, |d, t, p| {
+        case("translation", 0.0, 0.012, 1, |d, t, p| {
             let s = change(
                 "ball",
                 |o| o.map_mesh(|m| m.translated(vector(p.clone(), [1.0, 0.3, 0.2], d, t))),
@@ -181,7 +174,7 @@ pub fn cases() -> Vec<Case> {
                 camera(),
             )
         }),
-        shift(case("velocity", 0.5, 0.04, 0, |d, t, p| {
+        shift(case("velocity", 0.5, 0.025, 0, |d, t, p| {
             let u = vector(p, [1.0, 0.3, 0.2], d, t);
             (change("ball", |o| o.velocity(u.clone()), d, t), camera())
         })),
@@ -224,7 +217,7 @@ pub fn cases() -> Vec<Case> {
                 Material::diffuse([0.3, 0.3, 0.2]).specular(vector(p, [0.9, 1.0, 0.8], d, t), 12.0);
             (change("floor", |o| o.material(m.clone()), d, t), camera())
         }),
-        case("shininess", 12.0, 1.0, 1, |d, t, p| {
+        case("shininess", 12.0, 0.4, 1, |d, t, p| {
             let m = Material::diffuse([0.3, 0.3, 0.2]).specular([0.5; 3], p);
             (
                 change("floor", |o| o.material(m.clone()), d, t).environment([0.0; 3]),
@@ -278,17 +271,8 @@ pub const LAYERED: Effort = Effort {
     ..SOFTMAX
 };
 
-/// Σ of the image under fixed smooth weights that rise across it, so that no symmetry cancels.
-fn objective(
-    case: &Case,
-    device: &Device,
-    dtype: DType,
-    p: Tensor<1>,
-    effort: Effort,
-    seed: u64,
-) -> Tensor<1> {
-    let (scene, camera) = (case.build)(device, dtype, p);
-    let options = RenderOptions::new(SIZE, SIZE)
+fn options(case: &Case, effort: Effort) -> RenderOptions {
+    RenderOptions::new(SIZE, SIZE)
         .samples(effort.samples)
         .bounces(case.bounces)
         .sigma(effort.sigma)
@@ -297,143 +281,52 @@ fn objective(
             center: [0.0, 0.8, 0.0],
             radius: 3.2,
         })
-        .seed(seed);
-    let image = render(&scene, &camera, &options)
-        .expect("an image")
-        .radiance;
+}
+
+/// Σ of the image under fixed smooth weights.
+fn weighted(image: Tensor<3>, weight: fn(f64, f64) -> f64) -> Tensor<1> {
     let centre = |i: usize| (2 * i + 1) as f64 / SIZE as f64 - 1.0;
     let weights: Vec<f64> = (0..SIZE * SIZE * 3)
         .map(|i| {
             let (y, x, c) = (i / 3 / SIZE, i / 3 % SIZE, i % 3);
-            (case.weight)(centre(x), -centre(y)) * (1.0 + 0.2 * c as f64)
+            weight(centre(x), -centre(y)) * (1.0 + 0.2 * c as f64)
         })
         .collect();
-    (image * constant(&weights, [SIZE, SIZE, 3], device, dtype)).sum()
+    let (device, dtype) = (image.device().inner(), image.dtype());
+    (image * constant(&weights, [SIZE, SIZE, 3], &device, dtype)).sum()
 }
 
-fn number(t: Tensor<1>) -> f64 {
-    t.inner().into_scalar::<f64>()
-}
-
-impl Estimate {
-    fn of(values: &[f64]) -> Self {
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        Self {
-            mean,
-            error: (variance / n).sqrt(),
-        }
-    }
-
-    /// How many times more seeds bring the standard error to a share of the mean.
-    fn more(&self, share: f64) -> f64 {
-        (self.error / (share * self.mean.abs())).powi(2)
-    }
-}
-
-/// The autodiff gradient, for each seed.
-pub fn gradients(
-    case: &Case,
-    device: &Device,
-    dtype: DType,
-    effort: Effort,
-    seeds: std::ops::Range<u64>,
-) -> Vec<f64> {
-    seeds
-        .into_par_iter()
-        .map(|seed| {
-            let p = constant(&[case.value], [1], device, dtype)
-                .autodiff()
-                .require_grad();
-            let gradients = objective(case, device, dtype, p.clone(), effort, seed).backward();
-            number(p.grad(&gradients).expect("a gradient"))
-        })
-        .collect()
-}
-
-/// Central differences with common random numbers, for each seed.
-pub fn differences(
-    case: &Case,
-    device: &Device,
-    dtype: DType,
-    effort: Effort,
-    seeds: std::ops::Range<u64>,
-) -> Vec<f64> {
-    seeds
-        .into_par_iter()
-        .map(|seed| {
-            let at = |v: f64| {
-                let p = constant(&[v], [1], device, dtype);
-                number(objective(case, device, dtype, p, effort, seed))
-            };
-            (at(case.value + case.step) - at(case.value - case.step)) / (2.0 * case.step)
-        })
-        .collect()
-}
-
-/// How precise a comparison has to be.
-#[derive(Clone, Copy, Debug)]
-pub struct Demand {
-    /// Seeds of each side, at least.
-    pub seeds: u64,
-    /// The standard error of each side, as a share of its mean, and the most seeds for it.
-    pub error: f64,
-    pub most_seeds: u64,
-}
-
-/// Compares gradient and difference, prints a line, and returns both. Seeds are added until the
-/// standard error is small enough.
-pub fn compare(
-    case: &Case,
-    device: &Device,
-    dtype: DType,
-    effort: Effort,
-    demand: Demand,
-) -> (Estimate, Estimate) {
-    type Side = fn(&Case, &Device, DType, Effort, std::ops::Range<u64>) -> Vec<f64>;
+/// The check of one case by the library's own `gradcheck`; prints its row.
+pub fn check(case: &Case, device: &Device, effort: Effort, precision: f64, seeds: [u64; 2]) -> Row {
     let start = std::time::Instant::now();
-    let side = |f: Side, offset: u64| {
-        let mut found = f(case, device, dtype, effort, offset..offset + demand.seeds);
-        loop {
-            let estimate = Estimate::of(&found);
-            let seeds = found.len() as u64;
-            let factor = estimate.more(demand.error);
-            if factor <= 1.0 || seeds >= demand.most_seeds {
-                return (estimate, seeds);
-            }
-            let wanted = (1.1 * factor * seeds as f64).ceil() as u64;
-            let more = wanted.min(10 * seeds).min(demand.most_seeds);
-            found.extend(f(
-                case,
-                device,
-                dtype,
-                effort,
-                offset + seeds..offset + more,
-            ));
-        }
-    };
-    let (g, n) = side(gradients, 0);
-    let (d, m) = side(
-        differences,
-        if std::env::var("SAME").is_ok() {
-            0
-        } else {
-            10_000_000
-        },
-    );
-    println!(
-        "{:18} gradient {:9.4} ± {:.2} %   difference {:9.4} ± {:.2} %   {:+.2} %, {:.1} standard errors ({n} and {m} seeds, {:.0} s)",
-        case.name,
-        g.mean,
-        100.0 * g.error / g.mean.abs(),
-        d.mean,
-        100.0 * d.error / d.mean.abs(),
-        100.0 * (g.mean / d.mean - 1.0),
-        (g.mean - d.mean).abs() / g.error.hypot(d.error),
-        start.elapsed().as_secs_f64(),
-    );
-    (g, d)
+    let weight = case.weight;
+    let settings = GradCheck::new(options(case, effort), device)
+        .precision(precision)
+        .seeds(seeds[0], seeds[1])
+        .objective(move |image| weighted(image, weight));
+    let parameters = [Checked::new(case.name, [case.value], case.step)];
+    let report = gradcheck(&parameters, &settings, |point| {
+        let p = point.get(case.name)?;
+        Ok((case.build)(&point.device, point.dtype, p))
+    })
+    .expect("a report");
+    let row = report.rows[0].clone();
+    let table = report.to_string();
+    let line = table.lines().nth(1).unwrap_or_default();
+    println!("{line} ({:.0} s)", start.elapsed().as_secs_f64());
+    row
+}
+
+/// The autodiff gradient of one seed.
+fn gradient(case: &Case, device: &Device, dtype: DType, effort: Effort, seed: u64) -> f64 {
+    let p = constant(&[case.value], [1], device, dtype)
+        .autodiff()
+        .require_grad();
+    let (scene, camera) = (case.build)(device, dtype, p.clone());
+    let options = options(case, effort).seed(seed);
+    let image = render(&scene, &camera, &options).expect("an image");
+    let gradients = weighted(image.radiance, case.weight).backward();
+    super::values(&p.grad(&gradients).expect("a gradient"))[0]
 }
 
 /// How far the gradients of one seed are apart on two devices, relative to the larger, by case.
@@ -443,7 +336,7 @@ pub fn agreement(
     effort: Effort,
 ) -> Vec<(&'static str, f64)> {
     let apart = |case: &Case| {
-        let [x, y] = [a, b].map(|d| gradients(case, d, dtype, effort, 5..6)[0]);
+        let [x, y] = [a, b].map(|d| gradient(case, d, dtype, effort, 5));
         (x - y).abs() / x.abs().max(y.abs())
     };
     let found: Vec<_> = cases().iter().map(|c| (c.name, apart(c))).collect();

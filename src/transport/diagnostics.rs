@@ -1,0 +1,103 @@
+//! What was degenerate in a render, counted on request.
+
+use burn::tensor::{Bool, Tensor};
+
+use crate::error::Result;
+use crate::geometry::{Vec3, host_values, plain};
+use crate::visibility::{Weights, grazing};
+
+/// What was degenerate in a render. Counting reads back from the device: it costs time, and
+/// nothing where it isn't asked for.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Diagnostics {
+    /// Triangles without area: no ray meets them.
+    pub degenerate_triangles: u64,
+    /// Pairs of camera or bounce ray and triangle that are too parallel to count (|n·d| ≤ 1e-6 in
+    /// f32, 1e-9 in f64).
+    pub parallel_pairs: u64,
+    /// NaN or infinite weights of surfaces.
+    pub non_finite_weights: u64,
+    /// NaN or infinite throughputs of paths.
+    pub non_finite_throughputs: u64,
+    /// NaN or infinite values of light brought back by paths.
+    pub non_finite_light: u64,
+    /// The mean of 1/ΣW² over camera and bounce rays, background included: how many surfaces a draw
+    /// chooses from. 1 where nothing is blurred.
+    pub effective_surfaces: f64,
+    /// The largest throughput of a path: far over 1, few paths carry the image.
+    pub largest_throughput: f64,
+    /// Rays that `effective_surfaces` is the mean of.
+    pub(crate) rays: u64,
+}
+
+impl Diagnostics {
+    /// Both together.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        let rays = (self.rays + other.rays).max(1) as f64;
+        self.effective_surfaces = (self.effective_surfaces * self.rays as f64
+            + other.effective_surfaces * other.rays as f64)
+            / rays;
+        self.rays += other.rays;
+        self.degenerate_triangles = self.degenerate_triangles.max(other.degenerate_triangles);
+        self.parallel_pairs += other.parallel_pairs;
+        self.non_finite_weights += other.non_finite_weights;
+        self.non_finite_throughputs += other.non_finite_throughputs;
+        self.non_finite_light += other.non_finite_light;
+        self.largest_throughput = self.largest_throughput.max(other.largest_throughput);
+    }
+
+    /// Counts what a bundle of rays met.
+    pub(crate) fn weights(&mut self, weights: &Weights, valid: &Tensor<2, Bool>) -> Result<()> {
+        let cosines = weights.cosine();
+        let delta = grazing(cosines.dtype());
+        // Degenerate triangles were replaced by one whose cosine says nothing.
+        let parallel = cosines.clone().abs().lower_equal_elem(delta);
+        let parallel = parallel.bool_and(valid.clone().expand(cosines.dims()));
+        let n = weights.background.dims()[1] as u64;
+        self.parallel_pairs += count(parallel)?;
+        self.non_finite_weights += count_non_finite(&weights.surfaces)?;
+        self.non_finite_weights += count_non_finite(&weights.background)?;
+        let square = |t: &Tensor<2>| t.clone() * t.clone();
+        let squares = square(&weights.surfaces).sum_dim(0) + square(&weights.background);
+        let effective = host_values(&squares)?;
+        let sum: f64 = effective.iter().map(|s| s.recip()).sum();
+        self.merge(&Self {
+            effective_surfaces: sum / n as f64,
+            rays: n,
+            degenerate_triangles: count(valid.clone().bool_not())?,
+            ..Self::default()
+        });
+        Ok(())
+    }
+
+    /// Looks at the throughputs of paths.
+    pub(crate) fn throughput(&mut self, throughput: &Vec3) -> Result<()> {
+        for plane in [&throughput.x, &throughput.y, &throughput.z] {
+            self.non_finite_throughputs += count_non_finite(plane)?;
+            let largest = host_values(plane)?
+                .into_iter()
+                .filter(|v| v.is_finite())
+                .fold(0.0, f64::max);
+            self.largest_throughput = self.largest_throughput.max(largest);
+        }
+        Ok(())
+    }
+
+    /// Looks at the light that paths bring back.
+    pub(crate) fn light(&mut self, light: &Vec3) -> Result<()> {
+        for plane in [&light.x, &light.y, &light.z] {
+            self.non_finite_light += count_non_finite(plane)?;
+        }
+        Ok(())
+    }
+}
+
+fn count(mask: Tensor<2, Bool>) -> Result<u64> {
+    Ok(host_values(&mask.float())?.iter().sum::<f64>() as u64)
+}
+
+fn count_non_finite(t: &Tensor<2>) -> Result<u64> {
+    let values = host_values(&plain(t))?;
+    Ok(values.iter().filter(|v| !v.is_finite()).count() as u64)
+}

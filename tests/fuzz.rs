@@ -1,0 +1,209 @@
+//! Files that nobody meant to write: no panic, no hang, no unbounded memory, whatever the bytes.
+//! The long tier goes on for 10 minutes.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
+use softray::prelude::*;
+
+/// A folder that goes with its test.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("softray-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).expect("a folder");
+        Self(path)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Files of a scene and what came of loading it: rendered, or a message.
+fn load(folder: &Path, obj: &[u8], mtl: &[u8]) -> Result<(), String> {
+    std::fs::write(folder.join("a.obj"), obj).expect("a file");
+    std::fs::write(folder.join("a.mtl"), mtl).expect("a file");
+    let device = Device::flex();
+    let scene = Scene::from_obj(folder.join("a.obj"), &device).map_err(|e| e.to_string())?;
+    let triangles: usize = scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
+    if triangles > 500 {
+        return Ok(());
+    }
+    let camera = Camera::look_at([0.1, 0.2, 3.0], [0.0; 3]);
+    let options = RenderOptions::new(2, 2).samples(1).bounces(1);
+    let image = render(&scene, &camera, &options).map_err(|e| e.to_string())?;
+    assert_eq!(image.radiance.dims(), [2, 2, 3]);
+    Ok(())
+}
+
+fn number() -> impl Strategy<Value = String> {
+    prop_oneof![
+        6 => (-3.0f64..3.0).prop_map(|v| format!("{v:.3}")),
+        2 => (-9i64..9).prop_map(|v| v.to_string()),
+        1 => prop_oneof![
+            Just("nan"), Just("inf"), Just("-inf"), Just("1e999"), Just("1e-320"), Just("-0"),
+            Just("2147483648"), Just("-2147483648"), Just("18446744073709551616"), Just("0x10"),
+            Just("1/"), Just("//"), Just("1//1"), Just("1/2/3/4"), Just("é"), Just("+"), Just("."),
+        ].prop_map(String::from),
+    ]
+}
+
+fn line() -> impl Strategy<Value = String> {
+    let keyword = prop_oneof![
+        6 => Just("v"), 6 => Just("f"), 1 => Just("vt"), 1 => Just("vn"), 1 => Just("o"),
+        1 => Just("g"), 1 => Just("usemtl"), 1 => Just("mtllib a.mtl"), 1 => Just("newmtl"),
+        1 => Just("Kd"), 1 => Just("Ks"), 1 => Just("Ns"), 1 => Just("Ke"), 1 => Just("l"),
+        1 => Just("p"), 1 => Just("#"), 1 => Just("s"), 1 => Just("map_Kd a.mtl"),
+        1 => Just("mtllib ../../missing.mtl"), 1 => Just("\\"), 1 => Just("usemtl m"),
+        1 => Just("newmtl m"),
+    ];
+    (keyword, prop::collection::vec(number(), 0..6))
+        .prop_map(|(k, v)| format!("{k} {}", v.join(" ")))
+}
+
+fn text() -> impl Strategy<Value = Vec<u8>> {
+    let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
+    (any::<bool>(), prop::collection::vec(line(), 0..12)).prop_map(move |(whole, lines)| {
+        let before = if whole { vertices } else { "" };
+        let after = if whole { "\nf 1 2 3\nf 1 3 4" } else { "" };
+        format!("{before}{}{after}\n", lines.join("\n")).into_bytes()
+    })
+}
+
+/// A good file with some bytes changed, cut or doubled.
+fn damaged(good: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
+    let edit = (
+        any::<prop::sample::Index>(),
+        any::<u8>(),
+        0usize..4,
+        1usize..30,
+    );
+    prop::collection::vec(edit, 0..8).prop_map(move |edits| {
+        let mut bytes = good.clone();
+        for (at, value, kind, length) in edits {
+            if bytes.is_empty() {
+                break;
+            }
+            let i = at.index(bytes.len());
+            let end = (i + length).min(bytes.len());
+            match kind {
+                0 => bytes[i] = value,
+                1 => drop(bytes.drain(i..end)),
+                2 => {
+                    let copy = bytes[i..end].to_vec();
+                    bytes.splice(i..i, copy);
+                }
+                _ => bytes.insert(i, value),
+            }
+        }
+        bytes
+    })
+}
+
+#[test]
+fn any_bytes_load_or_are_an_error() {
+    let time = Duration::from_secs(if common::long() { 600 } else { 10 });
+    let folder = Folder::new("fuzz");
+    let data = common::reference("cornell");
+    let file = |ending: &str| {
+        let files = std::fs::read_dir(&data).expect("the Cornell box");
+        let path = files
+            .flatten()
+            .map(|f| f.path())
+            .find(|p| p.extension().is_some_and(|e| e == ending));
+        std::fs::read(path.expect("a file")).expect("bytes")
+    };
+    // Its material file goes by another name here.
+    let obj = String::from_utf8(file("obj")).expect("text");
+    let obj: Vec<&str> = obj.lines().filter(|l| !l.starts_with("mtllib")).collect();
+    let obj = format!("mtllib a.mtl\n{}\n", obj.join("\n")).into_bytes();
+    let bytes = || prop::collection::vec(any::<u8>(), 0..400);
+    let strategy = prop_oneof![
+        (text(), text()),
+        (damaged(obj), damaged(file("mtl"))),
+        (bytes(), bytes()),
+    ];
+    let mut runner = TestRunner::deterministic();
+    let (begin, mut cases, mut loaded, mut slowest) = (Instant::now(), 0, 0, Duration::ZERO);
+    while begin.elapsed() < time {
+        let (obj, mtl) = strategy.new_tree(&mut runner).expect("a case").current();
+        let start = Instant::now();
+        let outcome = load(&folder.0, &obj, &mtl);
+        slowest = slowest.max(start.elapsed());
+        cases += 1;
+        match outcome {
+            Ok(()) => loaded += 1,
+            Err(message) => assert!(message.len() < 2000, "{message}"),
+        }
+    }
+    println!("{cases} cases, {loaded} loaded, the slowest in {slowest:?}");
+    assert!(loaded > 0 && loaded < cases);
+    // A hang, not a slow machine.
+    assert!(slowest < Duration::from_secs(20), "{slowest:?}");
+}
+
+/// Resident memory at its highest, in MiB.
+fn peak() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"));
+    line.and_then(|l| l.split_whitespace().nth(1)?.parse::<f64>().ok())
+        .unwrap_or(0.0)
+        / 1024.0
+}
+
+#[test]
+fn claims_of_size_are_not_believed() {
+    let folder = Folder::new("claims");
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
+    let message =
+        |obj: &str, mtl: &[u8]| load(&folder.0, obj.as_bytes(), mtl).expect_err("an error");
+    for index in [
+        "2147483647",
+        "4294967296",
+        "-2147483648",
+        "18446744073709551615",
+        "0",
+    ] {
+        let text = message(&format!("{corners}f 1 2 {index}\n"), b"");
+        assert!(text.contains("line 7"), "{index}: {text}");
+    }
+    // Headers of 65,535 × 65,535 pixels with nothing behind them.
+    let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\xff\xff\0\0\xff\xff\x08\x02\0\0\0".to_vec();
+    let crc = png[12..].iter().fold(!0u32, |mut crc, &byte| {
+        crc ^= u32::from(byte);
+        for _ in 0..8 {
+            crc = if crc & 1 == 1 {
+                0xedb8_8320 ^ (crc >> 1)
+            } else {
+                crc >> 1
+            };
+        }
+        crc
+    });
+    png.extend((!crc).to_be_bytes());
+    let hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 65535 +X 65535\n".to_vec();
+    let jpeg = b"\xff\xd8\xff\xc0\0\x11\x08\xff\xff\xff\xff\x03\x01\x22\0\x02\x11\x01\x03\x11\x01"
+        .to_vec();
+    for (name, header) in [("t.png", png), ("t.hdr", hdr), ("t.jpg", jpeg)] {
+        std::fs::write(folder.0.join(name), &header).expect("a file");
+        let obj = format!("mtllib a.mtl\nusemtl m\n{corners}f 1/1 2/2 3/3\n");
+        let text = message(&obj, format!("newmtl m\nmap_Kd {name}\n").as_bytes());
+        assert!(text.contains(name), "{text}");
+    }
+    assert!(peak() < 1500.0, "{} MiB", peak());
+    // Out of the folder is allowed, but the file has to be there.
+    let text = message(&format!("mtllib ../no/such.mtl\n{corners}f 1 2 3\n"), b"");
+    assert!(
+        text.contains("such.mtl") && text.contains("line 1"),
+        "{text}"
+    );
+}
