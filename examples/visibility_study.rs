@@ -293,6 +293,7 @@ fn surfaces_a_ray(scene: &Scene, camera: &Camera, sigma: f64) -> Result<f64, Box
     let settings = CoverageSettings {
         sigma: sigma / flat.unit.powi(2),
         t_min: 0.0,
+        start: 0.0,
         arrival_margin: 0.0,
     };
     let found = coverage(context, &flat.triangles, &flat.topology, &rays, &settings);

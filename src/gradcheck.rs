@@ -166,8 +166,8 @@ impl GradCheck {
         self
     }
 
-    /// A disagreement is more than 3.5 standard errors, or more than this share of the difference
-    /// where the standard errors are small (3 % by default).
+    /// A disagreement is more than 3.5 standard errors and more than this share of the difference,
+    /// which is what steps of a finite size may be off by (3 % by default).
     pub fn tolerance(mut self, share: f64) -> Self {
         self.tolerance = share;
         self
@@ -388,18 +388,14 @@ impl GradCheck {
     fn verdict(&self, g: Estimate, d: Estimate) -> Verdict {
         let apart = (g.mean - d.mean).abs();
         let error = g.error.hypot(d.error);
-        // Rounding alone is no disagreement where nothing is noisy.
-        let significant = apart > 3.5 * error && apart > 1e-4 * d.mean.abs() + self.negligible;
-        if significant {
-            return Verdict::Disagrees;
+        let tolerated = self.tolerance * d.mean.abs() + self.negligible;
+        if apart > 3.5 * error && apart > tolerated {
+            Verdict::Disagrees
+        } else if self.precise(g, d.mean) && self.precise(d, d.mean) {
+            Verdict::Agrees
+        } else {
+            Verdict::Undecided
         }
-        if !(self.precise(g, d.mean) && self.precise(d, d.mean)) {
-            return Verdict::Undecided;
-        }
-        if apart > self.tolerance * d.mean.abs() + self.negligible {
-            return Verdict::Disagrees;
-        }
-        Verdict::Agrees
     }
 }
 

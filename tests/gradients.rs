@@ -25,7 +25,7 @@ fn agree_with_central_differences(effort: Effort) {
         let error = row.gradient.error.hypot(row.difference.error);
         let close = match row.verdict {
             Verdict::Agrees => true,
-            Verdict::Disagrees => !long && row.standard_errors() <= 3.5,
+            Verdict::Disagrees => false,
             Verdict::Undecided => !long && error <= 0.15 * value,
         };
         if !close {
@@ -86,7 +86,7 @@ fn gradcheck_tells_right_from_wrong_and_from_unknown() {
         report.rows[0].verdict
     };
     assert_eq!(verdict(&settings, 1.0), Verdict::Agrees);
-    for wrong in [0.0, 0.5, 0.93, 1.07, -1.0] {
+    for wrong in [0.0, 0.5, 0.9, 1.1, -1.0] {
         assert_eq!(verdict(&settings, wrong), Verdict::Disagrees, "{wrong}");
     }
     // What the camera sees of the floor's edge is noise: not told in two seeds to 1e-6.
@@ -166,4 +166,140 @@ fn the_square_of_noise_biases_a_loss() {
     println!("plain {plain}, two samples {unbiased} ± {error}");
     assert!(unbiased.abs() < 3.5 * error, "{unbiased} ± {error}");
     assert!(unbiased.abs() < 0.1 * plain, "{unbiased}, plain {plain}");
+}
+
+/// The Cornell box with a lens, its short block moving, a texture on the floor and a glossy tall
+/// block: every class of parameter in one scene.
+#[test]
+fn the_cornell_box_in_every_class_of_parameter() {
+    let long = common::long();
+    // The blocks stand on the floor: with a hard order in depth the line of contact has no gradient
+    // (docs/VISIBILITY.md).
+    let options = RenderOptions::new(12, 12)
+        .samples(16)
+        .bounces(1)
+        .sigma(0.1)
+        .visibility(Visibility::LayeredSoft { gamma: 0.02 });
+    let (precision, least, most) = if long {
+        (0.005, 256, 2048)
+    } else {
+        (0.1, 16, 64)
+    };
+    // The weights have a spot beside the short block's middle: what moves it shows.
+    let settings = GradCheck::new(options, &Device::flex())
+        .precision(precision)
+        .tolerance(0.02)
+        .seeds(least, most)
+        .objective(|image| {
+            let [h, w, _] = image.dims();
+            let weights: Vec<f64> = (0..h * w)
+                .map(|i| {
+                    let (y, x) = ((i / w) as f64 / h as f64, (i % w) as f64 / w as f64);
+                    let spot = ((x - 0.62).powi(2) + (y - 0.72).powi(2)) / 0.02;
+                    0.5 * (x - 0.5) + 0.3 * y + 2.0 * (-spot).exp()
+                })
+                .collect();
+            let like = (&image.device().inner(), image.dtype());
+            let weights = Tensor::<1>::from_data(weights.as_slice(), like).reshape([h, w, 1]);
+            (image * weights).mean()
+        });
+    let shift = [1.0, 0.3, -0.5];
+    let parameters = [
+        Checked::new("vertex", [0.0; 3], 0.03).along([0.6, 0.8, 0.2]),
+        Checked::new("translation", [0.0; 3], 0.03).along(shift),
+        Checked::new("rotation", [0.1], 0.02),
+        Checked::new("velocity", [0.3, 0.0, 0.1], 0.06).along(shift),
+        Checked::new("eye", [2.78, 2.73, -8.0], 0.04).along(shift),
+        Checked::new("fov", [39.3], 0.3),
+        Checked::new("aperture", [0.3], 0.03),
+        Checked::new("focus", [9.0], 0.15),
+        Checked::new("albedo", [0.3], 0.03),
+        Checked::new("texel", [0.4], 0.04),
+        Checked::new("specular", [0.3], 0.03),
+        Checked::new("shininess", [8.0], 0.3),
+        Checked::new("emission", [10.0], 0.5),
+        Checked::new("light", [0.0; 3], 0.1).along([1.0, 0.0, -0.5]),
+        Checked::new("environment", [0.2], 0.02),
+    ];
+    let path = common::reference("cornell/scene.json");
+    let report = gradcheck(&parameters, &settings, |point| {
+        let file = SceneFile::load(&path, &point.device)?;
+        let mut scene = file.scene;
+        for object in &mut scene.objects {
+            object.mesh = object.mesh.clone().cast(point.dtype);
+        }
+        let (vertex, translation) = (point.get("vertex")?, point.get("translation")?);
+        let turn = Transform::new().axis_angle([0.0, 1.0, 0.0], point.get("rotation")?);
+        let velocity = point.get("velocity")?;
+        let constant = |v: &[f64]| Tensor::<1>::from_data(v, (&point.device, point.dtype));
+        let texel = point.get("texel")?.reshape([1, 1, 1]);
+        let rest = constant(&[0.5, 0.4, 0.3, 0.2, 0.5, 0.4, 0.4, 0.3, 0.5, 0.3, 0.3, 0.3]);
+        let first = constant(&[1.0, 0.8, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.5]);
+        let texels = rest.reshape([2, 2, 3]) + first.reshape([2, 2, 3]) * texel;
+        let emission = point.get("emission")? * constant(&[1.0, 0.8, 0.5]);
+        let light = point.get("light")?;
+        let gloss = (point.get("specular")?.expand([3]), point.get("shininess")?);
+        let wall = point.get("albedo")? * constant(&[1.0, 0.3, 0.2]);
+        let scene = scene
+            .map_object("short", |o| {
+                o.velocity(velocity.clone()).map_mesh(|m| {
+                    let middle = m.vertices.clone().mean_dim(0).reshape([3]);
+                    let m = m.translated(middle.clone().neg()).transformed(&turn);
+                    m.translated(middle + translation.clone())
+                })
+            })
+            .map_object("short", |o| {
+                o.map_mesh(|m| {
+                    let rows = m.vertices.dims()[0];
+                    let one: Vec<f64> = (0..rows).map(|i| if i == 0 { 1.0 } else { 0.0 }).collect();
+                    let moved = constant(&one).reshape([rows, 1]) * vertex.clone().reshape([1, 3]);
+                    let vertices = m.vertices.clone() + moved;
+                    m.with_vertices(vertices)
+                })
+            })
+            .map_object("tall", |o| {
+                let matt = Material::diffuse([0.4; 3]);
+                o.material(matt.specular(gloss.0.clone(), gloss.1.clone()))
+            })
+            .map_object("floor", |o| {
+                let m = Material::diffuse(Albedo::texture(texels.clone()));
+                o.material(m).map_mesh(|m| {
+                    let flat: Vec<f64> = m
+                        .host_vertices()
+                        .expect("vertices")
+                        .iter()
+                        .flat_map(|v| [v[0] / 5.0, v[2] / 5.0])
+                        .collect();
+                    let uvs = constant(&flat).reshape([flat.len() / 2, 2]);
+                    m.with_uvs(uvs)
+                })
+            })
+            .map_object("left", |o| o.material(Material::diffuse(wall.clone())))
+            .map_object("light", |o| {
+                o.material(Material::emitter(emission.clone()))
+                    .map_mesh(|m| m.translated(light.clone()))
+            })
+            .environment(point.get("environment")?.expand([3]));
+        let camera = Camera::look_at(point.get("eye")?, [2.78, 2.73, 0.0])
+            .fov_y(point.get("fov")?)
+            .thin_lens(point.get("aperture")?, point.get("focus")?);
+        Ok((scene, camera))
+    })
+    .expect("a report");
+    println!(
+        "{report}mean relative error {:.4}",
+        report.mean_relative_error()
+    );
+    // The emitter's, the materials' and the sky's derivatives show to per cents in either tier.
+    // Those of the geometry are as noisy as they are small here: they may not disagree.
+    let disagree = report.rows.iter().any(|r| r.standard_errors() > 4.0);
+    assert!(!disagree, "{report}");
+    for name in ["texel", "emission", "light", "environment"] {
+        let row = report.rows.iter().find(|r| r.parameter == name);
+        let relative = row.expect("a row").relative().abs();
+        assert!(
+            relative < if long { 0.02 } else { 0.15 },
+            "{name}: {relative}"
+        );
+    }
 }

@@ -57,6 +57,7 @@ impl Range {
         let settings = CoverageSettings {
             sigma: self.sigma / self.flat.unit.powi(2),
             t_min: 1e-5 * self.flat.radius(),
+            start: 0.0,
             arrival_margin: 1e-4,
         };
         let (context, topology) = (&self.flat.context, &self.flat.topology);

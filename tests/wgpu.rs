@@ -97,3 +97,17 @@ fn every_gradient_is_that_of_the_cpu() {
         }
     }
 }
+
+/// A sample of the scenes at the edge of what floats hold.
+#[test]
+fn images_and_gradients_are_finite() {
+    use common::stress::cases;
+    let mut failures = Vec::new();
+    for (name, world) in cases().into_iter().step_by(11) {
+        match world.run(&device(), DType::F32) {
+            Ok(outcome) => failures.extend(outcome.not_finite().map(|w| format!("{name}: {w}"))),
+            Err(e) => failures.push(format!("{name}: {e}")),
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}

@@ -29,6 +29,9 @@ pub(crate) struct PathSettings {
     pub roulette_after: Option<u32>,
 }
 
+/// The blurred start of rays that leave a surface, over σ.
+const START: f64 = 0.25;
+
 /// A scene with the settings and random numbers of a render.
 pub(crate) struct Tracer<'a> {
     pub scene: &'a Flattened,
@@ -72,6 +75,7 @@ impl Tracer<'_> {
         let settings = CoverageSettings {
             sigma: self.settings.sigma,
             t_min: self.t_min(),
+            start: START * self.settings.sigma,
             arrival_margin: 1e-4,
         };
         coverage(

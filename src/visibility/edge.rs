@@ -45,6 +45,9 @@ pub struct CoverageSettings {
     pub sigma: f64,
     /// Hits nearer than this don't count.
     pub t_min: f64,
+    /// Rays that leave a surface begin to meet others over a distance √start: a hit at t counts by
+    /// 1 − exp(−t²/start). 0 for a hard start.
+    pub start: f64,
     /// Hits beyond (1 − margin)·distance of an arrival don't count.
     pub arrival_margin: f64,
 }
@@ -64,13 +67,25 @@ pub struct Coverage {
     pub counted: Tensor<2, Bool>,
     /// Pairs that count by max(0, 2p − 1): neighbours of a triangle at an end of the ray.
     pub(crate) softened: Option<Tensor<2, Bool>>,
+    /// How far each hit is beyond the blurred start of its ray, and the derivative of that by t.
+    pub(crate) begun: Option<(Tensor<2>, Tensor<2>)>,
     /// Distances and logits in the graph, if a gradient can flow to them.
     pub(crate) attached: Option<(Tensor<2>, Tensor<2>)>,
 }
 
 impl Coverage {
-    /// p of Eq. 1 as it counts: 0 where the pair doesn't, max(0, 2p − 1) for softened pairs.
+    /// p of Eq. 1 as it counts: 0 where the pair doesn't, max(0, 2p − 1) for softened pairs, less
+    /// near the start of a ray that leaves a surface.
     pub fn probability(&self) -> Tensor<2> {
+        let p = self.edge_probability();
+        match &self.begun {
+            Some((share, _)) => p * share.clone(),
+            None => p,
+        }
+    }
+
+    /// Without the blurred start.
+    fn edge_probability(&self) -> Tensor<2> {
         let one_plus = self.decay.clone() + 1.0;
         let inside = self.inside();
         let p = self.decay.clone().mask_fill(inside, 1.0) / one_plus.clone();
@@ -89,7 +104,24 @@ impl Coverage {
             Some(s) => slope.clone().mask_where(s.clone(), slope * 2.0),
             None => slope,
         };
-        slope.mask_fill(self.counted.clone().bool_not(), 0.0)
+        let slope = slope.mask_fill(self.counted.clone().bool_not(), 0.0);
+        match &self.begun {
+            Some((share, _)) => slope * share.clone(),
+            None => slope,
+        }
+    }
+
+    /// ∂p/∂t of `probability`; None where it is 0 everywhere.
+    pub(crate) fn slope_by_distance(&self) -> Option<Tensor<2>> {
+        let (_, slope) = self.begun.as_ref()?;
+        Some(self.edge_probability() * slope.clone())
+    }
+
+    /// `linear` of derivatives with respect to `probability`.
+    pub(crate) fn by_probability(&self, by: Tensor<2>) -> Option<Tensor<2>> {
+        self.attached.as_ref()?;
+        let by_distance = self.slope_by_distance().map(|slope| by.clone() * slope);
+        self.linear(by * self.slope(), by_distance)
     }
 
     pub(crate) fn inside(&self) -> Tensor<2, Bool> {
@@ -204,8 +236,15 @@ pub fn coverage(
             (squared * sign).mask_fill(discounted, 0.0),
         )
     });
+    let begun = (rays.departure.is_some() && settings.start > 0.0).then(|| {
+        let t = plain_t.clone().mask_fill(counted.clone().bool_not(), 0.0);
+        let scaled = t.clone() * settings.start.recip();
+        let missing = (scaled.clone() * t).neg().exp();
+        (missing.clone().neg() + 1.0, scaled * 2.0 * missing)
+    });
     Coverage {
         t: plain_t,
+        begun,
         cosine: plain_cosine,
         decay: logit.clone().abs().neg().exp(),
         logit,

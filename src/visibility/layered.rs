@@ -20,8 +20,6 @@ pub(super) struct Layers {
     after: Tensor<2>,
     /// 1/(1 − C) just after each slot, 0 where its layer is full.
     inverse_room: Tensor<2>,
-    /// ∂p/∂logit, 0 in empty slots.
-    slope: Tensor<2>,
     triangles: usize,
 }
 
@@ -58,7 +56,6 @@ pub(super) fn weights(
     let derivative = if coverage.attached.is_some() {
         let room = with.neg() + 1.0;
         let full = room.clone().lower_elem(4.0 * context.epsilon());
-        let slope = coverage.slope().gather(0, index) * slots.used.clone();
         Derivative::Layered(Box::new(Layers {
             inverse_room: room
                 .mask_fill(full.clone(), 1.0)
@@ -68,7 +65,6 @@ pub(super) fn weights(
             slots,
             weight,
             after,
-            slope,
             triangles,
         }))
     } else {
@@ -83,7 +79,7 @@ pub(super) fn weights(
 }
 
 impl Layers {
-    /// ∂(Σ v_k·W_k + v·W_background)/∂logit for all pairs `[T, N]`; v by slot, and of the background.
+    /// ∂(Σ v_k·W_k + v·W_background)/∂p for all pairs `[T, N]`; v by slot, and of the background.
     fn pull(&self, v: Tensor<2>, background: Tensor<2>) -> Tensor<2> {
         // Σ v_k·(T before − T after) + v·T(∞) = v_1 + Σ (v_(k+1) − v_k)·T after k
         let k = self.slots.shape[0];
@@ -94,15 +90,10 @@ impl Layers {
         } - v;
         // ∂T/∂C_ℓ = −T/(1 − C_ℓ), C_ℓ constant between two slots of the layer.
         let by_sum = self.slots.until_next(step * self.after.clone()) * self.inverse_room.clone();
-        let by_logit = self.slots.later(by_sum).neg() * self.slope.clone();
+        let by_p = self.slots.later(by_sum).neg() * self.slots.used.clone();
         let n = self.slots.shape[1];
-        let zeros = Tensor::zeros([self.triangles, n], (&by_logit.device(), by_logit.dtype()));
-        zeros.scatter(
-            0,
-            self.slots.triangle.clone(),
-            by_logit,
-            IndexingUpdateOp::Add,
-        )
+        let zeros = Tensor::zeros([self.triangles, n], (&by_p.device(), by_p.dtype()));
+        zeros.scatter(0, self.slots.triangle.clone(), by_p, IndexingUpdateOp::Add)
     }
 
     /// The same for values of the triangles `[T, N]`.
@@ -110,7 +101,7 @@ impl Layers {
         self.pull(values.gather(0, self.slots.triangle.clone()), background)
     }
 
-    /// ∂ log W/∂logit of the drawn surfaces.
+    /// ∂ log W/∂p of the drawn surfaces.
     pub fn by_log(&self, context: &Context, drawn: &[u32]) -> Tensor<2> {
         let (one_hot, missed) = self.slots.drawn(context, drawn, self.triangles);
         let weight = (one_hot.clone() * self.weight.clone()).sum_dim(0)
@@ -176,8 +167,7 @@ pub(super) fn transmittance(
             .neg()
             .select(0, of_triangle.clone())
     });
-    let slope = back_slope.mask_where(front, front_slope) * coverage.slope();
-    match coverage.linear(slope, None) {
+    match coverage.by_probability(back_slope.mask_where(front, front_slope)) {
         Some(change) => passed + change,
         None => passed,
     }

@@ -44,6 +44,9 @@ pub(super) fn weights(
         let logit = at_slots(logit);
         p = p + (logit.clone() - plain(&logit)) * at_slots(&coverage.slope());
         t = at_slots(attached_t);
+        if let Some(slope) = coverage.slope_by_distance() {
+            p = p + (t.clone() - plain(&t)) * at_slots(&slope);
+        }
     }
     let per_depth = range.per_depth() / gamma;
     let row = |values: &Tensor<2>, i: usize| values.clone().slice([i..i + 1]);

@@ -10,7 +10,7 @@ use super::{Coverage, DepthRange, Weights};
 pub(super) struct Slopes {
     /// By the logits `[T, N]`.
     logit: Tensor<2>,
-    /// By the distances `[1, N]`.
+    /// By the distances `[1, N]` or `[T, N]`.
     distance: Tensor<2>,
     /// By far `[T, N]`, with its change `[1, N]`.
     far: Option<(Tensor<2>, Tensor<2>)>,
@@ -21,7 +21,10 @@ pub(super) fn weights(coverage: Coverage, range: DepthRange, gamma: f64, epsilon
     let DepthRange { near, far, change } = range;
     let per_depth = (far.clone() - near.clone()).recip() / gamma;
     let score = (far.clone() - coverage.t.clone()) * per_depth.clone();
-    let discounted = coverage.counted.clone().bool_not();
+    let mut discounted = coverage.counted.clone().bool_not();
+    if let Some((share, _)) = &coverage.begun {
+        discounted = discounted.bool_or(share.clone().lower_elem(1e-30));
+    }
     // log p = min(logit, 0) − log(1 + exp(−|logit|)): the exponent is shifted by its largest
     // piecewise linear part, so that nothing overflows and no logarithm is needed.
     let mut exponent = score + coverage.logit.clone().clamp_max(0.0);
@@ -33,6 +36,9 @@ pub(super) fn weights(coverage: Coverage, range: DepthRange, gamma: f64, epsilon
         exponent = exponent
             .clone()
             .mask_where(softened.clone(), exponent + soft);
+    }
+    if let Some((share, _)) = &coverage.begun {
+        exponent = exponent + share.clone().mask_fill(discounted.clone(), 1.0).log();
     }
     let exponent = exponent.mask_fill(discounted.clone(), -1e30);
     let background = epsilon / gamma;
@@ -64,8 +70,14 @@ pub(super) fn weights(coverage: Coverage, range: DepthRange, gamma: f64, epsilon
             (kept * per_depth.clone(), change)
         });
         Slopes {
-            logit: slope.mask_fill(discounted, 0.0),
-            distance: per_depth.neg(),
+            logit: slope.mask_fill(discounted.clone(), 0.0),
+            distance: match &coverage.begun {
+                Some((share, slope)) => {
+                    let share = share.clone().mask_fill(discounted.clone(), 1.0);
+                    (slope.clone() / share - per_depth.clone()).mask_fill(discounted, 0.0)
+                }
+                None => per_depth.clone().neg(),
+            },
             far,
         }
     });

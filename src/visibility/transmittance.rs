@@ -21,6 +21,17 @@ pub(super) fn transmittance(coverage: &Coverage) -> Tensor<2> {
     if let Some(softened) = &coverage.softened {
         passed = passed.clone().mask_where(softened.clone(), passed * 2.0);
     }
+    if let Some((share, _)) = &coverage.begun {
+        // 1 − p·share
+        let passed = passed.mask_fill(discounted, 1.0);
+        let passed = passed.clone() * share.clone() + share.clone().neg() + 1.0;
+        let value = passed.clone().log().sum_dim(0).exp();
+        let inverse = passed.clamp_min(1e-30).recip().neg();
+        return match coverage.by_probability(inverse) {
+            Some(change) => value * (change + 1.0),
+            None => value,
+        };
+    }
     let value = passed
         .mask_fill(discounted.clone(), 1.0)
         .log()

@@ -58,7 +58,7 @@ impl Weights {
                 slopes.change(&self.coverage, share)
             }
             Derivative::Layered(layers) => {
-                self.coverage.linear(layers.by_log(context, drawn), None)
+                self.coverage.by_probability(layers.by_log(context, drawn))
             }
             Derivative::SoftOrder(order) => order.by_log(context, drawn),
         };
@@ -87,7 +87,7 @@ impl Weights {
             }
             Derivative::Layered(layers) => self
                 .coverage
-                .linear(layers.by_mean(values, background), None),
+                .by_probability(layers.by_mean(values, background)),
             Derivative::SoftOrder(order) => Some(order.by_mean(values, background)),
         };
         match change {

@@ -116,6 +116,7 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
     let settings = CoverageSettings {
         sigma: case.json["sigma"].as_f64().expect("sigma"),
         t_min: 0.0,
+        start: 0.0,
         arrival_margin: 0.0,
     };
     // The reference's gradients don't flow through near and far.
