@@ -3,6 +3,9 @@
 use burn::tensor::{DType, Device, Gradients, Tensor, TensorData};
 use softray::prelude::*;
 
+/// Height, width, texels; and texture coordinates of the vertices.
+pub type Texels = ([usize; 2], Vec<f64>, Vec<[f64; 2]>);
+
 /// An object by numbers.
 #[derive(Clone, Debug)]
 pub struct Thing {
@@ -13,8 +16,7 @@ pub struct Thing {
     pub gloss: Option<([f64; 3], f64)>,
     pub emission: Option<[f64; 3]>,
     pub velocity: Option<[f64; 3]>,
-    /// Height, width, texels; and texture coordinates of the vertices.
-    pub texture: Option<([usize; 2], Vec<f64>, Vec<[f64; 2]>)>,
+    pub texture: Option<Texels>,
 }
 
 impl Thing {
