@@ -25,6 +25,7 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+pub mod accel;
 pub mod error;
 pub mod geometry;
 pub mod gradcheck;

@@ -4,14 +4,45 @@ use burn::tensor::{Int, Tensor};
 
 use super::Renderer;
 use crate::error::Result;
-use crate::geometry::{Vec3, host_values};
-use crate::transport::{Diagnostics, Radiance};
+use crate::geometry::{Vec3, host_values, plain};
+use crate::transport::{Census, Diagnostics, Radiance, RayWeights};
+use crate::visibility::SparseWeights;
 
 /// What a render cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
     /// Camera, bounce and shadow rays.
     pub rays: u64,
+    /// Triangles asked, ray by ray.
+    pub tested: u64,
+    /// How many surfaces matter to a camera or bounce ray: mean, 99th percentile and most. 0 where
+    /// all triangles are asked in tensors.
+    pub surfaces: [f64; 3],
+}
+
+impl Statistics {
+    pub(super) fn new(census: &Census) -> Self {
+        let total: u64 = census.surfaces.iter().sum();
+        let pairs = census.surfaces.iter().enumerate();
+        let sum: u64 = pairs.clone().map(|(k, n)| k as u64 * n).sum();
+        let mut below = 0;
+        let percentile = pairs
+            .map(|(k, n)| {
+                below += n;
+                (k, below)
+            })
+            .find(|&(_, below)| 100 * below >= 99 * total);
+        let most = census.surfaces.len().saturating_sub(1);
+        Self {
+            rays: census.rays,
+            tested: census.tested,
+            surfaces: [
+                sum as f64 / total.max(1) as f64,
+                percentile.map_or(0.0, |(k, _)| k as f64),
+                most as f64,
+            ],
+        }
+    }
 }
 
 /// A rendered image; tensors are in the graph where gradients can flow.
@@ -46,6 +77,13 @@ impl Renderer<'_> {
         if outputs.opacity || outputs.depth || outputs.normals {
             rows.push(first.attached_background().neg() + 1.0);
         }
+        let first = match first {
+            RayWeights::Dense(first) => first,
+            RayWeights::Sparse(first) => {
+                rows.extend(self.outputs_by_candidates(&first));
+                return rows;
+            }
+        };
         if outputs.depth {
             rows.push(first.mean(first.attached_distances() * self.scene.unit, None));
         }
@@ -74,6 +112,37 @@ impl Renderer<'_> {
         rows
     }
 
+    /// Rows of depth, normal and weight of each object.
+    fn outputs_by_candidates(&self, first: &SparseWeights) -> Vec<Tensor<2>> {
+        let outputs = self.options.outputs;
+        let mut rows = Vec::new();
+        if outputs.depth {
+            rows.push(first.mean_distance() * self.scene.unit);
+        }
+        if outputs.normals {
+            let normal = &self.scene.triangles.normal;
+            let side = |front: bool| if front { 1.0 } else { -1.0 };
+            for axis in [&normal.x, &normal.y, &normal.z] {
+                let host = host_values(axis).unwrap_or_default();
+                let value = |_, k: u32, front| host[k as usize] * side(front);
+                let mut row = first.mean(value, |_| 0.0);
+                if axis.is_tracked()
+                    && let Some(turned) = first.spread(axis, |k, front| Some((k, side(front))))
+                {
+                    let value = plain(&turned);
+                    row = row + (turned - value);
+                }
+                rows.push(row);
+            }
+        }
+        if outputs.object_ids {
+            let (objects, background) =
+                first.by_object(&self.scene.topology.object, self.objects());
+            rows.extend([objects, background]);
+        }
+        rows
+    }
+
     fn objects(&self) -> usize {
         self.scene
             .topology
@@ -83,7 +152,7 @@ impl Renderer<'_> {
     }
 
     /// The image from means `[C, H·W]` of the rows of `outputs`.
-    pub(super) fn image(&self, mean: Tensor<2>, rays: u64) -> Image {
+    pub(super) fn image(&self, mean: Tensor<2>, census: &Census) -> Image {
         let (width, height) = (self.options.width, self.options.height);
         let outputs = self.options.outputs;
         let mut next = 0;
@@ -125,7 +194,7 @@ impl Renderer<'_> {
             depth,
             normals,
             object_ids,
-            statistics: Statistics { rays },
+            statistics: Statistics::new(census),
             diagnostics: None,
         }
     }

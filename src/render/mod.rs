@@ -10,8 +10,8 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::scene::{Camera, Flattened, Scene};
-use crate::transport::{Dimension, PathSettings, Sampler, trace};
-use crate::visibility::Rays;
+use crate::transport::{Census, Dimension, PathSettings, Sampler, trace};
+use crate::visibility::{Rays, Sparse, Visibility};
 
 pub use crate::transport::Diagnostics;
 pub use film::{Image, Statistics};
@@ -28,7 +28,17 @@ pub use options::{Progress, RenderOptions};
 pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result<Image> {
     options.check()?;
     let flattened = Flattened::new(scene, camera, options.bounds)?;
+    // The soft order in depth and diagnostics are there in tensors only, and GPUs do without the host.
+    let soft = matches!(options.visibility, Visibility::LayeredSoft { .. });
+    let dense =
+        options.brute_force || options.diagnostics || soft || !is_cpu(&flattened.context.device);
+    let sparse = if dense {
+        None
+    } else {
+        Some(Sparse::new(&flattened.triangles, options.cutoff)?)
+    };
     let renderer = Renderer {
+        sparse,
         scene: &flattened,
         camera,
         options,
@@ -50,6 +60,7 @@ struct Renderer<'a> {
     options: &'a RenderOptions,
     sampler: Sampler,
     settings: PathSettings,
+    sparse: Option<Sparse>,
 }
 
 /// Pixels `first..first + pixels` with samples `from..to`.
@@ -64,7 +75,7 @@ struct Tile {
 /// Sums over the samples of a tile, one column a pixel `[C, P]`: radiance, and what was asked for.
 struct TileSums {
     sums: Tensor<2>,
-    rays: u64,
+    census: Census,
     diagnostics: Option<Diagnostics>,
 }
 
@@ -89,7 +100,8 @@ impl Renderer<'_> {
         } else {
             results.extend(tiles[1..].par_iter().map(run).collect::<Result<Vec<_>>>()?);
         }
-        let rays = results.iter().map(|r| r.rays).sum();
+        let mut census = Census::default();
+        results.iter().for_each(|r| census.merge(&r.census));
         let mut diagnostics: Option<Diagnostics> = None;
         for found in results.iter().filter_map(|r| r.diagnostics.as_ref()) {
             diagnostics.get_or_insert_default().merge(found);
@@ -106,7 +118,7 @@ impl Renderer<'_> {
         }
         // Not a division: its backward pass rounds 1/n to f32.
         let mean = Tensor::cat(columns, 1) * f64::from(self.options.samples).recip();
-        let mut image = self.image(mean, rays);
+        let mut image = self.image(mean, &census);
         image.diagnostics = diagnostics;
         Ok(image)
     }
@@ -123,7 +135,11 @@ impl Renderer<'_> {
         let rays = self
             .options
             .rays_per_tile
-            .unwrap_or((pairs / triangles).clamp(128, 1 << 17));
+            .unwrap_or(if self.sparse.is_some() {
+                1 << 13
+            } else {
+                (pairs / triangles).clamp(128, 1 << 17)
+            });
         let per_tile = (rays / samples).max(1);
         let samples_per_tile = rays.min(samples);
         let mut tiles = Vec::new();
@@ -150,11 +166,12 @@ impl Renderer<'_> {
             self.scene,
             &self.settings,
             &self.sampler,
+            self.sparse.as_ref(),
             rays,
             &paths,
             samples,
         )?;
-        let traced = found.rays;
+        let census = found.census.clone();
         let diagnostics = found.diagnostics.clone();
         let rows = Tensor::cat(self.outputs(found), 0);
         let channels = rows.dims()[0];
@@ -164,7 +181,7 @@ impl Renderer<'_> {
             .reshape([channels, tile.pixels]);
         Ok(TileSums {
             sums,
-            rays: traced,
+            census,
             diagnostics,
         })
     }

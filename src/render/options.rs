@@ -25,6 +25,8 @@ pub struct RenderOptions {
     pub(super) bounds: Option<Bounds>,
     pub(super) outputs: Outputs,
     pub(super) diagnostics: bool,
+    pub(super) brute_force: bool,
+    pub(super) cutoff: f64,
     pub(super) progress: Option<Progress>,
 }
 
@@ -52,6 +54,8 @@ impl fmt::Debug for RenderOptions {
             .field("bounds", &self.bounds)
             .field("outputs", &self.outputs)
             .field("diagnostics", &self.diagnostics)
+            .field("brute_force", &self.brute_force)
+            .field("cutoff", &self.cutoff)
             .finish_non_exhaustive()
     }
 }
@@ -73,6 +77,8 @@ impl RenderOptions {
             bounds: None,
             outputs: Outputs::default(),
             diagnostics: false,
+            brute_force: false,
+            cutoff: 1e-4,
             progress: None,
         }
     }
@@ -176,6 +182,19 @@ impl RenderOptions {
         self
     }
 
+    /// Asks every triangle for every ray, in tensors: the specification, slow. GPUs do this anyway.
+    pub fn brute_force(mut self) -> Self {
+        self.brute_force = true;
+        self
+    }
+
+    /// Triangles that cover less of a ray than this, and what lies behind more than 1 − this, are
+    /// left out (1e-4 by default).
+    pub fn cutoff(mut self, cutoff: f64) -> Self {
+        self.cutoff = cutoff;
+        self
+    }
+
     /// Calls a function after each tile.
     pub fn progress(mut self, progress: Progress) -> Self {
         self.progress = Some(progress);
@@ -209,6 +228,14 @@ impl RenderOptions {
                 "sigma",
                 self.sigma,
                 "a finite number > 0",
+            ));
+        }
+        if !(self.cutoff > 0.0 && self.cutoff < 0.5) {
+            return Err(Error::invalid(
+                options,
+                "cutoff",
+                self.cutoff,
+                "a number in (0, 0.5)",
             ));
         }
         self.visibility.check()?;

@@ -4,20 +4,24 @@ use burn::tensor::Tensor;
 
 use super::Dimension;
 use super::bsdf::scattered;
-use super::path::Tracer;
+use super::path::{RayWeights, Tracer};
 use super::surface::SurfacePoints;
 use crate::error::Result;
-use crate::geometry::{Vec3, plain};
+use crate::geometry::{Vec3, host_values, plain};
 use crate::scene::Flattened;
-use crate::visibility::{Rays, Weights};
+use crate::visibility::{Rays, SparseWeights};
 
 /// What camera rays see of emitters and environment: the mean over all their surfaces, not over
 /// drawn ones, which has no noise of a draw. None where all is black.
-pub(crate) fn seen(scene: &Flattened, weights: &Weights) -> Option<Vec3> {
+pub(crate) fn seen(scene: &Flattened, weights: &RayWeights) -> Result<Option<Vec3>> {
     if scene.emitters.is_empty() && scene.environment.is_none() {
-        return None;
+        return Ok(None);
     }
     let context = &scene.context;
+    let weights = match weights {
+        RayWeights::Dense(weights) => weights,
+        RayWeights::Sparse(weights) => return Ok(Some(seen_by_candidates(scene, weights)?)),
+    };
     let front = weights.cosine().clone().lower_elem(0.0);
     let front = front.float().cast(context.dtype);
     let materials = context.index_row(&scene.topology.material);
@@ -27,10 +31,49 @@ pub(crate) fn seen(scene: &Flattened, weights: &Weights) -> Option<Vec3> {
         weights.mean(emission, environment.cloned())
     };
     let environment = scene.environment.as_ref();
-    Some(Vec3::new(
+    Ok(Some(Vec3::new(
         mean(&emission.x, environment.map(|e| &e.x)),
         mean(&emission.y, environment.map(|e| &e.y)),
         mean(&emission.z, environment.map(|e| &e.z)),
+    )))
+}
+
+fn seen_by_candidates(scene: &Flattened, weights: &SparseWeights) -> Result<Vec3> {
+    let material = &scene.topology.material;
+    let emits = &scene.materials.emits;
+    let channel = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| -> Result<Tensor<2>> {
+        let radiance = host_values(emission)?;
+        let sky = environment
+            .map(host_values)
+            .transpose()?
+            .map_or(0.0, |e| e[0]);
+        let of = |k: u32, front: bool| {
+            let m = material[k as usize];
+            (front && emits[m as usize]).then_some(m)
+        };
+        let value = |_, k, front| of(k, front).map_or(0.0, |m| radiance[m as usize]);
+        let mut mean = weights.mean(value, |_| sky);
+        if emission.is_tracked()
+            && let Some(row) = weights.spread(emission, |k, front| Some((of(k, front)?, 1.0)))
+        {
+            let value = plain(&row);
+            mean = mean + (row - value);
+        }
+        if let Some(environment) = environment
+            && environment.is_tracked()
+        {
+            let background = plain(&weights.attached_background());
+            let value = plain(environment);
+            mean = mean + (environment.clone() - value) * background;
+        }
+        Ok(mean)
+    };
+    let emission = &scene.materials.emission;
+    let environment = scene.environment.as_ref();
+    Ok(Vec3::new(
+        channel(&emission.x, environment.map(|e| &e.x))?,
+        channel(&emission.y, environment.map(|e| &e.y))?,
+        channel(&emission.z, environment.map(|e| &e.z))?,
     ))
 }
 
@@ -105,7 +148,7 @@ pub(crate) fn connect(
         departure: Some(points.triangle.clone()),
         arrival: Some((emitter, plain(&distance))),
     };
-    let passed = tracer.transmittance(&rays);
+    let passed = tracer.transmittance(&rays)?;
     let geometry = facing / squared * area * passed * count as f64;
     let light = emission.scale(&geometry);
     Ok(Some(

@@ -9,5 +9,5 @@ mod surface;
 mod texture;
 
 pub use diagnostics::Diagnostics;
-pub(crate) use path::{PathSettings, Radiance, trace};
+pub(crate) use path::{Census, PathSettings, Radiance, RayWeights, trace};
 pub(crate) use sampler::{Dimension, Sampler};

@@ -8,10 +8,11 @@ use super::diagnostics::Diagnostics;
 use super::surface::SurfacePoints;
 use super::{Dimension, Sampler, bsdf, emitters};
 use crate::error::Result;
-use crate::geometry::{Vec3, gather_row, host_values, plain};
+use crate::geometry::{Context, Vec3, gather_row, host_values, plain};
 use crate::scene::Flattened;
 use crate::visibility::{
-    Coverage, CoverageSettings, DepthRange, Rays, Visibility, Weights, coverage,
+    Coverage, CoverageSettings, DepthRange, Rays, Sparse, SparseWeights, Visibility, Weights,
+    coverage,
 };
 
 /// What a path does.
@@ -37,17 +38,75 @@ pub(crate) struct Tracer<'a> {
     pub scene: &'a Flattened,
     pub settings: &'a PathSettings,
     pub sampler: &'a Sampler,
+    /// Candidates by a hierarchy; without it all triangles are asked, in tensors.
+    pub sparse: Option<&'a Sparse>,
+    /// What the rays met.
+    pub census: RefCell<Census>,
     /// What was degenerate, if that is asked for.
     pub diagnostics: RefCell<Option<Diagnostics>>,
 }
 
+/// The weights of the surfaces of each ray, by all triangles in tensors or by candidates.
+pub(crate) enum RayWeights<'a> {
+    Dense(Box<Weights>),
+    Sparse(Box<SparseWeights<'a>>),
+}
+
+impl RayWeights<'_> {
+    fn draw(&self, context: &Context, random: &[f64]) -> Result<Vec<u32>> {
+        match self {
+            Self::Dense(w) => w.draw(context, random),
+            Self::Sparse(w) => Ok(w.draw(random)),
+        }
+    }
+
+    fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
+        match self {
+            Self::Dense(w) => w.ratio(context, drawn),
+            Self::Sparse(w) => w.ratio(drawn),
+        }
+    }
+
+    /// W of the background `[1, N]`, in the graph if a gradient can flow.
+    pub fn attached_background(&self) -> Tensor<2> {
+        match self {
+            Self::Dense(w) => w.attached_background(),
+            Self::Sparse(w) => w.attached_background(),
+        }
+    }
+}
+
+/// What rays met.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Census {
+    /// Camera, bounce and shadow rays.
+    pub rays: u64,
+    /// Triangles asked, ray by ray.
+    pub tested: u64,
+    /// How many camera and bounce rays met how many surfaces that matter.
+    pub surfaces: Vec<u64>,
+}
+
+impl Census {
+    /// Both together.
+    pub fn merge(&mut self, other: &Self) {
+        self.rays += other.rays;
+        self.tested += other.tested;
+        let len = self.surfaces.len().max(other.surfaces.len());
+        self.surfaces.resize(len, 0);
+        for (a, b) in self.surfaces.iter_mut().zip(&other.surfaces) {
+            *a += b;
+        }
+    }
+}
+
 /// What the paths of a tile bring back; rows `[1, N]`.
-pub(crate) struct Radiance {
+pub(crate) struct Radiance<'a> {
     pub radiance: Vec3,
     /// How the surfaces share the camera rays, with those rays.
-    pub first: Weights,
-    /// Rays traced.
-    pub rays: u64,
+    pub first: RayWeights<'a>,
+    /// What the rays met.
+    pub census: Census,
     /// What was degenerate, if that was asked for.
     pub diagnostics: Option<Diagnostics>,
 }
@@ -65,19 +124,25 @@ struct Draw {
     ratio: Tensor<2>,
 }
 
-impl Tracer<'_> {
+impl<'a> Tracer<'a> {
     /// Hits nearer than this don't count: relative to the scene's size.
     pub(crate) fn t_min(&self) -> f64 {
         1e-5 * self.scene.radius()
     }
 
-    pub(crate) fn coverage(&self, rays: &Rays) -> Coverage {
-        let settings = CoverageSettings {
+    fn coverage_settings(&self) -> CoverageSettings {
+        CoverageSettings {
             sigma: self.settings.sigma,
             t_min: self.t_min(),
             start: START * self.settings.sigma,
             arrival_margin: 1e-4,
-        };
+        }
+    }
+
+    fn coverage(&self, rays: &Rays) -> Coverage {
+        let settings = self.coverage_settings();
+        let mut census = self.census.borrow_mut();
+        census.tested += (rays.len() * self.scene.triangles.len()) as u64;
         coverage(
             &self.scene.context,
             &self.scene.triangles,
@@ -87,9 +152,24 @@ impl Tracer<'_> {
         )
     }
 
-    fn weights(&self, rays: &Rays) -> Result<Weights> {
+    fn weights(&self, rays: &Rays) -> Result<RayWeights<'a>> {
         let range = DepthRange::new(rays, self.scene.radius());
         let (context, topology) = (&self.scene.context, &self.scene.topology);
+        self.census.borrow_mut().rays += rays.len() as u64;
+        if let Some(sparse) = self.sparse {
+            let settings = self.coverage_settings();
+            let form = self.settings.visibility;
+            let weights = sparse.weights(context, topology, rays, &settings, form, range)?;
+            let mut census = self.census.borrow_mut();
+            census.tested += weights.offered;
+            for count in weights.counts() {
+                if census.surfaces.len() <= count {
+                    census.surfaces.resize(count + 1, 0);
+                }
+                census.surfaces[count] += 1;
+            }
+            return Ok(RayWeights::Sparse(Box::new(weights)));
+        }
         let weights =
             self.settings
                 .visibility
@@ -97,37 +177,46 @@ impl Tracer<'_> {
         if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
             d.weights(&weights, &self.scene.triangles.valid)?;
         }
-        Ok(weights)
+        Ok(RayWeights::Dense(Box::new(weights)))
     }
 
     /// The share of light that arrives along shadow rays.
-    pub(crate) fn transmittance(&self, rays: &Rays) -> Tensor<2> {
+    pub(crate) fn transmittance(&self, rays: &Rays) -> Result<Tensor<2>> {
         let (context, topology) = (&self.scene.context, &self.scene.topology);
-        self.settings
-            .visibility
-            .transmittance(context, topology, &self.coverage(rays))
+        self.census.borrow_mut().rays += rays.len() as u64;
+        let form = self.settings.visibility;
+        if let Some(sparse) = self.sparse {
+            let settings = self.coverage_settings();
+            let (passed, offered) =
+                sparse.transmittance(context, topology, rays, &settings, form)?;
+            self.census.borrow_mut().tested += offered;
+            return Ok(passed);
+        }
+        Ok(form.transmittance(context, topology, &self.coverage(rays)))
     }
 }
 
 /// Radiance along camera rays, each of the path (pixel, sample); `per_pixel` consecutive paths
 /// belong to one pixel.
-pub(crate) fn trace(
-    scene: &Flattened,
-    settings: &PathSettings,
-    sampler: &Sampler,
+pub(crate) fn trace<'a>(
+    scene: &'a Flattened,
+    settings: &'a PathSettings,
+    sampler: &'a Sampler,
+    sparse: Option<&'a Sparse>,
     rays: Rays,
     paths: &[(u32, u32)],
     per_pixel: usize,
-) -> Result<Radiance> {
+) -> Result<Radiance<'a>> {
     let tracer = Tracer {
         scene,
         settings,
         sampler,
+        sparse,
+        census: RefCell::default(),
         diagnostics: RefCell::new(settings.diagnostics.then(Diagnostics::default)),
     };
     let context = &scene.context;
     let count = paths.len();
-    let mut traced = 0u64;
     let mut found: Vec<Contribution> = Vec::new();
     let mut draws: Vec<Draw> = Vec::new();
     let mut paths = paths.to_vec();
@@ -139,7 +228,6 @@ pub(crate) fn trace(
 
     for bounce in 0..=settings.bounces {
         let weights = tracer.weights(&rays)?;
-        traced += paths.len() as u64;
         let random = sampler.uniform(&paths, bounce, Dimension::Surface);
         let drawn = weights.draw(context, &random)?;
         if let Some(ratio) = weights.ratio(context, &drawn) {
@@ -148,7 +236,7 @@ pub(crate) fn trace(
             draws.push(Draw { slots, ratio });
         }
         if bounce == 0 {
-            seen = emitters::seen(scene, &weights);
+            seen = emitters::seen(scene, &weights)?;
             first = Some(weights);
         }
 
@@ -200,7 +288,6 @@ pub(crate) fn trace(
             bounce,
         )?;
         if let Some(light) = light {
-            traced += paths.len() as u64;
             found.push(Contribution {
                 bounce,
                 slots: slots.clone(),
@@ -228,7 +315,6 @@ pub(crate) fn trace(
             // The environment's share of the direct light at the last hit.
             if let Some(environment) = &scene.environment {
                 let visible = tracer.weights(&rays)?.attached_background();
-                traced += paths.len() as u64;
                 found.push(Contribution {
                     bounce,
                     slots: slots.clone(),
@@ -274,7 +360,7 @@ pub(crate) fn trace(
     Ok(Radiance {
         radiance,
         first,
-        rays: traced,
+        census: tracer.census.into_inner(),
         diagnostics: tracer.diagnostics.into_inner(),
     })
 }
@@ -307,7 +393,7 @@ fn roulette(
 
 /// Drops all paths but some from the batch.
 fn keep(
-    context: &crate::geometry::Context,
+    context: &Context,
     which: &[usize],
     paths: &mut Vec<(u32, u32)>,
     slots: &mut Vec<u32>,
@@ -332,11 +418,7 @@ fn keep(
     *throughput = throughput.take().map(|t| t.gather(&index));
 }
 
-fn pick(
-    context: &crate::geometry::Context,
-    throughput: &Option<Vec3>,
-    which: &[usize],
-) -> Option<Vec3> {
+fn pick(context: &Context, throughput: &Option<Vec3>, which: &[usize]) -> Option<Vec3> {
     let index = context.index_row(&which.iter().map(|&i| i as u32).collect::<Vec<_>>());
     throughput.as_ref().map(|t| t.gather(&index))
 }

@@ -11,6 +11,7 @@ mod layered;
 mod slots;
 mod soft_order;
 mod softmax;
+mod sparse;
 mod transmittance;
 mod weights;
 
@@ -22,6 +23,7 @@ use crate::geometry::{Context, Topology};
 pub use depth::DepthRange;
 pub(crate) use edge::grazing;
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
+pub use sparse::{Sparse, SparseWeights};
 pub use weights::Weights;
 
 /// How the surfaces that a ray meets share its weight, and how much light passes along a segment.

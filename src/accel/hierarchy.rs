@@ -1,0 +1,124 @@
+use glam::{DVec3, Vec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::{Boundable, BvhBuildParams};
+
+use super::HostTriangle;
+
+/// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
+/// asking each is faster.
+pub struct Hierarchy {
+    /// The triangles, in the scene's order.
+    pub triangles: Vec<HostTriangle>,
+    nodes: Option<Bvh2>,
+}
+
+/// Up to here each triangle is asked: on the Cornell box (32) the hierarchy is slower.
+const FEW: usize = 24;
+
+struct Swept(Aabb);
+
+impl Boundable for Swept {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+impl Hierarchy {
+    /// Builds boxes over the triangles that have area.
+    pub fn new(triangles: Vec<HostTriangle>) -> Self {
+        let nodes = (triangles.len() > FEW).then(|| {
+            let boxes: Vec<Swept> = triangles.iter().map(swept).collect();
+            let mut time = std::time::Duration::ZERO;
+            build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut time)
+        });
+        Self { triangles, nodes }
+    }
+
+    /// Whether boxes were built.
+    pub fn has_boxes(&self) -> bool {
+        self.nodes.is_some()
+    }
+
+    /// Calls a function with every triangle whose box, grown by `reach`, a ray may meet before
+    /// `limit`; the function returns the limit from there on. Returns how many triangles were
+    /// offered.
+    pub fn visit(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        reach: f64,
+        mut limit: f64,
+        mut f: impl FnMut(u32) -> f64,
+    ) -> u32 {
+        let mut offered = 0;
+        let Some(bvh) = &self.nodes else {
+            for k in 0..self.triangles.len() as u32 {
+                f(k);
+            }
+            return self.triangles.len() as u32;
+        };
+        // Boxes are in f32: grown by what that rounds, for scenes of about unit size.
+        let grown = Vec3A::splat((reach + 1e-5) as f32);
+        let o = Vec3A::from(origin.as_vec3());
+        let safe = |d: f64| {
+            if d.abs() < 1e-12 {
+                1e-12f64.copysign(d)
+            } else {
+                d
+            }
+        };
+        let inverse = Vec3::new(
+            safe(direction.x).recip() as f32,
+            safe(direction.y).recip() as f32,
+            safe(direction.z).recip() as f32,
+        );
+        let inverse = Vec3A::from(inverse);
+        let enter = |aabb: &Aabb| {
+            let t0 = (aabb.min - grown - o) * inverse;
+            let t1 = (aabb.max + grown - o) * inverse;
+            let near = t0.min(t1).max_element().max(0.0);
+            let far = t0.max(t1).min_element();
+            (near <= far).then_some(near)
+        };
+        let mut stack: Vec<(u32, f32)> = Vec::with_capacity(64);
+        if let Some(near) = enter(bvh.nodes[0].aabb()) {
+            stack.push((0, near));
+        }
+        while let Some((index, near)) = stack.pop() {
+            if f64::from(near) > limit {
+                continue;
+            }
+            let node = &bvh.nodes[index as usize];
+            let first = node.first_index;
+            if node.is_leaf() {
+                for i in first..first + node.prim_count {
+                    offered += 1;
+                    limit = f(bvh.primitive_indices[i as usize]);
+                }
+                continue;
+            }
+            let [a, b] = [0, 1].map(|i| {
+                let child = first + i;
+                enter(bvh.nodes[child as usize].aabb()).map(|near| (child, near))
+            });
+            // The nearer child is taken first.
+            match (a, b) {
+                (Some(a), Some(b)) if a.1 <= b.1 => stack.extend([b, a]),
+                (Some(a), Some(b)) => stack.extend([a, b]),
+                (a, b) => stack.extend(a.or(b)),
+            }
+        }
+        offered
+    }
+}
+
+fn swept(t: &HostTriangle) -> Swept {
+    let mut aabb = Aabb::INVALID;
+    for corner in t.corners {
+        aabb.extend(Vec3A::from(corner.as_vec3()));
+        aabb.extend(Vec3A::from((corner + t.velocity).as_vec3()));
+    }
+    Swept(aabb)
+}

@@ -1,0 +1,8 @@
+//! Which triangles can matter to which ray, on the host: a hierarchy of boxes, grown by the reach of
+//! the blur while it is traversed, so that it holds for any σ.
+
+mod hierarchy;
+mod triangle;
+
+pub use hierarchy::Hierarchy;
+pub use triangle::{HostTriangle, PlaneHit};

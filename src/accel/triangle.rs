@@ -1,0 +1,120 @@
+use glam::DVec3;
+
+/// A triangle with its frame: corner a at the origin, b at (base, 0), c at (apex_u, apex_v).
+#[derive(Clone, Debug)]
+pub struct HostTriangle {
+    /// Corners.
+    pub corners: [DVec3; 3],
+    /// Unit normal, counter-clockwise front.
+    pub normal: DVec3,
+    u: DVec3,
+    v: DVec3,
+    base: f64,
+    apex_u: f64,
+    apex_v: f64,
+    /// Displacement over the shutter.
+    pub velocity: DVec3,
+    /// Whether it has area.
+    pub valid: bool,
+}
+
+/// Where a ray meets a triangle's plane.
+#[derive(Clone, Copy, Debug)]
+pub struct PlaneHit {
+    /// Distance along the ray.
+    pub t: f64,
+    /// n·d.
+    pub cosine: f64,
+    /// Squared distance to the triangle's border.
+    pub squared_distance: f64,
+    /// Whether it lies inside.
+    pub inside: bool,
+    /// Weights of the corners in the hit point.
+    pub hit: [f64; 3],
+    /// Weights of the corners in the nearest point of the border.
+    pub border: [f64; 3],
+}
+
+impl HostTriangle {
+    /// From corners and displacement.
+    pub fn new(corners: [DVec3; 3], velocity: DVec3, valid: bool) -> Self {
+        let [a, b, c] = corners;
+        let (ab, ac) = (b - a, c - a);
+        let n = ab.cross(ac);
+        let doubled = n.length();
+        let base = ab.length();
+        let (normal, u) = (n / doubled, ab / base);
+        let v = normal.cross(u);
+        Self {
+            corners,
+            normal,
+            u,
+            v,
+            base,
+            apex_u: u.dot(ac),
+            apex_v: doubled / base,
+            velocity,
+            valid: valid && doubled > 0.0,
+        }
+    }
+
+    /// None where the ray is too parallel, the hit lies outside of (t_min, t_max), or further from
+    /// the triangle than the root of `reach`.
+    #[inline]
+    pub fn meet(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        grazing: f64,
+        range: (f64, f64),
+        reach: f64,
+    ) -> Option<PlaneHit> {
+        let cosine = self.normal.dot(direction);
+        if cosine.abs() <= grazing || !self.valid {
+            return None;
+        }
+        let from_a = origin - self.corners[0];
+        let t = -self.normal.dot(from_a) / cosine;
+        if !(t > range.0 && t < range.1) {
+            return None;
+        }
+        let at = from_a + direction * t;
+        let (x, y) = (self.u.dot(at), self.v.dot(at));
+        let (base, au, av) = (self.base, self.apex_u, self.apex_v);
+        // The nearest points of the three edges: a → b, c → b, a → c.
+        let s_ab = (x / base).clamp(0.0, 1.0);
+        let d_ab = (x - s_ab * base).powi(2) + y * y;
+        let fu = au - base;
+        let s_bc = (((x - base) * fu + y * av) / (fu * fu + av * av)).clamp(0.0, 1.0);
+        let d_bc = (x - base - s_bc * fu).powi(2) + (y - s_bc * av).powi(2);
+        let s_ac = ((x * au + y * av) / (au * au + av * av)).clamp(0.0, 1.0);
+        let d_ac = (x - s_ac * au).powi(2) + (y - s_ac * av).powi(2);
+        let inside = y >= 0.0 && fu * y >= av * (x - base) && av * x >= au * y;
+        let (squared_distance, border) = if d_ac < d_ab.min(d_bc) {
+            (d_ac, [1.0 - s_ac, 0.0, s_ac])
+        } else if d_bc < d_ab {
+            (d_bc, [0.0, 1.0 - s_bc, s_bc])
+        } else {
+            (d_ab, [1.0 - s_ab, s_ab, 0.0])
+        };
+        if !inside && squared_distance > reach {
+            return None;
+        }
+        let c = y / av;
+        let b = (x - c * au) / base;
+        Some(PlaneHit {
+            t,
+            cosine,
+            squared_distance,
+            inside,
+            hit: [1.0 - b - c, b, c],
+            border,
+        })
+    }
+
+    /// A weighted sum of the corners.
+    pub fn point(&self, weights: [f64; 3]) -> DVec3 {
+        let [a, b, c] = self.corners;
+        a * weights[0] + b * weights[1] + c * weights[2]
+    }
+}
