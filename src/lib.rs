@@ -44,7 +44,9 @@ pub mod prelude {
     pub use burn::tensor::{Device, Tensor};
 
     pub use crate::io::{HostImage, SceneFile};
-    pub use crate::render::{Diagnostics, Image, Progress, RenderOptions, Statistics, render};
+    pub use crate::render::{
+        Diagnostics, Image, Progress, RenderOptions, Statistics, render, render_pixels,
+    };
     pub use crate::scene::{
         Albedo, Bounds, Camera, Material, Mesh, Object, Parameter, Scene, Transform, Wrap, shapes,
     };

@@ -391,7 +391,7 @@ fn diagnostics_count_what_is_degenerate() {
         let image = render(scene, &camera, options).expect("an image");
         (image.diagnostics, values(&image.radiance))
     };
-    let (none, expected) = at(&white(1.0).with(ball()), &options);
+    let (none, expected) = at(&white(1.0).with(ball()), &options.clone().brute_force());
     assert_eq!(none, None);
     let options = options.with_diagnostics();
     let (clean, radiance) = at(&white(1.0).with(ball()), &options);

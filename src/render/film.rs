@@ -2,7 +2,7 @@
 
 use burn::tensor::{Int, Tensor};
 
-use super::Renderer;
+use super::{Found, Renderer};
 use crate::error::Result;
 use crate::geometry::{Vec3, host_values, plain};
 use crate::transport::{Census, Diagnostics, Radiance, RayWeights};
@@ -152,8 +152,11 @@ impl Renderer<'_> {
     }
 
     /// The image from means `[C, H·W]` of the rows of `outputs`.
-    pub(super) fn image(&self, mean: Tensor<2>, census: &Census) -> Image {
-        let (width, height) = (self.options.width, self.options.height);
+    pub(super) fn image(&self, mean: Tensor<2>, found: &Found) -> Image {
+        let (width, height) = match &self.pixels {
+            Some(pixels) => (pixels.len(), 1),
+            None => (self.options.width, self.options.height),
+        };
         let outputs = self.options.outputs;
         let mut next = 0;
         let mut take = |channels: usize| {
@@ -194,8 +197,8 @@ impl Renderer<'_> {
             depth,
             normals,
             object_ids,
-            statistics: Statistics::new(census),
-            diagnostics: None,
+            statistics: Statistics::new(&found.census),
+            diagnostics: found.diagnostics.clone(),
         }
     }
 }

@@ -2,20 +2,25 @@
 
 mod film;
 mod options;
+mod replay;
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Tensor, TensorData};
 use rayon::prelude::*;
 
-use crate::error::Result;
-use crate::scene::{Camera, Flattened, Scene};
+use crate::accel::Hierarchy;
+use crate::error::{Error, Result};
+use crate::geometry::{host_values, plain};
+use crate::scene::{Camera, Collect, Flattened, Replace, Scene, visit_tensors};
 use crate::transport::{Census, Dimension, PathSettings, Sampler, trace};
 use crate::visibility::{Rays, Sparse, Visibility};
 
 pub use crate::transport::Diagnostics;
 pub use film::{Image, Statistics};
 pub use options::{Progress, RenderOptions};
+use replay::{Retrace, replay};
 
 /// Renders a scene.
 ///
@@ -26,33 +31,150 @@ pub use options::{Progress, RenderOptions};
 /// # Errors
 /// If the scene, the camera or the options are not valid; nothing is rendered then.
 pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result<Image> {
+    render_list(scene, camera, options, None)
+}
+
+/// Renders some pixels, numbers y·width + x of the image of the options, in any order: an image
+/// with them side by side `[1, N, 3]`. Each has the paths that it has in the whole image.
+///
+/// # Errors
+/// Like [`render`], or if a pixel lies outside of the image.
+pub fn render_pixels(
+    scene: &Scene,
+    camera: &Camera,
+    options: &RenderOptions,
+    pixels: &[u32],
+) -> Result<Image> {
+    let count = options.width * options.height;
+    if let Some(p) = pixels.iter().find(|&&p| p as usize >= count) {
+        return Err(Error::invalid(
+            "pixels",
+            "pixel",
+            p,
+            format!("a number under {count}"),
+        ));
+    }
+    if pixels.is_empty() {
+        return Err(Error::invalid(
+            "pixels",
+            "list",
+            "empty",
+            "at least one pixel",
+        ));
+    }
+    render_list(scene, camera, options, Some(Arc::new(pixels.to_vec())))
+}
+
+fn render_list(
+    scene: &Scene,
+    camera: &Camera,
+    options: &RenderOptions,
+    pixels: Option<Arc<Vec<u32>>>,
+) -> Result<Image> {
     options.check()?;
     let flattened = Flattened::new(scene, camera, options.bounds)?;
-    // The soft order in depth and diagnostics are there in tensors only, and GPUs do without the host.
-    let soft = matches!(options.visibility, Visibility::LayeredSoft { .. });
-    let dense =
-        options.brute_force || options.diagnostics || soft || !is_cpu(&flattened.context.device);
-    let sparse = if dense {
-        None
-    } else {
-        Some(Sparse::new(&flattened.triangles, options.cutoff)?)
+    let mut collected = Collect::default();
+    if options.replay {
+        visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
+    }
+    if collected.0.is_empty() {
+        let renderer = Renderer::new(&flattened, camera, options, pixels, None)?;
+        let (mean, found) = renderer.render()?;
+        return Ok(renderer.image(mean, &found));
+    }
+    let parameters = Tensor::cat(collected.0, 0);
+    let retraced = Retraced {
+        scene: scene.clone(),
+        camera: camera.clone(),
+        options: options.clone().bounds_or(flattened.bounds),
+        pixels: pixels.clone(),
+        parameters: plain(&parameters),
     };
-    let renderer = Renderer {
-        sparse,
-        scene: &flattened,
-        camera,
-        options,
-        sampler: Sampler::new(options.seed),
-        settings: PathSettings {
-            sigma: options.sigma / (flattened.unit * flattened.unit),
-            visibility: options.visibility,
-            diagnostics: options.diagnostics,
-            bounces: options.bounces,
-            roulette_after: options.roulette_after,
-        },
-    };
-    renderer.render()
+    // Forward without tape, backward on paths traced again.
+    let flattened = flattened.plain();
+    let mut renderer = Renderer::new(&flattened, camera, options, pixels, None)?;
+    renderer.forward_only = true;
+    let (mean, found) = renderer.render()?;
+    let hierarchy = renderer.sparse.as_ref().map(Sparse::hierarchy);
+    let retrace = Retrace(Arc::new(move |upstream| {
+        retraced.gradient(&upstream, &hierarchy)
+    }));
+    Ok(renderer.image(replay(parameters, mean, retrace), &found))
 }
+
+/// What the backward pass of a replay needs.
+struct Retraced {
+    scene: Scene,
+    camera: Camera,
+    options: RenderOptions,
+    pixels: Option<Arc<Vec<u32>>>,
+    parameters: Tensor<1>,
+}
+
+impl Retraced {
+    /// The gradient of the parameters from that of the means `[C, pixels]`.
+    fn gradient(&self, upstream: &TensorData, hierarchy: &Option<Arc<Hierarchy>>) -> TensorData {
+        let count = self.parameters.dims()[0];
+        let dtype = self.parameters.dtype();
+        let shape = upstream.shape().clone();
+        let (channels, pixels) = (shape[0], shape[1]);
+        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
+        let per_sample = f64::from(self.options.samples).recip();
+        let of_tile = |tile: &Tile| -> Result<Vec<f64>> {
+            let leaf = self.parameters.clone().autodiff().require_grad();
+            let (mut scene, mut camera) = (self.scene.clone(), self.camera.clone());
+            let mut replace = Replace {
+                parameters: leaf.clone(),
+                next: 0,
+            };
+            visit_tensors(&mut scene, &mut camera, &mut replace);
+            let flattened = Flattened::new(&scene, &camera, self.options.bounds)?;
+            let pixels_of = self.pixels.clone();
+            let renderer = Renderer::new(
+                &flattened,
+                &camera,
+                &self.options,
+                pixels_of,
+                hierarchy.clone(),
+            )?;
+            let sums = renderer.tile(tile)?.sums;
+            if !sums.is_tracked() {
+                return Ok(vec![0.0; count]);
+            }
+            let weights: Vec<f64> = (0..channels)
+                .flat_map(|c| {
+                    let row = &upstream[c * pixels..(c + 1) * pixels];
+                    row[tile.first..tile.first + tile.pixels].iter().copied()
+                })
+                .map(|w| w * per_sample)
+                .collect();
+            let weights = flattened.context.tensor(&weights, sums.dims());
+            let gradients = (sums * weights).sum().backward();
+            match leaf.grad(&gradients) {
+                Some(g) => host_values(&g),
+                None => Ok(vec![0.0; count]),
+            }
+        };
+        // A tape is as long as its paths.
+        let rays = REPLAYED_RAYS / (self.options.bounces as usize + 1);
+        let tiles = tiles(&self.options, pixels, rays.max(256));
+        let parts = if is_cpu(&self.parameters.device()) {
+            tiles.par_iter().map(of_tile).collect::<Result<Vec<_>>>()
+        } else {
+            tiles.iter().map(of_tile).collect()
+        };
+        // A backward pass can't return an error, and what could fail went well in the forward pass.
+        let parts = parts.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
+        let mut sum = vec![0.0; count];
+        for part in parts {
+            sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
+        }
+        TensorData::new(sum, [count]).convert_dtype(dtype)
+    }
+}
+
+/// Surfaces of the paths of a tile that keeps a tape.
+const REPLAYED_RAYS: usize = 1 << 14;
 
 struct Renderer<'a> {
     scene: &'a Flattened,
@@ -61,6 +183,16 @@ struct Renderer<'a> {
     sampler: Sampler,
     settings: PathSettings,
     sparse: Option<Sparse>,
+    /// The pixels to render, where that is not all.
+    pixels: Option<Arc<Vec<u32>>>,
+    /// Whether to leave the camera's tape out as well.
+    forward_only: bool,
+}
+
+/// What a render found beside its image.
+struct Found {
+    census: Census,
+    diagnostics: Option<Diagnostics>,
 }
 
 /// Pixels `first..first + pixels` with samples `from..to`.
@@ -79,8 +211,44 @@ struct TileSums {
     diagnostics: Option<Diagnostics>,
 }
 
-impl Renderer<'_> {
-    fn render(&self) -> Result<Image> {
+impl<'a> Renderer<'a> {
+    fn new(
+        scene: &'a Flattened,
+        camera: &'a Camera,
+        options: &'a RenderOptions,
+        pixels: Option<Arc<Vec<u32>>>,
+        hierarchy: Option<Arc<Hierarchy>>,
+    ) -> Result<Self> {
+        // The soft order in depth and diagnostics are there in tensors only, and GPUs do without
+        // the host.
+        let soft = matches!(options.visibility, Visibility::LayeredSoft { .. });
+        let dense =
+            options.brute_force || options.diagnostics || soft || !is_cpu(&scene.context.device);
+        let sparse = match hierarchy {
+            _ if dense => None,
+            Some(hierarchy) => Some(Sparse::with(&scene.triangles, hierarchy, options.cutoff)),
+            None => Some(Sparse::new(&scene.triangles, options.cutoff)?),
+        };
+        Ok(Self {
+            scene,
+            camera,
+            options,
+            sampler: Sampler::new(options.seed),
+            settings: PathSettings {
+                sigma: options.sigma / (scene.unit * scene.unit),
+                visibility: options.visibility,
+                diagnostics: options.diagnostics,
+                bounces: options.bounces,
+                roulette_after: options.roulette_after,
+            },
+            sparse,
+            pixels,
+            forward_only: false,
+        })
+    }
+
+    /// Means over samples `[C, pixels]`.
+    fn render(&self) -> Result<(Tensor<2>, Found)> {
         let tiles = self.tiles();
         let done = AtomicUsize::new(0);
         let run = |tile: &Tile| {
@@ -118,47 +286,36 @@ impl Renderer<'_> {
         }
         // Not a division: its backward pass rounds 1/n to f32.
         let mean = Tensor::cat(columns, 1) * f64::from(self.options.samples).recip();
-        let mut image = self.image(mean, &census);
-        image.diagnostics = diagnostics;
-        Ok(image)
+        let found = Found {
+            census,
+            diagnostics,
+        };
+        Ok((mean, found))
     }
 
     fn tiles(&self) -> Vec<Tile> {
         let triangles = self.scene.triangles.len();
-        let pixels = self.options.width * self.options.height;
-        let samples = self.options.samples as usize;
         let pairs = if is_cpu(&self.scene.context.device) {
             1 << 18
         } else {
             1 << 23
         };
-        let rays = self
-            .options
-            .rays_per_tile
-            .unwrap_or(if self.sparse.is_some() {
-                1 << 13
-            } else {
-                (pairs / triangles).clamp(128, 1 << 17)
-            });
-        let per_tile = (rays / samples).max(1);
-        let samples_per_tile = rays.min(samples);
-        let mut tiles = Vec::new();
-        for first in (0..pixels).step_by(per_tile) {
-            for from in (0..samples).step_by(samples_per_tile) {
-                tiles.push(Tile {
-                    first,
-                    pixels: per_tile.min(pixels - first),
-                    from: from as u32,
-                    to: (from + samples_per_tile).min(samples) as u32,
-                });
-            }
-        }
-        tiles
+        let rays = if self.sparse.is_some() {
+            1 << 13
+        } else {
+            (pairs / triangles).clamp(128, 1 << 17)
+        };
+        let pixels = self.pixels.as_ref().map_or_else(
+            || self.options.width * self.options.height,
+            |pixels| pixels.len(),
+        );
+        tiles(self.options, pixels, rays)
     }
 
     fn tile(&self, tile: &Tile) -> Result<TileSums> {
         let paths: Vec<(u32, u32)> = (tile.first..tile.first + tile.pixels)
-            .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel as u32, sample)))
+            .map(|i| self.pixels.as_ref().map_or(i as u32, |pixels| pixels[i]))
+            .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel, sample)))
             .collect();
         let rays = self.camera_rays(&paths);
         let samples = (tile.to - tile.from) as usize;
@@ -227,6 +384,11 @@ impl Renderer<'_> {
             &film,
             disk.as_ref(),
         );
+        let (origin, direction) = if self.forward_only {
+            (origin.plain(), direction.plain())
+        } else {
+            (origin, direction)
+        };
         Rays {
             origin,
             direction,
@@ -235,6 +397,26 @@ impl Renderer<'_> {
             arrival: None,
         }
     }
+}
+
+/// Pixels in pieces of about so many rays.
+fn tiles(options: &RenderOptions, pixels: usize, rays: usize) -> Vec<Tile> {
+    let samples = options.samples as usize;
+    let rays = options.rays_per_tile.unwrap_or(rays);
+    let per_tile = (rays / samples).max(1);
+    let samples_per_tile = rays.min(samples);
+    let mut tiles = Vec::new();
+    for first in (0..pixels).step_by(per_tile) {
+        for from in (0..samples).step_by(samples_per_tile) {
+            tiles.push(Tile {
+                first,
+                pixels: per_tile.min(pixels - first),
+                from: from as u32,
+                to: (from + samples_per_tile).min(samples) as u32,
+            });
+        }
+    }
+    tiles
 }
 
 /// Whether tiles of rays gain from several host threads.

@@ -26,6 +26,7 @@ pub struct RenderOptions {
     pub(super) outputs: Outputs,
     pub(super) diagnostics: bool,
     pub(super) brute_force: bool,
+    pub(super) replay: bool,
     pub(super) cutoff: f64,
     pub(super) progress: Option<Progress>,
 }
@@ -55,6 +56,7 @@ impl fmt::Debug for RenderOptions {
             .field("outputs", &self.outputs)
             .field("diagnostics", &self.diagnostics)
             .field("brute_force", &self.brute_force)
+            .field("replay", &self.replay)
             .field("cutoff", &self.cutoff)
             .finish_non_exhaustive()
     }
@@ -78,6 +80,7 @@ impl RenderOptions {
             outputs: Outputs::default(),
             diagnostics: false,
             brute_force: false,
+            replay: false,
             cutoff: 1e-4,
             progress: None,
         }
@@ -185,6 +188,14 @@ impl RenderOptions {
     /// Asks every triangle for every ray, in tensors: the specification, slow. GPUs do this anyway.
     pub fn brute_force(mut self) -> Self {
         self.brute_force = true;
+        self
+    }
+
+    /// Keeps no tape of the paths: the image is one node of the graph, and its backward pass traces
+    /// them again, tile by tile, on all cores. Memory then does not grow with samples, bounces or
+    /// pixels; the forward pass is done twice.
+    pub fn replay(mut self) -> Self {
+        self.replay = true;
         self
     }
 

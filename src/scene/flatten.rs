@@ -178,6 +178,53 @@ impl Flattened {
         })
     }
 
+    /// Without tape.
+    pub(crate) fn plain(self) -> Self {
+        let column = |t: &Tensor<2>| crate::geometry::plain(t);
+        let vertices = |v: &VertexData| VertexData {
+            a: v.a.plain(),
+            b: v.b.plain(),
+            c: v.c.plain(),
+        };
+        let albedos = |a: &Albedos| Albedos {
+            constant: a.constant.plain(),
+            texture: a.texture.clone(),
+            atlas: a.atlas.as_ref().map(Vec3::plain),
+        };
+        let t = &self.triangles;
+        let triangles = Triangles {
+            corners: vertices(&t.corners),
+            normal: t.normal.plain(),
+            u: t.u.plain(),
+            v: t.v.plain(),
+            plane: column(&t.plane),
+            a_u: column(&t.a_u),
+            a_v: column(&t.a_v),
+            base: column(&t.base),
+            apex_u: column(&t.apex_u),
+            apex_v: column(&t.apex_v),
+            area: column(&t.area),
+            valid: t.valid.clone(),
+            velocity: t.velocity.as_ref().map(Vec3::plain),
+        };
+        let m = &self.materials;
+        let materials = Materials {
+            diffuse: albedos(&m.diffuse),
+            specular: m.specular.as_ref().map(|(s, n)| (albedos(s), column(n))),
+            emission: m.emission.plain(),
+            reflects: m.reflects.clone(),
+            emits: m.emits.clone(),
+        };
+        Self {
+            triangles,
+            materials,
+            uvs: self.uvs.as_ref().map(vertices),
+            normals: self.normals.as_ref().map(|(n, s)| (vertices(n), s.clone())),
+            environment: self.environment.as_ref().map(Vec3::plain),
+            ..self
+        }
+    }
+
     /// The radius of the bounds in units of `unit`.
     pub fn radius(&self) -> f64 {
         self.bounds.radius / self.unit

@@ -8,6 +8,7 @@ mod mesh;
 mod object;
 mod parameter;
 pub mod shapes;
+mod tensors;
 mod transform;
 
 pub use camera::Camera;
@@ -16,6 +17,7 @@ pub use material::{Albedo, Material, Wrap};
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
 pub use parameter::Parameter;
+pub(crate) use tensors::{Collect, Replace, visit_tensors};
 pub use transform::Transform;
 
 /// A scene: objects and a constant environment.

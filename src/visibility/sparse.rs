@@ -3,6 +3,8 @@
 //! term: Σ coefficient·(vertex, origin, direction, velocity). The tensor program in the rest of this
 //! folder is the specification.
 
+use std::sync::Arc;
+
 use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -15,7 +17,7 @@ use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, plain};
 
 /// What the rays of a scene are traced with.
 pub struct Sparse {
-    hierarchy: Hierarchy,
+    hierarchy: Arc<Hierarchy>,
     /// Corner coordinates a.x … c.z of each triangle `[T, 9]`, in the graph where they are.
     corners: Tensor<2>,
     /// Velocities `[T, 3]`, if anything moves.
@@ -130,10 +132,7 @@ impl Sparse {
     /// # Errors
     /// If they can't be read back.
     pub fn new(triangles: &Triangles, cutoff: f64) -> Result<Self> {
-        let c = &triangles.corners;
-        let columns = [&c.a, &c.b, &c.c].map(Vec3::columns);
-        let corners = Tensor::cat(columns.to_vec(), 1);
-        let velocity = triangles.velocity.as_ref().map(Vec3::columns);
+        let (corners, velocity) = tables(triangles);
         let host = host_values(&corners)?;
         let moved = velocity.as_ref().map(host_values).transpose()?;
         let valid = host_values(&triangles.valid.clone().float())?;
@@ -148,11 +147,27 @@ impl Sparse {
             })
             .collect();
         Ok(Self {
-            hierarchy: Hierarchy::new(list),
+            hierarchy: Arc::new(Hierarchy::new(list)),
             corners,
             velocity,
             cutoff,
         })
+    }
+
+    /// The same triangles in another graph.
+    pub fn with(triangles: &Triangles, hierarchy: Arc<Hierarchy>, cutoff: f64) -> Self {
+        let (corners, velocity) = tables(triangles);
+        Self {
+            hierarchy,
+            corners,
+            velocity,
+            cutoff,
+        }
+    }
+
+    /// The triangles and their boxes.
+    pub fn hierarchy(&self) -> Arc<Hierarchy> {
+        self.hierarchy.clone()
     }
 
     /// The surfaces that a ray meets, unordered, and how many were asked.
@@ -447,6 +462,14 @@ impl Sparse {
         };
         Ok((value, offered))
     }
+}
+
+/// Corner coordinates `[T, 9]` and velocities `[T, 3]`.
+fn tables(triangles: &Triangles) -> (Tensor<2>, Option<Tensor<2>>) {
+    let c = &triangles.corners;
+    let columns = [&c.a, &c.b, &c.c].map(Vec3::columns);
+    let velocity = triangles.velocity.as_ref().map(Vec3::columns);
+    (Tensor::cat(columns.to_vec(), 1), velocity)
 }
 
 /// What `meet` needs beside a ray.
