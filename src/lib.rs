@@ -43,6 +43,7 @@ pub use optim::loss;
 pub mod prelude {
     pub use burn::tensor::{Device, Tensor};
 
+    pub use crate::accel::HierarchyCache;
     pub use crate::io::{HostImage, SceneFile};
     pub use crate::render::{
         Diagnostics, Image, Progress, RenderOptions, Statistics, render, render_pixels,

@@ -121,3 +121,119 @@ fn the_cutoff_bounds_the_error() {
         }
     }
 }
+
+/// Boxes fitted to triangles that moved find what new ones find; what moved too far, or has other
+/// faces, is built anew.
+#[test]
+fn boxes_are_fitted_while_little_moves() {
+    let device = Device::flex();
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
+    let cache = HierarchyCache::default();
+    let options = RenderOptions::new(16, 16).samples(2).bounces(1).sigma(1e-3);
+    let cached = options.clone().cache(&cache);
+    let at = |mesh: Mesh| {
+        let scene = Scene::new().with(Object::new(mesh)).environment([1.0; 3]);
+        let image = |o: &RenderOptions| render(&scene, &camera, o).expect("an image");
+        let (found, expected) = (image(&cached), image(&options));
+        assert_eq!(
+            common::values(&found.radiance),
+            common::values(&expected.radiance)
+        );
+    };
+    let ball = |n| shapes::icosphere(n, &device);
+    let stretched = |factor: f32| {
+        let m = ball(2);
+        let scale = Tensor::<2>::from_floats([[factor, 1.0, 1.0]], &device);
+        let vertices = m.vertices.clone() * scale;
+        m.with_vertices(vertices)
+    };
+    at(ball(2));
+    assert_eq!(cache.counts(), [1, 0]);
+    for i in 1..5 {
+        at(stretched(1.0 + 0.02 * i as f32));
+        assert_eq!(cache.counts(), [1, i]);
+    }
+    // Vertices dealt at random: the old tree is useless.
+    let m = ball(2);
+    let count = m.vertices.dims()[0] as i32;
+    let order: Vec<i32> = (0..count).map(|i| (i * 61) % count).collect();
+    let order = Tensor::<1, burn::tensor::Int>::from_ints(order.as_slice(), &device);
+    let shuffled = m.vertices.clone().select(0, order);
+    at(m.with_vertices(shuffled));
+    assert_eq!(cache.counts(), [2, 4]);
+    at(ball(1));
+    assert_eq!(cache.counts(), [3, 4]);
+}
+
+/// Work that cannot matter is not done.
+#[test]
+fn what_a_scene_does_not_need_is_skipped() {
+    let device = Device::flex();
+    let run = |scene: &Scene, bounces| {
+        let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(60.0);
+        let options = RenderOptions::new(32, 32)
+            .samples(4)
+            .bounces(bounces)
+            .sigma(1e-4);
+        render(scene, &camera, &options)
+            .expect("an image")
+            .statistics
+    };
+    let camera_rays = 32 * 32 * 4;
+    let ball = || Object::new(shapes::icosphere(2, &device)).material(Material::diffuse([0.5; 3]));
+    // Without light nothing leaves the first surface.
+    assert_eq!(run(&Scene::new().with(ball()), 5).rays, camera_rays);
+    // Under a sky rays that miss end: a ball seen from outside is left after one bounce.
+    let sky = Scene::new().with(ball()).environment([1.0; 3]);
+    let found = run(&sky, 5);
+    assert!(found.rays < 2 * camera_rays, "{found:?}");
+    // Surfaces that reflect nothing end a path.
+    let black = Object::new(shapes::icosphere(2, &device)).material(Material::diffuse([0.0; 3]));
+    assert_eq!(
+        run(&Scene::new().with(black).environment([1.0; 3]), 5).rays,
+        camera_rays
+    );
+    // A light that shines away from all: no shadow ray.
+    let lamp = |up: bool| {
+        let mut corners = [
+            [-0.5, 0.0, 1.5],
+            [0.5, 0.0, 1.5],
+            [0.5, 0.5, 1.5],
+            [-0.5, 0.5, 1.5],
+        ];
+        if up {
+            corners.reverse();
+        }
+        let [a, b, c, d] = corners;
+        Object::new(shapes::quad(a, b, c, d, &device)).material(Material::emitter([1.0; 3]))
+    };
+    let away = run(&Scene::new().with(ball()).with(lamp(false)), 0);
+    assert_eq!(away.rays, camera_rays);
+    let towards = run(&Scene::new().with(ball()).with(lamp(true)), 0);
+    assert!(towards.rays > camera_rays, "{towards:?}");
+    // Few of the triangles are asked, and fewer matter.
+    assert!(found.tested < 40 * found.rays, "{found:?}");
+    assert!(
+        found.surfaces[0] < 2.0 && found.surfaces[2] < 20.0,
+        "{found:?}"
+    );
+}
+
+/// Constants record no tape, whatever else is in the graph.
+#[test]
+fn a_constant_scene_leaves_nothing_behind() {
+    let device = Device::flex();
+    let scene = Scene::new()
+        .with(Object::new(shapes::icosphere(1, &device)))
+        .environment([1.0; 3]);
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
+    let options = RenderOptions::new(8, 8).samples(2);
+    for options in [
+        options.clone(),
+        options.clone().replay(),
+        options.brute_force(),
+    ] {
+        let image = render(&scene, &camera, &options).expect("an image");
+        assert!(!image.radiance.is_tracked());
+    }
+}

@@ -1,3 +1,6 @@
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -12,6 +15,67 @@ pub struct Hierarchy {
     /// The triangles, in the scene's order.
     pub triangles: Vec<HostTriangle>,
     nodes: Option<Bvh2>,
+    /// Σ half areas of the boxes, now and when they were built.
+    cost: [f64; 2],
+}
+
+/// A hierarchy kept from render to render: its boxes are fitted to triangles that moved, and built
+/// anew when they have grown by half, or there are other triangles.
+#[derive(Clone, Default)]
+pub struct HierarchyCache(Arc<Mutex<Cached>>);
+
+#[derive(Default)]
+struct Cached {
+    last: Option<Arc<Hierarchy>>,
+    builds: u64,
+    fits: u64,
+}
+
+impl HierarchyCache {
+    /// How often boxes were built and fitted.
+    pub fn counts(&self) -> [u64; 2] {
+        let cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        [cached.builds, cached.fits]
+    }
+
+    /// A hierarchy of these triangles.
+    pub(crate) fn take(&self, triangles: Vec<HostTriangle>) -> Arc<Hierarchy> {
+        let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let old = cached.last.as_ref();
+        let old = old.filter(|h| h.has_boxes() && h.triangles.len() == triangles.len());
+        let fitted = old.map(|h| h.fitted(&triangles));
+        let hierarchy = match fitted {
+            Some((nodes, cost)) if cost[0] <= 1.5 * cost[1] => {
+                cached.fits += 1;
+                Hierarchy {
+                    triangles,
+                    nodes: Some(nodes),
+                    cost,
+                }
+            }
+            _ => {
+                cached.builds += 1;
+                Hierarchy::new(triangles)
+            }
+        };
+        let hierarchy = Arc::new(hierarchy);
+        cached.last = Some(hierarchy.clone());
+        hierarchy
+    }
+}
+
+impl fmt::Debug for HierarchyCache {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "HierarchyCache({:?})", self.counts())
+    }
+}
+
+fn cost(nodes: &Bvh2) -> f64 {
+    nodes
+        .nodes
+        .iter()
+        .map(|n| f64::from(n.aabb().half_area()))
+        .sum()
 }
 
 /// Up to here each triangle is asked: on the Cornell box (32) the hierarchy is slower.
@@ -33,7 +97,28 @@ impl Hierarchy {
             let mut time = std::time::Duration::ZERO;
             build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut time)
         });
-        Self { triangles, nodes }
+        let cost = nodes.as_ref().map_or(0.0, cost);
+        Self {
+            triangles,
+            nodes,
+            cost: [cost; 2],
+        }
+    }
+
+    /// The same tree with boxes about other triangles, and its cost.
+    fn fitted(&self, triangles: &[HostTriangle]) -> (Bvh2, [f64; 2]) {
+        let mut nodes = self.nodes.clone().unwrap_or_default();
+        let primitives = std::mem::take(&mut nodes.primitive_indices);
+        for node in nodes.nodes.iter_mut().filter(|n| n.is_leaf()) {
+            let first = node.first_index as usize;
+            let list = &primitives[first..first + node.prim_count as usize];
+            let boxes = list.iter().map(|&k| swept(&triangles[k as usize]).0);
+            node.set_aabb(boxes.fold(Aabb::INVALID, |a, b| a.union(&b)));
+        }
+        nodes.primitive_indices = primitives;
+        nodes.refit_all();
+        let now = cost(&nodes);
+        (nodes, [now, self.cost[1]])
     }
 
     /// Whether boxes were built.

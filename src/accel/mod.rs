@@ -4,5 +4,5 @@
 mod hierarchy;
 mod triangle;
 
-pub use hierarchy::Hierarchy;
+pub use hierarchy::{Hierarchy, HierarchyCache};
 pub use triangle::{HostTriangle, PlaneHit};

@@ -227,7 +227,10 @@ impl<'a> Renderer<'a> {
         let sparse = match hierarchy {
             _ if dense => None,
             Some(hierarchy) => Some(Sparse::with(&scene.triangles, hierarchy, options.cutoff)),
-            None => Some(Sparse::new(&scene.triangles, options.cutoff)?),
+            None => {
+                let cache = options.cache.as_ref();
+                Some(Sparse::new(&scene.triangles, options.cutoff, cache)?)
+            }
         };
         Ok(Self {
             scene,

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use crate::accel::HierarchyCache;
 use crate::error::{Error, Result};
 use crate::scene::Bounds;
 use crate::visibility::Visibility;
@@ -27,6 +28,7 @@ pub struct RenderOptions {
     pub(super) diagnostics: bool,
     pub(super) brute_force: bool,
     pub(super) replay: bool,
+    pub(super) cache: Option<HierarchyCache>,
     pub(super) cutoff: f64,
     pub(super) progress: Option<Progress>,
 }
@@ -57,6 +59,7 @@ impl fmt::Debug for RenderOptions {
             .field("diagnostics", &self.diagnostics)
             .field("brute_force", &self.brute_force)
             .field("replay", &self.replay)
+            .field("cache", &self.cache)
             .field("cutoff", &self.cutoff)
             .finish_non_exhaustive()
     }
@@ -81,6 +84,7 @@ impl RenderOptions {
             diagnostics: false,
             brute_force: false,
             replay: false,
+            cache: None,
             cutoff: 1e-4,
             progress: None,
         }
@@ -196,6 +200,13 @@ impl RenderOptions {
     /// pixels; the forward pass is done twice.
     pub fn replay(mut self) -> Self {
         self.replay = true;
+        self
+    }
+
+    /// Keeps the hierarchy of boxes from render to render: while the same triangles move a little it
+    /// is fitted, not built.
+    pub fn cache(mut self, cache: &HierarchyCache) -> Self {
+        self.cache = Some(cache.clone());
         self
     }
 

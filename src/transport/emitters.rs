@@ -148,10 +148,18 @@ pub(crate) fn connect(
         departure: Some(points.triangle.clone()),
         arrival: Some((emitter, plain(&distance))),
     };
-    let passed = tracer.transmittance(&rays)?;
+    // Where the light or the surface faces away, or the surface reflects nothing there, nothing
+    // arrives whatever is in between.
+    let reflected = scattered(points, incoming, &rays.direction);
+    let needed = if tracer.sparse.is_some() {
+        let sum = plain(&reflected.x) + plain(&reflected.y) + plain(&reflected.z);
+        let needed = host_values(&(sum.abs() * plain(&facing)))?;
+        needed.iter().map(|&v| v != 0.0).collect()
+    } else {
+        vec![true; paths.len()]
+    };
+    let passed = tracer.transmittance(&rays, &needed)?;
     let geometry = facing / squared * area * passed * count as f64;
     let light = emission.scale(&geometry);
-    Ok(Some(
-        scattered(points, incoming, &rays.direction).mul(&light),
-    ))
+    Ok(Some(reflected.mul(&light)))
 }

@@ -181,17 +181,19 @@ impl<'a> Tracer<'a> {
     }
 
     /// The share of light that arrives along shadow rays.
-    pub(crate) fn transmittance(&self, rays: &Rays) -> Result<Tensor<2>> {
+    pub(crate) fn transmittance(&self, rays: &Rays, needed: &[bool]) -> Result<Tensor<2>> {
         let (context, topology) = (&self.scene.context, &self.scene.topology);
-        self.census.borrow_mut().rays += rays.len() as u64;
         let form = self.settings.visibility;
         if let Some(sparse) = self.sparse {
             let settings = self.coverage_settings();
             let (passed, offered) =
-                sparse.transmittance(context, topology, rays, &settings, form)?;
-            self.census.borrow_mut().tested += offered;
+                sparse.transmittance(context, topology, rays, &settings, form, needed)?;
+            let mut census = self.census.borrow_mut();
+            census.tested += offered;
+            census.rays += needed.iter().filter(|&&n| n).count() as u64;
             return Ok(passed);
         }
+        self.census.borrow_mut().rays += rays.len() as u64;
         Ok(form.transmittance(context, topology, &self.coverage(rays)))
     }
 }
@@ -240,6 +242,9 @@ pub(crate) fn trace<'a>(
             first = Some(weights);
         }
 
+        if scene.emitters.is_empty() && scene.environment.is_none() {
+            break;
+        }
         // Who drew the background sees the environment, and is done. Camera rays have seen it.
         let triangles = scene.triangles.len() as u32;
         let is_surface = |i: &usize| drawn[*i] < triangles;

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::edge::grazing;
 use super::{CoverageSettings, DepthRange, Rays, Visibility};
-use crate::accel::Hierarchy;
+use crate::accel::{Hierarchy, HierarchyCache};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, plain};
 
@@ -127,11 +127,11 @@ struct Terms {
 }
 
 impl Sparse {
-    /// Reads the triangles back and builds boxes over them.
+    /// Reads the triangles back and builds boxes over them, or fits those of a cache.
     ///
     /// # Errors
     /// If they can't be read back.
-    pub fn new(triangles: &Triangles, cutoff: f64) -> Result<Self> {
+    pub fn new(triangles: &Triangles, cutoff: f64, cache: Option<&HierarchyCache>) -> Result<Self> {
         let (corners, velocity) = tables(triangles);
         let host = host_values(&corners)?;
         let moved = velocity.as_ref().map(host_values).transpose()?;
@@ -147,7 +147,10 @@ impl Sparse {
             })
             .collect();
         Ok(Self {
-            hierarchy: Arc::new(Hierarchy::new(list)),
+            hierarchy: match cache {
+                Some(cache) => cache.take(list),
+                None => Arc::new(Hierarchy::new(list)),
+            },
             corners,
             velocity,
             cutoff,
@@ -402,7 +405,8 @@ impl Sparse {
     }
 
     /// The share of light that arrives along shadow rays `[1, N]`, in the graph if a gradient can
-    /// flow; and how many candidates the hierarchy offered.
+    /// flow; and how many candidates the hierarchy offered. Rays that are not needed are not traced:
+    /// 0.
     ///
     /// # Errors
     /// If rays can't be read back.
@@ -413,6 +417,7 @@ impl Sparse {
         rays: &Rays,
         settings: &CoverageSettings,
         form: Visibility,
+        needed: &[bool],
     ) -> Result<(Tensor<2>, u64)> {
         let host = HostRays::new(rays)?;
         let n = host.origin.len();
@@ -428,6 +433,11 @@ impl Sparse {
                 let mut by_p = Vec::new();
                 for i in range {
                     found.clear();
+                    if !needed[i] {
+                        values.push(0.0);
+                        terms.begin_ray();
+                        continue;
+                    }
                     let at = |list: &Option<Vec<u32>>| list.as_ref().map(|d| d[i]);
                     let emitter = rays.arrival.as_ref().and_then(|(e, _)| e.get(i).copied());
                     let marked = (at(&rays.departure), emitter);
@@ -438,8 +448,8 @@ impl Sparse {
                         through_layers(&mut found, &mut by_p, epsilon)
                     };
                     values.push(value);
+                    terms.begin_ray();
                     if tracked {
-                        terms.begin_ray();
                         for (s, g) in found.iter().zip(&by_p) {
                             terms.add(self, &host, i, s, g * s.slope, g * s.slope_t, self.cutoff);
                         }
