@@ -187,6 +187,9 @@ fn what_a_scene_does_not_need_is_skipped() {
     let sky = Scene::new().with(ball()).environment([1.0; 3]);
     let found = run(&sky, 5);
     assert!(found.rays < 2 * camera_rays, "{found:?}");
+    assert_eq!(found.bounces[0], camera_rays);
+    assert!(found.bounces.windows(2).all(|b| b[1] < b[0]), "{found:?}");
+    assert_eq!(found.taped_pairs, 0);
     // Surfaces that reflect nothing end a path.
     let black = Object::new(shapes::icosphere(2, &device)).material(Material::diffuse([0.0; 3]));
     assert_eq!(

@@ -6,10 +6,11 @@ use super::{Found, Renderer};
 use crate::error::Result;
 use crate::geometry::{Vec3, host_values, plain};
 use crate::transport::{Census, Diagnostics, Radiance, RayWeights};
-use crate::visibility::SparseWeights;
+use crate::visibility::{Sparse, SparseWeights};
 
 /// What a render cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Statistics {
     /// Camera, bounce and shadow rays.
     pub rays: u64,
@@ -18,10 +19,15 @@ pub struct Statistics {
     /// How many surfaces matter to a camera or bounce ray: mean, 99th percentile and most. 0 where
     /// all triangles are asked in tensors.
     pub surfaces: [f64; 3],
+    /// Paths that looked for their next surface, by bounce: how many survived so far.
+    pub bounces: Vec<u64>,
+    /// Pairs of ray and triangle whose derivatives went into the graph (11 numbers each); 0 where
+    /// all triangles are asked in tensors, or the render is a replay.
+    pub taped_pairs: u64,
 }
 
 impl Statistics {
-    pub(super) fn new(census: &Census) -> Self {
+    pub(super) fn new(census: &Census, taped_pairs: u64) -> Self {
         let total: u64 = census.surfaces.iter().sum();
         let pairs = census.surfaces.iter().enumerate();
         let sum: u64 = pairs.clone().map(|(k, n)| k as u64 * n).sum();
@@ -41,6 +47,8 @@ impl Statistics {
                 percentile.map_or(0.0, |(k, _)| k as f64),
                 most as f64,
             ],
+            bounces: census.bounces.clone(),
+            taped_pairs,
         }
     }
 }
@@ -197,7 +205,10 @@ impl Renderer<'_> {
             depth,
             normals,
             object_ids,
-            statistics: Statistics::new(&found.census),
+            statistics: Statistics::new(
+                &found.census,
+                self.sparse.as_ref().map_or(0, Sparse::taped),
+            ),
             diagnostics: found.diagnostics.clone(),
         }
     }

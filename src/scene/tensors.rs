@@ -29,10 +29,9 @@ pub(crate) trait Visit {
 pub(crate) fn visit_tensors(scene: &mut Scene, camera: &mut Camera, visit: &mut impl Visit) {
     for object in &mut scene.objects {
         visit.visit(&mut object.mesh.vertices);
-        for attribute in [&mut object.mesh.uvs, &mut object.mesh.normals] {
-            if let Some(attribute) = attribute {
-                visit.visit(&mut attribute.values);
-            }
+        let mesh = &mut object.mesh;
+        for attribute in [&mut mesh.uvs, &mut mesh.normals].into_iter().flatten() {
+            visit.visit(&mut attribute.values);
         }
         for material in &mut object.materials {
             visit.albedo(&mut material.diffuse);

@@ -83,6 +83,8 @@ pub(crate) struct Census {
     pub rays: u64,
     /// Triangles asked, ray by ray.
     pub tested: u64,
+    /// Rays that looked for their next surface, by bounce.
+    pub bounces: Vec<u64>,
     /// How many camera and bounce rays met how many surfaces that matter.
     pub surfaces: Vec<u64>,
 }
@@ -92,10 +94,12 @@ impl Census {
     pub fn merge(&mut self, other: &Self) {
         self.rays += other.rays;
         self.tested += other.tested;
-        let len = self.surfaces.len().max(other.surfaces.len());
-        self.surfaces.resize(len, 0);
-        for (a, b) in self.surfaces.iter_mut().zip(&other.surfaces) {
-            *a += b;
+        for (own, other) in [
+            (&mut self.surfaces, &other.surfaces),
+            (&mut self.bounces, &other.bounces),
+        ] {
+            own.resize(own.len().max(other.len()), 0);
+            own.iter_mut().zip(other).for_each(|(a, b)| *a += b);
         }
     }
 }
@@ -230,6 +234,7 @@ pub(crate) fn trace<'a>(
 
     for bounce in 0..=settings.bounces {
         let weights = tracer.weights(&rays)?;
+        tracer.census.borrow_mut().bounces.push(paths.len() as u64);
         let random = sampler.uniform(&paths, bounce, Dimension::Surface);
         let drawn = weights.draw(context, &random)?;
         if let Some(ratio) = weights.ratio(context, &drawn) {

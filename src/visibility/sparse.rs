@@ -4,6 +4,7 @@
 //! folder is the specification.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
 use glam::DVec3;
@@ -22,6 +23,8 @@ pub struct Sparse {
     corners: Tensor<2>,
     /// Velocities `[T, 3]`, if anything moves.
     velocity: Option<Tensor<2>>,
+    /// Pairs of ray and triangle whose derivatives went into the graph.
+    taped: AtomicU64,
     /// Triangles of smaller opacity, and what lies behind more than 1 − cutoff, are left out.
     cutoff: f64,
 }
@@ -153,8 +156,14 @@ impl Sparse {
             },
             corners,
             velocity,
+            taped: AtomicU64::new(0),
             cutoff,
         })
+    }
+
+    /// How many pairs of ray and triangle went into the graph with their derivatives.
+    pub fn taped(&self) -> u64 {
+        self.taped.load(Ordering::Relaxed)
     }
 
     /// The same triangles in another graph.
@@ -164,6 +173,7 @@ impl Sparse {
             hierarchy,
             corners,
             velocity,
+            taped: AtomicU64::new(0),
             cutoff,
         }
     }
@@ -331,7 +341,6 @@ impl Sparse {
         let depth = |i: usize| far[i] - near[i];
         let finder = self.finder(context, topology, settings, form, false, &depth);
         let n = host.origin.len();
-        let epsilon = context.epsilon();
         let parts: Vec<(Lists<Surface>, Vec<f64>, u64)> = chunks(n)
             .into_par_iter()
             .map(|range| {
@@ -354,7 +363,7 @@ impl Sparse {
                             let score = |s: &Surface| (far[i] - s.t) / depth(i) / gamma;
                             softmax(&mut found, score, epsilon / gamma, self.cutoff)
                         }
-                        _ => layered(&mut found, epsilon),
+                        _ => layered(&mut found),
                     });
                     lists.items.extend_from_slice(&found);
                     lists.starts.push(lists.items.len());
@@ -503,7 +512,7 @@ fn chunks(n: usize) -> Vec<std::ops::Range<usize>> {
 }
 
 /// Sets the weights of surfaces in order of depth; returns that of the background.
-fn layered(found: &mut [Surface], _epsilon: f64) -> f64 {
+fn layered(found: &mut [Surface]) -> f64 {
     let mut passed = 1.0;
     for i in 0..found.len() {
         let layer = found[i].layer;
@@ -591,7 +600,8 @@ impl Terms {
         b: f64,
         least: f64,
     ) {
-        if s.slope < least && b == 0.0 || a == 0.0 && b == 0.0 {
+        let matters = b != 0.0 || (a != 0.0 && s.slope >= least);
+        if !matters {
             return;
         }
         let triangle = &sparse.hierarchy.triangles[s.triangle as usize];
@@ -629,6 +639,7 @@ impl Terms {
     /// A row that is 0 and has these derivatives; None if nothing is in the graph.
     fn row(self, sparse: &Sparse, context: &Context, rays: &Rays, n: usize) -> Option<Tensor<2>> {
         let pairs = self.ray.len();
+        sparse.taped.fetch_add(pairs as u64, Ordering::Relaxed);
         let mut sum: Option<Tensor<2>> = None;
         let mut add = |row: Tensor<2>| {
             sum = Some(match sum.take() {
