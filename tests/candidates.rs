@@ -69,8 +69,12 @@ fn both(world: &World, form: Visibility, sigma: f64, cutoff: f64) -> [Outcome; 2
     })
 }
 
-fn forms() -> [Visibility; 2] {
-    [Visibility::Layered, Visibility::softmax(1e-2)]
+fn forms() -> [Visibility; 3] {
+    [
+        Visibility::Layered,
+        Visibility::softmax(1e-2),
+        Visibility::LayeredSoft { gamma: 0.02 },
+    ]
 }
 
 /// With next to no cutoff both are the same up to rounding: value and every gradient.

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{host_values, plain};
 use crate::scene::{Camera, Collect, Flattened, Replace, Scene, visit_tensors};
 use crate::transport::{Census, Dimension, PathSettings, Sampler, trace};
-use crate::visibility::{Rays, Sparse, Visibility};
+use crate::visibility::{Rays, Sparse};
 
 pub use crate::transport::Diagnostics;
 pub use film::{Image, Statistics};
@@ -219,11 +219,8 @@ impl<'a> Renderer<'a> {
         pixels: Option<Arc<Vec<u32>>>,
         hierarchy: Option<Arc<Hierarchy>>,
     ) -> Result<Self> {
-        // The soft order in depth and diagnostics are there in tensors only, and GPUs do without
-        // the host.
-        let soft = matches!(options.visibility, Visibility::LayeredSoft { .. });
-        let dense =
-            options.brute_force || options.diagnostics || soft || !is_cpu(&scene.context.device);
+        // Diagnostics are there in tensors only, and GPUs do without the host.
+        let dense = options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
         let sparse = match hierarchy {
             _ if dense => None,
             Some(hierarchy) => Some(Sparse::with(&scene.triangles, hierarchy, options.cutoff)),

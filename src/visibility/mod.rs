@@ -10,6 +10,7 @@ mod edge;
 mod layered;
 mod slots;
 mod soft_order;
+mod soft_pairs;
 mod softmax;
 mod sparse;
 mod transmittance;

@@ -54,7 +54,10 @@ pub(super) fn weights(
     let empty = slots.last.clone().neg() + 1.0;
     // ∏ over layers of (1 − min(1, C_ℓ)), each taken at its last slot.
     let passed = |sums: Tensor<2>| {
-        let room = sums.neg().add_scalar(1.0).clamp_min(0.0);
+        // At a seam of one object Σ p is 1 up to rounding: full, without a derivative.
+        let room = sums.neg().add_scalar(1.0);
+        let full = plain(&room).lower_elem(64.0 * context.epsilon());
+        let room = room.mask_fill(full, 0.0);
         let room = room * slots.last.clone() + empty.clone();
         (1..k).fold(row(&room, 0), |passed, i| passed * row(&room, i))
     };

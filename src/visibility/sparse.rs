@@ -11,6 +11,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::edge::grazing;
+use super::soft_pairs::{Soft, SoftRay};
 use super::{CoverageSettings, DepthRange, Rays, Visibility};
 use crate::accel::{Hierarchy, HierarchyCache};
 use crate::error::Result;
@@ -341,6 +342,7 @@ impl Sparse {
         let depth = |i: usize| far[i] - near[i];
         let finder = self.finder(context, topology, settings, form, false, &depth);
         let n = host.origin.len();
+        let full = 64.0 * context.epsilon();
         let parts: Vec<(Lists<Surface>, Vec<f64>, u64)> = chunks(n)
             .into_par_iter()
             .map(|range| {
@@ -363,7 +365,16 @@ impl Sparse {
                             let score = |s: &Surface| (far[i] - s.t) / depth(i) / gamma;
                             softmax(&mut found, score, epsilon / gamma, self.cutoff)
                         }
-                        _ => layered(&mut found),
+                        Visibility::LayeredSoft { gamma } => {
+                            let soft = softened(&found);
+                            let ray = SoftRay::new(&soft.0, soft.1, 1.0 / depth(i) / gamma, full);
+                            let weights: Vec<f64> = ray.weights().collect();
+                            for (s, weight) in found.iter_mut().zip(weights) {
+                                s.weight = weight;
+                            }
+                            ray.background
+                        }
+                        Visibility::Layered => layered(&mut found),
                     });
                     lists.items.extend_from_slice(&found);
                     lists.starts.push(lists.items.len());
@@ -386,8 +397,8 @@ impl Sparse {
             offered += o;
         }
         let gamma = match form {
-            Visibility::Softmax { gamma, .. } => gamma,
-            _ => 1.0,
+            Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => gamma,
+            Visibility::Layered => 1.0,
         };
         let per_depth = (0..n).map(|i| 1.0 / depth(i) / gamma).collect();
         Ok(SparseWeights {
@@ -531,6 +542,25 @@ fn layered(found: &mut [Surface]) -> f64 {
         passed *= 1.0 - taken;
     }
     passed
+}
+
+/// Surfaces for the soft order, and how many layers they have.
+fn softened(found: &[Surface]) -> (Vec<Soft>, usize) {
+    let mut layers: Vec<u32> = Vec::new();
+    let soft = found.iter().map(|s| {
+        let known = layers.iter().position(|&l| l == s.layer);
+        let layer = known.unwrap_or_else(|| {
+            layers.push(s.layer);
+            layers.len() - 1
+        });
+        Soft {
+            layer,
+            t: s.t,
+            p: s.p,
+        }
+    });
+    let soft = soft.collect();
+    (soft, layers.len())
 }
 
 /// Drops surfaces whose weights add up to less than `cutoff`, sets those of the rest, and returns that
@@ -740,13 +770,14 @@ impl SparseWeights<'_> {
             return None;
         }
         let softmax = matches!(self.form, Visibility::Softmax { .. });
+        let soft = matches!(self.form, Visibility::LayeredSoft { .. });
         let epsilon = self.context.epsilon();
         let parts: Vec<(Terms, Vec<f64>)> = chunks(self.len())
             .into_par_iter()
             .map(|range| {
                 let mut terms = Terms::default();
                 let (mut values, mut by_p, mut by_far) = (Vec::new(), Vec::new(), Vec::new());
-                let mut scratch = Vec::new();
+                let (mut scratch, mut by_t) = (Vec::new(), Vec::new());
                 for i in range {
                     terms.begin_ray();
                     let surfaces = self.surfaces.of(i);
@@ -767,6 +798,20 @@ impl SparseWeights<'_> {
                             far += share * self.by_far(i, s.t);
                         }
                         by_far.push(far);
+                    } else if soft {
+                        let list = softened(surfaces);
+                        let ray = SoftRay::new(&list.0, list.1, self.per_depth[i], 64.0 * epsilon);
+                        let by_depth = ray.pull(&values, background, &mut by_p, &mut by_t);
+                        for (k, s) in surfaces.iter().enumerate() {
+                            let (a, b) = (by_p[k] * s.slope, by_p[k] * s.slope_t + by_t[k]);
+                            if a.abs() + b.abs() > 1e-12 {
+                                terms.add(self.sparse, &self.host, i, s, a, b, 0.0);
+                            }
+                        }
+                        // Only inside of the bounds does far − near move, with far.
+                        let depth = self.depth(i);
+                        let inside = 2.0 * self.host.origin[i].length() <= depth;
+                        by_far.push(if inside { -by_depth / depth } else { 0.0 });
                     } else {
                         let background = (background, self.background[i]);
                         pull(
@@ -792,7 +837,7 @@ impl SparseWeights<'_> {
             by_far.extend(f);
         }
         let row = terms.row(self.sparse, &self.context, &self.rays, self.len());
-        let far = match (&self.range.change, softmax) {
+        let far = match (&self.range.change, softmax || soft) {
             (Some(change), true) => Some(change.clone() * self.context.row(&by_far)),
             _ => None,
         };
@@ -802,13 +847,18 @@ impl SparseWeights<'_> {
         }
     }
 
+    /// far − near.
+    fn depth(&self, i: usize) -> f64 {
+        let gamma = match self.form {
+            Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => gamma,
+            Visibility::Layered => 1.0,
+        };
+        1.0 / (self.per_depth[i] * gamma)
+    }
+
     /// ∂z/∂far/γ: outside of the bounds only far − t depends on far, inside its divisor does too.
     fn by_far(&self, i: usize, t: f64) -> f64 {
-        let gamma = match self.form {
-            Visibility::Softmax { gamma, .. } => gamma,
-            _ => return 0.0,
-        };
-        let depth = 1.0 / (self.per_depth[i] * gamma);
+        let depth = self.depth(i);
         let origin = self.host.origin[i].length();
         // near = max(|o| − ρ, 0), far = |o| + ρ.
         let far = if depth >= origin + 1e-12 && 2.0 * origin <= depth {
