@@ -78,8 +78,8 @@ fn cost(nodes: &Bvh2) -> f64 {
         .sum()
 }
 
-/// Up to here each triangle is asked: on the Cornell box (32) the hierarchy is slower.
-const FEW: usize = 24;
+/// Up to here each triangle is asked (`benches/RESULTS.md`).
+const FEW: usize = 4;
 
 struct Swept(Aabb);
 

@@ -5,14 +5,16 @@
 //! contiguous.
 
 mod context;
+mod topology;
 mod triangles;
 mod trigonometry;
 mod vec3;
 
 pub use context::Context;
 pub(crate) use context::{host_values, plain};
+pub use topology::{Neighbours, Topology};
 pub(crate) use triangles::nearest_on_triangle;
-pub use triangles::{Nearest, Topology, Triangles, VertexData};
+pub use triangles::{Nearest, Triangles, VertexData};
 pub(crate) use trigonometry::sin_cos;
 pub use vec3::Vec3;
 pub(crate) use vec3::gather_row;

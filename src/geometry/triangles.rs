@@ -1,5 +1,3 @@
-use std::collections::HashMap;
-
 use burn::tensor::{Bool, Tensor};
 
 use super::{Context, Vec3, plain};
@@ -183,71 +181,5 @@ pub(crate) fn nearest_on_triangle(
         inside,
         weight_b,
         weight_c,
-    }
-}
-
-/// What is known of the triangles on the host: neighbours, objects, closed surfaces.
-#[derive(Clone, Debug, Default)]
-pub struct Topology {
-    /// The object of each triangle.
-    pub object: Vec<u32>,
-    /// The material of each triangle, an index into the scene's flattened materials.
-    pub material: Vec<u32>,
-    /// Whether the object of each triangle is closed.
-    pub closed: Vec<bool>,
-    /// Triangles of the same object that share a welded vertex, each once, ascending.
-    pub neighbours: Vec<Vec<u32>>,
-    /// For a triangle of a closed object: +1 if only its sides with n·d > 0 can be seen, −1 if
-    /// only those with n·d < 0 can; 0 for open objects.
-    pub visible_side: Vec<f64>,
-}
-
-impl Topology {
-    /// Adds an object's faces, welded by position, and says whether it is closed (every welded
-    /// edge has two faces of opposite direction).
-    pub fn push_object(&mut self, positions: &[[f64; 3]], faces: &[[u32; 3]], materials: &[u32]) {
-        let object = self.object.last().map_or(0, |o| o + 1);
-        let first = self.object.len() as u32;
-        let mut weld = HashMap::new();
-        let welded: Vec<u32> = positions
-            .iter()
-            .map(|p| {
-                // −0 and 0 are one place.
-                let key = p.map(|x| (x + 0.0).to_bits());
-                let next = weld.len() as u32;
-                *weld.entry(key).or_insert(next)
-            })
-            .collect();
-        let mut at_vertex = vec![Vec::new(); weld.len()];
-        let mut edges: HashMap<(u32, u32), (u32, u32)> = HashMap::new();
-        for (f, face) in faces.iter().enumerate() {
-            let w = face.map(|i| welded[i as usize]);
-            for i in 0..3 {
-                at_vertex[w[i] as usize].push(first + f as u32);
-                let (p, q) = (w[i], w[(i + 1) % 3]);
-                let entry = edges.entry((p.min(q), p.max(q))).or_default();
-                if p < q {
-                    entry.0 += 1;
-                } else {
-                    entry.1 += 1;
-                }
-            }
-        }
-        let closed = !faces.is_empty() && edges.values().all(|&e| e == (1, 1));
-        for (f, face) in faces.iter().enumerate() {
-            let own = first + f as u32;
-            let mut around: Vec<u32> = face
-                .iter()
-                .flat_map(|&i| at_vertex[welded[i as usize] as usize].iter().copied())
-                .filter(|&j| j != own)
-                .collect();
-            around.sort_unstable();
-            around.dedup();
-            self.neighbours.push(around);
-            self.object.push(object);
-            self.material.push(materials[f]);
-            self.closed.push(closed);
-            self.visible_side.push(0.0);
-        }
     }
 }

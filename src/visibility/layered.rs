@@ -55,7 +55,7 @@ pub(super) fn weights(
         zeros(triangles).scatter(0, index.clone(), weight.clone(), IndexingUpdateOp::Add);
     let derivative = if coverage.attached.is_some() {
         let room = with.neg() + 1.0;
-        let full = room.clone().lower_elem(64.0 * context.epsilon());
+        let full = room.clone().lower_elem(coverage.full);
         Derivative::Layered(Box::new(Layers {
             inverse_room: room
                 .mask_fill(full.clone(), 1.0)
@@ -158,7 +158,7 @@ pub(super) fn transmittance(
     let of_triangle =
         Tensor::<1, burn::tensor::Int>::from_ints(numbers.as_slice(), &context.device);
     let [front_slope, back_slope] = room.map(|room| {
-        let full = room.clone().lower_elem(64.0 * context.epsilon());
+        let full = room.clone().lower_elem(coverage.full);
         let inverse = room
             .mask_fill(full.clone(), 1.0)
             .recip()

@@ -48,6 +48,7 @@ pub(super) fn weights(
             p = p + (t.clone() - plain(&t)) * at_slots(&slope);
         }
     }
+    let full_room = coverage.full;
     let per_depth = range.per_depth() / gamma;
     let row = |values: &Tensor<2>, i: usize| values.clone().slice([i..i + 1]);
 
@@ -56,7 +57,7 @@ pub(super) fn weights(
     let passed = |sums: Tensor<2>| {
         // At a seam of one object Σ p is 1 up to rounding: full, without a derivative.
         let room = sums.neg().add_scalar(1.0);
-        let full = plain(&room).lower_elem(64.0 * context.epsilon());
+        let full = plain(&room).lower_elem(full_room);
         let room = room.mask_fill(full, 0.0);
         let room = room * slots.last.clone() + empty.clone();
         (1..k).fold(row(&room, 0), |passed, i| passed * row(&room, i))

@@ -10,12 +10,16 @@ use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::edge::grazing;
+use super::edge::{full_room, grazing};
 use super::soft_pairs::{Soft, SoftRay};
 use super::{CoverageSettings, DepthRange, Rays, Visibility};
 use crate::accel::{Hierarchy, HierarchyCache};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, plain};
+
+/// Many triangles may be left out of a ray, and gradients are more sensitive than images: each is
+/// allowed this share of the cutoff.
+const SAFETY: f64 = 0.1;
 
 /// What the rays of a scene are traced with.
 pub struct Sparse {
@@ -113,6 +117,8 @@ pub struct SparseWeights<'a> {
     per_depth: Vec<f64>,
     triangles: u32,
     tracked: bool,
+    /// Layers with less room than this are full.
+    full: f64,
     /// Candidates offered by the hierarchy.
     pub offered: u64,
 }
@@ -142,7 +148,7 @@ impl Sparse {
         let valid = host_values(&triangles.valid.clone().float())?;
         let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
         let list = host
-            .chunks_exact(9)
+            .par_chunks_exact(9)
             .enumerate()
             .map(|(k, v)| {
                 let corners = [vector(v), vector(&v[3..]), vector(&v[6..])];
@@ -158,7 +164,7 @@ impl Sparse {
             corners,
             velocity,
             taped: AtomicU64::new(0),
-            cutoff,
+            cutoff: SAFETY * cutoff,
         })
     }
 
@@ -175,7 +181,7 @@ impl Sparse {
             corners,
             velocity,
             taped: AtomicU64::new(0),
-            cutoff,
+            cutoff: SAFETY * cutoff,
         }
     }
 
@@ -213,7 +219,7 @@ impl Sparse {
         });
         let mut limit = end;
         let neighbour = |end: Option<u32>, k: u32| {
-            end.is_some_and(|e| topology.neighbours[e as usize].binary_search(&k).is_ok())
+            end.is_some_and(|e| topology.neighbours.of(e).binary_search(&k).is_ok())
         };
         self.hierarchy
             .visit(origin, direction, reach.sqrt(), limit, |k| {
@@ -342,7 +348,7 @@ impl Sparse {
         let depth = |i: usize| far[i] - near[i];
         let finder = self.finder(context, topology, settings, form, false, &depth);
         let n = host.origin.len();
-        let full = 64.0 * context.epsilon();
+        let full = full_room(context.epsilon(), settings.sigma);
         let parts: Vec<(Lists<Surface>, Vec<f64>, u64)> = chunks(n)
             .into_par_iter()
             .map(|range| {
@@ -404,6 +410,7 @@ impl Sparse {
         Ok(SparseWeights {
             sparse: self,
             context: context.clone(),
+            full,
             tracked: self.is_tracked(rays),
             rays: rays.clone(),
             host,
@@ -443,7 +450,7 @@ impl Sparse {
         let n = host.origin.len();
         let tracked = self.is_tracked(rays);
         let finder = self.finder(context, topology, settings, form, true, &|_| 0.0);
-        let epsilon = context.epsilon();
+        let full = full_room(context.epsilon(), settings.sigma);
         let product = matches!(form, Visibility::Softmax { .. });
         let parts: Vec<(Vec<f64>, Terms, u64)> = chunks(n)
             .into_par_iter()
@@ -465,7 +472,7 @@ impl Sparse {
                     let value = if product {
                         through_all(&found, &mut by_p)
                     } else {
-                        through_layers(&mut found, &mut by_p, epsilon)
+                        through_layers(&mut found, &mut by_p, full)
                     };
                     values.push(value);
                     terms.begin_ray();
@@ -594,18 +601,14 @@ fn through_all(found: &[Surface], by_p: &mut Vec<f64>) -> f64 {
 }
 
 /// ∏ over layers of 1 − min(1, Σ p), and its derivatives by each p.
-fn through_layers(found: &mut [Surface], by_p: &mut Vec<f64>, epsilon: f64) -> f64 {
+fn through_layers(found: &mut [Surface], by_p: &mut Vec<f64>, full: f64) -> f64 {
     by_p.clear();
     found.sort_unstable_by(|a, b| a.layer.cmp(&b.layer).then(a.triangle.cmp(&b.triangle)));
     let mut passed = 1.0;
     for layer in found.chunk_by(|a, b| a.layer == b.layer) {
         let room = (1.0 - layer.iter().map(|s| s.p).sum::<f64>()).max(0.0);
         passed *= room;
-        let inverse = if room < 64.0 * epsilon {
-            0.0
-        } else {
-            -1.0 / room
-        };
+        let inverse = if room < full { 0.0 } else { -1.0 / room };
         by_p.extend(layer.iter().map(|_| inverse));
     }
     by_p.iter_mut().for_each(|g| *g *= passed);
@@ -771,7 +774,7 @@ impl SparseWeights<'_> {
         }
         let softmax = matches!(self.form, Visibility::Softmax { .. });
         let soft = matches!(self.form, Visibility::LayeredSoft { .. });
-        let epsilon = self.context.epsilon();
+        let full = self.full;
         let parts: Vec<(Terms, Vec<f64>)> = chunks(self.len())
             .into_par_iter()
             .map(|range| {
@@ -800,7 +803,7 @@ impl SparseWeights<'_> {
                         by_far.push(far);
                     } else if soft {
                         let list = softened(surfaces);
-                        let ray = SoftRay::new(&list.0, list.1, self.per_depth[i], 64.0 * epsilon);
+                        let ray = SoftRay::new(&list.0, list.1, self.per_depth[i], full);
                         let by_depth = ray.pull(&values, background, &mut by_p, &mut by_t);
                         for (k, s) in surfaces.iter().enumerate() {
                             let (a, b) = (by_p[k] * s.slope, by_p[k] * s.slope_t + by_t[k]);
@@ -814,14 +817,7 @@ impl SparseWeights<'_> {
                         by_far.push(if inside { -by_depth / depth } else { 0.0 });
                     } else {
                         let background = (background, self.background[i]);
-                        pull(
-                            surfaces,
-                            &values,
-                            background,
-                            epsilon,
-                            &mut by_p,
-                            &mut scratch,
-                        );
+                        pull(surfaces, &values, background, full, &mut by_p, &mut scratch);
                         for (s, g) in surfaces.iter().zip(&by_p) {
                             let (a, b) = (g * s.slope, g * s.slope_t);
                             terms.add(self.sparse, &self.host, i, s, a, b, self.sparse.cutoff);
@@ -979,7 +975,7 @@ fn pull(
     surfaces: &[Surface],
     values: &[f64],
     (background, passed): (f64, f64),
-    epsilon: f64,
+    full: f64,
     by_p: &mut Vec<f64>,
     scratch: &mut Vec<(u32, f64, f64)>,
 ) {
@@ -1000,7 +996,7 @@ fn pull(
         let step = (next - values[k]) * after;
         for l in scratch.iter_mut() {
             let room = 1.0 - l.1;
-            if room >= 64.0 * epsilon {
+            if room >= full {
                 l.2 += step / room;
             }
         }

@@ -3,7 +3,7 @@
 
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use serde_json::Value;
-use softray::geometry::{Context, Topology, Triangles, Vec3, VertexData};
+use softray::geometry::{Context, Neighbours, Topology, Triangles, Vec3, VertexData};
 use softray::visibility::{
     Coverage, CoverageSettings, DepthRange, Rays, Visibility, Weights, coverage,
 };
@@ -97,7 +97,7 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         object: flat(&case.json["mesh"]).iter().map(|&m| m as u32).collect(),
         material: vec![0; case.triangles],
         closed: vec![false; case.triangles],
-        neighbours: vec![Vec::new(); case.triangles],
+        neighbours: Neighbours::none(case.triangles),
         visible_side: vec![0.0; case.triangles],
     };
     let rays = Rays {

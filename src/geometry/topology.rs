@@ -1,0 +1,175 @@
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+use rayon::prelude::*;
+
+/// What is known of the triangles on the host: neighbours, objects, closed surfaces.
+#[derive(Clone, Debug, Default)]
+pub struct Topology {
+    /// The object of each triangle.
+    pub object: Vec<u32>,
+    /// The material of each triangle, an index into the scene's flattened materials.
+    pub material: Vec<u32>,
+    /// Whether the object of each triangle is closed.
+    pub closed: Vec<bool>,
+    /// Triangles of the same object that share a welded vertex.
+    pub neighbours: Neighbours,
+    /// For a triangle of a closed object: +1 if only its sides with n·d > 0 can be seen, −1 if
+    /// only those with n·d < 0 can; 0 for open objects.
+    pub visible_side: Vec<f64>,
+}
+
+/// A list for each triangle, each neighbour once, ascending.
+#[derive(Clone, Debug)]
+pub struct Neighbours {
+    list: Vec<u32>,
+    starts: Vec<usize>,
+}
+
+impl Default for Neighbours {
+    fn default() -> Self {
+        Self {
+            list: Vec::new(),
+            starts: vec![0],
+        }
+    }
+}
+
+impl Neighbours {
+    /// No triangle has any.
+    pub fn none(triangles: usize) -> Self {
+        Self {
+            list: Vec::new(),
+            starts: vec![0; triangles + 1],
+        }
+    }
+
+    /// Those of a triangle.
+    pub fn of(&self, triangle: u32) -> &[u32] {
+        let k = triangle as usize;
+        &self.list[self.starts[k]..self.starts[k + 1]]
+    }
+
+    fn push(&mut self, list: &[u32]) {
+        self.list.extend_from_slice(list);
+        self.starts.push(self.list.len());
+    }
+}
+
+/// Keys here are bits of positions, which nobody chooses to collide: mixed, not hashed safely.
+#[derive(Default)]
+struct Mix(u64);
+
+impl Hasher for Mix {
+    fn finish(&self) -> u64 {
+        self.0 ^ (self.0 >> 29)
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&b| self.write_u64(u64::from(b)));
+    }
+
+    fn write_u64(&mut self, value: u64) {
+        let mixed = (self.0.rotate_left(23) ^ value).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.0 = mixed ^ (mixed >> 32);
+    }
+
+    fn write_usize(&mut self, value: usize) {
+        self.write_u64(value as u64);
+    }
+}
+
+impl Topology {
+    /// Adds an object's faces, welded by position, and says whether it is closed (every welded
+    /// edge has two faces of opposite direction).
+    pub fn push_object(&mut self, positions: &[[f64; 3]], faces: &[[u32; 3]], materials: &[u32]) {
+        let object = self.object.last().map_or(0, |o| o + 1);
+        let first = self.object.len() as u32;
+        let mut weld: HashMap<[u64; 3], u32, BuildHasherDefault<Mix>> =
+            HashMap::with_capacity_and_hasher(positions.len(), BuildHasherDefault::default());
+        let welded: Vec<u32> = positions
+            .iter()
+            .map(|p| {
+                // −0 and 0 are one place.
+                let key = p.map(|x| (x + 0.0).to_bits());
+                let next = weld.len() as u32;
+                *weld.entry(key).or_insert(next)
+            })
+            .collect();
+        let corners: Vec<[u32; 3]> = faces
+            .iter()
+            .map(|f| f.map(|i| welded[i as usize]))
+            .collect();
+
+        // Each edge twice, once in each direction: then sorted pairs of both lists are the same.
+        let directed = |turned: bool| {
+            let mut edges: Vec<u64> = corners
+                .iter()
+                .flat_map(|w| {
+                    [0, 1, 2].map(|i| {
+                        let (p, q) = (u64::from(w[i]), u64::from(w[(i + 1) % 3]));
+                        if turned { (q << 32) | p } else { (p << 32) | q }
+                    })
+                })
+                .collect();
+            edges.par_sort_unstable();
+            edges
+        };
+        let edges = directed(false);
+        let once = edges.windows(2).all(|e| e[0] != e[1]);
+        let loops = corners
+            .iter()
+            .any(|w| w[0] == w[1] || w[1] == w[2] || w[2] == w[0]);
+        let closed = !faces.is_empty() && once && !loops && edges == directed(true);
+
+        // Faces by vertex.
+        let mut starts = vec![0usize; weld.len() + 1];
+        corners
+            .iter()
+            .flatten()
+            .for_each(|&v| starts[v as usize + 1] += 1);
+        for v in 0..weld.len() {
+            starts[v + 1] += starts[v];
+        }
+        let mut next = starts.clone();
+        let mut at_vertex = vec![0u32; 3 * faces.len()];
+        for (f, w) in corners.iter().enumerate() {
+            for &v in w {
+                at_vertex[next[v as usize]] = first + f as u32;
+                next[v as usize] += 1;
+            }
+        }
+        const PIECE: usize = 4096;
+        let pieces: Vec<Neighbours> = corners
+            .par_chunks(PIECE)
+            .enumerate()
+            .map(|(piece, corners)| {
+                let mut found = Neighbours::default();
+                let mut around = Vec::new();
+                for (f, w) in corners.iter().enumerate() {
+                    let own = first + (piece * PIECE + f) as u32;
+                    around.clear();
+                    for &v in w {
+                        let range = starts[v as usize]..starts[v as usize + 1];
+                        around.extend(at_vertex[range].iter().filter(|&&j| j != own));
+                    }
+                    around.sort_unstable();
+                    around.dedup();
+                    found.push(&around);
+                }
+                found
+            })
+            .collect();
+        for piece in pieces {
+            let base = self.neighbours.list.len();
+            self.neighbours.list.extend(piece.list);
+            let starts = piece.starts[1..].iter().map(|s| base + s);
+            self.neighbours.starts.extend(starts);
+        }
+        let n = faces.len();
+        self.object.extend(std::iter::repeat_n(object, n));
+        self.material.extend_from_slice(&materials[..n]);
+        self.closed.extend(std::iter::repeat_n(closed, n));
+        self.visible_side.extend(std::iter::repeat_n(0.0, n));
+    }
+}
