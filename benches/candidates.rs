@@ -250,7 +250,9 @@ fn cutoff() {
     println!("| form | cutoff | s | image RMSE / mean | gradient difference |");
     println!("|---|---|---|---|---|");
     let file = data("sphere/scene.json");
+    let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
     for (name, form) in forms() {
+        let (mut image, mut gradient) = (Vec::new(), Vec::new());
         let options = RenderOptions::new(32, 32)
             .samples(16)
             .bounces(1)
@@ -263,13 +265,70 @@ fn cutoff() {
             let cutoff = 10f64.powi(-exponent);
             let options = options.clone().cutoff(cutoff);
             let (seconds, found) = time(3, || run(&options));
-            println!(
-                "| {name} | 1e-{exponent} | {seconds:.3} | {:.1e} | {:.1e} |",
+            let errors = [
                 rmse(&found.0, &expected.0) / mean,
                 relative(&found.1, &expected.1),
+            ];
+            image.push((cutoff, errors[0]));
+            gradient.push((cutoff, errors[1]));
+            println!(
+                "| {name} | 1e-{exponent} | {seconds:.3} | {:.1e} | {:.1e} |",
+                errors[0], errors[1],
             );
         }
+        lines.push((format!("{name}, image"), image));
+        lines.push((format!("{name}, gradient"), gradient));
     }
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("benches/cutoff.svg");
+    plot(&path, &lines).expect("a plot");
+    println!("\n![](cutoff.svg)");
+}
+
+/// Errors over the cutoff, both logarithmic.
+fn plot(
+    path: &std::path::Path,
+    lines: &[(String, Vec<(f64, f64)>)],
+) -> Result<(), Box<dyn std::error::Error>> {
+    use plotters::prelude::*;
+    let area = SVGBackend::new(path, (720, 420)).into_drawing_area();
+    area.fill(&WHITE)?;
+    let all = || lines.iter().flat_map(|l| l.1.iter().map(|p| p.1));
+    let least = all().fold(f64::INFINITY, f64::min).max(1e-12);
+    let most = all().fold(0.0, f64::max);
+    let mut chart = ChartBuilder::on(&area)
+        .margin(12)
+        .x_label_area_size(40)
+        .y_label_area_size(64)
+        .build_cartesian_2d(
+            (1e-8..1e-2).log_scale(),
+            (0.5 * least..2.0 * most).log_scale(),
+        )?;
+    let exponent = |v: &f64| format!("{v:.0e}");
+    chart
+        .configure_mesh()
+        .x_desc("cutoff")
+        .y_desc("relative error")
+        .x_label_formatter(&exponent)
+        .y_label_formatter(&exponent)
+        .draw()?;
+    for (i, (name, points)) in lines.iter().enumerate() {
+        let colour = Palette99::pick(i).to_rgba();
+        chart
+            .draw_series(LineSeries::new(
+                points.iter().copied(),
+                colour.stroke_width(2),
+            ))?
+            .label(name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .border_style(BLACK)
+        .background_style(WHITE)
+        .draw()?;
+    area.present()?;
+    Ok(())
 }
 
 fn features() {
