@@ -147,7 +147,7 @@ impl Coverage {
 /// At a seam of one object Σ p is 1 up to rounding: less room than this is none. An offset of ε
 /// in the plane moves D/σ by about 2ε/√σ there.
 pub(crate) fn full_room(epsilon: f64, sigma: f64) -> f64 {
-    (32.0 * epsilon / sigma.sqrt()).clamp(64.0 * epsilon, 0.05)
+    (4.0 * epsilon / sigma.sqrt()).clamp(64.0 * epsilon, 0.05)
 }
 
 /// The cosine |n·d| up to which a ray counts as parallel to a triangle.
