@@ -17,6 +17,8 @@ pub struct Hierarchy {
     nodes: Option<Bvh2>,
     /// Σ half areas of the boxes, now and when they were built.
     cost: [f64; 2],
+    /// The largest distance of a corner from the origin of coordinates.
+    extent: f64,
 }
 
 /// A hierarchy kept from render to render: its boxes are fitted to triangles that moved, and built
@@ -48,6 +50,7 @@ impl HierarchyCache {
             Some((nodes, cost)) if cost[0] <= 1.5 * cost[1] => {
                 cached.fits += 1;
                 Hierarchy {
+                    extent: extent(&triangles),
                     triangles,
                     nodes: Some(nodes),
                     cost,
@@ -99,6 +102,7 @@ impl Hierarchy {
         });
         let cost = nodes.as_ref().map_or(0.0, cost);
         Self {
+            extent: extent(&triangles),
             triangles,
             nodes,
             cost: [cost; 2],
@@ -144,9 +148,11 @@ impl Hierarchy {
             }
             return self.triangles.len() as u32;
         };
-        // Boxes are in f32: grown by what that rounds, for scenes of about unit size.
-        let grown = Vec3A::splat((reach + 1e-5) as f32);
-        let o = Vec3A::from(origin.as_vec3());
+        // Boxes are in f32: grown by what that rounds, and met from a point of the ray near them,
+        // since a distant origin would round by more than they are large.
+        let grown = Vec3A::splat((reach + 1e-6 * self.extent) as f32);
+        let skipped = (-origin.dot(direction) - 2.0 * self.extent).max(0.0);
+        let o = Vec3A::from((origin + direction * skipped).as_vec3());
         let safe = |d: f64| {
             if d.abs() < 1e-12 {
                 1e-12f64.copysign(d)
@@ -172,7 +178,7 @@ impl Hierarchy {
             stack.push((0, near));
         }
         while let Some((index, near)) = stack.pop() {
-            if f64::from(near) > limit {
+            if f64::from(near) + skipped > limit {
                 continue;
             }
             let node = &bvh.nodes[index as usize];
@@ -197,6 +203,14 @@ impl Hierarchy {
         }
         offered
     }
+}
+
+fn extent(triangles: &[HostTriangle]) -> f64 {
+    let reach = |t: &HostTriangle| {
+        let far = |c: DVec3| c.length().max((c + t.velocity).length());
+        t.corners.map(far).into_iter().fold(0.0, f64::max)
+    };
+    triangles.iter().map(reach).fold(0.0, f64::max)
 }
 
 fn swept(t: &HostTriangle) -> Swept {
