@@ -460,9 +460,11 @@ impl Sparse {
                 let mut by_p = Vec::new();
                 for i in range {
                     found.clear();
+                    if tracked {
+                        terms.begin_ray();
+                    }
                     if !needed[i] {
                         values.push(0.0);
-                        terms.begin_ray();
                         continue;
                     }
                     let at = |list: &Option<Vec<u32>>| list.as_ref().map(|d| d[i]);
@@ -475,7 +477,6 @@ impl Sparse {
                         through_layers(&mut found, &mut by_p, full)
                     };
                     values.push(value);
-                    terms.begin_ray();
                     if tracked {
                         for (s, g) in found.iter().zip(&by_p) {
                             terms.add(self, &host, i, s, g * s.slope, g * s.slope_t, self.cutoff);
@@ -523,11 +524,12 @@ struct Finder<'a> {
 
 /// Rays in pieces for the cores: as many whatever the machine, so that sums come out the same.
 fn chunks(n: usize) -> Vec<std::ops::Range<usize>> {
-    const RAYS: usize = 512;
-    (0..n.div_ceil(RAYS))
-        .map(|i| i * RAYS..((i + 1) * RAYS).min(n))
+    (0..n.div_ceil(RAYS_A_PIECE))
+        .map(|i| i * RAYS_A_PIECE..((i + 1) * RAYS_A_PIECE).min(n))
         .collect()
 }
+
+const RAYS_A_PIECE: usize = 512;
 
 /// Sets the weights of surfaces in order of depth; returns that of the background.
 fn layered(found: &mut [Surface]) -> f64 {
@@ -730,18 +732,15 @@ impl SparseWeights<'_> {
 
     /// Draws one surface a ray: as the tensor program does, in the order of triangles.
     pub fn draw(&self, random: &[f64]) -> Vec<u32> {
-        let one = |i: usize| {
-            let mut order: Vec<(u32, f64)> = self
-                .surfaces
-                .of(i)
-                .iter()
-                .map(|s| (s.triangle, s.weight))
-                .collect();
+        let one = |order: &mut Vec<(u32, f64)>, i: usize| {
+            order.clear();
+            let surfaces = self.surfaces.of(i).iter();
+            order.extend(surfaces.map(|s| (s.triangle, s.weight)));
             order.sort_unstable_by_key(|s| s.0);
             let total: f64 = order.iter().map(|s| s.1).sum::<f64>() + self.background[i];
             let threshold = total * random[i];
             let mut passed = 0.0;
-            for (triangle, weight) in order {
+            for &mut (triangle, weight) in order {
                 passed += weight;
                 if passed > threshold {
                     return triangle;
@@ -749,7 +748,11 @@ impl SparseWeights<'_> {
             }
             self.triangles
         };
-        (0..self.len()).map(one).collect()
+        (0..self.len())
+            .into_par_iter()
+            .with_min_len(RAYS_A_PIECE)
+            .map_init(Vec::new, one)
+            .collect()
     }
 
     /// W/stop(W) of the drawn surfaces `[1, N]`; None if no gradient can flow.
@@ -812,9 +815,11 @@ impl SparseWeights<'_> {
                             }
                         }
                         // Only inside of the bounds does far − near move, with far.
-                        let depth = self.depth(i);
-                        let inside = 2.0 * self.host.origin[i].length() <= depth;
-                        by_far.push(if inside { -by_depth / depth } else { 0.0 });
+                        by_far.push(if self.is_inside(i) {
+                            -by_depth / self.depth(i)
+                        } else {
+                            0.0
+                        });
                     } else {
                         let background = (background, self.background[i]);
                         pull(surfaces, &values, background, full, &mut by_p, &mut scratch);
@@ -852,18 +857,18 @@ impl SparseWeights<'_> {
         1.0 / (self.per_depth[i] * gamma)
     }
 
+    /// Whether a ray starts inside of the bounds: near = max(|o| − ρ, 0) is 0 and far = |o| + ρ.
+    fn is_inside(&self, i: usize) -> bool {
+        2.0 * self.host.origin[i].length() <= self.depth(i)
+    }
+
     /// ∂z/∂far/γ: outside of the bounds only far − t depends on far, inside its divisor does too.
     fn by_far(&self, i: usize, t: f64) -> f64 {
-        let depth = self.depth(i);
-        let origin = self.host.origin[i].length();
-        // near = max(|o| − ρ, 0), far = |o| + ρ.
-        let far = if depth >= origin + 1e-12 && 2.0 * origin <= depth {
-            depth
+        let kept = if self.is_inside(i) {
+            t / self.depth(i)
         } else {
-            origin + depth / 2.0
+            1.0
         };
-        let inside = 2.0 * origin <= depth;
-        let kept = if inside { t / far } else { 1.0 };
         kept * self.per_depth[i]
     }
 
