@@ -46,7 +46,8 @@ pub mod prelude {
     pub use crate::accel::HierarchyCache;
     pub use crate::io::{HostImage, SceneFile};
     pub use crate::render::{
-        Diagnostics, Image, Progress, RenderOptions, Statistics, render, render_pixels,
+        Diagnostics, EmitterSampling, Image, Progress, RenderOptions, Sampling, Sequence,
+        Statistics, SurfaceSampling, render, render_pixels,
     };
     pub use crate::scene::{
         Albedo, Bounds, Camera, Material, Mesh, Object, Parameter, Scene, Transform, Wrap, shapes,

@@ -17,7 +17,7 @@ use crate::scene::{Camera, Collect, Flattened, Replace, Scene, visit_tensors};
 use crate::transport::{Census, Dimension, PathSettings, Sampler, trace};
 use crate::visibility::{Rays, Sparse};
 
-pub use crate::transport::Diagnostics;
+pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use film::{Image, Statistics};
 pub use options::{Progress, RenderOptions};
 use replay::{Retrace, replay};

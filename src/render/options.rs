@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::accel::HierarchyCache;
 use crate::error::{Error, Result};
 use crate::scene::Bounds;
+use crate::transport::Sampling;
 use crate::visibility::Visibility;
 
 /// Called after each tile with the number of tiles done and of all tiles.
@@ -20,6 +21,7 @@ pub struct RenderOptions {
     pub(super) bounces: u32,
     pub(super) sigma: f64,
     pub(super) visibility: Visibility,
+    pub(super) sampling: Sampling,
     pub(super) seed: u64,
     pub(super) roulette_after: Option<u32>,
     pub(super) rays_per_tile: Option<usize>,
@@ -51,6 +53,7 @@ impl fmt::Debug for RenderOptions {
             .field("bounces", &self.bounces)
             .field("sigma", &self.sigma)
             .field("visibility", &self.visibility)
+            .field("sampling", &self.sampling)
             .field("seed", &self.seed)
             .field("roulette_after", &self.roulette_after)
             .field("rays_per_tile", &self.rays_per_tile)
@@ -76,6 +79,7 @@ impl RenderOptions {
             bounces: 3,
             sigma: 1e-4,
             visibility: Visibility::Layered,
+            sampling: Sampling::default(),
             seed: 0,
             roulette_after: None,
             rays_per_tile: None,
@@ -123,6 +127,12 @@ impl RenderOptions {
     /// The form of visibility, with its blur in depth.
     pub fn visibility(mut self, visibility: Visibility) -> Self {
         self.visibility = visibility;
+        self
+    }
+
+    /// How random numbers, surfaces and emitters are chosen.
+    pub fn sampling(mut self, sampling: Sampling) -> Self {
+        self.sampling = sampling;
         self
     }
 

@@ -5,9 +5,12 @@ mod diagnostics;
 mod emitters;
 mod path;
 mod sampler;
+mod sampling;
 mod surface;
 mod texture;
 
 pub use diagnostics::Diagnostics;
 pub(crate) use path::{Census, PathSettings, Radiance, RayWeights, trace};
 pub(crate) use sampler::{Dimension, Sampler};
+#[allow(unused_imports)]
+pub use sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};

@@ -1,0 +1,88 @@
+//! Where a render spends its samples.
+
+/// Where the random numbers of a render come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Sequence {
+    /// Independent uniform numbers.
+    Independent,
+    /// An Owen-scrambled Sobol sequence for each pixel (Burley, *Practical Hash-based Owen
+    /// Scrambling*), scrambled anew by the seed: image, lens, shutter, emitters and directions are
+    /// stratified together. Numbers of samples that are powers of two serve it best. A standard
+    /// error is that over independent seeds, not over the samples of a pixel.
+    #[default]
+    Sobol,
+}
+
+/// With what probability an emitter triangle is connected to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum EmitterSampling {
+    /// All alike, as in the paper.
+    Uniform,
+    /// In proportion to area times radiance.
+    Power,
+    /// In proportion to the solid angle under which a point sees it, times radiance (and a tenth by
+    /// power); by power where there are more than 64.
+    #[default]
+    SolidAngle,
+}
+
+/// Which of the surfaces that share a camera ray its path goes on from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SurfaceSampling {
+    /// One, drawn with its weight, as in the paper.
+    Drawn,
+    /// All that matter, each with its weight: a path for every surface with a weight of at least a
+    /// quarter, fewer of smaller ones by chance. Gradients of visibility then have no noise of a
+    /// draw. Bounce rays draw one.
+    #[default]
+    Split,
+}
+
+/// How a render samples. No choice changes what it converges to, nor its gradients: only how fast.
+///
+/// ```
+/// use softray::prelude::*;
+/// let paper = RenderOptions::new(64, 64).sampling(Sampling::plain());
+/// let mut sampling = Sampling::default();
+/// sampling.sequence = Sequence::Independent;
+/// # let _ = (paper, RenderOptions::new(64, 64).sampling(sampling));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Sampling {
+    /// Where random numbers come from.
+    pub sequence: Sequence,
+    /// How emitters are chosen.
+    pub emitters: EmitterSampling,
+    /// Which surfaces camera rays go on from.
+    pub surfaces: SurfaceSampling,
+    /// Whether points on emitters and directions to an environment map are chosen by the BSDF as
+    /// well, combined by the balance heuristic (Veach and Guibas 1995).
+    pub multiple_importance: bool,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self {
+            sequence: Sequence::default(),
+            emitters: EmitterSampling::default(),
+            surfaces: SurfaceSampling::default(),
+            multiple_importance: true,
+        }
+    }
+}
+
+impl Sampling {
+    /// The paper's: independent numbers, one surface drawn a ray, one emitter of all drawn alike.
+    pub fn plain() -> Self {
+        Self {
+            sequence: Sequence::Independent,
+            emitters: EmitterSampling::Uniform,
+            surfaces: SurfaceSampling::Drawn,
+            multiple_importance: false,
+        }
+    }
+}
