@@ -53,6 +53,13 @@ pub(crate) fn plain<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
     tensor.clone().inner()
 }
 
+/// Three planes on the host, as vectors.
+pub(crate) fn host_vectors(v: &super::Vec3) -> Result<Vec<glam::DVec3>> {
+    let (x, y, z) = (host_values(&v.x)?, host_values(&v.y)?, host_values(&v.z)?);
+    let vector = |i: usize| glam::DVec3::new(x[i], y[i], z[i]);
+    Ok((0..x.len()).map(vector).collect())
+}
+
 /// A float tensor's values on the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
     let data = plain(tensor)

@@ -14,7 +14,7 @@ use crate::accel::Hierarchy;
 use crate::error::{Error, Result};
 use crate::geometry::{host_values, plain};
 use crate::scene::{Camera, Collect, Flattened, Replace, Scene, visit_tensors};
-use crate::transport::{Census, Dimension, PathSettings, Sampler, trace};
+use crate::transport::{Census, Dimension, Lights, PathSettings, Sampler, Transport, trace};
 use crate::visibility::{Rays, Sparse};
 
 pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
@@ -181,6 +181,7 @@ struct Renderer<'a> {
     camera: &'a Camera,
     options: &'a RenderOptions,
     sampler: Sampler,
+    lights: Lights,
     settings: PathSettings,
     sparse: Option<Sparse>,
     /// The pixels to render, where that is not all.
@@ -233,13 +234,15 @@ impl<'a> Renderer<'a> {
             scene,
             camera,
             options,
-            sampler: Sampler::new(options.seed),
+            sampler: Sampler::new(options.seed, options.sampling.sequence),
+            lights: Lights::new(scene, options.sampling.emitters)?,
             settings: PathSettings {
                 sigma: options.sigma / (scene.unit * scene.unit),
                 visibility: options.visibility,
                 diagnostics: options.diagnostics,
                 bounces: options.bounces,
                 roulette_after: options.roulette_after,
+                sampling: options.sampling,
             },
             sparse,
             pixels,
@@ -319,15 +322,14 @@ impl<'a> Renderer<'a> {
             .collect();
         let rays = self.camera_rays(&paths);
         let samples = (tile.to - tile.from) as usize;
-        let found = trace(
-            self.scene,
-            &self.settings,
-            &self.sampler,
-            self.sparse.as_ref(),
-            rays,
-            &paths,
-            samples,
-        )?;
+        let transport = Transport {
+            scene: self.scene,
+            settings: &self.settings,
+            sampler: &self.sampler,
+            lights: &self.lights,
+            sparse: self.sparse.as_ref(),
+        };
+        let found = trace(transport, rays, &paths, samples)?;
         let census = found.census.clone();
         let diagnostics = found.diagnostics.clone();
         let rows = Tensor::cat(self.outputs(found), 0);

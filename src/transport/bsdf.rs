@@ -22,6 +22,26 @@ pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3
     f.scale(&cosine)
 }
 
+/// The density per solid angle with which [`sample`] draws a direction, without tape.
+pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
+    let points = points.plain();
+    let (incoming, outgoing) = (incoming.plain(), outgoing.plain());
+    let cosine = points.normal.dot(&outgoing).clamp_min(0.0) * (1.0 / PI);
+    let Some((specular, exponent)) = &points.specular else {
+        return cosine;
+    };
+    let p_specular = share_of_gloss(&points, specular);
+    let lobe = phong(exponent, &mirror_cosine(&points, &incoming, &outgoing));
+    cosine * (p_specular.clone().neg() + 1.0) + lobe * ((exponent.clone() + 1.0) / TAU) * p_specular
+}
+
+/// The probability of the specular lobe: its share of the albedo, without tape.
+fn share_of_gloss(points: &SurfacePoints, specular: &Vec3) -> Tensor<2> {
+    let sum = |k: &Vec3| plain(&(k.x.clone() + k.y.clone() + k.z.clone())).abs();
+    let (kd, ks) = (sum(&points.diffuse), sum(specular));
+    ks.clone() / (kd + ks).clamp_min(1e-20)
+}
+
 /// A sampled direction and the throughput f·cos/pdf along it.
 pub(crate) struct Scatter {
     /// Unit directions.
@@ -76,9 +96,7 @@ pub(crate) fn sample(
     ];
     let glossy = from_frame(&mirror(points, incoming), &local);
 
-    let sum = |k: &Vec3| plain(&(k.x.clone() + k.y.clone() + k.z.clone()));
-    let (kd, ks) = (sum(&points.diffuse).abs(), sum(specular).abs());
-    let p_specular = ks.clone() / (kd + ks).clamp_min(1e-20);
+    let p_specular = share_of_gloss(points, specular);
     let lobe = context
         .row(&random(Dimension::Lobe))
         .lower(p_specular.clone());

@@ -3,13 +3,14 @@
 use burn::tensor::Tensor;
 
 use super::Dimension;
-use super::bsdf::scattered;
+use super::bsdf::{density as density_of_scattering, scattered};
+use super::lights::Views;
 use super::path::{RayWeights, Tracer};
 use super::surface::SurfacePoints;
 use crate::error::Result;
-use crate::geometry::{Vec3, host_values, plain};
+use crate::geometry::{Vec3, gather_row, host_values, host_vectors, plain};
 use crate::scene::Flattened;
-use crate::visibility::{Rays, SparseWeights};
+use crate::visibility::{Rays, SparseWeights, grazing};
 
 /// What camera rays see of emitters and environment: the mean over all their surfaces, not over
 /// drawn ones, which has no noise of a draw. None where all is black.
@@ -77,36 +78,110 @@ fn seen_by_candidates(scene: &Flattened, weights: &SparseWeights) -> Result<Vec3
     ))
 }
 
-/// Light from one point of one emitter triangle, both uniform, at each surface point: planes of
-/// f·cos θ·cos θ_e/r²·L_e·T over the density. None where the scene has no emitter.
+/// Points of emitters, one for each of some paths, by strategies whose densities carry no
+/// gradient: what they estimate is an integral over the emitters' own area, in which the points
+/// are fixed and move with the geometry.
+struct LightPoints {
+    emitter: Vec<u32>,
+    /// Weights of corners b and c.
+    b: Vec<f64>,
+    c: Vec<f64>,
+    /// Probability of the emitter when emitters are chosen.
+    chance: Vec<f64>,
+}
+
+/// Shaded points, how the light gets there, and where it goes.
+struct Shaded<'a> {
+    points: &'a SurfacePoints,
+    incoming: &'a Vec3,
+    time: &'a Option<Tensor<2>>,
+}
+
+fn views(tracer: &Tracer, shaded: &Shaded) -> Result<Views> {
+    Ok(Views {
+        position: host_vectors(&shaded.points.position)?,
+        time: match tracer.scene().triangles.velocity {
+            Some(_) => shaded.time.as_ref().map(host_values).transpose()?,
+            None => None,
+        },
+    })
+}
+
+/// Light from one point of one emitter triangle at each surface point: planes of
+/// f·cos θ·cos θ_e/r²·L_e·T over the density. With `scattered`, the direction in which each path goes
+/// on, also from the emitters that lie there (the balance heuristic), as rows of some paths. Empty
+/// where the scene has no emitter.
 pub(crate) fn connect(
     tracer: &Tracer,
     points: &SurfacePoints,
-    incoming: &Vec3,
-    time: &Option<Tensor<2>>,
+    rays: &Rays,
     paths: &[(u32, u32)],
     bounce: u32,
-) -> Result<Option<Vec3>> {
-    let scene = tracer.scene;
-    if scene.emitters.is_empty() {
-        return Ok(None);
+    scattered: Option<&Vec3>,
+) -> Result<Vec<(Option<Vec<u32>>, Vec3)>> {
+    let lights = tracer.transport.lights;
+    if lights.is_empty() {
+        return Ok(Vec::new());
     }
-    let context = &scene.context;
-    let random = |d| tracer.sampler.uniform(paths, bounce, d);
-    let count = scene.emitters.len();
-    let emitter: Vec<u32> = random(Dimension::Emitter)
-        .iter()
-        .map(|&u| scene.emitters[((u * count as f64) as usize).min(count - 1)])
-        .collect();
-    let index = context.index_row(&emitter);
+    let shaded = Shaded {
+        points,
+        incoming: &rays.direction,
+        time: &rays.time,
+    };
+    let looks = lights.depends_on_position() || scattered.is_some();
+    let views = looks.then(|| views(tracer, &shaded)).transpose()?;
+    let random = |d| tracer.transport.sampler.uniform(paths, bounce, d);
+    let (emitter, chance) = lights.choose(views.as_ref(), &random(Dimension::Emitter));
     let (u, v) = (random(Dimension::EmitterU), random(Dimension::EmitterV));
-    let weights: Vec<(f64, f64)> = u
-        .iter()
-        .zip(&v)
+    let uniform = u.iter().zip(&v);
+    let (b, c) = uniform
         .map(|(&u, &v)| (u.sqrt() * (1.0 - v), u.sqrt() * v))
-        .collect();
-    let b = context.row(&weights.iter().map(|w| w.0).collect::<Vec<_>>());
-    let c = context.row(&weights.iter().map(|w| w.1).collect::<Vec<_>>());
+        .unzip();
+    let chosen = LightPoints {
+        emitter,
+        b,
+        c,
+        chance,
+    };
+    let combined = scattered.is_some();
+    let mut found = vec![(None, arriving(tracer, &shaded, chosen, combined)?)];
+    if let (Some(direction), Some(views)) = (scattered, &views) {
+        let direction = host_vectors(direction)?;
+        let context = &tracer.scene().context;
+        let met = lights.meet(views, &direction, tracer.t_min(), grazing(context.dtype));
+        if !met.is_empty() {
+            let which: Vec<u32> = met.iter().map(|m| m.path).collect();
+            let index = context.index_row(&which);
+            let shaded = Shaded {
+                points: &points.pick(context, &which),
+                incoming: &rays.direction.gather(&index),
+                time: &rays.time.as_ref().map(|t| gather_row(t.clone(), &index)),
+            };
+            let met = LightPoints {
+                chance: lights.chance(Some(views), &met),
+                emitter: met.iter().map(|m| m.emitter).collect(),
+                b: met.iter().map(|m| m.b).collect(),
+                c: met.iter().map(|m| m.c).collect(),
+            };
+            found.push((Some(which), arriving(tracer, &shaded, met, combined)?));
+        }
+    }
+    Ok(found)
+}
+
+/// Light from a point of an emitter at each surface point, over the density of the strategies
+/// together.
+fn arriving(tracer: &Tracer, shaded: &Shaded, chosen: LightPoints, combined: bool) -> Result<Vec3> {
+    let scene = tracer.scene();
+    let context = &scene.context;
+    let Shaded {
+        points,
+        incoming,
+        time,
+    } = *shaded;
+    let emitter = chosen.emitter;
+    let index = context.index_row(&emitter);
+    let (b, c) = (context.row(&chosen.b), context.row(&chosen.c));
     let a = (b.clone() + c.clone()).neg() + 1.0;
     let corners = &scene.triangles.corners;
     let mut light = corners
@@ -132,7 +207,8 @@ pub(crate) fn connect(
         .dot(&direction)
         .neg()
         .clamp_min(0.0);
-    let area = crate::geometry::gather_row(scene.triangles.area.clone(), &index);
+    let area = gather_row(scene.triangles.area.clone(), &index);
+    let count = emitter.len();
     let materials: Vec<u32> = emitter
         .iter()
         .map(|&k| scene.topology.material[k as usize])
@@ -151,15 +227,21 @@ pub(crate) fn connect(
     // Where the light or the surface faces away, or the surface reflects nothing there, nothing
     // arrives whatever is in between.
     let reflected = scattered(points, incoming, &rays.direction);
-    let needed = if tracer.sparse.is_some() {
+    let needed = if tracer.transport.sparse.is_some() {
         let sum = plain(&reflected.x) + plain(&reflected.y) + plain(&reflected.z);
         let needed = host_values(&(sum.abs() * plain(&facing)))?;
         needed.iter().map(|&v| v != 0.0).collect()
     } else {
-        vec![true; paths.len()]
+        vec![true; count]
     };
     let passed = tracer.transmittance(&rays, &needed)?;
-    let geometry = facing / squared * area * passed * count as f64;
-    let light = emission.scale(&geometry);
-    Ok(Some(reflected.mul(&light)))
+    let per_area = facing / squared * area;
+    // In units of the emitter's area, without gradient: the points stay where they are on it.
+    let mut density = context.row(&chosen.chance);
+    if combined {
+        let along = density_of_scattering(points, incoming, &rays.direction);
+        density = density + along * plain(&per_area);
+    }
+    let light = emission.scale(&(per_area * passed / density));
+    Ok(reflected.mul(&light))
 }

@@ -3,6 +3,7 @@
 mod bsdf;
 mod diagnostics;
 mod emitters;
+mod lights;
 mod path;
 mod sampler;
 mod sampling;
@@ -10,7 +11,7 @@ mod surface;
 mod texture;
 
 pub use diagnostics::Diagnostics;
-pub(crate) use path::{Census, PathSettings, Radiance, RayWeights, trace};
+pub(crate) use lights::Lights;
+pub(crate) use path::{Census, PathSettings, Radiance, RayWeights, Transport, trace};
 pub(crate) use sampler::{Dimension, Sampler};
-#[allow(unused_imports)]
 pub use sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};

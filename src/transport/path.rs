@@ -6,7 +6,7 @@ use burn::tensor::{IndexingUpdateOp, Tensor};
 
 use super::diagnostics::Diagnostics;
 use super::surface::SurfacePoints;
-use super::{Dimension, Sampler, bsdf, emitters};
+use super::{Dimension, Lights, Sampler, Sampling, SurfaceSampling, bsdf, emitters};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, gather_row, host_values, plain};
 use crate::scene::Flattened;
@@ -28,18 +28,27 @@ pub(crate) struct PathSettings {
     pub diagnostics: bool,
     /// The bounce from which paths may be ended at random.
     pub roulette_after: Option<u32>,
+    /// How surfaces, emitters and directions are chosen.
+    pub sampling: Sampling,
 }
 
 /// The blurred start of rays that leave a surface, over σ.
 const START: f64 = 0.25;
 
 /// A scene with the settings and random numbers of a render.
-pub(crate) struct Tracer<'a> {
+#[derive(Clone, Copy)]
+pub(crate) struct Transport<'a> {
     pub scene: &'a Flattened,
     pub settings: &'a PathSettings,
     pub sampler: &'a Sampler,
+    pub lights: &'a Lights,
     /// Candidates by a hierarchy; without it all triangles are asked, in tensors.
     pub sparse: Option<&'a Sparse>,
+}
+
+/// What traces the paths of a tile.
+pub(crate) struct Tracer<'a> {
+    pub transport: Transport<'a>,
     /// What the rays met.
     pub census: RefCell<Census>,
     /// What was degenerate, if that is asked for.
@@ -64,6 +73,14 @@ impl RayWeights<'_> {
         match self {
             Self::Dense(w) => w.ratio(context, drawn),
             Self::Sparse(w) => w.ratio(drawn),
+        }
+    }
+
+    /// W of one surface of each ray, or of the background, on the host.
+    fn of(&self, context: &Context, drawn: &[u32]) -> Result<Vec<f64>> {
+        match self {
+            Self::Dense(w) => w.of(context, drawn),
+            Self::Sparse(w) => Ok(w.of(drawn)),
         }
     }
 
@@ -124,45 +141,55 @@ struct Contribution {
 
 /// The ratios W/stop(W) of the surfaces that some of a tile's paths drew.
 struct Draw {
+    bounce: u32,
     slots: Vec<u32>,
+    /// What part of its slot a path stands for, where that is not all.
+    share: Option<Vec<f64>>,
     ratio: Tensor<2>,
 }
 
 impl<'a> Tracer<'a> {
+    /// The scene.
+    pub(crate) fn scene(&self) -> &'a Flattened {
+        self.transport.scene
+    }
+
     /// Hits nearer than this don't count: relative to the scene's size.
     pub(crate) fn t_min(&self) -> f64 {
-        1e-5 * self.scene.radius()
+        1e-5 * self.scene().radius()
     }
 
     fn coverage_settings(&self) -> CoverageSettings {
         CoverageSettings {
-            sigma: self.settings.sigma,
+            sigma: self.transport.settings.sigma,
             t_min: self.t_min(),
-            start: START * self.settings.sigma,
+            start: START * self.transport.settings.sigma,
             arrival_margin: 1e-4,
         }
     }
 
     fn coverage(&self, rays: &Rays) -> Coverage {
         let settings = self.coverage_settings();
+        let scene = self.scene();
         let mut census = self.census.borrow_mut();
-        census.tested += (rays.len() * self.scene.triangles.len()) as u64;
+        census.tested += (rays.len() * scene.triangles.len()) as u64;
         coverage(
-            &self.scene.context,
-            &self.scene.triangles,
-            &self.scene.topology,
+            &scene.context,
+            &scene.triangles,
+            &scene.topology,
             rays,
             &settings,
         )
     }
 
     fn weights(&self, rays: &Rays) -> Result<RayWeights<'a>> {
-        let range = DepthRange::new(rays, self.scene.radius());
-        let (context, topology) = (&self.scene.context, &self.scene.topology);
+        let scene = self.scene();
+        let range = DepthRange::new(rays, scene.radius());
+        let (context, topology) = (&scene.context, &scene.topology);
+        let form = self.transport.settings.visibility;
         self.census.borrow_mut().rays += rays.len() as u64;
-        if let Some(sparse) = self.sparse {
+        if let Some(sparse) = self.transport.sparse {
             let settings = self.coverage_settings();
-            let form = self.settings.visibility;
             let weights = sparse.weights(context, topology, rays, &settings, form, range)?;
             let mut census = self.census.borrow_mut();
             census.tested += weights.offered;
@@ -174,21 +201,19 @@ impl<'a> Tracer<'a> {
             }
             return Ok(RayWeights::Sparse(Box::new(weights)));
         }
-        let weights =
-            self.settings
-                .visibility
-                .weights(context, topology, self.coverage(rays), range)?;
+        let weights = form.weights(context, topology, self.coverage(rays), range)?;
         if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
-            d.weights(&weights, &self.scene.triangles.valid)?;
+            d.weights(&weights, &scene.triangles.valid)?;
         }
         Ok(RayWeights::Dense(Box::new(weights)))
     }
 
     /// The share of light that arrives along shadow rays.
     pub(crate) fn transmittance(&self, rays: &Rays, needed: &[bool]) -> Result<Tensor<2>> {
-        let (context, topology) = (&self.scene.context, &self.scene.topology);
-        let form = self.settings.visibility;
-        if let Some(sparse) = self.sparse {
+        let scene = self.scene();
+        let (context, topology) = (&scene.context, &scene.topology);
+        let form = self.transport.settings.visibility;
+        if let Some(sparse) = self.transport.sparse {
             let settings = self.coverage_settings();
             let (passed, offered) =
                 sparse.transmittance(context, topology, rays, &settings, form, needed)?;
@@ -205,152 +230,149 @@ impl<'a> Tracer<'a> {
 /// Radiance along camera rays, each of the path (pixel, sample); `per_pixel` consecutive paths
 /// belong to one pixel.
 pub(crate) fn trace<'a>(
-    scene: &'a Flattened,
-    settings: &'a PathSettings,
-    sampler: &'a Sampler,
-    sparse: Option<&'a Sparse>,
+    transport: Transport<'a>,
     rays: Rays,
     paths: &[(u32, u32)],
     per_pixel: usize,
 ) -> Result<Radiance<'a>> {
-    let tracer = Tracer {
+    let Transport {
         scene,
         settings,
         sampler,
-        sparse,
+        ..
+    } = transport;
+    let tracer = Tracer {
+        transport,
         census: RefCell::default(),
         diagnostics: RefCell::new(settings.diagnostics.then(Diagnostics::default)),
     };
     let context = &scene.context;
     let count = paths.len();
+    let triangles = scene.triangles.len() as u32;
     let mut found: Vec<Contribution> = Vec::new();
     let mut draws: Vec<Draw> = Vec::new();
-    let mut paths = paths.to_vec();
-    let mut slots: Vec<u32> = (0..count as u32).collect();
-    let mut rays = rays;
-    let mut throughput: Option<Vec3> = None;
+    let mut batch = Batch {
+        paths: paths.to_vec(),
+        slots: (0..count as u32).collect(),
+        share: None,
+        rays,
+        throughput: None,
+    };
     let mut first = None;
     let mut seen = None;
+    // Black surfaces end a path.
+    let useful = |k: u32| {
+        k < triangles && {
+            let m = scene.topology.material[k as usize] as usize;
+            scene.materials.reflects[m]
+        }
+    };
 
     for bounce in 0..=settings.bounces {
-        let weights = tracer.weights(&rays)?;
-        tracer.census.borrow_mut().bounces.push(paths.len() as u64);
-        let random = sampler.uniform(&paths, bounce, Dimension::Surface);
-        let drawn = weights.draw(context, &random)?;
-        if let Some(ratio) = weights.ratio(context, &drawn) {
-            throughput = Some(times(throughput, &ratio));
-            let slots = slots.clone();
-            draws.push(Draw { slots, ratio });
-        }
+        let weights = tracer.weights(&batch.rays)?;
+        let alive = batch.paths.len() as u64;
+        tracer.census.borrow_mut().bounces.push(alive);
         if bounce == 0 {
             seen = emitters::seen(scene, &weights)?;
-            first = Some(weights);
         }
-
-        if scene.emitters.is_empty() && scene.environment.is_none() {
+        let dark = scene.emitters.is_empty() && scene.environment.is_none();
+        let split = bounce == 0 && settings.sampling.surfaces == SurfaceSampling::Split;
+        let random = sampler.uniform(&batch.paths, bounce, Dimension::Surface);
+        let drawn = if split {
+            let drawn = if dark {
+                Vec::new()
+            } else {
+                batch.split(&tracer, &weights, &random, useful)?
+            };
+            first = Some(weights);
+            drawn
+        } else {
+            let drawn = weights.draw(context, &random)?;
+            if let Some(ratio) = weights.ratio(context, &drawn) {
+                batch.throughput = Some(times(batch.throughput.take(), &ratio));
+                draws.push(Draw {
+                    bounce,
+                    slots: batch.slots.clone(),
+                    share: batch.share.clone(),
+                    ratio,
+                });
+            }
+            if bounce == 0 {
+                first = Some(weights);
+            }
+            drawn
+        };
+        if dark || drawn.is_empty() {
             break;
         }
         // Who drew the background sees the environment, and is done. Camera rays have seen it.
-        let triangles = scene.triangles.len() as u32;
-        let is_surface = |i: &usize| drawn[*i] < triangles;
         if let Some(environment) = &scene.environment
             && bounce > 0
         {
-            let missed: Vec<usize> = (0..paths.len()).filter(|i| !is_surface(i)).collect();
+            let missed: Vec<u32> = (0..drawn.len() as u32)
+                .filter(|&i| drawn[i as usize] >= triangles)
+                .collect();
             if !missed.is_empty() {
                 let n = missed.len();
                 let light = environment.map(|e| e.expand([1, n]));
-                found.push(Contribution {
-                    bounce,
-                    slots: missed.iter().map(|&i| slots[i]).collect(),
-                    light: weighted(light, pick(context, &throughput, &missed)),
-                });
+                found.push(batch.contribution(context, bounce, Some(&missed), light));
             }
         }
-        // Black surfaces end a path.
-        let useful = |i: &usize| {
-            is_surface(i) && {
-                let m = scene.topology.material[drawn[*i] as usize] as usize;
-                scene.materials.reflects[m]
-            }
-        };
-        let hits: Vec<usize> = (0..paths.len()).filter(useful).collect();
+        let hits: Vec<u32> = (0..drawn.len() as u32)
+            .filter(|&i| useful(drawn[i as usize]))
+            .collect();
         if hits.is_empty() {
             break;
         }
-        let drawn: Vec<u32> = hits.iter().map(|&i| drawn[i]).collect();
-        keep(
-            context,
-            &hits,
-            &mut paths,
-            &mut slots,
-            &mut rays,
-            &mut throughput,
-        );
-        let points = SurfacePoints::new(scene, &rays, drawn)?;
-
-        let light = emitters::connect(
-            &tracer,
-            &points,
-            &rays.direction,
-            &rays.time,
-            &paths,
-            bounce,
-        )?;
-        if let Some(light) = light {
-            found.push(Contribution {
-                bounce,
-                slots: slots.clone(),
-                light: weighted(light, throughput.clone()),
-            });
-        }
+        let drawn: Vec<u32> = hits.iter().map(|&i| drawn[i as usize]).collect();
+        batch.keep(context, &hits);
+        let points = SurfacePoints::new(scene, &batch.rays, drawn)?;
+        let incoming = batch.rays.direction.clone();
         let last = bounce == settings.bounces;
-        if last && scene.environment.is_none() {
-            break;
+        let combined = settings.sampling.multiple_importance && !scene.emitters.is_empty();
+        let goes_on = !last || scene.environment.is_some();
+        let scatter = (goes_on || combined)
+            .then(|| bsdf::sample(context, &points, &incoming, sampler, &batch.paths, bounce));
+        let along = scatter.as_ref().filter(|_| combined).map(|s| &s.direction);
+        let lit = emitters::connect(&tracer, &points, &batch.rays, &batch.paths, bounce, along)?;
+        for (which, light) in lit {
+            found.push(batch.contribution(context, bounce, which.as_deref(), light));
         }
-        let scatter = bsdf::sample(context, &points, &rays.direction, sampler, &paths, bounce);
-        rays = Rays {
+        let Some(scatter) = scatter.filter(|_| goes_on) else {
+            break;
+        };
+        batch.rays = Rays {
             origin: points.position,
             direction: scatter.direction,
-            time: rays.time,
+            time: batch.rays.time,
             departure: Some(points.triangle),
             arrival: None,
         };
-        let next = weighted(scatter.weight, throughput);
+        let next = weighted(scatter.weight, batch.throughput.take());
         if let Some(d) = tracer.diagnostics.borrow_mut().as_mut() {
             d.throughput(&next)?;
         }
-        throughput = Some(next);
+        batch.throughput = Some(next);
         if last {
             // The environment's share of the direct light at the last hit.
             if let Some(environment) = &scene.environment {
-                let visible = tracer.weights(&rays)?.attached_background();
-                found.push(Contribution {
-                    bounce,
-                    slots: slots.clone(),
-                    light: weighted(environment.scale(&visible), throughput.clone()),
-                });
+                let visible = tracer.weights(&batch.rays)?.attached_background();
+                let light = environment.scale(&visible);
+                found.push(batch.contribution(context, bounce, None, light));
             }
             break;
         }
         if settings.roulette_after.is_some_and(|after| bounce >= after) {
-            let survivors = roulette(&tracer, &mut throughput, &paths, bounce)?;
-            keep(
-                context,
-                &survivors,
-                &mut paths,
-                &mut slots,
-                &mut rays,
-                &mut throughput,
-            );
-            if paths.is_empty() {
+            let survivors = roulette(&tracer, &mut batch, bounce)?;
+            batch.keep(context, &survivors);
+            if batch.paths.is_empty() {
                 break;
             }
         }
     }
     let first = match first {
         Some(first) => first,
-        None => tracer.weights(&rays)?,
+        None => tracer.weights(&batch.rays)?,
     };
     if let Some(d) = tracer.diagnostics.borrow_mut().as_mut() {
         for c in &found {
@@ -361,8 +383,8 @@ pub(crate) fn trace<'a>(
     if let Some(seen) = seen {
         radiance = radiance.add(&seen);
     }
-    for (bounce, draw) in draws.iter().enumerate() {
-        let later = whole(scene, &found, bounce as u32, count).plain();
+    for draw in &draws {
+        let later = whole(scene, &found, draw.bounce, count).plain();
         if let Some(control) = control_variate(scene, draw, &later, per_pixel) {
             radiance = radiance.add(&control);
         }
@@ -376,14 +398,10 @@ pub(crate) fn trace<'a>(
 }
 
 /// Ends paths at random in proportion to their throughput, and returns those that go on.
-fn roulette(
-    tracer: &Tracer,
-    throughput: &mut Option<Vec3>,
-    paths: &[(u32, u32)],
-    bounce: u32,
-) -> Result<Vec<usize>> {
-    let Some(current) = throughput else {
-        return Ok((0..paths.len()).collect());
+fn roulette(tracer: &Tracer, batch: &mut Batch, bounce: u32) -> Result<Vec<u32>> {
+    let count = batch.paths.len() as u32;
+    let Some(current) = &mut batch.throughput else {
+        return Ok((0..count).collect());
     };
     let largest = plain(&current.x)
         .max_pair(plain(&current.y))
@@ -393,44 +411,177 @@ fn roulette(
         .iter()
         .map(|q| q.clamp(0.05, 1.0))
         .collect();
-    let random = tracer.sampler.uniform(paths, bounce, Dimension::Roulette);
+    let sampler = tracer.transport.sampler;
+    let random = sampler.uniform(&batch.paths, bounce, Dimension::Roulette);
     let inverse: Vec<f64> = survival.iter().map(|q| q.recip()).collect();
-    *current = current.scale(&tracer.scene.context.row(&inverse));
-    Ok((0..paths.len())
-        .filter(|&i| random[i] < survival[i])
+    *current = current.scale(&tracer.scene().context.row(&inverse));
+    Ok((0..count)
+        .filter(|&i| random[i as usize] < survival[i as usize])
         .collect())
 }
 
-/// Drops all paths but some from the batch.
-fn keep(
-    context: &Context,
-    which: &[usize],
-    paths: &mut Vec<(u32, u32)>,
-    slots: &mut Vec<u32>,
-    rays: &mut Rays,
-    throughput: &mut Option<Vec3>,
-) {
-    if which.len() == paths.len() {
-        return;
-    }
-    *paths = which.iter().map(|&i| paths[i]).collect();
-    *slots = which.iter().map(|&i| slots[i]).collect();
-    if which.is_empty() {
-        return;
-    }
-    let index = context.index_row(&which.iter().map(|&i| i as u32).collect::<Vec<_>>());
-    rays.origin = rays.origin.gather(&index);
-    rays.direction = rays.direction.gather(&index);
-    rays.time = rays.time.take().map(|t| gather_row(t, &index));
-    if let Some(departure) = &mut rays.departure {
-        *departure = which.iter().map(|&i| departure[i]).collect();
-    }
-    *throughput = throughput.take().map(|t| t.gather(&index));
+/// The paths of a tile that are on their way.
+struct Batch {
+    /// Pixel and sample of each.
+    paths: Vec<(u32, u32)>,
+    /// The column of the tile that each belongs to.
+    slots: Vec<u32>,
+    /// What part of its slot a path stands for, where that is not all.
+    share: Option<Vec<f64>>,
+    rays: Rays,
+    /// None stands for 1.
+    throughput: Option<Vec3>,
 }
 
-fn pick(context: &Context, throughput: &Option<Vec3>, which: &[usize]) -> Option<Vec3> {
-    let index = context.index_row(&which.iter().map(|&i| i as u32).collect::<Vec<_>>());
-    throughput.as_ref().map(|t| t.gather(&index))
+/// How many draws a split makes: surfaces with a weight of at least its inverse are all taken.
+const SPLIT: usize = 4;
+
+impl Batch {
+    /// Goes on with several surfaces of each ray in place of one: systematic sampling, in which a
+    /// surface of weight W is taken with probability min(1, 4W) and then counts W over that.
+    /// Returns them; paths are then those of the surfaces.
+    fn split(
+        &mut self,
+        tracer: &Tracer,
+        weights: &RayWeights,
+        random: &[f64],
+        useful: impl Fn(u32) -> bool,
+    ) -> Result<Vec<u32>> {
+        let context = &tracer.scene().context;
+        let n = self.paths.len();
+        let draws = (0..SPLIT).map(|m| {
+            let shifted: Vec<f64> = random
+                .iter()
+                .map(|u| (u + m as f64) / SPLIT as f64)
+                .collect();
+            weights.draw(context, &shifted)
+        });
+        let draws = draws.collect::<Result<Vec<_>>>()?;
+        // The first surface of each ray, then all others: (ray, surface, weight).
+        let (mut first, mut others) = (Vec::new(), Vec::new());
+        for (m, drawn) in draws.iter().enumerate() {
+            let w = if m == 0 || *drawn != draws[m - 1] {
+                weights.of(context, drawn)?
+            } else {
+                continue;
+            };
+            for i in 0..n {
+                let is_new = (0..m).all(|l| draws[l][i] != drawn[i]);
+                if !is_new || !useful(drawn[i]) {
+                    continue;
+                }
+                let any = (0..m).any(|l| useful(draws[l][i]));
+                let list = if any { &mut others } else { &mut first };
+                list.push((i as u32, drawn[i], w[i].max(1.0 / SPLIT as f64)));
+            }
+        }
+        first.sort_unstable_by_key(|e: &(u32, u32, f64)| e.0);
+        let mut change = None;
+        if !first.is_empty() {
+            let mut drawn = vec![tracer.scene().triangles.len() as u32; n];
+            for &(i, k, _) in &first {
+                drawn[i as usize] = k;
+            }
+            let index: Vec<u32> = first.iter().map(|e| e.0).collect();
+            if let Some(ratio) = weights.ratio(context, &drawn) {
+                let ratio = pick_row(context, ratio, &index, n);
+                let index: Vec<u32> = others.iter().map(|e| e.0).collect();
+                change = Some(if index.is_empty() {
+                    ratio
+                } else {
+                    let rays = pick_rays(context, &self.rays, &index);
+                    let drawn: Vec<u32> = others.iter().map(|e| e.1).collect();
+                    let again = tracer.weights(&rays)?.ratio(context, &drawn);
+                    let ones = || ratio.zeros_like().slice([0..1, 0..1]) + 1.0;
+                    let again = again.unwrap_or_else(|| ones().expand([1, index.len()]));
+                    Tensor::cat(vec![ratio, again], 1)
+                });
+            }
+        }
+        first.extend(others);
+        let index: Vec<u32> = first.iter().map(|e| e.0).collect();
+        let share: Vec<f64> = first.iter().map(|e| e.2).collect();
+        self.keep(context, &index);
+        let whole = share.iter().all(|&s| s == 1.0);
+        if !whole && !share.is_empty() {
+            let row = context.row(&share);
+            change = Some(match change {
+                Some(ratio) => ratio * row,
+                None => row,
+            });
+            self.share = Some(share);
+        }
+        if let Some(change) = change {
+            self.throughput = Some(times(self.throughput.take(), &change));
+        }
+        Ok(first.iter().map(|e| e.1).collect())
+    }
+
+    /// Goes on with some paths, as often as they are named.
+    fn keep(&mut self, context: &Context, which: &[u32]) {
+        if is_identity(which, self.paths.len()) {
+            return;
+        }
+        self.paths = which.iter().map(|&i| self.paths[i as usize]).collect();
+        self.slots = which.iter().map(|&i| self.slots[i as usize]).collect();
+        if let Some(share) = &mut self.share {
+            *share = which.iter().map(|&i| share[i as usize]).collect();
+        }
+        if which.is_empty() {
+            return;
+        }
+        self.rays = pick_rays(context, &self.rays, which);
+        let index = context.index_row(which);
+        self.throughput = self.throughput.take().map(|t| t.gather(&index));
+    }
+
+    /// Light that some paths (all, if not named) bring back.
+    fn contribution(
+        &self,
+        context: &Context,
+        bounce: u32,
+        which: Option<&[u32]>,
+        light: Vec3,
+    ) -> Contribution {
+        let (slots, throughput) = match which {
+            None => (self.slots.clone(), self.throughput.clone()),
+            Some(which) => {
+                let index = context.index_row(which);
+                (
+                    which.iter().map(|&i| self.slots[i as usize]).collect(),
+                    self.throughput.as_ref().map(|t| t.gather(&index)),
+                )
+            }
+        };
+        Contribution {
+            bounce,
+            slots,
+            light: weighted(light, throughput),
+        }
+    }
+}
+
+fn is_identity(which: &[u32], count: usize) -> bool {
+    which.len() == count && which.iter().enumerate().all(|(i, &w)| i == w as usize)
+}
+
+fn pick_row(context: &Context, row: Tensor<2>, which: &[u32], count: usize) -> Tensor<2> {
+    if is_identity(which, count) {
+        return row;
+    }
+    gather_row(row, &context.index_row(which))
+}
+
+fn pick_rays(context: &Context, rays: &Rays, which: &[u32]) -> Rays {
+    let index = context.index_row(which);
+    let departure = rays.departure.as_ref();
+    Rays {
+        origin: rays.origin.gather(&index),
+        direction: rays.direction.gather(&index),
+        time: rays.time.clone().map(|t| gather_row(t, &index)),
+        departure: departure.map(|d| which.iter().map(|&i| d[i as usize]).collect()),
+        arrival: None,
+    }
 }
 
 /// A throughput times a scalar a path; none stands for 1.
@@ -460,7 +611,7 @@ fn whole(scene: &Flattened, found: &[Contribution], from: u32, count: usize) -> 
 
 /// A row of some paths as a row of all, zero elsewhere.
 fn spread(scene: &Flattened, row: Tensor<2>, slots: &[u32], count: usize) -> Tensor<2> {
-    if slots.len() == count {
+    if is_identity(slots, count) {
         return row;
     }
     let context = &scene.context;
@@ -481,7 +632,11 @@ fn control_variate(scene: &Flattened, draw: &Draw, later: &Vec3, per_pixel: usiz
         return None;
     }
     let count = later.x.dims()[1];
-    let change = spread(scene, draw.ratio.clone() - 1.0, &draw.slots, count);
+    let mut change = draw.ratio.clone() - 1.0;
+    if let Some(share) = &draw.share {
+        change = change * scene.context.row(share);
+    }
+    let change = spread(scene, change, &draw.slots, count);
     Some(later.map(|l| {
         let l = l.reshape([count / per_pixel, per_pixel]);
         let others = (l.clone().sum_dim(1) - l) / (per_pixel - 1) as f64;

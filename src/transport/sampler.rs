@@ -1,5 +1,7 @@
 //! The one place that draws random numbers.
 
+use super::Sequence;
+
 /// What a random number is for.
 #[derive(Clone, Copy, Debug)]
 #[repr(u32)]
@@ -19,17 +21,45 @@ pub(crate) enum Dimension {
     Roulette,
 }
 
-/// A counter-based source: a number is a function of (seed, pixel, sample, bounce, dimension), the
-/// same on every backend and whatever the tiles and threads.
+impl Dimension {
+    /// The dimension of a Sobol sequence at a bounce; None for those that a control variate needs
+    /// to be independent of all other paths (`transport/path.rs`).
+    fn of_sequence(self, bounce: u32) -> Option<u32> {
+        let of_bounce = |slot: u32| Some(CAMERA_DIMENSIONS + BOUNCE_DIMENSIONS * bounce + slot);
+        match self {
+            Self::FilmX => Some(0),
+            Self::FilmY => Some(1),
+            Self::LensRadius => Some(2),
+            Self::LensAngle => Some(3),
+            Self::Time => of_bounce(3),
+            Self::EmitterU => of_bounce(0),
+            Self::EmitterV => of_bounce(1),
+            Self::Emitter => of_bounce(2),
+            Self::DirectionU => of_bounce(4),
+            Self::DirectionV => of_bounce(5),
+            Self::Lobe => of_bounce(6),
+            Self::Roulette => of_bounce(7),
+            Self::Surface => None,
+        }
+    }
+}
+
+const CAMERA_DIMENSIONS: u32 = 4;
+const BOUNCE_DIMENSIONS: u32 = 8;
+
+/// The source of random numbers: a number is a function of (seed, pixel, sample, bounce,
+/// dimension), the same on every backend and whatever the tiles and threads.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sampler {
     seed: u64,
+    sequence: Sequence,
 }
 
 impl Sampler {
-    pub(crate) fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64, sequence: Sequence) -> Self {
         Self {
             seed: mix(seed ^ 0x9e37_79b9_7f4a_7c15),
+            sequence,
         }
     }
 
@@ -41,14 +71,38 @@ impl Sampler {
         bounce: u32,
         dimension: Dimension,
     ) -> Vec<f64> {
-        let stage = mix(self.seed ^ ((u64::from(bounce) << 32) | dimension as u64));
-        paths
-            .iter()
-            .map(|&(pixel, sample)| {
-                let h = mix(stage ^ ((u64::from(pixel) << 32) | u64::from(sample)));
-                (h >> 40) as f64 / (1u64 << 24) as f64
-            })
-            .collect()
+        match (self.sequence, dimension.of_sequence(bounce)) {
+            (Sequence::Sobol, Some(d)) => self.sobol(paths, d),
+            _ => self.independent(paths, (u64::from(bounce) << 32) | dimension as u64),
+        }
+    }
+
+    /// Independent uniform numbers, one a path, for a purpose of their own.
+    pub(crate) fn independent(&self, paths: &[(u32, u32)], purpose: u64) -> Vec<f64> {
+        let stage = mix(self.seed ^ purpose);
+        let one = |&(pixel, sample): &(u32, u32)| {
+            let h = mix(stage ^ ((u64::from(pixel) << 32) | u64::from(sample)));
+            (h >> 40) as f64 / (1u64 << 24) as f64
+        };
+        paths.iter().map(one).collect()
+    }
+
+    /// A sequence for each pixel. It ends after 2¹⁶ samples and 256 dimensions: past them come other
+    /// scrambles.
+    fn sobol(&self, paths: &[(u32, u32)], dimension: u32) -> Vec<f64> {
+        let round = u64::from(dimension / sobol_burley::NUM_DIMENSIONS);
+        let dimension = dimension % sobol_burley::NUM_DIMENSIONS;
+        let (mut last, mut scramble) = (None, 0);
+        let one = |&(pixel, sample): &(u32, u32)| {
+            let key = (pixel, sample >> 16);
+            if last != Some(key) {
+                let stage = mix(self.seed ^ (round << 56) ^ (u64::from(key.1) << 32));
+                scramble = (mix(stage ^ u64::from(pixel)) >> 32) as u32;
+                last = Some(key);
+            }
+            f64::from(sobol_burley::sample(sample & 0xffff, dimension, scramble))
+        };
+        paths.iter().map(one).collect()
     }
 }
 
@@ -66,16 +120,50 @@ mod tests {
 
     #[test]
     fn numbers_are_uniform_and_uncorrelated_between_dimensions() {
-        let sampler = Sampler::new(3);
+        for sequence in [Sequence::Independent, Sequence::Sobol] {
+            uncorrelated(Sampler::new(3, sequence));
+        }
+    }
+
+    fn uncorrelated(sampler: Sampler) {
         let paths: Vec<_> = (0..65536).map(|i| (i / 16, i % 16)).collect();
         let a = sampler.uniform(&paths, 0, Dimension::FilmX);
-        let b = sampler.uniform(&paths, 1, Dimension::FilmX);
+        let b = sampler.uniform(&paths, 1, Dimension::EmitterU);
         let mean = |f: &dyn Fn(usize) -> f64| (0..a.len()).map(f).sum::<f64>() / a.len() as f64;
         // Standard errors: 0.0011 of the mean, 0.0003 of a covariance; four of them.
         assert!((mean(&|i| a[i]) - 0.5).abs() < 0.0045);
         assert!((mean(&|i| a[i] * a[i]) - 1.0 / 3.0).abs() < 0.005);
         assert!(mean(&|i| (a[i] - 0.5) * (b[i] - 0.5)).abs() < 0.0013);
-        assert!(mean(&|i| (a[i] - 0.5) * (a[(i + 1) % a.len()] - 0.5)).abs() < 0.0013);
+        assert!(mean(&|i| (a[i] - 0.5) * (a[(i + 16) % a.len()] - 0.5)).abs() < 0.0013);
         assert!(a.iter().all(|&x| (0.0..1.0).contains(&x)));
+        assert!(a.iter().all(|&x| x == f64::from(x as f32)));
+    }
+
+    /// Each of n samples of a pixel falls into another n-th of every dimension, and scrambles of
+    /// other seeds, pixels and rounds are others.
+    #[test]
+    fn sobol_numbers_are_stratified() {
+        let of = |seed, pixel: u32, bounce, d| {
+            let paths: Vec<_> = (0..64).map(|s| (pixel, s)).collect();
+            Sampler::new(seed, Sequence::Sobol).uniform(&paths, bounce, d)
+        };
+        let mut seen: Vec<Vec<f64>> = Vec::new();
+        for (seed, pixel) in [(1, 0), (2, 0), (1, 1)] {
+            for bounce in [0, 1, 30, 31, 40, 100] {
+                for d in [Dimension::EmitterU, Dimension::DirectionV, Dimension::Lobe] {
+                    let values = of(seed, pixel, bounce, d);
+                    let mut cells: Vec<u32> = values.iter().map(|v| (v * 64.0) as u32).collect();
+                    cells.sort_unstable();
+                    assert!(cells.iter().copied().eq(0..64), "{bounce}, {d:?}");
+                    assert!(!seen.contains(&values), "{bounce}, {d:?}");
+                    seen.push(values);
+                }
+            }
+        }
+        // Past 2¹⁶ samples another scramble goes on.
+        let paths: Vec<_> = (0..1 << 17).map(|s| (7, s)).collect();
+        let sampler = Sampler::new(1, Sequence::Sobol);
+        let values = sampler.uniform(&paths, 0, Dimension::FilmX);
+        assert_ne!(values[..1 << 16], values[1 << 16..]);
     }
 }

@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 
 use super::texture::albedo;
 use crate::error::Result;
-use crate::geometry::{Vec3, nearest_on_triangle, plain};
+use crate::geometry::{Context, Vec3, nearest_on_triangle, plain};
 use crate::scene::Flattened;
 use crate::visibility::Rays;
 
@@ -25,6 +25,30 @@ pub(crate) struct SurfacePoints {
 }
 
 impl SurfacePoints {
+    /// Without tape.
+    pub(crate) fn plain(&self) -> Self {
+        self.map(self.triangle.clone(), plain)
+    }
+
+    /// Some of them, in any order, as often as they are named.
+    pub(crate) fn pick(&self, context: &Context, which: &[u32]) -> Self {
+        let index = context.index_row(which);
+        let triangle = which.iter().map(|&i| self.triangle[i as usize]).collect();
+        self.map(triangle, |v| crate::geometry::gather_row(v.clone(), &index))
+    }
+
+    fn map(&self, triangle: Vec<u32>, f: impl Fn(&Tensor<2>) -> Tensor<2>) -> Self {
+        let vector = |v: &Vec3| v.map(|x| f(&x));
+        Self {
+            triangle,
+            position: vector(&self.position),
+            geometric_normal: vector(&self.geometric_normal),
+            normal: vector(&self.normal),
+            diffuse: vector(&self.diffuse),
+            specular: self.specular.as_ref().map(|(s, n)| (vector(s), f(n))),
+        }
+    }
+
     /// Intersects each ray with its drawn triangle, in the graph where gradients can flow.
     pub(crate) fn new(scene: &Flattened, rays: &Rays, triangle: Vec<u32>) -> Result<Self> {
         let context = &scene.context;

@@ -15,7 +15,7 @@ use super::soft_pairs::{Soft, SoftRay};
 use super::{CoverageSettings, DepthRange, Rays, Visibility};
 use crate::accel::{Hierarchy, HierarchyCache};
 use crate::error::Result;
-use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, plain};
+use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, host_vectors, plain};
 
 /// Many triangles may be left out of a ray, and gradients are more sensitive than images: each is
 /// allowed this share of the cutoff.
@@ -66,15 +66,9 @@ struct HostRays {
 
 impl HostRays {
     fn new(rays: &Rays) -> Result<Self> {
-        let vectors = |v: &Vec3| -> Result<Vec<DVec3>> {
-            let planes = [&v.x, &v.y, &v.z].map(host_values);
-            let [x, y, z] = planes;
-            let (x, y, z) = (x?, y?, z?);
-            Ok((0..x.len()).map(|i| DVec3::new(x[i], y[i], z[i])).collect())
-        };
         Ok(Self {
-            origin: vectors(&rays.origin)?,
-            direction: vectors(&rays.direction)?,
+            origin: host_vectors(&rays.origin)?,
+            direction: host_vectors(&rays.direction)?,
             time: rays.time.as_ref().map(host_values).transpose()?,
             arrival: rays
                 .arrival
@@ -730,9 +724,22 @@ impl SparseWeights<'_> {
         self.background.len()
     }
 
+    /// W of one surface of each ray, or of the background.
+    pub fn of(&self, drawn: &[u32]) -> Vec<f64> {
+        let one = |i: usize| {
+            let mut surfaces = self.surfaces.of(i).iter();
+            let found = surfaces.find(|s| s.triangle == drawn[i]);
+            found.map_or(self.background[i], |s| s.weight)
+        };
+        (0..self.len()).map(one).collect()
+    }
+
     /// Draws one surface a ray: as the tensor program does, in the order of triangles.
     pub fn draw(&self, random: &[f64]) -> Vec<u32> {
         let one = |order: &mut Vec<(u32, f64)>, i: usize| {
+            if let ([s], true) = (self.surfaces.of(i), self.background[i] <= 0.0) {
+                return s.triangle;
+            }
             order.clear();
             let surfaces = self.surfaces.of(i).iter();
             order.extend(surfaces.map(|s| (s.triangle, s.weight)));

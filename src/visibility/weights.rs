@@ -47,6 +47,15 @@ impl Weights {
         Ok(data.iter::<i64>().map(|k| k as u32).collect())
     }
 
+    /// W of one surface of each ray, or of the background, on the host.
+    ///
+    /// # Errors
+    /// If they can't be read back.
+    pub fn of(&self, context: &Context, drawn: &[u32]) -> Result<Vec<f64>> {
+        let all = Tensor::cat(vec![self.surfaces.clone(), self.background.clone()], 0);
+        crate::geometry::host_values(&all.gather(0, context.index_row(drawn)))
+    }
+
     /// W_k / stop_gradient(W_k) of the drawn surfaces `[1, N]`: 1, with the derivative of log W_k.
     /// None if no gradient can flow.
     pub fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
