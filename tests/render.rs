@@ -350,7 +350,7 @@ fn fine_faces_render_like_coarse_ones() {
             .with(Object::new(light).material(Material::emitter([8.0; 3])));
         let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3]).fov_y(45.0);
         let options = RenderOptions::new(12, 12)
-            .samples(8)
+            .samples(32)
             .bounces(0)
             .sigma((0.3 * edge).powi(2))
             .visibility(form)
@@ -375,7 +375,7 @@ fn fine_faces_render_like_coarse_ones() {
             "{form:?}: {found}, expected {expected}"
         );
         assert!(
-            difference < 1.3 * noise,
+            difference < 1.3 * noise + 0.003,
             "{form:?}: {difference}, noise {noise}"
         );
     }

@@ -79,7 +79,14 @@ fn render_list(
     }
     if collected.0.is_empty() {
         let renderer = Renderer::new(&flattened, camera, options, pixels, None)?;
-        let (mean, found) = renderer.render()?;
+        let (mut mean, found) = renderer.render()?;
+        if !mean.is_tracked() {
+            // What changes nothing has a gradient of 0, not none: a fit may pass such a place.
+            visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
+            if let Some(nothing) = collected.of_value_zero() {
+                mean = mean + nothing.cast(flattened.context.dtype).reshape([1, 1]);
+            }
+        }
         return Ok(renderer.image(mean, &found));
     }
     let parameters = Tensor::cat(collected.0, 0);

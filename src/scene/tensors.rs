@@ -58,6 +58,14 @@ pub(crate) fn visit_tensors(scene: &mut Scene, camera: &mut Camera, visit: &mut 
 #[derive(Default)]
 pub(crate) struct Collect(pub Vec<Tensor<1>>);
 
+impl Collect {
+    /// A zero `[1]` that depends on all of them; None if there is none.
+    pub(crate) fn of_value_zero(self) -> Option<Tensor<1>> {
+        let first = self.0.into_iter().map(|t| t.slice([0..1]) * 0.0);
+        first.reduce(|a, b| a + b)
+    }
+}
+
 impl Visit for Collect {
     fn visit<const D: usize>(&mut self, tensor: &mut Tensor<D>) {
         if tensor.is_tracked() {

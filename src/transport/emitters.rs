@@ -109,7 +109,7 @@ fn views(tracer: &Tracer, shaded: &Shaded) -> Result<Views> {
 
 /// Light from one point of one emitter triangle at each surface point: planes of
 /// f·cos θ·cos θ_e/r²·L_e·T over the density. With `scattered`, the direction in which each path goes
-/// on, also from the emitters that lie there (the balance heuristic), as rows of some paths. Empty
+/// on, also from the emitters that lie there (the power heuristic), as rows of some paths. Empty
 /// where the scene has no emitter.
 pub(crate) fn connect(
     tracer: &Tracer,
@@ -143,7 +143,7 @@ pub(crate) fn connect(
         c,
         chance,
     };
-    let combined = scattered.is_some();
+    let combined = scattered.map(|_| false);
     let mut found = vec![(None, arriving(tracer, &shaded, chosen, combined)?)];
     if let (Some(direction), Some(views)) = (scattered, &views) {
         let direction = host_vectors(direction)?;
@@ -163,15 +163,27 @@ pub(crate) fn connect(
                 b: met.iter().map(|m| m.b).collect(),
                 c: met.iter().map(|m| m.c).collect(),
             };
-            found.push((Some(which), arriving(tracer, &shaded, met, combined)?));
+            found.push((Some(which), arriving(tracer, &shaded, met, Some(true))?));
         }
     }
     Ok(found)
 }
 
-/// Light from a point of an emitter at each surface point, over the density of the strategies
-/// together.
-fn arriving(tracer: &Tracer, shaded: &Shaded, chosen: LightPoints, combined: bool) -> Result<Vec3> {
+/// What a sample is divided by under the power heuristic of two strategies: w₁ = p₁²/(p₁² + p₂²)
+/// makes that (p₁² + p₂²)/p₁ (Veach and Guibas 1995, β = 2).
+fn power_heuristic(a: Tensor<2>, b: Tensor<2>, is_b: bool) -> Tensor<2> {
+    let own = if is_b { b.clone() } else { a.clone() };
+    (a.clone() * a + b.clone() * b) / own.clamp_min(1e-30)
+}
+
+/// Light from a point of an emitter at each surface point, over its density; `combined` says whether
+/// the points were chosen by scattering, where that is a strategy at all.
+fn arriving(
+    tracer: &Tracer,
+    shaded: &Shaded,
+    chosen: LightPoints,
+    combined: Option<bool>,
+) -> Result<Vec3> {
     let scene = tracer.scene();
     let context = &scene.context;
     let Shaded {
@@ -238,9 +250,9 @@ fn arriving(tracer: &Tracer, shaded: &Shaded, chosen: LightPoints, combined: boo
     let per_area = facing / squared * area;
     // In units of the emitter's area, without gradient: the points stay where they are on it.
     let mut density = context.row(&chosen.chance);
-    if combined {
+    if let Some(by_scattering) = combined {
         let along = density_of_scattering(points, incoming, &rays.direction);
-        density = density + along * plain(&per_area);
+        density = power_heuristic(density, along * plain(&per_area), by_scattering);
     }
     let light = emission.scale(&(per_area * passed / density));
     Ok(reflected.mul(&light))

@@ -60,7 +60,7 @@ pub struct Sampling {
     /// Which surfaces camera rays go on from.
     pub surfaces: SurfaceSampling,
     /// Whether points on emitters and directions to an environment map are chosen by the BSDF as
-    /// well, combined by the balance heuristic (Veach and Guibas 1995).
+    /// well, combined by the power heuristic (Veach and Guibas 1995).
     pub multiple_importance: bool,
 }
 
