@@ -241,7 +241,12 @@ impl<'a> Renderer<'a> {
             scene,
             camera,
             options,
-            sampler: Sampler::new(options.seed, options.sampling.sequence),
+            sampler: Sampler::new(
+                options.seed,
+                options.sampling.sequence,
+                options.width,
+                options.samples,
+            ),
             lights: Lights::new(scene, options.sampling.emitters)?,
             settings: PathSettings {
                 sigma: options.sigma / (scene.unit * scene.unit),

@@ -53,13 +53,26 @@ const BOUNCE_DIMENSIONS: u32 = 8;
 pub(crate) struct Sampler {
     seed: u64,
     sequence: Sequence,
+    /// Pixels of a row of the image.
+    width: u32,
+    /// log₂ of the samples of a pixel, rounded up, and of the pixels that share a sequence.
+    samples: u32,
+    pixels: u32,
 }
 
+/// A sequence has 2¹⁶ numbers.
+const LENGTH: u32 = 16;
+
 impl Sampler {
-    pub(crate) fn new(seed: u64, sequence: Sequence) -> Self {
+    /// For an image of some width, with so many samples a pixel.
+    pub(crate) fn new(seed: u64, sequence: Sequence, width: usize, samples: u32) -> Self {
+        let samples = samples.next_power_of_two().trailing_zeros().min(LENGTH);
         Self {
             seed: mix(seed ^ 0x9e37_79b9_7f4a_7c15),
             sequence,
+            width: width.max(1) as u32,
+            samples,
+            pixels: LENGTH - samples,
         }
     }
 
@@ -87,23 +100,40 @@ impl Sampler {
         paths.iter().map(one).collect()
     }
 
-    /// A sequence for each pixel. It ends after 2¹⁶ samples and 256 dimensions: past them come other
-    /// scrambles.
+    /// One sequence for a block of pixels in Morton order, each with a run of it: the numbers of a
+    /// pixel are stratified, and so are those of its block together (Ahmed and Wonka 2020). It ends
+    /// after 2¹⁶ numbers and 256 dimensions: past them come other scrambles.
     fn sobol(&self, paths: &[(u32, u32)], dimension: u32) -> Vec<f64> {
         let round = u64::from(dimension / sobol_burley::NUM_DIMENSIONS);
         let dimension = dimension % sobol_burley::NUM_DIMENSIONS;
+        let stage = mix(self.seed ^ (round << 32));
         let (mut last, mut scramble) = (None, 0);
         let one = |&(pixel, sample): &(u32, u32)| {
-            let key = (pixel, sample >> 16);
-            if last != Some(key) {
-                let stage = mix(self.seed ^ (round << 56) ^ (u64::from(key.1) << 32));
-                scramble = (mix(stage ^ u64::from(pixel)) >> 32) as u32;
-                last = Some(key);
+            let place = morton(pixel % self.width, pixel / self.width);
+            let run = place & ((1 << self.pixels) - 1);
+            let index = (run << self.samples) as u32 | (sample & ((1 << self.samples) - 1));
+            let block = (place >> self.pixels, sample >> self.samples);
+            if last != Some(block) {
+                scramble = (mix(mix(stage ^ block.0) ^ u64::from(block.1)) >> 32) as u32;
+                last = Some(block);
             }
-            f64::from(sobol_burley::sample(sample & 0xffff, dimension, scramble))
+            f64::from(sobol_burley::sample(index, dimension, scramble))
         };
         paths.iter().map(one).collect()
     }
+}
+
+/// The bits of x and y in turn.
+fn morton(x: u32, y: u32) -> u64 {
+    let spread = |v: u32| {
+        let mut v = u64::from(v);
+        v = (v | (v << 16)) & 0x0000_ffff_0000_ffff;
+        v = (v | (v << 8)) & 0x00ff_00ff_00ff_00ff;
+        v = (v | (v << 4)) & 0x0f0f_0f0f_0f0f_0f0f;
+        v = (v | (v << 2)) & 0x3333_3333_3333_3333;
+        (v | (v << 1)) & 0x5555_5555_5555_5555
+    };
+    spread(x) | (spread(y) << 1)
 }
 
 /// The finaliser of SplitMix64 (Steele et al. 2014), applied after an odd offset.
@@ -121,7 +151,7 @@ mod tests {
     #[test]
     fn numbers_are_uniform_and_uncorrelated_between_dimensions() {
         for sequence in [Sequence::Independent, Sequence::Sobol] {
-            uncorrelated(Sampler::new(3, sequence));
+            uncorrelated(Sampler::new(3, sequence, 64, 16));
         }
     }
 
@@ -145,7 +175,7 @@ mod tests {
     fn sobol_numbers_are_stratified() {
         let of = |seed, pixel: u32, bounce, d| {
             let paths: Vec<_> = (0..64).map(|s| (pixel, s)).collect();
-            Sampler::new(seed, Sequence::Sobol).uniform(&paths, bounce, d)
+            Sampler::new(seed, Sequence::Sobol, 8, 64).uniform(&paths, bounce, d)
         };
         let mut seen: Vec<Vec<f64>> = Vec::new();
         for (seed, pixel) in [(1, 0), (2, 0), (1, 1)] {
@@ -162,8 +192,15 @@ mod tests {
         }
         // Past 2¹⁶ samples another scramble goes on.
         let paths: Vec<_> = (0..1 << 17).map(|s| (7, s)).collect();
-        let sampler = Sampler::new(1, Sequence::Sobol);
+        let sampler = Sampler::new(1, Sequence::Sobol, 8, 1 << 17);
         let values = sampler.uniform(&paths, 0, Dimension::FilmX);
         assert_ne!(values[..1 << 16], values[1 << 16..]);
+        // The pixels of a block together.
+        let paths: Vec<_> = (0..64).flat_map(|p| (0..16).map(move |s| (p, s))).collect();
+        let sampler = Sampler::new(5, Sequence::Sobol, 8, 16);
+        let values = sampler.uniform(&paths, 1, Dimension::EmitterU);
+        let mut cells: Vec<u32> = values.iter().map(|v| (v * 1024.0) as u32).collect();
+        cells.sort_unstable();
+        assert!(cells.into_iter().eq(0..1024));
     }
 }

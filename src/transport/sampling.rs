@@ -6,10 +6,11 @@
 pub enum Sequence {
     /// Independent uniform numbers.
     Independent,
-    /// An Owen-scrambled Sobol sequence for each pixel (Burley, *Practical Hash-based Owen
-    /// Scrambling*), scrambled anew by the seed: image, lens, shutter, emitters and directions are
-    /// stratified together. Numbers of samples that are powers of two serve it best. A standard
-    /// error is that over independent seeds, not over the samples of a pixel.
+    /// Owen-scrambled Sobol sequences (Burley 2020), each dealt to a block of pixels in Morton order
+    /// (Ahmed and Wonka 2020): image, lens, shutter, emitters and directions are stratified together,
+    /// within a pixel and over the pixels of a block, which is what gradients are sums over. Numbers
+    /// of samples that are powers of two serve it best. A standard error is that over independent
+    /// seeds, not over samples or pixels.
     #[default]
     Sobol,
 }
