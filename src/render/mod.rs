@@ -359,7 +359,6 @@ impl<'a> Renderer<'a> {
 
     fn camera_rays(&self, paths: &[(u32, u32)]) -> Rays {
         let context = &self.scene.context;
-        let random = |d| self.sampler.uniform(paths, 0, d);
         let (width, height) = (self.options.width, self.options.height);
         let film = |coordinate: &dyn Fn(usize) -> usize, jitter: Vec<f64>, size: usize| {
             let values: Vec<f64> = paths
@@ -369,14 +368,18 @@ impl<'a> Renderer<'a> {
                 .collect();
             context.row(&values)
         };
+        let dimensions = [Dimension::FilmX, Dimension::FilmY];
+        let [x, y] = self.sampler.uniform(paths, 0, dimensions);
         let film = [
-            film(&|p| p % width, random(Dimension::FilmX), width),
-            film(&|p| p / width, random(Dimension::FilmY), height),
+            film(&|p| p % width, x, width),
+            film(&|p| p / width, y, height),
         ];
         let disk = self.camera.has_lens().then(|| {
-            let polar: Vec<(f64, f64)> = random(Dimension::LensRadius)
+            let dimensions = [Dimension::LensRadius, Dimension::LensAngle];
+            let [radius, angle] = self.sampler.uniform(paths, 0, dimensions);
+            let polar: Vec<(f64, f64)> = radius
                 .iter()
-                .zip(random(Dimension::LensAngle))
+                .zip(angle)
                 .map(|(r, a)| (r.sqrt(), std::f64::consts::TAU * a))
                 .collect();
             [
@@ -384,12 +387,11 @@ impl<'a> Renderer<'a> {
                 context.row(&polar.iter().map(|(r, a)| r * a.sin()).collect::<Vec<_>>()),
             ]
         });
-        let time = self
-            .scene
-            .triangles
-            .velocity
-            .is_some()
-            .then(|| context.row(&random(Dimension::Time)));
+        let moves = self.scene.triangles.velocity.is_some();
+        let time = moves.then(|| {
+            let [time] = self.sampler.uniform(paths, 0, [Dimension::Time]);
+            context.row(&time)
+        });
         let (origin, direction) = self.camera.rays(
             context,
             self.scene.bounds.center,

@@ -60,8 +60,12 @@ pub(crate) fn sample(
     paths: &[(u32, u32)],
     bounce: u32,
 ) -> Scatter {
-    let random = |d| sampler.uniform(paths, bounce, d);
-    let (u, v) = (random(Dimension::DirectionU), random(Dimension::DirectionV));
+    let dimensions = [
+        Dimension::DirectionU,
+        Dimension::DirectionV,
+        Dimension::Lobe,
+    ];
+    let [u, v, lobe] = sampler.uniform(paths, bounce, dimensions);
     let list = |f: &dyn Fn(usize) -> f64| -> Tensor<2> {
         context.row(&(0..u.len()).map(f).collect::<Vec<_>>())
     };
@@ -97,9 +101,7 @@ pub(crate) fn sample(
     let glossy = from_frame(&mirror(points, incoming), &local);
 
     let p_specular = share_of_gloss(points, specular);
-    let lobe = context
-        .row(&random(Dimension::Lobe))
-        .lower(p_specular.clone());
+    let lobe = context.row(&lobe).lower(p_specular.clone());
     let direction = diffuse.zip(&glossy, |d, g| d.mask_where(lobe.clone(), g));
 
     let value = scattered(points, incoming, &direction);

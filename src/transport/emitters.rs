@@ -130,18 +130,19 @@ pub(crate) fn connect(
     };
     let looks = lights.depends_on_position() || scattered.is_some();
     let views = looks.then(|| views(tracer, &shaded)).transpose()?;
-    let random = |d| tracer.transport.sampler.uniform(paths, bounce, d);
-    let (emitter, chance) = lights.choose(views.as_ref(), &random(Dimension::Emitter));
-    let (u, v) = (random(Dimension::EmitterU), random(Dimension::EmitterV));
-    let uniform = u.iter().zip(&v);
-    let (b, c) = uniform
-        .map(|(&u, &v)| (u.sqrt() * (1.0 - v), u.sqrt() * v))
+    let dimensions = [Dimension::EmitterU, Dimension::EmitterV];
+    let [u, v] = tracer.transport.sampler.uniform(paths, bounce, dimensions);
+    let chosen = lights.choose(views.as_ref(), &u);
+    let (b, c) = chosen
+        .iter()
+        .zip(&v)
+        .map(|((_, _, u), v)| (u.sqrt() * (1.0 - v), u.sqrt() * v))
         .unzip();
     let chosen = LightPoints {
-        emitter,
+        emitter: chosen.iter().map(|e| e.0).collect(),
         b,
         c,
-        chance,
+        chance: chosen.iter().map(|e| e.1).collect(),
     };
     let combined = scattered.map(|_| false);
     let mut found = vec![(None, arriving(tracer, &shaded, chosen, combined)?)];

@@ -92,6 +92,11 @@ impl Lights {
         let power = triangles.iter().zip(&radiance).map(|(t, r)| t.area() * r);
         let power: Vec<f64> = power.map(|p| if p.is_finite() { p } else { 0.0 }).collect();
         let total: f64 = power.iter().sum();
+        // From anywhere, emitters of one plane are seen about as their areas are.
+        let plane = |t: &HostTriangle| t.normal.extend(-t.normal.dot(t.corners[0]));
+        let first = plane(&triangles[0]);
+        let apart = |t: &HostTriangle| (plane(t) - first).abs().max_element() > 1e-5;
+        let spread = triangles.iter().any(apart) || velocity.is_some();
         let uniform = sampling == EmitterSampling::Uniform || total <= 0.0;
         let fixed = if uniform {
             vec![1.0 / count as f64; count]
@@ -101,6 +106,7 @@ impl Lights {
         Ok(Self {
             by_solid_angle: sampling == EmitterSampling::SolidAngle
                 && (2..=FEW).contains(&count)
+                && spread
                 && !uniform,
             triangles,
             index,
@@ -146,8 +152,9 @@ impl Lights {
         }
     }
 
-    /// An emitter for each random number: triangles of the scene, with their probabilities.
-    pub fn choose(&self, views: Option<&Views>, random: &[f64]) -> (Vec<u32>, Vec<f64>) {
+    /// An emitter for each random number: triangles of the scene with their probabilities, and
+    /// what is left of the number, uniform again.
+    pub fn choose(&self, views: Option<&Views>, random: &[f64]) -> Vec<(u32, f64, f64)> {
         let one = |p: &mut Vec<f64>, (i, u): (usize, &f64)| {
             self.probabilities(views, i, p);
             let mut passed = 0.0;
@@ -158,10 +165,11 @@ impl Lights {
             // Rounding may leave the sum a little under 1.
             let likely = || p.iter().rposition(|&p| p > 0.0).unwrap_or(0);
             let k = found.unwrap_or_else(likely);
-            (self.index[k], p[k])
+            let rest = (u - (passed - p[k])) / p[k];
+            (self.index[k], p[k], rest.clamp(0.0, 1.0))
         };
         let pieces = random.par_iter().enumerate().with_min_len(PIECE);
-        pieces.map_init(Vec::new, one).unzip()
+        pieces.map_init(Vec::new, one).collect()
     }
 
     /// The probability of the emitter that each point of a list met.

@@ -76,12 +76,29 @@ impl RayWeights<'_> {
         }
     }
 
-    /// W of one surface of each ray, or of the background, on the host.
-    fn of(&self, context: &Context, drawn: &[u32]) -> Result<Vec<f64>> {
-        match self {
-            Self::Dense(w) => w.of(context, drawn),
-            Self::Sparse(w) => Ok(w.of(drawn)),
+    /// Several surfaces of each ray, (ray, surface, W over the probability of being here): systematic
+    /// sampling, in which a surface is taken with probability min(1, 4W). The number of triangles
+    /// stands for the background.
+    fn split(&self, context: &Context, random: &[f64]) -> Result<Vec<(u32, u32, f64)>> {
+        let weights = match self {
+            Self::Sparse(w) => return Ok(w.split(random, SPLIT)),
+            Self::Dense(w) => w,
+        };
+        let draws = (0..SPLIT).map(|m| {
+            let shifted = random.iter().map(|u| (u + m as f64) / SPLIT as f64);
+            weights.draw(context, &shifted.collect::<Vec<_>>())
+        });
+        let draws = draws.collect::<Result<Vec<_>>>()?;
+        let shares = draws.iter().map(|drawn| weights.of(context, drawn));
+        let shares = shares.collect::<Result<Vec<_>>>()?;
+        let mut found = Vec::new();
+        for i in 0..random.len() {
+            for m in (0..SPLIT).filter(|&m| m == 0 || draws[m][i] != draws[m - 1][i]) {
+                let share = shares[m][i].max(1.0 / SPLIT as f64);
+                found.push((i as u32, draws[m][i], share));
+            }
         }
+        Ok(found)
     }
 
     /// W of the background `[1, N]`, in the graph if a gradient can flow.
@@ -277,7 +294,7 @@ pub(crate) fn trace<'a>(
         }
         let dark = scene.emitters.is_empty() && scene.environment.is_none();
         let split = bounce == 0 && settings.sampling.surfaces == SurfaceSampling::Split;
-        let random = sampler.uniform(&batch.paths, bounce, Dimension::Surface);
+        let [random] = sampler.uniform(&batch.paths, bounce, [Dimension::Surface]);
         let drawn = if split {
             let drawn = if dark {
                 Vec::new()
@@ -412,7 +429,7 @@ fn roulette(tracer: &Tracer, batch: &mut Batch, bounce: u32) -> Result<Vec<u32>>
         .map(|q| q.clamp(0.05, 1.0))
         .collect();
     let sampler = tracer.transport.sampler;
-    let random = sampler.uniform(&batch.paths, bounce, Dimension::Roulette);
+    let [random] = sampler.uniform(&batch.paths, bounce, [Dimension::Roulette]);
     let inverse: Vec<f64> = survival.iter().map(|q| q.recip()).collect();
     *current = current.scale(&tracer.scene().context.row(&inverse));
     Ok((0..count)
@@ -437,9 +454,8 @@ struct Batch {
 const SPLIT: usize = 4;
 
 impl Batch {
-    /// Goes on with several surfaces of each ray in place of one: systematic sampling, in which a
-    /// surface of weight W is taken with probability min(1, 4W) and then counts W over that.
-    /// Returns them; paths are then those of the surfaces.
+    /// Goes on with several surfaces of each ray in place of one. Returns them; paths are then those
+    /// of the surfaces.
     fn split(
         &mut self,
         tracer: &Tracer,
@@ -449,33 +465,17 @@ impl Batch {
     ) -> Result<Vec<u32>> {
         let context = &tracer.scene().context;
         let n = self.paths.len();
-        let draws = (0..SPLIT).map(|m| {
-            let shifted: Vec<f64> = random
-                .iter()
-                .map(|u| (u + m as f64) / SPLIT as f64)
-                .collect();
-            weights.draw(context, &shifted)
-        });
-        let draws = draws.collect::<Result<Vec<_>>>()?;
-        // The first surface of each ray, then all others: (ray, surface, weight).
-        let (mut first, mut others) = (Vec::new(), Vec::new());
-        for (m, drawn) in draws.iter().enumerate() {
-            let w = if m == 0 || *drawn != draws[m - 1] {
-                weights.of(context, drawn)?
-            } else {
+        // The first surface of each ray, then all others.
+        let (mut first, mut others): (Vec<(u32, u32, f64)>, Vec<_>) = (Vec::new(), Vec::new());
+        for entry in weights.split(context, random)? {
+            if !useful(entry.1) {
                 continue;
-            };
-            for i in 0..n {
-                let is_new = (0..m).all(|l| draws[l][i] != drawn[i]);
-                if !is_new || !useful(drawn[i]) {
-                    continue;
-                }
-                let any = (0..m).any(|l| useful(draws[l][i]));
-                let list = if any { &mut others } else { &mut first };
-                list.push((i as u32, drawn[i], w[i].max(1.0 / SPLIT as f64)));
+            }
+            match first.last() {
+                Some(last) if last.0 == entry.0 => others.push(entry),
+                _ => first.push(entry),
             }
         }
-        first.sort_unstable_by_key(|e: &(u32, u32, f64)| e.0);
         let mut change = None;
         if !first.is_empty() {
             let mut drawn = vec![tracer.scene().triangles.len() as u32; n];

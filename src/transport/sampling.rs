@@ -24,7 +24,7 @@ pub enum EmitterSampling {
     /// In proportion to area times radiance.
     Power,
     /// In proportion to the solid angle under which a point sees it, times radiance (and a tenth by
-    /// power); by power where there are more than 64.
+    /// power); by power where there are more than 64, or all lie in one plane.
     #[default]
     SolidAngle,
 }

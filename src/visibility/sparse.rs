@@ -724,14 +724,36 @@ impl SparseWeights<'_> {
         self.background.len()
     }
 
-    /// W of one surface of each ray, or of the background.
-    pub fn of(&self, drawn: &[u32]) -> Vec<f64> {
-        let one = |i: usize| {
-            let mut surfaces = self.surfaces.of(i).iter();
-            let found = surfaces.find(|s| s.triangle == drawn[i]);
-            found.map_or(self.background[i], |s| s.weight)
-        };
-        (0..self.len()).map(one).collect()
+    /// Several surfaces of each ray, (ray, surface, W over its probability): systematic sampling with
+    /// `draws` draws, in the order of triangles.
+    pub fn split(&self, random: &[f64], draws: usize) -> Vec<(u32, u32, f64)> {
+        let least = 1.0 / draws as f64;
+        let mut found = Vec::with_capacity(self.len());
+        let mut order: Vec<(u32, f64)> = Vec::new();
+        for (i, u) in random.iter().enumerate() {
+            let surfaces = self.surfaces.of(i);
+            if let ([s], true) = (surfaces, self.background[i] <= 0.0) {
+                found.push((i as u32, s.triangle, s.weight));
+                continue;
+            }
+            order.clear();
+            order.extend(surfaces.iter().map(|s| (s.triangle, s.weight)));
+            order.sort_unstable_by_key(|s| s.0);
+            order.push((self.triangles, self.background[i]));
+            let total: f64 = order.iter().map(|s| s.1).sum();
+            // The next number of the comb u, u + 1, … over cumulative weights in units of 1/draws.
+            let (mut passed, mut next) = (0.0, total * u * least);
+            for &(k, weight) in &order {
+                passed += weight;
+                if passed > next {
+                    found.push((i as u32, k, weight.max(least)));
+                    while passed > next {
+                        next += total * least;
+                    }
+                }
+            }
+        }
+        found
     }
 
     /// Draws one surface a ray: as the tensor program does, in the order of triangles.
