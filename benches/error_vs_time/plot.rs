@@ -6,6 +6,7 @@ use std::path::Path;
 
 use image::{ImageFormat, RgbImage};
 use plotters::coord::Shift;
+use plotters::coord::combinators::{BindKeyPoints, LogCoord, WithKeyPoints};
 use plotters::prelude::*;
 
 use crate::Outcome;
@@ -116,6 +117,7 @@ impl Figure {
         DB::ErrorType: 'static,
     {
         area.fill(&WHITE)?;
+        let area = area.margin(8 * scale, 0, 0, 0);
         let area = area.titled(&self.title, ("sans-serif", 18 * scale))?;
         let (panels, legend) = area.split_horizontally((SIZE.0 - LEGEND) * scale);
         for (panel, area) in self
@@ -139,7 +141,8 @@ impl Figure {
         let (left, mut y) = (8 * s, 34 * s);
         for (i, label) in self.labels.iter().enumerate() {
             let line = [(left, y), (left + 26 * s, y)];
-            area.draw(&PathElement::new(line, colour(i).stroke_width(scale)))?;
+            let width = if i == 0 { 3 * scale } else { scale };
+            area.draw(&PathElement::new(line, colour(i).stroke_width(width)))?;
             area.draw(&(EmptyElement::at((left + 13 * s, y)) + marker(i, s)))?;
             for (k, part) in wrapped(label, 32).iter().enumerate() {
                 let at = (left + 34 * s, y - 7 * s + 16 * s * k as i32);
@@ -184,10 +187,10 @@ impl Panel {
             .caption(self.title, ("sans-serif", 15 * scale))
             .margin(10 * scale)
             .x_label_area_size(44 * scale)
-            .y_label_area_size(66 * scale)
+            .y_label_area_size(60 * scale)
             .build_cartesian_2d(
-                range(points.iter().map(|p| p.0)).log_scale(),
-                range(points.iter().map(|p| p.1)).log_scale(),
+                axis(points.iter().map(|p| p.0)),
+                axis(points.iter().map(|p| p.1)),
             )?;
         chart
             .configure_mesh()
@@ -212,7 +215,8 @@ impl Panel {
         for (i, curve) in self.curves.iter().enumerate() {
             let mut curve: Vec<Point> = curve.iter().filter(shown).copied().collect();
             curve.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let style = colour(i).stroke_width(scale);
+            // The first is the base.
+            let style = colour(i).stroke_width(if i == 0 { 3 * scale } else { scale });
             chart.draw_series(LineSeries::new(curve.iter().copied(), style))?;
             let markers = curve.iter().map(|&p| EmptyElement::at(p) + marker(i, s));
             chart.draw_series(markers)?;
@@ -256,12 +260,29 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// With some room, and over a factor of 10 at least, so that there is a number on the axis.
-fn range(values: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
+/// Logarithmic, with some room and over a factor of 10 at least. Numbers at 1, 2 and 5 of each
+/// decade, at the decades alone where there are many.
+fn axis(values: impl Iterator<Item = f64> + Clone) -> WithKeyPoints<LogCoord<f64>> {
     let low = values.clone().fold(f64::INFINITY, f64::min);
     let high = values.fold(0.0, f64::max);
     let room = (10.0 * low / high).sqrt().max(1.4);
-    low / room..high * room
+    let (low, high) = (low / room, high * room);
+    let at = |digits: &[f64]| -> Vec<f64> {
+        let decades = low.log10().floor() as i32..=high.log10().ceil() as i32;
+        decades
+            .flat_map(|k| digits.iter().map(move |d| d * 10f64.powi(k)))
+            .filter(|v| (low..=high).contains(v))
+            .collect()
+    };
+    let digits: &[f64] = if high / low < 300.0 {
+        &[1.0, 2.0, 5.0]
+    } else {
+        &[1.0]
+    };
+    (low..high)
+        .log_scale()
+        .with_key_points(at(digits))
+        .with_light_points(at(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]))
 }
 
 fn number(v: &f64) -> String {
