@@ -100,26 +100,35 @@ struct Sweep {
     /// Backends: flex, ndarray, and wgpu and vulkan where they are built in.
     #[arg(long, value_delimiter = ',', default_value = "flex,ndarray")]
     device: Vec<String>,
-    /// How gradients are made. `tape` needs memory in proportion to the samples.
-    #[arg(long, value_delimiter = ',', default_value = "replay")]
+    /// How gradients are made: `tape` needs memory in proportion to the samples and one core,
+    /// `replay` traces the paths twice on all.
+    #[arg(long, value_delimiter = ',', default_value = "replay,tape")]
     backward: Vec<Backward>,
     /// Independent seeds a point; errors are root mean squares over them [default: 8].
     #[arg(long)]
     seeds: Option<u32>,
+    /// Seconds of forward + backward passes of a point after which half of the seeds are enough;
+    /// the table says how many there were.
+    #[arg(long, default_value_t = 10.0)]
+    patience: f64,
     /// The most runs that the time of a forward pass is the best of [default: 3]. That of forward +
     /// backward is the best of all seeds.
     #[arg(long)]
     runs: Option<u32>,
-    /// Samples a pixel of each render that others are compared with [default: 1024].
+    /// Samples a pixel of each render that others are compared with [default: 512].
     #[arg(long)]
     reference_samples: Option<u32>,
     /// How many of them are averaged [default: 8].
     #[arg(long)]
     reference_seeds: Option<u32>,
+    /// How they are sampled. That errors against them vanish for other samplings too is a test of
+    /// both.
+    #[arg(long, default_value = "default")]
+    reference_sampling: Sampler,
     /// Peak memory is not measured, which takes a process of its own for each point.
     #[arg(long)]
     no_memory: bool,
-    /// A minute or so: shadow and cornell, few samples, seeds and references; for what is named
+    /// A minute or two: shadow and cornell, few samples, seeds and references; for what is named
     /// that counts.
     #[arg(long)]
     quick: bool,
@@ -188,9 +197,11 @@ impl Sweep {
         };
         Effort {
             seeds: pick(self.seeds, 8, 3),
+            patience: self.patience,
             runs: pick(self.runs, 3, 2),
-            reference_samples: pick(self.reference_samples, 1024, 64),
+            reference_samples: pick(self.reference_samples, 512, 64),
             reference_seeds: pick(self.reference_seeds, 8, 2).max(2),
+            reference_sampling: self.reference_sampling,
         }
     }
 
@@ -203,7 +214,7 @@ impl Sweep {
                 Sampler::PlainSequence,
                 Sampler::PlainEmitters,
                 Sampler::PlainSurfaces,
-                Sampler::PlainConnection,
+                Sampler::WithoutMis,
             ],
         )
     }
@@ -399,7 +410,7 @@ impl SceneWork {
             measure::once(&world, setting, samples[0])?;
             for &samples in samples {
                 bar.set_message(format!("{}, {label}, {samples}", subject.name()));
-                let mut values =
+                let (seeds, mut values) =
                     measure::point(&world, setting, samples, effort, &unblurred, blurred)?;
                 if !sweep.no_memory
                     && let Some(peak) = measure::peak_of(subject, setting, samples)?
@@ -416,7 +427,7 @@ impl SceneWork {
                     },
                     setting: setting.clone(),
                     samples,
-                    seeds: effort.seeds,
+                    seeds,
                     threads: rayon::current_num_threads(),
                     values,
                 });

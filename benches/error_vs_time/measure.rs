@@ -28,11 +28,14 @@ const CONVERGED_CUTOFF: f64 = 1e-8;
 pub struct Effort {
     /// Independent seeds of a point: errors are root mean squares over them.
     pub seeds: u32,
+    /// Seconds after which half of them are enough.
+    pub patience: f64,
     /// The most runs that the time of a forward pass is the best of.
     pub runs: u32,
     /// Samples a pixel of each render that is compared with, and how many of them are averaged.
     pub reference_samples: u32,
     pub reference_seeds: u32,
+    pub reference_sampling: Sampler,
 }
 
 /// What a render is compared with.
@@ -101,11 +104,11 @@ fn options(world: &World, setting: &Setting, samples: u32, seed: u64) -> RenderO
 }
 
 /// The way in which everything that others are compared with is rendered.
-fn converged(sigma: f64, form: Form) -> Setting {
+fn converged(sigma: f64, form: Form, effort: &Effort) -> Setting {
     Setting {
         sigma,
         form,
-        sampling: Sampler::Default,
+        sampling: effort.reference_sampling,
         cutoff: CONVERGED_CUTOFF,
         dtype: Float::F64,
         device: "flex".to_owned(),
@@ -180,7 +183,7 @@ impl Reference {
         mut each: impl FnMut(u64),
     ) -> Outcome<Self> {
         let world = subject.build(&Device::flex(), DType::F64)?;
-        let setting = converged(like.sigma, like.form);
+        let setting = converged(like.sigma, like.form, effort);
         let mut means = Means::new();
         for seed in 0..u64::from(effort.reference_seeds) {
             let options = options(&world, &setting, effort.reference_samples, CONVERGED + seed);
@@ -203,7 +206,7 @@ impl Reference {
         let mut world = subject.build(&Device::flex(), DType::F64)?;
         let exact = subject.reference()?;
         let sigma = UNBLURRED_SIGMA * world.bounds.radius.powi(2);
-        let setting = converged(sigma, Form::Layered);
+        let setting = converged(sigma, Form::Layered, effort);
         let weights = weights(world.width, world.height);
         let as_is = world.scene.clone();
         let mut means = Means::new();
@@ -296,7 +299,7 @@ fn length(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Times and errors of a setting with so many samples.
+/// Times and errors of a setting with so many samples, and over how many seeds.
 pub fn point(
     world: &World,
     setting: &Setting,
@@ -304,7 +307,7 @@ pub fn point(
     effort: &Effort,
     unblurred: &Reference,
     blurred: &Reference,
-) -> Outcome<Values> {
+) -> Outcome<(u32, Values)> {
     let mut best = [f64::INFINITY; 2];
     let mut spent = 0.0;
     for run in 0..effort.runs {
@@ -317,8 +320,14 @@ pub fn point(
         }
     }
     let mut errors = [unblurred, blurred].map(Errors::new);
-    for seed in 0..u64::from(effort.seeds) {
-        let options = options(world, setting, samples, seed);
+    let start = Instant::now();
+    let mut seeds = 0;
+    while seeds < effort.seeds {
+        if 2 * seeds >= effort.seeds && start.elapsed().as_secs_f64() > effort.patience {
+            break;
+        }
+        let options = options(world, setting, samples, u64::from(seeds));
+        seeds += 1;
         let (seconds, image, gradient) = backward(world, &options)?;
         best[1] = best[1].min(seconds);
         for e in &mut errors {
@@ -329,14 +338,14 @@ pub fn point(
     values.set(Column::Forward, best[0]);
     values.set(Column::ForwardBackward, best[1]);
     for (errors, columns) in errors.iter().zip([Column::UNBLURRED, Column::BLURRED]) {
-        for (column, value) in columns.into_iter().zip(errors.means(effort.seeds)) {
+        for (column, value) in columns.into_iter().zip(errors.means(seeds)) {
             values.set(column, value);
         }
     }
     values.set(Column::ImageNoise, blurred.image_noise);
     values.set(Column::GradientNoise, blurred.gradient_noise);
     values.set(Column::DifferenceNoise, unblurred.gradient_noise);
-    Ok(values)
+    Ok((seeds, values))
 }
 
 /// One forward and backward pass, for [`peak`] in a process of its own and to warm up.

@@ -55,7 +55,7 @@ pub enum Sampler {
     /// The default with surfaces chosen as in the paper: one drawn.
     PlainSurfaces,
     /// The default without multiple importance sampling.
-    PlainConnection,
+    WithoutMis,
 }
 
 /// A float type.
@@ -216,7 +216,7 @@ impl Sampler {
             Self::PlainSequence => sampling.sequence = plain.sequence,
             Self::PlainEmitters => sampling.emitters = plain.emitters,
             Self::PlainSurfaces => sampling.surfaces = plain.surfaces,
-            Self::PlainConnection => sampling.multiple_importance = plain.multiple_importance,
+            Self::WithoutMis => sampling.multiple_importance = plain.multiple_importance,
         }
         sampling
     }

@@ -200,8 +200,12 @@ fn at_most_samples(rows: &[Row], base: &Setting) -> String {
                 continue;
             };
             let v = |c: Column| r.values.get(c);
+            let peak = match v(Column::Peak) {
+                peak if peak.is_nan() => "–".to_owned(),
+                peak => format!("{peak:.0}"),
+            };
             text += &format!(
-                "| {scene} | {} | {} | {:.3} | {:.3} | {:.4} | {:+.4} | {:.3} | {:.3} | {:.3} | {:.0} |\n",
+                "| {scene} | {} | {} | {:.3} | {:.3} | {:.4} | {:+.4} | {:.3} | {:.3} | {:.3} | {} |\n",
                 setting.label(base),
                 r.samples,
                 v(Column::Forward),
@@ -211,7 +215,7 @@ fn at_most_samples(rows: &[Row], base: &Setting) -> String {
                 v(Column::UnblurredGradient),
                 v(Column::UnblurredCosine),
                 v(Column::UnblurredTranslation),
-                v(Column::Peak),
+                peak,
             );
         }
     }
