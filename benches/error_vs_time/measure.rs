@@ -299,53 +299,88 @@ fn length(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Times and errors of a setting with so many samples, and over how many seeds.
-pub fn point(
-    world: &World,
-    setting: &Setting,
-    samples: u32,
-    effort: &Effort,
-    unblurred: &Reference,
-    blurred: &Reference,
-) -> Outcome<(u32, Values)> {
-    let mut best = [f64::INFINITY; 2];
-    let mut spent = 0.0;
-    for run in 0..effort.runs {
+/// Times and errors of a setting with so many samples, round by round: rounds of several settings
+/// in turn see the same machine, whatever else it does.
+pub struct Point<'a> {
+    pub world: &'a World,
+    pub setting: &'a Setting,
+    pub samples: u32,
+    /// How many seeds there were so far.
+    pub seeds: u32,
+    /// Seconds of the best forward pass and of the best forward and backward pass.
+    best: [f64; 2],
+    /// Seconds of all of them.
+    spent: [f64; 2],
+    errors: [Errors<'a>; 2],
+    references: [&'a Reference; 2],
+}
+
+impl<'a> Point<'a> {
+    pub fn new(
+        world: &'a World,
+        setting: &'a Setting,
+        samples: u32,
+        unblurred: &'a Reference,
+        blurred: &'a Reference,
+    ) -> Self {
+        Self {
+            world,
+            setting,
+            samples,
+            seeds: 0,
+            best: [f64::INFINITY; 2],
+            spent: [0.0; 2],
+            errors: [unblurred, blurred].map(Errors::new),
+            references: [unblurred, blurred],
+        }
+    }
+
+    /// One more run of each kind, unless there are enough.
+    pub fn round(&mut self, number: u32, effort: &Effort) -> Outcome<()> {
+        let options = options(self.world, self.setting, self.samples, u64::from(number));
         // The time of long ones is certain enough.
-        if spent < 2.0 {
-            let seed = u64::from(run);
-            let (seconds, _) = forward(world, &options(world, setting, samples, seed))?;
-            best[0] = best[0].min(seconds);
-            spent += seconds;
+        if number < effort.runs && self.spent[0] < 2.0 {
+            let (seconds, _) = forward(self.world, &options)?;
+            self.took(0, seconds);
         }
+        let enough = 2 * number >= effort.seeds && self.spent[1] > effort.patience;
+        if number < effort.seeds && !enough {
+            let (seconds, image, gradient) = backward(self.world, &options)?;
+            self.took(1, seconds);
+            self.seeds += 1;
+            for e in &mut self.errors {
+                e.add(&image, &gradient);
+            }
+        }
+        Ok(())
     }
-    let mut errors = [unblurred, blurred].map(Errors::new);
-    let start = Instant::now();
-    let mut seeds = 0;
-    while seeds < effort.seeds {
-        if 2 * seeds >= effort.seeds && start.elapsed().as_secs_f64() > effort.patience {
-            break;
-        }
-        let options = options(world, setting, samples, u64::from(seeds));
-        seeds += 1;
-        let (seconds, image, gradient) = backward(world, &options)?;
-        best[1] = best[1].min(seconds);
-        for e in &mut errors {
-            e.add(&image, &gradient);
-        }
+
+    fn took(&mut self, kind: usize, seconds: f64) {
+        self.best[kind] = self.best[kind].min(seconds);
+        self.spent[kind] += seconds;
     }
-    let mut values = Values::default();
-    values.set(Column::Forward, best[0]);
-    values.set(Column::ForwardBackward, best[1]);
-    for (errors, columns) in errors.iter().zip([Column::UNBLURRED, Column::BLURRED]) {
-        for (column, value) in columns.into_iter().zip(errors.means(seeds)) {
-            values.set(column, value);
+
+    pub fn values(&self) -> Values {
+        let mut values = Values::default();
+        values.set(Column::Forward, self.best[0]);
+        values.set(Column::ForwardBackward, self.best[1]);
+        for (errors, columns) in self.errors.iter().zip([Column::UNBLURRED, Column::BLURRED]) {
+            for (column, value) in columns.into_iter().zip(errors.means(self.seeds)) {
+                values.set(column, value);
+            }
         }
+        let [unblurred, blurred] = self.references;
+        values.set(Column::ImageNoise, blurred.image_noise);
+        values.set(Column::GradientNoise, blurred.gradient_noise);
+        values.set(Column::DifferenceNoise, unblurred.gradient_noise);
+        let mut limit = Errors::new(unblurred);
+        limit.add(&blurred.image, &blurred.gradient);
+        let [rmse, _, gradient, _, translation, _] = limit.means(1);
+        values.set(Column::LimitRmse, rmse);
+        values.set(Column::LimitGradient, gradient);
+        values.set(Column::LimitTranslation, translation);
+        values
     }
-    values.set(Column::ImageNoise, blurred.image_noise);
-    values.set(Column::GradientNoise, blurred.gradient_noise);
-    values.set(Column::DifferenceNoise, unblurred.gradient_noise);
-    Ok((seeds, values))
 }
 
 /// One forward and backward pass, for [`peak`] in a process of its own and to warm up.

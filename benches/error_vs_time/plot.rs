@@ -52,7 +52,8 @@ const COLOURS: [RGBColor; 7] = [
 /// Pareto front; `SCENE-noise.svg` against the converged blurred scene, the settings that converge
 /// to the same. Each as PNG too.
 pub fn scene(folder: &Path, scene: &str, rows: &[Row], base: &Setting) -> Outcome<()> {
-    let all = settings(rows, scene);
+    let mut all = settings(rows, scene);
+    all.sort_by_key(|s| *s != base);
     let same: Vec<&Setting> = all
         .iter()
         .copied()

@@ -180,12 +180,14 @@ fn to_the_same_error(rows: &[Row], base: &Setting) -> String {
     text + "\n"
 }
 
-/// What the blur costs in exactness: σ and forms at the most samples.
+/// What blur and cutoff cost in exactness: σ, forms and cutoffs at the most samples.
 fn at_most_samples(rows: &[Row], base: &Setting) -> String {
     let mut text = "### Against the scene without blur, at the most samples\n\n\
+         In brackets what the same blurred scene converges to; noise is the standard error of the \
+         converged gradient and of the differences that it is compared with.\n\n\
          | scene | setting | samples | forward, s | forward + backward, s | RMSE | bias | gradient \
-         error | cosine | translation gradient error | peak, MiB |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|\n"
+         error | translation gradient error | cosine | noise | peak, MiB |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for scene in scenes(rows) {
         for setting in settings(rows, &scene) {
@@ -205,17 +207,21 @@ fn at_most_samples(rows: &[Row], base: &Setting) -> String {
                 peak => format!("{peak:.0}"),
             };
             text += &format!(
-                "| {scene} | {} | {} | {:.3} | {:.3} | {:.4} | {:+.4} | {:.3} | {:.3} | {:.3} | {} |\n",
+                "| {scene} | {} | {} | {:.3} | {:.3} | {:.4} ({:.4}) | {:+.4} | {:.3} ({:.3}) | {:.3} ({:.3}) | {:.3} | {:.3}, {:.3} | {peak} |\n",
                 setting.label(base),
                 r.samples,
                 v(Column::Forward),
                 v(Column::ForwardBackward),
                 v(Column::UnblurredRmse),
+                v(Column::LimitRmse),
                 v(Column::UnblurredBias),
                 v(Column::UnblurredGradient),
-                v(Column::UnblurredCosine),
+                v(Column::LimitGradient),
                 v(Column::UnblurredTranslation),
-                peak,
+                v(Column::LimitTranslation),
+                v(Column::UnblurredCosine),
+                v(Column::GradientNoise),
+                v(Column::DifferenceNoise),
             );
         }
     }

@@ -29,11 +29,14 @@ pub enum Column {
     ImageNoise,
     GradientNoise,
     DifferenceNoise,
+    LimitRmse,
+    LimitGradient,
+    LimitTranslation,
     Peak,
 }
 
 /// How the columns are headed, in order.
-const HEADS: [&str; 18] = [
+const HEADS: [&str; 21] = [
     "forward [s]",
     "forward + backward [s]",
     "RMSE to unblurred [clipped radiance]",
@@ -51,6 +54,9 @@ const HEADS: [&str; 18] = [
     "standard error of converged image [radiance]",
     "standard error of converged gradient [relative]",
     "standard error of unblurred differences [relative]",
+    "RMSE of converged to unblurred [clipped radiance]",
+    "gradient error of converged to unblurred differences [relative]",
+    "translation gradient error of converged to unblurred differences [relative]",
     "peak memory [MiB]",
 ];
 
