@@ -83,7 +83,7 @@ pub struct Sweep {
     #[arg(long)]
     quick: bool,
     /// Goes on with the table in the folder: what it has is not measured again. With everything
-    /// in it, plots and summary are made anew.
+    /// in it, plots and summary are made anew. Times within a scene are best of one run.
     #[arg(long)]
     keep: bool,
     /// Folder for table and plots [default: benches/error_vs_time/results].
@@ -208,9 +208,9 @@ impl Sweep {
     }
 
     pub fn run(&self) -> Outcome<()> {
+        let settings = self.settings()?;
         let folder = results(&self.out)?;
         let table = folder.join("points.csv");
-        let settings = self.settings()?;
         let mut rows = if self.keep && table.exists() {
             table::read(&table)?
         } else {
