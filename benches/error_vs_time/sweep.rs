@@ -83,7 +83,8 @@ pub struct Sweep {
     #[arg(long)]
     quick: bool,
     /// Goes on with the table in the folder: what it has is not measured again. With everything
-    /// in it, plots and summary are made anew. Times within a scene are best of one run.
+    /// in it, plots and summary are made anew. Ratios
+    /// of times are of one run only where whole scenes were missing.
     #[arg(long)]
     keep: bool,
     /// Folder for table and plots [default: benches/error_vs_time/results].
