@@ -2,6 +2,9 @@
 //! `cornell`, `faces`, `few`, `cutoff`, `features`; all without one. Prints the Markdown of
 //! `benches/RESULTS.md`.
 
+#[path = "font/mod.rs"]
+mod font;
+
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -290,6 +293,7 @@ fn plot(
     lines: &[(String, Vec<(f64, f64)>)],
 ) -> Result<(), Box<dyn std::error::Error>> {
     use plotters::prelude::*;
+    font::register();
     let area = SVGBackend::new(path, (720, 420)).into_drawing_area();
     area.fill(&WHITE)?;
     let all = || lines.iter().flat_map(|l| l.1.iter().map(|p| p.1));
