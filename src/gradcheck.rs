@@ -115,6 +115,7 @@ pub struct GradCheck {
     least: u64,
     budget: u64,
     objective: Objective,
+    only: Option<Vec<String>>,
 }
 
 impl GradCheck {
@@ -137,6 +138,7 @@ impl GradCheck {
             negligible: 0.0,
             least: 32,
             budget: 4096,
+            only: None,
             objective: Arc::new(|radiance| {
                 let [h, w, _] = radiance.dims();
                 let weights: Vec<f32> = (0..h * w)
@@ -186,6 +188,18 @@ impl GradCheck {
         self.least = least.max(2);
         self.budget = most.max(least).max(2);
         self
+    }
+
+    /// Checks only the parameters of these names; the scene gets all, the others as constants.
+    pub fn only(mut self, names: &[&str]) -> Self {
+        self.only = Some(names.iter().map(|n| (*n).to_owned()).collect());
+        self
+    }
+
+    fn checks(&self, p: &Checked) -> bool {
+        self.only
+            .as_ref()
+            .is_none_or(|names| names.contains(&p.name))
     }
 
     /// What is differentiated.
@@ -359,6 +373,7 @@ pub fn gradcheck(
     let directions: Vec<(usize, String, Vec<f64>)> = parameters
         .iter()
         .enumerate()
+        .filter(|(_, p)| settings.checks(p))
         .flat_map(|(i, p)| p.directions().into_iter().map(move |(n, d)| (i, n, d)))
         .collect();
     let differences = directions
@@ -403,7 +418,7 @@ fn point(parameters: &[Checked], settings: &GradCheck, values: &[Vec<f64>], trac
     let tensors = parameters.iter().zip(values).map(|(p, v)| {
         let data = TensorData::new(v.clone(), [v.len()]);
         let t = Tensor::<1>::from_data(data, (&settings.device, settings.dtype));
-        let t = if track {
+        let t = if track && settings.checks(p) {
             t.autodiff().require_grad()
         } else {
             t

@@ -50,7 +50,8 @@ pub mod prelude {
         Statistics, SurfaceSampling, render, render_pixels,
     };
     pub use crate::scene::{
-        Albedo, Bounds, Camera, Material, Mesh, Object, Parameter, Scene, Transform, Wrap, shapes,
+        Albedo, Bounds, Camera, Environment, Material, Mesh, Object, Parameter, Scene, Transform,
+        Wrap, shapes,
     };
     pub use crate::visibility::Visibility;
 }

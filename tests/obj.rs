@@ -287,7 +287,10 @@ fn scene_files() {
     assert_eq!(aperture.values().expect("values"), [0.2]);
     assert_eq!(focus.values().expect("values"), [3.0]);
     assert_eq!(
-        file.scene.environment.values().expect("values"),
+        match &file.scene.environment {
+            Environment::Constant(p) => p.values().expect("values"),
+            Environment::Map(_) => panic!("a constant"),
+        },
         [1.0, 2.0, 3.0]
     );
     let velocity = file.scene.objects[0].velocity.as_ref().expect("a velocity");

@@ -4,9 +4,9 @@ use std::path::Path;
 use burn::tensor::Device;
 use serde::Deserialize;
 
-use super::read_file;
+use super::{HostImage, read_file};
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Environment, Scene};
 
 /// A scene with a camera and an image size, from a JSON file that names an OBJ file:
 ///
@@ -23,7 +23,8 @@ use crate::scene::{Camera, Scene};
 /// }
 /// ```
 ///
-/// `up` (y), the lens (a pinhole), `environment` (black) and `velocities` (none) may be left out;
+/// `environment` is a constant radiance, or the file of an equirectangular map (`"sky.hdr"`). `up`
+/// (y), the lens (a pinhole), `environment` (black) and `velocities` (none) may be left out;
 /// other fields are ignored. A lens without a focus distance focuses on the target.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
@@ -41,10 +42,16 @@ pub struct SceneFile {
 struct Document {
     obj: String,
     camera: CameraDocument,
-    #[serde(default)]
-    environment: [f64; 3],
+    environment: Option<EnvironmentDocument>,
     #[serde(default)]
     velocities: BTreeMap<String, [f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum EnvironmentDocument {
+    Constant([f64; 3]),
+    Map(String),
 }
 
 #[derive(Deserialize)]
@@ -82,7 +89,14 @@ impl SceneFile {
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut scene = Scene::from_obj(folder.join(&document.obj), device)?;
-        scene = scene.environment(document.environment);
+        match document.environment {
+            None => {}
+            Some(EnvironmentDocument::Constant(radiance)) => scene = scene.environment(radiance),
+            Some(EnvironmentDocument::Map(file)) => {
+                let map = HostImage::read(folder.join(file))?.to_tensor(device);
+                scene = scene.environment(Environment::map(map));
+            }
+        }
         for (name, velocity) in document.velocities {
             if scene.object(&name).is_none() {
                 let known: Vec<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();

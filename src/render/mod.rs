@@ -14,7 +14,7 @@ use crate::accel::Hierarchy;
 use crate::error::{Error, Result};
 use crate::geometry::{host_values, plain};
 use crate::scene::{Camera, Collect, Flattened, Replace, Scene, visit_tensors};
-use crate::transport::{Census, Dimension, Lights, PathSettings, Sampler, Transport, trace};
+use crate::transport::{Census, Dimension, Lights, PathSettings, Sampler, Sky, Transport, trace};
 use crate::visibility::{Rays, Sparse};
 
 pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
@@ -189,6 +189,7 @@ struct Renderer<'a> {
     options: &'a RenderOptions,
     sampler: Sampler,
     lights: Lights,
+    sky: Option<Sky>,
     settings: PathSettings,
     sparse: Option<Sparse>,
     /// The pixels to render, where that is not all.
@@ -248,6 +249,7 @@ impl<'a> Renderer<'a> {
                 options.samples,
             ),
             lights: Lights::new(scene, options.sampling.emitters)?,
+            sky: Sky::new(scene)?,
             settings: PathSettings {
                 sigma: options.sigma / (scene.unit * scene.unit),
                 visibility: options.visibility,
@@ -339,6 +341,7 @@ impl<'a> Renderer<'a> {
             settings: &self.settings,
             sampler: &self.sampler,
             lights: &self.lights,
+            sky: self.sky.as_ref(),
             sparse: self.sparse.as_ref(),
         };
         let found = trace(transport, rays, &paths, samples)?;

@@ -98,12 +98,10 @@ pub(crate) fn check(scene: &Scene, camera: &Camera) -> Result<Context> {
         same("camera", field, t.device(), t.dtype())?;
     }
     camera.check()?;
-    if let Some(t) = scene.environment.tensor() {
-        same("scene", "environment", t.device(), t.dtype())?;
+    if let Some((device, dtype)) = scene.environment.kind() {
+        same("scene", "environment", device, dtype)?;
     }
-    scene
-        .environment
-        .check("scene", "environment", "finite numbers", |_| true)?;
+    scene.environment.check()?;
     Ok(context)
 }
 

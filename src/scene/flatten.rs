@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 
 use super::check::check;
 use super::mesh::take;
-use super::{Albedo, Camera, Material, Parameter, Scene, Wrap};
+use super::{Albedo, Camera, Environment, Material, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData};
 
@@ -56,6 +56,61 @@ pub struct Materials {
     pub emits: Vec<bool>,
 }
 
+/// An environment as planes.
+#[derive(Clone, Debug)]
+pub enum SkyTensors {
+    /// `[1, 1]`.
+    Constant(Vec3),
+    /// An equirectangular map.
+    Map(EnvironmentMap),
+}
+
+/// The texels of an equirectangular map.
+#[derive(Clone, Debug)]
+pub struct EnvironmentMap {
+    /// `[1, H·W]`, row by row.
+    pub texels: Vec3,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+}
+
+impl SkyTensors {
+    fn new(environment: &Environment, context: &Context) -> Self {
+        match environment {
+            Environment::Constant(p) => {
+                let [r, g, b] = p.planes(context);
+                Self::Constant(Vec3::new(r, g, b))
+            }
+            Environment::Map(texels) => {
+                let [height, width, _] = texels.dims();
+                let rows = texels.clone().reshape([height * width, 3]).transpose();
+                let rows = if rows.is_tracked() {
+                    rows
+                } else {
+                    rows.inner()
+                };
+                Self::Map(EnvironmentMap {
+                    texels: Vec3::from_rows(rows),
+                    height,
+                    width,
+                })
+            }
+        }
+    }
+
+    fn plain(&self) -> Self {
+        match self {
+            Self::Constant(v) => Self::Constant(v.plain()),
+            Self::Map(map) => Self::Map(EnvironmentMap {
+                texels: map.texels.plain(),
+                ..*map
+            }),
+        }
+    }
+}
+
 /// A scene as planes of triangles and materials.
 #[derive(Clone, Debug)]
 pub struct Flattened {
@@ -79,8 +134,8 @@ pub struct Flattened {
     pub uvs: Option<VertexData>,
     /// Shading normals of the corners, if any mesh has them, and for which triangles.
     pub normals: Option<(VertexData, Vec<bool>)>,
-    /// Environment radiance `[1, 1]`, if it is not a constant black.
-    pub environment: Option<Vec3>,
+    /// The environment, if it is not a constant black.
+    pub environment: Option<SkyTensors>,
 }
 
 impl Flattened {
@@ -156,11 +211,8 @@ impl Flattened {
             .iter()
             .any(|&s| s)
             .then(|| (corner_values(scene, &context, 3), smooth));
-        let black = matches!(scene.environment, Parameter::Constant(v) if v == [0.0; 3]);
-        let environment = (!black).then(|| {
-            let [r, g, b] = scene.environment.planes(&context);
-            Vec3::new(r, g, b)
-        });
+        let shines = scene.environment.shines();
+        let environment = shines.then(|| SkyTensors::new(&scene.environment, &context));
         if emitters.is_empty() && environment.is_none() {
             log::warn!("the scene has no emitter and a black environment: the image is black");
         }
@@ -220,7 +272,7 @@ impl Flattened {
             materials,
             uvs: self.uvs.as_ref().map(vertices),
             normals: self.normals.as_ref().map(|(n, s)| (vertices(n), s.clone())),
-            environment: self.environment.as_ref().map(Vec3::plain),
+            environment: self.environment.as_ref().map(SkyTensors::plain),
             ..self
         }
     }

@@ -2,6 +2,7 @@
 
 mod camera;
 mod check;
+mod environment;
 mod flatten;
 mod material;
 mod mesh;
@@ -12,7 +13,8 @@ mod tensors;
 mod transform;
 
 pub use camera::Camera;
-pub use flatten::{Albedos, Bounds, Flattened, Materials, TextureSlot};
+pub use environment::Environment;
+pub use flatten::{Albedos, Bounds, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
 pub use material::{Albedo, Material, Wrap};
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
@@ -20,13 +22,13 @@ pub use parameter::Parameter;
 pub(crate) use tensors::{Collect, Replace, visit_tensors};
 pub use transform::Transform;
 
-/// A scene: objects and a constant environment.
+/// A scene: objects and an environment.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// What is in it.
     pub objects: Vec<Object>,
     /// Radiance from every direction that no surface covers, RGB.
-    pub environment: Parameter<3>,
+    pub environment: Environment,
 }
 
 impl Default for Scene {
@@ -40,7 +42,7 @@ impl Scene {
     pub fn new() -> Self {
         Self {
             objects: Vec::new(),
-            environment: Parameter::Constant([0.0; 3]),
+            environment: Environment::Constant(Parameter::Constant([0.0; 3])),
         }
     }
 
@@ -50,8 +52,8 @@ impl Scene {
         self
     }
 
-    /// With a constant environment radiance.
-    pub fn environment(mut self, radiance: impl Into<Parameter<3>>) -> Self {
+    /// With an environment: a constant radiance, or an [`Environment::map`].
+    pub fn environment(mut self, radiance: impl Into<Environment>) -> Self {
         self.environment = radiance.into();
         self
     }

@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 
-use super::{Albedo, Camera, Parameter, Scene};
+use super::{Albedo, Camera, Environment, Parameter, Scene};
 
 /// What is done with each tensor.
 pub(crate) trait Visit {
@@ -43,7 +43,10 @@ pub(crate) fn visit_tensors(scene: &mut Scene, camera: &mut Camera, visit: &mut 
             visit.parameter(velocity);
         }
     }
-    visit.parameter(&mut scene.environment);
+    match &mut scene.environment {
+        Environment::Constant(p) => visit.parameter(p),
+        Environment::Map(texels) => visit.visit(texels),
+    }
     for p in [&mut camera.eye, &mut camera.target, &mut camera.up] {
         visit.parameter(p);
     }

@@ -5,7 +5,8 @@ use burn::tensor::Tensor;
 use super::Dimension;
 use super::bsdf::{density as density_of_scattering, scattered};
 use super::lights::Views;
-use super::path::{RayWeights, Tracer};
+use super::path::{RayWeights, Tracer, Transport};
+use super::sky::{self, SkyMap};
 use super::surface::SurfacePoints;
 use crate::error::Result;
 use crate::geometry::{Vec3, gather_row, host_values, host_vectors, plain};
@@ -14,14 +15,21 @@ use crate::visibility::{Rays, SparseWeights, grazing};
 
 /// What camera rays see of emitters and environment: the mean over all their surfaces, not over
 /// drawn ones, which has no noise of a draw. None where all is black.
-pub(crate) fn seen(scene: &Flattened, weights: &RayWeights) -> Result<Option<Vec3>> {
-    if scene.emitters.is_empty() && scene.environment.is_none() {
+pub(crate) fn seen(
+    transport: &Transport,
+    weights: &RayWeights,
+    direction: &Vec3,
+) -> Result<Option<Vec3>> {
+    let scene = transport.scene;
+    let context = &scene.context;
+    let sky = transport.sky.map(|s| s.radiance(context, direction));
+    let sky = sky.transpose()?;
+    if scene.emitters.is_empty() && sky.is_none() {
         return Ok(None);
     }
-    let context = &scene.context;
     let weights = match weights {
         RayWeights::Dense(weights) => weights,
-        RayWeights::Sparse(weights) => return Ok(Some(seen_by_candidates(scene, weights)?)),
+        RayWeights::Sparse(weights) => return Ok(Some(seen_by_candidates(scene, weights, sky)?)),
     };
     let front = weights.cosine().clone().lower_elem(0.0);
     let front = front.float().cast(context.dtype);
@@ -31,7 +39,7 @@ pub(crate) fn seen(scene: &Flattened, weights: &RayWeights) -> Result<Option<Vec
         let emission = emission.clone().transpose() * front.clone();
         weights.mean(emission, environment.cloned())
     };
-    let environment = scene.environment.as_ref();
+    let environment = sky.as_ref();
     Ok(Some(Vec3::new(
         mean(&emission.x, environment.map(|e| &e.x)),
         mean(&emission.y, environment.map(|e| &e.y)),
@@ -39,21 +47,27 @@ pub(crate) fn seen(scene: &Flattened, weights: &RayWeights) -> Result<Option<Vec
     )))
 }
 
-fn seen_by_candidates(scene: &Flattened, weights: &SparseWeights) -> Result<Vec3> {
+fn seen_by_candidates(
+    scene: &Flattened,
+    weights: &SparseWeights,
+    sky: Option<Vec3>,
+) -> Result<Vec3> {
     let material = &scene.topology.material;
     let emits = &scene.materials.emits;
     let channel = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| -> Result<Tensor<2>> {
         let radiance = host_values(emission)?;
-        let sky = environment
-            .map(host_values)
-            .transpose()?
-            .map_or(0.0, |e| e[0]);
+        let sky = environment.map(host_values).transpose()?;
+        // The same for all rays, or one value a ray.
+        let behind = |i: usize| {
+            let value = sky.as_ref().map(|s| s[if s.len() == 1 { 0 } else { i }]);
+            value.unwrap_or(0.0)
+        };
         let of = |k: u32, front: bool| {
             let m = material[k as usize];
             (front && emits[m as usize]).then_some(m)
         };
         let value = |_, k, front| of(k, front).map_or(0.0, |m| radiance[m as usize]);
-        let mut mean = weights.mean(value, |_| sky);
+        let mut mean = weights.mean(value, behind);
         if emission.is_tracked()
             && let Some(row) = weights.spread(emission, |k, front| Some((of(k, front)?, 1.0)))
         {
@@ -70,7 +84,7 @@ fn seen_by_candidates(scene: &Flattened, weights: &SparseWeights) -> Result<Vec3
         Ok(mean)
     };
     let emission = &scene.materials.emission;
-    let environment = scene.environment.as_ref();
+    let environment = sky.as_ref();
     Ok(Vec3::new(
         channel(&emission.x, environment.map(|e| &e.x))?,
         channel(&emission.y, environment.map(|e| &e.y))?,
@@ -168,6 +182,76 @@ pub(crate) fn connect(
         }
     }
     Ok(found)
+}
+
+/// Light from an environment map at each surface point along two directions, one drawn from the map
+/// and the one in which the path goes on (the power heuristic), as rows of some paths. Directions
+/// carry no gradient: the integral is over a fixed sphere.
+pub(crate) fn from_sky(
+    tracer: &Tracer,
+    map: &SkyMap,
+    points: &SurfacePoints,
+    rays: &Rays,
+    paths: &[(u32, u32)],
+    bounce: u32,
+    scattered: &Vec3,
+) -> Result<Vec<(Option<Vec<u32>>, Vec3)>> {
+    let dimensions = [Dimension::EnvironmentU, Dimension::EnvironmentV];
+    let [u, v] = tracer.transport.sampler.uniform(paths, bounce, dimensions);
+    let drawn = map.choose(&u, &v);
+    let scattered = host_vectors(scattered)?;
+    let densities = scattered.iter().map(|&d| map.density(d)).collect();
+    let mut found = Vec::new();
+    for (by_scattering, (directions, density)) in [(false, drawn), (true, (scattered, densities))] {
+        found.extend(along(
+            tracer,
+            map,
+            points,
+            rays,
+            &directions,
+            &density,
+            by_scattering,
+        )?);
+    }
+    Ok(found)
+}
+
+#[allow(clippy::too_many_arguments)] // one place, called twice
+fn along(
+    tracer: &Tracer,
+    map: &SkyMap,
+    points: &SurfacePoints,
+    rays: &Rays,
+    directions: &[glam::DVec3],
+    density: &[f64],
+    by_scattering: bool,
+) -> Result<Option<(Option<Vec<u32>>, Vec3)>> {
+    let context = &tracer.scene().context;
+    let towards = sky::rows(context, directions);
+    // Where nothing is reflected nothing is asked for.
+    let reflected = scattered(&points.plain(), &rays.direction.plain(), &towards);
+    let which = sky::nonzero(&reflected)?;
+    if which.is_empty() {
+        return Ok(None);
+    }
+    let index = context.index_row(&which);
+    let points = points.pick(context, &which);
+    let incoming = rays.direction.gather(&index);
+    let towards = towards.gather(&index);
+    let density: Vec<f64> = which.iter().map(|&i| density[i as usize]).collect();
+    let next = Rays {
+        origin: points.position.clone(),
+        direction: towards.clone(),
+        time: rays.time.as_ref().map(|t| gather_row(t.clone(), &index)),
+        departure: Some(points.triangle.clone()),
+        arrival: None,
+    };
+    let passed = tracer.weights(&next)?.attached_background();
+    let by_bsdf = density_of_scattering(&points, &incoming, &towards);
+    let density = power_heuristic(context.row(&density), by_bsdf, by_scattering);
+    let light = map.radiance(context, &towards)?.scale(&(passed / density));
+    let reflected = scattered(&points, &incoming, &towards);
+    Ok(Some((Some(which), reflected.mul(&light))))
 }
 
 /// What a sample is divided by under the power heuristic of two strategies: w₁ = p₁²/(p₁² + p₂²)

@@ -7,6 +7,7 @@ mod lights;
 mod path;
 mod sampler;
 mod sampling;
+mod sky;
 mod surface;
 mod texture;
 
@@ -15,3 +16,4 @@ pub(crate) use lights::Lights;
 pub(crate) use path::{Census, PathSettings, Radiance, RayWeights, Transport, trace};
 pub(crate) use sampler::{Dimension, Sampler};
 pub use sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
+pub(crate) use sky::Sky;

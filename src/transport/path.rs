@@ -6,7 +6,7 @@ use burn::tensor::{IndexingUpdateOp, Tensor};
 
 use super::diagnostics::Diagnostics;
 use super::surface::SurfacePoints;
-use super::{Dimension, Lights, Sampler, Sampling, SurfaceSampling, bsdf, emitters};
+use super::{Dimension, Lights, Sampler, Sampling, Sky, SurfaceSampling, bsdf, emitters};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, gather_row, host_values, plain};
 use crate::scene::Flattened;
@@ -42,6 +42,7 @@ pub(crate) struct Transport<'a> {
     pub settings: &'a PathSettings,
     pub sampler: &'a Sampler,
     pub lights: &'a Lights,
+    pub sky: Option<&'a Sky>,
     /// Candidates by a hierarchy; without it all triangles are asked, in tensors.
     pub sparse: Option<&'a Sparse>,
 }
@@ -199,7 +200,7 @@ impl<'a> Tracer<'a> {
         )
     }
 
-    fn weights(&self, rays: &Rays) -> Result<RayWeights<'a>> {
+    pub(crate) fn weights(&self, rays: &Rays) -> Result<RayWeights<'a>> {
         let scene = self.scene();
         let range = DepthRange::new(rays, scene.radius());
         let (context, topology) = (&scene.context, &scene.topology);
@@ -256,8 +257,14 @@ pub(crate) fn trace<'a>(
         scene,
         settings,
         sampler,
+        sky,
         ..
     } = transport;
+    // Light of a map is gathered along directions drawn from it as well; other light of an
+    // environment where bounce rays miss.
+    let combined = settings.sampling.multiple_importance;
+    let map = sky.and_then(Sky::map).filter(|_| combined);
+    let sky = sky.filter(|_| map.is_none());
     let tracer = Tracer {
         transport,
         census: RefCell::default(),
@@ -290,9 +297,9 @@ pub(crate) fn trace<'a>(
         let alive = batch.paths.len() as u64;
         tracer.census.borrow_mut().bounces.push(alive);
         if bounce == 0 {
-            seen = emitters::seen(scene, &weights)?;
+            seen = emitters::seen(&transport, &weights, &batch.rays.direction)?;
         }
-        let dark = scene.emitters.is_empty() && scene.environment.is_none();
+        let dark = scene.emitters.is_empty() && transport.sky.is_none();
         let split = bounce == 0 && settings.sampling.surfaces == SurfaceSampling::Split;
         let [random] = sampler.uniform(&batch.paths, bounce, [Dimension::Surface]);
         let drawn = if split {
@@ -323,7 +330,7 @@ pub(crate) fn trace<'a>(
             break;
         }
         // Who drew the background sees the environment, and is done. Camera rays have seen it.
-        if let Some(environment) = &scene.environment
+        if let Some(sky) = sky
             && bounce > 0
         {
             let missed: Vec<u32> = (0..drawn.len() as u32)
@@ -331,7 +338,9 @@ pub(crate) fn trace<'a>(
                 .collect();
             if !missed.is_empty() {
                 let n = missed.len();
-                let light = environment.map(|e| e.expand([1, n]));
+                let index = context.index_row(&missed);
+                let light = sky.radiance(context, &batch.rays.direction.gather(&index))?;
+                let light = light.map(|e| e.expand([1, n]));
                 found.push(batch.contribution(context, bounce, Some(&missed), light));
             }
         }
@@ -346,12 +355,20 @@ pub(crate) fn trace<'a>(
         let points = SurfacePoints::new(scene, &batch.rays, drawn)?;
         let incoming = batch.rays.direction.clone();
         let last = bounce == settings.bounces;
-        let combined = settings.sampling.multiple_importance && !scene.emitters.is_empty();
-        let goes_on = !last || scene.environment.is_some();
-        let scatter = (goes_on || combined)
+        let by_scattering = combined && !scene.emitters.is_empty();
+        let goes_on = !last || sky.is_some();
+        let scatter = (goes_on || by_scattering || map.is_some())
             .then(|| bsdf::sample(context, &points, &incoming, sampler, &batch.paths, bounce));
-        let along = scatter.as_ref().filter(|_| combined).map(|s| &s.direction);
-        let lit = emitters::connect(&tracer, &points, &batch.rays, &batch.paths, bounce, along)?;
+        let direction = scatter.as_ref().map(|s| &s.direction);
+        let along = direction.filter(|_| by_scattering);
+        let mut lit =
+            emitters::connect(&tracer, &points, &batch.rays, &batch.paths, bounce, along)?;
+        if let (Some(map), Some(direction)) = (map, direction) {
+            let (rays, paths) = (&batch.rays, &batch.paths);
+            lit.extend(emitters::from_sky(
+                &tracer, map, &points, rays, paths, bounce, direction,
+            )?);
+        }
         for (which, light) in lit {
             found.push(batch.contribution(context, bounce, which.as_deref(), light));
         }
@@ -372,9 +389,11 @@ pub(crate) fn trace<'a>(
         batch.throughput = Some(next);
         if last {
             // The environment's share of the direct light at the last hit.
-            if let Some(environment) = &scene.environment {
+            if let Some(sky) = sky {
                 let visible = tracer.weights(&batch.rays)?.attached_background();
-                let light = environment.scale(&visible);
+                let light = sky
+                    .radiance(context, &batch.rays.direction)?
+                    .scale(&visible);
                 found.push(batch.contribution(context, bounce, None, light));
             }
             break;

@@ -14,6 +14,8 @@ pub(crate) enum Dimension {
     Surface,
     EmitterU,
     EmitterV,
+    EnvironmentU,
+    EnvironmentV,
     Lobe,
     DirectionU,
     DirectionV,
@@ -41,6 +43,8 @@ impl Dimension {
             Self::Roulette => of_bounce(3),
             Self::EmitterU => of_bounce(4),
             Self::EmitterV => of_bounce(5),
+            Self::EnvironmentU => of_bounce(6),
+            Self::EnvironmentV => of_bounce(7),
             Self::Surface => None,
         }
     }

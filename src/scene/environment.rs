@@ -1,0 +1,73 @@
+use burn::tensor::{DType, Device, Tensor};
+
+use super::Parameter;
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+
+/// What shines from every direction that no surface covers.
+#[derive(Clone, Debug)]
+// A tensor is a handle of some words; boxing it would cost more than it saves.
+#[allow(clippy::large_enum_variant)]
+pub enum Environment {
+    /// The same radiance from everywhere, RGB.
+    Constant(Parameter<3>),
+    /// An equirectangular map of radiance `[H, W, 3]`, looked up bilinearly: row 0 about +y, the last
+    /// about −y; the middle column towards −z, columns to its right towards +x.
+    Map(Tensor<3>),
+}
+
+impl<P: Into<Parameter<3>>> From<P> for Environment {
+    fn from(p: P) -> Self {
+        Self::Constant(p.into())
+    }
+}
+
+impl Environment {
+    /// An equirectangular map of radiance `[H, W, 3]`.
+    pub fn map(texels: Tensor<3>) -> Self {
+        Self::Map(texels)
+    }
+
+    /// Whether it can shine: false only for a constant zero.
+    pub(crate) fn shines(&self) -> bool {
+        !matches!(self, Self::Constant(Parameter::Constant(v)) if *v == [0.0; 3])
+    }
+
+    /// Device and float type, where it is made of a tensor.
+    pub(crate) fn kind(&self) -> Option<(Device, DType)> {
+        match self {
+            Self::Constant(p) => p.tensor().map(|t| (t.device(), t.dtype())),
+            Self::Map(t) => Some((t.device(), t.dtype())),
+        }
+    }
+
+    pub(crate) fn check(&self) -> Result<()> {
+        let texels = match self {
+            Self::Constant(p) => {
+                p.check("scene", "environment", "finite numbers", |_| true)?;
+                return Ok(());
+            }
+            Self::Map(texels) => texels,
+        };
+        let [h, w, c] = texels.dims();
+        if h == 0 || w == 0 || c != 3 {
+            let found = format!("of shape [{h}, {w}, {c}]");
+            return Err(Error::invalid(
+                "scene",
+                "environment",
+                found,
+                "shape [H, W, 3]",
+            ));
+        }
+        let host = host_values(texels)?;
+        match host.iter().position(|x| !x.is_finite()) {
+            Some(i) => Err(Error::invalid(
+                "scene",
+                format!("environment texel ({}, {})", i / 3 / w, i / 3 % w),
+                host[i],
+                "finite numbers",
+            )),
+            None => Ok(()),
+        }
+    }
+}
