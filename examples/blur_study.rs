@@ -41,12 +41,13 @@ enum Study {
         #[arg(long, default_value_t = 64)]
         seeds: u64,
     },
-    /// The loss and the sign of its gradient over a translation, over σ.
+    /// The loss over a translation and the basin around its least value, over σ.
     Landscape {
-        /// Paths a pixel of one gradient; four times as many up to √σ = 1 pixel.
+        /// Paths a pixel of one gradient; twice as many in an image for the loss, and eight times
+        /// up to √σ = 1 pixel.
         #[arg(long, default_value_t = 4)]
         samples: u32,
-        /// Independent gradients a point.
+        /// Independent losses a place.
         #[arg(long, default_value_t = 6)]
         seeds: u64,
     },
@@ -106,7 +107,7 @@ struct Case {
 }
 
 impl Case {
-    fn load(name: &'static str) -> Result<Self, Failure> {
+    fn load(name: &str) -> Result<Self, Failure> {
         let (object, bounces) = match name {
             "shadow" => ("occluder", 0),
             "cornell" => ("short", 1),
@@ -162,18 +163,17 @@ impl Case {
         Ok(render(&self.moved(&x), &self.file.camera, options)?.radiance)
     }
 
-    /// d mean(weights·image)/dx, and the image.
+    /// d mean(weights·image)/dx.
     fn derivative(
         &self,
         x: f64,
-        weights: impl FnOnce(&Tensor<3>) -> Tensor<3>,
+        weights: Tensor<3>,
         options: &RenderOptions,
     ) -> softray::Result<f64> {
         let x = Tensor::<1>::from_floats([x as f32], &Device::flex());
         let x = x.autodiff().require_grad();
         let options = options.clone().replay();
         let image = render(&self.moved(&x), &self.file.camera, &options)?.radiance;
-        let weights = weights(&image.clone().inner());
         let gradients = (image * weights).mean().backward();
         let slope = x.grad(&gradients).map(|g| g.into_scalar::<f32>());
         Ok(f64::from(slope.unwrap_or(0.0)))
@@ -364,7 +364,7 @@ fn gradient(out: &Path, samples: u32, seeds: u64) -> Result<(), Failure> {
             };
             let all = (0..seeds)
                 .into_par_iter()
-                .map(|seed| case.derivative(AWAY, |_| weights.clone(), &options(seed)))
+                .map(|seed| case.derivative(AWAY, weights.clone(), &options(seed)))
                 .collect::<softray::Result<Vec<f64>>>()?;
             let (mean, deviation, error) = statistics(&all);
             let right = all.iter().filter(|&&g| g * reference > 0.0).count();
@@ -420,134 +420,158 @@ fn gradient(out: &Path, samples: u32, seeds: u64) -> Result<(), Failure> {
     )
 }
 
-/// The loss and its gradient at one place.
-struct Point {
-    x: f64,
-    loss: f64,
-    gradient: f64,
-    error: f64,
+/// The interval around its least value in which a loss falls towards it, and the place of that
+/// value.
+struct Basin {
+    low: f64,
+    high: f64,
+    least: f64,
 }
 
-/// Around where the loss is least: the interval in which the gradient points there, and the place
-/// at which it changes its sign.
-fn basin(points: &[Point]) -> (f64, f64, f64) {
-    let clear = |p: &Point| p.gradient.abs() > 2.0 * p.error;
-    // The change of sign nearest to 0, between two clear points.
-    let clear_points: Vec<&Point> = points.iter().filter(|p| clear(p)).collect();
-    let crossing = clear_points
+/// From the loss of each seed at equidistant places. The slope between two neighbours counts where
+/// it is twice its standard error; the same seeds everywhere keep that small. `None` where no
+/// slope down is followed by one up.
+fn basin(places: &[f64], losses: &[Vec<f64>]) -> Option<Basin> {
+    let slopes: Vec<f64> = losses
         .windows(2)
-        .filter(|w| w[0].gradient < 0.0 && w[1].gradient > 0.0)
-        .map(|w| {
-            let share = w[0].gradient / (w[0].gradient - w[1].gradient);
-            (w[0].x + share * (w[1].x - w[0].x), w[0].x, w[1].x)
+        .map(|pair| {
+            let differences: Vec<f64> = pair[1].iter().zip(&pair[0]).map(|(b, a)| b - a).collect();
+            let (mean, _, error) = statistics(&differences);
+            if mean.abs() > 2.0 * error { mean } else { 0.0 }
         })
-        .min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-    let Some((minimum, left, right)) = crossing else {
-        return (f64::NAN, f64::NAN, f64::NAN);
-    };
-    let end = |points: &mut dyn Iterator<Item = &Point>, sign: f64, from: f64| {
-        points
-            .take_while(|p| clear(p) && p.gradient * sign > 0.0)
-            .last()
-            .map_or(from, |p| p.x)
-    };
-    let low = end(
-        &mut points.iter().rev().skip_while(|p| p.x > left),
-        -1.0,
-        left,
-    );
-    let high = end(&mut points.iter().skip_while(|p| p.x < right), 1.0, right);
-    (low, minimum, high)
+        .collect();
+    let clear: Vec<usize> = (0..slopes.len()).filter(|&i| slopes[i] != 0.0).collect();
+    let middle = |i: usize| 0.5 * (places[i] + places[i + 1]);
+    let (left, right, least) = clear
+        .windows(2)
+        .filter(|w| slopes[w[0]] < 0.0 && slopes[w[1]] > 0.0)
+        .map(|w| {
+            let (a, b) = (w[0], w[1]);
+            let share = slopes[a] / (slopes[a] - slopes[b]);
+            (a, b, middle(a) + share * (middle(b) - middle(a)))
+        })
+        .min_by(|a, b| a.2.abs().total_cmp(&b.2.abs()))?;
+    let low = (0..=left).rev().take_while(|&i| slopes[i] < 0.0).last();
+    let high = (right..slopes.len())
+        .take_while(|&i| slopes[i] > 0.0)
+        .last();
+    Some(Basin {
+        low: places[low.unwrap_or(left)],
+        high: places[high.unwrap_or(right) + 1],
+        least,
+    })
 }
 
 fn landscape(out: &Path, samples: u32, seeds: u64) -> Result<(), Failure> {
     const REACH: f64 = 2.0;
     const POINTS: usize = 25;
-    const WIDTHS: [f64; 6] = [0.02, 0.2, 1.0, 2.0, 4.0, 8.0];
-    println!("| scene | target | σ | √σ | √σ / footprint | √σ / edge | basin | width | least at |");
-    println!("|---|---|---|---|---|---|---|---|---|");
+    const WIDTHS: [f64; 6] = [0.02, 0.5, 1.0, 2.0, 4.0, 8.0];
+    const GRADIENTS: u64 = 2;
+    let places: Vec<f64> = (0..POINTS)
+        .map(|i| REACH * (2.0 * i as f64 / (POINTS - 1) as f64 - 1.0))
+        .collect();
+    println!(
+        "| scene | √σ / footprint | σ | √σ | √σ / edge | target | basin | width | least at | \
+         single gradients that point there |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     for name in ["shadow", "sphere"] {
         let case = Case::load(name)?;
         let footprint = case.footprint(SIZE)?;
-        let sharp = case.sharp(SIZE)?;
-        let sharp_target = case.image(0.0, &case.options(SIZE, sharp, 2048, 1_000_000))?;
-        let mut panels = Vec::new();
-        for blurred in [true, false] {
-            let title = if blurred {
-                "target as blurred"
+        let sharp = case.options(SIZE, case.sharp(SIZE)?, 2048, 1_000_000);
+        let unblurred = case.image(0.0, &sharp)?;
+        let mut panels = [
+            ("target blurred alike", Vec::new()),
+            ("unblurred target", Vec::new()),
+        ];
+        for width in WIDTHS {
+            let sigma = (width * footprint).powi(2);
+            let root = sigma.sqrt();
+            // Wide blur is dear and quiet.
+            let forward = if width > 1.0 {
+                2 * samples
             } else {
-                "unblurred target"
+                8 * samples
             };
-            let mut lines = Vec::new();
-            for width in WIDTHS {
-                let sigma = (width * footprint).powi(2);
-                let target = if blurred {
-                    case.image(0.0, &case.options(SIZE, sigma, 2048, 1_000_000))?
-                } else {
-                    sharp_target.clone()
-                };
-                let samples = if width > 1.0 { samples } else { 4 * samples };
-                let points = (0..POINTS)
-                    .into_par_iter()
-                    .map(|i| {
-                        let x = REACH * (2.0 * i as f64 / (POINTS - 1) as f64 - 1.0);
-                        point(&case, x, sigma, &target, samples, seeds)
-                    })
-                    .collect::<softray::Result<Vec<Point>>>()?;
-                let (low, minimum, high) = basin(&points);
-                println!(
-                    "| {name} | {title} | {sigma:.1e} | {:.3} | {width} | {:.3} | {low:.2} … {high:.2} | {:.2} | {minimum:.3} |",
-                    sigma.sqrt(),
-                    sigma.sqrt() / case.edge,
-                    high - low,
+            let blurred = case.image(0.0, &case.options(SIZE, sigma, 64 * samples, 1_000_000))?;
+            let targets = [blurred, unblurred.clone()];
+            let at = |x: f64, seed: u64, samples: u32| {
+                case.image(x, &case.options(SIZE, sigma, samples, seed))
+            };
+            // By place, then target, then seed.
+            let losses = places
+                .par_iter()
+                .map(|&x| {
+                    let mut losses = [Vec::new(), Vec::new()];
+                    for seed in 0..seeds {
+                        let [a, b] = [0, 1].map(|i| at(x, 2 * seed + i, forward));
+                        let (a, b) = (a?, b?);
+                        for (losses, t) in losses.iter_mut().zip(&targets) {
+                            losses.push(scalar(loss::mse_unbiased(
+                                a.clone(),
+                                b.clone(),
+                                t.clone(),
+                            )));
+                        }
+                    }
+                    Ok(losses)
+                })
+                .collect::<softray::Result<Vec<_>>>()?;
+            for (k, (title, lines)) in panels.iter_mut().enumerate() {
+                let losses: Vec<Vec<f64>> = losses.iter().map(|l| l[k].clone()).collect();
+                let found = basin(&places, &losses);
+                let (range, wide, least) = found.as_ref().map_or_else(
+                    || ("none".into(), String::new(), String::new()),
+                    |b| {
+                        let range = format!("{:.2} … {:.2}", b.low, b.high);
+                        (
+                            range,
+                            format!("{:.2}", b.high - b.low),
+                            format!("{:.2}", b.least),
+                        )
+                    },
                 );
-                let most = points.iter().map(|p| p.loss).fold(0.0, f64::max);
-                let line = points.iter().map(|p| (p.x, p.loss / most)).collect();
-                lines.push((format!("√σ = {width} px"), line));
+                let right = match &found {
+                    Some(b) if k == 1 => {
+                        let inside = |x: f64| x > b.low && x < b.high && (x - b.least).abs() > 0.2;
+                        let signs = places
+                            .par_iter()
+                            .filter(|&&x| inside(x))
+                            .flat_map_iter(|&x| (0..GRADIENTS).map(move |seed| (x, seed)))
+                            .map(|(x, seed)| {
+                                let other = at(x, 2 * seed + 1, samples)?;
+                                let weights = other - targets[k].clone();
+                                let options = case.options(SIZE, sigma, samples, 2 * seed);
+                                let slope = case.derivative(x, weights, &options)?;
+                                Ok(slope * (x - b.least) > 0.0)
+                            })
+                            .collect::<softray::Result<Vec<bool>>>()?;
+                        let right = signs.iter().filter(|&&s| s).count();
+                        format!("{right} of {}", signs.len())
+                    }
+                    _ => String::new(),
+                };
+                println!(
+                    "| {name} | {width} | {sigma:.1e} | {root:.3} | {:.3} | {title} | {range} | {wide} | {least} | {right} |",
+                    root / case.edge,
+                );
+                let means: Vec<f64> = losses.iter().map(|l| statistics(l).0).collect();
+                let most = means.iter().fold(0f64, |a, &b| a.max(b));
+                let line = places.iter().zip(means).map(|(&x, l)| (x, l / most));
+                lines.push((format!("√σ = {width} px"), line.collect()));
             }
+        }
+        let charts = panels.map(|(title, lines)| {
             let chart = Chart {
                 x: Axis::linear("x of the object, scene units", -REACH, REACH),
                 y: Axis::linear("loss / largest loss", -0.02, 1.02),
-                ..Chart::new(title)
+                ..Chart::new(&format!("{name}, {title}"))
             };
-            panels.push((chart, lines));
-        }
-        plot(&out.join(format!("landscape-{name}.svg")), &panels)?;
+            (chart, lines)
+        });
+        plot(&out.join(format!("landscape-{name}.svg")), &charts)?;
     }
     Ok(())
-}
-
-/// The loss at `x` against a target, without the bias of noise: the image that is differentiated
-/// and the one that the target is taken from have seeds of their own.
-fn point(
-    case: &Case,
-    x: f64,
-    sigma: f64,
-    target: &Tensor<3>,
-    samples: u32,
-    seeds: u64,
-) -> softray::Result<Point> {
-    let (mut losses, mut gradients) = (Vec::new(), Vec::new());
-    for seed in 0..seeds {
-        let other = case.image(x, &case.options(SIZE, sigma, samples, 2 * seed + 1))?;
-        let difference = other - target.clone();
-        let options = case.options(SIZE, sigma, samples, 2 * seed);
-        let mut loss = 0.0;
-        let weights = |image: &Tensor<3>| {
-            let own = image.clone() - target.clone();
-            loss = scalar((own * difference.clone()).mean());
-            difference.clone() * 2.0
-        };
-        gradients.push(case.derivative(x, weights, &options)?);
-        losses.push(loss);
-    }
-    let (gradient, _, error) = statistics(&gradients);
-    Ok(Point {
-        x,
-        loss: statistics(&losses).0,
-        gradient,
-        error,
-    })
 }
 
 fn fit(
@@ -642,7 +666,7 @@ fn descend(
         let other = case.image(at, &case.options(SIZE, sigma, samples, seed + 1))?;
         let weights = (other - target.clone()) * 2.0;
         let options = case.options(SIZE, sigma, samples, seed);
-        let slope = case.derivative(at, |_| weights, &options)?;
+        let slope = case.derivative(at, weights, &options)?;
         let mut gradients = GradientsParams::new();
         gradients.register(
             x.id,
