@@ -8,6 +8,7 @@ use burn::module::Param;
 use burn::optim::{AdamConfig, GradientsParams};
 use clap::{Parser, Subcommand};
 use rayon::prelude::*;
+use softray::loss;
 use softray::optim::pixel_footprint;
 use softray::prelude::*;
 use softray::scene::Flattened;
