@@ -29,7 +29,7 @@ struct Arguments {
 enum Study {
     /// The image against unblurred references, over σ and over γ.
     Bias {
-        /// Paths a pixel of each of two renders.
+        /// Paths a pixel of each of two renders; an eighth of them from √σ = 1 pixel on.
         #[arg(long, default_value_t = 1024)]
         samples: u32,
     },
@@ -54,7 +54,7 @@ enum Study {
     },
     /// Fits of a translation with a constant and with a decaying σ.
     Fit {
-        /// shadow or sphere.
+        /// shadow, sphere, lens or cornell.
         #[arg(long, default_value = "shadow")]
         scene: String,
         /// Where the object starts.
@@ -112,6 +112,7 @@ impl Case {
         let (object, bounces) = match name {
             "shadow" => ("occluder", 0),
             "cornell" => ("short", 1),
+            "lens" => ("ball1", 0),
             _ => ("sphere", 0),
         };
         let file = SceneFile::load(data(&format!("{name}/scene.json")), &Device::flex())?;
@@ -271,7 +272,7 @@ fn bias(out: &Path, samples: u32) -> Result<(), Failure> {
     }
     let sigma_chart = Chart {
         x: Axis::log("√σ / pixel footprint", 4e-3, 5.0),
-        y: Axis::log("clipped RMSE without noise", 1e-4, 0.3),
+        y: Axis::log("clipped RMSE without noise", 5e-5, 0.3),
         ..Chart::new("layered")
     };
     let sigma_panel = (sigma_chart, lines);
@@ -302,7 +303,7 @@ fn bias(out: &Path, samples: u32) -> Result<(), Failure> {
     }
     let gamma_chart = Chart {
         x: Axis::log("γ, shares of the scene's depth", 8e-6, 0.125),
-        y: Axis::log("clipped RMSE without noise", 1e-4, 0.3),
+        y: Axis::log("clipped RMSE without noise", 5e-5, 0.3),
         ..Chart::new("σ = 1e-4")
     };
     plot(&out.join("bias.svg"), &[sigma_panel, (gamma_chart, lines)])
@@ -583,22 +584,22 @@ fn fit(
     steps: usize,
     seeds: u64,
 ) -> Result<(), Failure> {
-    // √σ at the start and at the end in pixel footprints, and the quarters of the steps between.
-    const SCHEDULES: [(f64, f64, usize); 9] = [
-        (0.02, 0.02, 4),
-        (0.5, 0.5, 4),
-        (2.0, 2.0, 4),
-        (4.0, 4.0, 4),
-        (2.0, 0.5, 3),
-        (4.0, 0.5, 1),
-        (4.0, 0.5, 2),
-        (4.0, 0.5, 3),
-        (4.0, 0.5, 4),
-    ];
     let case = Case::load(name)?;
     let footprint = case.footprint(SIZE)?;
     let sharp = case.options(SIZE, case.sharp(SIZE)?, 2048, 1_000_000);
     let target = case.image(0.0, &sharp)?;
+    let auto = BlurSchedule::auto(&case.file.scene, &case.file.camera, SIZE, steps)?;
+    let wide = auto.at(0).sqrt() / footprint;
+    // √σ at the start and at the end in pixel footprints, and the quarters of the steps between.
+    let mut schedules = vec![
+        (0.02, 0.02, 4),
+        (0.5, 0.5, 4),
+        (2.0, 2.0, 4),
+        (4.0, 4.0, 4),
+        (2.0, 0.2, 3),
+        (2.0, 0.5, 3),
+    ];
+    schedules.extend((1..=4).map(|quarters| (wide, 0.5, quarters)));
     println!(
         "| from | √σ / footprint | over steps | σ | mean error | largest error | mean error < 0.05 after |"
     );
@@ -606,7 +607,7 @@ fn fit(
     let mut panels = Vec::new();
     for &from in places {
         let mut lines = Vec::new();
-        for (start, end, quarters) in SCHEDULES {
+        for &(start, end, quarters) in &schedules {
             let [large, small] = [start, end].map(|w| (w * footprint).powi(2));
             let over = steps * quarters / 4;
             let schedule = BlurSchedule::decay(large, small, over)?;
@@ -618,10 +619,10 @@ fn fit(
             let largest = traces.iter().map(|t| t[steps].abs()).fold(0.0, f64::max);
             let settled = (0..=steps).rev().take_while(|&i| mean_at(i) < 0.05).last();
             let (width, over, sigma) = if start == end {
-                (format!("{start}"), String::new(), format!("{large:.1e}"))
+                (start.to_string(), String::new(), format!("{large:.1e}"))
             } else {
                 let sigma = format!("{large:.1e} → {small:.1e}");
-                (format!("{start} → {end}"), over.to_string(), sigma)
+                (format!("{start:.1} → {end}"), over.to_string(), sigma)
             };
             println!(
                 "| {from} | {width} | {over} | {sigma} | {:.4} | {largest:.4} | {} |",
@@ -744,14 +745,30 @@ impl Chart {
 
 type Lines = Vec<(String, Vec<(f64, f64)>)>;
 
-/// Charts side by side.
+/// Charts side by side, each with its legend to the right.
 fn plot(path: &Path, charts: &[(Chart, Lines)]) -> Result<(), Failure> {
     use plotters::prelude::*;
-    let root = SVGBackend::new(path, (480 * charts.len() as u32, 400)).into_drawing_area();
+    const COLOURS: [RGBColor; 10] = [
+        RGBColor(31, 119, 180),
+        RGBColor(255, 127, 14),
+        RGBColor(44, 160, 44),
+        RGBColor(214, 39, 40),
+        RGBColor(148, 103, 189),
+        RGBColor(140, 86, 75),
+        RGBColor(227, 119, 194),
+        RGBColor(127, 127, 127),
+        RGBColor(188, 189, 34),
+        RGBColor(23, 190, 207),
+    ];
+    const WIDTH: u32 = 430;
+    const LEGEND: u32 = 150;
+    let size = ((WIDTH + LEGEND) * charts.len() as u32, 380);
+    let root = SVGBackend::new(path, size).into_drawing_area();
     root.fill(&WHITE)?;
     for (area, (chart, lines)) in root.split_evenly((1, charts.len())).iter().zip(charts) {
+        let (area, legend) = area.split_horizontally(WIDTH);
         let (x, y) = (&chart.x, &chart.y);
-        let mut drawn = ChartBuilder::on(area)
+        let mut drawn = ChartBuilder::on(&area)
             .caption(&chart.title, ("sans-serif", 16))
             .margin(10)
             .x_label_area_size(40)
@@ -759,6 +776,7 @@ fn plot(path: &Path, charts: &[(Chart, Lines)]) -> Result<(), Failure> {
             .build_cartesian_2d(x.from..x.to, y.from..y.to)?;
         drawn
             .configure_mesh()
+            .max_light_lines(0)
             .x_desc(&x.name)
             .y_desc(&y.name)
             .x_labels(8)
@@ -767,21 +785,16 @@ fn plot(path: &Path, charts: &[(Chart, Lines)]) -> Result<(), Failure> {
             .y_label_formatter(&|v| y.label(*v))
             .draw()?;
         for (i, (name, points)) in lines.iter().enumerate() {
-            let colour = Palette99::pick(i).to_rgba();
+            let style = COLOURS[i % COLOURS.len()].stroke_width(2);
             let points = points.iter().map(|&(a, b)| (x.place(a), y.place(b)));
-            drawn
-                .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
-                .label(name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour));
+            drawn.draw_series(LineSeries::new(points, style))?;
+            let row = 50 + 18 * i as i32;
+            legend.draw(&PathElement::new([(0, row), (16, row)], style))?;
+            let font = ("sans-serif", 12).into_font();
+            legend.draw(&Text::new(name.as_str(), (22, row - 6), font))?;
         }
-        drawn
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
-            .border_style(BLACK)
-            .background_style(WHITE.mix(0.8))
-            .draw()?;
     }
     root.present()?;
-    println!("\nwrote {}", path.display());
+    println!("\n![]({})", path.display());
     Ok(())
 }

@@ -9,8 +9,10 @@ use crate::geometry::{host_values, plain};
 use crate::render::{RenderOptions, render};
 use crate::scene::{Camera, Flattened, Scene, Visit, visit_tensors};
 
-/// √σ at the start of [`BlurSchedule::auto`], as a share of what the camera sees of the scene.
-const START: f64 = 0.25;
+/// √σ at the start of [`BlurSchedule::auto`], as a share of the radius of the smallest object.
+const START: f64 = 0.5;
+/// The most of it, as a share of the radius of what the camera sees.
+const START_SEEN: f64 = 0.25;
 /// √σ at the end of [`BlurSchedule::auto`], as a share of a pixel's footprint.
 const END: f64 = 0.5;
 /// The share of the steps over which [`BlurSchedule::auto`] decays; then it stays at the end.
@@ -82,24 +84,24 @@ impl BlurSchedule {
 
     /// For a fit of `steps` steps on images of `height` rows, when nothing is known of the scene:
     ///
-    /// - √σ starts at a quarter of r, the smaller of the radius of the scene and of what the camera
-    ///   sees of it (half of the image's height, at the distance that [`pixel_footprint`] takes);
-    /// - √σ ends at half a pixel's footprint;
+    /// - √σ starts at half the radius of the smallest object, since wider blur washes it out, but
+    ///   not above a quarter of the radius of what is seen: of the scene, or of half the image's
+    ///   height at the distance that [`pixel_footprint`] takes, whichever is smaller;
+    /// - √σ ends at half a pixel's footprint (and starts there where the above is smaller);
     /// - it falls over the first three quarters of the steps and stays at the end for the rest.
     ///
-    /// A start of one's own, of about the distance that an object has to move, is better than r/4
-    /// where that is known: [`BlurSchedule::decay`].
+    /// A ray costs as much as it meets surfaces: on meshes with edges much shorter than the √σ of
+    /// the start, give a smaller start to [`BlurSchedule::decay`].
     ///
     /// # Errors
     /// If the scene or the camera is not valid, or `height` or `steps` is 0.
     pub fn auto(scene: &Scene, camera: &Camera, height: usize, steps: usize) -> Result<Self> {
         let view = View::new(scene, camera)?;
         let end = (END * view.footprint(height)?).powi(2);
-        let start = (START * view.radius.min(0.5 * view.height))
-            .powi(2)
-            .max(end);
+        let seen = view.radius.min(0.5 * view.height);
+        let start = (START * view.smallest).min(START_SEEN * seen).powi(2);
         let decay = (DECAY * steps as f64).ceil() as usize;
-        Self::decay(start, end, decay)
+        Self::decay(start.max(end), end, decay)
     }
 
     /// Stays at the start for so many steps before it begins to fall.
@@ -155,6 +157,8 @@ pub fn pixel_footprint(scene: &Scene, camera: &Camera, height: usize) -> Result<
 struct View {
     /// The radius of the scene's bounds.
     radius: f64,
+    /// Half the diagonal of the box around the smallest object.
+    smallest: f64,
     /// The height of the image at the distance of what is seen.
     height: f64,
 }
@@ -165,6 +169,16 @@ impl View {
         visit_tensors(&mut scene, &mut camera, &mut Detach);
         camera.lens = None;
         let radius = Flattened::new(&scene, &camera, None)?.bounds.radius;
+        let mut smallest = f64::INFINITY;
+        for object in scene.objects.iter().filter(|o| !o.mesh.faces.is_empty()) {
+            let vertices = object.mesh.host_vertices()?;
+            let corner = |pick: fn(glam::DVec3, glam::DVec3) -> glam::DVec3| {
+                vertices.iter().map(|&v| v.into()).reduce(pick)
+            };
+            if let (Some(low), Some(high)) = (corner(glam::DVec3::min), corner(glam::DVec3::max)) {
+                smallest = smallest.min(0.5 * low.distance(high));
+            }
+        }
         let [fov] = camera.fov_y.values()?;
         let half = (0.5 * fov).to_radians().tan();
         let options = RenderOptions::new(GRID, GRID)
@@ -194,6 +208,7 @@ impl View {
         };
         Ok(Self {
             radius,
+            smallest,
             height: 2.0 * distance * half,
         })
     }
