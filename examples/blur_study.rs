@@ -597,9 +597,9 @@ fn fit(
         (2.0, 2.0, 4),
         (4.0, 4.0, 4),
         (2.0, 0.2, 3),
-        (2.0, 0.5, 3),
+        (wide, 0.5, 3),
     ];
-    schedules.extend((1..=4).map(|quarters| (wide, 0.5, quarters)));
+    schedules.extend((1..=4).map(|quarters| (4.0, 0.5, quarters)));
     println!(
         "| from | √σ / footprint | over steps | σ | mean error | largest error | mean error < 0.05 after |"
     );

@@ -115,8 +115,8 @@ fn footprint_of_nothing() {
     assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
 }
 
-/// A quarter of what is seen, half of the smallest object, at least the end; twice as large in a
-/// scene of twice the size, and the same with tensors in a graph.
+/// An eighth of what is seen, a quarter of the smallest object, at least the end; twice as large in
+/// a scene of twice the size, and the same with tensors in a graph.
 #[test]
 fn auto_goes_from_the_scene_to_the_pixel() {
     let with_ball = |radius: f64, scale: f32, tracked: bool| {
@@ -143,20 +143,20 @@ fn auto_goes_from_the_scene_to_the_pixel() {
         assert!((found / expected - 1.0).abs() < 2e-2, "{found} {expected}");
     };
     let view = 2.0 * 5.0 * 30f64.to_radians().tan();
-    // The box around the ball of radius 0.1 has half a diagonal of √3·0.1.
-    near(auto(0.1, 1.0, false).at(0).sqrt(), 0.5 * 3f64.sqrt() * 0.1);
-    let schedule = auto(0.1, 1.0, false);
+    // The box around the ball of radius 0.3 has half a diagonal of √3·0.3.
+    near(auto(0.3, 1.0, false).at(0).sqrt(), 0.25 * 3f64.sqrt() * 0.3);
+    let schedule = auto(0.3, 1.0, false);
     near(schedule.at(75).sqrt(), 0.5 * view / 64.0);
     assert!(schedule.at(74) > schedule.at(75));
-    assert_eq!(schedule, auto(0.1, 1.0, true));
-    near(auto(0.1, 2.0, false).at(0) / schedule.at(0), 4.0);
-    near(auto(0.1, 2.0, false).at(75) / schedule.at(75), 4.0);
+    assert_eq!(schedule, auto(0.3, 1.0, true));
+    near(auto(0.3, 2.0, false).at(0) / schedule.at(0), 4.0);
+    near(auto(0.3, 2.0, false).at(75) / schedule.at(75), 4.0);
     // Smaller than a pixel: no wider than at the end.
     let speck = auto(1e-3, 1.0, false);
     assert_eq!(speck.at(0), speck.at(75));
-    // The wall alone is large: a quarter of half the view.
+    // The wall alone is large: an eighth of half the view.
     let wall = BlurSchedule::auto(&wall(), &above(5.0), 64, steps).expect("a schedule");
-    near(wall.at(0).sqrt(), 0.25 * 0.5 * view);
+    near(wall.at(0).sqrt(), 0.125 * 0.5 * view);
 }
 
 /// At the sharp σ the image is that of an unblurred path tracer: what is left of the error is

@@ -10,9 +10,9 @@ use crate::render::{RenderOptions, render};
 use crate::scene::{Camera, Flattened, Scene, Visit, visit_tensors};
 
 /// √σ at the start of [`BlurSchedule::auto`], as a share of the radius of the smallest object.
-const START: f64 = 0.5;
+const START: f64 = 0.25;
 /// The most of it, as a share of the radius of what the camera sees.
-const START_SEEN: f64 = 0.25;
+const START_SEEN: f64 = 0.125;
 /// √σ at the end of [`BlurSchedule::auto`], as a share of a pixel's footprint.
 const END: f64 = 0.5;
 /// The share of the steps over which [`BlurSchedule::auto`] decays; then it stays at the end.
@@ -84,14 +84,16 @@ impl BlurSchedule {
 
     /// For a fit of `steps` steps on images of `height` rows, when nothing is known of the scene:
     ///
-    /// - √σ starts at half the radius of the smallest object, since wider blur washes it out, but
-    ///   not above a quarter of the radius of what is seen: of the scene, or of half the image's
-    ///   height at the distance that [`pixel_footprint`] takes, whichever is smaller;
+    /// - √σ starts at a quarter of the radius of the smallest object (half the diagonal of its
+    ///   box), but not above an eighth of the radius of what is seen: of the scene, or of half the
+    ///   image's height at the distance that [`pixel_footprint`] takes, whichever is smaller;
     /// - √σ ends at half a pixel's footprint (and starts there where the above is smaller);
     /// - it falls over the first three quarters of the steps and stays at the end for the rest.
     ///
-    /// A ray costs as much as it meets surfaces: on meshes with edges much shorter than the √σ of
-    /// the start, give a smaller start to [`BlurSchedule::decay`].
+    /// The start is a cautious one: much wider blur lights a scene differently, which draws objects
+    /// away. It finds what is up to about 3√σ further off than without blur; where more is needed,
+    /// give a start of one's own to [`BlurSchedule::decay`]. A ray costs as much as it meets
+    /// surfaces: on meshes with edges much shorter than √σ, start smaller.
     ///
     /// # Errors
     /// If the scene or the camera is not valid, or `height` or `steps` is 0.
