@@ -45,6 +45,7 @@ pub mod prelude {
 
     pub use crate::accel::HierarchyCache;
     pub use crate::io::{HostImage, SceneFile};
+    pub use crate::optim::BlurSchedule;
     pub use crate::render::{
         Diagnostics, EmitterSampling, Image, Progress, RenderOptions, Sampling, Sequence,
         Statistics, SurfaceSampling, render, render_pixels,

@@ -1,3 +1,6 @@
 //! What optimising a scene takes beside a renderer.
 
 pub mod loss;
+mod schedule;
+
+pub use schedule::{BlurSchedule, pixel_footprint};

@@ -19,7 +19,7 @@ pub use material::{Albedo, Material, Wrap};
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
 pub use parameter::Parameter;
-pub(crate) use tensors::{Collect, Replace, visit_tensors};
+pub(crate) use tensors::{Collect, Replace, Visit, visit_tensors};
 pub use transform::Transform;
 
 /// A scene: objects and an environment.
