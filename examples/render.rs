@@ -47,6 +47,12 @@ struct Arguments {
     /// Environment radiance r,g,b.
     #[arg(long, value_parser = triple)]
     environment: Option<[f64; 3]>,
+    /// An equirectangular environment map, .hdr or .exr.
+    #[arg(long, conflicts_with = "environment")]
+    environment_map: Option<PathBuf>,
+    /// How paths are sampled: as well as known here, or as in the paper.
+    #[arg(long, value_enum, default_value_t = Sampled::Default)]
+    sampling: Sampled,
     /// Same seed, same image.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -56,6 +62,12 @@ struct Arguments {
     /// An image to compare with.
     #[arg(long)]
     reference: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Sampled {
+    Default,
+    Plain,
 }
 
 fn triple(text: &str) -> Result<[f64; 3], String> {
@@ -87,6 +99,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(radiance) = arguments.environment {
         scene = scene.environment(radiance);
     }
+    if let Some(file) = &arguments.environment_map {
+        let map = HostImage::read(file)?.to_tensor(&device);
+        scene = scene.environment(Environment::map(map));
+    }
     size = arguments.size.unwrap_or(size);
 
     let (bar, progress) = common::render_progress("rendering");
@@ -95,6 +111,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         .bounces(arguments.bounces)
         .sigma(arguments.sigma)
         .visibility(arguments.visibility.with(arguments.gamma))
+        .sampling(match arguments.sampling {
+            Sampled::Default => Sampling::default(),
+            Sampled::Plain => Sampling::plain(),
+        })
         .seed(arguments.seed)
         .progress(progress);
     let start = Instant::now();

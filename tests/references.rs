@@ -51,3 +51,29 @@ fn layered_at_a_larger_blur() {
     let samples = if common::long() { 512 } else { 32 };
     agree(samples, 1e-3, Visibility::Layered, 0.025, 0.035);
 }
+
+/// With the blur below a pixel's footprint nothing but noise is left: it falls at least as 1/√samples,
+/// to 0.004.
+#[test]
+fn below_a_pixel_only_noise_is_left() {
+    let device = Device::flex();
+    for (name, bounces) in [
+        ("cornell", 3),
+        ("shadow", 0),
+        ("sphere", 1),
+        ("glossy_sphere", 1),
+        ("lens", 1),
+        ("motion", 1),
+    ] {
+        let path = common::reference(&format!("{name}/scene.json"));
+        let file = SceneFile::load(path, &device).expect("a scene");
+        let sigma = BlurSchedule::sharp_sigma(&file.scene, &file.camera, file.height);
+        let blur = (sigma.expect("a blur"), Visibility::Layered);
+        let most = if common::long() { 1024 } else { 256 };
+        let [few, many] = [16, most].map(|n| compare(name, bounces, n, blur, &device));
+        let (few, many) = (few.rmse_clipped, many.rmse_clipped);
+        let falls = 1.2 * (16.0 / f64::from(most)).sqrt();
+        assert!(many < falls * few, "{name}: {few}, {many}");
+        assert!(many < 0.004, "{name}: {many}");
+    }
+}
