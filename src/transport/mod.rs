@@ -1,5 +1,6 @@
 //! Light transport: one loop over the bounces of a path, emitters, BSDF, random numbers.
 
+mod batch;
 mod bsdf;
 mod diagnostics;
 mod emitters;
@@ -10,10 +11,12 @@ mod sampling;
 mod sky;
 mod surface;
 mod texture;
+mod tracer;
 
 pub use diagnostics::Diagnostics;
 pub(crate) use lights::Lights;
-pub(crate) use path::{Census, PathSettings, Radiance, RayWeights, Transport, trace};
+pub(crate) use path::{Radiance, trace};
 pub(crate) use sampler::{Dimension, Sampler};
 pub use sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub(crate) use sky::Sky;
+pub(crate) use tracer::{Census, PathSettings, RayWeights, Transport};

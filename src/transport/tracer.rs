@@ -1,0 +1,221 @@
+//! What the paths of a tile are traced with: weights of surfaces and transmittances, by either engine.
+
+use std::cell::RefCell;
+
+use burn::tensor::Tensor;
+
+use super::diagnostics::Diagnostics;
+use super::{Lights, Sampler, Sampling, Sky};
+use crate::error::Result;
+use crate::geometry::Context;
+use crate::scene::Flattened;
+use crate::visibility::{
+    Coverage, CoverageSettings, DepthRange, Rays, Sparse, SparseWeights, Visibility, Weights,
+    coverage,
+};
+
+/// What a path does.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathSettings {
+    /// σ of Eq. 1, in units of the flattened scene, squared.
+    pub sigma: f64,
+    /// The form of visibility.
+    pub visibility: Visibility,
+    /// Bounces after the surface that the camera sees; 0 is direct light only.
+    pub bounces: u32,
+    /// Whether to count what is degenerate.
+    pub diagnostics: bool,
+    /// The bounce from which paths may be ended at random.
+    pub roulette_after: Option<u32>,
+    /// How surfaces, emitters and directions are chosen.
+    pub sampling: Sampling,
+}
+
+/// The blurred start of rays that leave a surface, over σ.
+const START: f64 = 0.25;
+
+/// A scene with the settings and random numbers of a render.
+#[derive(Clone, Copy)]
+pub(crate) struct Transport<'a> {
+    pub scene: &'a Flattened,
+    pub settings: &'a PathSettings,
+    pub sampler: &'a Sampler,
+    pub lights: &'a Lights,
+    pub sky: Option<&'a Sky>,
+    /// Candidates by a hierarchy; without it all triangles are asked, in tensors.
+    pub sparse: Option<&'a Sparse>,
+}
+
+/// What traces the paths of a tile.
+pub(crate) struct Tracer<'a> {
+    pub transport: Transport<'a>,
+    /// What the rays met.
+    pub census: RefCell<Census>,
+    /// What was degenerate, if that is asked for.
+    pub diagnostics: RefCell<Option<Diagnostics>>,
+}
+
+/// How many draws a split makes: surfaces with a weight of at least its inverse are all taken.
+pub(super) const SPLIT: usize = 4;
+
+/// The weights of the surfaces of each ray, by all triangles in tensors or by candidates.
+pub(crate) enum RayWeights<'a> {
+    Dense(Box<Weights>),
+    Sparse(Box<SparseWeights<'a>>),
+}
+
+impl RayWeights<'_> {
+    pub(super) fn draw(&self, context: &Context, random: &[f64]) -> Result<Vec<u32>> {
+        match self {
+            Self::Dense(w) => w.draw(context, random),
+            Self::Sparse(w) => Ok(w.draw(random)),
+        }
+    }
+
+    pub(super) fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
+        match self {
+            Self::Dense(w) => w.ratio(context, drawn),
+            Self::Sparse(w) => w.ratio(drawn),
+        }
+    }
+
+    /// Several surfaces of each ray, (ray, surface, W over the probability of being here): systematic
+    /// sampling, in which a surface is taken with probability min(1, 4W). The number of triangles
+    /// stands for the background.
+    pub(super) fn split(&self, context: &Context, random: &[f64]) -> Result<Vec<(u32, u32, f64)>> {
+        let weights = match self {
+            Self::Sparse(w) => return Ok(w.split(random, SPLIT)),
+            Self::Dense(w) => w,
+        };
+        let draws = (0..SPLIT).map(|m| {
+            let shifted = random.iter().map(|u| (u + m as f64) / SPLIT as f64);
+            weights.draw(context, &shifted.collect::<Vec<_>>())
+        });
+        let draws = draws.collect::<Result<Vec<_>>>()?;
+        let shares = draws.iter().map(|drawn| weights.of(context, drawn));
+        let shares = shares.collect::<Result<Vec<_>>>()?;
+        let mut found = Vec::new();
+        for i in 0..random.len() {
+            for m in (0..SPLIT).filter(|&m| m == 0 || draws[m][i] != draws[m - 1][i]) {
+                let share = shares[m][i].max(1.0 / SPLIT as f64);
+                found.push((i as u32, draws[m][i], share));
+            }
+        }
+        Ok(found)
+    }
+
+    /// W of the background `[1, N]`, in the graph if a gradient can flow.
+    pub fn attached_background(&self) -> Tensor<2> {
+        match self {
+            Self::Dense(w) => w.attached_background(),
+            Self::Sparse(w) => w.attached_background(),
+        }
+    }
+}
+
+/// What rays met.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Census {
+    /// Camera, bounce and shadow rays.
+    pub rays: u64,
+    /// Triangles asked, ray by ray.
+    pub tested: u64,
+    /// Rays that looked for their next surface, by bounce.
+    pub bounces: Vec<u64>,
+    /// How many camera and bounce rays met how many surfaces that matter.
+    pub surfaces: Vec<u64>,
+}
+
+impl Census {
+    /// Both together.
+    pub fn merge(&mut self, other: &Self) {
+        self.rays += other.rays;
+        self.tested += other.tested;
+        for (own, other) in [
+            (&mut self.surfaces, &other.surfaces),
+            (&mut self.bounces, &other.bounces),
+        ] {
+            own.resize(own.len().max(other.len()), 0);
+            own.iter_mut().zip(other).for_each(|(a, b)| *a += b);
+        }
+    }
+}
+
+impl<'a> Tracer<'a> {
+    /// The scene.
+    pub(crate) fn scene(&self) -> &'a Flattened {
+        self.transport.scene
+    }
+
+    /// Hits nearer than this don't count: relative to the scene's size.
+    pub(crate) fn t_min(&self) -> f64 {
+        1e-5 * self.scene().radius()
+    }
+
+    fn coverage_settings(&self) -> CoverageSettings {
+        CoverageSettings {
+            sigma: self.transport.settings.sigma,
+            t_min: self.t_min(),
+            start: START * self.transport.settings.sigma,
+            arrival_margin: 1e-4,
+        }
+    }
+
+    fn coverage(&self, rays: &Rays) -> Coverage {
+        let settings = self.coverage_settings();
+        let scene = self.scene();
+        let mut census = self.census.borrow_mut();
+        census.tested += (rays.len() * scene.triangles.len()) as u64;
+        coverage(
+            &scene.context,
+            &scene.triangles,
+            &scene.topology,
+            rays,
+            &settings,
+        )
+    }
+
+    pub(crate) fn weights(&self, rays: &Rays) -> Result<RayWeights<'a>> {
+        let scene = self.scene();
+        let range = DepthRange::new(rays, scene.radius());
+        let (context, topology) = (&scene.context, &scene.topology);
+        let form = self.transport.settings.visibility;
+        self.census.borrow_mut().rays += rays.len() as u64;
+        if let Some(sparse) = self.transport.sparse {
+            let settings = self.coverage_settings();
+            let weights = sparse.weights(context, topology, rays, &settings, form, range)?;
+            let mut census = self.census.borrow_mut();
+            census.tested += weights.offered;
+            for count in weights.counts() {
+                if census.surfaces.len() <= count {
+                    census.surfaces.resize(count + 1, 0);
+                }
+                census.surfaces[count] += 1;
+            }
+            return Ok(RayWeights::Sparse(Box::new(weights)));
+        }
+        let weights = form.weights(context, topology, self.coverage(rays), range)?;
+        if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
+            d.weights(&weights, &scene.triangles.valid)?;
+        }
+        Ok(RayWeights::Dense(Box::new(weights)))
+    }
+
+    /// The share of light that arrives along shadow rays.
+    pub(crate) fn transmittance(&self, rays: &Rays, needed: &[bool]) -> Result<Tensor<2>> {
+        let scene = self.scene();
+        let (context, topology) = (&scene.context, &scene.topology);
+        let form = self.transport.settings.visibility;
+        if let Some(sparse) = self.transport.sparse {
+            let settings = self.coverage_settings();
+            let (passed, offered) =
+                sparse.transmittance(context, topology, rays, &settings, form, needed)?;
+            let mut census = self.census.borrow_mut();
+            census.tested += offered;
+            census.rays += needed.iter().filter(|&&n| n).count() as u64;
+            return Ok(passed);
+        }
+        self.census.borrow_mut().rays += rays.len() as u64;
+        Ok(form.transmittance(context, topology, &self.coverage(rays)))
+    }
+}
