@@ -52,6 +52,8 @@ pub struct Materials {
     pub emission: Vec3,
     /// Whether a material reflects.
     pub reflects: Vec<bool>,
+    /// Whether a material has a specular part.
+    pub glossy: Vec<bool>,
     /// Whether a material emits.
     pub emits: Vec<bool>,
 }
@@ -265,6 +267,7 @@ impl Flattened {
             specular: m.specular.as_ref().map(|(s, n)| (albedos(s), column(n))),
             emission: m.emission.plain(),
             reflects: m.reflects.clone(),
+            glossy: m.glossy.clone(),
             emits: m.emits.clone(),
         };
         Self {
@@ -424,6 +427,7 @@ fn flatten_materials(materials: &[&Material], context: &Context) -> Materials {
         }),
         emission: planes(&|m| m.emission.planes(context)),
         reflects: materials.iter().map(|m| m.reflects()).collect(),
+        glossy: materials.iter().map(|m| m.specular.reflects()).collect(),
         emits: materials.iter().map(|m| m.emits()).collect(),
     }
 }

@@ -104,6 +104,14 @@ struct LightPoints {
     chance: Vec<f64>,
 }
 
+/// Two strategies for points on emitters.
+struct Combined {
+    /// Whether these points were found by the second, scattering.
+    by_scattering: bool,
+    /// Where the second is used.
+    used: Vec<bool>,
+}
+
 /// Shaded points, how the light gets there, and where it goes.
 struct Shaded<'a> {
     points: &'a SurfacePoints,
@@ -123,15 +131,15 @@ fn views(tracer: &Tracer, shaded: &Shaded) -> Result<Views> {
 
 /// Light from one point of one emitter triangle at each surface point: planes of
 /// f·cos θ·cos θ_e/r²·L_e·T over the density. With `scattered`, the direction in which each path goes
-/// on, also from the emitters that lie there (the power heuristic), as rows of some paths. Empty
-/// where the scene has no emitter.
+/// on and whether it is to be used, also from the emitters that lie there (the power heuristic), as
+/// rows of some paths. Empty where the scene has no emitter.
 pub(crate) fn connect(
     tracer: &Tracer,
     points: &SurfacePoints,
     rays: &Rays,
     paths: &[(u32, u32)],
     bounce: u32,
-    scattered: Option<&Vec3>,
+    scattered: Option<(&Vec3, &[bool])>,
 ) -> Result<Vec<(Option<Vec<u32>>, Vec3)>> {
     let lights = tracer.transport.lights;
     if lights.is_empty() {
@@ -158,12 +166,16 @@ pub(crate) fn connect(
         c,
         chance: chosen.iter().map(|e| e.1).collect(),
     };
-    let combined = scattered.map(|_| false);
+    let combined = scattered.map(|(_, used)| Combined {
+        by_scattering: false,
+        used: used.to_vec(),
+    });
     let mut found = vec![(None, arriving(tracer, &shaded, chosen, combined)?)];
-    if let (Some(direction), Some(views)) = (scattered, &views) {
+    if let (Some((direction, used)), Some(views)) = (scattered, &views) {
         let direction = host_vectors(direction)?;
         let context = &tracer.scene().context;
-        let met = lights.meet(views, &direction, tracer.t_min(), grazing(context.dtype));
+        let mut met = lights.meet(views, &direction, tracer.t_min(), grazing(context.dtype));
+        met.retain(|m| used[m.path as usize]);
         if !met.is_empty() {
             let which: Vec<u32> = met.iter().map(|m| m.path).collect();
             let index = context.index_row(&which);
@@ -178,7 +190,12 @@ pub(crate) fn connect(
                 b: met.iter().map(|m| m.b).collect(),
                 c: met.iter().map(|m| m.c).collect(),
             };
-            found.push((Some(which), arriving(tracer, &shaded, met, Some(true))?));
+            let combined = Combined {
+                by_scattering: true,
+                used: vec![true; which.len()],
+            };
+            let light = arriving(tracer, &shaded, met, Some(combined))?;
+            found.push((Some(which), light));
         }
     }
     Ok(found)
@@ -261,13 +278,12 @@ fn power_heuristic(a: Tensor<2>, b: Tensor<2>, is_b: bool) -> Tensor<2> {
     (a.clone() * a + b.clone() * b) / own.clamp_min(1e-30)
 }
 
-/// Light from a point of an emitter at each surface point, over its density; `combined` says whether
-/// the points were chosen by scattering, where that is a strategy at all.
+/// Light from a point of an emitter at each surface point, over its density.
 fn arriving(
     tracer: &Tracer,
     shaded: &Shaded,
     chosen: LightPoints,
-    combined: Option<bool>,
+    combined: Option<Combined>,
 ) -> Result<Vec3> {
     let scene = tracer.scene();
     let context = &scene.context;
@@ -335,8 +351,13 @@ fn arriving(
     let per_area = facing / squared * area;
     // In units of the emitter's area, without gradient: the points stay where they are on it.
     let mut density = context.row(&chosen.chance);
-    if let Some(by_scattering) = combined {
-        let along = density_of_scattering(points, incoming, &rays.direction);
+    if let Some(Combined {
+        by_scattering,
+        used,
+    }) = combined
+    {
+        let used: Vec<f64> = used.iter().map(|&u| f64::from(u8::from(u))).collect();
+        let along = density_of_scattering(points, incoming, &rays.direction) * context.row(&used);
         density = power_heuristic(density, along * plain(&per_area), by_scattering);
     }
     let light = emission.scale(&(per_area * passed / density));

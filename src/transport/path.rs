@@ -151,12 +151,17 @@ pub(crate) fn trace<'a>(
         let points = SurfacePoints::new(scene, &batch.rays, drawn)?;
         let incoming = batch.rays.direction.clone();
         let last = bounce == settings.bounces;
-        let by_scattering = combined && !scene.emitters.is_empty();
+        // Points on emitters are found well from a matt surface without its help.
+        let glossy: Vec<bool> = (points.triangle.iter())
+            .map(|&k| scene.materials.glossy[scene.topology.material[k as usize] as usize])
+            .collect();
+        let by_scattering = combined && !scene.emitters.is_empty() && glossy.iter().any(|&g| g);
         let goes_on = !last || sky.is_some();
         let scatter = (goes_on || by_scattering || map.is_some())
             .then(|| bsdf::sample(context, &points, &incoming, sampler, &batch.paths, bounce));
         let direction = scatter.as_ref().map(|s| &s.direction);
         let along = direction.filter(|_| by_scattering);
+        let along = along.map(|d| (d, glossy.as_slice()));
         let mut lit =
             emitters::connect(&tracer, &points, &batch.rays, &batch.paths, bounce, along)?;
         if let (Some(map), Some(direction)) = (map, direction) {

@@ -60,8 +60,8 @@ pub struct Sampling {
     pub emitters: EmitterSampling,
     /// Which surfaces camera rays go on from.
     pub surfaces: SurfaceSampling,
-    /// Whether points on emitters and directions to an environment map are chosen by the BSDF as
-    /// well, combined by the power heuristic (Veach and Guibas 1995).
+    /// Whether points on emitters (from glossy surfaces) and directions to an environment map are
+    /// chosen by the BSDF as well, combined by the power heuristic (Veach and Guibas 1995).
     pub multiple_importance: bool,
 }
 

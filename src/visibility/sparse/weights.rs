@@ -1,0 +1,317 @@
+//! The weights of the surfaces that each ray meets.
+
+use burn::tensor::{IndexingUpdateOp, Tensor};
+use rayon::prelude::*;
+
+use super::forms::{pull, softened};
+use super::terms::Terms;
+use super::{HostRays, Lists, RAYS_A_PIECE, Sparse, Surface, chunks};
+use crate::geometry::Context;
+use crate::visibility::soft_pairs::SoftRay;
+use crate::visibility::{DepthRange, Rays, Visibility};
+
+/// The weights of the surfaces that each ray meets.
+pub struct SparseWeights<'a> {
+    pub(super) sparse: &'a Sparse,
+    pub(super) context: Context,
+    pub(super) rays: Rays,
+    pub(super) host: HostRays,
+    pub(super) surfaces: Lists<Surface>,
+    pub(super) background: Vec<f64>,
+    pub(super) form: Visibility,
+    pub(super) range: DepthRange,
+    /// 1/(far − near)/γ by ray, for the softmax.
+    pub(super) per_depth: Vec<f64>,
+    pub(super) triangles: u32,
+    pub(super) tracked: bool,
+    /// Layers with less room than this are full.
+    pub(super) full: f64,
+    /// Candidates offered by the hierarchy.
+    pub offered: u64,
+}
+
+impl SparseWeights<'_> {
+    /// How many rays.
+    fn len(&self) -> usize {
+        self.background.len()
+    }
+
+    /// Several surfaces of each ray, (ray, surface, W over its probability): systematic sampling with
+    /// `draws` draws, in the order of triangles.
+    pub fn split(&self, random: &[f64], draws: usize) -> Vec<(u32, u32, f64)> {
+        let least = 1.0 / draws as f64;
+        let mut found = Vec::with_capacity(self.len());
+        let mut order: Vec<(u32, f64)> = Vec::new();
+        for (i, u) in random.iter().enumerate() {
+            let surfaces = self.surfaces.of(i);
+            if let ([s], true) = (surfaces, self.background[i] <= 0.0) {
+                found.push((i as u32, s.triangle, s.weight));
+                continue;
+            }
+            order.clear();
+            order.extend(surfaces.iter().map(|s| (s.triangle, s.weight)));
+            order.sort_unstable_by_key(|s| s.0);
+            order.push((self.triangles, self.background[i]));
+            let total: f64 = order.iter().map(|s| s.1).sum();
+            // The next number of the comb u, u + 1, … over cumulative weights in units of 1/draws.
+            let (mut passed, mut next) = (0.0, total * u * least);
+            for &(k, weight) in &order {
+                passed += weight;
+                if passed > next {
+                    found.push((i as u32, k, weight.max(least)));
+                    while passed > next {
+                        next += total * least;
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Draws one surface a ray: as the tensor program does, in the order of triangles.
+    pub fn draw(&self, random: &[f64]) -> Vec<u32> {
+        let one = |order: &mut Vec<(u32, f64)>, i: usize| {
+            if let ([s], true) = (self.surfaces.of(i), self.background[i] <= 0.0) {
+                return s.triangle;
+            }
+            order.clear();
+            let surfaces = self.surfaces.of(i).iter();
+            order.extend(surfaces.map(|s| (s.triangle, s.weight)));
+            order.sort_unstable_by_key(|s| s.0);
+            let total: f64 = order.iter().map(|s| s.1).sum::<f64>() + self.background[i];
+            let threshold = total * random[i];
+            let mut passed = 0.0;
+            for &mut (triangle, weight) in order {
+                passed += weight;
+                if passed > threshold {
+                    return triangle;
+                }
+            }
+            self.triangles
+        };
+        (0..self.len())
+            .into_par_iter()
+            .with_min_len(RAYS_A_PIECE)
+            .map_init(Vec::new, one)
+            .collect()
+    }
+
+    /// W/stop(W) of the drawn surfaces `[1, N]`; None if no gradient can flow.
+    pub fn ratio(&self, drawn: &[u32]) -> Option<Tensor<2>> {
+        let change = self.change(|i, k, s| {
+            let is = |k: u32| if drawn[i] == k { 1.0 } else { 0.0 };
+            match s {
+                Some(s) if s.weight > 0.0 => is(k) / s.weight,
+                Some(_) => 0.0,
+                None if self.background[i] > 0.0 => is(k) / self.background[i],
+                None => 0.0,
+            }
+        })?;
+        Some(change + 1.0)
+    }
+
+    /// A row that is 0 and has the derivative of Σ v·W over surfaces and background (the triangle
+    /// past the last, without a surface); None if no gradient can flow.
+    fn change(&self, v: impl Fn(usize, u32, Option<&Surface>) -> f64 + Sync) -> Option<Tensor<2>> {
+        if !self.tracked {
+            return None;
+        }
+        let softmax = matches!(self.form, Visibility::Softmax { .. });
+        let soft = matches!(self.form, Visibility::LayeredSoft { .. });
+        let full = self.full;
+        let parts: Vec<(Terms, Vec<f64>)> = chunks(self.len())
+            .into_par_iter()
+            .map(|range| {
+                let mut terms = Terms::default();
+                let (mut values, mut by_p, mut by_far) = (Vec::new(), Vec::new(), Vec::new());
+                let (mut scratch, mut by_t) = (Vec::new(), Vec::new());
+                for i in range {
+                    terms.begin_ray();
+                    let surfaces = self.surfaces.of(i);
+                    values.clear();
+                    values.extend(surfaces.iter().map(|s| v(i, s.triangle, Some(s))));
+                    let background = v(i, self.triangles, None);
+                    if softmax {
+                        let weighted = surfaces.iter().zip(&values).map(|(s, v)| s.weight * v);
+                        let mean = weighted.sum::<f64>() + self.background[i] * background;
+                        let mut far = 0.0;
+                        for (s, v) in surfaces.iter().zip(&values) {
+                            let share = (v - mean) * s.weight;
+                            let [_, by_logit, by_t] = s.log;
+                            let b = share * (by_t - self.per_depth[i]);
+                            if share.abs() > 1e-12 {
+                                terms.add(self.sparse, &self.host, i, s, share * by_logit, b, 0.0);
+                            }
+                            far += share * self.by_far(i, s.t);
+                        }
+                        by_far.push(far);
+                    } else if soft {
+                        let list = softened(surfaces);
+                        let ray = SoftRay::new(&list.0, list.1, self.per_depth[i], full);
+                        let by_depth = ray.pull(&values, background, &mut by_p, &mut by_t);
+                        for (k, s) in surfaces.iter().enumerate() {
+                            let (a, b) = (by_p[k] * s.slope, by_p[k] * s.slope_t + by_t[k]);
+                            if a.abs() + b.abs() > 1e-12 {
+                                terms.add(self.sparse, &self.host, i, s, a, b, 0.0);
+                            }
+                        }
+                        // Only inside of the bounds does far − near move, with far.
+                        by_far.push(if self.is_inside(i) {
+                            -by_depth / self.depth(i)
+                        } else {
+                            0.0
+                        });
+                    } else {
+                        let background = (background, self.background[i]);
+                        pull(surfaces, &values, background, full, &mut by_p, &mut scratch);
+                        for (s, g) in surfaces.iter().zip(&by_p) {
+                            let (a, b) = (g * s.slope, g * s.slope_t);
+                            terms.add(self.sparse, &self.host, i, s, a, b, self.sparse.cutoff);
+                        }
+                    }
+                }
+                (terms, by_far)
+            })
+            .collect();
+        let (mut terms, mut by_far) = (Terms::default(), Vec::new());
+        for (t, f) in parts {
+            terms.join(t);
+            by_far.extend(f);
+        }
+        let row = terms.row(self.sparse, &self.context, &self.rays, self.len());
+        let far = match (&self.range.change, softmax || soft) {
+            (Some(change), true) => Some(change.clone() * self.context.row(&by_far)),
+            _ => None,
+        };
+        match (row, far) {
+            (Some(a), Some(b)) => Some(a + b),
+            (a, b) => a.or(b),
+        }
+    }
+
+    /// far − near.
+    fn depth(&self, i: usize) -> f64 {
+        let gamma = match self.form {
+            Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => gamma,
+            Visibility::Layered => 1.0,
+        };
+        1.0 / (self.per_depth[i] * gamma)
+    }
+
+    /// Whether a ray starts inside of the bounds: near = max(|o| − ρ, 0) is 0 and far = |o| + ρ.
+    fn is_inside(&self, i: usize) -> bool {
+        2.0 * self.host.origin[i].length() <= self.depth(i)
+    }
+
+    /// ∂z/∂far/γ: outside of the bounds only far − t depends on far, inside its divisor does too.
+    fn by_far(&self, i: usize, t: f64) -> f64 {
+        let kept = if self.is_inside(i) {
+            t / self.depth(i)
+        } else {
+            1.0
+        };
+        kept * self.per_depth[i]
+    }
+
+    /// Σ W·v of a host quantity: a row `[1, N]`, in the graph through the weights.
+    pub fn mean(
+        &self,
+        v: impl Fn(usize, u32, bool) -> f64 + Sync,
+        background: impl Fn(usize) -> f64 + Sync,
+    ) -> Tensor<2> {
+        let of = |i: usize, k: u32, s: Option<&Surface>| match s {
+            Some(s) => v(i, k, s.cosine < 0.0),
+            None => background(i),
+        };
+        let values: Vec<f64> = (0..self.len())
+            .map(|i| {
+                let surfaces = self.surfaces.of(i).iter();
+                surfaces
+                    .map(|s| s.weight * of(i, s.triangle, Some(s)))
+                    .sum::<f64>()
+                    + self.background[i] * of(i, self.triangles, None)
+            })
+            .collect();
+        let value = self.context.row(&values);
+        match self.change(of) {
+            Some(change) => value + change,
+            None => value,
+        }
+    }
+
+    /// W of the background `[1, N]`, in the graph if a gradient can flow.
+    pub fn attached_background(&self) -> Tensor<2> {
+        self.mean(|_, _, _| 0.0, |_| 1.0)
+    }
+
+    /// Σ W·v of a column `[T, 1]` or `[M, 1]`, in the graph through it alone; `row` says which entry
+    /// belongs to a surface, with a factor.
+    pub fn spread(
+        &self,
+        column: &Tensor<2>,
+        row: impl Fn(u32, bool) -> Option<(u32, f64)>,
+    ) -> Option<Tensor<2>> {
+        let (mut rays, mut rows, mut factors) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..self.surfaces.rays() {
+            for s in self.surfaces.of(i) {
+                if let Some((r, factor)) = row(s.triangle, s.cosine < 0.0)
+                    && s.weight > 0.0
+                {
+                    rays.push(i as u32);
+                    rows.push(r);
+                    factors.push(factor * s.weight);
+                }
+            }
+        }
+        if rays.is_empty() {
+            return None;
+        }
+        let context = &self.context;
+        let values = crate::geometry::gather_row(column.clone(), &context.index_row(&rows));
+        let values = values * context.row(&factors);
+        let zeros = Tensor::<2>::zeros([1, self.len()], (&context.device, context.dtype));
+        Some(zeros.scatter(1, context.index_row(&rays), values, IndexingUpdateOp::Add))
+    }
+
+    /// Σ W·t: the mean distance `[1, N]`, in the graph through weights and distances.
+    pub fn mean_distance(&self) -> Tensor<2> {
+        let values: Vec<f64> = (0..self.len())
+            .map(|i| self.surfaces.of(i).iter().map(|s| s.weight * s.t).sum())
+            .collect();
+        let value = self.context.row(&values);
+        if !self.tracked {
+            return value;
+        }
+        let mut terms = Terms::default();
+        for i in 0..self.len() {
+            terms.begin_ray();
+            for s in self.surfaces.of(i) {
+                terms.add(self.sparse, &self.host, i, s, 0.0, s.weight, 0.0);
+            }
+        }
+        let by_distance = terms.row(self.sparse, &self.context, &self.rays, self.len());
+        let by_weight = self.change(|_, _, s| s.map_or(0.0, |s| s.t));
+        [by_distance, by_weight]
+            .into_iter()
+            .flatten()
+            .fold(value, |sum, term| sum + term)
+    }
+
+    /// Weights by object `[O, N]`, and of the background `[1, N]`, without tape.
+    pub fn by_object(&self, object: &[u32], objects: usize) -> (Tensor<2>, Tensor<2>) {
+        let n = self.len();
+        let mut sums = vec![0.0; objects * n];
+        for i in 0..n {
+            for s in self.surfaces.of(i) {
+                sums[object[s.triangle as usize] as usize * n + i] += s.weight;
+            }
+        }
+        let background = self.context.row(&self.background);
+        (self.context.tensor(&sums, [objects, n]), background)
+    }
+
+    /// How many surfaces share each ray.
+    pub fn counts(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.len()).map(|i| self.surfaces.of(i).len())
+    }
+}
