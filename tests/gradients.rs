@@ -168,10 +168,11 @@ fn the_square_of_noise_biases_a_loss() {
     assert!(unbiased.abs() < 0.1 * plain, "{unbiased}, plain {plain}");
 }
 
-/// The standard error of each side as a share of the derivative: `SOFTRAY_PRECISION`, or 2 %.
+/// The standard error of each side as a share of the derivative: `SOFTRAY_PRECISION`, or 0.5 %,
+/// which takes some minutes.
 fn cornell_precision() -> f64 {
     let given = std::env::var("SOFTRAY_PRECISION").ok();
-    given.and_then(|p| p.parse().ok()).unwrap_or(0.02)
+    given.and_then(|p| p.parse().ok()).unwrap_or(0.005)
 }
 
 /// The Cornell box with every class of parameter: its light turns, moves and has a free vertex, the
