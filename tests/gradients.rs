@@ -3,7 +3,7 @@
 mod common;
 
 use burn::tensor::{DType, Device};
-use common::gradients::{Effort, LAYERED, SOFTMAX, agreement, cases, check};
+use common::gradients::{Effort, Engine, LAYERED, SOFTMAX, agreement, cases, check};
 use softray::gradcheck::{Checked, GradCheck, Point, Verdict, gradcheck};
 use softray::prelude::*;
 
@@ -49,9 +49,29 @@ fn layered_agrees_with_central_differences() {
 #[test]
 fn the_same_on_ndarray() {
     for effort in [SOFTMAX, LAYERED] {
-        let devices = (&common::cpu_devices()[1], &Device::flex());
-        for (case, apart) in agreement(devices, DType::F64, effort) {
+        let devices = common::cpu_devices();
+        let engines: [Engine; 2] = [(&devices[1], |o| o), (&devices[0], |o| o)];
+        for (case, apart) in agreement(engines, DType::F64, effort) {
             assert!(apart < 1e-6, "{case}: {apart:e}");
+        }
+    }
+}
+
+/// The same seed gives the same gradient by all triangles in tensors, but for what the cutoff drops.
+#[test]
+fn the_same_by_all_triangles() {
+    let soft = Effort {
+        visibility: Visibility::LayeredSoft { gamma: 0.02 },
+        ..LAYERED
+    };
+    for effort in [SOFTMAX, LAYERED, soft] {
+        let flex = Device::flex();
+        let engines: [Engine; 2] = [
+            (&flex, |o| o.cutoff(1e-9)),
+            (&flex, RenderOptions::brute_force),
+        ];
+        for (case, apart) in agreement(engines, DType::F64, effort) {
+            assert!(apart < 2e-3, "{case}: {apart:e}");
         }
     }
 }

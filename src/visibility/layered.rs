@@ -101,12 +101,14 @@ impl Layers {
         self.pull(values.gather(0, self.slots.triangle.clone()), background)
     }
 
-    /// ∂ log W/∂p of the drawn surfaces.
+    /// ∂ log W/∂p of the drawn surfaces; 0 where a caller names one of weight 0, which no ray draws.
     pub fn by_log(&self, context: &Context, drawn: &[u32]) -> Tensor<2> {
         let (one_hot, missed) = self.slots.drawn(context, drawn, self.triangles);
         let weight = (one_hot.clone() * self.weight.clone()).sum_dim(0)
             + missed.clone() * self.background.clone();
-        let inverse = weight.recip();
+        let absent = weight.clone().lower_equal_elem(0.0);
+        let inverse = weight.mask_fill(absent.clone(), 1.0).recip();
+        let inverse = inverse.mask_fill(absent, 0.0);
         self.pull(one_hot * inverse.clone(), missed * inverse)
     }
 }

@@ -117,10 +117,14 @@ impl SoftOrder {
         mean.clone() - plain(&mean)
     }
 
-    /// A row that is 0 and has the derivative of log W of the drawn surfaces.
+    /// A row that is 0 and has the derivative of log W of the drawn surfaces; none where a caller
+    /// names one of weight 0, which no ray draws.
     pub fn by_log(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
         let (one_hot, missed) = self.slots.drawn(context, drawn, self.triangles);
         let weight = (self.weight.clone() * one_hot).sum_dim(0) + self.background.clone() * missed;
-        Some(weight.clone() / plain(&weight) - 1.0)
+        let value = plain(&weight);
+        let absent = value.clone().lower_equal_elem(0.0);
+        let scale = value.clone().mask_fill(absent.clone(), 1.0).recip();
+        Some((weight - value) * scale.mask_fill(absent, 0.0))
     }
 }

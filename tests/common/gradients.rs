@@ -318,28 +318,25 @@ pub fn check(case: &Case, device: &Device, effort: Effort, precision: f64, seeds
 }
 
 /// The autodiff gradient of one seed.
-fn gradient(case: &Case, device: &Device, dtype: DType, effort: Effort, seed: u64) -> f64 {
+fn gradient(case: &Case, at: Engine, dtype: DType, effort: Effort, seed: u64) -> f64 {
+    let (device, change) = at;
     let p = constant(&[case.value], [1], device, dtype)
         .autodiff()
         .require_grad();
     let (scene, camera) = (case.build)(device, dtype, p.clone());
-    // The paper's sampling: with the default one gradients of the camera were NaN on
-    // wgpu/SwiftShader in layered form (cause not found yet).
-    let sampling = Sampling::plain();
-    let options = options(case, effort).seed(seed).sampling(sampling);
+    let options = change(options(case, effort).seed(seed));
     let image = render(&scene, &camera, &options).expect("an image");
     let gradients = weighted(image.radiance, case.weight).backward();
     super::values(&p.grad(&gradients).expect("a gradient"))[0]
 }
 
-/// How far the gradients of one seed are apart on two devices, relative to the larger, by case.
-pub fn agreement(
-    (a, b): (&Device, &Device),
-    dtype: DType,
-    effort: Effort,
-) -> Vec<(&'static str, f64)> {
+/// A device, and what else is set.
+pub type Engine<'a> = (&'a Device, fn(RenderOptions) -> RenderOptions);
+
+/// How far the gradients of one seed are apart with two engines, relative to the larger, by case.
+pub fn agreement(engines: [Engine; 2], dtype: DType, effort: Effort) -> Vec<(&'static str, f64)> {
     let apart = |case: &Case| {
-        let [x, y] = [a, b].map(|d| gradient(case, d, dtype, effort, 5));
+        let [x, y] = engines.map(|e| gradient(case, e, dtype, effort, 5));
         (x - y).abs() / x.abs().max(y.abs())
     };
     let found: Vec<_> = cases().iter().map(|c| (c.name, apart(c))).collect();
