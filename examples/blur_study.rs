@@ -13,6 +13,9 @@ use softray::optim::pixel_footprint;
 use softray::prelude::*;
 use softray::scene::Flattened;
 
+#[path = "../benches/font/mod.rs"]
+mod font;
+
 type Failure = Box<dyn Error>;
 
 /// Measures what the blurs σ and γ do; prints Markdown tables and writes plots.
@@ -74,6 +77,7 @@ enum Study {
 
 fn main() -> Result<(), Failure> {
     let arguments = Arguments::parse();
+    font::register();
     std::fs::create_dir_all(&arguments.out)?;
     let out = &arguments.out;
     let start = Instant::now();

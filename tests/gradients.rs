@@ -76,6 +76,30 @@ fn the_same_by_all_triangles() {
     }
 }
 
+/// Fused kernels do what chains of tensor operations do.
+#[test]
+fn the_same_by_fused_kernels() {
+    let soft = Effort {
+        visibility: Visibility::LayeredSoft { gamma: 0.02 },
+        ..LAYERED
+    };
+    for effort in [SOFTMAX, LAYERED, soft] {
+        let flex = Device::flex();
+        let pairs: [[Engine; 2]; 2] = [
+            [(&flex, |o| o), (&flex, |o| o.fused(false))],
+            [
+                (&flex, |o| o.sampling(Sampling::plain())),
+                (&flex, |o| o.sampling(Sampling::plain()).fused(false)),
+            ],
+        ];
+        for engines in pairs {
+            for (case, apart) in agreement(engines, DType::F64, effort) {
+                assert!(apart < 1e-6, "{case}: {apart:e}");
+            }
+        }
+    }
+}
+
 /// A floor under a sky and a lamp; the albedo of the floor, times a factor whose gradient is cut to a
 /// share of the right one.
 fn floor(point: &softray::gradcheck::Point, share: f64) -> softray::Result<(Scene, Camera)> {

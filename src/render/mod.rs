@@ -1,6 +1,7 @@
 //! `render()`: passes, tiles, averaging.
 
 mod film;
+mod fused;
 mod options;
 mod replay;
 
@@ -73,20 +74,17 @@ fn render_list(
 ) -> Result<Image> {
     options.check()?;
     let flattened = Flattened::new(scene, camera, options.bounds)?;
+    if fused::can_render(&flattened, options) {
+        return fused::render(scene, camera, &flattened, options, pixels);
+    }
     let mut collected = Collect::default();
     if options.replay {
         visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
     }
     if collected.0.is_empty() {
         let renderer = Renderer::new(&flattened, camera, options, pixels, None)?;
-        let (mut mean, found) = renderer.render()?;
-        if !mean.is_tracked() {
-            // What changes nothing has a gradient of 0, not none: a fit may pass such a place.
-            visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
-            if let Some(nothing) = collected.of_value_zero() {
-                mean = mean + nothing.cast(flattened.context.dtype).reshape([1, 1]);
-            }
-        }
+        let (mean, found) = renderer.render()?;
+        let mean = with_gradient(mean, scene, camera);
         return Ok(renderer.image(mean, &found));
     }
     let parameters = Tensor::cat(collected.0, 0);
@@ -107,6 +105,22 @@ fn render_list(
         retraced.gradient(&upstream, &hierarchy)
     }));
     Ok(renderer.image(replay(parameters, mean, retrace), &found))
+}
+
+/// What changes nothing has a gradient of 0, not none: a fit may pass such a place.
+fn with_gradient(mean: Tensor<2>, scene: &Scene, camera: &Camera) -> Tensor<2> {
+    if mean.is_tracked() {
+        return mean;
+    }
+    let mut collected = Collect::default();
+    visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
+    match collected.of_value_zero() {
+        Some(nothing) => {
+            let nothing = nothing.cast(mean.dtype()).reshape([1, 1]);
+            mean + nothing
+        }
+        None => mean,
+    }
 }
 
 /// What the backward pass of a replay needs.

@@ -30,6 +30,7 @@ pub struct RenderOptions {
     pub(super) diagnostics: bool,
     pub(super) brute_force: bool,
     pub(super) replay: bool,
+    pub(super) fused: bool,
     pub(super) cache: Option<HierarchyCache>,
     pub(super) cutoff: f64,
     pub(super) progress: Option<Progress>,
@@ -62,6 +63,7 @@ impl fmt::Debug for RenderOptions {
             .field("diagnostics", &self.diagnostics)
             .field("brute_force", &self.brute_force)
             .field("replay", &self.replay)
+            .field("fused", &self.fused)
             .field("cache", &self.cache)
             .field("cutoff", &self.cutoff)
             .finish_non_exhaustive()
@@ -88,6 +90,7 @@ impl RenderOptions {
             diagnostics: false,
             brute_force: false,
             replay: false,
+            fused: true,
             cache: None,
             cutoff: 1e-4,
             progress: None,
@@ -196,6 +199,16 @@ impl RenderOptions {
     /// Also counts what is degenerate, which takes time.
     pub fn with_diagnostics(mut self) -> Self {
         self.diagnostics = true;
+        self
+    }
+
+    /// Whether paths are traced by fused kernels on the CPU, forward and backward, each path in one go:
+    /// the default wherever they know what the scene has. Without them, and on GPUs, each step of a
+    /// path is a chain of tensor operations over all rays of a tile, which is the specification of
+    /// what they do: the same image and gradients, up to rounding. Fused kernels need no tape, so
+    /// [`RenderOptions::replay`] makes no difference to them.
+    pub fn fused(mut self, fused: bool) -> Self {
+        self.fused = fused;
         self
     }
 

@@ -19,6 +19,19 @@ pub struct Camera {
     pub lens: Option<(Parameter<1>, Parameter<1>)>,
 }
 
+/// A camera as `[1, 1]` planes.
+pub(crate) struct CameraFrame {
+    pub eye: Vec3,
+    /// Unit vectors.
+    pub forward: Vec3,
+    pub right: Vec3,
+    pub up: Vec3,
+    /// tan(fov_y/2).
+    pub half_height: Tensor<2>,
+    /// Aperture radius and focus distance.
+    pub lens: Option<[Tensor<2>; 2]>,
+}
+
 impl Camera {
     /// A pinhole camera with y up and 40° of vertical field of view.
     pub fn look_at(eye: impl Into<Parameter<3>>, target: impl Into<Parameter<3>>) -> Self {
@@ -90,17 +103,8 @@ impl Camera {
         Ok(())
     }
 
-    /// Rays through film points (rows `[1, N]` in units of the image, (0, 0) top left), from lens
-    /// points (rows, on the unit disk). Origins are relative to `centre`, in units of `unit`.
-    pub(crate) fn rays(
-        &self,
-        context: &Context,
-        centre: [f64; 3],
-        unit: f64,
-        aspect: f64,
-        film: &[Tensor<2>; 2],
-        disk: Option<&[Tensor<2>; 2]>,
-    ) -> (Vec3, Vec3) {
+    /// The camera as `[1, 1]` planes; lengths relative to `centre`, in units of `unit`.
+    pub(crate) fn frame(&self, context: &Context, centre: [f64; 3], unit: f64) -> CameraFrame {
         let vector = |p: &Parameter<3>| {
             let [x, y, z] = p.planes(context);
             Vec3::new(x, y, z)
@@ -117,15 +121,44 @@ impl Camera {
         let [fov] = self.fov_y.planes(context);
         let half = fov * (std::f64::consts::PI / 360.0);
         let (sin, cos) = sin_cos(half);
-        let half_height = sin / cos;
+        CameraFrame {
+            eye,
+            forward,
+            right,
+            up,
+            half_height: sin / cos,
+            lens: self.lens.as_ref().map(|(aperture, focus)| {
+                let ([aperture], [focus]) = (aperture.planes(context), focus.planes(context));
+                [aperture * per_unit, focus * per_unit]
+            }),
+        }
+    }
+
+    /// Rays through film points (rows `[1, N]` in units of the image, (0, 0) top left), from lens
+    /// points (rows, on the unit disk). Origins are relative to `centre`, in units of `unit`.
+    pub(crate) fn rays(
+        &self,
+        context: &Context,
+        centre: [f64; 3],
+        unit: f64,
+        aspect: f64,
+        film: &[Tensor<2>; 2],
+        disk: Option<&[Tensor<2>; 2]>,
+    ) -> (Vec3, Vec3) {
+        let CameraFrame {
+            eye,
+            forward,
+            right,
+            up,
+            half_height,
+            lens,
+        } = self.frame(context, centre, unit);
         let sx = (film[0].clone() * 2.0 - 1.0) * (half_height.clone() * aspect);
         let sy = (film[1].clone() * (-2.0) + 1.0) * half_height;
         let n = film[0].dims()[1];
         let through = right.scale(&sx).add(&up.scale(&sy)).add(&forward);
-        match (&self.lens, disk) {
-            (Some((aperture, focus)), Some(disk)) => {
-                let ([aperture], [focus]) = (aperture.planes(context), focus.planes(context));
-                let (aperture, focus) = (aperture * per_unit, focus * per_unit);
+        match (lens, disk) {
+            (Some([aperture, focus]), Some(disk)) => {
                 let on_lens = right
                     .scale(&(disk[0].clone() * aperture.clone()))
                     .add(&up.scale(&(disk[1].clone() * aperture)));

@@ -13,6 +13,7 @@ mod tensors;
 mod transform;
 
 pub use camera::Camera;
+pub(crate) use camera::CameraFrame;
 pub use environment::Environment;
 pub use flatten::{Albedos, Bounds, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
 pub use material::{Albedo, Material, Wrap};

@@ -28,6 +28,12 @@ pub(crate) struct Views {
     pub time: Option<Vec<f64>>,
 }
 
+impl Views {
+    fn at(&self, i: usize) -> (DVec3, f64) {
+        (self.position[i], self.time.as_ref().map_or(0.0, |t| t[i]))
+    }
+}
+
 /// A point of an emitter that a path meets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Met {
@@ -126,14 +132,12 @@ impl Lights {
     }
 
     /// Probabilities of the emitters at a point.
-    fn probabilities(&self, views: Option<&Views>, i: usize, out: &mut Vec<f64>) {
+    fn probabilities(&self, view: Option<(DVec3, f64)>, out: &mut Vec<f64>) {
         out.clear();
-        let (true, Some(views)) = (self.by_solid_angle, views) else {
+        let (true, Some((x, time))) = (self.by_solid_angle, view) else {
             out.extend(&self.fixed);
             return;
         };
-        let x = views.position[i];
-        let time = views.time.as_ref().map_or(0.0, |t| t[i]);
         let seen = |t: &HostTriangle| t.solid_angle(x - t.velocity * time).max(0.0);
         out.extend(
             self.triangles
@@ -155,53 +159,91 @@ impl Lights {
     /// An emitter for each random number: triangles of the scene with their probabilities, and
     /// what is left of the number, uniform again.
     pub fn choose(&self, views: Option<&Views>, random: &[f64]) -> Vec<(u32, f64, f64)> {
-        let one = |p: &mut Vec<f64>, (i, u): (usize, &f64)| {
-            self.probabilities(views, i, p);
-            let mut passed = 0.0;
-            let found = p.iter().position(|p| {
-                passed += p;
-                *u < passed
-            });
-            // Rounding may leave the sum a little under 1.
-            let likely = || p.iter().rposition(|&p| p > 0.0).unwrap_or(0);
-            let k = found.unwrap_or_else(likely);
-            let rest = (u - (passed - p[k])) / p[k];
-            (self.index[k], p[k], rest.clamp(0.0, 1.0))
-        };
         let pieces = random.par_iter().enumerate().with_min_len(PIECE);
+        let one = |p: &mut Vec<f64>, (i, &u): (usize, &f64)| {
+            let (k, chance, rest) = self.choose_one(views.map(|v| v.at(i)), u, p);
+            (self.index[k], chance, rest)
+        };
         pieces.map_init(Vec::new, one).collect()
+    }
+
+    /// The number of an emitter, its probability, and what is left of the random number.
+    pub fn choose_one(
+        &self,
+        view: Option<(DVec3, f64)>,
+        u: f64,
+        p: &mut Vec<f64>,
+    ) -> (usize, f64, f64) {
+        self.probabilities(view, p);
+        let mut passed = 0.0;
+        let found = p.iter().position(|p| {
+            passed += p;
+            u < passed
+        });
+        // Rounding may leave the sum a little under 1.
+        let likely = || p.iter().rposition(|&p| p > 0.0).unwrap_or(0);
+        let k = found.unwrap_or_else(likely);
+        let rest = (u - (passed - p[k])) / p[k];
+        (k, p[k], rest.clamp(0.0, 1.0))
+    }
+
+    /// The triangle of the scene that an emitter is.
+    pub fn triangle(&self, emitter: usize) -> u32 {
+        self.index[emitter]
     }
 
     /// The probability of the emitter that each point of a list met.
     pub fn chance(&self, views: Option<&Views>, met: &[Met]) -> Vec<f64> {
         let mut p = Vec::new();
         let chance = |m: &Met| {
-            self.probabilities(views, m.path as usize, &mut p);
+            self.probabilities(views.map(|v| v.at(m.path as usize)), &mut p);
             let k = self.index.binary_search(&m.emitter);
             k.map_or(0.0, |k| p[k])
         };
         met.iter().map(chance).collect()
     }
 
+    /// The probability of an emitter at a point.
+    pub fn chance_of(&self, view: (DVec3, f64), emitter: usize, p: &mut Vec<f64>) -> f64 {
+        self.probabilities(Some(view), p);
+        p[emitter]
+    }
+
     /// The points on the fronts of emitters that rays meet, were nothing in between.
     pub fn meet(&self, views: &Views, directions: &[DVec3], t_min: f64, grazing: f64) -> Vec<Met> {
         let one = |i: usize| {
-            let direction = directions[i];
-            let time = views.time.as_ref().map_or(0.0, |t| t[i]);
-            let of_emitter = move |(k, t): (usize, &HostTriangle)| {
-                let origin = views.position[i] - t.velocity * time;
-                let range = (t_min, f64::INFINITY);
-                let hit = t.meet(origin, direction, grazing, range, 0.0)?;
-                (hit.cosine < 0.0).then(|| Met {
+            let mut met = Vec::new();
+            let range = (t_min, grazing);
+            self.meet_one(views.at(i), directions[i], range, |k, b, c| {
+                met.push(Met {
                     path: i as u32,
                     emitter: self.index[k],
-                    b: hit.hit[1],
-                    c: hit.hit[2],
-                })
-            };
-            self.triangles.iter().enumerate().filter_map(of_emitter)
+                    b,
+                    c,
+                });
+            });
+            met
         };
         let paths = (0..directions.len()).into_par_iter().with_min_len(PIECE);
         paths.flat_map_iter(one).collect()
+    }
+
+    /// The same along one ray: numbers of emitters, and weights of their corners b and c.
+    pub fn meet_one(
+        &self,
+        (position, time): (DVec3, f64),
+        direction: DVec3,
+        (t_min, grazing): (f64, f64),
+        mut found: impl FnMut(usize, f64, f64),
+    ) {
+        for (k, t) in self.triangles.iter().enumerate() {
+            let origin = position - t.velocity * time;
+            let range = (t_min, f64::INFINITY);
+            if let Some(hit) = t.meet(origin, direction, grazing, range, 0.0)
+                && hit.cosine < 0.0
+            {
+                found(k, hit.hit[1], hit.hit[2]);
+            }
+        }
     }
 }

@@ -4,6 +4,7 @@ mod batch;
 mod bsdf;
 mod diagnostics;
 mod emitters;
+mod fused;
 mod lights;
 mod path;
 mod sampler;
@@ -14,6 +15,7 @@ mod texture;
 mod tracer;
 
 pub use diagnostics::Diagnostics;
+pub(crate) use fused::{Fused, FusedParts, Work};
 pub(crate) use lights::Lights;
 pub(crate) use path::{Radiance, trace};
 pub(crate) use sampler::{Dimension, Sampler};

@@ -109,11 +109,7 @@ impl Sampler {
     /// Independent uniform numbers, one a path, for a purpose of their own.
     fn independent(&self, paths: &[(u32, u32)], purpose: u64) -> Vec<f64> {
         let stage = mix(self.seed ^ purpose);
-        let one = |&(pixel, sample): &(u32, u32)| {
-            let h = mix(stage ^ ((u64::from(pixel) << 32) | u64::from(sample)));
-            (h >> 40) as f64 / (1u64 << 24) as f64
-        };
-        paths.iter().map(one).collect()
+        paths.iter().map(|&path| number(stage, path)).collect()
     }
 
     /// One sequence for a block of pixels in Morton order, each with a run of it: the numbers of a
@@ -125,27 +121,111 @@ impl Sampler {
         set: u32,
         places: [usize; N],
     ) -> [Vec<f64>; N] {
-        let round = u64::from(set / sobol_burley::NUM_DIMENSION_SETS_4D);
-        let set = set % sobol_burley::NUM_DIMENSION_SETS_4D;
-        let stage = mix(self.seed ^ (round << 32));
-        let (mut last, mut scramble) = (None, 0);
         let mut found = [(); N].map(|()| Vec::with_capacity(paths.len()));
-        for &(pixel, sample) in paths {
-            let place = morton(pixel % self.width, pixel / self.width);
-            let run = place & ((1 << self.pixels) - 1);
-            let index = (run << self.samples) as u32 | (sample & ((1 << self.samples) - 1));
-            let block = (place >> self.pixels, sample >> self.samples);
-            if last != Some(block) {
-                scramble = (mix(mix(stage ^ block.0) ^ u64::from(block.1)) >> 32) as u32;
-                last = Some(block);
-            }
-            let four = sobol_burley::sample_4d(index, set, scramble);
+        for &path in paths {
+            let (index, block) = self.place(path);
+            let four = self.four(index, block, set);
             for (values, &p) in found.iter_mut().zip(&places) {
                 values.push(f64::from(four[p]));
             }
         }
         found
     }
+
+    /// Where a path stands in the sequence of its block, and the block.
+    fn place(&self, (pixel, sample): (u32, u32)) -> (u32, (u64, u32)) {
+        let place = morton(pixel % self.width, pixel / self.width);
+        let run = place & ((1 << self.pixels) - 1);
+        let index = (run << self.samples) as u32 | (sample & ((1 << self.samples) - 1));
+        (index, (place >> self.pixels, sample >> self.samples))
+    }
+
+    /// A set of four dimensions of the sequence of a block.
+    fn four(&self, index: u32, block: (u64, u32), set: u32) -> [f32; 4] {
+        let round = u64::from(set / sobol_burley::NUM_DIMENSION_SETS_4D);
+        let set = set % sobol_burley::NUM_DIMENSION_SETS_4D;
+        let stage = mix(self.seed ^ (round << 32));
+        let scramble = (mix(mix(stage ^ block.0) ^ u64::from(block.1)) >> 32) as u32;
+        sobol_burley::sample_4d(index, set, scramble)
+    }
+
+    /// The numbers of one path.
+    pub(crate) fn numbers(&self, path: (u32, u32)) -> Numbers<'_> {
+        let (index, block) = self.place(path);
+        Numbers {
+            sampler: self,
+            path,
+            index,
+            block,
+        }
+    }
+}
+
+/// The random numbers of one path: those of [`Sampler::uniform`], set by set.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Numbers<'a> {
+    sampler: &'a Sampler,
+    path: (u32, u32),
+    /// In the sequence of the path's block.
+    index: u32,
+    block: (u64, u32),
+}
+
+impl Numbers<'_> {
+    /// Film x and y.
+    pub fn film(&self) -> [f64; 2] {
+        self.some(0, [Dimension::FilmX, Dimension::FilmY])
+    }
+
+    /// Lens radius and angle.
+    pub fn lens(&self) -> [f64; 2] {
+        self.some(0, [Dimension::LensRadius, Dimension::LensAngle])
+    }
+
+    /// Time in the shutter.
+    pub fn time(&self) -> f64 {
+        let [time] = self.some(0, [Dimension::Time]);
+        time
+    }
+
+    /// For the choice of a surface.
+    pub fn surface(&self, bounce: u32) -> f64 {
+        let [u] = self.some(bounce, [Dimension::Surface]);
+        u
+    }
+
+    /// For an emitter and a point on it.
+    pub fn emitter(&self, bounce: u32) -> [f64; 2] {
+        self.some(bounce, [Dimension::EmitterU, Dimension::EmitterV])
+    }
+
+    /// For a direction, with the choice of a lobe and of survival.
+    pub fn direction(&self, bounce: u32) -> [f64; 4] {
+        use Dimension::{DirectionU, DirectionV, Lobe, Roulette};
+        self.some(bounce, [DirectionU, DirectionV, Lobe, Roulette])
+    }
+
+    /// Numbers of one set of four dimensions.
+    fn some<const N: usize>(&self, bounce: u32, dimensions: [Dimension; N]) -> [f64; N] {
+        let sampler = self.sampler;
+        let places = dimensions.map(|d| d.of_sequence(bounce));
+        match (sampler.sequence, places[0]) {
+            (Sequence::Sobol, Some(first)) => {
+                let four = sampler.four(self.index, self.block, first / 4);
+                places.map(|d| d.map_or(0.0, |d| f64::from(four[d as usize % 4])))
+            }
+            _ => dimensions.map(|d| {
+                let purpose = (u64::from(bounce) << 32) | d as u64;
+                number(mix(sampler.seed ^ purpose), self.path)
+            }),
+        }
+    }
+}
+
+/// A uniform number of a path.
+fn number(stage: u64, (pixel, sample): (u32, u32)) -> f64 {
+    let h = mix(stage ^ ((u64::from(pixel) << 32) | u64::from(sample)));
+    (h >> 40) as f64 / (1u64 << 24) as f64
 }
 
 /// The bits of x and y in turn.

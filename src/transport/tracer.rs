@@ -34,6 +34,23 @@ pub(crate) struct PathSettings {
 /// The blurred start of rays that leave a surface, over σ.
 const START: f64 = 0.25;
 
+impl PathSettings {
+    /// Hits nearer than this don't count, in a scene of some radius.
+    pub(super) fn t_min(&self, radius: f64) -> f64 {
+        1e-5 * radius
+    }
+
+    /// What Eq. 1 depends on.
+    pub(super) fn coverage(&self, radius: f64) -> CoverageSettings {
+        CoverageSettings {
+            sigma: self.sigma,
+            t_min: self.t_min(radius),
+            start: START * self.sigma,
+            arrival_margin: 1e-4,
+        }
+    }
+}
+
 /// A scene with the settings and random numbers of a render.
 #[derive(Clone, Copy)]
 pub(crate) struct Transport<'a> {
@@ -149,16 +166,11 @@ impl<'a> Tracer<'a> {
 
     /// Hits nearer than this don't count: relative to the scene's size.
     pub(crate) fn t_min(&self) -> f64 {
-        1e-5 * self.scene().radius()
+        self.transport.settings.t_min(self.scene().radius())
     }
 
     fn coverage_settings(&self) -> CoverageSettings {
-        CoverageSettings {
-            sigma: self.transport.settings.sigma,
-            t_min: self.t_min(),
-            start: START * self.transport.settings.sigma,
-            arrival_margin: 1e-4,
-        }
+        self.transport.settings.coverage(self.scene().radius())
     }
 
     fn coverage(&self, rays: &Rays) -> Coverage {

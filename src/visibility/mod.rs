@@ -22,8 +22,9 @@ use crate::error::{Error, Result};
 use crate::geometry::{Context, Topology};
 
 pub use depth::DepthRange;
-pub(crate) use edge::grazing;
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
+pub(crate) use edge::{full_room, grazing};
+pub(crate) use sparse::{Finder, HostRay, PullScratch, Surface, Weighed};
 pub use sparse::{Sparse, SparseWeights};
 pub use weights::Weights;
 

@@ -4,6 +4,7 @@
 //! folder is the specification.
 
 mod forms;
+mod ray;
 mod terms;
 mod weights;
 
@@ -14,13 +15,11 @@ use burn::tensor::Tensor;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::edge::{full_room, grazing};
-use super::soft_pairs::SoftRay;
 use super::{CoverageSettings, DepthRange, Rays, Visibility};
 use crate::accel::{Hierarchy, HierarchyCache};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, host_vectors};
-use forms::{layered, softened, softmax, through_all, through_layers};
+pub(crate) use ray::{Finder, HostRay, PullScratch, Surface, Weighed};
 use terms::Terms;
 pub use weights::SparseWeights;
 
@@ -39,28 +38,6 @@ pub struct Sparse {
     taped: AtomicU64,
     /// Triangles of smaller opacity, and what lies behind more than 1 − cutoff, are left out.
     cutoff: f64,
-}
-
-/// A surface that a ray meets.
-#[derive(Clone, Copy, Debug)]
-struct Surface {
-    triangle: u32,
-    /// Twice the object, plus one for the back.
-    layer: u32,
-    t: f64,
-    cosine: f64,
-    /// Probability, and its derivatives by logit and t.
-    p: f64,
-    slope: f64,
-    slope_t: f64,
-    /// log p, and its derivatives: for the softmax.
-    log: [f64; 3],
-    /// ∂logit/∂(squared distance).
-    sign: f64,
-    hit: [f64; 3],
-    border: [f64; 3],
-    /// Weight, 0 for shadow rays.
-    weight: f64,
 }
 
 /// Rays on the host.
@@ -83,6 +60,18 @@ impl HostRays {
                 .map(|(_, d)| host_values(d))
                 .transpose()?,
         })
+    }
+
+    fn ray(&self, rays: &Rays, i: usize) -> HostRay {
+        let emitter = rays.arrival.as_ref().and_then(|(e, _)| e.get(i).copied());
+        HostRay {
+            origin: self.origin[i],
+            direction: self.direction[i],
+            time: self.time.as_ref().map_or(0.0, |t| t[i]),
+            departure: rays.departure.as_ref().map(|d| d[i]),
+            emitter,
+            distance: self.arrival.as_ref().map(|a| a[i]),
+        }
     }
 }
 
@@ -153,148 +142,31 @@ impl Sparse {
         }
     }
 
+    /// The cutoff of one triangle.
+    pub(crate) fn cutoff(&self) -> f64 {
+        self.cutoff
+    }
+
     /// The triangles and their boxes.
     pub fn hierarchy(&self) -> Arc<Hierarchy> {
         self.hierarchy.clone()
     }
 
-    /// The surfaces that a ray meets, unordered, and how many were asked.
-    fn meet(
-        &self,
-        finder: &Finder,
-        rays: &HostRays,
-        marked: (Option<u32>, Option<u32>),
-        i: usize,
-        found: &mut Vec<Surface>,
-    ) -> u32 {
-        let Finder {
-            topology,
-            settings,
-            form,
-            grazing,
-            reach,
-            depth,
-        } = finder;
-        let (origin, direction) = (rays.origin[i], rays.direction[i]);
-        let time = rays.time.as_ref().map_or(0.0, |t| t[i]);
-        let (departure, emitter) = marked;
-        let distance = rays.arrival.as_ref().map(|a| a[i]);
-        let end = distance.map_or(f64::INFINITY, |d| d * (1.0 - settings.arrival_margin));
-        let near_end = distance.map(|d| {
-            let same = matches!((departure, emitter), (Some(a), Some(b))
-                if topology.object[a as usize] == topology.object[b as usize]);
-            if same { 0.5 * d } else { 0.0 }
-        });
-        let mut limit = end;
-        let neighbour = |end: Option<u32>, k: u32| {
-            end.is_some_and(|e| topology.neighbours.of(e).binary_search(&k).is_ok())
-        };
-        self.hierarchy
-            .visit(origin, direction, reach.sqrt(), limit, |k| {
-                let triangle = &self.hierarchy.triangles[k as usize];
-                let o = origin - triangle.velocity * time;
-                let range = (settings.t_min, limit);
-                let Some(hit) = triangle.meet(o, direction, *grazing, range, *reach) else {
-                    return limit;
-                };
-                if departure == Some(k) || emitter == Some(k) {
-                    return limit;
-                }
-                let at = k as usize;
-                let mut side = topology.visible_side[at] * hit.cosine;
-                if let (Some(e), Some(from)) = (emitter, near_end)
-                    && topology.object[e as usize] == topology.object[at]
-                    && hit.t >= from
-                {
-                    side = -side;
-                }
-                if side < 0.0 {
-                    return limit;
-                }
-                let softened = neighbour(departure, k) || neighbour(emitter, k);
-                let sign = if hit.inside { 1.0 } else { -1.0 } / settings.sigma;
-                let logit = hit.squared_distance * sign;
-                if softened && (!hit.inside || logit < f64::EPSILON) {
-                    return limit;
-                }
-                let decay = (-logit.abs()).exp();
-                let one_plus = 1.0 + decay;
-                let edge = if hit.inside { 1.0 } else { decay } / one_plus;
-                let mut slope = decay / (one_plus * one_plus);
-                let mut p = edge;
-                // ∂log p/∂logit is 1 − p.
-                let mut log_p = logit.min(0.0) - one_plus.ln();
-                let mut log_slope = if hit.inside { decay } else { 1.0 } / one_plus;
-                if softened {
-                    p = (1.0 - decay) / one_plus;
-                    slope *= 2.0;
-                    log_p = (1.0 - decay).ln() - one_plus.ln();
-                    log_slope = 2.0 * decay / (1.0 - decay * decay).max(1e-6);
-                }
-                let (mut slope_t, mut log_slope_t) = (0.0, 0.0);
-                if departure.is_some() && settings.start > 0.0 {
-                    let missing = (-hit.t * hit.t / settings.start).exp();
-                    let (share, by_t) = (1.0 - missing, 2.0 * hit.t / settings.start * missing);
-                    if share < 1e-30 {
-                        return limit;
-                    }
-                    slope_t = p * by_t;
-                    log_slope_t = by_t / share;
-                    log_p += share.ln();
-                    p *= share;
-                    slope *= share;
-                }
-                found.push(Surface {
-                    triangle: k,
-                    layer: 2 * topology.object[at] + u32::from(hit.cosine >= 0.0),
-                    t: hit.t,
-                    cosine: hit.cosine,
-                    p,
-                    slope,
-                    slope_t,
-                    log: [log_p, log_slope, log_slope_t],
-                    sign,
-                    hit: hit.hit,
-                    border: hit.border,
-                    weight: 0.0,
-                });
-                // What lies far enough behind something opaque can't matter.
-                if p > 1.0 - 0.1 * self.cutoff {
-                    let behind = match *form {
-                        Visibility::Layered => 0.0,
-                        Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => {
-                            gamma * depth(i) * (10.0 / self.cutoff).ln()
-                        }
-                    };
-                    limit = limit.min((hit.t + behind) * (1.0 + 1e-6));
-                }
-                limit
-            })
-    }
-
     fn finder<'a>(
-        &self,
+        &'a self,
         context: &Context,
         topology: &'a Topology,
         settings: &CoverageSettings,
         form: Visibility,
-        shadow: bool,
-        depth: &'a (dyn Fn(usize) -> f64 + Sync),
     ) -> Finder<'a> {
-        let nats = match form {
-            // A nearer surface gains up to exp(1/γ) over one behind it.
-            Visibility::Softmax { gamma, .. } if !shadow => (1.0 / self.cutoff).ln() + 1.0 / gamma,
-            _ => (1.0 / self.cutoff).ln(),
-        };
-        Finder {
+        Finder::new(
+            &self.hierarchy,
             topology,
-            settings: *settings,
-            // Shadow rays pass by products and layers: hard whatever the form.
-            form: if shadow { Visibility::Layered } else { form },
-            grazing: grazing(context.dtype),
-            reach: settings.sigma * nats,
-            depth,
-        }
+            context,
+            settings,
+            form,
+            self.cutoff,
+        )
     }
 
     /// The weights of all surfaces of each ray.
@@ -313,10 +185,8 @@ impl Sparse {
         let host = HostRays::new(rays)?;
         let near = host_values(&range.near)?;
         let far = host_values(&range.far)?;
-        let depth = |i: usize| far[i] - near[i];
-        let finder = self.finder(context, topology, settings, form, false, &depth);
+        let finder = self.finder(context, topology, settings, form);
         let n = host.origin.len();
-        let full = full_room(context.epsilon(), settings.sigma);
         let parts: Vec<(Lists<Surface>, Vec<f64>, u64)> = chunks(n)
             .into_par_iter()
             .map(|range| {
@@ -328,28 +198,10 @@ impl Sparse {
                 let mut found = Vec::new();
                 for i in range {
                     found.clear();
-                    let departure = rays.departure.as_ref().map(|d| d[i]);
-                    offered +=
-                        u64::from(self.meet(&finder, &host, (departure, None), i, &mut found));
-                    found.sort_unstable_by(|a, b| {
-                        a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle))
-                    });
-                    background.push(match form {
-                        Visibility::Softmax { gamma, epsilon } => {
-                            let score = |s: &Surface| (far[i] - s.t) / depth(i) / gamma;
-                            softmax(&mut found, score, epsilon / gamma, self.cutoff)
-                        }
-                        Visibility::LayeredSoft { gamma } => {
-                            let soft = softened(&found);
-                            let ray = SoftRay::new(&soft.0, soft.1, 1.0 / depth(i) / gamma, full);
-                            let weights: Vec<f64> = ray.weights().collect();
-                            for (s, weight) in found.iter_mut().zip(weights) {
-                                s.weight = weight;
-                            }
-                            ray.background
-                        }
-                        Visibility::Layered => layered(&mut found),
-                    });
+                    let ray = host.ray(rays, i);
+                    let depth = far[i] - near[i];
+                    offered += u64::from(finder.meet(&ray, depth, &mut found));
+                    background.push(finder.weigh(far[i], depth, &mut found));
                     lists.items.extend_from_slice(&found);
                     lists.starts.push(lists.items.len());
                 }
@@ -370,15 +222,11 @@ impl Sparse {
             background.extend(b);
             offered += o;
         }
-        let gamma = match form {
-            Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => gamma,
-            Visibility::Layered => 1.0,
-        };
-        let per_depth = (0..n).map(|i| 1.0 / depth(i) / gamma).collect();
+        let depth = far.iter().zip(&near).map(|(f, n)| f - n).collect();
         Ok(SparseWeights {
             sparse: self,
             context: context.clone(),
-            full,
+            full: finder.full,
             tracked: self.is_tracked(rays),
             rays: rays.clone(),
             host,
@@ -386,7 +234,7 @@ impl Sparse {
             background,
             form,
             range,
-            per_depth,
+            depth,
             triangles: topology.object.len() as u32,
             offered,
         })
@@ -417,9 +265,7 @@ impl Sparse {
         let host = HostRays::new(rays)?;
         let n = host.origin.len();
         let tracked = self.is_tracked(rays);
-        let finder = self.finder(context, topology, settings, form, true, &|_| 0.0);
-        let full = full_room(context.epsilon(), settings.sigma);
-        let product = matches!(form, Visibility::Softmax { .. });
+        let finder = self.finder(context, topology, settings, form).of_shadows();
         let parts: Vec<(Vec<f64>, Terms, u64)> = chunks(n)
             .into_par_iter()
             .map(|range| {
@@ -435,15 +281,9 @@ impl Sparse {
                         values.push(0.0);
                         continue;
                     }
-                    let at = |list: &Option<Vec<u32>>| list.as_ref().map(|d| d[i]);
-                    let emitter = rays.arrival.as_ref().and_then(|(e, _)| e.get(i).copied());
-                    let marked = (at(&rays.departure), emitter);
-                    offered += u64::from(self.meet(&finder, &host, marked, i, &mut found));
-                    let value = if product {
-                        through_all(&found, &mut by_p)
-                    } else {
-                        through_layers(&mut found, &mut by_p, full)
-                    };
+                    let ray = host.ray(rays, i);
+                    offered += u64::from(finder.meet(&ray, 0.0, &mut found));
+                    let value = finder.pass(&mut found, &mut by_p);
                     values.push(value);
                     if tracked {
                         for (s, g) in found.iter().zip(&by_p) {
@@ -476,18 +316,6 @@ fn tables(triangles: &Triangles) -> (Tensor<2>, Option<Tensor<2>>) {
     let columns = [&c.a, &c.b, &c.c].map(Vec3::columns);
     let velocity = triangles.velocity.as_ref().map(Vec3::columns);
     (Tensor::cat(columns.to_vec(), 1), velocity)
-}
-
-/// What `meet` needs beside a ray.
-struct Finder<'a> {
-    topology: &'a Topology,
-    settings: CoverageSettings,
-    form: Visibility,
-    grazing: f64,
-    /// The squared distance from a triangle up to which it matters.
-    reach: f64,
-    /// far − near of each ray.
-    depth: &'a (dyn Fn(usize) -> f64 + Sync),
 }
 
 /// Rays in pieces for the cores: as many whatever the machine, so that sums come out the same.

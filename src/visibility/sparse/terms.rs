@@ -40,17 +40,10 @@ impl Terms {
         b: f64,
         least: f64,
     ) {
-        let matters = b != 0.0 || (a != 0.0 && s.slope >= least);
-        if !matters {
-            return;
-        }
         let triangle = &sparse.hierarchy.triangles[s.triangle as usize];
-        let direction = rays.direction[i];
-        // d(squared distance) = 2e·(dx − dy) at fixed border weights; x = o + t·d,
-        // n·d dt = n·(Σ hit_i dv_i − do − t dd).
-        let apart = triangle.point(s.hit) - triangle.point(s.border);
-        let f = apart * (2.0 * s.sign * a);
-        let m = triangle.normal * ((f.dot(direction) + b) / s.cosine);
+        let Some([f, m]) = s.pull(triangle, rays.direction[i], a, b, least) else {
+            return;
+        };
         let from_ray = f - m;
         let last = self.origin.len() - 1;
         self.origin[last] += from_ray;

@@ -3,11 +3,10 @@
 use burn::tensor::{IndexingUpdateOp, Tensor};
 use rayon::prelude::*;
 
-use super::forms::{pull, softened};
+use super::ray::{PullScratch, Weighed};
 use super::terms::Terms;
 use super::{HostRays, Lists, RAYS_A_PIECE, Sparse, Surface, chunks};
 use crate::geometry::Context;
-use crate::visibility::soft_pairs::SoftRay;
 use crate::visibility::{DepthRange, Rays, Visibility};
 
 /// The weights of the surfaces that each ray meets.
@@ -20,8 +19,8 @@ pub struct SparseWeights<'a> {
     pub(super) background: Vec<f64>,
     pub(super) form: Visibility,
     pub(super) range: DepthRange,
-    /// 1/(far − near)/γ by ray, for the softmax.
-    pub(super) per_depth: Vec<f64>,
+    /// far − near by ray.
+    pub(super) depth: Vec<f64>,
     pub(super) triangles: u32,
     pub(super) tracked: bool,
     /// Layers with less room than this are full.
@@ -116,59 +115,26 @@ impl SparseWeights<'_> {
         if !self.tracked {
             return None;
         }
-        let softmax = matches!(self.form, Visibility::Softmax { .. });
-        let soft = matches!(self.form, Visibility::LayeredSoft { .. });
-        let full = self.full;
+        let by_depth = !matches!(self.form, Visibility::Layered);
         let parts: Vec<(Terms, Vec<f64>)> = chunks(self.len())
             .into_par_iter()
             .map(|range| {
                 let mut terms = Terms::default();
-                let (mut values, mut by_p, mut by_far) = (Vec::new(), Vec::new(), Vec::new());
-                let (mut scratch, mut by_t) = (Vec::new(), Vec::new());
+                let (mut values, mut by_far) = (Vec::new(), Vec::new());
+                let mut scratch = PullScratch::default();
                 for i in range {
                     terms.begin_ray();
                     let surfaces = self.surfaces.of(i);
                     values.clear();
                     values.extend(surfaces.iter().map(|s| v(i, s.triangle, Some(s))));
                     let background = v(i, self.triangles, None);
-                    if softmax {
-                        let weighted = surfaces.iter().zip(&values).map(|(s, v)| s.weight * v);
-                        let mean = weighted.sum::<f64>() + self.background[i] * background;
-                        let mut far = 0.0;
-                        for (s, v) in surfaces.iter().zip(&values) {
-                            let share = (v - mean) * s.weight;
-                            let [_, by_logit, by_t] = s.log;
-                            let b = share * (by_t - self.per_depth[i]);
-                            if share.abs() > 1e-12 {
-                                terms.add(self.sparse, &self.host, i, s, share * by_logit, b, 0.0);
-                            }
-                            far += share * self.by_far(i, s.t);
-                        }
-                        by_far.push(far);
-                    } else if soft {
-                        let list = softened(surfaces);
-                        let ray = SoftRay::new(&list.0, list.1, self.per_depth[i], full);
-                        let by_depth = ray.pull(&values, background, &mut by_p, &mut by_t);
-                        for (k, s) in surfaces.iter().enumerate() {
-                            let (a, b) = (by_p[k] * s.slope, by_p[k] * s.slope_t + by_t[k]);
-                            if a.abs() + b.abs() > 1e-12 {
-                                terms.add(self.sparse, &self.host, i, s, a, b, 0.0);
-                            }
-                        }
-                        // Only inside of the bounds does far − near move, with far.
-                        by_far.push(if self.is_inside(i) {
-                            -by_depth / self.depth(i)
-                        } else {
-                            0.0
-                        });
-                    } else {
-                        let background = (background, self.background[i]);
-                        pull(surfaces, &values, background, full, &mut by_p, &mut scratch);
-                        for (s, g) in surfaces.iter().zip(&by_p) {
-                            let (a, b) = (g * s.slope, g * s.slope_t);
-                            terms.add(self.sparse, &self.host, i, s, a, b, self.sparse.cutoff);
-                        }
-                    }
+                    let far = self.weighed(i).pull(
+                        &values,
+                        background,
+                        &mut scratch,
+                        |s, a, b, least| terms.add(self.sparse, &self.host, i, s, a, b, least),
+                    );
+                    by_far.push(far);
                 }
                 (terms, by_far)
             })
@@ -179,7 +145,7 @@ impl SparseWeights<'_> {
             by_far.extend(f);
         }
         let row = terms.row(self.sparse, &self.context, &self.rays, self.len());
-        let far = match (&self.range.change, softmax || soft) {
+        let far = match (&self.range.change, by_depth) {
             (Some(change), true) => Some(change.clone() * self.context.row(&by_far)),
             _ => None,
         };
@@ -189,28 +155,17 @@ impl SparseWeights<'_> {
         }
     }
 
-    /// far − near.
-    fn depth(&self, i: usize) -> f64 {
-        let gamma = match self.form {
-            Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => gamma,
-            Visibility::Layered => 1.0,
-        };
-        1.0 / (self.per_depth[i] * gamma)
-    }
-
-    /// Whether a ray starts inside of the bounds: near = max(|o| − ρ, 0) is 0 and far = |o| + ρ.
-    fn is_inside(&self, i: usize) -> bool {
-        2.0 * self.host.origin[i].length() <= self.depth(i)
-    }
-
-    /// ∂z/∂far/γ: outside of the bounds only far − t depends on far, inside its divisor does too.
-    fn by_far(&self, i: usize, t: f64) -> f64 {
-        let kept = if self.is_inside(i) {
-            t / self.depth(i)
-        } else {
-            1.0
-        };
-        kept * self.per_depth[i]
+    fn weighed(&self, i: usize) -> Weighed<'_> {
+        let depth = self.depth[i];
+        Weighed {
+            form: self.form,
+            surfaces: self.surfaces.of(i),
+            background: self.background[i],
+            depth,
+            inside: 2.0 * self.host.origin[i].length() <= depth,
+            full: self.full,
+            cutoff: self.sparse.cutoff,
+        }
     }
 
     /// Σ W·v of a host quantity: a row `[1, N]`, in the graph through the weights.

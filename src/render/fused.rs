@@ -1,0 +1,135 @@
+//! Renders by fused kernels: one node of the graph, from a table of what the scene is made of to the
+//! image. The backward pass traces the paths again; memory does not grow with them.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use burn::tensor::TensorData;
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::replay::{Retrace, replay};
+use super::{Found, Image, RenderOptions, Renderer, Tile, is_cpu, tiles, with_gradient};
+use crate::error::Result;
+use crate::scene::{Camera, Flattened, Scene};
+use crate::transport::{Census, Fused, FusedParts, Lights, Work};
+use crate::visibility::Sparse;
+
+/// Camera rays of a tile.
+const RAYS: usize = 1 << 13;
+
+/// Numbers in the sums of derivatives of all lanes together.
+const LANE_NUMBERS: usize = 1 << 24;
+
+/// Whether fused kernels know all that is asked for.
+pub(super) fn can_render(scene: &Flattened, options: &RenderOptions) -> bool {
+    let outputs = options.outputs;
+    let more = outputs.opacity || outputs.depth || outputs.normals || outputs.object_ids;
+    let tensors = options.brute_force || options.diagnostics || !options.fused;
+    is_cpu(&scene.context.device) && !tensors && !more && Fused::knows(scene)
+}
+
+/// Renders pixels (all, if there is no list).
+pub(super) fn render(
+    scene: &Scene,
+    camera: &Camera,
+    flattened: &Flattened,
+    options: &RenderOptions,
+    pixels: Option<Arc<Vec<u32>>>,
+) -> Result<Image> {
+    let renderer = Renderer::new(flattened, camera, options, pixels.clone(), None)?;
+    let sparse = match &renderer.sparse {
+        Some(sparse) => sparse,
+        None => &Sparse::new(&flattened.triangles, options.cutoff, options.cache.as_ref())?,
+    };
+    let parts = FusedParts {
+        hierarchy: sparse.hierarchy(),
+        lights: Lights::new(flattened, options.sampling.emitters)?,
+        sampler: renderer.sampler,
+        settings: renderer.settings,
+        size: [options.width, options.height],
+        cutoff: sparse.cutoff(),
+    };
+    let mut fused = Fused::new(flattened, camera, parts)?;
+    let parent = fused.take_parent();
+    let fused = Arc::new(fused);
+    let pixels = pixels.unwrap_or_else(|| {
+        let count = (options.width * options.height) as u32;
+        Arc::new((0..count).collect())
+    });
+    let tiles = tiles(options, pixels.len(), RAYS);
+    let done = AtomicUsize::new(0);
+    let of_tile = |tile: &Tile| {
+        let pixels = &pixels[tile.first..tile.first + tile.pixels];
+        let found = fused.render(pixels, (tile.from, tile.to));
+        let n = done.fetch_add(1, Ordering::Relaxed) + 1;
+        if let Some(progress) = &options.progress {
+            progress(n, tiles.len());
+        }
+        found
+    };
+    let found: Vec<_> = tiles.par_iter().map(of_tile).collect();
+    let per_sample = f64::from(options.samples).recip();
+    let count = pixels.len();
+    let mut planes = vec![0.0; 3 * count];
+    let mut census = Census::default();
+    for (tile, (sums, of_tile)) in tiles.iter().zip(found) {
+        census.merge(&of_tile);
+        for (i, sum) in sums.iter().enumerate() {
+            for c in 0..3 {
+                planes[c * count + tile.first + i] += sum[c] * per_sample;
+            }
+        }
+    }
+    let mean = flattened.context.tensor(&planes, [3, count]);
+    let mean = match parent {
+        Some(parent) => {
+            let retrace = Retrace(Arc::new(move |upstream| {
+                gradient(&fused, &pixels, &tiles, per_sample, &upstream)
+            }));
+            replay(parent, mean, retrace)
+        }
+        None => mean,
+    };
+    let mean = with_gradient(mean, scene, camera);
+    let found = Found {
+        census,
+        diagnostics: None,
+    };
+    Ok(renderer.image(mean, &found))
+}
+
+/// The gradient of the table from that of the image `[3, pixels]`.
+fn gradient(
+    fused: &Fused,
+    pixels: &[u32],
+    tiles: &[Tile],
+    per_sample: f64,
+    upstream: &TensorData,
+) -> TensorData {
+    let count = pixels.len();
+    let values: Vec<f64> = upstream.iter::<f64>().collect();
+    let upstream_of =
+        |i: usize| DVec3::new(values[i], values[count + i], values[2 * count + i]) * per_sample;
+    // Tiles in lanes that have their sums to themselves: as many whatever the machine, so that sums
+    // come out the same.
+    let lanes = (LANE_NUMBERS / fused.tables().size()).clamp(4, 64);
+    let per_lane = tiles.len().div_ceil(lanes);
+    let of_lane = |lane: &[Tile]| {
+        let mut sums = fused.tables().sums();
+        let mut work = Work::new(fused.bounces());
+        for tile in lane {
+            let of_tile =
+                (tile.first..tile.first + tile.pixels).map(|i| (pixels[i], upstream_of(i)));
+            let of_tile: Vec<_> = of_tile.collect();
+            fused.pull(&of_tile, (tile.from, tile.to), &mut work, &mut sums);
+        }
+        sums
+    };
+    let sums: Vec<_> = tiles.par_chunks(per_lane.max(1)).map(of_lane).collect();
+    let mut all = fused.tables().sums();
+    sums.iter().for_each(|s| all.add(s));
+    let gradient = fused.resolve(all);
+    let length = gradient.len();
+    TensorData::new(gradient, [length]).convert_dtype(upstream.dtype())
+}

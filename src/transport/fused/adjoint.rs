@@ -1,0 +1,456 @@
+//! Back along the paths of a pixel: derivatives by everything that they met.
+
+use glam::DVec3;
+
+use super::Fused;
+use super::forward::{Branch, CameraRay, Hit, Lit, Ray, Vertex, Work};
+use super::shading::ShadeSums;
+use super::tables::Sums;
+use crate::visibility::{PullScratch, Surface, Weighed};
+
+/// Derivatives by the origin and direction of a ray.
+#[derive(Clone, Copy, Debug, Default)]
+struct ByRay {
+    origin: DVec3,
+    direction: DVec3,
+}
+
+impl Fused {
+    /// Adds derivatives of upstream·radiance of the pixel in `work`.
+    pub(super) fn pull_pixel(&self, upstream: DVec3, work: &mut Work, sums: &mut Sums) {
+        let stride = work.bounces + 1;
+        // Light of all later bounces too, along `upstream`.
+        let samples = work.cameras.len();
+        let mut later: Vec<f64> = work.light.iter().map(|l| l.dot(upstream)).collect();
+        for slot in later.chunks_exact_mut(stride) {
+            for bounce in (0..slot.len() - 1).rev() {
+                slot[bounce] += slot[bounce + 1];
+            }
+        }
+        // The mean of what the other samples brought back: a leave-one-out baseline of the
+        // score-function estimator, which a draw does not change (`transport/path.rs`).
+        let total: Vec<f64> = (0..stride)
+            .map(|b| later.iter().skip(b).step_by(stride).sum())
+            .collect();
+        let others = |sample: usize, bounce: usize| {
+            if samples < 2 {
+                return 0.0;
+            }
+            (total[bounce] - later[sample * stride + bounce]) / (samples - 1) as f64
+        };
+        let mut scratch = std::mem::take(&mut work.scratch);
+        let mut values = std::mem::take(&mut work.values);
+        for (sample, camera) in work.cameras.iter().enumerate() {
+            let mut by_ray = ByRay::default();
+            let surfaces = &work.surfaces[camera.ray.surfaces.clone()];
+            values.clear();
+            for s in surfaces {
+                let e = self.emission(s);
+                if e != DVec3::ZERO {
+                    values.push(e.dot(upstream));
+                } else {
+                    values.push(0.0);
+                }
+                self.pull_emission(s, upstream * s.weight, sums);
+            }
+            let mut background = match self.tables.sky {
+                Some(sky) => {
+                    sums.sky += upstream * camera.ray.background;
+                    sky.dot(upstream)
+                }
+                None => 0.0,
+            };
+            for branch in &work.branches[camera.branches.clone()] {
+                let baseline = |bounce: usize| branch.share * others(sample, bounce);
+                let back = Back {
+                    work,
+                    upstream,
+                    camera,
+                };
+                let (by_throughput, by) =
+                    self.pull_branch(&back, branch, &baseline, &mut scratch, sums);
+                by_ray.origin += by.origin;
+                by_ray.direction += by.direction;
+                let mut score = by_throughput;
+                if branch.alone {
+                    score -= others(sample, 0);
+                }
+                match branch.drawn {
+                    Some(i) => {
+                        let s = &work.surfaces[i];
+                        if s.weight > 0.0 {
+                            values[i - camera.ray.surfaces.start] += score / s.weight;
+                        }
+                    }
+                    None if camera.ray.background > 0.0 => {
+                        background += score / camera.ray.background;
+                    }
+                    None => {}
+                }
+            }
+            if self.tables.rays {
+                let by = self.pull_weights(
+                    &camera.ray,
+                    surfaces,
+                    camera.time,
+                    (&values, background),
+                    &mut scratch,
+                    sums,
+                );
+                by_ray.origin += by.origin;
+                by_ray.direction += by.direction;
+                self.pull_camera(camera, by_ray, sums);
+            }
+        }
+        work.scratch = scratch;
+        work.values = values;
+    }
+
+    fn pull_emission(&self, s: &Surface, g: DVec3, sums: &mut Sums) {
+        let m = self.scene.topology.material[s.triangle as usize] as usize;
+        if s.cosine < 0.0 && self.scene.materials.emits[m] {
+            sums.emission[m] += g;
+        }
+    }
+
+    /// Goes back along one path. Returns the derivative by the logarithm of its share, and those by
+    /// the camera ray.
+    fn pull_branch(
+        &self,
+        back: &Back,
+        branch: &Branch,
+        baseline: &dyn Fn(usize) -> f64,
+        scratch: &mut PullScratch,
+        sums: &mut Sums,
+    ) -> (f64, ByRay) {
+        let work = back.work;
+        let mut by_ray = ByRay::default();
+        let mut by_throughput = DVec3::ZERO;
+        let vertices = &work.vertices[branch.vertices.clone()];
+        let mut by_share = 0.0;
+        let mut values = Vec::new();
+        for (bounce, vertex) in vertices.iter().enumerate().rev() {
+            let ray = vertex.ray.as_ref().unwrap_or(&back.camera.ray);
+            (by_throughput, by_ray) = match &vertex.hit {
+                Some(hit) => {
+                    self.pull_hit(back, vertex, hit, ray, by_throughput, by_ray, scratch, sums)
+                }
+                None => {
+                    let mut by = DVec3::ZERO;
+                    if let (Some(sky), None) = (self.tables.sky, vertex.drawn) {
+                        sums.sky += back.upstream * vertex.throughput;
+                        by = back.upstream * sky;
+                    }
+                    (by, ByRay::default())
+                }
+            };
+            by_share = by_throughput.dot(vertex.throughput);
+            let Some(ray) = &vertex.ray else {
+                continue;
+            };
+            if !self.tables.rays {
+                continue;
+            }
+            // The drawn weight's logarithm, less what the others' mean takes off.
+            let score = by_share - baseline(bounce);
+            let surfaces = &work.surfaces[ray.surfaces.clone()];
+            values.clear();
+            values.resize(surfaces.len(), 0.0);
+            let mut background = 0.0;
+            match vertex.drawn {
+                Some(i) => {
+                    let k = i - ray.surfaces.start;
+                    if surfaces[k].weight > 0.0 {
+                        values[k] = score / surfaces[k].weight;
+                    }
+                }
+                None if ray.background > 0.0 => background = score / ray.background,
+                None => {}
+            }
+            let by = self.pull_weights(
+                ray,
+                surfaces,
+                back.camera.time,
+                (&values, background),
+                scratch,
+                sums,
+            );
+            by_ray.origin += by.origin;
+            by_ray.direction += by.direction;
+        }
+        (by_share, by_ray)
+    }
+
+    /// Derivatives of Σ v·W + v·W_background.
+    fn pull_weights(
+        &self,
+        ray: &Ray,
+        surfaces: &[Surface],
+        time: f64,
+        (values, background): (&[f64], f64),
+        scratch: &mut PullScratch,
+        sums: &mut Sums,
+    ) -> ByRay {
+        let mut by_ray = ByRay::default();
+        let first = values.first().copied().unwrap_or(0.0);
+        let all_alike = first == background && values.iter().all(|&v| v == first);
+        if surfaces.is_empty() || all_alike {
+            return by_ray;
+        }
+        let finder_full = self.full();
+        let weighed = Weighed {
+            form: self.settings.visibility,
+            surfaces,
+            background: ray.background,
+            depth: ray.depth,
+            inside: 2.0 * ray.origin.length() <= ray.depth,
+            full: finder_full,
+            cutoff: self.cutoff,
+        };
+        let by_far = weighed.pull(values, background, scratch, |s, a, b, least| {
+            self.pull_surface(s, (ray.direction, time), (a, b, least), &mut by_ray, sums);
+        });
+        if by_far != 0.0 {
+            let least = 1e-6 * self.scene.radius();
+            by_ray.origin += ray.origin * (by_far / ray.origin.length().max(least));
+        }
+        by_ray
+    }
+
+    fn full(&self) -> f64 {
+        crate::visibility::full_room(self.scene.context.epsilon(), self.settings.sigma)
+    }
+
+    /// Adds a·dlogit + b·dt of a surface.
+    #[inline]
+    fn pull_surface(
+        &self,
+        s: &Surface,
+        (direction, time): (DVec3, f64),
+        (a, b, least): (f64, f64, f64),
+        by_ray: &mut ByRay,
+        sums: &mut Sums,
+    ) {
+        let k = s.triangle as usize;
+        let triangle = &self.hierarchy.triangles[k];
+        let Some([f, m]) = s.pull(triangle, direction, a, b, least) else {
+            return;
+        };
+        let from_ray = f - m;
+        by_ray.origin += from_ray;
+        by_ray.direction += from_ray * s.t;
+        for (c, sum) in sums.corners[k].iter_mut().enumerate() {
+            *sum += m * s.hit[c] - f * s.border[c];
+        }
+        if self.tables.moves {
+            sums.velocity[k] -= from_ray * time;
+        }
+    }
+
+    /// Back over a surface point: from derivatives by the throughput after it and the ray that leaves
+    /// it to those by the throughput before it and the ray that comes.
+    #[allow(clippy::too_many_arguments)] // one place; all of it is what a vertex has
+    fn pull_hit(
+        &self,
+        back: &Back,
+        vertex: &Vertex,
+        hit: &Hit,
+        ray: &Ray,
+        by_next: DVec3,
+        by_leaving: ByRay,
+        scratch: &mut PullScratch,
+        sums: &mut Sums,
+    ) -> (DVec3, ByRay) {
+        let work = back.work;
+        let mut shade = ShadeSums::default();
+        let mut by_throughput = DVec3::ZERO;
+        let mut by_position = by_leaving.origin;
+        let mut by_incoming = DVec3::ZERO;
+        if let Some(next) = &hit.next {
+            let scatter = &next.scatter;
+            let mut by_direction = by_leaving.direction;
+            let mut by_next = by_next / next.survival;
+            if let (Some(end), Some(sky)) = (&next.end, self.tables.sky) {
+                let light = back.upstream * sky;
+                let throughput = vertex.throughput * scatter.weight;
+                by_next += light * end.background;
+                sums.sky += back.upstream * throughput * end.background;
+                if self.tables.rays {
+                    let surfaces = &work.surfaces[end.surfaces.clone()];
+                    let zeros = vec![0.0; surfaces.len()];
+                    let by = self.pull_weights(
+                        end,
+                        surfaces,
+                        back.camera.time,
+                        (&zeros, light.dot(throughput)),
+                        scratch,
+                        sums,
+                    );
+                    by_position += by.origin;
+                    by_direction += by.direction;
+                }
+            }
+            by_throughput += by_next * scatter.weight;
+            let epsilon = self.scene.context.epsilon();
+            let by_weight = by_next * vertex.throughput;
+            hit.shade
+                .pull_sample(scatter, by_weight, by_direction, epsilon, &mut shade);
+        }
+        for lit in &work.lit[hit.lit.clone()] {
+            let (by, by_x) = self.pull_lit(back, vertex, hit, lit, &mut shade, sums);
+            by_throughput += by;
+            by_position += by_x;
+        }
+        let m = hit.material as usize;
+        sums.diffuse[m] += shade.diffuse;
+        if hit.shade.specular.is_some() {
+            sums.specular[m] += shade.specular;
+            sums.exponent[m] += shade.exponent;
+        }
+        by_incoming += shade.incoming;
+        if !self.tables.rays {
+            return (by_throughput, ByRay::default());
+        }
+        let k = hit.triangle as usize;
+        sums.normal[k] += shade.normal * hit.side;
+        // x = o + t·d with n·d dt = n·(Σ w_i dv_i − do − t dd).
+        let normal = self.hierarchy.triangles[k].normal;
+        let m = normal * (by_position.dot(ray.direction) / hit.cosine);
+        for (c, sum) in sums.corners[k].iter_mut().enumerate() {
+            *sum += m * hit.weights[c];
+        }
+        if self.tables.moves {
+            sums.velocity[k] += m * back.camera.time;
+        }
+        let by_ray = by_position - m;
+        let by_ray = ByRay {
+            origin: by_ray,
+            direction: by_ray * hit.t + by_incoming,
+        };
+        (by_throughput, by_ray)
+    }
+
+    /// Back over light from a point of an emitter: derivatives by throughput and surface point.
+    fn pull_lit(
+        &self,
+        back: &Back,
+        vertex: &Vertex,
+        hit: &Hit,
+        lit: &Lit,
+        shade: &mut ShadeSums,
+        sums: &mut Sums,
+    ) -> (DVec3, DVec3) {
+        let way = self.connection(back.camera.time, hit.position, lit.emitter, lit.corners);
+        let reflected = hit.shade.scattered(way.direction);
+        let e = lit.emitter as usize;
+        let material = self.scene.topology.material[e] as usize;
+        let emission = self.tables.emission[material];
+        let per_area = way.facing / way.squared * way.area;
+        let scale = per_area * lit.passed / lit.density;
+        let g = back.upstream;
+        let by_throughput = g * reflected * emission * scale;
+        sums.emission[material] += g * vertex.throughput * reflected * scale;
+        let by_reflected = g * vertex.throughput * emission * scale;
+        let mut by_direction = hit.shade.pull_scattered(way.direction, by_reflected, shade);
+        if !self.tables.rays {
+            return (by_throughput, DVec3::ZERO);
+        }
+        let by_scale = (g * vertex.throughput).dot(reflected * emission);
+        // What is in between.
+        let by_passed = by_scale * per_area / lit.density;
+        let mut by_shadow = ByRay::default();
+        let shadows = lit.shadows.clone();
+        for (s, g) in work_of(back, &shadows) {
+            let slope = by_passed * g;
+            let along = (way.direction, back.camera.time);
+            let terms = (slope * s.slope, slope * s.slope_t, self.cutoff);
+            self.pull_surface(s, along, terms, &mut by_shadow, sums);
+        }
+        by_direction += by_shadow.direction;
+        // facing·area/r²
+        let by_per_area = by_scale * lit.passed / lit.density;
+        let normal = self.hierarchy.triangles[e].normal;
+        let by_facing = by_per_area * way.area / way.squared;
+        sums.area[e] += by_per_area * way.facing / way.squared;
+        sums.normal[e] -= way.direction * by_facing;
+        by_direction -= normal * by_facing;
+        let mut by_to = by_direction;
+        if !way.held {
+            // The length that the direction was divided by, and r².
+            by_to -= way.direction * way.direction.dot(by_direction);
+            by_to -= way.direction * (2.0 * by_per_area * way.facing * way.area / way.squared);
+        }
+        by_to /= way.distance;
+        for (c, sum) in sums.corners[e].iter_mut().enumerate() {
+            *sum += by_to * lit.corners[c];
+        }
+        if self.tables.moves {
+            sums.velocity[e] += by_to * back.camera.time;
+        }
+        (by_throughput, by_shadow.origin - by_to)
+    }
+
+    fn pull_camera(&self, camera: &CameraRay, by: ByRay, sums: &mut Sums) {
+        let c = &self.camera;
+        let s = &mut sums.camera;
+        let direction = camera.ray.direction;
+        let by_along = (by.direction - direction * direction.dot(by.direction)) / camera.length;
+        s.eye += by.origin;
+        let mut by_through = by_along;
+        if let Some([aperture, focus]) = c.lens {
+            let by_lens = by.origin - by_along;
+            let [x, y] = camera.disk;
+            s.right += by_lens * (x * aperture);
+            s.up += by_lens * (y * aperture);
+            s.lens[0] += by_lens.dot(c.right * x + c.up * y);
+            let [x, y] = camera.film;
+            let through = (c.right * x + c.up * y) * c.half_height + c.forward;
+            s.lens[1] += by_along.dot(through);
+            by_through = by_along * focus;
+        }
+        let [x, y] = camera.film;
+        s.right += by_through * (x * c.half_height);
+        s.up += by_through * (y * c.half_height);
+        s.forward += by_through;
+        s.half_height += by_through.dot(c.right * x + c.up * y);
+    }
+
+    /// The derivatives by the table: those by normals and areas go to the corners.
+    pub(crate) fn resolve(&self, mut sums: Sums) -> Vec<f64> {
+        for (k, t) in self.hierarchy.triangles.iter().enumerate() {
+            if !t.valid || sums.corners.is_empty() {
+                continue;
+            }
+            let [a, b, c] = t.corners;
+            let (ab, ac) = (b - a, c - a);
+            let doubled = 2.0 * t.area();
+            let by_normal = sums.normal[k];
+            let across = by_normal - t.normal * t.normal.dot(by_normal);
+            let by_cross = across / doubled + t.normal * (0.5 * sums.area[k]);
+            let (by_ab, by_ac) = (ac.cross(by_cross), by_cross.cross(ab));
+            let corners = &mut sums.corners[k];
+            corners[0] -= by_ab + by_ac;
+            corners[1] += by_ab;
+            corners[2] += by_ac;
+        }
+        self.tables.flatten(&sums, self.camera.lens.is_some())
+    }
+}
+
+/// What stays the same on the way back along a path.
+struct Back<'a> {
+    work: &'a Work,
+    upstream: DVec3,
+    camera: &'a CameraRay,
+}
+
+/// The surfaces of a shadow ray with the derivatives of what passes by their p.
+fn work_of<'a>(
+    back: &Back<'a>,
+    range: &std::ops::Range<usize>,
+) -> impl Iterator<Item = (&'a Surface, f64)> {
+    let surfaces = &back.work.shadows[range.clone()];
+    surfaces
+        .iter()
+        .zip(back.work.by_p[range.clone()].iter().copied())
+}

@@ -1,0 +1,681 @@
+//! Paths of one pixel from the camera on, with what going back needs.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::shading::{Scatter, Shade};
+use super::{Finders, Fused};
+use crate::transport::Census;
+use crate::transport::SurfaceSampling;
+use crate::transport::sampler::Numbers;
+use crate::transport::tracer::SPLIT;
+use crate::visibility::{HostRay, PullScratch, Surface};
+
+/// A ray whose surfaces were weighed.
+#[derive(Clone, Debug)]
+pub(super) struct Ray {
+    pub origin: DVec3,
+    pub direction: DVec3,
+    /// In order of depth, in `Work::surfaces`.
+    pub surfaces: Range<usize>,
+    /// W of the background.
+    pub background: f64,
+    /// far − near.
+    pub depth: f64,
+}
+
+/// A camera ray.
+#[derive(Clone, Debug)]
+pub(super) struct CameraRay {
+    pub ray: Ray,
+    pub time: f64,
+    /// Coordinates on the film in units of half its height, and on the unit disk of the lens.
+    pub film: [f64; 2],
+    pub disk: [f64; 2],
+    /// What the direction was divided by.
+    pub length: f64,
+    pub branches: Range<usize>,
+}
+
+/// A path from one surface of a camera ray on.
+#[derive(Clone, Debug)]
+pub(super) struct Branch {
+    /// Which of the camera ray's surfaces, None for the background.
+    pub drawn: Option<usize>,
+    /// Whether it is the one that was drawn, not one of a split.
+    pub alone: bool,
+    /// W over the probability of being here.
+    pub share: f64,
+    pub vertices: Range<usize>,
+}
+
+/// A ray of a path and what it found.
+#[derive(Clone, Debug)]
+pub(super) struct Vertex {
+    /// None for the camera ray.
+    pub ray: Option<Ray>,
+    /// Which surface of the ray was drawn, None for the background.
+    pub drawn: Option<usize>,
+    pub throughput: DVec3,
+    pub hit: Option<Hit>,
+}
+
+/// A surface point.
+#[derive(Clone, Debug)]
+pub(super) struct Hit {
+    pub triangle: u32,
+    pub material: u32,
+    pub t: f64,
+    pub cosine: f64,
+    pub weights: [f64; 3],
+    pub position: DVec3,
+    /// +1 on the front.
+    pub side: f64,
+    pub shade: Shade,
+    /// In `Work::lit`.
+    pub lit: Range<usize>,
+    pub next: Option<Next>,
+}
+
+/// Where a path goes on.
+#[derive(Clone, Debug)]
+pub(super) struct Next {
+    pub scatter: Scatter,
+    /// Over the probability to go on.
+    pub survival: f64,
+    /// The environment behind the last hit.
+    pub end: Option<Ray>,
+}
+
+/// A point of an emitter that lights a surface point.
+#[derive(Clone, Debug)]
+pub(super) struct Lit {
+    pub emitter: u32,
+    pub corners: [f64; 3],
+    pub density: f64,
+    pub passed: f64,
+    /// In `Work::shadows`.
+    pub shadows: Range<usize>,
+}
+
+/// What lies between a surface point and a point of an emitter, but for what is in between.
+pub(super) struct Connection {
+    pub direction: DVec3,
+    pub squared: f64,
+    pub distance: f64,
+    /// Whether the distance was held off 0.
+    pub held: bool,
+    pub facing: f64,
+    pub area: f64,
+}
+
+/// Room for the paths of a pixel, and what rays met.
+pub(crate) struct Work {
+    pub(super) bounces: usize,
+    pub(super) surfaces: Vec<Surface>,
+    pub(super) shadows: Vec<Surface>,
+    /// Derivatives of what passes by the p of each of them.
+    pub(super) by_p: Vec<f64>,
+    pub(super) cameras: Vec<CameraRay>,
+    pub(super) branches: Vec<Branch>,
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) lit: Vec<Lit>,
+    /// Light that samples brought back, by sample and bounce.
+    pub(super) light: Vec<DVec3>,
+    pub(super) census: Census,
+    pub(super) values: Vec<f64>,
+    pub(super) scratch: PullScratch,
+    found: Vec<Surface>,
+    passing: Vec<f64>,
+    order: Vec<(u32, Option<usize>, f64)>,
+    entries: Vec<(Option<usize>, f64)>,
+    chances: Vec<f64>,
+    met: Vec<(usize, f64, f64)>,
+}
+
+impl Work {
+    pub(crate) fn new(bounces: u32) -> Self {
+        Self {
+            bounces: bounces as usize,
+            surfaces: Vec::new(),
+            shadows: Vec::new(),
+            by_p: Vec::new(),
+            cameras: Vec::new(),
+            branches: Vec::new(),
+            vertices: Vec::new(),
+            lit: Vec::new(),
+            light: Vec::new(),
+            census: Census {
+                bounces: vec![0; bounces as usize + 1],
+                ..Census::default()
+            },
+            values: Vec::new(),
+            scratch: PullScratch::default(),
+            found: Vec::new(),
+            passing: Vec::new(),
+            order: Vec::new(),
+            entries: Vec::new(),
+            chances: Vec::new(),
+            met: Vec::new(),
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.surfaces.clear();
+        self.shadows.clear();
+        self.by_p.clear();
+        self.cameras.clear();
+        self.branches.clear();
+        self.vertices.clear();
+        self.lit.clear();
+        self.light.clear();
+    }
+
+    /// Forgets what only going back needs.
+    fn forget(&mut self) {
+        self.surfaces.clear();
+        self.shadows.clear();
+        self.by_p.clear();
+        self.branches.clear();
+        self.vertices.clear();
+        self.lit.clear();
+    }
+}
+
+/// What stays the same along a path.
+struct Path<'a> {
+    numbers: Numbers<'a>,
+    time: f64,
+    /// Where its light is added.
+    slot: usize,
+}
+
+impl Fused {
+    /// The sum of the radiance of a pixel's samples. With `keep` all that they met stays in `work`.
+    pub(super) fn pixel(
+        &self,
+        finders: &Finders,
+        pixel: u32,
+        (from, to): (u32, u32),
+        keep: bool,
+        work: &mut Work,
+    ) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        for sample in from..to {
+            let first = work.light.len();
+            work.light.resize(first + work.bounces + 1, DVec3::ZERO);
+            let seen = self.sample(finders, (pixel, sample), first, work);
+            sum += seen + work.light[first..].iter().sum::<DVec3>();
+            if !keep {
+                work.forget();
+                work.cameras.clear();
+                work.light.clear();
+            }
+        }
+        sum
+    }
+
+    /// One camera ray and its paths; returns what it sees of emitters and environment.
+    fn sample(&self, finders: &Finders, path: (u32, u32), slot: usize, work: &mut Work) -> DVec3 {
+        let numbers = self.sampler.numbers(path);
+        let mut camera = self.camera_ray(&numbers, path.0);
+        let path = Path {
+            time: camera.time,
+            numbers,
+            slot,
+        };
+        let (origin, direction) = (camera.ray.origin, camera.ray.direction);
+        camera.ray = self.weigh(finders, &path, (origin, direction), None, work);
+        work.census.bounces[0] += 1;
+        let seen = self.seen(&camera.ray, work);
+        let first = work.branches.len();
+        if !self.scene.emitters.is_empty() || self.tables.sky.is_some() {
+            let split = self.settings.sampling.surfaces == SurfaceSampling::Split;
+            let random = path.numbers.surface(0);
+            let mut entries = std::mem::take(&mut work.entries);
+            entries.clear();
+            if split {
+                self.split(&camera.ray, random, work, &mut entries);
+            } else {
+                entries.push((self.draw(&camera.ray, random, work), 1.0));
+            }
+            for &(drawn, share) in &entries {
+                let begin = work.vertices.len();
+                let useful = drawn.is_some_and(|s| self.useful(work.surfaces[s].triangle));
+                if useful {
+                    self.walk(finders, &path, &camera.ray, drawn, share, work);
+                } else if split {
+                    continue;
+                }
+                work.branches.push(Branch {
+                    drawn,
+                    alone: !split,
+                    share,
+                    vertices: begin..work.vertices.len(),
+                });
+            }
+            work.entries = entries;
+        }
+        camera.branches = first..work.branches.len();
+        work.cameras.push(camera);
+        seen
+    }
+
+    /// Black surfaces end a path.
+    fn useful(&self, triangle: u32) -> bool {
+        let material = self.scene.topology.material[triangle as usize];
+        self.scene.materials.reflects[material as usize]
+    }
+
+    fn camera_ray(&self, numbers: &Numbers, pixel: u32) -> CameraRay {
+        let c = &self.camera;
+        let [width, height] = self.size;
+        let [x, y] = numbers.film();
+        let x = (f64::from(pixel % width as u32) + x) / width as f64;
+        let y = (f64::from(pixel / width as u32) + y) / height as f64;
+        let film = [
+            (2.0 * x - 1.0) * (width as f64 / height as f64),
+            1.0 - 2.0 * y,
+        ];
+        let through = (c.right * film[0] + c.up * film[1]) * c.half_height + c.forward;
+        let mut disk = [0.0; 2];
+        let (origin, along) = match c.lens {
+            Some([aperture, focus]) => {
+                let [radius, angle] = numbers.lens();
+                let (sin, cos) = (TAU * angle).sin_cos();
+                disk = [radius.sqrt() * cos, radius.sqrt() * sin];
+                let on_lens = (c.right * disk[0] + c.up * disk[1]) * aperture;
+                (c.eye + on_lens, through * focus - on_lens)
+            }
+            None => (c.eye, through),
+        };
+        let length = along.length();
+        CameraRay {
+            ray: Ray {
+                origin,
+                direction: along / length,
+                surfaces: 0..0,
+                background: 1.0,
+                depth: 1.0,
+            },
+            time: if self.tables.moves {
+                numbers.time()
+            } else {
+                0.0
+            },
+            film,
+            disk,
+            length,
+            branches: 0..0,
+        }
+    }
+
+    /// A camera or bounce ray with its surfaces.
+    fn weigh(
+        &self,
+        finders: &Finders,
+        path: &Path,
+        (origin, direction): (DVec3, DVec3),
+        departure: Option<u32>,
+        work: &mut Work,
+    ) -> Ray {
+        let (near, far) = self.depth_range(origin);
+        let depth = far - near;
+        let ray = HostRay {
+            origin,
+            direction,
+            time: path.time,
+            departure,
+            emitter: None,
+            distance: None,
+        };
+        work.found.clear();
+        let offered = finders.rays.meet(&ray, depth, &mut work.found);
+        let background = finders.rays.weigh(far, depth, &mut work.found);
+        let census = &mut work.census;
+        census.rays += 1;
+        census.tested += u64::from(offered);
+        let count = work.found.len();
+        if census.surfaces.len() <= count {
+            census.surfaces.resize(count + 1, 0);
+        }
+        census.surfaces[count] += 1;
+        let first = work.surfaces.len();
+        work.surfaces.extend_from_slice(&work.found);
+        Ray {
+            origin,
+            direction,
+            surfaces: first..work.surfaces.len(),
+            background,
+            depth,
+        }
+    }
+
+    /// Emission on fronts and environment, weighted.
+    fn seen(&self, ray: &Ray, work: &Work) -> DVec3 {
+        let mut seen = self.tables.sky.unwrap_or(DVec3::ZERO) * ray.background;
+        for s in &work.surfaces[ray.surfaces.clone()] {
+            seen += self.emission(s) * s.weight;
+        }
+        seen
+    }
+
+    /// What a surface sends back along a ray.
+    pub(super) fn emission(&self, s: &Surface) -> DVec3 {
+        let m = self.scene.topology.material[s.triangle as usize] as usize;
+        if s.cosine < 0.0 && self.scene.materials.emits[m] {
+            self.tables.emission[m]
+        } else {
+            DVec3::ZERO
+        }
+    }
+
+    /// Surfaces with their weights in order of triangles, the background last.
+    fn ordered(&self, ray: &Ray, work: &mut Work) -> f64 {
+        let surfaces = ray.surfaces.clone();
+        work.order.clear();
+        for i in surfaces {
+            let s = &work.surfaces[i];
+            work.order.push((s.triangle, Some(i), s.weight));
+        }
+        work.order.sort_unstable_by_key(|s| s.0);
+        let total = work.order.iter().map(|s| s.2).sum::<f64>() + ray.background;
+        work.order.push((u32::MAX, None, ray.background));
+        total
+    }
+
+    /// One surface, drawn with its weight.
+    fn draw(&self, ray: &Ray, random: f64, work: &mut Work) -> Option<usize> {
+        if ray.surfaces.len() == 1 && ray.background <= 0.0 {
+            return Some(ray.surfaces.start);
+        }
+        let threshold = self.ordered(ray, work) * random;
+        let mut passed = 0.0;
+        for &(_, surface, weight) in &work.order {
+            passed += weight;
+            if passed > threshold {
+                return surface;
+            }
+        }
+        None
+    }
+
+    /// Several surfaces, each with its weight over its probability.
+    fn split(
+        &self,
+        ray: &Ray,
+        random: f64,
+        work: &mut Work,
+        entries: &mut Vec<(Option<usize>, f64)>,
+    ) {
+        if ray.surfaces.len() == 1 && ray.background <= 0.0 {
+            let first = ray.surfaces.start;
+            entries.push((Some(first), work.surfaces[first].weight));
+            return;
+        }
+        let least = 1.0 / SPLIT as f64;
+        let total = self.ordered(ray, work);
+        // The next number of the comb u, u + 1, … over cumulative weights in units of 1/draws.
+        let (mut passed, mut next) = (0.0, total * random * least);
+        for &(_, surface, weight) in &work.order {
+            passed += weight;
+            if passed > next {
+                entries.push((surface, weight.max(least)));
+                while passed > next {
+                    next += total * least;
+                }
+            }
+        }
+    }
+
+    /// Follows a path from a surface of a camera ray on.
+    fn walk(
+        &self,
+        finders: &Finders,
+        path: &Path,
+        camera: &Ray,
+        drawn: Option<usize>,
+        share: f64,
+        work: &mut Work,
+    ) {
+        let settings = &self.settings;
+        let epsilon = self.scene.context.epsilon();
+        let (mut origin, mut direction) = (camera.origin, camera.direction);
+        let mut throughput = DVec3::splat(share);
+        let mut drawn = drawn;
+        let mut ray = None;
+        for bounce in 0..=settings.bounces {
+            let surface = drawn.map(|i| work.surfaces[i]);
+            let useful = surface.filter(|s| self.useful(s.triangle));
+            let Some(surface) = useful else {
+                if let (Some(sky), None) = (self.tables.sky, surface) {
+                    work.light[path.slot + bounce as usize] += throughput * sky;
+                }
+                work.vertices.push(Vertex {
+                    ray,
+                    drawn,
+                    throughput,
+                    hit: None,
+                });
+                return;
+            };
+            let mut hit = self.hit(&surface, origin, direction);
+            let last = bounce == settings.bounces;
+            let sky = self.tables.sky;
+            let goes_on = !last || sky.is_some();
+            let by_scattering = settings.sampling.multiple_importance
+                && !self.lights.is_empty()
+                && hit.shade.specular.is_some();
+            let [u, v, lobe, survive] = if goes_on || by_scattering {
+                path.numbers.direction(bounce)
+            } else {
+                [0.0; 4]
+            };
+            let scatter =
+                (goes_on || by_scattering).then(|| hit.shade.sample([u, v, lobe], epsilon));
+            let along = scatter
+                .as_ref()
+                .filter(|_| by_scattering)
+                .map(|s| s.direction);
+            let light = self.connect(finders, path, &mut hit, bounce, along, work);
+            work.light[path.slot + bounce as usize] += throughput * light;
+            let mut vertex = Vertex {
+                ray,
+                drawn,
+                throughput,
+                hit: None,
+            };
+            let Some(scatter) = scatter.filter(|_| goes_on) else {
+                vertex.hit = Some(hit);
+                work.vertices.push(vertex);
+                return;
+            };
+            let triangle = surface.triangle;
+            origin = hit.position;
+            direction = scatter.direction;
+            throughput *= scatter.weight;
+            let mut next = Next {
+                scatter,
+                survival: 1.0,
+                end: None,
+            };
+            let mut ended = last;
+            if last {
+                if let Some(sky) = sky {
+                    let end = self.weigh(finders, path, (origin, direction), Some(triangle), work);
+                    work.light[path.slot + bounce as usize] += throughput * sky * end.background;
+                    next.end = Some(end);
+                }
+            } else if settings.roulette_after.is_some_and(|after| bounce >= after) {
+                next.survival = throughput.max_element().clamp(0.05, 1.0);
+                throughput /= next.survival;
+                ended = survive >= next.survival;
+            }
+            hit.next = Some(next);
+            vertex.hit = Some(hit);
+            work.vertices.push(vertex);
+            if ended {
+                return;
+            }
+            work.census.bounces[bounce as usize + 1] += 1;
+            let found = self.weigh(finders, path, (origin, direction), Some(triangle), work);
+            drawn = self.draw(&found, path.numbers.surface(bounce + 1), work);
+            ray = Some(found);
+        }
+    }
+
+    /// The point of a drawn surface.
+    fn hit(&self, s: &Surface, origin: DVec3, direction: DVec3) -> Hit {
+        let triangle = &self.hierarchy.triangles[s.triangle as usize];
+        let material = self.scene.topology.material[s.triangle as usize];
+        let m = material as usize;
+        let side = if s.cosine < 0.0 { 1.0 } else { -1.0 };
+        let normal = triangle.normal * side;
+        let glossy = self.scene.materials.glossy[m];
+        Hit {
+            triangle: s.triangle,
+            material,
+            t: s.t,
+            cosine: s.cosine,
+            weights: s.hit,
+            position: origin + direction * s.t,
+            side,
+            shade: Shade {
+                geometric: normal,
+                normal,
+                diffuse: self.tables.diffuse[m],
+                specular: match &self.tables.specular {
+                    Some((albedo, exponent)) if glossy => Some((albedo[m], exponent[m])),
+                    _ => None,
+                },
+                incoming: direction,
+            },
+            lit: 0..0,
+            next: None,
+        }
+    }
+
+    /// Light from one point of one emitter, and from those that lie in the direction in which the path
+    /// goes on.
+    fn connect(
+        &self,
+        finders: &Finders,
+        path: &Path,
+        hit: &mut Hit,
+        bounce: u32,
+        along: Option<DVec3>,
+        work: &mut Work,
+    ) -> DVec3 {
+        let lights = &self.lights;
+        let first = work.lit.len();
+        let mut sum = DVec3::ZERO;
+        if lights.is_empty() {
+            return sum;
+        }
+        let view = (hit.position, path.time);
+        let [u, v] = path.numbers.emitter(bounce);
+        let (emitter, chance, u) = lights.choose_one(Some(view), u, &mut work.chances);
+        let (b, c) = (u.sqrt() * (1.0 - v), u.sqrt() * v);
+        let combined = along.map(|_| false);
+        let triangle = lights.triangle(emitter);
+        sum += self.arriving(finders, path, hit, (triangle, b, c, chance), combined, work);
+        if let Some(direction) = along {
+            let mut met = std::mem::take(&mut work.met);
+            met.clear();
+            let range = (self.t_min(), self.grazing());
+            lights.meet_one(view, direction, range, |k, b, c| met.push((k, b, c)));
+            for &(k, b, c) in &met {
+                let chance = lights.chance_of(view, k, &mut work.chances);
+                let point = (lights.triangle(k), b, c, chance);
+                sum += self.arriving(finders, path, hit, point, Some(true), work);
+            }
+            work.met = met;
+        }
+        hit.lit = first..work.lit.len();
+        sum
+    }
+
+    fn grazing(&self) -> f64 {
+        crate::visibility::grazing(self.scene.context.dtype)
+    }
+
+    /// The way from a surface point to a point of an emitter.
+    pub(super) fn connection(
+        &self,
+        time: f64,
+        position: DVec3,
+        emitter: u32,
+        corners: [f64; 3],
+    ) -> Connection {
+        let triangle = &self.hierarchy.triangles[emitter as usize];
+        let to = triangle.point(corners) + triangle.velocity * time - position;
+        let (squared, least) = (to.length_squared(), self.t_min().powi(2));
+        let held = squared < least;
+        let squared = squared.max(least);
+        let distance = squared.sqrt();
+        let direction = to / distance;
+        Connection {
+            direction,
+            squared,
+            distance,
+            held,
+            facing: (-triangle.normal.dot(direction)).max(0.0),
+            area: triangle.area(),
+        }
+    }
+
+    /// Light from a point of an emitter over its density. `combined` says by which of two strategies
+    /// it was found, if there are two.
+    fn arriving(
+        &self,
+        finders: &Finders,
+        path: &Path,
+        hit: &Hit,
+        (emitter, b, c, chance): (u32, f64, f64, f64),
+        combined: Option<bool>,
+        work: &mut Work,
+    ) -> DVec3 {
+        let corners = [1.0 - b - c, b, c];
+        let way = self.connection(path.time, hit.position, emitter, corners);
+        let reflected = hit.shade.scattered(way.direction);
+        if way.facing == 0.0 || reflected == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        let ray = HostRay {
+            origin: hit.position,
+            direction: way.direction,
+            time: path.time,
+            departure: Some(hit.triangle),
+            emitter: Some(emitter),
+            distance: Some(way.distance),
+        };
+        work.found.clear();
+        let offered = finders.shadows.meet(&ray, 0.0, &mut work.found);
+        work.census.tested += u64::from(offered);
+        work.census.rays += 1;
+        let passed = finders.shadows.pass(&mut work.found, &mut work.passing);
+        let per_area = way.facing / way.squared * way.area;
+        let density = match combined {
+            Some(by_scattering) => {
+                let other = hit.shade.density(way.direction) * per_area;
+                let own = if by_scattering { other } else { chance };
+                (chance * chance + other * other) / own.max(1e-30)
+            }
+            None => chance,
+        };
+        let first = work.shadows.len();
+        work.shadows.extend_from_slice(&work.found);
+        work.by_p.extend_from_slice(&work.passing);
+        work.lit.push(Lit {
+            emitter,
+            corners,
+            density,
+            passed,
+            shadows: first..work.shadows.len(),
+        });
+        let m = self.scene.topology.material[emitter as usize] as usize;
+        reflected * self.tables.emission[m] * (per_area * passed / density)
+    }
+}

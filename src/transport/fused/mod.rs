@@ -1,0 +1,157 @@
+//! The path loop on the host: each path from camera to end in one go, and its derivatives by hand,
+//! in f64. Nothing of it is on the tape but one node, from a table of what the scene is made of to
+//! an image; the backward pass traces the paths again, pixel by pixel, and goes back along each.
+//!
+//! It is what `transport/path.rs` does with tensors, which is the specification: the same random
+//! numbers, choices and formulas, so that images and gradients agree up to rounding.
+
+mod adjoint;
+mod forward;
+mod shading;
+mod tables;
+
+use std::sync::Arc;
+
+use burn::tensor::Tensor;
+use glam::DVec3;
+
+use super::{Census, Lights, PathSettings, Sampler};
+use crate::accel::Hierarchy;
+use crate::error::Result;
+use crate::scene::{Camera, Flattened, SkyTensors};
+use crate::visibility::Finder;
+pub(crate) use forward::Work;
+pub(crate) use tables::{HostCamera, Sums, Tables};
+
+/// A scene with the settings of a render, on the host.
+pub(crate) struct Fused {
+    /// Without tape.
+    scene: Flattened,
+    tables: Tables,
+    hierarchy: Arc<Hierarchy>,
+    lights: Lights,
+    sampler: Sampler,
+    settings: PathSettings,
+    camera: HostCamera,
+    /// Width and height of the whole image.
+    size: [usize; 2],
+    cutoff: f64,
+}
+
+/// What a fused render is made from beside its scene.
+pub(crate) struct FusedParts {
+    pub hierarchy: Arc<Hierarchy>,
+    pub lights: Lights,
+    pub sampler: Sampler,
+    pub settings: PathSettings,
+    pub size: [usize; 2],
+    pub cutoff: f64,
+}
+
+/// Finders for camera and bounce rays, and for shadow rays.
+struct Finders<'a> {
+    rays: Finder<'a>,
+    shadows: Finder<'a>,
+}
+
+impl Fused {
+    /// Whether a scene has only what this form knows.
+    pub(crate) fn knows(scene: &Flattened) -> bool {
+        let map = matches!(scene.environment, Some(SkyTensors::Map(_)));
+        !map && scene.uvs.is_none() && scene.normals.is_none()
+    }
+
+    /// Reads the scene back.
+    ///
+    /// # Errors
+    /// If it can't be read.
+    pub(crate) fn new(scene: &Flattened, camera: &Camera, parts: FusedParts) -> Result<Self> {
+        let frame = camera.frame(&scene.context, scene.bounds.center, scene.unit);
+        let camera = HostCamera::new(&frame, camera.has_lens())?;
+        Ok(Self {
+            tables: Tables::new(scene, &frame)?,
+            scene: scene.clone().plain(),
+            hierarchy: parts.hierarchy,
+            lights: parts.lights,
+            sampler: parts.sampler,
+            settings: parts.settings,
+            camera,
+            size: parts.size,
+            cutoff: parts.cutoff,
+        })
+    }
+
+    /// What gradients flow to.
+    pub(crate) fn tables(&self) -> &Tables {
+        &self.tables
+    }
+
+    /// What is in a graph, in one row; None if nothing is. It can be taken once.
+    pub(crate) fn take_parent(&mut self) -> Option<Tensor<1>> {
+        self.tables.take_parent()
+    }
+
+    /// Bounces of a path.
+    pub(crate) fn bounces(&self) -> u32 {
+        self.settings.bounces
+    }
+
+    fn t_min(&self) -> f64 {
+        self.settings.t_min(self.scene.radius())
+    }
+
+    fn finders(&self) -> Finders<'_> {
+        let settings = self.settings.coverage(self.scene.radius());
+        let finder = || {
+            Finder::new(
+                &self.hierarchy,
+                &self.scene.topology,
+                &self.scene.context,
+                &settings,
+                self.settings.visibility,
+                self.cutoff,
+            )
+        };
+        Finders {
+            rays: finder(),
+            shadows: finder().of_shadows(),
+        }
+    }
+
+    /// near and far of a ray from a point (Eq. 3).
+    fn depth_range(&self, origin: DVec3) -> (f64, f64) {
+        let (distance, radius) = (origin.length(), self.scene.radius());
+        ((distance - radius).max(0.0), distance + radius)
+    }
+
+    /// Radiance of pixels, each the sum over the samples `from..to`, and what rays met.
+    pub(crate) fn render(&self, pixels: &[u32], samples: (u32, u32)) -> (Vec<DVec3>, Census) {
+        let finders = self.finders();
+        let mut work = Work::new(self.settings.bounces);
+        let sums = pixels.iter().map(|&pixel| {
+            work.clear();
+            self.pixel(&finders, pixel, samples, false, &mut work)
+        });
+        let sums = sums.collect();
+        (sums, work.census)
+    }
+
+    /// Adds derivatives of Σ upstream·radiance of some pixels.
+    pub(crate) fn pull(
+        &self,
+        pixels: &[(u32, DVec3)],
+        samples: (u32, u32),
+        work: &mut Work,
+        sums: &mut Sums,
+    ) {
+        let finders = self.finders();
+        for &(pixel, upstream) in pixels {
+            if upstream == DVec3::ZERO {
+                continue;
+            }
+            work.clear();
+            self.pixel(&finders, pixel, samples, true, work);
+            self.pull_pixel(upstream, work, sums);
+        }
+    }
+}

@@ -1,0 +1,352 @@
+//! One ray on the host: the surfaces that it meets, their weights, what passes them, and the
+//! derivatives of both.
+
+use glam::DVec3;
+
+use super::forms::{layered, pull, softened, softmax, through_all, through_layers};
+use crate::accel::{Hierarchy, HostTriangle};
+use crate::geometry::{Context, Topology};
+use crate::visibility::edge::{full_room, grazing};
+use crate::visibility::soft_pairs::SoftRay;
+use crate::visibility::{CoverageSettings, Visibility};
+
+/// A surface that a ray meets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    pub triangle: u32,
+    /// Twice the object, plus one for the back.
+    pub layer: u32,
+    pub t: f64,
+    pub cosine: f64,
+    /// Probability, and its derivatives by logit and t.
+    pub p: f64,
+    pub slope: f64,
+    pub slope_t: f64,
+    /// log p, and its derivatives: for the softmax.
+    pub log: [f64; 3],
+    /// ∂logit/∂(squared distance).
+    pub sign: f64,
+    pub hit: [f64; 3],
+    pub border: [f64; 3],
+    /// Weight, 0 for shadow rays.
+    pub weight: f64,
+}
+
+impl Surface {
+    /// What a·dlogit + b·dt is made of: with f and m, (f − m)·(do + t dd) over the ray, at the
+    /// triangle's place at the ray's time, and m·hit_i − f·border_i at its corners. None if it
+    /// counts nothing.
+    #[inline]
+    pub fn pull(
+        &self,
+        triangle: &HostTriangle,
+        direction: DVec3,
+        a: f64,
+        b: f64,
+        least: f64,
+    ) -> Option<[DVec3; 2]> {
+        let matters = b != 0.0 || (a != 0.0 && self.slope >= least);
+        if !matters {
+            return None;
+        }
+        // d(squared distance) = 2e·(dx − dy) at fixed border weights; x = o + t·d,
+        // n·d dt = n·(Σ hit_i dv_i − do − t dd).
+        let apart = triangle.point(self.hit) - triangle.point(self.border);
+        let f = apart * (2.0 * self.sign * a);
+        let m = triangle.normal * ((f.dot(direction) + b) / self.cosine);
+        Some([f, m])
+    }
+}
+
+/// A ray, with what is known of its ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HostRay {
+    pub origin: DVec3,
+    pub direction: DVec3,
+    /// Time in the shutter.
+    pub time: f64,
+    /// The triangle that it leaves.
+    pub departure: Option<u32>,
+    /// The emitter that it ends on, and where.
+    pub emitter: Option<u32>,
+    pub distance: Option<f64>,
+}
+
+/// Finds the surfaces that matter to a ray.
+pub(crate) struct Finder<'a> {
+    hierarchy: &'a Hierarchy,
+    topology: &'a Topology,
+    settings: CoverageSettings,
+    form: Visibility,
+    /// Shadow rays pass by products and layers: hard whatever the form.
+    shadow: bool,
+    grazing: f64,
+    /// The squared distance from a triangle up to which it matters.
+    reach: f64,
+    /// Triangles of smaller opacity, and what lies behind more than 1 − cutoff, are left out.
+    cutoff: f64,
+    /// Layers with less room than this are full.
+    pub full: f64,
+}
+
+/// Room for the derivatives of one ray's weights.
+#[derive(Default)]
+pub(crate) struct PullScratch {
+    by_p: Vec<f64>,
+    by_t: Vec<f64>,
+    layers: Vec<(u32, f64, f64)>,
+}
+
+impl<'a> Finder<'a> {
+    /// For camera and bounce rays.
+    pub fn new(
+        hierarchy: &'a Hierarchy,
+        topology: &'a Topology,
+        context: &Context,
+        settings: &CoverageSettings,
+        form: Visibility,
+        cutoff: f64,
+    ) -> Self {
+        let nats = match form {
+            // A nearer surface gains up to exp(1/γ) over one behind it.
+            Visibility::Softmax { gamma, .. } => (1.0 / cutoff).ln() + 1.0 / gamma,
+            _ => (1.0 / cutoff).ln(),
+        };
+        Self {
+            hierarchy,
+            topology,
+            settings: *settings,
+            form,
+            shadow: false,
+            grazing: grazing(context.dtype),
+            reach: settings.sigma * nats,
+            cutoff,
+            full: full_room(context.epsilon(), settings.sigma),
+        }
+    }
+
+    /// For shadow rays.
+    pub fn of_shadows(self) -> Self {
+        Self {
+            shadow: true,
+            reach: self.settings.sigma * (1.0 / self.cutoff).ln(),
+            ..self
+        }
+    }
+
+    /// The surfaces that a ray meets, unordered, and how many were asked.
+    #[inline]
+    pub fn meet(&self, ray: &HostRay, depth: f64, found: &mut Vec<Surface>) -> u32 {
+        let Self {
+            hierarchy,
+            topology,
+            settings,
+            ..
+        } = self;
+        let HostRay {
+            origin,
+            direction,
+            time,
+            departure,
+            emitter,
+            distance,
+        } = *ray;
+        let end = distance.map_or(f64::INFINITY, |d| d * (1.0 - settings.arrival_margin));
+        let near_end = distance.map(|d| {
+            let same = matches!((departure, emitter), (Some(a), Some(b))
+                if topology.object[a as usize] == topology.object[b as usize]);
+            if same { 0.5 * d } else { 0.0 }
+        });
+        let mut limit = end;
+        let neighbour = |end: Option<u32>, k: u32| {
+            end.is_some_and(|e| topology.neighbours.of(e).binary_search(&k).is_ok())
+        };
+        let reach = self.reach.sqrt();
+        hierarchy.visit(origin, direction, reach, limit, |k| {
+            let triangle = &hierarchy.triangles[k as usize];
+            let o = origin - triangle.velocity * time;
+            let range = (settings.t_min, limit);
+            let Some(hit) = triangle.meet(o, direction, self.grazing, range, self.reach) else {
+                return limit;
+            };
+            if departure == Some(k) || emitter == Some(k) {
+                return limit;
+            }
+            let at = k as usize;
+            let mut side = topology.visible_side[at] * hit.cosine;
+            if let (Some(e), Some(from)) = (emitter, near_end)
+                && topology.object[e as usize] == topology.object[at]
+                && hit.t >= from
+            {
+                side = -side;
+            }
+            if side < 0.0 {
+                return limit;
+            }
+            let softened = neighbour(departure, k) || neighbour(emitter, k);
+            let sign = if hit.inside { 1.0 } else { -1.0 } / settings.sigma;
+            let logit = hit.squared_distance * sign;
+            if softened && (!hit.inside || logit < f64::EPSILON) {
+                return limit;
+            }
+            let decay = (-logit.abs()).exp();
+            let one_plus = 1.0 + decay;
+            let edge = if hit.inside { 1.0 } else { decay } / one_plus;
+            let mut slope = decay / (one_plus * one_plus);
+            let mut p = edge;
+            // ∂log p/∂logit is 1 − p.
+            let mut log_p = logit.min(0.0) - one_plus.ln();
+            let mut log_slope = if hit.inside { decay } else { 1.0 } / one_plus;
+            if softened {
+                p = (1.0 - decay) / one_plus;
+                slope *= 2.0;
+                log_p = (1.0 - decay).ln() - one_plus.ln();
+                log_slope = 2.0 * decay / (1.0 - decay * decay).max(1e-6);
+            }
+            let (mut slope_t, mut log_slope_t) = (0.0, 0.0);
+            if departure.is_some() && settings.start > 0.0 {
+                let missing = (-hit.t * hit.t / settings.start).exp();
+                let (share, by_t) = (1.0 - missing, 2.0 * hit.t / settings.start * missing);
+                if share < 1e-30 {
+                    return limit;
+                }
+                slope_t = p * by_t;
+                log_slope_t = by_t / share;
+                log_p += share.ln();
+                p *= share;
+                slope *= share;
+            }
+            found.push(Surface {
+                triangle: k,
+                layer: 2 * topology.object[at] + u32::from(hit.cosine >= 0.0),
+                t: hit.t,
+                cosine: hit.cosine,
+                p,
+                slope,
+                slope_t,
+                log: [log_p, log_slope, log_slope_t],
+                sign,
+                hit: hit.hit,
+                border: hit.border,
+                weight: 0.0,
+            });
+            // What lies far enough behind something opaque can't matter.
+            if p > 1.0 - 0.1 * self.cutoff {
+                let behind = match self.form {
+                    _ if self.shadow => 0.0,
+                    Visibility::Layered => 0.0,
+                    Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => {
+                        gamma * depth * (10.0 / self.cutoff).ln()
+                    }
+                };
+                limit = limit.min((hit.t + behind) * (1.0 + 1e-6));
+            }
+            limit
+        })
+    }
+
+    /// Sorts surfaces by depth and sets their weights; returns that of the background. `depth` is
+    /// far − near.
+    pub fn weigh(&self, far: f64, depth: f64, found: &mut Vec<Surface>) -> f64 {
+        found.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        match self.form {
+            Visibility::Softmax { gamma, epsilon } => {
+                let score = |s: &Surface| (far - s.t) / depth / gamma;
+                softmax(found, score, epsilon / gamma, self.cutoff)
+            }
+            Visibility::LayeredSoft { gamma } => {
+                let soft = softened(found);
+                let ray = SoftRay::new(&soft.0, soft.1, 1.0 / depth / gamma, self.full);
+                for (s, weight) in found.iter_mut().zip(ray.weights()) {
+                    s.weight = weight;
+                }
+                ray.background
+            }
+            Visibility::Layered => layered(found),
+        }
+    }
+
+    /// The share of light that passes surfaces, and its derivatives by each p, in their new order.
+    pub fn pass(&self, found: &mut [Surface], by_p: &mut Vec<f64>) -> f64 {
+        if matches!(self.form, Visibility::Softmax { .. }) {
+            through_all(found, by_p)
+        } else {
+            through_layers(found, by_p, self.full)
+        }
+    }
+}
+
+/// The weights of the surfaces of one ray, to be differentiated.
+pub(crate) struct Weighed<'a> {
+    pub form: Visibility,
+    pub surfaces: &'a [Surface],
+    /// W of the background.
+    pub background: f64,
+    /// far − near.
+    pub depth: f64,
+    /// Whether the ray starts inside of the bounds: near = max(|o| − ρ, 0) is 0 and
+    /// far = |o| + ρ.
+    pub inside: bool,
+    pub full: f64,
+    pub cutoff: f64,
+}
+
+impl Weighed<'_> {
+    /// Derivatives of Σ v·W + v·W_background: calls `emit` with surfaces, their derivatives by
+    /// logit and by t, and the slope of p under which the first counts nothing; returns that by far.
+    pub fn pull(
+        &self,
+        values: &[f64],
+        background: f64,
+        scratch: &mut PullScratch,
+        mut emit: impl FnMut(&Surface, f64, f64, f64),
+    ) -> f64 {
+        let PullScratch { by_p, by_t, layers } = scratch;
+        let surfaces = self.surfaces;
+        match self.form {
+            Visibility::Softmax { gamma, .. } => {
+                let per_depth = 1.0 / self.depth / gamma;
+                let weighted = surfaces.iter().zip(values).map(|(s, v)| s.weight * v);
+                let mean = weighted.sum::<f64>() + self.background * background;
+                let mut far = 0.0;
+                for (s, v) in surfaces.iter().zip(values) {
+                    let share = (v - mean) * s.weight;
+                    let [_, by_logit, by_t] = s.log;
+                    if share.abs() > 1e-12 {
+                        emit(s, share * by_logit, share * (by_t - per_depth), 0.0);
+                    }
+                    // ∂z/∂far/γ: outside of the bounds only far − t depends on far, inside its
+                    // divisor does too.
+                    let kept = if self.inside { s.t / self.depth } else { 1.0 };
+                    far += share * kept * per_depth;
+                }
+                far
+            }
+            Visibility::LayeredSoft { gamma } => {
+                let list = softened(surfaces);
+                let ray = SoftRay::new(&list.0, list.1, 1.0 / self.depth / gamma, self.full);
+                let by_depth = ray.pull(values, background, by_p, by_t);
+                for (k, s) in surfaces.iter().enumerate() {
+                    let (a, b) = (by_p[k] * s.slope, by_p[k] * s.slope_t + by_t[k]);
+                    if a.abs() + b.abs() > 1e-12 {
+                        emit(s, a, b, 0.0);
+                    }
+                }
+                // Only inside of the bounds does far − near move, with far.
+                if self.inside {
+                    -by_depth / self.depth
+                } else {
+                    0.0
+                }
+            }
+            Visibility::Layered => {
+                let background = (background, self.background);
+                pull(surfaces, values, background, self.full, by_p, layers);
+                for (s, g) in surfaces.iter().zip(by_p.iter()) {
+                    emit(s, g * s.slope, g * s.slope_t, self.cutoff);
+                }
+                0.0
+            }
+        }
+    }
+}
