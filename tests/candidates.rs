@@ -279,7 +279,8 @@ fn boxes_offer_what_distant_rays_meet() {
                     .is_some()
             };
             let mut offered = Vec::new();
-            hierarchy.visit(origin, direction, 1e-6, f64::INFINITY, |k| {
+            let range = (0.0, f64::INFINITY);
+            hierarchy.visit((origin, direction, 0.0), 1e-6, range, |k| {
                 offered.push(k);
                 f64::INFINITY
             });

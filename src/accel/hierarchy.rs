@@ -1,13 +1,14 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
 use super::HostTriangle;
+use super::wide::{LANES, Wide};
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
 /// asking each is faster.
@@ -15,10 +16,9 @@ pub struct Hierarchy {
     /// The triangles, in the scene's order.
     pub triangles: Vec<HostTriangle>,
     nodes: Option<Bvh2>,
+    wide: Wide,
     /// Σ half areas of the boxes, now and when they were built.
     cost: [f64; 2],
-    /// The largest distance of a corner from the origin of coordinates.
-    extent: f64,
 }
 
 /// A hierarchy kept from render to render: its boxes are fitted to triangles that moved, and built
@@ -50,7 +50,7 @@ impl HierarchyCache {
             Some((nodes, cost)) if cost[0] <= 1.5 * cost[1] => {
                 cached.fits += 1;
                 Hierarchy {
-                    extent: extent(&triangles),
+                    wide: Wide::new(&triangles, Some(&nodes), extent(&triangles)),
                     triangles,
                     nodes: Some(nodes),
                     cost,
@@ -81,8 +81,8 @@ fn cost(nodes: &Bvh2) -> f64 {
         .sum()
 }
 
-/// Up to here each triangle is asked (`benches/RESULTS.md`).
-const FEW: usize = 4;
+/// Up to here each triangle is asked: they fit one leaf.
+const FEW: usize = LANES;
 
 struct Swept(Aabb);
 
@@ -98,11 +98,15 @@ impl Hierarchy {
         let nodes = (triangles.len() > FEW).then(|| {
             let boxes: Vec<Swept> = triangles.iter().map(swept).collect();
             let mut time = std::time::Duration::ZERO;
-            build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut time)
+            let parameters = BvhBuildParams {
+                max_prims_per_leaf: LANES as u32,
+                ..BvhBuildParams::medium_build()
+            };
+            build_bvh2(&boxes, parameters, &mut time)
         });
         let cost = nodes.as_ref().map_or(0.0, cost);
         Self {
-            extent: extent(&triangles),
+            wide: Wide::new(&triangles, nodes.as_ref(), extent(&triangles)),
             triangles,
             nodes,
             cost: [cost; 2],
@@ -130,78 +134,18 @@ impl Hierarchy {
         self.nodes.is_some()
     }
 
-    /// Calls a function with every triangle whose box, grown by `reach`, a ray may meet before
-    /// `limit`; the function returns the limit from there on. Returns how many triangles were
-    /// offered.
+    /// Calls a function with every triangle that a ray (origin, direction, time in the shutter) may
+    /// meet within `reach` of it between `from` and `limit`; the function returns the limit from there
+    /// on. Returns how many triangles were offered.
+    #[inline]
     pub fn visit(
         &self,
-        origin: DVec3,
-        direction: DVec3,
+        ray: (DVec3, DVec3, f64),
         reach: f64,
-        mut limit: f64,
-        mut f: impl FnMut(u32) -> f64,
+        (from, limit): (f64, f64),
+        f: impl FnMut(u32) -> f64,
     ) -> u32 {
-        let mut offered = 0;
-        let Some(bvh) = &self.nodes else {
-            for k in 0..self.triangles.len() as u32 {
-                f(k);
-            }
-            return self.triangles.len() as u32;
-        };
-        // Boxes are in f32: grown by what that rounds, and met from a point of the ray near them,
-        // since a distant origin would round by more than they are large.
-        let grown = Vec3A::splat((reach + 1e-6 * self.extent) as f32);
-        let skipped = (-origin.dot(direction) - 2.0 * self.extent).max(0.0);
-        let o = Vec3A::from((origin + direction * skipped).as_vec3());
-        let safe = |d: f64| {
-            if d.abs() < 1e-12 {
-                1e-12f64.copysign(d)
-            } else {
-                d
-            }
-        };
-        let inverse = Vec3::new(
-            safe(direction.x).recip() as f32,
-            safe(direction.y).recip() as f32,
-            safe(direction.z).recip() as f32,
-        );
-        let inverse = Vec3A::from(inverse);
-        let enter = |aabb: &Aabb| {
-            let t0 = (aabb.min - grown - o) * inverse;
-            let t1 = (aabb.max + grown - o) * inverse;
-            let near = t0.min(t1).max_element().max(0.0);
-            let far = t0.max(t1).min_element();
-            (near <= far).then_some(near)
-        };
-        let mut stack: Vec<(u32, f32)> = Vec::with_capacity(64);
-        if let Some(near) = enter(bvh.nodes[0].aabb()) {
-            stack.push((0, near));
-        }
-        while let Some((index, near)) = stack.pop() {
-            if f64::from(near) + skipped > limit {
-                continue;
-            }
-            let node = &bvh.nodes[index as usize];
-            let first = node.first_index;
-            if node.is_leaf() {
-                for i in first..first + node.prim_count {
-                    offered += 1;
-                    limit = f(bvh.primitive_indices[i as usize]);
-                }
-                continue;
-            }
-            let [a, b] = [0, 1].map(|i| {
-                let child = first + i;
-                enter(bvh.nodes[child as usize].aabb()).map(|near| (child, near))
-            });
-            // The nearer child is taken first.
-            match (a, b) {
-                (Some(a), Some(b)) if a.1 <= b.1 => stack.extend([b, a]),
-                (Some(a), Some(b)) => stack.extend([a, b]),
-                (a, b) => stack.extend(a.or(b)),
-            }
-        }
-        offered
+        self.wide.visit(ray, reach, from, limit, f)
     }
 }
 

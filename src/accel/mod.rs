@@ -3,6 +3,7 @@
 
 mod hierarchy;
 mod triangle;
+mod wide;
 
 pub use hierarchy::{Hierarchy, HierarchyCache};
 pub use triangle::{HostTriangle, PlaneHit};

@@ -12,6 +12,8 @@ pub struct HostTriangle {
     base: f64,
     apex_u: f64,
     apex_v: f64,
+    /// Inverse squared lengths of the edges a → b, b → c and c → a, and of apex_v.
+    inverse: [f64; 4],
     /// Displacement over the shutter.
     pub velocity: DVec3,
     /// Whether it has area.
@@ -45,17 +47,40 @@ impl HostTriangle {
         let base = ab.length();
         let (normal, u) = (n / doubled, ab / base);
         let v = normal.cross(u);
+        let (apex_u, apex_v) = (u.dot(ac), doubled / base);
+        let fu = apex_u - base;
         Self {
             corners,
             normal,
             u,
             v,
             base,
-            apex_u: u.dot(ac),
-            apex_v: doubled / base,
+            apex_u,
+            apex_v,
+            inverse: [
+                base.powi(-2),
+                (fu * fu + apex_v * apex_v).recip(),
+                (apex_u * apex_u + apex_v * apex_v).recip(),
+                apex_v.recip(),
+            ],
             velocity,
             valid: valid && doubled > 0.0,
         }
+    }
+
+    /// The axes of its frame.
+    pub(super) fn axes(&self) -> (DVec3, DVec3) {
+        (self.u, self.v)
+    }
+
+    /// In its frame, the distance from the line b → c is x·q + y·r + s, and that from c → a x·q + y·r,
+    /// both positive inside.
+    pub(super) fn borders(&self) -> ([f64; 3], [f64; 2]) {
+        let (fu, fv) = (self.apex_u - self.base, self.apex_v);
+        let length = fu.hypot(fv);
+        let bc = [-fv / length, fu / length, fv * self.base / length];
+        let length = self.apex_u.hypot(self.apex_v);
+        (bc, [self.apex_v / length, -self.apex_u / length])
     }
 
     /// None where the ray is too parallel, the hit lies outside of (t_min, t_max), or further from
@@ -82,12 +107,13 @@ impl HostTriangle {
         let (x, y) = (self.u.dot(at), self.v.dot(at));
         let (base, au, av) = (self.base, self.apex_u, self.apex_v);
         // The nearest points of the three edges: a → b, c → b, a → c.
-        let s_ab = (x / base).clamp(0.0, 1.0);
+        let [by_ab, by_bc, by_ac, by_apex] = self.inverse;
+        let s_ab = (x * base * by_ab).clamp(0.0, 1.0);
         let d_ab = (x - s_ab * base).powi(2) + y * y;
         let fu = au - base;
-        let s_bc = (((x - base) * fu + y * av) / (fu * fu + av * av)).clamp(0.0, 1.0);
+        let s_bc = (((x - base) * fu + y * av) * by_bc).clamp(0.0, 1.0);
         let d_bc = (x - base - s_bc * fu).powi(2) + (y - s_bc * av).powi(2);
-        let s_ac = ((x * au + y * av) / (au * au + av * av)).clamp(0.0, 1.0);
+        let s_ac = ((x * au + y * av) * by_ac).clamp(0.0, 1.0);
         let d_ac = (x - s_ac * au).powi(2) + (y - s_ac * av).powi(2);
         let inside = y >= 0.0 && fu * y >= av * (x - base) && av * x >= au * y;
         let (squared_distance, border) = if d_ac < d_ab.min(d_bc) {
@@ -100,8 +126,8 @@ impl HostTriangle {
         if !inside && squared_distance > reach {
             return None;
         }
-        let c = y / av;
-        let b = (x - c * au) / base;
+        let c = y * by_apex;
+        let b = (x - c * au) * base * by_ab;
         Some(PlaneHit {
             t,
             cosine,

@@ -16,7 +16,7 @@ pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3
     let mut f = points.diffuse.scale_by(1.0 / PI);
     if let Some((specular, exponent)) = &points.specular {
         let lobe = phong(exponent, &mirror_cosine(points, incoming, outgoing));
-        let norm = (exponent.clone() + 2.0) / TAU;
+        let norm = (exponent.clone() + 2.0) * (1.0 / TAU);
         f = f.add(&specular.scale(&(lobe * norm)));
     }
     f.scale(&cosine)
@@ -32,7 +32,8 @@ pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) 
     };
     let p_specular = share_of_gloss(&points, specular);
     let lobe = phong(exponent, &mirror_cosine(&points, &incoming, &outgoing));
-    cosine * (p_specular.clone().neg() + 1.0) + lobe * ((exponent.clone() + 1.0) / TAU) * p_specular
+    cosine * (p_specular.clone().neg() + 1.0)
+        + lobe * ((exponent.clone() + 1.0) * (1.0 / TAU)) * p_specular
 }
 
 /// The probability of the specular lobe: its share of the albedo, without tape.
@@ -108,7 +109,7 @@ pub(crate) fn sample(
     let phong = phong(exponent, &mirror_cosine(points, incoming, &direction));
     let density = points.normal.dot(&direction).clamp_min(0.0)
         * ((p_specular.clone().neg() + 1.0) / PI)
-        + phong * ((exponent.clone() + 1.0) / TAU) * p_specular;
+        + phong * ((exponent.clone() + 1.0) * (1.0 / TAU)) * p_specular;
     // Below this the direction can't have been drawn, and the value is zero as well.
     let impossible = plain(&density).lower_elem(1e-20);
     let density = density.mask_fill(impossible.clone(), 1.0);

@@ -162,10 +162,13 @@ impl<'a> Finder<'a> {
             end.is_some_and(|e| topology.neighbours.of(e).binary_search(&k).is_ok())
         };
         let reach = self.reach.sqrt();
-        hierarchy.visit(origin, direction, reach, limit, |k| {
+        let range = (settings.t_min, limit);
+        let logs = matches!(self.form, Visibility::Softmax { .. }) && !self.shadow;
+        hierarchy.visit((origin, direction, time), reach, range, |k| {
             let triangle = &hierarchy.triangles[k as usize];
             let o = origin - triangle.velocity * time;
             let range = (settings.t_min, limit);
+            let logs = matches!(self.form, Visibility::Softmax { .. }) && !self.shadow;
             let Some(hit) = triangle.meet(o, direction, self.grazing, range, self.reach) else {
                 return limit;
             };
@@ -189,30 +192,44 @@ impl<'a> Finder<'a> {
             if softened && (!hit.inside || logit < f64::EPSILON) {
                 return limit;
             }
-            let decay = (-logit.abs()).exp();
+            // exp(−60) is nothing beside 1.
+            let decay = if logit > 60.0 {
+                0.0
+            } else {
+                (-logit.abs()).exp()
+            };
             let one_plus = 1.0 + decay;
             let edge = if hit.inside { 1.0 } else { decay } / one_plus;
             let mut slope = decay / (one_plus * one_plus);
             let mut p = edge;
-            // ∂log p/∂logit is 1 − p.
-            let mut log_p = logit.min(0.0) - one_plus.ln();
+            // ∂log p/∂logit is 1 − p. Only the softmax asks for it.
+            let mut log_p = if logs && decay > 0.0 {
+                logit.min(0.0) - one_plus.ln()
+            } else {
+                0.0
+            };
             let mut log_slope = if hit.inside { decay } else { 1.0 } / one_plus;
             if softened {
                 p = (1.0 - decay) / one_plus;
                 slope *= 2.0;
-                log_p = (1.0 - decay).ln() - one_plus.ln();
+                if logs {
+                    log_p = (1.0 - decay).ln() - one_plus.ln();
+                }
                 log_slope = 2.0 * decay / (1.0 - decay * decay).max(1e-6);
             }
             let (mut slope_t, mut log_slope_t) = (0.0, 0.0);
             if departure.is_some() && settings.start > 0.0 {
-                let missing = (-hit.t * hit.t / settings.start).exp();
+                let begun = hit.t * hit.t / settings.start;
+                let missing = if begun > 60.0 { 0.0 } else { (-begun).exp() };
                 let (share, by_t) = (1.0 - missing, 2.0 * hit.t / settings.start * missing);
                 if share < 1e-30 {
                     return limit;
                 }
                 slope_t = p * by_t;
                 log_slope_t = by_t / share;
-                log_p += share.ln();
+                if logs && missing > 0.0 {
+                    log_p += share.ln();
+                }
                 p *= share;
                 slope *= share;
             }
@@ -232,8 +249,12 @@ impl<'a> Finder<'a> {
             });
             // What lies far enough behind something opaque can't matter.
             if p > 1.0 - 0.1 * self.cutoff {
+                if self.shadow {
+                    // Nothing arrives.
+                    limit = f64::NEG_INFINITY;
+                    return limit;
+                }
                 let behind = match self.form {
-                    _ if self.shadow => 0.0,
                     Visibility::Layered => 0.0,
                     Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => {
                         gamma * depth * (10.0 / self.cutoff).ln()
@@ -303,6 +324,10 @@ impl Weighed<'_> {
     ) -> f64 {
         let PullScratch { by_p, by_t, layers } = scratch;
         let surfaces = self.surfaces;
+        // What is nothing beside the largest part of the sum.
+        let parts = surfaces.iter().zip(values);
+        let parts = parts.map(|(s, v)| (s.weight * v).abs());
+        let tiny = 1e-12 * parts.fold((self.background * background).abs(), f64::max);
         match self.form {
             Visibility::Softmax { gamma, .. } => {
                 let per_depth = 1.0 / self.depth / gamma;
@@ -312,7 +337,7 @@ impl Weighed<'_> {
                 for (s, v) in surfaces.iter().zip(values) {
                     let share = (v - mean) * s.weight;
                     let [_, by_logit, by_t] = s.log;
-                    if share.abs() > 1e-12 {
+                    if share.abs() > tiny {
                         emit(s, share * by_logit, share * (by_t - per_depth), 0.0);
                     }
                     // ∂z/∂far/γ: outside of the bounds only far − t depends on far, inside its
@@ -328,7 +353,7 @@ impl Weighed<'_> {
                 let by_depth = ray.pull(values, background, by_p, by_t);
                 for (k, s) in surfaces.iter().enumerate() {
                     let (a, b) = (by_p[k] * s.slope, by_p[k] * s.slope_t + by_t[k]);
-                    if a.abs() + b.abs() > 1e-12 {
+                    if a.abs() + b.abs() > tiny {
                         emit(s, a, b, 0.0);
                     }
                 }
