@@ -54,6 +54,9 @@ enum Study {
         /// Independent losses a place.
         #[arg(long, default_value_t = 6)]
         seeds: u64,
+        /// shadow, sphere, lens or cornell.
+        #[arg(long, value_delimiter = ',', default_values = ["shadow", "sphere"])]
+        scene: Vec<String>,
     },
     /// Fits of a translation with a constant and with a decaying σ.
     Fit {
@@ -84,7 +87,11 @@ fn main() -> Result<(), Failure> {
     match &arguments.study {
         Study::Bias { samples } => bias(out, *samples)?,
         Study::Gradient { samples, seeds } => gradient(out, *samples, *seeds)?,
-        Study::Landscape { samples, seeds } => landscape(out, *samples, *seeds)?,
+        Study::Landscape {
+            samples,
+            seeds,
+            scene,
+        } => landscape(out, scene, *samples, *seeds)?,
         Study::Fit {
             scene,
             from,
@@ -468,7 +475,7 @@ fn basin(places: &[f64], losses: &[Vec<f64>]) -> Option<Basin> {
     })
 }
 
-fn landscape(out: &Path, samples: u32, seeds: u64) -> Result<(), Failure> {
+fn landscape(out: &Path, scenes: &[String], samples: u32, seeds: u64) -> Result<(), Failure> {
     const REACH: f64 = 2.0;
     const POINTS: usize = 25;
     const WIDTHS: [f64; 6] = [0.02, 0.5, 1.0, 2.0, 4.0, 8.0];
@@ -481,7 +488,7 @@ fn landscape(out: &Path, samples: u32, seeds: u64) -> Result<(), Failure> {
          single gradients that point there |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
-    for name in ["shadow", "sphere"] {
+    for name in scenes {
         let case = Case::load(name)?;
         let footprint = case.footprint(SIZE)?;
         let sharp = case.options(SIZE, case.sharp(SIZE)?, 2048, 1_000_000);

@@ -135,17 +135,17 @@ impl Hierarchy {
     }
 
     /// Calls a function with every triangle that a ray (origin, direction, time in the shutter) may
-    /// meet within `reach` of it between `from` and `limit`; the function returns the limit from there
+    /// meet within `reach` of it in a range from … limit; the function returns the limit from there
     /// on. Returns how many triangles were offered.
     #[inline]
     pub fn visit(
         &self,
         ray: (DVec3, DVec3, f64),
         reach: f64,
-        (from, limit): (f64, f64),
+        range: (f64, f64),
         f: impl FnMut(u32) -> f64,
     ) -> u32 {
-        self.wide.visit(ray, reach, from, limit, f)
+        self.wide.visit(ray, reach, range, f)
     }
 }
 

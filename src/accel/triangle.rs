@@ -85,7 +85,7 @@ impl HostTriangle {
 
     /// None where the ray is too parallel, the hit lies outside of (t_min, t_max), or further from
     /// the triangle than the root of `reach`.
-    #[inline]
+    #[inline(always)]
     pub fn meet(
         &self,
         origin: DVec3,

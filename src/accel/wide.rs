@@ -193,28 +193,38 @@ impl Wide {
     #[inline]
     pub fn visit(
         &self,
+        ray: (DVec3, DVec3, f64),
+        reach: f64,
+        range: (f64, f64),
+        f: impl FnMut(u32) -> f64,
+    ) -> u32 {
+        // Once a ray, with all that it does inlined: compiled for what the machine has.
+        self.arch.dispatch(
+            #[inline(always)]
+            || self.traverse(ray, reach, range, f),
+        )
+    }
+
+    #[inline(always)]
+    fn traverse(
+        &self,
         (origin, direction, time): (DVec3, DVec3, f64),
         reach: f64,
-        from: f64,
-        mut limit: f64,
+        (from, mut limit): (f64, f64),
         mut f: impl FnMut(u32) -> f64,
     ) -> u32 {
         // Met from a point of the ray near the triangles, since a distant origin would round by more
         // than they are large.
         let skipped = (-origin.dot(direction) - 2.0 * self.extent).max(0.0);
         let from_near = origin + direction * skipped;
-        let safe = |d: f64| {
-            let d = if d.abs() < 1e-12 {
-                1e-12f64.copysign(d)
-            } else {
-                d
-            };
-            d.recip() as f32
-        };
         let ray = Ray {
             origin: from_near.as_vec3(),
             direction: direction.as_vec3(),
-            inverse: Vec3::new(safe(direction.x), safe(direction.y), safe(direction.z)),
+            inverse: Vec3::new(
+                safe_inverse(direction.x),
+                safe_inverse(direction.y),
+                safe_inverse(direction.z),
+            ),
             time: time as f32,
             grown: (reach + 1e-6 * self.extent) as f32,
             reach: reach as f32,
@@ -222,43 +232,45 @@ impl Wide {
             from: (from - skipped) as f32,
         };
         let mut offered = 0;
-        let mut of_leaf = |leaf: usize, limit: &mut f64| {
-            let mut mask = self.meet(leaf, &ray, (*limit - skipped) as f32);
-            let triangles = &self.leaves[leaf].triangle;
-            while mask != 0 {
-                let i = mask.trailing_zeros() as usize;
-                mask &= mask - 1;
-                offered += 1;
-                *limit = f(triangles[i]);
-            }
-        };
-        if self.nodes.is_empty() {
-            for leaf in 0..self.leaves.len() {
-                of_leaf(leaf, &mut limit);
-            }
-            return offered;
-        }
-        let mut stack = [(0u32, 0f32); 64];
+        let mut stack = [(1u32, 0f32); 64];
         let mut spilled: Vec<(u32, f32)> = Vec::new();
-        let mut len = 1;
+        let mut len = usize::from(!self.nodes.is_empty());
+        // Without boxes leaf after leaf.
+        let mut leaves = if self.nodes.is_empty() {
+            0..self.leaves.len() as u32
+        } else {
+            stack[0].0 = 0;
+            0..0
+        };
         loop {
             let (index, near) = if len > 0 {
                 len -= 1;
                 stack[len]
             } else if let Some(top) = spilled.pop() {
                 top
+            } else if let Some(leaf) = leaves.next() {
+                (2 * leaf + 1, 0.0)
             } else {
                 break;
             };
             if f64::from(near) + skipped > limit {
                 continue;
             }
+            let at = index as usize / 2;
             if index % 2 == 1 {
-                of_leaf(index as usize / 2, &mut limit);
+                let velocity = self.velocities.as_ref().map(|v| &v[at]);
+                let leaf = &self.leaves[at];
+                let mut mask = meet(leaf, velocity, &ray, (limit - skipped) as f32);
+                while mask != 0 {
+                    let i = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    offered += 1;
+                    limit = f(leaf.triangle[i % LANES]);
+                }
                 continue;
             }
-            let node = &self.nodes[index as usize / 2];
-            let (mut mask, nears) = self.enter(node, &ray);
+            let node = &self.nodes[at];
+            let (mut mask, nears) = enter(node, &ray);
             if len + LANES > stack.len() {
                 // Deep trees go on in memory; what was on the stack is taken later.
                 spilled.extend_from_slice(&stack[..len]);
@@ -266,7 +278,7 @@ impl Wide {
             }
             let first = len;
             while mask != 0 {
-                let i = mask.trailing_zeros() as usize;
+                let i = mask.trailing_zeros() as usize % LANES;
                 mask &= mask - 1;
                 // The nearest on top.
                 let near = nears[i];
@@ -281,26 +293,16 @@ impl Wide {
         }
         offered
     }
+}
 
-    /// The boxes that a ray enters, and where.
-    #[inline]
-    fn enter(&self, node: &Node, ray: &Ray) -> (u32, Lanes) {
-        self.arch.dispatch(
-            #[inline(always)]
-            || enter(node, ray),
-        )
-    }
-
-    /// The triangles of a leaf that a ray may meet.
-    #[inline]
-    fn meet(&self, leaf: usize, ray: &Ray, limit: f32) -> u32 {
-        let velocity = self.velocities.as_ref().map(|v| &v[leaf]);
-        let leaf = &self.leaves[leaf];
-        self.arch.dispatch(
-            #[inline(always)]
-            || meet(leaf, velocity, ray, limit),
-        )
-    }
+#[inline(always)]
+fn safe_inverse(d: f64) -> f32 {
+    let d = if d.abs() < 1e-12 {
+        1e-12f64.copysign(d)
+    } else {
+        d
+    };
+    d.recip() as f32
 }
 
 /// Triangles under each node.

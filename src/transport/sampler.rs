@@ -39,10 +39,11 @@ impl Dimension {
             Self::Time => Some(6),
             Self::DirectionU => of_bounce(0),
             Self::DirectionV => of_bounce(1),
-            Self::Lobe => of_bounce(2),
-            Self::Roulette => of_bounce(3),
-            Self::EmitterU => of_bounce(4),
-            Self::EmitterV => of_bounce(5),
+            // With the direction that leads there.
+            Self::EmitterU => Some(4 * (2 + 2 * (bounce - 1)) + 2),
+            Self::EmitterV => Some(4 * (2 + 2 * (bounce - 1)) + 3),
+            Self::Lobe => of_bounce(4),
+            Self::Roulette => of_bounce(5),
             Self::EnvironmentU => of_bounce(6),
             Self::EnvironmentV => of_bounce(7),
             Self::Surface => None,
@@ -172,49 +173,64 @@ pub(crate) struct Numbers<'a> {
 }
 
 impl Numbers<'_> {
-    /// Film x and y.
-    pub fn film(&self) -> [f64; 2] {
-        self.some(0, [Dimension::FilmX, Dimension::FilmY])
+    /// Film x and y, and for an emitter and a point on it, seen from the first surface.
+    pub fn film(&self) -> [f64; 4] {
+        use Dimension::{EmitterU, EmitterV, FilmX, FilmY};
+        self.some([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
     }
 
     /// Lens radius and angle.
     pub fn lens(&self) -> [f64; 2] {
-        self.some(0, [Dimension::LensRadius, Dimension::LensAngle])
+        self.some([(Dimension::LensRadius, 0), (Dimension::LensAngle, 0)])
     }
 
     /// Time in the shutter.
     pub fn time(&self) -> f64 {
-        let [time] = self.some(0, [Dimension::Time]);
+        let [time] = self.some([(Dimension::Time, 0)]);
         time
     }
 
     /// For the choice of a surface.
     pub fn surface(&self, bounce: u32) -> f64 {
-        let [u] = self.some(bounce, [Dimension::Surface]);
+        let [u] = self.some([(Dimension::Surface, bounce)]);
         u
     }
 
-    /// For an emitter and a point on it.
-    pub fn emitter(&self, bounce: u32) -> [f64; 2] {
-        self.some(bounce, [Dimension::EmitterU, Dimension::EmitterV])
-    }
-
-    /// For a direction, with the choice of a lobe and of survival.
+    /// For a direction, and for an emitter and a point on it, seen from where it leads.
     pub fn direction(&self, bounce: u32) -> [f64; 4] {
-        use Dimension::{DirectionU, DirectionV, Lobe, Roulette};
-        self.some(bounce, [DirectionU, DirectionV, Lobe, Roulette])
+        use Dimension::{DirectionU, DirectionV, EmitterU, EmitterV};
+        let next = bounce + 1;
+        self.some([
+            (DirectionU, bounce),
+            (DirectionV, bounce),
+            (EmitterU, next),
+            (EmitterV, next),
+        ])
     }
 
-    /// Numbers of one set of four dimensions.
-    fn some<const N: usize>(&self, bounce: u32, dimensions: [Dimension; N]) -> [f64; N] {
+    /// For the choice of a lobe.
+    pub fn lobe(&self, bounce: u32) -> f64 {
+        let [u] = self.some([(Dimension::Lobe, bounce)]);
+        u
+    }
+
+    /// For survival.
+    pub fn roulette(&self, bounce: u32) -> f64 {
+        let [u] = self.some([(Dimension::Roulette, bounce)]);
+        u
+    }
+
+    /// Numbers of one set of four dimensions, or independent ones.
+    #[inline]
+    fn some<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f64; N] {
         let sampler = self.sampler;
-        let places = dimensions.map(|d| d.of_sequence(bounce));
+        let places = dimensions.map(|(d, bounce)| d.of_sequence(bounce));
         match (sampler.sequence, places[0]) {
             (Sequence::Sobol, Some(first)) => {
                 let four = sampler.four(self.index, self.block, first / 4);
                 places.map(|d| d.map_or(0.0, |d| f64::from(four[d as usize % 4])))
             }
-            _ => dimensions.map(|d| {
+            _ => dimensions.map(|(d, bounce)| {
                 let purpose = (u64::from(bounce) << 32) | d as u64;
                 number(mix(sampler.seed ^ purpose), self.path)
             }),

@@ -36,6 +36,8 @@ pub(super) struct CameraRay {
     pub disk: [f64; 2],
     /// What the direction was divided by.
     pub length: f64,
+    /// Random numbers for the first emitter.
+    emitter: [f64; 2],
     pub branches: Range<usize>,
 }
 
@@ -127,7 +129,8 @@ pub(crate) struct Work {
     pub(super) census: Census,
     pub(super) values: Vec<f64>,
     pub(super) scratch: PullScratch,
-    found: Vec<Surface>,
+    /// Whether all that going back needs is kept.
+    keep: bool,
     passing: Vec<f64>,
     order: Vec<(u32, Option<usize>, f64)>,
     entries: Vec<(Option<usize>, f64)>,
@@ -153,7 +156,7 @@ impl Work {
             },
             values: Vec::new(),
             scratch: PullScratch::default(),
-            found: Vec::new(),
+            keep: true,
             passing: Vec::new(),
             order: Vec::new(),
             entries: Vec::new(),
@@ -190,6 +193,8 @@ struct Path<'a> {
     time: f64,
     /// Where its light is added.
     slot: usize,
+    /// Random numbers for the first emitter.
+    emitter: [f64; 2],
 }
 
 impl Fused {
@@ -203,6 +208,7 @@ impl Fused {
         work: &mut Work,
     ) -> DVec3 {
         let mut sum = DVec3::ZERO;
+        work.keep = keep;
         for sample in from..to {
             let first = work.light.len();
             work.light.resize(first + work.bounces + 1, DVec3::ZERO);
@@ -225,6 +231,7 @@ impl Fused {
             time: camera.time,
             numbers,
             slot,
+            emitter: camera.emitter,
         };
         let (origin, direction) = (camera.ray.origin, camera.ray.direction);
         camera.ray = self.weigh(finders, &path, (origin, direction), None, work);
@@ -272,7 +279,7 @@ impl Fused {
     fn camera_ray(&self, numbers: &Numbers, pixel: u32) -> CameraRay {
         let c = &self.camera;
         let [width, height] = self.size;
-        let [x, y] = numbers.film();
+        let [x, y, u, v] = numbers.film();
         let x = (f64::from(pixel % width as u32) + x) / width as f64;
         let y = (f64::from(pixel / width as u32) + y) / height as f64;
         let film = [
@@ -308,6 +315,7 @@ impl Fused {
             film,
             disk,
             length,
+            emitter: [u, v],
             branches: 0..0,
         }
     }
@@ -331,19 +339,17 @@ impl Fused {
             emitter: None,
             distance: None,
         };
-        work.found.clear();
-        let offered = finders.rays.meet(&ray, depth, &mut work.found);
-        let background = finders.rays.weigh(far, depth, &mut work.found);
+        let first = work.surfaces.len();
+        let offered = finders.rays.meet(&ray, depth, &mut work.surfaces);
+        let background = finders.rays.weigh(far, depth, &mut work.surfaces, first);
         let census = &mut work.census;
         census.rays += 1;
         census.tested += u64::from(offered);
-        let count = work.found.len();
+        let count = work.surfaces.len() - first;
         if census.surfaces.len() <= count {
             census.surfaces.resize(count + 1, 0);
         }
         census.surfaces[count] += 1;
-        let first = work.surfaces.len();
-        work.surfaces.extend_from_slice(&work.found);
         Ray {
             origin,
             direction,
@@ -445,7 +451,8 @@ impl Fused {
         let (mut origin, mut direction) = (camera.origin, camera.direction);
         let mut throughput = DVec3::splat(share);
         let mut drawn = drawn;
-        let mut ray = None;
+        let mut ray: Option<Ray> = None;
+        let mut emitter = path.emitter;
         for bounce in 0..=settings.bounces {
             let surface = drawn.map(|i| work.surfaces[i]);
             let useful = surface.filter(|s| self.useful(s.triangle));
@@ -453,12 +460,14 @@ impl Fused {
                 if let (Some(sky), None) = (self.tables.sky, surface) {
                     work.light[path.slot + bounce as usize] += throughput * sky;
                 }
-                work.vertices.push(Vertex {
-                    ray,
-                    drawn,
-                    throughput,
-                    hit: None,
-                });
+                if work.keep {
+                    work.vertices.push(Vertex {
+                        ray,
+                        drawn,
+                        throughput,
+                        hit: None,
+                    });
+                }
                 return;
             };
             let mut hit = self.hit(&surface, origin, direction);
@@ -468,28 +477,32 @@ impl Fused {
             let by_scattering = settings.sampling.multiple_importance
                 && !self.lights.is_empty()
                 && hit.shade.specular.is_some();
-            let [u, v, lobe, survive] = if goes_on || by_scattering {
-                path.numbers.direction(bounce)
-            } else {
-                [0.0; 4]
-            };
-            let scatter =
-                (goes_on || by_scattering).then(|| hit.shade.sample([u, v, lobe], epsilon));
+            let scatter = (goes_on || by_scattering).then(|| {
+                let [u, v, next @ ..] = path.numbers.direction(bounce);
+                let lobe = match hit.shade.specular {
+                    Some(_) => path.numbers.lobe(bounce),
+                    None => 0.0,
+                };
+                (hit.shade.sample([u, v, lobe], epsilon), next)
+            });
+            let (scatter, after) = scatter.unzip();
             let along = scatter
                 .as_ref()
                 .filter(|_| by_scattering)
                 .map(|s| s.direction);
-            let light = self.connect(finders, path, &mut hit, bounce, along, work);
+            let light = self.connect(finders, path, &mut hit, emitter, along, work);
+            emitter = after.unwrap_or(emitter);
             work.light[path.slot + bounce as usize] += throughput * light;
-            let mut vertex = Vertex {
-                ray,
-                drawn,
-                throughput,
-                hit: None,
-            };
+            let before = throughput;
             let Some(scatter) = scatter.filter(|_| goes_on) else {
-                vertex.hit = Some(hit);
-                work.vertices.push(vertex);
+                if work.keep {
+                    work.vertices.push(Vertex {
+                        ray,
+                        drawn,
+                        throughput,
+                        hit: Some(hit),
+                    });
+                }
                 return;
             };
             let triangle = surface.triangle;
@@ -511,11 +524,17 @@ impl Fused {
             } else if settings.roulette_after.is_some_and(|after| bounce >= after) {
                 next.survival = throughput.max_element().clamp(0.05, 1.0);
                 throughput /= next.survival;
-                ended = survive >= next.survival;
+                ended = path.numbers.roulette(bounce) >= next.survival;
             }
-            hit.next = Some(next);
-            vertex.hit = Some(hit);
-            work.vertices.push(vertex);
+            if work.keep {
+                hit.next = Some(next);
+                work.vertices.push(Vertex {
+                    ray: ray.take(),
+                    drawn,
+                    throughput: before,
+                    hit: Some(hit),
+                });
+            }
             if ended {
                 return;
             }
@@ -564,7 +583,7 @@ impl Fused {
         finders: &Finders,
         path: &Path,
         hit: &mut Hit,
-        bounce: u32,
+        [u, v]: [f64; 2],
         along: Option<DVec3>,
         work: &mut Work,
     ) -> DVec3 {
@@ -575,7 +594,6 @@ impl Fused {
             return sum;
         }
         let view = (hit.position, path.time);
-        let [u, v] = path.numbers.emitter(bounce);
         let (emitter, chance, u) = lights.choose_one(Some(view), u, &mut work.chances);
         let (b, c) = (u.sqrt() * (1.0 - v), u.sqrt() * v);
         let combined = along.map(|_| false);
@@ -651,11 +669,13 @@ impl Fused {
             emitter: Some(emitter),
             distance: Some(way.distance),
         };
-        work.found.clear();
-        let offered = finders.shadows.meet(&ray, 0.0, &mut work.found);
+        let first = work.shadows.len();
+        let offered = finders.shadows.meet(&ray, 0.0, &mut work.shadows);
         work.census.tested += u64::from(offered);
         work.census.rays += 1;
-        let passed = finders.shadows.pass(&mut work.found, &mut work.passing);
+        let passed = finders
+            .shadows
+            .pass(&mut work.shadows[first..], &mut work.passing);
         let per_area = way.facing / way.squared * way.area;
         let density = match combined {
             Some(by_scattering) => {
@@ -665,8 +685,6 @@ impl Fused {
             }
             None => chance,
         };
-        let first = work.shadows.len();
-        work.shadows.extend_from_slice(&work.found);
         work.by_p.extend_from_slice(&work.passing);
         work.lit.push(Lit {
             emitter,

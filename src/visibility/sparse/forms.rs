@@ -45,25 +45,33 @@ pub(super) fn softened(found: &[Surface]) -> (Vec<Soft>, usize) {
     (soft, layers.len())
 }
 
-/// Drops surfaces whose weights add up to less than `cutoff`, sets those of the rest, and returns that
-/// of the background.
+/// Drops surfaces from `first` on whose weights add up to less than `cutoff`, sets those of the rest,
+/// and returns that of the background.
 pub(super) fn softmax(
-    found: &mut Vec<Surface>,
+    all: &mut Vec<Surface>,
+    first: usize,
     score: impl Fn(&Surface) -> f64,
     background: f64,
     cutoff: f64,
 ) -> f64 {
     let full = |s: &Surface| s.log[0] + score(s);
-    let largest = found.iter().map(full).fold(background, f64::max);
-    let least = largest - (found.len().max(1) as f64 / cutoff).ln();
-    found.retain(|s| full(s) >= least);
+    let largest = all[first..].iter().map(full).fold(background, f64::max);
+    let least = largest - ((all.len() - first).max(1) as f64 / cutoff).ln();
+    let mut kept = first;
+    for i in first..all.len() {
+        if full(&all[i]) >= least {
+            all[kept] = all[i];
+            kept += 1;
+        }
+    }
+    all.truncate(kept);
     let rest = (background - largest).exp();
     let mut total = rest;
-    for s in found.iter_mut() {
+    for s in &mut all[first..] {
         s.weight = (s.log[0] + score(s) - largest).exp();
         total += s.weight;
     }
-    found.iter_mut().for_each(|s| s.weight /= total);
+    all[first..].iter_mut().for_each(|s| s.weight /= total);
     rest / total
 }
 

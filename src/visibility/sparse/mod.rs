@@ -201,7 +201,7 @@ impl Sparse {
                     let ray = host.ray(rays, i);
                     let depth = far[i] - near[i];
                     offered += u64::from(finder.meet(&ray, depth, &mut found));
-                    background.push(finder.weigh(far[i], depth, &mut found));
+                    background.push(finder.weigh(far[i], depth, &mut found, 0));
                     lists.items.extend_from_slice(&found);
                     lists.starts.push(lists.items.len());
                 }

@@ -164,116 +164,124 @@ impl<'a> Finder<'a> {
         let reach = self.reach.sqrt();
         let range = (settings.t_min, limit);
         let logs = matches!(self.form, Visibility::Softmax { .. }) && !self.shadow;
-        hierarchy.visit((origin, direction, time), reach, range, |k| {
-            let triangle = &hierarchy.triangles[k as usize];
-            let o = origin - triangle.velocity * time;
-            let range = (settings.t_min, limit);
-            let logs = matches!(self.form, Visibility::Softmax { .. }) && !self.shadow;
-            let Some(hit) = triangle.meet(o, direction, self.grazing, range, self.reach) else {
-                return limit;
-            };
-            if departure == Some(k) || emitter == Some(k) {
-                return limit;
-            }
-            let at = k as usize;
-            let mut side = topology.visible_side[at] * hit.cosine;
-            if let (Some(e), Some(from)) = (emitter, near_end)
-                && topology.object[e as usize] == topology.object[at]
-                && hit.t >= from
-            {
-                side = -side;
-            }
-            if side < 0.0 {
-                return limit;
-            }
-            let softened = neighbour(departure, k) || neighbour(emitter, k);
-            let sign = if hit.inside { 1.0 } else { -1.0 } / settings.sigma;
-            let logit = hit.squared_distance * sign;
-            if softened && (!hit.inside || logit < f64::EPSILON) {
-                return limit;
-            }
-            // exp(−60) is nothing beside 1.
-            let decay = if logit > 60.0 {
-                0.0
-            } else {
-                (-logit.abs()).exp()
-            };
-            let one_plus = 1.0 + decay;
-            let edge = if hit.inside { 1.0 } else { decay } / one_plus;
-            let mut slope = decay / (one_plus * one_plus);
-            let mut p = edge;
-            // ∂log p/∂logit is 1 − p. Only the softmax asks for it.
-            let mut log_p = if logs && decay > 0.0 {
-                logit.min(0.0) - one_plus.ln()
-            } else {
-                0.0
-            };
-            let mut log_slope = if hit.inside { decay } else { 1.0 } / one_plus;
-            if softened {
-                p = (1.0 - decay) / one_plus;
-                slope *= 2.0;
-                if logs {
-                    log_p = (1.0 - decay).ln() - one_plus.ln();
-                }
-                log_slope = 2.0 * decay / (1.0 - decay * decay).max(1e-6);
-            }
-            let (mut slope_t, mut log_slope_t) = (0.0, 0.0);
-            if departure.is_some() && settings.start > 0.0 {
-                let begun = hit.t * hit.t / settings.start;
-                let missing = if begun > 60.0 { 0.0 } else { (-begun).exp() };
-                let (share, by_t) = (1.0 - missing, 2.0 * hit.t / settings.start * missing);
-                if share < 1e-30 {
+        hierarchy.visit(
+            (origin, direction, time),
+            reach,
+            range,
+            #[inline(always)]
+            |k| {
+                let triangle = &hierarchy.triangles[k as usize];
+                let o = origin - triangle.velocity * time;
+                let range = (settings.t_min, limit);
+                let Some(hit) = triangle.meet(o, direction, self.grazing, range, self.reach) else {
                     return limit;
-                }
-                slope_t = p * by_t;
-                log_slope_t = by_t / share;
-                if logs && missing > 0.0 {
-                    log_p += share.ln();
-                }
-                p *= share;
-                slope *= share;
-            }
-            found.push(Surface {
-                triangle: k,
-                layer: 2 * topology.object[at] + u32::from(hit.cosine >= 0.0),
-                t: hit.t,
-                cosine: hit.cosine,
-                p,
-                slope,
-                slope_t,
-                log: [log_p, log_slope, log_slope_t],
-                sign,
-                hit: hit.hit,
-                border: hit.border,
-                weight: 0.0,
-            });
-            // What lies far enough behind something opaque can't matter.
-            if p > 1.0 - 0.1 * self.cutoff {
-                if self.shadow {
-                    // Nothing arrives.
-                    limit = f64::NEG_INFINITY;
-                    return limit;
-                }
-                let behind = match self.form {
-                    Visibility::Layered => 0.0,
-                    Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => {
-                        gamma * depth * (10.0 / self.cutoff).ln()
-                    }
                 };
-                limit = limit.min((hit.t + behind) * (1.0 + 1e-6));
-            }
-            limit
-        })
+                if departure == Some(k) || emitter == Some(k) {
+                    return limit;
+                }
+                let at = k as usize;
+                let mut side = topology.visible_side[at] * hit.cosine;
+                if let (Some(e), Some(from)) = (emitter, near_end)
+                    && topology.object[e as usize] == topology.object[at]
+                    && hit.t >= from
+                {
+                    side = -side;
+                }
+                if side < 0.0 {
+                    return limit;
+                }
+                let softened = neighbour(departure, k) || neighbour(emitter, k);
+                let sign = if hit.inside { 1.0 } else { -1.0 } / settings.sigma;
+                let logit = hit.squared_distance * sign;
+                if softened && (!hit.inside || logit < f64::EPSILON) {
+                    return limit;
+                }
+                // exp(−60) is nothing beside 1.
+                let decay = if logit > 60.0 {
+                    0.0
+                } else {
+                    (-logit.abs()).exp()
+                };
+                let one_plus = 1.0 + decay;
+                let edge = if hit.inside { 1.0 } else { decay } / one_plus;
+                let mut slope = decay / (one_plus * one_plus);
+                let mut p = edge;
+                // ∂log p/∂logit is 1 − p. Only the softmax asks for it.
+                let mut log_p = if logs && decay > 0.0 {
+                    logit.min(0.0) - one_plus.ln()
+                } else {
+                    0.0
+                };
+                let mut log_slope = if hit.inside { decay } else { 1.0 } / one_plus;
+                if softened {
+                    p = (1.0 - decay) / one_plus;
+                    slope *= 2.0;
+                    if logs {
+                        log_p = (1.0 - decay).ln() - one_plus.ln();
+                    }
+                    log_slope = 2.0 * decay / (1.0 - decay * decay).max(1e-6);
+                }
+                let (mut slope_t, mut log_slope_t) = (0.0, 0.0);
+                if departure.is_some() && settings.start > 0.0 {
+                    let begun = hit.t * hit.t / settings.start;
+                    let missing = if begun > 60.0 { 0.0 } else { (-begun).exp() };
+                    let (share, by_t) = (1.0 - missing, 2.0 * hit.t / settings.start * missing);
+                    if share < 1e-30 {
+                        return limit;
+                    }
+                    slope_t = p * by_t;
+                    log_slope_t = by_t / share;
+                    if logs && missing > 0.0 {
+                        log_p += share.ln();
+                    }
+                    p *= share;
+                    slope *= share;
+                }
+                found.push(Surface {
+                    triangle: k,
+                    layer: 2 * topology.object[at] + u32::from(hit.cosine >= 0.0),
+                    t: hit.t,
+                    cosine: hit.cosine,
+                    p,
+                    slope,
+                    slope_t,
+                    log: [log_p, log_slope, log_slope_t],
+                    sign,
+                    hit: hit.hit,
+                    border: hit.border,
+                    weight: 0.0,
+                });
+                // What lies far enough behind something opaque can't matter.
+                if p > 1.0 - 0.1 * self.cutoff {
+                    if self.shadow {
+                        // Nothing arrives.
+                        limit = f64::NEG_INFINITY;
+                        return limit;
+                    }
+                    let behind = match self.form {
+                        Visibility::Layered => 0.0,
+                        Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => {
+                            gamma * depth * (10.0 / self.cutoff).ln()
+                        }
+                    };
+                    limit = limit.min((hit.t + behind) * (1.0 + 1e-6));
+                }
+                limit
+            },
+        )
     }
 
-    /// Sorts surfaces by depth and sets their weights; returns that of the background. `depth` is
-    /// far − near.
-    pub fn weigh(&self, far: f64, depth: f64, found: &mut Vec<Surface>) -> f64 {
-        found.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+    /// Sorts the surfaces from `first` on by depth, sets their weights and drops those that are
+    /// nothing; returns that of the background. `depth` is far − near.
+    pub fn weigh(&self, far: f64, depth: f64, all: &mut Vec<Surface>, first: usize) -> f64 {
+        let found = &mut all[first..];
+        if found.len() > 1 {
+            found.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        }
         match self.form {
             Visibility::Softmax { gamma, epsilon } => {
                 let score = |s: &Surface| (far - s.t) / depth / gamma;
-                softmax(found, score, epsilon / gamma, self.cutoff)
+                softmax(all, first, score, epsilon / gamma, self.cutoff)
             }
             Visibility::LayeredSoft { gamma } => {
                 let soft = softened(found);
