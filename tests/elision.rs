@@ -34,7 +34,11 @@ fn nodes(world: &World) -> u64 {
 fn plain() -> World {
     World::new().with(|w| {
         w.thing("ball").gloss = None;
-        w.options = RenderOptions::new(8, 8).samples(2).bounces(1).sigma(1e-3);
+        w.options = RenderOptions::new(8, 8)
+            .samples(2)
+            .bounces(1)
+            .sigma(1e-3)
+            .fused(false);
     })
 }
 

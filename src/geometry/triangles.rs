@@ -40,7 +40,7 @@ pub struct Triangles {
     pub apex_u: Tensor<2>,
     /// v · (c − a).
     pub apex_v: Tensor<2>,
-    /// Area.
+    /// Area; 0 for degenerate triangles.
     pub area: Tensor<2>,
     /// Whether the triangle has area.
     pub valid: Tensor<2, Bool>,
@@ -83,7 +83,12 @@ impl Triangles {
             a_v: v.dot(&a),
             apex_u: u.dot(&ac),
             apex_v: doubled_area.clone() / base.clone(),
-            area: doubled_area * 0.5,
+            // A light without area sends no light.
+            area: if any_invalid {
+                (doubled_area * 0.5).mask_fill(invalid, 0.0)
+            } else {
+                doubled_area * 0.5
+            },
             corners: VertexData { a, b, c },
             normal,
             u,

@@ -151,7 +151,7 @@ impl Renderer<'_> {
         rows
     }
 
-    fn objects(&self) -> usize {
+    pub(super) fn objects(&self) -> usize {
         self.scene
             .topology
             .object

@@ -12,7 +12,7 @@ use super::replay::{Retrace, replay};
 use super::{Found, Image, RenderOptions, Renderer, Tile, is_cpu, tiles, with_gradient};
 use crate::error::Result;
 use crate::scene::{Camera, Flattened, Scene};
-use crate::transport::{Census, Fused, FusedParts, Lights, Work};
+use crate::transport::{Census, Fused, FusedParts, Lights, Pixel, Work};
 use crate::visibility::Sparse;
 
 /// Camera rays of a tile.
@@ -23,10 +23,8 @@ const LANE_NUMBERS: usize = 1 << 24;
 
 /// Whether fused kernels know all that is asked for.
 pub(super) fn can_render(scene: &Flattened, options: &RenderOptions) -> bool {
-    let outputs = options.outputs;
-    let more = outputs.opacity || outputs.depth || outputs.normals || outputs.object_ids;
     let tensors = options.brute_force || options.diagnostics || !options.fused;
-    is_cpu(&scene.context.device) && !tensors && !more && Fused::knows(scene)
+    is_cpu(&scene.context.device) && !tensors && Fused::knows(scene)
 }
 
 /// Renders pixels (all, if there is no list).
@@ -59,9 +57,16 @@ pub(super) fn render(
     });
     let tiles = tiles(options, pixels.len(), RAYS);
     let done = AtomicUsize::new(0);
+    let rows = Rows {
+        opacity: options.outputs.opacity || options.outputs.depth || options.outputs.normals,
+        depth: options.outputs.depth,
+        normals: options.outputs.normals,
+        objects: options.outputs.object_ids.then(|| renderer.objects()),
+        unit: flattened.unit,
+    };
     let of_tile = |tile: &Tile| {
         let pixels = &pixels[tile.first..tile.first + tile.pixels];
-        let found = fused.render(pixels, (tile.from, tile.to));
+        let found = fused.render(pixels, (tile.from, tile.to), rows.objects);
         let n = done.fetch_add(1, Ordering::Relaxed) + 1;
         if let Some(progress) = &options.progress {
             progress(n, tiles.len());
@@ -71,21 +76,23 @@ pub(super) fn render(
     let found: Vec<_> = tiles.par_iter().map(of_tile).collect();
     let per_sample = f64::from(options.samples).recip();
     let count = pixels.len();
-    let mut planes = vec![0.0; 3 * count];
+    let mut planes = vec![0.0; rows.count() * count];
     let mut census = Census::default();
-    for (tile, (sums, of_tile)) in tiles.iter().zip(found) {
+    for (tile, (sums, weights, of_tile)) in tiles.iter().zip(found) {
         census.merge(&of_tile);
+        let mut weights = weights.chunks(rows.objects.map_or(1, |n| n + 1));
         for (i, sum) in sums.iter().enumerate() {
-            for c in 0..3 {
-                planes[c * count + tile.first + i] += sum[c] * per_sample;
+            let weights = weights.next().unwrap_or_default();
+            for (row, value) in rows.of(sum).chain(weights.iter().copied()).enumerate() {
+                planes[row * count + tile.first + i] += value * per_sample;
             }
         }
     }
-    let mean = flattened.context.tensor(&planes, [3, count]);
+    let mean = flattened.context.tensor(&planes, [rows.count(), count]);
     let mean = match parent {
         Some(parent) => {
             let retrace = Retrace(Arc::new(move |upstream| {
-                gradient(&fused, &pixels, &tiles, per_sample, &upstream)
+                gradient(&fused, &pixels, &tiles, &rows, per_sample, &upstream)
             }));
             replay(parent, mean, retrace)
         }
@@ -99,18 +106,66 @@ pub(super) fn render(
     Ok(renderer.image(mean, &found))
 }
 
-/// The gradient of the table from that of the image `[3, pixels]`.
+/// The rows of an image, in the order of [`Renderer::outputs`].
+#[derive(Clone, Copy, Debug)]
+struct Rows {
+    opacity: bool,
+    depth: bool,
+    normals: bool,
+    /// How many objects, if their weights are asked for.
+    objects: Option<usize>,
+    /// The length of depths, in scene units.
+    unit: f64,
+}
+
+impl Rows {
+    fn count(&self) -> usize {
+        let normals = if self.normals { 3 } else { 0 };
+        let objects = self.objects.map_or(0, |n| n + 1);
+        3 + usize::from(self.opacity) + usize::from(self.depth) + normals + objects
+    }
+
+    /// All but the weights of objects.
+    fn of(&self, p: &Pixel) -> impl Iterator<Item = f64> {
+        let opacity = self.opacity.then_some(p.opacity);
+        let depth = self.depth.then_some(p.depth * self.unit);
+        let normal = self.normals.then_some(p.normal.to_array());
+        let radiance = p.radiance.to_array().into_iter();
+        let rows = radiance.chain(opacity).chain(depth);
+        rows.chain(normal.into_iter().flatten())
+    }
+
+    /// From rows of derivatives by the rows.
+    fn pixel(&self, row: impl Fn(usize) -> f64) -> Pixel {
+        let mut next = 3;
+        let mut take = |wanted: bool| {
+            if !wanted {
+                return 0.0;
+            }
+            next += 1;
+            row(next - 1)
+        };
+        Pixel {
+            radiance: DVec3::new(row(0), row(1), row(2)),
+            opacity: take(self.opacity),
+            depth: take(self.depth) * self.unit,
+            normal: DVec3::new(take(self.normals), take(self.normals), take(self.normals)),
+        }
+    }
+}
+
+/// The gradient of the table from that of the rows `[C, pixels]`.
 fn gradient(
     fused: &Fused,
     pixels: &[u32],
     tiles: &[Tile],
+    rows: &Rows,
     per_sample: f64,
     upstream: &TensorData,
 ) -> TensorData {
     let count = pixels.len();
     let values: Vec<f64> = upstream.iter::<f64>().collect();
-    let upstream_of =
-        |i: usize| DVec3::new(values[i], values[count + i], values[2 * count + i]) * per_sample;
+    let upstream_of = |i: usize| rows.pixel(|row| values[row * count + i] * per_sample);
     // Tiles in lanes that have their sums to themselves: as many whatever the machine, so that sums
     // come out the same.
     let lanes = (LANE_NUMBERS / fused.tables().size()).clamp(4, 64);

@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 
-use super::Fused;
 use super::forward::{Branch, CameraRay, Hit, Lit, Ray, Vertex, Work};
 use super::shading::ShadeSums;
 use super::tables::Sums;
+use super::{Fused, Pixel};
 use crate::visibility::{PullScratch, Surface, Weighed};
 
 /// Derivatives by the origin and direction of a ray.
@@ -16,8 +16,9 @@ struct ByRay {
 }
 
 impl Fused {
-    /// Adds derivatives of upstream·radiance of the pixel in `work`.
-    pub(super) fn pull_pixel(&self, upstream: DVec3, work: &mut Work, sums: &mut Sums) {
+    /// Adds derivatives of what the pixel in `work` brings back, times what comes from above.
+    pub(super) fn pull_pixel(&self, above: &Pixel, work: &mut Work, sums: &mut Sums) {
+        let upstream = above.radiance;
         let stride = work.bounces + 1;
         // Light of all later bounces too, along `upstream`.
         let samples = work.cameras.len();
@@ -45,21 +46,23 @@ impl Fused {
             let surfaces = &work.surfaces[camera.ray.surfaces.clone()];
             values.clear();
             for s in surfaces {
-                let e = self.emission(s);
-                if e != DVec3::ZERO {
-                    values.push(e.dot(upstream));
-                } else {
-                    values.push(0.0);
-                }
+                let normal = self.hierarchy.triangles[s.triangle as usize].normal;
+                let side = if s.cosine < 0.0 { 1.0 } else { -1.0 };
+                values.push(
+                    self.emission(s).dot(upstream)
+                        + above.depth * s.t
+                        + above.normal.dot(normal) * side,
+                );
                 self.pull_emission(s, upstream * s.weight, sums);
             }
-            let mut background = match self.tables.sky {
+            let mut background = match self.tables.host.sky {
                 Some(sky) => {
                     sums.sky += upstream * camera.ray.background;
                     sky.dot(upstream)
                 }
                 None => 0.0,
             };
+            background -= above.opacity;
             for branch in &work.branches[camera.branches.clone()] {
                 let baseline = |bounce: usize| branch.share * others(sample, bounce);
                 let back = Back {
@@ -99,6 +102,13 @@ impl Fused {
                 );
                 by_ray.origin += by.origin;
                 by_ray.direction += by.direction;
+                for s in surfaces {
+                    let side = if s.cosine < 0.0 { s.weight } else { -s.weight };
+                    sums.normal[s.triangle as usize] += above.normal * side;
+                    let along = (camera.ray.direction, camera.time);
+                    let by_t = (0.0, above.depth * s.weight, 0.0);
+                    self.pull_surface(s, along, by_t, &mut by_ray, sums);
+                }
                 self.pull_camera(camera, by_ray, sums);
             }
         }
@@ -137,7 +147,7 @@ impl Fused {
                 }
                 None => {
                     let mut by = DVec3::ZERO;
-                    if let (Some(sky), None) = (self.tables.sky, vertex.drawn) {
+                    if let (Some(sky), None) = (self.tables.host.sky, vertex.drawn) {
                         sums.sky += back.upstream * vertex.throughput;
                         by = back.upstream * sky;
                     }
@@ -242,7 +252,7 @@ impl Fused {
         for (c, sum) in sums.corners[k].iter_mut().enumerate() {
             *sum += m * s.hit[c] - f * s.border[c];
         }
-        if self.tables.moves {
+        if self.tables.host.moves {
             sums.velocity[k] -= from_ray * time;
         }
     }
@@ -270,7 +280,7 @@ impl Fused {
             let scatter = &next.scatter;
             let mut by_direction = by_leaving.direction;
             let mut by_next = by_next / next.survival;
-            if let (Some(end), Some(sky)) = (&next.end, self.tables.sky) {
+            if let (Some(end), Some(sky)) = (&next.end, self.tables.host.sky) {
                 let light = back.upstream * sky;
                 let throughput = vertex.throughput * scatter.weight;
                 by_next += light * end.background;
@@ -302,25 +312,38 @@ impl Fused {
             by_position += by_x;
         }
         let m = hit.material as usize;
-        sums.diffuse[m] += shade.diffuse;
-        if hit.shade.specular.is_some() {
-            sums.specular[m] += shade.specular;
+        let host = &self.tables.host;
+        let into = (&mut sums.diffuse[..], &mut sums.diffuse_texels[..]);
+        let mut by_uv = host.diffuse.pull(m, hit.uv, shade.diffuse, into);
+        if let (Some((albedos, _)), Some(_)) = (&host.specular, hit.shade.specular) {
+            let into = (&mut sums.specular[..], &mut sums.specular_texels[..]);
+            by_uv += albedos.pull(m, hit.uv, shade.specular, into);
             sums.exponent[m] += shade.exponent;
         }
         by_incoming += shade.incoming;
+        let k = hit.triangle as usize;
+        let triangle = &self.hierarchy.triangles[k];
+        let by_normal = if hit.smooth {
+            shade.normal
+        } else {
+            DVec3::ZERO
+        };
+        let by_place = hit.place.pull(host, triangle, by_uv, by_normal, sums);
+        by_position += by_place;
         if !self.tables.rays {
             return (by_throughput, ByRay::default());
         }
-        let k = hit.triangle as usize;
-        sums.normal[k] += shade.normal * hit.side;
-        // x = o + t·d with n·d dt = n·(Σ w_i dv_i − do − t dd).
-        let normal = self.hierarchy.triangles[k].normal;
-        let m = normal * (by_position.dot(ray.direction) / hit.cosine);
-        for (c, sum) in sums.corners[k].iter_mut().enumerate() {
-            *sum += m * hit.weights[c];
+        if !hit.smooth {
+            sums.normal[k] += shade.normal * hit.side;
         }
-        if self.tables.moves {
-            sums.velocity[k] += m * back.camera.time;
+        // x = o + t·d with n·d dt = n·(Σ w_i dv_i − do − t dd).
+        // Barycentric coordinates see the point from the corners, which are where the triangle is.
+        let m = triangle.normal * (by_position.dot(ray.direction) / hit.cosine);
+        for (c, sum) in sums.corners[k].iter_mut().enumerate() {
+            *sum += (m - by_place) * hit.place.weights[c];
+        }
+        if self.tables.host.moves {
+            sums.velocity[k] += (m - by_place) * back.camera.time;
         }
         let by_ray = by_position - m;
         let by_ray = ByRay {
@@ -344,7 +367,7 @@ impl Fused {
         let reflected = hit.shade.scattered(way.direction);
         let e = lit.emitter as usize;
         let material = self.scene.topology.material[e] as usize;
-        let emission = self.tables.emission[material];
+        let emission = self.tables.host.emission[material];
         let per_area = way.facing / way.squared * way.area;
         let scale = per_area * lit.passed / lit.density;
         let g = back.upstream;
@@ -384,7 +407,7 @@ impl Fused {
         for (c, sum) in sums.corners[e].iter_mut().enumerate() {
             *sum += by_to * lit.corners[c];
         }
-        if self.tables.moves {
+        if self.tables.host.moves {
             sums.velocity[e] += by_to * back.camera.time;
         }
         (by_throughput, by_shadow.origin - by_to)

@@ -6,7 +6,8 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::shading::{Scatter, Shade};
-use super::{Finders, Fused};
+use super::surface::Place;
+use super::{Finders, Fused, Pixel};
 use crate::transport::Census;
 use crate::transport::SurfaceSampling;
 use crate::transport::sampler::Numbers;
@@ -71,11 +72,14 @@ pub(super) struct Hit {
     pub material: u32,
     pub t: f64,
     pub cosine: f64,
-    pub weights: [f64; 3],
+    pub place: Place,
+    pub uv: glam::DVec2,
     pub position: DVec3,
     /// +1 on the front.
     pub side: f64,
     pub shade: Shade,
+    /// Whether the normal is interpolated.
+    pub smooth: bool,
     /// In `Work::lit`.
     pub lit: Range<usize>,
     pub next: Option<Next>,
@@ -127,6 +131,8 @@ pub(crate) struct Work {
     /// Light that samples brought back, by sample and bounce.
     pub(super) light: Vec<DVec3>,
     pub(super) census: Census,
+    /// Sums of the weights of objects and background, if they are asked for.
+    pub(super) objects: Option<Vec<f64>>,
     pub(super) values: Vec<f64>,
     pub(super) scratch: PullScratch,
     /// Whether all that going back needs is kept.
@@ -154,6 +160,7 @@ impl Work {
                 bounces: vec![0; bounces as usize + 1],
                 ..Census::default()
             },
+            objects: None,
             values: Vec::new(),
             scratch: PullScratch::default(),
             keep: true,
@@ -198,7 +205,7 @@ struct Path<'a> {
 }
 
 impl Fused {
-    /// The sum of the radiance of a pixel's samples. With `keep` all that they met stays in `work`.
+    /// The sum over a pixel's samples. With `keep` all that they met stays in `work`.
     pub(super) fn pixel(
         &self,
         finders: &Finders,
@@ -206,14 +213,17 @@ impl Fused {
         (from, to): (u32, u32),
         keep: bool,
         work: &mut Work,
-    ) -> DVec3 {
-        let mut sum = DVec3::ZERO;
+    ) -> Pixel {
+        let mut sum = Pixel::default();
         work.keep = keep;
         for sample in from..to {
             let first = work.light.len();
             work.light.resize(first + work.bounces + 1, DVec3::ZERO);
             let seen = self.sample(finders, (pixel, sample), first, work);
-            sum += seen + work.light[first..].iter().sum::<DVec3>();
+            sum.radiance += seen.radiance + work.light[first..].iter().sum::<DVec3>();
+            sum.opacity += seen.opacity;
+            sum.depth += seen.depth;
+            sum.normal += seen.normal;
             if !keep {
                 work.forget();
                 work.cameras.clear();
@@ -224,7 +234,7 @@ impl Fused {
     }
 
     /// One camera ray and its paths; returns what it sees of emitters and environment.
-    fn sample(&self, finders: &Finders, path: (u32, u32), slot: usize, work: &mut Work) -> DVec3 {
+    fn sample(&self, finders: &Finders, path: (u32, u32), slot: usize, work: &mut Work) -> Pixel {
         let numbers = self.sampler.numbers(path);
         let mut camera = self.camera_ray(&numbers, path.0);
         let path = Path {
@@ -238,7 +248,7 @@ impl Fused {
         work.census.bounces[0] += 1;
         let seen = self.seen(&camera.ray, work);
         let first = work.branches.len();
-        if !self.scene.emitters.is_empty() || self.tables.sky.is_some() {
+        if !self.scene.emitters.is_empty() || self.tables.host.sky.is_some() {
             let split = self.settings.sampling.surfaces == SurfaceSampling::Split;
             let random = path.numbers.surface(0);
             let mut entries = std::mem::take(&mut work.entries);
@@ -307,7 +317,7 @@ impl Fused {
                 background: 1.0,
                 depth: 1.0,
             },
-            time: if self.tables.moves {
+            time: if self.tables.host.moves {
                 numbers.time()
             } else {
                 0.0
@@ -359,11 +369,27 @@ impl Fused {
         }
     }
 
-    /// Emission on fronts and environment, weighted.
-    fn seen(&self, ray: &Ray, work: &Work) -> DVec3 {
-        let mut seen = self.tables.sky.unwrap_or(DVec3::ZERO) * ray.background;
+    /// Emission on fronts and environment, weighted, and what else a camera ray sees.
+    fn seen(&self, ray: &Ray, work: &mut Work) -> Pixel {
+        let sky = self.tables.host.sky.unwrap_or(DVec3::ZERO);
+        let mut seen = Pixel {
+            radiance: sky * ray.background,
+            opacity: 1.0 - ray.background,
+            ..Pixel::default()
+        };
         for s in &work.surfaces[ray.surfaces.clone()] {
-            seen += self.emission(s) * s.weight;
+            let side = if s.cosine < 0.0 { s.weight } else { -s.weight };
+            seen.radiance += self.emission(s) * s.weight;
+            seen.depth += s.weight * s.t;
+            seen.normal += self.hierarchy.triangles[s.triangle as usize].normal * side;
+        }
+        if let Some(objects) = &mut work.objects {
+            for s in &work.surfaces[ray.surfaces.clone()] {
+                objects[self.scene.topology.object[s.triangle as usize] as usize] += s.weight;
+            }
+            if let Some(last) = objects.last_mut() {
+                *last += ray.background;
+            }
         }
         seen
     }
@@ -372,7 +398,7 @@ impl Fused {
     pub(super) fn emission(&self, s: &Surface) -> DVec3 {
         let m = self.scene.topology.material[s.triangle as usize] as usize;
         if s.cosine < 0.0 && self.scene.materials.emits[m] {
-            self.tables.emission[m]
+            self.tables.host.emission[m]
         } else {
             DVec3::ZERO
         }
@@ -457,7 +483,7 @@ impl Fused {
             let surface = drawn.map(|i| work.surfaces[i]);
             let useful = surface.filter(|s| self.useful(s.triangle));
             let Some(surface) = useful else {
-                if let (Some(sky), None) = (self.tables.sky, surface) {
+                if let (Some(sky), None) = (self.tables.host.sky, surface) {
                     work.light[path.slot + bounce as usize] += throughput * sky;
                 }
                 if work.keep {
@@ -472,7 +498,7 @@ impl Fused {
             };
             let mut hit = self.hit(&surface, origin, direction);
             let last = bounce == settings.bounces;
-            let sky = self.tables.sky;
+            let sky = self.tables.host.sky;
             let goes_on = !last || sky.is_some();
             let by_scattering = settings.sampling.multiple_importance
                 && !self.lights.is_empty()
@@ -550,27 +576,39 @@ impl Fused {
         let triangle = &self.hierarchy.triangles[s.triangle as usize];
         let material = self.scene.topology.material[s.triangle as usize];
         let m = material as usize;
+        let host = &self.tables.host;
         let side = if s.cosine < 0.0 { 1.0 } else { -1.0 };
-        let normal = triangle.normal * side;
-        let glossy = self.scene.materials.glossy[m];
+        let geometric = triangle.normal * side;
+        let place = Place {
+            triangle: s.triangle,
+            weights: s.hit,
+            border: s.border,
+            inside: s.sign > 0.0,
+            geometric,
+        };
+        let attributes = place.attributes(host);
         Hit {
             triangle: s.triangle,
             material,
             t: s.t,
             cosine: s.cosine,
-            weights: s.hit,
+            place,
+            uv: attributes.uv,
             position: origin + direction * s.t,
             side,
             shade: Shade {
-                geometric: normal,
-                normal,
-                diffuse: self.tables.diffuse[m],
-                specular: match &self.tables.specular {
-                    Some((albedo, exponent)) if glossy => Some((albedo[m], exponent[m])),
+                geometric,
+                normal: attributes.normal.unwrap_or(geometric),
+                diffuse: host.diffuse.at(m, attributes.uv),
+                specular: match &host.specular {
+                    Some((albedo, exponent)) if self.scene.materials.glossy[m] => {
+                        Some((albedo.at(m, attributes.uv), exponent[m]))
+                    }
                     _ => None,
                 },
                 incoming: direction,
             },
+            smooth: attributes.normal.is_some(),
             lit: 0..0,
             next: None,
         }
@@ -694,6 +732,6 @@ impl Fused {
             shadows: first..work.shadows.len(),
         });
         let m = self.scene.topology.material[emitter as usize] as usize;
-        reflected * self.tables.emission[m] * (per_area * passed / density)
+        reflected * self.tables.host.emission[m] * (per_area * passed / density)
     }
 }

@@ -8,6 +8,7 @@
 mod adjoint;
 mod forward;
 mod shading;
+mod surface;
 mod tables;
 
 use std::sync::Arc;
@@ -57,8 +58,7 @@ struct Finders<'a> {
 impl Fused {
     /// Whether a scene has only what this form knows.
     pub(crate) fn knows(scene: &Flattened) -> bool {
-        let map = matches!(scene.environment, Some(SkyTensors::Map(_)));
-        !map && scene.uvs.is_none() && scene.normals.is_none()
+        !matches!(scene.environment, Some(SkyTensors::Map(_)))
     }
 
     /// Reads the scene back.
@@ -124,34 +124,59 @@ impl Fused {
         ((distance - radius).max(0.0), distance + radius)
     }
 
-    /// Radiance of pixels, each the sum over the samples `from..to`, and what rays met.
-    pub(crate) fn render(&self, pixels: &[u32], samples: (u32, u32)) -> (Vec<DVec3>, Census) {
+    /// Sums over the samples `from..to` of pixels, and what rays met. Weights of objects, if they are
+    /// asked for, are those of each pixel in turn, the background's last.
+    pub(crate) fn render(
+        &self,
+        pixels: &[u32],
+        samples: (u32, u32),
+        objects: Option<usize>,
+    ) -> (Vec<Pixel>, Vec<f64>, Census) {
         let finders = self.finders();
         let mut work = Work::new(self.settings.bounces);
-        let sums = pixels.iter().map(|&pixel| {
+        let mut sums = Vec::with_capacity(pixels.len());
+        let mut weights = Vec::new();
+        for &pixel in pixels {
             work.clear();
-            self.pixel(&finders, pixel, samples, false, &mut work)
-        });
-        let sums = sums.collect();
-        (sums, work.census)
+            work.objects = objects.map(|n| vec![0.0; n + 1]);
+            sums.push(self.pixel(&finders, pixel, samples, false, &mut work));
+            weights.extend(work.objects.take().into_iter().flatten());
+        }
+        // Up to the last bounce that a path reached.
+        let bounces = &mut work.census.bounces;
+        let reached = bounces.iter().rposition(|&b| b > 0);
+        bounces.truncate(reached.map_or(0, |r| r + 1));
+        (sums, weights, work.census)
     }
 
-    /// Adds derivatives of Σ upstream·radiance of some pixels.
+    /// Adds derivatives of the sums of some pixels, each times what comes from above.
     pub(crate) fn pull(
         &self,
-        pixels: &[(u32, DVec3)],
+        pixels: &[(u32, Pixel)],
         samples: (u32, u32),
         work: &mut Work,
         sums: &mut Sums,
     ) {
         let finders = self.finders();
-        for &(pixel, upstream) in pixels {
-            if upstream == DVec3::ZERO {
+        for (pixel, upstream) in pixels {
+            if *upstream == Pixel::default() {
                 continue;
             }
             work.clear();
-            self.pixel(&finders, pixel, samples, true, work);
+            self.pixel(&finders, *pixel, samples, true, work);
             self.pull_pixel(upstream, work, sums);
         }
     }
+}
+
+/// What camera rays bring back.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Pixel {
+    pub radiance: DVec3,
+    /// 1 − W_background.
+    pub opacity: f64,
+    /// Σ W·t.
+    pub depth: f64,
+    /// Σ W·n, facing the camera.
+    pub normal: DVec3,
 }

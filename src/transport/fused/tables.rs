@@ -1,11 +1,12 @@
 //! What an image depends on, in one table, and sums of derivatives by its parts.
 
 use burn::tensor::Tensor;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
+use super::surface::HostAlbedos;
 use crate::error::Result;
-use crate::geometry::{Vec3, host_values, host_vectors};
-use crate::scene::{CameraFrame, Flattened, SkyTensors};
+use crate::geometry::{Vec3, VertexData, host_values, host_vectors};
+use crate::scene::{Albedos, CameraFrame, Flattened, SkyTensors};
 
 /// The parts of the table that are in a graph, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,9 +15,15 @@ enum Part {
     Corners,
     /// `[T, 3]`.
     Velocity,
-    /// `[M, 3]`.
+    /// Texture coordinates of the corners `[T, 6]`.
+    Uvs,
+    /// Shading normals of the corners `[T, 9]`.
+    Normals,
+    /// `[M, 3]`, and texels `[A, 3]`.
     Diffuse,
+    DiffuseTexels,
     Specular,
+    SpecularTexels,
     /// `[M]`.
     Exponent,
     /// `[M, 3]`.
@@ -29,17 +36,74 @@ enum Part {
 
 /// Materials, environment and camera on the host, and the table of what is in a graph.
 pub(crate) struct Tables {
-    pub(super) diffuse: Vec<DVec3>,
-    /// k_s and exponents, if any material is glossy.
-    pub(super) specular: Option<(Vec<DVec3>, Vec<f64>)>,
-    pub(super) emission: Vec<DVec3>,
-    pub(super) sky: Option<DVec3>,
-    pub(super) moves: bool,
+    pub(super) host: Host,
     parts: Vec<Part>,
     parent: Option<Tensor<1>>,
     triangles: usize,
     /// Whether rays and surfaces they meet have derivatives.
     pub(super) rays: bool,
+}
+
+/// What rays find, on the host.
+pub(super) struct Host {
+    pub diffuse: HostAlbedos,
+    /// k_s and exponents, if any material is glossy.
+    pub specular: Option<(HostAlbedos, Vec<f64>)>,
+    pub emission: Vec<DVec3>,
+    pub sky: Option<DVec3>,
+    pub moves: bool,
+    /// Texture coordinates of the corners, if anything has a texture.
+    pub uvs: Option<Vec<[DVec2; 3]>>,
+    /// Shading normals of the corners, and which triangles have them.
+    pub normals: Option<(Vec<[DVec3; 3]>, Vec<bool>)>,
+}
+
+impl Host {
+    fn new(scene: &Flattened) -> Result<Self> {
+        let materials = &scene.materials;
+        let albedos = |a: &Albedos| -> Result<HostAlbedos> {
+            Ok(HostAlbedos {
+                constant: host_vectors(&a.constant)?,
+                texture: a.texture.clone(),
+                atlas: match &a.atlas {
+                    Some(atlas) => host_vectors(atlas)?,
+                    None => Vec::new(),
+                },
+            })
+        };
+        let corners = |v: &VertexData| -> Result<Vec<[DVec3; 3]>> {
+            let (a, b, c) = (
+                host_vectors(&v.a)?,
+                host_vectors(&v.b)?,
+                host_vectors(&v.c)?,
+            );
+            Ok((0..a.len()).map(|k| [a[k], b[k], c[k]]).collect())
+        };
+        let specular = match &materials.specular {
+            Some((specular, exponent)) => Some((albedos(specular)?, host_values(exponent)?)),
+            None => None,
+        };
+        let uvs = scene.uvs.as_ref().map(corners).transpose()?;
+        let normals = match &scene.normals {
+            Some((normals, smooth)) => Some((corners(normals)?, smooth.clone())),
+            None => None,
+        };
+        Ok(Self {
+            diffuse: albedos(&materials.diffuse)?,
+            specular,
+            emission: host_vectors(&materials.emission)?,
+            sky: match &scene.environment {
+                Some(SkyTensors::Constant(sky)) => Some(host_vectors(sky)?[0]),
+                _ => None,
+            },
+            moves: scene.triangles.velocity.is_some(),
+            uvs: uvs.map(|list| {
+                let flat = |c: [DVec3; 3]| c.map(|v| v.truncate());
+                list.into_iter().map(flat).collect()
+            }),
+            normals,
+        })
+    }
 }
 
 /// A camera on the host.
@@ -90,38 +154,42 @@ impl Tables {
                 list.push(table.reshape([a * b]));
             }
         };
-        let c = &triangles.corners;
-        add(
-            Part::Corners,
-            &[
-                &c.a.x, &c.a.y, &c.a.z, &c.b.x, &c.b.y, &c.b.z, &c.c.x, &c.c.y, &c.c.z,
-            ],
-        );
-        let vector = |v: &Vec3| [v.x.clone(), v.y.clone(), v.z.clone()];
-        let mut add_vector = |part: Part, v: &Vec3| {
-            let [x, y, z] = vector(v);
-            add(part, &[&x, &y, &z]);
+        let of_vector = |v: &Vec3| [v.x.clone(), v.y.clone(), v.z.clone()];
+        let of_corners = |v: &VertexData, width: usize| -> Vec<Tensor<2>> {
+            let corners = [&v.a, &v.b, &v.c].into_iter();
+            corners
+                .flat_map(|c| of_vector(c).into_iter().take(width))
+                .collect()
         };
+        let mut all: Vec<(Part, Vec<Tensor<2>>)> =
+            vec![(Part::Corners, of_corners(&triangles.corners, 3))];
         if let Some(velocity) = &triangles.velocity {
-            add_vector(Part::Velocity, velocity);
+            all.push((Part::Velocity, of_vector(velocity).to_vec()));
         }
-        add_vector(Part::Diffuse, &materials.diffuse.constant);
-        if let Some((specular, exponent)) = &materials.specular {
-            add_vector(Part::Specular, &specular.constant);
-            add(Part::Exponent, &[exponent]);
+        if let Some(uvs) = &scene.uvs {
+            all.push((Part::Uvs, of_corners(uvs, 2)));
         }
-        let mut add_vector = |part: Part, v: &Vec3| {
-            let [x, y, z] = vector(v);
-            add(part, &[&x, &y, &z]);
-        };
-        add_vector(Part::Emission, &materials.emission);
-        let sky = match &scene.environment {
-            Some(SkyTensors::Constant(sky)) => {
-                add_vector(Part::Sky, sky);
-                Some(host_vectors(sky)?[0])
+        if let Some((normals, _)) = &scene.normals {
+            all.push((Part::Normals, of_corners(normals, 3)));
+        }
+        let mut albedos = |albedos: &Albedos, constant: Part, texels: Part| {
+            all.push((constant, of_vector(&albedos.constant).to_vec()));
+            if let Some(atlas) = &albedos.atlas {
+                all.push((texels, of_vector(atlas).to_vec()));
             }
-            _ => None,
         };
+        albedos(&materials.diffuse, Part::Diffuse, Part::DiffuseTexels);
+        if let Some((specular, exponent)) = &materials.specular {
+            albedos(specular, Part::Specular, Part::SpecularTexels);
+            all.push((Part::Exponent, vec![exponent.clone()]));
+        }
+        all.push((Part::Emission, of_vector(&materials.emission).to_vec()));
+        if let Some(SkyTensors::Constant(sky)) = &scene.environment {
+            all.push((Part::Sky, of_vector(sky).to_vec()));
+        }
+        for (part, planes) in &all {
+            add(*part, &planes.iter().collect::<Vec<_>>());
+        }
         let mut planes: Vec<&Tensor<2>> = Vec::new();
         for v in [&camera.eye, &camera.forward, &camera.right, &camera.up] {
             planes.extend([&v.x, &v.y, &v.z]);
@@ -129,22 +197,12 @@ impl Tables {
         planes.push(&camera.half_height);
         planes.extend(camera.lens.iter().flatten());
         add(Part::Camera, &planes);
-        let specular = match &materials.specular {
-            Some((specular, exponent)) => {
-                Some((host_vectors(&specular.constant)?, host_values(exponent)?))
-            }
-            None => None,
-        };
         Ok(Self {
-            diffuse: host_vectors(&materials.diffuse.constant)?,
-            specular,
-            emission: host_vectors(&materials.emission)?,
-            sky,
-            moves: triangles.velocity.is_some(),
-            // The exponent turns the directions that are drawn from a lobe.
+            host: Host::new(scene)?,
+            // Normals and the exponent turn the directions that are drawn.
             rays: parts.iter().any(|p| {
-                let turns = [Part::Corners, Part::Velocity, Part::Camera, Part::Exponent];
-                turns.contains(p)
+                use Part::{Camera, Corners, Exponent, Normals, Velocity};
+                [Corners, Velocity, Camera, Exponent, Normals].contains(p)
             }),
             parent: (!list.is_empty()).then(|| Tensor::cat(list, 0)),
             parts,
@@ -160,14 +218,23 @@ impl Tables {
     /// Sums of derivatives, all 0.
     pub(crate) fn sums(&self) -> Sums {
         let triangles = if self.rays { self.triangles } else { 0 };
-        let materials = self.diffuse.len();
+        let host = &self.host;
+        let materials = host.emission.len();
+        let atlas = |a: &HostAlbedos| vec![DVec3::ZERO; a.atlas.len()];
         Sums {
             corners: vec![[DVec3::ZERO; 3]; triangles],
             normal: vec![DVec3::ZERO; triangles],
             area: vec![0.0; triangles],
-            velocity: vec![DVec3::ZERO; if self.moves { triangles } else { 0 }],
+            velocity: vec![DVec3::ZERO; if host.moves { triangles } else { 0 }],
+            uvs: vec![[DVec2::ZERO; 3]; host.uvs.as_ref().map_or(0, Vec::len)],
+            normals: vec![[DVec3::ZERO; 3]; host.normals.as_ref().map_or(0, |n| n.0.len())],
             diffuse: vec![DVec3::ZERO; materials],
+            diffuse_texels: atlas(&host.diffuse),
             specular: vec![DVec3::ZERO; materials],
+            specular_texels: host
+                .specular
+                .as_ref()
+                .map_or_else(Vec::new, |s| atlas(&s.0)),
             exponent: vec![0.0; materials],
             emission: vec![DVec3::ZERO; materials],
             sky: DVec3::ZERO,
@@ -177,7 +244,10 @@ impl Tables {
 
     /// How many numbers the sums have.
     pub(crate) fn size(&self) -> usize {
-        16 * self.triangles + 10 * self.diffuse.len() + 18
+        let host = &self.host;
+        let texels = host.specular.as_ref().map_or(0, |s| s.0.atlas.len());
+        let texels = texels + host.diffuse.atlas.len();
+        31 * self.triangles + 10 * host.emission.len() + 3 * texels + 18
     }
 
     /// The derivatives by the table, from sums whose normals and areas were resolved.
@@ -190,8 +260,15 @@ impl Tables {
             match part {
                 Part::Corners => sums.corners.iter().for_each(|c| vectors(&mut all, c)),
                 Part::Velocity => vectors(&mut all, &sums.velocity),
+                Part::Uvs => {
+                    let corners = sums.uvs.iter().flatten();
+                    all.extend(corners.flat_map(|v| v.to_array()));
+                }
+                Part::Normals => sums.normals.iter().for_each(|c| vectors(&mut all, c)),
                 Part::Diffuse => vectors(&mut all, &sums.diffuse),
+                Part::DiffuseTexels => vectors(&mut all, &sums.diffuse_texels),
                 Part::Specular => vectors(&mut all, &sums.specular),
+                Part::SpecularTexels => vectors(&mut all, &sums.specular_texels),
                 Part::Exponent => all.extend(&sums.exponent),
                 Part::Emission => vectors(&mut all, &sums.emission),
                 Part::Sky => vectors(&mut all, &[sums.sky]),
@@ -215,8 +292,12 @@ pub(crate) struct Sums {
     pub normal: Vec<DVec3>,
     pub area: Vec<f64>,
     pub velocity: Vec<DVec3>,
+    pub uvs: Vec<[DVec2; 3]>,
+    pub normals: Vec<[DVec3; 3]>,
     pub diffuse: Vec<DVec3>,
+    pub diffuse_texels: Vec<DVec3>,
     pub specular: Vec<DVec3>,
+    pub specular_texels: Vec<DVec3>,
     pub exponent: Vec<f64>,
     pub emission: Vec<DVec3>,
     pub sky: DVec3,
@@ -245,8 +326,16 @@ impl Sums {
         each(&mut self.normal, &o.normal);
         each(&mut self.area, &o.area);
         each(&mut self.velocity, &o.velocity);
+        for (a, b) in self.uvs.iter_mut().zip(&o.uvs) {
+            each(a, b);
+        }
+        for (a, b) in self.normals.iter_mut().zip(&o.normals) {
+            each(a, b);
+        }
         each(&mut self.diffuse, &o.diffuse);
+        each(&mut self.diffuse_texels, &o.diffuse_texels);
         each(&mut self.specular, &o.specular);
+        each(&mut self.specular_texels, &o.specular_texels);
         each(&mut self.exponent, &o.exponent);
         each(&mut self.emission, &o.emission);
         self.sky += o.sky;

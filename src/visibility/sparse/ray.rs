@@ -207,7 +207,7 @@ impl<'a> Finder<'a> {
                 let mut slope = decay / (one_plus * one_plus);
                 let mut p = edge;
                 // ∂log p/∂logit is 1 − p. Only the softmax asks for it.
-                let mut log_p = if logs && decay > 0.0 {
+                let mut log_p = if logs {
                     logit.min(0.0) - one_plus.ln()
                 } else {
                     0.0
