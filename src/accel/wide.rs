@@ -232,7 +232,7 @@ impl Wide {
             from: (from - skipped) as f32,
         };
         let mut offered = 0;
-        let mut stack = [(1u32, 0f32); 64];
+        let mut stack = [(1u32, 0f32); 32];
         let mut spilled: Vec<(u32, f32)> = Vec::new();
         let mut len = usize::from(!self.nodes.is_empty());
         // Without boxes leaf after leaf.

@@ -1,5 +1,10 @@
 //! The one place that draws random numbers.
 
+use std::sync::OnceLock;
+
+use sobol_burley::NUM_DIMENSION_SETS_4D;
+use sobol_burley::parts::{Int4, owen_scramble_int4_rev, owen_scramble_rev, sobol_int4_rev};
+
 use super::Sequence;
 
 /// What a random number is for.
@@ -124,8 +129,7 @@ impl Sampler {
     ) -> [Vec<f64>; N] {
         let mut found = [(); N].map(|()| Vec::with_capacity(paths.len()));
         for &path in paths {
-            let (index, block) = self.place(path);
-            let four = self.four(index, block, set);
+            let four = self.numbers(path).four(set);
             for (values, &p) in found.iter_mut().zip(&places) {
                 values.push(f64::from(four[p]));
             }
@@ -133,33 +137,39 @@ impl Sampler {
         found
     }
 
-    /// Where a path stands in the sequence of its block, and the block.
-    fn place(&self, (pixel, sample): (u32, u32)) -> (u32, (u64, u32)) {
+    /// The numbers of one path.
+    pub(crate) fn numbers(&self, path: (u32, u32)) -> Numbers<'_> {
+        let (pixel, sample) = path;
         let place = morton(pixel % self.width, pixel / self.width);
         let run = place & ((1 << self.pixels) - 1);
         let index = (run << self.samples) as u32 | (sample & ((1 << self.samples) - 1));
-        (index, (place >> self.pixels, sample >> self.samples))
-    }
-
-    /// A set of four dimensions of the sequence of a block.
-    fn four(&self, index: u32, block: (u64, u32), set: u32) -> [f32; 4] {
-        let round = u64::from(set / sobol_burley::NUM_DIMENSION_SETS_4D);
-        let set = set % sobol_burley::NUM_DIMENSION_SETS_4D;
-        let stage = mix(self.seed ^ (round << 32));
-        let scramble = (mix(mix(stage ^ block.0) ^ u64::from(block.1)) >> 32) as u32;
-        sobol_burley::sample_4d(index, set, scramble)
-    }
-
-    /// The numbers of one path.
-    pub(crate) fn numbers(&self, path: (u32, u32)) -> Numbers<'_> {
-        let (index, block) = self.place(path);
-        Numbers {
+        let block = mix(self.seed ^ (place >> self.pixels)) ^ u64::from(sample >> self.samples);
+        let mut numbers = Numbers {
             sampler: self,
             path,
             index,
             block,
-        }
+            shuffled: 0,
+            stage: 0,
+        };
+        (numbers.shuffled, numbers.stage) = numbers.round(0);
+        numbers
     }
+}
+
+/// Points of the Sobol sequence by four bits of the index at a time, for each set of four dimensions:
+/// a point is the sum, without carry, of those of the parts of its index.
+type Points = Vec<[[Int4; 16]; 4]>;
+
+fn points() -> &'static Points {
+    static POINTS: OnceLock<Points> = OnceLock::new();
+    POINTS.get_or_init(|| {
+        let of_bits = |set, part: u32, bits: u32| sobol_int4_rev(bits << (28 - 4 * part), set);
+        let of_set = |set| {
+            [0, 1, 2, 3].map(|part| std::array::from_fn(|bits| of_bits(set, part, bits as u32)))
+        };
+        (0..NUM_DIMENSION_SETS_4D).map(of_set).collect()
+    })
 }
 
 /// The random numbers of one path: those of [`Sampler::uniform`], set by set.
@@ -169,7 +179,11 @@ pub(crate) struct Numbers<'a> {
     path: (u32, u32),
     /// In the sequence of the path's block.
     index: u32,
-    block: (u64, u32),
+    block: u64,
+    /// The index shuffled, its bits reversed, and what scrambles are made from, in the first round
+    /// through the dimensions.
+    shuffled: u32,
+    stage: u64,
 }
 
 impl Numbers<'_> {
@@ -220,6 +234,32 @@ impl Numbers<'_> {
         u
     }
 
+    fn round(&self, round: u64) -> (u32, u64) {
+        let stage = mix(self.block ^ (round << 32));
+        (
+            owen_scramble_rev(self.index.reverse_bits(), stage as u32),
+            stage,
+        )
+    }
+
+    /// A set of four dimensions of the sequence of the path's block: Burley's shuffled and scrambled
+    /// points. After 256 dimensions come other scrambles.
+    #[inline]
+    fn four(&self, set: u32) -> [f32; 4] {
+        let (shuffled, stage) = match set / NUM_DIMENSION_SETS_4D {
+            0 => (self.shuffled, self.stage),
+            round => self.round(u64::from(round)),
+        };
+        let table = &points()[(set % NUM_DIMENSION_SETS_4D) as usize];
+        let part = |i: usize| table[i][(shuffled >> (28 - 4 * i)) as usize % 16];
+        let point = part(0) ^ part(1) ^ part(2) ^ part(3);
+        let a = mix(stage ^ u64::from(set + 1));
+        let b = mix(a);
+        let scramble = [a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32];
+        let point = owen_scramble_int4_rev(point, scramble.into());
+        point.reverse_bits().to_f32_norm()
+    }
+
     /// Numbers of one set of four dimensions, or independent ones.
     #[inline]
     fn some<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f64; N] {
@@ -227,7 +267,7 @@ impl Numbers<'_> {
         let places = dimensions.map(|(d, bounce)| d.of_sequence(bounce));
         match (sampler.sequence, places[0]) {
             (Sequence::Sobol, Some(first)) => {
-                let four = sampler.four(self.index, self.block, first / 4);
+                let four = self.four(first / 4);
                 places.map(|d| d.map_or(0.0, |d| f64::from(four[d as usize % 4])))
             }
             _ => dimensions.map(|(d, bounce)| {
