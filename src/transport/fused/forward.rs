@@ -206,6 +206,7 @@ struct Path<'a> {
 
 impl Fused {
     /// The sum over a pixel's samples. With `keep` all that they met stays in `work`.
+    #[inline(always)]
     pub(super) fn pixel(
         &self,
         finders: &Finders,
@@ -234,6 +235,7 @@ impl Fused {
     }
 
     /// One camera ray and its paths; returns what it sees of emitters and environment.
+    #[inline(always)]
     fn sample(&self, finders: &Finders, path: (u32, u32), slot: usize, work: &mut Work) -> Pixel {
         let numbers = self.sampler.numbers(path);
         let mut camera = self.camera_ray(&numbers, path.0);
@@ -286,6 +288,7 @@ impl Fused {
         self.scene.materials.reflects[material as usize]
     }
 
+    #[inline(always)]
     fn camera_ray(&self, numbers: &Numbers, pixel: u32) -> CameraRay {
         let c = &self.camera;
         let [width, height] = self.size;
@@ -331,6 +334,7 @@ impl Fused {
     }
 
     /// A camera or bounce ray with its surfaces.
+    #[inline(always)]
     fn weigh(
         &self,
         finders: &Finders,
@@ -370,6 +374,7 @@ impl Fused {
     }
 
     /// Emission on fronts and environment, weighted, and what else a camera ray sees.
+    #[inline(always)]
     fn seen(&self, ray: &Ray, work: &mut Work) -> Pixel {
         let sky = self.tables.host.sky.unwrap_or(DVec3::ZERO);
         let mut seen = Pixel {
@@ -419,6 +424,7 @@ impl Fused {
     }
 
     /// One surface, drawn with its weight.
+    #[inline(always)]
     fn draw(&self, ray: &Ray, random: f64, work: &mut Work) -> Option<usize> {
         if ray.surfaces.len() == 1 && ray.background <= 0.0 {
             return Some(ray.surfaces.start);
@@ -435,6 +441,7 @@ impl Fused {
     }
 
     /// Several surfaces, each with its weight over its probability.
+    #[inline(always)]
     fn split(
         &self,
         ray: &Ray,
@@ -463,6 +470,7 @@ impl Fused {
     }
 
     /// Follows a path from a surface of a camera ray on.
+    #[inline(always)]
     fn walk(
         &self,
         finders: &Finders,
@@ -572,6 +580,7 @@ impl Fused {
     }
 
     /// The point of a drawn surface.
+    #[inline(always)]
     fn hit(&self, s: &Surface, origin: DVec3, direction: DVec3) -> Hit {
         let triangle = &self.hierarchy.triangles[s.triangle as usize];
         let material = self.scene.topology.material[s.triangle as usize];
@@ -616,6 +625,7 @@ impl Fused {
 
     /// Light from one point of one emitter, and from those that lie in the direction in which the path
     /// goes on.
+    #[inline(always)]
     fn connect(
         &self,
         finders: &Finders,
@@ -684,6 +694,7 @@ impl Fused {
 
     /// Light from a point of an emitter over its density. `combined` says by which of two strategies
     /// it was found, if there are two.
+    #[inline(always)]
     fn arriving(
         &self,
         finders: &Finders,

@@ -134,12 +134,16 @@ impl Fused {
     ) -> (Vec<Pixel>, Vec<f64>, Census) {
         let finders = self.finders();
         let mut work = Work::new(self.settings.bounces);
+        let arch = pulp::Arch::new();
         let mut sums = Vec::with_capacity(pixels.len());
         let mut weights = Vec::new();
         for &pixel in pixels {
             work.clear();
             work.objects = objects.map(|n| vec![0.0; n + 1]);
-            sums.push(self.pixel(&finders, pixel, samples, false, &mut work));
+            sums.push(arch.dispatch(
+                #[inline(always)]
+                || self.pixel(&finders, pixel, samples, false, &mut work),
+            ));
             weights.extend(work.objects.take().into_iter().flatten());
         }
         // Up to the last bounce that a path reached.
@@ -157,13 +161,17 @@ impl Fused {
         work: &mut Work,
         sums: &mut Sums,
     ) {
+        let arch = pulp::Arch::new();
         let finders = self.finders();
         for (pixel, upstream) in pixels {
             if *upstream == Pixel::default() {
                 continue;
             }
             work.clear();
-            self.pixel(&finders, *pixel, samples, true, work);
+            arch.dispatch(
+                #[inline(always)]
+                || self.pixel(&finders, *pixel, samples, true, work),
+            );
             self.pull_pixel(upstream, work, sums);
         }
     }
