@@ -12,7 +12,7 @@ use super::replay::{Retrace, replay};
 use super::{Found, Image, RenderOptions, Renderer, Tile, is_cpu, tiles, with_gradient};
 use crate::error::Result;
 use crate::scene::{Camera, Flattened, Scene};
-use crate::transport::{Census, Fused, FusedParts, Lights, Pixel, Work};
+use crate::transport::{Census, Fused, FusedParts, Lights, Pixel, TileLog, Work};
 use crate::visibility::Sparse;
 
 /// Camera rays of a tile.
@@ -20,6 +20,10 @@ const RAYS: usize = 1 << 13;
 
 /// Numbers in the sums of derivatives of all lanes together.
 const LANE_NUMBERS: usize = 1 << 24;
+
+/// What the logs of all tiles may take: about 25 bytes a path of three surfaces on simple scenes. Tiles
+/// past it look for what their rays meet again in the backward pass.
+const LOG_BYTES: usize = 1 << 26;
 
 /// Whether fused kernels know all that is asked for.
 pub(super) fn can_render(scene: &Flattened, options: &RenderOptions) -> bool {
@@ -64,9 +68,15 @@ pub(super) fn render(
         objects: options.outputs.object_ids.then(|| renderer.objects()),
         unit: flattened.unit,
     };
+    let logged = AtomicUsize::new(0);
     let of_tile = |tile: &Tile| {
         let pixels = &pixels[tile.first..tile.first + tile.pixels];
-        let found = fused.render(pixels, (tile.from, tile.to), rows.objects);
+        let log = parent.is_some() && logged.load(Ordering::Relaxed) < LOG_BYTES;
+        let mut found = fused.render(pixels, (tile.from, tile.to), rows.objects, log);
+        let size = found.log.as_ref().map_or(0, TileLog::size);
+        if size > 0 && logged.fetch_add(size, Ordering::Relaxed) + size > LOG_BYTES {
+            found.log = None;
+        }
         let n = done.fetch_add(1, Ordering::Relaxed) + 1;
         if let Some(progress) = &options.progress {
             progress(n, tiles.len());
@@ -78,9 +88,12 @@ pub(super) fn render(
     let count = pixels.len();
     let mut planes = vec![0.0; rows.count() * count];
     let mut census = Census::default();
-    for (tile, (sums, weights, of_tile)) in tiles.iter().zip(found) {
-        census.merge(&of_tile);
-        let mut weights = weights.chunks(rows.objects.map_or(1, |n| n + 1));
+    let mut logs = Vec::with_capacity(tiles.len());
+    for (tile, of_tile) in tiles.iter().zip(found) {
+        let sums = of_tile.sums;
+        census.merge(&of_tile.census);
+        logs.push(of_tile.log.map(Arc::new));
+        let mut weights = of_tile.objects.chunks(rows.objects.map_or(1, |n| n + 1));
         for (i, sum) in sums.iter().enumerate() {
             let weights = weights.next().unwrap_or_default();
             for (row, value) in rows.of(sum).chain(weights.iter().copied()).enumerate() {
@@ -92,7 +105,7 @@ pub(super) fn render(
     let mean = match parent {
         Some(parent) => {
             let retrace = Retrace(Arc::new(move |upstream| {
-                gradient(&fused, &pixels, &tiles, &rows, per_sample, &upstream)
+                gradient(&fused, &pixels, &tiles, &logs, &rows, per_sample, &upstream)
             }));
             replay(parent, mean, retrace)
         }
@@ -159,6 +172,7 @@ fn gradient(
     fused: &Fused,
     pixels: &[u32],
     tiles: &[Tile],
+    logs: &[Option<Arc<TileLog>>],
     rows: &Rows,
     per_sample: f64,
     upstream: &TensorData,
@@ -169,19 +183,24 @@ fn gradient(
     // Tiles in lanes that have their sums to themselves: as many whatever the machine, so that sums
     // come out the same.
     let lanes = (LANE_NUMBERS / fused.tables().size()).clamp(4, 64);
-    let per_lane = tiles.len().div_ceil(lanes);
-    let of_lane = |lane: &[Tile]| {
+    let per_lane = tiles.len().div_ceil(lanes).max(1);
+    let of_lane = |(lane, logs): (&[Tile], &[Option<Arc<TileLog>>])| {
         let mut sums = fused.tables().sums();
         let mut work = Work::new(fused.bounces());
-        for tile in lane {
+        for (tile, log) in lane.iter().zip(logs) {
             let of_tile =
                 (tile.first..tile.first + tile.pixels).map(|i| (pixels[i], upstream_of(i)));
             let of_tile: Vec<_> = of_tile.collect();
-            fused.pull(&of_tile, (tile.from, tile.to), &mut work, &mut sums);
+            let samples = (tile.from, tile.to);
+            fused.pull(&of_tile, samples, log.clone(), &mut work, &mut sums);
         }
         sums
     };
-    let sums: Vec<_> = tiles.par_chunks(per_lane.max(1)).map(of_lane).collect();
+    let sums: Vec<_> = tiles
+        .par_chunks(per_lane)
+        .zip(logs.par_chunks(per_lane))
+        .map(of_lane)
+        .collect();
     let mut all = fused.tables().sums();
     sums.iter().for_each(|s| all.add(s));
     let gradient = fused.resolve(all);

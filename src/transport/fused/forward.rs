@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -12,7 +13,7 @@ use crate::transport::Census;
 use crate::transport::SurfaceSampling;
 use crate::transport::sampler::Numbers;
 use crate::transport::tracer::SPLIT;
-use crate::visibility::{HostRay, PullScratch, Surface};
+use crate::visibility::{Finder, HostRay, PullScratch, Surface};
 
 /// A ray whose surfaces were weighed.
 #[derive(Clone, Debug)]
@@ -117,6 +118,71 @@ pub(super) struct Connection {
     pub area: f64,
 }
 
+/// The triangles that the rays of a tile found, ray by ray in the order in which they are traced: how
+/// many, and which. With it paths are traced again without looking for them.
+#[derive(Default)]
+pub(crate) struct TileLog {
+    found: Vec<u32>,
+    /// Where each pixel begins.
+    pixels: Vec<usize>,
+}
+
+impl TileLog {
+    /// In bytes.
+    pub(crate) fn size(&self) -> usize {
+        4 * self.found.len() + 8 * self.pixels.len()
+    }
+}
+
+/// What is done with such a log.
+#[derive(Default)]
+pub(crate) enum Log {
+    #[default]
+    None,
+    Write(TileLog),
+    /// The log, and what is next in it.
+    Read(Arc<TileLog>, usize),
+}
+
+impl Log {
+    /// Goes to a pixel of the tile.
+    pub(super) fn begin_pixel(&mut self, pixel: usize) {
+        match self {
+            Self::None => {}
+            Self::Write(log) => log.pixels.push(log.found.len()),
+            Self::Read(log, next) => *next = log.pixels[pixel],
+        }
+    }
+
+    /// The surfaces that a ray meets, added to others.
+    #[inline]
+    fn meet(
+        &mut self,
+        finder: &Finder,
+        ray: &HostRay,
+        depth: f64,
+        surfaces: &mut Vec<Surface>,
+    ) -> u32 {
+        match self {
+            Self::Read(log, next) => {
+                let first = *next + 1;
+                *next = first + log.found[*next] as usize;
+                finder.meet_known(ray, depth, &log.found[first..*next], surfaces);
+                0
+            }
+            Self::None => finder.meet(ray, depth, surfaces),
+            Self::Write(log) => {
+                let first = surfaces.len();
+                let offered = finder.meet(ray, depth, surfaces);
+                log.found.push((surfaces.len() - first) as u32);
+                log.found
+                    .extend(surfaces[first..].iter().map(|s| s.triangle));
+                offered
+            }
+        }
+    }
+}
+
 /// Room for the paths of a pixel, and what rays met.
 pub(crate) struct Work {
     pub(super) bounces: usize,
@@ -135,6 +201,7 @@ pub(crate) struct Work {
     pub(super) objects: Option<Vec<f64>>,
     pub(super) values: Vec<f64>,
     pub(super) scratch: PullScratch,
+    pub(super) log: Log,
     /// Whether all that going back needs is kept.
     keep: bool,
     passing: Vec<f64>,
@@ -163,6 +230,7 @@ impl Work {
             objects: None,
             values: Vec::new(),
             scratch: PullScratch::default(),
+            log: Log::None,
             keep: true,
             passing: Vec::new(),
             order: Vec::new(),
@@ -354,7 +422,9 @@ impl Fused {
             distance: None,
         };
         let first = work.surfaces.len();
-        let offered = finders.rays.meet(&ray, depth, &mut work.surfaces);
+        let offered = work
+            .log
+            .meet(&finders.rays, &ray, depth, &mut work.surfaces);
         let background = finders.rays.weigh(far, depth, &mut work.surfaces, first);
         let census = &mut work.census;
         census.rays += 1;
@@ -719,7 +789,9 @@ impl Fused {
             distance: Some(way.distance),
         };
         let first = work.shadows.len();
-        let offered = finders.shadows.meet(&ray, 0.0, &mut work.shadows);
+        let offered = work
+            .log
+            .meet(&finders.shadows, &ray, 0.0, &mut work.shadows);
         work.census.tested += u64::from(offered);
         work.census.rays += 1;
         let passed = finders

@@ -21,7 +21,7 @@ use crate::accel::Hierarchy;
 use crate::error::Result;
 use crate::scene::{Camera, Flattened, SkyTensors};
 use crate::visibility::Finder;
-pub(crate) use forward::Work;
+pub(crate) use forward::{Log, TileLog, Work};
 pub(crate) use tables::{HostCamera, Sums, Tables};
 
 /// A scene with the settings of a render, on the host.
@@ -131,14 +131,19 @@ impl Fused {
         pixels: &[u32],
         samples: (u32, u32),
         objects: Option<usize>,
-    ) -> (Vec<Pixel>, Vec<f64>, Census) {
+        log: bool,
+    ) -> Rendered {
         let finders = self.finders();
         let mut work = Work::new(self.settings.bounces);
         let arch = pulp::Arch::new();
         let mut sums = Vec::with_capacity(pixels.len());
         let mut weights = Vec::new();
-        for &pixel in pixels {
+        if log {
+            work.log = Log::Write(TileLog::default());
+        }
+        for (i, &pixel) in pixels.iter().enumerate() {
             work.clear();
+            work.log.begin_pixel(i);
             work.objects = objects.map(|n| vec![0.0; n + 1]);
             sums.push(arch.dispatch(
                 #[inline(always)]
@@ -150,24 +155,36 @@ impl Fused {
         let bounces = &mut work.census.bounces;
         let reached = bounces.iter().rposition(|&b| b > 0);
         bounces.truncate(reached.map_or(0, |r| r + 1));
-        (sums, weights, work.census)
+        Rendered {
+            sums,
+            objects: weights,
+            census: work.census,
+            log: match work.log {
+                Log::Write(log) => Some(log),
+                _ => None,
+            },
+        }
     }
 
-    /// Adds derivatives of the sums of some pixels, each times what comes from above.
+    /// Adds derivatives of the sums of the pixels of a tile, each times what comes from above. With
+    /// the tile's log nothing is looked for again.
     pub(crate) fn pull(
         &self,
         pixels: &[(u32, Pixel)],
         samples: (u32, u32),
+        log: Option<Arc<TileLog>>,
         work: &mut Work,
         sums: &mut Sums,
     ) {
         let arch = pulp::Arch::new();
         let finders = self.finders();
-        for (pixel, upstream) in pixels {
+        work.log = log.map_or(Log::None, |log| Log::Read(log, 0));
+        for (i, (pixel, upstream)) in pixels.iter().enumerate() {
             if *upstream == Pixel::default() {
                 continue;
             }
             work.clear();
+            work.log.begin_pixel(i);
             arch.dispatch(
                 #[inline(always)]
                 || self.pixel(&finders, *pixel, samples, true, work),
@@ -175,6 +192,14 @@ impl Fused {
             self.pull_pixel(upstream, work, sums);
         }
     }
+}
+
+/// A tile: the sums of its pixels, weights of objects, what rays met, and on request what they found.
+pub(crate) struct Rendered {
+    pub sums: Vec<Pixel>,
+    pub objects: Vec<f64>,
+    pub census: Census,
+    pub log: Option<TileLog>,
 }
 
 /// What camera rays bring back.

@@ -72,6 +72,12 @@ pub(crate) struct HostRay {
     pub distance: Option<f64>,
 }
 
+/// How far a ray goes, and from where on the back of the emitter's object counts.
+struct Ends {
+    limit: f64,
+    near_end: Option<f64>,
+}
+
 /// Finds the surfaces that matter to a ray.
 pub(crate) struct Finder<'a> {
     hierarchy: &'a Hierarchy,
@@ -137,11 +143,59 @@ impl<'a> Finder<'a> {
     /// The surfaces that a ray meets, unordered, and how many were asked.
     #[inline]
     pub fn meet(&self, ray: &HostRay, depth: f64, found: &mut Vec<Surface>) -> u32 {
+        let ends = self.ends(ray);
+        let mut limit = ends.limit;
+        self.hierarchy.visit(
+            (ray.origin, ray.direction, ray.time),
+            self.reach.sqrt(),
+            (self.settings.t_min, limit),
+            #[inline(always)]
+            |k| {
+                limit = self.ask(ray, &ends, depth, k, limit, found);
+                limit
+            },
+        )
+    }
+
+    /// The same of triangles that are known to matter, in the order in which they were found.
+    #[inline]
+    pub fn meet_known(&self, ray: &HostRay, depth: f64, known: &[u32], found: &mut Vec<Surface>) {
+        let ends = self.ends(ray);
+        let mut limit = ends.limit;
+        for &k in known {
+            limit = self.ask(ray, &ends, depth, k, limit, found);
+        }
+    }
+
+    #[inline(always)]
+    fn ends(&self, ray: &HostRay) -> Ends {
+        let near_end = ray.distance.map(|d| {
+            let object = &self.topology.object;
+            let same = matches!((ray.departure, ray.emitter), (Some(a), Some(b))
+                if object[a as usize] == object[b as usize]);
+            if same { 0.5 * d } else { 0.0 }
+        });
+        let margin = 1.0 - self.settings.arrival_margin;
+        Ends {
+            limit: ray.distance.map_or(f64::INFINITY, |d| d * margin),
+            near_end,
+        }
+    }
+
+    /// Adds a triangle to those that a ray meets before `limit`, if it does; returns the limit from
+    /// there on.
+    #[inline(always)]
+    fn ask(
+        &self,
+        ray: &HostRay,
+        ends: &Ends,
+        depth: f64,
+        k: u32,
+        mut limit: f64,
+        found: &mut Vec<Surface>,
+    ) -> f64 {
         let Self {
-            hierarchy,
-            topology,
-            settings,
-            ..
+            topology, settings, ..
         } = self;
         let HostRay {
             origin,
@@ -149,126 +203,110 @@ impl<'a> Finder<'a> {
             time,
             departure,
             emitter,
-            distance,
+            ..
         } = *ray;
-        let end = distance.map_or(f64::INFINITY, |d| d * (1.0 - settings.arrival_margin));
-        let near_end = distance.map(|d| {
-            let same = matches!((departure, emitter), (Some(a), Some(b))
-                if topology.object[a as usize] == topology.object[b as usize]);
-            if same { 0.5 * d } else { 0.0 }
-        });
-        let mut limit = end;
+        let near_end = ends.near_end;
         let neighbour = |end: Option<u32>, k: u32| {
             end.is_some_and(|e| topology.neighbours.of(e).binary_search(&k).is_ok())
         };
-        let reach = self.reach.sqrt();
-        let range = (settings.t_min, limit);
         let logs = matches!(self.form, Visibility::Softmax { .. }) && !self.shadow;
-        hierarchy.visit(
-            (origin, direction, time),
-            reach,
-            range,
-            #[inline(always)]
-            |k| {
-                let triangle = &hierarchy.triangles[k as usize];
-                let o = origin - triangle.velocity * time;
-                let range = (settings.t_min, limit);
-                let Some(hit) = triangle.meet(o, direction, self.grazing, range, self.reach) else {
-                    return limit;
-                };
-                if departure == Some(k) || emitter == Some(k) {
-                    return limit;
+        let triangle = &self.hierarchy.triangles[k as usize];
+        let o = origin - triangle.velocity * time;
+        let range = (settings.t_min, limit);
+        let Some(hit) = triangle.meet(o, direction, self.grazing, range, self.reach) else {
+            return limit;
+        };
+        if departure == Some(k) || emitter == Some(k) {
+            return limit;
+        }
+        let at = k as usize;
+        let mut side = topology.visible_side[at] * hit.cosine;
+        if let (Some(e), Some(from)) = (emitter, near_end)
+            && topology.object[e as usize] == topology.object[at]
+            && hit.t >= from
+        {
+            side = -side;
+        }
+        if side < 0.0 {
+            return limit;
+        }
+        let softened = neighbour(departure, k) || neighbour(emitter, k);
+        let sign = if hit.inside { 1.0 } else { -1.0 } / settings.sigma;
+        let logit = hit.squared_distance * sign;
+        if softened && (!hit.inside || logit < f64::EPSILON) {
+            return limit;
+        }
+        // exp(−60) is nothing beside 1.
+        let decay = if logit > 60.0 {
+            0.0
+        } else {
+            (-logit.abs()).exp()
+        };
+        let one_plus = 1.0 + decay;
+        let edge = if hit.inside { 1.0 } else { decay } / one_plus;
+        let mut slope = decay / (one_plus * one_plus);
+        let mut p = edge;
+        // ∂log p/∂logit is 1 − p. Only the softmax asks for it.
+        let mut log_p = if logs {
+            logit.min(0.0) - one_plus.ln()
+        } else {
+            0.0
+        };
+        let mut log_slope = if hit.inside { decay } else { 1.0 } / one_plus;
+        if softened {
+            p = (1.0 - decay) / one_plus;
+            slope *= 2.0;
+            if logs {
+                log_p = (1.0 - decay).ln() - one_plus.ln();
+            }
+            log_slope = 2.0 * decay / (1.0 - decay * decay).max(1e-6);
+        }
+        let (mut slope_t, mut log_slope_t) = (0.0, 0.0);
+        if departure.is_some() && settings.start > 0.0 {
+            let begun = hit.t * hit.t / settings.start;
+            let missing = if begun > 60.0 { 0.0 } else { (-begun).exp() };
+            let (share, by_t) = (1.0 - missing, 2.0 * hit.t / settings.start * missing);
+            if share < 1e-30 {
+                return limit;
+            }
+            slope_t = p * by_t;
+            log_slope_t = by_t / share;
+            if logs && missing > 0.0 {
+                log_p += share.ln();
+            }
+            p *= share;
+            slope *= share;
+        }
+        found.push(Surface {
+            triangle: k,
+            layer: 2 * topology.object[at] + u32::from(hit.cosine >= 0.0),
+            t: hit.t,
+            cosine: hit.cosine,
+            p,
+            slope,
+            slope_t,
+            log: [log_p, log_slope, log_slope_t],
+            sign,
+            hit: hit.hit,
+            border: hit.border,
+            weight: 0.0,
+        });
+        // What lies far enough behind something opaque can't matter.
+        if p > 1.0 - 0.1 * self.cutoff {
+            if self.shadow {
+                // Nothing arrives.
+                limit = f64::NEG_INFINITY;
+                return limit;
+            }
+            let behind = match self.form {
+                Visibility::Layered => 0.0,
+                Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => {
+                    gamma * depth * (10.0 / self.cutoff).ln()
                 }
-                let at = k as usize;
-                let mut side = topology.visible_side[at] * hit.cosine;
-                if let (Some(e), Some(from)) = (emitter, near_end)
-                    && topology.object[e as usize] == topology.object[at]
-                    && hit.t >= from
-                {
-                    side = -side;
-                }
-                if side < 0.0 {
-                    return limit;
-                }
-                let softened = neighbour(departure, k) || neighbour(emitter, k);
-                let sign = if hit.inside { 1.0 } else { -1.0 } / settings.sigma;
-                let logit = hit.squared_distance * sign;
-                if softened && (!hit.inside || logit < f64::EPSILON) {
-                    return limit;
-                }
-                // exp(−60) is nothing beside 1.
-                let decay = if logit > 60.0 {
-                    0.0
-                } else {
-                    (-logit.abs()).exp()
-                };
-                let one_plus = 1.0 + decay;
-                let edge = if hit.inside { 1.0 } else { decay } / one_plus;
-                let mut slope = decay / (one_plus * one_plus);
-                let mut p = edge;
-                // ∂log p/∂logit is 1 − p. Only the softmax asks for it.
-                let mut log_p = if logs {
-                    logit.min(0.0) - one_plus.ln()
-                } else {
-                    0.0
-                };
-                let mut log_slope = if hit.inside { decay } else { 1.0 } / one_plus;
-                if softened {
-                    p = (1.0 - decay) / one_plus;
-                    slope *= 2.0;
-                    if logs {
-                        log_p = (1.0 - decay).ln() - one_plus.ln();
-                    }
-                    log_slope = 2.0 * decay / (1.0 - decay * decay).max(1e-6);
-                }
-                let (mut slope_t, mut log_slope_t) = (0.0, 0.0);
-                if departure.is_some() && settings.start > 0.0 {
-                    let begun = hit.t * hit.t / settings.start;
-                    let missing = if begun > 60.0 { 0.0 } else { (-begun).exp() };
-                    let (share, by_t) = (1.0 - missing, 2.0 * hit.t / settings.start * missing);
-                    if share < 1e-30 {
-                        return limit;
-                    }
-                    slope_t = p * by_t;
-                    log_slope_t = by_t / share;
-                    if logs && missing > 0.0 {
-                        log_p += share.ln();
-                    }
-                    p *= share;
-                    slope *= share;
-                }
-                found.push(Surface {
-                    triangle: k,
-                    layer: 2 * topology.object[at] + u32::from(hit.cosine >= 0.0),
-                    t: hit.t,
-                    cosine: hit.cosine,
-                    p,
-                    slope,
-                    slope_t,
-                    log: [log_p, log_slope, log_slope_t],
-                    sign,
-                    hit: hit.hit,
-                    border: hit.border,
-                    weight: 0.0,
-                });
-                // What lies far enough behind something opaque can't matter.
-                if p > 1.0 - 0.1 * self.cutoff {
-                    if self.shadow {
-                        // Nothing arrives.
-                        limit = f64::NEG_INFINITY;
-                        return limit;
-                    }
-                    let behind = match self.form {
-                        Visibility::Layered => 0.0,
-                        Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => {
-                            gamma * depth * (10.0 / self.cutoff).ln()
-                        }
-                    };
-                    limit = limit.min((hit.t + behind) * (1.0 + 1e-6));
-                }
-                limit
-            },
-        )
+            };
+            limit = limit.min((hit.t + behind) * (1.0 + 1e-6));
+        }
+        limit
     }
 
     /// Sorts the surfaces from `first` on by depth, sets their weights and drops those that are
