@@ -277,7 +277,8 @@ fn boxes_offer_what_distant_rays_meet() {
             let direction = (towards - origin).normalize();
             let meets = |k: u32| {
                 let t = &hierarchy.triangles[k as usize];
-                t.meet(origin, direction, 1e-9, (0.0, f64::INFINITY), 1e-12)
+                let reach = (1e-12, f64::INFINITY);
+                t.meet(origin, direction, 1e-9, (0.0, f64::INFINITY), reach)
                     .is_some()
             };
             let mut offered = Vec::new();

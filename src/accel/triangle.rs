@@ -12,6 +12,8 @@ pub struct HostTriangle {
     base: f64,
     apex_u: f64,
     apex_v: f64,
+    /// Lines of the borders b → c and c → a (`borders`).
+    lines: ([f64; 3], [f64; 2]),
     /// Inverse squared lengths of the edges a → b, b → c and c → a, and of apex_v.
     inverse: [f64; 4],
     /// Displacement over the shutter.
@@ -57,6 +59,7 @@ impl HostTriangle {
             base,
             apex_u,
             apex_v,
+            lines: borders(base, apex_u, apex_v),
             inverse: [
                 base.powi(-2),
                 (fu * fu + apex_v * apex_v).recip(),
@@ -76,15 +79,12 @@ impl HostTriangle {
     /// In its frame, the distance from the line b → c is x·q + y·r + s, and that from c → a x·q + y·r,
     /// both positive inside.
     pub(super) fn borders(&self) -> ([f64; 3], [f64; 2]) {
-        let (fu, fv) = (self.apex_u - self.base, self.apex_v);
-        let length = fu.hypot(fv);
-        let bc = [-fv / length, fu / length, fv * self.base / length];
-        let length = self.apex_u.hypot(self.apex_v);
-        (bc, [self.apex_v / length, -self.apex_u / length])
+        self.lines
     }
 
     /// None where the ray is too parallel, the hit lies outside of (t_min, t_max), or further from
-    /// the triangle than the root of `reach`.
+    /// the triangle than the root of `reach`. Of hits further inside than `deep` the nearest point of
+    /// the border is not told: a corner in its place.
     #[inline(always)]
     pub fn meet(
         &self,
@@ -92,7 +92,7 @@ impl HostTriangle {
         direction: DVec3,
         grazing: f64,
         range: (f64, f64),
-        reach: f64,
+        (reach, deep): (f64, f64),
     ) -> Option<PlaneHit> {
         let cosine = self.normal.dot(direction);
         if cosine.abs() <= grazing || !self.valid {
@@ -106,8 +106,23 @@ impl HostTriangle {
         let at = from_a + direction * t;
         let (x, y) = (self.u.dot(at), self.v.dot(at));
         let (base, au, av) = (self.base, self.apex_u, self.apex_v);
-        // The nearest points of the three edges: a → b, c → b, a → c.
         let [by_ab, by_bc, by_ac, by_apex] = self.inverse;
+        let c = y * by_apex;
+        let b = (x - c * au) * base * by_ab;
+        let hit = [1.0 - b - c, b, c];
+        let ([q, r, s], [v, w]) = self.lines;
+        let least = y.min(x * q + y * r + s).min(x * v + y * w);
+        if least > deep {
+            return Some(PlaneHit {
+                t,
+                cosine,
+                squared_distance: least * least,
+                inside: true,
+                hit,
+                border: [1.0, 0.0, 0.0],
+            });
+        }
+        // The nearest points of the three edges: a → b, c → b, a → c.
         let s_ab = (x * base * by_ab).clamp(0.0, 1.0);
         let d_ab = (x - s_ab * base).powi(2) + y * y;
         let fu = au - base;
@@ -126,14 +141,12 @@ impl HostTriangle {
         if !inside && squared_distance > reach {
             return None;
         }
-        let c = y * by_apex;
-        let b = (x - c * au) * base * by_ab;
         Some(PlaneHit {
             t,
             cosine,
             squared_distance,
             inside,
-            hit: [1.0 - b - c, b, c],
+            hit,
             border,
         })
     }
@@ -165,4 +178,13 @@ impl HostTriangle {
         let [a, b, c] = self.corners;
         a * weights[0] + b * weights[1] + c * weights[2]
     }
+}
+
+/// The lines of the borders b → c and c → a in a triangle's frame.
+fn borders(base: f64, apex_u: f64, apex_v: f64) -> ([f64; 3], [f64; 2]) {
+    let fu = apex_u - base;
+    let length = fu.hypot(apex_v);
+    let bc = [-apex_v / length, fu / length, apex_v * base / length];
+    let length = apex_u.hypot(apex_v);
+    (bc, [apex_v / length, -apex_u / length])
 }

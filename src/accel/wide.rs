@@ -228,7 +228,7 @@ impl Wide {
             time: time as f32,
             grown: (reach + 1e-6 * self.extent) as f32,
             reach: reach as f32,
-            rounding: (2e-6 * (self.extent + from_near.length())) as f32,
+            rounding: (2e-6 * (self.extent + from_near.abs().element_sum())) as f32,
             from: (from - skipped) as f32,
         };
         let mut offered = 0;
@@ -302,7 +302,7 @@ fn safe_inverse(d: f64) -> f32 {
     } else {
         d
     };
-    d.recip() as f32
+    1.0 / d as f32
 }
 
 /// Triangles under each node.

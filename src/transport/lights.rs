@@ -239,7 +239,7 @@ impl Lights {
         for (k, t) in self.triangles.iter().enumerate() {
             let origin = position - t.velocity * time;
             let range = (t_min, f64::INFINITY);
-            if let Some(hit) = t.meet(origin, direction, grazing, range, 0.0)
+            if let Some(hit) = t.meet(origin, direction, grazing, range, (0.0, f64::INFINITY))
                 && hit.cosine < 0.0
             {
                 found(k, hit.hit[1], hit.hit[2]);

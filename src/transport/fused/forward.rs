@@ -383,7 +383,7 @@ impl Fused {
         CameraRay {
             ray: Ray {
                 origin,
-                direction: along / length,
+                direction: along * length.recip(),
                 surfaces: 0..0,
                 background: 1.0,
                 depth: 1.0,
@@ -751,7 +751,7 @@ impl Fused {
         let held = squared < least;
         let squared = squared.max(least);
         let distance = squared.sqrt();
-        let direction = to / distance;
+        let direction = to * distance.recip();
         Connection {
             direction,
             squared,

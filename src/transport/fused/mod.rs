@@ -20,7 +20,7 @@ use super::{Census, Lights, PathSettings, Sampler};
 use crate::accel::Hierarchy;
 use crate::error::Result;
 use crate::scene::{Camera, Flattened, SkyTensors};
-use crate::visibility::Finder;
+use crate::visibility::{Finder, Visibility};
 pub(crate) use forward::{Log, TileLog, Work};
 pub(crate) use tables::{HostCamera, Sums, Tables};
 
@@ -118,8 +118,11 @@ impl Fused {
         }
     }
 
-    /// near and far of a ray from a point (Eq. 3).
+    /// near and far of a ray from a point (Eq. 3), where the form asks for them.
     fn depth_range(&self, origin: DVec3) -> (f64, f64) {
+        if matches!(self.settings.visibility, Visibility::Layered) {
+            return (0.0, 1.0);
+        }
         let (distance, radius) = (origin.length(), self.scene.radius());
         ((distance - radius).max(0.0), distance + radius)
     }

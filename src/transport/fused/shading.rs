@@ -1,6 +1,6 @@
 //! Lambert plus normalised Phong at one point, and derivatives: `transport/bsdf.rs` by hand.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_1_PI, TAU};
 
 use glam::DVec3;
 
@@ -71,7 +71,7 @@ impl Shade {
         if cosine == 0.0 {
             return DVec3::ZERO;
         }
-        let mut f = self.diffuse / PI;
+        let mut f = self.diffuse * FRAC_1_PI;
         if let Some((specular, exponent)) = self.specular {
             let lobe = phong(exponent, self.mirror().dot(outgoing));
             f += specular * (lobe * (exponent + 2.0) / TAU);
@@ -85,8 +85,8 @@ impl Shade {
         if cosine == 0.0 {
             return DVec3::ZERO;
         }
-        sums.diffuse += g * (cosine / PI);
-        let mut by_cosine = g.dot(self.diffuse) / PI;
+        sums.diffuse += g * (cosine * FRAC_1_PI);
+        let mut by_cosine = g.dot(self.diffuse) * FRAC_1_PI;
         let mut by_outgoing = DVec3::ZERO;
         if let Some((specular, exponent)) = self.specular {
             let mirror = self.mirror();
@@ -128,7 +128,7 @@ impl Shade {
 
     /// The density per solid angle with which `sample` draws a direction.
     pub fn density(&self, outgoing: DVec3) -> f64 {
-        let cosine = self.normal.dot(outgoing).max(0.0) / PI;
+        let cosine = self.normal.dot(outgoing).max(0.0) * FRAC_1_PI;
         let Some((_, exponent)) = self.specular else {
             return cosine;
         };
@@ -200,7 +200,7 @@ impl Shade {
                     let by_density = -g.dot(s.weight) / density;
                     let gloss = self.share_of_gloss();
                     if self.normal.dot(direction) > 0.0 {
-                        let by_cosine = by_density * (1.0 - gloss) / PI;
+                        let by_cosine = by_density * (1.0 - gloss) * FRAC_1_PI;
                         sums.normal += direction * by_cosine;
                         by_direction += self.normal * by_cosine;
                     }

@@ -72,6 +72,9 @@ pub(crate) struct HostRay {
     pub distance: Option<f64>,
 }
 
+/// exp(−60) is nothing beside 1.
+const DEEP: f64 = 60.0;
+
 /// How far a ray goes, and from where on the back of the emitter's object counts.
 struct Ends {
     limit: f64,
@@ -87,8 +90,11 @@ pub(crate) struct Finder<'a> {
     /// Shadow rays pass by products and layers: hard whatever the form.
     shadow: bool,
     grazing: f64,
-    /// The squared distance from a triangle up to which it matters.
+    /// The squared distance from a triangle up to which it matters, and its root.
     reach: f64,
+    root: f64,
+    /// How far inside a hit is as good as opaque, whatever its distance to the border.
+    deep: f64,
     /// Triangles of smaller opacity, and what lies behind more than 1 − cutoff, are left out.
     cutoff: f64,
     /// Layers with less room than this are full.
@@ -126,6 +132,8 @@ impl<'a> Finder<'a> {
             shadow: false,
             grazing: grazing(context.dtype),
             reach: settings.sigma * nats,
+            root: (settings.sigma * nats).sqrt(),
+            deep: (DEEP * settings.sigma).sqrt(),
             cutoff,
             full: full_room(context.epsilon(), settings.sigma),
         }
@@ -133,9 +141,11 @@ impl<'a> Finder<'a> {
 
     /// For shadow rays.
     pub fn of_shadows(self) -> Self {
+        let reach = self.settings.sigma * (1.0 / self.cutoff).ln();
         Self {
             shadow: true,
-            reach: self.settings.sigma * (1.0 / self.cutoff).ln(),
+            reach,
+            root: reach.sqrt(),
             ..self
         }
     }
@@ -147,7 +157,7 @@ impl<'a> Finder<'a> {
         let mut limit = ends.limit;
         self.hierarchy.visit(
             (ray.origin, ray.direction, ray.time),
-            self.reach.sqrt(),
+            self.root,
             (self.settings.t_min, limit),
             #[inline(always)]
             |k| {
@@ -213,7 +223,8 @@ impl<'a> Finder<'a> {
         let triangle = &self.hierarchy.triangles[k as usize];
         let o = origin - triangle.velocity * time;
         let range = (settings.t_min, limit);
-        let Some(hit) = triangle.meet(o, direction, self.grazing, range, self.reach) else {
+        let Some(hit) = triangle.meet(o, direction, self.grazing, range, (self.reach, self.deep))
+        else {
             return limit;
         };
         if departure == Some(k) || emitter == Some(k) {
@@ -236,8 +247,7 @@ impl<'a> Finder<'a> {
         if softened && (!hit.inside || logit < f64::EPSILON) {
             return limit;
         }
-        // exp(−60) is nothing beside 1.
-        let decay = if logit > 60.0 {
+        let decay = if logit > DEEP {
             0.0
         } else {
             (-logit.abs()).exp()
