@@ -192,3 +192,73 @@ fn attributes(fused: bool, form: Visibility) -> Vec<(&'static str, Vec<f64>)> {
     ]);
     found
 }
+
+/// A map, gathered at surfaces and looked up where paths miss; its texels, the geometry and the camera
+/// in the graph.
+#[test]
+fn environment_maps() {
+    for sampling in [Sampling::default(), Sampling::plain()] {
+        for form in [Visibility::Layered, Visibility::softmax(1e-2)] {
+            let [a, b] = [true, false].map(|fused| under_a_map(fused, form, sampling));
+            for (name, x, y) in a.iter().zip(&b).map(|(a, b)| (a.0, &a.1, &b.1)) {
+                let far = apart(x, y);
+                println!("{name}: {far:e}");
+                assert!(y.iter().any(|&v| v != 0.0), "{name} is 0");
+                assert!(far < 1e-8, "{sampling:?}, {form:?}, {name}: {far:e}");
+            }
+        }
+    }
+}
+
+fn under_a_map(fused: bool, form: Visibility, sampling: Sampling) -> Vec<(&'static str, Vec<f64>)> {
+    let device = Device::flex();
+    let texels: Vec<f64> = (0..4 * 8 * 3)
+        .map(|i| 0.1 + 2.0 * f64::from(i * 5 % 17) / 17.0)
+        .collect();
+    let texels = Tensor::<1>::from_data(texels.as_slice(), (&device, DType::F64))
+        .reshape([4, 8, 3])
+        .autodiff()
+        .require_grad();
+    let ball = shapes::icosphere(1, &device).cast(DType::F64);
+    let vertices = ball.vertices.clone().autodiff().require_grad();
+    let eye = Tensor::<1>::from_data([0.3, 0.5, 5.0].as_slice(), (&device, DType::F64));
+    let eye = eye.autodiff().require_grad();
+    let ten = Tensor::<1>::from_floats([10.0], &device).cast(DType::F64);
+    let floor = shapes::quad(
+        [-3.0, -1.0, 3.0],
+        [3.0, -1.0, 3.0],
+        [3.0, -1.0, -3.0],
+        [-3.0, -1.0, -3.0],
+        &device,
+    );
+    let gloss = Material::diffuse([0.3, 0.4, 0.5]).specular([0.3; 3], ten);
+    let scene = Scene::new()
+        .with(Object::new(ball.with_vertices(vertices.clone())).material(gloss))
+        .with(Object::new(floor.cast(DType::F64)).material(Material::diffuse([0.4; 3])))
+        .environment(Environment::map(texels.clone()));
+    let camera = Camera::look_at(eye.clone(), [0.0; 3]).fov_y(42.0);
+    let options = RenderOptions::new(10, 9)
+        .samples(4)
+        .bounces(2)
+        .sigma(3e-3)
+        .visibility(form)
+        .sampling(sampling)
+        .fused(fused);
+    let image = render(&scene, &camera, &options)
+        .expect("an image")
+        .radiance;
+    let radiance = values(&image);
+    let gradients = image.powf_scalar(2.0).sum().backward();
+    vec![
+        ("radiance", radiance),
+        (
+            "by texels",
+            values(&texels.grad(&gradients).expect("a gradient")),
+        ),
+        (
+            "by vertices",
+            values(&vertices.grad(&gradients).expect("a gradient")),
+        ),
+        ("by eye", values(&eye.grad(&gradients).expect("a gradient"))),
+    ]
+}

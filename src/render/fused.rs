@@ -28,7 +28,7 @@ const LOG_BYTES: usize = 1 << 26;
 /// Whether fused kernels know all that is asked for.
 pub(super) fn can_render(scene: &Flattened, options: &RenderOptions) -> bool {
     let tensors = options.brute_force || options.diagnostics || !options.fused;
-    is_cpu(&scene.context.device) && !tensors && Fused::knows(scene)
+    is_cpu(&scene.context.device) && !tensors
 }
 
 /// Renders pixels (all, if there is no list).

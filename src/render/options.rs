@@ -203,10 +203,10 @@ impl RenderOptions {
     }
 
     /// Whether paths are traced by fused kernels on the CPU, forward and backward, each path in one go:
-    /// the default wherever they know what the scene has. Without them, and on GPUs, each step of a
-    /// path is a chain of tensor operations over all rays of a tile, which is the specification of
-    /// what they do: the same image and gradients, up to rounding. Fused kernels need no tape, so
-    /// [`RenderOptions::replay`] makes no difference to them.
+    /// the default. Without them, for diagnostics, and on GPUs, each step of a path is a chain of
+    /// tensor operations over all rays of a tile, which is the specification of what they do: the same
+    /// image and gradients, up to rounding. Fused kernels need no tape, so [`RenderOptions::replay`]
+    /// makes no difference to them.
     pub fn fused(mut self, fused: bool) -> Self {
         self.fused = fused;
         self

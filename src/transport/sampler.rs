@@ -228,6 +228,12 @@ impl Numbers<'_> {
         u
     }
 
+    /// For a direction to the environment.
+    pub fn environment(&self, bounce: u32) -> [f64; 2] {
+        use Dimension::{EnvironmentU, EnvironmentV};
+        self.some([(EnvironmentU, bounce), (EnvironmentV, bounce)])
+    }
+
     /// For survival.
     pub fn roulette(&self, bounce: u32) -> f64 {
         let [u] = self.some([(Dimension::Roulette, bounce)]);

@@ -188,26 +188,53 @@ impl SkyMap {
         Ok(radiance)
     }
 
+    /// Radiance along a direction.
+    pub fn at(&self, direction: DVec3) -> DVec3 {
+        let l = self.look_up(direction);
+        let corners = l.texels.iter().zip(l.weights);
+        corners.map(|(&t, w)| self.values[t] * w).sum()
+    }
+
+    /// How many texels.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Adds derivatives of g·radiance by texels; returns that by the direction.
+    pub fn pull(&self, direction: DVec3, g: DVec3, texels: &mut [DVec3]) -> DVec3 {
+        let l = self.look_up(direction);
+        for (&t, w) in l.texels.iter().zip(l.weights) {
+            texels[t] += g * w;
+        }
+        let [a, b, p, q] = l.texels.map(|t| self.values[t].dot(g));
+        let by_x = (1.0 - l.at[1]) * (b - a) + l.at[1] * (q - p);
+        let by_y = (1.0 - l.at[0]) * (p - a) + l.at[0] * (q - b);
+        l.slope[0] * by_x + l.slope[1] * by_y
+    }
+
     /// Directions for pairs of random numbers, with their densities per solid angle.
     pub fn choose(&self, u: &[f64], v: &[f64]) -> (Vec<DVec3>, Vec<f64>) {
+        let pairs = u.iter().zip(v);
+        pairs.map(|(&u, &v)| self.choose_one(u, v)).unzip()
+    }
+
+    /// A direction for a pair of random numbers, with its density.
+    pub fn choose_one(&self, u: f64, v: f64) -> (DVec3, f64) {
         let (w, h) = (self.tensors.width, self.tensors.height);
-        let one = |(&u, &v): (&f64, &f64)| {
-            let total = self.rows[h - 1];
-            let y = self.rows.partition_point(|&p| p <= v * total).min(h - 1);
-            let before = if y == 0 { 0.0 } else { self.rows[y - 1] };
-            let fy = (v * total - before) / (self.rows[y] - before);
-            let row = &self.columns[y * w..(y + 1) * w];
-            let x = row.partition_point(|&p| p <= u * row[w - 1]).min(w - 1);
-            let before = if x == 0 { 0.0 } else { row[x - 1] };
-            let fx = (u * row[w - 1] - before) / (row[x] - before);
-            let polar = PI * (y as f64 + fy.clamp(0.0, 1.0)) / h as f64;
-            let turn = TAU * ((x as f64 + fx.clamp(0.0, 1.0)) / w as f64 - 0.5);
-            let sine = polar.sin().max(1e-9);
-            let d = DVec3::new(sine * turn.sin(), polar.cos(), -sine * turn.cos());
-            let d = d.normalize();
-            (d, self.density(d))
-        };
-        u.iter().zip(v).map(one).unzip()
+        let total = self.rows[h - 1];
+        let y = self.rows.partition_point(|&p| p <= v * total).min(h - 1);
+        let before = if y == 0 { 0.0 } else { self.rows[y - 1] };
+        let fy = (v * total - before) / (self.rows[y] - before);
+        let row = &self.columns[y * w..(y + 1) * w];
+        let x = row.partition_point(|&p| p <= u * row[w - 1]).min(w - 1);
+        let before = if x == 0 { 0.0 } else { row[x - 1] };
+        let fx = (u * row[w - 1] - before) / (row[x] - before);
+        let polar = PI * (y as f64 + fy.clamp(0.0, 1.0)) / h as f64;
+        let turn = TAU * ((x as f64 + fx.clamp(0.0, 1.0)) / w as f64 - 0.5);
+        let sine = polar.sin().max(1e-9);
+        let d = DVec3::new(sine * turn.sin(), polar.cos(), -sine * turn.cos());
+        let d = d.normalize();
+        (d, self.density(d))
     }
 
     /// The density per solid angle with which a direction is drawn.

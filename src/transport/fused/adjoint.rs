@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::forward::{Branch, CameraRay, Hit, Lit, Ray, Vertex, Work};
+use super::forward::{Branch, CameraRay, Gathered, Hit, Lit, Ray, Vertex, Work};
 use super::shading::ShadeSums;
 use super::tables::Sums;
 use super::{Fused, Pixel};
@@ -55,13 +55,13 @@ impl Fused {
                 );
                 self.pull_emission(s, upstream * s.weight, sums);
             }
-            let mut background = match self.tables.host.sky {
-                Some(sky) => {
-                    sums.sky += upstream * camera.ray.background;
-                    sky.dot(upstream)
-                }
-                None => 0.0,
-            };
+            let mut background = 0.0;
+            if let Some(sky) = &self.tables.host.sky {
+                let direction = camera.ray.direction;
+                background = sky.at(direction).dot(upstream);
+                let g = upstream * camera.ray.background;
+                by_ray.direction += sky.pull(direction, g, &mut sums.sky);
+            }
             background -= above.opacity;
             for branch in &work.branches[camera.branches.clone()] {
                 let baseline = |bounce: usize| branch.share * others(sample, bounce);
@@ -146,12 +146,13 @@ impl Fused {
                     self.pull_hit(back, vertex, hit, ray, by_throughput, by_ray, scratch, sums)
                 }
                 None => {
-                    let mut by = DVec3::ZERO;
-                    if let (Some(sky), None) = (self.tables.host.sky, vertex.drawn) {
-                        sums.sky += back.upstream * vertex.throughput;
-                        by = back.upstream * sky;
+                    let (mut by, mut by_ray) = (DVec3::ZERO, ByRay::default());
+                    if let (Some(sky), None) = (self.missed(), vertex.drawn) {
+                        let g = back.upstream * vertex.throughput;
+                        by_ray.direction = sky.pull(ray.direction, g, &mut sums.sky);
+                        by = back.upstream * sky.at(ray.direction);
                     }
-                    (by, ByRay::default())
+                    (by, by_ray)
                 }
             };
             by_share = by_throughput.dot(vertex.throughput);
@@ -280,11 +281,12 @@ impl Fused {
             let scatter = &next.scatter;
             let mut by_direction = by_leaving.direction;
             let mut by_next = by_next / next.survival;
-            if let (Some(end), Some(sky)) = (&next.end, self.tables.host.sky) {
-                let light = back.upstream * sky;
+            if let (Some(end), Some(sky)) = (&next.end, self.missed()) {
+                let light = back.upstream * sky.at(end.direction);
                 let throughput = vertex.throughput * scatter.weight;
                 by_next += light * end.background;
-                sums.sky += back.upstream * throughput * end.background;
+                let g = back.upstream * throughput * end.background;
+                by_direction += sky.pull(end.direction, g, &mut sums.sky);
                 if self.tables.rays {
                     let surfaces = &work.surfaces[end.surfaces.clone()];
                     let zeros = vec![0.0; surfaces.len()];
@@ -308,6 +310,12 @@ impl Fused {
         }
         for lit in &work.lit[hit.lit.clone()] {
             let (by, by_x) = self.pull_lit(back, vertex, hit, lit, &mut shade, sums);
+            by_throughput += by;
+            by_position += by_x;
+        }
+        for gathered in &work.gathered[hit.gathered.clone()] {
+            let (by, by_x) =
+                self.pull_gathered(back, vertex, hit, gathered, scratch, (&mut shade, sums));
             by_throughput += by;
             by_position += by_x;
         }
@@ -411,6 +419,44 @@ impl Fused {
             sums.velocity[e] += by_to * back.camera.time;
         }
         (by_throughput, by_shadow.origin - by_to)
+    }
+
+    /// Back over light of a map along a direction, which is fixed: derivatives by throughput and surface
+    /// point.
+    fn pull_gathered(
+        &self,
+        back: &Back,
+        vertex: &Vertex,
+        hit: &Hit,
+        gathered: &Gathered,
+        scratch: &mut PullScratch,
+        (shade, sums): (&mut ShadeSums, &mut Sums),
+    ) -> (DVec3, DVec3) {
+        let Some(map) = self.gathered() else {
+            return (DVec3::ZERO, DVec3::ZERO);
+        };
+        let ray = &gathered.ray;
+        let reflected = hit.shade.scattered(ray.direction);
+        let radiance = map.at(ray.direction);
+        let scale = ray.background / gathered.density;
+        let g = back.upstream;
+        let by_throughput = g * reflected * radiance * scale;
+        map.pull(
+            ray.direction,
+            g * vertex.throughput * reflected * scale,
+            &mut sums.sky,
+        );
+        let by_reflected = g * vertex.throughput * radiance * scale;
+        hit.shade.pull_scattered(ray.direction, by_reflected, shade);
+        if !self.tables.rays {
+            return (by_throughput, DVec3::ZERO);
+        }
+        let by_background = (g * vertex.throughput).dot(reflected * radiance) / gathered.density;
+        let surfaces = &back.work.surfaces[ray.surfaces.clone()];
+        let zeros = vec![0.0; surfaces.len()];
+        let values = (&zeros[..], by_background);
+        let by = self.pull_weights(ray, surfaces, back.camera.time, values, scratch, sums);
+        (by_throughput, by.origin)
     }
 
     fn pull_camera(&self, camera: &CameraRay, by: ByRay, sums: &mut Sums) {

@@ -12,6 +12,7 @@ use super::{Finders, Fused, Pixel};
 use crate::transport::Census;
 use crate::transport::SurfaceSampling;
 use crate::transport::sampler::Numbers;
+use crate::transport::sky::SkyMap;
 use crate::transport::tracer::SPLIT;
 use crate::visibility::{Finder, HostRay, PullScratch, Surface};
 
@@ -83,6 +84,8 @@ pub(super) struct Hit {
     pub smooth: bool,
     /// In `Work::lit`.
     pub lit: Range<usize>,
+    /// In `Work::gathered`.
+    pub gathered: Range<usize>,
     pub next: Option<Next>,
 }
 
@@ -105,6 +108,13 @@ pub(super) struct Lit {
     pub passed: f64,
     /// In `Work::shadows`.
     pub shadows: Range<usize>,
+}
+
+/// Light of a map along a fixed direction.
+#[derive(Clone, Debug)]
+pub(super) struct Gathered {
+    pub ray: Ray,
+    pub density: f64,
 }
 
 /// What lies between a surface point and a point of an emitter, but for what is in between.
@@ -194,6 +204,7 @@ pub(crate) struct Work {
     pub(super) branches: Vec<Branch>,
     pub(super) vertices: Vec<Vertex>,
     pub(super) lit: Vec<Lit>,
+    pub(super) gathered: Vec<Gathered>,
     /// Light that samples brought back, by sample and bounce.
     pub(super) light: Vec<DVec3>,
     pub(super) census: Census,
@@ -222,6 +233,7 @@ impl Work {
             branches: Vec::new(),
             vertices: Vec::new(),
             lit: Vec::new(),
+            gathered: Vec::new(),
             light: Vec::new(),
             census: Census {
                 bounces: vec![0; bounces as usize + 1],
@@ -248,6 +260,7 @@ impl Work {
         self.branches.clear();
         self.vertices.clear();
         self.lit.clear();
+        self.gathered.clear();
         self.light.clear();
     }
 
@@ -259,6 +272,7 @@ impl Work {
         self.branches.clear();
         self.vertices.clear();
         self.lit.clear();
+        self.gathered.clear();
     }
 }
 
@@ -446,7 +460,8 @@ impl Fused {
     /// Emission on fronts and environment, weighted, and what else a camera ray sees.
     #[inline(always)]
     fn seen(&self, ray: &Ray, work: &mut Work) -> Pixel {
-        let sky = self.tables.host.sky.unwrap_or(DVec3::ZERO);
+        let sky = self.tables.host.sky.as_ref();
+        let sky = sky.map_or(DVec3::ZERO, |sky| sky.at(ray.direction));
         let mut seen = Pixel {
             radiance: sky * ray.background,
             opacity: 1.0 - ray.background,
@@ -561,8 +576,8 @@ impl Fused {
             let surface = drawn.map(|i| work.surfaces[i]);
             let useful = surface.filter(|s| self.useful(s.triangle));
             let Some(surface) = useful else {
-                if let (Some(sky), None) = (self.tables.host.sky, surface) {
-                    work.light[path.slot + bounce as usize] += throughput * sky;
+                if let (Some(sky), None) = (self.missed(), surface) {
+                    work.light[path.slot + bounce as usize] += throughput * sky.at(direction);
                 }
                 if work.keep {
                     work.vertices.push(Vertex {
@@ -576,12 +591,13 @@ impl Fused {
             };
             let mut hit = self.hit(&surface, origin, direction);
             let last = bounce == settings.bounces;
-            let sky = self.tables.host.sky;
+            let sky = self.missed();
+            let map = self.gathered();
             let goes_on = !last || sky.is_some();
             let by_scattering = settings.sampling.multiple_importance
                 && !self.lights.is_empty()
                 && hit.shade.specular.is_some();
-            let scatter = (goes_on || by_scattering).then(|| {
+            let scatter = (goes_on || by_scattering || map.is_some()).then(|| {
                 let [u, v, next @ ..] = path.numbers.direction(bounce);
                 let lobe = match hit.shade.specular {
                     Some(_) => path.numbers.lobe(bounce),
@@ -596,6 +612,14 @@ impl Fused {
                 .map(|s| s.direction);
             let light = self.connect(finders, path, &mut hit, emitter, along, work);
             emitter = after.unwrap_or(emitter);
+            let light = match (map, &scatter) {
+                (Some(map), Some(scatter)) => {
+                    let drawn = path.numbers.environment(bounce);
+                    let along = scatter.direction;
+                    light + self.gather(finders, path, &mut hit, map, (drawn, along), work)
+                }
+                _ => light,
+            };
             work.light[path.slot + bounce as usize] += throughput * light;
             let before = throughput;
             let Some(scatter) = scatter.filter(|_| goes_on) else {
@@ -622,7 +646,8 @@ impl Fused {
             if last {
                 if let Some(sky) = sky {
                     let end = self.weigh(finders, path, (origin, direction), Some(triangle), work);
-                    work.light[path.slot + bounce as usize] += throughput * sky * end.background;
+                    let light = throughput * sky.at(direction) * end.background;
+                    work.light[path.slot + bounce as usize] += light;
                     next.end = Some(end);
                 }
             } else if settings.roulette_after.is_some_and(|after| bounce >= after) {
@@ -689,6 +714,7 @@ impl Fused {
             },
             smooth: attributes.normal.is_some(),
             lit: 0..0,
+            gathered: 0..0,
             next: None,
         }
     }
@@ -735,6 +761,39 @@ impl Fused {
 
     fn grazing(&self) -> f64 {
         crate::visibility::grazing(self.scene.context.dtype)
+    }
+
+    /// Light of a map along a direction drawn from it and along that in which the path goes on.
+    #[inline(never)]
+    fn gather(
+        &self,
+        finders: &Finders,
+        path: &Path,
+        hit: &mut Hit,
+        map: &SkyMap,
+        ([u, v], along): ([f64; 2], DVec3),
+        work: &mut Work,
+    ) -> DVec3 {
+        let first = work.gathered.len();
+        let mut sum = DVec3::ZERO;
+        let (drawn, chance) = map.choose_one(u, v);
+        for (by_scattering, direction, chance) in
+            [(false, drawn, chance), (true, along, map.density(along))]
+        {
+            let reflected = hit.shade.scattered(direction);
+            if reflected == DVec3::ZERO {
+                continue;
+            }
+            let from = Some(hit.triangle);
+            let ray = self.weigh(finders, path, (hit.position, direction), from, work);
+            let other = hit.shade.density(direction);
+            let own = if by_scattering { other } else { chance };
+            let density = (chance * chance + other * other) / own.max(1e-30);
+            sum += reflected * map.at(direction) * (ray.background / density);
+            work.gathered.push(Gathered { ray, density });
+        }
+        hit.gathered = first..work.gathered.len();
+        sum
     }
 
     /// The way from a surface point to a point of an emitter.

@@ -16,12 +16,14 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use glam::DVec3;
 
+use super::sky::SkyMap;
 use super::{Census, Lights, PathSettings, Sampler};
 use crate::accel::Hierarchy;
 use crate::error::Result;
-use crate::scene::{Camera, Flattened, SkyTensors};
+use crate::scene::{Camera, Flattened};
 use crate::visibility::{Finder, Visibility};
 pub(crate) use forward::{Log, TileLog, Work};
+use tables::HostSky;
 pub(crate) use tables::{HostCamera, Sums, Tables};
 
 /// A scene with the settings of a render, on the host.
@@ -56,11 +58,6 @@ struct Finders<'a> {
 }
 
 impl Fused {
-    /// Whether a scene has only what this form knows.
-    pub(crate) fn knows(scene: &Flattened) -> bool {
-        !matches!(scene.environment, Some(SkyTensors::Map(_)))
-    }
-
     /// Reads the scene back.
     ///
     /// # Errors
@@ -94,6 +91,21 @@ impl Fused {
     /// Bounces of a path.
     pub(crate) fn bounces(&self) -> u32 {
         self.settings.bounces
+    }
+
+    /// An environment that paths see where they miss; a map's light is gathered at surfaces instead, if
+    /// strategies are combined.
+    fn missed(&self) -> Option<&HostSky> {
+        let combined = self.settings.sampling.multiple_importance;
+        let sky = self.tables.host.sky.as_ref();
+        sky.filter(|sky| !combined || sky.map().is_none())
+    }
+
+    /// A map whose light is gathered at surfaces.
+    fn gathered(&self) -> Option<&SkyMap> {
+        let combined = self.settings.sampling.multiple_importance;
+        let sky = self.tables.host.sky.as_ref().filter(|_| combined);
+        sky.and_then(HostSky::map)
     }
 
     fn t_min(&self) -> f64 {

@@ -7,6 +7,8 @@ use super::surface::HostAlbedos;
 use crate::error::Result;
 use crate::geometry::{Vec3, VertexData, host_values, host_vectors};
 use crate::scene::{Albedos, CameraFrame, Flattened, SkyTensors};
+use crate::transport::Sky;
+use crate::transport::sky::SkyMap;
 
 /// The parts of the table that are in a graph, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,7 +30,7 @@ enum Part {
     Exponent,
     /// `[M, 3]`.
     Emission,
-    /// `[3]`.
+    /// `[3]`, or texels `[A, 3]`.
     Sky,
     /// Eye, forward, right, up `[12]`, half height, aperture and focus.
     Camera,
@@ -50,12 +52,52 @@ pub(super) struct Host {
     /// k_s and exponents, if any material is glossy.
     pub specular: Option<(HostAlbedos, Vec<f64>)>,
     pub emission: Vec<DVec3>,
-    pub sky: Option<DVec3>,
+    pub sky: Option<HostSky>,
     pub moves: bool,
     /// Texture coordinates of the corners, if anything has a texture.
     pub uvs: Option<Vec<[DVec2; 3]>>,
     /// Shading normals of the corners, and which triangles have them.
     pub normals: Option<(Vec<[DVec3; 3]>, Vec<bool>)>,
+}
+
+/// An environment on the host.
+pub(super) enum HostSky {
+    Constant(DVec3),
+    Map(SkyMap),
+}
+
+impl HostSky {
+    /// Radiance along a direction.
+    #[inline]
+    pub fn at(&self, direction: DVec3) -> DVec3 {
+        match self {
+            Self::Constant(radiance) => *radiance,
+            Self::Map(map) => map.at(direction),
+        }
+    }
+
+    /// Adds derivatives of g·radiance; returns that by the direction.
+    #[inline]
+    pub fn pull(&self, direction: DVec3, g: DVec3, sums: &mut [DVec3]) -> DVec3 {
+        match self {
+            Self::Constant(_) => {
+                sums[0] += g;
+                DVec3::ZERO
+            }
+            Self::Map(map) => map.pull(direction, g, sums),
+        }
+    }
+
+    pub fn map(&self) -> Option<&SkyMap> {
+        match self {
+            Self::Constant(_) => None,
+            Self::Map(map) => Some(map),
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.map().map_or(1, SkyMap::len)
+    }
 }
 
 impl Host {
@@ -92,9 +134,10 @@ impl Host {
             diffuse: albedos(&materials.diffuse)?,
             specular,
             emission: host_vectors(&materials.emission)?,
-            sky: match &scene.environment {
-                Some(SkyTensors::Constant(sky)) => Some(host_vectors(sky)?[0]),
-                _ => None,
+            sky: match Sky::new(scene)? {
+                Some(Sky::Constant(sky)) => Some(HostSky::Constant(host_vectors(&sky)?[0])),
+                Some(Sky::Map(map)) => Some(HostSky::Map(map)),
+                None => None,
             },
             moves: scene.triangles.velocity.is_some(),
             uvs: uvs.map(|list| {
@@ -184,9 +227,12 @@ impl Tables {
             all.push((Part::Exponent, vec![exponent.clone()]));
         }
         all.push((Part::Emission, of_vector(&materials.emission).to_vec()));
-        if let Some(SkyTensors::Constant(sky)) = &scene.environment {
-            all.push((Part::Sky, of_vector(sky).to_vec()));
-        }
+        let sky = match &scene.environment {
+            Some(SkyTensors::Constant(sky)) => Some(sky),
+            Some(SkyTensors::Map(map)) => Some(&map.texels),
+            None => None,
+        };
+        all.extend(sky.map(|sky| (Part::Sky, of_vector(sky).to_vec())));
         for (part, planes) in &all {
             add(*part, &planes.iter().collect::<Vec<_>>());
         }
@@ -237,7 +283,7 @@ impl Tables {
                 .map_or_else(Vec::new, |s| atlas(&s.0)),
             exponent: vec![0.0; materials],
             emission: vec![DVec3::ZERO; materials],
-            sky: DVec3::ZERO,
+            sky: vec![DVec3::ZERO; host.sky.as_ref().map_or(0, HostSky::len)],
             camera: CameraSums::default(),
         }
     }
@@ -246,7 +292,7 @@ impl Tables {
     pub(crate) fn size(&self) -> usize {
         let host = &self.host;
         let texels = host.specular.as_ref().map_or(0, |s| s.0.atlas.len());
-        let texels = texels + host.diffuse.atlas.len();
+        let texels = texels + host.diffuse.atlas.len() + host.sky.as_ref().map_or(0, HostSky::len);
         31 * self.triangles + 10 * host.emission.len() + 3 * texels + 18
     }
 
@@ -271,7 +317,7 @@ impl Tables {
                 Part::SpecularTexels => vectors(&mut all, &sums.specular_texels),
                 Part::Exponent => all.extend(&sums.exponent),
                 Part::Emission => vectors(&mut all, &sums.emission),
-                Part::Sky => vectors(&mut all, &[sums.sky]),
+                Part::Sky => vectors(&mut all, &sums.sky),
                 Part::Camera => {
                     let c = &sums.camera;
                     vectors(&mut all, &[c.eye, c.forward, c.right, c.up]);
@@ -300,7 +346,7 @@ pub(crate) struct Sums {
     pub specular_texels: Vec<DVec3>,
     pub exponent: Vec<f64>,
     pub emission: Vec<DVec3>,
-    pub sky: DVec3,
+    pub sky: Vec<DVec3>,
     pub camera: CameraSums,
 }
 
@@ -338,7 +384,7 @@ impl Sums {
         each(&mut self.specular_texels, &o.specular_texels);
         each(&mut self.exponent, &o.exponent);
         each(&mut self.emission, &o.emission);
-        self.sky += o.sky;
+        each(&mut self.sky, &o.sky);
         let (a, b) = (&mut self.camera, &o.camera);
         a.eye += b.eye;
         a.forward += b.forward;
