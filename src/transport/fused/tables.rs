@@ -63,7 +63,7 @@ pub(super) struct Host {
 /// An environment on the host.
 pub(super) enum HostSky {
     Constant(DVec3),
-    Map(SkyMap),
+    Map(Box<SkyMap>),
 }
 
 impl HostSky {
@@ -136,7 +136,7 @@ impl Host {
             emission: host_vectors(&materials.emission)?,
             sky: match Sky::new(scene)? {
                 Some(Sky::Constant(sky)) => Some(HostSky::Constant(host_vectors(&sky)?[0])),
-                Some(Sky::Map(map)) => Some(HostSky::Map(map)),
+                Some(Sky::Map(map)) => Some(HostSky::Map(Box::new(map))),
                 None => None,
             },
             moves: scene.triangles.velocity.is_some(),
