@@ -262,3 +262,25 @@ fn under_a_map(fused: bool, form: Visibility, sampling: Sampling) -> Vec<(&'stat
         ("by eye", values(&eye.grad(&gradients).expect("a gradient"))),
     ]
 }
+
+/// A lens that is there and not used: the gradient has a place for it.
+#[test]
+fn a_closed_aperture() {
+    let device = Device::flex();
+    let eye = Tensor::<1>::from_floats([0.3, 0.5, 5.0], &device)
+        .autodiff()
+        .require_grad();
+    let scene = Scene::new()
+        .with(Object::new(shapes::icosphere(1, &device)))
+        .environment([1.0, 0.5, 0.2]);
+    let camera = Camera::look_at(eye.clone(), [0.0; 3]);
+    let of = |camera: &Camera| {
+        let options = RenderOptions::new(8, 8).samples(4).bounces(1).sigma(1e-3);
+        let image = render(&scene, camera, &options).expect("an image").radiance;
+        let gradients = image.powf_scalar(2.0).sum().backward();
+        values(&eye.grad(&gradients).expect("a gradient"))
+    };
+    let pinhole = of(&camera);
+    assert!(pinhole.iter().any(|&g| g != 0.0));
+    assert_eq!(pinhole, of(&camera.clone().thin_lens(0.0, 3.0)));
+}

@@ -13,7 +13,6 @@ pub(super) const LANES: usize = 8;
 type Lanes = [f32; LANES];
 
 /// Boxes of up to eight children.
-#[derive(Clone, Debug)]
 struct Node {
     min: [Lanes; 3],
     max: [Lanes; 3],
@@ -25,7 +24,6 @@ struct Node {
 
 /// Up to eight triangles: planes, and in each plane the lines of the borders as distances, positive
 /// inside.
-#[derive(Clone, Debug)]
 struct Leaf {
     normal: [Lanes; 3],
     plane: Lanes,
@@ -42,7 +40,6 @@ struct Leaf {
 }
 
 /// The tree.
-#[derive(Clone)]
 pub(super) struct Wide {
     arch: Arch,
     nodes: Vec<Node>,

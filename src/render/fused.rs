@@ -12,8 +12,7 @@ use super::replay::{Retrace, replay};
 use super::{Found, Image, RenderOptions, Renderer, Tile, is_cpu, tiles, with_gradient};
 use crate::error::Result;
 use crate::scene::{Camera, Flattened, Scene};
-use crate::transport::{Census, Fused, FusedParts, Lights, Pixel, TileLog, Work};
-use crate::visibility::Sparse;
+use crate::transport::{Census, Fused, FusedParts, Pixel, TileLog, Work};
 
 /// Camera rays of a tile.
 const RAYS: usize = 1 << 13;
@@ -39,14 +38,13 @@ pub(super) fn render(
     options: &RenderOptions,
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Image> {
-    let renderer = Renderer::new(flattened, camera, options, pixels.clone(), None)?;
-    let sparse = match &renderer.sparse {
-        Some(sparse) => sparse,
-        None => &Sparse::new(&flattened.triangles, options.cutoff, options.cache.as_ref())?,
-    };
+    let mut renderer = Renderer::new(flattened, camera, options, pixels.clone(), None)?;
+    let sparse = renderer.sparse.as_ref();
+    let sparse = sparse.expect("CPUs look for candidates, and fused kernels run there alone");
     let parts = FusedParts {
         hierarchy: sparse.hierarchy(),
-        lights: Lights::new(flattened, options.sampling.emitters)?,
+        lights: renderer.lights.clone(),
+        sky: renderer.sky.take(),
         sampler: renderer.sampler,
         settings: renderer.settings,
         size: [options.width, options.height],

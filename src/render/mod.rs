@@ -202,7 +202,7 @@ struct Renderer<'a> {
     camera: &'a Camera,
     options: &'a RenderOptions,
     sampler: Sampler,
-    lights: Lights,
+    lights: Arc<Lights>,
     sky: Option<Sky>,
     settings: PathSettings,
     sparse: Option<Sparse>,
@@ -262,7 +262,7 @@ impl<'a> Renderer<'a> {
                 options.width,
                 options.samples,
             ),
-            lights: Lights::new(scene, options.sampling.emitters)?,
+            lights: Arc::new(Lights::new(scene, options.sampling.emitters)?),
             sky: Sky::new(scene)?,
             settings: PathSettings {
                 sigma: options.sigma / (scene.unit * scene.unit),

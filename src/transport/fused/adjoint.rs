@@ -502,7 +502,7 @@ impl Fused {
             corners[1] += by_ab;
             corners[2] += by_ac;
         }
-        self.tables.flatten(&sums, self.camera.lens.is_some())
+        self.tables.flatten(&sums)
     }
 }
 

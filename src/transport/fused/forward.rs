@@ -787,8 +787,7 @@ impl Fused {
             let from = Some(hit.triangle);
             let ray = self.weigh(finders, path, (hit.position, direction), from, work);
             let other = hit.shade.density(direction);
-            let own = if by_scattering { other } else { chance };
-            let density = (chance * chance + other * other) / own.max(1e-30);
+            let density = power_heuristic(chance, other, by_scattering);
             sum += reflected * map.at(direction) * (ray.background / density);
             work.gathered.push(Gathered { ray, density });
         }
@@ -860,8 +859,7 @@ impl Fused {
         let density = match combined {
             Some(by_scattering) => {
                 let other = hit.shade.density(way.direction) * per_area;
-                let own = if by_scattering { other } else { chance };
-                (chance * chance + other * other) / own.max(1e-30)
+                power_heuristic(chance, other, by_scattering)
             }
             None => chance,
         };
@@ -876,4 +874,10 @@ impl Fused {
         let m = self.scene.topology.material[emitter as usize] as usize;
         reflected * self.tables.host.emission[m] * (per_area * passed / density)
     }
+}
+
+/// What a sample is divided by where two strategies are combined (`transport/emitters.rs`).
+fn power_heuristic(a: f64, b: f64, is_b: bool) -> f64 {
+    let own = if is_b { b } else { a };
+    (a * a + b * b) / own.max(1e-30)
 }

@@ -17,7 +17,7 @@ use burn::tensor::Tensor;
 use glam::DVec3;
 
 use super::sky::SkyMap;
-use super::{Census, Lights, PathSettings, Sampler};
+use super::{Census, Lights, PathSettings, Sampler, Sky};
 use crate::accel::Hierarchy;
 use crate::error::Result;
 use crate::scene::{Camera, Flattened};
@@ -32,7 +32,7 @@ pub(crate) struct Fused {
     scene: Flattened,
     tables: Tables,
     hierarchy: Arc<Hierarchy>,
-    lights: Lights,
+    lights: Arc<Lights>,
     sampler: Sampler,
     settings: PathSettings,
     camera: HostCamera,
@@ -44,7 +44,8 @@ pub(crate) struct Fused {
 /// What a fused render is made from beside its scene.
 pub(crate) struct FusedParts {
     pub hierarchy: Arc<Hierarchy>,
-    pub lights: Lights,
+    pub lights: Arc<Lights>,
+    pub sky: Option<Sky>,
     pub sampler: Sampler,
     pub settings: PathSettings,
     pub size: [usize; 2],
@@ -66,7 +67,7 @@ impl Fused {
         let frame = camera.frame(&scene.context, scene.bounds.center, scene.unit);
         let camera = HostCamera::new(&frame, camera.has_lens())?;
         Ok(Self {
-            tables: Tables::new(scene, &frame)?,
+            tables: Tables::new(scene, parts.sky, &frame)?,
             scene: scene.clone().plain(),
             hierarchy: parts.hierarchy,
             lights: parts.lights,

@@ -42,6 +42,8 @@ pub(crate) struct Tables {
     parts: Vec<Part>,
     parent: Option<Tensor<1>>,
     triangles: usize,
+    /// Whether the camera's part has a lens, used or not.
+    lens: bool,
     /// Whether rays and surfaces they meet have derivatives.
     pub(super) rays: bool,
 }
@@ -101,7 +103,7 @@ impl HostSky {
 }
 
 impl Host {
-    fn new(scene: &Flattened) -> Result<Self> {
+    fn new(scene: &Flattened, sky: Option<Sky>) -> Result<Self> {
         let materials = &scene.materials;
         let albedos = |a: &Albedos| -> Result<HostAlbedos> {
             Ok(HostAlbedos {
@@ -134,7 +136,7 @@ impl Host {
             diffuse: albedos(&materials.diffuse)?,
             specular,
             emission: host_vectors(&materials.emission)?,
-            sky: match Sky::new(scene)? {
+            sky: match sky {
                 Some(Sky::Constant(sky)) => Some(HostSky::Constant(host_vectors(&sky)?[0])),
                 Some(Sky::Map(map)) => Some(HostSky::Map(Box::new(map))),
                 None => None,
@@ -180,7 +182,7 @@ impl HostCamera {
 }
 
 impl Tables {
-    pub(super) fn new(scene: &Flattened, camera: &CameraFrame) -> Result<Self> {
+    pub(super) fn new(scene: &Flattened, sky: Option<Sky>, camera: &CameraFrame) -> Result<Self> {
         let triangles = &scene.triangles;
         let materials = &scene.materials;
         let (mut parts, mut list) = (Vec::new(), Vec::new());
@@ -227,12 +229,12 @@ impl Tables {
             all.push((Part::Exponent, vec![exponent.clone()]));
         }
         all.push((Part::Emission, of_vector(&materials.emission).to_vec()));
-        let sky = match &scene.environment {
-            Some(SkyTensors::Constant(sky)) => Some(sky),
+        let shining = match &scene.environment {
+            Some(SkyTensors::Constant(radiance)) => Some(radiance),
             Some(SkyTensors::Map(map)) => Some(&map.texels),
             None => None,
         };
-        all.extend(sky.map(|sky| (Part::Sky, of_vector(sky).to_vec())));
+        all.extend(shining.map(|v| (Part::Sky, of_vector(v).to_vec())));
         for (part, planes) in &all {
             add(*part, &planes.iter().collect::<Vec<_>>());
         }
@@ -244,7 +246,7 @@ impl Tables {
         planes.extend(camera.lens.iter().flatten());
         add(Part::Camera, &planes);
         Ok(Self {
-            host: Host::new(scene)?,
+            host: Host::new(scene, sky)?,
             // Normals and the exponent turn the directions that are drawn.
             rays: parts.iter().any(|p| {
                 use Part::{Camera, Corners, Exponent, Normals, Velocity};
@@ -253,6 +255,7 @@ impl Tables {
             parent: (!list.is_empty()).then(|| Tensor::cat(list, 0)),
             parts,
             triangles: triangles.len(),
+            lens: camera.lens.is_some(),
         })
     }
 
@@ -297,7 +300,7 @@ impl Tables {
     }
 
     /// The derivatives by the table, from sums whose normals and areas were resolved.
-    pub(super) fn flatten(&self, sums: &Sums, has_lens: bool) -> Vec<f64> {
+    pub(super) fn flatten(&self, sums: &Sums) -> Vec<f64> {
         let mut all = Vec::new();
         let vectors = |all: &mut Vec<f64>, list: &[DVec3]| {
             all.extend(list.iter().flat_map(|v| v.to_array()));
@@ -322,7 +325,7 @@ impl Tables {
                     let c = &sums.camera;
                     vectors(&mut all, &[c.eye, c.forward, c.right, c.up]);
                     all.push(c.half_height);
-                    if has_lens {
+                    if self.lens {
                         all.extend(c.lens);
                     }
                 }
