@@ -8,7 +8,8 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
 use super::HostTriangle;
-use super::wide::{LANES, Wide};
+use super::leaf::LANES;
+use super::wide::{FEW, Wide};
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
 /// asking each is faster.
@@ -80,9 +81,6 @@ fn cost(nodes: &Bvh2) -> f64 {
         .map(|n| f64::from(n.aabb().half_area()))
         .sum()
 }
-
-/// Up to here each triangle is asked: they fit one leaf.
-const FEW: usize = LANES;
 
 struct Swept(Aabb);
 

@@ -2,6 +2,7 @@
 //! the blur while it is traversed, so that it holds for any σ.
 
 mod hierarchy;
+mod leaf;
 mod triangle;
 mod wide;
 

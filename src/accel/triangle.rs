@@ -71,15 +71,17 @@ impl HostTriangle {
         }
     }
 
-    /// The axes of its frame.
-    pub(super) fn axes(&self) -> (DVec3, DVec3) {
-        (self.u, self.v)
-    }
-
-    /// In its frame, the distance from the line b → c is x·q + y·r + s, and that from c → a x·q + y·r,
-    /// both positive inside.
-    pub(super) fn borders(&self) -> ([f64; 3], [f64; 2]) {
-        self.lines
+    /// The lines of the borders a → b, b → c and c → a in its plane: across and an offset, so that a
+    /// point's distance across + offset is positive inside.
+    pub(super) fn lines_in_space(&self) -> [(DVec3, f64); 3] {
+        let ([q, r, s], [v, w]) = self.lines;
+        let a = self.corners[0];
+        [
+            (self.v, 0.0),
+            (self.u * q + self.v * r, s),
+            (self.u * v + self.v * w, 0.0),
+        ]
+        .map(|(across, offset)| (across, offset - across.dot(a)))
     }
 
     /// None where the ray is too parallel, the hit lies outside of (t_min, t_max), or further from

@@ -6,11 +6,10 @@ use obvhs::bvh2::Bvh2;
 use pulp::Arch;
 
 use super::HostTriangle;
+use super::leaf::{LANES, Lanes, Leaf, Machine, Plain, Ray, bits, larger, smaller};
 
-/// Boxes of a node and triangles of a leaf, at most.
-pub(super) const LANES: usize = 8;
-
-type Lanes = [f32; LANES];
+/// Up to here triangles are asked without boxes.
+pub(super) const FEW: usize = 64;
 
 /// Boxes of up to eight children.
 struct Node {
@@ -18,23 +17,6 @@ struct Node {
     max: [Lanes; 3],
     /// Twice the index of a node, or of a leaf plus one.
     child: [u32; LANES],
-    /// How many there are.
-    count: u32,
-}
-
-/// Up to eight triangles: planes, and in each plane the lines of the borders as distances, positive
-/// inside.
-struct Leaf {
-    normal: [Lanes; 3],
-    plane: Lanes,
-    u: [Lanes; 3],
-    v: [Lanes; 3],
-    at: [Lanes; 2],
-    /// b → c: across, and where.
-    bc: [Lanes; 3],
-    /// c → a.
-    ca: [Lanes; 2],
-    triangle: [u32; LANES],
     /// How many there are.
     count: u32,
 }
@@ -50,19 +32,12 @@ pub(super) struct Wide {
     extent: f64,
 }
 
-/// A ray in f32, from a point near the triangles.
-struct Ray {
+/// What boxes are met with.
+struct Slabs {
     origin: Vec3,
-    direction: Vec3,
     inverse: Vec3,
-    time: f32,
     /// What boxes are grown by.
     grown: f32,
-    reach: f32,
-    /// What coordinates are rounded by.
-    rounding: f32,
-    /// Hits nearer don't count.
-    from: f32,
 }
 
 impl Wide {
@@ -93,42 +68,14 @@ impl Wide {
     }
 
     fn leaf(&mut self, triangles: &[HostTriangle], list: &[u32]) -> u32 {
-        let mut leaf = Leaf {
-            normal: [[0.0; LANES]; 3],
-            plane: [0.0; LANES],
-            u: [[0.0; LANES]; 3],
-            v: [[0.0; LANES]; 3],
-            at: [[0.0; LANES]; 2],
-            bc: [[0.0; LANES]; 3],
-            ca: [[0.0; LANES]; 2],
-            triangle: [u32::MAX; LANES],
-            count: list.len() as u32,
-        };
-        let mut velocity = [[0.0; LANES]; 3];
-        for (i, &k) in list.iter().enumerate() {
-            let t = &triangles[k as usize];
-            let (u, v) = t.axes();
-            let a = t.corners[0];
-            for axis in 0..3 {
-                leaf.normal[axis][i] = t.normal[axis] as f32;
-                leaf.u[axis][i] = u[axis] as f32;
-                leaf.v[axis][i] = v[axis] as f32;
-                velocity[axis][i] = t.velocity[axis] as f32;
-            }
-            leaf.plane[i] = t.normal.dot(a) as f32;
-            leaf.at[0][i] = u.dot(a) as f32;
-            leaf.at[1][i] = v.dot(a) as f32;
-            let (bc, ca) = t.borders();
-            for (lanes, value) in leaf.bc.iter_mut().zip(bc) {
-                lanes[i] = value as f32;
-            }
-            for (lanes, value) in leaf.ca.iter_mut().zip(ca) {
-                lanes[i] = value as f32;
-            }
-            leaf.triangle[i] = k;
-        }
-        self.leaves.push(leaf);
+        self.leaves.push(Leaf::new(triangles, list));
         if let Some(velocities) = &mut self.velocities {
+            let mut velocity = [[0.0; LANES]; 3];
+            for (i, &k) in list.iter().enumerate() {
+                for (axis, lanes) in velocity.iter_mut().enumerate() {
+                    lanes[i] = triangles[k as usize].velocity[axis] as f32;
+                }
+            }
             velocities.push(velocity);
         }
         2 * (self.leaves.len() as u32 - 1) + 1
@@ -196,57 +143,137 @@ impl Wide {
         f: impl FnMut(u32) -> f64,
     ) -> u32 {
         // Once a ray, with all that it does inlined: compiled for what the machine has.
-        self.arch.dispatch(
-            #[inline(always)]
-            || self.traverse(ray, reach, range, f),
-        )
+        match self.arch {
+            Arch::Scalar => self.visit_by(Plain::<false>, ray, reach, range, f),
+            #[cfg(target_arch = "x86_64")]
+            Arch::V3(machine) => self.arch.dispatch(
+                #[inline(always)]
+                || self.visit_by(machine, ray, reach, range, f),
+            ),
+            #[allow(unreachable_patterns)] // on machines of the arms above
+            arch => arch.dispatch(
+                #[inline(always)]
+                || self.visit_by(Plain::<true>, ray, reach, range, f),
+            ),
+        }
     }
 
     #[inline(always)]
-    fn traverse(
+    fn visit_by<M: Machine>(
+        &self,
+        machine: M,
+        ray: (DVec3, DVec3, f64),
+        reach: f64,
+        range: (f64, f64),
+        f: impl FnMut(u32) -> f64,
+    ) -> u32 {
+        if self.nodes.is_empty() {
+            self.ask_all(machine, ray, reach, range, f)
+        } else {
+            self.traverse(machine, ray, reach, range, f)
+        }
+    }
+
+    /// A ray from a point near the triangles, since a distant origin would round by more than they are
+    /// large; and how far from its origin that is.
+    #[inline(always)]
+    fn near_ray(
         &self,
         (origin, direction, time): (DVec3, DVec3, f64),
         reach: f64,
-        (from, mut limit): (f64, f64),
-        mut f: impl FnMut(u32) -> f64,
-    ) -> u32 {
-        // Met from a point of the ray near the triangles, since a distant origin would round by more
-        // than they are large.
+        from: f64,
+    ) -> (Ray, f64) {
         let skipped = (-origin.dot(direction) - 2.0 * self.extent).max(0.0);
         let from_near = origin + direction * skipped;
         let ray = Ray {
             origin: from_near.as_vec3(),
             direction: direction.as_vec3(),
+            time: time as f32,
+            reach: reach as f32,
+            rounding: (2e-6 * (self.extent + from_near.abs().element_sum())) as f32,
+            from: (from - skipped) as f32,
+        };
+        (ray, skipped)
+    }
+
+    /// All triangles; those that may be met from near to far.
+    #[inline(always)]
+    fn ask_all<M: Machine>(
+        &self,
+        machine: M,
+        ray: (DVec3, DVec3, f64),
+        reach: f64,
+        (from, mut limit): (f64, f64),
+        mut f: impl FnMut(u32) -> f64,
+    ) -> u32 {
+        let (ray, skipped) = self.near_ray(ray, reach, from);
+        let end = (limit - skipped) as f32;
+        let mut nears = [[0.0; LANES]; FEW / LANES];
+        let mut order = [0u8; FEW];
+        let mut count = 0;
+        let near = |nears: &[Lanes; FEW / LANES], i: u8| {
+            let i = usize::from(i) % FEW;
+            nears[i / LANES][i % LANES]
+        };
+        for (slot, (leaf, of_leaf)) in self.leaves.iter().zip(&mut nears).enumerate() {
+            let (mut mask, found) = leaf.meet(machine, self.velocity(slot), &ray, end);
+            *of_leaf = found;
+            while mask != 0 {
+                order[count % FEW] = (slot * LANES) as u8 + mask.trailing_zeros() as u8;
+                count += 1;
+                mask &= mask - 1;
+            }
+        }
+        let order = &mut order[..count.min(FEW)];
+        for i in 1..order.len() {
+            let (this, mut at) = (order[i], i);
+            while at > 0 && near(&nears, order[at - 1]) > near(&nears, this) {
+                order[at] = order[at - 1];
+                at -= 1;
+            }
+            order[at] = this;
+        }
+        let mut offered = 0;
+        for &i in &*order {
+            // One that is not a number is asked.
+            if f64::from(near(&nears, i)) + skipped > limit {
+                continue;
+            }
+            offered += 1;
+            limit = f(u32::from(i));
+        }
+        offered
+    }
+
+    #[inline(always)]
+    fn traverse<M: Machine>(
+        &self,
+        machine: M,
+        (origin, direction, time): (DVec3, DVec3, f64),
+        reach: f64,
+        (from, mut limit): (f64, f64),
+        mut f: impl FnMut(u32) -> f64,
+    ) -> u32 {
+        let (ray, skipped) = self.near_ray((origin, direction, time), reach, from);
+        let slabs = Slabs {
+            origin: ray.origin,
             inverse: Vec3::new(
                 safe_inverse(direction.x),
                 safe_inverse(direction.y),
                 safe_inverse(direction.z),
             ),
-            time: time as f32,
             grown: (reach + 1e-6 * self.extent) as f32,
-            reach: reach as f32,
-            rounding: (2e-6 * (self.extent + from_near.abs().element_sum())) as f32,
-            from: (from - skipped) as f32,
         };
         let mut offered = 0;
-        let mut stack = [(1u32, 0f32); 32];
+        let mut stack = [(0u32, 0f32); 32];
         let mut spilled: Vec<(u32, f32)> = Vec::new();
-        let mut len = usize::from(!self.nodes.is_empty());
-        // Without boxes leaf after leaf.
-        let mut leaves = if self.nodes.is_empty() {
-            0..self.leaves.len() as u32
-        } else {
-            stack[0].0 = 0;
-            0..0
-        };
+        let mut len = 1;
         loop {
             let (index, near) = if len > 0 {
                 len -= 1;
                 stack[len]
             } else if let Some(top) = spilled.pop() {
                 top
-            } else if let Some(leaf) = leaves.next() {
-                (2 * leaf + 1, 0.0)
             } else {
                 break;
             };
@@ -255,9 +282,9 @@ impl Wide {
             }
             let at = index as usize / 2;
             if index % 2 == 1 {
-                let velocity = self.velocities.as_ref().map(|v| &v[at]);
                 let leaf = &self.leaves[at];
-                let mut mask = meet(leaf, velocity, &ray, (limit - skipped) as f32);
+                let end = (limit - skipped) as f32;
+                let (mut mask, _) = leaf.meet(machine, self.velocity(at), &ray, end);
                 while mask != 0 {
                     let i = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
@@ -267,7 +294,7 @@ impl Wide {
                 continue;
             }
             let node = &self.nodes[at];
-            let (mut mask, nears) = enter(node, &ray);
+            let (mut mask, nears) = enter(node, &slabs);
             if len + LANES > stack.len() {
                 // Deep trees go on in memory; what was on the stack is taken later.
                 spilled.extend_from_slice(&stack[..len]);
@@ -290,8 +317,12 @@ impl Wide {
         }
         offered
     }
-}
 
+    #[inline(always)]
+    fn velocity(&self, leaf: usize) -> Option<&[Lanes; 3]> {
+        self.velocities.as_ref().map(|v| &v[leaf])
+    }
+}
 #[inline(always)]
 fn safe_inverse(d: f64) -> f32 {
     let d = if d.abs() < 1e-12 {
@@ -334,30 +365,11 @@ fn gather(tree: &Bvh2, root: usize, list: &mut Vec<u32>) {
 }
 
 #[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-#[inline(always)]
-fn bits(of: [bool; LANES]) -> u32 {
-    let mut mask = 0;
-    for (i, &bit) in of.iter().enumerate() {
-        mask |= u32::from(bit) << i;
-    }
-    mask
-}
-
-#[inline(always)]
-fn enter(node: &Node, ray: &Ray) -> (u32, Lanes) {
+fn enter(node: &Node, slabs: &Slabs) -> (u32, Lanes) {
     let (mut near, mut far) = ([0.0; LANES], [f32::INFINITY; LANES]);
-    let (o, inverse) = (ray.origin.to_array(), ray.inverse.to_array());
+    let (o, inverse) = (slabs.origin.to_array(), slabs.inverse.to_array());
     for axis in 0..3 {
-        let (low, high) = (o[axis] + ray.grown, o[axis] - ray.grown);
+        let (low, high) = (o[axis] + slabs.grown, o[axis] - slabs.grown);
         for i in 0..LANES {
             let t0 = (node.min[axis][i] - low) * inverse[axis];
             let t1 = (node.max[axis][i] - high) * inverse[axis];
@@ -370,36 +382,4 @@ fn enter(node: &Node, ray: &Ray) -> (u32, Lanes) {
         hit[i] = near[i] <= far[i];
     }
     (bits(hit) & ((1 << node.count) - 1), near)
-}
-
-#[inline(always)]
-fn meet(leaf: &Leaf, velocity: Option<&[Lanes; 3]>, ray: &Ray, limit: f32) -> u32 {
-    let d = ray.direction.to_array();
-    let mut o = ray.origin.to_array().map(|x| [x; LANES]);
-    if let Some(velocity) = velocity {
-        for (o, v) in o.iter_mut().zip(velocity) {
-            for i in 0..LANES {
-                o[i] -= v[i] * ray.time;
-            }
-        }
-    }
-    let mut kept = [false; LANES];
-    for i in 0..LANES {
-        let n = [leaf.normal[0][i], leaf.normal[1][i], leaf.normal[2][i]];
-        let cosine = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
-        let inverse = 1.0 / cosine;
-        let t = (leaf.plane[i] - n[0] * o[0][i] - n[1] * o[1][i] - n[2] * o[2][i]) * inverse;
-        let p = [o[0][i] + t * d[0], o[1][i] + t * d[1], o[2][i] + t * d[2]];
-        let x = leaf.u[0][i] * p[0] + leaf.u[1][i] * p[1] + leaf.u[2][i] * p[2] - leaf.at[0][i];
-        let y = leaf.v[0][i] * p[0] + leaf.v[1][i] * p[1] + leaf.v[2][i] * p[2] - leaf.at[1][i];
-        let bc = leaf.bc[0][i] * x + leaf.bc[1][i] * y + leaf.bc[2][i];
-        let ca = leaf.ca[0][i] * x + leaf.ca[1][i] * y;
-        let least = smaller(y, smaller(bc, ca));
-        let rounding = ray.rounding * (1.0 + inverse.abs());
-        // Not a number is kept: the exact test decides.
-        let left_out =
-            (t < ray.from - rounding) | (t > limit + rounding) | (least < -(ray.reach + rounding));
-        kept[i] = !left_out;
-    }
-    bits(kept) & ((1 << leaf.count) - 1)
 }

@@ -11,7 +11,7 @@ use super::surface::Place;
 use super::{Finders, Fused, Pixel};
 use crate::transport::Census;
 use crate::transport::SurfaceSampling;
-use crate::transport::sampler::Numbers;
+use crate::transport::sampler::{Numbers, RUN};
 use crate::transport::sky::SkyMap;
 use crate::transport::tracer::SPLIT;
 use crate::visibility::{Finder, HostRay, PullScratch, Surface};
@@ -299,28 +299,40 @@ impl Fused {
     ) -> Pixel {
         let mut sum = Pixel::default();
         work.keep = keep;
-        for sample in from..to {
-            let first = work.light.len();
-            work.light.resize(first + work.bounces + 1, DVec3::ZERO);
-            let seen = self.sample(finders, (pixel, sample), first, work);
-            sum.radiance += seen.radiance + work.light[first..].iter().sum::<DVec3>();
-            sum.opacity += seen.opacity;
-            sum.depth += seen.depth;
-            sum.normal += seen.normal;
-            if !keep {
-                work.forget();
-                work.cameras.clear();
-                work.light.clear();
+        let mut first = from - from % RUN as u32;
+        while first < to {
+            let past = first + RUN as u32;
+            let run = self.sampler.run(pixel, first..past, self.drawn);
+            for sample in first.max(from)..past.min(to) {
+                let slot = work.light.len();
+                work.light.resize(slot + work.bounces + 1, DVec3::ZERO);
+                let seen = self.sample(finders, run.numbers(sample), pixel, slot, work);
+                sum.radiance += seen.radiance + work.light[slot..].iter().sum::<DVec3>();
+                sum.opacity += seen.opacity;
+                sum.depth += seen.depth;
+                sum.normal += seen.normal;
+                if !keep {
+                    work.forget();
+                    work.cameras.clear();
+                    work.light.clear();
+                }
             }
+            first = past;
         }
         sum
     }
 
     /// One camera ray and its paths; returns what it sees of emitters and environment.
     #[inline(always)]
-    fn sample(&self, finders: &Finders, path: (u32, u32), slot: usize, work: &mut Work) -> Pixel {
-        let numbers = self.sampler.numbers(path);
-        let mut camera = self.camera_ray(&numbers, path.0);
+    fn sample(
+        &self,
+        finders: &Finders,
+        numbers: Numbers,
+        pixel: u32,
+        slot: usize,
+        work: &mut Work,
+    ) -> Pixel {
+        let mut camera = self.camera_ray(&numbers, pixel);
         let path = Path {
             time: camera.time,
             numbers,

@@ -39,6 +39,8 @@ pub(crate) struct Fused {
     /// Width and height of the whole image.
     size: [usize; 2],
     cutoff: f64,
+    /// The sets of random numbers that most paths use (`Sampler::run`).
+    drawn: u8,
 }
 
 /// What a fused render is made from beside its scene.
@@ -66,8 +68,9 @@ impl Fused {
     pub(crate) fn new(scene: &Flattened, camera: &Camera, parts: FusedParts) -> Result<Self> {
         let frame = camera.frame(&scene.context, scene.bounds.center, scene.unit);
         let camera = HostCamera::new(&frame, camera.has_lens())?;
-        Ok(Self {
+        let mut fused = Self {
             tables: Tables::new(scene, parts.sky, &frame)?,
+            drawn: 0,
             scene: scene.clone().plain(),
             hierarchy: parts.hierarchy,
             lights: parts.lights,
@@ -76,7 +79,27 @@ impl Fused {
             camera,
             size: parts.size,
             cutoff: parts.cutoff,
-        })
+        };
+        fused.drawn = fused.sets();
+        Ok(fused)
+    }
+
+    /// The sets of random numbers that paths use at their first surfaces (`Dimension::of_sequence`).
+    fn sets(&self) -> u8 {
+        let settings = &self.settings;
+        let glossy = self.scene.materials.glossy.contains(&true);
+        let to_the_end = self.tables.host.sky.is_some()
+            || (glossy && settings.sampling.multiple_importance && !self.lights.is_empty());
+        let directions = settings.bounces + u32::from(to_the_end);
+        let more = glossy || self.gathered().is_some() || settings.roulette_after.is_some();
+        let mut sets = 1;
+        if self.camera.lens.is_some() || self.tables.host.moves {
+            sets |= 2;
+        }
+        for bounce in 0..directions.min(3) {
+            sets |= if more { 12 } else { 4 } << (2 * bounce);
+        }
+        sets
     }
 
     /// What gradients flow to.
@@ -161,10 +184,14 @@ impl Fused {
             work.clear();
             work.log.begin_pixel(i);
             work.objects = objects.map(|n| vec![0.0; n + 1]);
-            sums.push(arch.dispatch(
-                #[inline(always)]
-                || self.pixel(&finders, pixel, samples, false, &mut work),
-            ));
+            sums.push(arch.dispatch(PixelPaths {
+                fused: self,
+                finders: &finders,
+                pixel,
+                samples,
+                keep: false,
+                work: &mut work,
+            }));
             weights.extend(work.objects.take().into_iter().flatten());
         }
         // Up to the last bounce that a path reached.
@@ -201,12 +228,44 @@ impl Fused {
             }
             work.clear();
             work.log.begin_pixel(i);
-            arch.dispatch(
-                #[inline(always)]
-                || self.pixel(&finders, *pixel, samples, true, work),
-            );
+            arch.dispatch(PixelPaths {
+                fused: self,
+                finders: &finders,
+                pixel: *pixel,
+                samples,
+                keep: true,
+                work,
+            });
             self.pull_pixel(upstream, work, sums);
         }
+    }
+}
+
+/// The paths of a pixel, to be traced by code for what the machine has. Not a closure: those that only
+/// borrow go through a function of `core`, which is compiled for any machine.
+struct PixelPaths<'a> {
+    fused: &'a Fused,
+    finders: &'a Finders<'a>,
+    pixel: u32,
+    samples: (u32, u32),
+    keep: bool,
+    work: &'a mut Work,
+}
+
+impl pulp::WithSimd for PixelPaths<'_> {
+    type Output = Pixel;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _simd: S) -> Pixel {
+        let Self {
+            fused,
+            finders,
+            pixel,
+            samples,
+            keep,
+            work,
+        } = self;
+        fused.pixel(finders, pixel, samples, keep, work)
     }
 }
 

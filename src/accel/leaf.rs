@@ -1,0 +1,177 @@
+//! Eight triangles against one ray in f32.
+
+use glam::Vec3;
+
+use super::HostTriangle;
+
+/// Triangles of a leaf, at most.
+pub(super) const LANES: usize = 8;
+
+pub(super) type Lanes = [f32; LANES];
+
+/// Up to eight triangles: planes, and in each the lines of the borders as distances, positive inside.
+pub(super) struct Leaf {
+    normal: [Lanes; 3],
+    plane: Lanes,
+    /// a → b, b → c, c → a: directions, and what is added.
+    lines: [[Lanes; 3]; 3],
+    offsets: [Lanes; 3],
+    pub triangle: [u32; LANES],
+    /// The triangles that there are, one bit each.
+    used: u32,
+}
+
+/// A ray in f32, from a point near the triangles.
+pub(super) struct Ray {
+    pub origin: Vec3,
+    pub direction: Vec3,
+    pub time: f32,
+    pub reach: f32,
+    /// What coordinates are rounded by.
+    pub rounding: f32,
+    /// Hits nearer don't count.
+    pub from: f32,
+}
+
+impl Leaf {
+    pub fn new(triangles: &[HostTriangle], list: &[u32]) -> Self {
+        let mut leaf = Self {
+            normal: [[0.0; LANES]; 3],
+            plane: [0.0; LANES],
+            lines: [[[0.0; LANES]; 3]; 3],
+            offsets: [[0.0; LANES]; 3],
+            triangle: [u32::MAX; LANES],
+            used: (1 << list.len()) - 1,
+        };
+        for (i, &k) in list.iter().enumerate() {
+            let t = &triangles[k as usize];
+            leaf.plane[i] = t.normal.dot(t.corners[0]) as f32;
+            for (axis, lanes) in leaf.normal.iter_mut().enumerate() {
+                lanes[i] = t.normal[axis] as f32;
+            }
+            for (line, (across, offset)) in t.lines_in_space().into_iter().enumerate() {
+                leaf.offsets[line][i] = offset as f32;
+                for (axis, lanes) in leaf.lines[line].iter_mut().enumerate() {
+                    lanes[i] = across[axis] as f32;
+                }
+            }
+            leaf.triangle[i] = k;
+        }
+        leaf
+    }
+
+    /// The triangles that a ray may meet before `limit`, one bit each, and distances before which it
+    /// doesn't.
+    #[inline(always)]
+    pub fn meet<M: Machine>(
+        &self,
+        machine: M,
+        velocity: Option<&[Lanes; 3]>,
+        ray: &Ray,
+        limit: f32,
+    ) -> (u32, Lanes) {
+        let add = |sum: f32, a: f32, b: f32| {
+            if M::FUSED { a.mul_add(b, sum) } else { a * b + sum }
+        };
+        // Written out: the compiler does not see through closures over arrays in a loop over lanes.
+        macro_rules! inside {
+            ($line:literal, $i:ident, $p:ident) => {{
+                let [x, y, z] = &self.lines[$line];
+                let first = add(self.offsets[$line][$i], x[$i], $p[0]);
+                add(add(first, y[$i], $p[1]), z[$i], $p[2])
+            }};
+        }
+        let d = ray.direction.to_array();
+        let mut o = ray.origin.to_array().map(|x| [x; LANES]);
+        if let Some(velocity) = velocity {
+            for (o, v) in o.iter_mut().zip(velocity) {
+                for i in 0..LANES {
+                    o[i] -= v[i] * ray.time;
+                }
+            }
+        }
+        let mut room = [0.0; LANES];
+        let mut near = [0.0; LANES];
+        for i in 0..LANES {
+            let n = [self.normal[0][i], self.normal[1][i], self.normal[2][i]];
+            let cosine = add(add(n[0] * d[0], n[1], d[1]), n[2], d[2]);
+            let inverse = 1.0 / cosine;
+            let above = add(self.plane[i], -n[0], o[0][i]);
+            let t = add(add(above, -n[1], o[1][i]), -n[2], o[2][i]) * inverse;
+            let p = [
+                add(o[0][i], t, d[0]),
+                add(o[1][i], t, d[1]),
+                add(o[2][i], t, d[2]),
+            ];
+            let ab = inside!(0, i, p);
+            let bc = inside!(1, i, p);
+            let ca = inside!(2, i, p);
+            let least = smaller(ab, smaller(bc, ca));
+            let rounding = add(ray.rounding, ray.rounding, inverse.abs());
+            near[i] = t - rounding;
+            let between = smaller(t + rounding - ray.from, limit - near[i]);
+            room[i] = smaller(between, least + rounding + ray.reach);
+        }
+        // Not a number is kept: the exact test decides.
+        (machine.not_negative(&room) & self.used, near)
+    }
+}
+
+#[inline(always)]
+pub(super) fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+pub(super) fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+pub(super) fn bits(of: [bool; LANES]) -> u32 {
+    let mut mask = 0;
+    for (i, &bit) in of.iter().enumerate() {
+        mask |= u32::from(bit) << i;
+    }
+    mask
+}
+
+/// What a machine does in one instruction.
+pub(super) trait Machine: Copy {
+    /// a·b + c.
+    const FUSED: bool;
+
+    /// The lanes that are not less than 0, one bit each.
+    fn not_negative(self, lanes: &Lanes) -> u32;
+}
+
+/// Any machine.
+#[derive(Clone, Copy)]
+pub(super) struct Plain<const FUSED: bool>;
+
+impl<const FUSED: bool> Machine for Plain<FUSED> {
+    const FUSED: bool = FUSED;
+
+    #[inline(always)]
+    fn not_negative(self, lanes: &Lanes) -> u32 {
+        let mut negative = [false; LANES];
+        for i in 0..LANES {
+            negative[i] = lanes[i] < 0.0;
+        }
+        bits(negative) ^ ((1 << LANES) - 1)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Machine for pulp::x86::V3 {
+    const FUSED: bool = true;
+
+    #[inline(always)]
+    fn not_negative(self, lanes: &Lanes) -> u32 {
+        use std::arch::x86_64::_CMP_NLT_UQ;
+        let zero = self.avx._mm256_setzero_ps();
+        let lanes = pulp::cast(*lanes);
+        let mask = self.avx._mm256_cmp_ps::<_CMP_NLT_UQ>(lanes, zero);
+        self.avx._mm256_movemask_ps(mask) as u32
+    }
+}
