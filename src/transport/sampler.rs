@@ -289,7 +289,11 @@ fn points() -> &'static [Points] {
 fn unscrambled(points: &Points, shuffled: u32) -> [u32; 4] {
     let part = |i: usize| points[i][(shuffled >> (28 - 4 * i)) as usize % 16];
     let [a, b, c, d] = [part(0), part(1), part(2), part(3)];
-    [0, 1, 2, 3].map(|i: usize| a[i] ^ b[i] ^ c[i] ^ d[i])
+    let mut sum = [0; 4];
+    for i in 0..4 {
+        sum[i] = a[i] ^ b[i] ^ c[i] ^ d[i];
+    }
+    sum
 }
 
 /// The random numbers of one path: those of [`Sampler::uniform`], set by set.
@@ -313,7 +317,7 @@ impl Numbers<'_> {
     /// Film x and y, and for an emitter and a point on it, seen from the first surface.
     pub fn film(&self) -> [f64; 4] {
         use Dimension::{EmitterU, EmitterV, FilmX, FilmY};
-        self.some([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
+        self.whole([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
     }
 
     /// Lens radius and angle.
@@ -337,7 +341,7 @@ impl Numbers<'_> {
     pub fn direction(&self, bounce: u32) -> [f64; 4] {
         use Dimension::{DirectionU, DirectionV, EmitterU, EmitterV};
         let next = bounce + 1;
-        self.some([
+        self.whole([
             (DirectionU, bounce),
             (DirectionV, bounce),
             (EmitterU, next),
@@ -387,21 +391,37 @@ impl Numbers<'_> {
         })
     }
 
-    /// Numbers of one set of four dimensions, or independent ones.
-    #[inline]
+    /// Numbers of dimensions that are a whole set of the sequence, or independent ones.
+    #[inline(always)]
+    fn whole(&self, dimensions: [(Dimension, u32); 4]) -> [f64; 4] {
+        let (first, bounce) = dimensions[0];
+        match (self.sampler.sequence, first.of_sequence(bounce)) {
+            (Sequence::Sobol, Some(place)) => {
+                let [a, b, c, d] = self.four(place / 4);
+                [a.into(), b.into(), c.into(), d.into()]
+            }
+            _ => self.independent(dimensions),
+        }
+    }
+
+    /// Numbers of some dimensions of one set of the sequence, or independent ones.
     fn some<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f64; N] {
-        let sampler = self.sampler;
         let places = dimensions.map(|(d, bounce)| d.of_sequence(bounce));
-        match (sampler.sequence, places[0]) {
+        match (self.sampler.sequence, places[0]) {
             (Sequence::Sobol, Some(first)) => {
                 let four = self.four(first / 4);
                 places.map(|d| d.map_or(0.0, |d| f64::from(four[d as usize % 4])))
             }
-            _ => dimensions.map(|(d, bounce)| {
-                let purpose = (u64::from(bounce) << 32) | d as u64;
-                number(mix(sampler.seed ^ purpose), self.path)
-            }),
+            _ => self.independent(dimensions),
         }
+    }
+
+    #[inline(never)]
+    fn independent<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f64; N] {
+        dimensions.map(|(d, bounce)| {
+            let purpose = (u64::from(bounce) << 32) | d as u64;
+            number(mix(self.sampler.seed ^ purpose), self.path)
+        })
     }
 }
 

@@ -1,12 +1,11 @@
 //! Paths of one pixel from the camera on, with what going back needs.
 
-use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::shading::{Scatter, Shade};
+use super::shading::{Scatter, Shade, sin_cos_of_turns};
 use super::surface::Place;
 use super::{Finders, Fused, Pixel};
 use crate::transport::Census;
@@ -346,7 +345,7 @@ impl Fused {
         let first = work.branches.len();
         if !self.scene.emitters.is_empty() || self.tables.host.sky.is_some() {
             let split = self.settings.sampling.surfaces == SurfaceSampling::Split;
-            let random = path.numbers.surface(0);
+            let random = || path.numbers.surface(0);
             let mut entries = std::mem::take(&mut work.entries);
             entries.clear();
             if split {
@@ -398,7 +397,7 @@ impl Fused {
         let (origin, along) = match c.lens {
             Some([aperture, focus]) => {
                 let [radius, angle] = numbers.lens();
-                let (sin, cos) = (TAU * angle).sin_cos();
+                let (sin, cos) = sin_cos_of_turns(angle);
                 disk = [radius.sqrt() * cos, radius.sqrt() * sin];
                 let on_lens = (c.right * disk[0] + c.up * disk[1]) * aperture;
                 (c.eye + on_lens, through * focus - on_lens)
@@ -522,11 +521,11 @@ impl Fused {
 
     /// One surface, drawn with its weight.
     #[inline(always)]
-    fn draw(&self, ray: &Ray, random: f64, work: &mut Work) -> Option<usize> {
+    fn draw(&self, ray: &Ray, random: impl Fn() -> f64, work: &mut Work) -> Option<usize> {
         if ray.surfaces.len() == 1 && ray.background <= 0.0 {
             return Some(ray.surfaces.start);
         }
-        let threshold = self.ordered(ray, work) * random;
+        let threshold = self.ordered(ray, work) * random();
         let mut passed = 0.0;
         for &(_, surface, weight) in &work.order {
             passed += weight;
@@ -542,7 +541,7 @@ impl Fused {
     fn split(
         &self,
         ray: &Ray,
-        random: f64,
+        random: impl Fn() -> f64,
         work: &mut Work,
         entries: &mut Vec<(Option<usize>, f64)>,
     ) {
@@ -554,7 +553,7 @@ impl Fused {
         let least = 1.0 / SPLIT as f64;
         let total = self.ordered(ray, work);
         // The next number of the comb u, u + 1, … over cumulative weights in units of 1/draws.
-        let (mut passed, mut next) = (0.0, total * random * least);
+        let (mut passed, mut next) = (0.0, total * random() * least);
         for &(_, surface, weight) in &work.order {
             passed += weight;
             if passed > next {
@@ -584,11 +583,12 @@ impl Fused {
         let mut drawn = drawn;
         let mut ray: Option<Ray> = None;
         let mut emitter = path.emitter;
+        let (sky, map) = (self.missed(), self.gathered());
+        let combined = settings.sampling.multiple_importance && !self.lights.is_empty();
         for bounce in 0..=settings.bounces {
-            let surface = drawn.map(|i| work.surfaces[i]);
-            let useful = surface.filter(|s| self.useful(s.triangle));
+            let useful = drawn.filter(|&i| self.useful(work.surfaces[i].triangle));
             let Some(surface) = useful else {
-                if let (Some(sky), None) = (self.missed(), surface) {
+                if let (Some(sky), None) = (self.missed(), drawn) {
                     work.light[path.slot + bounce as usize] += throughput * sky.at(direction);
                 }
                 if work.keep {
@@ -601,29 +601,27 @@ impl Fused {
                 }
                 return;
             };
-            let mut hit = self.hit(&surface, origin, direction);
+            let mut hit = self.hit(&work.surfaces[surface], origin, direction);
             let last = bounce == settings.bounces;
-            let sky = self.missed();
-            let map = self.gathered();
             let goes_on = !last || sky.is_some();
-            let by_scattering = settings.sampling.multiple_importance
-                && !self.lights.is_empty()
-                && hit.shade.specular.is_some();
-            let scatter = (goes_on || by_scattering || map.is_some()).then(|| {
+            let by_scattering = combined && hit.shade.specular.is_some();
+            let mut after = emitter;
+            let mut scatter = None;
+            if goes_on || by_scattering || map.is_some() {
                 let [u, v, next @ ..] = path.numbers.direction(bounce);
                 let lobe = match hit.shade.specular {
                     Some(_) => path.numbers.lobe(bounce),
                     None => 0.0,
                 };
-                (hit.shade.sample([u, v, lobe], epsilon), next)
-            });
-            let (scatter, after) = scatter.unzip();
-            let along = scatter
-                .as_ref()
-                .filter(|_| by_scattering)
-                .map(|s| s.direction);
+                after = next;
+                scatter = Some(hit.shade.sample([u, v, lobe], epsilon));
+            }
+            let along = match &scatter {
+                Some(s) if by_scattering => Some(s.direction),
+                _ => None,
+            };
             let light = self.connect(finders, path, &mut hit, emitter, along, work);
-            emitter = after.unwrap_or(emitter);
+            emitter = after;
             let light = match (map, &scatter) {
                 (Some(map), Some(scatter)) => {
                     let drawn = path.numbers.environment(bounce);
@@ -634,18 +632,21 @@ impl Fused {
             };
             work.light[path.slot + bounce as usize] += throughput * light;
             let before = throughput;
-            let Some(scatter) = scatter.filter(|_| goes_on) else {
-                if work.keep {
-                    work.vertices.push(Vertex {
-                        ray,
-                        drawn,
-                        throughput,
-                        hit: Some(hit),
-                    });
+            let scatter = match scatter {
+                Some(scatter) if goes_on => scatter,
+                _ => {
+                    if work.keep {
+                        work.vertices.push(Vertex {
+                            ray,
+                            drawn,
+                            throughput,
+                            hit: Some(hit),
+                        });
+                    }
+                    return;
                 }
-                return;
             };
-            let triangle = surface.triangle;
+            let triangle = hit.triangle;
             origin = hit.position;
             direction = scatter.direction;
             throughput *= scatter.weight;
@@ -681,7 +682,8 @@ impl Fused {
             }
             work.census.bounces[bounce as usize + 1] += 1;
             let found = self.weigh(finders, path, (origin, direction), Some(triangle), work);
-            drawn = self.draw(&found, path.numbers.surface(bounce + 1), work);
+            let random = || path.numbers.surface(bounce + 1);
+            drawn = self.draw(&found, random, work);
             ray = Some(found);
         }
     }

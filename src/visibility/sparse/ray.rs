@@ -93,6 +93,8 @@ pub(crate) struct Finder<'a> {
     /// The squared distance from a triangle up to which it matters, and its root.
     reach: f64,
     root: f64,
+    /// 1/σ.
+    inverse: f64,
     /// How far inside a hit is as good as opaque, whatever its distance to the border.
     deep: f64,
     /// Triangles of smaller opacity, and what lies behind more than 1 − cutoff, are left out.
@@ -133,6 +135,7 @@ impl<'a> Finder<'a> {
             grazing: grazing(context.dtype),
             reach: settings.sigma * nats,
             root: (settings.sigma * nats).sqrt(),
+            inverse: settings.sigma.recip(),
             deep: (DEEP * settings.sigma).sqrt(),
             cutoff,
             full: full_room(context.epsilon(), settings.sigma),
@@ -241,9 +244,10 @@ impl<'a> Finder<'a> {
         if side < 0.0 {
             return limit;
         }
-        let softened = neighbour(departure, k) || neighbour(emitter, k);
-        let sign = if hit.inside { 1.0 } else { -1.0 } / settings.sigma;
+        let sign = if hit.inside { self.inverse } else { -self.inverse };
         let logit = hit.squared_distance * sign;
+        // Deep inside both forms are 1.
+        let softened = logit <= DEEP && (neighbour(departure, k) || neighbour(emitter, k));
         if softened && (!hit.inside || logit < f64::EPSILON) {
             return limit;
         }
