@@ -71,7 +71,11 @@ impl Leaf {
         limit: f32,
     ) -> (u32, Lanes) {
         let add = |sum: f32, a: f32, b: f32| {
-            if M::FUSED { a.mul_add(b, sum) } else { a * b + sum }
+            if M::FUSED {
+                a.mul_add(b, sum)
+            } else {
+                a * b + sum
+            }
         };
         // Written out: the compiler does not see through closures over arrays in a loop over lanes.
         macro_rules! inside {

@@ -253,10 +253,7 @@ impl Run<'_> {
 /// from.
 fn round(index: u32, block: u64, round: u64) -> (u32, u64) {
     let stage = mix(block ^ (round << 32));
-    (
-        owen_scramble_rev(index.reverse_bits(), stage as u32),
-        stage,
-    )
+    (owen_scramble_rev(index.reverse_bits(), stage as u32), stage)
 }
 
 /// What scrambles a set of four dimensions.

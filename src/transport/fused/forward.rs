@@ -212,8 +212,6 @@ pub(crate) struct Work {
     pub(super) values: Vec<f64>,
     pub(super) scratch: PullScratch,
     pub(super) log: Log,
-    /// Whether all that going back needs is kept.
-    keep: bool,
     passing: Vec<f64>,
     order: Vec<(u32, Option<usize>, f64)>,
     entries: Vec<(Option<usize>, f64)>,
@@ -242,7 +240,6 @@ impl Work {
             values: Vec::new(),
             scratch: PullScratch::default(),
             log: Log::None,
-            keep: true,
             passing: Vec::new(),
             order: Vec::new(),
             entries: Vec::new(),
@@ -252,26 +249,20 @@ impl Work {
     }
 
     pub(super) fn clear(&mut self) {
-        self.surfaces.clear();
-        self.shadows.clear();
+        self.forget();
         self.by_p.clear();
         self.cameras.clear();
         self.branches.clear();
         self.vertices.clear();
         self.lit.clear();
-        self.gathered.clear();
-        self.light.clear();
     }
 
-    /// Forgets what only going back needs.
+    /// Forgets a path.
     fn forget(&mut self) {
         self.surfaces.clear();
         self.shadows.clear();
-        self.by_p.clear();
-        self.branches.clear();
-        self.vertices.clear();
-        self.lit.clear();
         self.gathered.clear();
+        self.light.clear();
     }
 }
 
@@ -286,18 +277,16 @@ struct Path<'a> {
 }
 
 impl Fused {
-    /// The sum over a pixel's samples. With `keep` all that they met stays in `work`.
+    /// The sum over a pixel's samples. With `KEEP` all that they met stays in `work`.
     #[inline(always)]
-    pub(super) fn pixel(
+    pub(super) fn pixel<const KEEP: bool>(
         &self,
         finders: &Finders,
         pixel: u32,
         (from, to): (u32, u32),
-        keep: bool,
         work: &mut Work,
     ) -> Pixel {
         let mut sum = Pixel::default();
-        work.keep = keep;
         let mut first = from - from % RUN as u32;
         while first < to {
             let past = first + RUN as u32;
@@ -305,15 +294,13 @@ impl Fused {
             for sample in first.max(from)..past.min(to) {
                 let slot = work.light.len();
                 work.light.resize(slot + work.bounces + 1, DVec3::ZERO);
-                let seen = self.sample(finders, run.numbers(sample), pixel, slot, work);
+                let seen = self.sample::<KEEP>(finders, run.numbers(sample), pixel, slot, work);
                 sum.radiance += seen.radiance + work.light[slot..].iter().sum::<DVec3>();
                 sum.opacity += seen.opacity;
                 sum.depth += seen.depth;
                 sum.normal += seen.normal;
-                if !keep {
+                if !KEEP {
                     work.forget();
-                    work.cameras.clear();
-                    work.light.clear();
                 }
             }
             first = past;
@@ -323,7 +310,7 @@ impl Fused {
 
     /// One camera ray and its paths; returns what it sees of emitters and environment.
     #[inline(always)]
-    fn sample(
+    fn sample<const KEEP: bool>(
         &self,
         finders: &Finders,
         numbers: Numbers,
@@ -357,21 +344,25 @@ impl Fused {
                 let begin = work.vertices.len();
                 let useful = drawn.is_some_and(|s| self.useful(work.surfaces[s].triangle));
                 if useful {
-                    self.walk(finders, &path, &camera.ray, drawn, share, work);
+                    self.walk::<KEEP>(finders, &path, &camera.ray, drawn, share, work);
                 } else if split {
                     continue;
                 }
-                work.branches.push(Branch {
-                    drawn,
-                    alone: !split,
-                    share,
-                    vertices: begin..work.vertices.len(),
-                });
+                if KEEP {
+                    work.branches.push(Branch {
+                        drawn,
+                        alone: !split,
+                        share,
+                        vertices: begin..work.vertices.len(),
+                    });
+                }
             }
             work.entries = entries;
         }
-        camera.branches = first..work.branches.len();
-        work.cameras.push(camera);
+        if KEEP {
+            camera.branches = first..work.branches.len();
+            work.cameras.push(camera);
+        }
         seen
     }
 
@@ -567,7 +558,7 @@ impl Fused {
 
     /// Follows a path from a surface of a camera ray on.
     #[inline(always)]
-    fn walk(
+    fn walk<const KEEP: bool>(
         &self,
         finders: &Finders,
         path: &Path,
@@ -591,7 +582,7 @@ impl Fused {
                 if let (Some(sky), None) = (self.missed(), drawn) {
                     work.light[path.slot + bounce as usize] += throughput * sky.at(direction);
                 }
-                if work.keep {
+                if KEEP {
                     work.vertices.push(Vertex {
                         ray,
                         drawn,
@@ -620,7 +611,7 @@ impl Fused {
                 Some(s) if by_scattering => Some(s.direction),
                 _ => None,
             };
-            let light = self.connect(finders, path, &mut hit, emitter, along, work);
+            let light = self.connect::<KEEP>(finders, path, &mut hit, emitter, along, work);
             emitter = after;
             let light = match (map, &scatter) {
                 (Some(map), Some(scatter)) => {
@@ -635,7 +626,7 @@ impl Fused {
             let scatter = match scatter {
                 Some(scatter) if goes_on => scatter,
                 _ => {
-                    if work.keep {
+                    if KEEP {
                         work.vertices.push(Vertex {
                             ray,
                             drawn,
@@ -668,7 +659,7 @@ impl Fused {
                 throughput /= next.survival;
                 ended = path.numbers.roulette(bounce) >= next.survival;
             }
-            if work.keep {
+            if KEEP {
                 hit.next = Some(next);
                 work.vertices.push(Vertex {
                     ray: ray.take(),
@@ -736,7 +727,7 @@ impl Fused {
     /// Light from one point of one emitter, and from those that lie in the direction in which the path
     /// goes on.
     #[inline(always)]
-    fn connect(
+    fn connect<const KEEP: bool>(
         &self,
         finders: &Finders,
         path: &Path,
@@ -756,7 +747,7 @@ impl Fused {
         let (b, c) = (u.sqrt() * (1.0 - v), u.sqrt() * v);
         let combined = along.map(|_| false);
         let triangle = lights.triangle(emitter);
-        sum += self.arriving(finders, path, hit, (triangle, b, c, chance), combined, work);
+        sum += self.arriving::<KEEP>(finders, path, hit, (triangle, b, c, chance), combined, work);
         if let Some(direction) = along {
             let mut met = std::mem::take(&mut work.met);
             met.clear();
@@ -765,7 +756,7 @@ impl Fused {
             for &(k, b, c) in &met {
                 let chance = lights.chance_of(view, k, &mut work.chances);
                 let point = (lights.triangle(k), b, c, chance);
-                sum += self.arriving(finders, path, hit, point, Some(true), work);
+                sum += self.arriving::<KEEP>(finders, path, hit, point, Some(true), work);
             }
             work.met = met;
         }
@@ -837,7 +828,7 @@ impl Fused {
     /// Light from a point of an emitter over its density. `combined` says by which of two strategies
     /// it was found, if there are two.
     #[inline(always)]
-    fn arriving(
+    fn arriving<const KEEP: bool>(
         &self,
         finders: &Finders,
         path: &Path,
@@ -877,14 +868,16 @@ impl Fused {
             }
             None => chance,
         };
-        work.by_p.extend_from_slice(&work.passing);
-        work.lit.push(Lit {
-            emitter,
-            corners,
-            density,
-            passed,
-            shadows: first..work.shadows.len(),
-        });
+        if KEEP {
+            work.by_p.extend_from_slice(&work.passing);
+            work.lit.push(Lit {
+                emitter,
+                corners,
+                density,
+                passed,
+                shadows: first..work.shadows.len(),
+            });
+        }
         let m = self.scene.topology.material[emitter as usize] as usize;
         reflected * self.tables.host.emission[m] * (per_area * passed / density)
     }

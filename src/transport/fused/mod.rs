@@ -184,12 +184,11 @@ impl Fused {
             work.clear();
             work.log.begin_pixel(i);
             work.objects = objects.map(|n| vec![0.0; n + 1]);
-            sums.push(arch.dispatch(PixelPaths {
+            sums.push(arch.dispatch(PixelPaths::<false> {
                 fused: self,
                 finders: &finders,
                 pixel,
                 samples,
-                keep: false,
                 work: &mut work,
             }));
             weights.extend(work.objects.take().into_iter().flatten());
@@ -228,12 +227,11 @@ impl Fused {
             }
             work.clear();
             work.log.begin_pixel(i);
-            arch.dispatch(PixelPaths {
+            arch.dispatch(PixelPaths::<true> {
                 fused: self,
                 finders: &finders,
                 pixel: *pixel,
                 samples,
-                keep: true,
                 work,
             });
             self.pull_pixel(upstream, work, sums);
@@ -243,16 +241,15 @@ impl Fused {
 
 /// The paths of a pixel, to be traced by code for what the machine has. Not a closure: those that only
 /// borrow go through a function of `core`, which is compiled for any machine.
-struct PixelPaths<'a> {
+struct PixelPaths<'a, const KEEP: bool> {
     fused: &'a Fused,
     finders: &'a Finders<'a>,
     pixel: u32,
     samples: (u32, u32),
-    keep: bool,
     work: &'a mut Work,
 }
 
-impl pulp::WithSimd for PixelPaths<'_> {
+impl<const KEEP: bool> pulp::WithSimd for PixelPaths<'_, KEEP> {
     type Output = Pixel;
 
     #[inline(always)]
@@ -262,10 +259,9 @@ impl pulp::WithSimd for PixelPaths<'_> {
             finders,
             pixel,
             samples,
-            keep,
             work,
         } = self;
-        fused.pixel(finders, pixel, samples, keep, work)
+        fused.pixel::<KEEP>(finders, pixel, samples, work)
     }
 }
 

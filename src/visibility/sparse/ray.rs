@@ -244,7 +244,11 @@ impl<'a> Finder<'a> {
         if side < 0.0 {
             return limit;
         }
-        let sign = if hit.inside { self.inverse } else { -self.inverse };
+        let sign = if hit.inside {
+            self.inverse
+        } else {
+            -self.inverse
+        };
         let logit = hit.squared_distance * sign;
         // Deep inside both forms are 1.
         let softened = logit <= DEEP && (neighbour(departure, k) || neighbour(emitter, k));
