@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::forward::{Branch, CameraRay, Gathered, Hit, Lit, Ray, Vertex, Work};
+use super::records::{Branch, CameraRay, Gathered, Hit, Lit, Ray, Vertex, Work};
 use super::shading::ShadeSums;
 use super::tables::Sums;
 use super::{Fused, Pixel};

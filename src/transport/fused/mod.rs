@@ -7,6 +7,8 @@
 
 mod adjoint;
 mod forward;
+mod log;
+mod records;
 mod shading;
 mod surface;
 mod tables;
@@ -22,7 +24,8 @@ use crate::accel::Hierarchy;
 use crate::error::Result;
 use crate::scene::{Camera, Flattened};
 use crate::visibility::{Finder, Visibility};
-pub(crate) use forward::{Log, TileLog, Work};
+pub(crate) use log::{Log, TileLog};
+pub(crate) use records::Work;
 use tables::HostSky;
 pub(crate) use tables::{HostCamera, Sums, Tables};
 
