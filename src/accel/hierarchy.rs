@@ -9,6 +9,7 @@ use obvhs::{Boundable, BvhBuildParams};
 
 use super::HostTriangle;
 use super::leaf::LANES;
+use super::machine::Machine;
 use super::wide::{FEW, Wide};
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
@@ -135,15 +136,16 @@ impl Hierarchy {
     /// Calls a function with every triangle that a ray (origin, direction, time in the shutter) may
     /// meet within `reach` of it in a range from … limit; the function returns the limit from there
     /// on. Returns how many triangles were offered.
-    #[inline]
-    pub fn visit(
+    #[inline(always)]
+    pub(crate) fn visit<M: Machine>(
         &self,
+        machine: M,
         ray: (DVec3, DVec3, f64),
         reach: f64,
         range: (f64, f64),
         f: impl FnMut(u32) -> f64,
     ) -> u32 {
-        self.wide.visit(ray, reach, range, f)
+        self.wide.visit(machine, ray, reach, range, f)
     }
 }
 

@@ -3,11 +3,12 @@
 use glam::Vec3;
 
 use super::HostTriangle;
+use super::machine::Machine;
 
 /// Triangles of a leaf, at most.
-pub(super) const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
-pub(super) type Lanes = [f32; LANES];
+pub(crate) type Lanes = [f32; LANES];
 
 /// Up to eight triangles: planes, and in each the lines of the borders as distances, positive inside.
 pub(super) struct Leaf {
@@ -138,44 +139,4 @@ pub(super) fn bits(of: [bool; LANES]) -> u32 {
         mask |= u32::from(bit) << i;
     }
     mask
-}
-
-/// What a machine does in one instruction.
-pub(super) trait Machine: Copy {
-    /// a·b + c.
-    const FUSED: bool;
-
-    /// The lanes that are not less than 0, one bit each.
-    fn not_negative(self, lanes: &Lanes) -> u32;
-}
-
-/// Any machine.
-#[derive(Clone, Copy)]
-pub(super) struct Plain<const FUSED: bool>;
-
-impl<const FUSED: bool> Machine for Plain<FUSED> {
-    const FUSED: bool = FUSED;
-
-    #[inline(always)]
-    fn not_negative(self, lanes: &Lanes) -> u32 {
-        let mut negative = [false; LANES];
-        for i in 0..LANES {
-            negative[i] = lanes[i] < 0.0;
-        }
-        bits(negative) ^ ((1 << LANES) - 1)
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-impl Machine for pulp::x86::V3 {
-    const FUSED: bool = true;
-
-    #[inline(always)]
-    fn not_negative(self, lanes: &Lanes) -> u32 {
-        use std::arch::x86_64::_CMP_NLT_UQ;
-        let zero = self.avx._mm256_setzero_ps();
-        let lanes = pulp::cast(*lanes);
-        let mask = self.avx._mm256_cmp_ps::<_CMP_NLT_UQ>(lanes, zero);
-        self.avx._mm256_movemask_ps(mask) as u32
-    }
 }

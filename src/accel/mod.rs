@@ -3,8 +3,10 @@
 
 mod hierarchy;
 mod leaf;
+mod machine;
 mod triangle;
 mod wide;
 
 pub use hierarchy::{Hierarchy, HierarchyCache};
+pub(crate) use machine::{Machine, Task, dispatch};
 pub use triangle::{HostTriangle, PlaneHit};

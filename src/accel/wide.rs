@@ -3,10 +3,10 @@
 
 use glam::{DVec3, Vec3};
 use obvhs::bvh2::Bvh2;
-use pulp::Arch;
 
 use super::HostTriangle;
-use super::leaf::{LANES, Lanes, Leaf, Machine, Plain, Ray, bits, larger, smaller};
+use super::leaf::{LANES, Lanes, Leaf, Ray, bits, larger, smaller};
+use super::machine::Machine;
 
 /// Up to here triangles are asked without boxes.
 pub(super) const FEW: usize = 64;
@@ -23,7 +23,6 @@ struct Node {
 
 /// The tree.
 pub(super) struct Wide {
-    arch: Arch,
     nodes: Vec<Node>,
     leaves: Vec<Leaf>,
     /// Displacements over the shutter of the triangles of each leaf, if any moves.
@@ -44,7 +43,6 @@ impl Wide {
     pub fn new(triangles: &[HostTriangle], tree: Option<&Bvh2>, extent: f64) -> Self {
         let moves = triangles.iter().any(|t| t.velocity != DVec3::ZERO);
         let mut wide = Self {
-            arch: Arch::new(),
             nodes: Vec::new(),
             leaves: Vec::new(),
             velocities: moves.then(Vec::new),
@@ -134,32 +132,8 @@ impl Wide {
     /// Calls a function with every triangle that a ray may meet within `reach` of it between `from`
     /// and `limit`; the function returns the limit from there on. Returns how many triangles it was
     /// called with.
-    #[inline]
-    pub fn visit(
-        &self,
-        ray: (DVec3, DVec3, f64),
-        reach: f64,
-        range: (f64, f64),
-        f: impl FnMut(u32) -> f64,
-    ) -> u32 {
-        // Once a ray, with all that it does inlined: compiled for what the machine has.
-        match self.arch {
-            Arch::Scalar => self.visit_by(Plain::<false>, ray, reach, range, f),
-            #[cfg(target_arch = "x86_64")]
-            Arch::V3(machine) => self.arch.dispatch(
-                #[inline(always)]
-                || self.visit_by(machine, ray, reach, range, f),
-            ),
-            #[allow(unreachable_patterns)] // on machines of the arms above
-            arch => arch.dispatch(
-                #[inline(always)]
-                || self.visit_by(Plain::<true>, ray, reach, range, f),
-            ),
-        }
-    }
-
     #[inline(always)]
-    fn visit_by<M: Machine>(
+    pub fn visit<M: Machine>(
         &self,
         machine: M,
         ray: (DVec3, DVec3, f64),

@@ -20,7 +20,7 @@ use glam::DVec3;
 
 use super::sky::SkyMap;
 use super::{Census, Lights, PathSettings, Sampler, Sky};
-use crate::accel::Hierarchy;
+use crate::accel::{Hierarchy, Machine, Task, dispatch};
 use crate::error::Result;
 use crate::scene::{Camera, Flattened};
 use crate::visibility::{Finder, Visibility};
@@ -187,13 +187,14 @@ impl Fused {
             work.clear();
             work.log.begin_pixel(i);
             work.objects = objects.map(|n| vec![0.0; n + 1]);
-            sums.push(arch.dispatch(PixelPaths::<false> {
+            let paths = PixelPaths::<false> {
                 fused: self,
                 finders: &finders,
                 pixel,
                 samples,
                 work: &mut work,
-            }));
+            };
+            sums.push(dispatch(arch, paths));
             weights.extend(work.objects.take().into_iter().flatten());
         }
         // Up to the last bounce that a path reached.
@@ -230,20 +231,20 @@ impl Fused {
             }
             work.clear();
             work.log.begin_pixel(i);
-            arch.dispatch(PixelPaths::<true> {
+            let paths = PixelPaths::<true> {
                 fused: self,
                 finders: &finders,
                 pixel: *pixel,
                 samples,
                 work,
-            });
+            };
+            dispatch(arch, paths);
             self.pull_pixel(upstream, work, sums);
         }
     }
 }
 
-/// The paths of a pixel, to be traced by code for what the machine has. Not a closure: those that only
-/// borrow go through a function of `core`, which is compiled for any machine.
+/// The paths of a pixel.
 struct PixelPaths<'a, const KEEP: bool> {
     fused: &'a Fused,
     finders: &'a Finders<'a>,
@@ -252,11 +253,11 @@ struct PixelPaths<'a, const KEEP: bool> {
     work: &'a mut Work,
 }
 
-impl<const KEEP: bool> pulp::WithSimd for PixelPaths<'_, KEEP> {
+impl<const KEEP: bool> Task for PixelPaths<'_, KEEP> {
     type Output = Pixel;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _simd: S) -> Pixel {
+    fn run<M: Machine>(self, _machine: M) -> Pixel {
         let Self {
             fused,
             finders,

@@ -2,9 +2,10 @@
 //! derivatives of both.
 
 use glam::DVec3;
+use pulp::Arch;
 
 use super::forms::{layered, pull, softened, softmax, through_all, through_layers};
-use crate::accel::{Hierarchy, HostTriangle};
+use crate::accel::{Hierarchy, HostTriangle, Machine, Task, dispatch};
 use crate::geometry::{Context, Topology};
 use crate::visibility::edge::{full_room, grazing};
 use crate::visibility::soft_pairs::SoftRay;
@@ -81,8 +82,32 @@ struct Ends {
     near_end: Option<f64>,
 }
 
+/// [`Finder::meet`] as a task.
+struct Meeting<'a> {
+    finder: &'a Finder<'a>,
+    ray: &'a HostRay,
+    depth: f64,
+    found: &'a mut Vec<Surface>,
+}
+
+impl Task for Meeting<'_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> u32 {
+        let Self {
+            finder,
+            ray,
+            depth,
+            found,
+        } = self;
+        finder.meet_on(machine, ray, depth, found)
+    }
+}
+
 /// Finds the surfaces that matter to a ray.
 pub(crate) struct Finder<'a> {
+    arch: Arch,
     hierarchy: &'a Hierarchy,
     topology: &'a Topology,
     settings: CoverageSettings,
@@ -127,6 +152,7 @@ impl<'a> Finder<'a> {
             _ => (1.0 / cutoff).ln(),
         };
         Self {
+            arch: Arch::new(),
             hierarchy,
             topology,
             settings: *settings,
@@ -156,9 +182,27 @@ impl<'a> Finder<'a> {
     /// The surfaces that a ray meets, unordered, and how many were asked.
     #[inline]
     pub fn meet(&self, ray: &HostRay, depth: f64, found: &mut Vec<Surface>) -> u32 {
+        let task = Meeting {
+            finder: self,
+            ray,
+            depth,
+            found,
+        };
+        dispatch(self.arch, task)
+    }
+
+    #[inline(always)]
+    fn meet_on<M: Machine>(
+        &self,
+        machine: M,
+        ray: &HostRay,
+        depth: f64,
+        found: &mut Vec<Surface>,
+    ) -> u32 {
         let ends = self.ends(ray);
         let mut limit = ends.limit;
         self.hierarchy.visit(
+            machine,
             (ray.origin, ray.direction, ray.time),
             self.root,
             (self.settings.t_min, limit),
