@@ -9,7 +9,7 @@ use obvhs::{Boundable, BvhBuildParams};
 
 use super::HostTriangle;
 use super::leaf::LANES;
-use super::machine::Machine;
+use super::machine::{Machine, Task, dispatch};
 use super::wide::{FEW, Wide};
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
@@ -136,8 +136,26 @@ impl Hierarchy {
     /// Calls a function with every triangle that a ray (origin, direction, time in the shutter) may
     /// meet within `reach` of it in a range from … limit; the function returns the limit from there
     /// on. Returns how many triangles were offered.
+    pub fn visit<F: FnMut(u32) -> f64>(
+        &self,
+        ray: (DVec3, DVec3, f64),
+        reach: f64,
+        range: (f64, f64),
+        f: F,
+    ) -> u32 {
+        let visit = Visit {
+            hierarchy: self,
+            ray,
+            reach,
+            range,
+            f,
+        };
+        dispatch(pulp::Arch::new(), visit)
+    }
+
+    /// The same in code for a machine.
     #[inline(always)]
-    pub(crate) fn visit<M: Machine>(
+    pub(crate) fn visit_on<M: Machine>(
         &self,
         machine: M,
         ray: (DVec3, DVec3, f64),
@@ -146,6 +164,31 @@ impl Hierarchy {
         f: impl FnMut(u32) -> f64,
     ) -> u32 {
         self.wide.visit(machine, ray, reach, range, f)
+    }
+}
+
+/// [`Hierarchy::visit`] as a task.
+struct Visit<'a, F> {
+    hierarchy: &'a Hierarchy,
+    ray: (DVec3, DVec3, f64),
+    reach: f64,
+    range: (f64, f64),
+    f: F,
+}
+
+impl<F: FnMut(u32) -> f64> Task for Visit<'_, F> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> u32 {
+        let Self {
+            hierarchy,
+            ray,
+            reach,
+            range,
+            f,
+        } = self;
+        hierarchy.visit_on(machine, ray, reach, range, f)
     }
 }
 

@@ -201,7 +201,7 @@ impl<'a> Finder<'a> {
     ) -> u32 {
         let ends = self.ends(ray);
         let mut limit = ends.limit;
-        self.hierarchy.visit(
+        self.hierarchy.visit_on(
             machine,
             (ray.origin, ray.direction, ray.time),
             self.root,
