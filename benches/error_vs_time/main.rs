@@ -23,8 +23,6 @@ mod table;
 #[allow(dead_code)] // the examples use all of it
 #[path = "../../examples/common/mod.rs"]
 mod common;
-#[path = "../font/mod.rs"]
-mod font;
 
 use std::error::Error;
 use std::fs;
@@ -59,7 +57,7 @@ enum Part {
 
 fn main() -> Outcome<()> {
     let arguments = Arguments::parse();
-    font::register();
+    common::figure::font::register();
     match &arguments.part {
         Some(Part::Derivative(d)) => derivative::run(d),
         None if arguments.sweep.peak => arguments.sweep.print_peak(),

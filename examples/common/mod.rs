@@ -1,9 +1,12 @@
-//! Shared by the examples: devices by name, progress bars.
+//! Shared by the examples: devices by name, progress bars, figures.
 
 use std::sync::Arc;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use softray::prelude::*;
+
+#[allow(dead_code)] // not every example makes one
+pub mod figure;
 
 /// A device by name; GPU backends need their feature.
 #[allow(unreachable_patterns)] // the names of features that are built in were matched before

@@ -3,4 +3,4 @@
 pub mod loss;
 mod schedule;
 
-pub use schedule::{BlurSchedule, pixel_footprint};
+pub use schedule::{Blur, BlurSchedule, PlateauBlur, pixel_footprint};

@@ -1,9 +1,8 @@
-//! Blur over the steps of a fit: wide edges first, from afar, sharp ones at the end.
-//!
-//! `docs/BLUR.md` has the measurements that the fractions below come from.
+//! Blur by the scene, the camera and the pixels of a fit.
 
 use burn::tensor::Tensor;
 
+use super::BlurSchedule;
 use crate::error::{Error, Result};
 use crate::geometry::{host_values, plain};
 use crate::render::{RenderOptions, render};
@@ -20,68 +19,7 @@ const DECAY: f64 = 0.75;
 /// √σ of [`BlurSchedule::sharp_sigma`], as a share of a pixel's footprint.
 const SHARP: f64 = 0.02;
 
-/// σ of Eq. 1, in scene units squared, over the steps of a fit: constant, or falling by the same
-/// factor at every step.
-///
-/// The larger σ is, the further away a gradient begins to point to the target, and the more the
-/// image is off; so a fit starts with a large σ and ends with a small one.
-///
-/// ```
-/// use softray::prelude::*;
-/// let schedule = BlurSchedule::decay(1e-1, 1e-3, 100)?.hold(20);
-/// for step in 0..150 {
-///     let options = RenderOptions::new(32, 32).sigma(schedule.at(step)).seed(step as u64);
-///     // render, step of the optimiser …
-///     # let _ = options;
-/// }
-/// assert_eq!(schedule.at(0), 1e-1);
-/// assert!((schedule.at(20 + 50) - 1e-2).abs() < 1e-12);
-/// assert_eq!(schedule.at(120), 1e-3);
-/// # Ok::<(), softray::Error>(())
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct BlurSchedule {
-    start: f64,
-    end: f64,
-    hold: usize,
-    steps: usize,
-}
-
 impl BlurSchedule {
-    /// The same σ at every step, scene units squared.
-    ///
-    /// # Errors
-    /// If σ is not a finite number > 0.
-    pub fn constant(sigma: f64) -> Result<Self> {
-        Self::decay(sigma, sigma, 1)
-    }
-
-    /// From σ `start` at step 0 to `end` at step `steps` and after it, both in scene units squared:
-    /// start·(end/start)^(step/steps).
-    ///
-    /// # Errors
-    /// If one of them is not a finite number > 0, `end` is larger than `start`, or there are no
-    /// steps.
-    pub fn decay(start: f64, end: f64, steps: usize) -> Result<Self> {
-        for (field, sigma) in [("start", start), ("end", end)] {
-            if !(sigma.is_finite() && sigma > 0.0) {
-                return Err(invalid(field, sigma, "a finite number > 0"));
-            }
-        }
-        if end > start {
-            return Err(invalid("end", end, &format!("at most the start, {start}")));
-        }
-        if steps == 0 {
-            return Err(invalid("steps", steps, "at least 1"));
-        }
-        Ok(Self {
-            start,
-            end,
-            hold: 0,
-            steps,
-        })
-    }
-
     /// For a fit of `steps` steps on images of `height` rows, when nothing is known of the scene:
     ///
     /// - √σ starts at a quarter of the radius of the smallest object (half the diagonal of its
@@ -104,24 +42,6 @@ impl BlurSchedule {
         let start = (START * view.smallest).min(START_SEEN * seen).powi(2);
         let decay = (DECAY * steps as f64).ceil() as usize;
         Self::decay(start.max(end), end, decay)
-    }
-
-    /// Stays at the start for so many steps before it begins to fall.
-    pub fn hold(mut self, steps: usize) -> Self {
-        self.hold = steps;
-        self
-    }
-
-    /// σ at a step, in scene units squared.
-    pub fn at(&self, step: usize) -> f64 {
-        let step = step.saturating_sub(self.hold);
-        if step == 0 {
-            self.start
-        } else if step >= self.steps {
-            self.end
-        } else {
-            self.start * (self.end / self.start).powf(step as f64 / self.steps as f64)
-        }
     }
 
     /// The σ, in scene units squared, at which the layered form renders as accurately as a path
@@ -233,8 +153,4 @@ impl Visit for Detach {
     fn visit<const D: usize>(&mut self, tensor: &mut Tensor<D>) {
         *tensor = plain(tensor);
     }
-}
-
-fn invalid(field: &str, value: impl ToString, expected: &str) -> Error {
-    Error::invalid("blur schedule", field, value, expected)
 }

@@ -1,0 +1,152 @@
+//! Ranges, ticks and their labels.
+
+/// One direction of a plot. A logarithmic axis holds decimal logarithms.
+pub struct Axis {
+    log: bool,
+    from: f64,
+    to: f64,
+    /// Places with labels.
+    pub ticks: Vec<(f64, String)>,
+    /// Places between them.
+    pub minor: Vec<f64>,
+}
+
+impl Axis {
+    /// Around finite values; `padding` is a share of their range.
+    pub fn around(values: impl Iterator<Item = f64>, log: bool, padding: f64) -> Self {
+        let values = values
+            .map(|v| if log { v.log10() } else { v })
+            .filter(|v| v.is_finite());
+        let (mut from, mut to) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| {
+            (a.min(v), b.max(v))
+        });
+        if from > to {
+            (from, to) = if log { (-1.0, 0.0) } else { (0.0, 1.0) };
+        }
+        let range = to - from;
+        let room = if range > 1e-12 * from.abs().max(to.abs()) {
+            padding * range
+        } else if log || from == 0.0 {
+            0.5
+        } else {
+            0.1 * from.abs()
+        };
+        Self {
+            log,
+            from: from - room,
+            to: to + room,
+            ticks: Vec::new(),
+            minor: Vec::new(),
+        }
+    }
+
+    /// Places about so many ticks.
+    pub fn divide(mut self, count: usize) -> Self {
+        if self.log {
+            self.divide_log(count);
+        } else {
+            let (step, values) = round_values(self.from, self.to, count);
+            self.ticks = labelled(step, &values);
+        }
+        self
+    }
+
+    fn divide_log(&mut self, count: usize) {
+        let (from, to) = (self.from, self.to);
+        let place = |mantissa: u32, power: i32| f64::from(mantissa).log10() + f64::from(power);
+        let inside = |&(m, p): &(u32, i32)| (from..=to).contains(&place(m, p));
+        let powers = from.floor() as i32..=to.floor() as i32;
+        let all: Vec<(u32, i32)> = powers
+            .flat_map(|p| (1..10).map(move |m| (m, p)))
+            .filter(inside)
+            .collect();
+        let decades = all.iter().filter(|(m, _)| *m == 1).count();
+        let few = all.iter().filter(|(m, _)| [1, 2, 5].contains(m)).count();
+        let chosen = |m: u32, p: i32| {
+            if decades > count {
+                m == 1 && p.rem_euclid(decades.div_ceil(count) as i32) == 0
+            } else if decades > 2 {
+                m == 1
+            } else {
+                [1, 2, 5].contains(&m)
+            }
+        };
+        if few < 3 {
+            let (step, values) = round_values(10f64.powf(from), 10f64.powf(to), count);
+            let logarithm = |(v, label): (f64, String)| (v.log10(), label);
+            self.ticks = labelled(step, &values).into_iter().map(logarithm).collect();
+            return;
+        }
+        let (ticks, minor): (Vec<_>, Vec<_>) = all.into_iter().partition(|&(m, p)| chosen(m, p));
+        let plain = ticks.iter().all(|&(_, p)| (-2..=2).contains(&p));
+        let label = |m: u32, p: i32| {
+            if plain {
+                decimal(f64::from(m) * 10f64.powi(p), (-p).max(0) as usize)
+            } else {
+                power_of_ten(&m.to_string(), p)
+            }
+        };
+        let tick = |&(m, p): &(u32, i32)| (place(m, p), label(m, p));
+        self.ticks = ticks.iter().map(tick).collect();
+        if decades <= count {
+            self.minor = minor.iter().map(|&(m, p)| place(m, p)).collect();
+        }
+    }
+
+    /// Where a tick lies between the ends, 0 to 1.
+    pub fn share(&self, place: f64) -> f64 {
+        (place - self.from) / (self.to - self.from)
+    }
+
+    /// Where a value lies between the ends, 0 to 1; `None` where it can't be shown.
+    pub fn share_of(&self, value: f64) -> Option<f64> {
+        let share = self.share(if self.log { value.log10() } else { value });
+        share.is_finite().then_some(share)
+    }
+}
+
+/// Multiples of 1, 2 or 5 times a power of ten, about so many, and their distance.
+fn round_values(from: f64, to: f64, count: usize) -> (f64, Vec<f64>) {
+    let raw = (to - from) / count.max(1) as f64;
+    let power = 10f64.powf(raw.log10().floor());
+    let steps = [1.0, 2.0, 5.0].map(|m| m * power);
+    let step = steps
+        .into_iter()
+        .find(|&s| s >= raw)
+        .unwrap_or(10.0 * power);
+    let (first, last) = ((from / step - 1e-9).ceil(), (to / step + 1e-9).floor());
+    let values = (first as i64..=last as i64).map(|k| k as f64 * step);
+    (step, values.collect())
+}
+
+fn labelled(step: f64, values: &[f64]) -> Vec<(f64, String)> {
+    let most = values.iter().fold(0f64, |m, v| m.max(v.abs()));
+    let decimals = (-step.log10() - 1e-9).ceil().max(0.0) as usize;
+    let plain = most < 1e5 && (most >= 1e-2 && decimals < 5);
+    let label = |v: f64| match format!("{v:.9e}").split_once('e') {
+        Some((mantissa, power)) if !plain && v != 0.0 => {
+            let mantissa = mantissa.trim_end_matches('0').trim_end_matches('.');
+            power_of_ten(mantissa, power.parse().unwrap_or(0))
+        }
+        _ => decimal(v, if v == 0.0 && !plain { 0 } else { decimals }),
+    };
+    values.iter().map(|&v| (v, label(v))).collect()
+}
+
+fn decimal(v: f64, decimals: usize) -> String {
+    format!("{v:.decimals$}").replace('-', "−")
+}
+
+/// As 2·10⁻³.
+fn power_of_ten(mantissa: &str, power: i32) -> String {
+    let raised = |c: char| match c.to_digit(10) {
+        Some(d) => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][d as usize],
+        None => '⁻',
+    };
+    let power: String = power.to_string().chars().map(raised).collect();
+    match mantissa {
+        "1" => format!("10{power}"),
+        "-1" => format!("−10{power}"),
+        _ => format!("{}·10{power}", mantissa.replace('-', "−")),
+    }
+}

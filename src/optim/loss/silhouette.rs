@@ -1,0 +1,61 @@
+//! How far silhouettes overlap.
+
+use burn::tensor::Tensor;
+
+use super::same_shape;
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+
+/// Unions of less than this, in pixels, count as this: the loss goes to 0 as both become empty.
+const LEAST_UNION: f64 = 1e-3;
+
+/// 1 − Σab / Σ(a + b − ab) of opacities `[H, W]` from 0 to 1: 0 where they are alike and 0 or 1
+/// everywhere, 1 where they have nothing in common (Liu et al. 2019, *Soft Rasterizer*).
+///
+/// Both sums are linear in the opacity, so noise hardly biases their ratio. If both are empty the
+/// loss is 0 and its gradient finite. While nothing overlaps, the gradient is 0 outside of the target:
+/// take it with wide blur, or with another loss beside it.
+///
+/// # Panics
+/// If the shapes differ.
+pub fn silhouette_iou(opacity: Tensor<2>, target: Tensor<2>) -> Tensor<1> {
+    same_shape(&opacity, &target);
+    let both = (opacity.clone() * target.clone()).sum();
+    let union = (opacity + target).sum() - both.clone();
+    (union.clone() - both) / union.clamp_min(LEAST_UNION)
+}
+
+/// Intersection over union of the pixels whose opacity is above a threshold, on the host: 1 where
+/// they are the same, or none on either side.
+///
+/// # Errors
+/// If the shapes differ, the threshold is NaN, or a tensor can't be read.
+pub fn iou(opacity: &Tensor<2>, target: &Tensor<2>, threshold: f64) -> Result<f64> {
+    if opacity.dims() != target.dims() {
+        let (found, expected) = (opacity.dims(), target.dims());
+        return Err(Error::invalid(
+            "opacity",
+            "shape",
+            format!("{found:?}"),
+            format!("{expected:?} like the target"),
+        ));
+    }
+    if threshold.is_nan() {
+        return Err(Error::invalid("iou", "threshold", threshold, "a number"));
+    }
+    let (a, b) = (host_values(opacity)?, host_values(target)?);
+    let covered = a
+        .iter()
+        .zip(&b)
+        .map(|(&a, &b)| (a > threshold, b > threshold));
+    let (mut both, mut either) = (0_usize, 0_usize);
+    for (a, b) in covered {
+        both += usize::from(a && b);
+        either += usize::from(a || b);
+    }
+    Ok(if either == 0 {
+        1.0
+    } else {
+        both as f64 / either as f64
+    })
+}

@@ -1,0 +1,197 @@
+//! Blur over the steps of a fit: wide edges first, from afar, sharp ones at the end.
+//!
+//! `docs/BLUR.md` has the measurements that the fractions of [`BlurSchedule::auto`] come from.
+
+mod auto;
+mod plateau;
+
+use std::f64::consts::PI;
+
+use crate::error::{Error, Result};
+
+pub use auto::pixel_footprint;
+pub use plateau::PlateauBlur;
+
+/// σ or γ over the steps of a fit: constant, or falling, by the same factor at every step or slowly at
+/// both ends.
+///
+/// σ of Eq. 1 blurs edges, in scene units squared; γ blurs the order in depth, in units of the
+/// scene's depth ([`RenderOptions::blur`](crate::render::RenderOptions::blur) takes both). The
+/// larger they are, the further away a gradient begins to point to the target, and the more the
+/// image is off; so a fit starts with large ones and ends with small ones.
+///
+/// ```
+/// use softray::prelude::*;
+/// let sigma = BlurSchedule::decay(1e-1, 1e-3, 100)?.hold(20);
+/// let gamma = BlurSchedule::cosine(1e-1, 1e-3, 100)?;
+/// for step in 0..150 {
+///     let options = RenderOptions::new(32, 32)
+///         .visibility(Visibility::softmax(1e-3))
+///         .blur(sigma.at(step), gamma.at(step))
+///         .seed(step as u64);
+///     // render, step of the optimiser …
+///     # let _ = options;
+/// }
+/// assert_eq!(sigma.at(0), 1e-1);
+/// assert!((sigma.at(20 + 50) - 1e-2).abs() < 1e-12);
+/// assert_eq!(sigma.at(120), 1e-3);
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlurSchedule {
+    start: f64,
+    end: f64,
+    hold: usize,
+    steps: usize,
+    fall: Fall,
+}
+
+/// How the logarithm of the value goes from start to end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fall {
+    /// In equal steps.
+    Even,
+    /// As half a wave of the cosine.
+    Cosine,
+}
+
+impl BlurSchedule {
+    /// The same value at every step: σ in scene units squared, or γ in units of the scene's depth.
+    ///
+    /// # Errors
+    /// If it is not a finite number > 0.
+    pub fn constant(value: f64) -> Result<Self> {
+        Self::decay(value, value, 1)
+    }
+
+    /// From `start` at step 0 to `end` at step `steps` and after it, in units of what it serves:
+    /// start·(end/start)^(step/steps).
+    ///
+    /// # Errors
+    /// If one of them is not a finite number > 0, `end` is larger than `start`, or there are no
+    /// steps.
+    pub fn decay(start: f64, end: f64, steps: usize) -> Result<Self> {
+        Self::falling(start, end, steps, Fall::Even)
+    }
+
+    /// Like [`BlurSchedule::decay`], but slowly at both ends: start·(end/start)^((1 −
+    /// cos(π·step/steps))/2). It is at the geometric mean half-way, like `decay`, and there falls
+    /// π/2 times as fast.
+    ///
+    /// # Errors
+    /// Like [`BlurSchedule::decay`].
+    pub fn cosine(start: f64, end: f64, steps: usize) -> Result<Self> {
+        Self::falling(start, end, steps, Fall::Cosine)
+    }
+
+    fn falling(start: f64, end: f64, steps: usize, fall: Fall) -> Result<Self> {
+        check_ends("blur schedule", start, end)?;
+        if steps == 0 {
+            return Err(Error::invalid(
+                "blur schedule",
+                "steps",
+                steps,
+                "at least 1",
+            ));
+        }
+        Ok(Self {
+            start,
+            end,
+            hold: 0,
+            steps,
+            fall,
+        })
+    }
+
+    /// Stays at the start for so many steps before it begins to fall.
+    pub fn hold(mut self, steps: usize) -> Self {
+        self.hold = steps;
+        self
+    }
+
+    /// The value at a step: σ in scene units squared, or γ in units of the scene's depth.
+    pub fn at(&self, step: usize) -> f64 {
+        let step = step.saturating_sub(self.hold);
+        if step == 0 {
+            self.start
+        } else if step >= self.steps {
+            self.end
+        } else {
+            let share = step as f64 / self.steps as f64;
+            let share = match self.fall {
+                Fall::Even => share,
+                Fall::Cosine => 0.5 - 0.5 * (PI * share).cos(),
+            };
+            self.start * (self.end / self.start).powf(share)
+        }
+    }
+}
+
+/// Blur of either kind, so that a fit needs to know of one.
+///
+/// ```
+/// use softray::optim::{Blur, BlurSchedule, PlateauBlur};
+/// let scheduled: Blur = BlurSchedule::decay(1e-2, 1e-4, 50)?.into();
+/// let adaptive: Blur = PlateauBlur::new(1e-2, 1e-4, 0.5, 10)?.into();
+/// for mut sigma in [scheduled, adaptive] {
+///     for step in 0..100 {
+///         let _options_take = sigma.value(step);
+///         let loss = 0.3; // of the render
+///         sigma.observe(loss);
+///     }
+///     assert!(sigma.value(100) < 1e-2);
+/// }
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub enum Blur {
+    /// By the number of the step.
+    Scheduled(BlurSchedule),
+    /// By the losses that were observed.
+    Plateau(PlateauBlur),
+}
+
+impl Blur {
+    /// The value at a step: σ in scene units squared, or γ in units of the scene's depth. A
+    /// plateau knows the present alone, whatever the step.
+    pub fn value(&self, step: usize) -> f64 {
+        match self {
+            Self::Scheduled(schedule) => schedule.at(step),
+            Self::Plateau(plateau) => plateau.value(),
+        }
+    }
+
+    /// Takes the loss of a step, see [`PlateauBlur::observe`]; a schedule does nothing with it.
+    pub fn observe(&mut self, loss: f64) {
+        match self {
+            Self::Scheduled(_) => {}
+            Self::Plateau(plateau) => plateau.observe(loss),
+        }
+    }
+}
+
+impl From<BlurSchedule> for Blur {
+    fn from(schedule: BlurSchedule) -> Self {
+        Self::Scheduled(schedule)
+    }
+}
+
+impl From<PlateauBlur> for Blur {
+    fn from(plateau: PlateauBlur) -> Self {
+        Self::Plateau(plateau)
+    }
+}
+
+/// That a value can fall from start to end by factors.
+fn check_ends(object: &str, start: f64, end: f64) -> Result<()> {
+    for (field, value) in [("start", start), ("end", end)] {
+        if !(value.is_finite() && value > 0.0) {
+            return Err(Error::invalid(object, field, value, "a finite number > 0"));
+        }
+    }
+    if end > start {
+        let expected = format!("at most the start, {start}");
+        return Err(Error::invalid(object, "end", end, expected));
+    }
+    Ok(())
+}

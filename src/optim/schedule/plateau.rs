@@ -1,0 +1,118 @@
+//! Blur that falls when the loss has stopped falling.
+
+use std::collections::VecDeque;
+
+use super::check_ends;
+use crate::error::{Error, Result};
+
+/// The relative fall of the loss up to which it counts as stopped, unless told otherwise.
+const TOLERANCE: f64 = 0.02;
+
+/// σ or γ of a fit of which no one knows how many steps a width of blur needs: it is multiplied by a
+/// factor whenever the loss has stopped falling, down to an end.
+///
+/// Losses of renders are noisy, so means are compared: that of the last `patience` losses with
+/// that of as many before them, all since the last change, so a value stays for 2·`patience`
+/// observations at least. Where the noise of such a mean is not well under the tolerance, a change
+/// comes late, or early: take more patience.
+///
+/// The value depends on the observed losses and their order alone: to resume a fit, observe its
+/// losses again, or keep a clone.
+///
+/// ```
+/// use softray::optim::PlateauBlur;
+/// let mut sigma = PlateauBlur::new(1e-1, 1e-3, 0.1, 5)?;
+/// for step in 0..50 {
+///     // render with sigma.value(), step of the optimiser …
+///     let loss = if step < 20 { 1.0 / f64::from(step + 1) } else { 0.05 };
+///     sigma.observe(loss);
+/// }
+/// assert_eq!(sigma.value(), 1e-3);
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlateauBlur {
+    value: f64,
+    end: f64,
+    factor: f64,
+    patience: usize,
+    tolerance: f64,
+    /// The last 2·patience losses, or fewer, since the last change.
+    losses: VecDeque<f64>,
+}
+
+impl PlateauBlur {
+    /// From `start` to `end`, in units of what it serves (σ: scene units squared, γ: units of the
+    /// scene's depth), by `factor` at every change; means are of `patience` losses.
+    ///
+    /// # Errors
+    /// If `start` or `end` is not a finite number > 0, `end` is larger than `start`, `factor` is
+    /// not between 0 and 1, or `patience` is 0.
+    pub fn new(start: f64, end: f64, factor: f64, patience: usize) -> Result<Self> {
+        check_ends(OBJECT, start, end)?;
+        if !(factor > 0.0 && factor < 1.0) {
+            return Err(Error::invalid(OBJECT, "factor", factor, "between 0 and 1"));
+        }
+        if patience == 0 {
+            return Err(Error::invalid(OBJECT, "patience", patience, "at least 1"));
+        }
+        Ok(Self {
+            value: start,
+            end,
+            factor,
+            patience,
+            tolerance: TOLERANCE,
+            losses: VecDeque::new(),
+        })
+    }
+
+    /// The share of the earlier mean by more than which the later one is to be smaller for the value
+    /// to stay; 0.02 unless told otherwise.
+    ///
+    /// # Errors
+    /// If it is not at least 0 and under 1.
+    pub fn tolerance(mut self, tolerance: f64) -> Result<Self> {
+        if !(0.0..1.0).contains(&tolerance) {
+            let expected = "at least 0 and under 1";
+            return Err(Error::invalid(OBJECT, "tolerance", tolerance, expected));
+        }
+        self.tolerance = tolerance;
+        Ok(self)
+    }
+
+    /// What to render the next step with.
+    pub fn value(&self) -> f64 {
+        self.value
+    }
+
+    /// Takes the loss of a step. One that is not finite is ignored; one may be negative
+    /// ([`mse_unbiased`](crate::loss::mse_unbiased)): the fall is measured against its size.
+    pub fn observe(&mut self, loss: f64) {
+        if !loss.is_finite() || self.value <= self.end {
+            return;
+        }
+        self.losses.push_back(loss);
+        if self.losses.len() > 2 * self.patience {
+            self.losses.pop_front();
+        }
+        if self.losses.len() < 2 * self.patience {
+            return;
+        }
+        let share = 1.0 / self.patience as f64;
+        let mean = |skip: usize| -> f64 {
+            let losses = self.losses.iter().skip(skip).take(self.patience);
+            losses.map(|loss| share * loss).sum()
+        };
+        let (earlier, later) = (mean(0), mean(self.patience));
+        if earlier - later <= self.tolerance * earlier.abs() {
+            self.change();
+        }
+    }
+
+    fn change(&mut self) {
+        self.value = (self.value * self.factor).max(self.end);
+        self.losses.clear();
+    }
+}
+
+const OBJECT: &str = "plateau blur";
