@@ -1,6 +1,16 @@
-//! What optimising a scene takes beside a renderer.
+//! What optimising a scene takes beside a renderer: losses, mesh regularisers, blur schedules, and with
+//! the feature `fit` a loop that fits parameters, and large steps for meshes.
 
+#[cfg(feature = "fit")]
+mod conjugate_gradient;
+mod connectivity;
+#[cfg(feature = "fit")]
+mod large_steps;
 pub mod loss;
+mod mesh;
 mod schedule;
 
+#[cfg(feature = "fit")]
+pub use large_steps::{LargeSteps, LargeStepsConfig, LargeStepsState};
+pub use mesh::MeshRegulariser;
 pub use schedule::{Blur, BlurSchedule, PlateauBlur, pixel_footprint};

@@ -1,0 +1,328 @@
+//! Steps of vertices that keep a mesh smooth.
+
+use std::sync::Arc;
+
+use burn::optim::{LearningRate, Optimizer, RecordState, StateSink, StateSource};
+use burn::tensor::{Device, Tensor, TensorData};
+
+use super::conjugate_gradient::Diffusion;
+use super::connectivity::Connectivity;
+use crate::error::{Error, Result};
+use crate::geometry::{Context, host_values};
+use crate::scene::Mesh;
+
+/// The name of errors.
+const OBJECT: &str = "large steps";
+
+/// What [`LargeSteps`] can be told.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LargeStepsConfig {
+    /// λ of I + λL, at least 0: the larger, the smoother the steps; 0 leaves gradients as they are.
+    pub lambda: f64,
+    /// The share that the mean of gradients keeps at every step, in [0, 1).
+    pub beta_1: f64,
+    /// The share that the mean of squared gradients keeps at every step, in [0, 1).
+    pub beta_2: f64,
+    /// Added to the root of the largest mean of squared gradients, more than 0.
+    pub epsilon: f64,
+}
+
+impl Default for LargeStepsConfig {
+    /// λ = 19, β₁ = 0.9, β₂ = 0.999, ε = 1e-8.
+    fn default() -> Self {
+        Self {
+            lambda: 19.0,
+            beta_1: 0.9,
+            beta_2: 0.999,
+            epsilon: 1e-8,
+        }
+    }
+}
+
+impl LargeStepsConfig {
+    /// With another λ.
+    pub fn lambda(mut self, lambda: f64) -> Self {
+        self.lambda = lambda;
+        self
+    }
+
+    /// With λ = α/(1 − α), for α in [0, 1): (1 − α)I + αL is (1 − α)(I + λL). The default λ is that
+    /// of α = 0.95. That form's learning rates are 1 − α times those for I + λL.
+    pub fn alpha(self, alpha: f64) -> Self {
+        self.lambda(alpha / (1.0 - alpha))
+    }
+
+    /// With other β₁ and β₂.
+    pub fn betas(mut self, beta_1: f64, beta_2: f64) -> Self {
+        (self.beta_1, self.beta_2) = (beta_1, beta_2);
+        self
+    }
+
+    /// With another ε.
+    pub fn epsilon(mut self, epsilon: f64) -> Self {
+        self.epsilon = epsilon;
+        self
+    }
+
+    fn check(&self) -> Result<()> {
+        let share = |x: f64| (0.0..1.0).contains(&x);
+        let checks = [
+            (
+                "lambda",
+                self.lambda,
+                self.lambda >= 0.0 && self.lambda.is_finite(),
+                "a finite number >= 0",
+            ),
+            ("beta_1", self.beta_1, share(self.beta_1), "in [0, 1)"),
+            ("beta_2", self.beta_2, share(self.beta_2), "in [0, 1)"),
+            (
+                "epsilon",
+                self.epsilon,
+                self.epsilon > 0.0 && self.epsilon.is_finite(),
+                "a finite number > 0",
+            ),
+        ];
+        match checks.into_iter().find(|c| !c.2) {
+            Some((field, value, _, expected)) => {
+                Err(Error::invalid(OBJECT, field, value, expected))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// An optimiser for the vertices of a mesh, a parameter `[V, 3]`: Nicolet, Jacobson and Jakob 2021,
+/// *Large Steps in Inverse Rendering of Geometry*.
+///
+/// A gradient from an image is rough: it is large on silhouettes, noisy, and 0 on what the camera
+/// doesn't see. Steps along it tangle a mesh. Here steps are taken in u = (I + λL)v, L the
+/// combinatorial Laplacian of the mesh, in which a step of one entry moves vertices around it as
+/// well (with the paper's optimiser AdamUniform):
+///
+/// - gᵤ = (I + λL)⁻¹ gᵥ
+/// - m ← β₁m + (1 − β₁)gᵤ,  s ← β₂s + (1 − β₂)gᵤ²
+/// - d = m̂/(√max ŝ + ε), where m̂ = m/(1 − β₁ᵗ), ŝ = s/(1 − β₂ᵗ)
+/// - v ← v − lr·(I + λL)⁻¹ d
+///
+/// The largest ŝ of all entries in place of each entry's own keeps the direction of m̂: Adam's would
+/// undo the smoothing. Moving a whole mesh is not slowed, as L of a constant is 0: `lr` is about the
+/// most, in scene units, that a vertex moves in a step, and can be far larger than Adam's.
+///
+/// Any parameter whose first axis is V long is treated so, each column by itself; others (such as
+/// `[B, V, 3]`) take AdamUniform without the matrix. Make a batch of meshes one mesh of disjoint
+/// parts, or give large textures to another optimiser by `ModuleOptimizer::with_group`. All is
+/// computed on the host in f64, the matrix by conjugate gradients to a relative residual of 1e-10;
+/// a warning is logged if they don't converge. A step whose gradient can't be read or isn't finite
+/// is left out, with a warning.
+///
+/// ```
+/// use burn::module::Param;
+/// use burn::optim::{GradientsParams, ModuleOptimizer};
+/// use softray::optim::{LargeSteps, LargeStepsConfig};
+/// use softray::prelude::*;
+///
+/// let mesh = shapes::icosphere(1, &Device::flex().autodiff());
+/// let steps = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default())?;
+/// let mut optimiser = ModuleOptimizer::from(steps);
+/// let mut vertices = Param::from_tensor(mesh.vertices.clone());
+/// for _ in 0..3 {
+///     let loss = (vertices.val() - 1.0).powf_scalar(2.0).mean();
+///     let gradients = GradientsParams::from_grads(loss.backward(), &vertices);
+///     vertices = optimiser.step(0.05, vertices, gradients);
+/// }
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct LargeSteps {
+    config: LargeStepsConfig,
+    matrix: Arc<Diffusion>,
+}
+
+/// The moments of a parameter. They live on the host in f64, so that a record holds them exactly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LargeStepsState {
+    /// Steps taken.
+    time: usize,
+    /// m, as many as the parameter has entries.
+    moment_1: Vec<f64>,
+    /// s, as many as the parameter has entries.
+    moment_2: Vec<f64>,
+}
+
+impl LargeSteps {
+    /// For meshes of these faces and so many vertices.
+    ///
+    /// # Errors
+    /// If no face has three different vertices, an index is out of range, or a value of the
+    /// configuration is.
+    pub fn new(faces: &[[u32; 3]], vertices: usize, config: &LargeStepsConfig) -> Result<Self> {
+        config.check()?;
+        let connectivity = Connectivity::new(OBJECT, faces, vertices)?;
+        let matrix = Diffusion::new(&connectivity, vertices, config.lambda);
+        Ok(Self {
+            config: config.clone(),
+            matrix: Arc::new(matrix),
+        })
+    }
+
+    /// For a mesh.
+    ///
+    /// # Errors
+    /// As [`LargeSteps::new`].
+    pub fn from_mesh(mesh: &Mesh, config: &LargeStepsConfig) -> Result<Self> {
+        Self::new(&mesh.faces, mesh.vertices.dims()[0], config)
+    }
+
+    /// (I + λL)⁻¹ of each column of a tensor `[V, C]`, as a constant: it records no graph.
+    ///
+    /// # Errors
+    /// If the first axis is not V long, a value is not finite, or values can't be read from the
+    /// device.
+    pub fn precondition(&self, values: Tensor<2>) -> Result<Tensor<2>> {
+        let [rows, columns] = values.dims();
+        let expected = self.matrix.rows();
+        if rows != expected {
+            return Err(Error::invalid(
+                OBJECT,
+                "values",
+                format!("of shape [{rows}, {columns}]"),
+                format!("shape [{expected}, _]"),
+            ));
+        }
+        let solved = self.matrix.solve(&finite(&values)?, columns);
+        Ok(constant(&values, &solved))
+    }
+
+    /// The step without `lr`, row-major, and the moments after it.
+    fn direction<const D: usize>(
+        &self,
+        gradient: &Tensor<D>,
+        state: Option<&LargeStepsState>,
+    ) -> Result<(Vec<f64>, LargeStepsState)> {
+        let mut g = finite(gradient)?;
+        let n = g.len();
+        let columns = match gradient.dims().first() {
+            Some(&rows) if rows == self.matrix.rows() => Some(n / rows),
+            _ => None,
+        };
+        if let Some(columns) = columns {
+            g = self.matrix.solve(&g, columns);
+        }
+        let mut state = match state {
+            Some(s) if s.moment_1.len() == n && s.moment_2.len() == n => s.clone(),
+            Some(s) => {
+                log::warn!(
+                    "{OBJECT}: the record has {} entries, expected {n}; starting anew",
+                    s.moment_1.len()
+                );
+                LargeStepsState::zeros(n)
+            }
+            None => LargeStepsState::zeros(n),
+        };
+        let scale = state.advance(&g, &self.config);
+        let mut direction: Vec<f64> = state.moment_1.iter().map(|m| m * scale).collect();
+        if let Some(columns) = columns {
+            direction = self.matrix.solve(&direction, columns);
+        }
+        Ok((direction, state))
+    }
+}
+
+impl LargeStepsState {
+    fn zeros(n: usize) -> Self {
+        Self {
+            time: 0,
+            moment_1: vec![0.0; n],
+            moment_2: vec![0.0; n],
+        }
+    }
+
+    /// Takes in a gradient; returns d/m.
+    fn advance(&mut self, gradient: &[f64], config: &LargeStepsConfig) -> f64 {
+        let (b1, b2) = (config.beta_1, config.beta_2);
+        self.time += 1;
+        let mut largest: f64 = 0.0;
+        let moments = self.moment_1.iter_mut().zip(&mut self.moment_2);
+        for ((m, s), g) in moments.zip(gradient) {
+            *m = b1 * *m + (1.0 - b1) * g;
+            *s = b2 * *s + (1.0 - b2) * g * g;
+            largest = largest.max(*s);
+        }
+        let time = i32::try_from(self.time).unwrap_or(i32::MAX);
+        let (correct_1, correct_2) = (1.0 - b1.powi(time), 1.0 - b2.powi(time));
+        ((largest / correct_2).sqrt() + config.epsilon).recip() / correct_1
+    }
+}
+
+impl Optimizer for LargeSteps {
+    type State<const D: usize> = LargeStepsState;
+
+    fn step<const D: usize>(
+        &self,
+        lr: LearningRate,
+        tensor: Tensor<D>,
+        grad: Tensor<D>,
+        state: Option<Self::State<D>>,
+    ) -> (Tensor<D>, Option<Self::State<D>>) {
+        match self.direction(&grad, state.as_ref()) {
+            Ok((direction, next)) => {
+                let step: Vec<f64> = direction.iter().map(|d| lr * d).collect();
+                let step = constant(&tensor, &step);
+                (tensor - step, Some(next))
+            }
+            Err(error) => {
+                log::warn!("{OBJECT}: a step is left out: {error}");
+                (tensor, state)
+            }
+        }
+    }
+
+    fn to_device<const D: usize>(state: Self::State<D>, _: &Device) -> Self::State<D> {
+        state
+    }
+}
+
+// By hand: burn's derive names paths of its own crate.
+impl RecordState for LargeStepsState {
+    fn state_flatten(&self, prefix: &str, out: &mut StateSink) {
+        out.push_scalar(prefix, "time", self.time.into());
+        for (name, moment) in [("moment_1", &self.moment_1), ("moment_2", &self.moment_2)] {
+            let data = TensorData::new(moment.clone(), [moment.len()]);
+            out.push_tensor(prefix, name, data);
+        }
+    }
+
+    fn state_unflatten(prefix: &str, src: &mut StateSource, _: &Device) -> Option<Self> {
+        let mut moment = |name| Some(src.take_tensor(prefix, name)?.iter::<f64>().collect());
+        let (moment_1, moment_2) = (moment("moment_1")?, moment("moment_2")?);
+        let time = src.take_scalar(prefix, "time")?.try_into().ok()?;
+        Some(Self {
+            time,
+            moment_1,
+            moment_2,
+        })
+    }
+}
+
+/// The values on the host, all of them finite.
+fn finite<const D: usize>(values: &Tensor<D>) -> Result<Vec<f64>> {
+    let host = host_values(values)?;
+    match host.iter().position(|v| !v.is_finite()) {
+        Some(i) => Err(Error::invalid(
+            OBJECT,
+            format!("entry {i}"),
+            host[i],
+            "a finite number",
+        )),
+        None => Ok(host),
+    }
+}
+
+/// Host values in the shape of a tensor, on its device and in its float type, without autodiff.
+fn constant<const D: usize>(like: &Tensor<D>, values: &[f64]) -> Tensor<D> {
+    let context = Context {
+        device: like.device().inner(),
+        dtype: like.dtype(),
+    };
+    context.tensor(values, like.dims())
+}

@@ -1,0 +1,340 @@
+//! Losses that keep a mesh regular, in the graph.
+
+use burn::tensor::{Bool, DType, Device, IndexingUpdateOp, Int, Tensor, TensorData};
+
+use super::connectivity::Connectivity;
+use crate::error::Result;
+use crate::geometry::{Vec3, host_values};
+use crate::scene::Mesh;
+
+/// The name of errors.
+const OBJECT: &str = "mesh regulariser";
+/// The cotangent of 3°: those of slimmer corners are taken as this.
+const STEEPEST_COTANGENT: f64 = 19.081_136_687_728_21;
+
+/// Losses of the shape of meshes with common faces: how rough, how bent, how uneven they are.
+///
+/// Built once from the faces; then every method takes vertices `[B, V, 3]`, scene units, of B meshes.
+/// Vertices `[V, 3]` of one mesh are `vertices.unsqueeze()`; meshes of different faces are one mesh
+/// of disjoint parts, their vertices one after the other. Losses are scalars `[1]`, means over the
+/// batch and over vertices or edges: a weight means the same on a finer mesh, but for what the loss
+/// itself does under refinement.
+///
+/// Vertices are the same if their indices are (positions are not welded), and faces that name a
+/// vertex twice are left out. Triangles without area have no normal: edges at them count as flat.
+/// Values and gradients are finite on all finite vertices.
+///
+/// ```
+/// use softray::optim::MeshRegulariser;
+/// use softray::prelude::*;
+///
+/// let mesh = shapes::icosphere(2, &Device::flex());
+/// let regular = MeshRegulariser::from_mesh(&mesh)?;
+/// let vertices = mesh.vertices.autodiff().require_grad();
+/// let batch = vertices.clone().unsqueeze();
+/// let loss = regular.laplacian(batch.clone()) * 10.0 + regular.normal_consistency(batch);
+/// assert!(vertices.grad(&loss.backward()).is_some());
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct MeshRegulariser {
+    vertices: usize,
+    edges: usize,
+    hinges: usize,
+    /// Vertices that an edge ends at.
+    connected: usize,
+    /// Vertices of the faces `[1, 3F]`: all first corners, all second, all third.
+    corners: Tensor<2, Int>,
+    /// The edge opposite to each of `corners`, `[1, 3F]`.
+    opposite: Tensor<2, Int>,
+    /// Ends of the edges `[1, 2E]`: all first, all second.
+    ends: Tensor<2, Int>,
+    /// Edges of two faces `[1, 4H]`: all first ends, all second, the faces' third vertices.
+    hinge_vertices: Tensor<2, Int>,
+    /// The number of neighbours of each vertex, but at least 1, `[1, V]`.
+    neighbours: Tensor<2, Int>,
+}
+
+impl MeshRegulariser {
+    /// For meshes of these faces and so many vertices, on the device of the vertices.
+    ///
+    /// # Errors
+    /// If no face has three different vertices, or an index is out of range.
+    pub fn new(faces: &[[u32; 3]], vertices: usize, device: &Device) -> Result<Self> {
+        let connectivity = Connectivity::new(OBJECT, faces, vertices)?;
+        let degrees = connectivity.degrees(vertices);
+        let Connectivity {
+            faces,
+            edges,
+            opposite,
+            hinges,
+        } = &connectivity;
+        let device = device.clone().inner();
+        let row = |values: Vec<u32>| {
+            let data: Vec<i32> = values.iter().map(|&v| v as i32).collect();
+            Tensor::from_data(TensorData::new(data, [1, values.len()]), &device)
+        };
+        Ok(Self {
+            vertices,
+            edges: edges.len(),
+            hinges: hinges.len(),
+            connected: degrees.iter().filter(|&&d| d > 0).count(),
+            corners: row(columns(faces)),
+            opposite: row(columns(opposite)),
+            ends: row(columns(edges)),
+            hinge_vertices: row(columns(hinges)),
+            neighbours: row(degrees.iter().map(|&d| d.max(1)).collect()),
+        })
+    }
+
+    /// For meshes of a mesh's faces, on its device.
+    ///
+    /// # Errors
+    /// As [`MeshRegulariser::new`].
+    pub fn from_mesh(mesh: &Mesh) -> Result<Self> {
+        let vertices = mesh.vertices.dims()[0];
+        Self::new(&mesh.faces, vertices, &mesh.vertices.device())
+    }
+
+    /// Mean of |δ|² over vertices, δᵢ = (Σⱼ vⱼ)/nᵢ − vᵢ over the nᵢ neighbours j: the uniform
+    /// umbrella operator (Taubin 1995, *A Signal Processing Approach to Fair Surface Design*, Eq. 2).
+    /// Square scene units. It draws vertices together as well as smoothing: for that alone see
+    /// [`laplacian_cotangent`](Self::laplacian_cotangent).
+    ///
+    /// # Panics
+    /// If the vertices are not `[_, V, 3]`, as all methods.
+    pub fn laplacian(&self, vertices: Tensor<3>) -> Tensor<1> {
+        let planes = self.planes(vertices);
+        let sums = self.sums_at_vertices(self.edge_vectors(&planes));
+        let counts = self.neighbours.clone().float().cast(planes.dtype());
+        self.mean_square(sums / counts)
+    }
+
+    /// Mean of |δ|² over vertices, δᵢ = Σⱼ wᵢⱼ(vⱼ − vᵢ)/Σⱼ wᵢⱼ with wᵢⱼ = (cot α + cot β)/2 of the
+    /// angles opposite to the edge (Desbrun et al. 1999, *Implicit Fairing of Irregular Meshes
+    /// using Diffusion and Curvature Flow*, the curvature normal). Square scene units. δ is along the normal, so that vertices are not drawn along the
+    /// surface.
+    ///
+    /// Weights are constants to the gradient. Cotangents are clamped to those of 3° and 177°, their
+    /// sum at an edge to at least 0: δ stays within the neighbours on any mesh.
+    pub fn laplacian_cotangent(&self, vertices: Tensor<3>) -> Tensor<1> {
+        let planes = self.planes(vertices);
+        let weights = self.cotangent_weights(&planes.clone().detach());
+        let totals = Tensor::cat(vec![weights.clone(), weights.clone()], 1);
+        let totals = self.scatter_ends(totals);
+        let none = totals.clone().lower_equal_elem(0.0);
+        let totals = totals.mask_fill(none, 1.0);
+        let three = |t: Tensor<2>| Tensor::cat(vec![t; 3], 0);
+        let vectors = self.edge_vectors(&planes) * three(weights);
+        self.mean_square(self.sums_at_vertices(vectors) / three(totals))
+    }
+
+    /// Mean of 1 − cos of the angle between the normals of the two faces of an edge, over edges of
+    /// exactly two faces: 0 on a plane, 2 at a fold. Faces are taken as wound alike.
+    pub fn normal_consistency(&self, vertices: Tensor<3>) -> Tensor<1> {
+        self.bends(vertices).mean()
+    }
+
+    /// Mean of (cos θ + 1)² over edges of exactly two faces, θ the dihedral angle between them: π on
+    /// a plane, where this is 0, and 0 at a fold, where it is 4 (Liu et al. 2019, *Soft Rasterizer*,
+    /// the flattening loss, there as a sum). cos θ is minus the cosine between normals
+    /// of faces wound alike, so the sign of a bend, a ridge or a valley, has no part in it.
+    pub fn flatness(&self, vertices: Tensor<3>) -> Tensor<1> {
+        let bends = self.bends(vertices);
+        (bends.clone() * bends).mean()
+    }
+
+    /// Mean of (length − target)² over edges; the target and the root of this in scene units.
+    /// Edges of length 0 have no gradient.
+    pub fn edge_length(&self, vertices: Tensor<3>, target: f64) -> Tensor<1> {
+        let apart = self.edge_lengths(vertices) - target;
+        (apart.clone() * apart).mean()
+    }
+
+    /// Mean length of the edges, scene units, on the host: a target for
+    /// [`edge_length`](Self::edge_length).
+    ///
+    /// # Errors
+    /// If it can't be read from the device.
+    pub fn mean_edge_length(&self, vertices: &Tensor<3>) -> Result<f64> {
+        let mean = self.edge_lengths(vertices.clone().inner()).mean();
+        Ok(host_values(&mean)?[0])
+    }
+
+    /// Signed volumes `[B]`, cubic scene units: positive if faces are counter-clockwise seen from
+    /// outside. Of an open mesh, that of the cone over it from the mean of its vertices.
+    pub fn volume(&self, vertices: Tensor<3>) -> Tensor<1> {
+        // About the mean, for what far from the origin would be lost to rounding.
+        let planes = self.planes(vertices);
+        let planes = planes.clone() - planes.mean_dim(1);
+        let [a, b, c] = self.points(&planes, &self.corners);
+        let [volumes, _] = a.x.dims();
+        let six = a.dot(&b.cross(&c)).sum_dim(1).reshape([volumes]);
+        six / 6.0
+    }
+
+    /// Surface areas `[B]`, square scene units.
+    pub fn area(&self, vertices: Tensor<3>) -> Tensor<1> {
+        let planes = self.planes(vertices);
+        let [a, b, c] = self.points(&planes, &self.corners);
+        let normal = b.sub(&a).cross(&c.sub(&a));
+        let [batch, _] = normal.x.dims();
+        length(&normal).sum_dim(1).reshape([batch]) / 2.0
+    }
+
+    /// 1 − cos between the normals at edges of two faces, `[B, H]`, or a 0 `[1, 1]` without any.
+    fn bends(&self, vertices: Tensor<3>) -> Tensor<2> {
+        let planes = self.planes(vertices);
+        if self.hinges == 0 {
+            return planes.sum().reshape([1, 1]) * 0.0;
+        }
+        let [i, j, k, l] = self.points(&unit_size(planes), &self.hinge_vertices);
+        let (edge, to_k, to_l) = (j.sub(&i), k.sub(&i), l.sub(&i));
+        // Of faces i j k and j i l: wound alike, however the mesh's are.
+        let (first, first_flat) = unit_normal(&edge, &to_k);
+        let (second, second_flat) = unit_normal(&to_l, &edge);
+        let bends = first.dot(&second).neg().add_scalar(1.0);
+        bends.mask_fill(first_flat.bool_or(second_flat), 0.0)
+    }
+
+    /// (cot α + cot β)/2 at the edges, `[B, E]`, of planes without tape.
+    fn cotangent_weights(&self, planes: &Tensor<2>) -> Tensor<2> {
+        let planes = unit_size(planes.clone());
+        let [a, b, c] = self.points(&planes, &self.corners);
+        let twice_area = length(&b.sub(&a).cross(&c.sub(&a)));
+        let cotangent = |at: &Vec3, p: &Vec3, q: &Vec3| {
+            let cos = p.sub(at).dot(&q.sub(at));
+            // Where the quotient is out of range or 0/0 it isn't taken.
+            let bound = twice_area.clone() * STEEPEST_COTANGENT;
+            let steep = cos.clone().abs().greater_equal(bound);
+            let sign = cos.clone().sign() * STEEPEST_COTANGENT;
+            let area = twice_area.clone().mask_fill(steep.clone(), 1.0);
+            (cos / area).mask_where(steep, sign)
+        };
+        let cotangents = vec![
+            cotangent(&a, &b, &c),
+            cotangent(&b, &c, &a),
+            cotangent(&c, &a, &b),
+        ];
+        let cotangents = Tensor::cat(cotangents, 1);
+        let [batch, n] = cotangents.dims();
+        let at = (&cotangents.device(), cotangents.dtype());
+        let weights = Tensor::zeros([batch, self.edges], at).scatter(
+            1,
+            self.opposite.clone().expand([batch, n]),
+            cotangents * 0.5,
+            IndexingUpdateOp::Add,
+        );
+        weights.clamp_min(0.0)
+    }
+
+    /// `[B, E]`.
+    fn edge_lengths(&self, vertices: Tensor<3>) -> Tensor<2> {
+        let planes = self.planes(vertices);
+        length(&split(&self.edge_vectors(&planes)))
+    }
+
+    /// Second end minus first of every edge, `[3B, E]`.
+    fn edge_vectors(&self, planes: &Tensor<2>) -> Tensor<2> {
+        let ends = gather(planes, &self.ends);
+        ends.clone().narrow(1, self.edges, self.edges) - ends.narrow(1, 0, self.edges)
+    }
+
+    /// At each vertex the sum of vectors to its neighbours, `[3B, V]`, from those along edges.
+    fn sums_at_vertices(&self, edge_vectors: Tensor<2>) -> Tensor<2> {
+        self.scatter_ends(Tensor::cat(
+            vec![edge_vectors.clone(), edge_vectors.neg()],
+            1,
+        ))
+    }
+
+    /// Values at the first and second ends of edges `[N, 2E]`, added up at the vertices `[N, V]`.
+    fn scatter_ends(&self, values: Tensor<2>) -> Tensor<2> {
+        let [rows, n] = values.dims();
+        let zeros = Tensor::zeros([rows, self.vertices], (&values.device(), values.dtype()));
+        let index = self.ends.clone().expand([rows, n]);
+        zeros.scatter(1, index, values, IndexingUpdateOp::Add)
+    }
+
+    /// Mean over the connected vertices of squared vectors `[3B, V]`.
+    fn mean_square(&self, vectors: Tensor<2>) -> Tensor<1> {
+        let [rows, _] = vectors.dims();
+        let count = self.connected * rows / 3;
+        (vectors.clone() * vectors).sum() / count as f64
+    }
+
+    /// Vertices `[B, V, 3]` as `[3B, V]`: all x, all y, all z, the long axis contiguous.
+    fn planes(&self, vertices: Tensor<3>) -> Tensor<2> {
+        let [batch, count, axes] = vertices.dims();
+        assert!(
+            count == self.vertices && axes == 3,
+            "{OBJECT}: vertices have shape [{batch}, {count}, {axes}], expected [_, {}, 3]",
+            self.vertices
+        );
+        vertices.permute([2, 0, 1]).reshape([3 * batch, count])
+    }
+
+    /// The vertices named by the N parts of an index `[1, N·n]`, as vectors `[B, n]`.
+    fn points<const N: usize>(&self, planes: &Tensor<2>, index: &Tensor<2, Int>) -> [Vec3; N] {
+        let all = gather(planes, index);
+        let n = index.dims()[1] / N;
+        std::array::from_fn(|i| split(&all.clone().narrow(1, i * n, n)))
+    }
+}
+
+/// All first entries, all second and so on.
+fn columns<const N: usize>(rows: &[[u32; N]]) -> Vec<u32> {
+    (0..N)
+        .flat_map(|i| rows.iter().map(move |r| r[i]))
+        .collect()
+}
+
+/// Columns named by an index `[1, n]`, `[3B, n]`. By `gather`, whose backward pass is parallel on
+/// GPUs where that of `select` is serial.
+fn gather(planes: &Tensor<2>, index: &Tensor<2, Int>) -> Tensor<2> {
+    let ([rows, _], [_, n]) = (planes.dims(), index.dims());
+    planes.clone().gather(1, index.clone().expand([rows, n]))
+}
+
+/// `[3B, N]` as vectors `[B, N]`.
+fn split(planes: &Tensor<2>) -> Vec3 {
+    let batch = planes.dims()[0] / 3;
+    let axis = |i: usize| planes.clone().narrow(0, i * batch, batch);
+    Vec3::new(axis(0), axis(1), axis(2))
+}
+
+/// Planes `[3B, V]` in units of each mesh's extent, which is a constant to the gradient: for angles,
+/// so that powers of lengths stay within what floats hold.
+fn unit_size(planes: Tensor<2>) -> Tensor<2> {
+    let plain = planes.clone().detach();
+    let extent = plain.clone().max_dim(1) - plain.min_dim(1);
+    let axes = split(&extent);
+    let extent = axes.x.max_pair(axes.y).max_pair(axes.z);
+    let none = extent.clone().lower_equal_elem(0.0);
+    let scale = extent.mask_fill(none, 1.0).recip();
+    planes * Tensor::cat(vec![scale; 3], 0)
+}
+
+/// Length of vectors; that of 0 has no gradient.
+fn length(v: &Vec3) -> Tensor<2> {
+    let square = v.dot(v);
+    let none = square.clone().lower_equal_elem(0.0);
+    square
+        .mask_fill(none.clone(), 1.0)
+        .sqrt()
+        .mask_fill(none, 0.0)
+}
+
+/// The unit vector along a × b, and whether it can't be told from rounding: then it isn't unit.
+fn unit_normal(a: &Vec3, b: &Vec3) -> (Vec3, Tensor<2, Bool>) {
+    let normal = a.cross(b);
+    let square = normal.dot(&normal);
+    let epsilon = match square.dtype() {
+        DType::F64 => f64::EPSILON,
+        _ => f64::from(f32::EPSILON),
+    };
+    let bound = a.dot(a) * b.dot(b) * (8.0 * epsilon).powi(2);
+    let bad = square.clone().lower_equal(bound);
+    let length = square.mask_fill(bad.clone(), 1.0).sqrt();
+    (normal.map(|n| n / length.clone()), bad)
+}
