@@ -7,6 +7,8 @@ use softray::prelude::*;
 
 #[allow(dead_code)] // not every example makes one
 pub mod figure;
+#[allow(dead_code)] // only those that fit something
+pub mod study;
 
 /// A device by name; GPU backends need their feature.
 #[allow(unreachable_patterns)] // the names of features that are built in were matched before

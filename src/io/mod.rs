@@ -6,6 +6,8 @@ mod obj_text;
 mod scene_file;
 
 pub use images::HostImage;
+#[cfg(feature = "fit")]
+pub(crate) use images::write_whole;
 pub use scene_file::SceneFile;
 
 use std::path::Path;

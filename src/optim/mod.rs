@@ -5,11 +5,15 @@
 mod conjugate_gradient;
 mod connectivity;
 #[cfg(feature = "fit")]
+mod fit;
+#[cfg(feature = "fit")]
 mod large_steps;
 pub mod loss;
 mod mesh;
 mod schedule;
 
+#[cfg(feature = "fit")]
+pub use fit::{Evaluation, Fit, Fitted, History, Rate, Report, Row, Step, Stop};
 #[cfg(feature = "fit")]
 pub use large_steps::{LargeSteps, LargeStepsConfig, LargeStepsState};
 pub use mesh::MeshRegulariser;

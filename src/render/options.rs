@@ -133,6 +133,12 @@ impl RenderOptions {
         self
     }
 
+    /// The form of visibility that was chosen.
+    #[cfg(feature = "fit")]
+    pub(crate) fn form(&self) -> Visibility {
+        self.visibility
+    }
+
     /// How random numbers, surfaces and emitters are chosen.
     pub fn sampling(mut self, sampling: Sampling) -> Self {
         self.sampling = sampling;

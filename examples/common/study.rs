@@ -1,0 +1,214 @@
+//! What the examples that fit something share: arguments, snapshots, a figure at the end.
+
+use std::cell::RefCell;
+use std::error::Error;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::time::Instant;
+
+use burn::module::Module;
+use burn::optim::ModuleOptimizer;
+use clap::Parser;
+use softray::optim::{Fit, Fitted, History, Report};
+use softray::prelude::*;
+
+use super::figure::{Figure, Plot};
+
+pub type Failure = Box<dyn Error>;
+
+/// The arguments of an example that fits something.
+#[derive(Parser, Clone, Debug)]
+pub struct Arguments {
+    /// A shorter fit of smaller images, under 40 s.
+    #[arg(long)]
+    pub quick: bool,
+    /// Steps of the fit.
+    #[arg(long)]
+    pub steps: Option<usize>,
+    /// Seed of the renders' noise.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Go on from the newest checkpoint of a run that was stopped.
+    #[arg(long)]
+    pub resume: bool,
+    /// flex, ndarray, wgpu or vulkan.
+    #[arg(long, default_value = "flex")]
+    pub device: String,
+    /// Folder for figures, histories and checkpoints.
+    #[arg(long, default_value = "out")]
+    pub out: PathBuf,
+}
+
+impl Arguments {
+    /// What the tests run.
+    pub fn for_tests(out: PathBuf) -> Self {
+        Self {
+            quick: true,
+            steps: None,
+            seed: 1,
+            resume: false,
+            device: "flex".into(),
+            out,
+        }
+    }
+
+    /// One of two values, for `--quick` and without.
+    pub fn either<T>(&self, quick: T, full: T) -> T {
+        if self.quick { quick } else { full }
+    }
+
+    pub fn device(&self) -> Result<Device, String> {
+        super::device(&self.device)
+    }
+}
+
+/// How far the parameters are from the target's.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// At the start and at the end.
+    pub errors: [f64; 2],
+    /// What is measured, with its unit.
+    pub of: String,
+    /// Numbers that are reported beside it.
+    pub others: Vec<(String, f64)>,
+}
+
+impl Outcome {
+    pub fn ratio(&self) -> f64 {
+        self.errors[0] / self.errors[1]
+    }
+}
+
+type Images = Rc<RefCell<Vec<(usize, HostImage)>>>;
+
+/// An example's fit and its figure.
+pub struct Study<'a> {
+    name: &'static str,
+    title: &'static str,
+    arguments: &'a Arguments,
+    steps: usize,
+    snapshots: Images,
+    start: Instant,
+}
+
+impl<'a> Study<'a> {
+    pub fn new(
+        name: &'static str,
+        title: &'static str,
+        arguments: &'a Arguments,
+        steps: usize,
+    ) -> Self {
+        Self {
+            name,
+            title,
+            arguments,
+            steps: arguments.steps.unwrap_or(steps),
+            snapshots: Images::default(),
+            start: Instant::now(),
+        }
+    }
+
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// A fit that keeps its history in the example's folder, and the first image of four steps.
+    pub fn fit<M: Module + 'static>(
+        &self,
+        module: M,
+        optimizer: impl Into<ModuleOptimizer>,
+    ) -> Fit<M> {
+        let snapshots = self.snapshots.clone();
+        let keep = move |report: &Report<M>| {
+            if let Some((_, image)) = report.images()?.into_iter().next() {
+                snapshots.borrow_mut().push((report.step.index, image));
+            }
+            Ok(true)
+        };
+        Fit::new(module, optimizer, self.steps)
+            .seed(self.arguments.seed)
+            .folder(self.arguments.out.join(self.name))
+            .restart(!self.arguments.resume)
+            .on_step(self.steps.div_ceil(4).max(1), keep)
+    }
+
+    /// Writes the figure, prints errors, and returns them.
+    pub fn finish<M>(
+        &self,
+        fitted: &Fitted<M>,
+        images: [(&str, HostImage); 3],
+        plots: Vec<Plot>,
+        outcome: Outcome,
+    ) -> Result<Outcome, Failure> {
+        let [initial, target, last] = &images;
+        let row: Vec<(&str, &HostImage)> = [initial, target, last]
+            .iter()
+            .map(|(caption, image)| (*caption, image))
+            .collect();
+        let snapshots = self.snapshots.borrow();
+        let captions: Vec<String> = snapshots.iter().map(|s| format!("step {}", s.0)).collect();
+        let steps: Vec<(&str, &HostImage)> = captions
+            .iter()
+            .zip(snapshots.iter())
+            .map(|(caption, s)| (caption.as_str(), &s.1))
+            .collect();
+        let mut figure = Figure::new(self.title).images(&row);
+        if !steps.is_empty() {
+            figure = figure.images(&steps);
+        }
+        figure = figure.plot(loss(&fitted.history));
+        for plot in plots {
+            figure = figure.plot(plot);
+        }
+        let path = self.arguments.out.join(format!("{}.png", self.name));
+        figure.write(&path)?;
+        let [before, after] = outcome.errors;
+        println!(
+            "{}: {before:.4} at the start, {after:.5} after {} steps, {:.1} s",
+            outcome.of,
+            fitted.history.rows.len(),
+            self.start.elapsed().as_secs_f64()
+        );
+        for (name, value) in &outcome.others {
+            println!("{name}: {value:.5}");
+        }
+        println!("wrote {}", path.display());
+        Ok(outcome)
+    }
+}
+
+/// The loss over the steps.
+fn loss(history: &History) -> Plot {
+    let points = history.curve("loss").into_iter();
+    let points = points.map(|(x, y)| (x, y.abs()));
+    Plot::new("|loss|", "step", "").log().curve("", points)
+}
+
+/// Numbers of the history over the steps, as one plot.
+pub fn curves(history: &History, title: &str, names: &[&str], log: bool) -> Plot {
+    let plot = Plot::new(title, "step", "");
+    let plot = if log { plot.log() } else { plot };
+    names
+        .iter()
+        .fold(plot, |plot, name| plot.curve(name, history.curve(name)))
+}
+
+/// A render on the host.
+pub fn picture(
+    scene: &Scene,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> softray::Result<HostImage> {
+    HostImage::from_tensor(&render(scene, camera, options)?.radiance)
+}
+
+/// The values of a small tensor.
+pub fn numbers<const D: usize>(tensor: &Tensor<D>) -> Vec<f64> {
+    tensor.clone().inner().into_data().iter::<f64>().collect()
+}
+
+/// The length of the difference of two points.
+pub fn distance(a: &[f64], b: &[f64]) -> f64 {
+    let square = |(x, y): (&f64, &f64)| (x - y) * (x - y);
+    a.iter().zip(b).map(square).sum::<f64>().sqrt()
+}

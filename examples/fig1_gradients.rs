@@ -1,0 +1,154 @@
+//! Figure 1 of the paper: the derivative of each pixel by a horizontal translation of an icosahedron,
+//! and the Cornell box with Russian roulette, with a larger σ, and with a smaller γ.
+
+pub(crate) mod common;
+
+use std::time::Instant;
+
+use clap::Parser;
+use rayon::prelude::*;
+use softray::prelude::*;
+
+use common::figure::{Figure, diverging};
+use common::study::{Arguments, Failure, numbers, picture};
+
+/// How far the derivative image is from central differences of sharp renders.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Agreement {
+    pub(crate) correlation: f64,
+    /// Of the derivatives over the differences.
+    pub(crate) slope: f64,
+}
+
+/// An icosahedron over a floor under a square light.
+fn scene(offset: Tensor<1>, device: &Device) -> Scene {
+    let square = |side: f64, y: f64, down: bool| {
+        let z = if down { -side } else { side };
+        let corners = [[-side, y, z], [side, y, z], [side, y, -z], [-side, y, -z]];
+        let [a, b, c, d] = corners;
+        Object::new(shapes::quad(a, b, c, d, device))
+    };
+    Scene::new()
+        .with(square(3.0, -1.0, false).material(Material::diffuse([0.6, 0.6, 0.6])))
+        .with(square(0.8, 4.0, true).material(Material::emitter([16.0, 16.0, 16.0])))
+        .with(
+            Object::new(shapes::icosahedron(device).translated(offset))
+                .material(Material::diffuse([0.75, 0.55, 0.35])),
+        )
+        .environment([0.15, 0.18, 0.22])
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
+    let device = arguments.device()?;
+    let start = Instant::now();
+    let size = arguments.either(32, 96);
+    let samples = arguments.either(64, 128);
+    let camera = Camera::look_at([0.0, 1.4, 5.0], [0.0, 0.0, 0.0]).fov_y(38.0);
+    let options = RenderOptions::new(size, size).bounces(0).samples(samples);
+    let soft = options.clone().sigma(2e-3);
+    let at = |x: f64| scene(Tensor::from_floats([x, 0.0, 0.0], &device), &device);
+
+    let image = picture(&at(0.0), &camera, &options.clone().samples(512).sigma(1e-5))?;
+    // A pixel is a render with a backward pass of its own.
+    let derivative = |pixel: u32| -> softray::Result<f64> {
+        let offset = Tensor::zeros([3], &device).autodiff().require_grad();
+        let scene = scene(offset.clone(), &device);
+        let image = render_pixels(&scene, &camera, &soft, &[pixel])?;
+        let gradients = image.radiance.sum().backward();
+        let gradient = offset.grad(&gradients);
+        Ok(gradient.map_or(0.0, |g| numbers(&g)[0]))
+    };
+    let bar = common::bar((size * size) as u64, "derivatives");
+    let pixels = 0..(size * size) as u32;
+    let derivatives = pixels
+        .into_par_iter()
+        .inspect(|_| bar.inc(1))
+        .map(derivative)
+        .collect::<softray::Result<Vec<f64>>>()?;
+    bar.finish_and_clear();
+
+    // The same by central differences without blur.
+    let h = 0.04;
+    let fine = options.clone().samples(8 * samples).sigma(1e-6);
+    let [left, right] = [-h, h].map(|x| picture(&at(x), &camera, &fine));
+    let (left, right) = (left?, right?);
+    let sum = |p: &[f32]| p.iter().map(|&v| f64::from(v)).sum::<f64>();
+    let differences: Vec<f64> = left
+        .pixels
+        .chunks_exact(3)
+        .zip(right.pixels.chunks_exact(3))
+        .map(|(a, b)| (sum(b) - sum(a)) / (2.0 * h))
+        .collect();
+    let agreement = agreement(&derivatives, &differences);
+
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/cornell/scene.json");
+    let cornell = SceneFile::load(path, &device)?;
+    let box_size = arguments.either(48, 160);
+    let boxed = |sigma: f64, gamma: f64| {
+        let options = RenderOptions::new(box_size, box_size)
+            .samples(arguments.either(32, 256))
+            .bounces(8)
+            .russian_roulette(2)
+            .sigma(sigma)
+            .visibility(Visibility::softmax(gamma));
+        picture(&cornell.scene, &cornell.camera, &options)
+    };
+    let (plain, wide, opaque) = (boxed(1e-4, 1e-2)?, boxed(4e-3, 1e-2)?, boxed(1e-4, 1e-3)?);
+
+    let largest = differences.iter().fold(0.0f64, |a, x| a.max(x.abs()));
+    let scale = Some(0.7 * largest);
+    let figure = Figure::new("Derivatives and blur")
+        .images(&[
+            ("icosahedron", &image),
+            (
+                "∂/∂x, σ = 2e-3",
+                &diverging(size, size, &derivatives, scale),
+            ),
+            (
+                "differences, σ = 1e-6",
+                &diverging(size, size, &differences, scale),
+            ),
+        ])
+        .images(&[
+            ("σ = 1e-4, γ = 1e-2", &plain),
+            ("larger σ = 4e-3", &wide),
+            ("smaller γ = 1e-3", &opaque),
+        ]);
+    std::fs::create_dir_all(&arguments.out)?;
+    let path = arguments.out.join("fig1_gradients.png");
+    figure.write(&path)?;
+    println!(
+        "derivative image: correlation with differences {:.4}, slope {:.4}; {:.1} s",
+        agreement.correlation,
+        agreement.slope,
+        start.elapsed().as_secs_f64()
+    );
+    println!("wrote {}", path.display());
+    Ok(agreement)
+}
+
+/// Over blocks of 2 × 2 pixels, since the blur spreads a derivative over its neighbours.
+fn agreement(a: &[f64], b: &[f64]) -> Agreement {
+    let size = a.len().isqrt();
+    let coarse = |v: &[f64]| -> Vec<f64> {
+        let half = size / 2;
+        let block = |i: usize| {
+            let (x, y) = (i % half * 2, i / half * 2);
+            let at = |dx: usize, dy: usize| v[(y + dy) * size + x + dx];
+            at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)
+        };
+        (0..half * half).map(block).collect()
+    };
+    let (a, b) = (coarse(a), coarse(b));
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    Agreement {
+        correlation: dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt(),
+        slope: dot(&a, &b) / dot(&b, &b),
+    }
+}
+
+fn main() -> Result<(), Failure> {
+    env_logger::init();
+    run(&Arguments::parse())?;
+    Ok(())
+}

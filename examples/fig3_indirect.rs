@@ -1,0 +1,143 @@
+//! Figure 3 of the paper: the rotation of a white cube from the light that a red and a green wall send
+//! it. No emitter shines on the cube, so that all it shows has bounced; σ falls over the fit.
+
+pub(crate) mod common;
+
+use burn::module::{Module, Param};
+use burn::optim::AdamConfig;
+use clap::Parser;
+use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
+use softray::prelude::*;
+
+use common::study::{Arguments, Failure, Outcome, Study, curves, numbers, picture};
+
+#[derive(Module, Debug)]
+struct Turn {
+    /// About the vertical axis, away from the target, radians.
+    angle: Param<Tensor<1>>,
+}
+
+const START: f64 = 30.0;
+/// The cube's own pose.
+const TARGET: f64 = 20.0;
+
+/// Walls to the left and right, a floor, and above the cube two emitters, each of which faces a wall.
+fn scene(angle: &Tensor<1>, device: &Device) -> Scene {
+    let quad = |corners: [[f64; 3]; 4]| {
+        let [a, b, c, d] = corners;
+        Object::new(shapes::quad(a, b, c, d, device))
+    };
+    let wall = |x: f64| {
+        let corners = [[x, 0.0, 2.0], [x, 0.0, -2.0], [x, 3.0, -2.0], [x, 3.0, 2.0]];
+        quad(corners)
+    };
+    // Facing −x: the left wall.
+    let light = |x: f64, towards: f64| {
+        let z = 0.5 * towards;
+        let corners = [[x, 1.6, z], [x, 1.6, -z], [x, 2.2, -z], [x, 2.2, z]];
+        quad(corners).material(Material::emitter([14.0, 14.0, 14.0]))
+    };
+    let turned = angle.clone() + TARGET.to_radians();
+    let turn = Transform::new()
+        .scale(Tensor::from_floats([0.5], device))
+        .axis_angle([0.0, 1.0, 0.0], turned)
+        .translation(Tensor::from_floats([0.0, 0.5, 0.0], device));
+    let floor = quad([
+        [-2.0, 0.0, 2.0],
+        [2.0, 0.0, 2.0],
+        [2.0, 0.0, -2.0],
+        [-2.0, 0.0, -2.0],
+    ]);
+    Scene::new()
+        .with(
+            wall(-1.6)
+                .named("red")
+                .material(Material::diffuse([0.8, 0.05, 0.05])),
+        )
+        .with(
+            wall(1.6)
+                .named("green")
+                .material(Material::diffuse([0.05, 0.8, 0.05])),
+        )
+        .with(
+            floor
+                .named("floor")
+                .material(Material::diffuse([0.2, 0.2, 0.2])),
+        )
+        .with(light(-0.9, -1.0).named("light on red"))
+        .with(light(0.9, 1.0).named("light on green"))
+        .with(
+            Object::new(shapes::cube(device).transformed(&turn))
+                .named("cube")
+                .material(Material::diffuse([0.85, 0.85, 0.85])),
+        )
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    let device = arguments.device()?;
+    let camera = Camera::look_at([0.0, 1.3, 3.6], [0.0, 0.6, 0.0]).fov_y(34.0);
+    let size = arguments.either(32, 64);
+    let options = RenderOptions::new(size, size).bounces(1);
+    let still = scene(&Tensor::zeros([1], &device), &device);
+    let sharp = BlurSchedule::sharp_sigma(&still, &camera, size)?;
+    let sharp = options.clone().samples(2048).sigma(sharp).seed(1 << 50);
+    let target = render(&still, &camera, &sharp)?.radiance;
+
+    let study = Study::new(
+        "fig3_indirect",
+        "A rotation from indirect light",
+        arguments,
+        arguments.either(200, 300),
+    );
+    let start = Tensor::from_floats([START.to_radians()], &device.clone().autodiff());
+    let module = Turn {
+        angle: Param::from_tensor(start),
+    };
+    let fitted = study
+        .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+        .rate(Rate::cosine(0.02))
+        .sigma(BlurSchedule::auto(&still, &camera, size, study.steps())?)
+        .run(|turn: &Turn, step: &_| {
+            let scene = scene(&turn.angle.val(), &device);
+            let few = options.clone().samples(16);
+            let see = |k| render(&scene, &camera, &step.options(&few, k));
+            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+            let loss = loss::mse_unbiased(a.clone(), b, target.clone());
+            let degrees = numbers(&turn.angle.val())[0].to_degrees();
+            Ok(Evaluation::new(loss)
+                .value("degrees", degrees)
+                .image("render", a))
+        })?;
+
+    let found = numbers(&fitted.module.angle.val())[0].to_degrees();
+    let turned = |degrees: f64| {
+        let angle = Tensor::from_floats([degrees.to_radians()], &device);
+        picture(&scene(&angle, &device), &camera, &sharp)
+    };
+    let images = [
+        ("initial", turned(START)?),
+        ("target", turned(0.0)?),
+        ("final", turned(found)?),
+    ];
+    let plots = vec![
+        curves(
+            &fitted.history,
+            "angle to the target, °",
+            &["degrees"],
+            false,
+        ),
+        curves(&fitted.history, "σ", &["sigma"], true),
+    ];
+    let outcome = Outcome {
+        errors: [START, found.abs()],
+        of: "angle to the target, °".into(),
+        others: Vec::new(),
+    };
+    study.finish(&fitted, images, plots, outcome)
+}
+
+fn main() -> Result<(), Failure> {
+    env_logger::init();
+    run(&Arguments::parse())?;
+    Ok(())
+}

@@ -1,0 +1,142 @@
+//! Figure 5 of the paper: the aperture of a lens, and the distance that it is focused on, from an image
+//! that is out of focus.
+
+pub(crate) mod common;
+
+use burn::module::{Module, Param};
+use burn::optim::AdamConfig;
+use clap::Parser;
+use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
+use softray::prelude::*;
+
+use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};
+
+#[derive(Module, Debug)]
+struct Lens {
+    /// Logarithms of aperture radius and focus distance, both in scene units.
+    logs: Param<Tensor<1>>,
+}
+
+/// Aperture radius and focus distance, scene units.
+const TARGET: [f64; 2] = [0.18, 4.2];
+const START: [f64; 2] = [0.02, 5.5];
+
+/// A row of balls that leads away from the camera.
+fn scene(device: &Device) -> Scene {
+    let colours = [
+        [0.8, 0.25, 0.2],
+        [0.8, 0.7, 0.2],
+        [0.25, 0.7, 0.3],
+        [0.2, 0.4, 0.8],
+    ];
+    let floor = shapes::quad(
+        [-4.0, 0.0, 3.0],
+        [4.0, 0.0, 3.0],
+        [4.0, 0.0, -6.0],
+        [-4.0, 0.0, -6.0],
+        device,
+    );
+    let mut scene = Scene::new()
+        .with(Object::new(floor).material(Material::diffuse([0.5, 0.5, 0.5])))
+        .environment([0.8, 0.85, 0.9]);
+    for (i, colour) in colours.into_iter().enumerate() {
+        let i = i as f32;
+        let centre = Tensor::from_floats([-1.05 + 0.7 * i, 0.35, 1.6 - 1.5 * i], device);
+        let ball = shapes::icosphere(2, device)
+            .scaled(Tensor::from_floats([0.35], device))
+            .translated(centre);
+        scene = scene.with(Object::new(ball).material(Material::diffuse(colour)));
+    }
+    scene
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    let device = arguments.device()?;
+    let scene = scene(&device);
+    let camera = |aperture: Tensor<1>, focus: Tensor<1>| {
+        Camera::look_at([0.0, 0.9, 5.0], [0.0, 0.35, 0.0])
+            .fov_y(32.0)
+            .thin_lens(aperture, focus)
+    };
+    let fixed = |[aperture, focus]: [f64; 2]| {
+        camera(
+            Tensor::from_floats([aperture], &device),
+            Tensor::from_floats([focus], &device),
+        )
+    };
+    let size = arguments.either(32, 64);
+    let options = RenderOptions::new(size, size).bounces(0);
+    let sigma = BlurSchedule::sharp_sigma(&scene, &fixed(TARGET), size)?;
+    let sharp = options.clone().samples(2048).sigma(sigma).seed(1 << 50);
+    let target = render(&scene, &fixed(TARGET), &sharp)?.radiance;
+
+    let study = Study::new(
+        "fig5_aperture",
+        "A lens from its blur",
+        arguments,
+        arguments.either(200, 300),
+    );
+    let start = Tensor::from_floats(START.map(f64::ln), &device.clone().autodiff());
+    let module = Lens {
+        logs: Param::from_tensor(start),
+    };
+    let fitted = study
+        .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+        .rate(Rate::cosine(0.05))
+        // The lens blurs enough: a little of geometry suffices.
+        .sigma(BlurSchedule::constant(1e-4)?)
+        .run(|lens: &Lens, step: &_| {
+            let both = lens.logs.val().exp();
+            let camera = camera(both.clone().slice([0..1]), both.clone().slice([1..2]));
+            let few = options.clone().samples(16);
+            let see = |k| render(&scene, &camera, &step.options(&few, k));
+            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+            let loss = loss::mse_unbiased(a.clone(), b, target.clone());
+            let both = numbers(&both);
+            Ok(Evaluation::new(loss)
+                .value("aperture", both[0])
+                .value("focus", both[1])
+                .image("render", a))
+        })?;
+
+    let found = numbers(&fitted.module.logs.val().exp());
+    let images = [
+        ("initial", picture(&scene, &fixed(START), &sharp)?),
+        ("target", picture(&scene, &fixed(TARGET), &sharp)?),
+        (
+            "final",
+            picture(&scene, &fixed([found[0], found[1]]), &sharp)?,
+        ),
+    ];
+    let plots = vec![
+        curves(
+            &fitted.history,
+            "aperture radius (target 0.18)",
+            &["aperture"],
+            false,
+        ),
+        curves(
+            &fitted.history,
+            "focus distance (target 4.2)",
+            &["focus"],
+            false,
+        ),
+    ];
+    let logs = |v: &[f64]| v.iter().map(|x| x.ln()).collect::<Vec<_>>();
+    let far = |v: &[f64]| distance(&logs(v), &logs(&TARGET));
+    let outcome = Outcome {
+        errors: [far(&START), far(&found)],
+        of: "distance of the logarithms of aperture and focus".into(),
+        others: vec![
+            ("aperture radius".into(), found[0]),
+            ("focus distance".into(), found[1]),
+        ],
+    };
+    study.finish(&fitted, images, plots, outcome)
+}
+
+fn main() -> Result<(), Failure> {
+    env_logger::init();
+    run(&Arguments::parse())?;
+    Ok(())
+}

@@ -1,0 +1,132 @@
+//! Albedo, specular albedo and shininess of a ball from one image of it under two lights.
+
+pub(crate) mod common;
+
+use burn::module::{Module, Param};
+use burn::optim::AdamConfig;
+use clap::Parser;
+use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
+use softray::prelude::*;
+
+use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};
+
+#[derive(Module, Debug)]
+struct Surface {
+    /// k_d.
+    diffuse: Param<Tensor<1>>,
+    /// k_s.
+    specular: Param<Tensor<1>>,
+    /// ln of the Phong exponent.
+    shininess: Param<Tensor<1>>,
+}
+
+/// k_d, k_s and ln of the exponent.
+const TARGET: [f64; 7] = [0.55, 0.2, 0.1, 0.25, 0.3, 0.35, 3.9];
+const START: [f64; 7] = [0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 2.3];
+
+fn scene(diffuse: Tensor<1>, specular: Tensor<1>, exponent: Tensor<1>, device: &Device) -> Scene {
+    let sphere = shapes::icosphere(3, device);
+    let normals = sphere.vertices.clone();
+    let ball = sphere.with_normals(normals);
+    let light = |x: f64, strength: f64| {
+        let corners = [
+            [x - 0.7, 3.0, 2.0],
+            [x + 0.7, 3.0, 2.0],
+            [x + 0.7, 3.6, 1.0],
+            [x - 0.7, 3.6, 1.0],
+        ];
+        // Seen from below and in front.
+        let [a, b, c, d] = corners;
+        Object::new(shapes::quad(d, c, b, a, device))
+            .material(Material::emitter([strength, strength, strength]))
+    };
+    Scene::new()
+        .with(Object::new(ball).material(Material::diffuse(diffuse).specular(specular, exponent)))
+        .with(light(-1.8, 9.0))
+        .with(light(1.8, 6.0))
+        .environment([0.15, 0.15, 0.15])
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    let device = arguments.device()?;
+    let camera = Camera::look_at([0.0, 0.8, 4.0], [0.0, 0.0, 0.0]).fov_y(36.0);
+    let size = arguments.either(32, 64);
+    let options = RenderOptions::new(size, size).bounces(0);
+    let fixed = |v: &[f64]| {
+        let three = |v: &[f64]| Tensor::from_floats([v[0], v[1], v[2]], &device);
+        let exponent = Tensor::from_floats([v[6].exp()], &device);
+        scene(three(&v[..3]), three(&v[3..6]), exponent, &device)
+    };
+    let still = fixed(&TARGET);
+    let sigma = BlurSchedule::sharp_sigma(&still, &camera, size)?;
+    let sharp = options.clone().samples(2048).sigma(sigma).seed(1 << 50);
+    let target = render(&still, &camera, &sharp)?.radiance;
+
+    let study = Study::new(
+        "material",
+        "Albedo, gloss and shininess",
+        arguments,
+        arguments.either(250, 400),
+    );
+    let leaf = |v: &[f64]| {
+        let values: Vec<f32> = v.iter().map(|&x| x as f32).collect();
+        let tensor = Tensor::<1>::from_floats(values.as_slice(), &device.clone().autodiff());
+        Param::from_tensor(tensor)
+    };
+    let module = Surface {
+        diffuse: leaf(&START[..3]),
+        specular: leaf(&START[3..6]),
+        shininess: leaf(&START[6..]),
+    };
+    let all = |s: &Surface| {
+        let parts = [&s.diffuse, &s.specular, &s.shininess];
+        parts.map(|p| numbers(&p.val())).concat()
+    };
+    let fitted = study
+        .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+        .rate(Rate::cosine(0.03))
+        .sigma(BlurSchedule::constant(1e-4)?)
+        .run(|surface: &Surface, step: &_| {
+            let scene = scene(
+                surface.diffuse.val().clamp_min(0.0),
+                surface.specular.val().clamp_min(0.0),
+                surface.shininess.val().exp(),
+                &device,
+            );
+            let few = options.clone().samples(8);
+            let see = |k| render(&scene, &camera, &step.options(&few, k));
+            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+            let loss = loss::mse_unbiased(a.clone(), b, target.clone());
+            let all = all(surface);
+            Ok(Evaluation::new(loss)
+                .value("diffuse", distance(&all[..3], &TARGET[..3]))
+                .value("specular", distance(&all[3..6], &TARGET[3..6]))
+                .value("ln shininess", (all[6] - TARGET[6]).abs())
+                .image("render", a))
+        })?;
+
+    let found = all(&fitted.module);
+    let images = [
+        ("initial", picture(&fixed(&START), &camera, &sharp)?),
+        ("target", picture(&still, &camera, &sharp)?),
+        ("final", picture(&fixed(&found), &camera, &sharp)?),
+    ];
+    let plots = vec![curves(
+        &fitted.history,
+        "distances to the target's",
+        &["diffuse", "specular", "ln shininess"],
+        true,
+    )];
+    let outcome = Outcome {
+        errors: [distance(&START, &TARGET), distance(&found, &TARGET)],
+        of: "distance of k_d, k_s and ln of the exponent together".into(),
+        others: vec![("exponent (target 49.4)".into(), found[6].exp())],
+    };
+    study.finish(&fitted, images, plots, outcome)
+}
+
+fn main() -> Result<(), Failure> {
+    env_logger::init();
+    run(&Arguments::parse())?;
+    Ok(())
+}

@@ -1,0 +1,220 @@
+//! A mesh from twelve views: a ball becomes a bent, dented body, by large steps and regularisers.
+
+pub(crate) mod common;
+
+use std::f64::consts::TAU;
+
+use burn::module::{Module, Param};
+use burn::tensor::TensorData;
+use clap::Parser;
+use softray::optim::{
+    BlurSchedule, Evaluation, LargeSteps, LargeStepsConfig, MeshRegulariser, Rate, loss,
+};
+use softray::prelude::*;
+
+use common::study::{Arguments, Failure, Outcome, Study, curves, numbers, picture};
+
+#[derive(Module, Debug)]
+struct Body {
+    /// `[V, 3]`, scene units.
+    vertices: Param<Tensor<2>>,
+}
+
+const VIEWS: usize = 12;
+
+/// Two eyes above, one from each side, around a circle and back.
+fn cameras() -> Vec<Camera> {
+    let view = |i: usize| {
+        let angle = TAU * (i as f64 + 0.5) / VIEWS as f64;
+        let height = [0.3, 2.2, -1.6][i % 3];
+        let eye = [3.4 * angle.sin(), height, 3.4 * angle.cos()];
+        Camera::look_at(eye, [0.0; 3]).fov_y(40.0)
+    };
+    (0..VIEWS).map(view).collect()
+}
+
+/// The target: a ball stretched, with three lobes, a dent and a bend.
+fn formed([x, y, z]: [f64; 3]) -> [f64; 3] {
+    let around = z.atan2(x);
+    let flat = (1.0 - y * y).max(0.0);
+    let lobes = 1.0 + 0.22 * (3.0 * around).cos() * flat;
+    let dent = 1.0 - 0.45 * (-4.0 * ((y - 1.0).powi(2) + 0.5 * flat)).exp();
+    let (x, y, z) = (0.8 * x * lobes, 1.05 * y * dent, 0.8 * z * lobes);
+    [x + 0.25 * y * y - 0.1, y, z]
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    let device = arguments.device()?;
+    let ball = shapes::icosphere(arguments.either(2, 3), &device);
+    let fine = shapes::icosphere(4, &device);
+    let points: Vec<[f64; 3]> = fine.host_vertices()?.into_iter().map(formed).collect();
+    let goal = Mesh::from_host(&points, fine.faces.to_vec(), &device);
+    let light = |x: f64, z: f64, colour: [f64; 3]| {
+        let corners = [
+            [x - 1.0, 5.0, z - 1.0],
+            [x + 1.0, 5.0, z - 1.0],
+            [x + 1.0, 5.0, z + 1.0],
+            [x - 1.0, 5.0, z + 1.0],
+        ];
+        let [a, b, c, d] = corners;
+        Object::new(shapes::quad(a, b, c, d, &device)).material(Material::emitter(colour))
+    };
+    // Light from all sides, with colours that tell directions apart.
+    let scene = |mesh: Mesh| {
+        Scene::new()
+            .with(
+                Object::new(mesh)
+                    .named("body")
+                    .material(Material::diffuse([0.7, 0.7, 0.7])),
+            )
+            .with(light(-3.0, 2.0, [18.0, 9.0, 6.0]))
+            .with(light(3.0, -2.0, [6.0, 9.0, 18.0]))
+            .environment([0.35, 0.4, 0.45])
+    };
+    let cameras = cameras();
+    let size = arguments.either(32, 64);
+    let options = RenderOptions::new(size, size).bounces(0);
+    let still = scene(goal.clone());
+    let sigma = BlurSchedule::sharp_sigma(&still, &cameras[0], size)?;
+    let sharp = options
+        .clone()
+        .samples(256)
+        .sigma(sigma)
+        .seed(1 << 50)
+        .with_opacity();
+    let see = |camera: &Camera| -> Result<(Tensor<3>, Tensor<2>), Failure> {
+        let image = render(&still, camera, &sharp)?;
+        let opacity = image.opacity.ok_or("opacity was asked for")?;
+        Ok((image.radiance, opacity))
+    };
+    let targets = cameras.iter().map(see).collect::<Result<Vec<_>, _>>()?;
+
+    let study = Study::new(
+        "mesh_from_views",
+        "A mesh from twelve views",
+        arguments,
+        arguments.either(200, 500),
+    );
+    let topology = MeshRegulariser::from_mesh(&ball)?;
+    let first = ball.vertices.clone().mul_scalar(0.75);
+    let module = Body {
+        vertices: Param::from_tensor(first.clone().to_device(&device.clone().autodiff())),
+    };
+    let wanted = spread(&goal)?;
+    let steps = LargeSteps::from_mesh(&ball, &LargeStepsConfig::new())?;
+    let per_step = arguments.either(2, 3);
+    let fitted = study
+        .fit(module, steps)
+        .rate(Rate::exponential(0.03, 0.003))
+        .sigma(BlurSchedule::decay(4e-3, 4e-4, study.steps() / 2)?)
+        .run(|body: &Body, step: &_| {
+            let vertices = body.vertices.val();
+            let scene = scene(ball.clone().with_vertices(vertices.clone()));
+            let few = options.clone().samples(4).with_opacity();
+            let (mut sum, mut first) = (Tensor::zeros([1], &vertices.device()), None);
+            for k in 0..per_step {
+                // All views in turn, far apart within a step.
+                let view = (step.index + k * VIEWS / per_step) % VIEWS;
+                let see = |r| render(&scene, &cameras[view], &step.options(&few, r));
+                let (a, b) = (see(2 * k as u64)?, see(2 * k as u64 + 1)?);
+                let (target, silhouette) = targets[view].clone();
+                first = first.or(Some(a.radiance.clone()));
+                if let Some(opacity) = a.opacity {
+                    sum = sum + loss::silhouette_iou(opacity, silhouette) * 0.2;
+                }
+                sum = sum + loss::mse_unbiased(a.radiance, b.radiance, target);
+            }
+            let batch = vertices.unsqueeze();
+            let regular = topology.laplacian(batch.clone()) * 0.2
+                + topology.normal_consistency(batch) * 0.002;
+            let mut evaluation = Evaluation::new(sum / per_step as f64 + regular);
+            if let Some(first) = first {
+                evaluation = evaluation.image("render", first);
+            }
+            Ok(evaluation)
+        })?;
+
+    let found = ball
+        .clone()
+        .with_vertices(fitted.module.vertices.val().inner());
+    let before = ball.with_vertices(first);
+    let show = options.clone().samples(256).sigma(sigma);
+    let images = [
+        (
+            "initial",
+            picture(&scene(before.clone()), &cameras[1], &show)?,
+        ),
+        ("target", picture(&still, &cameras[1], &show)?),
+        ("final", picture(&scene(found.clone()), &cameras[1], &show)?),
+    ];
+    let iou = |mesh: &Mesh| -> Result<f64, Failure> {
+        let scene = scene(mesh.clone());
+        let mut sum = 0.0;
+        for (camera, (_, silhouette)) in cameras.iter().zip(&targets) {
+            let opacity = render(&scene, camera, &sharp)?.opacity;
+            let opacity = opacity.ok_or("opacity was asked for")?;
+            sum += loss::iou(opacity, silhouette.clone(), 0.5)?;
+        }
+        Ok(sum / VIEWS as f64)
+    };
+    let errors = [
+        chamfer(&spread(&before)?, &wanted),
+        chamfer(&spread(&found)?, &wanted),
+    ];
+    let outcome = Outcome {
+        errors,
+        of: "Chamfer distance, mean squared, both ways, scene units²".into(),
+        others: vec![
+            ("Chamfer distance at the end, root".into(), errors[1].sqrt()),
+            ("silhouette IoU at the start".into(), iou(&before)?),
+            ("silhouette IoU at the end".into(), iou(&found)?),
+        ],
+    };
+    let plots = vec![curves(&fitted.history, "σ", &["sigma"], true)];
+    study.finish(&fitted, images, plots, outcome)
+}
+
+/// Some points spread evenly over a mesh: a golden-ratio sequence over its area.
+fn spread(mesh: &Mesh) -> Result<Vec<[f64; 3]>, Failure> {
+    const POINTS: usize = 4000;
+    let vertices = mesh.host_vertices()?;
+    let corner = |i: u32| glam::DVec3::from(vertices[i as usize]);
+    let corners: Vec<[glam::DVec3; 3]> = mesh.faces.iter().map(|f| f.map(corner)).collect();
+    let mut areas = Vec::with_capacity(corners.len());
+    let mut total = 0.0;
+    for [a, b, c] in &corners {
+        total += 0.5 * (*b - *a).cross(*c - *a).length();
+        areas.push(total);
+    }
+    let point = |i: usize| {
+        let along = (i as f64 + 0.5) / POINTS as f64 * total;
+        let k = areas.partition_point(|&a| a < along).min(areas.len() - 1);
+        let (u, v) = (
+            (i as f64 * 0.754_877_666).fract(),
+            (i as f64 * 0.569_840_291).fract(),
+        );
+        let root = u.sqrt();
+        let [a, b, c] = corners[k];
+        (a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v)).to_array()
+    };
+    Ok((0..POINTS).map(point).collect())
+}
+
+/// The mean squared distance to the nearest point, both ways.
+fn chamfer(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+    let one_way = |a: &[[f64; 3]], b: &[[f64; 3]]| {
+        let nearest = |p: &[f64; 3]| {
+            let p = glam::DVec3::from(*p);
+            let square = |q: &[f64; 3]| p.distance_squared(glam::DVec3::from(*q));
+            b.iter().map(square).fold(f64::INFINITY, f64::min)
+        };
+        a.iter().map(nearest).sum::<f64>() / a.len() as f64
+    };
+    one_way(a, b) + one_way(b, a)
+}
+
+fn main() -> Result<(), Failure> {
+    env_logger::init();
+    run(&Arguments::parse())?;
+    Ok(())
+}

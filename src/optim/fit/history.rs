@@ -1,0 +1,187 @@
+use std::fmt::Write;
+
+use crate::error::{Error, Result};
+
+/// A step of a fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Counted from 0.
+    pub step: usize,
+    /// The loss before the step.
+    pub loss: f64,
+    /// The Euclidean norm of the gradient over all parameters, before it was clipped.
+    pub gradient_norm: f64,
+    /// The learning rate.
+    pub rate: f64,
+    /// σ, scene units squared, if it had a schedule.
+    pub sigma: Option<f64>,
+    /// γ, if it had a schedule.
+    pub gamma: Option<f64>,
+    /// Seconds since the fit began, without those that a killed run had taken since its last
+    /// checkpoint.
+    pub seconds: f64,
+    /// The numbers of the evaluation, named by [`History::names`].
+    pub values: Vec<f64>,
+}
+
+/// The steps of a fit, in their order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// The names of the evaluations' numbers.
+    pub names: Vec<String>,
+    /// The steps.
+    pub rows: Vec<Row>,
+}
+
+const COLUMNS: [&str; 7] = [
+    "step",
+    "loss",
+    "gradient_norm",
+    "rate",
+    "sigma",
+    "gamma",
+    "seconds",
+];
+
+impl History {
+    /// A number of the evaluations over the steps, as points (step, value).
+    pub fn curve(&self, name: &str) -> Vec<(f64, f64)> {
+        let place = self.names.iter().position(|n| n == name);
+        let value = |r: &Row| match (name, place) {
+            (_, Some(k)) => r.values.get(k).copied(),
+            ("loss", _) => Some(r.loss),
+            ("gradient_norm", _) => Some(r.gradient_norm),
+            ("rate", _) => Some(r.rate),
+            ("sigma", _) => r.sigma,
+            ("gamma", _) => r.gamma,
+            ("seconds", _) => Some(r.seconds),
+            _ => None,
+        };
+        let point = |r: &Row| Some((r.step as f64, value(r)?));
+        self.rows.iter().filter_map(point).collect()
+    }
+
+    pub(super) fn push(&mut self, values: Vec<(String, f64)>, mut row: Row) -> Result<()> {
+        let names: Vec<String> = values.iter().map(|v| v.0.clone()).collect();
+        if self.rows.is_empty() {
+            if let Some(bad) = names
+                .iter()
+                .find(|n| n.is_empty() || n.contains(['"', ',', '\n', '\r']))
+            {
+                return Err(Error::invalid(
+                    "fit",
+                    "name of a value",
+                    format!("{bad:?}"),
+                    "a name without quotes, commas and line breaks",
+                ));
+            }
+            self.names = names;
+        } else if self.names != names {
+            return Err(Error::invalid(
+                "fit",
+                format!("values of step {}", row.step),
+                format!("{names:?}"),
+                format!("{:?} like at the steps before", self.names),
+            ));
+        }
+        row.values = values.into_iter().map(|v| v.1).collect();
+        self.rows.push(row);
+        Ok(())
+    }
+
+    /// Whether after the last row the mean of the loss over the last steps is not 2 % less than over as
+    /// many before, all with the same blur, and the last time that was so is long enough ago.
+    pub(super) fn is_flat(&self, window: usize, last: Option<usize>) -> bool {
+        flat(&self.rows, window, last)
+    }
+
+    /// The steps at which it was so.
+    pub(super) fn plateaus(&self, window: usize) -> Vec<usize> {
+        let mut found = Vec::new();
+        for n in 1..=self.rows.len() {
+            if flat(&self.rows[..n], window, found.last().copied()) {
+                found.push(n - 1);
+            }
+        }
+        found
+    }
+
+    /// As comma-separated values, with a head; numbers read back exactly.
+    pub fn to_csv(&self) -> String {
+        let mut text = COLUMNS.map(String::from).to_vec();
+        text.extend(self.names.iter().cloned());
+        let mut text = text.join(",") + "\n";
+        let optional = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
+        for r in &self.rows {
+            let (sigma, gamma) = (optional(r.sigma), optional(r.gamma));
+            // Writing to a string can't fail.
+            let _ = write!(
+                text,
+                "{},{},{},{},{sigma},{gamma},{}",
+                r.step, r.loss, r.gradient_norm, r.rate, r.seconds
+            );
+            for value in &r.values {
+                let _ = write!(text, ",{value}");
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// From what [`History::to_csv`] wrote; the line at fault if it did not.
+    pub(super) fn from_csv(text: &str) -> std::result::Result<Self, String> {
+        let mut lines = text.lines();
+        let head: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+        if !head.starts_with(&COLUMNS) {
+            return Err(format!(
+                "its columns are {head:?}, expected {COLUMNS:?} first"
+            ));
+        }
+        let names: Vec<String> = head[COLUMNS.len()..]
+            .iter()
+            .map(|n| n.to_string())
+            .collect();
+        let row = |line: &str| -> Option<Row> {
+            let cells: Vec<&str> = line.split(',').collect();
+            if cells.len() != head.len() {
+                return None;
+            }
+            let number = |k: usize| cells[k].parse::<f64>().ok();
+            let optional = |k: usize| match cells[k] {
+                "" => Some(None),
+                cell => cell.parse().ok().map(Some),
+            };
+            Some(Row {
+                step: cells[0].parse().ok()?,
+                loss: number(1)?,
+                gradient_norm: number(2)?,
+                rate: number(3)?,
+                sigma: optional(4)?,
+                gamma: optional(5)?,
+                seconds: number(6)?,
+                values: (COLUMNS.len()..cells.len())
+                    .map(number)
+                    .collect::<Option<_>>()?,
+            })
+        };
+        let rows = lines
+            .map(|line| row(line).ok_or_else(|| format!("a malformed line: {line:?}")))
+            .collect::<std::result::Result<_, _>>()?;
+        Ok(Self { names, rows })
+    }
+}
+
+fn flat(rows: &[Row], window: usize, last: Option<usize>) -> bool {
+    let Some(first) = rows.len().checked_sub(2 * window) else {
+        return false;
+    };
+    if last.is_some_and(|last| rows.len() <= last + window) {
+        return false;
+    }
+    let rows = &rows[first..];
+    let blur = |r: &Row| (r.sigma, r.gamma);
+    let same = rows.iter().all(|r| blur(r) == blur(&rows[0]));
+    let mean = |rows: &[Row]| rows.iter().map(|r| r.loss).sum::<f64>() / window as f64;
+    let (before, after) = (mean(&rows[..window]), mean(&rows[window..]));
+    same && after > before - 0.02 * before.abs()
+}

@@ -1,0 +1,538 @@
+//! A loop that fits the parameters of a module to images: noisy renders with fresh random numbers at
+//! every step, blur that falls, a progress bar, a history, and checkpoints that survive a kill at any
+//! moment.
+
+mod checkpoint;
+mod gradients;
+mod history;
+mod rate;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use burn::module::Module;
+use burn::optim::{GradientsParams, ModuleOptimizer};
+use burn::tensor::Tensor;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::schedule::Blur;
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+use crate::io::HostImage;
+use crate::render::RenderOptions;
+use crate::visibility::Visibility;
+use checkpoint::Checkpoints;
+pub use history::{History, Row};
+pub use rate::Rate;
+
+/// What a step of a fit is to be evaluated with.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// Counted from 0.
+    pub index: usize,
+    /// σ of Eq. 1, scene units squared, if the fit has a schedule for it.
+    pub sigma: Option<f64>,
+    /// γ of Eq. 3, in units of the scene's depth, if the fit has a schedule for it.
+    pub gamma: Option<f64>,
+    seed: u64,
+}
+
+impl Step {
+    /// The seed of the `render`-th render of this step: no two steps share one, nor two of the first
+    /// 1024 renders of a step.
+    pub fn seed(&self, render: u64) -> u64 {
+        (self.seed << 40) ^ ((self.index as u64) << 10) ^ render
+    }
+
+    /// Options with the blur of this step and the seed of its `render`-th render. γ goes into the form
+    /// of visibility, where that has one.
+    pub fn options(&self, options: &RenderOptions, render: u64) -> RenderOptions {
+        let mut options = options.clone().seed(self.seed(render));
+        if let Some(sigma) = self.sigma {
+            options = options.sigma(sigma);
+        }
+        if let Some(gamma) = self.gamma {
+            let form = match options.form() {
+                Visibility::Softmax { epsilon, .. } => Visibility::Softmax { gamma, epsilon },
+                Visibility::LayeredSoft { .. } => Visibility::LayeredSoft { gamma },
+                Visibility::Layered => Visibility::Layered,
+            };
+            options = options.visibility(form);
+        }
+        options
+    }
+}
+
+/// What a step found: a loss in the graph of the module's parameters, and what is to be recorded.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    loss: Tensor<1>,
+    values: Vec<(String, f64)>,
+    images: Vec<(String, Tensor<3>)>,
+}
+
+impl Evaluation {
+    /// From a scalar loss `[1]`.
+    pub fn new(loss: Tensor<1>) -> Self {
+        Self {
+            loss,
+            values: Vec::new(),
+            images: Vec::new(),
+        }
+    }
+
+    /// With a number for the history: a parameter, an error, a part of the loss. Every step is to name
+    /// the same numbers in the same order.
+    pub fn value(mut self, name: impl Into<String>, value: f64) -> Self {
+        self.values.push((name.into(), value));
+        self
+    }
+
+    /// With an image `[H, W, 3]` for the callback of [`Fit::on_step`].
+    pub fn image(mut self, name: impl Into<String>, image: Tensor<3>) -> Self {
+        self.images.push((name.into(), image));
+        self
+    }
+}
+
+/// What a callback sees after a step.
+pub struct Report<'a, M> {
+    /// The module before the step, which the loss is of.
+    pub module: &'a M,
+    /// The step.
+    pub step: &'a Step,
+    /// The history up to it.
+    pub history: &'a History,
+    images: &'a [(String, Tensor<3>)],
+}
+
+impl<M> Report<'_, M> {
+    /// The images of the step's evaluation, by name.
+    ///
+    /// # Errors
+    /// If one can't be read back from its device.
+    pub fn images(&self) -> Result<Vec<(String, HostImage)>> {
+        let host = |(name, image): &(String, Tensor<3>)| {
+            Ok((
+                name.clone(),
+                HostImage::from_tensor(&image.clone().inner())?,
+            ))
+        };
+        self.images.iter().map(host).collect()
+    }
+}
+
+/// Why a fit ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// All steps were taken.
+    Steps,
+    /// The loss had stopped falling ([`Fit::early_stop`]).
+    Early,
+    /// A callback asked for it.
+    Callback,
+}
+
+/// A fit's end.
+#[derive(Clone, Debug)]
+pub struct Fitted<M> {
+    /// The module after the last step.
+    pub module: M,
+    /// All steps, those before a resumption too.
+    pub history: History,
+    /// Why it ended.
+    pub stop: Stop,
+    /// The step of the checkpoint that it went on from.
+    pub resumed: Option<usize>,
+    /// Steps at which the loss had not fallen for a while though the blur was constant.
+    pub plateaus: Vec<usize>,
+}
+
+type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
+
+/// Fits a module's parameters by gradient descent.
+///
+/// ```
+/// use burn::module::{Module, Param};
+/// use burn::optim::AdamConfig;
+/// use softray::optim::{BlurSchedule, Evaluation, Fit, Rate, loss};
+/// use softray::prelude::*;
+///
+/// #[derive(Module, Debug)]
+/// struct Offset {
+///     x: Param<Tensor<1>>,
+/// }
+///
+/// let device = Device::flex();
+/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+/// let options = RenderOptions::new(16, 16).samples(4).bounces(0);
+/// let scene = |x: Tensor<1>| {
+///     let zero = x.zeros_like();
+///     let offset = Tensor::cat(vec![x, zero.clone(), zero], 0);
+///     Scene::new()
+///         .with(Object::new(shapes::icosahedron(&device).translated(offset)))
+///         .environment([1.0, 1.0, 1.0])
+/// };
+/// let still = scene(Tensor::zeros([1], &device));
+/// let target = render(&still, &camera, &options.clone().sigma(1e-3).samples(64))?.radiance;
+/// let start = Tensor::from_floats([0.3], &device.clone().autodiff());
+/// let fitted = Fit::new(Offset { x: Param::from_tensor(start) }, AdamConfig::new().init(), 40)
+///     .rate(Rate::cosine(0.05))
+///     .sigma(BlurSchedule::decay(3e-2, 1e-3, 30)?)
+///     .run(|module: &Offset, step: &_| {
+///         let see = |k| render(&scene(module.x.val()), &camera, &step.options(&options, k));
+///         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+///         Ok(Evaluation::new(loss::mse_unbiased(a, b, target.clone())))
+///     })?;
+/// assert!(fitted.module.x.val().into_scalar::<f32>().abs() < 0.05);
+/// # Ok::<(), softray::Error>(())
+/// ```
+pub struct Fit<M> {
+    module: M,
+    optimizer: ModuleOptimizer,
+    steps: usize,
+    seed: u64,
+    rate: Rate,
+    sigma: Option<Blur>,
+    gamma: Option<Blur>,
+    clip: Option<f64>,
+    patience: Option<usize>,
+    folder: Option<PathBuf>,
+    every: usize,
+    restart: bool,
+    progress: bool,
+    callback: Option<(usize, Callback<M>)>,
+}
+
+impl<M: Module> Fit<M> {
+    /// Of a module on a device with autodiff, by an optimiser, in so many steps. The rate is 0.01
+    /// unless one is given.
+    pub fn new(module: M, optimizer: impl Into<ModuleOptimizer>, steps: usize) -> Self {
+        Self {
+            module,
+            optimizer: optimizer.into(),
+            steps,
+            seed: 0,
+            rate: Rate::constant(0.01),
+            sigma: None,
+            gamma: None,
+            clip: None,
+            patience: None,
+            folder: None,
+            every: 25,
+            restart: false,
+            progress: true,
+            callback: None,
+        }
+    }
+
+    /// The learning rate over the steps.
+    pub fn rate(mut self, rate: impl Into<Rate>) -> Self {
+        self.rate = rate.into();
+        self
+    }
+
+    /// The seed of all random numbers; below 2²⁴.
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// σ over the steps, for [`Step::options`].
+    pub fn sigma(mut self, sigma: impl Into<Blur>) -> Self {
+        self.sigma = Some(sigma.into());
+        self
+    }
+
+    /// γ over the steps, for [`Step::options`].
+    pub fn gamma(mut self, gamma: impl Into<Blur>) -> Self {
+        self.gamma = Some(gamma.into());
+        self
+    }
+
+    /// Scales gradients down to this Euclidean norm over all parameters, where they are longer.
+    pub fn clip(mut self, norm: f64) -> Self {
+        self.clip = Some(norm);
+        self
+    }
+
+    /// Ends the fit when the loss has stopped falling: when its mean over the last `patience` steps is
+    /// not 2 % less than over as many before, all with the same blur.
+    pub fn early_stop(mut self, patience: usize) -> Self {
+        self.patience = Some(patience);
+        self
+    }
+
+    /// Keeps `history.csv`, `loss.svg` and checkpoints in a folder, and goes on from the newest
+    /// checkpoint found there.
+    pub fn folder(mut self, folder: impl AsRef<Path>) -> Self {
+        self.folder = Some(folder.as_ref().into());
+        self
+    }
+
+    /// Steps between checkpoints, 25 unless said otherwise.
+    pub fn checkpoint_every(mut self, steps: usize) -> Self {
+        self.every = steps;
+        self
+    }
+
+    /// Whether to begin anew, and remove the checkpoints that the folder has.
+    pub fn restart(mut self, restart: bool) -> Self {
+        self.restart = restart;
+        self
+    }
+
+    /// Whether to show a progress bar where there is a terminal; it does unless told otherwise.
+    pub fn progress(mut self, shown: bool) -> Self {
+        self.progress = shown;
+        self
+    }
+
+    /// Calls a function at step 0, every so many steps and at the last one, before the parameters move;
+    /// the fit ends when it returns false.
+    pub fn on_step(
+        mut self,
+        every: usize,
+        f: impl FnMut(&Report<M>) -> Result<bool> + 'static,
+    ) -> Self {
+        self.callback = Some((every.max(1), Box::new(f)));
+        self
+    }
+
+    fn check(&self) -> Result<()> {
+        let positive = |field: &str, ok: bool, value: String, expected: &str| {
+            if ok {
+                Ok(())
+            } else {
+                Err(Error::invalid("fit", field, value, expected))
+            }
+        };
+        positive(
+            "seed",
+            self.seed < 1 << 24,
+            self.seed.to_string(),
+            "below 2²⁴",
+        )?;
+        positive(
+            "steps",
+            self.steps > 0,
+            self.steps.to_string(),
+            "at least 1",
+        )?;
+        positive(
+            "checkpoint_every",
+            self.every > 0,
+            self.every.to_string(),
+            "at least 1",
+        )?;
+        let clip = self.clip.unwrap_or(1.0);
+        let expected = "a finite number > 0";
+        positive(
+            "clip",
+            clip.is_finite() && clip > 0.0,
+            clip.to_string(),
+            expected,
+        )?;
+        positive(
+            "early_stop",
+            self.patience != Some(0),
+            "0".into(),
+            "at least 1 step",
+        )?;
+        self.rate.check()
+    }
+
+    /// What has to be the same for a checkpoint to be gone on from.
+    fn settings(&self) -> String {
+        let Self {
+            seed,
+            rate,
+            sigma,
+            gamma,
+            clip,
+            ..
+        } = self;
+        format!("seed {seed}\nrate {rate:?}\nsigma {sigma:?}\ngamma {gamma:?}\nclip {clip:?}\n")
+    }
+
+    /// Takes the steps. The function is given the module and what the step is evaluated with, and
+    /// returns the loss. It has to be a function of these alone: then a fit that is killed and
+    /// resumed ends with the same parameters as one that is not.
+    ///
+    /// # Errors
+    /// What the function or a callback returns; if a setting is out of its range; if loss or
+    /// gradient are not finite or no parameter is in the loss's graph; if a file can't be read or
+    /// written, or a checkpoint is of a fit with other settings or of another module.
+    pub fn run(mut self, mut f: impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Fitted<M>> {
+        self.check()?;
+        let settings = self.settings();
+        let restart = self.restart;
+        let open = |folder: &Path| Checkpoints::open(folder, restart);
+        let checkpoints = self.folder.as_deref().map(open).transpose()?;
+        let mut history = History::default();
+        let mut resumed = None;
+        if let Some(found) = checkpoints.as_ref().map(|c| c.newest(&settings)) {
+            if let Some(newest) = found? {
+                self.module = newest.module(self.module)?;
+                self.optimizer = newest.optimizer(self.optimizer)?;
+                history = newest.history;
+                resumed = Some(history.rows.len());
+            }
+        }
+        // Blur that follows the loss is a function of the losses so far.
+        for row in &history.rows {
+            observe(&mut self.sigma, row.loss);
+            observe(&mut self.gamma, row.loss);
+        }
+        let bar = self.bar();
+        bar.set_position(history.rows.len() as u64);
+        let window = self.patience.unwrap_or((self.steps / 5).max(20));
+        let mut plateaus = history.plateaus(window);
+        let mut stop = Stop::Steps;
+        // A fit that had ended early stays so.
+        let steps = match plateaus.last() {
+            Some(&last) if self.patience.is_some() && last + 1 == history.rows.len() => {
+                stop = Stop::Early;
+                0
+            }
+            _ => self.steps,
+        };
+        let before = history.rows.last().map_or(0.0, |r| r.seconds);
+        let start = Instant::now();
+        let mut saved = history.rows.len();
+        while history.rows.len() < steps {
+            let index = history.rows.len();
+            let step = Step {
+                index,
+                sigma: self.sigma.as_ref().map(|s| s.value(index)),
+                gamma: self.gamma.as_ref().map(|s| s.value(index)),
+                seed: self.seed,
+            };
+            let evaluation = f(&self.module, &step)?;
+            let loss = scalar(&evaluation.loss)?;
+            if !loss.is_finite() {
+                return Err(not_finite("the loss", loss, index));
+            }
+            let mut gradients =
+                GradientsParams::from_grads(evaluation.loss.backward(), &self.module);
+            let norm = gradients::clip(&self.module, &mut gradients, self.clip)?;
+            let Some(norm) = norm else {
+                return Err(Error::invalid(
+                    "fit",
+                    "gradient",
+                    "absent",
+                    "a parameter of the module in the graph of the loss",
+                ));
+            };
+            if !norm.is_finite() {
+                return Err(not_finite("the gradient", norm, index));
+            }
+            let rate = self.rate.at(index, self.steps);
+            history.push(
+                evaluation.values,
+                Row {
+                    step: index,
+                    loss,
+                    gradient_norm: norm,
+                    rate,
+                    sigma: step.sigma,
+                    gamma: step.gamma,
+                    seconds: before + start.elapsed().as_secs_f64(),
+                    values: Vec::new(),
+                },
+            )?;
+            let mut wanted = true;
+            if let Some((every, callback)) = &mut self.callback
+                && (index.is_multiple_of(*every) || index + 1 == self.steps)
+            {
+                wanted = callback(&Report {
+                    module: &self.module,
+                    step: &step,
+                    history: &history,
+                    images: &evaluation.images,
+                })?;
+            }
+            self.module = self.optimizer.step(rate, self.module, gradients);
+            observe(&mut self.sigma, loss);
+            observe(&mut self.gamma, loss);
+            let message = match step.sigma {
+                Some(sigma) => format!("loss {loss:.3e}, σ {sigma:.1e}"),
+                None => format!("loss {loss:.3e}"),
+            };
+            bar.set_message(message);
+            bar.inc(1);
+            let last = plateaus.last().copied();
+            let still = history.is_flat(window, last);
+            if still {
+                plateaus.push(index);
+                log::warn!(
+                    "fit: at step {index} the loss has not fallen for {window} steps; it may have \
+                     converged, or be in a local minimum that a wider blur would leave"
+                );
+            }
+            let early = still && self.patience.is_some();
+            if early || !wanted {
+                stop = if early { Stop::Early } else { Stop::Callback };
+                break;
+            }
+            if let Some(checkpoints) = &checkpoints
+                && (index + 1).is_multiple_of(self.every)
+            {
+                saved = index + 1;
+                checkpoints.write(&self.module, &self.optimizer, &history, &settings)?;
+            }
+        }
+        bar.finish_and_clear();
+        if let Some(checkpoints) = &checkpoints {
+            if saved < history.rows.len() {
+                checkpoints.write(&self.module, &self.optimizer, &history, &settings)?;
+            }
+            checkpoints.finish(&history)?;
+        }
+        Ok(Fitted {
+            module: self.module,
+            history,
+            stop,
+            resumed,
+            plateaus,
+        })
+    }
+
+    fn bar(&self) -> ProgressBar {
+        if !self.progress {
+            return ProgressBar::hidden();
+        }
+        let template = "fitting {bar:40} {pos}/{len} [{elapsed} < {eta}] {msg}";
+        let style = ProgressStyle::with_template(template);
+        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+        ProgressBar::new(self.steps as u64).with_style(style)
+    }
+}
+
+fn observe(blur: &mut Option<Blur>, loss: f64) {
+    if let Some(blur) = blur {
+        blur.observe(loss);
+    }
+}
+
+fn scalar(loss: &Tensor<1>) -> Result<f64> {
+    let values = host_values(loss)?;
+    match values[..] {
+        [value] => Ok(value),
+        _ => Err(Error::invalid(
+            "fit",
+            "loss",
+            format!("of {} numbers", values.len()),
+            "one number",
+        )),
+    }
+}
+
+fn not_finite(what: &str, value: f64, step: usize) -> Error {
+    Error::invalid(
+        "fit",
+        format!("{what} of step {step}"),
+        value,
+        "a finite number",
+    )
+}

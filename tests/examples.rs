@@ -1,0 +1,107 @@
+//! What the examples do with `--quick`: what is fitted ends at least ten times as near to its target as
+//! it began. Seeds are fixed.
+#![allow(dead_code)] // programs of their own, of which the tests call a part
+
+use std::path::PathBuf;
+
+#[path = "../examples/camera_pose.rs"]
+mod camera_pose;
+#[path = "../examples/fig1_gradients.rs"]
+mod fig1_gradients;
+#[path = "../examples/fig2_shadow.rs"]
+mod fig2_shadow;
+#[path = "../examples/fig3_indirect.rs"]
+mod fig3_indirect;
+#[path = "../examples/fig4_motion.rs"]
+mod fig4_motion;
+#[path = "../examples/fig5_aperture.rs"]
+mod fig5_aperture;
+#[path = "../examples/material.rs"]
+mod material;
+#[path = "../examples/mesh_from_views.rs"]
+mod mesh_from_views;
+#[path = "../examples/mirror.rs"]
+mod mirror;
+#[path = "../examples/texture.rs"]
+mod texture;
+
+fn out(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("example-{name}"))
+}
+
+/// The quick fit of an example; its error at the start over that at the end, and its figure.
+macro_rules! quick {
+    ($example:ident) => {{
+        let out = out(stringify!($example));
+        let arguments = $example::common::study::Arguments::for_tests(out.clone());
+        let outcome = $example::run(&arguments).expect("a fit");
+        let figure = out.join(concat!(stringify!($example), ".png"));
+        assert!(figure.exists(), "{figure:?}");
+        outcome
+    }};
+}
+
+/// The derivative image of the first figure against central differences of sharp renders. Blur and
+/// noise of both leave a few per cent.
+#[test]
+fn gradients() {
+    let agreement = quick!(fig1_gradients);
+    assert!(agreement.correlation > 0.95, "{agreement:?}");
+    assert!((0.9..1.1).contains(&agreement.slope), "{agreement:?}");
+}
+
+/// From 1.2 scene units, where the shadows do not touch, to under 0.01.
+#[test]
+fn shadow() {
+    let outcome = quick!(fig2_shadow);
+    assert!(outcome.errors[0] >= 1.2, "{outcome:?}");
+    assert!(outcome.errors[1] < 0.01, "{outcome:?}");
+}
+
+#[test]
+fn indirect() {
+    let outcome = quick!(fig3_indirect);
+    assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+#[test]
+fn motion() {
+    let outcome = quick!(fig4_motion);
+    assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+#[test]
+fn aperture() {
+    let outcome = quick!(fig5_aperture);
+    assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+#[test]
+fn texture_of_a_ball() {
+    let outcome = quick!(texture);
+    assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+#[test]
+fn pose_of_a_camera() {
+    let outcome = quick!(camera_pose);
+    assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+#[test]
+fn material_of_a_ball() {
+    let outcome = quick!(material);
+    assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+#[test]
+fn mesh() {
+    let outcome = quick!(mesh_from_views);
+    assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+#[test]
+fn reflection() {
+    let outcome = quick!(mirror);
+    assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}

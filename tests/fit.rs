@@ -1,0 +1,286 @@
+//! The fitting loop: it descends, keeps a history, clips, stops, and survives being killed.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use burn::module::{Module, Param};
+use burn::optim::{AdamConfig, SgdConfig};
+use burn::tensor::Device;
+use common::values;
+use softray::optim::{BlurSchedule, Evaluation, Fit, Fitted, PlateauBlur, Rate, Step, Stop, loss};
+use softray::prelude::*;
+
+#[derive(Module, Debug)]
+struct Point {
+    at: Param<Tensor<1>>,
+}
+
+fn point(at: &[f32]) -> Point {
+    let at = Tensor::from_floats(at, &Device::flex().autodiff());
+    Point {
+        at: Param::from_tensor(at),
+    }
+}
+
+fn place(point: &Point) -> Vec<f64> {
+    values(&point.at.val())
+}
+
+/// |x|², and noise that is a function of the step alone.
+fn bowl(point: &Point, step: &Step) -> softray::Result<Evaluation> {
+    let noise = (step.seed(0) % 97) as f64 / 97.0 - 0.5;
+    let x = point.at.val();
+    let loss = (x.clone() * x.clone()).sum() + x.sum() * (0.1 * noise);
+    Ok(Evaluation::new(loss).value("first", place(point)[0]))
+}
+
+/// A folder of a test's own, empty.
+fn folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("fit-{name}"));
+    let _ = std::fs::remove_dir_all(&folder); // there may be none
+    folder
+}
+
+fn adam() -> burn::optim::ModuleOptimizer {
+    AdamConfig::new().init()
+}
+
+#[test]
+fn it_descends_and_keeps_a_history() {
+    let folder = folder("history");
+    let seen = std::rc::Rc::new(std::cell::RefCell::new(Vec::new()));
+    let steps = seen.clone();
+    let fitted = Fit::new(point(&[1.0, -2.0]), adam(), 300)
+        .rate(Rate::cosine(0.05))
+        .sigma(BlurSchedule::decay(1e-1, 1e-3, 200).expect("a schedule"))
+        .folder(&folder)
+        .on_step(100, move |report| {
+            steps.borrow_mut().push(report.step.index);
+            assert_eq!(report.history.rows.len(), report.step.index + 1);
+            Ok(true)
+        })
+        .run(bowl)
+        .expect("a fit");
+    let at = place(&fitted.module);
+    assert!(at.iter().all(|x| x.abs() < 0.02), "{at:?}");
+    assert_eq!(*seen.borrow(), [0, 100, 200, 299]);
+    assert_eq!(fitted.stop, Stop::Steps);
+    assert_eq!(fitted.history.curve("first")[0], (0.0, 1.0));
+    assert_eq!(fitted.history.curve("sigma")[0], (0.0, 1e-1));
+    assert_eq!(fitted.history.curve("sigma")[250], (250.0, 1e-3));
+    let csv = std::fs::read_to_string(folder.join("history.csv")).expect("a history");
+    assert_eq!(csv, fitted.history.to_csv());
+    assert_eq!(csv.lines().count(), 301);
+    let svg = std::fs::read_to_string(folder.join("loss.svg")).expect("a plot");
+    assert!(svg.contains("polyline"), "{svg}");
+    let kept = std::fs::read_dir(folder.join("checkpoints")).expect("checkpoints");
+    assert_eq!(kept.count(), 2);
+}
+
+/// The gradient of the bowl at 3 is 6 long; clipped to 0.5 a step of rate 1 is 0.5 long.
+#[test]
+fn gradients_are_clipped_by_their_norm() {
+    let step = |clip: Option<f64>| {
+        let fit = Fit::new(point(&[3.0, 4.0]), SgdConfig::new().init(), 1).rate(0.1);
+        let fit = match clip {
+            Some(norm) => fit.clip(norm),
+            None => fit,
+        };
+        let fitted = fit
+            .run(|p: &Point, _: &_| {
+                let x = p.at.val();
+                Ok(Evaluation::new((x.clone() * x).sum()))
+            })
+            .expect("a step");
+        assert!((fitted.history.rows[0].gradient_norm - 10.0).abs() < 1e-5);
+        place(&fitted.module)
+    };
+    let close = |a: Vec<f64>, b: [f64; 2]| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-6);
+    assert!(close(step(None), [2.4, 3.2]));
+    assert!(close(step(Some(100.0)), [2.4, 3.2]));
+    assert!(close(step(Some(1.0)), [3.0 - 0.06, 4.0 - 0.08]));
+}
+
+#[test]
+fn it_stops_where_the_loss_is_flat_and_stays_stopped() {
+    let folder = folder("early");
+    let run = || {
+        Fit::new(point(&[0.5]), adam(), 2000)
+            .rate(0.02)
+            .early_stop(60)
+            .folder(&folder)
+            .run(bowl)
+            .expect("a fit")
+    };
+    let first = run();
+    assert_eq!(first.stop, Stop::Early);
+    let steps = first.history.rows.len();
+    assert!((120..1000).contains(&steps), "{steps}");
+    assert_eq!(first.plateaus, [steps - 1]);
+    let second = run();
+    assert_eq!(second.stop, Stop::Early);
+    assert_eq!(second.resumed, Some(steps));
+    assert_eq!(place(&second.module), place(&first.module));
+}
+
+/// While the blur still falls the loss may rise without the fit having ended.
+#[test]
+fn blur_that_follows_the_loss_falls_where_it_is_flat() {
+    let fit = |folder: Option<&Path>, steps| {
+        let blur = PlateauBlur::new(1e-1, 1e-3, 0.5, 20).expect("a schedule");
+        let fit = Fit::new(point(&[0.5]), adam(), steps)
+            .rate(0.02)
+            .sigma(blur);
+        let fit = match folder {
+            Some(folder) => fit.folder(folder).checkpoint_every(7),
+            None => fit,
+        };
+        fit.run(bowl).expect("a fit").history
+    };
+    let whole = fit(None, 400);
+    let last = whole.rows[399].sigma.expect("a schedule");
+    assert!(last < 2e-2, "{last}");
+    // Resumed, it goes on where it was.
+    let folder = folder("plateau");
+    fit(Some(&folder), 150);
+    let resumed = fit(Some(&folder), 400);
+    assert_eq!(resumed.curve("sigma"), whole.curve("sigma"));
+    assert_eq!(resumed.curve("loss"), whole.curve("loss"));
+}
+
+#[test]
+fn mistakes_are_named() {
+    let message = |fitted: softray::Result<Fitted<Point>>| match fitted {
+        Ok(_) => String::from("no error"),
+        Err(error) => error.to_string(),
+    };
+    let fit = || Fit::new(point(&[0.5]), adam(), 10);
+    let nan = |p: &Point, step: &Step| {
+        let factor = if step.index == 3 { f64::NAN } else { 1.0 };
+        Ok(Evaluation::new(p.at.val().sum() * factor))
+    };
+    assert!(message(fit().run(nan)).contains("the loss of step 3 is NaN"));
+    let root = |p: &Point, _: &Step| Ok(Evaluation::new((p.at.val() * 0.0).sqrt().sum()));
+    assert!(message(fit().run(root)).contains("the gradient of step 0"));
+    let apart = |_: &Point, _: &Step| {
+        let loss = Tensor::from_floats([1.0], &Device::flex())
+            .autodiff()
+            .require_grad();
+        Ok(Evaluation::new(loss))
+    };
+    assert!(message(fit().run(apart)).contains("gradient is absent"));
+    assert!(message(fit().rate(-1.0).run(bowl)).contains("rate is -1"));
+    assert!(message(fit().seed(1 << 24).run(bowl)).contains("seed"));
+    assert!(message(fit().clip(0.0).run(bowl)).contains("clip is 0"));
+    let other = |p: &Point, step: &Step| {
+        let evaluation = Evaluation::new(p.at.val().sum());
+        let name = if step.index == 2 { "b" } else { "a" };
+        Ok(evaluation.value(name, 0.0))
+    };
+    assert!(message(fit().run(other)).contains("values of step 2"));
+    // A checkpoint of a fit with another seed.
+    let folder = folder("mistakes");
+    fit().folder(&folder).run(bowl).expect("a fit");
+    assert!(message(fit().seed(5).folder(&folder).run(bowl)).contains("settings"));
+    let fitted = fit().seed(5).folder(&folder).restart(true).run(bowl);
+    assert_eq!(fitted.expect("a fit").resumed, None);
+}
+
+/// A fit of an offset and a colour through the renderer; about a second.
+fn rendered(folder: &Path) -> Fitted<Point> {
+    let device = Device::flex();
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+    let options = RenderOptions::new(16, 16).samples(4).bounces(1);
+    let scene = |at: Tensor<1>| {
+        Scene::new()
+            .with(Object::new(shapes::icosahedron(&device).translated(at)))
+            .environment([1.0, 1.0, 1.0])
+    };
+    let still = scene(Tensor::zeros([3], &device));
+    let sharp = options.clone().sigma(1e-4).samples(64);
+    let target = render(&still, &camera, &sharp).expect("a target").radiance;
+    let sigma = BlurSchedule::decay(3e-2, 1e-3, 100).expect("a schedule");
+    Fit::new(point(&[0.3, -0.2, 0.1]), adam(), 120)
+        .rate(Rate::cosine(0.03))
+        .sigma(sigma)
+        .folder(folder)
+        .checkpoint_every(3)
+        .progress(false)
+        .run(|p: &Point, step: &_| {
+            let see = |k| render(&scene(p.at.val()), &camera, &step.options(&options, k));
+            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+            Ok(Evaluation::new(loss::mse_unbiased(a, b, target.clone())))
+        })
+        .expect("a fit")
+}
+
+/// What `killed_at_any_moment_it_ends_the_same` starts and kills.
+#[test]
+#[ignore = "a part of another test"]
+fn victim() {
+    let folder = std::env::var("SOFTRAY_FIT_FOLDER").expect("a folder");
+    let fitted = rendered(Path::new(&folder));
+    let text: Vec<String> = place(&fitted.module).iter().map(f64::to_string).collect();
+    println!("at {} from {:?}", text.join(" "), fitted.resumed);
+}
+
+#[test]
+fn killed_at_any_moment_it_ends_the_same() {
+    let (alone, killed) = (folder("alone"), folder("killed"));
+    let start = std::time::Instant::now();
+    let whole = rendered(&alone);
+    let seconds = start.elapsed().as_secs_f64();
+    let at = place(&whole.module);
+    assert!(at[..2].iter().all(|x| x.abs() < 0.05), "{at:?}");
+    let victim = || {
+        let mut command = Command::new(std::env::current_exe().expect("a program"));
+        command
+            .args(["--exact", "victim", "--ignored", "--nocapture"])
+            .env("SOFTRAY_FIT_FOLDER", &killed)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null());
+        command
+    };
+    // Ten kills, spread over the fit by a sequence of small discrepancy.
+    let mut before_end = 0;
+    for k in 0..10 {
+        let mut child = victim().spawn().expect("a process");
+        let share = (0.5 + 0.618 * f64::from(k)).fract();
+        std::thread::sleep(Duration::from_secs_f64(0.05 + 0.25 * share * seconds));
+        before_end += usize::from(child.try_wait().expect("a state").is_none());
+        child.kill().expect("a kill");
+        child.wait().expect("an end");
+    }
+    assert!(
+        before_end >= 3,
+        "only {before_end} kills came before the end"
+    );
+    let output = victim().output().expect("a process");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let line = text.lines().find_map(|l| l.split("at ").nth(1));
+    let (found, resumed) = line
+        .and_then(|l| l.split_once(" from "))
+        .unwrap_or_else(|| panic!("no result: {text}"));
+    let found: Vec<f64> = found
+        .split(' ')
+        .map(|x| x.parse().expect("a number"))
+        .collect();
+    assert_eq!(found, at);
+    assert!(resumed.starts_with("Some"), "{resumed}");
+    let read = |folder: &Path| {
+        let path = folder.join("history.csv");
+        let text = std::fs::read_to_string(path).expect("a history");
+        // All columns but the seconds.
+        let cells = |l: &str| {
+            let mut cells: Vec<String> = l.split(',').map(String::from).collect();
+            cells.remove(6);
+            cells
+        };
+        text.lines().map(cells).collect::<Vec<_>>()
+    };
+    assert_eq!(read(&killed), read(&alone));
+    println!("{before_end} of 10 kills came before the end, then resumed at {resumed}");
+}
