@@ -66,6 +66,17 @@ fn scene(device: &Device) -> Scene {
         .environment([0.9, 0.95, 1.0])
 }
 
+/// The point looked at, as far away as the target: what is nearer or further on the same line is the
+/// same to a camera.
+fn aim(pose: &Pose) -> Vec<f64> {
+    let [eye, target] = [&pose.eye, &pose.target].map(|p| {
+        let p = numbers(&p.val());
+        glam::DVec3::new(p[0], p[1], p[2])
+    });
+    let far = glam::DVec3::from(EYE).distance(TARGET.into());
+    (eye + (target - eye).normalize() * far).to_array().to_vec()
+}
+
 fn ball(device: &Device) -> Mesh {
     shapes::icosphere(1, device)
         .scaled(Tensor::from_floats([0.3], device))
@@ -99,11 +110,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         eye: leaf(START_EYE),
         target: leaf(START_TARGET),
     };
-    let both = |pose: &Pose| {
-        let mut both = numbers(&pose.eye.val());
-        both.extend(numbers(&pose.target.val()));
-        both
-    };
+    let both = |pose: &Pose| [numbers(&pose.eye.val()), aim(pose)].concat();
     let far = |both: &[f64]| distance(both, &[EYE, TARGET].concat());
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
@@ -115,10 +122,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
             let loss = loss::multi_scale_unbiased(a.clone(), b, target.clone(), 4);
-            let [eye, aim] = [&pose.eye, &pose.target].map(|p| numbers(&p.val()));
             Ok(Evaluation::new(loss)
-                .value("eye", distance(&eye, &EYE))
-                .value("target", distance(&aim, &TARGET))
+                .value("eye", distance(&numbers(&pose.eye.val()), &EYE))
+                .value("target", distance(&aim(pose), &TARGET))
                 .image("render", a))
         })?;
 

@@ -39,17 +39,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments,
         arguments.either(240, 400),
     );
-    // Four footprints of the coarser image, a fifth of the caster's edge; half of one in the end.
+    // Four footprints of the coarser image, a fifth of the caster's edge; a quarter of one in the end.
     let footprint = pixel_footprint(&file.scene, &file.camera, 32)?;
-    let (wide, narrow) = ((4.0 * footprint).powi(2), (0.5 * footprint).powi(2));
+    let (wide, narrow) = ((4.0 * footprint).powi(2), (0.25 * footprint).powi(2));
     let start = Tensor::from_floats(START, &device.clone().autodiff());
     let module = Caster {
         offset: Param::from_tensor(start),
     };
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.05))
-        .sigma(BlurSchedule::decay(wide, narrow, 3 * study.steps() / 4)?)
+        .rate(Rate::exponential(0.06, 0.006))
+        .sigma(BlurSchedule::decay(wide, narrow, study.steps() / 2)?)
         .run(|caster: &Caster, step: &_| {
             let scene = scene(caster.offset.val());
             let few = options.clone().samples(8);

@@ -5,6 +5,7 @@ pub(crate) mod common;
 
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
+use burn::tensor::TensorData;
 use clap::Parser;
 use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
 use softray::prelude::*;
@@ -18,8 +19,8 @@ struct Lens {
 }
 
 /// Aperture radius and focus distance, scene units.
-const TARGET: [f64; 2] = [0.18, 4.2];
-const START: [f64; 2] = [0.02, 5.5];
+const TARGET: [f64; 2] = [0.3, 4.0];
+const START: [f64; 2] = [0.05, 5.5];
 
 /// A row of balls that leads away from the camera.
 fn scene(device: &Device) -> Scene {
@@ -36,12 +37,23 @@ fn scene(device: &Device) -> Scene {
         [-4.0, 0.0, -6.0],
         device,
     );
+    // Squares all over: something to be sharp or not at every distance.
+    let squares: Vec<f32> = (0..40 * 40)
+        .flat_map(|i| {
+            [if (i % 40 + i / 40) % 2 == 0 {
+                0.7
+            } else {
+                0.15
+            }; 3]
+        })
+        .collect();
+    let squares = Tensor::from_data(TensorData::new(squares, [40, 40, 3]), device);
     let mut scene = Scene::new()
-        .with(Object::new(floor).material(Material::diffuse([0.5, 0.5, 0.5])))
+        .with(Object::new(floor).material(Material::diffuse(Albedo::texture(squares))))
         .environment([0.8, 0.85, 0.9]);
     for (i, colour) in colours.into_iter().enumerate() {
         let i = i as f32;
-        let centre = Tensor::from_floats([-1.05 + 0.7 * i, 0.35, 1.6 - 1.5 * i], device);
+        let centre = Tensor::from_floats([-0.75 + 0.55 * i, 0.35, 1.6 - 1.5 * i], device);
         let ball = shapes::icosphere(2, device)
             .scaled(Tensor::from_floats([0.35], device))
             .translated(centre);
@@ -64,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             Tensor::from_floats([focus], &device),
         )
     };
-    let size = arguments.either(32, 64);
+    let size = arguments.either(40, 64);
     let options = RenderOptions::new(size, size).bounces(0);
     let sigma = BlurSchedule::sharp_sigma(&scene, &fixed(TARGET), size)?;
     let sharp = options.clone().samples(2048).sigma(sigma).seed(1 << 50);
@@ -82,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.05))
+        .rate(Rate::cosine(0.03))
         // The lens blurs enough: a little of geometry suffices.
         .sigma(BlurSchedule::constant(1e-4)?)
         .run(|lens: &Lens, step: &_| {
@@ -111,13 +123,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let plots = vec![
         curves(
             &fitted.history,
-            "aperture radius (target 0.18)",
+            "aperture radius (target 0.3)",
             &["aperture"],
             false,
         ),
         curves(
             &fitted.history,
-            "focus distance (target 4.2)",
+            "focus distance (target 4.0)",
             &["focus"],
             false,
         ),

@@ -4,6 +4,7 @@ pub(crate) mod common;
 
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
+use burn::tensor::activation::sigmoid;
 use clap::Parser;
 use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
 use softray::prelude::*;
@@ -12,9 +13,8 @@ use common::study::{Arguments, Failure, Outcome, Study, curves, distance, number
 
 #[derive(Module, Debug)]
 struct Surface {
-    /// k_d.
+    /// k_d and k_s before the logistic function that keeps them in (0, 1).
     diffuse: Param<Tensor<1>>,
-    /// k_s.
     specular: Param<Tensor<1>>,
     /// ln of the Phong exponent.
     shininess: Param<Tensor<1>>,
@@ -47,6 +47,10 @@ fn scene(diffuse: Tensor<1>, specular: Tensor<1>, exponent: Tensor<1>, device: &
         .environment([0.15, 0.15, 0.15])
 }
 
+fn logits(albedo: &[f64]) -> Vec<f64> {
+    albedo.iter().map(|a| (a / (1.0 - a)).ln()).collect()
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
     let camera = Camera::look_at([0.0, 0.8, 4.0], [0.0, 0.0, 0.0]).fov_y(36.0);
@@ -74,22 +78,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         Param::from_tensor(tensor)
     };
     let module = Surface {
-        diffuse: leaf(&START[..3]),
-        specular: leaf(&START[3..6]),
+        diffuse: leaf(&logits(&START[..3])),
+        specular: leaf(&logits(&START[3..6])),
         shininess: leaf(&START[6..]),
     };
     let all = |s: &Surface| {
-        let parts = [&s.diffuse, &s.specular, &s.shininess];
-        parts.map(|p| numbers(&p.val())).concat()
+        let (diffuse, specular) = (sigmoid(s.diffuse.val()), sigmoid(s.specular.val()));
+        [diffuse, specular, s.shininess.val()]
+            .map(|t| numbers(&t))
+            .concat()
     };
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.03))
+        .rate(Rate::cosine(0.06))
         .sigma(BlurSchedule::constant(1e-4)?)
         .run(|surface: &Surface, step: &_| {
             let scene = scene(
-                surface.diffuse.val().clamp_min(0.0),
-                surface.specular.val().clamp_min(0.0),
+                sigmoid(surface.diffuse.val()),
+                sigmoid(surface.specular.val()),
                 surface.shininess.val().exp(),
                 &device,
             );

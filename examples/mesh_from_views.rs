@@ -5,14 +5,13 @@ pub(crate) mod common;
 use std::f64::consts::TAU;
 
 use burn::module::{Module, Param};
-use burn::tensor::TensorData;
 use clap::Parser;
 use softray::optim::{
     BlurSchedule, Evaluation, LargeSteps, LargeStepsConfig, MeshRegulariser, Rate, loss,
 };
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, numbers, picture};
+use common::study::{Arguments, Failure, Outcome, Study, curves, picture};
 
 #[derive(Module, Debug)]
 struct Body {
@@ -98,14 +97,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let topology = MeshRegulariser::from_mesh(&ball)?;
     let first = ball.vertices.clone().mul_scalar(0.75);
     let module = Body {
-        vertices: Param::from_tensor(first.clone().to_device(&device.clone().autodiff())),
+        vertices: Param::from_tensor(first.clone().autodiff()),
     };
     let wanted = spread(&goal)?;
-    let steps = LargeSteps::from_mesh(&ball, &LargeStepsConfig::new())?;
+    let steps = LargeSteps::from_mesh(&ball, &LargeStepsConfig::default().lambda(8.0))?;
     let per_step = arguments.either(2, 3);
     let fitted = study
         .fit(module, steps)
-        .rate(Rate::exponential(0.03, 0.003))
+        .rate(Rate::exponential(0.2, 0.02))
         .sigma(BlurSchedule::decay(4e-3, 4e-4, study.steps() / 2)?)
         .run(|body: &Body, step: &_| {
             let vertices = body.vertices.val();
@@ -125,7 +124,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 sum = sum + loss::mse_unbiased(a.radiance, b.radiance, target);
             }
             let batch = vertices.unsqueeze();
-            let regular = topology.laplacian(batch.clone()) * 0.2
+            let regular = topology.laplacian(batch.clone()) * 0.05
                 + topology.normal_consistency(batch) * 0.002;
             let mut evaluation = Evaluation::new(sum / per_step as f64 + regular);
             if let Some(first) = first {
@@ -153,7 +152,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         for (camera, (_, silhouette)) in cameras.iter().zip(&targets) {
             let opacity = render(&scene, camera, &sharp)?.opacity;
             let opacity = opacity.ok_or("opacity was asked for")?;
-            sum += loss::iou(opacity, silhouette.clone(), 0.5)?;
+            sum += loss::iou(&opacity, silhouette, 0.5)?;
         }
         Ok(sum / VIEWS as f64)
     };

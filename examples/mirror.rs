@@ -61,7 +61,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         "mirror",
         "A place from a reflection",
         arguments,
-        arguments.either(200, 300),
+        arguments.either(120, 240),
     );
     let start = Tensor::from_floats(START, &device.clone().autodiff());
     let module = Hidden {
@@ -73,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         .sigma(BlurSchedule::auto(&still, &camera, size, study.steps())?)
         .run(|hidden: &Hidden, step: &_| {
             let scene = scene(hidden.offset.val(), &device);
-            let few = options.clone().samples(8);
+            let few = options.clone().samples(4);
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
             let loss = loss::mse_unbiased(a.clone(), b, target.clone());

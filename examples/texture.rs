@@ -11,7 +11,7 @@ use clap::Parser;
 use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};
+use common::study::{Arguments, Failure, Outcome, Study, curves, numbers, picture};
 
 #[derive(Module, Debug)]
 struct Texture {
@@ -106,17 +106,26 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         "texture",
         "Texels from eight views",
         arguments,
-        arguments.either(160, 400),
+        arguments.either(240, 400),
     );
     let start = Tensor::zeros([height, width, 3], &device.clone().autodiff());
     let module = Texture {
         logits: Param::from_tensor(start),
     };
     let goal: Vec<f64> = goal.into_iter().map(f64::from).collect();
-    let rms = |t: &[f64]| distance(t, &goal) / (goal.len() as f64).sqrt();
+    // By the area of the texels on the ball.
+    let rms = |t: &[f64]| {
+        let (mut sum, mut all) = (0.0, 0.0);
+        for (i, (a, b)) in t.iter().zip(&goal).enumerate() {
+            let area = (PI * ((i / 3 / width) as f64 + 0.5) / height as f64).sin();
+            sum += area * (a - b).powi(2);
+            all += area;
+        }
+        (sum / all).sqrt()
+    };
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.3))
+        .rate(Rate::cosine(0.5))
         .sigma(BlurSchedule::constant(sigma)?)
         .run(|texture: &Texture, step: &_| {
             let texels = burn::tensor::activation::sigmoid(texture.logits.val());

@@ -33,6 +33,7 @@ pub fn device(name: &str) -> Result<Device, String> {
 }
 
 /// A progress bar of known length.
+#[allow(dead_code)] // those that fit have one of the fit
 pub fn bar(length: u64, message: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:12} {bar:40} {pos}/{len} [{elapsed} < {eta}]");
     ProgressBar::new(length)
@@ -41,6 +42,7 @@ pub fn bar(length: u64, message: &'static str) -> ProgressBar {
 }
 
 /// A progress bar that a render moves.
+#[allow(dead_code)]
 pub fn render_progress(message: &'static str) -> (ProgressBar, Progress) {
     let bar = bar(1, message);
     let moved = bar.clone();
