@@ -22,13 +22,13 @@ struct Moving {
 
 /// Scene units: the velocity takes steps so much larger than the vertices.
 const UNIT: f64 = 4.0;
-/// Sideways and up: along the view an image tells little.
+/// Sideways and up, seen from near, so that the size tells of motion along the view.
 const VELOCITY: [f32; 3] = [0.9, 0.35, 0.0];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
-    let camera = Camera::look_at([0.35, 0.15, 5.0], [0.35, 0.15, 0.0]).fov_y(44.0);
-    let size = arguments.either(40, 64);
+    let camera = Camera::look_at([0.4, 0.2, 3.0], [0.4, 0.2, 0.0]).fov_y(70.0);
+    let size = arguments.either(48, 64);
     let options = RenderOptions::new(size, size).bounces(0);
     let icosahedron = shapes::icosahedron(&device);
     let light = shapes::quad(
@@ -73,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         "fig4_motion",
         "Velocity and geometry from motion blur",
         arguments,
-        arguments.either(320, 600),
+        arguments.either(450, 600),
     );
     // A coarse guess: a ball at rest.
     let first = flat(&round).iter().map(|x| 0.8 * x).collect::<Vec<_>>();
@@ -99,6 +99,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let far = distance(&numbers(&velocity), &VELOCITY.map(f64::from));
             Ok(Evaluation::new(image + smooth * 2e-3)
                 .value("velocity error", far)
+                .value("x", numbers(&velocity)[0])
+                .value("y", numbers(&velocity)[1])
+                .value("z", numbers(&velocity)[2])
                 .image("render", a))
         })?;
 
@@ -121,12 +124,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             picture(&scene(vertices.clone(), velocity.clone()), &camera, &sharp)?,
         ),
     ];
-    let plots = vec![curves(
-        &fitted.history,
-        "errors, scene units",
-        &["velocity error"],
-        true,
-    )];
+    let plots = vec![
+        curves(
+            &fitted.history,
+            "velocity (target 0.9, 0.35, 0)",
+            &["x", "y", "z"],
+            false,
+        ),
+        curves(
+            &fitted.history,
+            "its error, scene units",
+            &["velocity error"],
+            true,
+        ),
+    ];
     // One image says little of vertices on the far side: outlines at rest are compared.
     let outline = |vertices: Tensor<2>| -> Result<Tensor<2>, Failure> {
         let still = scene(vertices, Tensor::zeros([3], &device));
