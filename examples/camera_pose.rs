@@ -5,13 +5,15 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_footprint};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};
+use common::study::{
+    Arguments, Failure, Outcome, Problem, Study, curves, distance, numbers, picture,
+};
 
 #[derive(Module, Debug)]
-struct Pose {
+pub(crate) struct Pose {
     /// Scene units.
     eye: Param<Tensor<1>>,
     /// The point looked at, scene units.
@@ -83,62 +85,122 @@ fn ball(device: &Device) -> Mesh {
         .translated(Tensor::from_floats([-0.5, 0.3, 0.9], device))
 }
 
+/// The scene, and the image of it that is to be met.
+pub(crate) struct Posed {
+    size: usize,
+    device: Device,
+    scene: Scene,
+    options: RenderOptions,
+    sharp: RenderOptions,
+    target: Tensor<3>,
+}
+
+fn camera(eye: Tensor<1>, target: Tensor<1>) -> Camera {
+    Camera::look_at(eye, target).fov_y(38.0)
+}
+
+impl Posed {
+    pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
+        let scene = scene(device);
+        let options = RenderOptions::new(size, size).bounces(0);
+        let goal = Camera::look_at(EYE, TARGET).fov_y(38.0);
+        let sigma = BlurSchedule::sharp_sigma(&scene, &goal, size)?;
+        let sharp = options.clone().samples(1024).sigma(sigma).seed(1 << 50);
+        let target = render(&scene, &goal, &sharp)?.radiance;
+        Ok(Self {
+            size,
+            device: device.clone(),
+            scene,
+            options,
+            sharp,
+            target,
+        })
+    }
+
+    fn at(&self, both: &[f64]) -> softray::Result<HostImage> {
+        let tensor = |v: &[f64]| Tensor::from_floats([v[0], v[1], v[2]], &self.device);
+        let camera = camera(tensor(&both[..3]), tensor(&both[3..]));
+        picture(&self.scene, &camera, &self.sharp)
+    }
+
+    fn goal(&self) -> Camera {
+        Camera::look_at(EYE, TARGET).fov_y(38.0)
+    }
+}
+
+fn both(pose: &Pose) -> Vec<f64> {
+    [numbers(&pose.eye.val()), aim(pose)].concat()
+}
+
+impl Problem for Posed {
+    type Module = Pose;
+
+    fn start(&self, distance: f64) -> Pose {
+        let (start, goal) = ([START_EYE, START_TARGET].concat(), [EYE, TARGET].concat());
+        let share = distance / far(&start);
+        let at = |i: usize| goal[i] + share * (start[i] - goal[i]);
+        let leaf = |first: usize| {
+            let place = Tensor::from_floats([0, 1, 2].map(|i| at(first + i)), &self.device);
+            Param::from_tensor(place.autodiff())
+        };
+        Pose {
+            eye: leaf(0),
+            target: leaf(3),
+        }
+    }
+
+    fn error(&self, pose: &Pose) -> f64 {
+        far(&both(pose))
+    }
+
+    fn footprint(&self) -> softray::Result<f64> {
+        pixel_footprint(&self.scene, &self.goal(), self.size)
+    }
+
+    fn evaluate(&self, pose: &Pose, step: &Step) -> softray::Result<Evaluation> {
+        let camera = camera(pose.eye.val(), pose.target.val());
+        let few = self.options.clone().samples(8);
+        let see = |k| render(&self.scene, &camera, &step.options(&few, k));
+        let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+        let loss = loss::multi_scale_unbiased(a.clone(), b, self.target.clone(), 4);
+        Ok(Evaluation::new(loss)
+            .value("eye", distance(&numbers(&pose.eye.val()), &EYE))
+            .value("target", distance(&aim(pose), &TARGET))
+            .image("render", a))
+    }
+}
+
+/// Of eye and target together from the target's.
+fn far(both: &[f64]) -> f64 {
+    distance(both, &[EYE, TARGET].concat())
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
-    let scene = scene(&device);
-    let camera = |eye: Tensor<1>, target: Tensor<1>| Camera::look_at(eye, target).fov_y(38.0);
-    let fixed = |eye: &[f64], target: &[f64]| {
-        let tensor = |v: &[f64]| Tensor::from_floats([v[0], v[1], v[2]], &device);
-        camera(tensor(eye), tensor(target))
-    };
-    let goal = fixed(&EYE, &TARGET);
     let size = arguments.either(40, 64);
-    let options = RenderOptions::new(size, size).bounces(0);
-    let sigma = BlurSchedule::sharp_sigma(&scene, &goal, size)?;
-    let sharp = options.clone().samples(1024).sigma(sigma).seed(1 << 50);
-    let target = render(&scene, &goal, &sharp)?.radiance;
-
+    let posed = Posed::new(size, &device)?;
     let study = Study::new(
         "camera_pose",
         "The pose of a camera",
         arguments,
         arguments.either(250, 400),
     );
-    let leaf =
-        |at: [f64; 3]| Param::from_tensor(Tensor::from_floats(at, &device.clone().autodiff()));
-    let module = Pose {
-        eye: leaf(START_EYE),
-        target: leaf(START_TARGET),
-    };
-    let both = |pose: &Pose| [numbers(&pose.eye.val()), aim(pose)].concat();
-    let far = |both: &[f64]| distance(both, &[EYE, TARGET].concat());
+    let start = [START_EYE, START_TARGET].concat();
+    let schedule = BlurSchedule::auto(&posed.scene, &posed.goal(), size, study.steps())?;
     let fitted = study
-        .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+        .fit(
+            posed.start(far(&start)),
+            AdamConfig::new().with_beta_2(0.99).init(),
+        )
         .rate(Rate::cosine(0.03))
-        .sigma(BlurSchedule::auto(&scene, &goal, size, study.steps())?)
-        .run(|pose: &Pose, step: &_| {
-            let camera = camera(pose.eye.val(), pose.target.val());
-            let few = options.clone().samples(8);
-            let see = |k| render(&scene, &camera, &step.options(&few, k));
-            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-            let loss = loss::multi_scale_unbiased(a.clone(), b, target.clone(), 4);
-            Ok(Evaluation::new(loss)
-                .value("eye", distance(&numbers(&pose.eye.val()), &EYE))
-                .value("target", distance(&aim(pose), &TARGET))
-                .image("render", a))
-        })?;
+        .sigma(schedule)
+        .run(|pose: &Pose, step: &_| posed.evaluate(pose, step))?;
 
     let found = both(&fitted.module);
     let images = [
-        (
-            "initial",
-            picture(&scene, &fixed(&START_EYE, &START_TARGET), &sharp)?,
-        ),
-        ("target", picture(&scene, &goal, &sharp)?),
-        (
-            "final",
-            picture(&scene, &fixed(&found[..3], &found[3..]), &sharp)?,
-        ),
+        ("initial", posed.at(&start)?),
+        ("target", posed.at(&[EYE, TARGET].concat())?),
+        ("final", posed.at(&found)?),
     ];
     let plots = vec![curves(
         &fitted.history,
@@ -147,7 +209,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         true,
     )];
     let outcome = Outcome {
-        errors: [far(&[START_EYE, START_TARGET].concat()), far(&found)],
+        errors: [far(&start), far(&found)],
         of: "distance of eye and target together, scene units".into(),
         others: Vec::new(),
     };

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use rayon::prelude::*;
+use softray::optim::pixel_footprint;
 use softray::prelude::*;
 
 use common::figure::{Figure, diverging};
@@ -45,8 +46,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let samples = arguments.either(64, 128);
     let camera = Camera::look_at([0.0, 1.4, 5.0], [0.0, 0.0, 0.0]).fov_y(38.0);
     let options = RenderOptions::new(size, size).bounces(0).samples(samples);
-    let soft = options.clone().sigma(2e-3);
     let at = |x: f64| scene(Tensor::from_floats([x, 0.0, 0.0], &device), &device);
+
+    // Under half a pixel.
+    let sigma = (0.4 * pixel_footprint(&at(0.0), &camera, size)?).powi(2);
+    let soft = options.clone().sigma(sigma);
 
     let image = picture(&at(0.0), &camera, &options.clone().samples(512).sigma(1e-5))?;
     // A pixel is a render with a backward pass of its own.

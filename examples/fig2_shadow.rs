@@ -5,34 +5,93 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, loss, pixel_footprint};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_footprint};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};
+use common::study::{
+    Arguments, Failure, Outcome, Problem, Study, curves, distance, numbers, picture,
+};
 
 #[derive(Module, Debug)]
-struct Caster {
+pub(crate) struct Caster {
     /// Offset from the target's place, scene units.
     offset: Param<Tensor<1>>,
 }
 
 /// Where the fit starts: the two shadows do not touch.
-const START: [f32; 3] = [1.2, 0.0, 0.0];
+const START: [f64; 3] = [1.2, 0.0, 0.0];
+
+/// The scene, and the image of it that is to be met.
+pub(crate) struct Shadow {
+    size: usize,
+    file: SceneFile,
+    device: Device,
+    options: RenderOptions,
+    sharp: RenderOptions,
+    target: Tensor<3>,
+}
+
+impl Shadow {
+    pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/shadow/scene.json");
+        let file = SceneFile::load(path, device)?;
+        let options = RenderOptions::new(size, size).bounces(0);
+        let sharp = BlurSchedule::sharp_sigma(&file.scene, &file.camera, size)?;
+        let sharp = options.clone().samples(1024).sigma(sharp).seed(1 << 50);
+        let target = render(&file.scene, &file.camera, &sharp)?.radiance;
+        Ok(Self {
+            size,
+            file,
+            device: device.clone(),
+            options,
+            sharp,
+            target,
+        })
+    }
+
+    fn scene(&self, offset: Tensor<1>) -> Scene {
+        let moved = |o: Object| o.map_mesh(|m| m.translated(offset.clone()));
+        self.file.scene.clone().map_object("occluder", moved)
+    }
+}
+
+impl Problem for Shadow {
+    type Module = Caster;
+
+    fn start(&self, distance: f64) -> Caster {
+        let offset = Tensor::from_floats([distance, 0.0, 0.0], &self.device);
+        Caster {
+            offset: Param::from_tensor(offset.autodiff()),
+        }
+    }
+
+    fn error(&self, caster: &Caster) -> f64 {
+        distance(&numbers(&caster.offset.val()), &[0.0; 3])
+    }
+
+    fn footprint(&self) -> softray::Result<f64> {
+        pixel_footprint(&self.file.scene, &self.file.camera, self.size)
+    }
+
+    fn evaluate(&self, caster: &Caster, step: &Step) -> softray::Result<Evaluation> {
+        let scene = self.scene(caster.offset.val());
+        let few = self.options.clone().samples(8);
+        let see = |k| render(&scene, &self.file.camera, &step.options(&few, k));
+        let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+        let loss = loss::mse_unbiased(a.clone(), b, self.target.clone());
+        let at = numbers(&caster.offset.val());
+        Ok(Evaluation::new(loss)
+            .value("x", at[0])
+            .value("y", at[1])
+            .value("z", at[2])
+            .value("distance", self.error(caster))
+            .image("render", a))
+    }
+}
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/shadow/scene.json");
-    let file = SceneFile::load(path, &device)?;
-    let size = arguments.either(32, 64);
-    let options = RenderOptions::new(size, size).bounces(0);
-    let scene = |offset: Tensor<1>| {
-        let moved = |o: Object| o.map_mesh(|m| m.translated(offset.clone()));
-        file.scene.clone().map_object("occluder", moved)
-    };
-    let sharp = BlurSchedule::sharp_sigma(&file.scene, &file.camera, size)?;
-    let sharp = options.clone().samples(1024).sigma(sharp).seed(1 << 50);
-    let target = render(&file.scene, &file.camera, &sharp)?.radiance;
-
+    let shadow = Shadow::new(arguments.either(32, 64), &device)?;
     let study = Study::new(
         "fig2_shadow",
         "A place from its shadow alone",
@@ -40,43 +99,26 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments.either(240, 400),
     );
     // Four footprints of the coarser image, a fifth of the caster's edge; a quarter of one in the end.
-    let footprint = pixel_footprint(&file.scene, &file.camera, 32)?;
+    let footprint = pixel_footprint(&shadow.file.scene, &shadow.file.camera, 32)?;
     let (wide, narrow) = ((4.0 * footprint).powi(2), (0.25 * footprint).powi(2));
-    let start = Tensor::from_floats(START, &device.clone().autodiff());
-    let module = Caster {
-        offset: Param::from_tensor(start),
-    };
     let fitted = study
-        .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+        .fit(
+            shadow.start(START[0]),
+            AdamConfig::new().with_beta_2(0.99).init(),
+        )
         .rate(Rate::exponential(0.06, 0.006))
         .sigma(BlurSchedule::decay(wide, narrow, study.steps() / 2)?)
-        .run(|caster: &Caster, step: &_| {
-            let scene = scene(caster.offset.val());
-            let few = options.clone().samples(8);
-            let see = |k| render(&scene, &file.camera, &step.options(&few, k));
-            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-            let loss = loss::mse_unbiased(a.clone(), b, target.clone());
-            let at = numbers(&caster.offset.val());
-            Ok(Evaluation::new(loss)
-                .value("x", at[0])
-                .value("y", at[1])
-                .value("z", at[2])
-                .value("distance", distance(&at, &[0.0; 3]))
-                .image("render", a))
-        })?;
+        .run(|caster: &Caster, step: &_| shadow.evaluate(caster, step))?;
 
     let found = numbers(&fitted.module.offset.val());
-    let place = |at: [f32; 3]| {
-        picture(
-            &scene(Tensor::from_floats(at, &device)),
-            &file.camera,
-            &sharp,
-        )
+    let place = |at: &[f64]| {
+        let offset = Tensor::from_floats([at[0], at[1], at[2]], &device);
+        picture(&shadow.scene(offset), &shadow.file.camera, &shadow.sharp)
     };
     let images = [
-        ("initial", place(START)?),
-        ("target", place([0.0; 3])?),
-        ("final", place([0, 1, 2].map(|i: usize| found[i] as f32))?),
+        ("initial", place(&START)?),
+        ("target", place(&[0.0; 3])?),
+        ("final", place(&found)?),
     ];
     let plots = vec![
         curves(&fitted.history, "offset", &["x", "y", "z"], false),
@@ -88,7 +130,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ),
     ];
     let outcome = Outcome {
-        errors: [START[0].into(), distance(&found, &[0.0; 3])],
+        errors: [START[0], shadow.error(&fitted.module)],
         of: "distance to the target, scene units".into(),
         others: Vec::new(),
     };

@@ -6,13 +6,13 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_footprint};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, numbers, picture};
+use common::study::{Arguments, Failure, Outcome, Problem, Study, curves, numbers, picture};
 
 #[derive(Module, Debug)]
-struct Turn {
+pub(crate) struct Turn {
     /// About the vertical axis, away from the target, radians.
     angle: Param<Tensor<1>>,
 }
@@ -73,46 +73,93 @@ fn scene(angle: &Tensor<1>, device: &Device) -> Scene {
         )
 }
 
+/// The scene, and the image of it that is to be met.
+pub(crate) struct Indirect {
+    size: usize,
+    device: Device,
+    still: Scene,
+    camera: Camera,
+    options: RenderOptions,
+    sharp: RenderOptions,
+    target: Tensor<3>,
+}
+
+impl Indirect {
+    pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
+        let camera = Camera::look_at([0.0, 1.3, 3.6], [0.0, 0.6, 0.0]).fov_y(34.0);
+        let options = RenderOptions::new(size, size).bounces(1);
+        let still = scene(&Tensor::zeros([1], device), device);
+        let sharp = BlurSchedule::sharp_sigma(&still, &camera, size)?;
+        let sharp = options.clone().samples(2048).sigma(sharp).seed(1 << 50);
+        let target = render(&still, &camera, &sharp)?.radiance;
+        Ok(Self {
+            size,
+            device: device.clone(),
+            still,
+            camera,
+            options,
+            sharp,
+            target,
+        })
+    }
+}
+
+impl Problem for Indirect {
+    type Module = Turn;
+
+    /// In degrees.
+    fn start(&self, distance: f64) -> Turn {
+        let angle = Tensor::from_floats([distance.to_radians()], &self.device);
+        Turn {
+            angle: Param::from_tensor(angle.autodiff()),
+        }
+    }
+
+    fn error(&self, turn: &Turn) -> f64 {
+        numbers(&turn.angle.val())[0].to_degrees().abs()
+    }
+
+    fn footprint(&self) -> softray::Result<f64> {
+        pixel_footprint(&self.still, &self.camera, self.size)
+    }
+
+    fn evaluate(&self, turn: &Turn, step: &Step) -> softray::Result<Evaluation> {
+        let scene = scene(&turn.angle.val(), &self.device);
+        let few = self.options.clone().samples(16);
+        let see = |k| render(&scene, &self.camera, &step.options(&few, k));
+        let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+        let loss = loss::mse_unbiased(a.clone(), b, self.target.clone());
+        let degrees = numbers(&turn.angle.val())[0].to_degrees();
+        Ok(Evaluation::new(loss)
+            .value("degrees", degrees)
+            .image("render", a))
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
-    let camera = Camera::look_at([0.0, 1.3, 3.6], [0.0, 0.6, 0.0]).fov_y(34.0);
     let size = arguments.either(32, 64);
-    let options = RenderOptions::new(size, size).bounces(1);
-    let still = scene(&Tensor::zeros([1], &device), &device);
-    let sharp = BlurSchedule::sharp_sigma(&still, &camera, size)?;
-    let sharp = options.clone().samples(2048).sigma(sharp).seed(1 << 50);
-    let target = render(&still, &camera, &sharp)?.radiance;
-
+    let indirect = Indirect::new(size, &device)?;
     let study = Study::new(
         "fig3_indirect",
         "A rotation from indirect light",
         arguments,
         arguments.either(200, 300),
     );
-    let start = Tensor::from_floats([START.to_radians()], &device.clone().autodiff());
-    let module = Turn {
-        angle: Param::from_tensor(start),
-    };
+    let (still, camera) = (&indirect.still, &indirect.camera);
     let fitted = study
-        .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+        .fit(
+            indirect.start(START),
+            AdamConfig::new().with_beta_2(0.99).init(),
+        )
         .rate(Rate::cosine(0.02))
-        .sigma(BlurSchedule::auto(&still, &camera, size, study.steps())?)
-        .run(|turn: &Turn, step: &_| {
-            let scene = scene(&turn.angle.val(), &device);
-            let few = options.clone().samples(16);
-            let see = |k| render(&scene, &camera, &step.options(&few, k));
-            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-            let loss = loss::mse_unbiased(a.clone(), b, target.clone());
-            let degrees = numbers(&turn.angle.val())[0].to_degrees();
-            Ok(Evaluation::new(loss)
-                .value("degrees", degrees)
-                .image("render", a))
-        })?;
+        .sigma(BlurSchedule::auto(still, camera, size, study.steps())?)
+        .run(|turn: &Turn, step: &_| indirect.evaluate(turn, step))?;
 
     let found = numbers(&fitted.module.angle.val())[0].to_degrees();
     let turned = |degrees: f64| {
         let angle = Tensor::from_floats([degrees.to_radians()], &device);
-        picture(&scene(&angle, &device), &camera, &sharp)
+        picture(&scene(&angle, &device), camera, &indirect.sharp)
     };
     let images = [
         ("initial", turned(START)?),

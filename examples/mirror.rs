@@ -5,13 +5,15 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_footprint};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};
+use common::study::{
+    Arguments, Failure, Outcome, Problem, Study, curves, distance, numbers, picture,
+};
 
 #[derive(Module, Debug)]
-struct Hidden {
+pub(crate) struct Hidden {
     /// Offset along the mirror from the target's place `[2]`, scene units.
     offset: Param<Tensor<1>>,
 }
@@ -46,50 +48,102 @@ fn scene(offset: Tensor<1>, device: &Device) -> Scene {
         .environment([0.05, 0.06, 0.08])
 }
 
+/// The scene, and the image of it that is to be met.
+pub(crate) struct Mirror {
+    size: usize,
+    device: Device,
+    still: Scene,
+    camera: Camera,
+    options: RenderOptions,
+    sharp: RenderOptions,
+    target: Tensor<3>,
+}
+
+impl Mirror {
+    pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
+        let camera = Camera::look_at([0.0, 0.0, 2.6], [0.0, 0.0, 0.0]).fov_y(55.0);
+        let options = RenderOptions::new(size, size).bounces(1);
+        let still = scene(Tensor::zeros([2], device), device);
+        let sharp = BlurSchedule::sharp_sigma(&still, &camera, size)?;
+        let sharp = options.clone().samples(1024).sigma(sharp).seed(1 << 50);
+        let target = render(&still, &camera, &sharp)?.radiance;
+        Ok(Self {
+            size,
+            device: device.clone(),
+            still,
+            camera,
+            options,
+            sharp,
+            target,
+        })
+    }
+
+    fn at(&self, [x, y]: [f64; 2]) -> softray::Result<HostImage> {
+        let offset = Tensor::from_floats([x, y], &self.device);
+        picture(&scene(offset, &self.device), &self.camera, &self.sharp)
+    }
+}
+
+impl Problem for Mirror {
+    type Module = Hidden;
+
+    fn start(&self, distance: f64) -> Hidden {
+        let share = distance / START[0].hypot(START[1]);
+        let offset = Tensor::from_floats(START.map(|x| share * x), &self.device);
+        Hidden {
+            offset: Param::from_tensor(offset.autodiff()),
+        }
+    }
+
+    fn error(&self, hidden: &Hidden) -> f64 {
+        distance(&numbers(&hidden.offset.val()), &[0.0; 2])
+    }
+
+    fn footprint(&self) -> softray::Result<f64> {
+        pixel_footprint(&self.still, &self.camera, self.size)
+    }
+
+    fn evaluate(&self, hidden: &Hidden, step: &Step) -> softray::Result<Evaluation> {
+        let scene = scene(hidden.offset.val(), &self.device);
+        let few = self.options.clone().samples(4);
+        let see = |k| render(&scene, &self.camera, &step.options(&few, k));
+        let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+        let loss = loss::mse_unbiased(a.clone(), b, self.target.clone());
+        let at = numbers(&hidden.offset.val());
+        Ok(Evaluation::new(loss)
+            .value("x", at[0])
+            .value("y", at[1])
+            .value("distance", self.error(hidden))
+            .image("render", a))
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
-    let camera = Camera::look_at([0.0, 0.0, 2.6], [0.0, 0.0, 0.0]).fov_y(55.0);
     let size = arguments.either(32, 64);
-    let options = RenderOptions::new(size, size).bounces(1);
-    let fixed = |at: &[f64]| scene(Tensor::from_floats([at[0], at[1]], &device), &device);
-    let still = fixed(&[0.0; 2]);
-    let sharp = BlurSchedule::sharp_sigma(&still, &camera, size)?;
-    let sharp = options.clone().samples(1024).sigma(sharp).seed(1 << 50);
-    let target = render(&still, &camera, &sharp)?.radiance;
-
+    let mirror = Mirror::new(size, &device)?;
     let study = Study::new(
         "mirror",
         "A place from a reflection",
         arguments,
         arguments.either(120, 240),
     );
-    let start = Tensor::from_floats(START, &device.clone().autodiff());
-    let module = Hidden {
-        offset: Param::from_tensor(start),
-    };
+    let far = START[0].hypot(START[1]);
+    let (still, camera) = (&mirror.still, &mirror.camera);
     let fitted = study
-        .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+        .fit(
+            mirror.start(far),
+            AdamConfig::new().with_beta_2(0.99).init(),
+        )
         .rate(Rate::cosine(0.03))
-        .sigma(BlurSchedule::auto(&still, &camera, size, study.steps())?)
-        .run(|hidden: &Hidden, step: &_| {
-            let scene = scene(hidden.offset.val(), &device);
-            let few = options.clone().samples(4);
-            let see = |k| render(&scene, &camera, &step.options(&few, k));
-            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-            let loss = loss::mse_unbiased(a.clone(), b, target.clone());
-            let at = numbers(&hidden.offset.val());
-            Ok(Evaluation::new(loss)
-                .value("x", at[0])
-                .value("y", at[1])
-                .value("distance", distance(&at, &[0.0; 2]))
-                .image("render", a))
-        })?;
+        .sigma(BlurSchedule::auto(still, camera, size, study.steps())?)
+        .run(|hidden: &Hidden, step: &_| mirror.evaluate(hidden, step))?;
 
     let found = numbers(&fitted.module.offset.val());
     let images = [
-        ("initial", picture(&fixed(&START), &camera, &sharp)?),
-        ("target", picture(&still, &camera, &sharp)?),
-        ("final", picture(&fixed(&found), &camera, &sharp)?),
+        ("initial", mirror.at(START)?),
+        ("target", mirror.at([0.0; 2])?),
+        ("final", mirror.at([found[0], found[1]])?),
     ];
     let plots = vec![
         curves(&fitted.history, "offset", &["x", "y"], false),
@@ -101,7 +155,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ),
     ];
     let outcome = Outcome {
-        errors: [distance(&START, &[0.0; 2]), distance(&found, &[0.0; 2])],
+        errors: [far, mirror.error(&fitted.module)],
         of: "distance to the target, scene units".into(),
         others: Vec::new(),
     };

@@ -1,6 +1,6 @@
 //! What the examples do with `--quick`: what is fitted ends at least ten times as near to its target as
 //! it began. Seeds are fixed.
-#![allow(dead_code)] // programs of their own, of which the tests call a part
+#![allow(dead_code, clippy::duplicate_mod)] // examples are programs of their own
 
 use std::path::PathBuf;
 

@@ -9,7 +9,7 @@ use std::time::Instant;
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use clap::Parser;
-use softray::optim::{Fit, Fitted, History, Report};
+use softray::optim::{Evaluation, Fit, Fitted, History, Report, Step};
 use softray::prelude::*;
 
 use super::figure::{Figure, Plot};
@@ -60,6 +60,23 @@ impl Arguments {
     pub fn device(&self) -> Result<Device, String> {
         super::device(&self.device)
     }
+}
+
+/// Something to fit from any distance, for the bench of basins too.
+pub trait Problem {
+    type Module: Module;
+
+    /// Parameters so far from the target's, in the direction of the example.
+    fn start(&self, distance: f64) -> Self::Module;
+
+    /// How far parameters are from the target's.
+    fn error(&self, module: &Self::Module) -> f64;
+
+    /// The side of a pixel at what the camera looks at, scene units.
+    fn footprint(&self) -> softray::Result<f64>;
+
+    /// The loss of a step.
+    fn evaluate(&self, module: &Self::Module, step: &Step) -> softray::Result<Evaluation>;
 }
 
 /// How far the parameters are from the target's.

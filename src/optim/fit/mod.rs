@@ -371,13 +371,12 @@ impl<M: Module> Fit<M> {
         let checkpoints = self.folder.as_deref().map(open).transpose()?;
         let mut history = History::default();
         let mut resumed = None;
-        if let Some(found) = checkpoints.as_ref().map(|c| c.newest(&settings)) {
-            if let Some(newest) = found? {
-                self.module = newest.module(self.module)?;
-                self.optimizer = newest.optimizer(self.optimizer)?;
-                history = newest.history;
-                resumed = Some(history.rows.len());
-            }
+        let newest = checkpoints.as_ref().map(|c| c.newest(&settings));
+        if let Some(newest) = newest.transpose()?.flatten() {
+            self.module = newest.module(self.module)?;
+            self.optimizer = newest.optimizer(self.optimizer)?;
+            history = newest.history;
+            resumed = Some(history.rows.len());
         }
         // Blur that follows the loss is a function of the losses so far.
         for row in &history.rows {
