@@ -5,19 +5,29 @@ use burn::tensor::Tensor;
 use crate::error::Result;
 use crate::geometry::host_values;
 
-/// Scales the gradients of a module's parameters so that their norm is at most `most`; returns what it
-/// was, None if there are no gradients.
+/// The gradients of a module's parameters, as they were.
+pub(super) struct Found {
+    /// Their Euclidean norm, None if there are none.
+    pub norm: Option<f64>,
+    /// The paths of parameters without one.
+    pub missing: Vec<String>,
+}
+
+/// Scales gradients so that their norm is at most `most`.
 pub(super) fn clip<M: Module>(
     module: &M,
     gradients: &mut GradientsParams,
     most: Option<f64>,
-) -> Result<Option<f64>> {
+) -> Result<Found> {
     let mut squares = Squares {
         gradients,
         sum: Ok(None),
+        path: Vec::new(),
+        missing: Vec::new(),
     };
     module.visit(&mut squares);
-    let norm = squares.sum?.map(f64::sqrt);
+    let Squares { sum, missing, .. } = squares;
+    let norm = sum?.map(f64::sqrt);
     if let (Some(norm), Some(most)) = (norm, most)
         && norm > most
         && norm.is_finite()
@@ -25,17 +35,28 @@ pub(super) fn clip<M: Module>(
         let factor = most / norm;
         module.visit(&mut Scale { gradients, factor });
     }
-    Ok(norm)
+    Ok(Found { norm, missing })
 }
 
 struct Squares<'a> {
     gradients: &'a GradientsParams,
     sum: Result<Option<f64>>,
+    path: Vec<String>,
+    missing: Vec<String>,
 }
 
 impl ModuleVisitor for Squares<'_> {
+    fn enter_module(&mut self, name: &str, _container_type: &str) {
+        self.path.push(name.into());
+    }
+
+    fn exit_module(&mut self, _name: &str, _container_type: &str) {
+        self.path.pop();
+    }
+
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let Some(gradient) = self.gradients.get::<D>(param.id) else {
+            self.missing.push(self.path.join("."));
             return;
         };
         let square = host_values(&gradient).map(|v| v.iter().map(|x| x * x).sum::<f64>());

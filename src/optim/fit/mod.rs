@@ -414,8 +414,15 @@ impl<M: Module> Fit<M> {
             }
             let mut gradients =
                 GradientsParams::from_grads(evaluation.loss.backward(), &self.module);
-            let norm = gradients::clip(&self.module, &mut gradients, self.clip)?;
-            let Some(norm) = norm else {
+            let found = gradients::clip(&self.module, &mut gradients, self.clip)?;
+            if !found.missing.is_empty() && (index == 0 || resumed == Some(index)) {
+                log::warn!(
+                    "fit: the loss does not depend on {}, which stay as they are: is what they are \
+                     made from on a device with autodiff?",
+                    found.missing.join(", ")
+                );
+            }
+            let Some(norm) = found.norm else {
                 return Err(Error::invalid(
                     "fit",
                     "gradient",
