@@ -189,7 +189,7 @@ fn mistakes_are_named() {
     assert_eq!(fitted.expect("a fit").resumed, None);
 }
 
-/// A fit of an offset and a colour through the renderer; about a second.
+/// A fit of an offset through the renderer; one or two seconds.
 fn rendered(folder: &Path) -> Fitted<Point> {
     let device = Device::flex();
     let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
@@ -202,8 +202,8 @@ fn rendered(folder: &Path) -> Fitted<Point> {
     let still = scene(Tensor::zeros([3], &device));
     let sharp = options.clone().sigma(1e-4).samples(64);
     let target = render(&still, &camera, &sharp).expect("a target").radiance;
-    let sigma = BlurSchedule::decay(3e-2, 1e-3, 100).expect("a schedule");
-    Fit::new(point(&[0.3, -0.2, 0.1]), adam(), 120)
+    let sigma = BlurSchedule::decay(3e-2, 1e-3, 200).expect("a schedule");
+    Fit::new(point(&[0.3, -0.2, 0.1]), adam(), 300)
         .rate(Rate::cosine(0.03))
         .sigma(sigma)
         .folder(folder)
@@ -249,7 +249,7 @@ fn killed_at_any_moment_it_ends_the_same() {
     for k in 0..10 {
         let mut child = victim().spawn().expect("a process");
         let share = (0.5 + 0.618 * f64::from(k)).fract();
-        std::thread::sleep(Duration::from_secs_f64(0.05 + 0.25 * share * seconds));
+        std::thread::sleep(Duration::from_secs_f64(0.02 + 0.12 * share * seconds));
         before_end += usize::from(child.try_wait().expect("a state").is_none());
         child.kill().expect("a kill");
         child.wait().expect("an end");
