@@ -105,6 +105,25 @@ impl Task for Meeting<'_> {
     }
 }
 
+/// [`Finder::meet_known`] as a task.
+struct Asking<'a> {
+    finder: &'a Finder<'a>,
+    ray: &'a HostRay,
+    depth: f64,
+    known: &'a [u32],
+    found: &'a mut Vec<Surface>,
+}
+
+impl Task for Asking<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, _machine: M) {
+        self.finder
+            .ask_known(self.ray, self.depth, self.known, self.found);
+    }
+}
+
 /// Finds the surfaces that matter to a ray.
 pub(crate) struct Finder<'a> {
     arch: Arch,
@@ -217,6 +236,18 @@ impl<'a> Finder<'a> {
     /// The same of triangles that are known to matter, in the order in which they were found.
     #[inline]
     pub fn meet_known(&self, ray: &HostRay, depth: f64, known: &[u32], found: &mut Vec<Surface>) {
+        let task = Asking {
+            finder: self,
+            ray,
+            depth,
+            known,
+            found,
+        };
+        dispatch(self.arch, task);
+    }
+
+    #[inline(always)]
+    fn ask_known(&self, ray: &HostRay, depth: f64, known: &[u32], found: &mut Vec<Surface>) {
         let ends = self.ends(ray);
         let mut limit = ends.limit;
         for &k in known {
@@ -299,7 +330,8 @@ impl<'a> Finder<'a> {
         if softened && (!hit.inside || logit < f64::EPSILON) {
             return limit;
         }
-        let decay = if logit > DEEP {
+        // Far outside only the softmax asks, and by the logarithm.
+        let decay = if logit > DEEP || (logs && logit < -DEEP) {
             0.0
         } else {
             (-logit.abs()).exp()
@@ -309,10 +341,10 @@ impl<'a> Finder<'a> {
         let mut slope = decay / (one_plus * one_plus);
         let mut p = edge;
         // ∂log p/∂logit is 1 − p. Only the softmax asks for it.
-        let mut log_p = if logs {
-            logit.min(0.0) - one_plus.ln()
-        } else {
-            0.0
+        let mut log_p = match (logs, decay) {
+            (false, _) => 0.0,
+            (true, 0.0) => logit.min(0.0),
+            (true, _) => logit.min(0.0) - one_plus.ln(),
         };
         let mut log_slope = if hit.inside { decay } else { 1.0 } / one_plus;
         if softened {
@@ -374,15 +406,16 @@ impl<'a> Finder<'a> {
     /// Sorts the surfaces from `first` on by depth, sets their weights and drops those that are
     /// nothing; returns that of the background. `depth` is far − near.
     pub fn weigh(&self, far: f64, depth: f64, all: &mut Vec<Surface>, first: usize) -> f64 {
-        let found = &mut all[first..];
-        if found.len() > 1 {
-            found.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        if let Visibility::Softmax { gamma, epsilon } = self.form {
+            // Most of what was found is dropped, whatever its order.
+            let score = |s: &Surface| (far - s.t) / depth / gamma;
+            let background = softmax(all, first, score, epsilon / gamma, self.cutoff);
+            by_depth(&mut all[first..]);
+            return background;
         }
+        let found = &mut all[first..];
+        by_depth(found);
         match self.form {
-            Visibility::Softmax { gamma, epsilon } => {
-                let score = |s: &Surface| (far - s.t) / depth / gamma;
-                softmax(all, first, score, epsilon / gamma, self.cutoff)
-            }
             Visibility::LayeredSoft { gamma } => {
                 let soft = softened(found);
                 let ray = SoftRay::new(&soft.0, soft.1, 1.0 / depth / gamma, self.full);
@@ -391,7 +424,7 @@ impl<'a> Finder<'a> {
                 }
                 ray.background
             }
-            Visibility::Layered => layered(found),
+            _ => layered(found),
         }
     }
 
@@ -402,6 +435,12 @@ impl<'a> Finder<'a> {
         } else {
             through_layers(found, by_p, self.full)
         }
+    }
+}
+
+fn by_depth(found: &mut [Surface]) {
+    if found.len() > 1 {
+        found.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
     }
 }
 
