@@ -22,7 +22,7 @@ struct Arguments {
     /// One forward and backward pass of the Cornell box, and the peak memory of the process.
     #[arg(long, hide = true)]
     peak: Option<u32>,
-    /// So many forward passes over the Cornell box at 32 × 32 on one core, 16,384 paths each, to count
+    /// So many forward passes over the Cornell box at 32 × 32, 16,384 paths each, to count
     /// instructions of: `valgrind --tool=callgrind`, and the difference between two and one.
     #[arg(long)]
     passes: Option<usize>,

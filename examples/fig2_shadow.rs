@@ -5,12 +5,10 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_footprint};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step, pixel_footprint};
 use softray::prelude::*;
 
-use common::study::{
-    Arguments, Failure, Outcome, Problem, Study, curves, distance, numbers, picture,
-};
+use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, curves, distance, numbers};
 
 #[derive(Module, Debug)]
 pub(crate) struct Caster {
@@ -21,37 +19,24 @@ pub(crate) struct Caster {
 /// Where the fit starts: the two shadows do not touch.
 const START: [f64; 3] = [1.2, 0.0, 0.0];
 
-/// The scene, and the image of it that is to be met.
 pub(crate) struct Shadow {
-    size: usize,
-    file: SceneFile,
     device: Device,
-    options: RenderOptions,
-    sharp: RenderOptions,
-    target: Tensor<3>,
+    goal: Goal,
 }
 
 impl Shadow {
     pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/shadow/scene.json");
         let file = SceneFile::load(path, device)?;
-        let options = RenderOptions::new(size, size).bounces(0);
-        let sharp = BlurSchedule::sharp_sigma(&file.scene, &file.camera, size)?;
-        let sharp = options.clone().samples(1024).sigma(sharp).seed(1 << 50);
-        let target = render(&file.scene, &file.camera, &sharp)?.radiance;
         Ok(Self {
-            size,
-            file,
             device: device.clone(),
-            options,
-            sharp,
-            target,
+            goal: Goal::new(file.scene, file.camera, (size, 0), 1024)?,
         })
     }
 
     fn scene(&self, offset: Tensor<1>) -> Scene {
         let moved = |o: Object| o.map_mesh(|m| m.translated(offset.clone()));
-        self.file.scene.clone().map_object("occluder", moved)
+        self.goal.scene.clone().map_object("occluder", moved)
     }
 }
 
@@ -70,22 +55,18 @@ impl Problem for Shadow {
     }
 
     fn footprint(&self) -> softray::Result<f64> {
-        pixel_footprint(&self.file.scene, &self.file.camera, self.size)
+        self.goal.footprint()
     }
 
     fn evaluate(&self, caster: &Caster, step: &Step) -> softray::Result<Evaluation> {
         let scene = self.scene(caster.offset.val());
-        let few = self.options.clone().samples(8);
-        let see = |k| render(&scene, &self.file.camera, &step.options(&few, k));
-        let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-        let loss = loss::mse_unbiased(a.clone(), b, self.target.clone());
         let at = numbers(&caster.offset.val());
-        Ok(Evaluation::new(loss)
+        let evaluation = self.goal.compare(&scene, step, 8)?;
+        Ok(evaluation
             .value("x", at[0])
             .value("y", at[1])
             .value("z", at[2])
-            .value("distance", self.error(caster))
-            .image("render", a))
+            .value("distance", self.error(caster)))
     }
 }
 
@@ -99,7 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments.either(240, 400),
     );
     // Four footprints of the coarser image, a fifth of the caster's edge; a quarter of one in the end.
-    let footprint = pixel_footprint(&shadow.file.scene, &shadow.file.camera, 32)?;
+    let footprint = pixel_footprint(&shadow.goal.scene, &shadow.goal.camera, 32)?;
     let (wide, narrow) = ((4.0 * footprint).powi(2), (0.25 * footprint).powi(2));
     let fitted = study
         .fit(
@@ -113,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let found = numbers(&fitted.module.offset.val());
     let place = |at: &[f64]| {
         let offset = Tensor::from_floats([at[0], at[1], at[2]], &device);
-        picture(&shadow.scene(offset), &shadow.file.camera, &shadow.sharp)
+        shadow.goal.picture(&shadow.scene(offset))
     };
     let images = [
         ("initial", place(&START)?),

@@ -6,10 +6,10 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_footprint};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Problem, Study, curves, numbers, picture};
+use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, curves, numbers};
 
 #[derive(Module, Debug)]
 pub(crate) struct Turn {
@@ -73,33 +73,18 @@ fn scene(angle: &Tensor<1>, device: &Device) -> Scene {
         )
 }
 
-/// The scene, and the image of it that is to be met.
 pub(crate) struct Indirect {
-    size: usize,
     device: Device,
-    still: Scene,
-    camera: Camera,
-    options: RenderOptions,
-    sharp: RenderOptions,
-    target: Tensor<3>,
+    goal: Goal,
 }
 
 impl Indirect {
     pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
         let camera = Camera::look_at([0.0, 1.3, 3.6], [0.0, 0.6, 0.0]).fov_y(34.0);
-        let options = RenderOptions::new(size, size).bounces(1);
         let still = scene(&Tensor::zeros([1], device), device);
-        let sharp = BlurSchedule::sharp_sigma(&still, &camera, size)?;
-        let sharp = options.clone().samples(2048).sigma(sharp).seed(1 << 50);
-        let target = render(&still, &camera, &sharp)?.radiance;
         Ok(Self {
-            size,
             device: device.clone(),
-            still,
-            camera,
-            options,
-            sharp,
-            target,
+            goal: Goal::new(still, camera, (size, 1), 2048)?,
         })
     }
 }
@@ -120,19 +105,14 @@ impl Problem for Indirect {
     }
 
     fn footprint(&self) -> softray::Result<f64> {
-        pixel_footprint(&self.still, &self.camera, self.size)
+        self.goal.footprint()
     }
 
     fn evaluate(&self, turn: &Turn, step: &Step) -> softray::Result<Evaluation> {
         let scene = scene(&turn.angle.val(), &self.device);
-        let few = self.options.clone().samples(16);
-        let see = |k| render(&scene, &self.camera, &step.options(&few, k));
-        let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-        let loss = loss::mse_unbiased(a.clone(), b, self.target.clone());
         let degrees = numbers(&turn.angle.val())[0].to_degrees();
-        Ok(Evaluation::new(loss)
-            .value("degrees", degrees)
-            .image("render", a))
+        let evaluation = self.goal.compare(&scene, step, 16)?;
+        Ok(evaluation.value("degrees", degrees))
     }
 }
 
@@ -146,7 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments,
         arguments.either(200, 300),
     );
-    let (still, camera) = (&indirect.still, &indirect.camera);
+    let (still, camera) = (&indirect.goal.scene, &indirect.goal.camera);
     let fitted = study
         .fit(
             indirect.start(START),
@@ -159,7 +139,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let found = numbers(&fitted.module.angle.val())[0].to_degrees();
     let turned = |degrees: f64| {
         let angle = Tensor::from_floats([degrees.to_radians()], &device);
-        picture(&scene(&angle, &device), camera, &indirect.sharp)
+        indirect.goal.picture(&scene(&angle, &device))
     };
     let images = [
         ("initial", turned(START)?),

@@ -5,12 +5,10 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_footprint};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step};
 use softray::prelude::*;
 
-use common::study::{
-    Arguments, Failure, Outcome, Problem, Study, curves, distance, numbers, picture,
-};
+use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, curves, distance, numbers};
 
 #[derive(Module, Debug)]
 pub(crate) struct Hidden {
@@ -48,39 +46,24 @@ fn scene(offset: Tensor<1>, device: &Device) -> Scene {
         .environment([0.05, 0.06, 0.08])
 }
 
-/// The scene, and the image of it that is to be met.
 pub(crate) struct Mirror {
-    size: usize,
     device: Device,
-    still: Scene,
-    camera: Camera,
-    options: RenderOptions,
-    sharp: RenderOptions,
-    target: Tensor<3>,
+    goal: Goal,
 }
 
 impl Mirror {
     pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
         let camera = Camera::look_at([0.0, 0.0, 2.6], [0.0, 0.0, 0.0]).fov_y(55.0);
-        let options = RenderOptions::new(size, size).bounces(1);
         let still = scene(Tensor::zeros([2], device), device);
-        let sharp = BlurSchedule::sharp_sigma(&still, &camera, size)?;
-        let sharp = options.clone().samples(1024).sigma(sharp).seed(1 << 50);
-        let target = render(&still, &camera, &sharp)?.radiance;
         Ok(Self {
-            size,
             device: device.clone(),
-            still,
-            camera,
-            options,
-            sharp,
-            target,
+            goal: Goal::new(still, camera, (size, 1), 1024)?,
         })
     }
 
     fn at(&self, [x, y]: [f64; 2]) -> softray::Result<HostImage> {
         let offset = Tensor::from_floats([x, y], &self.device);
-        picture(&scene(offset, &self.device), &self.camera, &self.sharp)
+        self.goal.picture(&scene(offset, &self.device))
     }
 }
 
@@ -100,21 +83,17 @@ impl Problem for Mirror {
     }
 
     fn footprint(&self) -> softray::Result<f64> {
-        pixel_footprint(&self.still, &self.camera, self.size)
+        self.goal.footprint()
     }
 
     fn evaluate(&self, hidden: &Hidden, step: &Step) -> softray::Result<Evaluation> {
         let scene = scene(hidden.offset.val(), &self.device);
-        let few = self.options.clone().samples(4);
-        let see = |k| render(&scene, &self.camera, &step.options(&few, k));
-        let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-        let loss = loss::mse_unbiased(a.clone(), b, self.target.clone());
         let at = numbers(&hidden.offset.val());
-        Ok(Evaluation::new(loss)
+        let evaluation = self.goal.compare(&scene, step, 4)?;
+        Ok(evaluation
             .value("x", at[0])
             .value("y", at[1])
-            .value("distance", self.error(hidden))
-            .image("render", a))
+            .value("distance", self.error(hidden)))
     }
 }
 
@@ -129,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments.either(120, 240),
     );
     let far = START[0].hypot(START[1]);
-    let (still, camera) = (&mirror.still, &mirror.camera);
+    let (still, camera) = (&mirror.goal.scene, &mirror.goal.camera);
     let fitted = study
         .fit(
             mirror.start(far),

@@ -217,18 +217,17 @@ fn rendered(folder: &Path) -> Fitted<Point> {
         .expect("a fit")
 }
 
-/// What `killed_at_any_moment_it_ends_the_same` starts and kills.
-#[test]
-#[ignore = "a part of another test"]
-fn victim() {
-    let folder = std::env::var("SOFTRAY_FIT_FOLDER").expect("a folder");
-    let fitted = rendered(Path::new(&folder));
-    let text: Vec<String> = place(&fitted.module).iter().map(f64::to_string).collect();
-    println!("at {} from {:?}", text.join(" "), fitted.resumed);
-}
+/// The folder of the process that is killed, which runs the same test.
+const VICTIM: &str = "SOFTRAY_FIT_FOLDER";
 
 #[test]
 fn killed_at_any_moment_it_ends_the_same() {
+    if let Some(folder) = std::env::var_os(VICTIM) {
+        let fitted = rendered(Path::new(&folder));
+        let text: Vec<String> = place(&fitted.module).iter().map(f64::to_string).collect();
+        println!("at {} from {:?}", text.join(" "), fitted.resumed);
+        return;
+    }
     let (alone, killed) = (folder("alone"), folder("killed"));
     let start = std::time::Instant::now();
     let whole = rendered(&alone);
@@ -238,8 +237,12 @@ fn killed_at_any_moment_it_ends_the_same() {
     let victim = || {
         let mut command = Command::new(std::env::current_exe().expect("a program"));
         command
-            .args(["--exact", "victim", "--ignored", "--nocapture"])
-            .env("SOFTRAY_FIT_FOLDER", &killed)
+            .args([
+                "--exact",
+                "killed_at_any_moment_it_ends_the_same",
+                "--nocapture",
+            ])
+            .env(VICTIM, &killed)
             .stdout(Stdio::piped())
             .stderr(Stdio::null());
         command

@@ -10,6 +10,7 @@ use plotters::coord::combinators::{BindKeyPoints, LogCoord, WithKeyPoints};
 use plotters::prelude::*;
 
 use crate::Outcome;
+use crate::common::figure::COLOURS;
 use crate::settings::{Axis, Setting};
 use crate::summary::{Point, curve, front, settings};
 use crate::table::{Column, Row, write_whole};
@@ -36,17 +37,6 @@ const SIZE: (u32, u32) = (1360, 560);
 const LEGEND: u32 = 300;
 /// Bitmaps are drawn larger and averaged, so that lines and letters are smooth.
 const OVERSAMPLING: u32 = 3;
-
-/// Dark enough on white, and told apart without red and green (Okabe and Ito).
-const COLOURS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(110, 110, 110),
-];
 
 /// The figures of a scene: `SCENE.svg` against the scene without blur, all settings, with the
 /// Pareto front; `SCENE-noise.svg` against the converged blurred scene, the settings that converge

@@ -13,8 +13,8 @@ mod plot;
 
 use canvas::{Anchor, Canvas, srgb, text_width, wrapped};
 use plot::Row;
-#[allow(unused_imports)] // plots can be made without their builder too
-pub use plot::{Curve, Plot};
+#[allow(unused_imports)] // a bench takes the colours, plots can be made without their builder
+pub use plot::{COLOURS, Curve, Plot};
 
 /// Sizes of letters.
 const TITLE: f64 = 21.0;

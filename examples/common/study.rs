@@ -9,7 +9,7 @@ use std::time::Instant;
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use clap::Parser;
-use softray::optim::{Evaluation, Fit, Fitted, History, Report, Step};
+use softray::optim::{Evaluation, Fit, Fitted, History, Report, Step, loss, pixel_footprint};
 use softray::prelude::*;
 
 use super::figure::{Figure, Plot};
@@ -59,6 +59,57 @@ impl Arguments {
 
     pub fn device(&self) -> Result<Device, String> {
         super::device(&self.device)
+    }
+}
+
+/// A scene as it is to be found, and the image of it that is to be met.
+pub struct Goal {
+    pub scene: Scene,
+    pub camera: Camera,
+    pub size: usize,
+    pub options: RenderOptions,
+    /// Options without blur, and with many samples.
+    pub sharp: RenderOptions,
+    pub image: Tensor<3>,
+}
+
+impl Goal {
+    pub fn new(
+        scene: Scene,
+        camera: Camera,
+        (size, bounces): (usize, u32),
+        samples: u32,
+    ) -> softray::Result<Self> {
+        let options = RenderOptions::new(size, size).bounces(bounces);
+        let sharp = BlurSchedule::sharp_sigma(&scene, &camera, size)?;
+        let sharp = options.clone().samples(samples).sigma(sharp).seed(1 << 50);
+        let image = render(&scene, &camera, &sharp)?.radiance;
+        Ok(Self {
+            scene,
+            camera,
+            size,
+            options,
+            sharp,
+            image,
+        })
+    }
+
+    pub fn footprint(&self) -> softray::Result<f64> {
+        pixel_footprint(&self.scene, &self.camera, self.size)
+    }
+
+    /// Another scene as this one was seen.
+    pub fn picture(&self, scene: &Scene) -> softray::Result<HostImage> {
+        picture(scene, &self.camera, &self.sharp)
+    }
+
+    /// Two noisy renders of a scene with the blur of a step: what they lose, and the first of them.
+    pub fn compare(&self, scene: &Scene, step: &Step, samples: u32) -> softray::Result<Evaluation> {
+        let few = self.options.clone().samples(samples);
+        let see = |k| render(scene, &self.camera, &step.options(&few, k));
+        let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+        let loss = loss::mse_unbiased(a.clone(), b, self.image.clone());
+        Ok(Evaluation::new(loss).image("render", a))
     }
 }
 
@@ -173,7 +224,7 @@ impl<'a> Study<'a> {
         if !steps.is_empty() {
             figure = figure.images(&steps);
         }
-        figure = figure.plot(loss(&fitted.history));
+        figure = figure.plot(loss_plot(&fitted.history));
         for plot in plots {
             figure = figure.plot(plot);
         }
@@ -195,7 +246,7 @@ impl<'a> Study<'a> {
 }
 
 /// The loss over the steps.
-fn loss(history: &History) -> Plot {
+fn loss_plot(history: &History) -> Plot {
     let points = history.curve("loss").into_iter();
     let points = points.map(|(x, y)| (x, y.abs()));
     Plot::new("|loss|", "step", "").log().curve("", points)

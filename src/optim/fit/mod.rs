@@ -6,6 +6,7 @@ mod checkpoint;
 mod gradients;
 mod history;
 mod rate;
+mod step;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -18,135 +19,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::schedule::Blur;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-use crate::io::HostImage;
-use crate::render::RenderOptions;
-use crate::visibility::Visibility;
 use checkpoint::Checkpoints;
 pub use history::{History, Row};
 pub use rate::Rate;
-
-/// What a step of a fit is to be evaluated with.
-#[derive(Clone, Debug)]
-pub struct Step {
-    /// Counted from 0.
-    pub index: usize,
-    /// σ of Eq. 1, scene units squared, if the fit has a schedule for it.
-    pub sigma: Option<f64>,
-    /// γ of Eq. 3, in units of the scene's depth, if the fit has a schedule for it.
-    pub gamma: Option<f64>,
-    seed: u64,
-}
-
-impl Step {
-    /// The seed of the `render`-th render of this step: no two steps share one, nor two of the first
-    /// 1024 renders of a step.
-    pub fn seed(&self, render: u64) -> u64 {
-        (self.seed << 40) ^ ((self.index as u64) << 10) ^ render
-    }
-
-    /// Options with the blur of this step and the seed of its `render`-th render. γ goes into the form
-    /// of visibility, where that has one.
-    pub fn options(&self, options: &RenderOptions, render: u64) -> RenderOptions {
-        let mut options = options.clone().seed(self.seed(render));
-        if let Some(sigma) = self.sigma {
-            options = options.sigma(sigma);
-        }
-        if let Some(gamma) = self.gamma {
-            let form = match options.form() {
-                Visibility::Softmax { epsilon, .. } => Visibility::Softmax { gamma, epsilon },
-                Visibility::LayeredSoft { .. } => Visibility::LayeredSoft { gamma },
-                Visibility::Layered => Visibility::Layered,
-            };
-            options = options.visibility(form);
-        }
-        options
-    }
-}
-
-/// What a step found: a loss in the graph of the module's parameters, and what is to be recorded.
-#[derive(Clone, Debug)]
-pub struct Evaluation {
-    loss: Tensor<1>,
-    values: Vec<(String, f64)>,
-    images: Vec<(String, Tensor<3>)>,
-}
-
-impl Evaluation {
-    /// From a scalar loss `[1]`.
-    pub fn new(loss: Tensor<1>) -> Self {
-        Self {
-            loss,
-            values: Vec::new(),
-            images: Vec::new(),
-        }
-    }
-
-    /// With a number for the history: a parameter, an error, a part of the loss. Every step is to name
-    /// the same numbers in the same order.
-    pub fn value(mut self, name: impl Into<String>, value: f64) -> Self {
-        self.values.push((name.into(), value));
-        self
-    }
-
-    /// With an image `[H, W, 3]` for the callback of [`Fit::on_step`].
-    pub fn image(mut self, name: impl Into<String>, image: Tensor<3>) -> Self {
-        self.images.push((name.into(), image));
-        self
-    }
-}
-
-/// What a callback sees after a step.
-pub struct Report<'a, M> {
-    /// The module before the step, which the loss is of.
-    pub module: &'a M,
-    /// The step.
-    pub step: &'a Step,
-    /// The history up to it.
-    pub history: &'a History,
-    images: &'a [(String, Tensor<3>)],
-}
-
-impl<M> Report<'_, M> {
-    /// The images of the step's evaluation, by name.
-    ///
-    /// # Errors
-    /// If one can't be read back from its device.
-    pub fn images(&self) -> Result<Vec<(String, HostImage)>> {
-        let host = |(name, image): &(String, Tensor<3>)| {
-            Ok((
-                name.clone(),
-                HostImage::from_tensor(&image.clone().inner())?,
-            ))
-        };
-        self.images.iter().map(host).collect()
-    }
-}
-
-/// Why a fit ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stop {
-    /// All steps were taken.
-    Steps,
-    /// The loss had stopped falling ([`Fit::early_stop`]).
-    Early,
-    /// A callback asked for it.
-    Callback,
-}
-
-/// A fit's end.
-#[derive(Clone, Debug)]
-pub struct Fitted<M> {
-    /// The module after the last step.
-    pub module: M,
-    /// All steps, those before a resumption too.
-    pub history: History,
-    /// Why it ended.
-    pub stop: Stop,
-    /// The step of the checkpoint that it went on from.
-    pub resumed: Option<usize>,
-    /// Steps at which the loss had not fallen for a while though the blur was constant.
-    pub plateaus: Vec<usize>,
-}
+pub use step::{Evaluation, Fitted, Report, Step, Stop};
 
 type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 
