@@ -64,6 +64,16 @@ pub enum Error {
         /// What is wrong with it.
         message: String,
     },
+    /// A scene or view of a batch is not valid.
+    #[error("{part} {index} of the batch: {source}")]
+    OfBatch {
+        /// `scene` or `view`.
+        part: &'static str,
+        /// Which, from 0.
+        index: usize,
+        /// What is wrong with it.
+        source: Box<Error>,
+    },
     /// A tensor can't be read back from its device.
     #[error("reading a tensor back failed: {0}")]
     Read(String),

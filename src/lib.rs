@@ -47,8 +47,8 @@ pub mod prelude {
     pub use crate::io::{HostImage, SceneFile};
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{
-        Diagnostics, EmitterSampling, Image, Progress, RenderOptions, Sampling, Sequence,
-        Statistics, SurfaceSampling, render, render_pixels,
+        Batch, Diagnostics, EmitterSampling, Image, ImageBatch, Progress, RenderOptions, Sampling,
+        Sequence, Statistics, SurfaceSampling, render, render_batch, render_pixels,
     };
     pub use crate::scene::{
         Albedo, Bounds, Camera, Environment, Material, Mesh, Object, Parameter, Scene, Transform,

@@ -45,20 +45,13 @@ impl HierarchyCache {
     /// A hierarchy of these triangles.
     pub(crate) fn take(&self, triangles: Vec<HostTriangle>) -> Arc<Hierarchy> {
         let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let old = cached.last.as_ref();
-        let old = old.filter(|h| h.has_boxes() && h.triangles.len() == triangles.len());
-        let fitted = old.map(|h| h.fitted(&triangles));
+        let fitted = cached.last.as_ref().and_then(|old| old.fit(&triangles));
         let hierarchy = match fitted {
-            Some((nodes, cost)) if cost[0] <= 1.5 * cost[1] => {
+            Some((nodes, cost)) => {
                 cached.fits += 1;
-                Hierarchy {
-                    wide: Wide::new(&triangles, Some(&nodes), extent(&triangles)),
-                    triangles,
-                    nodes: Some(nodes),
-                    cost,
-                }
+                Hierarchy::of_nodes(triangles, nodes, cost)
             }
-            _ => {
+            None => {
                 cached.builds += 1;
                 Hierarchy::new(triangles)
             }
@@ -112,7 +105,33 @@ impl Hierarchy {
         }
     }
 
-    /// The same tree with boxes about other triangles, and its cost.
+    /// Boxes over triangles, fitted to them where those of another hierarchy, of triangles that are not
+    /// far from these, still serve.
+    pub(crate) fn like(triangles: Vec<HostTriangle>, other: &Self) -> Self {
+        match other.fit(&triangles) {
+            Some((nodes, cost)) => Self::of_nodes(triangles, nodes, cost),
+            None => Self::new(triangles),
+        }
+    }
+
+    fn of_nodes(triangles: Vec<HostTriangle>, nodes: Bvh2, cost: [f64; 2]) -> Self {
+        Self {
+            wide: Wide::new(&triangles, Some(&nodes), extent(&triangles)),
+            triangles,
+            nodes: Some(nodes),
+            cost,
+        }
+    }
+
+    /// The same tree with boxes about other triangles, and its cost, unless it has grown by half.
+    fn fit(&self, triangles: &[HostTriangle]) -> Option<(Bvh2, [f64; 2])> {
+        if !self.has_boxes() || self.triangles.len() != triangles.len() {
+            return None;
+        }
+        let (nodes, cost) = self.fitted(triangles);
+        (cost[0] <= 1.5 * cost[1]).then_some((nodes, cost))
+    }
+
     fn fitted(&self, triangles: &[HostTriangle]) -> (Bvh2, [f64; 2]) {
         let mut nodes = self.nodes.clone().unwrap_or_default();
         let primitives = std::mem::take(&mut nodes.primitive_indices);

@@ -12,7 +12,7 @@ mod vec3;
 
 pub use context::Context;
 pub(crate) use context::{host_values, host_vectors, plain};
-pub use topology::{Neighbours, Topology};
+pub use topology::{Neighbours, Topology, Weld};
 pub(crate) use triangles::nearest_on_triangle;
 pub use triangles::{Nearest, Triangles, VertexData};
 pub(crate) use trigonometry::sin_cos;

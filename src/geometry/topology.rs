@@ -1,5 +1,6 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -13,7 +14,7 @@ pub struct Topology {
     /// Whether the object of each triangle is closed.
     pub closed: Vec<bool>,
     /// Triangles of the same object that share a welded vertex.
-    pub neighbours: Neighbours,
+    pub neighbours: Arc<Neighbours>,
     /// For a triangle of a closed object: +1 if only its sides with n·d > 0 can be seen, −1 if
     /// only those with n·d < 0 can; 0 for open objects.
     pub visible_side: Vec<f64>,
@@ -79,15 +80,21 @@ impl Hasher for Mix {
     }
 }
 
-impl Topology {
-    /// Adds an object's faces, welded by position, and says whether it is closed (every welded
-    /// edge has two faces of opposite direction).
-    pub fn push_object(&mut self, positions: &[[f64; 3]], faces: &[[u32; 3]], materials: &[u32]) {
-        let object = self.object.last().map_or(0, |o| o + 1);
-        let first = self.object.len() as u32;
+/// Vertices of an object by place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weld {
+    /// The place of each vertex.
+    of_vertex: Vec<u32>,
+    /// How many places.
+    count: usize,
+}
+
+impl Weld {
+    /// Joins the vertices that are at the same place.
+    pub fn new(positions: &[[f64; 3]]) -> Self {
         let mut weld: HashMap<[u64; 3], u32, BuildHasherDefault<Mix>> =
             HashMap::with_capacity_and_hasher(positions.len(), BuildHasherDefault::default());
-        let welded: Vec<u32> = positions
+        let of_vertex = positions
             .iter()
             .map(|p| {
                 // −0 and 0 are one place.
@@ -96,6 +103,20 @@ impl Topology {
                 *weld.entry(key).or_insert(next)
             })
             .collect();
+        Self {
+            of_vertex,
+            count: weld.len(),
+        }
+    }
+}
+
+impl Topology {
+    /// Adds an object's faces, welded by position, and says whether it is closed (every welded
+    /// edge has two faces of opposite direction).
+    pub fn push_object(&mut self, weld: &Weld, faces: &[[u32; 3]], materials: &[u32]) {
+        let object = self.object.last().map_or(0, |o| o + 1);
+        let first = self.object.len() as u32;
+        let welded = &weld.of_vertex;
         let corners: Vec<[u32; 3]> = faces
             .iter()
             .map(|f| f.map(|i| welded[i as usize]))
@@ -123,12 +144,12 @@ impl Topology {
         let closed = !faces.is_empty() && once && !loops && edges == directed(true);
 
         // Faces by vertex.
-        let mut starts = vec![0usize; weld.len() + 1];
+        let mut starts = vec![0usize; weld.count + 1];
         corners
             .iter()
             .flatten()
             .for_each(|&v| starts[v as usize + 1] += 1);
-        for v in 0..weld.len() {
+        for v in 0..weld.count {
             starts[v + 1] += starts[v];
         }
         let mut next = starts.clone();
@@ -160,11 +181,12 @@ impl Topology {
                 found
             })
             .collect();
+        let neighbours = Arc::make_mut(&mut self.neighbours);
         for piece in pieces {
-            let base = self.neighbours.list.len();
-            self.neighbours.list.extend(piece.list);
+            let base = neighbours.list.len();
+            neighbours.list.extend(piece.list);
             let starts = piece.starts[1..].iter().map(|s| base + s);
-            self.neighbours.starts.extend(starts);
+            neighbours.starts.extend(starts);
         }
         let n = faces.len();
         self.object.extend(std::iter::repeat_n(object, n));

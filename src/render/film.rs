@@ -1,12 +1,14 @@
 //! What a render returns: radiance, and what was asked for beside it.
 
+use burn::tensor::kind::Basic;
 use burn::tensor::{Int, Tensor};
 
-use super::{Found, Renderer};
+use super::Renderer;
+use super::options::Outputs;
 use crate::error::Result;
 use crate::geometry::{Vec3, host_values, plain};
 use crate::transport::{Census, Diagnostics, Radiance, RayWeights};
-use crate::visibility::{Sparse, SparseWeights};
+use crate::visibility::SparseWeights;
 
 /// What a render cost.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -73,6 +75,130 @@ pub struct Image {
     pub statistics: Statistics,
     /// What was degenerate. On request.
     pub diagnostics: Option<Diagnostics>,
+}
+
+/// Rendered images; tensors are in the graph where gradients can flow.
+#[derive(Clone, Debug)]
+pub struct ImageBatch {
+    /// Linear RGB radiance `[B, H, W, 3]`, row 0 at the top.
+    pub radiance: Tensor<4>,
+    /// As [`Image::opacity`], `[B, H, W]`.
+    pub opacity: Option<Tensor<3>>,
+    /// As [`Image::depth`], `[B, H, W]`.
+    pub depth: Option<Tensor<3>>,
+    /// As [`Image::normals`], `[B, H, W, 3]`.
+    pub normals: Option<Tensor<4>>,
+    /// As [`Image::object_ids`], `[B, H, W]`.
+    pub object_ids: Option<Tensor<3, Int>>,
+    /// What each view cost.
+    pub statistics: Vec<Statistics>,
+    /// What was degenerate in each view; empty unless asked for.
+    pub diagnostics: Vec<Diagnostics>,
+}
+
+impl ImageBatch {
+    /// How many views.
+    pub fn len(&self) -> usize {
+        self.statistics.len()
+    }
+
+    /// Whether there is none; there is always one.
+    pub fn is_empty(&self) -> bool {
+        self.statistics.is_empty()
+    }
+
+    /// The image of a view. Where a loss is of all of them take it of the batch: each slice is a node
+    /// of the graph.
+    ///
+    /// # Panics
+    /// If there are not so many views.
+    pub fn view(&self, index: usize) -> Image {
+        fn one<const D: usize, const E: usize, K: Basic>(
+            t: &Tensor<D, K>,
+            index: usize,
+        ) -> Tensor<E, K> {
+            t.clone().slice([index..index + 1]).squeeze_dim(0)
+        }
+        Image {
+            radiance: one(&self.radiance, index),
+            opacity: self.opacity.as_ref().map(|t| one(t, index)),
+            depth: self.depth.as_ref().map(|t| one(t, index)),
+            normals: self.normals.as_ref().map(|t| one(t, index)),
+            object_ids: self.object_ids.as_ref().map(|t| one(t, index)),
+            statistics: self.statistics[index].clone(),
+            diagnostics: self.diagnostics.get(index).cloned(),
+        }
+    }
+
+    /// The only view.
+    pub(super) fn single(mut self) -> Image {
+        Image {
+            radiance: self.radiance.squeeze_dim(0),
+            opacity: self.opacity.map(|t| t.squeeze_dim(0)),
+            depth: self.depth.map(|t| t.squeeze_dim(0)),
+            normals: self.normals.map(|t| t.squeeze_dim(0)),
+            object_ids: self.object_ids.map(|t| t.squeeze_dim(0)),
+            statistics: self.statistics.swap_remove(0),
+            diagnostics: self.diagnostics.pop(),
+        }
+    }
+}
+
+/// Means over the samples of all pixels of all views.
+pub(super) struct Means {
+    /// `[B, C, P]`, rows in the order of [`Renderer::outputs`].
+    pub mean: Tensor<3>,
+    /// Rows of weights of objects, without that of the background.
+    pub objects: usize,
+    pub statistics: Vec<Statistics>,
+    pub diagnostics: Vec<Diagnostics>,
+}
+
+impl Means {
+    /// The images of width × height pixels.
+    pub fn images(self, [width, height]: [usize; 2], outputs: Outputs) -> ImageBatch {
+        let [count, _, pixels] = self.mean.dims();
+        let mut next = 0;
+        let mut take = |channels: usize| {
+            let rows = self.mean.clone();
+            let rows = rows.slice([0..count, next..next + channels, 0..pixels]);
+            next += channels;
+            rows
+        };
+        let plane = |t: Tensor<3>| t.reshape([count, height, width]);
+        let colour = |t: Tensor<3>| t.swap_dims(1, 2).reshape([count, height, width, 3]);
+        let radiance = colour(take(3));
+        let opacity = (outputs.opacity || outputs.depth || outputs.normals).then(|| take(1));
+        let seen = opacity.as_ref().map(|o| {
+            let nothing = crate::geometry::plain(o).lower_elem(1e-12);
+            (o.clone().mask_fill(nothing.clone(), 1.0), nothing)
+        });
+        let per_opacity = |t: Tensor<3>| match &seen {
+            Some((opacity, nothing)) => {
+                let shape = t.dims();
+                (t / opacity.clone()).mask_fill(nothing.clone().expand(shape), 0.0)
+            }
+            None => t,
+        };
+        let depth = outputs.depth.then(|| plane(per_opacity(take(1))));
+        let normals = outputs.normals.then(|| colour(per_opacity(take(3))));
+        let object_ids = outputs.object_ids.then(|| {
+            let index = take(self.objects + 1).inner().argmax(1);
+            let background = index.clone().equal_elem(self.objects as i64);
+            index
+                .mask_fill(background, -1)
+                .reshape([count, height, width])
+        });
+        ImageBatch {
+            radiance,
+            opacity: opacity.filter(|_| outputs.opacity).map(plane),
+            depth,
+            normals,
+            object_ids,
+            statistics: self.statistics,
+            diagnostics: self.diagnostics,
+        }
+    }
 }
 
 impl Renderer<'_> {
@@ -152,65 +278,7 @@ impl Renderer<'_> {
     }
 
     pub(super) fn objects(&self) -> usize {
-        self.scene
-            .topology
-            .object
-            .last()
-            .map_or(0, |&o| o as usize + 1)
-    }
-
-    /// The image from means `[C, H·W]` of the rows of `outputs`.
-    pub(super) fn image(&self, mean: Tensor<2>, found: &Found) -> Image {
-        let (width, height) = match &self.pixels {
-            Some(pixels) => (pixels.len(), 1),
-            None => (self.options.width, self.options.height),
-        };
-        let outputs = self.options.outputs;
-        let mut next = 0;
-        let mut take = |channels: usize| {
-            let rows = mean.clone().slice([next..next + channels]);
-            next += channels;
-            rows
-        };
-        let plane = |t: Tensor<2>| t.reshape([height, width]);
-        let colour = |t: Tensor<2>| t.transpose().reshape([height, width, 3]);
-        let radiance = colour(take(3));
-        let opacity = (outputs.opacity || outputs.depth || outputs.normals).then(|| take(1));
-        let seen = opacity.as_ref().map(|o| {
-            let nothing = crate::geometry::plain(o).lower_elem(1e-12);
-            (o.clone().mask_fill(nothing.clone(), 1.0), nothing)
-        });
-        let per_opacity = |t: Tensor<2>| match &seen {
-            Some((opacity, nothing)) => {
-                let shape = t.dims();
-                (t / opacity.clone()).mask_fill(nothing.clone().expand(shape), 0.0)
-            }
-            None => t,
-        };
-        let depth = outputs.depth.then(|| plane(per_opacity(take(1))));
-        let normals = outputs.normals.then(|| colour(per_opacity(take(3))));
-        let object_ids = outputs.object_ids.then(|| {
-            let objects = self.objects();
-            let index = take(objects + 1).inner().argmax(0);
-            let background = index.clone().equal_elem(objects as i64);
-            index.mask_fill(background, -1).reshape([height, width])
-        });
-        Image {
-            radiance,
-            opacity: if outputs.opacity {
-                opacity.map(plane)
-            } else {
-                None
-            },
-            depth,
-            normals,
-            object_ids,
-            statistics: Statistics::new(
-                &found.census,
-                self.sparse.as_ref().map_or(0, Sparse::taped),
-            ),
-            diagnostics: found.diagnostics.clone(),
-        }
+        self.scene.objects()
     }
 }
 

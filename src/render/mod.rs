@@ -1,27 +1,24 @@
 //! `render()`: passes, tiles, averaging.
 
+mod batch;
 mod film;
 mod fused;
 mod options;
 mod replay;
+mod tensors;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-use burn::tensor::{Device, Tensor, TensorData};
-use rayon::prelude::*;
+use burn::tensor::{Device, Tensor};
 
-use crate::accel::Hierarchy;
 use crate::error::{Error, Result};
-use crate::geometry::{host_values, plain};
-use crate::scene::{Camera, Collect, Flattened, Replace, Scene, visit_tensors};
-use crate::transport::{Census, Dimension, Lights, PathSettings, Sampler, Sky, Transport, trace};
-use crate::visibility::{Rays, Sparse};
+use crate::scene::{Camera, Collect, Scene, Visit, visit_tensors};
 
 pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
-pub use film::{Image, Statistics};
+pub use batch::{Batch, render_batch};
+pub use film::{Image, ImageBatch, Statistics};
 pub use options::{Progress, RenderOptions};
-use replay::{Retrace, replay};
+use tensors::Renderer;
 
 /// Renders a scene.
 ///
@@ -72,384 +69,59 @@ fn render_list(
     options: &RenderOptions,
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Image> {
+    let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
+    let images = render_views(&batch, options, pixels);
+    Ok(images
+        .map_err(|e| match e {
+            Error::OfBatch { source, .. } => *source,
+            other => other,
+        })?
+        .single())
+}
+
+/// Renders pixels of all views; all pixels, if there is no list.
+fn render_views(
+    batch: &Batch,
+    options: &RenderOptions,
+    pixels: Option<Arc<Vec<u32>>>,
+) -> Result<ImageBatch> {
     options.check()?;
-    let flattened = Flattened::new(scene, camera, options.bounds)?;
-    if fused::can_render(&flattened, options) {
-        return fused::render(scene, camera, &flattened, options, pixels);
-    }
-    let mut collected = Collect::default();
-    if options.replay {
-        visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
-    }
-    if collected.0.is_empty() {
-        let renderer = Renderer::new(&flattened, camera, options, pixels, None)?;
-        let (mean, found) = renderer.render()?;
-        let mean = with_gradient(mean, scene, camera);
-        return Ok(renderer.image(mean, &found));
-    }
-    let parameters = Tensor::cat(collected.0, 0);
-    let retraced = Retraced {
-        scene: scene.clone(),
-        camera: camera.clone(),
-        options: options.clone().bounds_or(flattened.bounds),
-        pixels: pixels.clone(),
-        parameters: plain(&parameters),
+    let size = match &pixels {
+        Some(pixels) => [pixels.len(), 1],
+        None => [options.width, options.height],
     };
-    // Forward without tape, backward on paths traced again.
-    let flattened = flattened.plain();
-    let mut renderer = Renderer::new(&flattened, camera, options, pixels, None)?;
-    renderer.forward_only = true;
-    let (mean, found) = renderer.render()?;
-    let hierarchy = renderer.sparse.as_ref().map(Sparse::hierarchy);
-    let retrace = Retrace(Arc::new(move |upstream| {
-        retraced.gradient(&upstream, &hierarchy)
-    }));
-    Ok(renderer.image(replay(parameters, mean, retrace), &found))
+    let mut means = if fused::can_render(batch, options) {
+        fused::render(batch, options, pixels)?
+    } else {
+        tensors::render(batch, options, pixels)?
+    };
+    means.mean = with_gradient(means.mean, batch);
+    Ok(means.images(size, options.outputs))
 }
 
 /// What changes nothing has a gradient of 0, not none: a fit may pass such a place.
-fn with_gradient(mean: Tensor<2>, scene: &Scene, camera: &Camera) -> Tensor<2> {
+fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
     if mean.is_tracked() {
         return mean;
     }
     let mut collected = Collect::default();
-    visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
+    for (i, camera) in &batch.views {
+        visit_tensors(
+            &mut batch.scenes[*i].clone(),
+            &mut camera.clone(),
+            &mut collected,
+        );
+    }
+    for v in &batch.vertices {
+        collected.visit(&mut v.values.clone());
+    }
     match collected.of_value_zero() {
         Some(nothing) => {
-            let nothing = nothing.cast(mean.dtype()).reshape([1, 1]);
+            let nothing = nothing.cast(mean.dtype()).reshape([1, 1, 1]);
             mean + nothing
         }
         None => mean,
     }
-}
-
-/// What the backward pass of a replay needs.
-struct Retraced {
-    scene: Scene,
-    camera: Camera,
-    options: RenderOptions,
-    pixels: Option<Arc<Vec<u32>>>,
-    parameters: Tensor<1>,
-}
-
-impl Retraced {
-    /// The gradient of the parameters from that of the means `[C, pixels]`.
-    fn gradient(&self, upstream: &TensorData, hierarchy: &Option<Arc<Hierarchy>>) -> TensorData {
-        let count = self.parameters.dims()[0];
-        let dtype = self.parameters.dtype();
-        let shape = upstream.shape().clone();
-        let (channels, pixels) = (shape[0], shape[1]);
-        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
-        let per_sample = f64::from(self.options.samples).recip();
-        let of_tile = |tile: &Tile| -> Result<Vec<f64>> {
-            let leaf = self.parameters.clone().autodiff().require_grad();
-            let (mut scene, mut camera) = (self.scene.clone(), self.camera.clone());
-            let mut replace = Replace {
-                parameters: leaf.clone(),
-                next: 0,
-            };
-            visit_tensors(&mut scene, &mut camera, &mut replace);
-            let flattened = Flattened::new(&scene, &camera, self.options.bounds)?;
-            let pixels_of = self.pixels.clone();
-            let renderer = Renderer::new(
-                &flattened,
-                &camera,
-                &self.options,
-                pixels_of,
-                hierarchy.clone(),
-            )?;
-            let sums = renderer.tile(tile)?.sums;
-            if !sums.is_tracked() {
-                return Ok(vec![0.0; count]);
-            }
-            let weights: Vec<f64> = (0..channels)
-                .flat_map(|c| {
-                    let row = &upstream[c * pixels..(c + 1) * pixels];
-                    row[tile.first..tile.first + tile.pixels].iter().copied()
-                })
-                .map(|w| w * per_sample)
-                .collect();
-            let weights = flattened.context.tensor(&weights, sums.dims());
-            let gradients = (sums * weights).sum().backward();
-            match leaf.grad(&gradients) {
-                Some(g) => host_values(&g),
-                None => Ok(vec![0.0; count]),
-            }
-        };
-        // A tape is as long as its paths.
-        let rays = REPLAYED_RAYS / (self.options.bounces as usize + 1);
-        let tiles = tiles(&self.options, pixels, rays.max(256));
-        let parts = if is_cpu(&self.parameters.device()) {
-            tiles.par_iter().map(of_tile).collect::<Result<Vec<_>>>()
-        } else {
-            tiles.iter().map(of_tile).collect()
-        };
-        // A backward pass can't return an error, and what could fail went well in the forward pass.
-        let parts = parts.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
-        let mut sum = vec![0.0; count];
-        for part in parts {
-            sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
-        }
-        TensorData::new(sum, [count]).convert_dtype(dtype)
-    }
-}
-
-/// Surfaces of the paths of a tile that keeps a tape.
-const REPLAYED_RAYS: usize = 1 << 14;
-
-struct Renderer<'a> {
-    scene: &'a Flattened,
-    camera: &'a Camera,
-    options: &'a RenderOptions,
-    sampler: Sampler,
-    lights: Arc<Lights>,
-    sky: Option<Sky>,
-    settings: PathSettings,
-    sparse: Option<Sparse>,
-    /// The pixels to render, where that is not all.
-    pixels: Option<Arc<Vec<u32>>>,
-    /// Whether to leave the camera's tape out as well.
-    forward_only: bool,
-}
-
-/// What a render found beside its image.
-struct Found {
-    census: Census,
-    diagnostics: Option<Diagnostics>,
-}
-
-/// Pixels `first..first + pixels` with samples `from..to`.
-#[derive(Clone, Copy, Debug)]
-struct Tile {
-    first: usize,
-    pixels: usize,
-    from: u32,
-    to: u32,
-}
-
-/// Sums over the samples of a tile, one column a pixel `[C, P]`: radiance, and what was asked for.
-struct TileSums {
-    sums: Tensor<2>,
-    census: Census,
-    diagnostics: Option<Diagnostics>,
-}
-
-impl<'a> Renderer<'a> {
-    fn new(
-        scene: &'a Flattened,
-        camera: &'a Camera,
-        options: &'a RenderOptions,
-        pixels: Option<Arc<Vec<u32>>>,
-        hierarchy: Option<Arc<Hierarchy>>,
-    ) -> Result<Self> {
-        // Diagnostics are there in tensors only, and GPUs do without the host.
-        let dense = options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
-        let sparse = match hierarchy {
-            _ if dense => None,
-            Some(hierarchy) => Some(Sparse::with(&scene.triangles, hierarchy, options.cutoff)),
-            None => {
-                let cache = options.cache.as_ref();
-                Some(Sparse::new(&scene.triangles, options.cutoff, cache)?)
-            }
-        };
-        Ok(Self {
-            scene,
-            camera,
-            options,
-            sampler: Sampler::new(
-                options.seed,
-                options.sampling.sequence,
-                options.width,
-                options.samples,
-            ),
-            lights: Arc::new(Lights::new(scene, options.sampling.emitters)?),
-            sky: Sky::new(scene)?,
-            settings: PathSettings {
-                sigma: options.sigma / (scene.unit * scene.unit),
-                visibility: options.visibility,
-                diagnostics: options.diagnostics,
-                bounces: options.bounces,
-                roulette_after: options.roulette_after,
-                sampling: options.sampling,
-            },
-            sparse,
-            pixels,
-            forward_only: false,
-        })
-    }
-
-    /// Means over samples `[C, pixels]`.
-    fn render(&self) -> Result<(Tensor<2>, Found)> {
-        let tiles = self.tiles();
-        let done = AtomicUsize::new(0);
-        let run = |tile: &Tile| {
-            let sums = self.tile(tile);
-            let n = done.fetch_add(1, Ordering::Relaxed) + 1;
-            if let Some(progress) = &self.options.progress {
-                progress(n, tiles.len());
-            }
-            sums
-        };
-        // The first tile tells whether there is a tape: a graph is built by one thread.
-        let mut results = vec![run(&tiles[0])?];
-        if results[0].sums.is_tracked() || !is_cpu(&self.scene.context.device) {
-            for tile in &tiles[1..] {
-                results.push(run(tile)?);
-            }
-        } else {
-            results.extend(tiles[1..].par_iter().map(run).collect::<Result<Vec<_>>>()?);
-        }
-        let mut census = Census::default();
-        results.iter().for_each(|r| census.merge(&r.census));
-        let mut diagnostics: Option<Diagnostics> = None;
-        for found in results.iter().filter_map(|r| r.diagnostics.as_ref()) {
-            diagnostics.get_or_insert_default().merge(found);
-        }
-
-        // Tiles come in order of pixels, then samples.
-        let mut columns: Vec<Tensor<2>> = Vec::new();
-        for (tile, result) in tiles.iter().zip(results) {
-            if tile.from == 0 {
-                columns.push(result.sums);
-            } else if let Some(sum) = columns.pop() {
-                columns.push(sum + result.sums);
-            }
-        }
-        // Not a division: its backward pass rounds 1/n to f32.
-        let mean = Tensor::cat(columns, 1) * f64::from(self.options.samples).recip();
-        let found = Found {
-            census,
-            diagnostics,
-        };
-        Ok((mean, found))
-    }
-
-    fn tiles(&self) -> Vec<Tile> {
-        let triangles = self.scene.triangles.len();
-        let pairs = if is_cpu(&self.scene.context.device) {
-            1 << 18
-        } else {
-            1 << 23
-        };
-        let rays = if self.sparse.is_some() {
-            1 << 13
-        } else {
-            (pairs / triangles).clamp(128, 1 << 17)
-        };
-        let pixels = self.pixels.as_ref().map_or_else(
-            || self.options.width * self.options.height,
-            |pixels| pixels.len(),
-        );
-        tiles(self.options, pixels, rays)
-    }
-
-    fn tile(&self, tile: &Tile) -> Result<TileSums> {
-        let paths: Vec<(u32, u32)> = (tile.first..tile.first + tile.pixels)
-            .map(|i| self.pixels.as_ref().map_or(i as u32, |pixels| pixels[i]))
-            .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel, sample)))
-            .collect();
-        let rays = self.camera_rays(&paths);
-        let samples = (tile.to - tile.from) as usize;
-        let transport = Transport {
-            scene: self.scene,
-            settings: &self.settings,
-            sampler: &self.sampler,
-            lights: &self.lights,
-            sky: self.sky.as_ref(),
-            sparse: self.sparse.as_ref(),
-        };
-        let found = trace(transport, rays, &paths, samples)?;
-        let census = found.census.clone();
-        let diagnostics = found.diagnostics.clone();
-        let rows = Tensor::cat(self.outputs(found), 0);
-        let channels = rows.dims()[0];
-        let sums = rows
-            .reshape([channels * tile.pixels, samples])
-            .sum_dim(1)
-            .reshape([channels, tile.pixels]);
-        Ok(TileSums {
-            sums,
-            census,
-            diagnostics,
-        })
-    }
-
-    fn camera_rays(&self, paths: &[(u32, u32)]) -> Rays {
-        let context = &self.scene.context;
-        let (width, height) = (self.options.width, self.options.height);
-        let film = |coordinate: &dyn Fn(usize) -> usize, jitter: Vec<f64>, size: usize| {
-            let values: Vec<f64> = paths
-                .iter()
-                .zip(jitter)
-                .map(|(&(pixel, _), j)| (coordinate(pixel as usize) as f64 + j) / size as f64)
-                .collect();
-            context.row(&values)
-        };
-        let dimensions = [Dimension::FilmX, Dimension::FilmY];
-        let [x, y] = self.sampler.uniform(paths, 0, dimensions);
-        let film = [
-            film(&|p| p % width, x, width),
-            film(&|p| p / width, y, height),
-        ];
-        let disk = self.camera.has_lens().then(|| {
-            let dimensions = [Dimension::LensRadius, Dimension::LensAngle];
-            let [radius, angle] = self.sampler.uniform(paths, 0, dimensions);
-            let polar: Vec<(f64, f64)> = radius
-                .iter()
-                .zip(angle)
-                .map(|(r, a)| (r.sqrt(), std::f64::consts::TAU * a))
-                .collect();
-            [
-                context.row(&polar.iter().map(|(r, a)| r * a.cos()).collect::<Vec<_>>()),
-                context.row(&polar.iter().map(|(r, a)| r * a.sin()).collect::<Vec<_>>()),
-            ]
-        });
-        let moves = self.scene.triangles.velocity.is_some();
-        let time = moves.then(|| {
-            let [time] = self.sampler.uniform(paths, 0, [Dimension::Time]);
-            context.row(&time)
-        });
-        let (origin, direction) = self.camera.rays(
-            context,
-            self.scene.bounds.center,
-            self.scene.unit,
-            width as f64 / height as f64,
-            &film,
-            disk.as_ref(),
-        );
-        let (origin, direction) = if self.forward_only {
-            (origin.plain(), direction.plain())
-        } else {
-            (origin, direction)
-        };
-        Rays {
-            origin,
-            direction,
-            time,
-            departure: None,
-            arrival: None,
-        }
-    }
-}
-
-/// Pixels in pieces of about so many rays.
-fn tiles(options: &RenderOptions, pixels: usize, rays: usize) -> Vec<Tile> {
-    let samples = options.samples as usize;
-    let rays = options.rays_per_tile.unwrap_or(rays);
-    let per_tile = (rays / samples).max(1);
-    let samples_per_tile = rays.min(samples);
-    let mut tiles = Vec::new();
-    for first in (0..pixels).step_by(per_tile) {
-        for from in (0..samples).step_by(samples_per_tile) {
-            tiles.push(Tile {
-                first,
-                pixels: per_tile.min(pixels - first),
-                from: from as u32,
-                to: (from + samples_per_tile).min(samples) as u32,
-            });
-        }
-    }
-    tiles
 }
 
 /// Whether tiles of rays gain from several host threads.

@@ -151,6 +151,15 @@ impl RenderOptions {
         self
     }
 
+    /// The options that [`render_batch`](super::render_batch) renders the view of that index with: the
+    /// same but for the seed, so that views have random numbers of their own. View 0 has the seed that
+    /// is set.
+    pub fn of_view(&self, index: usize) -> Self {
+        let seed = self.seed;
+        self.clone()
+            .seed(seed.wrapping_add((index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
+    }
+
     /// Ends paths at random, in proportion to their throughput, after the given bounce and every
     /// later one (0: after the surface that the camera sees).
     pub fn russian_roulette(mut self, after: u32) -> Self {

@@ -1,13 +1,13 @@
 //! Whatever a user can get wrong in a scene, named.
 
-use burn::tensor::Device;
+use burn::tensor::{DType, Device};
 
 use super::{Albedo, Camera, Material, Parameter, Scene};
 use crate::error::{Error, Result};
 use crate::geometry::Context;
 
 /// One device and float type for all tensors; values finite and in range.
-pub(crate) fn check(scene: &Scene, camera: &Camera) -> Result<Context> {
+pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
     let triangles: usize = scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
     if triangles == 0 {
         return Err(Error::NoTriangles {
@@ -19,24 +19,8 @@ pub(crate) fn check(scene: &Scene, camera: &Camera) -> Result<Context> {
         device: first.device().inner(),
         dtype: first.dtype(),
     };
-    let same = |object: &str, field: &str, device: Device, dtype| {
-        if device != context.device {
-            return Err(Error::DeviceMismatch {
-                object: object.into(),
-                field: field.into(),
-                found: format!("{device:?}"),
-                expected: format!("{:?}", context.device),
-            });
-        }
-        if dtype != context.dtype {
-            return Err(Error::DtypeMismatch {
-                object: object.into(),
-                field: field.into(),
-                found: format!("{dtype:?}"),
-                expected: format!("{:?}", context.dtype),
-            });
-        }
-        Ok(())
+    let same = |object: &str, field: &str, device, dtype| {
+        same_kind(&context, (object, field), device, dtype)
     };
     for object in &scene.objects {
         let name = &object.name;
@@ -94,10 +78,6 @@ pub(crate) fn check(scene: &Scene, camera: &Camera) -> Result<Context> {
             material.check(name)?;
         }
     }
-    for (field, t) in camera.tensors() {
-        same("camera", field, t.device(), t.dtype())?;
-    }
-    camera.check()?;
     if let Some((device, dtype)) = scene.environment.kind() {
         same("scene", "environment", device, dtype)?;
     }
@@ -105,7 +85,40 @@ pub(crate) fn check(scene: &Scene, camera: &Camera) -> Result<Context> {
     Ok(context)
 }
 
-fn material_tensors(m: &Material) -> Vec<(&'static str, (Device, burn::tensor::DType))> {
+/// The camera's tensors are like the scene's; values finite and in range.
+pub(crate) fn check_camera(camera: &Camera, context: &Context) -> Result<()> {
+    for (field, t) in camera.tensors() {
+        same_kind(context, ("camera", field), t.device(), t.dtype())?;
+    }
+    camera.check()
+}
+
+fn same_kind(
+    context: &Context,
+    (object, field): (&str, &str),
+    device: Device,
+    dtype: DType,
+) -> Result<()> {
+    if device != context.device {
+        return Err(Error::DeviceMismatch {
+            object: object.into(),
+            field: field.into(),
+            found: format!("{device:?}"),
+            expected: format!("{:?}", context.device),
+        });
+    }
+    if dtype != context.dtype {
+        return Err(Error::DtypeMismatch {
+            object: object.into(),
+            field: field.into(),
+            found: format!("{dtype:?}"),
+            expected: format!("{:?}", context.dtype),
+        });
+    }
+    Ok(())
+}
+
+fn material_tensors(m: &Material) -> Vec<(&'static str, (Device, DType))> {
     let albedo = |a: &Albedo| match a {
         Albedo::Constant(p) => p.tensor().map(|t| (t.device(), t.dtype())),
         Albedo::Texture { texels, .. } => Some((texels.device(), texels.dtype())),

@@ -16,11 +16,12 @@ pub use camera::Camera;
 pub(crate) use camera::CameraFrame;
 pub use environment::Environment;
 pub use flatten::{Albedos, Bounds, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
+pub(crate) use flatten::{Attached, TrackedMesh};
 pub use material::{Albedo, Material, Wrap};
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
 pub use parameter::Parameter;
-pub(crate) use tensors::{Collect, Replace, Visit, visit_tensors};
+pub(crate) use tensors::{Collect, Plain, Replace, Visit, visit_tensors};
 pub use transform::Transform;
 
 /// A scene: objects and an environment.

@@ -98,3 +98,12 @@ impl Visit for Replace {
         }
     }
 }
+
+/// Takes every tensor out of its graph.
+pub(crate) struct Plain;
+
+impl Visit for Plain {
+    fn visit<const D: usize>(&mut self, tensor: &mut Tensor<D>) {
+        *tensor = crate::geometry::plain(tensor);
+    }
+}

@@ -15,7 +15,7 @@ mod texture;
 mod tracer;
 
 pub use diagnostics::Diagnostics;
-pub(crate) use fused::{Fused, FusedParts, Pixel, TileLog, Work};
+pub(crate) use fused::{Fused, FusedParts, Gradient, Host, Pixel, Tables, TileLog, Work};
 pub(crate) use lights::Lights;
 pub(crate) use path::{Radiance, trace};
 pub(crate) use sampler::{Dimension, Sampler};

@@ -24,7 +24,9 @@ use crate::geometry::{Context, Topology};
 pub use depth::DepthRange;
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
 pub(crate) use edge::{full_room, grazing};
-pub(crate) use sparse::{Finder, HostRay, PullScratch, Surface, Weighed};
+pub(crate) use sparse::{
+    Finder, HostRay, PullScratch, Surface, Weighed, cutoff_of_triangle, host_triangles,
+};
 pub use sparse::{Sparse, SparseWeights};
 pub use weights::Weights;
 

@@ -97,7 +97,7 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         object: flat(&case.json["mesh"]).iter().map(|&m| m as u32).collect(),
         material: vec![0; case.triangles],
         closed: vec![false; case.triangles],
-        neighbours: Neighbours::none(case.triangles),
+        neighbours: Neighbours::none(case.triangles).into(),
         visible_side: vec![0.0; case.triangles],
     };
     let rays = Rays {

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use super::records::{Branch, CameraRay, Gathered, Hit, Lit, Ray, Vertex, Work};
 use super::shading::ShadeSums;
-use super::tables::Sums;
-use super::{Fused, Pixel};
+use super::sums::Sums;
+use super::{Fused, Gradient, Pixel};
 use crate::visibility::{PullScratch, Surface, Weighed};
 
 /// Derivatives by the origin and direction of a ray.
@@ -91,7 +91,7 @@ impl Fused {
                     None => {}
                 }
             }
-            if self.tables.rays {
+            if self.rays {
                 let by = self.pull_weights(
                     &camera.ray,
                     surfaces,
@@ -159,7 +159,7 @@ impl Fused {
             let Some(ray) = &vertex.ray else {
                 continue;
             };
-            if !self.tables.rays {
+            if !self.rays {
                 continue;
             }
             // The drawn weight's logarithm, less what the others' mean takes off.
@@ -287,7 +287,7 @@ impl Fused {
                 by_next += light * end.background;
                 let g = back.upstream * throughput * end.background;
                 by_direction += sky.pull(end.direction, g, &mut sums.sky);
-                if self.tables.rays {
+                if self.rays {
                     let surfaces = &work.surfaces[end.surfaces.clone()];
                     let zeros = vec![0.0; surfaces.len()];
                     let by = self.pull_weights(
@@ -338,7 +338,7 @@ impl Fused {
         };
         let by_place = hit.place.pull(host, triangle, by_uv, by_normal, sums);
         by_position += by_place;
-        if !self.tables.rays {
+        if !self.rays {
             return (by_throughput, ByRay::default());
         }
         if !hit.smooth {
@@ -383,7 +383,7 @@ impl Fused {
         sums.emission[material] += g * vertex.throughput * reflected * scale;
         let by_reflected = g * vertex.throughput * emission * scale;
         let mut by_direction = hit.shade.pull_scattered(way.direction, by_reflected, shade);
-        if !self.tables.rays {
+        if !self.rays {
             return (by_throughput, DVec3::ZERO);
         }
         let by_scale = (g * vertex.throughput).dot(reflected * emission);
@@ -448,7 +448,7 @@ impl Fused {
         );
         let by_reflected = g * vertex.throughput * radiance * scale;
         hit.shade.pull_scattered(ray.direction, by_reflected, shade);
-        if !self.tables.rays {
+        if !self.rays {
             return (by_throughput, DVec3::ZERO);
         }
         let by_background = (g * vertex.throughput).dot(reflected * radiance) / gathered.density;
@@ -484,8 +484,8 @@ impl Fused {
         s.half_height += by_through.dot(c.right * x + c.up * y);
     }
 
-    /// The derivatives by the table: those by normals and areas go to the corners.
-    pub(crate) fn resolve(&self, mut sums: Sums) -> Vec<f64> {
+    /// The derivatives by what is in a graph: those by normals and areas go to the corners.
+    pub(crate) fn resolve(&self, mut sums: Sums) -> Gradient {
         for (k, t) in self.hierarchy.triangles.iter().enumerate() {
             if !t.valid || sums.corners.is_empty() {
                 continue;
@@ -502,7 +502,10 @@ impl Fused {
             corners[1] += by_ab;
             corners[2] += by_ac;
         }
-        self.tables.flatten(&sums)
+        Gradient {
+            scene: self.tables.flatten(&sums),
+            camera: self.camera.flatten(&sums.camera),
+        }
     }
 }
 

@@ -10,6 +10,7 @@ mod forward;
 mod log;
 mod records;
 mod shading;
+mod sums;
 mod surface;
 mod tables;
 
@@ -19,21 +20,23 @@ use burn::tensor::Tensor;
 use glam::DVec3;
 
 use super::sky::SkyMap;
-use super::{Census, Lights, PathSettings, Sampler, Sky};
+use super::{Census, Lights, PathSettings, Sampler};
 use crate::accel::{Hierarchy, Machine, Task, dispatch};
 use crate::error::Result;
 use crate::scene::{Camera, Flattened};
 use crate::visibility::{Finder, Visibility};
 pub(crate) use log::{Log, TileLog};
 pub(crate) use records::Work;
+pub(crate) use sums::Sums;
+use tables::HostCamera;
 use tables::HostSky;
-pub(crate) use tables::{HostCamera, Sums, Tables};
+pub(crate) use tables::{Host, Tables};
 
-/// A scene with the settings of a render, on the host.
+/// A scene as a camera sees it, with the settings of a render, on the host.
 pub(crate) struct Fused {
     /// Without tape.
     scene: Flattened,
-    tables: Tables,
+    tables: Arc<Tables>,
     hierarchy: Arc<Hierarchy>,
     lights: Arc<Lights>,
     sampler: Sampler,
@@ -44,17 +47,28 @@ pub(crate) struct Fused {
     cutoff: f64,
     /// The sets of random numbers that most paths use (`Sampler::run`).
     drawn: u8,
+    /// Whether rays and surfaces they meet have derivatives.
+    rays: bool,
 }
 
-/// What a fused render is made from beside its scene.
+/// What a fused render is made from beside its scene; all views of a scene share most of it.
+#[derive(Clone)]
 pub(crate) struct FusedParts {
+    pub tables: Arc<Tables>,
     pub hierarchy: Arc<Hierarchy>,
     pub lights: Arc<Lights>,
-    pub sky: Option<Sky>,
     pub sampler: Sampler,
     pub settings: PathSettings,
     pub size: [usize; 2],
     pub cutoff: f64,
+}
+
+/// Derivatives of an image by what is in a graph.
+pub(crate) struct Gradient {
+    /// By the table of the scene.
+    pub scene: Vec<f64>,
+    /// By the row of the camera.
+    pub camera: Vec<f64>,
 }
 
 /// Finders for camera and bounce rays, and for shadow rays.
@@ -64,17 +78,18 @@ struct Finders<'a> {
 }
 
 impl Fused {
-    /// Reads the scene back.
+    /// Of a scene without tape.
     ///
     /// # Errors
-    /// If it can't be read.
-    pub(crate) fn new(scene: &Flattened, camera: &Camera, parts: FusedParts) -> Result<Self> {
+    /// If the camera can't be read back.
+    pub(crate) fn new(scene: Flattened, camera: &Camera, parts: FusedParts) -> Result<Self> {
         let frame = camera.frame(&scene.context, scene.bounds.center, scene.unit);
         let camera = HostCamera::new(&frame, camera.has_lens())?;
         let mut fused = Self {
-            tables: Tables::new(scene, parts.sky, &frame)?,
+            rays: parts.tables.rays(&camera),
+            tables: parts.tables,
             drawn: 0,
-            scene: scene.clone().plain(),
+            scene,
             hierarchy: parts.hierarchy,
             lights: parts.lights,
             sampler: parts.sampler,
@@ -105,14 +120,19 @@ impl Fused {
         sets
     }
 
-    /// What gradients flow to.
-    pub(crate) fn tables(&self) -> &Tables {
-        &self.tables
+    /// How many numbers the sums of derivatives have.
+    pub(crate) fn size(&self) -> usize {
+        self.tables.size()
     }
 
-    /// What is in a graph, in one row; None if nothing is. It can be taken once.
-    pub(crate) fn take_parent(&mut self) -> Option<Tensor<1>> {
-        self.tables.take_parent()
+    /// Sums of derivatives, all 0.
+    pub(crate) fn sums(&self) -> Sums {
+        self.tables.sums(self.rays)
+    }
+
+    /// The camera's row of what is in a graph, if anything of it is. It can be taken once.
+    pub(crate) fn take_camera(&mut self) -> Option<Tensor<1>> {
+        self.camera.parent.take()
     }
 
     /// Bounces of a path.

@@ -3,7 +3,8 @@
 
 use glam::{DVec2, DVec3};
 
-use super::tables::{Host, Sums};
+use super::sums::Sums;
+use super::tables::Host;
 use crate::accel::HostTriangle;
 use crate::scene::TextureSlot;
 

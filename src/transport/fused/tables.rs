@@ -1,20 +1,23 @@
 //! What an image depends on, in one table, and sums of derivatives by its parts.
 
+use std::sync::Arc;
+
 use burn::tensor::Tensor;
 use glam::{DVec2, DVec3};
 
+use super::sums::{CameraSums, Sums};
 use super::surface::HostAlbedos;
 use crate::error::Result;
 use crate::geometry::{Vec3, VertexData, host_values, host_vectors};
-use crate::scene::{Albedos, CameraFrame, Flattened, SkyTensors};
+use crate::scene::{Albedos, Attached, CameraFrame, Flattened, SkyTensors, TrackedMesh};
 use crate::transport::Sky;
 use crate::transport::sky::SkyMap;
 
 /// The parts of the table that are in a graph, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
-    /// Corners a, b, c of each triangle `[T, 9]`.
-    Corners,
+    /// Vertices of meshes `[V, 3]`, one after another, in scene units.
+    Vertices,
     /// `[T, 3]`.
     Velocity,
     /// Texture coordinates of the corners `[T, 6]`.
@@ -32,34 +35,41 @@ enum Part {
     Emission,
     /// `[3]`, or texels `[A, 3]`.
     Sky,
-    /// Eye, forward, right, up `[12]`, half height, aperture and focus.
-    Camera,
 }
 
-/// Materials, environment and camera on the host, and the table of what is in a graph.
+/// Materials and environment on the host, and the table of what is in a graph of all but the camera.
 pub(crate) struct Tables {
     pub(super) host: Host,
     parts: Vec<Part>,
+    /// Meshes whose vertices are in a graph.
+    meshes: Vec<MeshRows>,
     parent: Option<Tensor<1>>,
     triangles: usize,
-    /// Whether the camera's part has a lens, used or not.
-    lens: bool,
-    /// Whether rays and surfaces they meet have derivatives.
-    pub(super) rays: bool,
+    /// Scene units.
+    unit: f64,
+    /// Whether surfaces that rays meet have derivatives.
+    rays: bool,
+}
+
+/// Where the vertices of a mesh are in the table.
+struct MeshRows {
+    vertices: usize,
+    faces: Arc<Vec<[u32; 3]>>,
+    first: usize,
 }
 
 /// What rays find, on the host.
-pub(super) struct Host {
-    pub diffuse: HostAlbedos,
+pub(crate) struct Host {
+    pub(super) diffuse: HostAlbedos,
     /// k_s and exponents, if any material is glossy.
-    pub specular: Option<(HostAlbedos, Vec<f64>)>,
-    pub emission: Vec<DVec3>,
-    pub sky: Option<HostSky>,
-    pub moves: bool,
+    pub(super) specular: Option<(HostAlbedos, Vec<f64>)>,
+    pub(super) emission: Vec<DVec3>,
+    pub(super) sky: Option<HostSky>,
+    pub(super) moves: bool,
     /// Texture coordinates of the corners, if anything has a texture.
-    pub uvs: Option<Vec<[DVec2; 3]>>,
+    pub(super) uvs: Option<Vec<[DVec2; 3]>>,
     /// Shading normals of the corners, and which triangles have them.
-    pub normals: Option<(Vec<[DVec3; 3]>, Vec<bool>)>,
+    pub(super) normals: Option<(Vec<[DVec3; 3]>, Vec<bool>)>,
 }
 
 /// An environment on the host.
@@ -103,7 +113,11 @@ impl HostSky {
 }
 
 impl Host {
-    fn new(scene: &Flattened, sky: Option<Sky>) -> Result<Self> {
+    /// Reads a scene back.
+    ///
+    /// # Errors
+    /// If it can't be read.
+    pub(crate) fn new(scene: &Flattened, sky: Option<Sky>) -> Result<Self> {
         let materials = &scene.materials;
         let albedos = |a: &Albedos| -> Result<HostAlbedos> {
             Ok(HostAlbedos {
@@ -160,6 +174,10 @@ pub(crate) struct HostCamera {
     pub(super) half_height: f64,
     /// Aperture radius and focus distance.
     pub(super) lens: Option<[f64; 2]>,
+    /// Eye, forward, right, up `[12]`, half height, aperture and focus in one row, if any is in a graph.
+    pub(super) parent: Option<Tensor<1>>,
+    /// Whether the row has a lens, used or not.
+    with_lens: bool,
 }
 
 impl HostCamera {
@@ -170,6 +188,12 @@ impl HostCamera {
             Some([aperture, focus]) if has_lens => Some([number(aperture)?, number(focus)?]),
             _ => None,
         };
+        let mut planes: Vec<&Tensor<2>> = Vec::new();
+        for v in [&frame.eye, &frame.forward, &frame.right, &frame.up] {
+            planes.extend([&v.x, &v.y, &v.z]);
+        }
+        planes.push(&frame.half_height);
+        planes.extend(frame.lens.iter().flatten());
         Ok(Self {
             eye: vector(&frame.eye)?,
             forward: vector(&frame.forward)?,
@@ -177,86 +201,79 @@ impl HostCamera {
             up: vector(&frame.up)?,
             half_height: number(&frame.half_height)?,
             lens,
+            parent: table(&planes),
+            with_lens: frame.lens.is_some(),
         })
+    }
+
+    /// The derivatives by the row.
+    pub(super) fn flatten(&self, sums: &CameraSums) -> Vec<f64> {
+        let vectors = [sums.eye, sums.forward, sums.right, sums.up];
+        let mut all: Vec<f64> = vectors.iter().flat_map(|v| v.to_array()).collect();
+        all.push(sums.half_height);
+        if self.with_lens {
+            all.extend(sums.lens);
+        }
+        all
     }
 }
 
+/// Columns side by side in one row, if any of them is in a graph.
+fn table(planes: &[&Tensor<2>]) -> Option<Tensor<1>> {
+    if !planes.iter().any(|p| p.is_tracked()) {
+        return None;
+    }
+    let columns = planes.iter().map(|p| {
+        let [a, b] = p.dims();
+        (*p).clone().reshape([a * b, 1])
+    });
+    let table = Tensor::cat(columns.collect(), 1);
+    let [a, b] = table.dims();
+    Some(table.reshape([a * b]))
+}
+
 impl Tables {
-    pub(super) fn new(scene: &Flattened, sky: Option<Sky>, camera: &CameraFrame) -> Result<Self> {
-        let triangles = &scene.triangles;
-        let materials = &scene.materials;
-        let (mut parts, mut list) = (Vec::new(), Vec::new());
+    /// From a scene without tape, and what of it is in a graph; those meshes first whose vertices are in
+    /// no row of this table, but of the batch.
+    pub(crate) fn new(
+        scene: &Flattened,
+        host: Host,
+        attached: Option<&Attached>,
+        meshes: Vec<TrackedMesh>,
+    ) -> Self {
+        let (mut parts, mut list, mut rows) = (Vec::new(), Vec::new(), Vec::new());
+        for mesh in meshes {
+            let vertices = mesh.count;
+            list.extend(mesh.vertices.map(|v| v.reshape([3 * vertices])));
+            rows.push(MeshRows {
+                vertices,
+                faces: mesh.faces,
+                first: mesh.first,
+            });
+        }
+        if !rows.is_empty() {
+            parts.push(Part::Vertices);
+        }
         // A part is there as a whole if any of it is in a graph.
-        let mut add = |part: Part, planes: &[&Tensor<2>]| {
-            if planes.iter().any(|p| p.is_tracked()) {
+        for (part, planes) in attached.map(parts_of).unwrap_or_default() {
+            if let Some(row) = table(&planes.iter().collect::<Vec<_>>()) {
                 parts.push(part);
-                let columns = planes.iter().map(|p| {
-                    let [a, b] = p.dims();
-                    (*p).clone().reshape([a * b, 1])
-                });
-                let table = Tensor::cat(columns.collect(), 1);
-                let [a, b] = table.dims();
-                list.push(table.reshape([a * b]));
+                list.push(row);
             }
-        };
-        let of_vector = |v: &Vec3| [v.x.clone(), v.y.clone(), v.z.clone()];
-        let of_corners = |v: &VertexData, width: usize| -> Vec<Tensor<2>> {
-            let corners = [&v.a, &v.b, &v.c].into_iter();
-            corners
-                .flat_map(|c| of_vector(c).into_iter().take(width))
-                .collect()
-        };
-        let mut all: Vec<(Part, Vec<Tensor<2>>)> =
-            vec![(Part::Corners, of_corners(&triangles.corners, 3))];
-        if let Some(velocity) = &triangles.velocity {
-            all.push((Part::Velocity, of_vector(velocity).to_vec()));
         }
-        if let Some(uvs) = &scene.uvs {
-            all.push((Part::Uvs, of_corners(uvs, 2)));
-        }
-        if let Some((normals, _)) = &scene.normals {
-            all.push((Part::Normals, of_corners(normals, 3)));
-        }
-        let mut albedos = |albedos: &Albedos, constant: Part, texels: Part| {
-            all.push((constant, of_vector(&albedos.constant).to_vec()));
-            if let Some(atlas) = &albedos.atlas {
-                all.push((texels, of_vector(atlas).to_vec()));
-            }
-        };
-        albedos(&materials.diffuse, Part::Diffuse, Part::DiffuseTexels);
-        if let Some((specular, exponent)) = &materials.specular {
-            albedos(specular, Part::Specular, Part::SpecularTexels);
-            all.push((Part::Exponent, vec![exponent.clone()]));
-        }
-        all.push((Part::Emission, of_vector(&materials.emission).to_vec()));
-        let shining = match &scene.environment {
-            Some(SkyTensors::Constant(radiance)) => Some(radiance),
-            Some(SkyTensors::Map(map)) => Some(&map.texels),
-            None => None,
-        };
-        all.extend(shining.map(|v| (Part::Sky, of_vector(v).to_vec())));
-        for (part, planes) in &all {
-            add(*part, &planes.iter().collect::<Vec<_>>());
-        }
-        let mut planes: Vec<&Tensor<2>> = Vec::new();
-        for v in [&camera.eye, &camera.forward, &camera.right, &camera.up] {
-            planes.extend([&v.x, &v.y, &v.z]);
-        }
-        planes.push(&camera.half_height);
-        planes.extend(camera.lens.iter().flatten());
-        add(Part::Camera, &planes);
-        Ok(Self {
-            host: Host::new(scene, sky)?,
+        Self {
+            host,
             // Normals and the exponent turn the directions that are drawn.
             rays: parts.iter().any(|p| {
-                use Part::{Camera, Corners, Exponent, Normals, Velocity};
-                [Corners, Velocity, Camera, Exponent, Normals].contains(p)
+                use Part::{Exponent, Normals, Velocity, Vertices};
+                [Vertices, Velocity, Exponent, Normals].contains(p)
             }),
             parent: (!list.is_empty()).then(|| Tensor::cat(list, 0)),
             parts,
-            triangles: triangles.len(),
-            lens: camera.lens.is_some(),
-        })
+            meshes: rows,
+            triangles: scene.triangles.len(),
+            unit: scene.unit,
+        }
     }
 
     /// What is in a graph, in one row; None if nothing is. It can be taken once.
@@ -264,9 +281,14 @@ impl Tables {
         self.parent.take()
     }
 
-    /// Sums of derivatives, all 0.
-    pub(crate) fn sums(&self) -> Sums {
-        let triangles = if self.rays { self.triangles } else { 0 };
+    /// Whether surfaces that rays meet have derivatives, seen by a camera.
+    pub(super) fn rays(&self, camera: &HostCamera) -> bool {
+        self.rays || camera.parent.is_some()
+    }
+
+    /// Sums of derivatives, all 0, with those of rays or without.
+    pub(super) fn sums(&self, rays: bool) -> Sums {
+        let triangles = if rays { self.triangles } else { 0 };
         let host = &self.host;
         let materials = host.emission.len();
         let atlas = |a: &HostAlbedos| vec![DVec3::ZERO; a.atlas.len()];
@@ -307,7 +329,11 @@ impl Tables {
         };
         for part in &self.parts {
             match part {
-                Part::Corners => sums.corners.iter().for_each(|c| vectors(&mut all, c)),
+                Part::Vertices => {
+                    for mesh in &self.meshes {
+                        vectors(&mut all, &mesh.by_vertices(sums, self.unit));
+                    }
+                }
                 Part::Velocity => vectors(&mut all, &sums.velocity),
                 Part::Uvs => {
                     let corners = sums.uvs.iter().flatten();
@@ -321,79 +347,63 @@ impl Tables {
                 Part::Exponent => all.extend(&sums.exponent),
                 Part::Emission => vectors(&mut all, &sums.emission),
                 Part::Sky => vectors(&mut all, &sums.sky),
-                Part::Camera => {
-                    let c = &sums.camera;
-                    vectors(&mut all, &[c.eye, c.forward, c.right, c.up]);
-                    all.push(c.half_height);
-                    if self.lens {
-                        all.extend(c.lens);
-                    }
-                }
             }
         }
         all
     }
 }
 
-/// Sums of derivatives by what a scene is made of.
-pub(crate) struct Sums {
-    pub corners: Vec<[DVec3; 3]>,
-    pub normal: Vec<DVec3>,
-    pub area: Vec<f64>,
-    pub velocity: Vec<DVec3>,
-    pub uvs: Vec<[DVec2; 3]>,
-    pub normals: Vec<[DVec3; 3]>,
-    pub diffuse: Vec<DVec3>,
-    pub diffuse_texels: Vec<DVec3>,
-    pub specular: Vec<DVec3>,
-    pub specular_texels: Vec<DVec3>,
-    pub exponent: Vec<f64>,
-    pub emission: Vec<DVec3>,
-    pub sky: Vec<DVec3>,
-    pub camera: CameraSums,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct CameraSums {
-    pub eye: DVec3,
-    pub forward: DVec3,
-    pub right: DVec3,
-    pub up: DVec3,
-    pub half_height: f64,
-    pub lens: [f64; 2],
-}
-
-impl Sums {
-    /// Adds others.
-    pub fn add(&mut self, o: &Self) {
-        fn each<T: Copy + std::ops::AddAssign>(a: &mut [T], b: &[T]) {
-            a.iter_mut().zip(b).for_each(|(a, b)| *a += *b);
+impl MeshRows {
+    /// Derivatives by the corners of triangles, summed at their vertices, by scene units.
+    fn by_vertices(&self, sums: &Sums, unit: f64) -> Vec<DVec3> {
+        let mut rows = vec![DVec3::ZERO; self.vertices];
+        for (face, corners) in self.faces.iter().zip(&sums.corners[self.first..]) {
+            for (&v, corner) in face.iter().zip(corners) {
+                rows[v as usize] += *corner;
+            }
         }
-        for (a, b) in self.corners.iter_mut().zip(&o.corners) {
-            each(a, b);
-        }
-        each(&mut self.normal, &o.normal);
-        each(&mut self.area, &o.area);
-        each(&mut self.velocity, &o.velocity);
-        for (a, b) in self.uvs.iter_mut().zip(&o.uvs) {
-            each(a, b);
-        }
-        for (a, b) in self.normals.iter_mut().zip(&o.normals) {
-            each(a, b);
-        }
-        each(&mut self.diffuse, &o.diffuse);
-        each(&mut self.diffuse_texels, &o.diffuse_texels);
-        each(&mut self.specular, &o.specular);
-        each(&mut self.specular_texels, &o.specular_texels);
-        each(&mut self.exponent, &o.exponent);
-        each(&mut self.emission, &o.emission);
-        each(&mut self.sky, &o.sky);
-        let (a, b) = (&mut self.camera, &o.camera);
-        a.eye += b.eye;
-        a.forward += b.forward;
-        a.right += b.right;
-        a.up += b.up;
-        a.half_height += b.half_height;
-        each(&mut a.lens, &b.lens);
+        rows.iter_mut().for_each(|row| *row /= unit);
+        rows
     }
+}
+
+/// All planes of a scene but corners, by part.
+fn parts_of(attached: &Attached) -> Vec<(Part, Vec<Tensor<2>>)> {
+    let of_vector = |v: &Vec3| [v.x.clone(), v.y.clone(), v.z.clone()];
+    let of_corners = |v: &VertexData, width: usize| -> Vec<Tensor<2>> {
+        let corners = [&v.a, &v.b, &v.c].into_iter();
+        corners
+            .flat_map(|c| of_vector(c).into_iter().take(width))
+            .collect()
+    };
+    let mut all: Vec<(Part, Vec<Tensor<2>>)> = Vec::new();
+    if let Some(velocity) = &attached.velocity {
+        all.push((Part::Velocity, of_vector(velocity).to_vec()));
+    }
+    if let Some(uvs) = &attached.uvs {
+        all.push((Part::Uvs, of_corners(uvs, 2)));
+    }
+    if let Some((normals, _)) = &attached.normals {
+        all.push((Part::Normals, of_corners(normals, 3)));
+    }
+    let mut albedos = |albedos: &Albedos, constant: Part, texels: Part| {
+        all.push((constant, of_vector(&albedos.constant).to_vec()));
+        if let Some(atlas) = &albedos.atlas {
+            all.push((texels, of_vector(atlas).to_vec()));
+        }
+    };
+    let materials = &attached.materials;
+    albedos(&materials.diffuse, Part::Diffuse, Part::DiffuseTexels);
+    if let Some((specular, exponent)) = &materials.specular {
+        albedos(specular, Part::Specular, Part::SpecularTexels);
+        all.push((Part::Exponent, vec![exponent.clone()]));
+    }
+    all.push((Part::Emission, of_vector(&materials.emission).to_vec()));
+    let shining = match &attached.environment {
+        Some(SkyTensors::Constant(radiance)) => Some(radiance),
+        Some(SkyTensors::Map(map)) => Some(&map.texels),
+        None => None,
+    };
+    all.extend(shining.map(|v| (Part::Sky, of_vector(v).to_vec())));
+    all
 }

@@ -16,7 +16,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{CoverageSettings, DepthRange, Rays, Visibility};
-use crate::accel::{Hierarchy, HierarchyCache};
+use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, host_vectors};
 pub(crate) use ray::{Finder, HostRay, PullScratch, Surface, Weighed};
@@ -38,6 +38,29 @@ pub struct Sparse {
     taped: AtomicU64,
     /// Triangles of smaller opacity, and what lies behind more than 1 − cutoff, are left out.
     cutoff: f64,
+}
+
+/// The cutoff of one triangle, from that of a ray.
+pub(crate) fn cutoff_of_triangle(cutoff: f64) -> f64 {
+    SAFETY * cutoff
+}
+
+/// Reads triangles back.
+///
+/// # Errors
+/// If they can't be read.
+pub(crate) fn host_triangles(triangles: &Triangles) -> Result<Vec<HostTriangle>> {
+    let (corners, velocity) = tables(triangles);
+    let host = host_values(&corners)?;
+    let moved = velocity.as_ref().map(host_values).transpose()?;
+    let valid = host_values(&triangles.valid.clone().float())?;
+    let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
+    let of_row = |(k, v): (usize, &[f64])| {
+        let corners = [vector(v), vector(&v[3..]), vector(&v[6..])];
+        let shift = moved.as_ref().map_or(DVec3::ZERO, |m| vector(&m[3 * k..]));
+        HostTriangle::new(corners, shift, valid[k] > 0.0)
+    };
+    Ok(host.par_chunks_exact(9).enumerate().map(of_row).collect())
 }
 
 /// Rays on the host.
@@ -99,30 +122,12 @@ impl Sparse {
     /// # Errors
     /// If they can't be read back.
     pub fn new(triangles: &Triangles, cutoff: f64, cache: Option<&HierarchyCache>) -> Result<Self> {
-        let (corners, velocity) = tables(triangles);
-        let host = host_values(&corners)?;
-        let moved = velocity.as_ref().map(host_values).transpose()?;
-        let valid = host_values(&triangles.valid.clone().float())?;
-        let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
-        let list = host
-            .par_chunks_exact(9)
-            .enumerate()
-            .map(|(k, v)| {
-                let corners = [vector(v), vector(&v[3..]), vector(&v[6..])];
-                let shift = moved.as_ref().map_or(DVec3::ZERO, |m| vector(&m[3 * k..]));
-                crate::accel::HostTriangle::new(corners, shift, valid[k] > 0.0)
-            })
-            .collect();
-        Ok(Self {
-            hierarchy: match cache {
-                Some(cache) => cache.take(list),
-                None => Arc::new(Hierarchy::new(list)),
-            },
-            corners,
-            velocity,
-            taped: AtomicU64::new(0),
-            cutoff: SAFETY * cutoff,
-        })
+        let list = host_triangles(triangles)?;
+        let hierarchy = match cache {
+            Some(cache) => cache.take(list),
+            None => Arc::new(Hierarchy::new(list)),
+        };
+        Ok(Self::with(triangles, hierarchy, cutoff))
     }
 
     /// How many pairs of ray and triangle went into the graph with their derivatives.
@@ -138,13 +143,8 @@ impl Sparse {
             corners,
             velocity,
             taped: AtomicU64::new(0),
-            cutoff: SAFETY * cutoff,
+            cutoff: cutoff_of_triangle(cutoff),
         }
-    }
-
-    /// The cutoff of one triangle.
-    pub(crate) fn cutoff(&self) -> f64 {
-        self.cutoff
     }
 
     /// The triangles and their boxes.

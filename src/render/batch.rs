@@ -1,0 +1,195 @@
+//! Batches: scenes × cameras in one call.
+
+use burn::tensor::Tensor;
+
+use super::{ImageBatch, RenderOptions, render_views};
+use crate::error::{Error, Result};
+use crate::geometry::plain;
+use crate::scene::{Camera, Scene};
+
+/// Scenes and the views to render of them.
+///
+/// Scenes may differ in everything: meshes, materials, lights. Views of one scene share what is made
+/// of it: its checks, triangles, boxes and lights. Where all scenes have a mesh with the same faces
+/// and vertices of its own each, as a network predicts them, give the vertices as one tensor
+/// ([`Batch::with_vertices`]).
+#[derive(Clone, Debug)]
+pub struct Batch {
+    pub(super) scenes: Vec<Scene>,
+    pub(super) views: Vec<(usize, Camera)>,
+    pub(super) vertices: Vec<BatchVertices>,
+}
+
+/// The vertices of the objects of one name, in all scenes.
+#[derive(Clone, Debug)]
+pub(super) struct BatchVertices {
+    pub name: String,
+    /// `[S, V, 3]`.
+    pub values: Tensor<3>,
+}
+
+impl Batch {
+    /// Scenes and cameras in pairs; one scene is seen by all cameras, and one camera sees all scenes.
+    ///
+    /// # Errors
+    /// If there are neither as many cameras as scenes nor one of either, or none at all.
+    pub fn new(scenes: Vec<Scene>, cameras: Vec<Camera>) -> Result<Self> {
+        let (s, c) = (scenes.len(), cameras.len());
+        let views = match (s, c) {
+            (1, _) => cameras.into_iter().map(|camera| (0, camera)).collect(),
+            (_, 1) => (0..s).map(|i| (i, cameras[0].clone())).collect(),
+            _ if s == c => cameras.into_iter().enumerate().collect(),
+            _ => {
+                return Err(Error::invalid(
+                    "batch",
+                    "cameras",
+                    format!("{c} for {s} scenes"),
+                    "as many as scenes, or one of either",
+                ));
+            }
+        };
+        Self::views(scenes, views)
+    }
+
+    /// Every scene seen by every camera: view i·C + j is scene i by camera j of C.
+    ///
+    /// # Errors
+    /// If there is no scene or no camera.
+    pub fn product(scenes: Vec<Scene>, cameras: &[Camera]) -> Result<Self> {
+        let views = (0..scenes.len())
+            .flat_map(|i| cameras.iter().map(move |camera| (i, camera.clone())))
+            .collect();
+        Self::views(scenes, views)
+    }
+
+    /// Any views: numbers of scenes, with the camera that sees each.
+    ///
+    /// # Errors
+    /// If there is no view, or one of a scene that is not there.
+    pub fn views(scenes: Vec<Scene>, views: Vec<(usize, Camera)>) -> Result<Self> {
+        if views.is_empty() {
+            return Err(Error::invalid("batch", "views", "empty", "at least one"));
+        }
+        let count = scenes.len();
+        if let Some((scene, _)) = views.iter().find(|(scene, _)| *scene >= count) {
+            return Err(Error::invalid(
+                "batch",
+                "scene of a view",
+                scene,
+                format!("a number under {count}"),
+            ));
+        }
+        Ok(Self {
+            scenes,
+            views,
+            vertices: Vec::new(),
+        })
+    }
+
+    /// The vertices of the objects of that name, `[S, V, 3]` for S scenes, in scene units, in place of
+    /// those they have. On the CPU the tensor is one parent of the images as it is: nothing is sliced
+    /// or gathered in the graph, and boxes and neighbours of the first scene serve the others.
+    ///
+    /// # Errors
+    /// If the shape is another, or a scene has no object of that name or several.
+    pub fn with_vertices(mut self, name: impl Into<String>, values: Tensor<3>) -> Result<Self> {
+        let name = name.into();
+        for (index, scene) in self.scenes.iter().enumerate() {
+            let found = scene.objects.iter().filter(|o| o.name == name).count();
+            if found != 1 {
+                let source = Error::invalid(
+                    "scene",
+                    "objects",
+                    format!("{found} of the name {name:?}"),
+                    "one",
+                );
+                return Err(of_batch("scene", index)(source));
+            }
+        }
+        let [scenes, vertices, width] = values.dims();
+        if scenes != self.scenes.len() || width != 3 {
+            return Err(Error::invalid(
+                name,
+                "vertices of the batch",
+                format!("of shape [{scenes}, {vertices}, {width}]"),
+                format!("shape [{}, V, 3]", self.scenes.len()),
+            ));
+        }
+        self.vertices.retain(|v| v.name != name);
+        self.vertices.push(BatchVertices { name, values });
+        Ok(self)
+    }
+
+    /// How many views.
+    pub fn len(&self) -> usize {
+        self.views.len()
+    }
+
+    /// Whether there is none; there is always one.
+    pub fn is_empty(&self) -> bool {
+        self.views.is_empty()
+    }
+
+    /// A scene with its vertices of the batch, in the graph or out of it.
+    pub(super) fn scene(&self, index: usize, tracked: bool) -> Scene {
+        let mut scene = self.scenes[index].clone();
+        for v in &self.vertices {
+            let values = if tracked {
+                v.values.clone()
+            } else {
+                plain(&v.values)
+            };
+            let [_, count, _] = values.dims();
+            let rows = values.slice([index..index + 1]).reshape([count, 3]);
+            if let Some(object) = scene.objects.iter_mut().find(|o| o.name == v.name) {
+                object.mesh.vertices = rows;
+            }
+        }
+        scene
+    }
+}
+
+/// Renders all views of a batch, each with random numbers of its own
+/// ([`RenderOptions::of_view`]): what [`render`](super::render) returns for a scene and camera with
+/// the options of its view, and with the same gradients.
+///
+/// On the CPU the images are one node of the graph, and views and tiles share all cores in both
+/// passes. On GPUs views are rendered one after another.
+///
+/// ```
+/// use softray::prelude::*;
+///
+/// let device = Device::flex();
+/// let ball = shapes::icosphere(1, &device);
+/// // A batch of three deformed balls, as a network predicts them.
+/// let vertices = Tensor::stack::<3>(vec![ball.vertices.clone(); 3], 0);
+/// let widths = Tensor::<1>::from_floats([0.8, 1.0, 1.2], &device).autodiff().require_grad();
+/// let vertices = vertices * widths.clone().reshape([3, 1, 1]);
+/// let scene = Scene::new()
+///     .with(Object::new(ball).named("body"))
+///     .environment([1.0, 1.0, 1.0]);
+/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+/// let batch = Batch::new(vec![scene; 3], vec![camera])?.with_vertices("body", vertices)?;
+/// let options = RenderOptions::new(16, 16).samples(2).bounces(0).sigma(1e-2);
+/// let images = render_batch(&batch, &options)?;
+/// assert_eq!(images.radiance.dims(), [3, 16, 16, 3]);
+/// let gradients = images.radiance.mean().backward();
+/// assert!(widths.grad(&gradients).is_some());
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// # Errors
+/// Like [`render`](super::render), with the number of the scene or view at fault; nothing is rendered
+/// then.
+pub fn render_batch(batch: &Batch, options: &RenderOptions) -> Result<ImageBatch> {
+    render_views(batch, options, None)
+}
+
+/// Says which part of a batch an error is of.
+pub(super) fn of_batch(part: &'static str, index: usize) -> impl FnOnce(Error) -> Error {
+    move |source| Error::OfBatch {
+        part,
+        index,
+        source: Box::new(source),
+    }
+}
