@@ -47,9 +47,9 @@ struct Arguments {
     /// Seed of the fit's noise.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// flex, ndarray, wgpu or vulkan.
-    #[arg(long, default_value = "flex")]
-    device: String,
+    /// flex, ndarray, wgpu or vulkan; without it what BURN_DEVICE names, or flex.
+    #[arg(long)]
+    device: Option<String>,
     /// Folder for the pictures.
     #[arg(long, default_value = "out")]
     out: PathBuf,
@@ -58,7 +58,7 @@ struct Arguments {
 fn main() -> Result<(), Box<dyn Error>> {
     env_logger::init();
     let arguments = Arguments::parse();
-    let device = common::device(&arguments.device)?;
+    let device = softray::device::named(arguments.device.as_deref())?;
     std::fs::create_dir_all(&arguments.out)?;
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/cornell");
     let file = SceneFile::load(data.join("scene.json"), &device)?;

@@ -56,9 +56,9 @@ struct Arguments {
     /// Same seed, same image.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// flex, ndarray, wgpu or vulkan.
-    #[arg(long, default_value = "flex")]
-    device: String,
+    /// flex, ndarray, wgpu or vulkan; without it what BURN_DEVICE names, or flex.
+    #[arg(long)]
+    device: Option<String>,
     /// An image to compare with.
     #[arg(long)]
     reference: Option<PathBuf>,
@@ -85,7 +85,7 @@ fn size(text: &str) -> Result<(usize, usize), String> {
 fn main() -> Result<(), Box<dyn Error>> {
     env_logger::init();
     let arguments = Arguments::parse();
-    let device = common::device(&arguments.device)?;
+    let device = softray::device::named(arguments.device.as_deref())?;
     let (mut scene, mut camera, mut size) = load(&arguments, &device)?;
     if let Some(eye) = arguments.eye {
         camera.eye = eye.into();

@@ -26,6 +26,7 @@
 struct Readme;
 
 pub mod accel;
+pub mod device;
 pub mod error;
 pub mod geometry;
 pub mod gradcheck;

@@ -99,6 +99,15 @@ fn every_gradient_is_that_of_the_cpu() {
     }
 }
 
+/// Of the loss and of each parameter's gradient: f32, sums in another order.
+#[test]
+fn a_training_step_is_that_of_the_cpu() {
+    use common::training::{assert_close, assert_taught, step};
+    let gpu = step(&device());
+    assert_taught(&gpu);
+    assert_close(&gpu, &step(&Device::flex()), 1e-2);
+}
+
 /// A sample of the scenes at the edge of what floats hold.
 #[test]
 fn images_and_gradients_are_finite() {

@@ -7,7 +7,6 @@ use burn::tensor::{DType, Device};
 use clap::ValueEnum;
 use softray::prelude::*;
 
-use crate::common;
 
 /// One way to render.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,8 +94,8 @@ impl Setting {
         }
     }
 
-    pub fn device(&self) -> Result<Device, String> {
-        common::device(&self.device)
+    pub fn device(&self) -> softray::Result<Device> {
+        softray::device::named(Some(&self.device))
     }
 
     /// How far from a triangle a ray still meets it, scene units.

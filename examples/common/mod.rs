@@ -10,28 +10,6 @@ pub mod figure;
 #[allow(dead_code)] // only those that fit something
 pub mod study;
 
-/// A device by name; GPU backends need their feature.
-#[allow(unreachable_patterns)] // the names of features that are built in were matched before
-#[allow(deprecated)] // burn deprecates ndarray; it is offered all the same
-pub fn device(name: &str) -> Result<Device, String> {
-    match name {
-        #[cfg(feature = "flex")]
-        "flex" => Ok(Device::flex()),
-        #[cfg(feature = "ndarray")]
-        "ndarray" => Ok(Device::ndarray()),
-        #[cfg(feature = "wgpu")]
-        "wgpu" => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
-        #[cfg(feature = "vulkan")]
-        "vulkan" => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
-        "flex" | "ndarray" | "wgpu" | "vulkan" => Err(format!(
-            "this program was built without the feature `{name}`: add `--features {name}`"
-        )),
-        _ => Err(format!(
-            "there is no device `{name}`: flex, ndarray, wgpu or vulkan"
-        )),
-    }
-}
-
 /// A progress bar of known length.
 #[allow(dead_code)] // those that fit have one of the fit
 pub fn bar(length: u64, message: &'static str) -> ProgressBar {

@@ -31,9 +31,9 @@ pub struct Arguments {
     /// Go on from the newest checkpoint of a run that was stopped.
     #[arg(long)]
     pub resume: bool,
-    /// flex, ndarray, wgpu or vulkan.
-    #[arg(long, default_value = "flex")]
-    pub device: String,
+    /// flex, ndarray, wgpu or vulkan; without it what BURN_DEVICE names, or flex.
+    #[arg(long)]
+    pub device: Option<String>,
     /// Folder for figures, histories and checkpoints.
     #[arg(long, default_value = "out")]
     pub out: PathBuf,
@@ -47,7 +47,7 @@ impl Arguments {
             steps: None,
             seed: 1,
             resume: false,
-            device: "flex".into(),
+            device: Some("flex".into()),
             out,
         }
     }
@@ -57,8 +57,8 @@ impl Arguments {
         if self.quick { quick } else { full }
     }
 
-    pub fn device(&self) -> Result<Device, String> {
-        super::device(&self.device)
+    pub fn device(&self) -> softray::Result<Device> {
+        softray::device::named(self.device.as_deref())
     }
 }
 

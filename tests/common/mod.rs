@@ -4,6 +4,7 @@
 pub mod gradients;
 pub mod images;
 pub mod stress;
+pub mod training;
 pub mod visibility;
 
 use std::path::PathBuf;

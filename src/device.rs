@@ -1,0 +1,121 @@
+//! Devices by name, so that one program runs on CPU and GPU.
+
+use burn::tensor::Device;
+
+use crate::error::{Error, Result};
+
+/// The variable that names the device where a program is given none; burn's own.
+pub const VARIABLE: &str = "BURN_DEVICE";
+
+/// The device of a name: `flex`, `ndarray`, `wgpu` or `vulkan`. Without a name the one that the
+/// environment variable `BURN_DEVICE` names, and Flex where it is not set. Of GPUs the first is taken
+/// unless a kind is named too: `wgpu:discrete`, `wgpu:integrated`, `wgpu:virtual` or `wgpu:cpu` (a
+/// software driver), likewise for `vulkan`; a number chooses among several: `wgpu:discrete:1`.
+///
+/// The device is without autodiff; parameters go to `device.autodiff()`, constants stay here.
+///
+/// ```
+/// let device = softray::device::named(Some("flex"))?;
+/// assert_eq!(device, burn::tensor::Device::flex());
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// # Errors
+/// If there is no device of that name, or this program was built without its feature.
+pub fn named(name: Option<&str>) -> Result<Device> {
+    let variable = std::env::var(VARIABLE).ok();
+    match (name, &variable) {
+        (Some(name), _) => parse("name", name),
+        (None, Some(name)) => parse(VARIABLE, name),
+        (None, None) => parse("name", "flex"),
+    }
+}
+
+#[allow(unreachable_patterns)] // the names of features that are built in were matched before
+#[allow(deprecated)] // burn deprecates ndarray; it is offered all the same
+fn parse(field: &str, name: &str) -> Result<Device> {
+    let lower = name.trim().to_lowercase();
+    let (backend, kind) = match lower.split_once(':') {
+        Some((backend, kind)) => (backend, Some(kind)),
+        None => (lower.as_str(), None),
+    };
+    let unknown = || {
+        let names = "flex, ndarray, wgpu or vulkan; of the last two a kind, as in wgpu:cpu";
+        Error::invalid("device", field, format!("{name:?}"), names)
+    };
+    match (backend, kind) {
+        #[cfg(feature = "flex")]
+        ("flex", None) => Ok(Device::flex()),
+        #[cfg(feature = "ndarray")]
+        ("ndarray", None) => Ok(Device::ndarray()),
+        #[cfg(feature = "wgpu")]
+        ("wgpu", kind) => Ok(Device::wgpu(gpu(kind).ok_or_else(unknown)?)),
+        #[cfg(feature = "vulkan")]
+        ("vulkan", kind) => Ok(Device::vulkan(gpu(kind).ok_or_else(unknown)?)),
+        ("flex" | "ndarray", None) | ("wgpu" | "vulkan", _) => Err(Error::invalid(
+            "device",
+            field,
+            format!("{name:?}"),
+            format!("a backend that was built in; build with `--features {backend}` for this one"),
+        )),
+        _ => Err(unknown()),
+    }
+}
+
+#[cfg(feature = "wgpu")]
+fn gpu(kind: Option<&str>) -> Option<burn::tensor::DeviceKind> {
+    use burn::tensor::DeviceKind;
+    let Some(kind) = kind else {
+        return Some(DeviceKind::DefaultDevice);
+    };
+    let (kind, number) = match kind.split_once(':') {
+        Some((kind, number)) => (kind, number.parse().ok()?),
+        None => (kind, 0),
+    };
+    match kind {
+        "discrete" => Some(DeviceKind::DiscreteGpu(number)),
+        "integrated" => Some(DeviceKind::IntegratedGpu(number)),
+        "virtual" => Some(DeviceKind::VirtualGpu(number)),
+        "cpu" if number == 0 => Some(DeviceKind::Cpu),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(feature = "flex")]
+    #[test]
+    fn names_are_those_of_backends() {
+        let flex = parse("name", " Flex ").expect("flex");
+        assert_eq!(flex, Device::flex());
+        #[cfg(feature = "ndarray")]
+        assert_ne!(parse("name", "ndarray").expect("ndarray"), flex);
+    }
+
+    #[test]
+    fn other_names_are_errors() {
+        for name in ["", "cuda2", "flex:cpu", "wgpu:fast", "wgpu:discrete:x"] {
+            let said = parse(VARIABLE, name).expect_err(name).to_string();
+            assert!(said.contains(&format!("BURN_DEVICE is {name:?}")), "{said}");
+        }
+    }
+
+    #[cfg(not(feature = "wgpu"))]
+    #[test]
+    fn what_is_not_built_in_says_so() {
+        let said = parse("name", "wgpu").expect_err("no wgpu").to_string();
+        assert!(said.contains("--features wgpu"), "{said}");
+    }
+
+    #[cfg(feature = "wgpu")]
+    #[test]
+    fn kinds_of_gpus() {
+        use burn::tensor::DeviceKind;
+        assert_eq!(gpu(None), Some(DeviceKind::DefaultDevice));
+        assert_eq!(gpu(Some("cpu")), Some(DeviceKind::Cpu));
+        assert_eq!(gpu(Some("discrete:1")), Some(DeviceKind::DiscreteGpu(1)));
+        assert_eq!(gpu(Some("cpu:1")), None);
+    }
+}

@@ -1,0 +1,198 @@
+//! One training step of a small network that looks at images and is taught by renders of what it
+//! predicts: the same program on every device.
+
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
+use burn::nn::conv::{Conv2d, Conv2dConfig};
+use burn::nn::{Linear, LinearConfig};
+use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::tensor::activation::{sigmoid, tanh};
+use burn::tensor::{DType, Device, Tensor, TensorData};
+use softray::prelude::*;
+
+use super::values;
+
+const ITEMS: usize = 2;
+const SIZE: usize = 12;
+const VERTICES: usize = 12;
+
+/// From images `[B, 3, 12, 12]` to offsets of an icosahedron's vertices and a colour.
+#[derive(Module, Debug)]
+struct Predictor {
+    encoder: Conv2d,
+    offsets: Linear,
+    colour: Linear,
+}
+
+impl Predictor {
+    fn new(device: &Device) -> Self {
+        let wide = 4 * 5 * 5;
+        let network = Self {
+            encoder: Conv2dConfig::new([3, 4], [3, 3])
+                .with_stride([2, 2])
+                .init(device),
+            offsets: LinearConfig::new(wide, 3 * VERTICES).init(device),
+            colour: LinearConfig::new(wide, 3).init(device),
+        };
+        // Backends have random numbers of their own.
+        network.map(&mut Fill(0))
+    }
+
+    /// Offsets `[B, 12, 3]` and colours `[B, 3]`.
+    fn forward(&self, images: Tensor<4>) -> (Tensor<3>, Tensor<2>) {
+        let features: Tensor<2> = tanh(self.encoder.forward(images)).flatten(1, 3);
+        let offsets = self.offsets.forward(features.clone()) * 0.2;
+        let colours = sigmoid(self.colour.forward(features));
+        (offsets.reshape([ITEMS, VERTICES, 3]), colours)
+    }
+}
+
+/// Numbers from −½ to ½ over √fan-in, the same on all devices.
+struct Fill(u32);
+
+impl ModuleMapper for Fill {
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        param.map(|old| {
+            let shape: [usize; D] = old.dims();
+            let count: usize = shape.iter().product();
+            let wide = (count as f64 / shape[0].max(shape[D - 1]) as f64).max(1.0);
+            let values: Vec<f32> = (0..count)
+                .map(|_| {
+                    self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+                    let bits = self.0 ^ (self.0 >> 15);
+                    ((f64::from(bits) / 4_294_967_296.0 - 0.5) / wide.sqrt()) as f32
+                })
+                .collect();
+            Tensor::from_data(TensorData::new(values, shape), &old.device())
+        })
+    }
+}
+
+/// The values or gradients of all parameters, with their paths.
+struct Gather<'a> {
+    path: Vec<String>,
+    gradients: Option<&'a GradientsParams>,
+    found: Vec<(String, Vec<f64>)>,
+}
+
+impl ModuleVisitor for Gather<'_> {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.into());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let found = match self.gradients {
+            Some(gradients) => gradients.get::<D>(param.id).map(|g| values(&g)),
+            None => Some(values(&param.val())),
+        };
+        let found = found.unwrap_or_default();
+        self.found.push((self.path.join("."), found));
+    }
+}
+
+fn gather(network: &Predictor, gradients: Option<&GradientsParams>) -> Vec<(String, Vec<f64>)> {
+    let mut gather = Gather {
+        path: Vec::new(),
+        gradients,
+        found: Vec::new(),
+    };
+    network.visit(&mut gather);
+    gather.found
+}
+
+/// What a step brought.
+pub struct Outcome {
+    pub loss: f64,
+    /// By parameter.
+    pub gradients: Vec<(String, Vec<f64>)>,
+    /// After the step of Adam.
+    pub parameters: Vec<(String, Vec<f64>)>,
+}
+
+/// One step on a device.
+pub fn step(device: &Device) -> Outcome {
+    let network = Predictor::new(&device.clone().autodiff());
+    let mut optimizer: ModuleOptimizer = AdamConfig::new().init().into();
+    let ball = shapes::icosahedron(device).cast(DType::F32);
+    let camera = Camera::look_at([0.0, 0.5, 4.0], [0.0; 3]).fov_y(40.0);
+    let options = RenderOptions::new(SIZE, SIZE)
+        .samples(2)
+        .bounces(0)
+        .sigma(1e-2)
+        .seed(3);
+    let scene = |colour: Parameter<3>| {
+        Scene::new()
+            .with(
+                Object::new(ball.clone())
+                    .named("body")
+                    .material(Material::diffuse(colour)),
+            )
+            .environment([1.0, 0.9, 0.8])
+    };
+    let scales: [[f32; 3]; ITEMS] = [[0.8, 1.1, 0.9], [1.2, 0.7, 1.0]];
+    let scales = Tensor::<2>::from_data(TensorData::from(scales), device);
+    let vertices = ball.vertices.clone().unsqueeze::<3>();
+    let stretched = vertices.clone() * scales.reshape([ITEMS, 1, 3]);
+    let colours = [[0.9, 0.3, 0.2], [0.2, 0.5, 0.8]];
+    let scenes = colours.map(|c| scene(c.into())).to_vec();
+    let target = Batch::new(scenes, vec![camera.clone()]).expect("a batch");
+    let target = target.with_vertices("body", stretched).expect("vertices");
+    let target = render_batch(&target, &options.clone().samples(8)).expect("images");
+
+    let (offsets, colours) = network.forward(target.radiance.clone().permute([0, 3, 1, 2]));
+    let scenes = (0..ITEMS)
+        .map(|i| scene(colours.clone().slice([i..i + 1]).reshape([3]).into()))
+        .collect();
+    let batch = Batch::new(scenes, vec![camera]).expect("a batch");
+    let batch = batch
+        .with_vertices("body", vertices + offsets)
+        .expect("vertices");
+    let images = render_batch(&batch, &options).expect("images");
+    let loss = (images.radiance - target.radiance).powf_scalar(2.0).mean();
+    let value = values(&loss)[0];
+    let gradients = GradientsParams::from_grads(loss.backward(), &network);
+    let found = gather(&network, Some(&gradients));
+    let network = optimizer.step(1e-2, network, gradients);
+    Outcome {
+        loss: value,
+        gradients: found,
+        parameters: gather(&network, None),
+    }
+}
+
+/// Compares two steps: losses, and gradients by parameter relative to their norm.
+pub fn assert_close(a: &Outcome, b: &Outcome, bound: f64) {
+    assert!(
+        (a.loss - b.loss).abs() <= bound * b.loss.abs(),
+        "losses {} and {}",
+        a.loss,
+        b.loss
+    );
+    for ((name, a), (_, b)) in a.gradients.iter().zip(&b.gradients) {
+        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert_eq!(a.len(), b.len(), "{name}");
+        let apart: Vec<f64> = a.iter().zip(b).map(|(x, y)| x - y).collect();
+        let apart = norm(&apart) / norm(b);
+        println!("{name}: {apart:.1e} apart");
+        assert!(apart <= bound, "{name}: {apart:e} apart");
+    }
+}
+
+/// The network learns by what renders say: every weight has a gradient, finite and not all zero, and
+/// the step moves it.
+pub fn assert_taught(outcome: &Outcome) {
+    assert!(outcome.loss.is_finite() && outcome.loss > 0.0);
+    assert_eq!(outcome.gradients.len(), 6);
+    for (name, gradient) in &outcome.gradients {
+        assert!(!gradient.is_empty(), "{name} has no gradient");
+        assert!(gradient.iter().all(|g| g.is_finite()), "{name}");
+        assert!(gradient.iter().any(|&g| g != 0.0), "{name} is all zero");
+    }
+    let before = gather(&Predictor::new(&Device::flex()), None);
+    for ((name, a), (_, b)) in before.iter().zip(&outcome.parameters) {
+        assert_ne!(a, b, "{name} has not moved");
+    }
+}
