@@ -7,7 +7,7 @@ use common::training::{assert_close, assert_taught, step};
 use softray::prelude::*;
 
 /// Relative, of the loss and of each parameter's gradient; f32.
-const BOUND: f64 = 1e-4;
+const BOUND: f64 = 1e-5;
 
 #[test]
 #[allow(deprecated)]

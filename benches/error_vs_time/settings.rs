@@ -7,7 +7,6 @@ use burn::tensor::{DType, Device};
 use clap::ValueEnum;
 use softray::prelude::*;
 
-
 /// One way to render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {

@@ -4,7 +4,7 @@
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{Linear, LinearConfig};
-use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::optim::{AdamConfig, GradientsParams};
 use burn::tensor::activation::{sigmoid, tanh};
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use softray::prelude::*;
@@ -63,6 +63,9 @@ impl ModuleMapper for Fill {
                 })
                 .collect();
             Tensor::from_data(TensorData::new(values, shape), &old.device())
+                .autodiff()
+                .require_grad()
+                .require_grad()
         })
     }
 }
@@ -115,7 +118,7 @@ pub struct Outcome {
 /// One step on a device.
 pub fn step(device: &Device) -> Outcome {
     let network = Predictor::new(&device.clone().autodiff());
-    let mut optimizer: ModuleOptimizer = AdamConfig::new().init().into();
+    let mut optimizer = AdamConfig::new().init();
     let ball = shapes::icosahedron(device).cast(DType::F32);
     let camera = Camera::look_at([0.0, 0.5, 4.0], [0.0; 3]).fov_y(40.0);
     let options = RenderOptions::new(SIZE, SIZE)
