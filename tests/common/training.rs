@@ -4,7 +4,7 @@
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{Linear, LinearConfig};
-use burn::optim::{AdamConfig, GradientsParams};
+use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::activation::{sigmoid, tanh};
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use softray::prelude::*;
@@ -115,54 +115,83 @@ pub struct Outcome {
     pub parameters: Vec<(String, Vec<f64>)>,
 }
 
-/// One step on a device.
-pub fn step(device: &Device) -> Outcome {
-    let network = Predictor::new(&device.clone().autodiff());
-    let mut optimizer = AdamConfig::new().init();
-    let ball = shapes::icosahedron(device).cast(DType::F32);
-    let camera = Camera::look_at([0.0, 0.5, 4.0], [0.0; 3]).fov_y(40.0);
-    let options = RenderOptions::new(SIZE, SIZE)
-        .samples(2)
-        .bounces(0)
-        .sigma(1e-2)
-        .seed(3);
-    let scene = |colour: Parameter<3>| {
-        Scene::new()
-            .with(
-                Object::new(ball.clone())
-                    .named("body")
-                    .material(Material::diffuse(colour)),
-            )
-            .environment([1.0, 0.9, 0.8])
-    };
-    let scales: [[f32; 3]; ITEMS] = [[0.8, 1.1, 0.9], [1.2, 0.7, 1.0]];
-    let scales = Tensor::<2>::from_data(TensorData::from(scales), device);
-    let vertices = ball.vertices.clone().unsqueeze::<3>();
-    let stretched = vertices.clone() * scales.reshape([ITEMS, 1, 3]);
-    let colours = [[0.9, 0.3, 0.2], [0.2, 0.5, 0.8]];
-    let scenes = colours.map(|c| scene(c.into())).to_vec();
-    let target = Batch::new(scenes, vec![camera.clone()]).expect("a batch");
-    let target = target.with_vertices("body", stretched).expect("vertices");
-    let target = render_batch(&target, &options.clone().samples(8)).expect("images");
+/// A network in training on a device.
+pub struct Training {
+    network: Predictor,
+    optimizer: ModuleOptimizer,
+    ball: Mesh,
+    camera: Camera,
+    options: RenderOptions,
+    /// `[B, H, W, 3]`.
+    targets: Tensor<4>,
+}
 
-    let (offsets, colours) = network.forward(target.radiance.clone().permute([0, 3, 1, 2]));
-    let scenes = (0..ITEMS)
-        .map(|i| scene(colours.clone().slice([i..i + 1]).reshape([3]).into()))
-        .collect();
-    let batch = Batch::new(scenes, vec![camera]).expect("a batch");
-    let batch = batch
-        .with_vertices("body", vertices + offsets)
-        .expect("vertices");
-    let images = render_batch(&batch, &options).expect("images");
-    let loss = (images.radiance - target.radiance).powf_scalar(2.0).mean();
-    let value = values(&loss)[0];
-    let gradients = GradientsParams::from_grads(loss.backward(), &network);
-    let found = gather(&network, Some(&gradients));
-    let network = optimizer.step(1e-2, network, gradients);
+impl Training {
+    pub fn new(device: &Device) -> Self {
+        let ball = shapes::icosahedron(device).cast(DType::F32);
+        let camera = Camera::look_at([0.0, 0.5, 4.0], [0.0; 3]).fov_y(40.0);
+        let options = RenderOptions::new(SIZE, SIZE)
+            .samples(2)
+            .bounces(0)
+            .sigma(1e-2);
+        let scales: [[f32; 3]; ITEMS] = [[0.8, 1.1, 0.9], [1.2, 0.7, 1.0]];
+        let scales = Tensor::<2>::from_data(TensorData::from(scales), device);
+        let vertices = ball.vertices.clone().unsqueeze::<3>();
+        let stretched = vertices * scales.reshape([ITEMS, 1, 3]);
+        let colours = [[0.9, 0.3, 0.2], [0.2, 0.5, 0.8]];
+        let scenes = colours.map(|c| scene(&ball, c.into())).to_vec();
+        let batch = Batch::new(scenes, vec![camera.clone()]).expect("a batch");
+        let batch = batch.with_vertices("body", stretched).expect("vertices");
+        let targets = render_batch(&batch, &options.clone().samples(8).seed(3)).expect("images");
+        Self {
+            network: Predictor::new(&device.clone().autodiff()),
+            optimizer: AdamConfig::new().init(),
+            ball,
+            camera,
+            options,
+            targets: targets.radiance,
+        }
+    }
+
+    /// One step; returns the loss and the gradients.
+    pub fn step(&mut self, seed: u64) -> (f64, Vec<(String, Vec<f64>)>) {
+        let images = self.targets.clone().permute([0, 3, 1, 2]);
+        let (offsets, colours) = self.network.forward(images);
+        let scenes = (0..ITEMS)
+            .map(|i| {
+                let colour = colours.clone().slice([i..i + 1]).reshape([3]);
+                scene(&self.ball, colour.into())
+            })
+            .collect();
+        let batch = Batch::new(scenes, vec![self.camera.clone()]).expect("a batch");
+        let vertices = self.ball.vertices.clone().unsqueeze::<3>() + offsets;
+        let batch = batch.with_vertices("body", vertices).expect("vertices");
+        let images = render_batch(&batch, &self.options.clone().seed(seed)).expect("images");
+        let loss = (images.radiance - self.targets.clone()).powf_scalar(2.0);
+        let loss = loss.mean();
+        let value = values(&loss)[0];
+        let gradients = GradientsParams::from_grads(loss.backward(), &self.network);
+        let found = gather(&self.network, Some(&gradients));
+        self.network = self.optimizer.step(1e-2, self.network.clone(), gradients);
+        (value, found)
+    }
+}
+
+fn scene(ball: &Mesh, colour: Parameter<3>) -> Scene {
+    let material = Material::diffuse(colour);
+    Scene::new()
+        .with(Object::new(ball.clone()).named("body").material(material))
+        .environment([1.0, 0.9, 0.8])
+}
+
+/// The first step on a device.
+pub fn step(device: &Device) -> Outcome {
+    let mut training = Training::new(device);
+    let (loss, gradients) = training.step(3);
     Outcome {
-        loss: value,
-        gradients: found,
-        parameters: gather(&network, None),
+        loss,
+        gradients,
+        parameters: gather(&training.network, None),
     }
 }
 
