@@ -25,6 +25,10 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+#[cfg(all(doctest, feature = "fit", feature = "safetensors"))]
+#[doc = include_str!("../docs/GUIDE.md")]
+struct Guide;
+
 pub mod accel;
 pub mod device;
 pub mod error;
