@@ -30,6 +30,7 @@ pub mod error;
 pub mod geometry;
 pub mod gradcheck;
 pub mod io;
+pub mod modules;
 pub mod optim;
 pub mod render;
 pub mod scene;
@@ -45,6 +46,11 @@ pub mod prelude {
 
     pub use crate::accel::HierarchyCache;
     pub use crate::io::{HostImage, SceneFile};
+    pub use crate::modules::{
+        CameraParams, CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig,
+        MeshOffsets, MeshParams, RenderLoss, RenderLossConfig, Renderer, RendererConfig,
+        RigidTransform, RigidTransformConfig, TextureParams,
+    };
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{
         Diagnostics, EmitterSampling, Image, Progress, RenderOptions, Sampling, Sequence,
