@@ -23,7 +23,8 @@ pub fn cast<M: Module>(module: M, dtype: DType) -> M {
         fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
             param.map(|tensor| {
                 let trained = tensor.is_require_grad();
-                tensor.detach().cast(self.0).set_require_grad(trained)
+                // Detached last: what an operation returns is no leaf.
+                tensor.cast(self.0).detach().set_require_grad(trained)
             })
         }
     }
