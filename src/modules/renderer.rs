@@ -89,16 +89,17 @@ impl RendererConfig {
         if let Some(rays) = self.rays_per_tile {
             options = options.rays_per_tile(rays);
         }
-        let asked: [(bool, fn(RenderOptions) -> RenderOptions); 4] = [
-            (self.replay, RenderOptions::replay),
-            (self.opacity, RenderOptions::with_opacity),
-            (self.depth, RenderOptions::with_depth),
-            (self.normals, RenderOptions::with_normals),
-        ];
-        for (asked, with) in asked {
-            if asked {
-                options = with(options);
-            }
+        if self.replay {
+            options = options.replay();
+        }
+        if self.opacity {
+            options = options.with_opacity();
+        }
+        if self.depth {
+            options = options.with_depth();
+        }
+        if self.normals {
+            options = options.with_normals();
         }
         options.check()?;
         Ok(options)
