@@ -35,6 +35,7 @@ pub mod error;
 pub mod geometry;
 pub mod gradcheck;
 pub mod io;
+pub mod modules;
 pub mod optim;
 pub mod render;
 pub mod scene;
@@ -50,6 +51,11 @@ pub mod prelude {
 
     pub use crate::accel::HierarchyCache;
     pub use crate::io::{HostImage, SceneFile};
+    pub use crate::modules::{
+        CameraParams, CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig,
+        MeshOffsets, MeshParams, RenderLoss, RenderLossConfig, Renderer, RendererConfig,
+        RigidTransform, RigidTransformConfig, TextureParams,
+    };
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{
         Batch, Diagnostics, EmitterSampling, Image, ImageBatch, Progress, RenderOptions, Sampling,

@@ -261,7 +261,8 @@ impl RenderOptions {
         self
     }
 
-    pub(super) fn check(&self) -> Result<()> {
+    /// That all values are in their ranges.
+    pub(crate) fn check(&self) -> Result<()> {
         let options = "options";
         for (field, value) in [
             ("width", self.width),

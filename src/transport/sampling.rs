@@ -1,7 +1,9 @@
 //! Where a render spends its samples.
 
+use serde::{Deserialize, Serialize};
+
 /// Where the random numbers of a render come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Sequence {
     /// Independent uniform numbers.
@@ -16,7 +18,7 @@ pub enum Sequence {
 }
 
 /// With what probability an emitter triangle is connected to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum EmitterSampling {
     /// All alike, as in the paper.
@@ -30,7 +32,7 @@ pub enum EmitterSampling {
 }
 
 /// Which of the surfaces that share a camera ray its path goes on from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum SurfaceSampling {
     /// One, drawn with its weight, as in the paper.
@@ -51,7 +53,8 @@ pub enum SurfaceSampling {
 /// sampling.sequence = Sequence::Independent;
 /// # let _ = (paper, RenderOptions::new(64, 64).sampling(sampling));
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 #[non_exhaustive]
 pub struct Sampling {
     /// Where random numbers come from.

@@ -17,6 +17,7 @@ mod transmittance;
 mod weights;
 
 use burn::tensor::Tensor;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Topology};
@@ -33,7 +34,7 @@ pub use weights::Weights;
 /// How the surfaces that a ray meets share its weight, and how much light passes along a segment.
 /// `docs/VISIBILITY.md` compares the forms by measurement: [`Visibility::Layered`] is the accurate
 /// one.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Visibility {
     /// The paper's (Eq. 3, corrected): softmax over log p_k + z_k/γ and ε/γ for the background,
     /// z_k = (far − t_k)/(far − near); light passes by ∏(1 − p_k) over triangles.

@@ -3,6 +3,7 @@
 
 pub mod gradients;
 pub mod images;
+pub mod modules;
 pub mod stress;
 pub mod training;
 pub mod visibility;

@@ -9,7 +9,7 @@ use crate::geometry::host_values;
 pub(super) struct Found {
     /// Their Euclidean norm, None if there are none.
     pub norm: Option<f64>,
-    /// The paths of parameters without one.
+    /// The paths of parameters without one that are not frozen.
     pub missing: Vec<String>,
 }
 
@@ -56,7 +56,11 @@ impl ModuleVisitor for Squares<'_> {
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let Some(gradient) = self.gradients.get::<D>(param.id) else {
-            self.missing.push(self.path.join("."));
+            let tensor = param.base();
+            let frozen = tensor.is_autodiff() && !tensor.is_require_grad();
+            if !frozen {
+                self.missing.push(self.path.join("."));
+            }
             return;
         };
         let square = host_values(&gradient).map(|v| v.iter().map(|x| x * x).sum::<f64>());

@@ -1,0 +1,198 @@
+use burn::config::Config;
+use burn::module::{Module, Param};
+use burn::tensor::activation::sigmoid;
+use burn::tensor::{Device, Tensor};
+
+use super::values::{check, leaf, logit, positive};
+use crate::error::Result;
+use crate::scene::{Camera, Parameter};
+
+/// The field of view stays between these, degrees.
+const FOV: [f64; 2] = [1.0, 170.0];
+
+/// What a camera's direction is made of.
+#[derive(Config, Debug, Copy, PartialEq, Eq)]
+pub enum AimForm {
+    /// A point that it looks at, wherever it stands.
+    Target,
+    /// A direction that it keeps when it moves.
+    Direction,
+}
+
+/// Makes a [`CameraParams`].
+#[derive(Config, Debug)]
+pub struct CameraParamsConfig {
+    /// Position, scene units.
+    pub eye: [f64; 3],
+    /// The point looked at, scene units.
+    pub target: [f64; 3],
+    /// Roughly up.
+    #[config(default = "[0.0, 1.0, 0.0]")]
+    pub up: [f64; 3],
+    /// Vertical field of view, degrees in (1, 170).
+    #[config(default = 40.0)]
+    pub fov_y: f64,
+    /// Aperture radius and focus distance of a thin lens, scene units, both > 0.
+    pub lens: Option<[f64; 2]>,
+    /// Whether the camera looks at a point or in a direction.
+    #[config(default = "AimForm::Target")]
+    pub aim: AimForm,
+}
+
+impl CameraParamsConfig {
+    /// The camera, in the device's default float type.
+    ///
+    /// # Errors
+    /// If a value is out of its range, eye and target are the same, or up is along the view.
+    pub fn init(&self, device: &Device) -> Result<CameraParams> {
+        let camera = "camera";
+        let inside = |f: f64| f > FOV[0] && f < FOV[1];
+        check(
+            camera,
+            "fov_y",
+            &[self.fov_y],
+            "degrees in (1, 170)",
+            inside,
+        )?;
+        let constant = Camera::look_at(self.eye, self.target).up(self.up);
+        constant.check()?;
+        if let Some([aperture, focus]) = self.lens {
+            for (field, value) in [("aperture radius", aperture), ("focus distance", focus)] {
+                check(camera, field, &[value], "a number > 0", |x| x > 0.0)?;
+            }
+        }
+        let three = |v: [f64; 3]| leaf(v.to_vec(), [3], device);
+        let view = std::array::from_fn(|i| self.target[i] - self.eye[i]);
+        let share = (self.fov_y - FOV[0]) / (FOV[1] - FOV[0]);
+        Ok(CameraParams {
+            eye: three(self.eye),
+            aim: match self.aim {
+                AimForm::Target => Aim::Target(three(self.target)),
+                AimForm::Direction => Aim::Direction(three(view)),
+            },
+            up: three(self.up).set_require_grad(false),
+            fov: leaf(vec![logit(share)], [1], device),
+            lens: self.lens.map(|[aperture, focus]| LensParams {
+                log_aperture: leaf(vec![aperture.ln()], [1], device),
+                log_focus: leaf(vec![focus.ln()], [1], device),
+            }),
+        })
+    }
+}
+
+/// Where a camera looks.
+#[derive(Module, Debug)]
+pub enum Aim {
+    /// The point looked at `[3]`, scene units.
+    Target(Param<Tensor<1>>),
+    /// The direction `[3]`, of any length but 0. With a trained `up` these are the six numbers of a
+    /// rotation (Zhou et al. 2019).
+    Direction(Param<Tensor<1>>),
+}
+
+/// A thin lens.
+#[derive(Module, Debug)]
+pub struct LensParams {
+    /// ln of the aperture radius in scene units, `[1]`.
+    pub log_aperture: Param<Tensor<1>>,
+    /// ln of the focus distance in scene units, `[1]`.
+    pub log_focus: Param<Tensor<1>>,
+}
+
+/// A camera. Everything but `up` is trained, unless it is frozen; a frozen part stays as it is in every
+/// optimiser, and is saved and loaded like the others.
+///
+/// ```
+/// use softray::modules::CameraParamsConfig;
+/// use softray::prelude::*;
+/// let device = Device::flex().autodiff();
+/// let params = CameraParamsConfig::new([0.0, 1.0, 4.0], [0.0, 0.0, 0.0])
+///     .with_lens(Some([0.05, 4.0]))
+///     .init(&device)?
+///     .freeze_fov()
+///     .freeze_lens();
+/// let camera = params.camera();
+/// assert!(camera.eye.is_tracked() && !camera.fov_y.is_tracked());
+/// assert!((camera.fov_y.values()?[0] - 40.0).abs() < 1e-4);
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Module, Debug)]
+pub struct CameraParams {
+    /// Position `[3]`, scene units.
+    pub eye: Param<Tensor<1>>,
+    /// Where it looks.
+    pub aim: Aim,
+    /// Roughly up, `[3]`; frozen to begin with.
+    pub up: Param<Tensor<1>>,
+    /// The logit of where the vertical field of view is between 1° and 170°, `[1]`.
+    pub fov: Param<Tensor<1>>,
+    /// The lens, if it is not a pinhole camera.
+    pub lens: Option<LensParams>,
+}
+
+impl CameraParams {
+    /// From a camera, in the device's default float type; it looks at a point.
+    ///
+    /// # Errors
+    /// Like [`CameraParamsConfig::init`], or if a tensor can't be read.
+    pub fn from_camera(camera: &Camera, device: &Device) -> Result<Self> {
+        let one = |p: &Parameter<1>| p.values().map(|[v]| v);
+        let lens = match &camera.lens {
+            Some((aperture, focus)) => Some([one(aperture)?, one(focus)?]),
+            None => None,
+        };
+        CameraParamsConfig::new(camera.eye.values()?, camera.target.values()?)
+            .with_up(camera.up.values()?)
+            .with_fov_y(one(&camera.fov_y)?)
+            .with_lens(lens)
+            .init(device)
+    }
+
+    /// With a position that is not trained.
+    pub fn freeze_eye(mut self) -> Self {
+        self.eye = self.eye.set_require_grad(false);
+        self
+    }
+
+    /// With a target or direction that is not trained.
+    pub fn freeze_aim(mut self) -> Self {
+        self.aim = self.aim.no_grad();
+        self
+    }
+
+    /// With a field of view that is not trained.
+    pub fn freeze_fov(mut self) -> Self {
+        self.fov = self.fov.set_require_grad(false);
+        self
+    }
+
+    /// With a lens that is not trained.
+    pub fn freeze_lens(mut self) -> Self {
+        self.lens = self.lens.map(Module::no_grad);
+        self
+    }
+
+    /// With an up vector that is trained: the camera may roll.
+    pub fn train_up(mut self) -> Self {
+        self.up = self.up.set_require_grad(true);
+        self
+    }
+
+    /// The camera, in the graph of the parameters that are trained.
+    pub fn camera(&self) -> Camera {
+        let eye = self.eye.val();
+        let target = match &self.aim {
+            Aim::Target(point) => point.val(),
+            Aim::Direction(direction) => eye.clone() + direction.val(),
+        };
+        let fov = sigmoid(self.fov.val()) * (FOV[1] - FOV[0]) + FOV[0];
+        let camera = Camera::look_at(eye, target).up(self.up.val()).fov_y(fov);
+        match &self.lens {
+            Some(lens) => camera.thin_lens(
+                positive(lens.log_aperture.val()),
+                positive(lens.log_focus.val()),
+            ),
+            None => camera,
+        }
+    }
+}

@@ -1,0 +1,142 @@
+use std::fmt;
+use std::sync::Arc;
+
+use burn::module::{Module, Param};
+use burn::tensor::Tensor;
+
+use crate::scene::{CornerAttribute, Mesh};
+
+/// A mesh with free vertices. Faces, texture coordinates and shading normals are those of the mesh that
+/// it was made from; they are constant, so shading normals don't follow the vertices: leave them out
+/// (`normals: None`) where the shape changes much.
+///
+/// ```
+/// use burn::module::Module;
+/// use softray::modules::MeshParams;
+/// use softray::prelude::*;
+/// let ball = shapes::icosphere(1, &Device::flex().autodiff());
+/// let params = MeshParams::from_mesh(&ball);
+/// assert_eq!(params.num_params(), 42 * 3);
+/// let moved = params.mesh().translated(Tensor::from_floats([0.0, 1.0, 0.0], &Device::flex()));
+/// assert!(moved.vertices.is_tracked());
+/// ```
+#[derive(Module, Debug)]
+pub struct MeshParams {
+    /// Positions `[V, 3]`, scene units.
+    pub vertices: Param<Tensor<2>>,
+    template: Template,
+}
+
+impl MeshParams {
+    /// With the vertices of a mesh to begin with, on their device and in their float type.
+    pub fn from_mesh(mesh: &Mesh) -> Self {
+        Self {
+            vertices: Param::from_tensor(mesh.vertices.clone().detach()),
+            template: Template::new(mesh),
+        }
+    }
+
+    /// The mesh, in the graph of the vertices.
+    pub fn mesh(&self) -> Mesh {
+        self.template.mesh(self.vertices.val())
+    }
+}
+
+/// A mesh whose vertices are those of another, which are constant, plus offsets, which are trained: weight
+/// decay or a penalty on the offsets pulls towards the mesh that it was made from. Otherwise like
+/// [`MeshParams`].
+///
+/// ```
+/// use softray::modules::MeshOffsets;
+/// use softray::prelude::*;
+/// let ball = shapes::icosphere(1, &Device::flex().autodiff());
+/// let params = MeshOffsets::from_mesh(&ball);
+/// let penalty = params.offsets.val().powi_scalar(2).mean();
+/// assert_eq!(penalty.into_scalar::<f32>(), 0.0);
+/// ```
+#[derive(Module, Debug)]
+pub struct MeshOffsets {
+    /// Offsets `[V, 3]` from the mesh that it was made from, scene units; 0 to begin with.
+    pub offsets: Param<Tensor<2>>,
+    rest: Tensor<2>,
+    template: Template,
+}
+
+impl MeshOffsets {
+    /// About the vertices of a mesh, on their device and in their float type.
+    pub fn from_mesh(mesh: &Mesh) -> Self {
+        let rest = mesh.vertices.clone().detach();
+        Self {
+            offsets: Param::from_tensor(rest.zeros_like()),
+            rest,
+            template: Template::new(mesh),
+        }
+    }
+
+    /// The mesh, in the graph of the offsets.
+    pub fn mesh(&self) -> Mesh {
+        let offsets = self.offsets.val();
+        let rest = self.rest.clone().cast(offsets.dtype());
+        self.template.mesh(rest + offsets)
+    }
+}
+
+/// What stays of a mesh whose vertices move.
+#[derive(Module, Debug)]
+struct Template {
+    uvs: Option<Corners>,
+    normals: Option<Corners>,
+    #[module(skip)]
+    faces: Faces,
+}
+
+impl Template {
+    fn new(mesh: &Mesh) -> Self {
+        Self {
+            uvs: mesh.uvs.as_ref().map(Corners::new),
+            normals: mesh.normals.as_ref().map(Corners::new),
+            faces: Faces(mesh.faces.clone()),
+        }
+    }
+
+    /// Constants take the float type of the vertices, which a file may have changed.
+    fn mesh(&self, vertices: Tensor<2>) -> Mesh {
+        let attribute = |c: &Corners| CornerAttribute {
+            values: c.values.clone().cast(vertices.dtype()),
+            faces: c.faces.0.clone(),
+        };
+        Mesh {
+            uvs: self.uvs.as_ref().map(attribute),
+            normals: self.normals.as_ref().map(attribute),
+            faces: self.faces.0.clone(),
+            vertices,
+        }
+    }
+}
+
+/// A constant [`CornerAttribute`]: its tensor goes where the module goes.
+#[derive(Module, Debug)]
+struct Corners {
+    values: Tensor<2>,
+    #[module(skip)]
+    faces: Faces,
+}
+
+impl Corners {
+    fn new(attribute: &CornerAttribute) -> Self {
+        Self {
+            values: attribute.values.clone().detach(),
+            faces: Faces(attribute.faces.clone()),
+        }
+    }
+}
+
+/// Prints as their number: a learner prints its module.
+#[derive(Clone)]
+struct Faces(Arc<Vec<[u32; 3]>>);
+
+impl fmt::Debug for Faces {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} faces", self.0.len())
+    }
+}

@@ -1,0 +1,180 @@
+use burn::config::Config;
+use burn::module::Module;
+
+use crate::error::Result;
+use crate::render::{Image, RenderOptions, Sampling, render};
+use crate::scene::{Camera, Scene};
+use crate::visibility::Visibility;
+
+/// How to render, as a value that can be written to a file: [`RenderOptions`] has what each field means.
+///
+/// ```
+/// use burn::config::Config;
+/// use softray::modules::RendererConfig;
+/// use softray::prelude::*;
+/// let config = RendererConfig::new(64, 48).with_samples(4).with_visibility(Visibility::softmax(1e-2));
+/// let path = std::env::temp_dir().join(format!("softray-{}.json", std::process::id()));
+/// config.save(&path).expect("a file");
+/// let renderer = RendererConfig::load(&path).expect("a configuration").init()?;
+/// # std::fs::remove_file(&path).expect("a file");
+/// # let _ = renderer;
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Config, Debug, PartialEq)]
+pub struct RendererConfig {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Pixels in a column.
+    pub height: usize,
+    /// Paths a pixel.
+    #[config(default = 16)]
+    pub samples: u32,
+    /// Bounces after the surface that the camera sees.
+    #[config(default = 3)]
+    pub bounces: u32,
+    /// σ of Eq. 1, the blur of edges in scene units squared.
+    #[config(default = 1e-4)]
+    pub sigma: f64,
+    /// The form of visibility, with its blur in depth.
+    #[config(default = "Visibility::Layered")]
+    pub visibility: Visibility,
+    /// How random numbers, surfaces and emitters are chosen.
+    #[config(default = "Sampling::default()")]
+    pub sampling: Sampling,
+    /// Tells renderers apart whose renders have the same seeds.
+    #[config(default = 0)]
+    pub seed: u64,
+    /// Triangles that cover less of a ray are left out.
+    #[config(default = 1e-4)]
+    pub cutoff: f64,
+    /// Ends paths at random after so many bounces.
+    pub russian_roulette: Option<u32>,
+    /// The most rays processed at once.
+    pub rays_per_tile: Option<usize>,
+    /// Whether fused kernels are used where there are.
+    #[config(default = true)]
+    pub fused: bool,
+    /// Whether the backward pass traces the paths again instead of keeping a tape.
+    #[config(default = false)]
+    pub replay: bool,
+    /// Whether images have an opacity.
+    #[config(default = false)]
+    pub opacity: bool,
+    /// Whether images have a depth.
+    #[config(default = false)]
+    pub depth: bool,
+    /// Whether images have normals.
+    #[config(default = false)]
+    pub normals: bool,
+}
+
+impl RendererConfig {
+    /// The same as options, with the seed of the first render.
+    ///
+    /// # Errors
+    /// If a value is out of its range.
+    pub fn options(&self) -> Result<RenderOptions> {
+        let mut options = RenderOptions::new(self.width, self.height)
+            .samples(self.samples)
+            .bounces(self.bounces)
+            .sigma(self.sigma)
+            .visibility(self.visibility)
+            .sampling(self.sampling)
+            .seed(keyed(self.seed, 0))
+            .cutoff(self.cutoff)
+            .fused(self.fused);
+        if let Some(after) = self.russian_roulette {
+            options = options.russian_roulette(after);
+        }
+        if let Some(rays) = self.rays_per_tile {
+            options = options.rays_per_tile(rays);
+        }
+        if self.replay {
+            options = options.replay();
+        }
+        if self.opacity {
+            options = options.with_opacity();
+        }
+        if self.depth {
+            options = options.with_depth();
+        }
+        if self.normals {
+            options = options.with_normals();
+        }
+        options.check()?;
+        Ok(options)
+    }
+
+    /// The renderer.
+    ///
+    /// # Errors
+    /// If a value is out of its range.
+    pub fn init(&self) -> Result<Renderer> {
+        let options = self.options()?;
+        let seed = self.seed;
+        Ok(Renderer { options, seed })
+    }
+}
+
+/// [`render()`] with options that were checked; a module without parameters, so that it can be a field
+/// of one.
+#[derive(Module, Debug)]
+pub struct Renderer {
+    #[module(skip)]
+    options: RenderOptions,
+    seed: u64,
+}
+
+impl Renderer {
+    /// With options, whose seed is replaced in every render.
+    ///
+    /// # Errors
+    /// If an option is out of its range.
+    pub fn new(options: RenderOptions) -> Result<Self> {
+        options.check()?;
+        Ok(Self { options, seed: 0 })
+    }
+
+    /// The options.
+    pub fn options(&self) -> &RenderOptions {
+        &self.options
+    }
+
+    /// With another σ, in scene units squared: for blur that falls over the steps of a fit.
+    ///
+    /// # Errors
+    /// If it is not a finite number > 0.
+    pub fn with_sigma(mut self, sigma: f64) -> Result<Self> {
+        self.options = self.options.sigma(sigma);
+        self.options.check()?;
+        Ok(self)
+    }
+
+    /// An image, in the graph of what scene and camera are made of. The same seed gives the same image;
+    /// take another one in every step of a training.
+    ///
+    /// # Errors
+    /// Like [`render()`].
+    pub fn render(&self, scene: &Scene, camera: &Camera, seed: u64) -> Result<Image> {
+        let options = self.options.clone().seed(keyed(self.seed, seed));
+        render(scene, camera, &options)
+    }
+
+    /// Two images with independent seeds, 2·seed and 2·seed + 1: a loss that multiplies them is not
+    /// biased by noise ([`mse_unbiased`](crate::loss::mse_unbiased)).
+    ///
+    /// # Errors
+    /// Like [`render()`].
+    pub fn pair(&self, scene: &Scene, camera: &Camera, seed: u64) -> Result<[Image; 2]> {
+        let first = seed.wrapping_mul(2);
+        Ok([
+            self.render(scene, camera, first)?,
+            self.render(scene, camera, first.wrapping_add(1))?,
+        ])
+    }
+}
+
+/// The seed of a render of a renderer: the render's own where the renderer's is 0.
+fn keyed(renderer: u64, render: u64) -> u64 {
+    renderer.rotate_left(32) ^ render
+}

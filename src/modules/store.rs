@@ -1,0 +1,148 @@
+//! Parameters of modules in safetensors files.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::store::burn_pack::Tensor as Stored;
+use burn::store::{
+    ApplyError, FloatCastAdapter, ModuleAdapter, ModuleContext, ModuleSnapshot, SafetensorsStore,
+    SafetensorsStoreError,
+};
+use burn::tensor::{DType, Tensor};
+
+use crate::error::{Error, Result};
+
+/// Writes the parameters of a module to a safetensors file, whole or not at all: a file that is there
+/// is replaced when the new one is complete. Their names are those of the module's fields, with dots
+/// between.
+///
+/// ```
+/// use softray::modules::{RigidTransform, load_safetensors, save_safetensors};
+/// use softray::prelude::*;
+/// let device = Device::flex().autodiff();
+/// let path = std::env::temp_dir().join(format!("softray-{}.safetensors", std::process::id()));
+/// let pose = RigidTransform::new(&device).with_translation([0.0, 0.5, 0.0])?;
+/// save_safetensors(&pose, &path)?;
+/// let loaded = load_safetensors(RigidTransform::new(&device), &path)?;
+/// assert_eq!(loaded.translation.val().into_data(), pose.translation.val().into_data());
+/// # std::fs::remove_file(&path).expect("a file");
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// # Errors
+/// If a parameter can't be read back from its device, or the file can't be written.
+pub fn save_safetensors<M: Module>(module: &M, path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
+    let mut store = SafetensorsStore::from_file(path).overwrite(true);
+    module.save_into(&mut store).map_err(|e| failed(path, e))
+}
+
+/// A module with the parameters of a safetensors file, on its device and in its float types. What was
+/// trained is trained on, what was frozen stays so.
+///
+/// # Errors
+/// If the file can't be read, or its parameters are not those of the module: one is missing, is in the
+/// file alone, or has another shape or kind.
+pub fn load_safetensors<M: Module>(module: M, path: impl AsRef<Path>) -> Result<M> {
+    let (path, mut module) = (path.as_ref(), module);
+    let mut types = FloatTypes::default();
+    module.visit(&mut types);
+    // What does not fit is reported below, each by its name.
+    let mut store = SafetensorsStore::from_file(path)
+        .validate(false)
+        .allow_partial(true)
+        .with_from_adapter(types);
+    let applied = module.load_from(&mut store).map_err(|e| failed(path, e))?;
+    let file = || path.display().to_string();
+    if let Some(error) = applied.errors.first() {
+        return Err(match error {
+            ApplyError::ShapeMismatch {
+                path: name,
+                expected,
+                found,
+            } => {
+                let [found, expected] = [found, expected].map(|s| format!("{:?}", s.as_slice()));
+                let expected = format!("shape {expected} like the module's");
+                Error::invalid(file(), name, format!("of shape {found}"), expected)
+            }
+            ApplyError::DTypeMismatch {
+                path: name,
+                expected,
+                found,
+            } => Error::invalid(
+                file(),
+                name,
+                format!("of type {found:?}"),
+                format!("{expected:?} like the module's"),
+            ),
+            error => Error::format(path, error.to_string()),
+        });
+    }
+    if let Some((name, _)) = applied.missing.first() {
+        return Err(Error::invalid(
+            file(),
+            name,
+            "missing",
+            "all parameters of the module",
+        ));
+    }
+    match applied.unused.first() {
+        Some(name) => Err(Error::invalid(
+            file(),
+            name,
+            "in the file alone",
+            "parameters of the module",
+        )),
+        None => Ok(module),
+    }
+}
+
+fn failed(path: &Path, error: SafetensorsStoreError) -> Error {
+    match error {
+        SafetensorsStoreError::Io(source) => Error::Io {
+            path: path.into(),
+            source,
+        },
+        error => Error::format(path, error.to_string()),
+    }
+}
+
+/// The float types of a module's parameters by name, which those of a file are brought to: a device may
+/// not have that of the file.
+#[derive(Clone, Default)]
+struct FloatTypes {
+    path: Vec<String>,
+    of: BTreeMap<String, DType>,
+}
+
+impl ModuleVisitor for FloatTypes {
+    fn enter_module(&mut self, name: &str, _container_type: &str) {
+        self.path.push(name.into());
+    }
+
+    fn exit_module(&mut self, _name: &str, _container_type: &str) {
+        self.path.pop();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let dtype = param.base().dtype();
+        // Quantised ones are not floats to convert to.
+        if dtype.is_float() {
+            self.of.insert(self.path.join("."), dtype);
+        }
+    }
+}
+
+impl ModuleAdapter for FloatTypes {
+    fn adapt(&self, tensor: Stored, context: ModuleContext<'_>) -> Stored {
+        match self.of.get(&tensor.name) {
+            Some(&dtype) => FloatCastAdapter::to(dtype).adapt(tensor, context),
+            None => tensor,
+        }
+    }
+
+    fn clone_box(&self) -> Box<dyn ModuleAdapter> {
+        Box::new(self.clone())
+    }
+}

@@ -1,0 +1,139 @@
+use burn::module::{Module, Param};
+use burn::tensor::activation::sigmoid;
+use burn::tensor::{Device, Tensor};
+
+use super::values::{check, leaf, positive};
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+use crate::scene::{Albedo, Environment, Wrap};
+
+/// Texels begin this far from 0 and 1, where a logit has no gradient.
+const MARGIN: f64 = 1e-3;
+/// Radiance begins with at least this, which has a logarithm.
+const LEAST_RADIANCE: f64 = 1e-3;
+
+/// A texture whose texels stay between 0 and 1: they are the logistic function of the parameters.
+///
+/// ```
+/// use softray::modules::TextureParams;
+/// use softray::prelude::*;
+/// let texture = TextureParams::grey(16, 32, &Device::flex().autodiff());
+/// let material = Material::diffuse(texture.albedo(Wrap::Repeat));
+/// # let _ = material;
+/// ```
+#[derive(Module, Debug)]
+pub struct TextureParams {
+    /// Logits ln(a/(1 − a)) of the texels, `[H, W, 3]`.
+    pub logits: Param<Tensor<3>>,
+}
+
+impl TextureParams {
+    /// All texels 0.5, height × width of them, in the device's default float type.
+    pub fn grey(height: usize, width: usize, device: &Device) -> Self {
+        Self {
+            logits: leaf(vec![0.0; height * width * 3], [height, width, 3], device),
+        }
+    }
+
+    /// With the texels of an image `[H, W, 3]` to begin with, on its device and in its float type. Those
+    /// within 1e-3 of 0 or 1 begin at that distance.
+    ///
+    /// # Errors
+    /// If the shape is another, a value is outside of [0, 1], or the image can't be read.
+    pub fn from_image(image: Tensor<3>) -> Result<Self> {
+        check_map("texture", &image, "a number in [0, 1]", |x| {
+            (0.0..=1.0).contains(&x)
+        })?;
+        let texels = image.detach().clamp(MARGIN, 1.0 - MARGIN);
+        let odds = texels.clone() / texels.neg().add_scalar(1.0);
+        Ok(Self {
+            logits: Param::from_tensor(odds.log().detach()),
+        })
+    }
+
+    /// The texels `[H, W, 3]`, in the graph of the parameters.
+    pub fn texels(&self) -> Tensor<3> {
+        sigmoid(self.logits.val())
+    }
+
+    /// The albedo, in the graph of the parameters.
+    pub fn albedo(&self, wrap: Wrap) -> Albedo {
+        let texels = self.texels();
+        Albedo::Texture { texels, wrap }
+    }
+}
+
+/// An environment map whose radiance stays more than 0 and has no upper bound: the parameters are its
+/// logarithms.
+///
+/// ```
+/// use softray::modules::EnvironmentParams;
+/// use softray::prelude::*;
+/// let sky = EnvironmentParams::uniform(8, 16, 0.5, &Device::flex().autodiff())?;
+/// let scene = Scene::new().environment(sky.environment());
+/// # let _ = scene;
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Module, Debug)]
+pub struct EnvironmentParams {
+    /// ln of the radiance, `[H, W, 3]`.
+    pub logs: Param<Tensor<3>>,
+}
+
+impl EnvironmentParams {
+    /// The same radiance from everywhere, height × width texels, in the device's default float type.
+    ///
+    /// # Errors
+    /// If the radiance is not a number > 0.
+    pub fn uniform(height: usize, width: usize, radiance: f64, device: &Device) -> Result<Self> {
+        let above = |x| x > 0.0;
+        check(
+            "environment",
+            "radiance",
+            &[radiance],
+            "a number > 0",
+            above,
+        )?;
+        let logs = vec![radiance.ln(); height * width * 3];
+        Ok(Self {
+            logs: leaf(logs, [height, width, 3], device),
+        })
+    }
+
+    /// With a map of radiance `[H, W, 3]` (see [`Environment::Map`]) to begin with, on its device and in
+    /// its float type. What is under 1e-3 begins there.
+    ///
+    /// # Errors
+    /// If the shape is another, a value is not a number ≥ 0, or the map can't be read.
+    pub fn from_map(map: Tensor<3>) -> Result<Self> {
+        check_map("environment", &map, "a number ≥ 0", |x| x >= 0.0)?;
+        let logs = map.detach().clamp_min(LEAST_RADIANCE).log();
+        Ok(Self {
+            logs: Param::from_tensor(logs.detach()),
+        })
+    }
+
+    /// Radiance `[H, W, 3]`, in the graph of the parameters.
+    pub fn texels(&self) -> Tensor<3> {
+        positive(self.logs.val())
+    }
+
+    /// The environment, in the graph of the parameters.
+    pub fn environment(&self) -> Environment {
+        Environment::map(self.texels())
+    }
+}
+
+fn check_map(
+    object: &str,
+    map: &Tensor<3>,
+    expected: &str,
+    valid: impl Fn(f64) -> bool,
+) -> Result<()> {
+    let [height, width, channels] = map.dims();
+    if height == 0 || width == 0 || channels != 3 {
+        let found = format!("of shape [{height}, {width}, {channels}]");
+        return Err(Error::invalid(object, "image", found, "shape [H, W, 3]"));
+    }
+    check(object, "texel", &host_values(map)?, expected, valid)
+}

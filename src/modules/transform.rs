@@ -1,0 +1,189 @@
+use burn::config::Config;
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Tensor};
+
+use super::values::{check, leaf, positive, set};
+use crate::error::{Error, Result};
+use crate::scene::{Mesh, Transform};
+
+const OBJECT: &str = "rigid transform";
+
+/// The numbers that a rotation is made of.
+#[derive(Config, Debug, Copy, PartialEq, Eq)]
+pub enum RotationForm {
+    /// The first two columns of its matrix `[6]`, made orthonormal (Zhou et al. 2019): continuous over all
+    /// rotations, which optimisers and networks like.
+    SixD,
+    /// A quaternion `[4]` in the order (w, x, y, z), made of unit length.
+    Quaternion,
+}
+
+/// Makes a [`RigidTransform`]: an identity.
+#[derive(Config, Debug)]
+pub struct RigidTransformConfig {
+    /// The numbers that the rotation is made of.
+    #[config(default = "RotationForm::SixD")]
+    pub rotation: RotationForm,
+    /// Whether there is a uniform scale too.
+    #[config(default = false)]
+    pub scale: bool,
+}
+
+impl RigidTransformConfig {
+    /// The identity, in the device's default float type.
+    pub fn init(&self, device: &Device) -> RigidTransform {
+        let rotation = match self.rotation {
+            RotationForm::SixD => vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+            RotationForm::Quaternion => vec![1.0, 0.0, 0.0, 0.0],
+        };
+        let numbers = rotation.len();
+        RigidTransform {
+            rotation: leaf(rotation, [numbers], device),
+            translation: leaf(vec![0.0; 3], [3], device),
+            log_scale: self.scale.then(|| leaf(vec![0.0], [1], device)),
+        }
+    }
+}
+
+/// Rotation about the origin, then translation; a uniform scale before them, where there is one.
+///
+/// ```
+/// use softray::modules::RigidTransformConfig;
+/// use softray::prelude::*;
+/// let device = Device::flex().autodiff();
+/// let pose = RigidTransformConfig::new()
+///     .with_scale(true)
+///     .init(&device)
+///     .with_axis_angle([0.0, 1.0, 0.0], 0.5)?
+///     .with_translation([0.0, 0.2, 0.0])?
+///     .with_size(0.7)?;
+/// let cube = pose.apply(shapes::cube(&Device::flex()));
+/// assert!(cube.vertices.is_tracked());
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Module, Debug)]
+pub struct RigidTransform {
+    /// Six numbers or a quaternion, see [`RotationForm`]; their length does not matter.
+    pub rotation: Param<Tensor<1>>,
+    /// `[3]`, scene units.
+    pub translation: Param<Tensor<1>>,
+    /// ln of the scale, `[1]`.
+    pub log_scale: Option<Param<Tensor<1>>>,
+}
+
+impl RigidTransform {
+    /// The identity without scale, its rotation in six numbers, in the device's default float type.
+    pub fn new(device: &Device) -> Self {
+        RigidTransformConfig::new().init(device)
+    }
+
+    /// The form of its rotation.
+    pub fn form(&self) -> RotationForm {
+        if self.rotation.lazy_shape().num_elements() == 4 {
+            RotationForm::Quaternion
+        } else {
+            RotationForm::SixD
+        }
+    }
+
+    /// With a rotation by an angle in radians about an axis of any length but 0.
+    ///
+    /// # Errors
+    /// If the axis is 0, or a number is not finite.
+    pub fn with_axis_angle(self, axis: [f64; 3], angle: f64) -> Result<Self> {
+        check(OBJECT, "angle", &[angle], "a finite number", |_| true)?;
+        match glam::DVec3::from_array(axis).try_normalize() {
+            Some(axis) => Ok(self.rotated(glam::DQuat::from_axis_angle(axis, angle))),
+            None => Err(Error::invalid(
+                OBJECT,
+                "axis",
+                format!("{axis:?}"),
+                "a direction",
+            )),
+        }
+    }
+
+    /// With rotations by angles in radians about the axes x, y and z of the scene, in that order.
+    ///
+    /// # Errors
+    /// If an angle is not finite.
+    pub fn with_euler(self, [x, y, z]: [f64; 3]) -> Result<Self> {
+        check(OBJECT, "angles", &[x, y, z], "finite numbers", |_| true)?;
+        let rotation = glam::DQuat::from_euler(glam::EulerRot::ZYX, z, y, x);
+        Ok(self.rotated(rotation))
+    }
+
+    /// With the rotation of a matrix, given by its rows.
+    ///
+    /// # Errors
+    /// If its rows are not orthonormal to 1e-4, or it mirrors.
+    pub fn with_matrix(self, rows: [[f64; 3]; 3]) -> Result<Self> {
+        let matrix = glam::DMat3::from_cols_array_2d(&rows).transpose();
+        let off = (matrix * matrix.transpose() - glam::DMat3::IDENTITY).to_cols_array();
+        let orthonormal = off.iter().all(|x| x.abs() < 1e-4);
+        if orthonormal && matrix.determinant() > 0.0 {
+            Ok(self.rotated(glam::DQuat::from_mat3(&matrix)))
+        } else {
+            Err(Error::invalid(
+                OBJECT,
+                "matrix",
+                format!("{rows:?}"),
+                "orthonormal rows and a determinant of 1",
+            ))
+        }
+    }
+
+    /// With a translation in scene units.
+    ///
+    /// # Errors
+    /// If a number is not finite.
+    pub fn with_translation(mut self, offset: [f64; 3]) -> Result<Self> {
+        check(OBJECT, "translation", &offset, "finite numbers", |_| true)?;
+        self.translation = set(self.translation, offset.to_vec());
+        Ok(self)
+    }
+
+    /// With a scale.
+    ///
+    /// # Errors
+    /// If it is not a number > 0, or the transform has none ([`RigidTransformConfig::scale`]).
+    pub fn with_size(mut self, scale: f64) -> Result<Self> {
+        check(OBJECT, "scale", &[scale], "a number > 0", |s| s > 0.0)?;
+        let Some(log) = self.log_scale else {
+            let expected = "a transform that was made with a scale";
+            return Err(Error::invalid(OBJECT, "scale", scale, expected));
+        };
+        self.log_scale = Some(set(log, vec![scale.ln()]));
+        Ok(self)
+    }
+
+    fn rotated(mut self, q: glam::DQuat) -> Self {
+        let numbers = match self.form() {
+            RotationForm::Quaternion => vec![q.w, q.x, q.y, q.z],
+            RotationForm::SixD => [q * glam::DVec3::X, q * glam::DVec3::Y]
+                .iter()
+                .flat_map(|column| column.to_array())
+                .collect(),
+        };
+        self.rotation = set(self.rotation, numbers);
+        self
+    }
+
+    /// The transform, in the graph of its parameters.
+    pub fn transform(&self) -> Transform {
+        let transform = Transform::new().translation(self.translation.val());
+        let transform = match self.form() {
+            RotationForm::SixD => transform.six_d(self.rotation.val()),
+            RotationForm::Quaternion => transform.quaternion(self.rotation.val()),
+        };
+        match &self.log_scale {
+            Some(log) => transform.scale(positive(log.val())),
+            None => transform,
+        }
+    }
+
+    /// A mesh moved by it.
+    pub fn apply(&self, mesh: Mesh) -> Mesh {
+        mesh.transformed(&self.transform())
+    }
+}

@@ -1,0 +1,73 @@
+//! Parameters from numbers, and numbers that stay in their range.
+
+use burn::module::{Module, ModuleMapper, Param};
+use burn::tensor::{DType, Device, Tensor, TensorData};
+
+use crate::error::{Error, Result};
+
+/// Logarithms beyond ± this count as this, so that squares of what they mean stay finite in f32.
+const LARGEST_LOG: f64 = 30.0;
+
+/// All float parameters of a module in another float type, their ids and whether they are trained
+/// kept: f64 for gradients to the last digit, on devices that have it.
+///
+/// ```
+/// use softray::modules::{RigidTransform, cast};
+/// use softray::prelude::*;
+/// let pose = cast(RigidTransform::new(&Device::flex()), burn::tensor::DType::F64);
+/// assert_eq!(pose.translation.val().dtype(), burn::tensor::DType::F64);
+/// ```
+pub fn cast<M: Module>(module: M, dtype: DType) -> M {
+    struct Cast(DType);
+    impl ModuleMapper for Cast {
+        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+            param.map(|tensor| {
+                let trained = tensor.is_require_grad();
+                // Detached last: what an operation returns is no leaf.
+                tensor.cast(self.0).detach().set_require_grad(trained)
+            })
+        }
+    }
+    module.map(&mut Cast(dtype))
+}
+
+/// A parameter in the device's default float type.
+pub(super) fn leaf<const D: usize>(
+    values: Vec<f64>,
+    shape: [usize; D],
+    device: &Device,
+) -> Param<Tensor<D>> {
+    Param::from_tensor(Tensor::from_data(TensorData::new(values, shape), device))
+}
+
+/// A parameter with other values: its id, shape, device and float type stay, and whether it is trained.
+pub(super) fn set<const D: usize>(param: Param<Tensor<D>>, values: Vec<f64>) -> Param<Tensor<D>> {
+    let (id, old) = (param.id, param.val());
+    let data = TensorData::new(values, old.dims());
+    let new = Tensor::from_data(data, (&old.device(), old.dtype()));
+    param.transform_for_load(new, id)
+}
+
+/// e^x of a logarithm: more than 0 and finite, whatever the parameter.
+pub(super) fn positive<const D: usize>(log: Tensor<D>) -> Tensor<D> {
+    log.clamp(-LARGEST_LOG, LARGEST_LOG).exp()
+}
+
+/// ln(p/(1 − p)).
+pub(super) fn logit(p: f64) -> f64 {
+    (p / (1.0 - p)).ln()
+}
+
+/// That numbers are finite and in a range.
+pub(super) fn check(
+    object: &str,
+    field: &str,
+    values: &[f64],
+    expected: &str,
+    valid: impl Fn(f64) -> bool,
+) -> Result<()> {
+    match values.iter().find(|v| !(v.is_finite() && valid(**v))) {
+        Some(v) => Err(Error::invalid(object, field, v, expected)),
+        None => Ok(()),
+    }
+}
