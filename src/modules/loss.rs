@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 
 use super::values::check;
 use crate::error::{Error, Result};
-use crate::optim::loss::{dssim, l1, mse, multi_scale, multi_scale_unbiased, silhouette_iou};
+use crate::optim::loss::{dssim, l1, mse, multi_scale, multi_scale_unbiased, silhouette_iou_batch};
 
 const OBJECT: &str = "render loss";
 
@@ -101,7 +101,7 @@ impl RenderLoss {
     /// If the shapes differ, are neither of an image nor of a batch, or there are no images.
     pub fn forward<const D: usize>(&self, image: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
         same_shape(&image, &target);
-        let pairs = images(image).into_iter().zip(images(target));
+        let pairs = self.images(image).into_iter().zip(self.images(target));
         mean(pairs.map(|(image, target)| {
             multi_scale(image, target, self.levels, |image, target| {
                 self.weighted(self.mse, &image, &target)
@@ -125,8 +125,8 @@ impl RenderLoss {
         same_shape(&a, &target);
         same_shape(&b, &target);
         let noisy = self.l1 > 0.0 || self.dssim > 0.0;
-        let pairs = images(a).into_iter().zip(images(b));
-        mean(pairs.zip(images(target)).map(|((a, b), target)| {
+        let pairs = self.images(a).into_iter().zip(self.images(b));
+        mean(pairs.zip(self.images(target)).map(|((a, b), target)| {
             let mut terms = Vec::new();
             if noisy {
                 let both = (a.clone() + b.clone()) * 0.5;
@@ -141,15 +141,33 @@ impl RenderLoss {
         }))
     }
 
-    /// The weighted loss `[1]` of silhouettes ([`silhouette_iou`]) of opacities `[H, W]` or batches
-    /// `[B, H, W]`, to be added to that of the images.
+    /// The weighted loss `[1]` of silhouettes ([`silhouette_iou`](crate::loss::silhouette_iou)) of
+    /// opacities `[H, W]` or batches `[B, H, W]`, to be added to that of the images.
     ///
     /// # Panics
     /// If the shapes differ, are neither of a silhouette nor of a batch, or there are none.
     pub fn silhouette<const D: usize>(&self, opacity: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
         same_shape(&opacity, &target);
-        let pairs = silhouettes(opacity).into_iter().zip(silhouettes(target));
-        mean(pairs.map(|(opacity, target)| silhouette_iou(opacity, target))) * self.silhouette
+        silhouette_iou_batch(silhouettes(opacity), silhouettes(target)) * self.silhouette
+    }
+
+    /// The images `[H, W, C]` of a batch, or the one that there is: all as one tall image where no
+    /// pixel of any level then is a mean over two of them.
+    fn images<const D: usize>(&self, batch: Tensor<D>) -> Vec<Tensor<3>> {
+        let dims = batch.dims();
+        let (count, [height, width, channels]) = match dims[..] {
+            [h, w, c] => (1, [h, w, c]),
+            [b, h, w, c] => (b, [h, w, c]),
+            _ => panic!("render loss: shape {dims:?}, expected [H, W, C] or [B, H, W, C]"),
+        };
+        assert!(count > 0, "render loss: the batch is empty");
+        let rows = batch.reshape([count * height, width, channels]);
+        let even = self.levels <= 32 && height.is_multiple_of(1 << (self.levels - 1));
+        if even && self.dssim == 0.0 {
+            return vec![rows];
+        }
+        let image = |i: usize| rows.clone().narrow(0, i * height, height);
+        (0..count).map(image).collect()
     }
 
     /// The weighted losses of one image at one level, with a weight of the squares.
@@ -177,30 +195,16 @@ fn same_shape<const D: usize>(image: &Tensor<D>, target: &Tensor<D>) {
     );
 }
 
-/// The images `[H, W, C]` of a batch, or the one that there is.
-fn images<const D: usize>(batch: Tensor<D>) -> Vec<Tensor<3>> {
+/// Silhouettes as a batch `[B, H, W]`, of one if there is no batch.
+fn silhouettes<const D: usize>(batch: Tensor<D>) -> Tensor<3> {
     let dims = batch.dims();
-    let (count, [height, width, channels]) = match dims[..] {
-        [h, w, c] => (1, [h, w, c]),
-        [b, h, w, c] => (b, [h, w, c]),
-        _ => panic!("render loss: shape {dims:?}, expected [H, W, C] or [B, H, W, C]"),
-    };
-    let rows = batch.reshape([count * height, width, channels]);
-    let image = |i: usize| rows.clone().narrow(0, i * height, height);
-    (0..count).map(image).collect()
-}
-
-/// The silhouettes `[H, W]` of a batch, or the one that there is.
-fn silhouettes<const D: usize>(batch: Tensor<D>) -> Vec<Tensor<2>> {
-    let dims = batch.dims();
-    let (count, [height, width]) = match dims[..] {
-        [h, w] => (1, [h, w]),
-        [b, h, w] => (b, [h, w]),
+    let shape = match dims[..] {
+        [h, w] => [1, h, w],
+        [b, h, w] if b > 0 => [b, h, w],
+        [0, _, _] => panic!("render loss: the batch is empty"),
         _ => panic!("render loss: shape {dims:?}, expected [H, W] or [B, H, W]"),
     };
-    let rows = batch.reshape([count * height, width]);
-    let silhouette = |i: usize| rows.clone().narrow(0, i * height, height);
-    (0..count).map(silhouette).collect()
+    batch.reshape(shape)
 }
 
 /// The sum of scalars, 0 where there are none.
@@ -212,6 +216,5 @@ fn sum(terms: Vec<Tensor<1>>, image: &Tensor<3>) -> Tensor<1> {
 /// The mean of scalars.
 fn mean(losses: impl Iterator<Item = Tensor<1>>) -> Tensor<1> {
     let losses: Vec<_> = losses.collect();
-    assert!(!losses.is_empty(), "render loss: the batch is empty");
     Tensor::cat(losses, 0).mean()
 }

@@ -2,7 +2,7 @@ use burn::config::Config;
 use burn::module::Module;
 
 use crate::error::Result;
-use crate::render::{Image, RenderOptions, Sampling, render};
+use crate::render::{Batch, Image, ImageBatch, RenderOptions, Sampling, render, render_batch};
 use crate::scene::{Camera, Scene};
 use crate::visibility::Visibility;
 
@@ -158,6 +158,27 @@ impl Renderer {
     pub fn render(&self, scene: &Scene, camera: &Camera, seed: u64) -> Result<Image> {
         let options = self.options.clone().seed(keyed(self.seed, seed));
         render(scene, camera, &options)
+    }
+
+    /// The images of a batch, `[B, H, W, 3]`; see [`render_batch`].
+    ///
+    /// # Errors
+    /// Like [`render_batch`].
+    pub fn render_batch(&self, batch: &Batch, seed: u64) -> Result<ImageBatch> {
+        let options = self.options.clone().seed(keyed(self.seed, seed));
+        render_batch(batch, &options)
+    }
+
+    /// Two renders of a batch with independent seeds, as [`Renderer::pair`].
+    ///
+    /// # Errors
+    /// Like [`render_batch`].
+    pub fn pair_batch(&self, batch: &Batch, seed: u64) -> Result<[ImageBatch; 2]> {
+        let first = seed.wrapping_mul(2);
+        Ok([
+            self.render_batch(batch, first)?,
+            self.render_batch(batch, first.wrapping_add(1))?,
+        ])
     }
 
     /// Two images with independent seeds, 2·seed and 2·seed + 1: a loss that multiplies them is not

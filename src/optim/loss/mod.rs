@@ -10,7 +10,7 @@ mod structure;
 use burn::tensor::Tensor;
 
 pub use pyramid::{multi_scale, multi_scale_unbiased, pyramid};
-pub use silhouette::{iou, silhouette_iou};
+pub use silhouette::{iou, silhouette_iou, silhouette_iou_batch};
 pub use structure::{dssim, ssim};
 
 /// Mean squared difference. Of one noisy render its expectation is too large by the variance of

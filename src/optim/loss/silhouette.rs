@@ -19,10 +19,19 @@ const LEAST_UNION: f64 = 1e-3;
 /// # Panics
 /// If the shapes differ.
 pub fn silhouette_iou(opacity: Tensor<2>, target: Tensor<2>) -> Tensor<1> {
+    silhouette_iou_batch(opacity.unsqueeze(), target.unsqueeze())
+}
+
+/// The mean of [`silhouette_iou`] over a batch of opacities `[B, H, W]`.
+///
+/// # Panics
+/// If the shapes differ.
+pub fn silhouette_iou_batch(opacity: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
     same_shape(&opacity, &target);
-    let both = (opacity.clone() * target.clone()).sum();
-    let union = (opacity + target).sum() - both.clone();
-    (union.clone() - both) / union.clamp_min(LEAST_UNION)
+    let sums = |t: Tensor<3>| t.flatten::<2>(1, 2).sum_dim(1);
+    let both = sums(opacity.clone() * target.clone());
+    let union = sums(opacity + target) - both.clone();
+    ((union.clone() - both) / union.clamp_min(LEAST_UNION)).mean()
 }
 
 /// Intersection over union of the pixels whose opacity is above a threshold, on the host: 1 where
