@@ -53,7 +53,7 @@ impl Item {
         Self {
             shape,
             rotation,
-            translation: DVec3::new(0.35 * x, 0.3 * y, 0.15 * z),
+            translation: DVec3::new(0.3 * x, 0.22 * y, 0.15 * z),
             colour,
             light,
             eyes,

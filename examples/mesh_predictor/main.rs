@@ -113,6 +113,17 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
     );
     let margin = [0, 1].map(|k| after[k] - baselines.mean[k]);
     line("above the mean shape", margin);
+    let mean = |name: &str| {
+        let times = trained.history.curve(name);
+        times.iter().map(|t| t.1).sum::<f64>() / times.len().max(1) as f64
+    };
+    let rows = &trained.history.rows;
+    println!(
+        "a step {:.3} s, of which forward {:.3} s network, {:.3} s renders",
+        rows.last().map_or(0.0, |row| row.seconds) / rows.len().max(1) as f64,
+        mean(train::NETWORK_SECONDS),
+        mean(train::RENDER_SECONDS),
+    );
     println!(
         "{} steps, {:.1} s in all\nwrote {}",
         trained.history.rows.len(),

@@ -80,7 +80,7 @@ impl Network {
             offsets: offsets.reshape([count, 3, functions]),
             rotation: self.rotation.forward(x.clone()) + upright,
             translation: self.translation.forward(x.clone()) * 0.5,
-            colour: sigmoid(self.colour.forward(x)),
+            colour: sigmoid(self.colour.forward(x) * 3.0),
         }
     }
 }

@@ -6,7 +6,7 @@ use softray::prelude::*;
 pub const SIZE: usize = 64;
 /// From the eye to the origin, which it looks at, scene units.
 const DISTANCE: f64 = 4.2;
-const FOV: f64 = 34.0;
+const FOV: f64 = 29.0;
 
 /// The side of a pixel at the origin, scene units.
 pub fn footprint() -> f64 {

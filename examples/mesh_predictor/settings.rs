@@ -32,14 +32,14 @@ impl Settings {
     /// Under a minute on two cores.
     pub fn quick() -> Self {
         Self {
-            train: 128,
-            validation: 16,
+            train: 96,
+            validation: 12,
             views: 3,
             subdivisions: 2,
             degree: 4,
             channels: vec![8, 16, 32, 32],
             hidden: 64,
-            steps: 150,
+            steps: 120,
             batch: 8,
             samples: 1,
             rate: 3e-3,
@@ -47,21 +47,38 @@ impl Settings {
         }
     }
 
+    /// A few seconds, for tests.
+    #[cfg(test)]
+    pub fn tiny() -> Self {
+        Self {
+            train: 32,
+            validation: 6,
+            views: 2,
+            subdivisions: 1,
+            degree: 2,
+            hidden: 32,
+            steps: 60,
+            batch: 4,
+            evaluations: 2,
+            ..Self::quick()
+        }
+    }
+
     /// Half an hour on two cores.
     pub fn full() -> Self {
         Self {
-            train: 1536,
-            validation: 96,
-            views: 4,
+            train: 640,
+            validation: 48,
+            views: 3,
             subdivisions: 3,
             degree: 8,
             channels: vec![16, 32, 64, 128],
             hidden: 256,
-            steps: 3000,
-            batch: 12,
-            samples: 2,
+            steps: 600,
+            batch: 16,
+            samples: 1,
             rate: 1e-3,
-            evaluations: 15,
+            evaluations: 6,
         }
     }
 

@@ -1,5 +1,7 @@
 //! The loss of a step: how far renders of what the network says are from the images.
 
+use std::time::Instant;
+
 use softray::optim::{Evaluation, MeshRegulariser, Step};
 use softray::prelude::*;
 
@@ -11,8 +13,12 @@ use super::render::{options, render_items};
 use super::settings::Settings;
 
 /// Weights of the parts of the loss; silhouettes count 1.
-const IMAGE: f64 = 10.0;
-const NORMALS: f64 = 0.02;
+const IMAGE: f64 = 20.0;
+const NORMALS: f64 = 0.1;
+
+/// Names of the history's times of the forward pass, s.
+pub const NETWORK_SECONDS: &str = "network s";
+pub const RENDER_SECONDS: &str = "render s";
 
 /// What training needs beside the network.
 pub struct Trainer<'a> {
@@ -91,7 +97,11 @@ impl Trainer<'_> {
     /// The loss of a step, and now and then how the network does on the validation set.
     pub fn evaluate(&self, network: &Network, step: &Step) -> softray::Result<Evaluation> {
         let batch = self.batch(step);
-        let parts = self.compare(&self.predict(network, &batch), &batch, step)?;
+        let start = Instant::now();
+        let bodies = self.predict(network, &batch);
+        let predicted = start.elapsed();
+        let parts = self.compare(&bodies, &batch, step)?;
+        let rendered = start.elapsed() - predicted;
         let every = self.settings.steps.div_ceil(self.settings.evaluations);
         let validated = if step.index.is_multiple_of(every.max(1)) {
             predict_and_measure(self.validation, network, self.decoder, &self.device)?
@@ -104,7 +114,9 @@ impl Trainer<'_> {
             .value("silhouette", value(&parts.silhouette))
             .value("normals", value(&parts.normals))
             .value("IoU input", validated[0])
-            .value("IoU other", validated[1]))
+            .value("IoU other", validated[1])
+            .value(NETWORK_SECONDS, predicted.as_secs_f64())
+            .value(RENDER_SECONDS, rendered.as_secs_f64()))
     }
 }
 
@@ -116,4 +128,98 @@ fn apart(opacity: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
     let union = sums(opacity + target) - both.clone();
     // Targets are never empty.
     (both / union).mean().neg() + 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::module::{Module, ModuleVisitor, Param};
+    use burn::optim::{GradientsParams, ModuleOptimizer, SgdConfig};
+    use softray::optim::Fit;
+
+    /// The squared length of each gradient, by the path of its parameter.
+    struct Sizes<'a> {
+        gradients: &'a GradientsParams,
+        path: Vec<String>,
+        found: Vec<(String, f64)>,
+    }
+
+    impl ModuleVisitor for Sizes<'_> {
+        fn enter_module(&mut self, name: &str, _: &str) {
+            self.path.push(name.into());
+        }
+
+        fn exit_module(&mut self, _: &str, _: &str) {
+            self.path.pop();
+        }
+
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            let gradient = self.gradients.get::<D>(param.id).expect("a gradient");
+            let data = gradient.into_data();
+            let square = data.iter::<f64>().map(|v| v * v).sum();
+            self.found.push((self.path.join("."), square));
+        }
+    }
+
+    /// Every parameter of the network moves the renders, and along the gradient the loss of the same
+    /// step changes as the gradient says, but for the surfaces of blurred edges, of which other ones
+    /// are drawn then.
+    #[test]
+    fn gradients_reach_the_whole_network_through_the_renderer() {
+        let settings = Settings::tiny();
+        let device = Device::flex();
+        let tracked = device.clone().autodiff();
+        let data = Dataset::new(("testing", 1), (6, 2), &device).expect("renders");
+        let decoder = Decoder::new(settings.subdivisions, settings.degree, &device);
+        let decoder = decoder.expect("an icosphere");
+        tracked.seed(1);
+        let network = Network::new(&settings.channels, 32, settings.degree, &tracked);
+        let trainer = Trainer {
+            settings: &settings,
+            data: &data,
+            validation: &data,
+            regular: MeshRegulariser::from_mesh(&decoder.ball).expect("faces"),
+            decoder: &decoder,
+            device,
+        };
+        let loss = |network: &Network, step: &Step| {
+            let batch = trainer.batch(step);
+            let bodies = trainer.predict(network, &batch);
+            Ok(trainer.compare(&bodies, &batch, step)?.sum())
+        };
+        // Renders of the same seed repeat to the bit, and so do gradients.
+        let gradients = |network: &Network, step: &Step| -> softray::Result<GradientsParams> {
+            let gradients = loss(network, step)?.backward();
+            Ok(GradientsParams::from_grads(gradients, network))
+        };
+        Fit::new(network, SgdConfig::new().init(), 1)
+            .sigma(settings.blur().expect("a schedule"))
+            .progress(false)
+            .run(|network: &Network, step: &_| {
+                let found = gradients(network, step)?;
+                let mut sizes = Sizes {
+                    gradients: &found,
+                    path: Vec::new(),
+                    found: Vec::new(),
+                };
+                network.visit(&mut sizes);
+                assert_eq!(sizes.found.len(), 4 * settings.channels.len() + 10);
+                for (path, square) in &sizes.found {
+                    assert!(square.is_finite() && *square > 1e-14, "{path}: {square}");
+                }
+                let square: f64 = sizes.found.iter().map(|f| f.1).sum();
+                const RATE: f64 = 2e-4;
+                let value = |rate: f64| -> softray::Result<f64> {
+                    let mut descent: ModuleOptimizer = SgdConfig::new().init().into();
+                    let along = gradients(network, step)?;
+                    let moved = descent.step(rate, network.clone(), along);
+                    Ok(loss(&moved, step)?.into_scalar::<f32>().into())
+                };
+                let fall = (value(-RATE)? - value(RATE)?) / (2.0 * RATE);
+                let ratio = fall / square;
+                assert!((0.85..1.15).contains(&ratio), "{fall}, {square}");
+                Ok(Evaluation::new(loss(network, step)?))
+            })
+            .expect("a step");
+    }
 }
