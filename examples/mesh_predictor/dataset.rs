@@ -60,6 +60,25 @@ impl Item {
         }
     }
 
+    /// Seen in a mirror, x turned about. All shapes are their own mirror images.
+    fn mirrored(&self) -> Self {
+        let aside = |eye: Eye| Eye {
+            azimuth: -eye.azimuth,
+            ..eye
+        };
+        let [x, y, z, w] = self.rotation.to_array();
+        Self {
+            rotation: DQuat::from_xyzw(x, -y, -z, w),
+            translation: self.translation * DVec3::new(-1.0, 1.0, 1.0),
+            light: Light {
+                place: aside(self.light.place),
+                ..self.light
+            },
+            eyes: self.eyes.iter().map(|&eye| aside(eye)).collect(),
+            ..self.clone()
+        }
+    }
+
     /// The object where it stands.
     fn mesh(&self, device: &Device) -> Mesh {
         let (vertices, faces) = self.shape.mesh();
@@ -87,6 +106,7 @@ struct View {
 
 /// Items with their images.
 pub struct Dataset {
+    /// Those past the number of `views` are the first ones in a mirror.
     pub items: Vec<Item>,
     views: Vec<Vec<View>>,
 }
@@ -121,13 +141,35 @@ impl Dataset {
         Ok(data)
     }
 
+    /// With every item in a mirror as well: as much to learn from as twice the renders.
+    pub fn with_mirrored(mut self) -> Self {
+        let mirrored: Vec<Item> = self.items.iter().map(Item::mirrored).collect();
+        self.items.extend(mirrored);
+        self
+    }
+
+    /// The numbers of items and of views of each.
+    pub fn all(&self) -> (usize, usize) {
+        (self.items.len(), self.views.first().map_or(0, Vec::len))
+    }
+
     /// Images of (item, eye), one after the other, as tensors on a device.
     pub fn images(&self, which: &[(usize, usize)], device: &Device) -> Seen {
         let (mut radiance, mut opacity) = (Vec::new(), Vec::new());
         for &(item, eye) in which {
-            let view = &self.views[item][eye];
-            radiance.extend_from_slice(&view.radiance);
-            opacity.extend_from_slice(&view.opacity);
+            let rendered = self.views.len();
+            let view = &self.views[item % rendered][eye];
+            if item < rendered {
+                radiance.extend_from_slice(&view.radiance);
+                opacity.extend_from_slice(&view.opacity);
+            } else {
+                for row in view.radiance.chunks(3 * SIZE) {
+                    radiance.extend(row.chunks(3).rev().flatten());
+                }
+                for row in view.opacity.chunks(SIZE) {
+                    opacity.extend(row.iter().rev());
+                }
+            }
         }
         let n = which.len();
         Seen {
@@ -155,6 +197,28 @@ mod tests {
             assert!((0.02..0.5).contains(&covered), "{covered}");
             // A lamp is brighter than anything it lights.
             assert!(view.radiance.iter().all(|&r| r < 4.0));
+        }
+    }
+
+    /// What is seen of a mirrored item is the mirrored image, but for noise of light.
+    #[test]
+    fn mirrored_items_look_mirrored() {
+        let device = Device::flex();
+        let data = Dataset::new(("testing", 3), (4, 3), &device);
+        let data = data.expect("renders").with_mirrored();
+        for i in 4..8 {
+            let expected = data.images(&[(i, 0), (i, 1), (i, 2)], &device);
+            let found = data.items[i].see(&device, 99).expect("renders");
+            let apart = |a: Tensor<1>, b: Tensor<1>| (a - b).powi_scalar(2).mean();
+            let silhouettes = apart(found.opacity.flatten(0, 2), expected.opacity.flatten(0, 2));
+            assert!(silhouettes.into_scalar::<f32>() < 1e-3);
+            let (found, expected) = (found.radiance, expected.radiance);
+            let still = expected.clone().flip([2]);
+            let images = apart(found.clone().flatten(0, 3), expected.flatten(0, 3));
+            let images = images.into_scalar::<f32>();
+            let unlike = apart(found.flatten(0, 3), still.flatten(0, 3));
+            assert!(images < 1e-3, "{images}");
+            assert!(images < 0.2 * unlike.into_scalar::<f32>());
         }
     }
 }

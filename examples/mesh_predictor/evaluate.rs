@@ -31,17 +31,18 @@ pub fn predict(data: &Dataset, network: &Network, decoder: &Decoder, device: &De
 }
 
 /// The mean intersection over union of silhouettes, of the input views and of the others. `scene`
-/// gives what stands for an item.
+/// gives what stands for an item, of the first so many of which as many views are taken. NaN where there
+/// is no view.
 pub fn overlap(
     data: &Dataset,
-    items: usize,
+    (items, eyes): (usize, usize),
     device: &Device,
     scene: impl Fn(usize) -> Scene,
 ) -> softray::Result<[f64; 2]> {
     let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
     for (i, item) in data.items.iter().enumerate().take(items) {
         let scene = scene(i);
-        let eyes = item.eyes.iter();
+        let eyes = item.eyes.iter().take(eyes);
         let views: Vec<_> = eyes.map(|eye| (scene.clone(), eye.camera())).collect();
         let which: Vec<_> = (0..views.len()).map(|eye| (i, eye)).collect();
         let seen = render_items(&views, &sharp(SAMPLES), 0)?.opacity;
@@ -53,7 +54,7 @@ pub fn overlap(
             counts[kind] += 1.0;
         }
     }
-    Ok([sums[0] / counts[0], sums[1] / counts[1]])
+    Ok([0, 1].map(|kind| sums[kind] / counts[kind]))
 }
 
 /// The overlap of what the network says.
@@ -64,7 +65,7 @@ pub fn predict_and_measure(
     device: &Device,
 ) -> softray::Result<[f64; 2]> {
     let bodies = predict(data, network, decoder, device);
-    overlap(data, data.items.len(), device, |i| {
+    overlap(data, data.all(), device, |i| {
         decoder.scene(&bodies, i, &data.items[i].light)
     })
 }
@@ -114,9 +115,9 @@ impl Baselines {
         decoder: &Decoder,
         device: &Device,
     ) -> softray::Result<Self> {
-        let measure = |data: &Dataset, items: usize, scale: f64, placed: bool| {
+        let measure = |data: &Dataset, which: (usize, usize), scale: f64, placed: bool| {
             let mean = mean_body(train, decoder, scale, device);
-            overlap(data, items, device, |i| {
+            overlap(data, which, device, |i| {
                 let item = &data.items[i];
                 let mut body = mean.clone();
                 if placed {
@@ -129,12 +130,12 @@ impl Baselines {
         };
         let (mut scale, mut best) = (1.0, 0.0);
         for tried in (0..10).map(|k| 0.8 + 0.05 * f64::from(k)) {
-            let [input, _] = measure(train, CHOSEN_WITH, tried, false)?;
+            let [input, _] = measure(train, (CHOSEN_WITH, 1), tried, false)?;
             if input > best {
                 (scale, best) = (tried, input);
             }
         }
-        let all = validation.items.len();
+        let all = validation.all();
         Ok(Self {
             mean: measure(validation, all, 1.0, false)?,
             scale,

@@ -49,15 +49,19 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
     let tracked = device.clone().autodiff();
     let seed = |k: u64| 2 * arguments.seed + k;
     let make = |name, k, count| Dataset::new((name, seed(k)), (count, settings.views), &device);
-    let data = make("training set", 0, settings.train)?;
+    let data = make("training set", 0, settings.train)?.with_mirrored();
     let validation = make("validation", 1, settings.validation)?;
     println!(
         "rendered {} objects in {:.1} s",
         settings.train + settings.validation,
         start.elapsed().as_secs_f64()
     );
-    let decoder = Decoder::new(settings.subdivisions, settings.degree, &device)?;
-    let baselines = Baselines::new(&data, &validation, &decoder, &device)?;
+    let ball = |subdivisions| Decoder::new(subdivisions, settings.degree, &device);
+    let (coarse, fine) = (
+        ball(settings.subdivisions[0])?,
+        ball(settings.subdivisions[1])?,
+    );
+    let baselines = Baselines::new(&data, &validation, &fine, &device)?;
 
     tracked.seed(arguments.seed);
     let channels = &settings.channels;
@@ -66,11 +70,12 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
         settings,
         data: &data,
         validation: &validation,
-        decoder: &decoder,
-        regular: MeshRegulariser::from_mesh(&decoder.ball)?,
+        decoder: &coarse,
+        measured: &fine,
+        regular: MeshRegulariser::from_mesh(&coarse.ball)?,
         device: device.clone(),
     };
-    let before = predict_and_measure(&validation, &network, &decoder, &device)?;
+    let before = predict_and_measure(&validation, &network, &fine, &device)?;
     let trained = Fit::new(network, AdamConfig::new().init(), settings.steps)
         .seed(arguments.seed)
         .rate(Rate::cosine(settings.rate))
@@ -82,10 +87,10 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
         .run(|network: &Network, step: &_| trainer.evaluate(network, step))?;
 
     let network = &trained.module;
-    let after = predict_and_measure(&validation, network, &decoder, &device)?;
-    let bodies = predict(&validation, network, &decoder, &device);
+    let after = predict_and_measure(&validation, network, &fine, &device)?;
+    let bodies = predict(&validation, network, &fine, &device);
     let path = arguments.out.join("mesh_predictor.png");
-    let shown = (&decoder, &bodies);
+    let shown = (&fine, &bodies);
     grid::write(
         &path,
         &validation,

@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{GroupNorm, GroupNormConfig, Linear, LinearConfig, PaddingConfig2d};
-use burn::tensor::activation::{relu, sigmoid};
+use burn::tensor::activation::{relu, sigmoid, tanh};
 use burn::tensor::{Device, Tensor, TensorData};
 use glam::DVec3;
 use softray::prelude::{Mesh, Scene, Transform, shapes};
@@ -13,6 +13,9 @@ use super::render::{Light, SIZE, scene};
 
 /// The radius of the ball that is deformed, scene units.
 const RADIUS: f64 = 0.55;
+/// The most a body is moved along an axis, scene units: none leaves the image, where no gradient would
+/// bring it back.
+const FARTHEST: f64 = 0.5;
 
 /// Convolutions with stride 2, a hidden layer, and a linear layer for each part of the answer.
 #[derive(Module, Debug)]
@@ -79,7 +82,7 @@ impl Network {
         Code {
             offsets: offsets.reshape([count, 3, functions]),
             rotation: self.rotation.forward(x.clone()) + upright,
-            translation: self.translation.forward(x.clone()) * 0.5,
+            translation: tanh(self.translation.forward(x.clone())) * FARTHEST,
             colour: sigmoid(self.colour.forward(x) * 3.0),
         }
     }

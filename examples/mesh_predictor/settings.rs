@@ -12,8 +12,11 @@ pub struct Settings {
     pub validation: usize,
     /// Images of each object; the first is what the network may see.
     pub views: usize,
-    /// Subdivisions of the ball, and the highest degree of its offsets.
-    pub subdivisions: u32,
+    /// Subdivisions of the ball: of that which is trained, and of that which is measured and shown.
+    /// Offsets are functions on the sphere, so that one network serves both; the coarse one is rendered
+    /// in a fraction of the time, as blur reaches fewer of its faces.
+    pub subdivisions: [u32; 2],
+    /// The highest degree of the offsets.
     pub degree: usize,
     /// Channels after each halving of the image, and of the hidden layer.
     pub channels: Vec<usize>,
@@ -32,14 +35,14 @@ impl Settings {
     /// Under a minute on two cores.
     pub fn quick() -> Self {
         Self {
-            train: 96,
+            train: 80,
             validation: 12,
             views: 3,
-            subdivisions: 2,
+            subdivisions: [2, 3],
             degree: 4,
             channels: vec![8, 16, 32, 32],
             hidden: 64,
-            steps: 120,
+            steps: 100,
             batch: 8,
             samples: 1,
             rate: 3e-3,
@@ -54,7 +57,7 @@ impl Settings {
             train: 32,
             validation: 6,
             views: 2,
-            subdivisions: 1,
+            subdivisions: [1, 2],
             degree: 2,
             hidden: 32,
             steps: 60,
@@ -67,24 +70,24 @@ impl Settings {
     /// Half an hour on two cores.
     pub fn full() -> Self {
         Self {
-            train: 640,
-            validation: 48,
+            train: 1536,
+            validation: 96,
             views: 3,
-            subdivisions: 3,
+            subdivisions: [2, 3],
             degree: 8,
             channels: vec![16, 32, 64, 128],
             hidden: 256,
-            steps: 600,
+            steps: 2400,
             batch: 16,
             samples: 1,
-            rate: 1e-3,
-            evaluations: 6,
+            rate: 1.5e-3,
+            evaluations: 12,
         }
     }
 
-    /// Edges two pixels wide at first, and half a pixel after two thirds of the steps.
+    /// Edges blurred by 1.5 pixels at first, and by half a pixel after half of the steps.
     pub fn blur(&self) -> softray::Result<BlurSchedule> {
         let square = |pixels: f64| (pixels * footprint()).powi(2);
-        BlurSchedule::decay(square(2.0), square(0.5), (self.steps * 2 / 3).max(1))
+        BlurSchedule::decay(square(1.5), square(0.5), (self.steps / 2).max(1))
     }
 }

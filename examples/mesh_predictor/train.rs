@@ -26,6 +26,8 @@ pub struct Trainer<'a> {
     pub data: &'a Dataset,
     pub validation: &'a Dataset,
     pub decoder: &'a Decoder,
+    /// What the validation set is met with.
+    pub measured: &'a Decoder,
     pub regular: MeshRegulariser,
     /// Without autodiff.
     pub device: Device,
@@ -104,7 +106,7 @@ impl Trainer<'_> {
         let rendered = start.elapsed() - predicted;
         let every = self.settings.steps.div_ceil(self.settings.evaluations);
         let validated = if step.index.is_multiple_of(every.max(1)) {
-            predict_and_measure(self.validation, network, self.decoder, &self.device)?
+            predict_and_measure(self.validation, network, self.measured, &self.device)?
         } else {
             [f64::NAN; 2]
         };
@@ -170,7 +172,7 @@ mod tests {
         let device = Device::flex();
         let tracked = device.clone().autodiff();
         let data = Dataset::new(("testing", 1), (6, 2), &device).expect("renders");
-        let decoder = Decoder::new(settings.subdivisions, settings.degree, &device);
+        let decoder = Decoder::new(settings.subdivisions[0], settings.degree, &device);
         let decoder = decoder.expect("an icosphere");
         tracked.seed(1);
         let network = Network::new(&settings.channels, 32, settings.degree, &tracked);
@@ -180,6 +182,7 @@ mod tests {
             validation: &data,
             regular: MeshRegulariser::from_mesh(&decoder.ball).expect("faces"),
             decoder: &decoder,
+            measured: &decoder,
             device,
         };
         let loss = |network: &Network, step: &Step| {
