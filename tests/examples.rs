@@ -20,6 +20,8 @@ mod fig5_aperture;
 mod material;
 #[path = "../examples/mesh_from_views.rs"]
 mod mesh_from_views;
+#[path = "../examples/mesh_predictor/main.rs"]
+mod mesh_predictor;
 #[path = "../examples/mirror.rs"]
 mod mirror;
 #[path = "../examples/texture.rs"]
@@ -98,6 +100,21 @@ fn material_of_a_ball() {
 fn mesh() {
     let outcome = quick!(mesh_from_views);
     assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+/// A few seconds of training take a network past the mean shape on objects it has not seen.
+#[test]
+fn bodies_from_single_images() {
+    let out = out("mesh_predictor");
+    let arguments = mesh_predictor::common::study::Arguments::for_tests(out.clone());
+    let settings = mesh_predictor::settings::Settings::tiny();
+    let outcome = mesh_predictor::learn(&arguments, &settings).expect("training");
+    assert!(out.join("mesh_predictor.png").exists());
+    assert!(outcome.after[0] > outcome.before[0] + 0.05, "{outcome:?}");
+    assert!(
+        outcome.after[0] > outcome.baselines.mean[0] + 0.02,
+        "{outcome:?}"
+    );
 }
 
 #[test]

@@ -1,0 +1,146 @@
+//! How well silhouettes are met, by the network and by what knows no image.
+
+use softray::optim::loss;
+use softray::prelude::*;
+
+use super::dataset::Dataset;
+use super::network::{Bodies, Decoder, Network};
+use super::render::{render_items, sharp};
+
+/// Paths a pixel of the silhouettes that are compared.
+const SAMPLES: u32 = 4;
+/// Images that the network sees at once.
+const AT_ONCE: usize = 16;
+/// Objects that the scale of the mean shape is chosen with.
+const CHOSEN_WITH: usize = 48;
+
+/// What the network says of the input images of a data set, without autodiff.
+pub fn predict(data: &Dataset, network: &Network, decoder: &Decoder, device: &Device) -> Bodies {
+    let all: Vec<usize> = (0..data.items.len()).collect();
+    let chunk = |items: &[usize]| {
+        let which: Vec<_> = items.iter().map(|&i| (i, 0)).collect();
+        let images = data.images(&which, &device.clone().autodiff()).radiance;
+        let bodies = decoder.bodies(network.forward(images));
+        (bodies.vertices.inner(), bodies.colour.inner())
+    };
+    let (vertices, colour) = all.chunks(AT_ONCE).map(chunk).unzip();
+    Bodies {
+        vertices: Tensor::cat(vertices, 0),
+        colour: Tensor::cat(colour, 0),
+    }
+}
+
+/// The mean intersection over union of silhouettes, of the input views and of the others. `scene`
+/// gives what stands for an item, of the first so many of which as many views are taken. NaN where there
+/// is no view.
+pub fn overlap(
+    data: &Dataset,
+    (items, eyes): (usize, usize),
+    device: &Device,
+    scene: impl Fn(usize) -> Scene,
+) -> softray::Result<[f64; 2]> {
+    let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
+    for (i, item) in data.items.iter().enumerate().take(items) {
+        let scene = scene(i);
+        let eyes = item.eyes.iter().take(eyes);
+        let views: Vec<_> = eyes.map(|eye| (scene.clone(), eye.camera())).collect();
+        let which: Vec<_> = (0..views.len()).map(|eye| (i, eye)).collect();
+        let seen = render_items(&views, &sharp(SAMPLES), 0)?.opacity;
+        let target = data.images(&which, device).opacity;
+        for eye in 0..views.len() {
+            let one = |t: &Tensor<3>| t.clone().slice([eye..eye + 1]).squeeze_dim::<2>(0);
+            let kind = eye.min(1);
+            sums[kind] += loss::iou(&one(&seen), &one(&target), 0.5)?;
+            counts[kind] += 1.0;
+        }
+    }
+    Ok([0, 1].map(|kind| sums[kind] / counts[kind]))
+}
+
+/// The overlap of what the network says.
+pub fn predict_and_measure(
+    data: &Dataset,
+    network: &Network,
+    decoder: &Decoder,
+    device: &Device,
+) -> softray::Result<[f64; 2]> {
+    let bodies = predict(data, network, decoder, device);
+    overlap(data, data.all(), device, |i| {
+        decoder.scene(&bodies, i, &data.items[i].light)
+    })
+}
+
+/// The mean of a data set: one body with the mean over its objects, as they are turned, of the
+/// radius in each direction, at the mean of their places and in the mean colour.
+pub fn mean_body(data: &Dataset, decoder: &Decoder, scale: f64, device: &Device) -> Bodies {
+    let count = data.items.len() as f64;
+    let place = data
+        .items
+        .iter()
+        .map(|i| i.translation)
+        .sum::<glam::DVec3>()
+        / count;
+    let vertex = |&direction: &glam::DVec3| {
+        let radius =
+            |item: &super::dataset::Item| item.shape.radius(item.rotation.inverse() * direction);
+        let mean = data.items.iter().map(radius).sum::<f64>() / count;
+        (place + direction * (scale * mean)).to_array()
+    };
+    let vertices: Vec<[f64; 3]> = decoder.directions.iter().map(vertex).collect();
+    let vertices = Mesh::from_host(&vertices, Vec::new(), device).vertices;
+    let colours = data.items.iter().map(|i| glam::DVec3::from(i.colour));
+    let colour = (colours.sum::<glam::DVec3>() / count).as_vec3().to_array();
+    Bodies {
+        vertices: vertices.unsqueeze(),
+        colour: Tensor::<1>::from_floats(colour, device).unsqueeze(),
+    }
+}
+
+/// How far one gets without looking at the image: overlaps of the input views and of the others.
+#[derive(Clone, Copy, Debug)]
+pub struct Baselines {
+    /// Of the mean of the training set.
+    pub mean: [f64; 2],
+    /// The scale of that mean that overlaps most over a part of the training set, and its overlaps.
+    pub scale: f64,
+    pub scaled: [f64; 2],
+    /// Of the mean shape, told where each object stands.
+    pub placed: [f64; 2],
+}
+
+impl Baselines {
+    pub fn new(
+        train: &Dataset,
+        validation: &Dataset,
+        decoder: &Decoder,
+        device: &Device,
+    ) -> softray::Result<Self> {
+        let measure = |data: &Dataset, which: (usize, usize), scale: f64, placed: bool| {
+            let mean = mean_body(train, decoder, scale, device);
+            overlap(data, which, device, |i| {
+                let item = &data.items[i];
+                let mut body = mean.clone();
+                if placed {
+                    let to = item.translation.as_vec3().to_array();
+                    let to = Tensor::<1>::from_floats(to, device).reshape([1, 1, 3]);
+                    body.vertices = body.vertices.clone() - body.vertices.mean_dim(1) + to;
+                }
+                decoder.scene(&body, 0, &item.light)
+            })
+        };
+        let (mut scale, mut best) = (1.0, 0.0);
+        for tried in (0..10).map(|k| 0.8 + 0.05 * f64::from(k)) {
+            let [input, _] = measure(train, (CHOSEN_WITH, 1), tried, false)?;
+            if input > best {
+                (scale, best) = (tried, input);
+            }
+        }
+        let all = validation.all();
+        Ok(Self {
+            mean: measure(validation, all, 1.0, false)?,
+            scale,
+            scaled: measure(validation, all, scale, false)?,
+            placed: measure(validation, all, scale, true)?,
+        })
+    }
+}

@@ -1,0 +1,75 @@
+//! The picture at the end: inputs, predictions, and what both look like from elsewhere.
+
+use std::path::Path;
+
+use softray::optim::History;
+use softray::prelude::*;
+
+use super::common::figure::{Figure, Plot};
+use super::common::study::curves;
+use super::dataset::Dataset;
+use super::evaluate::Baselines;
+use super::network::{Bodies, Decoder};
+use super::render::{render_items, sharp};
+
+/// Objects shown.
+const ROWS: usize = 8;
+const SAMPLES: u32 = 64;
+
+pub fn write(
+    path: &Path,
+    data: &Dataset,
+    (decoder, bodies): (&Decoder, &Bodies),
+    (history, baselines): (&History, &Baselines),
+    device: &Device,
+) -> Result<(), Box<dyn std::error::Error>> {
+    let title = "Bodies from one image each: validation set";
+    let mut figure = Figure::new(title).height(128);
+    for (i, item) in data.items.iter().enumerate().take(ROWS) {
+        let scene = decoder.scene(bodies, i, &item.light);
+        let eyes = item.eyes.iter().take(3);
+        let views: Vec<_> = eyes.map(|eye| (scene.clone(), eye.camera())).collect();
+        let which: Vec<_> = (0..views.len()).map(|eye| (i, eye)).collect();
+        let target = data.images(&which, device).radiance;
+        let found = render_items(&views, &sharp(SAMPLES), 0)?.radiance;
+        let captions = [
+            ["input", "prediction"],
+            ["another view", "prediction"],
+            ["a third view", "prediction"],
+        ];
+        let mut row = Vec::new();
+        for (eye, captions) in captions.iter().enumerate().take(views.len()) {
+            for (caption, images) in captions.iter().zip([&target, &found]) {
+                let image = images.clone().slice([eye..eye + 1]).squeeze_dim::<3>(0);
+                row.push((*caption, HostImage::from_tensor(&image)?));
+            }
+        }
+        let last = i + 1 == data.items.len().min(ROWS);
+        let row: Vec<(&str, &HostImage)> = row
+            .iter()
+            .map(|(caption, image)| (if last { *caption } else { "" }, image))
+            .collect();
+        figure = figure.images(&row);
+    }
+    let mut overlaps = Plot::new("validation IoU", "step", "");
+    for (name, kind) in [("IoU input", 0), ("IoU other", 1)] {
+        let points = history.curve(name).into_iter();
+        overlaps = overlaps.curve(
+            ["input view", "other views"][kind],
+            points.filter(|p| p.1.is_finite()),
+        );
+    }
+    let overlaps = overlaps
+        .line("mean shape, input", baselines.mean[0])
+        .line("mean shape, other", baselines.mean[1]);
+    figure
+        .plot(overlaps)
+        .plot(curves(
+            history,
+            "parts of the loss",
+            &["image", "silhouette"],
+            true,
+        ))
+        .plot(curves(history, "σ, scene units²", &["sigma"], true))
+        .write(path)
+}

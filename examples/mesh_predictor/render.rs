@@ -1,0 +1,125 @@
+//! Many renders at once, and what is in them.
+
+use softray::prelude::*;
+
+/// Rows and columns of an image.
+pub const SIZE: usize = 64;
+/// From the eye to the origin, which it looks at, scene units.
+const DISTANCE: f64 = 4.2;
+const FOV: f64 = 29.0;
+
+/// The side of a pixel at the origin, scene units.
+pub fn footprint() -> f64 {
+    2.0 * DISTANCE * (0.5 * FOV.to_radians()).tan() / SIZE as f64
+}
+
+/// What a camera looks from: angles about the y axis, from z towards x, and above the horizon,
+/// radians.
+#[derive(Clone, Copy, Debug)]
+pub struct Eye {
+    pub azimuth: f64,
+    pub elevation: f64,
+}
+
+impl Eye {
+    /// Where all input images are taken from.
+    pub const INPUT: Self = Self {
+        azimuth: 0.0,
+        elevation: 0.25,
+    };
+
+    pub fn camera(self) -> Camera {
+        Camera::look_at(on_sphere(self, DISTANCE), [0.0; 3]).fov_y(FOV)
+    }
+}
+
+fn on_sphere(eye: Eye, radius: f64) -> [f64; 3] {
+    let (sin, cos) = eye.elevation.sin_cos();
+    let (x, z) = eye.azimuth.sin_cos();
+    [radius * cos * x, radius * sin, radius * cos * z]
+}
+
+/// Light as it is known to both renders, that of the data and that of the prediction: a square lamp
+/// above, out of all cameras' view, and a constant environment.
+#[derive(Clone, Copy, Debug)]
+pub struct Light {
+    pub place: Eye,
+    /// RGB.
+    pub radiance: [f64; 3],
+    pub environment: [f64; 3],
+}
+
+const LAMP_DISTANCE: f64 = 5.0;
+const HALF_LAMP: f64 = 0.8;
+
+impl Light {
+    fn lamp(&self, device: &Device) -> Object {
+        let centre = glam::DVec3::from(on_sphere(self.place, LAMP_DISTANCE));
+        let right = glam::DVec3::Y.cross(centre).normalize();
+        let up = centre.normalize().cross(right);
+        // Counter-clockwise seen from the origin.
+        let corner = |x: f64, y: f64| (centre + HALF_LAMP * (x * right + y * up)).to_array();
+        let [a, b, c, d] =
+            [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(x, y)| corner(x, y));
+        Object::new(shapes::quad(a, b, c, d, device)).material(Material::emitter(self.radiance))
+    }
+}
+
+/// A body under a light.
+pub fn scene(body: Mesh, colour: impl Into<softray::scene::Albedo>, light: &Light) -> Scene {
+    let device = body.vertices.device().inner();
+    Scene::new()
+        .with(
+            Object::new(body)
+                .named("body")
+                .material(Material::diffuse(colour)),
+        )
+        .with(light.lamp(&device))
+        .environment(light.environment)
+}
+
+/// Triangles that cover less of a ray than this are left out: blur then reaches less far than by
+/// default, by a tenth of the width of an edge.
+const CUTOFF: f64 = 1e-3;
+
+/// Of direct light alone, from so many paths a pixel.
+pub fn options(samples: u32) -> RenderOptions {
+    RenderOptions::new(SIZE, SIZE)
+        .bounces(0)
+        .cutoff(CUTOFF)
+        .samples(samples)
+        .with_opacity()
+}
+
+/// The same without blur.
+pub fn sharp(samples: u32) -> RenderOptions {
+    options(samples).sigma((0.02 * footprint()).powi(2))
+}
+
+/// What was seen of many scenes.
+#[derive(Clone)]
+pub struct Seen {
+    /// `[N, H, W, 3]`.
+    pub radiance: Tensor<4>,
+    /// `[N, H, W]`.
+    pub opacity: Tensor<3>,
+}
+
+/// Renders scenes, each by its camera and with a seed of its own: `seed` and those that follow.
+pub fn render_items(
+    items: &[(Scene, Camera)],
+    options: &RenderOptions,
+    seed: u64,
+) -> softray::Result<Seen> {
+    let (mut radiance, mut opacity) = (Vec::new(), Vec::new());
+    for (i, (scene, camera)) in items.iter().enumerate() {
+        let options = options.clone().seed(seed + i as u64);
+        let image = render(scene, camera, &options)?;
+        radiance.push(image.radiance);
+        opacity.extend(image.opacity);
+    }
+    Ok(Seen {
+        radiance: Tensor::stack(radiance, 0),
+        opacity: Tensor::stack(opacity, 0),
+    })
+}

@@ -1,0 +1,228 @@
+//! The loss of a step: how far renders of what the network says are from the images.
+
+use std::time::Instant;
+
+use softray::optim::{Evaluation, MeshRegulariser, Step};
+use softray::prelude::*;
+
+use super::dataset::Dataset;
+use super::evaluate::predict_and_measure;
+use super::network::{Bodies, Decoder, Network};
+use super::numbers::Numbers;
+use super::render::{options, render_items};
+use super::settings::Settings;
+
+/// Weights of the parts of the loss; silhouettes count 1.
+const IMAGE: f64 = 20.0;
+const NORMALS: f64 = 0.1;
+
+/// Names of the history's times of the forward pass, s.
+pub const NETWORK_SECONDS: &str = "network s";
+pub const RENDER_SECONDS: &str = "render s";
+
+/// What training needs beside the network.
+pub struct Trainer<'a> {
+    pub settings: &'a Settings,
+    pub data: &'a Dataset,
+    pub validation: &'a Dataset,
+    pub decoder: &'a Decoder,
+    /// What the validation set is met with.
+    pub measured: &'a Decoder,
+    pub regular: MeshRegulariser,
+    /// Without autodiff.
+    pub device: Device,
+}
+
+/// The objects of a step: (item, eye) of what the network sees, and of all that is compared.
+pub struct Batch {
+    inputs: Vec<(usize, usize)>,
+    compared: Vec<(usize, usize)>,
+}
+
+/// The parts of the loss.
+pub struct Parts {
+    pub image: Tensor<1>,
+    pub silhouette: Tensor<1>,
+    pub normals: Tensor<1>,
+}
+
+impl Parts {
+    pub fn sum(&self) -> Tensor<1> {
+        self.image.clone() * IMAGE + self.silhouette.clone() + self.normals.clone() * NORMALS
+    }
+}
+
+impl Trainer<'_> {
+    /// Objects and views by the seed of the step.
+    pub fn batch(&self, step: &Step) -> Batch {
+        let n = &mut Numbers::new(step.seed(0), 1);
+        let items = self.data.items.len();
+        let inputs: Vec<_> = (0..self.settings.batch)
+            .map(|_| (n.index(items), 0))
+            .collect();
+        let pair = |&(item, eye): &(usize, usize)| {
+            let other = 1 + n.index(self.settings.views - 1);
+            [(item, eye), (item, other)]
+        };
+        let compared = inputs.iter().flat_map(pair).collect();
+        Batch { inputs, compared }
+    }
+
+    /// What the network says of a batch.
+    pub fn predict(&self, network: &Network, batch: &Batch) -> Bodies {
+        let device = self.device.clone().autodiff();
+        let images = self.data.images(&batch.inputs, &device).radiance;
+        self.decoder.bodies(network.forward(images))
+    }
+
+    /// What is lost by bodies, from two renders of each view with noise of their own, so that the
+    /// noise of one does not meet itself.
+    pub fn compare(&self, bodies: &Bodies, batch: &Batch, step: &Step) -> softray::Result<Parts> {
+        let item = |(k, &(item, eye)): (usize, &(usize, usize))| {
+            let known = &self.data.items[item];
+            let scene = self.decoder.scene(bodies, k / 2, &known.light);
+            (scene, known.eyes[eye].camera())
+        };
+        let items: Vec<_> = batch.compared.iter().enumerate().map(item).collect();
+        let options = step.options(&options(self.settings.samples), 0);
+        let a = render_items(&items, &options, step.seed(0))?;
+        let b = render_items(&items, &options, step.seed(512))?;
+        let target = self.data.images(&batch.compared, &self.device);
+        let image = (a.radiance - target.radiance.clone()) * (b.radiance - target.radiance);
+        Ok(Parts {
+            image: image.mean(),
+            silhouette: apart((a.opacity + b.opacity) * 0.5, target.opacity),
+            normals: self.regular.normal_consistency(bodies.vertices.clone()),
+        })
+    }
+
+    /// The loss of a step, and now and then how the network does on the validation set.
+    pub fn evaluate(&self, network: &Network, step: &Step) -> softray::Result<Evaluation> {
+        let batch = self.batch(step);
+        let start = Instant::now();
+        let bodies = self.predict(network, &batch);
+        let predicted = start.elapsed();
+        let parts = self.compare(&bodies, &batch, step)?;
+        let rendered = start.elapsed() - predicted;
+        let every = self.settings.steps.div_ceil(self.settings.evaluations);
+        let validated = if step.index.is_multiple_of(every.max(1)) {
+            predict_and_measure(self.validation, network, self.measured, &self.device)?
+        } else {
+            [f64::NAN; 2]
+        };
+        let value = |t: &Tensor<1>| t.clone().into_scalar::<f32>().into();
+        Ok(Evaluation::new(parts.sum())
+            .value("image", value(&parts.image))
+            .value("silhouette", value(&parts.silhouette))
+            .value("normals", value(&parts.normals))
+            .value("IoU input", validated[0])
+            .value("IoU other", validated[1])
+            .value(NETWORK_SECONDS, predicted.as_secs_f64())
+            .value(RENDER_SECONDS, rendered.as_secs_f64()))
+    }
+}
+
+/// The mean over N renders of how far opacities `[N, H, W]` are from overlapping: 1 − Σab / Σ(a + b −
+/// ab), as [`softray::loss::silhouette_iou`] of each.
+fn apart(opacity: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
+    let sums = |t: Tensor<3>| t.flatten::<2>(1, 2).sum_dim(1);
+    let both = sums(opacity.clone() * target.clone());
+    let union = sums(opacity + target) - both.clone();
+    // Targets are never empty.
+    (both / union).mean().neg() + 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::module::{Module, ModuleVisitor, Param};
+    use burn::optim::{GradientsParams, ModuleOptimizer, SgdConfig};
+    use softray::optim::Fit;
+
+    /// The squared length of each gradient, by the path of its parameter.
+    struct Sizes<'a> {
+        gradients: &'a GradientsParams,
+        path: Vec<String>,
+        found: Vec<(String, f64)>,
+    }
+
+    impl ModuleVisitor for Sizes<'_> {
+        fn enter_module(&mut self, name: &str, _: &str) {
+            self.path.push(name.into());
+        }
+
+        fn exit_module(&mut self, _: &str, _: &str) {
+            self.path.pop();
+        }
+
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            let gradient = self.gradients.get::<D>(param.id).expect("a gradient");
+            let data = gradient.into_data();
+            let square = data.iter::<f64>().map(|v| v * v).sum();
+            self.found.push((self.path.join("."), square));
+        }
+    }
+
+    /// Every parameter of the network moves the renders, and along the gradient the loss of the same
+    /// step changes as the gradient says, but for the surfaces of blurred edges, of which other ones
+    /// are drawn then.
+    #[test]
+    fn gradients_reach_the_whole_network_through_the_renderer() {
+        let settings = Settings::tiny();
+        let device = Device::flex();
+        let tracked = device.clone().autodiff();
+        let data = Dataset::new(("testing", 1), (6, 2), &device).expect("renders");
+        let decoder = Decoder::new(settings.subdivisions[0], settings.degree, &device);
+        let decoder = decoder.expect("an icosphere");
+        tracked.seed(1);
+        let network = Network::new(&settings.channels, 32, settings.degree, &tracked);
+        let trainer = Trainer {
+            settings: &settings,
+            data: &data,
+            validation: &data,
+            regular: MeshRegulariser::from_mesh(&decoder.ball).expect("faces"),
+            decoder: &decoder,
+            measured: &decoder,
+            device,
+        };
+        let loss = |network: &Network, step: &Step| {
+            let batch = trainer.batch(step);
+            let bodies = trainer.predict(network, &batch);
+            Ok(trainer.compare(&bodies, &batch, step)?.sum())
+        };
+        // Renders of the same seed repeat to the bit, and so do gradients.
+        let gradients = |network: &Network, step: &Step| -> softray::Result<GradientsParams> {
+            let gradients = loss(network, step)?.backward();
+            Ok(GradientsParams::from_grads(gradients, network))
+        };
+        Fit::new(network, SgdConfig::new().init(), 1)
+            .sigma(settings.blur().expect("a schedule"))
+            .progress(false)
+            .run(|network: &Network, step: &_| {
+                let found = gradients(network, step)?;
+                let mut sizes = Sizes {
+                    gradients: &found,
+                    path: Vec::new(),
+                    found: Vec::new(),
+                };
+                network.visit(&mut sizes);
+                assert_eq!(sizes.found.len(), 4 * settings.channels.len() + 10);
+                for (path, square) in &sizes.found {
+                    assert!(square.is_finite() && *square > 1e-14, "{path}: {square}");
+                }
+                let square: f64 = sizes.found.iter().map(|f| f.1).sum();
+                const RATE: f64 = 2e-4;
+                let value = |rate: f64| -> softray::Result<f64> {
+                    let mut descent: ModuleOptimizer = SgdConfig::new().init().into();
+                    let along = gradients(network, step)?;
+                    let moved = descent.step(rate, network.clone(), along);
+                    Ok(loss(&moved, step)?.into_scalar::<f32>().into())
+                };
+                let fall = (value(-RATE)? - value(RATE)?) / (2.0 * RATE);
+                let ratio = fall / square;
+                assert!((0.85..1.15).contains(&ratio), "{fall}, {square}");
+                Ok(Evaluation::new(loss(network, step)?))
+            })
+            .expect("a step");
+    }
+}
