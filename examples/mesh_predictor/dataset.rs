@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use softray::prelude::*;
 
 use super::numbers::Numbers;
-use super::render::{Eye, Light, SIZE, Seen, render_items, scene, sharp};
+use super::render::{Eye, Light, SIZE, Seen, scene, see, sharp};
 use super::shape::Shape;
 
 /// Paths a pixel of the images.
@@ -90,9 +90,9 @@ impl Item {
     /// What its cameras see.
     fn see(&self, device: &Device, seed: u64) -> softray::Result<Seen> {
         let scene = scene(self.mesh(device), self.colour, &self.light);
-        let view = |eye: &Eye| (scene.clone(), eye.camera());
-        let items: Vec<_> = self.eyes.iter().map(view).collect();
-        render_items(&items, &sharp(SAMPLES), seed)
+        let cameras = self.eyes.iter().map(|eye| eye.camera()).collect();
+        let batch = Batch::new(vec![scene], cameras)?;
+        see(&batch, &sharp(SAMPLES).seed(seed))
     }
 }
 

@@ -5,7 +5,7 @@ use softray::prelude::*;
 
 use super::dataset::Dataset;
 use super::network::{Bodies, Decoder, Network};
-use super::render::{render_items, sharp};
+use super::render::{see, sharp};
 
 /// Paths a pixel of the silhouettes that are compared.
 const SAMPLES: u32 = 4;
@@ -43,11 +43,11 @@ pub fn overlap(
     for (i, item) in data.items.iter().enumerate().take(items) {
         let scene = scene(i);
         let eyes = item.eyes.iter().take(eyes);
-        let views: Vec<_> = eyes.map(|eye| (scene.clone(), eye.camera())).collect();
-        let which: Vec<_> = (0..views.len()).map(|eye| (i, eye)).collect();
-        let seen = render_items(&views, &sharp(SAMPLES), 0)?.opacity;
+        let batch = Batch::new(vec![scene], eyes.map(|eye| eye.camera()).collect())?;
+        let which: Vec<_> = (0..batch.len()).map(|eye| (i, eye)).collect();
+        let seen = see(&batch, &sharp(SAMPLES))?.opacity;
         let target = data.images(&which, device).opacity;
-        for eye in 0..views.len() {
+        for eye in 0..batch.len() {
             let one = |t: &Tensor<3>| t.clone().slice([eye..eye + 1]).squeeze_dim::<2>(0);
             let kind = eye.min(1);
             sums[kind] += loss::iou(&one(&seen), &one(&target), 0.5)?;

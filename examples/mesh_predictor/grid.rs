@@ -10,7 +10,7 @@ use super::common::study::curves;
 use super::dataset::Dataset;
 use super::evaluate::Baselines;
 use super::network::{Bodies, Decoder};
-use super::render::{render_items, sharp};
+use super::render::{see, sharp};
 
 /// Objects shown.
 const ROWS: usize = 8;
@@ -28,17 +28,17 @@ pub fn write(
     for (i, item) in data.items.iter().enumerate().take(ROWS) {
         let scene = decoder.scene(bodies, i, &item.light);
         let eyes = item.eyes.iter().take(3);
-        let views: Vec<_> = eyes.map(|eye| (scene.clone(), eye.camera())).collect();
-        let which: Vec<_> = (0..views.len()).map(|eye| (i, eye)).collect();
+        let batch = Batch::new(vec![scene], eyes.map(|eye| eye.camera()).collect())?;
+        let which: Vec<_> = (0..batch.len()).map(|eye| (i, eye)).collect();
         let target = data.images(&which, device).radiance;
-        let found = render_items(&views, &sharp(SAMPLES), 0)?.radiance;
+        let found = see(&batch, &sharp(SAMPLES))?.radiance;
         let captions = [
             ["input", "prediction"],
             ["another view", "prediction"],
             ["a third view", "prediction"],
         ];
         let mut row = Vec::new();
-        for (eye, captions) in captions.iter().enumerate().take(views.len()) {
+        for (eye, captions) in captions.iter().enumerate().take(batch.len()) {
             for (caption, images) in captions.iter().zip([&target, &found]) {
                 let image = images.clone().slice([eye..eye + 1]).squeeze_dim::<3>(0);
                 row.push((*caption, HostImage::from_tensor(&image)?));

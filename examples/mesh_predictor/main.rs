@@ -31,6 +31,7 @@ use train::Trainer;
 
 /// How well the validation set's silhouettes are met, in the input views and in others.
 #[derive(Clone, Copy, Debug)]
+#[allow(dead_code)] // what the tests look at
 pub(crate) struct Outcome {
     pub baselines: Baselines,
     pub before: [f64; 2],

@@ -163,6 +163,7 @@ impl Decoder {
     }
 }
 
-fn row(table: &Tensor<2>, i: usize) -> Tensor<1> {
+/// A row `[C]` of `[B, C]`.
+pub fn row(table: &Tensor<2>, i: usize) -> Tensor<1> {
     table.clone().slice([i..i + 1]).squeeze_dim(0)
 }

@@ -65,13 +65,16 @@ impl Light {
     }
 }
 
+/// The name of the body in its scene.
+pub const BODY: &str = "body";
+
 /// A body under a light.
 pub fn scene(body: Mesh, colour: impl Into<softray::scene::Albedo>, light: &Light) -> Scene {
     let device = body.vertices.device().inner();
     Scene::new()
         .with(
             Object::new(body)
-                .named("body")
+                .named(BODY)
                 .material(Material::diffuse(colour)),
         )
         .with(light.lamp(&device))
@@ -88,7 +91,6 @@ pub fn options(samples: u32) -> RenderOptions {
         .bounces(0)
         .cutoff(CUTOFF)
         .samples(samples)
-        .with_opacity()
 }
 
 /// The same without blur.
@@ -105,21 +107,14 @@ pub struct Seen {
     pub opacity: Tensor<3>,
 }
 
-/// Renders scenes, each by its camera and with a seed of its own: `seed` and those that follow.
-pub fn render_items(
-    items: &[(Scene, Camera)],
-    options: &RenderOptions,
-    seed: u64,
-) -> softray::Result<Seen> {
-    let (mut radiance, mut opacity) = (Vec::new(), Vec::new());
-    for (i, (scene, camera)) in items.iter().enumerate() {
-        let options = options.clone().seed(seed + i as u64);
-        let image = render(scene, camera, &options)?;
-        radiance.push(image.radiance);
-        opacity.extend(image.opacity);
-    }
+/// Renders all views of a batch, with opacity.
+pub fn see(batch: &Batch, options: &RenderOptions) -> softray::Result<Seen> {
+    let images = render_batch(batch, &options.clone().with_opacity())?;
+    let Some(opacity) = images.opacity else {
+        unreachable!("opacity was asked for")
+    };
     Ok(Seen {
-        radiance: Tensor::stack(radiance, 0),
-        opacity: Tensor::stack(opacity, 0),
+        radiance: images.radiance,
+        opacity,
     })
 }

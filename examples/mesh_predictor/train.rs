@@ -2,14 +2,14 @@
 
 use std::time::Instant;
 
-use softray::optim::{Evaluation, MeshRegulariser, Step};
+use softray::optim::{Evaluation, MeshRegulariser, Step, loss};
 use softray::prelude::*;
 
 use super::dataset::Dataset;
 use super::evaluate::predict_and_measure;
-use super::network::{Bodies, Decoder, Network};
+use super::network::{Bodies, Decoder, Network, row};
 use super::numbers::Numbers;
-use super::render::{options, render_items};
+use super::render::{BODY, options, scene, see};
 use super::settings::Settings;
 
 /// Weights of the parts of the loss; silhouettes count 1.
@@ -34,7 +34,7 @@ pub struct Trainer<'a> {
 }
 
 /// The objects of a step: (item, eye) of what the network sees, and of all that is compared.
-pub struct Batch {
+pub struct Objects {
     inputs: Vec<(usize, usize)>,
     compared: Vec<(usize, usize)>,
 }
@@ -54,7 +54,7 @@ impl Parts {
 
 impl Trainer<'_> {
     /// Objects and views by the seed of the step.
-    pub fn batch(&self, step: &Step) -> Batch {
+    pub fn batch(&self, step: &Step) -> Objects {
         let n = &mut Numbers::new(step.seed(0), 1);
         let items = self.data.items.len();
         let inputs: Vec<_> = (0..self.settings.batch)
@@ -65,11 +65,11 @@ impl Trainer<'_> {
             [(item, eye), (item, other)]
         };
         let compared = inputs.iter().flat_map(pair).collect();
-        Batch { inputs, compared }
+        Objects { inputs, compared }
     }
 
     /// What the network says of a batch.
-    pub fn predict(&self, network: &Network, batch: &Batch) -> Bodies {
+    pub fn predict(&self, network: &Network, batch: &Objects) -> Bodies {
         let device = self.device.clone().autodiff();
         let images = self.data.images(&batch.inputs, &device).radiance;
         self.decoder.bodies(network.forward(images))
@@ -77,21 +77,26 @@ impl Trainer<'_> {
 
     /// What is lost by bodies, from two renders of each view with noise of their own, so that the
     /// noise of one does not meet itself.
-    pub fn compare(&self, bodies: &Bodies, batch: &Batch, step: &Step) -> softray::Result<Parts> {
-        let item = |(k, &(item, eye)): (usize, &(usize, usize))| {
-            let known = &self.data.items[item];
-            let scene = self.decoder.scene(bodies, k / 2, &known.light);
-            (scene, known.eyes[eye].camera())
+    pub fn compare(&self, bodies: &Bodies, batch: &Objects, step: &Step) -> softray::Result<Parts> {
+        let template = |(k, &(item, _)): (usize, &(usize, usize))| {
+            let light = &self.data.items[item].light;
+            scene(self.decoder.ball.clone(), row(&bodies.colour, k), light)
         };
-        let items: Vec<_> = batch.compared.iter().enumerate().map(item).collect();
-        let options = step.options(&options(self.settings.samples), 0);
-        let a = render_items(&items, &options, step.seed(0))?;
-        let b = render_items(&items, &options, step.seed(512))?;
+        let scenes = batch.inputs.iter().enumerate().map(template).collect();
+        let view = |(k, &(item, eye)): (usize, &(usize, usize))| {
+            (k / 2, self.data.items[item].eyes[eye].camera())
+        };
+        let views = batch.compared.iter().enumerate().map(view).collect();
+        let views = Batch::views(scenes, views)?;
+        let views = views.with_vertices(BODY, bodies.vertices.clone())?;
+        let few = options(self.settings.samples);
+        let a = see(&views, &step.options(&few, 0))?;
+        let b = see(&views, &step.options(&few, 1))?;
         let target = self.data.images(&batch.compared, &self.device);
         let image = (a.radiance - target.radiance.clone()) * (b.radiance - target.radiance);
         Ok(Parts {
             image: image.mean(),
-            silhouette: apart((a.opacity + b.opacity) * 0.5, target.opacity),
+            silhouette: loss::silhouette_iou_batch((a.opacity + b.opacity) * 0.5, target.opacity),
             normals: self.regular.normal_consistency(bodies.vertices.clone()),
         })
     }
@@ -120,16 +125,6 @@ impl Trainer<'_> {
             .value(NETWORK_SECONDS, predicted.as_secs_f64())
             .value(RENDER_SECONDS, rendered.as_secs_f64()))
     }
-}
-
-/// The mean over N renders of how far opacities `[N, H, W]` are from overlapping: 1 − Σab / Σ(a + b −
-/// ab), as [`softray::loss::silhouette_iou`] of each.
-fn apart(opacity: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
-    let sums = |t: Tensor<3>| t.flatten::<2>(1, 2).sum_dim(1);
-    let both = sums(opacity.clone() * target.clone());
-    let union = sums(opacity + target) - both.clone();
-    // Targets are never empty.
-    (both / union).mean().neg() + 1.0
 }
 
 #[cfg(test)]
