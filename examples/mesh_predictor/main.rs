@@ -38,6 +38,30 @@ pub(crate) struct Outcome {
     pub after: [f64; 2],
 }
 
+impl Outcome {
+    fn print(&self) {
+        let line = |what: &str, [input, other]: [f64; 2]| {
+            println!("validation IoU {what}: {input:.4} input view, {other:.4} other views");
+        };
+        line("of the network", self.after);
+        line("of the network before training", self.before);
+        line("of the mean shape", self.baselines.mean);
+        line(
+            &format!(
+                "of the mean shape, scaled by {:.2} to fit best",
+                self.baselines.scale
+            ),
+            self.baselines.scaled,
+        );
+        line(
+            "of the mean shape, told each object's place",
+            self.baselines.placed,
+        );
+        let margin = [0, 1].map(|k| self.after[k] - self.baselines.mean[k]);
+        line("above the mean shape", margin);
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let mut settings = arguments.either(Settings::quick(), Settings::full());
     settings.steps = arguments.steps.unwrap_or(settings.steps);
@@ -83,7 +107,7 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
         .sigma(settings.blur()?)
         .clip(1.0)
         .folder(arguments.out.join("mesh_predictor"))
-        .checkpoint_every(50)
+        .checkpoint_every(25)
         .restart(!arguments.resume)
         .run(|network: &Network, step: &_| trainer.evaluate(network, step))?;
 
@@ -100,25 +124,6 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
         &device,
     )?;
 
-    let line = |what: &str, [input, other]: [f64; 2]| {
-        println!("validation IoU {what}: {input:.4} input view, {other:.4} other views");
-    };
-    line("of the network", after);
-    line("of the network before training", before);
-    line("of the mean shape", baselines.mean);
-    line(
-        &format!(
-            "of the mean shape, scaled by {:.2} to fit best",
-            baselines.scale
-        ),
-        baselines.scaled,
-    );
-    line(
-        "of the mean shape, told each object's place",
-        baselines.placed,
-    );
-    let margin = [0, 1].map(|k| after[k] - baselines.mean[k]);
-    line("above the mean shape", margin);
     let mean = |name: &str| {
         let times = trained.history.curve(name);
         times.iter().map(|t| t.1).sum::<f64>() / times.len().max(1) as f64
@@ -145,6 +150,6 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
 
 fn main() -> Result<(), Failure> {
     env_logger::init();
-    run(&Arguments::parse())?;
+    run(&Arguments::parse())?.print();
     Ok(())
 }

@@ -81,8 +81,8 @@ pub fn scene(body: Mesh, colour: impl Into<softray::scene::Albedo>, light: &Ligh
         .environment(light.environment)
 }
 
-/// Triangles that cover less of a ray than this are left out: blur then reaches less far than by
-/// default, by a tenth of the width of an edge.
+/// Triangles that cover less of a ray than this are left out: blur then reaches a tenth less far than
+/// by default.
 const CUTOFF: f64 = 1e-3;
 
 /// Of direct light alone, from so many paths a pixel.

@@ -208,7 +208,7 @@ mod tests {
                 let square: f64 = sizes.found.iter().map(|f| f.1).sum();
                 const RATE: f64 = 2e-4;
                 let value = |rate: f64| -> softray::Result<f64> {
-                    let mut descent: ModuleOptimizer = SgdConfig::new().init().into();
+                    let mut descent: ModuleOptimizer = SgdConfig::new().init();
                     let along = gradients(network, step)?;
                     let moved = descent.step(rate, network.clone(), along);
                     Ok(loss(&moved, step)?.into_scalar::<f32>().into())
