@@ -24,7 +24,7 @@ use crate::geometry::{Context, Topology};
 pub use depth::DepthRange;
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
 pub(crate) use edge::{full_room, grazing};
-pub(crate) use sparse::{Finder, HostRay, PullScratch, Surface, Weighed};
+pub(crate) use sparse::{Finder, HostRay, PullScratch, Span, Surface, Weighed};
 pub use sparse::{Sparse, SparseWeights};
 pub use weights::Weights;
 

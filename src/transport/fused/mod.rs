@@ -23,7 +23,7 @@ use super::{Census, Lights, PathSettings, Sampler, Sky};
 use crate::accel::{Hierarchy, Machine, Task, dispatch};
 use crate::error::Result;
 use crate::scene::{Camera, Flattened};
-use crate::visibility::{Finder, Visibility};
+use crate::visibility::{Finder, Span, Visibility};
 pub(crate) use log::{Log, TileLog};
 pub(crate) use records::Work;
 use tables::HostSky;
@@ -158,12 +158,18 @@ impl Fused {
     }
 
     /// near and far of a ray from a point (Eq. 3), where the form asks for them.
-    fn depth_range(&self, origin: DVec3) -> (f64, f64) {
+    fn span(&self, origin: DVec3) -> Span {
         if matches!(self.settings.visibility, Visibility::Layered) {
-            return (0.0, 1.0);
+            return Span {
+                near: 0.0,
+                far: 1.0,
+            };
         }
         let (distance, radius) = (origin.length(), self.scene.radius());
-        ((distance - radius).max(0.0), distance + radius)
+        Span {
+            near: (distance - radius).max(0.0),
+            far: distance + radius,
+        }
     }
 
     /// Sums over the samples `from..to` of pixels, and what rays met. Weights of objects, if they are
