@@ -138,7 +138,7 @@ impl Fused {
         let mut by_throughput = DVec3::ZERO;
         let vertices = &work.vertices[branch.vertices.clone()];
         let mut by_share = 0.0;
-        let mut values = Vec::new();
+        let mut values = std::mem::take(&mut scratch.values);
         for (bounce, vertex) in vertices.iter().enumerate().rev() {
             let ray = vertex.ray.as_ref().unwrap_or(&back.camera.ray);
             (by_throughput, by_ray) = match &vertex.hit {
@@ -189,6 +189,7 @@ impl Fused {
             by_ray.origin += by.origin;
             by_ray.direction += by.direction;
         }
+        scratch.values = values;
         (by_share, by_ray)
     }
 

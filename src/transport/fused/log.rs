@@ -61,8 +61,9 @@ impl Log {
                 let first = surfaces.len();
                 let offered = finder.meet(ray, span, surfaces);
                 log.found.push((surfaces.len() - first) as u32);
-                log.found
-                    .extend(surfaces[first..].iter().map(|s| s.triangle));
+                for s in &surfaces[first..] {
+                    log.found.push(s.triangle);
+                }
                 offered
             }
         }

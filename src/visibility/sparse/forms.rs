@@ -47,7 +47,6 @@ pub(super) fn softened(found: &[Surface]) -> (Vec<Soft>, usize) {
 
 /// Drops surfaces from `first` on, and the background, whose weights add up to less than `cutoff`, sets
 /// those of the rest, and returns that of the background. `nats` is ln(10/cutoff).
-#[inline(never)]
 pub(super) fn softmax(
     all: &mut Vec<Surface>,
     first: usize,

@@ -180,6 +180,8 @@ pub(crate) struct PullScratch {
     by_p: Vec<f64>,
     by_t: Vec<f64>,
     layers: Vec<(u32, f64, f64)>,
+    /// What the weights count, for whoever needs a list.
+    pub values: Vec<f64>,
 }
 
 impl<'a> Finder<'a> {
@@ -456,20 +458,35 @@ impl<'a> Finder<'a> {
 
     /// Sorts the surfaces from `first` on by depth, sets their weights and drops those that are
     /// nothing; returns that of the background.
+    #[inline(always)]
     pub fn weigh(&self, span: Span, all: &mut Vec<Surface>, first: usize) -> f64 {
+        // Most rays meet one surface, or one that hides all others.
+        if let [s] = &mut all[first..] {
+            match self.form {
+                Visibility::Layered => {
+                    s.weight = s.p.min(1.0);
+                    return 1.0 - s.weight;
+                }
+                Visibility::Softmax { gamma, epsilon } => {
+                    let z = (span.far - s.t) / span.depth();
+                    if s.log[0] + (z - epsilon) / gamma > self.nats {
+                        s.weight = 1.0;
+                        return 0.0;
+                    }
+                }
+                Visibility::LayeredSoft { .. } => {}
+            }
+        }
+        self.weigh_all(span, all, first)
+    }
+
+    fn weigh_all(&self, span: Span, all: &mut Vec<Surface>, first: usize) -> f64 {
         let (far, depth) = (span.far, span.depth());
         if let Visibility::Softmax { gamma, epsilon } = self.form {
             let per_depth = 1.0 / (depth * gamma);
             let score = |s: &Surface| (far - s.t) * per_depth;
-            let background = epsilon / gamma;
-            if let [s] = &mut all[first..]
-                && s.log[0] + score(s) - background > self.nats
-            {
-                s.weight = 1.0;
-                return 0.0;
-            }
             let cutoff = (self.cutoff, self.nats);
-            let background = softmax(all, first, score, background, cutoff);
+            let background = softmax(all, first, score, epsilon / gamma, cutoff);
             by_depth(&mut all[first..]);
             return background;
         }
@@ -489,7 +506,16 @@ impl<'a> Finder<'a> {
     }
 
     /// The share of light that passes surfaces, and its derivatives by each p, in their new order.
+    #[inline(always)]
     pub fn pass(&self, found: &mut [Surface], by_p: &mut Vec<f64>) -> f64 {
+        if found.is_empty() {
+            by_p.clear();
+            return 1.0;
+        }
+        self.pass_all(found, by_p)
+    }
+
+    fn pass_all(&self, found: &mut [Surface], by_p: &mut Vec<f64>) -> f64 {
         if matches!(self.form, Visibility::Softmax { .. }) {
             through_all(found, by_p)
         } else {
@@ -529,7 +555,9 @@ impl Weighed<'_> {
         scratch: &mut PullScratch,
         mut emit: impl FnMut(&Surface, f64, f64, f64),
     ) -> f64 {
-        let PullScratch { by_p, by_t, layers } = scratch;
+        let PullScratch {
+            by_p, by_t, layers, ..
+        } = scratch;
         let surfaces = self.surfaces;
         // What is nothing beside the largest part of the sum.
         let parts = surfaces.iter().zip(values);
