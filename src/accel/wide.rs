@@ -183,20 +183,15 @@ impl Wide {
         let end = (limit - skipped) as f32;
         let mut nears = [[0.0; LANES]; FEW / LANES];
         let mut order = [0u8; FEW];
-        let mut count = 0;
+        // One loop each: what moves is not asked of every leaf.
+        let count = match &self.velocities {
+            Some(v) => self.meet_all(machine, |i| v.get(i), &ray, end, &mut nears, &mut order),
+            None => self.meet_all(machine, |_| None, &ray, end, &mut nears, &mut order),
+        };
         let near = |nears: &[Lanes; FEW / LANES], i: u8| {
             let i = usize::from(i) % FEW;
             nears[i / LANES][i % LANES]
         };
-        for (slot, (leaf, of_leaf)) in self.leaves.iter().zip(&mut nears).enumerate() {
-            let (mut mask, found) = leaf.meet(machine, self.velocity(slot), &ray, end);
-            *of_leaf = found;
-            while mask != 0 {
-                order[count % FEW] = (slot * LANES) as u8 + mask.trailing_zeros() as u8;
-                count += 1;
-                mask &= mask - 1;
-            }
-        }
         let mut order = &mut order[..count.min(FEW)];
         let mut offered = 0;
         while let Some(last) = order.len().checked_sub(1) {
@@ -216,6 +211,30 @@ impl Wide {
             order = &mut order[..last];
         }
         offered
+    }
+
+    /// Which triangles may be met, of all, and from where on; returns how many.
+    #[inline(always)]
+    fn meet_all<'a, M: Machine>(
+        &self,
+        machine: M,
+        velocity: impl Fn(usize) -> Option<&'a [Lanes; 3]>,
+        ray: &Ray,
+        end: f32,
+        nears: &mut [Lanes; FEW / LANES],
+        order: &mut [u8; FEW],
+    ) -> usize {
+        let mut count = 0;
+        for (slot, (leaf, of_leaf)) in self.leaves.iter().zip(nears).enumerate() {
+            let (mut mask, found) = leaf.meet(machine, velocity(slot), ray, end);
+            *of_leaf = found;
+            while mask != 0 {
+                order[count % FEW] = (slot * LANES) as u8 + mask.trailing_zeros() as u8;
+                count += 1;
+                mask &= mask - 1;
+            }
+        }
+        count
     }
 
     #[inline(always)]

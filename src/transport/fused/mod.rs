@@ -245,7 +245,13 @@ impl Fused {
                 work,
             };
             dispatch(arch, paths);
-            self.pull_pixel(upstream, work, sums);
+            let back = PixelBack {
+                fused: self,
+                upstream,
+                work,
+                sums,
+            };
+            dispatch(arch, back);
         }
     }
 }
@@ -272,6 +278,23 @@ impl<const KEEP: bool> Task for PixelPaths<'_, KEEP> {
             work,
         } = self;
         fused.pixel::<KEEP>(finders, pixel, samples, work)
+    }
+}
+
+/// The way back along the paths of a pixel.
+struct PixelBack<'a> {
+    fused: &'a Fused,
+    upstream: &'a Pixel,
+    work: &'a mut Work,
+    sums: &'a mut Sums,
+}
+
+impl Task for PixelBack<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, _machine: M) {
+        self.fused.pull_pixel(self.upstream, self.work, self.sums);
     }
 }
 

@@ -37,7 +37,7 @@ impl Surface {
     /// What a·dlogit + b·dt is made of: with f and m, (f − m)·(do + t dd) over the ray, at the
     /// triangle's place at the ray's time, and m·hit_i − f·border_i at its corners. None if it
     /// counts nothing.
-    #[inline]
+    #[inline(always)]
     pub fn pull(
         &self,
         triangle: &HostTriangle,
@@ -548,6 +548,7 @@ pub(crate) struct Weighed<'a> {
 impl Weighed<'_> {
     /// Derivatives of Σ v·W + v·W_background: calls `emit` with surfaces, their derivatives by
     /// logit and by t, and the slope of p under which the first counts nothing; returns that by far.
+    #[inline(always)]
     pub fn pull(
         &self,
         values: &[f64],
