@@ -29,6 +29,16 @@ struct Arguments {
     /// With gradients, for `--passes`.
     #[arg(long, requires = "passes")]
     backward: bool,
+    /// Which form of visibility, for `--passes`.
+    #[arg(long, requires = "passes", value_enum, default_value = "layered")]
+    form: Form,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Form {
+    Layered,
+    Softmax,
+    LayeredSoft,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -54,7 +64,7 @@ fn main() {
     }
     if let Some(passes) = arguments.passes {
         let (scene, camera) = cornell();
-        let options = options(32, Visibility::Layered);
+        let options = options(32, FORMS[arguments.form as usize]);
         for _ in 0..passes {
             pass(&scene, &camera, &options, arguments.backward);
         }

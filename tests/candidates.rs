@@ -101,6 +101,30 @@ fn without_a_cutoff_they_are_the_same() {
     }
 }
 
+/// The nearer a triangle, the farther beside a ray the softmax must look for it: none is missed where
+/// nearness counts most. What counts less than the cutoff allows, as the light's albedo here, has no
+/// gradient to compare.
+#[test]
+fn the_softmax_looks_as_far_as_it_must() {
+    for (name, world) in worlds() {
+        for gamma in [1e-3, 0.1] {
+            let form = Visibility::softmax(gamma);
+            for sigma in [1e-4, 1e-3, 2e-2] {
+                let [expected, found] = both(&world, form, sigma, 1e-18);
+                let image = rmse(&found.image, &expected.image);
+                assert!(image < 1e-9, "{name}, γ {gamma}, σ {sigma}: {image:e}");
+                for parameter in ["ball vertices", "floor vertices", "eye", "light emission"] {
+                    let far = apart(found.gradient(parameter), expected.gradient(parameter));
+                    assert!(
+                        far < 1e-6,
+                        "{name}, γ {gamma}, σ {sigma}, {parameter}: {far:e}"
+                    );
+                }
+            }
+        }
+    }
+}
+
 /// The error falls with the cutoff. A draw that it tips changes a path altogether: two of the hundred
 /// pixels may be such, the bound is that of the others.
 #[test]

@@ -7,10 +7,10 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
-use super::HostTriangle;
 use super::leaf::LANES;
 use super::machine::{Machine, Task, dispatch};
 use super::wide::{FEW, Wide};
+use super::{HostTriangle, Reach};
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
 /// asking each is faster.
@@ -165,7 +165,10 @@ impl Hierarchy {
         let visit = Visit {
             hierarchy: self,
             ray,
-            reach,
+            reach: Reach {
+                most: reach,
+                price: 0.0,
+            },
             range,
             f,
         };
@@ -178,7 +181,7 @@ impl Hierarchy {
         &self,
         machine: M,
         ray: (DVec3, DVec3, f64),
-        reach: f64,
+        reach: Reach,
         range: (f64, f64),
         f: impl FnMut(u32) -> f64,
     ) -> u32 {
@@ -190,7 +193,7 @@ impl Hierarchy {
 struct Visit<'a, F> {
     hierarchy: &'a Hierarchy,
     ray: (DVec3, DVec3, f64),
-    reach: f64,
+    reach: Reach,
     range: (f64, f64),
     f: F,
 }

@@ -27,7 +27,10 @@ pub(super) struct Ray {
     pub origin: Vec3,
     pub direction: Vec3,
     pub time: f32,
+    /// How far beside it triangles matter, at most.
     pub reach: f32,
+    /// What a squared distance beside it counts along it ([`Reach`](super::Reach)).
+    pub price: f32,
     /// What coordinates are rounded by.
     pub rounding: f32,
     /// Hits nearer don't count.
@@ -62,7 +65,7 @@ impl Leaf {
     }
 
     /// The triangles that a ray may meet before `limit`, one bit each, and distances before which it
-    /// doesn't.
+    /// doesn't, with what it passes beside them.
     #[inline(always)]
     pub fn meet<M: Machine>(
         &self,
@@ -113,11 +116,13 @@ impl Leaf {
             let ca = inside!(2, i, p);
             let least = smaller(ab, smaller(bc, ca));
             let rounding = add(ray.rounding, ray.rounding, inverse.abs());
-            near[i] = t - rounding;
+            let beside = smaller(least + rounding, 0.0);
+            let counted = add(t - rounding, beside * ray.price, beside);
+            // Not a number is kept, and first: the exact test decides.
+            near[i] = larger(counted, f32::MIN);
             let between = smaller(t + rounding - ray.from, limit - near[i]);
-            room[i] = smaller(between, least + rounding + ray.reach);
+            room[i] = smaller(between, beside + ray.reach);
         }
-        // Not a number is kept: the exact test decides.
         (machine.not_negative(&room) & self.used, near)
     }
 }

@@ -176,6 +176,7 @@ impl HostTriangle {
     }
 
     /// A weighted sum of the corners.
+    #[inline(always)]
     pub fn point(&self, weights: [f64; 3]) -> DVec3 {
         let [a, b, c] = self.corners;
         a * weights[0] + b * weights[1] + c * weights[2]

@@ -4,9 +4,9 @@
 use glam::{DVec3, Vec3};
 use obvhs::bvh2::Bvh2;
 
-use super::HostTriangle;
 use super::leaf::{LANES, Lanes, Leaf, Ray, bits, larger, smaller};
 use super::machine::Machine;
+use super::{HostTriangle, Reach};
 
 /// Up to here triangles are asked without boxes.
 pub(super) const FEW: usize = 64;
@@ -35,8 +35,6 @@ pub(super) struct Wide {
 struct Slabs {
     origin: Vec3,
     inverse: Vec3,
-    /// What boxes are grown by.
-    grown: f32,
 }
 
 impl Wide {
@@ -129,7 +127,7 @@ impl Wide {
         2 * at as u32
     }
 
-    /// Calls a function with every triangle that a ray may meet within `reach` of it between `from`
+    /// Calls a function with every triangle that a ray may meet within reach of it between `from`
     /// and `limit`; the function returns the limit from there on. Returns how many triangles it was
     /// called with.
     #[inline(always)]
@@ -137,7 +135,7 @@ impl Wide {
         &self,
         machine: M,
         ray: (DVec3, DVec3, f64),
-        reach: f64,
+        reach: Reach,
         range: (f64, f64),
         f: impl FnMut(u32) -> f64,
     ) -> u32 {
@@ -154,16 +152,17 @@ impl Wide {
     fn near_ray(
         &self,
         (origin, direction, time): (DVec3, DVec3, f64),
-        reach: f64,
+        reach: Reach,
         from: f64,
     ) -> (Ray, f64) {
-        let skipped = (-origin.dot(direction) - 2.0 * self.extent).max(0.0);
+        let skipped = (-origin.dot(direction) - 2.0 * self.extent - reach.most).max(0.0);
         let from_near = origin + direction * skipped;
         let ray = Ray {
             origin: from_near.as_vec3(),
             direction: direction.as_vec3(),
             time: time as f32,
-            reach: reach as f32,
+            reach: reach.most as f32,
+            price: reach.price as f32,
             rounding: (2e-6 * (self.extent + from_near.abs().element_sum())) as f32,
             from: (from - skipped) as f32,
         };
@@ -176,7 +175,7 @@ impl Wide {
         &self,
         machine: M,
         ray: (DVec3, DVec3, f64),
-        reach: f64,
+        reach: Reach,
         (from, mut limit): (f64, f64),
         mut f: impl FnMut(u32) -> f64,
     ) -> u32 {
@@ -184,13 +183,50 @@ impl Wide {
         let end = (limit - skipped) as f32;
         let mut nears = [[0.0; LANES]; FEW / LANES];
         let mut order = [0u8; FEW];
-        let mut count = 0;
+        // One loop each: what moves is not asked of every leaf.
+        let count = match &self.velocities {
+            Some(v) => self.meet_all(machine, |i| v.get(i), &ray, end, &mut nears, &mut order),
+            None => self.meet_all(machine, |_| None, &ray, end, &mut nears, &mut order),
+        };
         let near = |nears: &[Lanes; FEW / LANES], i: u8| {
             let i = usize::from(i) % FEW;
             nears[i / LANES][i % LANES]
         };
-        for (slot, (leaf, of_leaf)) in self.leaves.iter().zip(&mut nears).enumerate() {
-            let (mut mask, found) = leaf.meet(machine, self.velocity(slot), &ray, end);
+        let mut order = &mut order[..count.min(FEW)];
+        let mut offered = 0;
+        while let Some(last) = order.len().checked_sub(1) {
+            let mut nearest = last;
+            for i in 0..last {
+                if near(&nears, order[i]) < near(&nears, order[nearest]) {
+                    nearest = i;
+                }
+            }
+            let this = order[nearest];
+            if f64::from(near(&nears, this)) + skipped > limit {
+                break;
+            }
+            offered += 1;
+            limit = f(u32::from(this));
+            order[nearest] = order[last];
+            order = &mut order[..last];
+        }
+        offered
+    }
+
+    /// Which triangles may be met, of all, and from where on; returns how many.
+    #[inline(always)]
+    fn meet_all<'a, M: Machine>(
+        &self,
+        machine: M,
+        velocity: impl Fn(usize) -> Option<&'a [Lanes; 3]>,
+        ray: &Ray,
+        end: f32,
+        nears: &mut [Lanes; FEW / LANES],
+        order: &mut [u8; FEW],
+    ) -> usize {
+        let mut count = 0;
+        for (slot, (leaf, of_leaf)) in self.leaves.iter().zip(nears).enumerate() {
+            let (mut mask, found) = leaf.meet(machine, velocity(slot), ray, end);
             *of_leaf = found;
             while mask != 0 {
                 order[count % FEW] = (slot * LANES) as u8 + mask.trailing_zeros() as u8;
@@ -198,25 +234,7 @@ impl Wide {
                 mask &= mask - 1;
             }
         }
-        let order = &mut order[..count.min(FEW)];
-        for i in 1..order.len() {
-            let (this, mut at) = (order[i], i);
-            while at > 0 && near(&nears, order[at - 1]) > near(&nears, this) {
-                order[at] = order[at - 1];
-                at -= 1;
-            }
-            order[at] = this;
-        }
-        let mut offered = 0;
-        for &i in &*order {
-            // One that is not a number is asked.
-            if f64::from(near(&nears, i)) + skipped > limit {
-                continue;
-            }
-            offered += 1;
-            limit = f(u32::from(i));
-        }
-        offered
+        count
     }
 
     #[inline(always)]
@@ -224,7 +242,7 @@ impl Wide {
         &self,
         machine: M,
         (origin, direction, time): (DVec3, DVec3, f64),
-        reach: f64,
+        reach: Reach,
         (from, mut limit): (f64, f64),
         mut f: impl FnMut(u32) -> f64,
     ) -> u32 {
@@ -236,8 +254,8 @@ impl Wide {
                 safe_inverse(direction.y),
                 safe_inverse(direction.z),
             ),
-            grown: (reach + 1e-6 * self.extent) as f32,
         };
+        let margin = 1e-6 * self.extent;
         let mut offered = 0;
         let mut stack = [(0u32, 0f32); 32];
         let mut spilled: Vec<(u32, f32)> = Vec::new();
@@ -258,17 +276,22 @@ impl Wide {
             if index % 2 == 1 {
                 let leaf = &self.leaves[at];
                 let end = (limit - skipped) as f32;
-                let (mut mask, _) = leaf.meet(machine, self.velocity(at), &ray, end);
+                let (mut mask, nears) = leaf.meet(machine, self.velocity(at), &ray, end);
                 while mask != 0 {
-                    let i = mask.trailing_zeros() as usize;
+                    let i = mask.trailing_zeros() as usize % LANES;
                     mask &= mask - 1;
+                    if f64::from(nears[i]) + skipped > limit {
+                        continue;
+                    }
                     offered += 1;
-                    limit = f(leaf.triangle[i % LANES]);
+                    limit = f(leaf.triangle[i]);
                 }
                 continue;
             }
             let node = &self.nodes[at];
-            let (mut mask, nears) = enter(node, &slabs);
+            let left = limit - skipped - f64::from(near) + margin;
+            let grown = (reach.within(left) + margin) as f32;
+            let (mut mask, nears) = enter(node, &slabs, grown);
             if len + LANES > stack.len() {
                 // Deep trees go on in memory; what was on the stack is taken later.
                 spilled.extend_from_slice(&stack[..len]);
@@ -297,6 +320,7 @@ impl Wide {
         self.velocities.as_ref().map(|v| &v[leaf])
     }
 }
+
 #[inline(always)]
 fn safe_inverse(d: f64) -> f32 {
     let d = if d.abs() < 1e-12 {
@@ -339,11 +363,11 @@ fn gather(tree: &Bvh2, root: usize, list: &mut Vec<u32>) {
 }
 
 #[inline(always)]
-fn enter(node: &Node, slabs: &Slabs) -> (u32, Lanes) {
+fn enter(node: &Node, slabs: &Slabs, grown: f32) -> (u32, Lanes) {
     let (mut near, mut far) = ([0.0; LANES], [f32::INFINITY; LANES]);
     let (o, inverse) = (slabs.origin.to_array(), slabs.inverse.to_array());
     for axis in 0..3 {
-        let (low, high) = (o[axis] + slabs.grown, o[axis] - slabs.grown);
+        let (low, high) = (o[axis] + grown, o[axis] - grown);
         for i in 0..LANES {
             let t0 = (node.min[axis][i] - low) * inverse[axis];
             let t1 = (node.max[axis][i] - high) * inverse[axis];

@@ -131,13 +131,18 @@ impl Lights {
         self.by_solid_angle
     }
 
-    /// Probabilities of the emitters at a point.
-    fn probabilities(&self, view: Option<(DVec3, f64)>, out: &mut Vec<f64>) {
+    /// Probabilities of the emitters at a point; `out` is room for them.
+    #[inline(always)]
+    fn probabilities<'a>(&'a self, view: Option<(DVec3, f64)>, out: &'a mut Vec<f64>) -> &'a [f64] {
+        match (self.by_solid_angle, view) {
+            (true, Some(view)) => self.seen_from(view, out),
+            _ => &self.fixed,
+        }
+    }
+
+    /// Those that depend on the point.
+    fn seen_from<'a>(&'a self, (x, time): (DVec3, f64), out: &'a mut Vec<f64>) -> &'a [f64] {
         out.clear();
-        let (true, Some((x, time))) = (self.by_solid_angle, view) else {
-            out.extend(&self.fixed);
-            return;
-        };
         let seen = |t: &HostTriangle| t.solid_angle(x - t.velocity * time).max(0.0);
         out.extend(
             self.triangles
@@ -147,13 +152,12 @@ impl Lights {
         );
         let total: f64 = out.iter().sum();
         if total <= 0.0 || !total.is_finite() {
-            out.clear();
-            out.extend(&self.fixed);
-            return;
+            return &self.fixed;
         }
         for (p, fixed) in out.iter_mut().zip(&self.fixed) {
             *p = (1.0 - BY_POWER) * *p / total + BY_POWER * fixed;
         }
+        out
     }
 
     /// An emitter for each random number: triangles of the scene with their probabilities, and
@@ -174,7 +178,7 @@ impl Lights {
         u: f64,
         p: &mut Vec<f64>,
     ) -> (usize, f64, f64) {
-        self.probabilities(view, p);
+        let p = self.probabilities(view, p);
         let mut passed = 0.0;
         let found = p.iter().position(|p| {
             passed += p;
@@ -196,7 +200,7 @@ impl Lights {
     pub fn chance(&self, views: Option<&Views>, met: &[Met]) -> Vec<f64> {
         let mut p = Vec::new();
         let chance = |m: &Met| {
-            self.probabilities(views.map(|v| v.at(m.path as usize)), &mut p);
+            let p = self.probabilities(views.map(|v| v.at(m.path as usize)), &mut p);
             let k = self.index.binary_search(&m.emitter);
             k.map_or(0.0, |k| p[k])
         };
@@ -205,8 +209,7 @@ impl Lights {
 
     /// The probability of an emitter at a point.
     pub fn chance_of(&self, view: (DVec3, f64), emitter: usize, p: &mut Vec<f64>) -> f64 {
-        self.probabilities(Some(view), p);
-        p[emitter]
+        self.probabilities(Some(view), p)[emitter]
     }
 
     /// The points on the fronts of emitters that rays meet, were nothing in between.

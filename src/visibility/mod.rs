@@ -26,7 +26,7 @@ pub use depth::DepthRange;
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
 pub(crate) use edge::{full_room, grazing};
 pub(crate) use sparse::{
-    Finder, HostRay, PullScratch, Surface, Weighed, cutoff_of_triangle, host_triangles,
+    Finder, HostRay, PullScratch, Span, Surface, Weighed, cutoff_of_triangle, host_triangles,
 };
 pub use sparse::{Sparse, SparseWeights};
 pub use weights::Weights;

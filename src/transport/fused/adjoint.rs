@@ -17,6 +17,7 @@ struct ByRay {
 
 impl Fused {
     /// Adds derivatives of what the pixel in `work` brings back, times what comes from above.
+    #[inline(always)]
     pub(super) fn pull_pixel(&self, above: &Pixel, work: &mut Work, sums: &mut Sums) {
         let upstream = above.radiance;
         let stride = work.bounces + 1;
@@ -116,6 +117,7 @@ impl Fused {
         work.values = values;
     }
 
+    #[inline(always)]
     fn pull_emission(&self, s: &Surface, g: DVec3, sums: &mut Sums) {
         let m = self.scene.topology.material[s.triangle as usize] as usize;
         if s.cosine < 0.0 && self.scene.materials.emits[m] {
@@ -125,11 +127,12 @@ impl Fused {
 
     /// Goes back along one path. Returns the derivative by the logarithm of its share, and those by
     /// the camera ray.
+    #[inline(always)]
     fn pull_branch(
         &self,
         back: &Back,
         branch: &Branch,
-        baseline: &dyn Fn(usize) -> f64,
+        baseline: &impl Fn(usize) -> f64,
         scratch: &mut PullScratch,
         sums: &mut Sums,
     ) -> (f64, ByRay) {
@@ -138,7 +141,7 @@ impl Fused {
         let mut by_throughput = DVec3::ZERO;
         let vertices = &work.vertices[branch.vertices.clone()];
         let mut by_share = 0.0;
-        let mut values = Vec::new();
+        let mut values = std::mem::take(&mut scratch.values);
         for (bounce, vertex) in vertices.iter().enumerate().rev() {
             let ray = vertex.ray.as_ref().unwrap_or(&back.camera.ray);
             (by_throughput, by_ray) = match &vertex.hit {
@@ -189,10 +192,12 @@ impl Fused {
             by_ray.origin += by.origin;
             by_ray.direction += by.direction;
         }
+        scratch.values = values;
         (by_share, by_ray)
     }
 
     /// Derivatives of Σ v·W + v·W_background.
+    #[inline(always)]
     fn pull_weights(
         &self,
         ray: &Ray,
@@ -233,7 +238,7 @@ impl Fused {
     }
 
     /// Adds a·dlogit + b·dt of a surface.
-    #[inline]
+    #[inline(always)]
     fn pull_surface(
         &self,
         s: &Surface,
@@ -261,6 +266,7 @@ impl Fused {
     /// Back over a surface point: from derivatives by the throughput after it and the ray that leaves
     /// it to those by the throughput before it and the ray that comes.
     #[allow(clippy::too_many_arguments)] // one place; all of it is what a vertex has
+    #[inline(always)]
     fn pull_hit(
         &self,
         back: &Back,
@@ -362,6 +368,7 @@ impl Fused {
     }
 
     /// Back over light from a point of an emitter: derivatives by throughput and surface point.
+    #[inline(always)]
     fn pull_lit(
         &self,
         back: &Back,
@@ -423,6 +430,7 @@ impl Fused {
 
     /// Back over light of a map along a direction, which is fixed: derivatives by throughput and surface
     /// point.
+    #[inline(never)]
     fn pull_gathered(
         &self,
         back: &Back,
@@ -459,6 +467,7 @@ impl Fused {
         (by_throughput, by.origin)
     }
 
+    #[inline(always)]
     fn pull_camera(&self, camera: &CameraRay, by: ByRay, sums: &mut Sums) {
         let c = &self.camera;
         let s = &mut sums.camera;

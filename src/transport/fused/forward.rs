@@ -10,7 +10,7 @@ use crate::transport::SurfaceSampling;
 use crate::transport::sampler::{Numbers, RUN};
 use crate::transport::sky::SkyMap;
 use crate::transport::tracer::SPLIT;
-use crate::visibility::{HostRay, Surface};
+use crate::visibility::{HostRay, Span, Surface};
 
 /// What stays the same along a path.
 struct Path<'a> {
@@ -173,8 +173,7 @@ impl Fused {
         departure: Option<u32>,
         work: &mut Work,
     ) -> Ray {
-        let (near, far) = self.depth_range(origin);
-        let depth = far - near;
+        let span = self.span(origin);
         let ray = HostRay {
             origin,
             direction,
@@ -184,10 +183,8 @@ impl Fused {
             distance: None,
         };
         let first = work.surfaces.len();
-        let offered = work
-            .log
-            .meet(&finders.rays, &ray, depth, &mut work.surfaces);
-        let background = finders.rays.weigh(far, depth, &mut work.surfaces, first);
+        let offered = work.log.meet(&finders.rays, &ray, span, &mut work.surfaces);
+        let background = finders.rays.weigh(span, &mut work.surfaces, first);
         let census = &mut work.census;
         census.rays += 1;
         census.tested += u64::from(offered);
@@ -201,7 +198,7 @@ impl Fused {
             direction,
             surfaces: first..work.surfaces.len(),
             background,
-            depth,
+            depth: span.depth(),
         }
     }
 
@@ -600,7 +597,7 @@ impl Fused {
         let first = work.shadows.len();
         let offered = work
             .log
-            .meet(&finders.shadows, &ray, 0.0, &mut work.shadows);
+            .meet(&finders.shadows, &ray, Span::NONE, &mut work.shadows);
         work.census.tested += u64::from(offered);
         work.census.rays += 1;
         let passed = finders

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::visibility::{Finder, HostRay, Surface};
+use crate::visibility::{Finder, HostRay, Span, Surface};
 
 /// The triangles that the rays of a tile found, ray by ray in the order in which they are traced: how
 /// many, and which. With it paths are traced again without looking for them.
@@ -46,23 +46,24 @@ impl Log {
         &mut self,
         finder: &Finder,
         ray: &HostRay,
-        depth: f64,
+        span: Span,
         surfaces: &mut Vec<Surface>,
     ) -> u32 {
         match self {
             Self::Read(log, next) => {
                 let first = *next + 1;
                 *next = first + log.found[*next] as usize;
-                finder.meet_known(ray, depth, &log.found[first..*next], surfaces);
+                finder.meet_known(ray, span, &log.found[first..*next], surfaces);
                 0
             }
-            Self::None => finder.meet(ray, depth, surfaces),
+            Self::None => finder.meet(ray, span, surfaces),
             Self::Write(log) => {
                 let first = surfaces.len();
-                let offered = finder.meet(ray, depth, surfaces);
+                let offered = finder.meet(ray, span, surfaces);
                 log.found.push((surfaces.len() - first) as u32);
-                log.found
-                    .extend(surfaces[first..].iter().map(|s| s.triangle));
+                for s in &surfaces[first..] {
+                    log.found.push(s.triangle);
+                }
                 offered
             }
         }

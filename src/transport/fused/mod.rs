@@ -24,7 +24,7 @@ use super::{Census, Lights, PathSettings, Sampler};
 use crate::accel::{Hierarchy, Machine, Task, dispatch};
 use crate::error::Result;
 use crate::scene::{Camera, Flattened};
-use crate::visibility::{Finder, Visibility};
+use crate::visibility::{Finder, Span, Visibility};
 pub(crate) use log::{Log, TileLog};
 pub(crate) use records::Work;
 pub(crate) use sums::Sums;
@@ -178,12 +178,18 @@ impl Fused {
     }
 
     /// near and far of a ray from a point (Eq. 3), where the form asks for them.
-    fn depth_range(&self, origin: DVec3) -> (f64, f64) {
+    fn span(&self, origin: DVec3) -> Span {
         if matches!(self.settings.visibility, Visibility::Layered) {
-            return (0.0, 1.0);
+            return Span {
+                near: 0.0,
+                far: 1.0,
+            };
         }
         let (distance, radius) = (origin.length(), self.scene.radius());
-        ((distance - radius).max(0.0), distance + radius)
+        Span {
+            near: (distance - radius).max(0.0),
+            far: distance + radius,
+        }
     }
 
     /// Sums over the samples `from..to` of pixels, and what rays met. Weights of objects, if they are
@@ -259,7 +265,13 @@ impl Fused {
                 work,
             };
             dispatch(arch, paths);
-            self.pull_pixel(upstream, work, sums);
+            let back = PixelBack {
+                fused: self,
+                upstream,
+                work,
+                sums,
+            };
+            dispatch(arch, back);
         }
     }
 }
@@ -286,6 +298,23 @@ impl<const KEEP: bool> Task for PixelPaths<'_, KEEP> {
             work,
         } = self;
         fused.pixel::<KEEP>(finders, pixel, samples, work)
+    }
+}
+
+/// The way back along the paths of a pixel.
+struct PixelBack<'a> {
+    fused: &'a Fused,
+    upstream: &'a Pixel,
+    work: &'a mut Work,
+    sums: &'a mut Sums,
+}
+
+impl Task for PixelBack<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, _machine: M) {
+        self.fused.pull_pixel(self.upstream, self.work, self.sums);
     }
 }
 

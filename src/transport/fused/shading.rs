@@ -66,6 +66,7 @@ impl Shade {
     }
 
     /// f·cos θ.
+    #[inline(always)]
     pub fn scattered(&self, outgoing: DVec3) -> DVec3 {
         let cosine = self.cosine(outgoing);
         if cosine == 0.0 {
@@ -80,6 +81,7 @@ impl Shade {
     }
 
     /// Adds derivatives of g·f·cos θ; returns that by the outgoing direction.
+    #[inline(always)]
     pub fn pull_scattered(&self, outgoing: DVec3, g: DVec3, sums: &mut ShadeSums) -> DVec3 {
         let cosine = self.cosine(outgoing);
         if cosine == 0.0 {
@@ -179,6 +181,7 @@ impl Shade {
     }
 
     /// Adds derivatives of g·weight + by_direction·direction.
+    #[inline(always)]
     pub fn pull_sample(
         &self,
         s: &Scatter,
@@ -268,6 +271,7 @@ fn phong(exponent: f64, cosine: f64) -> f64 {
 }
 
 /// A local direction turned so that z lies along a unit axis (Duff et al. 2017).
+#[inline(always)]
 fn from_frame(axis: DVec3, local: DVec3) -> DVec3 {
     let [tangent, bitangent] = frame(axis);
     tangent * local.x + bitangent * local.y + axis * local.z
@@ -277,6 +281,7 @@ fn sign_of(z: f64) -> f64 {
     if z >= 0.0 { 1.0 } else { -1.0 }
 }
 
+#[inline(always)]
 fn frame(axis: DVec3) -> [DVec3; 2] {
     let sign = sign_of(axis.z);
     let a = -1.0 / (axis.z + sign);
@@ -288,6 +293,7 @@ fn frame(axis: DVec3) -> [DVec3; 2] {
 }
 
 /// Derivatives of g·`from_frame` by axis and local direction.
+#[inline(always)]
 fn pull_frame(axis: DVec3, local: DVec3, g: DVec3) -> (DVec3, DVec3) {
     let [tangent, bitangent] = frame(axis);
     let by_local = DVec3::new(g.dot(tangent), g.dot(bitangent), g.dot(axis));

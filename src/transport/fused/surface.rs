@@ -52,11 +52,17 @@ pub(super) struct HostAlbedos {
 }
 
 impl HostAlbedos {
+    #[inline(always)]
     pub fn at(&self, material: usize, uv: DVec2) -> DVec3 {
         match &self.texture[material] {
-            Some(slot) => Cell::new(slot, uv).value(&self.atlas),
+            Some(slot) => self.texel(slot, uv),
             None => self.constant[material],
         }
+    }
+
+    #[inline(never)]
+    fn texel(&self, slot: &TextureSlot, uv: DVec2) -> DVec3 {
+        Cell::new(slot, uv).value(&self.atlas)
     }
 
     /// Adds derivatives by constants or texels; returns that by the coordinates.
@@ -121,6 +127,7 @@ impl Place {
         }
     }
 
+    #[inline(always)]
     pub fn attributes(&self, host: &Host) -> Attributes {
         let k = self.triangle as usize;
         let uv = host.uvs.as_ref().map_or(DVec2::ZERO, |uvs| {
@@ -138,6 +145,7 @@ impl Place {
         Attributes { uv, normal }
     }
 
+    #[inline(always)]
     fn sum_of_normals(&self, host: &Host) -> Option<DVec3> {
         let k = self.triangle as usize;
         let (normals, smooth) = host.normals.as_ref()?;

@@ -45,33 +45,50 @@ pub(super) fn softened(found: &[Surface]) -> (Vec<Soft>, usize) {
     (soft, layers.len())
 }
 
-/// Drops surfaces from `first` on whose weights add up to less than `cutoff`, sets those of the rest,
-/// and returns that of the background.
+/// Drops surfaces from `first` on, and the background, whose weights add up to less than `cutoff`, sets
+/// those of the rest, and returns that of the background. `nats` is ln(10/cutoff).
 pub(super) fn softmax(
     all: &mut Vec<Surface>,
     first: usize,
     score: impl Fn(&Surface) -> f64,
     background: f64,
-    cutoff: f64,
+    (cutoff, nats): (f64, f64),
 ) -> f64 {
     let full = |s: &Surface| s.log[0] + score(s);
     let largest = all[first..].iter().map(full).fold(background, f64::max);
-    let least = largest - ((all.len() - first).max(1) as f64 / cutoff).ln();
-    let mut kept = first;
+    let count = all.len() - first + 1;
+    let least = largest
+        - if count <= 10 {
+            nats
+        } else {
+            (count as f64 / cutoff).ln()
+        };
+    let part = |score: f64| {
+        if score < least {
+            0.0
+        } else if score < largest {
+            (score - largest).exp()
+        } else {
+            1.0
+        }
+    };
+    let rest = part(background);
+    let (mut kept, mut total) = (first, rest);
     for i in first..all.len() {
-        if full(&all[i]) >= least {
-            all[kept] = all[i];
+        let weight = part(full(&all[i]));
+        if weight > 0.0 {
+            if kept < i {
+                all[kept] = all[i];
+            }
+            all[kept].weight = weight;
+            total += weight;
             kept += 1;
         }
     }
     all.truncate(kept);
-    let rest = (background - largest).exp();
-    let mut total = rest;
-    for s in &mut all[first..] {
-        s.weight = (s.log[0] + score(s) - largest).exp();
-        total += s.weight;
+    if total != 1.0 {
+        all[first..].iter_mut().for_each(|s| s.weight /= total);
     }
-    all[first..].iter_mut().for_each(|s| s.weight /= total);
     rest / total
 }
 

@@ -19,7 +19,7 @@ use super::{CoverageSettings, DepthRange, Rays, Visibility};
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, host_vectors};
-pub(crate) use ray::{Finder, HostRay, PullScratch, Surface, Weighed};
+pub(crate) use ray::{Finder, HostRay, PullScratch, Span, Surface, Weighed};
 use terms::Terms;
 pub use weights::SparseWeights;
 
@@ -199,9 +199,12 @@ impl Sparse {
                 for i in range {
                     found.clear();
                     let ray = host.ray(rays, i);
-                    let depth = far[i] - near[i];
-                    offered += u64::from(finder.meet(&ray, depth, &mut found));
-                    background.push(finder.weigh(far[i], depth, &mut found, 0));
+                    let span = Span {
+                        near: near[i],
+                        far: far[i],
+                    };
+                    offered += u64::from(finder.meet(&ray, span, &mut found));
+                    background.push(finder.weigh(span, &mut found, 0));
                     lists.items.extend_from_slice(&found);
                     lists.starts.push(lists.items.len());
                 }
@@ -282,7 +285,7 @@ impl Sparse {
                         continue;
                     }
                     let ray = host.ray(rays, i);
-                    offered += u64::from(finder.meet(&ray, 0.0, &mut found));
+                    offered += u64::from(finder.meet(&ray, Span::NONE, &mut found));
                     let value = finder.pass(&mut found, &mut by_p);
                     values.push(value);
                     if tracked {

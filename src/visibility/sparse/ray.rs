@@ -5,7 +5,7 @@ use glam::DVec3;
 use pulp::Arch;
 
 use super::forms::{layered, pull, softened, softmax, through_all, through_layers};
-use crate::accel::{Hierarchy, HostTriangle, Machine, Task, dispatch};
+use crate::accel::{Hierarchy, HostTriangle, Machine, Reach, Task, dispatch};
 use crate::geometry::{Context, Topology};
 use crate::visibility::edge::{full_room, grazing};
 use crate::visibility::soft_pairs::SoftRay;
@@ -37,7 +37,7 @@ impl Surface {
     /// What a·dlogit + b·dt is made of: with f and m, (f − m)·(do + t dd) over the ray, at the
     /// triangle's place at the ray's time, and m·hit_i − f·border_i at its corners. None if it
     /// counts nothing.
-    #[inline]
+    #[inline(always)]
     pub fn pull(
         &self,
         triangle: &HostTriangle,
@@ -76,17 +76,41 @@ pub(crate) struct HostRay {
 /// exp(−60) is nothing beside 1.
 const DEEP: f64 = 60.0;
 
+/// From where to where a ray's triangles are of interest: near and far (Eq. 3).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Span {
+    pub near: f64,
+    pub far: f64,
+}
+
+impl Span {
+    /// For shadow rays, which have none.
+    pub const NONE: Self = Self {
+        near: 0.0,
+        far: 0.0,
+    };
+
+    pub fn depth(self) -> f64 {
+        self.far - self.near
+    }
+}
+
 /// How far a ray goes, and from where on the back of the emitter's object counts.
 struct Ends {
     limit: f64,
     near_end: Option<f64>,
+    /// What lies this far behind something opaque doesn't matter.
+    behind: f64,
+    /// In the softmax, the distance along the ray that divides a weight by e; 0 in other forms.
+    fall: f64,
+    reach: Reach,
 }
 
 /// [`Finder::meet`] as a task.
 struct Meeting<'a> {
     finder: &'a Finder<'a>,
     ray: &'a HostRay,
-    depth: f64,
+    span: Span,
     found: &'a mut Vec<Surface>,
 }
 
@@ -98,10 +122,10 @@ impl Task for Meeting<'_> {
         let Self {
             finder,
             ray,
-            depth,
+            span,
             found,
         } = self;
-        finder.meet_on(machine, ray, depth, found)
+        finder.meet_on(machine, ray, span, found)
     }
 }
 
@@ -109,7 +133,7 @@ impl Task for Meeting<'_> {
 struct Asking<'a> {
     finder: &'a Finder<'a>,
     ray: &'a HostRay,
-    depth: f64,
+    span: Span,
     known: &'a [u32],
     found: &'a mut Vec<Surface>,
 }
@@ -120,7 +144,7 @@ impl Task for Asking<'_> {
     #[inline(always)]
     fn run<M: Machine>(self, _machine: M) {
         self.finder
-            .ask_known(self.ray, self.depth, self.known, self.found);
+            .ask_known(self.ray, self.span, self.known, self.found);
     }
 }
 
@@ -134,7 +158,8 @@ pub(crate) struct Finder<'a> {
     /// Shadow rays pass by products and layers: hard whatever the form.
     shadow: bool,
     grazing: f64,
-    /// The squared distance from a triangle up to which it matters, and its root.
+    /// The squared distance from a triangle up to which it matters, and its root: at its own depth
+    /// in the softmax.
     reach: f64,
     root: f64,
     /// 1/σ.
@@ -143,6 +168,8 @@ pub(crate) struct Finder<'a> {
     deep: f64,
     /// Triangles of smaller opacity, and what lies behind more than 1 − cutoff, are left out.
     cutoff: f64,
+    /// What is e to this power less than something opaque doesn't matter.
+    nats: f64,
     /// Layers with less room than this are full.
     pub full: f64,
 }
@@ -153,6 +180,8 @@ pub(crate) struct PullScratch {
     by_p: Vec<f64>,
     by_t: Vec<f64>,
     layers: Vec<(u32, f64, f64)>,
+    /// What the weights count, for whoever needs a list.
+    pub values: Vec<f64>,
 }
 
 impl<'a> Finder<'a> {
@@ -165,11 +194,7 @@ impl<'a> Finder<'a> {
         form: Visibility,
         cutoff: f64,
     ) -> Self {
-        let nats = match form {
-            // A nearer surface gains up to exp(1/γ) over one behind it.
-            Visibility::Softmax { gamma, .. } => (1.0 / cutoff).ln() + 1.0 / gamma,
-            _ => (1.0 / cutoff).ln(),
-        };
+        let nats = (1.0 / cutoff).ln();
         Self {
             arch: Arch::new(),
             hierarchy,
@@ -183,28 +208,26 @@ impl<'a> Finder<'a> {
             inverse: settings.sigma.recip(),
             deep: (DEEP * settings.sigma).sqrt(),
             cutoff,
+            nats: (10.0 / cutoff).ln(),
             full: full_room(context.epsilon(), settings.sigma),
         }
     }
 
     /// For shadow rays.
     pub fn of_shadows(self) -> Self {
-        let reach = self.settings.sigma * (1.0 / self.cutoff).ln();
         Self {
             shadow: true,
-            reach,
-            root: reach.sqrt(),
             ..self
         }
     }
 
     /// The surfaces that a ray meets, unordered, and how many were asked.
     #[inline]
-    pub fn meet(&self, ray: &HostRay, depth: f64, found: &mut Vec<Surface>) -> u32 {
+    pub fn meet(&self, ray: &HostRay, span: Span, found: &mut Vec<Surface>) -> u32 {
         let task = Meeting {
             finder: self,
             ray,
-            depth,
+            span,
             found,
         };
         dispatch(self.arch, task)
@@ -215,19 +238,19 @@ impl<'a> Finder<'a> {
         &self,
         machine: M,
         ray: &HostRay,
-        depth: f64,
+        span: Span,
         found: &mut Vec<Surface>,
     ) -> u32 {
-        let ends = self.ends(ray);
+        let ends = self.ends(ray, span);
         let mut limit = ends.limit;
         self.hierarchy.visit_on(
             machine,
             (ray.origin, ray.direction, ray.time),
-            self.root,
+            ends.reach,
             (self.settings.t_min, limit),
             #[inline(always)]
             |k| {
-                limit = self.ask(ray, &ends, depth, k, limit, found);
+                limit = self.ask(ray, &ends, k, limit, found);
                 limit
             },
         )
@@ -235,11 +258,11 @@ impl<'a> Finder<'a> {
 
     /// The same of triangles that are known to matter, in the order in which they were found.
     #[inline]
-    pub fn meet_known(&self, ray: &HostRay, depth: f64, known: &[u32], found: &mut Vec<Surface>) {
+    pub fn meet_known(&self, ray: &HostRay, span: Span, known: &[u32], found: &mut Vec<Surface>) {
         let task = Asking {
             finder: self,
             ray,
-            depth,
+            span,
             known,
             found,
         };
@@ -247,16 +270,16 @@ impl<'a> Finder<'a> {
     }
 
     #[inline(always)]
-    fn ask_known(&self, ray: &HostRay, depth: f64, known: &[u32], found: &mut Vec<Surface>) {
-        let ends = self.ends(ray);
+    fn ask_known(&self, ray: &HostRay, span: Span, known: &[u32], found: &mut Vec<Surface>) {
+        let ends = self.ends(ray, span);
         let mut limit = ends.limit;
         for &k in known {
-            limit = self.ask(ray, &ends, depth, k, limit, found);
+            limit = self.ask(ray, &ends, k, limit, found);
         }
     }
 
     #[inline(always)]
-    fn ends(&self, ray: &HostRay) -> Ends {
+    fn ends(&self, ray: &HostRay, span: Span) -> Ends {
         let near_end = ray.distance.map(|d| {
             let object = &self.topology.object;
             let same = matches!((ray.departure, ray.emitter), (Some(a), Some(b))
@@ -264,10 +287,41 @@ impl<'a> Finder<'a> {
             if same { 0.5 * d } else { 0.0 }
         });
         let margin = 1.0 - self.settings.arrival_margin;
-        Ends {
-            limit: ray.distance.map_or(f64::INFINITY, |d| d * margin),
+        let limit = ray.distance.map_or(f64::INFINITY, |d| d * margin);
+        let mut ends = Ends {
+            limit,
             near_end,
+            behind: 0.0,
+            fall: 0.0,
+            reach: Reach {
+                most: self.root,
+                price: 0.0,
+            },
+        };
+        match self.form {
+            _ if self.shadow => {}
+            Visibility::Layered => {}
+            Visibility::LayeredSoft { gamma } => ends.behind = gamma * span.depth() * self.nats,
+            Visibility::Softmax { gamma, epsilon } => {
+                // A weight is exp(−(t + price·squared distance)/fall), at most, over that of the best
+                // so far: the background, to begin with.
+                ends.fall = gamma * span.depth();
+                ends.behind = ends.fall * self.nats;
+                let price = ends.fall * self.inverse;
+                let background = span.far - epsilon * span.depth();
+                ends.limit = limit.min(background + ends.behind);
+                // A hit before near is as far from every triangle.
+                let squared = ((ends.limit - span.near) / price).max(0.0);
+                let most = if span.near > 0.0 {
+                    let half = 0.5 / price;
+                    half + (half * half + squared).sqrt()
+                } else {
+                    squared.sqrt()
+                };
+                ends.reach = Reach { most, price };
+            }
         }
+        ends
     }
 
     /// Adds a triangle to those that a ray meets before `limit`, if it does; returns the limit from
@@ -277,7 +331,6 @@ impl<'a> Finder<'a> {
         &self,
         ray: &HostRay,
         ends: &Ends,
-        depth: f64,
         k: u32,
         mut limit: f64,
         found: &mut Vec<Surface>,
@@ -297,14 +350,17 @@ impl<'a> Finder<'a> {
         let neighbour = |end: Option<u32>, k: u32| {
             end.is_some_and(|e| topology.neighbours.of(e).binary_search(&k).is_ok())
         };
-        let logs = matches!(self.form, Visibility::Softmax { .. }) && !self.shadow;
+        let logs = ends.fall > 0.0;
         let triangle = &self.hierarchy.triangles[k as usize];
         let o = origin - triangle.velocity * time;
         let range = (settings.t_min, limit);
-        let Some(hit) = triangle.meet(o, direction, self.grazing, range, (self.reach, self.deep))
-        else {
+        let reach = if logs { f64::INFINITY } else { self.reach };
+        let Some(hit) = triangle.meet(o, direction, self.grazing, range, (reach, self.deep)) else {
             return limit;
         };
+        if logs && !hit.inside && hit.t + ends.reach.price * hit.squared_distance > limit {
+            return limit;
+        }
         if departure == Some(k) || emitter == Some(k) {
             return limit;
         }
@@ -385,31 +441,52 @@ impl<'a> Finder<'a> {
             border: hit.border,
             weight: 0.0,
         });
+        if logs {
+            // It may be the best so far.
+            return limit.min(hit.t - log_p * ends.fall + ends.behind);
+        }
         // What lies far enough behind something opaque can't matter.
         if p > 1.0 - 0.1 * self.cutoff {
             if self.shadow {
                 // Nothing arrives.
-                limit = f64::NEG_INFINITY;
-                return limit;
+                return f64::NEG_INFINITY;
             }
-            let behind = match self.form {
-                Visibility::Layered => 0.0,
-                Visibility::Softmax { gamma, .. } | Visibility::LayeredSoft { gamma } => {
-                    gamma * depth * (10.0 / self.cutoff).ln()
-                }
-            };
-            limit = limit.min((hit.t + behind) * (1.0 + 1e-6));
+            limit = limit.min((hit.t + ends.behind) * (1.0 + 1e-6));
         }
         limit
     }
 
     /// Sorts the surfaces from `first` on by depth, sets their weights and drops those that are
-    /// nothing; returns that of the background. `depth` is far − near.
-    pub fn weigh(&self, far: f64, depth: f64, all: &mut Vec<Surface>, first: usize) -> f64 {
+    /// nothing; returns that of the background.
+    #[inline(always)]
+    pub fn weigh(&self, span: Span, all: &mut Vec<Surface>, first: usize) -> f64 {
+        // Most rays meet one surface, or one that hides all others.
+        if let [s] = &mut all[first..] {
+            match self.form {
+                Visibility::Layered => {
+                    s.weight = s.p.min(1.0);
+                    return 1.0 - s.weight;
+                }
+                Visibility::Softmax { gamma, epsilon } => {
+                    let z = (span.far - s.t) / span.depth();
+                    if s.log[0] + (z - epsilon) / gamma > self.nats {
+                        s.weight = 1.0;
+                        return 0.0;
+                    }
+                }
+                Visibility::LayeredSoft { .. } => {}
+            }
+        }
+        self.weigh_all(span, all, first)
+    }
+
+    fn weigh_all(&self, span: Span, all: &mut Vec<Surface>, first: usize) -> f64 {
+        let (far, depth) = (span.far, span.depth());
         if let Visibility::Softmax { gamma, epsilon } = self.form {
-            // Most of what was found is dropped, whatever its order.
-            let score = |s: &Surface| (far - s.t) / depth / gamma;
-            let background = softmax(all, first, score, epsilon / gamma, self.cutoff);
+            let per_depth = 1.0 / (depth * gamma);
+            let score = |s: &Surface| (far - s.t) * per_depth;
+            let cutoff = (self.cutoff, self.nats);
+            let background = softmax(all, first, score, epsilon / gamma, cutoff);
             by_depth(&mut all[first..]);
             return background;
         }
@@ -429,7 +506,16 @@ impl<'a> Finder<'a> {
     }
 
     /// The share of light that passes surfaces, and its derivatives by each p, in their new order.
+    #[inline(always)]
     pub fn pass(&self, found: &mut [Surface], by_p: &mut Vec<f64>) -> f64 {
+        if found.is_empty() {
+            by_p.clear();
+            return 1.0;
+        }
+        self.pass_all(found, by_p)
+    }
+
+    fn pass_all(&self, found: &mut [Surface], by_p: &mut Vec<f64>) -> f64 {
         if matches!(self.form, Visibility::Softmax { .. }) {
             through_all(found, by_p)
         } else {
@@ -462,6 +548,7 @@ pub(crate) struct Weighed<'a> {
 impl Weighed<'_> {
     /// Derivatives of Σ v·W + v·W_background: calls `emit` with surfaces, their derivatives by
     /// logit and by t, and the slope of p under which the first counts nothing; returns that by far.
+    #[inline(always)]
     pub fn pull(
         &self,
         values: &[f64],
@@ -469,7 +556,9 @@ impl Weighed<'_> {
         scratch: &mut PullScratch,
         mut emit: impl FnMut(&Surface, f64, f64, f64),
     ) -> f64 {
-        let PullScratch { by_p, by_t, layers } = scratch;
+        let PullScratch {
+            by_p, by_t, layers, ..
+        } = scratch;
         let surfaces = self.surfaces;
         // What is nothing beside the largest part of the sum.
         let parts = surfaces.iter().zip(values);
