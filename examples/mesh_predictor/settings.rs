@@ -67,7 +67,7 @@ impl Settings {
         }
     }
 
-    /// Half an hour on two cores.
+    /// 26 minutes on two cores.
     pub fn full() -> Self {
         Self {
             train: 1536,
