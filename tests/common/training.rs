@@ -3,7 +3,6 @@
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
-use burn::nn::{Linear, LinearConfig};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::activation::{sigmoid, tanh};
 use burn::tensor::{DType, Device, Tensor, TensorData};
@@ -15,12 +14,39 @@ const ITEMS: usize = 2;
 const SIZE: usize = 12;
 const VERTICES: usize = 12;
 
+/// A linear layer of products and sums: `matmul` returns zeros on the software driver of the wgpu tests
+/// (ARCHITECTURE.md, *Backends*).
+#[derive(Module, Debug)]
+struct Dense {
+    /// `[inputs, outputs]`.
+    weight: Param<Tensor<2>>,
+    /// `[outputs]`.
+    bias: Param<Tensor<1>>,
+}
+
+impl Dense {
+    fn new(inputs: usize, outputs: usize, device: &Device) -> Self {
+        Self {
+            weight: Param::from_tensor(Tensor::zeros([inputs, outputs], device)),
+            bias: Param::from_tensor(Tensor::zeros([outputs], device)),
+        }
+    }
+
+    fn forward(&self, x: Tensor<2>) -> Tensor<2> {
+        let [count, inputs] = x.dims();
+        let [outputs] = self.bias.dims();
+        let products = x.reshape([count, inputs, 1]) * self.weight.val().unsqueeze::<3>();
+        let sums = products.sum_dim(1).reshape([count, outputs]);
+        sums + self.bias.val().unsqueeze::<2>()
+    }
+}
+
 /// From images `[B, 3, 12, 12]` to offsets of an icosahedron's vertices and a colour.
 #[derive(Module, Debug)]
 struct Predictor {
     encoder: Conv2d,
-    offsets: Linear,
-    colour: Linear,
+    offsets: Dense,
+    colour: Dense,
 }
 
 impl Predictor {
@@ -30,8 +56,8 @@ impl Predictor {
             encoder: Conv2dConfig::new([3, 4], [3, 3])
                 .with_stride([2, 2])
                 .init(device),
-            offsets: LinearConfig::new(wide, 3 * VERTICES).init(device),
-            colour: LinearConfig::new(wide, 3).init(device),
+            offsets: Dense::new(wide, 3 * VERTICES, device),
+            colour: Dense::new(wide, 3, device),
         };
         // Backends have random numbers of their own.
         network.map(&mut Fill(0))
