@@ -268,12 +268,19 @@ fn deformed(options: &RenderOptions, together: bool) -> [Vec<f64>; 3] {
 #[test]
 fn a_deformed_template() {
     let forms = [Visibility::Layered, Visibility::softmax(1e-2)];
-    for options in forms.map(|form| options().visibility(form)) {
+    for form in forms {
+        let options = options().visibility(form);
         for options in [options.clone(), options.fused(false)] {
             let (together, alone) = (deformed(&options, true), deformed(&options, false));
             let names = ["images", "scales", "albedos"];
+            // Boxes are fitted in one and built in the other: the softmax then meets triangles in
+            // another order, and leaves out other ones of no weight.
+            let bound = match form {
+                Visibility::Layered => 1e-9,
+                _ => 1e-5,
+            };
             for ((name, a), b) in names.iter().zip(&together).zip(&alone) {
-                assert_close(name, a, b, 1e-9);
+                assert_close(name, a, b, bound);
             }
         }
     }
