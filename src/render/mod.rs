@@ -12,7 +12,7 @@ use std::sync::Arc;
 use burn::tensor::{Device, Tensor};
 
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Collect, Scene, Visit, visit_tensors};
+use crate::scene::{Camera, Collect, Scene, Visit, visit_camera, visit_scene};
 
 pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use batch::{Batch, render_batch};
@@ -105,12 +105,11 @@ fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
         return mean;
     }
     let mut collected = Collect::default();
-    for (i, camera) in &batch.views {
-        visit_tensors(
-            &mut batch.scenes[*i].clone(),
-            &mut camera.clone(),
-            &mut collected,
-        );
+    for scene in &batch.scenes {
+        visit_scene(&mut scene.clone(), &mut collected);
+    }
+    for (_, camera) in &batch.views {
+        visit_camera(&mut camera.clone(), &mut collected);
     }
     for v in &batch.vertices {
         collected.visit(&mut v.values.clone());

@@ -3,17 +3,17 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::Tensor;
 use rayon::prelude::*;
 
 use super::batch::of_batch;
 use super::film::{Means, Statistics};
-use super::replay::{Retrace, replay};
+use super::replay::{Retrace, Retraced, replay};
 use super::{Batch, RenderOptions, is_cpu};
 use crate::accel::Hierarchy;
 use crate::error::Result;
-use crate::geometry::{host_values, plain};
-use crate::scene::{Camera, Collect, Flattened, Plain, Replace, Scene, visit_tensors};
+use crate::geometry::plain;
+use crate::scene::{Camera, Collect, Flattened, Plain, Scene, visit_tensors};
 use crate::transport::{
     Census, Diagnostics, Dimension, Lights, PathSettings, Sampler, Sky, Transport, trace,
 };
@@ -114,80 +114,6 @@ impl View {
     }
 }
 
-/// What the backward pass of a replay needs.
-struct Retraced {
-    scene: Scene,
-    camera: Camera,
-    options: RenderOptions,
-    pixels: Option<Arc<Vec<u32>>>,
-    parameters: Tensor<1>,
-}
-
-impl Retraced {
-    /// The gradient of the parameters from that of the means `[C, pixels]`.
-    fn gradient(&self, upstream: &TensorData, hierarchy: &Option<Arc<Hierarchy>>) -> TensorData {
-        let count = self.parameters.dims()[0];
-        let dtype = self.parameters.dtype();
-        let shape = upstream.shape().clone();
-        let (channels, pixels) = (shape[0], shape[1]);
-        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
-        let per_sample = f64::from(self.options.samples).recip();
-        let of_tile = |tile: &Tile| -> Result<Vec<f64>> {
-            let leaf = self.parameters.clone().autodiff().require_grad();
-            let (mut scene, mut camera) = (self.scene.clone(), self.camera.clone());
-            let mut replace = Replace {
-                parameters: leaf.clone(),
-                next: 0,
-            };
-            visit_tensors(&mut scene, &mut camera, &mut replace);
-            let flattened = Flattened::new(&scene, &camera, self.options.bounds)?;
-            let pixels_of = self.pixels.clone();
-            let renderer = Renderer::new(
-                &flattened,
-                &camera,
-                &self.options,
-                pixels_of,
-                hierarchy.clone(),
-            )?;
-            let sums = renderer.tile(tile)?.sums;
-            if !sums.is_tracked() {
-                return Ok(vec![0.0; count]);
-            }
-            let weights: Vec<f64> = (0..channels)
-                .flat_map(|c| {
-                    let row = &upstream[c * pixels..(c + 1) * pixels];
-                    row[tile.first..tile.first + tile.pixels].iter().copied()
-                })
-                .map(|w| w * per_sample)
-                .collect();
-            let weights = flattened.context.tensor(&weights, sums.dims());
-            let gradients = (sums * weights).sum().backward();
-            match leaf.grad(&gradients) {
-                Some(g) => host_values(&g),
-                None => Ok(vec![0.0; count]),
-            }
-        };
-        // A tape is as long as its paths.
-        let rays = REPLAYED_RAYS / (self.options.bounces as usize + 1);
-        let tiles = tiles(&self.options, pixels, rays.max(256));
-        let parts = if is_cpu(&self.parameters.device()) {
-            tiles.par_iter().map(of_tile).collect::<Result<Vec<_>>>()
-        } else {
-            tiles.iter().map(of_tile).collect()
-        };
-        // A backward pass can't return an error, and what could fail went well in the forward pass.
-        let parts = parts.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
-        let mut sum = vec![0.0; count];
-        for part in parts {
-            sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
-        }
-        TensorData::new(sum, [count]).convert_dtype(dtype)
-    }
-}
-
-/// Surfaces of the paths of a tile that keeps a tape.
-const REPLAYED_RAYS: usize = 1 << 14;
-
 pub(super) struct Renderer<'a> {
     pub(super) scene: &'a Flattened,
     camera: &'a Camera,
@@ -217,14 +143,14 @@ pub(super) struct Tile {
 }
 
 /// Sums over the samples of a tile, one column a pixel `[C, P]`: radiance, and what was asked for.
-struct TileSums {
-    sums: Tensor<2>,
+pub(super) struct TileSums {
+    pub sums: Tensor<2>,
     census: Census,
     diagnostics: Option<Diagnostics>,
 }
 
 impl<'a> Renderer<'a> {
-    fn new(
+    pub(super) fn new(
         scene: &'a Flattened,
         camera: &'a Camera,
         options: &'a RenderOptions,
@@ -319,7 +245,7 @@ impl<'a> Renderer<'a> {
         tiles(self.options, pixels, rays)
     }
 
-    fn tile(&self, tile: &Tile) -> Result<TileSums> {
+    pub(super) fn tile(&self, tile: &Tile) -> Result<TileSums> {
         let paths: Vec<(u32, u32)> = (tile.first..tile.first + tile.pixels)
             .map(|i| self.pixels.as_ref().map_or(i as u32, |pixels| pixels[i]))
             .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel, sample)))

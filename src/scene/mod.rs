@@ -21,7 +21,9 @@ pub use material::{Albedo, Material, Wrap};
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
 pub use parameter::Parameter;
-pub(crate) use tensors::{Collect, Plain, Replace, Visit, visit_tensors};
+pub(crate) use tensors::{
+    Collect, Plain, Replace, Visit, visit_camera, visit_scene, visit_tensors,
+};
 pub use transform::Transform;
 
 /// A scene: objects and an environment.

@@ -27,6 +27,12 @@ pub(crate) trait Visit {
 
 /// Visits every tensor of a scene and camera.
 pub(crate) fn visit_tensors(scene: &mut Scene, camera: &mut Camera, visit: &mut impl Visit) {
+    visit_scene(scene, visit);
+    visit_camera(camera, visit);
+}
+
+/// Visits every tensor of a scene.
+pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
     for object in &mut scene.objects {
         visit.visit(&mut object.mesh.vertices);
         let mesh = &mut object.mesh;
@@ -47,6 +53,10 @@ pub(crate) fn visit_tensors(scene: &mut Scene, camera: &mut Camera, visit: &mut 
         Environment::Constant(p) => visit.parameter(p),
         Environment::Map(texels) => visit.visit(texels),
     }
+}
+
+/// Visits every tensor of a camera.
+pub(crate) fn visit_camera(camera: &mut Camera, visit: &mut impl Visit) {
     for p in [&mut camera.eye, &mut camera.target, &mut camera.up] {
         visit.parameter(p);
     }

@@ -7,14 +7,11 @@ use rayon::prelude::*;
 
 use crate::accel::Hierarchy;
 use crate::error::Result;
-use crate::geometry::Context;
+use crate::geometry::{Context, plain};
 use crate::render::batch::of_batch;
 use crate::render::tensors::{sampler, settings};
 use crate::render::{Batch, RenderOptions};
-use crate::scene::{
-    Attached, Collect, Environment, Flattened, Parameter, Plain, Scene, TrackedMesh, Visit,
-    visit_tensors,
-};
+use crate::scene::{Attached, Collect, Flattened, Plain, Scene, TrackedMesh, visit_scene};
 use crate::transport::{Fused, FusedParts, Gradient, Host, Lights, Sky, Tables};
 use crate::visibility::{cutoff_of_triangle, host_triangles};
 
@@ -94,9 +91,7 @@ impl HostScene {
 pub(super) fn prepare(batch: &Batch, options: &RenderOptions) -> Result<Prepared> {
     let read = |index: usize, like: Option<&HostScene>| {
         let mut scene = batch.scene(index, false);
-        // A camera is not looked at here.
-        let mut camera = batch.views[0].1.clone();
-        visit_tensors(&mut scene, &mut camera, &mut Plain);
+        visit_scene(&mut scene, &mut Plain);
         HostScene::new(&scene, options, like).map_err(of_batch("scene", index))
     };
     let first = read(0, None)?;
@@ -222,26 +217,11 @@ fn meshes(batch: &Batch, index: usize, starts: &[Option<usize>]) -> (Vec<Tracked
 
 /// Whether anything of a scene but positions of vertices is in a graph.
 fn is_attached(scene: &Scene) -> bool {
-    let mut collected = Collect::default();
-    let constant = |p: &Parameter<3>| !p.is_tracked();
-    let environment = match &scene.environment {
-        Environment::Constant(p) => constant(p),
-        Environment::Map(texels) => !texels.is_tracked(),
-    };
-    for object in &scene.objects {
-        let mesh = &object.mesh;
-        for attribute in mesh.uvs.iter().chain(&mesh.normals) {
-            collected.visit(&mut attribute.values.clone());
-        }
-        for material in &mut object.materials.clone() {
-            collected.albedo(&mut material.diffuse);
-            collected.albedo(&mut material.specular);
-            collected.parameter(&mut material.shininess);
-            collected.parameter(&mut material.emission);
-        }
-        if let Some(velocity) = &object.velocity {
-            collected.parameter(&mut velocity.clone());
-        }
+    let mut rest = scene.clone();
+    for object in &mut rest.objects {
+        object.mesh.vertices = plain(&object.mesh.vertices);
     }
-    !(environment && collected.0.is_empty())
+    let mut collected = Collect::default();
+    visit_scene(&mut rest, &mut collected);
+    !collected.0.is_empty()
 }
