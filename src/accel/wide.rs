@@ -182,38 +182,35 @@ impl Wide {
         let (ray, skipped) = self.near_ray(ray, reach, from);
         let end = (limit - skipped) as f32;
         let mut nears = [[0.0; LANES]; FEW / LANES];
-        let mut order = [0u8; FEW];
         // One loop each: what moves is not asked of every leaf.
-        let count = match &self.velocities {
-            Some(v) => self.meet_all(machine, |i| v.get(i), &ray, end, &mut nears, &mut order),
-            None => self.meet_all(machine, |_| None, &ray, end, &mut nears, &mut order),
+        let mut left = match &self.velocities {
+            Some(v) => self.meet_all(machine, |i| v.get(i), &ray, end, &mut nears),
+            None => self.meet_all(machine, |_| None, &ray, end, &mut nears),
         };
-        let near = |nears: &[Lanes; FEW / LANES], i: u8| {
-            let i = usize::from(i) % FEW;
-            nears[i / LANES][i % LANES]
-        };
-        let mut order = &mut order[..count.min(FEW)];
+        let near = |i: usize| nears[i / LANES % nears.len()][i % LANES];
         let mut offered = 0;
-        while let Some(last) = order.len().checked_sub(1) {
-            let mut nearest = last;
-            for i in 0..last {
-                if near(&nears, order[i]) < near(&nears, order[nearest]) {
-                    nearest = i;
-                }
+        while left != 0 {
+            let mut nearest = left.trailing_zeros() as usize;
+            let mut least = near(nearest);
+            let mut others = left & (left - 1);
+            while others != 0 {
+                let i = others.trailing_zeros() as usize;
+                others &= others - 1;
+                let less = near(i) < least;
+                nearest = if less { i } else { nearest };
+                least = if less { near(i) } else { least };
             }
-            let this = order[nearest];
-            if f64::from(near(&nears, this)) + skipped > limit {
+            if f64::from(least) + skipped > limit {
                 break;
             }
             offered += 1;
-            limit = f(u32::from(this));
-            order[nearest] = order[last];
-            order = &mut order[..last];
+            limit = f(nearest as u32);
+            left &= !(1 << nearest);
         }
         offered
     }
 
-    /// Which triangles may be met, of all, and from where on; returns how many.
+    /// Which triangles may be met, of all, one bit each, and from where on.
     #[inline(always)]
     fn meet_all<'a, M: Machine>(
         &self,
@@ -222,19 +219,14 @@ impl Wide {
         ray: &Ray,
         end: f32,
         nears: &mut [Lanes; FEW / LANES],
-        order: &mut [u8; FEW],
-    ) -> usize {
-        let mut count = 0;
+    ) -> u64 {
+        let mut all = 0;
         for (slot, (leaf, of_leaf)) in self.leaves.iter().zip(nears).enumerate() {
-            let (mut mask, found) = leaf.meet(machine, velocity(slot), ray, end);
+            let (mask, found) = leaf.meet(machine, velocity(slot), ray, end);
             *of_leaf = found;
-            while mask != 0 {
-                order[count % FEW] = (slot * LANES) as u8 + mask.trailing_zeros() as u8;
-                count += 1;
-                mask &= mask - 1;
-            }
+            all |= u64::from(mask) << (slot * LANES);
         }
-        count
+        all
     }
 
     #[inline(always)]

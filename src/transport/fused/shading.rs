@@ -253,12 +253,13 @@ pub(super) fn sin_cos_of_turns(v: f64) -> (f64, f64) {
     }
     let sin = x * (1.0 + sin);
     let cos = 1.0 - 0.5 * y * (1.0 + cos);
-    match quarter as i32 {
-        1 => (cos, -sin),
-        2 => (-sin, -cos),
-        3 => (-cos, sin),
-        _ => (sin, cos),
-    }
+    // Without jumps, which would be guessed wrong as often as not.
+    let quarter = quarter as i32;
+    let odd = quarter % 2 != 0;
+    let (first, second) = if odd { (cos, sin) } else { (sin, cos) };
+    let below = f64::from(1 - (quarter & 2));
+    let behind = f64::from(1 - ((quarter + 1) & 2));
+    (first * below, second * behind)
 }
 
 /// cosⁿα, 0 for α over 90°.
