@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::records::{Branch, CameraRay, Gathered, Hit, Lit, Ray, Vertex, Work};
 use super::shading::ShadeSums;
 use super::sums::Sums;
+use super::surface::Place;
 use super::{Fused, Gradient, Pixel};
 use crate::visibility::{PullScratch, Surface, Weighed};
 
@@ -48,7 +49,7 @@ impl Fused {
             values.clear();
             for s in surfaces {
                 let normal = self.hierarchy.triangles[s.triangle as usize].normal;
-                let side = if s.cosine < 0.0 { 1.0 } else { -1.0 };
+                let side = s.side();
                 values.push(
                     self.emission(s).dot(upstream)
                         + above.depth * s.t
@@ -104,8 +105,7 @@ impl Fused {
                 by_ray.origin += by.origin;
                 by_ray.direction += by.direction;
                 for s in surfaces {
-                    let side = if s.cosine < 0.0 { s.weight } else { -s.weight };
-                    sums.normal[s.triangle as usize] += above.normal * side;
+                    sums.normal[s.triangle as usize] += above.normal * (s.side() * s.weight);
                     let along = (camera.ray.direction, camera.time);
                     let by_t = (0.0, above.depth * s.weight, 0.0);
                     self.pull_surface(s, along, by_t, &mut by_ray, sums);
@@ -162,7 +162,7 @@ impl Fused {
             let Some(ray) = &vertex.ray else {
                 continue;
             };
-            if !self.rays {
+            if !self.rays || ray.is_whole() {
                 continue;
             }
             // The drawn weight's logarithm, less what the others' mean takes off.
@@ -208,6 +208,9 @@ impl Fused {
         sums: &mut Sums,
     ) -> ByRay {
         let mut by_ray = ByRay::default();
+        if ray.is_whole() {
+            return by_ray;
+        }
         let first = values.first().copied().unwrap_or(0.0);
         let all_alike = first == background && values.iter().all(|&v| v == first);
         if surfaces.is_empty() || all_alike {
@@ -283,7 +286,7 @@ impl Fused {
         let mut by_throughput = DVec3::ZERO;
         let mut by_position = by_leaving.origin;
         let mut by_incoming = DVec3::ZERO;
-        if let Some(next) = &hit.next {
+        if let Some(next) = &vertex.next {
             let scatter = &next.scatter;
             let mut by_direction = by_leaving.direction;
             let mut by_next = by_next / next.survival;
@@ -314,12 +317,12 @@ impl Fused {
             hit.shade
                 .pull_sample(scatter, by_weight, by_direction, epsilon, &mut shade);
         }
-        for lit in &work.lit[hit.lit.clone()] {
+        for lit in &work.lit[vertex.lit.clone()] {
             let (by, by_x) = self.pull_lit(back, vertex, hit, lit, &mut shade, sums);
             by_throughput += by;
             by_position += by_x;
         }
-        for gathered in &work.gathered[hit.gathered.clone()] {
+        for gathered in &work.gathered[vertex.gathered.clone()] {
             let (by, by_x) =
                 self.pull_gathered(back, vertex, hit, gathered, scratch, (&mut shade, sums));
             by_throughput += by;
@@ -335,26 +338,28 @@ impl Fused {
             sums.exponent[m] += shade.exponent;
         }
         by_incoming += shade.incoming;
-        let k = hit.triangle as usize;
+        let s = &work.surfaces[hit.surface];
+        let k = s.triangle as usize;
         let triangle = &self.hierarchy.triangles[k];
         let by_normal = if hit.smooth {
             shade.normal
         } else {
             DVec3::ZERO
         };
-        let by_place = hit.place.pull(host, triangle, by_uv, by_normal, sums);
+        let place = Place::of(s, hit.shade.geometric);
+        let by_place = place.pull(host, triangle, by_uv, by_normal, sums);
         by_position += by_place;
         if !self.rays {
             return (by_throughput, ByRay::default());
         }
         if !hit.smooth {
-            sums.normal[k] += shade.normal * hit.side;
+            sums.normal[k] += shade.normal * s.side();
         }
         // x = o + t·d with n·d dt = n·(Σ w_i dv_i − do − t dd).
         // Barycentric coordinates see the point from the corners, which are where the triangle is.
-        let m = triangle.normal * (by_position.dot(ray.direction) / hit.cosine);
+        let m = triangle.normal * (by_position.dot(ray.direction) / s.cosine);
         for (c, sum) in sums.corners[k].iter_mut().enumerate() {
-            *sum += (m - by_place) * hit.place.weights[c];
+            *sum += (m - by_place) * s.hit[c];
         }
         if self.tables.host.moves {
             sums.velocity[k] += (m - by_place) * back.camera.time;
@@ -362,7 +367,7 @@ impl Fused {
         let by_ray = by_position - m;
         let by_ray = ByRay {
             origin: by_ray,
-            direction: by_ray * hit.t + by_incoming,
+            direction: by_ray * s.t + by_incoming,
         };
         (by_throughput, by_ray)
     }
@@ -378,8 +383,7 @@ impl Fused {
         shade: &mut ShadeSums,
         sums: &mut Sums,
     ) -> (DVec3, DVec3) {
-        let way = self.connection(back.camera.time, hit.position, lit.emitter, lit.corners);
-        let reflected = hit.shade.scattered(way.direction);
+        let (way, reflected) = (&lit.way, lit.reflected);
         let e = lit.emitter as usize;
         let material = self.scene.topology.material[e] as usize;
         let emission = self.tables.host.emission[material];

@@ -22,6 +22,18 @@ struct Path<'a> {
     emitter: [f64; 2],
 }
 
+impl Path<'_> {
+    /// Adds light that it brought back after some bounces.
+    #[inline(always)]
+    fn bring<const KEEP: bool>(&self, bounce: u32, light: DVec3, work: &mut Work) {
+        if KEEP {
+            work.light[self.slot + bounce as usize] += light;
+        } else {
+            work.brought += light;
+        }
+    }
+}
+
 impl Fused {
     /// The sum over a pixel's samples. With `KEEP` all that they met stays in `work`.
     #[inline(always)]
@@ -39,9 +51,12 @@ impl Fused {
             let run = self.sampler.run(pixel, first..past, self.drawn);
             for sample in first.max(from)..past.min(to) {
                 let slot = work.light.len();
-                work.light.resize(slot + work.bounces + 1, DVec3::ZERO);
+                if KEEP {
+                    work.light.resize(slot + work.bounces + 1, DVec3::ZERO);
+                }
+                work.brought = DVec3::ZERO;
                 let seen = self.sample::<KEEP>(finders, run.numbers(sample), pixel, slot, work);
-                sum.radiance += seen.radiance + work.light[slot..].iter().sum::<DVec3>();
+                sum.radiance += seen.radiance + work.brought;
                 sum.opacity += seen.opacity;
                 sum.depth += seen.depth;
                 sum.normal += seen.normal;
@@ -72,7 +87,7 @@ impl Fused {
             emitter: camera.emitter,
         };
         let (origin, direction) = (camera.ray.origin, camera.ray.direction);
-        camera.ray = self.weigh(finders, &path, (origin, direction), None, work);
+        camera.ray = self.weigh::<KEEP>(finders, &path, (origin, direction), None, work);
         work.census.bounces[0] += 1;
         let seen = self.seen(&camera.ray, work);
         let first = work.branches.len();
@@ -165,7 +180,7 @@ impl Fused {
 
     /// A camera or bounce ray with its surfaces.
     #[inline(always)]
-    fn weigh(
+    fn weigh<const KEEP: bool>(
         &self,
         finders: &Finders,
         path: &Path,
@@ -185,14 +200,10 @@ impl Fused {
         let first = work.surfaces.len();
         let offered = work.log.meet(&finders.rays, &ray, span, &mut work.surfaces);
         let background = finders.rays.weigh(span, &mut work.surfaces, first);
-        let census = &mut work.census;
-        census.rays += 1;
-        census.tested += u64::from(offered);
-        let count = work.surfaces.len() - first;
-        if census.surfaces.len() <= count {
-            census.surfaces.resize(count + 1, 0);
+        if !KEEP {
+            let count = work.surfaces.len() - first;
+            work.census.add_ray(u64::from(offered), count);
         }
-        census.surfaces[count] += 1;
         Ray {
             origin,
             direction,
@@ -213,7 +224,7 @@ impl Fused {
             ..Pixel::default()
         };
         for s in &work.surfaces[ray.surfaces.clone()] {
-            let side = if s.cosine < 0.0 { s.weight } else { -s.weight };
+            let side = s.side() * s.weight;
             seen.radiance += self.emission(s) * s.weight;
             seen.depth += s.weight * s.t;
             seen.normal += self.hierarchy.triangles[s.triangle as usize].normal * side;
@@ -323,19 +334,21 @@ impl Fused {
             let useful = drawn.filter(|&i| self.useful(work.surfaces[i].triangle));
             let Some(surface) = useful else {
                 if let (Some(sky), None) = (self.missed(), drawn) {
-                    work.light[path.slot + bounce as usize] += throughput * sky.at(direction);
+                    let light = throughput * sky.at(direction);
+                    path.bring::<KEEP>(bounce, light, work);
                 }
                 if KEEP {
-                    work.vertices.push(Vertex {
-                        ray,
-                        drawn,
-                        throughput,
-                        hit: None,
-                    });
+                    work.vertices
+                        .push(Vertex::new(ray, drawn, throughput, None));
                 }
                 return;
             };
-            let mut hit = self.hit(&work.surfaces[surface], origin, direction);
+            let hit = self.hit(surface, origin, direction, work);
+            if KEEP {
+                // What comes of it is set below.
+                let vertex = Vertex::new(ray.take(), drawn, throughput, Some(hit.clone()));
+                work.vertices.push(vertex);
+            }
             let last = bounce == settings.bounces;
             let goes_on = !last || sky.is_some();
             let by_scattering = combined && hit.shade.specular.is_some();
@@ -354,31 +367,19 @@ impl Fused {
                 Some(s) if by_scattering => Some(s.direction),
                 _ => None,
             };
-            let light = self.connect::<KEEP>(finders, path, &mut hit, emitter, along, work);
+            let light = self.connect::<KEEP>(finders, path, &hit, emitter, along, work);
             emitter = after;
             let light = match (map, &scatter) {
                 (Some(map), Some(scatter)) => {
                     let drawn = path.numbers.environment(bounce);
                     let along = scatter.direction;
-                    light + self.gather(finders, path, &mut hit, map, (drawn, along), work)
+                    light + self.gather::<KEEP>(finders, path, &hit, map, (drawn, along), work)
                 }
                 _ => light,
             };
-            work.light[path.slot + bounce as usize] += throughput * light;
-            let before = throughput;
-            let scatter = match scatter {
-                Some(scatter) if goes_on => scatter,
-                _ => {
-                    if KEEP {
-                        work.vertices.push(Vertex {
-                            ray,
-                            drawn,
-                            throughput,
-                            hit: Some(hit),
-                        });
-                    }
-                    return;
-                }
+            path.bring::<KEEP>(bounce, throughput * light, work);
+            let Some(scatter) = scatter.filter(|_| goes_on) else {
+                return;
             };
             let triangle = hit.triangle;
             origin = hit.position;
@@ -392,9 +393,15 @@ impl Fused {
             let mut ended = last;
             if last {
                 if let Some(sky) = sky {
-                    let end = self.weigh(finders, path, (origin, direction), Some(triangle), work);
+                    let end = self.weigh::<KEEP>(
+                        finders,
+                        path,
+                        (origin, direction),
+                        Some(triangle),
+                        work,
+                    );
                     let light = throughput * sky.at(direction) * end.background;
-                    work.light[path.slot + bounce as usize] += light;
+                    path.bring::<KEEP>(bounce, light, work);
                     next.end = Some(end);
                 }
             } else if settings.roulette_after.is_some_and(|after| bounce >= after) {
@@ -402,20 +409,15 @@ impl Fused {
                 throughput /= next.survival;
                 ended = path.numbers.roulette(bounce) >= next.survival;
             }
-            if KEEP {
-                hit.next = Some(next);
-                work.vertices.push(Vertex {
-                    ray: ray.take(),
-                    drawn,
-                    throughput: before,
-                    hit: Some(hit),
-                });
+            if KEEP && let Some(vertex) = work.vertices.last_mut() {
+                vertex.next = Some(next);
             }
             if ended {
                 return;
             }
             work.census.bounces[bounce as usize + 1] += 1;
-            let found = self.weigh(finders, path, (origin, direction), Some(triangle), work);
+            let found =
+                self.weigh::<KEEP>(finders, path, (origin, direction), Some(triangle), work);
             let random = || path.numbers.surface(bounce + 1);
             drawn = self.draw(&found, random, work);
             ray = Some(found);
@@ -424,30 +426,20 @@ impl Fused {
 
     /// The point of a drawn surface.
     #[inline(always)]
-    fn hit(&self, s: &Surface, origin: DVec3, direction: DVec3) -> Hit {
+    fn hit(&self, surface: usize, origin: DVec3, direction: DVec3, work: &Work) -> Hit {
+        let s = &work.surfaces[surface];
         let triangle = &self.hierarchy.triangles[s.triangle as usize];
         let material = self.scene.topology.material[s.triangle as usize];
         let m = material as usize;
         let host = &self.tables.host;
-        let side = if s.cosine < 0.0 { 1.0 } else { -1.0 };
-        let geometric = triangle.normal * side;
-        let place = Place {
-            triangle: s.triangle,
-            weights: s.hit,
-            border: s.border,
-            inside: s.sign > 0.0,
-            geometric,
-        };
-        let attributes = place.attributes(host);
+        let geometric = triangle.normal * s.side();
+        let attributes = Place::of(s, geometric).attributes(host);
         Hit {
+            surface,
             triangle: s.triangle,
             material,
-            t: s.t,
-            cosine: s.cosine,
-            place,
             uv: attributes.uv,
             position: origin + direction * s.t,
-            side,
             shade: Shade {
                 geometric,
                 normal: attributes.normal.unwrap_or(geometric),
@@ -461,9 +453,6 @@ impl Fused {
                 incoming: direction,
             },
             smooth: attributes.normal.is_some(),
-            lit: 0..0,
-            gathered: 0..0,
-            next: None,
         }
     }
 
@@ -474,7 +463,7 @@ impl Fused {
         &self,
         finders: &Finders,
         path: &Path,
-        hit: &mut Hit,
+        hit: &Hit,
         [u, v]: [f64; 2],
         along: Option<DVec3>,
         work: &mut Work,
@@ -503,7 +492,9 @@ impl Fused {
             }
             work.met = met;
         }
-        hit.lit = first..work.lit.len();
+        if KEEP && let Some(vertex) = work.vertices.last_mut() {
+            vertex.lit = first..work.lit.len();
+        }
         sum
     }
 
@@ -513,11 +504,11 @@ impl Fused {
 
     /// Light of a map along a direction drawn from it and along that in which the path goes on.
     #[inline(never)]
-    fn gather(
+    fn gather<const KEEP: bool>(
         &self,
         finders: &Finders,
         path: &Path,
-        hit: &mut Hit,
+        hit: &Hit,
         map: &SkyMap,
         ([u, v], along): ([f64; 2], DVec3),
         work: &mut Work,
@@ -533,13 +524,15 @@ impl Fused {
                 continue;
             }
             let from = Some(hit.triangle);
-            let ray = self.weigh(finders, path, (hit.position, direction), from, work);
+            let ray = self.weigh::<KEEP>(finders, path, (hit.position, direction), from, work);
             let other = hit.shade.density(direction);
             let density = power_heuristic(chance, other, by_scattering);
             sum += reflected * map.at(direction) * (ray.background / density);
             work.gathered.push(Gathered { ray, density });
         }
-        hit.gathered = first..work.gathered.len();
+        if KEEP && let Some(vertex) = work.vertices.last_mut() {
+            vertex.gathered = first..work.gathered.len();
+        }
         sum
     }
 
@@ -598,8 +591,10 @@ impl Fused {
         let offered = work
             .log
             .meet(&finders.shadows, &ray, Span::NONE, &mut work.shadows);
-        work.census.tested += u64::from(offered);
-        work.census.rays += 1;
+        if !KEEP {
+            work.census.tested += u64::from(offered);
+            work.census.rays += 1;
+        }
         let passed = finders
             .shadows
             .pass(&mut work.shadows[first..], &mut work.passing);
@@ -611,18 +606,21 @@ impl Fused {
             }
             None => chance,
         };
+        let m = self.scene.topology.material[emitter as usize] as usize;
+        let light = reflected * self.tables.host.emission[m] * (per_area * passed / density);
         if KEEP {
             work.by_p.extend_from_slice(&work.passing);
             work.lit.push(Lit {
                 emitter,
                 corners,
+                way,
+                reflected,
                 density,
                 passed,
                 shadows: first..work.shadows.len(),
             });
         }
-        let m = self.scene.topology.material[emitter as usize] as usize;
-        reflected * self.tables.host.emission[m] * (per_area * passed / density)
+        light
     }
 }
 

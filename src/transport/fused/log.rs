@@ -53,7 +53,9 @@ impl Log {
             Self::Read(log, next) => {
                 let first = *next + 1;
                 *next = first + log.found[*next] as usize;
-                finder.meet_known(ray, span, &log.found[first..*next], surfaces);
+                if *next > first {
+                    finder.meet_known(ray, span, &log.found[first..*next], surfaces);
+                }
                 0
             }
             Self::None => finder.meet(ray, span, surfaces),

@@ -6,7 +6,6 @@ use glam::DVec3;
 
 use super::log::Log;
 use super::shading::{Scatter, Shade};
-use super::surface::Place;
 use crate::transport::Census;
 use crate::visibility::{PullScratch, Surface};
 
@@ -21,6 +20,13 @@ pub(super) struct Ray {
     pub background: f64,
     /// far − near.
     pub depth: f64,
+}
+
+impl Ray {
+    /// Whether all of its weight is one surface's, which small changes don't change.
+    pub fn is_whole(&self) -> bool {
+        self.surfaces.len() == 1 && self.background <= 0.0
+    }
 }
 
 /// A camera ray.
@@ -59,28 +65,46 @@ pub(super) struct Vertex {
     pub drawn: Option<usize>,
     pub throughput: DVec3,
     pub hit: Option<Hit>,
-}
-
-/// A surface point.
-#[derive(Clone, Debug)]
-pub(super) struct Hit {
-    pub triangle: u32,
-    pub material: u32,
-    pub t: f64,
-    pub cosine: f64,
-    pub place: Place,
-    pub uv: glam::DVec2,
-    pub position: DVec3,
-    /// +1 on the front.
-    pub side: f64,
-    pub shade: Shade,
-    /// Whether the normal is interpolated.
-    pub smooth: bool,
     /// In `Work::lit`.
     pub lit: Range<usize>,
     /// In `Work::gathered`.
     pub gathered: Range<usize>,
     pub next: Option<Next>,
+}
+
+impl Vertex {
+    /// One of which nothing has come yet.
+    #[inline(always)]
+    pub fn new(
+        ray: Option<Ray>,
+        drawn: Option<usize>,
+        throughput: DVec3,
+        hit: Option<Hit>,
+    ) -> Self {
+        Self {
+            ray,
+            drawn,
+            throughput,
+            hit,
+            lit: 0..0,
+            gathered: 0..0,
+            next: None,
+        }
+    }
+}
+
+/// A surface point.
+#[derive(Clone, Debug)]
+pub(super) struct Hit {
+    /// Which it is, in `Work::surfaces`.
+    pub surface: usize,
+    pub triangle: u32,
+    pub material: u32,
+    pub uv: glam::DVec2,
+    pub position: DVec3,
+    pub shade: Shade,
+    /// Whether the normal is interpolated.
+    pub smooth: bool,
 }
 
 /// Where a path goes on.
@@ -98,6 +122,9 @@ pub(super) struct Next {
 pub(super) struct Lit {
     pub emitter: u32,
     pub corners: [f64; 3],
+    pub way: Connection,
+    /// What the surface reflects of light from there: f·cos θ.
+    pub reflected: DVec3,
     pub density: f64,
     pub passed: f64,
     /// In `Work::shadows`.
@@ -112,6 +139,7 @@ pub(super) struct Gathered {
 }
 
 /// What lies between a surface point and a point of an emitter, but for what is in between.
+#[derive(Clone, Debug)]
 pub(super) struct Connection {
     pub direction: DVec3,
     pub squared: f64,
@@ -134,7 +162,8 @@ pub(crate) struct Work {
     pub(super) vertices: Vec<Vertex>,
     pub(super) lit: Vec<Lit>,
     pub(super) gathered: Vec<Gathered>,
-    /// Light that samples brought back, by sample and bounce.
+    /// Light that a sample brought back, and, for the way back, that of all by sample and bounce.
+    pub(super) brought: DVec3,
     pub(super) light: Vec<DVec3>,
     pub(super) census: Census,
     /// Sums of the weights of objects and background, if they are asked for.
@@ -161,6 +190,7 @@ impl Work {
             vertices: Vec::new(),
             lit: Vec::new(),
             gathered: Vec::new(),
+            brought: DVec3::ZERO,
             light: Vec::new(),
             census: Census {
                 bounces: vec![0; bounces as usize + 1],

@@ -7,6 +7,7 @@ use super::sums::Sums;
 use super::tables::Host;
 use crate::accel::HostTriangle;
 use crate::scene::TextureSlot;
+use crate::visibility::Surface;
 
 /// Texels, in the order of the corners of a cell, and where in the cell a point lies.
 #[derive(Clone, Copy, Debug)]
@@ -119,6 +120,18 @@ pub(super) struct Place {
 }
 
 impl Place {
+    /// Of what a ray met, with its normal on the side that the ray came from.
+    #[inline(always)]
+    pub fn of(s: &Surface, geometric: DVec3) -> Self {
+        Self {
+            triangle: s.triangle,
+            weights: s.hit,
+            border: s.border,
+            inside: s.sign > 0.0,
+            geometric,
+        }
+    }
+
     fn smooth_weights(&self) -> [f64; 3] {
         if self.inside {
             self.weights

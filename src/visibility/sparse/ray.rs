@@ -34,6 +34,12 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
+    /// +1 where the ray meets the front, −1 where it meets the back.
+    #[inline(always)]
+    pub fn side(&self) -> f64 {
+        if self.cosine < 0.0 { 1.0 } else { -1.0 }
+    }
+
     /// What a·dlogit + b·dt is made of: with f and m, (f − m)·(do + t dd) over the ray, at the
     /// triangle's place at the ray's time, and m·hit_i − f·border_i at its corners. None if it
     /// counts nothing.
