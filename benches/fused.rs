@@ -22,7 +22,7 @@ struct Arguments {
     /// One forward and backward pass of the Cornell box, and the peak memory of the process.
     #[arg(long, hide = true)]
     peak: Option<u32>,
-    /// So many forward passes over the Cornell box at 32 × 32, 16,384 paths each, to count
+    /// So many forward passes at 32 × 32, 16,384 paths each, to count
     /// instructions of: `valgrind --tool=callgrind`, and the difference between two and one.
     #[arg(long)]
     passes: Option<usize>,
@@ -32,6 +32,9 @@ struct Arguments {
     /// Which form of visibility, for `--passes`.
     #[arg(long, requires = "passes", value_enum, default_value = "layered")]
     form: Form,
+    /// A ball of 20·4ⁿ faces on a floor in place of the Cornell box, for `--passes`.
+    #[arg(long, requires = "passes", value_name = "N")]
+    ball: Option<u32>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -63,8 +66,17 @@ fn main() {
         return;
     }
     if let Some(passes) = arguments.passes {
-        let (scene, camera) = cornell();
-        let options = options(32, FORMS[arguments.form as usize]);
+        let form = FORMS[arguments.form as usize];
+        let (scene, camera, options) = match arguments.ball {
+            Some(subdivisions) => {
+                let (scene, camera, sigma) = ball(subdivisions);
+                (scene, camera, of_ball(32, sigma).visibility(form))
+            }
+            None => {
+                let (scene, camera) = cornell();
+                (scene, camera, options(32, form))
+            }
+        };
         for _ in 0..passes {
             pass(&scene, &camera, &options, arguments.backward);
         }
@@ -255,6 +267,43 @@ fn of_stages(runs: usize) {
     }
 }
 
+/// A ball on a floor under a light, and a blur of 0.1 mean edges.
+fn ball(subdivisions: u32) -> (Scene, Camera, f64) {
+    let device = Device::flex();
+    let ball = shapes::icosphere(subdivisions, &device);
+    // The mean edge of an icosphere of radius 1.
+    let face = 4.0 * std::f64::consts::PI / ball.faces.len() as f64;
+    let edge = (face * 4.0 / 3f64.sqrt()).sqrt();
+    let floor = shapes::quad(
+        [-4.0, -1.0, 4.0],
+        [4.0, -1.0, 4.0],
+        [4.0, -1.0, -4.0],
+        [-4.0, -1.0, -4.0],
+        &device,
+    );
+    let light = shapes::quad(
+        [-1.0, 3.0, -1.0],
+        [1.0, 3.0, -1.0],
+        [1.0, 3.0, 1.0],
+        [-1.0, 3.0, 1.0],
+        &device,
+    );
+    let scene = Scene::new()
+        .with(Object::new(ball).material(Material::diffuse([0.6, 0.5, 0.4])))
+        .with(Object::new(floor).material(Material::diffuse([0.5; 3])))
+        .with(Object::new(light).material(Material::emitter([8.0; 3])));
+    let camera = Camera::look_at([0.0, 1.0, 5.0], [0.0, 0.0, 0.0]);
+    (scene, camera, (0.1 * edge).powi(2))
+}
+
+fn of_ball(size: usize, sigma: f64) -> RenderOptions {
+    RenderOptions::new(size, size)
+        .samples(16)
+        .bounces(1)
+        .sigma(sigma)
+        .replay()
+}
+
 fn of_faces(runs: usize) {
     println!(
         "### Faces: a ball on a floor under a light, {SIZE} × {SIZE}, 16 samples, 2 surfaces a path, σ = (0.1 mean edges)², layered\n"
@@ -263,45 +312,14 @@ fn of_faces(runs: usize) {
         "| faces | σ | set-up: forward, with backward, s | forward, ns a ray | to 1,280 | forward + backward, ns a ray | to 1,280 | surfaces a ray | tensors, candidates, forward + backward | ratio |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
-    let device = Device::flex();
     let mut first = None;
     for subdivisions in [0u32, 1, 3, 4, 5, 6, 7] {
-        let ball = shapes::icosphere(subdivisions, &device);
-        let faces = ball.faces.len();
-        // The mean edge of an icosphere of radius 1.
-        let edge = (4.0 * std::f64::consts::PI / faces as f64 * 4.0 / 3f64.sqrt()).sqrt();
-        let floor = shapes::quad(
-            [-4.0, -1.0, 4.0],
-            [4.0, -1.0, 4.0],
-            [4.0, -1.0, -4.0],
-            [-4.0, -1.0, -4.0],
-            &device,
-        );
-        let light = shapes::quad(
-            [-1.0, 3.0, -1.0],
-            [1.0, 3.0, -1.0],
-            [1.0, 3.0, 1.0],
-            [-1.0, 3.0, 1.0],
-            &device,
-        );
-        let scene = Scene::new()
-            .with(Object::new(ball).material(Material::diffuse([0.6, 0.5, 0.4])))
-            .with(Object::new(floor).material(Material::diffuse([0.5; 3])))
-            .with(Object::new(light).material(Material::emitter([8.0; 3])));
-        let camera = Camera::look_at([0.0, 1.0, 5.0], [0.0, 0.0, 0.0]);
-        let sigma = (0.1 * edge).powi(2);
-        let options = RenderOptions::new(SIZE, SIZE)
-            .samples(16)
-            .bounces(1)
-            .sigma(sigma)
-            .replay();
+        let (scene, camera, sigma) = ball(subdivisions);
+        let faces = scene.objects[0].mesh.faces.len();
+        let options = of_ball(SIZE, sigma);
         let tensors = options.clone().fused(false);
         // What is done before the first ray, which a cache of boxes shortens.
-        let few = RenderOptions::new(1, 1)
-            .samples(1)
-            .bounces(1)
-            .sigma(sigma)
-            .replay();
+        let few = of_ball(1, sigma).samples(1);
         let [f0, b0] = in_turn(
             runs.min(3),
             [&|| pass(&scene, &camera, &few, false), &|| {
