@@ -7,7 +7,7 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
-use super::leaf::LANES;
+use super::leaf::{LANES, Sides};
 use super::machine::{Machine, Task, dispatch};
 use super::wide::{FEW, Wide};
 use super::{HostTriangle, Reach};
@@ -175,7 +175,7 @@ impl Hierarchy {
         dispatch(pulp::Arch::new(), visit)
     }
 
-    /// The same in code for a machine.
+    /// The same in code for a machine. Of sides that don't count only those of one object are visited.
     #[inline(always)]
     pub(crate) fn visit_on<M: Machine>(
         &self,
@@ -183,9 +183,16 @@ impl Hierarchy {
         ray: (DVec3, DVec3, f64),
         reach: Reach,
         range: (f64, f64),
+        sides: (Option<&[Sides]>, u32),
         f: impl FnMut(u32) -> f64,
     ) -> u32 {
-        self.wide.visit(machine, ray, reach, range, f)
+        self.wide.visit(machine, ray, reach, range, sides, f)
+    }
+
+    /// The sides of triangles that count, those with this times n·d ≥ 0, ready to be asked for; None if
+    /// all do.
+    pub(crate) fn sides(&self, side: &[f64], object: &[u32]) -> Option<Vec<Sides>> {
+        self.wide.sides(side, object)
     }
 }
 
@@ -210,7 +217,7 @@ impl<F: FnMut(u32) -> f64> Task for Visit<'_, F> {
             range,
             f,
         } = self;
-        hierarchy.visit_on(machine, ray, reach, range, f)
+        hierarchy.visit_on(machine, ray, reach, range, (None, u32::MAX), f)
     }
 }
 

@@ -8,6 +8,7 @@ mod triangle;
 mod wide;
 
 pub use hierarchy::{Hierarchy, HierarchyCache};
+pub(crate) use leaf::Sides;
 pub(crate) use machine::{Machine, Task, dispatch};
 pub use triangle::{HostTriangle, PlaneHit};
 

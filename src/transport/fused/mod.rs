@@ -21,7 +21,7 @@ use glam::DVec3;
 
 use super::sky::SkyMap;
 use super::{Census, Lights, PathSettings, Sampler};
-use crate::accel::{Hierarchy, Machine, Task, dispatch};
+use crate::accel::{Hierarchy, Machine, Sides, Task, dispatch};
 use crate::error::Result;
 use crate::scene::{Camera, Flattened};
 use crate::visibility::{Finder, Span, Visibility};
@@ -38,6 +38,8 @@ pub(crate) struct Fused {
     scene: Flattened,
     tables: Arc<Tables>,
     hierarchy: Arc<Hierarchy>,
+    /// The sides of closed objects that the camera can see.
+    sides: Option<Vec<Sides>>,
     lights: Arc<Lights>,
     sampler: Sampler,
     settings: PathSettings,
@@ -85,7 +87,10 @@ impl Fused {
     pub(crate) fn new(scene: Flattened, camera: &Camera, parts: FusedParts) -> Result<Self> {
         let frame = camera.frame(&scene.context, scene.bounds.center, scene.unit);
         let camera = HostCamera::new(&frame, camera.has_lens())?;
+        let topology = &scene.topology;
+        let hierarchy = &parts.hierarchy;
         let mut fused = Self {
+            sides: hierarchy.sides(&topology.visible_side, &topology.object),
             rays: parts.tables.rays(&camera),
             tables: parts.tables,
             drawn: 0,
@@ -170,6 +175,7 @@ impl Fused {
                 self.settings.visibility,
                 self.cutoff,
             )
+            .with_sides(self.sides.as_deref())
         };
         Finders {
             rays: finder(),

@@ -5,7 +5,7 @@ use glam::DVec3;
 use pulp::Arch;
 
 use super::forms::{layered, pull, softened, softmax, through_all, through_layers};
-use crate::accel::{Hierarchy, HostTriangle, Machine, Reach, Task, dispatch};
+use crate::accel::{Hierarchy, HostTriangle, Machine, Reach, Sides, Task, dispatch};
 use crate::geometry::{Context, Topology};
 use crate::visibility::edge::{full_room, grazing};
 use crate::visibility::soft_pairs::SoftRay;
@@ -158,6 +158,8 @@ impl Task for Asking<'_> {
 pub(crate) struct Finder<'a> {
     arch: Arch,
     hierarchy: &'a Hierarchy,
+    /// The sides of closed objects that can be seen, to ask for no others.
+    sides: Option<&'a [Sides]>,
     topology: &'a Topology,
     settings: CoverageSettings,
     form: Visibility,
@@ -204,6 +206,7 @@ impl<'a> Finder<'a> {
         Self {
             arch: Arch::new(),
             hierarchy,
+            sides: None,
             topology,
             settings: *settings,
             form,
@@ -217,6 +220,11 @@ impl<'a> Finder<'a> {
             nats: (10.0 / cutoff).ln(),
             full: full_room(context.epsilon(), settings.sigma),
         }
+    }
+
+    /// With the sides of closed objects that can be seen (`Hierarchy::sides`).
+    pub fn with_sides(self, sides: Option<&'a [Sides]>) -> Self {
+        Self { sides, ..self }
     }
 
     /// For shadow rays.
@@ -249,11 +257,14 @@ impl<'a> Finder<'a> {
     ) -> u32 {
         let ends = self.ends(ray, span);
         let mut limit = ends.limit;
+        // Of an emitter's object the other side may count too (`ask`).
+        let of_emitter = ray.emitter.map(|e| self.topology.object[e as usize]);
         self.hierarchy.visit_on(
             machine,
             (ray.origin, ray.direction, ray.time),
             ends.reach,
             (self.settings.t_min, limit),
+            (self.sides, of_emitter.unwrap_or(u32::MAX)),
             #[inline(always)]
             |k| {
                 limit = self.ask(ray, &ends, k, limit, found);
