@@ -158,9 +158,7 @@ impl Leaf {
             room[i] = smaller(between, beside + ray.reach);
         }
         let mut mask = machine.not_negative(&room) & self.used;
-        if mask != 0
-            && let Some(sides) = sides
-        {
+        if let Some(sides) = sides {
             let mut facing = [0.0; LANES];
             for i in 0..LANES {
                 // By bits: the compiler makes jumps of a choice.

@@ -298,26 +298,32 @@ impl Wide {
             let node = &self.nodes[at];
             let left = limit - skipped - f64::from(near) + margin;
             let grown = (reach.within(left) + margin) as f32;
-            let (mut mask, nears) = enter(node, &slabs, grown);
+            let (mut mask, nears) = enter(node, &slabs, grown, (limit - skipped) as f32);
             if len + LANES > stack.len() {
                 // Deep trees go on in memory; what was on the stack is taken later.
                 spilled.extend_from_slice(&stack[..len]);
                 len = 0;
             }
-            let first = len;
+            if mask == 0 {
+                continue;
+            }
+            // The nearest on top, the others below it in any order; without jumps.
+            let child = |i: u32| {
+                let i = i as usize % LANES;
+                (node.child[i], nears[i])
+            };
+            let mut nearest = child(mask.trailing_zeros());
+            mask &= mask - 1;
             while mask != 0 {
-                let i = mask.trailing_zeros() as usize % LANES;
+                let other = child(mask.trailing_zeros());
                 mask &= mask - 1;
-                // The nearest on top.
-                let near = nears[i];
-                let mut at = len;
-                while at > first && stack[at - 1].1 < near {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
-                stack[at] = (node.child[i], near);
+                let less = other.1 < nearest.1;
+                stack[len] = if less { nearest } else { other };
+                nearest = if less { other } else { nearest };
                 len += 1;
             }
+            stack[len] = nearest;
+            len += 1;
         }
         offered
     }
@@ -369,9 +375,10 @@ fn gather(tree: &Bvh2, root: usize, list: &mut Vec<u32>) {
     }
 }
 
+/// The children that a ray enters before a limit, one bit each, and where.
 #[inline(always)]
-fn enter(node: &Node, slabs: &Slabs, grown: f32) -> (u32, Lanes) {
-    let (mut near, mut far) = ([0.0; LANES], [f32::INFINITY; LANES]);
+fn enter(node: &Node, slabs: &Slabs, grown: f32, limit: f32) -> (u32, Lanes) {
+    let (mut near, mut far) = ([0.0; LANES], [limit; LANES]);
     let (o, inverse) = (slabs.origin.to_array(), slabs.inverse.to_array());
     for axis in 0..3 {
         let (low, high) = (o[axis] + grown, o[axis] - grown);
