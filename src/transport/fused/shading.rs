@@ -253,10 +253,12 @@ pub(super) fn sin_cos_of_turns(v: f64) -> (f64, f64) {
     }
     let sin = x * (1.0 + sin);
     let cos = 1.0 - 0.5 * y * (1.0 + cos);
-    // Without jumps, which would be guessed wrong as often as not.
+    // By bits: jumps would be guessed wrong as often as not.
     let quarter = quarter as i32;
-    let odd = quarter % 2 != 0;
-    let (first, second) = if odd { (cos, sin) } else { (sin, cos) };
+    let odd = u64::from(quarter as u32 & 1).wrapping_neg();
+    let changed = (sin.to_bits() ^ cos.to_bits()) & odd;
+    let first = f64::from_bits(sin.to_bits() ^ changed);
+    let second = f64::from_bits(cos.to_bits() ^ changed);
     let below = f64::from(1 - (quarter & 2));
     let behind = f64::from(1 - ((quarter + 1) & 2));
     (first * below, second * behind)

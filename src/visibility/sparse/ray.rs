@@ -378,7 +378,9 @@ impl<'a> Finder<'a> {
         if logs && !hit.inside && hit.t + ends.reach.price * hit.squared_distance > limit {
             return limit;
         }
-        if departure == Some(k) || emitter == Some(k) {
+        // Two tests at once, which is one jump.
+        let at_end = |end: Option<u32>| end.unwrap_or(u32::MAX) == k;
+        if at_end(departure) | at_end(emitter) {
             return limit;
         }
         let at = k as usize;
@@ -429,7 +431,7 @@ impl<'a> Finder<'a> {
             log_slope = 2.0 * decay / (1.0 - decay * decay).max(1e-6);
         }
         let (mut slope_t, mut log_slope_t) = (0.0, 0.0);
-        if departure.is_some() && settings.start > 0.0 {
+        if settings.start > 0.0 && departure.is_some() {
             let begun = hit.t * hit.t / settings.start;
             let missing = if begun > 60.0 { 0.0 } else { (-begun).exp() };
             let (share, by_t) = (1.0 - missing, 2.0 * hit.t / settings.start * missing);
