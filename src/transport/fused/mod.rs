@@ -13,6 +13,7 @@ mod shading;
 mod sums;
 mod surface;
 mod tables;
+mod walk;
 
 use std::sync::Arc;
 

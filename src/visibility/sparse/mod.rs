@@ -3,9 +3,11 @@
 //! term: Σ coefficient·(vertex, origin, direction, velocity). The tensor program in the rest of this
 //! folder is the specification.
 
+mod finder;
 mod forms;
 mod ray;
 mod terms;
+mod weighed;
 mod weights;
 
 use std::sync::Arc;
@@ -19,8 +21,10 @@ use super::{CoverageSettings, DepthRange, Rays, Visibility};
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, host_vectors};
-pub(crate) use ray::{Finder, HostRay, PullScratch, Span, Surface, Weighed};
+pub(crate) use finder::Finder;
+pub(crate) use ray::{HostRay, Span, Surface};
 use terms::Terms;
+pub(crate) use weighed::{PullScratch, Weighed};
 pub use weights::SparseWeights;
 
 /// Many triangles may be left out of a ray, and gradients are more sensitive than images: each is

@@ -3,8 +3,8 @@
 use burn::tensor::{IndexingUpdateOp, Tensor};
 use rayon::prelude::*;
 
-use super::ray::{PullScratch, Weighed};
 use super::terms::Terms;
+use super::weighed::{PullScratch, Weighed};
 use super::{HostRays, Lists, RAYS_A_PIECE, Sparse, Surface, chunks};
 use crate::geometry::Context;
 use crate::visibility::{DepthRange, Rays, Visibility};

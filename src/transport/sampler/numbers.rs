@@ -1,0 +1,242 @@
+//! The random numbers of one path, and of neighbouring samples at once.
+
+use std::ops::Range;
+
+use sobol_burley::NUM_DIMENSION_SETS_4D;
+use sobol_burley::parts::{owen_scramble_rev, u32_to_f32_norm};
+
+use super::points::{points, round, scrambles, unscrambled};
+use super::{Dimension, Sampler, mix, number};
+use crate::transport::Sequence;
+
+/// Samples of a pixel whose numbers are drawn at once.
+pub(crate) const RUN: usize = 8;
+
+/// The numbers of neighbouring samples of a pixel.
+pub(crate) struct Run<'a> {
+    sampler: &'a Sampler,
+    pixel: u32,
+    first: u32,
+    index: u32,
+    block: u64,
+    stage: u64,
+    shuffled: [u32; RUN],
+    drawn: u8,
+    fours: [[[f32; 4]; 8]; RUN],
+}
+
+impl Run<'_> {
+    /// The numbers of one of the samples.
+    pub fn numbers(&self, sample: u32) -> Numbers<'_> {
+        let i = (sample - self.first) as usize % RUN;
+        Numbers {
+            sampler: self.sampler,
+            path: (self.pixel, sample),
+            index: self.index + i as u32,
+            block: self.block,
+            shuffled: self.shuffled[i],
+            stage: self.stage,
+            drawn: self.drawn,
+            fours: &self.fours[i],
+        }
+    }
+}
+
+impl Sampler {
+    /// The numbers of one path.
+    pub(crate) fn numbers(&self, path: (u32, u32)) -> Numbers<'_> {
+        let (index, block) = self.place(path);
+        let (shuffled, stage) = round(index, block, 0);
+        Numbers {
+            sampler: self,
+            path,
+            index,
+            block,
+            shuffled,
+            stage,
+            drawn: 0,
+            fours: &[],
+        }
+    }
+
+    /// The numbers of up to [`RUN`] samples of a pixel, of which the first is a multiple of it, with some
+    /// of the first eight sets of four dimensions (one bit each) drawn for all at once, which is much
+    /// less work than one by one.
+    #[inline(always)]
+    pub(crate) fn run(&self, pixel: u32, samples: Range<u32>, sets: u8) -> Run<'_> {
+        // The samples of a run share a block, and lie side by side in it.
+        let (index, block) = self.place((pixel, samples.start));
+        let mut run = Run {
+            sampler: self,
+            pixel,
+            first: samples.start,
+            index,
+            block,
+            stage: mix(block),
+            shuffled: [0; RUN],
+            drawn: if self.sequence == Sequence::Sobol {
+                sets
+            } else {
+                0
+            },
+            fours: [[[0.0; 4]; 8]; RUN],
+        };
+        for (i, shuffled) in run.shuffled.iter_mut().enumerate() {
+            let index = index.wrapping_add(i as u32);
+            *shuffled = owen_scramble_rev(index.reverse_bits(), run.stage as u32);
+        }
+        let mut left = run.drawn;
+        while left != 0 {
+            let set = left.trailing_zeros();
+            left &= left - 1;
+            let table = &points()[set as usize];
+            let mut point = [[0; RUN]; 4];
+            for (i, &shuffled) in run.shuffled.iter().enumerate() {
+                let found = unscrambled(table, shuffled);
+                for (values, value) in point.iter_mut().zip(found) {
+                    values[i] = value;
+                }
+            }
+            let scramble = scrambles(run.stage, set);
+            for d in 0..4 {
+                for x in &mut point[d] {
+                    let scrambled = owen_scramble_rev(*x, scramble[d]);
+                    *x = scrambled.reverse_bits();
+                }
+                for (fours, &x) in run.fours.iter_mut().zip(&point[d]) {
+                    fours[set as usize % 8][d] = u32_to_f32_norm(x);
+                }
+            }
+        }
+        run
+    }
+}
+
+/// The random numbers of one path: those of [`Sampler::uniform`], set by set.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Numbers<'a> {
+    sampler: &'a Sampler,
+    path: (u32, u32),
+    /// In the sequence of the path's block.
+    index: u32,
+    block: u64,
+    /// The index shuffled, its bits reversed, and what scrambles are made from, in the first round
+    /// through the dimensions.
+    shuffled: u32,
+    stage: u64,
+    /// Sets that are drawn already, one bit each of the first eight, and their numbers.
+    drawn: u8,
+    fours: &'a [[f32; 4]],
+}
+
+impl Numbers<'_> {
+    /// Film x and y, and for an emitter and a point on it, seen from the first surface.
+    pub fn film(&self) -> [f64; 4] {
+        use Dimension::{EmitterU, EmitterV, FilmX, FilmY};
+        self.whole([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
+    }
+
+    /// Lens radius and angle.
+    pub fn lens(&self) -> [f64; 2] {
+        self.some([(Dimension::LensRadius, 0), (Dimension::LensAngle, 0)])
+    }
+
+    /// Time in the shutter.
+    pub fn time(&self) -> f64 {
+        let [time] = self.some([(Dimension::Time, 0)]);
+        time
+    }
+
+    /// For the choice of a surface.
+    pub fn surface(&self, bounce: u32) -> f64 {
+        let [u] = self.some([(Dimension::Surface, bounce)]);
+        u
+    }
+
+    /// For a direction, and for an emitter and a point on it, seen from where it leads.
+    pub fn direction(&self, bounce: u32) -> [f64; 4] {
+        use Dimension::{DirectionU, DirectionV, EmitterU, EmitterV};
+        let next = bounce + 1;
+        self.whole([
+            (DirectionU, bounce),
+            (DirectionV, bounce),
+            (EmitterU, next),
+            (EmitterV, next),
+        ])
+    }
+
+    /// For the choice of a lobe.
+    pub fn lobe(&self, bounce: u32) -> f64 {
+        let [u] = self.some([(Dimension::Lobe, bounce)]);
+        u
+    }
+
+    /// For a direction to the environment.
+    pub fn environment(&self, bounce: u32) -> [f64; 2] {
+        use Dimension::{EnvironmentU, EnvironmentV};
+        self.some([(EnvironmentU, bounce), (EnvironmentV, bounce)])
+    }
+
+    /// For survival.
+    pub fn roulette(&self, bounce: u32) -> f64 {
+        let [u] = self.some([(Dimension::Roulette, bounce)]);
+        u
+    }
+
+    /// A set of four dimensions of the sequence of the path's block: Burley's shuffled and scrambled
+    /// points. After 256 dimensions come other scrambles.
+    #[inline(always)]
+    pub(super) fn four(&self, set: u32) -> [f32; 4] {
+        if set < 8 && self.drawn & (1 << set) != 0 {
+            return self.fours[set as usize];
+        }
+        self.draw(set)
+    }
+
+    #[inline(never)]
+    fn draw(&self, set: u32) -> [f32; 4] {
+        let (shuffled, stage) = match set / NUM_DIMENSION_SETS_4D {
+            0 => (self.shuffled, self.stage),
+            later => round(self.index, self.block, u64::from(later)),
+        };
+        let point = unscrambled(&points()[(set % NUM_DIMENSION_SETS_4D) as usize], shuffled);
+        let scramble = scrambles(stage, set);
+        [0, 1, 2, 3].map(|d| {
+            let scrambled = owen_scramble_rev(point[d], scramble[d]);
+            u32_to_f32_norm(scrambled.reverse_bits())
+        })
+    }
+
+    /// Numbers of dimensions that are a whole set of the sequence, or independent ones.
+    #[inline(always)]
+    fn whole(&self, dimensions: [(Dimension, u32); 4]) -> [f64; 4] {
+        let (first, bounce) = dimensions[0];
+        match (self.sampler.sequence, first.of_sequence(bounce)) {
+            (Sequence::Sobol, Some(place)) => {
+                let [a, b, c, d] = self.four(place / 4);
+                [a.into(), b.into(), c.into(), d.into()]
+            }
+            _ => self.independent(dimensions),
+        }
+    }
+
+    /// Numbers of some dimensions of one set of the sequence, or independent ones.
+    fn some<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f64; N] {
+        let places = dimensions.map(|(d, bounce)| d.of_sequence(bounce));
+        match (self.sampler.sequence, places[0]) {
+            (Sequence::Sobol, Some(first)) => {
+                let four = self.four(first / 4);
+                places.map(|d| d.map_or(0.0, |d| f64::from(four[d as usize % 4])))
+            }
+            _ => self.independent(dimensions),
+        }
+    }
+
+    #[inline(never)]
+    fn independent<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f64; N] {
+        dimensions.map(|(d, bounce)| {
+            let purpose = (u64::from(bounce) << 32) | d as u64;
+            number(mix(self.sampler.seed ^ purpose), self.path)
+        })
+    }
+}
