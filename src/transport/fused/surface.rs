@@ -67,6 +67,7 @@ impl HostAlbedos {
     }
 
     /// Adds derivatives by constants or texels; returns that by the coordinates.
+    #[inline(always)]
     pub fn pull(
         &self,
         material: usize,
@@ -74,10 +75,17 @@ impl HostAlbedos {
         g: DVec3,
         (constants, texels): (&mut [DVec3], &mut [DVec3]),
     ) -> DVec2 {
-        let Some(slot) = &self.texture[material] else {
-            constants[material] += g;
-            return DVec2::ZERO;
-        };
+        match &self.texture[material] {
+            Some(slot) => self.pull_texels(slot, uv, g, texels),
+            None => {
+                constants[material] += g;
+                DVec2::ZERO
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn pull_texels(&self, slot: &TextureSlot, uv: DVec2, g: DVec3, texels: &mut [DVec3]) -> DVec2 {
         let cell = Cell::new(slot, uv);
         for (&t, w) in cell.texels.iter().zip(cell.weights()) {
             texels[t] += g * w;
@@ -170,7 +178,23 @@ impl Place {
 
     /// Adds derivatives by the attributes; returns that by the point, less at each corner by its
     /// weight. `by_normal` counts where the surface is smooth.
+    #[inline(always)]
     pub fn pull(
+        &self,
+        host: &Host,
+        triangle: &HostTriangle,
+        by_uv: DVec2,
+        by_normal: DVec3,
+        sums: &mut Sums,
+    ) -> DVec3 {
+        if host.uvs.is_none() && host.normals.is_none() {
+            return DVec3::ZERO;
+        }
+        self.pull_attributes(host, triangle, by_uv, by_normal, sums)
+    }
+
+    #[inline(never)]
+    fn pull_attributes(
         &self,
         host: &Host,
         triangle: &HostTriangle,

@@ -176,6 +176,8 @@ pub(crate) struct HostCamera {
     pub(super) lens: Option<[f64; 2]>,
     /// Eye, forward, right, up `[12]`, half height, aperture and focus in one row, if any is in a graph.
     pub(super) parent: Option<Tensor<1>>,
+    /// Whether any is.
+    pub(super) tracked: bool,
     /// Whether the row has a lens, used or not.
     with_lens: bool,
 }
@@ -194,6 +196,7 @@ impl HostCamera {
         }
         planes.push(&frame.half_height);
         planes.extend(frame.lens.iter().flatten());
+        let parent = table(&planes);
         Ok(Self {
             eye: vector(&frame.eye)?,
             forward: vector(&frame.forward)?,
@@ -201,7 +204,8 @@ impl HostCamera {
             up: vector(&frame.up)?,
             half_height: number(&frame.half_height)?,
             lens,
-            parent: table(&planes),
+            tracked: parent.is_some(),
+            parent,
             with_lens: frame.lens.is_some(),
         })
     }
@@ -283,7 +287,7 @@ impl Tables {
 
     /// Whether surfaces that rays meet have derivatives, seen by a camera.
     pub(super) fn rays(&self, camera: &HostCamera) -> bool {
-        self.rays || camera.parent.is_some()
+        self.rays || camera.tracked
     }
 
     /// Sums of derivatives, all 0, with those of rays or without.

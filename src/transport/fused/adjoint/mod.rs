@@ -104,13 +104,16 @@ impl Fused {
                 );
                 by_ray.origin += by.origin;
                 by_ray.direction += by.direction;
-                for s in surfaces {
+                let shapes = above.depth != 0.0 || above.normal != DVec3::ZERO;
+                for s in surfaces.iter().filter(|_| shapes) {
                     sums.normal[s.triangle as usize] += above.normal * (s.side() * s.weight);
                     let along = (camera.ray.direction, camera.time);
                     let by_t = (0.0, above.depth * s.weight, 0.0);
                     self.pull_surface(s, along, by_t, &mut by_ray, sums);
                 }
-                self.pull_camera(camera, by_ray, sums);
+                if self.camera.tracked {
+                    self.pull_camera(camera, by_ray, sums);
+                }
             }
         }
         work.scratch = scratch;
