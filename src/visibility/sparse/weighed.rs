@@ -25,7 +25,12 @@ impl Finder<'_> {
                         return 0.0;
                     }
                 }
-                Visibility::LayeredSoft { .. } => {}
+                Visibility::LayeredSoft { .. } => {
+                    let room = 1.0 - s.p;
+                    let background = if room < self.full { 0.0 } else { room };
+                    s.weight = 1.0 - background;
+                    return background;
+                }
             }
         }
         self.weigh_all(span, all, first)
@@ -121,6 +126,19 @@ impl Weighed<'_> {
             by_p, by_t, layers, ..
         } = scratch;
         let surfaces = self.surfaces;
+        let softmax = matches!(self.form, Visibility::Softmax { .. });
+        if let ([s], [v], false) = (surfaces, values, softmax) {
+            // In layers what one surface leaves is the background's.
+            let layered = matches!(self.form, Visibility::Layered);
+            let least = if layered { self.cutoff } else { 0.0 };
+            let by_p = if 1.0 - s.p < self.full {
+                0.0
+            } else {
+                v - background
+            };
+            emit(s, by_p * s.slope, by_p * s.slope_t, least);
+            return 0.0;
+        }
         // What is nothing beside the largest part of the sum.
         let parts = surfaces.iter().zip(values);
         let parts = parts.map(|(s, v)| (s.weight * v).abs());
