@@ -223,7 +223,8 @@ fn what_a_scene_does_not_need_is_skipped() {
     let camera_rays = 32 * 32 * 4;
     let ball = || Object::new(shapes::icosphere(2, &device)).material(Material::diffuse([0.5; 3]));
     // Without light nothing leaves the first surface.
-    assert_eq!(run(&Scene::new().with(ball()), 5).rays, camera_rays);
+    let dark = run(&Scene::new().with(ball()), 5);
+    assert_eq!(dark.rays, camera_rays);
     // Under a sky rays that miss end: a ball seen from outside is left after one bounce.
     let sky = Scene::new().with(ball()).environment([1.0; 3]);
     let found = run(&sky, 5);
@@ -231,6 +232,9 @@ fn what_a_scene_does_not_need_is_skipped() {
     assert_eq!(found.bounces[0], camera_rays);
     assert!(found.bounces.windows(2).all(|b| b[1] < b[0]), "{found:?}");
     assert_eq!(found.taped_pairs, 0);
+    // Rays that leave it ask neither the triangle they start on nor the backs about it.
+    let (asked, left) = (found.tested - dark.tested, found.rays - camera_rays);
+    assert!(left > 500 && asked < left / 20, "{asked} by {left}");
     // Surfaces that reflect nothing end a path.
     let black = Object::new(shapes::icosphere(2, &device)).material(Material::diffuse([0.0; 3]));
     assert_eq!(

@@ -284,3 +284,61 @@ fn a_closed_aperture() {
     assert!(pinhole.iter().any(|&g| g != 0.0));
     assert_eq!(pinhole, of(&camera.clone().thin_lens(0.0, 3.0)));
 }
+
+/// Sides of closed objects that can't be seen are not asked for: from inside of a closed room, from
+/// outside of it, by the light of a closed lamp, whose other side counts too, and all of it by a batch
+/// whose views see different sides.
+#[test]
+fn closed_objects_from_inside_and_outside() {
+    let device = Device::flex();
+    let mesh = |mesh: Mesh, factor: f64, shift: [f64; 3]| {
+        let shift = Tensor::<1>::from_data(shift.as_slice(), (&device, DType::F64));
+        let vertices = mesh.vertices.clone().cast(DType::F64) * factor;
+        let vertices = (vertices + shift.reshape([1, 3])).autodiff().require_grad();
+        (mesh.with_vertices(vertices.clone()), vertices)
+    };
+    let inside = Camera::look_at([0.3, 0.5, 1.7], [0.0; 3]).fov_y(70.0);
+    let outside = Camera::look_at([0.6, 1.1, 7.0], [0.0; 3]).fov_y(60.0);
+    let run = |cameras: &[&Camera], fused: bool| {
+        let (room, of_room) = mesh(shapes::cube(&device), 4.0, [0.0; 3]);
+        let (ball, of_ball) = mesh(shapes::icosphere(2, &device), 0.7, [0.2, -0.6, -0.3]);
+        let (lamp, of_lamp) = mesh(shapes::cube(&device), 0.5, [-0.4, 1.3, 0.2]);
+        let scene = Scene::new()
+            .with(Object::new(room).material(Material::diffuse([0.6, 0.5, 0.4])))
+            .with(Object::new(ball).material(Material::diffuse([0.3, 0.5, 0.6])))
+            .with(Object::new(lamp).material(Material::emitter([9.0, 8.0, 7.0])))
+            .environment([0.3; 3]);
+        let options = RenderOptions::new(10, 9)
+            .samples(4)
+            .bounces(2)
+            .sigma(3e-3)
+            .fused(fused);
+        let cameras: Vec<Camera> = cameras.iter().map(|&c| c.clone()).collect();
+        let batch = Batch::new(vec![scene], cameras).expect("a batch");
+        let image = render_batch(&batch, &options).expect("images").radiance;
+        let radiance = values(&image);
+        let gradients = image.powf_scalar(2.0).sum().backward();
+        let of = |t: &Tensor<2>| values(&t.grad(&gradients).expect("a gradient"));
+        [radiance, of(&of_room), of(&of_ball), of(&of_lamp)]
+    };
+    for cameras in [
+        &[&inside][..],
+        &[&outside],
+        &[&inside, &outside],
+        &[&outside, &inside],
+    ] {
+        let [a, b] = [true, false].map(|fused| run(cameras, fused));
+        for (name, (x, y)) in ["image", "room", "ball", "lamp"]
+            .iter()
+            .zip(a.iter().zip(&b))
+        {
+            let far = apart(x, y);
+            println!("{} views, {name}: {far:e}", cameras.len());
+            // From outside only the room is seen.
+            let seen = cameras.iter().any(|c| std::ptr::eq(*c, &inside));
+            let any = y.iter().any(|&v| v != 0.0);
+            assert_eq!(any, seen || ["image", "room"].contains(name), "{name}");
+            assert!(far < 1e-8, "{} views, {name}: {far:e}", cameras.len());
+        }
+    }
+}
