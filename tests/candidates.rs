@@ -235,6 +235,17 @@ fn what_a_scene_does_not_need_is_skipped() {
     // Rays that leave it ask neither the triangle they start on nor the backs about it.
     let (asked, left) = (found.tested - dark.tested, found.rays - camera_rays);
     assert!(left > 500 && asked < left / 20, "{asked} by {left}");
+    // Nor the plane they start on, closed or not.
+    let floor = || {
+        let corner = |x: f64, y: f64| [4.0 * x, 4.0 * y, 0.0];
+        let [a, b] = [corner(-1.0, -1.0), corner(1.0, -1.0)];
+        shapes::quad(a, b, corner(1.0, 1.0), corner(-1.0, 1.0), &device)
+    };
+    let floor = || Object::new(floor()).material(Material::diffuse([0.5; 3]));
+    let dark = run(&Scene::new().with(floor()), 5);
+    let lit = run(&Scene::new().with(floor()).environment([1.0; 3]), 5);
+    let (asked, left) = (lit.tested - dark.tested, lit.rays - camera_rays);
+    assert!(left > 500 && asked < left / 5, "{asked} by {left}");
     // Surfaces that reflect nothing end a path.
     let black = Object::new(shapes::icosphere(2, &device)).material(Material::diffuse([0.0; 3]));
     assert_eq!(

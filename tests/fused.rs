@@ -286,7 +286,7 @@ fn a_closed_aperture() {
 }
 
 /// Sides of closed objects that can't be seen are not asked for: from inside of a closed room, from
-/// outside of it, by the light of a closed lamp, whose other side counts too, and all of it by a batch
+/// outside of it, by the light of a closed ring, whose other side counts too, and all of it by a batch
 /// whose views see different sides.
 #[test]
 fn closed_objects_from_inside_and_outside() {
@@ -302,7 +302,8 @@ fn closed_objects_from_inside_and_outside() {
     let run = |cameras: &[&Camera], fused: bool| {
         let (room, of_room) = mesh(shapes::cube(&device), 4.0, [0.0; 3]);
         let (ball, of_ball) = mesh(shapes::icosphere(2, &device), 0.7, [0.2, -0.6, -0.3]);
-        let (lamp, of_lamp) = mesh(shapes::cube(&device), 0.5, [-0.4, 1.3, 0.2]);
+        let ring = shapes::torus(0.8, 0.3, 8, 5, &device);
+        let (lamp, of_lamp) = mesh(ring, 1.0, [-0.4, 1.3, 0.2]);
         let scene = Scene::new()
             .with(Object::new(room).material(Material::diffuse([0.6, 0.5, 0.4])))
             .with(Object::new(ball).material(Material::diffuse([0.3, 0.5, 0.6])))
