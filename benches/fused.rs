@@ -30,7 +30,7 @@ struct Arguments {
     #[arg(long, requires = "passes")]
     backward: bool,
     /// Which form of visibility, for `--passes`.
-    #[arg(long, requires = "passes", value_enum, default_value = "layered")]
+    #[arg(long, value_enum, default_value = "layered")]
     form: Form,
     /// A ball of 20·4ⁿ faces on a floor in place of the Cornell box, for `--passes`.
     #[arg(long, requires = "passes", value_name = "N")]
@@ -58,15 +58,15 @@ enum Part {
 
 fn main() {
     let arguments = Arguments::parse();
+    let form = FORMS[arguments.form as usize];
     if let Some(samples) = arguments.peak {
         let (scene, camera) = cornell();
-        let options = of_cornell(Visibility::Layered).samples(samples);
+        let options = of_cornell(form).samples(samples);
         pass(&scene, &camera, &options, true);
         println!("{:.0}", peak().unwrap_or(f64::NAN));
         return;
     }
     if let Some(passes) = arguments.passes {
-        let form = FORMS[arguments.form as usize];
         let (scene, camera, options) = match arguments.ball {
             Some(subdivisions) => {
                 let (scene, camera, sigma) = ball(subdivisions);
@@ -206,17 +206,20 @@ fn of_forms(runs: usize) {
             );
         }
     }
-    println!("\n| samples | peak memory of the process, forward + backward, MiB |\n|---|---|");
-    for samples in [1u32, 16, 64] {
+    println!(
+        "\n| samples | peak memory of the process, forward + backward, MiB: layered | softmax |\n|---|---|---|"
+    );
+    let peak = |samples: u32, form: &str| {
         let program = std::env::current_exe().expect("this program");
         let output = std::process::Command::new(program)
-            .args(["--peak", &samples.to_string()])
+            .args(["--peak", &samples.to_string(), "--form", form])
             .output()
             .expect("a process");
-        println!(
-            "| {samples} | {} |",
-            String::from_utf8_lossy(&output.stdout).trim()
-        );
+        String::from_utf8_lossy(&output.stdout).trim().to_string()
+    };
+    for samples in [1u32, 16, 64] {
+        let [layered, softmax] = ["layered", "softmax"].map(|form| peak(samples, form));
+        println!("| {samples} | {layered} | {softmax} |");
     }
 }
 
