@@ -54,7 +54,8 @@ fn layered_at_a_larger_blur() {
 }
 
 /// With the blur below a pixel's footprint nothing but noise is left: it falls at least as 1/√samples,
-/// to 0.004, and in the end to that of the references, 0.0005.
+/// to 0.004. 0.0005 are allowed for what is in the references and in the blur: the sphere's falls 6.1 times
+/// from 16 to 1,024 samples, where noise alone would fall 8 times.
 #[test]
 fn below_a_pixel_only_noise_is_left() {
     let device = Device::flex();

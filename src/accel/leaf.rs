@@ -22,20 +22,16 @@ pub(super) struct Leaf {
     used: u32,
 }
 
-/// The sides of the triangles of a leaf that count: those with this times n·d ≥ 0.
-#[derive(Clone, Debug)]
+/// The sides of the triangles of a leaf that count: those with this times n·d ≥ 0, which are both where
+/// it is 0.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Sides {
     side: Lanes,
     object: [u32; LANES],
 }
 
-/// The share of that by which hits close to its origin are rounded.
+/// Hits close to a ray's origin are rounded by this share of [`Ray::rounding`].
 const NEAR: f32 = 0.4;
-
-const ALL_SIDES: Sides = Sides {
-    side: [0.0; LANES],
-    object: [u32::MAX; LANES],
-};
 
 /// n·d in f32 is off by less.
 const ROUNDING_OF_COSINE: f32 = 1e-5;
@@ -86,7 +82,7 @@ impl Leaf {
 
     /// The sides that count, and the objects, of the triangles here.
     pub fn sides(&self, side: &[f64], object: &[u32]) -> Sides {
-        let mut sides = ALL_SIDES;
+        let mut sides = Sides::default();
         for (i, &k) in self.triangle.iter().enumerate() {
             if let (Some(&side), Some(&object)) = (side.get(k as usize), object.get(k as usize)) {
                 sides.side[i] = side as f32;

@@ -162,8 +162,9 @@ pub(crate) struct Work {
     pub(super) vertices: Vec<Vertex>,
     pub(super) lit: Vec<Lit>,
     pub(super) gathered: Vec<Gathered>,
-    /// Light that a sample brought back, and, for the way back, that of all by sample and bounce.
+    /// Light that the sample at hand brought back, where nothing is kept for the way back.
     pub(super) brought: DVec3,
+    /// For the way back: what samples brought, by sample and bounce.
     pub(super) light: Vec<DVec3>,
     pub(super) census: Census,
     /// Sums of the weights of objects and background, if they are asked for.

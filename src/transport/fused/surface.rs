@@ -178,23 +178,8 @@ impl Place {
 
     /// Adds derivatives by the attributes; returns that by the point, less at each corner by its
     /// weight. `by_normal` counts where the surface is smooth.
-    #[inline(always)]
-    pub fn pull(
-        &self,
-        host: &Host,
-        triangle: &HostTriangle,
-        by_uv: DVec2,
-        by_normal: DVec3,
-        sums: &mut Sums,
-    ) -> DVec3 {
-        if host.uvs.is_none() && host.normals.is_none() {
-            return DVec3::ZERO;
-        }
-        self.pull_attributes(host, triangle, by_uv, by_normal, sums)
-    }
-
     #[inline(never)]
-    fn pull_attributes(
+    pub fn pull(
         &self,
         host: &Host,
         triangle: &HostTriangle,

@@ -34,7 +34,7 @@ impl Fused {
         for bounce in 0..=settings.bounces {
             let useful = drawn.filter(|&i| self.useful(work.surfaces[i].triangle));
             let Some(surface) = useful else {
-                if let (Some(sky), None) = (self.missed(), drawn) {
+                if let (Some(sky), None) = (sky, drawn) {
                     let light = throughput * sky.at(direction);
                     path.bring::<KEEP>(bounce, light, work);
                 }

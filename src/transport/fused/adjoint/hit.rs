@@ -8,7 +8,7 @@ use crate::transport::fused::records::{Gathered, Hit, Lit, Ray, Vertex};
 use crate::transport::fused::shading::ShadeSums;
 use crate::transport::fused::sums::Sums;
 use crate::transport::fused::surface::Place;
-use crate::visibility::{PullScratch, Surface};
+use crate::visibility::PullScratch;
 
 impl Fused {
     /// Back over a surface point: from derivatives by the throughput after it and the ray that leaves
@@ -91,8 +91,12 @@ impl Fused {
         } else {
             DVec3::ZERO
         };
-        let place = Place::of(s, hit.shade.geometric);
-        let by_place = place.pull(host, triangle, by_uv, by_normal, sums);
+        let by_place = if host.uvs.is_some() || host.normals.is_some() {
+            let place = Place::of(s, hit.shade.geometric);
+            place.pull(host, triangle, by_uv, by_normal, sums)
+        } else {
+            DVec3::ZERO
+        };
         by_position += by_place;
         if !self.rays {
             return (by_throughput, ByRay::default());
@@ -146,8 +150,9 @@ impl Fused {
         // What is in between.
         let by_passed = by_scale * per_area / lit.density;
         let mut by_shadow = ByRay::default();
-        let shadows = lit.shadows.clone();
-        for (s, g) in work_of(back, &shadows) {
+        let (shadows, by_p) = (&back.work.shadows, &back.work.by_p);
+        let range = lit.shadows.clone();
+        for (s, g) in shadows[range.clone()].iter().zip(&by_p[range]) {
             let slope = by_passed * g;
             let along = (way.direction, back.camera.time);
             let terms = (slope * s.slope, slope * s.slope_t, self.cutoff);
@@ -215,15 +220,4 @@ impl Fused {
         let by = self.pull_weights(ray, surfaces, back.camera.time, values, scratch, sums);
         (by_throughput, by.origin)
     }
-}
-
-/// The surfaces of a shadow ray with the derivatives of what passes by their p.
-fn work_of<'a>(
-    back: &Back<'a>,
-    range: &std::ops::Range<usize>,
-) -> impl Iterator<Item = (&'a Surface, f64)> {
-    let surfaces = &back.work.shadows[range.clone()];
-    surfaces
-        .iter()
-        .zip(back.work.by_p[range.clone()].iter().copied())
 }
