@@ -35,6 +35,8 @@ pub mod error;
 pub mod geometry;
 pub mod gradcheck;
 pub mod io;
+mod kernel;
+mod model;
 pub mod modules;
 pub mod optim;
 pub mod render;

@@ -7,8 +7,11 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
+use pulp::Arch;
+
+use super::hits::{Hit, HitRay, NOTHING};
 use super::leaf::{LANES, Sides};
-use super::machine::{Machine, Task, dispatch};
+use super::simd::{Machine, Task, dispatch};
 use super::wide::{FEW, Wide};
 use super::{HostTriangle, Reach};
 
@@ -175,6 +178,49 @@ impl Hierarchy {
         dispatch(pulp::Arch::new(), visit)
     }
 
+    /// The nearest triangle that each ray hits.
+    pub(crate) fn nearest_of_all(&self, arch: Arch, rays: &[HitRay], hits: &mut Vec<Hit>) {
+        let wide = &self.wide;
+        dispatch(arch, NearestOfAll { wide, rays, hits });
+    }
+
+    /// Whether each ray hits any triangle.
+    pub(crate) fn blocked_of_all(&self, arch: Arch, rays: &[HitRay], blocked: &mut Vec<bool>) {
+        let wide = &self.wide;
+        dispatch(
+            arch,
+            BlockedOfAll {
+                wide,
+                rays,
+                blocked,
+            },
+        );
+    }
+
+    /// The nearest triangle that a ray hits, of all but its unseen ones.
+    #[inline]
+    pub(crate) fn nearest_seen(&self, arch: Arch, ray: &HitRay) -> Hit {
+        dispatch(
+            arch,
+            NearestSeen {
+                wide: &self.wide,
+                ray,
+            },
+        )
+    }
+
+    /// Whether a ray hits any triangle but its unseen ones.
+    #[inline]
+    pub(crate) fn is_blocked_by_others(&self, arch: Arch, ray: &HitRay) -> bool {
+        dispatch(
+            arch,
+            BlockedByOthers {
+                wide: &self.wide,
+                ray,
+            },
+        )
+    }
+
     /// The same in code for a machine. Of sides that don't count only those of one object are visited.
     #[inline(always)]
     pub(crate) fn visit_on<M: Machine>(
@@ -193,6 +239,76 @@ impl Hierarchy {
     /// all do.
     pub(crate) fn sides(&self, side: &[f64], object: &[u32]) -> Option<Vec<Sides>> {
         self.wide.sides(side, object)
+    }
+}
+
+/// [`Hierarchy::nearest_of_all`] as a task.
+struct NearestOfAll<'a> {
+    wide: &'a Wide,
+    rays: &'a [HitRay],
+    hits: &'a mut Vec<Hit>,
+}
+
+impl Task for NearestOfAll<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) {
+        self.hits.clear();
+        for ray in self.rays {
+            self.hits
+                .push(self.wide.hit::<M, false, false>(machine, ray));
+        }
+    }
+}
+
+/// [`Hierarchy::blocked_of_all`] as a task.
+struct BlockedOfAll<'a> {
+    wide: &'a Wide,
+    rays: &'a [HitRay],
+    blocked: &'a mut Vec<bool>,
+}
+
+impl Task for BlockedOfAll<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) {
+        self.blocked.clear();
+        for ray in self.rays {
+            let hit = self.wide.hit::<M, true, false>(machine, ray);
+            self.blocked.push(hit.triangle != NOTHING);
+        }
+    }
+}
+
+/// [`Hierarchy::nearest_seen`] as a task.
+struct NearestSeen<'a> {
+    wide: &'a Wide,
+    ray: &'a HitRay,
+}
+
+impl Task for NearestSeen<'_> {
+    type Output = Hit;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> Hit {
+        self.wide.hit::<M, false, true>(machine, self.ray)
+    }
+}
+
+/// [`Hierarchy::is_blocked_by_others`] as a task.
+struct BlockedByOthers<'a> {
+    wide: &'a Wide,
+    ray: &'a HitRay,
+}
+
+impl Task for BlockedByOthers<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> bool {
+        self.wide.hit::<M, true, true>(machine, self.ray).triangle != NOTHING
     }
 }
 

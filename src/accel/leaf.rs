@@ -3,7 +3,8 @@
 use glam::Vec3;
 
 use super::HostTriangle;
-use super::machine::Machine;
+use super::hits::ROUNDING;
+use super::simd::Machine;
 
 /// Triangles of a leaf, at most.
 pub(crate) const LANES: usize = 8;
@@ -12,12 +13,14 @@ pub(crate) type Lanes = [f32; LANES];
 
 /// Up to eight triangles: planes, and in each the lines of the borders as distances, positive inside.
 pub(super) struct Leaf {
-    normal: [Lanes; 3],
-    plane: Lanes,
+    pub(super) normal: [Lanes; 3],
+    pub(super) plane: Lanes,
     /// a → b, b → c, c → a: directions, and what is added.
-    lines: [[Lanes; 3]; 3],
-    offsets: [Lanes; 3],
+    pub(super) lines: [[Lanes; 3]; 3],
+    pub(super) offsets: [Lanes; 3],
     pub triangle: [u32; LANES],
+    /// What the lines are rounded by, beyond what points are.
+    pub(super) slack: Lanes,
     /// The triangles that there are, one bit each.
     used: u32,
 }
@@ -61,6 +64,7 @@ impl Leaf {
             lines: [[[0.0; LANES]; 3]; 3],
             offsets: [[0.0; LANES]; 3],
             triangle: [u32::MAX; LANES],
+            slack: [0.0; LANES],
             used: (1 << list.len()) - 1,
         };
         for (i, &k) in list.iter().enumerate() {
@@ -71,6 +75,7 @@ impl Leaf {
             }
             for (line, (across, offset)) in t.lines_in_space().into_iter().enumerate() {
                 leaf.offsets[line][i] = offset as f32;
+                leaf.slack[i] = leaf.slack[i].max(ROUNDING * offset.abs() as f32);
                 for (axis, lanes) in leaf.lines[line].iter_mut().enumerate() {
                     lanes[i] = across[axis] as f32;
                 }

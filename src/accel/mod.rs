@@ -2,14 +2,16 @@
 //! the blur while it is traversed, so that it holds for any σ.
 
 mod hierarchy;
+mod hits;
 mod leaf;
-mod machine;
+mod simd;
 mod triangle;
 mod wide;
 
 pub use hierarchy::{Hierarchy, HierarchyCache};
-pub(crate) use leaf::Sides;
-pub(crate) use machine::{Machine, Task, dispatch};
+pub(crate) use hits::{Hit, HitRay, NOTHING};
+pub(crate) use leaf::{LANES, Lanes, Sides};
+pub(crate) use simd::{F8, Machine, Mask8, Task, dispatch};
 pub use triangle::{HostTriangle, PlaneHit};
 
 /// How far beside a ray triangles matter. `most` bounds the distance; and where `price` is not 0 a hit

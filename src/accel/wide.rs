@@ -5,28 +5,28 @@ use glam::{DVec3, Vec3};
 use obvhs::bvh2::Bvh2;
 
 use super::leaf::{LANES, Lanes, Leaf, Ray, Sides, bits, larger, smaller};
-use super::machine::Machine;
+use super::simd::Machine;
 use super::{HostTriangle, Reach};
 
 /// Up to here triangles are asked without boxes.
 pub(super) const FEW: usize = 64;
 
 /// Boxes of up to eight children.
-struct Node {
-    min: [Lanes; 3],
-    max: [Lanes; 3],
+pub(super) struct Node {
+    pub min: [Lanes; 3],
+    pub max: [Lanes; 3],
     /// Twice the index of a node, or of a leaf plus one.
-    child: [u32; LANES],
+    pub child: [u32; LANES],
     /// How many there are.
-    count: u32,
+    pub count: u32,
 }
 
 /// The tree.
 pub(super) struct Wide {
-    nodes: Vec<Node>,
-    leaves: Vec<Leaf>,
+    pub nodes: Vec<Node>,
+    pub leaves: Vec<Leaf>,
     /// Displacements over the shutter of the triangles of each leaf, if any moves.
-    velocities: Option<Vec<[Lanes; 3]>>,
+    pub velocities: Option<Vec<[Lanes; 3]>>,
     /// The largest distance of a corner from the origin of coordinates.
     extent: f64,
 }
@@ -335,7 +335,7 @@ impl Wide {
 }
 
 #[inline(always)]
-fn safe_inverse(d: f64) -> f32 {
+pub(super) fn safe_inverse(d: f64) -> f32 {
     let d = if d.abs() < 1e-12 {
         1e-12f64.copysign(d)
     } else {

@@ -110,6 +110,13 @@ impl Weld {
     }
 }
 
+impl Weld {
+    /// The place of a vertex.
+    pub(crate) fn place(&self, vertex: u32) -> u32 {
+        self.of_vertex[vertex as usize]
+    }
+}
+
 impl Topology {
     /// Adds an object's faces, welded by position, and says whether it is closed (every welded
     /// edge has two faces of opposite direction).

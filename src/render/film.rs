@@ -29,6 +29,14 @@ pub struct Statistics {
 }
 
 impl Statistics {
+    pub(super) fn of_rays(counts: crate::kernel::RayCounts) -> Self {
+        Self {
+            rays: counts.rays,
+            bounces: counts.bounces,
+            ..Self::default()
+        }
+    }
+
     pub(super) fn new(census: &Census, taped_pairs: u64) -> Self {
         let total: u64 = census.surfaces.iter().sum();
         let pairs = census.surfaces.iter().enumerate();

@@ -3,6 +3,7 @@
 mod batch;
 mod film;
 mod fused;
+mod kernel;
 mod options;
 mod replay;
 mod tensors;
@@ -12,7 +13,7 @@ use std::sync::Arc;
 use burn::tensor::{Device, Tensor};
 
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Collect, Scene, Visit, visit_camera, visit_scene};
+use crate::scene::{Camera, Collect, ParameterId, Scene, Visit, visit_camera, visit_scene};
 
 pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use batch::{Batch, render_batch};
@@ -90,7 +91,12 @@ fn render_views(
         Some(pixels) => [pixels.len(), 1],
         None => [options.width, options.height],
     };
-    let mut means = if fused::can_render(batch, options) {
+    let mut means = if matches!(
+        options.visibility,
+        crate::visibility::Visibility::Cone { .. }
+    ) {
+        kernel::render(batch, options, pixels)?
+    } else if fused::can_render(batch, options) {
         fused::render(batch, options, pixels)?
     } else {
         tensors::render(batch, options, pixels)?
@@ -112,7 +118,7 @@ fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
         visit_camera(&mut camera.clone(), &mut collected);
     }
     for v in &batch.vertices {
-        collected.visit(&mut v.values.clone());
+        collected.visit(ParameterId::Vertices(0), &mut v.values.clone());
     }
     match collected.of_value_zero() {
         Some(nothing) => {

@@ -13,7 +13,7 @@ use super::{Batch, RenderOptions, is_cpu};
 use crate::accel::Hierarchy;
 use crate::error::Result;
 use crate::geometry::plain;
-use crate::scene::{Camera, Collect, Flattened, Plain, Scene, visit_tensors};
+use crate::scene::{Camera, Collect, Detach, Flattened, Scene, visit_tensors};
 use crate::transport::{
     Census, Diagnostics, Dimension, Lights, PathSettings, Sampler, Sky, Transport, trace,
 };
@@ -85,7 +85,7 @@ impl View {
         if options.replay {
             visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
         }
-        if collected.0.is_empty() {
+        if collected.rows.is_empty() {
             let flattened = Flattened::new(scene, camera, options.bounds)?;
             let renderer = Renderer::new(&flattened, camera, options, pixels, None)?;
             let (mean, found) = renderer.render()?;
@@ -93,9 +93,9 @@ impl View {
         }
         // Forward without tape, backward on paths traced again.
         let (mut still, mut still_camera) = (scene.clone(), camera.clone());
-        visit_tensors(&mut still, &mut still_camera, &mut Plain);
+        visit_tensors(&mut still, &mut still_camera, &mut Detach);
         let flattened = Flattened::new(&still, &still_camera, options.bounds)?;
-        let parameters = Tensor::cat(collected.0, 0);
+        let parameters = Tensor::cat(collected.rows, 0);
         let retraced = Retraced {
             scene: scene.clone(),
             camera: camera.clone(),

@@ -4,25 +4,30 @@ mod camera;
 mod check;
 mod environment;
 mod flatten;
+mod host;
 mod material;
 mod mesh;
 mod object;
 mod parameter;
+mod parameters;
 pub mod shapes;
-mod tensors;
 mod transform;
 
 pub use camera::Camera;
 pub(crate) use camera::CameraFrame;
+pub(crate) use check::check_camera;
 pub use environment::Environment;
 pub use flatten::{Albedos, Bounds, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
 pub(crate) use flatten::{Attached, TrackedMesh};
+pub(crate) use host::{
+    HostAttribute, HostCamera, HostMaterial, HostObject, HostScene, HostTexture,
+};
 pub use material::{Albedo, Material, Wrap};
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
 pub use parameter::Parameter;
-pub(crate) use tensors::{
-    Collect, Plain, Replace, Visit, visit_camera, visit_scene, visit_tensors,
+pub(crate) use parameters::{
+    Collect, Detach, ParameterId, Replace, Visit, visit_camera, visit_scene, visit_tensors,
 };
 pub use transform::Transform;
 

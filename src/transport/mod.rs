@@ -7,7 +7,7 @@ mod emitters;
 mod fused;
 mod lights;
 mod path;
-mod sampler;
+pub(crate) mod sampler;
 mod sampling;
 mod sky;
 mod surface;

@@ -55,6 +55,13 @@ pub enum Visibility {
         /// Blur in depth γ, in units of the scene's depth.
         gamma: f64,
     },
+    /// Rays are cones.
+    Cone {
+        /// Half-angle of the cones, radians.
+        angle: f64,
+        /// Radius in pixels.
+        pixels: f64,
+    },
 }
 
 impl Visibility {
@@ -63,6 +70,13 @@ impl Visibility {
         Self::Softmax {
             gamma,
             epsilon: 1e-3,
+        }
+    }
+
+    pub(crate) fn cone(&self) -> [f64; 2] {
+        match *self {
+            Self::Cone { angle, pixels } => [pixels, angle],
+            _ => [0.0; 2],
         }
     }
 
@@ -93,6 +107,7 @@ impl Visibility {
             }
             Self::Layered => Ok(()),
             Self::LayeredSoft { gamma } => positive(gamma),
+            Self::Cone { .. } => Ok(()),
         }
     }
 
@@ -111,7 +126,7 @@ impl Visibility {
             Self::Softmax { gamma, epsilon } => {
                 Ok(softmax::weights(coverage, range, gamma, epsilon))
             }
-            Self::Layered => layered::weights(context, topology, coverage),
+            Self::Layered | Self::Cone { .. } => layered::weights(context, topology, coverage),
             Self::LayeredSoft { gamma } => {
                 soft_order::weights(context, topology, coverage, range, gamma)
             }
@@ -128,7 +143,7 @@ impl Visibility {
     ) -> Tensor<2> {
         match self {
             Self::Softmax { .. } => transmittance::transmittance(coverage),
-            Self::Layered | Self::LayeredSoft { .. } => {
+            Self::Layered | Self::LayeredSoft { .. } | Self::Cone { .. } => {
                 layered::transmittance(context, topology, coverage)
             }
         }

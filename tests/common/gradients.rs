@@ -228,7 +228,7 @@ pub fn cases() -> Vec<Case> {
             let m = Material::emitter(vector(p, [1.0, 0.9, 0.8], d, t));
             (change("light", |o| o.material(m.clone()), d, t), camera())
         }),
-        case("light translation", 0.0, 0.03, 0, |d, t, p| {
+        case("light translation", 0.0, 0.01, 0, |d, t, p| {
             let s = change(
                 "light",
                 |o| o.map_mesh(|m| m.translated(vector(p.clone(), [0.3, -0.8, 0.4], d, t))),

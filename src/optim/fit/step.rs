@@ -38,7 +38,7 @@ impl Step {
             let form = match options.form() {
                 Visibility::Softmax { epsilon, .. } => Visibility::Softmax { gamma, epsilon },
                 Visibility::LayeredSoft { .. } => Visibility::LayeredSoft { gamma },
-                Visibility::Layered => Visibility::Layered,
+                other => other,
             };
             options = options.visibility(form);
         }

@@ -4,9 +4,9 @@ use burn::tensor::Tensor;
 
 use super::BlurSchedule;
 use crate::error::{Error, Result};
-use crate::geometry::{host_values, plain};
+use crate::geometry::host_values;
 use crate::render::{RenderOptions, render};
-use crate::scene::{Camera, Flattened, Scene, Visit, visit_tensors};
+use crate::scene::{Camera, Detach, Flattened, Scene, visit_tensors};
 
 /// √σ at the start of [`BlurSchedule::auto`], as a share of the radius of the smallest object.
 const START: f64 = 0.25;
@@ -145,12 +145,3 @@ impl View {
 
 /// Rows and columns of the image that distances are taken from.
 const GRID: usize = 16;
-
-/// Takes every tensor off autodiff.
-struct Detach;
-
-impl Visit for Detach {
-    fn visit<const D: usize>(&mut self, tensor: &mut Tensor<D>) {
-        *tensor = plain(tensor);
-    }
-}

@@ -11,7 +11,7 @@ use crate::geometry::{Context, plain};
 use crate::render::batch::of_batch;
 use crate::render::tensors::{sampler, settings};
 use crate::render::{Batch, RenderOptions};
-use crate::scene::{Attached, Collect, Flattened, Plain, Scene, TrackedMesh, visit_scene};
+use crate::scene::{Attached, Collect, Detach, Flattened, Scene, TrackedMesh, visit_scene};
 use crate::transport::{Fused, FusedParts, Gradient, Host, Lights, Sky, Tables};
 use crate::visibility::{cutoff_of_triangle, host_triangles};
 
@@ -91,7 +91,7 @@ impl HostScene {
 pub(super) fn prepare(batch: &Batch, options: &RenderOptions) -> Result<Prepared> {
     let read = |index: usize, like: Option<&HostScene>| {
         let mut scene = batch.scene(index, false);
-        visit_scene(&mut scene, &mut Plain);
+        visit_scene(&mut scene, &mut Detach);
         HostScene::new(&scene, options, like).map_err(of_batch("scene", index))
     };
     let first = read(0, None)?;
@@ -223,5 +223,5 @@ fn is_attached(scene: &Scene) -> bool {
     }
     let mut collected = Collect::default();
     visit_scene(&mut rest, &mut collected);
-    !collected.0.is_empty()
+    !collected.rows.is_empty()
 }

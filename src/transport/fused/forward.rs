@@ -91,7 +91,7 @@ impl Fused {
         let first = work.branches.len();
         if !self.scene.emitters.is_empty() || self.tables.host.sky.is_some() {
             let split = self.settings.sampling.surfaces == SurfaceSampling::Split;
-            let random = || path.numbers.surface(0);
+            let random = || f64::from(path.numbers.surface(0));
             let mut entries = std::mem::take(&mut work.entries);
             entries.clear();
             if split {
@@ -136,7 +136,7 @@ impl Fused {
     fn camera_ray(&self, numbers: &Numbers, pixel: u32) -> CameraRay {
         let c = &self.camera;
         let [width, height] = self.size;
-        let [x, y, u, v] = numbers.film();
+        let [x, y, u, v] = numbers.film().map(f64::from);
         let x = (f64::from(pixel % width as u32) + x) / width as f64;
         let y = (f64::from(pixel / width as u32) + y) / height as f64;
         let film = [
@@ -147,7 +147,7 @@ impl Fused {
         let mut disk = [0.0; 2];
         let (origin, along) = match c.lens {
             Some([aperture, focus]) => {
-                let [radius, angle] = numbers.lens();
+                let [radius, angle] = numbers.lens().map(f64::from);
                 let (sin, cos) = sin_cos_of_turns(angle);
                 disk = [radius.sqrt() * cos, radius.sqrt() * sin];
                 let on_lens = (c.right * disk[0] + c.up * disk[1]) * aperture;
@@ -165,7 +165,7 @@ impl Fused {
                 depth: 1.0,
             },
             time: if self.tables.host.moves {
-                numbers.time()
+                numbers.time().into()
             } else {
                 0.0
             },

@@ -56,9 +56,9 @@ impl Fused {
             let mut after = emitter;
             let mut scatter = None;
             if goes_on || by_scattering || map.is_some() {
-                let [u, v, next @ ..] = path.numbers.direction(bounce);
+                let [u, v, next @ ..] = path.numbers.direction(bounce).map(f64::from);
                 let lobe = match hit.shade.specular {
-                    Some(_) => path.numbers.lobe(bounce),
+                    Some(_) => path.numbers.lobe(bounce).into(),
                     None => 0.0,
                 };
                 after = next;
@@ -72,7 +72,7 @@ impl Fused {
             emitter = after;
             let light = match (map, &scatter) {
                 (Some(map), Some(scatter)) => {
-                    let drawn = path.numbers.environment(bounce);
+                    let drawn = path.numbers.environment(bounce).map(f64::from);
                     let along = scatter.direction;
                     light + self.gather::<KEEP>(finders, path, &hit, map, (drawn, along), work)
                 }
@@ -108,7 +108,7 @@ impl Fused {
             } else if settings.roulette_after.is_some_and(|after| bounce >= after) {
                 next.survival = throughput.max_element().clamp(0.05, 1.0);
                 throughput /= next.survival;
-                ended = path.numbers.roulette(bounce) >= next.survival;
+                ended = f64::from(path.numbers.roulette(bounce)) >= next.survival;
             }
             if KEEP && let Some(vertex) = work.vertices.last_mut() {
                 vertex.next = Some(next);
@@ -119,7 +119,7 @@ impl Fused {
             work.census.bounces[bounce as usize + 1] += 1;
             let found =
                 self.weigh::<KEEP>(finders, path, (origin, direction), Some(triangle), work);
-            let random = || path.numbers.surface(bounce + 1);
+            let random = || f64::from(path.numbers.surface(bounce + 1));
             drawn = self.draw(&found, random, work);
             ray = Some(found);
         }

@@ -4,7 +4,7 @@ mod numbers;
 mod points;
 
 use super::Sequence;
-pub(crate) use numbers::{Numbers, RUN};
+pub(crate) use numbers::{Numbers, RUN, Run};
 
 /// What a random number is for.
 #[derive(Clone, Copy, Debug)]
@@ -81,6 +81,23 @@ impl Sampler {
             width: width.max(1) as u32,
             samples,
             pixels: LENGTH - samples,
+        }
+    }
+
+    /// Another source, for another purpose.
+    pub(crate) fn stream(&self, purpose: u64) -> Self {
+        Self {
+            seed: mix(self.seed ^ mix(purpose)),
+            ..*self
+        }
+    }
+
+    /// The same source with a sequence as long as there is for each pixel.
+    pub(crate) fn of_one_pixel(&self) -> Self {
+        Self {
+            samples: LENGTH,
+            pixels: 0,
+            ..*self
         }
     }
 

@@ -131,30 +131,30 @@ pub(crate) struct Numbers<'a> {
 
 impl Numbers<'_> {
     /// Film x and y, and for an emitter and a point on it, seen from the first surface.
-    pub fn film(&self) -> [f64; 4] {
+    pub fn film(&self) -> [f32; 4] {
         use Dimension::{EmitterU, EmitterV, FilmX, FilmY};
         self.whole([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
     }
 
     /// Lens radius and angle.
-    pub fn lens(&self) -> [f64; 2] {
+    pub fn lens(&self) -> [f32; 2] {
         self.some([(Dimension::LensRadius, 0), (Dimension::LensAngle, 0)])
     }
 
     /// Time in the shutter.
-    pub fn time(&self) -> f64 {
+    pub fn time(&self) -> f32 {
         let [time] = self.some([(Dimension::Time, 0)]);
         time
     }
 
     /// For the choice of a surface.
-    pub fn surface(&self, bounce: u32) -> f64 {
+    pub fn surface(&self, bounce: u32) -> f32 {
         let [u] = self.some([(Dimension::Surface, bounce)]);
         u
     }
 
     /// For a direction, and for an emitter and a point on it, seen from where it leads.
-    pub fn direction(&self, bounce: u32) -> [f64; 4] {
+    pub fn direction(&self, bounce: u32) -> [f32; 4] {
         use Dimension::{DirectionU, DirectionV, EmitterU, EmitterV};
         let next = bounce + 1;
         self.whole([
@@ -166,21 +166,38 @@ impl Numbers<'_> {
     }
 
     /// For the choice of a lobe.
-    pub fn lobe(&self, bounce: u32) -> f64 {
+    pub fn lobe(&self, bounce: u32) -> f32 {
         let [u] = self.some([(Dimension::Lobe, bounce)]);
         u
     }
 
     /// For a direction to the environment.
-    pub fn environment(&self, bounce: u32) -> [f64; 2] {
+    pub fn environment(&self, bounce: u32) -> [f32; 2] {
         use Dimension::{EnvironmentU, EnvironmentV};
         self.some([(EnvironmentU, bounce), (EnvironmentV, bounce)])
     }
 
+    /// Pixel and sample.
+    pub fn path(&self) -> (u32, u32) {
+        self.path
+    }
+
     /// For survival.
-    pub fn roulette(&self, bounce: u32) -> f64 {
+    pub fn roulette(&self, bounce: u32) -> f32 {
         let [u] = self.some([(Dimension::Roulette, bounce)]);
         u
+    }
+
+    /// Four numbers for a purpose of their own, of a stream that serves nothing else.
+    #[inline(always)]
+    pub fn set(&self, set: u32) -> [f32; 4] {
+        match self.sampler.sequence {
+            Sequence::Sobol => self.four(set),
+            Sequence::Independent => [0, 1, 2, 3].map(|d| {
+                let purpose = (u64::from(set) << 32) | (16 + d);
+                number(mix(self.sampler.seed ^ purpose), self.path) as f32
+            }),
+        }
     }
 
     /// A set of four dimensions of the sequence of the path's block: Burley's shuffled and scrambled
@@ -209,34 +226,31 @@ impl Numbers<'_> {
 
     /// Numbers of dimensions that are a whole set of the sequence, or independent ones.
     #[inline(always)]
-    fn whole(&self, dimensions: [(Dimension, u32); 4]) -> [f64; 4] {
+    fn whole(&self, dimensions: [(Dimension, u32); 4]) -> [f32; 4] {
         let (first, bounce) = dimensions[0];
         match (self.sampler.sequence, first.of_sequence(bounce)) {
-            (Sequence::Sobol, Some(place)) => {
-                let [a, b, c, d] = self.four(place / 4);
-                [a.into(), b.into(), c.into(), d.into()]
-            }
+            (Sequence::Sobol, Some(place)) => self.four(place / 4),
             _ => self.independent(dimensions),
         }
     }
 
     /// Numbers of some dimensions of one set of the sequence, or independent ones.
-    fn some<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f64; N] {
+    fn some<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f32; N] {
         let places = dimensions.map(|(d, bounce)| d.of_sequence(bounce));
         match (self.sampler.sequence, places[0]) {
             (Sequence::Sobol, Some(first)) => {
                 let four = self.four(first / 4);
-                places.map(|d| d.map_or(0.0, |d| f64::from(four[d as usize % 4])))
+                places.map(|d| d.map_or(0.0, |d| four[d as usize % 4]))
             }
             _ => self.independent(dimensions),
         }
     }
 
     #[inline(never)]
-    fn independent<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f64; N] {
+    fn independent<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f32; N] {
         dimensions.map(|(d, bounce)| {
             let purpose = (u64::from(bounce) << 32) | d as u64;
-            number(mix(self.sampler.seed ^ purpose), self.path)
+            number(mix(self.sampler.seed ^ purpose), self.path) as f32
         })
     }
 }

@@ -217,7 +217,7 @@ impl<'a> Finder<'a> {
         };
         match self.form {
             _ if self.shadow => {}
-            Visibility::Layered => {}
+            Visibility::Layered | Visibility::Cone { .. } => {}
             Visibility::LayeredSoft { gamma } => ends.behind = gamma * span.depth() * self.nats,
             Visibility::Softmax { gamma, epsilon } => {
                 // A weight is exp(−(t + price·squared distance)/fall), at most, over that of the best

@@ -14,7 +14,7 @@ impl Finder<'_> {
         // Most rays meet one surface, or one that hides all others.
         if let [s] = &mut all[first..] {
             match self.form {
-                Visibility::Layered => {
+                Visibility::Layered | Visibility::Cone { .. } => {
                     s.weight = s.p.min(1.0);
                     return 1.0 - s.weight;
                 }
@@ -179,7 +179,7 @@ impl Weighed<'_> {
                     0.0
                 }
             }
-            Visibility::Layered => {
+            Visibility::Layered | Visibility::Cone { .. } => {
                 let background = (background, self.background);
                 pull(surfaces, values, background, self.full, by_p, layers);
                 for (s, g) in surfaces.iter().zip(by_p.iter()) {

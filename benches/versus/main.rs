@@ -1,0 +1,64 @@
+//! The measurements of `docs/ACCURACY.md` and `docs/PERFORMANCE.md`: noise, bias and time of gradients,
+//! images and paths. `cargo bench --bench versus -- --help`.
+//!
+//! The gradient cases are those of an independent renderer's script with the same weights, so that lines
+//! of both can be laid side by side.
+
+mod gradient;
+mod image;
+mod speed;
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+use softray::prelude::*;
+
+#[derive(Parser)]
+#[command(about)]
+struct Arguments {
+    #[command(subcommand)]
+    part: Part,
+    /// Half-angle of the cones of bounce and shadow rays, radians.
+    #[arg(long, global = true, default_value_t = 0.0)]
+    angle: f64,
+    /// Radius of the camera's cone, pixels.
+    #[arg(long, global = true, default_value_t = 0.5)]
+    pixels: f64,
+    /// Passed by cargo.
+    #[arg(long, global = true, hide = true)]
+    bench: bool,
+}
+
+#[derive(Subcommand)]
+enum Part {
+    /// Mean, noise and time of d(Σ weights·image)/d(parameter), beside the reference derivative.
+    Gradient(gradient::Gradient),
+    /// Paths a second, forward and with backward.
+    Speed(speed::Speed),
+    /// Images beside the references: mean, clipped error.
+    Image(image::Images),
+}
+
+fn main() {
+    let arguments = Arguments::parse();
+    let visibility = Visibility::Cone {
+        angle: arguments.angle,
+        pixels: arguments.pixels,
+    };
+    match arguments.part {
+        Part::Gradient(part) => part.run(visibility),
+        Part::Speed(part) => part.run(visibility),
+        Part::Image(part) => part.run(visibility),
+    }
+}
+
+/// A folder of reference data.
+fn data(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data")
+        .join(name)
+}
+
+fn load(name: &str) -> SceneFile {
+    SceneFile::load(data(name).join("scene.json"), &Device::flex()).expect("a scene")
+}

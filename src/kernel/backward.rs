@@ -1,0 +1,320 @@
+//! Paths, backward: derivatives by everything that they met.
+
+use glam::DVec3;
+
+use super::View;
+use super::gradient::Sums;
+use super::path::{Path, Seen, Walk};
+use super::records::{Bend, LightSample, SkySample, Vertex, Work};
+use super::surface::RayGradient;
+use crate::accel::NOTHING;
+use crate::model::V3;
+use crate::model::bsdf::ShadingGradient;
+
+/// Derivatives by a surface point, but for those that its incoming ray takes part in.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PointGradient {
+    pub position: V3,
+    pub geometric: V3,
+    pub shading: ShadingGradient,
+}
+
+/// Paths of up to so many points need no memory of their own.
+const DEEP: usize = 16;
+
+impl View {
+    /// Goes back along a path that was kept: adds the derivatives of what it brought, times `upstream`.
+    #[inline(always)]
+    pub(super) fn walk_backward(
+        &self,
+        path: &Path,
+        walk: &Walk,
+        upstream: &Seen,
+        work: &mut Work,
+        sums: &mut Sums,
+    ) {
+        let scene = &*self.scene;
+        let camera = &walk.camera;
+        let g = upstream.radiance;
+        if walk.seen == NOTHING {
+            if self.wanted.sky || (self.wanted.camera && scene.sky.map().is_some()) {
+                let by_ray = RayGradient {
+                    origin: V3::ZERO,
+                    direction: scene.sky.backward(camera.direction, g, &mut sums.sky),
+                };
+                self.camera_backward(camera, by_ray, sums);
+            }
+            return;
+        }
+        self.emission_backward(walk.seen, walk.first.1, g, sums);
+        let (mut by_throughput, mut by_ray) = (V3::ZERO, RayGradient::default());
+        let mut vertices = [0u32; DEEP];
+        let mut longer = Vec::new();
+        let vertices = self.vertices_of(walk, work, &mut vertices, &mut longer);
+        // From where on points of the path move.
+        let moves = |v: &u32| {
+            let triangle = work.vertices[*v as usize].point.triangle;
+            self.wanted.objects[scene.triangles[triangle as usize].object as usize]
+        };
+        let still = if self.wanted.camera {
+            0
+        } else {
+            vertices.iter().position(moves).unwrap_or(usize::MAX)
+        };
+        let turned = if self.wanted.turns() { 1 } else { usize::MAX };
+        for (i, &v) in vertices.iter().enumerate().rev() {
+            let vertex = work.vertices[v as usize].clone();
+            let mut by = PointGradient::default();
+            by_throughput =
+                self.vertex_backward(&vertex, path, g, by_throughput, by_ray, work, &mut by, sums);
+            if self.has_edges {
+                let moves = i >= still.min(turned);
+                self.edges_backward(path, &vertex, i as u32, moves, g, work, &mut by, sums);
+            }
+            let mut by_t = 0.0;
+            if i == 0 {
+                by_t = upstream.depth;
+                by.geometric += upstream.normal;
+            }
+            by_ray = scene.point_backward(
+                &vertex.point,
+                path.time,
+                by.position,
+                by.geometric,
+                by_t,
+                &by.shading,
+                &self.wanted,
+                sums,
+            );
+        }
+        if vertices.is_empty() && (upstream.depth != 0.0 || !upstream.normal.is_zero()) {
+            by_ray = scene.point_backward(
+                &walk.point,
+                path.time,
+                V3::ZERO,
+                upstream.normal,
+                upstream.depth,
+                &ShadingGradient::default(),
+                &self.wanted,
+                sums,
+            );
+        }
+        self.camera_backward(camera, by_ray, sums);
+    }
+
+    /// The points of a path, the first one first.
+    #[inline(always)]
+    fn vertices_of<'a>(
+        &self,
+        walk: &Walk,
+        work: &Work,
+        room: &'a mut [u32; DEEP],
+        longer: &'a mut Vec<u32>,
+    ) -> &'a [u32] {
+        let (mut next, mut count) = (walk.vertex, 0);
+        while next != usize::MAX {
+            if count < DEEP {
+                room[count] = next as u32;
+            } else {
+                if count == DEEP {
+                    longer.extend_from_slice(room);
+                }
+                longer.push(next as u32);
+            }
+            count += 1;
+            next = work.vertices[next].previous;
+        }
+        let list = if count > DEEP {
+            &mut longer[..]
+        } else {
+            &mut room[..count]
+        };
+        list.reverse();
+        list
+    }
+
+    #[inline(always)]
+    pub(super) fn camera_backward(
+        &self,
+        camera: &crate::model::camera::CameraRay,
+        by: RayGradient,
+        sums: &mut Sums,
+    ) {
+        if self.wanted.camera {
+            let mut gradient = crate::model::camera::CameraGradient::default();
+            self.camera
+                .ray_backward(camera, by.origin, by.direction, &mut gradient);
+            sums.camera.add(&gradient);
+        }
+    }
+
+    #[inline(always)]
+    fn emission_backward(&self, triangle: u32, seen: V3, g: V3, sums: &mut Sums) {
+        let triangle = &self.scene.triangles[triangle as usize];
+        let index = triangle.material as usize;
+        if triangle.normal.dot(seen) > 0.0 && self.scene.materials[index].emits {
+            sums.materials[index].emission += DVec3::from(g);
+        }
+    }
+
+    /// Back over a surface point: from derivatives by the throughput after it and the ray that leaves it
+    /// to those by the throughput before it and by the point.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // one place, called once
+    fn vertex_backward(
+        &self,
+        vertex: &Vertex,
+        path: &Path,
+        g: V3,
+        by_next: V3,
+        by_leaving: RayGradient,
+        work: &Work,
+        by: &mut PointGradient,
+        sums: &mut Sums,
+    ) -> V3 {
+        let point = &vertex.point;
+        let mut by_throughput = V3::ZERO;
+        if let Some(leave) = &vertex.leave {
+            let scatter = &leave.scatter;
+            by.position += by_leaving.origin;
+            let mut by_direction = by_leaving.direction;
+            let mut by_after = by_next;
+            if leave.escaped {
+                let after = vertex.throughput.times(scatter.weight) * (1.0 / leave.survival);
+                by_after += g.times(self.scene.sky.at(leave.bend.direction));
+                by_direction +=
+                    self.scene
+                        .sky
+                        .backward(leave.bend.direction, g.times(after), &mut sums.sky);
+            }
+            let by_after = by_after * (1.0 / leave.survival);
+            by_throughput += by_after.times(scatter.weight);
+            let by_axis = bend_backward(
+                &leave.bend,
+                scatter.direction,
+                point.shading.geometric,
+                by_direction,
+                &mut by.geometric,
+            );
+            let by_weight = by_after.times(vertex.throughput);
+            point
+                .shading
+                .sample_backward(scatter, by_weight, by_axis, &mut by.shading);
+        }
+        let (lights, skies) = (vertex.lights.clone(), vertex.skies.clone());
+        for light in &work.lights[lights.start as usize..lights.end as usize] {
+            by_throughput += self.light_backward(vertex, path, light, g, by, sums);
+        }
+        for sky in &work.skies[skies.start as usize..skies.end as usize] {
+            by_throughput += self.sky_backward(vertex, sky, g, by, sums);
+        }
+        by_throughput
+    }
+
+    /// Back over light from a point of an emitter, which stays where it is on it.
+    #[inline(always)]
+    fn light_backward(
+        &self,
+        vertex: &Vertex,
+        path: &Path,
+        light: &LightSample,
+        g: V3,
+        by: &mut PointGradient,
+        sums: &mut Sums,
+    ) -> V3 {
+        let k = light.triangle as usize;
+        let tri = &self.scene.triangles[k];
+        let emission = self.scene.materials[tri.material as usize].emission;
+        let scale = light.facing / light.squared * tri.area / light.density;
+        let carried = g.times(vertex.throughput);
+        let by_throughput = g.times(light.reflected).times(emission) * scale;
+        if self.wanted.emission {
+            let by_emission = carried.times(light.reflected) * scale;
+            sums.materials[tri.material as usize].emission += DVec3::from(by_emission);
+        }
+        let by_reflected = carried.times(emission) * scale;
+        let shading = &vertex.point.shading;
+        let mut by_direction =
+            shading.evaluate_backward(light.direction, by_reflected, &mut by.shading);
+        if !self.wanted.rays {
+            return by_throughput;
+        }
+        // facing·area/r²
+        let by_scale = carried.times(light.reflected).dot(emission) / light.density;
+        let by_facing = by_scale * tri.area / light.squared;
+        by_direction -= tri.normal * by_facing;
+        // The length that the direction was divided by, and r².
+        let mut by_to = by_direction.across(light.direction);
+        by_to -= light.direction * (2.0 * by_facing * light.facing);
+        by_to = by_to * (1.0 / light.distance);
+        if self.wanted.objects[tri.object as usize] {
+            let to = &mut sums.triangles[k];
+            to.area += f64::from(by_scale * light.facing / light.squared);
+            to.normal -= DVec3::from(light.direction * by_facing);
+            self.add_to_corners(k, light.weights, by_to, path.time, sums);
+        }
+        by.position -= by_to;
+        by_throughput
+    }
+
+    /// Adds a derivative by a point of a triangle, which moves with its corners.
+    #[inline(always)]
+    pub(super) fn add_to_corners(
+        &self,
+        k: usize,
+        weights: [f32; 3],
+        g: V3,
+        time: f32,
+        sums: &mut Sums,
+    ) {
+        for (&v, w) in self.scene.vertex_rows[k].iter().zip(weights) {
+            sums.vertices[v as usize] += DVec3::from(g * w);
+        }
+        if self.wanted.velocities {
+            let object = self.scene.triangles[k].object as usize;
+            sums.velocities[object] += DVec3::from(g * time);
+        }
+    }
+
+    /// Back over light of a map along a direction, which is fixed.
+    #[inline(never)]
+    fn sky_backward(
+        &self,
+        vertex: &Vertex,
+        sample: &SkySample,
+        g: V3,
+        by: &mut PointGradient,
+        sums: &mut Sums,
+    ) -> V3 {
+        let shading = &vertex.point.shading;
+        let reflected = shading.evaluate(sample.direction);
+        let radiance = self.scene.sky.at(sample.direction);
+        let scale = 1.0 / sample.density;
+        let carried = g.times(vertex.throughput) * scale;
+        if self.wanted.sky {
+            self.scene
+                .sky
+                .backward(sample.direction, carried.times(reflected), &mut sums.sky);
+        }
+        shading.evaluate_backward(sample.direction, carried.times(radiance), &mut by.shading);
+        g.times(reflected).times(radiance) * scale
+    }
+}
+
+/// From derivatives by a ray of a cone to those by the cone's axis; the offset across it stays as it is.
+#[inline(always)]
+pub(super) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal: &mut V3) -> V3 {
+    if bend.offset.is_zero() {
+        return g;
+    }
+    let bent = axis + bend.offset;
+    let inverse = 1.0 / bent.length();
+    let direction = bent * inverse;
+    let mut g = g;
+    if bend.mirrored {
+        let along = direction.dot(normal);
+        *by_normal -= g * (2.0 * along) + direction * (2.0 * g.dot(normal));
+        g -= normal * (2.0 * g.dot(normal));
+    }
+    g.across(direction) * inverse
+}

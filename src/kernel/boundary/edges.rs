@@ -1,0 +1,187 @@
+//! Edges at which something may jump: silhouettes, borders, creases, seams.
+
+use rayon::prelude::*;
+
+use crate::geometry::Weld;
+use crate::kernel::gradient::Wanted;
+use crate::kernel::scene::{KernelScene, Triangle};
+use crate::model::V3;
+
+/// Faces of an edge, at most; of more the others count as what lies behind.
+pub(super) const FACES: usize = 4;
+
+/// An edge, in inner coordinates at the start of the shutter.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edge {
+    pub a: V3,
+    /// From a to b.
+    pub along: V3,
+    /// Its triangles, `u32::MAX` where there are no more.
+    pub faces: [u32; FACES],
+    /// Rows of the two ends in the vertices of its first and second face.
+    pub rows: [[u32; 2]; 2],
+    pub object: u32,
+    pub kind: Kind,
+    /// How much colours may jump at it where both faces are seen, up to 1.
+    pub crease: f32,
+    /// Whether all that is behind its faces is hidden by the object itself.
+    pub closed: bool,
+    /// Whether its faces move apart while the shutter is open: then the line of a crossing moves too.
+    pub apart: bool,
+}
+
+impl Edge {
+    /// Whether it has derivatives.
+    pub fn moves(&self, scene: &KernelScene, wanted: &Wanted) -> bool {
+        if self.kind == Kind::Crossing {
+            return self.faces[..2].iter().any(|&k| {
+                let object = scene.triangles[k as usize].object;
+                wanted.objects[object as usize]
+            });
+        }
+        wanted.objects[self.object as usize]
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Between two faces of opposite direction: jumps where one is seen from the front, one from behind.
+    Fold,
+    /// With one face, or more than two: it always jumps.
+    Border,
+    /// Where two triangles pass through each other: what is seen jumps, but not whether light passes.
+    Crossing,
+}
+
+/// Jumps of colour at a crease are about this share of the difference of its normals.
+const CREASE: f32 = 0.5;
+/// The same of geometric normals under one shading normal.
+const SMOOTH: f32 = 0.25;
+/// Normals that differ by less are the same.
+const FLAT: f32 = 1e-5;
+
+/// The edges of an object that can jump, from its welded vertices.
+pub(super) fn of_object(
+    scene: &KernelScene,
+    object: usize,
+    positions: &[[f64; 3]],
+    faces: &[[u32; 3]],
+) -> Vec<Edge> {
+    let weld = Weld::new(positions);
+    let part = &scene.objects[object];
+    // Both ends, ascending, and where it is: a face's i-th edge runs from its i-th corner to the next.
+    let mut all: Vec<(u64, u32)> = faces
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(f, face)| {
+            let w = face.map(|v| u64::from(weld.place(v)));
+            let valid = scene.triangles[part.first_triangle + f].area > 0.0;
+            (0..3).filter_map(move |i| {
+                let (p, q) = (w[i], w[(i + 1) % 3]);
+                (valid && p != q).then_some(((p.min(q) << 32) | p.max(q), 4 * f as u32 + i as u32))
+            })
+        })
+        .collect();
+    all.par_sort_unstable();
+    let groups: Vec<&[(u64, u32)]> = all.chunk_by(|a, b| a.0 == b.0).collect();
+    let closed = !groups.is_empty() && groups.iter().all(|g| g.len() == 2);
+    groups
+        .par_iter()
+        .filter_map(|group| edge_of(scene, object, &weld, faces, group, closed))
+        .collect()
+}
+
+fn edge_of(
+    scene: &KernelScene,
+    object: usize,
+    weld: &Weld,
+    faces: &[[u32; 3]],
+    group: &[(u64, u32)],
+    closed: bool,
+) -> Option<Edge> {
+    let part = &scene.objects[object];
+    let ends = |at: u32| {
+        let (f, i) = ((at / 4) as usize, (at % 4) as usize);
+        let k = part.first_triangle + f;
+        (k, i, (i + 1) % 3)
+    };
+    let (k, i, j) = ends(group[0].1);
+    let corners = scene.triangles[k].corners;
+    let rows = scene.vertex_rows[k];
+    let own = [rows[i], rows[j]];
+    let mut edge = Edge {
+        a: corners[i],
+        along: corners[j] - corners[i],
+        faces: [u32::MAX; FACES],
+        rows: [own, own],
+        object: object as u32,
+        kind: Kind::Border,
+        crease: 1.0,
+        closed,
+        apart: false,
+    };
+    for (to, &(_, at)) in edge.faces.iter_mut().zip(group) {
+        *to = ends(at).0 as u32;
+    }
+    if group.len() != 2 {
+        return Some(edge);
+    }
+    let (k2, i2, j2) = ends(group[1].1);
+    let rows2 = scene.vertex_rows[k2];
+    let turned = weld.place(faces[(group[0].1 / 4) as usize][i])
+        == weld.place(faces[(group[1].1 / 4) as usize][i2]);
+    edge.rows[1] = if turned {
+        [rows2[i2], rows2[j2]]
+    } else {
+        [rows2[j2], rows2[i2]]
+    };
+    // Faces of one direction can't be told apart by their sides.
+    if turned {
+        return Some(edge);
+    }
+    edge.kind = Kind::Fold;
+    let (t, t2) = (&scene.triangles[k], &scene.triangles[k2]);
+    edge.crease = crease(scene, (k, t, [i, j]), (k2, t2, [j2, i2]));
+    let flat = (t.normal - t2.normal).length() < FLAT;
+    (!flat || edge.crease > 0.0).then_some(edge)
+}
+
+/// How much colours may jump where both faces are seen.
+fn crease(
+    scene: &KernelScene,
+    (k, t, ends): (usize, &Triangle, [usize; 2]),
+    (k2, t2, ends2): (usize, &Triangle, [usize; 2]),
+) -> f32 {
+    if t.material != t2.material {
+        return 1.0;
+    }
+    let material = &scene.materials[t.material as usize];
+    if !material.reflects {
+        return 0.0;
+    }
+    let textured = material.diffuse.texture.is_some() || material.specular.texture.is_some();
+    // Geometric normals count where light comes from near the horizon.
+    let mut jump: f32 = SMOOTH * (t.normal - t2.normal).length();
+    for (c, c2) in ends.into_iter().zip(ends2) {
+        let normal = |k: usize, t: &Triangle, c: usize| match scene.normal_rows[k][c] {
+            u32::MAX => t.normal,
+            row => scene.normals[row as usize].normalized(),
+        };
+        jump = jump.max((normal(k, t, c) - normal(k2, t2, c2)).length());
+        if textured {
+            let at = |k: usize, c: usize| match scene.uv_rows[k][c] {
+                u32::MAX => [0.0; 2],
+                row => scene.uvs[row as usize],
+            };
+            let (p, q) = (at(k, c), at(k2, c2));
+            if (p[0] - q[0]).abs() + (p[1] - q[1]).abs() > 1e-6 {
+                return 1.0;
+            }
+        }
+    }
+    if jump < FLAT {
+        0.0
+    } else {
+        (CREASE * jump).min(1.0)
+    }
+}

@@ -1,0 +1,429 @@
+//! Jumps of what the camera sees.
+//!
+//! Edges are drawn on the film: where they are seen, in proportion to their length there, to how much may
+//! jump at them and to how much the loss depends on the pixels about. So no sample is spent where nothing
+//! is asked, and the noise does not depend on how wide the camera's cone is.
+
+use rayon::prelude::*;
+
+use super::edges::{Edge, Kind};
+use super::vertex::EdgePoint;
+use crate::accel::NOTHING;
+use crate::kernel::View;
+use crate::kernel::gradient::Sums;
+use crate::kernel::path::{Path, Seen, Walk};
+use crate::kernel::records::Work;
+use crate::model::V3;
+use crate::model::camera::CameraGradient;
+use crate::model::filter::film_kernel;
+
+/// Derivatives by the pixels of an image, each the mean of its samples.
+pub(crate) struct PixelGradients {
+    /// Of every pixel, or of those that `which` names.
+    values: Vec<Seen>,
+    which: Option<std::collections::HashMap<u32, u32>>,
+    width: u32,
+    height: u32,
+    /// How much the loss depends on the pixels of a cell and its neighbours.
+    cells: Vec<f32>,
+    columns: usize,
+}
+
+/// Pixels of a side of a cell.
+const CELL: u32 = 8;
+/// Edges are drawn in pieces of about so many pixels.
+const PIECE: f32 = 8.0;
+
+impl PixelGradients {
+    /// From the derivatives by pixels of a list. `reach` is how far the filter of a pixel reaches beyond
+    /// it, in pixels.
+    pub fn new(list: &[(u32, Seen)], width: u32, height: u32, reach: f32) -> Self {
+        let all = list.len() == (width * height) as usize
+            && list.iter().enumerate().all(|(i, p)| p.0 as usize == i);
+        let columns = width.div_ceil(CELL) as usize;
+        let rows = height.div_ceil(CELL) as usize;
+        let mut own = vec![0.0; columns * rows];
+        for (pixel, g) in list {
+            let (x, y) = (pixel % width, pixel / width);
+            own[(y / CELL) as usize * columns + (x / CELL) as usize] += weight(g);
+        }
+        // What a point of a cell is seen by.
+        let around = 1 + (reach / CELL as f32).ceil() as usize;
+        let spread = |from: &[f32], along: usize, across: usize, step: usize, stride: usize| {
+            let mut to = vec![0.0; from.len()];
+            for j in 0..across {
+                for i in 0..along {
+                    let (first, last) = (i.saturating_sub(around), (i + around).min(along - 1));
+                    to[j * stride + i * step] =
+                        (first..=last).map(|k| from[j * stride + k * step]).sum();
+                }
+            }
+            to
+        };
+        let cells = spread(&own, columns, rows, 1, columns);
+        let cells = spread(&cells, rows, columns, columns, 1);
+        // Its own counts most.
+        let cells = cells.iter().zip(&own).map(|(a, b)| 0.1 * a + b).collect();
+        Self {
+            values: list.iter().map(|p| p.1).collect(),
+            which: (!all).then(|| {
+                let pairs = list.iter().enumerate();
+                pairs.map(|(i, p)| (p.0, i as u32)).collect()
+            }),
+            width,
+            height,
+            cells,
+            columns,
+        }
+    }
+
+    fn get(&self, x: f32, y: f32) -> Option<&Seen> {
+        if !(x >= 0.0 && y >= 0.0 && x < self.width as f32 && y < self.height as f32) {
+            return None;
+        }
+        let pixel = y as u32 * self.width + x as u32;
+        let i = match &self.which {
+            None => pixel,
+            Some(which) => *which.get(&pixel)?,
+        };
+        Some(&self.values[i as usize])
+    }
+
+    /// How much the loss depends on the pixels about a point.
+    fn near(&self, x: f32, y: f32) -> f32 {
+        let x = x.clamp(0.0, self.width as f32 - 1.0) as u32 / CELL;
+        let y = y.clamp(0.0, self.height as f32 - 1.0) as u32 / CELL;
+        self.cells[y as usize * self.columns + x as usize]
+    }
+}
+
+fn weight(g: &Seen) -> f32 {
+    let sum = |v: V3| v.x.abs() + v.y.abs() + v.z.abs();
+    sum(g.radiance) + g.opacity.abs() + g.depth.abs() + sum(g.normal)
+}
+
+/// A piece of an edge.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    edge: u32,
+    from: f32,
+    to: f32,
+    /// Of all pieces so far.
+    total: f32,
+}
+
+/// Pieces of edges on the film of a view.
+pub(crate) struct FilmEdges {
+    pieces: Vec<Piece>,
+    /// Of all.
+    total: f64,
+}
+
+impl FilmEdges {
+    pub fn is_empty(&self) -> bool {
+        self.pieces.is_empty()
+    }
+}
+
+impl View {
+    /// Width and height of the image.
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// The pieces of edges that jump on the film where the loss depends on it.
+    pub fn film_edges(&self, pixels: &PixelGradients) -> FilmEdges {
+        let none = FilmEdges {
+            pieces: Vec::new(),
+            total: 0.0,
+        };
+        let Some(sets) = &self.edge_sets else {
+            return none;
+        };
+        // A camera that moves sees all edges move.
+        let seen = |e: &Edge| self.wanted.camera || e.moves(&self.scene, &self.wanted);
+        const CHUNK: usize = 4096;
+        let lists: Vec<Vec<(Piece, f32)>> = sets
+            .edges
+            .par_chunks(CHUNK)
+            .enumerate()
+            .map(|(chunk, edges)| {
+                let mut found = Vec::new();
+                for (i, e) in edges.iter().enumerate().filter(|(_, e)| seen(e)) {
+                    let index = (chunk * CHUNK + i) as u32;
+                    self.pieces_of(index, e, pixels, &mut found);
+                }
+                found
+            })
+            .collect();
+        let mut total = 0.0f64;
+        let mut pieces = Vec::with_capacity(lists.iter().map(Vec::len).sum());
+        for (mut piece, weight) in lists.into_iter().flatten() {
+            total += f64::from(weight);
+            piece.total = total as f32;
+            pieces.push(piece);
+        }
+        FilmEdges { pieces, total }
+    }
+
+    /// How much may jump at an edge, seen from the camera; `slack` is how far rays start from its middle
+    /// and how far the edge moves, which may turn faces.
+    fn film_jump(&self, e: &Edge, slack: f32) -> f32 {
+        if e.kind != Kind::Fold {
+            return 1.0;
+        }
+        let above = |k: u32| {
+            let t = &self.scene.triangles[k as usize];
+            t.normal.dot(self.camera.eye) - t.plane
+        };
+        let (front, back) = (above(e.faces[0]), above(e.faces[1]));
+        if front.abs().min(back.abs()) <= slack || front * back < 0.0 {
+            return 1.0;
+        }
+        if e.closed && front < 0.0 {
+            0.0
+        } else {
+            e.crease
+        }
+    }
+
+    fn pieces_of(
+        &self,
+        index: u32,
+        e: &Edge,
+        pixels: &PixelGradients,
+        found: &mut Vec<(Piece, f32)>,
+    ) {
+        let c = &self.camera;
+        let velocity = match &self.scene.velocities {
+            Some(v) => v[e.object as usize],
+            None => V3::ZERO,
+        };
+        let moved = velocity.length();
+        let jump = self.film_jump(e, c.aperture + moved);
+        if jump == 0.0 {
+            return;
+        }
+        // In the camera's frame, at the middle of the shutter: right, up, depth.
+        let local = |p: V3| {
+            let r = p - c.eye;
+            [r.dot(c.right), r.dot(c.up), r.dot(c.forward)]
+        };
+        let a = local(e.a + velocity * 0.5);
+        let b = local(e.a + e.along + velocity * 0.5);
+        let near = 1e-4 * (a[2].abs().max(b[2].abs()) + c.aperture + moved);
+        let aspect = c.width / c.height;
+        let (mut from, mut to) = (0.0f32, 1.0f32);
+        let mut clip = |f: f32, g: f32| {
+            // f at the start and g at the end, both wanted ≥ 0.
+            if f < 0.0 && g < 0.0 {
+                to = -1.0;
+            } else if f < 0.0 {
+                from = from.max(f / (f - g));
+            } else if g < 0.0 {
+                to = to.min(f / (f - g));
+            }
+        };
+        clip(a[2] - near, b[2] - near);
+        // The film with the reach of its filter, and what a lens and a shutter move points by.
+        let reach = (0.5 + self.filter.radius()) * 2.0 / c.height;
+        let margin = |p: &[f32; 3]| {
+            let depth = p[2].max(near);
+            let lens = if c.aperture > 0.0 {
+                c.aperture * (1.0 / depth - 1.0 / c.focus).abs()
+            } else {
+                0.0
+            };
+            lens + 0.5 * moved * (1.0 + (p[0].abs() + p[1].abs()) / depth) / depth
+        };
+        let more = margin(&a).max(margin(&b));
+        let (wide, high) = (
+            c.half_height * (aspect + reach) + more,
+            c.half_height * (1.0 + reach) + more,
+        );
+        for (k, limit) in [(0, wide), (1, high)] {
+            clip(limit * a[2] + a[k], limit * b[2] + b[k]);
+            clip(limit * a[2] - a[k], limit * b[2] - b[k]);
+        }
+        if from >= to {
+            return;
+        }
+        let at = |l: f32| -> [f32; 3] {
+            let p: [f32; 3] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * l);
+            let scale = 0.5 * c.height / (c.half_height * p[2]);
+            [
+                0.5 * c.width + p[0] * scale,
+                0.5 * c.height - p[1] * scale,
+                p[2],
+            ]
+        };
+        let (p, q) = (at(from), at(to));
+        let length = (q[0] - p[0]).hypot(q[1] - p[1]);
+        let pieces = (length / PIECE).ceil().clamp(1.0, 4096.0) as usize;
+        let (count, from, to) = if e.apart {
+            (1, 0.0, 1.0)
+        } else {
+            (pieces, from, to)
+        };
+        // Equal lengths on the film.
+        let lambda = |i: usize| {
+            let s = i as f32 / count as f32;
+            let share = s * p[2] / (q[2] * (1.0 - s) + s * p[2]);
+            from + (to - from) * share
+        };
+        for i in 0..count {
+            let s = (i as f32 + 0.5) / count as f32;
+            let (x, y) = (p[0] + (q[0] - p[0]) * s, p[1] + (q[1] - p[1]) * s);
+            let weight = (length / count as f32) * jump * pixels.near(x, y);
+            if weight > 0.0 {
+                let piece = Piece {
+                    edge: index,
+                    from: lambda(i),
+                    to: lambda(i + 1),
+                    total: 0.0,
+                };
+                found.push((piece, weight));
+            }
+        }
+    }
+
+    /// Adds what jumps on the film: samples `range` of `count`.
+    pub fn film_backward(
+        &self,
+        edges: &FilmEdges,
+        pixels: &PixelGradients,
+        range: std::ops::Range<u32>,
+        count: u32,
+        work: &mut Work,
+        sums: &mut Sums,
+    ) {
+        for i in range {
+            self.film_sample(edges, pixels, i, count, work, sums);
+        }
+    }
+
+    fn film_sample(
+        &self,
+        edges: &FilmEdges,
+        pixels: &PixelGradients,
+        sample: u32,
+        count: u32,
+        work: &mut Work,
+        sums: &mut Sums,
+    ) {
+        let Some(sets) = &self.edge_sets else {
+            return;
+        };
+        let numbers = self.film.numbers((0, sample));
+        let [u, v, ..] = numbers.film();
+        let target = (f64::from(u) * edges.total) as f32;
+        let last = edges.pieces.len() - 1;
+        let i = edges
+            .pieces
+            .partition_point(|p| p.total <= target)
+            .min(last);
+        let piece = edges.pieces[i];
+        let before = if i == 0 {
+            0.0
+        } else {
+            edges.pieces[i - 1].total
+        };
+        let share = piece.total - before;
+        if share <= 0.0 {
+            return;
+        }
+        let time = self.time(&numbers);
+        let Some(edge) = self.edge_at(&sets.edges[piece.edge as usize], time) else {
+            return;
+        };
+        let lambda = piece.from + (piece.to - piece.from) * v;
+        let per_density =
+            (piece.to - piece.from) * (edges.total / f64::from(share)) as f32 / count as f32;
+        let path = Path {
+            time,
+            cones: (self.cone > 0.0).then(|| self.cones.numbers((u32::MAX, sample))),
+            numbers,
+        };
+        let [lens_x, lens_y] = self.lens_point(&path.numbers);
+        let origin = self.camera.eye + self.camera.lens_point(lens_x, lens_y);
+        let shift = match &self.scene.velocities {
+            Some(v) => v[edge.object as usize] * path.time,
+            None => V3::ZERO,
+        };
+        let position = edge.a + edge.along * lambda + shift;
+        let point = EdgePoint {
+            edge,
+            lambda,
+            per_density,
+            to: position - origin,
+            position,
+            shift,
+        };
+        if point.to.dot(self.camera.forward) <= 0.0 {
+            return;
+        }
+        // The pixel whose ray would come here.
+        let film = self.camera.project(position, lens_x, lens_y);
+        let [kernel_u, kernel_v, ..] = self.edges.numbers((u32::MAX, sample)).set(0);
+        let radius = self.filter.radius();
+        let x = film.x - radius * film_kernel(kernel_u);
+        let y = film.y - radius * film_kernel(kernel_v);
+        let Some(g) = pixels.get(x, y) else {
+            return;
+        };
+        if *g == Seen::default() {
+            return;
+        }
+        let view = point.to.normalized();
+        let [along_x, along_y] = self
+            .camera
+            .project_along(position, edge.along, lens_x, lens_y);
+        // To the right of the edge's image, on a film whose y points down.
+        let side = self.camera.right * along_y + self.camera.up * along_x;
+        let sides = self.sides(&point, view, side);
+        let Some(behind) = self.behind(&point, origin, sides.past, path.time) else {
+            return;
+        };
+        let mut walks = std::mem::take(&mut work.side_walks);
+        walks.clear();
+        for &face in &sides.faces {
+            let mut walk = Walk::new();
+            if face != NOTHING {
+                walk.seen = face;
+                walk.start(self.beside(&point, face, view, path.time));
+                walk.radiance = self.emission(&walk.point);
+            } else if behind.triangle != NOTHING {
+                walk.seen = behind.triangle;
+                walk.start(self.scene.point(behind, origin, sides.past, path.time));
+                walk.radiance = self.emission(&walk.point);
+            } else {
+                walk.radiance = self.scene.sky.at(view);
+            }
+            walks.list.push(walk);
+        }
+        self.reflected::<false>(&[path; 2], &mut walks, 0, work);
+        let mut seen = [Seen::default(); 2];
+        for (seen, walk) in seen.iter_mut().zip(&walks.list) {
+            seen.add(walk);
+        }
+        work.side_walks = walks;
+        let [minus, plus] = seen;
+        let jump = g.radiance.dot(minus.radiance - plus.radiance)
+            + g.opacity * (minus.opacity - plus.opacity)
+            + g.depth * (minus.depth - plus.depth)
+            + g.normal.dot(minus.normal - plus.normal);
+        let scale = jump * per_density;
+        if !scale.is_finite() || scale == 0.0 {
+            return;
+        }
+        let by_film = [along_y * scale, -along_x * scale];
+        let mut camera = CameraGradient::default();
+        let by_point = self
+            .camera
+            .project_backward(position, lens_x, lens_y, by_film, &mut camera);
+        if self.wanted.camera {
+            sums.camera.add(&camera);
+        }
+        self.add_to_edge(&point, by_point, path.time, sums);
+    }
+}

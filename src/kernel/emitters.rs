@@ -1,0 +1,278 @@
+//! Which emitter triangle a surface point is connected to; choices carry no gradient.
+
+use super::scene::{Material, Triangle};
+use crate::model::triangle::{barycentric, solid_angle};
+use crate::model::{V3, v3};
+use crate::transport::EmitterSampling;
+
+/// The emitter triangles of a scene.
+pub(crate) struct Emitters {
+    list: Vec<Emitter>,
+    /// Probabilities that do not depend on the point.
+    fixed: Vec<f32>,
+    by_solid_angle: bool,
+    /// Those of one object, which are looked for together.
+    pub groups: Vec<EmitterGroup>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Emitter {
+    /// The triangle of the scene that it is.
+    pub triangle: u32,
+    pub corners: [V3; 3],
+    pub normal: V3,
+    pub velocity: V3,
+    /// Mean radiance, not 0: one that is black for now may have a gradient.
+    radiance: f32,
+    pub group: u32,
+}
+
+/// Emitters in a sphere, at the start of the shutter.
+#[derive(Clone, Debug)]
+pub(crate) struct EmitterGroup {
+    pub members: Vec<u32>,
+    pub centre: V3,
+    pub radius: f32,
+    /// Of all of them.
+    pub velocity: V3,
+}
+
+/// Up to here each emitter's solid angle is computed at every point.
+const FEW: usize = 64;
+/// Emitters under a glancing angle are chosen with at least this share of their power's probability:
+/// their light is small there, but its derivative is not.
+const BY_POWER: f32 = 0.1;
+/// Emitters of one group at most.
+const TOGETHER: usize = 8;
+
+/// Rays that are more parallel to an emitter than this don't meet it.
+const GRAZING: f32 = 1e-6;
+
+impl Emitters {
+    pub fn new(
+        triangles: &[Triangle],
+        materials: &[Material],
+        velocities: Option<&[V3]>,
+        sampling: EmitterSampling,
+    ) -> Self {
+        let emitting = |t: &&(usize, &Triangle)| materials[t.1.material as usize].emits;
+        let all: Vec<(usize, &Triangle)> = triangles.iter().enumerate().collect();
+        let mut list: Vec<Emitter> = all
+            .iter()
+            .filter(emitting)
+            .map(|&(k, t)| Emitter {
+                triangle: k as u32,
+                corners: t.corners,
+                normal: t.normal,
+                velocity: velocities.map_or(V3::ZERO, |v| v[t.object as usize]),
+                radiance: {
+                    let e = materials[t.material as usize].emission;
+                    (e.x.abs() + e.y.abs() + e.z.abs()) / 3.0
+                },
+                group: 0,
+            })
+            .collect();
+        let largest = list.iter().map(|e| e.radiance).fold(0.0, f32::max);
+        let least = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
+        list.iter_mut()
+            .for_each(|e| e.radiance = e.radiance.max(least));
+        let count = list.len();
+        let area = |e: &Emitter| triangles[e.triangle as usize].area;
+        let power: Vec<f64> = list
+            .iter()
+            .map(|e| f64::from(area(e)) * f64::from(e.radiance))
+            .map(|p| if p.is_finite() { p } else { 0.0 })
+            .collect();
+        let total: f64 = power.iter().sum();
+        // From anywhere, emitters of one plane are seen about as their areas are.
+        let apart = |e: &Emitter| {
+            let (n, first) = (e.normal - list[0].normal, list[0].corners[0]);
+            let offset = (e.corners[0] - first).dot(list[0].normal);
+            n.max_abs().max(offset.abs()) > 1e-5
+        };
+        let spread = velocities.is_some() || list.iter().any(apart);
+        let uniform = sampling == EmitterSampling::Uniform || total <= 0.0;
+        let fixed = if uniform {
+            vec![1.0 / count.max(1) as f32; count]
+        } else {
+            power.iter().map(|p| (p / total) as f32).collect()
+        };
+        let groups = group(&mut list, triangles);
+        Self {
+            by_solid_angle: sampling == EmitterSampling::SolidAngle
+                && (2..=FEW).contains(&count)
+                && spread
+                && !uniform,
+            list,
+            fixed,
+            groups,
+        }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    pub fn get(&self, emitter: usize) -> &Emitter {
+        &self.list[emitter]
+    }
+
+    /// Probabilities of the emitters at a point and time; `room` is room for them.
+    #[inline(always)]
+    fn probabilities<'a>(&'a self, x: V3, time: f32, room: &'a mut Vec<f32>) -> &'a [f32] {
+        if self.by_solid_angle {
+            self.seen_from(x, time, room)
+        } else {
+            &self.fixed
+        }
+    }
+
+    #[inline(never)]
+    fn seen_from<'a>(&'a self, x: V3, time: f32, room: &'a mut Vec<f32>) -> &'a [f32] {
+        room.clear();
+        let mut total = 0.0;
+        for e in &self.list {
+            let p = e.radiance * solid_angle(e.corners, x - e.velocity * time).max(0.0);
+            total += p;
+            room.push(p);
+        }
+        if !(total > 0.0 && total.is_finite()) {
+            return &self.fixed;
+        }
+        for (p, fixed) in room.iter_mut().zip(&self.fixed) {
+            *p = (1.0 - BY_POWER) * *p / total + BY_POWER * fixed;
+        }
+        room
+    }
+
+    /// An emitter for a random number, its probability, and what is left of the number, uniform again.
+    #[inline(always)]
+    pub fn choose(&self, x: V3, time: f32, u: f32, room: &mut Vec<f32>) -> (usize, f32, f32) {
+        let p = self.probabilities(x, time, room);
+        let (mut k, mut passed) = (0, 0.0);
+        // Rounding may leave the sum a little under 1: then the last that can be is taken.
+        let mut taken = (0, 0.0);
+        while k < p.len() {
+            if p[k] > 0.0 {
+                taken = (k, passed);
+                if u < passed + p[k] {
+                    break;
+                }
+            }
+            passed += p[k];
+            k += 1;
+        }
+        let (k, before) = taken;
+        let rest = (u - before) / p[k];
+        (k, p[k], rest.clamp(0.0, 1.0 - f32::EPSILON))
+    }
+
+    /// The probability of an emitter at a point.
+    #[inline(always)]
+    pub fn chance(&self, x: V3, time: f32, emitter: usize, room: &mut Vec<f32>) -> f32 {
+        self.probabilities(x, time, room)[emitter]
+    }
+
+    /// A group for a random number, its probability, and what is left of the number.
+    pub fn choose_group(&self, x: V3, time: f32, u: f32, room: &mut Vec<f32>) -> (usize, f32, f32) {
+        if self.groups.len() == 1 {
+            return (0, 1.0, u);
+        }
+        let (k, _, _) = self.choose(x, time, u, room);
+        let group = self.list[k].group as usize;
+        let p = self.probabilities(x, time, room);
+        let chance: f32 = self.groups[group]
+            .members
+            .iter()
+            .map(|&k| p[k as usize])
+            .sum();
+        // The number's place among those of the group.
+        let (mut passed, mut within) = (0.0, 0.0);
+        for (i, &p) in p.iter().enumerate() {
+            if self.list[i].group as usize == group {
+                within += (u - passed).clamp(0.0, p);
+            }
+            passed += p;
+        }
+        (
+            group,
+            chance,
+            (within / chance).clamp(0.0, 1.0 - f32::EPSILON),
+        )
+    }
+
+    /// The emitters whose front a ray meets, were nothing in between: their numbers, distances and weights
+    /// of corners b and c.
+    #[inline(always)]
+    pub fn met(
+        &self,
+        members: impl Iterator<Item = usize>,
+        x: V3,
+        time: f32,
+        direction: V3,
+        mut found: impl FnMut(usize, f32, [f32; 2]),
+    ) {
+        for k in members {
+            let e = &self.list[k];
+            let cosine = e.normal.dot(direction);
+            if cosine >= -GRAZING {
+                continue;
+            }
+            let from_a = x - e.velocity * time - e.corners[0];
+            let t = -e.normal.dot(from_a) / cosine;
+            if t <= 0.0 {
+                continue;
+            }
+            let [a, b, c] = barycentric(e.corners, e.corners[0] + from_a + direction * t);
+            if a >= 0.0 && b >= 0.0 && c >= 0.0 {
+                found(k, t, [b, c]);
+            }
+        }
+    }
+
+    pub fn all(&self) -> std::ops::Range<usize> {
+        0..self.list.len()
+    }
+
+    pub fn members(&self, group: usize) -> impl Iterator<Item = usize> + '_ {
+        self.groups[group].members.iter().map(|&k| k as usize)
+    }
+}
+
+/// Emitters of one object and velocity together, few at a time.
+fn group(list: &mut [Emitter], triangles: &[Triangle]) -> Vec<EmitterGroup> {
+    let mut groups: Vec<EmitterGroup> = Vec::new();
+    let mut last = None;
+    for (k, e) in list.iter_mut().enumerate() {
+        let object = triangles[e.triangle as usize].object;
+        match groups.last_mut() {
+            Some(g) if last == Some(object) && g.members.len() < TOGETHER => {
+                g.members.push(k as u32);
+            }
+            _ => groups.push(EmitterGroup {
+                members: vec![k as u32],
+                centre: V3::ZERO,
+                radius: 0.0,
+                velocity: e.velocity,
+            }),
+        }
+        last = Some(object);
+        e.group = groups.len() as u32 - 1;
+    }
+    for g in &mut groups {
+        let corners = || g.members.iter().flat_map(|&k| list[k as usize].corners);
+        let (mut low, mut high) = (
+            v3(f32::MAX, f32::MAX, f32::MAX),
+            v3(f32::MIN, f32::MIN, f32::MIN),
+        );
+        for c in corners() {
+            low = v3(low.x.min(c.x), low.y.min(c.y), low.z.min(c.z));
+            high = v3(high.x.max(c.x), high.y.max(c.y), high.z.max(c.z));
+        }
+        let centre = (low + high) * 0.5;
+        let radius = corners().map(|c| (c - centre).length()).fold(0.0, f32::max);
+        g.centre = centre;
+        g.radius = radius * (1.0 + 1e-5);
+    }
+    groups
+}

@@ -1,0 +1,319 @@
+//! Sums of derivatives by what a scene and its camera are made of.
+
+use std::ops::{AddAssign, Range};
+
+use glam::DVec3;
+
+use super::scene::{Colour, KernelScene};
+use crate::model::camera::CameraGradient;
+use crate::scene::{HostCamera, ParameterId};
+
+/// Which derivatives are asked for.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Wanted {
+    /// Whether rays and the points that they hit have any.
+    pub rays: bool,
+    /// Objects whose vertices or velocity have.
+    pub objects: Vec<bool>,
+    pub velocities: bool,
+    pub uvs: bool,
+    pub normals: bool,
+    /// Colours and exponents of materials.
+    pub materials: bool,
+    pub exponents: bool,
+    pub texels: bool,
+    pub emission: bool,
+    pub sky: bool,
+    pub camera: bool,
+}
+
+impl Wanted {
+    /// Of tensors that are in a graph.
+    pub fn new(scene: &KernelScene, ids: impl Iterator<Item = ParameterId>) -> Self {
+        use ParameterId as Id;
+        let mut wanted = Self {
+            objects: vec![false; scene.objects.len()],
+            ..Self::default()
+        };
+        for id in ids {
+            match id {
+                Id::Vertices(i) => wanted.objects[i] = true,
+                Id::Velocity(i) => {
+                    wanted.objects[i] = true;
+                    wanted.velocities = true;
+                }
+                Id::Uvs(_) => wanted.uvs = true,
+                Id::Normals(_) => wanted.normals = true,
+                Id::Diffuse(_) | Id::Specular(_) => {
+                    wanted.materials = true;
+                    wanted.texels = true;
+                }
+                Id::Shininess(_) => {
+                    wanted.materials = true;
+                    wanted.exponents = true;
+                }
+                Id::Emission(_) => wanted.emission = true,
+                Id::Environment => wanted.sky = true,
+                Id::Eye | Id::Target | Id::Up | Id::FieldOfView | Id::Aperture | Id::Focus => {
+                    wanted.camera = true;
+                }
+            }
+        }
+        // Normals and exponents turn the directions that are drawn.
+        wanted.exponents &= scene.glossy;
+        wanted.rays = wanted.moves() || wanted.uvs;
+        wanted
+    }
+
+    /// Whether anything moves: geometry, or rays.
+    pub fn moves(&self) -> bool {
+        self.camera || self.turns() || self.objects.contains(&true)
+    }
+
+    /// Whether directions that are drawn at a surface turn while it stands still.
+    pub fn turns(&self) -> bool {
+        self.normals || self.exponents
+    }
+}
+
+/// Derivatives by a triangle's normal and area, which go to its corners at the end.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TriangleSums {
+    pub normal: DVec3,
+    pub area: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct MaterialSums {
+    pub diffuse: DVec3,
+    pub specular: DVec3,
+    pub emission: DVec3,
+    pub exponent: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct CameraSums {
+    pub eye: DVec3,
+    pub forward: DVec3,
+    pub right: DVec3,
+    pub up: DVec3,
+    pub half_height: f64,
+    pub aperture: f64,
+    pub focus: f64,
+}
+
+impl CameraSums {
+    #[inline(always)]
+    pub fn add(&mut self, g: &CameraGradient) {
+        self.eye += DVec3::from(g.eye);
+        self.forward += DVec3::from(g.forward);
+        self.right += DVec3::from(g.right);
+        self.up += DVec3::from(g.up);
+        self.half_height += f64::from(g.half_height);
+        self.aperture += f64::from(g.aperture);
+        self.focus += f64::from(g.focus);
+    }
+}
+
+/// Sums of derivatives. What is not asked for may be empty.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Sums {
+    pub vertices: Vec<DVec3>,
+    pub triangles: Vec<TriangleSums>,
+    /// By object.
+    pub velocities: Vec<DVec3>,
+    pub uvs: Vec<[f64; 2]>,
+    pub normals: Vec<DVec3>,
+    pub materials: Vec<MaterialSums>,
+    pub texels: Vec<DVec3>,
+    pub sky: Vec<DVec3>,
+    pub camera: CameraSums,
+}
+
+fn add_each<T: Copy + AddAssign>(to: &mut [T], from: &[T]) {
+    to.iter_mut().zip(from).for_each(|(a, b)| *a += *b);
+}
+
+impl Sums {
+    pub fn new(scene: &KernelScene, wanted: &Wanted) -> Self {
+        let zeros = |wanted: bool, count: usize| vec![DVec3::ZERO; if wanted { count } else { 0 }];
+        let moves = wanted.objects.contains(&true);
+        let vertices = scene
+            .objects
+            .last()
+            .map_or(0, |o| o.first_vertex + o.vertices);
+        Self {
+            vertices: zeros(moves, vertices),
+            triangles: if moves {
+                vec![TriangleSums::default(); scene.triangles.len()]
+            } else {
+                Vec::new()
+            },
+            velocities: zeros(wanted.velocities, scene.objects.len()),
+            uvs: vec![[0.0; 2]; if wanted.uvs { scene.uvs.len() } else { 0 }],
+            normals: zeros(wanted.normals, scene.normals.len()),
+            materials: vec![MaterialSums::default(); scene.materials.len()],
+            texels: zeros(wanted.texels, scene.texels.len()),
+            sky: zeros(wanted.sky, scene.sky.len()),
+            camera: CameraSums::default(),
+        }
+    }
+
+    /// How many numbers it has.
+    pub fn len(&self) -> usize {
+        3 * (self.vertices.len() + self.velocities.len() + self.normals.len())
+            + 3 * (self.texels.len() + self.sky.len())
+            + 4 * self.triangles.len()
+            + 2 * self.uvs.len()
+            + 10 * self.materials.len()
+            + 15
+    }
+
+    /// Adds others.
+    pub fn add(&mut self, o: &Self) {
+        add_each(&mut self.vertices, &o.vertices);
+        for (a, b) in self.triangles.iter_mut().zip(&o.triangles) {
+            a.normal += b.normal;
+            a.area += b.area;
+        }
+        add_each(&mut self.velocities, &o.velocities);
+        for (a, b) in self.uvs.iter_mut().zip(&o.uvs) {
+            add_each(a, b);
+        }
+        add_each(&mut self.normals, &o.normals);
+        for (a, b) in self.materials.iter_mut().zip(&o.materials) {
+            a.diffuse += b.diffuse;
+            a.specular += b.specular;
+            a.emission += b.emission;
+            a.exponent += b.exponent;
+        }
+        add_each(&mut self.texels, &o.texels);
+        add_each(&mut self.sky, &o.sky);
+        let (a, b) = (&mut self.camera, &o.camera);
+        a.eye += b.eye;
+        a.forward += b.forward;
+        a.right += b.right;
+        a.up += b.up;
+        a.half_height += b.half_height;
+        a.aperture += b.aperture;
+        a.focus += b.focus;
+    }
+
+    /// Derivatives by normals and areas go to the vertices.
+    pub fn resolve(&mut self, scene: &KernelScene) {
+        for (k, sums) in self.triangles.iter().enumerate() {
+            let tri = &scene.triangles[k];
+            if tri.area <= 0.0 || (sums.normal == DVec3::ZERO && sums.area == 0.0) {
+                continue;
+            }
+            let [a, b, c] = tri.corners.map(DVec3::from);
+            let normal = DVec3::from(tri.normal);
+            let (ab, ac) = (b - a, c - a);
+            let across = sums.normal - normal * normal.dot(sums.normal);
+            let by_cross = across / (2.0 * f64::from(tri.area)) + normal * (0.5 * sums.area);
+            let (by_ab, by_ac) = (ac.cross(by_cross), by_cross.cross(ab));
+            let [va, vb, vc] = scene.vertex_rows[k].map(|v| v as usize);
+            self.vertices[va] -= by_ab + by_ac;
+            self.vertices[vb] += by_ab;
+            self.vertices[vc] += by_ac;
+        }
+        self.triangles.clear();
+    }
+
+    /// Adds the derivatives by parameters of the scene, from sums that were resolved, at their places.
+    pub fn write(
+        &self,
+        scene: &KernelScene,
+        places: &[(ParameterId, Range<usize>)],
+        all: &mut [f64],
+    ) {
+        use ParameterId as Id;
+        let per_unit = scene.frame.unit.recip();
+        for (id, range) in places {
+            let to = &mut all[range.clone()];
+            let vectors = |to: &mut [f64], list: &[DVec3], scale: f64| {
+                for (row, v) in to.chunks_exact_mut(3).zip(list) {
+                    add_each(row, &(*v * scale).to_array());
+                }
+            };
+            let colour = |to: &mut [f64], colour: &Colour, constant: DVec3| match &colour.texture {
+                None => vectors(to, &[constant], 1.0),
+                Some(t) => vectors(to, &self.texels[t.offset..], 1.0),
+            };
+            match *id {
+                Id::Vertices(i) => {
+                    vectors(
+                        to,
+                        &self.vertices[scene.objects[i].first_vertex..],
+                        per_unit,
+                    );
+                }
+                Id::Uvs(i) => {
+                    let rows = &self.uvs[scene.objects[i].first_uv..];
+                    for (row, v) in to.chunks_exact_mut(2).zip(rows) {
+                        add_each(row, v);
+                    }
+                }
+                Id::Normals(i) => {
+                    vectors(to, &self.normals[scene.objects[i].first_normal..], 1.0);
+                }
+                Id::Velocity(i) => vectors(to, &self.velocities[i..=i], per_unit),
+                Id::Diffuse(m) => {
+                    colour(to, &scene.materials[m].diffuse, self.materials[m].diffuse);
+                }
+                Id::Specular(m) => {
+                    colour(to, &scene.materials[m].specular, self.materials[m].specular);
+                }
+                Id::Shininess(m) => to[0] += self.materials[m].exponent,
+                Id::Emission(m) => vectors(to, &[self.materials[m].emission], 1.0),
+                Id::Environment => vectors(to, &self.sky, 1.0),
+                // Those of cameras are written beside.
+                Id::Eye | Id::Target | Id::Up | Id::FieldOfView | Id::Aperture | Id::Focus => {}
+            }
+        }
+    }
+
+    /// Adds the derivatives by parameters of a camera at their places.
+    pub fn write_camera(
+        &self,
+        scene: &KernelScene,
+        camera: &HostCamera,
+        places: &[(ParameterId, Range<usize>)],
+        all: &mut [f64],
+    ) {
+        if places.is_empty() {
+            return;
+        }
+        let per_unit = scene.frame.unit.recip();
+        let g = &self.camera;
+        // right = (forward × up)/|…|, its up = right × forward, forward = (target − eye)/|…|.
+        let view = camera.target - camera.eye;
+        let forward = view.normalize();
+        let up = camera.up.normalize();
+        let across = forward.cross(up);
+        let right = across.normalize();
+        let by_right = g.right + forward.cross(g.up);
+        let by_across = (by_right - right * right.dot(by_right)) / across.length();
+        let by_forward = g.forward + g.up.cross(right) + up.cross(by_across);
+        let by_up = by_across.cross(forward);
+        let by_view = (by_forward - forward * forward.dot(by_forward)) / view.length();
+        let half = (0.5 * camera.fov_y).to_radians();
+        for (id, range) in places {
+            let to = &mut all[range.clone()];
+            match id {
+                ParameterId::Eye => add_each(to, &(g.eye * per_unit - by_view).to_array()),
+                ParameterId::Target => add_each(to, &by_view.to_array()),
+                ParameterId::Up => {
+                    let by = (by_up - up * up.dot(by_up)) / camera.up.length();
+                    add_each(to, &by.to_array());
+                }
+                ParameterId::FieldOfView => {
+                    to[0] += g.half_height * 0.5f64.to_radians() / half.cos().powi(2);
+                }
+                ParameterId::Aperture => to[0] += g.aperture * per_unit,
+                ParameterId::Focus => to[0] += g.focus * per_unit,
+                _ => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,305 @@
+//! A scene as kernels trace it: flat lists in f32.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::emitters::Emitters;
+use super::sky::Sky;
+use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
+use crate::model::{V3, v3};
+use crate::scene::{HostAttribute, HostScene, HostTexture, Wrap};
+use crate::transport::EmitterSampling;
+
+/// The inner coordinates of a scene: relative to a centre, in a unit that is a power of two, so that
+/// nothing rounds. Both are medians over the vertices: what lies far away from the rest does not count.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SceneFrame {
+    pub centre: DVec3,
+    pub unit: f64,
+}
+
+impl SceneFrame {
+    fn new(scene: &HostScene) -> Self {
+        let count: usize = scene.objects.iter().map(|o| o.positions.len()).sum();
+        let all = || scene.objects.iter().flat_map(|o| &o.positions);
+        // Some of many serve as well.
+        let stride = (count / 4096).max(1);
+        let some: Vec<DVec3> = all().step_by(stride).map(|&p| p.into()).collect();
+        let median = |mut values: Vec<f64>| -> f64 {
+            let middle = values.len() / 2;
+            if values.is_empty() {
+                return 0.0;
+            }
+            *values.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        let along = |axis: usize| median(some.iter().map(|p| p[axis]).collect());
+        let centre = DVec3::new(along(0), along(1), along(2));
+        let spread = |from: DVec3| median(some.iter().map(|p| p.distance(from)).collect());
+        // Coordinates that are not far from their origin stay as they are, which rounds nothing.
+        let near = spread(centre);
+        let (centre, size) = if centre.length() > 16.0 * near {
+            (centre, near)
+        } else {
+            (DVec3::ZERO, spread(DVec3::ZERO))
+        };
+        let size = if size > 0.0 && size.is_finite() {
+            size
+        } else {
+            1.0
+        };
+        Self {
+            centre,
+            unit: size.log2().round().exp2(),
+        }
+    }
+
+    /// A point of the scene in inner coordinates.
+    pub fn inner(&self, p: DVec3) -> DVec3 {
+        (p - self.centre) / self.unit
+    }
+}
+
+/// A triangle, in inner coordinates at the start of the shutter.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Triangle {
+    pub corners: [V3; 3],
+    /// Unit normal of the front.
+    pub normal: V3,
+    /// normal · corner.
+    pub plane: f32,
+    pub area: f32,
+    pub material: u32,
+    pub object: u32,
+}
+
+/// A colour of a material: constant, or a texture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Colour {
+    pub constant: V3,
+    pub texture: Option<Texture>,
+}
+
+/// Where a texture lies among the texels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Texture {
+    pub offset: usize,
+    pub width: usize,
+    pub height: usize,
+    pub wrap: Wrap,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Material {
+    pub diffuse: Colour,
+    pub specular: Colour,
+    pub exponent: f32,
+    pub emission: V3,
+    pub reflects: bool,
+    pub glossy: bool,
+    pub emits: bool,
+}
+
+/// Where an object's parts are in the scene's lists.
+#[derive(Clone, Debug)]
+pub(crate) struct ObjectPart {
+    pub first_triangle: usize,
+    pub triangles: usize,
+    pub first_vertex: usize,
+    pub vertices: usize,
+    pub first_uv: usize,
+    pub uvs: usize,
+    pub first_normal: usize,
+    pub normals: usize,
+    /// Whether it has shading normals.
+    pub smooth: bool,
+}
+
+pub(crate) struct KernelScene {
+    pub frame: SceneFrame,
+    pub triangles: Vec<Triangle>,
+    pub hierarchy: Arc<Hierarchy>,
+    /// Of each object over the shutter, if any moves.
+    pub velocities: Option<Vec<V3>>,
+    pub objects: Vec<ObjectPart>,
+    /// The object of the scene that each object with triangles is, in order.
+    pub counted: Vec<usize>,
+    /// Rows of all vertices, texture coordinates and normals at the corners.
+    pub vertex_rows: Vec<[u32; 3]>,
+    pub uv_rows: Vec<[u32; 3]>,
+    pub normal_rows: Vec<[u32; 3]>,
+    pub uvs: Vec<[f32; 2]>,
+    pub normals: Vec<V3>,
+    pub materials: Vec<Material>,
+    pub texels: Vec<V3>,
+    pub emitters: Emitters,
+    pub sky: Sky,
+    /// Texture coordinates count for something.
+    pub textured: bool,
+    pub smooth: bool,
+    pub glossy: bool,
+}
+
+impl KernelScene {
+    /// Packs a scene; boxes are fitted to those of another where they still serve.
+    pub fn new(
+        scene: &HostScene,
+        sampling: EmitterSampling,
+        like: Option<&Hierarchy>,
+        cache: Option<&HierarchyCache>,
+    ) -> Self {
+        let frame = SceneFrame::new(scene);
+        let moves = scene.objects.iter().any(|o| o.velocity.is_some());
+        let velocity_of = |i: usize| -> DVec3 {
+            let velocity = scene.objects[i].velocity.unwrap_or([0.0; 3]);
+            DVec3::from(velocity) / frame.unit
+        };
+        let mut objects = Vec::with_capacity(scene.objects.len());
+        let (mut counted, mut host, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+        let mut vertex_rows = Vec::new();
+        let (mut uvs, mut uv_rows) = (Vec::new(), Vec::new());
+        let (mut normals, mut normal_rows) = (Vec::new(), Vec::new());
+        let mut first_vertex = 0;
+        for (i, o) in scene.objects.iter().enumerate() {
+            let part = ObjectPart {
+                first_triangle: triangles.len(),
+                triangles: o.faces.len(),
+                first_vertex,
+                vertices: o.positions.len(),
+                first_uv: uvs.len(),
+                uvs: o.uvs.as_ref().map_or(0, |a| a.values.len()),
+                first_normal: normals.len(),
+                normals: o.normals.as_ref().map_or(0, |a| a.values.len()),
+                smooth: o.normals.is_some(),
+            };
+            first_vertex += o.positions.len();
+            if !o.faces.is_empty() {
+                counted.push(i);
+            }
+            let inner: Vec<DVec3> = o.positions.iter().map(|&p| frame.inner(p.into())).collect();
+            let velocity = velocity_of(i);
+            for (f, face) in o.faces.iter().enumerate() {
+                let corners = face.map(|v| inner[v as usize]);
+                let own = o.face_materials.get(f).copied().unwrap_or(0);
+                let t = HostTriangle::new(corners, velocity, true);
+                triangles.push(Triangle {
+                    corners: corners.map(V3::from),
+                    normal: if t.valid {
+                        t.normal.into()
+                    } else {
+                        v3(0.0, 0.0, 1.0)
+                    },
+                    plane: if t.valid {
+                        t.normal.dot(t.corners[0]) as f32
+                    } else {
+                        0.0
+                    },
+                    area: t.area() as f32,
+                    material: o.first_material as u32 + own,
+                    object: i as u32,
+                });
+                host.push(t);
+                vertex_rows.push(face.map(|v| v + part.first_vertex as u32));
+                let rows = |faces: Option<&Arc<Vec<[u32; 3]>>>, first: usize| {
+                    faces.map_or([u32::MAX; 3], |faces| faces[f].map(|v| v + first as u32))
+                };
+                uv_rows.push(rows(o.uvs.as_ref().map(|a| &a.faces), part.first_uv));
+                normal_rows.push(rows(
+                    o.normals.as_ref().map(|a| &a.faces),
+                    part.first_normal,
+                ));
+            }
+            if let Some(HostAttribute { values, .. }) = &o.uvs {
+                uvs.extend_from_slice(values);
+            }
+            if let Some(HostAttribute { values, .. }) = &o.normals {
+                normals.extend(values.iter().map(|n| v3(n[0], n[1], n[2])));
+            }
+            objects.push(part);
+        }
+        let hierarchy = match (like, cache) {
+            (Some(like), _) => Arc::new(Hierarchy::like(host, like)),
+            (None, Some(cache)) => cache.take(host),
+            (None, None) => Arc::new(Hierarchy::new(host)),
+        };
+        let mut texels = Vec::new();
+        let mut colour = |t: &HostTexture| match t {
+            HostTexture::Constant(c) => Colour {
+                constant: (*c).into(),
+                texture: None,
+            },
+            HostTexture::Image {
+                texels: list,
+                width,
+                height,
+                wrap,
+            } => {
+                let texture = Texture {
+                    offset: texels.len(),
+                    width: *width,
+                    height: *height,
+                    wrap: *wrap,
+                };
+                texels.extend(list.iter().map(|t| v3(t[0], t[1], t[2])));
+                Colour {
+                    constant: V3::ZERO,
+                    texture: Some(texture),
+                }
+            }
+        };
+        let materials: Vec<Material> = scene
+            .materials
+            .iter()
+            .map(|m| Material {
+                diffuse: colour(&m.diffuse),
+                specular: colour(&m.specular),
+                exponent: m.shininess as f32,
+                emission: m.emission.into(),
+                reflects: m.reflects,
+                glossy: m.glossy,
+                emits: m.emits,
+            })
+            .collect();
+        let velocities: Option<Vec<V3>> = moves.then(|| {
+            (0..scene.objects.len())
+                .map(|i| velocity_of(i).into())
+                .collect()
+        });
+        let emitters = Emitters::new(&triangles, &materials, velocities.as_deref(), sampling);
+        Self {
+            textured: materials
+                .iter()
+                .any(|m| m.diffuse.texture.is_some() || m.specular.texture.is_some()),
+            smooth: objects.iter().any(|o| o.smooth),
+            glossy: materials.iter().any(|m| m.glossy),
+            sky: Sky::new(scene),
+            frame,
+            triangles,
+            hierarchy,
+            velocities,
+            objects,
+            counted,
+            vertex_rows,
+            uv_rows,
+            normal_rows,
+            uvs,
+            normals,
+            materials,
+            texels,
+            emitters,
+        }
+    }
+
+    /// How far a triangle has moved at a time in the shutter.
+    #[inline(always)]
+    pub fn shift(&self, triangle: u32, time: f32) -> V3 {
+        match &self.velocities {
+            Some(v) => v[self.triangles[triangle as usize].object as usize] * time,
+            None => V3::ZERO,
+        }
+    }
+
+    pub fn material(&self, triangle: u32) -> &Material {
+        &self.materials[self.triangles[triangle as usize].material as usize]
+    }
+}

@@ -1,0 +1,189 @@
+//! The kernels that blur: of the film and of directions.
+
+use super::V3;
+use super::frame::sin_cos_of_turns;
+
+/// A point of the unit disk with density 3/π·(1 − r²)², the kernel of a ray's cone.
+#[inline(always)]
+pub(crate) fn disk_kernel(u: f32, v: f32) -> [f32; 2] {
+    // The share within r is 1 − (1 − r²)³.
+    let rest = (1.0 - u).max(0.0).cbrt();
+    let r = (1.0 - rest).max(0.0).sqrt();
+    let [sin, cos] = sin_cos_of_turns(v);
+    [r * cos, r * sin]
+}
+
+/// A direction of the cone of a half-angle (given by its tangent) about a unit axis: the axis plus an
+/// offset across it, not yet of unit length.
+#[inline(always)]
+pub(crate) fn cone_offset(axis: V3, tangent: f32, u: f32, v: f32) -> V3 {
+    let [x, y] = disk_kernel(u, v);
+    let f = super::frame::frame(axis);
+    (f.tangent * x + f.bitangent * y) * tangent
+}
+
+/// A number in [−1, 1] with density 15/16·(1 − x²)², the kernel of the film along each axis.
+#[inline(always)]
+pub(crate) fn film_kernel(u: f32) -> f32 {
+    // Newton's method for y = 1 − |x| with y³ (20 − 15 y + 3 y²)/16 = min(u, 1 − u), in the cube root of
+    // both sides, which is nearly linear.
+    let upper = u > 0.5;
+    let mut half = u;
+    if upper {
+        half = 1.0 - u;
+    }
+    let root = (0.8 * half).cbrt();
+    let mut y = root * (1.0 + 0.22 * root);
+    let mut i = 0;
+    while i < 3 {
+        let factor = 1.0 - y * (0.75 - 0.15 * y);
+        let value = y * factor.cbrt();
+        let slope = factor.cbrt() * (1.0 - y * (0.25 - 0.1 * y) / factor);
+        y = (y - (value - root) / slope).clamp(0.0, 1.0);
+        i += 1;
+    }
+    let mut x = y - 1.0;
+    if upper {
+        x = 1.0 - y;
+    }
+    x
+}
+
+/// The filter of a pixel along one axis: a box of one pixel, smoothed by [`film_kernel`] of a radius in
+/// pixels. Its inverse cumulative distribution is tabulated, for one half, over the fourth root of the
+/// number: the filter ends like a fourth power, so that its tail is as exact as its middle.
+#[derive(Clone, Debug)]
+pub(crate) struct PixelFilter {
+    radius: f32,
+    table: Vec<f32>,
+}
+
+const ENTRIES: usize = 512;
+
+impl PixelFilter {
+    pub fn new(radius: f64) -> Self {
+        let table = (0..=ENTRIES).map(|i| {
+            let root = i as f64 / ENTRIES as f64;
+            let wanted = 0.5 * root.powi(4);
+            let (mut low, mut high) = (-0.5 - radius, 0.0);
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if share_below(middle, radius) < wanted {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            (0.5 * (low + high)) as f32
+        });
+        Self {
+            radius: radius as f32,
+            table: table.collect(),
+        }
+    }
+
+    /// In pixels.
+    pub fn radius(&self) -> f32 {
+        self.radius
+    }
+
+    /// A point of the filter about the middle of a pixel, in pixels, for a uniform number.
+    #[inline(always)]
+    pub fn sample(&self, u: f32) -> f32 {
+        let upper = u > 0.5;
+        let half = if upper { 1.0 - u } else { u };
+        let place = (2.0 * half).sqrt().sqrt() * ENTRIES as f32;
+        let i = (place as usize).min(ENTRIES - 1);
+        let (a, b) = (self.table[i], self.table[i + 1]);
+        let x = a + (b - a) * (place - i as f32);
+        if upper { -x } else { x }
+    }
+}
+
+/// The share of a pixel's filter that lies below a point x ≤ 0.
+fn share_below(x: f64, radius: f64) -> f64 {
+    if radius <= 0.0 {
+        return (x + 0.5).clamp(0.0, 1.0);
+    }
+    // The integral of the kernel's cumulative distribution from −1 on: with y = x + 1, 5/8 y³ − 15/16 y⁴/4…
+    // in powers of y, which do not cancel near the end.
+    let integral = |x: f64| {
+        let y = x + 1.0;
+        if y <= 0.0 {
+            0.0
+        } else if y >= 2.0 {
+            x
+        } else {
+            // ∫∫ 15/16·(y(2 − y))² dy dy.
+            y.powi(4) * (5.0 / 16.0 + y * (-3.0 / 16.0 + y / 32.0))
+        }
+    };
+    radius * (integral((x + 0.5) / radius) - integral((x - 0.5) / radius))
+}
+
+/// A direction mirrored at a plane if it lies below it.
+#[inline(always)]
+pub(crate) fn above(direction: V3, normal: V3) -> V3 {
+    let along = direction.dot(normal);
+    direction - normal * (2.0 * along.min(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Moments of the kernels against closed forms.
+    #[test]
+    fn kernels_have_their_moments() {
+        let n = 1 << 14;
+        let mean = |f: &dyn Fn(f32) -> f64| -> f64 {
+            (0..n).map(|i| f((i as f32 + 0.5) / n as f32)).sum::<f64>() / f64::from(n)
+        };
+        let square = |x: f32| f64::from(x) * f64::from(x);
+        assert!(mean(&|u| f64::from(film_kernel(u))).abs() < 1e-5);
+        assert!((mean(&|u| square(film_kernel(u))) - 1.0 / 7.0).abs() < 1e-5);
+        assert!((mean(&|u| square(film_kernel(u)).powi(2)) - 1.0 / 21.0).abs() < 1e-5);
+        for u in [1e-6f32, 1e-4, 0.01, 0.2, 0.5, 0.9, 0.9999] {
+            let x = f64::from(film_kernel(u));
+            let below = 0.5 + x * (15.0 - x * x * (10.0 - 3.0 * x * x)) / 16.0;
+            assert!((below - f64::from(u)).abs() < 1e-6, "{u}: {x} {below}");
+        }
+        // E r² = 1/4 under 3/π (1 − r²)².
+        let r = |u: f32| {
+            let [x, y] = disk_kernel(u, 0.3);
+            x.hypot(y)
+        };
+        assert!((mean(&|u| square(r(u))) - 0.25).abs() < 1e-4);
+        for radius in [0.0, 0.25, 0.5, 1.0, 4.0] {
+            let filter = PixelFilter::new(radius);
+            assert!(mean(&|u| f64::from(filter.sample(u))).abs() < 1e-4);
+            let wanted = 1.0 / 12.0 + radius * radius / 7.0;
+            let found = mean(&|u| square(filter.sample(u)));
+            assert!(
+                (found - wanted).abs() < 1e-3 * wanted,
+                "{radius}: {found} {wanted}"
+            );
+            assert!((filter.sample(0.3) + filter.sample(0.7)).abs() < 1e-6);
+            // The tail is that of the box smoothed by the kernel.
+            for u in [1e-5f32, 1e-3, 0.1, 0.4] {
+                let below = share_below(filter.sample(u).into(), radius);
+                assert!(
+                    (below / f64::from(u) - 1.0).abs() < 2e-3,
+                    "{radius} {u}: {below}"
+                );
+            }
+            assert!(filter.sample(0.0) >= -(0.5 + radius as f32 + 1e-6));
+            assert!(filter.sample(1.0) <= 0.5 + radius as f32 + 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_cone_stays_about_its_axis() {
+        let axis = crate::model::v3(0.36, 0.48, 0.8);
+        for i in 0..64 {
+            let u = (i as f32 + 0.5) / 64.0;
+            let offset = cone_offset(axis, 0.1, u, 0.37);
+            assert!(offset.dot(axis).abs() < 1e-6 && offset.length() <= 0.1 + 1e-6);
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! Directions about an axis.
+
+use super::{V3, v3};
+
+/// Two unit vectors across a unit axis, and across each other (Duff et al. 2017).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame {
+    pub tangent: V3,
+    pub bitangent: V3,
+}
+
+fn sign_of(z: f32) -> f32 {
+    1f32.copysign(z)
+}
+
+#[inline(always)]
+pub(crate) fn frame(axis: V3) -> Frame {
+    let sign = sign_of(axis.z);
+    let a = -1.0 / (axis.z + sign);
+    let b = axis.x * axis.y * a;
+    Frame {
+        tangent: v3(1.0 + sign * axis.x * axis.x * a, sign * b, -sign * axis.x),
+        bitangent: v3(b, sign + axis.y * axis.y * a, -axis.y),
+    }
+}
+
+/// A local direction, turned so that z lies along a unit axis.
+#[inline(always)]
+pub(crate) fn from_local(axis: V3, local: V3) -> V3 {
+    let f = frame(axis);
+    f.tangent * local.x + f.bitangent * local.y + axis * local.z
+}
+
+/// A direction in the frame of a unit axis.
+#[inline(always)]
+pub(crate) fn to_local(axis: V3, direction: V3) -> V3 {
+    let f = frame(axis);
+    v3(
+        f.tangent.dot(direction),
+        f.bitangent.dot(direction),
+        axis.dot(direction),
+    )
+}
+
+/// Derivatives by axis and local direction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FromLocalGradient {
+    pub axis: V3,
+    pub local: V3,
+}
+
+/// The backward pass of [`from_local`].
+#[inline(always)]
+pub(crate) fn from_local_backward(axis: V3, local: V3, g: V3) -> FromLocalGradient {
+    let sign = sign_of(axis.z);
+    let a = -1.0 / (axis.z + sign);
+    let t = g * local.x;
+    let b = g * local.y;
+    let by_b = t.y * sign + b.x;
+    let by_a = t.x * sign * axis.x * axis.x + b.y * axis.y * axis.y + by_b * axis.x * axis.y;
+    let by_axis = v3(
+        t.x * 2.0 * sign * axis.x * a - sign * t.z + by_b * axis.y * a,
+        b.y * 2.0 * axis.y * a - b.z + by_b * axis.x * a,
+        by_a * a * a,
+    );
+    FromLocalGradient {
+        axis: by_axis + g * local.z,
+        local: to_local(axis, g),
+    }
+}
+
+/// Sine and cosine of a number of turns in [0, 1].
+#[inline(always)]
+pub(crate) fn sin_cos_of_turns(v: f32) -> [f32; 2] {
+    // Of the nearest quarter turn, and series for the at most 45° that are left, to rounding.
+    let quarter = (4.0 * v + 0.5).floor();
+    let x = (v - 0.25 * quarter) * std::f32::consts::TAU;
+    let y = x * x;
+    let sin =
+        x * (1.0 + y * (-1.0 / 6.0 + y * (1.0 / 120.0 + y * (-1.0 / 5040.0 + y / 362_880.0))));
+    let cos = 1.0
+        + y * (-0.5
+            + y * (1.0 / 24.0 + y * (-1.0 / 720.0 + y * (1.0 / 40320.0 - y / 3_628_800.0))));
+    // By bits: jumps would be guessed wrong as often as not.
+    let quarter = quarter as i32;
+    let odd = ((quarter & 1) as u32).wrapping_neg();
+    let changed = (sin.to_bits() ^ cos.to_bits()) & odd;
+    let first = f32::from_bits(sin.to_bits() ^ changed);
+    let second = f32::from_bits(cos.to_bits() ^ changed);
+    let below = (1 - (quarter & 2)) as f32;
+    let behind = (1 - ((quarter + 1) & 2)) as f32;
+    [first * below, second * behind]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn sines_to_rounding() {
+        for i in 0..=4096 {
+            let v = i as f32 / 4096.0;
+            let [sin, cos] = sin_cos_of_turns(v);
+            let wanted = (TAU * f64::from(v)).sin_cos();
+            let error = (f64::from(sin) - wanted.0)
+                .abs()
+                .max((f64::from(cos) - wanted.1).abs());
+            assert!(error < 2e-7, "{v}: {error:e}");
+        }
+    }
+
+    #[test]
+    fn a_local_direction_and_its_derivative() {
+        for axis in [v3(0.6, 0.0, 0.8), v3(0.3, -0.5, -0.2), v3(-0.1, 0.2, 1e-3)] {
+            let axis = axis.normalized();
+            let local = v3(0.2, -0.4, 0.7);
+            let back = to_local(axis, from_local(axis, local)) - local;
+            assert!(back.length() < 1e-6);
+            let g = v3(0.3, 0.9, -0.5);
+            let found = from_local_backward(axis, local, g);
+            let along = v3(0.4, -0.7, 0.2);
+            let step = 1e-2;
+            // The formula holds off the unit sphere as well.
+            let f = |h: f32| g.dot(from_local(axis + along * h, local));
+            let wanted = (f(step) - f(-step)) / (2.0 * step);
+            let got = found.axis.dot(along);
+            assert!(
+                (got - wanted).abs() < 5e-3 * (1.0 + wanted.abs()),
+                "{got} {wanted}"
+            );
+            assert!((found.local - to_local(axis, g)).length() < 1e-6);
+        }
+    }
+}

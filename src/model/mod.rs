@@ -1,0 +1,11 @@
+//! Physics as small pure functions of numbers, each with its derivative beside it.
+
+pub(crate) mod bsdf;
+pub(crate) mod camera;
+pub(crate) mod edge;
+pub(crate) mod filter;
+pub(crate) mod frame;
+pub(crate) mod triangle;
+mod vector;
+
+pub(crate) use vector::{V3, splat, v3};

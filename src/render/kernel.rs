@@ -1,0 +1,488 @@
+//! Renders by kernels: all views of a batch are one node of the graph, from the tensors of scenes and
+//! cameras to the images. The backward pass traces the paths again; memory does not grow with them.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use burn::tensor::{DType, Tensor, TensorData};
+use rayon::prelude::*;
+
+use super::batch::of_batch;
+use super::film::{Means, Statistics};
+use super::replay::{Retrace, replay};
+use super::tensors::{Tile, sampler, tiles};
+use super::{Batch, RenderOptions};
+use crate::error::Result;
+use crate::geometry::Context;
+use crate::kernel::{
+    EdgeSets, KernelScene, PixelGradients, RayCounts, Seen, Sums, View, ViewSettings, Wanted, Work,
+};
+use crate::model::V3;
+use crate::scene::{
+    Collect, Detach, HostCamera, HostScene, ParameterId, check_camera, visit_camera, visit_scene,
+};
+
+/// Camera rays of a tile.
+const RAYS: usize = 1 << 13;
+
+/// Numbers in the sums of derivatives of all accumulators together.
+const ACCUMULATED: usize = 1 << 24;
+
+/// Views whose derivatives are held at once.
+const VIEWS_AT_ONCE: usize = 16;
+
+/// Where the derivatives of a view are in the parent.
+#[derive(Clone, Default)]
+struct Places {
+    scene: Vec<(ParameterId, Range<usize>)>,
+    camera: Vec<(ParameterId, Range<usize>)>,
+}
+
+/// A batch, ready to be traced.
+struct Prepared {
+    views: Vec<View>,
+    places: Vec<Places>,
+    /// All that is in a graph, in one row.
+    parent: Option<Tensor<1>>,
+    parent_size: usize,
+    context: Context,
+}
+
+/// Rows that become one.
+#[derive(Default)]
+struct Parent {
+    rows: Vec<Tensor<1>>,
+    size: usize,
+}
+
+impl Parent {
+    /// Where the rows begin.
+    fn push(&mut self, rows: Vec<Tensor<1>>) -> usize {
+        let first = self.size;
+        self.size += rows.iter().map(|r| r.dims()[0]).sum::<usize>();
+        self.rows.extend(rows);
+        first
+    }
+
+    /// The tensors that were collected, and where they are.
+    fn collect(&mut self, collected: Collect) -> Vec<(ParameterId, Range<usize>)> {
+        let places = collected.places(self.size);
+        self.push(collected.rows);
+        places
+    }
+}
+
+fn prepare(batch: &Batch, options: &RenderOptions) -> Result<Prepared> {
+    let [pixels, angle] = options.visibility.cone();
+    let read = |index: usize| {
+        let mut scene = batch.scene(index, false);
+        visit_scene(&mut scene, &mut Detach);
+        HostScene::new(&scene).map_err(of_batch("scene", index))
+    };
+    let hosts: Vec<HostScene> = if batch.scenes.len() == 1 {
+        vec![read(0)?]
+    } else {
+        let all = (0..batch.scenes.len()).into_par_iter();
+        all.map(read).collect::<Result<_>>()?
+    };
+    let context = hosts[0].context.clone();
+    let emitters = options.sampling.emitters;
+    let first = KernelScene::new(&hosts[0], emitters, None, options.cache.as_ref());
+    let first = Arc::new(first);
+    let others: Vec<Arc<KernelScene>> = hosts[1..]
+        .par_iter()
+        .map(|host| {
+            Arc::new(KernelScene::new(
+                host,
+                emitters,
+                Some(&first.hierarchy),
+                None,
+            ))
+        })
+        .collect();
+    let scenes: Vec<Arc<KernelScene>> = std::iter::once(first).chain(others).collect();
+
+    let mut parent = Parent::default();
+    // Tensors of the batch first, then scenes, then cameras.
+    let of_batch_vertices: Vec<Option<usize>> = batch
+        .vertices
+        .iter()
+        .map(|v| {
+            let [s, n, _] = v.values.dims();
+            let tracked = v.values.is_tracked();
+            tracked.then(|| parent.push(vec![v.values.clone().reshape([3 * s * n])]))
+        })
+        .collect();
+    let mut scene_places = Vec::with_capacity(scenes.len());
+    for (index, scene) in batch.scenes.iter().enumerate() {
+        let mut rest = scene.clone();
+        let mut places = Vec::new();
+        for (v, start) in batch.vertices.iter().zip(&of_batch_vertices) {
+            let Some(i) = rest.objects.iter().position(|o| o.name == v.name) else {
+                continue;
+            };
+            let mesh = &mut rest.objects[i].mesh;
+            mesh.vertices = crate::geometry::plain(&mesh.vertices);
+            if let Some(start) = start {
+                let length = 3 * v.values.dims()[1];
+                let begin = start + index * length;
+                places.push((ParameterId::Vertices(i), begin..begin + length));
+            }
+        }
+        let mut collected = Collect::default();
+        visit_scene(&mut rest, &mut collected);
+        places.extend(parent.collect(collected));
+        scene_places.push(places);
+    }
+    let mut views = Vec::with_capacity(batch.views.len());
+    let mut all_places = Vec::with_capacity(batch.views.len());
+    let mut edge_sets: Vec<Option<Arc<EdgeSets>>> = vec![None; scenes.len()];
+    for (index, (scene, camera)) in batch.views.iter().enumerate() {
+        let view_error = of_batch("view", index);
+        check_camera(camera, &context).map_err(view_error)?;
+        let mut collected = Collect::default();
+        visit_camera(&mut camera.clone(), &mut collected);
+        let places = Places {
+            scene: scene_places[*scene].clone(),
+            camera: parent.collect(collected),
+        };
+        let ids = places.scene.iter().chain(&places.camera).map(|p| p.0);
+        let wanted = Wanted::new(&scenes[*scene], ids);
+        let edges = wanted.moves().then(|| {
+            edge_sets[*scene]
+                .get_or_insert_with(|| {
+                    Arc::new(EdgeSets::new(&hosts[*scene], &scenes[*scene], &wanted))
+                })
+                .clone()
+        });
+        let settings = ViewSettings {
+            width: options.width as u32,
+            height: options.height as u32,
+            pixels,
+            cone: angle.tan(),
+            bounces: options.bounces,
+            roulette_after: options.roulette_after,
+            multiple_importance: options.sampling.multiple_importance,
+            sampler: sampler(&options.of_view(index)),
+        };
+        let host = HostCamera::new(camera)?;
+        let scene = scenes[*scene].clone();
+        views.push(View::new(scene, host, &settings, wanted, edges));
+        all_places.push(places);
+    }
+    Ok(Prepared {
+        views,
+        places: all_places,
+        parent_size: parent.size,
+        parent: (!parent.rows.is_empty()).then(|| Tensor::cat(parent.rows, 0)),
+        context,
+    })
+}
+
+/// The rows of an image: radiance, opacity, depth, normal, share of each object and the background.
+#[derive(Clone, Copy, Debug)]
+struct Rows {
+    opacity: bool,
+    depth: bool,
+    normals: bool,
+    /// How many objects, if their shares are asked for.
+    objects: Option<usize>,
+}
+
+impl Rows {
+    fn new(options: &RenderOptions, objects: usize) -> Self {
+        let outputs = options.outputs;
+        Self {
+            opacity: outputs.opacity || outputs.depth || outputs.normals,
+            depth: outputs.depth,
+            normals: outputs.normals,
+            objects: outputs.object_ids.then_some(objects),
+        }
+    }
+
+    fn count(&self) -> usize {
+        let normals = if self.normals { 3 } else { 0 };
+        let objects = self.objects.map_or(0, |n| n + 1);
+        3 + usize::from(self.opacity) + usize::from(self.depth) + normals + objects
+    }
+
+    /// All but the shares of objects, in a scene whose distances are in so many scene units.
+    fn of(&self, p: &Seen, unit: f64) -> impl Iterator<Item = f64> {
+        let opacity = self.opacity.then_some(f64::from(p.opacity));
+        let depth = self.depth.then_some(f64::from(p.depth) * unit);
+        let normal = self.normals.then_some(p.normal.to_f64());
+        let radiance = p.radiance.to_f64().into_iter();
+        let rows = radiance.chain(opacity).chain(depth);
+        rows.chain(normal.into_iter().flatten())
+    }
+
+    /// From rows of derivatives by the rows.
+    fn upstream(&self, row: impl Fn(usize) -> f64, unit: f64) -> Seen {
+        let mut next = 0;
+        let mut take = |wanted: bool| {
+            if !wanted {
+                return 0.0;
+            }
+            next += 1;
+            row(next - 1)
+        };
+        let radiance: V3 = [take(true), take(true), take(true)].into();
+        let opacity = take(self.opacity) as f32;
+        let depth = (take(self.depth) * unit) as f32;
+        let normals = self.normals;
+        Seen {
+            radiance,
+            opacity,
+            depth,
+            normal: [take(normals), take(normals), take(normals)].into(),
+        }
+    }
+}
+
+/// Renders pixels of all views (all pixels, if there is no list).
+pub(super) fn render(
+    batch: &Batch,
+    options: &RenderOptions,
+    pixels: Option<Arc<Vec<u32>>>,
+) -> Result<Means> {
+    let Prepared {
+        views,
+        places,
+        parent,
+        parent_size,
+        context,
+    } = prepare(batch, options)?;
+    let pixels = pixels.unwrap_or_else(|| {
+        let count = (options.width * options.height) as u32;
+        Arc::new((0..count).collect())
+    });
+    let objects = views.iter().map(|v| v.scene.counted.len()).max();
+    let objects = objects.unwrap_or(0);
+    let rows = Rows::new(options, objects);
+    let tiles = tiles(options, pixels.len(), RAYS);
+    let count = pixels.len();
+    let of_view = rows.count() * count;
+    let mut planes = vec![0.0; views.len() * of_view];
+    let done = AtomicUsize::new(0);
+    let pass = Forward {
+        options,
+        pixels: &pixels,
+        tiles: &tiles,
+        rows: &rows,
+        all: tiles.len() * views.len(),
+        done: &done,
+    };
+    let statistics: Vec<Statistics> = planes
+        .par_chunks_mut(of_view)
+        .zip(&views)
+        .map(|(planes, view)| pass.view(view, planes))
+        .collect();
+    let mean = context.tensor(&planes, [views.len() * rows.count(), count]);
+    let mean = match parent {
+        Some(parent) => {
+            let dtype = context.dtype;
+            let backward = Backward {
+                views,
+                places,
+                pixels,
+                tiles,
+                rows,
+                samples: options.samples,
+                size: parent_size,
+            };
+            let retrace = Retrace(Arc::new(move |upstream| {
+                backward.gradient(&upstream, dtype)
+            }));
+            replay(parent, mean, retrace)
+        }
+        None => mean,
+    };
+    Ok(Means {
+        mean: mean.reshape([statistics.len(), rows.count(), count]),
+        objects,
+        statistics,
+        diagnostics: Vec::new(),
+    })
+}
+
+/// What the views of a forward pass have in common.
+struct Forward<'a> {
+    options: &'a RenderOptions,
+    pixels: &'a [u32],
+    tiles: &'a [Tile],
+    rows: &'a Rows,
+    /// Tiles of all views.
+    all: usize,
+    done: &'a AtomicUsize,
+}
+
+impl Forward<'_> {
+    /// Fills the planes of a view `[C, P]`.
+    fn view(&self, view: &View, planes: &mut [f64]) -> Statistics {
+        let own = view.scene.counted.len();
+        let of_tile = |tile: &Tile| {
+            let pixels = &self.pixels[tile.first..tile.first + tile.pixels];
+            let mut work = Work::new(self.options.bounces);
+            let mut objects = self
+                .rows
+                .objects
+                .map(|_| vec![0.0; (own + 1) * tile.pixels]);
+            let sums = view.render(
+                pixels,
+                tile.from..tile.to,
+                &mut work,
+                objects.as_deref_mut(),
+            );
+            let n = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+            if let Some(progress) = &self.options.progress {
+                progress(n, self.all);
+            }
+            (sums, objects, work.counts)
+        };
+        let found: Vec<_> = self.tiles.par_iter().map(of_tile).collect();
+        let per_sample = f64::from(self.options.samples).recip();
+        let count = self.pixels.len();
+        let mut counts = RayCounts::default();
+        for (tile, (sums, objects, of_tile)) in self.tiles.iter().zip(found) {
+            counts.rays += of_tile.rays;
+            counts.add_bounces(&of_tile);
+            for (i, sum) in sums.iter().enumerate() {
+                for (row, value) in self.rows.of(sum, view.scene.frame.unit).enumerate() {
+                    planes[row * count + tile.first + i] += value * per_sample;
+                }
+            }
+            if let (Some(objects), Some(all)) = (objects, self.rows.objects) {
+                let first = self.rows.count() - all - 1;
+                for (i, shares) in objects.chunks(own + 1).enumerate() {
+                    for (k, share) in shares.iter().enumerate() {
+                        // The background comes last, whatever the number of objects.
+                        let row = first + if k == own { all } else { k };
+                        planes[row * count + tile.first + i] += f64::from(*share) * per_sample;
+                    }
+                }
+            }
+        }
+        Statistics::of_rays(counts)
+    }
+}
+
+/// What the backward pass needs.
+struct Backward {
+    views: Vec<View>,
+    places: Vec<Places>,
+    pixels: Arc<Vec<u32>>,
+    tiles: Vec<Tile>,
+    rows: Rows,
+    samples: u32,
+    /// Numbers of the parent.
+    size: usize,
+}
+
+impl Backward {
+    /// The gradient of the parent from that of the rows of all views `[B·C, P]`.
+    fn gradient(&self, upstream: &TensorData, dtype: DType) -> TensorData {
+        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
+        let of_view = self.rows.count() * self.pixels.len();
+        let mut all = vec![0.0; self.size];
+        let views: Vec<_> = self.views.iter().zip(&self.places).collect();
+        let pieces = views.chunks(VIEWS_AT_ONCE);
+        for (views, upstream) in pieces.zip(upstream.chunks(VIEWS_AT_ONCE * of_view)) {
+            let gradients: Vec<Sums> = views
+                .par_iter()
+                .zip(upstream.par_chunks(of_view))
+                .map(|((view, _), upstream)| self.of_view(view, upstream))
+                .collect();
+            for ((view, places), sums) in views.iter().zip(&gradients) {
+                sums.write(&view.scene, &places.scene, &mut all);
+                sums.write_camera(&view.scene, &view.host_camera, &places.camera, &mut all);
+            }
+        }
+        TensorData::new(all, [self.size]).convert_dtype(dtype)
+    }
+
+    fn of_view(&self, view: &View, upstream: &[f64]) -> Sums {
+        let count = self.pixels.len();
+        let per_sample = f64::from(self.samples).recip();
+        let unit = view.scene.frame.unit;
+        let upstream: Vec<(u32, Seen)> = self
+            .pixels
+            .iter()
+            .enumerate()
+            .map(|(i, &pixel)| {
+                let row = |row: usize| upstream[row * count + i] * per_sample;
+                (pixel, self.rows.upstream(row, unit))
+            })
+            .collect();
+        // Tiles in accumulators that have their sums to themselves: as many whatever the machine, so that
+        // sums come out the same.
+        let zero = Sums::new(&view.scene, &view.wanted);
+        let accumulators = (ACCUMULATED / zero.len()).clamp(4, 64);
+        let each = self.tiles.len().div_ceil(accumulators).max(1);
+        let of_accumulator = |tiles: &[Tile]| {
+            let mut sums = zero.clone();
+            let mut work = Work::new(0);
+            for tile in tiles {
+                let pixels = &upstream[tile.first..tile.first + tile.pixels];
+                view.backward(pixels, tile.from..tile.to, &mut work, &mut sums);
+            }
+            sums
+        };
+        let sums: Vec<Sums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
+        let mut all = zero.clone();
+        sums.iter().for_each(|s| all.add(s));
+        if view.has_edges() && std::env::var("R_FILM") != Ok("0".into()) {
+            self.on_film(view, upstream, &zero, accumulators, &mut all);
+        }
+        all.resolve(&view.scene);
+        all
+    }
+
+    /// Adds what jumps on the film.
+    fn on_film(
+        &self,
+        view: &View,
+        mut upstream: Vec<(u32, Seen)>,
+        zero: &Sums,
+        accumulators: usize,
+        all: &mut Sums,
+    ) {
+        let samples = self.samples as f32;
+        for (_, g) in &mut upstream {
+            g.radiance = g.radiance * samples;
+            g.opacity *= samples;
+            g.depth *= samples;
+            g.normal = g.normal * samples;
+        }
+        let [width, height] = view.size();
+        let asked = upstream.iter().filter(|p| p.1 != Seen::default()).count();
+        let pixels = PixelGradients::new(&upstream, width, height, view.reach());
+        let edges = view.film_edges(&pixels);
+        if edges.is_empty() {
+            return;
+        }
+        let count = (asked as f64
+            * f64::from(self.samples)
+            * std::env::var("R_FILM")
+                .ok()
+                .and_then(|s| s.parse().ok())
+                .unwrap_or(FILM_SAMPLES))
+        .ceil();
+        let count = count.clamp(1.0, 1e9) as u32;
+        let each = count.div_ceil(accumulators as u32).max(256);
+        let sums: Vec<Sums> = (0..count.div_ceil(each))
+            .into_par_iter()
+            .map(|i| {
+                let mut sums = zero.clone();
+                let mut work = Work::new(0);
+                let range = i * each..((i + 1) * each).min(count);
+                view.film_backward(&edges, &pixels, range, count, &mut work, &mut sums);
+                sums
+            })
+            .collect();
+        sums.iter().for_each(|s| all.add(s));
+    }
+}
+
+/// Samples of edges on the film for each path of the image.
+const FILM_SAMPLES: f64 = 0.25;

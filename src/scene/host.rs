@@ -1,0 +1,188 @@
+//! A scene's values, read back from its tensors.
+
+use std::sync::Arc;
+
+use burn::tensor::Tensor;
+
+use super::check::check_scene;
+use super::{Albedo, Camera, CornerAttribute, Environment, Parameter, Scene, Wrap};
+use crate::error::Result;
+use crate::geometry::{Context, host_values, plain};
+
+/// A scene on the host.
+pub(crate) struct HostScene {
+    pub context: Context,
+    pub objects: Vec<HostObject>,
+    /// Of all objects, one after another.
+    pub materials: Vec<HostMaterial>,
+    pub environment: HostTexture,
+    /// False only for an environment that is a constant black.
+    pub shines: bool,
+}
+
+/// An object on the host.
+pub(crate) struct HostObject {
+    /// Scene units.
+    pub positions: Vec<[f64; 3]>,
+    pub faces: Arc<Vec<[u32; 3]>>,
+    pub uvs: Option<HostAttribute<2>>,
+    pub normals: Option<HostAttribute<3>>,
+    /// Scene units over the shutter, where it moves or may come to.
+    pub velocity: Option<[f64; 3]>,
+    /// The first of its materials in the scene, and which of them each face has (the first, if the list
+    /// is empty).
+    pub first_material: usize,
+    pub face_materials: Arc<Vec<u32>>,
+}
+
+/// Values at the corners of faces.
+pub(crate) struct HostAttribute<const C: usize> {
+    pub values: Vec<[f32; C]>,
+    pub faces: Arc<Vec<[u32; 3]>>,
+}
+
+/// A material on the host.
+pub(crate) struct HostMaterial {
+    pub diffuse: HostTexture,
+    pub specular: HostTexture,
+    pub shininess: f64,
+    pub emission: [f64; 3],
+    /// Whether it can reflect anything, has a specular part, or emits, or may come to.
+    pub reflects: bool,
+    pub glossy: bool,
+    pub emits: bool,
+}
+
+/// A colour, or an image of colours.
+pub(crate) enum HostTexture {
+    Constant([f64; 3]),
+    Image {
+        texels: Vec<[f32; 3]>,
+        width: usize,
+        height: usize,
+        wrap: Wrap,
+    },
+}
+
+impl HostScene {
+    /// Checks a scene and reads it back.
+    ///
+    /// # Errors
+    /// Whatever a user can get wrong in a scene, named.
+    pub fn new(scene: &Scene) -> Result<Self> {
+        let context = check_scene(scene)?;
+        let mut objects = Vec::with_capacity(scene.objects.len());
+        let mut materials = Vec::new();
+        for object in &scene.objects {
+            let velocity = match &object.velocity {
+                Some(Parameter::Constant([0.0, 0.0, 0.0])) | None => None,
+                Some(v) => Some(v.check(&object.name, "velocity", "finite numbers", |_| true)?),
+            };
+            objects.push(HostObject {
+                positions: object.mesh.host_vertices()?,
+                faces: object.mesh.faces.clone(),
+                uvs: object.mesh.uvs.as_ref().map(attribute).transpose()?,
+                normals: object.mesh.normals.as_ref().map(attribute).transpose()?,
+                velocity,
+                first_material: materials.len(),
+                face_materials: object.face_materials.clone(),
+            });
+            for m in &object.materials {
+                let [shininess] = m.shininess.values()?;
+                materials.push(HostMaterial {
+                    diffuse: albedo(&m.diffuse)?,
+                    specular: albedo(&m.specular)?,
+                    shininess,
+                    emission: m.emission.values()?,
+                    reflects: m.reflects(),
+                    glossy: m.specular.reflects(),
+                    emits: m.emits(),
+                });
+            }
+        }
+        let shines = scene.environment.shines();
+        if !shines && !materials.iter().any(|m| m.emits) {
+            log::warn!("the scene has no emitter and a black environment: the image is black");
+        }
+        let environment = match &scene.environment {
+            Environment::Constant(p) => HostTexture::Constant(p.values()?),
+            Environment::Map(texels) => image(texels, Wrap::Repeat)?,
+        };
+        Ok(Self {
+            context,
+            objects,
+            materials,
+            environment,
+            shines,
+        })
+    }
+}
+
+fn attribute<const C: usize>(a: &CornerAttribute) -> Result<HostAttribute<C>> {
+    let values = host_values(&a.values)?;
+    let rows = values.chunks_exact(C);
+    Ok(HostAttribute {
+        values: rows
+            .map(|row| std::array::from_fn(|i| row[i] as f32))
+            .collect(),
+        faces: a.faces.clone(),
+    })
+}
+
+fn albedo(albedo: &Albedo) -> Result<HostTexture> {
+    match albedo {
+        Albedo::Constant(p) => Ok(HostTexture::Constant(p.values()?)),
+        Albedo::Texture { texels, wrap } => image(texels, *wrap),
+    }
+}
+
+fn image(texels: &Tensor<3>, wrap: Wrap) -> Result<HostTexture> {
+    let [height, width, _] = texels.dims();
+    let data = plain(texels)
+        .try_into_data()
+        .map_err(|e| crate::Error::Read(format!("{e:?}")))?;
+    let values: Vec<f32> = data.iter::<f32>().collect();
+    let rows = values.chunks_exact(3);
+    Ok(HostTexture::Image {
+        texels: rows.map(|t| [t[0], t[1], t[2]]).collect(),
+        width,
+        height,
+        wrap,
+    })
+}
+
+/// A camera on the host.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HostCamera {
+    pub eye: glam::DVec3,
+    pub target: glam::DVec3,
+    pub up: glam::DVec3,
+    /// Degrees.
+    pub fov_y: f64,
+    /// Aperture radius and focus distance, where rays need a point on the lens.
+    pub lens: Option<[f64; 2]>,
+}
+
+impl HostCamera {
+    /// Reads a camera back that was checked.
+    ///
+    /// # Errors
+    /// If a tensor can't be read.
+    pub fn new(camera: &Camera) -> Result<Self> {
+        let [fov_y] = camera.fov_y.values()?;
+        let lens = match &camera.lens {
+            Some((aperture, focus)) if camera.has_lens() => {
+                let ([aperture], [focus]) = (aperture.values()?, focus.values()?);
+                Some([aperture, focus])
+            }
+            _ => None,
+        };
+        Ok(Self {
+            eye: camera.eye.values()?.into(),
+            target: camera.target.values()?.into(),
+            up: camera.up.values()?.into(),
+            fov_y,
+            lens,
+        })
+    }
+}

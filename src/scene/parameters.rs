@@ -1,0 +1,178 @@
+//! Everything of a scene and its camera that can be differentiated, visited in one order.
+
+use std::ops::Range;
+
+use burn::tensor::Tensor;
+
+use super::{Albedo, Camera, Environment, Parameter, Scene};
+
+/// What a tensor of a scene or camera is. Objects and materials are counted over the whole scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum ParameterId {
+    /// `[V, 3]`, scene units.
+    Vertices(usize),
+    /// `[_, 2]`.
+    Uvs(usize),
+    /// `[_, 3]`, of any length.
+    Normals(usize),
+    /// `[3]`, scene units over the shutter.
+    Velocity(usize),
+    /// `[3]` or `[H, W, 3]`.
+    Diffuse(usize),
+    /// `[3]` or `[H, W, 3]`.
+    Specular(usize),
+    /// `[1]`.
+    Shininess(usize),
+    /// `[3]`.
+    Emission(usize),
+    /// `[3]` or `[H, W, 3]`.
+    Environment,
+    /// `[3]`, scene units.
+    Eye,
+    /// `[3]`, scene units.
+    Target,
+    /// `[3]`.
+    Up,
+    /// `[1]`, degrees.
+    FieldOfView,
+    /// `[1]`, scene units.
+    Aperture,
+    /// `[1]`, scene units.
+    Focus,
+}
+
+/// What is done with each tensor.
+pub(crate) trait Visit {
+    /// Called with every tensor.
+    fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>);
+
+    /// Called with every parameter.
+    fn parameter<const C: usize>(&mut self, id: ParameterId, p: &mut Parameter<C>) {
+        if let Parameter::Tensor(t) = p {
+            self.visit(id, t);
+        }
+    }
+
+    /// Called with every albedo.
+    fn albedo(&mut self, id: ParameterId, albedo: &mut Albedo) {
+        match albedo {
+            Albedo::Constant(p) => self.parameter(id, p),
+            Albedo::Texture { texels, .. } => self.visit(id, texels),
+        }
+    }
+}
+
+/// Visits every tensor of a scene and camera.
+pub(crate) fn visit_tensors(scene: &mut Scene, camera: &mut Camera, visit: &mut impl Visit) {
+    visit_scene(scene, visit);
+    visit_camera(camera, visit);
+}
+
+/// Visits every tensor of a scene.
+pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
+    use ParameterId::{Diffuse, Emission, Normals, Shininess, Specular, Uvs, Velocity, Vertices};
+    let mut material = 0;
+    for (i, object) in scene.objects.iter_mut().enumerate() {
+        let mesh = &mut object.mesh;
+        visit.visit(Vertices(i), &mut mesh.vertices);
+        if let Some(uvs) = &mut mesh.uvs {
+            visit.visit(Uvs(i), &mut uvs.values);
+        }
+        if let Some(normals) = &mut mesh.normals {
+            visit.visit(Normals(i), &mut normals.values);
+        }
+        for m in &mut object.materials {
+            visit.albedo(Diffuse(material), &mut m.diffuse);
+            visit.albedo(Specular(material), &mut m.specular);
+            visit.parameter(Shininess(material), &mut m.shininess);
+            visit.parameter(Emission(material), &mut m.emission);
+            material += 1;
+        }
+        if let Some(velocity) = &mut object.velocity {
+            visit.parameter(Velocity(i), velocity);
+        }
+    }
+    match &mut scene.environment {
+        Environment::Constant(p) => visit.parameter(ParameterId::Environment, p),
+        Environment::Map(texels) => visit.visit(ParameterId::Environment, texels),
+    }
+}
+
+/// Visits every tensor of a camera.
+pub(crate) fn visit_camera(camera: &mut Camera, visit: &mut impl Visit) {
+    visit.parameter(ParameterId::Eye, &mut camera.eye);
+    visit.parameter(ParameterId::Target, &mut camera.target);
+    visit.parameter(ParameterId::Up, &mut camera.up);
+    visit.parameter(ParameterId::FieldOfView, &mut camera.fov_y);
+    if let Some((aperture, focus)) = &mut camera.lens {
+        visit.parameter(ParameterId::Aperture, aperture);
+        visit.parameter(ParameterId::Focus, focus);
+    }
+}
+
+/// The tensors that are in a graph, flat, and what each is.
+#[derive(Default)]
+pub(crate) struct Collect {
+    pub ids: Vec<ParameterId>,
+    pub rows: Vec<Tensor<1>>,
+}
+
+impl Collect {
+    /// A zero `[1]` that depends on all of them; None if there is none.
+    pub fn of_value_zero(self) -> Option<Tensor<1>> {
+        let first = self.rows.into_iter().map(|t| t.slice([0..1]) * 0.0);
+        first.reduce(|a, b| a + b)
+    }
+
+    /// Where the numbers of each begin and end once they are one row that begins at `first`.
+    pub fn places(&self, first: usize) -> Vec<(ParameterId, Range<usize>)> {
+        let mut next = first;
+        let place = |(&id, row): (&ParameterId, &Tensor<1>)| {
+            let [length] = row.dims();
+            let range = next..next + length;
+            next += length;
+            (id, range)
+        };
+        self.ids.iter().zip(&self.rows).map(place).collect()
+    }
+}
+
+impl Visit for Collect {
+    fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>) {
+        if tensor.is_tracked() {
+            let count: usize = tensor.dims().iter().product();
+            self.ids.push(id);
+            self.rows.push(tensor.clone().reshape([count]));
+        }
+    }
+}
+
+/// Puts parts of one tensor in the place of those that are in a graph.
+pub(crate) struct Replace {
+    /// The one tensor.
+    pub parameters: Tensor<1>,
+    /// Where the next part begins.
+    pub next: usize,
+}
+
+impl Visit for Replace {
+    fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
+        if tensor.is_tracked() {
+            let shape: [usize; D] = tensor.dims();
+            let count: usize = shape.iter().product();
+            let part = self.parameters.clone();
+            let part = part.slice([self.next..self.next + count]);
+            *tensor = part.reshape(shape);
+            self.next += count;
+        }
+    }
+}
+
+/// Takes every tensor out of its graph.
+pub(crate) struct Detach;
+
+impl Visit for Detach {
+    fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
+        *tensor = crate::geometry::plain(tensor);
+    }
+}
