@@ -41,8 +41,8 @@ struct Arguments {
     bench: bool,
 }
 
-/// √σ at the start and at the end, in footprints.
-const SCHEDULES: [(f64, f64); 4] = [(0.25, 0.25), (1.0, 1.0), (2.0, 0.25), (4.0, 0.25)];
+/// Half-angles of cones at the start and at the end, in pixels.
+const SCHEDULES: [(f64, f64); 4] = [(0.5, 0.5), (3.0, 3.0), (6.0, 0.5), (12.0, 0.5)];
 
 /// What arrives ends with an error of less than this share of the first start's.
 const ARRIVED: f64 = 0.1;
@@ -59,22 +59,22 @@ macro_rules! sweep {
     ($example:ident, $problem:expr, $name:literal, $unit:literal, $first:expr, $arguments:expr, $rate:expr) => {{
         use $example::common::study::Problem;
         let problem = $problem;
-        let footprint = problem.footprint()?;
+        let pixel = problem.pixel()?;
         let starts: Vec<f64> = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0]
             .iter()
             .map(|share| share * $first)
             .collect();
         let mut errors = Vec::new();
         for (wide, narrow) in SCHEDULES {
-            let [wide, narrow] = [wide, narrow].map(|w: f64| (w * footprint).powi(2));
-            let schedule = BlurSchedule::decay(wide, narrow, $arguments.steps * 2 / 3)?;
+            let steps = $arguments.steps * 2 / 3;
+            let schedule = BlurSchedule::decay(wide * pixel, narrow * pixel, steps)?;
             let mut of_schedule = Vec::new();
             for &start in &starts {
                 let mut largest = 0.0f64;
                 for seed in 0..$arguments.seeds {
                     let fit = Fit::new(problem.start(start), adam(), $arguments.steps)
                         .rate(Rate::exponential($rate, 0.1 * $rate))
-                        .sigma(schedule.clone())
+                        .blur(schedule.clone())
                         .seed(seed)
                         .progress(false);
                     let error = end(fit, |m, s| problem.evaluate(m, s), |m| problem.error(m));
@@ -125,7 +125,7 @@ fn main() -> Result<(), Failure> {
         println!("\n### {}, {}\n", sweep.name, sweep.unit);
         let starts: Vec<String> = sweep.starts.iter().map(|s| format!("{s:.2}")).collect();
         println!(
-            "| √σ / footprint | from {} | arrives from |",
+            "| cones, pixels | from {} | arrives from |",
             starts.join(" | ")
         );
         println!("|---|{}---|", "---|".repeat(starts.len()));
@@ -158,7 +158,7 @@ fn draw(arguments: &Arguments, sweeps: &[Sweep]) -> Result<(), Failure> {
         let mut plot = Plot::new(sweep.name, sweep.unit, "").log();
         for ((wide, narrow), errors) in SCHEDULES.iter().zip(&sweep.errors) {
             let points = sweep.starts.iter().copied().zip(errors.iter().copied());
-            plot = plot.curve(&format!("√σ {wide} → {narrow} px"), points);
+            plot = plot.curve(&format!("{wide} → {narrow} px"), points);
         }
         figure = figure.plot(plot.line("arrived", ARRIVED * sweep.starts[0]));
     }

@@ -5,7 +5,7 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_footprint};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_angle};
 use softray::prelude::*;
 
 use common::study::{
@@ -104,8 +104,7 @@ impl Posed {
         let scene = scene(device);
         let options = RenderOptions::new(size, size).bounces(0);
         let goal = Camera::look_at(EYE, TARGET).fov_y(38.0);
-        let sigma = BlurSchedule::sharp_sigma(&scene, &goal, size)?;
-        let sharp = options.clone().samples(1024).sigma(sigma).seed(1 << 50);
+        let sharp = options.clone().samples(1024).seed(1 << 50);
         let target = render(&scene, &goal, &sharp)?.radiance;
         Ok(Self {
             size,
@@ -153,8 +152,8 @@ impl Problem for Posed {
         far(&both(pose))
     }
 
-    fn footprint(&self) -> softray::Result<f64> {
-        pixel_footprint(&self.scene, &self.goal(), self.size)
+    fn pixel(&self) -> softray::Result<f64> {
+        pixel_angle(&self.goal(), self.size)
     }
 
     fn evaluate(&self, pose: &Pose, step: &Step) -> softray::Result<Evaluation> {
@@ -193,7 +192,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             AdamConfig::new().with_beta_2(0.99).init(),
         )
         .rate(Rate::cosine(0.03))
-        .sigma(schedule)
+        .blur(schedule)
         .run(|pose: &Pose, step: &_| posed.evaluate(pose, step))?;
 
     let found = both(&fitted.module);

@@ -23,21 +23,12 @@ struct Arguments {
     /// Bounces after the surface that the camera sees.
     #[arg(long, default_value_t = 3)]
     bounces: u32,
-    /// Edge blur σ, scene units squared.
-    #[arg(long, default_value_t = 1e-4)]
-    sigma: f64,
-    /// The form of visibility.
-    #[arg(long, value_enum, default_value_t = common::Form::Layered)]
-    visibility: common::Form,
-    /// Depth blur γ of the forms softmax and layered-soft, in units of the scene's depth.
-    #[arg(long, default_value_t = 1e-4)]
-    gamma: f64,
-    /// Edge blur σ of the fit.
-    #[arg(long, default_value_t = 1e-2)]
-    fit_sigma: f64,
-    /// Depth blur γ of the fit, where the form has one.
-    #[arg(long, default_value_t = 5e-2)]
-    fit_gamma: f64,
+    /// Half-angle of the cones, radians.
+    #[arg(long, default_value_t = 0.0)]
+    angle: f64,
+    /// The same in the fit.
+    #[arg(long, default_value_t = 0.03)]
+    fit_angle: f64,
     /// Steps of the fit.
     #[arg(long, default_value_t = 170)]
     steps: usize,
@@ -71,8 +62,7 @@ fn picture(arguments: &Arguments, file: &SceneFile, data: &Path) -> Result<(), B
     let options = RenderOptions::new(arguments.size, arguments.size)
         .samples(arguments.spp)
         .bounces(arguments.bounces)
-        .sigma(arguments.sigma)
-        .visibility(arguments.visibility.with(arguments.gamma))
+        .blur(arguments.angle)
         .progress(progress);
     let start = Instant::now();
     let image = render(&file.scene, &file.camera, &options)?;
@@ -142,12 +132,10 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     const SIZE: usize = 48;
     let options = RenderOptions::new(SIZE, SIZE)
         .bounces(1)
-        .sigma(arguments.fit_sigma)
-        .visibility(arguments.visibility.with(arguments.fit_gamma));
+        .blur(arguments.fit_angle);
     let sharp = RenderOptions::new(128, 128)
         .bounces(1)
-        .sigma(arguments.sigma)
-        .visibility(arguments.visibility.with(arguments.gamma))
+        .blur(arguments.angle)
         .samples(64);
     let show = |radians: f64, options: &RenderOptions| -> Result<HostImage, Box<dyn Error>> {
         let angle = Tensor::<1>::from_floats([radians as f32], device);

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use rayon::prelude::*;
-use softray::optim::pixel_footprint;
+use softray::optim::pixel_angle;
 use softray::prelude::*;
 
 use common::figure::{Figure, diverging};
@@ -48,16 +48,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let options = RenderOptions::new(size, size).bounces(0).samples(samples);
     let at = |x: f64| scene(Tensor::from_floats([x, 0.0, 0.0], &device), &device);
 
-    // Under half a pixel.
-    let sigma = (0.4 * pixel_footprint(&at(0.0), &camera, size)?).powi(2);
-    let soft = options.clone().sigma(sigma);
-
-    let image = picture(&at(0.0), &camera, &options.clone().samples(512).sigma(1e-5))?;
+    let image = picture(&at(0.0), &camera, &options.clone().samples(512))?;
     // A pixel is a render with a backward pass of its own.
     let derivative = |pixel: u32| -> softray::Result<f64> {
         let offset = Tensor::zeros([3], &device).autodiff().require_grad();
         let scene = scene(offset.clone(), &device);
-        let image = render_pixels(&scene, &camera, &soft, &[pixel])?;
+        let image = render_pixels(&scene, &camera, &options, &[pixel])?;
         let gradients = image.radiance.sum().backward();
         let gradient = offset.grad(&gradients);
         Ok(gradient.map_or(0.0, |g| numbers(&g)[0]))
@@ -71,9 +67,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
         .collect::<softray::Result<Vec<f64>>>()?;
     bar.finish_and_clear();
 
-    // The same by central differences without blur.
+    // The same by central differences.
     let h = 0.04;
-    let fine = options.clone().samples(8 * samples).sigma(1e-6);
+    let fine = options.clone().samples(8 * samples);
     let [left, right] = [-h, h].map(|x| picture(&at(x), &camera, &fine));
     let (left, right) = (left?, right?);
     let sum = |p: &[f32]| p.iter().map(|&v| f64::from(v)).sum::<f64>();
@@ -88,16 +84,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/cornell/scene.json");
     let cornell = SceneFile::load(path, &device)?;
     let box_size = arguments.either(48, 160);
-    let boxed = |sigma: f64, gamma: f64| {
+    let boxed = |angle: f64| {
         let options = RenderOptions::new(box_size, box_size)
             .samples(arguments.either(32, 256))
             .bounces(8)
             .russian_roulette(2)
-            .sigma(sigma)
-            .visibility(Visibility::softmax(gamma));
+            .blur(angle);
         picture(&cornell.scene, &cornell.camera, &options)
     };
-    let (plain, wide, opaque) = (boxed(1e-4, 1e-2)?, boxed(4e-3, 1e-2)?, boxed(1e-4, 1e-3)?);
+    let (sharp, soft, wide) = (boxed(0.0)?, boxed(0.02)?, boxed(0.1)?);
 
     let largest = differences.iter().fold(0.0f64, |a, x| a.max(x.abs()));
     let scale = Some(0.7 * largest);
@@ -105,18 +100,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
         .images(&[
             ("icosahedron", &image),
             (
-                "∂/∂x, σ = 2e-3",
+                "∂/∂x",
                 &diverging(size, size, &derivatives, scale),
             ),
             (
-                "differences, σ = 1e-6",
+                "differences",
                 &diverging(size, size, &differences, scale),
             ),
         ])
         .images(&[
-            ("σ = 1e-4, γ = 1e-2", &plain),
-            ("larger σ = 4e-3", &wide),
-            ("smaller γ = 1e-3", &opaque),
+            ("cones of 0 radians", &sharp),
+            ("0.02 radians", &soft),
+            ("0.1 radians", &wide),
         ]);
     std::fs::create_dir_all(&arguments.out)?;
     let path = arguments.out.join("fig1_gradients.png");

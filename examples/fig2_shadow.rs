@@ -5,7 +5,7 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, Step, pixel_footprint};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step, pixel_angle};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, curves, distance, numbers};
@@ -54,8 +54,8 @@ impl Problem for Shadow {
         distance(&numbers(&caster.offset.val()), &[0.0; 3])
     }
 
-    fn footprint(&self) -> softray::Result<f64> {
-        self.goal.footprint()
+    fn pixel(&self) -> softray::Result<f64> {
+        self.goal.pixel()
     }
 
     fn evaluate(&self, caster: &Caster, step: &Step) -> softray::Result<Evaluation> {
@@ -79,16 +79,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments,
         arguments.either(240, 400),
     );
-    // Four footprints of the coarser image, a fifth of the caster's edge; a quarter of one in the end.
-    let footprint = pixel_footprint(&shadow.goal.scene, &shadow.goal.camera, 32)?;
-    let (wide, narrow) = ((4.0 * footprint).powi(2), (0.25 * footprint).powi(2));
+    // Twelve pixels of the coarser image, half of one in the end.
+    let pixel = pixel_angle(&shadow.goal.camera, 32)?;
+    let (wide, narrow) = (12.0 * pixel, 0.5 * pixel);
     let fitted = study
         .fit(
             shadow.start(START[0]),
             AdamConfig::new().with_beta_2(0.99).init(),
         )
         .rate(Rate::exponential(0.06, 0.006))
-        .sigma(BlurSchedule::decay(wide, narrow, study.steps() / 2)?)
+        .blur(BlurSchedule::decay(wide, narrow, study.steps() / 2)?)
         .run(|caster: &Caster, step: &_| shadow.evaluate(caster, step))?;
 
     let found = numbers(&fitted.module.offset.val());

@@ -104,8 +104,8 @@ impl Problem for Indirect {
         numbers(&turn.angle.val())[0].to_degrees().abs()
     }
 
-    fn footprint(&self) -> softray::Result<f64> {
-        self.goal.footprint()
+    fn pixel(&self) -> softray::Result<f64> {
+        self.goal.pixel()
     }
 
     fn evaluate(&self, turn: &Turn, step: &Step) -> softray::Result<Evaluation> {
@@ -133,7 +133,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             AdamConfig::new().with_beta_2(0.99).init(),
         )
         .rate(Rate::cosine(0.02))
-        .sigma(BlurSchedule::auto(still, camera, size, study.steps())?)
+        .blur(BlurSchedule::auto(still, camera, size, study.steps())?)
         .run(|turn: &Turn, step: &_| indirect.evaluate(turn, step))?;
 
     let found = numbers(&fitted.module.angle.val())[0].to_degrees();
@@ -153,7 +153,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             &["degrees"],
             false,
         ),
-        curves(&fitted.history, "σ", &["sigma"], true),
+        curves(&fitted.history, "blur, radians", &["blur"], true),
     ];
     let outcome = Outcome {
         errors: [START, found.abs()],

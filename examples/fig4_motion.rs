@@ -65,8 +65,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let goal = flat(&goal);
     let still = scene(tensor(&goal), Tensor::from_floats(VELOCITY, &device));
-    let sharp = BlurSchedule::sharp_sigma(&still, &camera, size)?;
-    let sharp = options.clone().samples(2048).sigma(sharp).seed(1 << 50);
+    let sharp = options.clone().samples(2048).seed(1 << 50);
     let target = render(&still, &camera, &sharp)?.radiance;
 
     let study = Study::new(
@@ -85,8 +84,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
         .rate(Rate::cosine(0.01))
-        // A tenth of an edge at first: wider blur would let vertices change places.
-        .sigma(BlurSchedule::decay(1.2e-2, 1e-3, study.steps() / 2)?)
+        .blur(BlurSchedule::decay(0.06, 0.01, study.steps() / 2)?)
         .run(|moving: &Moving, step: &_| {
             let (vertices, velocity) = (moving.vertices.val(), moving.velocity.val() * UNIT);
             let scene = scene(vertices.clone(), velocity.clone());

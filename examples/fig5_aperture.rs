@@ -78,8 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let size = arguments.either(40, 64);
     let options = RenderOptions::new(size, size).bounces(0);
-    let sigma = BlurSchedule::sharp_sigma(&scene, &fixed(TARGET), size)?;
-    let sharp = options.clone().samples(2048).sigma(sigma).seed(1 << 50);
+    let sharp = options.clone().samples(2048).seed(1 << 50);
     let target = render(&scene, &fixed(TARGET), &sharp)?.radiance;
 
     let study = Study::new(
@@ -95,8 +94,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
         .rate(Rate::cosine(0.03))
-        // The lens blurs enough: a little of geometry suffices.
-        .sigma(BlurSchedule::constant(1e-4)?)
         .run(|lens: &Lens, step: &_| {
             let both = lens.logs.val().exp();
             let camera = camera(both.clone().slice([0..1]), both.clone().slice([1..2]));

@@ -62,8 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         scene(three(&v[..3]), three(&v[3..6]), exponent, &device)
     };
     let still = fixed(&TARGET);
-    let sigma = BlurSchedule::sharp_sigma(&still, &camera, size)?;
-    let sharp = options.clone().samples(2048).sigma(sigma).seed(1 << 50);
+    let sharp = options.clone().samples(2048).seed(1 << 50);
     let target = render(&still, &camera, &sharp)?.radiance;
 
     let study = Study::new(
@@ -91,7 +90,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
         .rate(Rate::cosine(0.06))
-        .sigma(BlurSchedule::constant(1e-4)?)
         .run(|surface: &Surface, step: &_| {
             let scene = scene(
                 sigmoid(surface.diffuse.val()),

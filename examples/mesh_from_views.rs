@@ -74,11 +74,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let size = arguments.either(32, 64);
     let options = RenderOptions::new(size, size).bounces(0);
     let still = scene(goal.clone());
-    let sigma = BlurSchedule::sharp_sigma(&still, &cameras[0], size)?;
     let sharp = options
         .clone()
         .samples(256)
-        .sigma(sigma)
         .seed(1 << 50)
         .with_opacity();
     let see = |camera: &Camera| -> Result<(Tensor<3>, Tensor<2>), Failure> {
@@ -105,7 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fitted = study
         .fit(module, steps)
         .rate(Rate::exponential(0.2, 0.02))
-        .sigma(BlurSchedule::decay(4e-3, 4e-4, study.steps() / 2)?)
+        .blur(BlurSchedule::decay(0.04, 0.01, study.steps() / 2)?)
         .run(|body: &Body, step: &_| {
             let vertices = body.vertices.val();
             let scene = scene(ball.clone().with_vertices(vertices.clone()));
@@ -137,7 +135,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         .clone()
         .with_vertices(fitted.module.vertices.val().inner());
     let before = ball.with_vertices(first);
-    let show = options.clone().samples(256).sigma(sigma);
+    let show = options.clone().samples(256);
     let images = [
         (
             "initial",
@@ -169,7 +167,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             ("silhouette IoU at the end".into(), iou(&found)?),
         ],
     };
-    let plots = vec![curves(&fitted.history, "σ", &["sigma"], true)];
+    let plots = vec![curves(&fitted.history, "blur, radians", &["blur"], true)];
     study.finish(&fitted, images, plots, outcome)
 }
 

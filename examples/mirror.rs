@@ -82,8 +82,8 @@ impl Problem for Mirror {
         distance(&numbers(&hidden.offset.val()), &[0.0; 2])
     }
 
-    fn footprint(&self) -> softray::Result<f64> {
-        self.goal.footprint()
+    fn pixel(&self) -> softray::Result<f64> {
+        self.goal.pixel()
     }
 
     fn evaluate(&self, hidden: &Hidden, step: &Step) -> softray::Result<Evaluation> {
@@ -115,7 +115,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             AdamConfig::new().with_beta_2(0.99).init(),
         )
         .rate(Rate::cosine(0.03))
-        .sigma(BlurSchedule::auto(still, camera, size, study.steps())?)
+        .blur(BlurSchedule::auto(still, camera, size, study.steps())?)
         .run(|hidden: &Hidden, step: &_| mirror.evaluate(hidden, step))?;
 
     let found = numbers(&fitted.module.offset.val());

@@ -35,15 +35,16 @@ struct Arguments {
     /// Bounces after the surface that the camera sees.
     #[arg(long, default_value_t = 3)]
     bounces: u32,
-    /// Edge blur σ, scene units squared.
-    #[arg(long, default_value_t = 1e-7)]
-    sigma: f64,
-    /// The form of visibility.
-    #[arg(long, value_enum, default_value_t = common::Form::Layered)]
-    visibility: common::Form,
-    /// Depth blur γ of the forms softmax and layered-soft, in units of the scene's depth.
-    #[arg(long, default_value_t = 1e-5)]
-    gamma: f64,
+    /// Half-angle of the cones of rays, radians.
+    #[arg(long, default_value_t = 0.0)]
+    angle: f64,
+    /// Radius of the pixel filter beyond a pixel, pixels.
+    #[arg(long, default_value_t = 0.0)]
+    pixels: f64,
+    /// The paper's form of visibility in place of cones: σ in scene units squared, γ in units of the
+    /// scene's depth.
+    #[arg(long, value_parser = pair, value_name = "SIGMA,GAMMA")]
+    softmax: Option<[f64; 2]>,
     /// Environment radiance r,g,b.
     #[arg(long, value_parser = triple)]
     environment: Option<[f64; 3]>,
@@ -70,10 +71,18 @@ enum Sampled {
     Plain,
 }
 
-fn triple(text: &str) -> Result<[f64; 3], String> {
+fn numbers<const N: usize>(text: &str, expected: &str) -> Result<[f64; N], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
     let numbers = numbers.map_err(|e| e.to_string())?;
-    numbers.try_into().map_err(|_| "three numbers x,y,z".into())
+    numbers.try_into().map_err(|_| expected.into())
+}
+
+fn triple(text: &str) -> Result<[f64; 3], String> {
+    numbers(text, "three numbers x,y,z")
+}
+
+fn pair(text: &str) -> Result<[f64; 2], String> {
+    numbers(text, "two numbers σ,γ")
 }
 
 fn size(text: &str) -> Result<(usize, usize), String> {
@@ -109,8 +118,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = RenderOptions::new(size.0, size.1)
         .samples(arguments.spp)
         .bounces(arguments.bounces)
-        .sigma(arguments.sigma)
-        .visibility(arguments.visibility.with(arguments.gamma))
+        .visibility(match arguments.softmax {
+            Some([sigma, gamma]) => Visibility::softmax(sigma, gamma),
+            None => Visibility::Cone {
+                angle: arguments.angle,
+                pixels: arguments.pixels,
+            },
+        })
         .sampling(match arguments.sampling {
             Sampled::Default => Sampling::default(),
             Sampled::Plain => Sampling::plain(),

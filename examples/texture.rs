@@ -94,8 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let goal = pattern(height, width);
     let data = TensorData::new(goal.clone(), [height, width, 3]);
     let still = scene(Tensor::from_data(data, &device));
-    let sigma = BlurSchedule::sharp_sigma(&still, &cameras[0], size)?;
-    let sharp = options.clone().samples(512).sigma(sigma).seed(1 << 50);
+    let sharp = options.clone().samples(512).seed(1 << 50);
     let see = |camera: &Camera| render(&still, camera, &sharp).map(|image| image.radiance);
     let targets = cameras
         .iter()
@@ -126,7 +125,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
         .rate(Rate::cosine(0.5))
-        .sigma(BlurSchedule::constant(sigma)?)
         .run(|texture: &Texture, step: &_| {
             let texels = burn::tensor::activation::sigmoid(texture.logits.val());
             let scene = scene(texels.clone());

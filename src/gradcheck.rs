@@ -335,7 +335,7 @@ impl fmt::Display for Report {
 /// use softray::gradcheck::{Checked, GradCheck, gradcheck};
 /// use softray::prelude::*;
 ///
-/// let options = RenderOptions::new(8, 8).samples(4).bounces(0).sigma(1e-2);
+/// let options = RenderOptions::new(8, 8).samples(4).bounces(0);
 /// let settings = GradCheck::new(options, &Device::flex()).precision(0.1).seeds(16, 256);
 /// let parameters = [Checked::new("albedo", [0.5], 0.05)];
 /// let report = gradcheck(&parameters, &settings, |point| {

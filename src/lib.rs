@@ -14,7 +14,7 @@
 //!     .with(Object::new(shapes::icosahedron(&device).translated(offset.clone())))
 //!     .environment([1.0, 1.0, 1.0]);
 //! let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
-//! let options = RenderOptions::new(16, 16).samples(4).bounces(0).sigma(1e-2);
+//! let options = RenderOptions::new(16, 16).samples(4).bounces(0);
 //! let image = render(&scene, &camera, &options)?;
 //! let gradients = image.radiance.powf_scalar(2.0).mean().backward();
 //! assert!(offset.grad(&gradients).is_some());

@@ -7,7 +7,7 @@ use softray::prelude::*;
 
 mod axis;
 mod canvas;
-#[path = "../../benches/font/mod.rs"]
+#[path = "font.rs"]
 pub mod font;
 mod plot;
 

@@ -30,34 +30,3 @@ pub fn render_progress(message: &'static str) -> (ProgressBar, Progress) {
     });
     (bar, progress)
 }
-
-/// The forms of visibility by name.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-#[allow(dead_code)] // not every example asks
-pub enum Form {
-    Softmax,
-    Layered,
-    LayeredSoft,
-}
-
-impl std::fmt::Display for Form {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Softmax => "softmax",
-            Self::Layered => "layered",
-            Self::LayeredSoft => "layered-soft",
-        })
-    }
-}
-
-impl Form {
-    /// With a blur in depth, where the form has one.
-    #[allow(dead_code)]
-    pub fn with(self, gamma: f64) -> Visibility {
-        match self {
-            Self::Softmax => Visibility::softmax(gamma),
-            Self::Layered => Visibility::Layered,
-            Self::LayeredSoft => Visibility::LayeredSoft { gamma },
-        }
-    }
-}

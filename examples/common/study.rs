@@ -9,7 +9,7 @@ use std::time::Instant;
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use clap::Parser;
-use softray::optim::{Evaluation, Fit, Fitted, History, Report, Step, loss, pixel_footprint};
+use softray::optim::{Evaluation, Fit, Fitted, History, Report, Step, loss, pixel_angle};
 use softray::prelude::*;
 
 use super::figure::{Figure, Plot};
@@ -68,7 +68,7 @@ pub struct Goal {
     pub camera: Camera,
     pub size: usize,
     pub options: RenderOptions,
-    /// Options without blur, and with many samples.
+    /// Options with many samples.
     pub sharp: RenderOptions,
     pub image: Tensor<3>,
 }
@@ -81,8 +81,7 @@ impl Goal {
         samples: u32,
     ) -> softray::Result<Self> {
         let options = RenderOptions::new(size, size).bounces(bounces);
-        let sharp = BlurSchedule::sharp_sigma(&scene, &camera, size)?;
-        let sharp = options.clone().samples(samples).sigma(sharp).seed(1 << 50);
+        let sharp = options.clone().samples(samples).seed(1 << 50);
         let image = render(&scene, &camera, &sharp)?.radiance;
         Ok(Self {
             scene,
@@ -94,8 +93,9 @@ impl Goal {
         })
     }
 
-    pub fn footprint(&self) -> softray::Result<f64> {
-        pixel_footprint(&self.scene, &self.camera, self.size)
+    /// The angle of a pixel, radians.
+    pub fn pixel(&self) -> softray::Result<f64> {
+        pixel_angle(&self.camera, self.size)
     }
 
     /// Another scene as this one was seen.
@@ -123,8 +123,8 @@ pub trait Problem {
     /// How far parameters are from the target's.
     fn error(&self, module: &Self::Module) -> f64;
 
-    /// The side of a pixel at what the camera looks at, scene units.
-    fn footprint(&self) -> softray::Result<f64>;
+    /// The angle of a pixel, radians.
+    fn pixel(&self) -> softray::Result<f64>;
 
     /// The loss of a step.
     fn evaluate(&self, module: &Self::Module, step: &Step) -> softray::Result<Evaluation>;

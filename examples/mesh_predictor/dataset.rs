@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use softray::prelude::*;
 
 use super::numbers::Numbers;
-use super::render::{Eye, Light, SIZE, Seen, scene, see, sharp};
+use super::render::{Eye, Light, SIZE, Seen, scene, see, options};
 use super::shape::Shape;
 
 /// Paths a pixel of the images.
@@ -92,7 +92,7 @@ impl Item {
         let scene = scene(self.mesh(device), self.colour, &self.light);
         let cameras = self.eyes.iter().map(|eye| eye.camera()).collect();
         let batch = Batch::new(vec![scene], cameras)?;
-        see(&batch, &sharp(SAMPLES).seed(seed))
+        see(&batch, &options(SAMPLES).seed(seed))
     }
 }
 

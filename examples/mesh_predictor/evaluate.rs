@@ -5,7 +5,7 @@ use softray::prelude::*;
 
 use super::dataset::Dataset;
 use super::network::{Bodies, Decoder, Network};
-use super::render::{see, sharp};
+use super::render::{see, options};
 
 /// Paths a pixel of the silhouettes that are compared.
 const SAMPLES: u32 = 4;
@@ -45,7 +45,7 @@ pub fn overlap(
         let eyes = item.eyes.iter().take(eyes);
         let batch = Batch::new(vec![scene], eyes.map(|eye| eye.camera()).collect())?;
         let which: Vec<_> = (0..batch.len()).map(|eye| (i, eye)).collect();
-        let seen = see(&batch, &sharp(SAMPLES))?.opacity;
+        let seen = see(&batch, &options(SAMPLES))?.opacity;
         let target = data.images(&which, device).opacity;
         for eye in 0..batch.len() {
             let one = |t: &Tensor<3>| t.clone().slice([eye..eye + 1]).squeeze_dim::<2>(0);

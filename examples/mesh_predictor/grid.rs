@@ -10,7 +10,7 @@ use super::common::study::curves;
 use super::dataset::Dataset;
 use super::evaluate::Baselines;
 use super::network::{Bodies, Decoder};
-use super::render::{see, sharp};
+use super::render::{see, options};
 
 /// Objects shown.
 const ROWS: usize = 8;
@@ -31,7 +31,7 @@ pub fn write(
         let batch = Batch::new(vec![scene], eyes.map(|eye| eye.camera()).collect())?;
         let which: Vec<_> = (0..batch.len()).map(|eye| (i, eye)).collect();
         let target = data.images(&which, device).radiance;
-        let found = see(&batch, &sharp(SAMPLES))?.radiance;
+        let found = see(&batch, &options(SAMPLES))?.radiance;
         let captions = [
             ["input", "prediction"],
             ["another view", "prediction"],
@@ -70,6 +70,6 @@ pub fn write(
             &["image", "silhouette"],
             true,
         ))
-        .plot(curves(history, "σ, scene units²", &["sigma"], true))
+        .plot(curves(history, "blur, radians", &["blur"], true))
         .write(path)
 }

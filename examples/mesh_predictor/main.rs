@@ -104,7 +104,7 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
     let trained = Fit::new(network, AdamConfig::new().init(), settings.steps)
         .seed(arguments.seed)
         .rate(Rate::cosine(settings.rate))
-        .sigma(settings.blur()?)
+        .blur(settings.blur()?)
         .clip(1.0)
         .folder(arguments.out.join("mesh_predictor"))
         .checkpoint_every(25)

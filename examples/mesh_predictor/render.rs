@@ -8,9 +8,9 @@ pub const SIZE: usize = 64;
 const DISTANCE: f64 = 4.2;
 const FOV: f64 = 29.0;
 
-/// The side of a pixel at the origin, scene units.
-pub fn footprint() -> f64 {
-    2.0 * DISTANCE * (0.5 * FOV.to_radians()).tan() / SIZE as f64
+/// The angle of a pixel, radians.
+pub fn pixel() -> f64 {
+    (2.0 * (0.5 * FOV.to_radians()).tan() / SIZE as f64).atan()
 }
 
 /// What a camera looks from: angles about the y axis, from z towards x, and above the horizon,
@@ -81,21 +81,11 @@ pub fn scene(body: Mesh, colour: impl Into<softray::scene::Albedo>, light: &Ligh
         .environment(light.environment)
 }
 
-/// Triangles that cover less of a ray than this are left out: blur then reaches a tenth less far than
-/// by default.
-const CUTOFF: f64 = 1e-3;
-
 /// Of direct light alone, from so many paths a pixel.
 pub fn options(samples: u32) -> RenderOptions {
     RenderOptions::new(SIZE, SIZE)
         .bounces(0)
-        .cutoff(CUTOFF)
         .samples(samples)
-}
-
-/// The same without blur.
-pub fn sharp(samples: u32) -> RenderOptions {
-    options(samples).sigma((0.02 * footprint()).powi(2))
 }
 
 /// What was seen of many scenes.

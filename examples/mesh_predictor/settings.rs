@@ -2,7 +2,7 @@
 
 use softray::optim::BlurSchedule;
 
-use super::render::footprint;
+use super::render::pixel;
 
 /// Sizes of data, network and training.
 #[derive(Clone, Debug)]
@@ -85,9 +85,8 @@ impl Settings {
         }
     }
 
-    /// Edges blurred by 1.5 pixels at first, and by half a pixel after half of the steps.
+    /// Cones of 4 pixels at first, and of half a pixel after half of the steps.
     pub fn blur(&self) -> softray::Result<BlurSchedule> {
-        let square = |pixels: f64| (pixels * footprint()).powi(2);
-        BlurSchedule::decay(square(1.5), square(0.5), (self.steps / 2).max(1))
+        BlurSchedule::decay(4.0 * pixel(), 0.5 * pixel(), (self.steps / 2).max(1))
     }
 }

@@ -195,7 +195,7 @@ mod tests {
             Ok(GradientsParams::from_grads(gradients, network))
         };
         Fit::new(network, SgdConfig::new().init(), 1)
-            .sigma(settings.blur().expect("a schedule"))
+            .blur(settings.blur().expect("a schedule"))
             .progress(false)
             .run(|network: &Network, step: &_| {
                 let found = gradients(network, step)?;

@@ -10,7 +10,7 @@ use obvhs::{Boundable, BvhBuildParams};
 use pulp::Arch;
 
 use super::hits::{Hit, HitRay, NOTHING};
-use super::leaf::{LANES, Sides};
+use super::leaf::LANES;
 use super::simd::{Machine, Task, dispatch};
 use super::wide::{FEW, Wide};
 use super::{HostTriangle, Reach};
@@ -221,7 +221,7 @@ impl Hierarchy {
         )
     }
 
-    /// The same in code for a machine. Of sides that don't count only those of one object are visited.
+    /// The same in code for a machine.
     #[inline(always)]
     pub(crate) fn visit_on<M: Machine>(
         &self,
@@ -229,16 +229,9 @@ impl Hierarchy {
         ray: (DVec3, DVec3, f64),
         reach: Reach,
         range: (f64, f64),
-        sides: (Option<&[Sides]>, u32),
         f: impl FnMut(u32) -> f64,
     ) -> u32 {
-        self.wide.visit(machine, ray, reach, range, sides, f)
-    }
-
-    /// The sides of triangles that count, those with this times n·d ≥ 0, ready to be asked for; None if
-    /// all do.
-    pub(crate) fn sides(&self, side: &[f64], object: &[u32]) -> Option<Vec<Sides>> {
-        self.wide.sides(side, object)
+        self.wide.visit(machine, ray, reach, range, f)
     }
 }
 
@@ -333,7 +326,7 @@ impl<F: FnMut(u32) -> f64> Task for Visit<'_, F> {
             range,
             f,
         } = self;
-        hierarchy.visit_on(machine, ray, reach, range, (None, u32::MAX), f)
+        hierarchy.visit_on(machine, ray, reach, range, f)
     }
 }
 

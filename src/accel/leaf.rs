@@ -25,19 +25,8 @@ pub(super) struct Leaf {
     used: u32,
 }
 
-/// The sides of the triangles of a leaf that count: those with this times n·d ≥ 0, which are both where
-/// it is 0.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Sides {
-    side: Lanes,
-    object: [u32; LANES],
-}
-
 /// Hits close to a ray's origin are rounded by this share of [`Ray::rounding`].
 const NEAR: f32 = 0.4;
-
-/// n·d in f32 is off by less.
-const ROUNDING_OF_COSINE: f32 = 1e-5;
 
 /// A ray in f32, from a point near the triangles.
 pub(super) struct Ray {
@@ -52,8 +41,6 @@ pub(super) struct Ray {
     pub rounding: f32,
     /// Hits nearer don't count.
     pub from: f32,
-    /// The object of which both sides may count.
-    pub turned: u32,
 }
 
 impl Leaf {
@@ -85,25 +72,13 @@ impl Leaf {
         leaf
     }
 
-    /// The sides that count, and the objects, of the triangles here.
-    pub fn sides(&self, side: &[f64], object: &[u32]) -> Sides {
-        let mut sides = Sides::default();
-        for (i, &k) in self.triangle.iter().enumerate() {
-            if let (Some(&side), Some(&object)) = (side.get(k as usize), object.get(k as usize)) {
-                sides.side[i] = side as f32;
-                sides.object[i] = object;
-            }
-        }
-        sides
-    }
-
     /// The triangles that a ray may meet before `limit`, one bit each, and distances before which it
     /// doesn't, with what it passes beside them.
     #[inline(always)]
     pub fn meet<M: Machine>(
         &self,
         machine: M,
-        (velocity, sides): (Option<&[Lanes; 3]>, Option<&Sides>),
+        velocity: Option<&[Lanes; 3]>,
         ray: &Ray,
         limit: f32,
     ) -> (u32, Lanes) {
@@ -132,12 +107,10 @@ impl Leaf {
             }
         }
         let mut room = [0.0; LANES];
-        let mut cosines = [0.0; LANES];
         let mut near = [0.0; LANES];
         for i in 0..LANES {
             let n = [self.normal[0][i], self.normal[1][i], self.normal[2][i]];
             let cosine = add(add(n[0] * d[0], n[1], d[1]), n[2], d[2]);
-            cosines[i] = cosine;
             let inverse = 1.0 / cosine;
             let above = add(self.plane[i], -n[0], o[0][i]);
             let t = add(add(above, -n[1], o[1][i]), -n[2], o[2][i]) * inverse;
@@ -158,17 +131,7 @@ impl Leaf {
             let between = smaller(add(t, NEAR, rounding) - ray.from, limit - near[i]);
             room[i] = smaller(between, beside + ray.reach);
         }
-        let mut mask = machine.not_negative(&room) & self.used;
-        if let Some(sides) = sides {
-            let mut facing = [0.0; LANES];
-            for i in 0..LANES {
-                // By bits: the compiler makes jumps of a choice.
-                let one = u32::from(sides.object[i] != ray.turned).wrapping_neg();
-                let side = f32::from_bits(sides.side[i].to_bits() & one);
-                facing[i] = add(ROUNDING_OF_COSINE, side, cosines[i]);
-            }
-            mask &= machine.not_negative(&facing);
-        }
+        let mask = machine.not_negative(&room) & self.used;
         (mask, near)
     }
 }

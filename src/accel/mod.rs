@@ -10,7 +10,7 @@ mod wide;
 
 pub use hierarchy::{Hierarchy, HierarchyCache};
 pub(crate) use hits::{Hit, HitRay, NOTHING};
-pub(crate) use leaf::{LANES, Lanes, Sides};
+pub(crate) use leaf::{LANES, Lanes};
 pub(crate) use simd::{F8, Machine, Mask8, Task, dispatch};
 pub use triangle::{HostTriangle, PlaneHit};
 

@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3};
 use obvhs::bvh2::Bvh2;
 
-use super::leaf::{LANES, Lanes, Leaf, Ray, Sides, bits, larger, smaller};
+use super::leaf::{LANES, Lanes, Leaf, Ray, bits, larger, smaller};
 use super::simd::Machine;
 use super::{HostTriangle, Reach};
 
@@ -127,15 +127,9 @@ impl Wide {
         2 * at as u32
     }
 
-    /// The sides of triangles that count, in the order of the leaves; None if all do.
-    pub fn sides(&self, side: &[f64], object: &[u32]) -> Option<Vec<Sides>> {
-        let any = side.iter().any(|&s| s != 0.0);
-        any.then(|| self.leaves.iter().map(|l| l.sides(side, object)).collect())
-    }
-
     /// Calls a function with every triangle that a ray may meet within reach of it between `from`
-    /// and `limit`; the function returns the limit from there on. Sides that don't count are left out if
-    /// they are given, but for those of one object. Returns how many triangles it was called with.
+    /// and `limit`; the function returns the limit from there on. Returns how many triangles it was
+    /// called with.
     #[inline(always)]
     pub fn visit<M: Machine>(
         &self,
@@ -143,13 +137,12 @@ impl Wide {
         ray: (DVec3, DVec3, f64),
         reach: Reach,
         range: (f64, f64),
-        sides: (Option<&[Sides]>, u32),
         f: impl FnMut(u32) -> f64,
     ) -> u32 {
         if self.nodes.is_empty() {
-            self.ask_all(machine, ray, reach, range, sides, f)
+            self.ask_all(machine, ray, reach, range, f)
         } else {
-            self.traverse(machine, ray, reach, range, sides, f)
+            self.traverse(machine, ray, reach, range, f)
         }
     }
 
@@ -160,7 +153,7 @@ impl Wide {
         &self,
         (origin, direction, time): (DVec3, DVec3, f64),
         reach: Reach,
-        (from, turned): (f64, u32),
+        from: f64,
     ) -> (Ray, f64) {
         let skipped = (-origin.dot(direction) - 2.0 * self.extent - reach.most).max(0.0);
         let from_near = origin + direction * skipped;
@@ -173,7 +166,6 @@ impl Wide {
             price: reach.price as f32,
             rounding: (2e-6 * size) as f32,
             from: (from - skipped) as f32,
-            turned,
         };
         (ray, skipped)
     }
@@ -186,18 +178,17 @@ impl Wide {
         ray: (DVec3, DVec3, f64),
         reach: Reach,
         (from, mut limit): (f64, f64),
-        (sides, turned): (Option<&[Sides]>, u32),
         mut f: impl FnMut(u32) -> f64,
     ) -> u32 {
-        let (ray, skipped) = self.near_ray(ray, reach, (from, turned));
+        let (ray, skipped) = self.near_ray(ray, reach, from);
         let end = (limit - skipped) as f32;
         let mut nears = [[0.0; LANES]; FEW / LANES];
-        // A loop of its own for what neither moves nor has sides, so that neither is asked of every leaf.
+        // A loop of its own for what doesn't move, so that it isn't asked of every leaf.
         let moves = self.velocities.as_deref();
-        let mut left = if moves.is_none() && sides.is_none() {
-            self.meet_all(machine, |_| (None, None), &ray, end, &mut nears)
+        let mut left = if moves.is_none() {
+            self.meet_all(machine, |_| None, &ray, end, &mut nears)
         } else {
-            let of_leaf = |i| (moves.and_then(|v| v.get(i)), sides.and_then(|s| s.get(i)));
+            let of_leaf = |i| moves.and_then(|v| v.get(i));
             self.meet_all(machine, of_leaf, &ray, end, &mut nears)
         };
         let near = |i: usize| nears[i / LANES % nears.len()][i % LANES];
@@ -228,7 +219,7 @@ impl Wide {
     fn meet_all<'a, M: Machine>(
         &self,
         machine: M,
-        of_leaf: impl Fn(usize) -> (Option<&'a [Lanes; 3]>, Option<&'a Sides>),
+        of_leaf: impl Fn(usize) -> Option<&'a [Lanes; 3]>,
         ray: &Ray,
         end: f32,
         nears: &mut [Lanes; FEW / LANES],
@@ -249,10 +240,9 @@ impl Wide {
         (origin, direction, time): (DVec3, DVec3, f64),
         reach: Reach,
         (from, mut limit): (f64, f64),
-        (sides, turned): (Option<&[Sides]>, u32),
         mut f: impl FnMut(u32) -> f64,
     ) -> u32 {
-        let (ray, skipped) = self.near_ray((origin, direction, time), reach, (from, turned));
+        let (ray, skipped) = self.near_ray((origin, direction, time), reach, from);
         let slabs = Slabs {
             origin: ray.origin,
             inverse: Vec3::new(
@@ -282,8 +272,7 @@ impl Wide {
             if index % 2 == 1 {
                 let leaf = &self.leaves[at];
                 let end = (limit - skipped) as f32;
-                let sides = sides.and_then(|s| s.get(at));
-                let (mut mask, nears) = leaf.meet(machine, (self.velocity(at), sides), &ray, end);
+                let (mut mask, nears) = leaf.meet(machine, self.velocity(at), &ray, end);
                 while mask != 0 {
                     let i = mask.trailing_zeros() as usize % LANES;
                     mask &= mask - 1;

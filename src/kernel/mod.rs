@@ -73,8 +73,9 @@ pub(crate) struct View {
 pub(crate) struct ViewSettings {
     pub width: u32,
     pub height: u32,
-    /// Radius of the camera's cone in pixels, and tangent of the half-angle of the others.
+    /// The least radius of the pixel filter, in pixels.
     pub pixels: f64,
+    /// The tangent of the half-angle of all cones.
     pub cone: f64,
     pub bounces: u32,
     pub roulette_after: Option<u32>,
@@ -105,6 +106,7 @@ impl View {
             width: settings.width as f32,
             height: settings.height as f32,
         };
+        let pixels_per_tangent = 0.5 * f64::from(model.height) / f64::from(model.half_height);
         let has_map = scene.sky.map().is_some();
         let gathers_map = has_map && settings.multiple_importance;
         let sees_sky = !scene.sky.is_black() && !gathers_map;
@@ -112,7 +114,7 @@ impl View {
         let mut view = Self {
             host_camera: camera,
             camera: model,
-            filter: PixelFilter::new(settings.pixels),
+            filter: PixelFilter::new(settings.pixels.max(settings.cone * pixels_per_tangent)),
             cone: settings.cone as f32,
             cones: settings.sampler.stream(1),
             edges: settings.sampler.stream(2),

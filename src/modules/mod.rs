@@ -40,7 +40,7 @@
 //! let ball = Ball {
 //!     pose: RigidTransform::new(&device),
 //!     surface: MaterialParamsConfig::new().init(&device)?,
-//!     renderer: RendererConfig::new(8, 8).with_samples(2).with_sigma(1e-2).init()?,
+//!     renderer: RendererConfig::new(8, 8).with_samples(2).init()?,
 //!     loss: RenderLossConfig::new().init()?,
 //! };
 //! let loss = ball.forward(Tensor::zeros([8, 8, 3], &Device::flex()), 0)?;

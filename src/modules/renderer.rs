@@ -12,7 +12,7 @@ use crate::visibility::Visibility;
 /// use burn::config::Config;
 /// use softray::modules::RendererConfig;
 /// use softray::prelude::*;
-/// let config = RendererConfig::new(64, 48).with_samples(4).with_visibility(Visibility::softmax(1e-2));
+/// let config = RendererConfig::new(64, 48).with_samples(4).with_visibility(Visibility::cone(1e-2));
 /// let path = std::env::temp_dir().join(format!("softray-{}.json", std::process::id()));
 /// config.save(&path).expect("a file");
 /// let renderer = RendererConfig::load(&path).expect("a configuration").init()?;
@@ -32,11 +32,8 @@ pub struct RendererConfig {
     /// Bounces after the surface that the camera sees.
     #[config(default = 3)]
     pub bounces: u32,
-    /// σ of Eq. 1, the blur of edges in scene units squared.
-    #[config(default = 1e-4)]
-    pub sigma: f64,
-    /// The form of visibility, with its blur in depth.
-    #[config(default = "Visibility::Layered")]
+    /// What rays see, with its blur.
+    #[config(default = "Visibility::default()")]
     pub visibility: Visibility,
     /// How random numbers, surfaces and emitters are chosen.
     #[config(default = "Sampling::default()")]
@@ -51,9 +48,6 @@ pub struct RendererConfig {
     pub russian_roulette: Option<u32>,
     /// The most rays processed at once.
     pub rays_per_tile: Option<usize>,
-    /// Whether fused kernels are used where there are.
-    #[config(default = true)]
-    pub fused: bool,
     /// Whether the backward pass traces the paths again instead of keeping a tape.
     #[config(default = false)]
     pub replay: bool,
@@ -77,12 +71,10 @@ impl RendererConfig {
         let mut options = RenderOptions::new(self.width, self.height)
             .samples(self.samples)
             .bounces(self.bounces)
-            .sigma(self.sigma)
             .visibility(self.visibility)
             .sampling(self.sampling)
             .seed(keyed(self.seed, 0))
-            .cutoff(self.cutoff)
-            .fused(self.fused);
+            .cutoff(self.cutoff);
         if let Some(after) = self.russian_roulette {
             options = options.russian_roulette(after);
         }
@@ -140,12 +132,12 @@ impl Renderer {
         &self.options
     }
 
-    /// With another σ, in scene units squared: for blur that falls over the steps of a fit.
+    /// With another blur ([`RenderOptions::blur`]): for one that falls over the steps of a fit.
     ///
     /// # Errors
-    /// If it is not a finite number > 0.
-    pub fn with_sigma(mut self, sigma: f64) -> Result<Self> {
-        self.options = self.options.sigma(sigma);
+    /// If it is out of its range.
+    pub fn with_blur(mut self, blur: f64) -> Result<Self> {
+        self.options = self.options.blur(blur);
         self.options.check()?;
         Ok(self)
     }

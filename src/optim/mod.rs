@@ -17,4 +17,4 @@ pub use fit::{Evaluation, Fit, Fitted, History, Rate, Report, Row, Step, Stop};
 #[cfg(feature = "fit")]
 pub use large_steps::{LargeSteps, LargeStepsConfig, LargeStepsState};
 pub use mesh::MeshRegulariser;
-pub use schedule::{Blur, BlurSchedule, PlateauBlur, pixel_footprint};
+pub use schedule::{Blur, BlurSchedule, PlateauBlur, pixel_angle};

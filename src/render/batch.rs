@@ -170,7 +170,7 @@ impl Batch {
 ///     .environment([1.0, 1.0, 1.0]);
 /// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
 /// let batch = Batch::new(vec![scene; 3], vec![camera])?.with_vertices("body", vertices)?;
-/// let options = RenderOptions::new(16, 16).samples(2).bounces(0).sigma(1e-2);
+/// let options = RenderOptions::new(16, 16).samples(2).bounces(0);
 /// let images = render_batch(&batch, &options)?;
 /// assert_eq!(images.radiance.dims(), [3, 16, 16, 3]);
 /// let gradients = images.radiance.mean().backward();

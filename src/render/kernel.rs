@@ -73,8 +73,8 @@ impl Parent {
     }
 }
 
-fn prepare(batch: &Batch, options: &RenderOptions) -> Result<Prepared> {
-    let [pixels, angle] = options.visibility.cone();
+fn prepare(batch: &Batch, options: &RenderOptions, cone: [f64; 2]) -> Result<Prepared> {
+    let [angle, pixels] = cone;
     let read = |index: usize| {
         let mut scene = batch.scene(index, false);
         visit_scene(&mut scene, &mut Detach);
@@ -240,10 +240,12 @@ impl Rows {
     }
 }
 
-/// Renders pixels of all views (all pixels, if there is no list).
+/// Renders pixels of all views (all pixels, if there is no list), with cones of a half-angle (radians)
+/// and a pixel filter of a radius (pixels).
 pub(super) fn render(
     batch: &Batch,
     options: &RenderOptions,
+    cone: [f64; 2],
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Means> {
     let Prepared {
@@ -252,7 +254,7 @@ pub(super) fn render(
         parent,
         parent_size,
         context,
-    } = prepare(batch, options)?;
+    } = prepare(batch, options, cone)?;
     let pixels = pixels.unwrap_or_else(|| {
         let count = (options.width * options.height) as u32;
         Arc::new((0..count).collect())

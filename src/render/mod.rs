@@ -2,7 +2,6 @@
 
 mod batch;
 mod film;
-mod fused;
 mod kernel;
 mod options;
 mod replay;
@@ -14,6 +13,7 @@ use burn::tensor::{Device, Tensor};
 
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Collect, ParameterId, Scene, Visit, visit_camera, visit_scene};
+use crate::visibility::{Softmax, Visibility};
 
 pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use batch::{Batch, render_batch};
@@ -91,15 +91,22 @@ fn render_views(
         Some(pixels) => [pixels.len(), 1],
         None => [options.width, options.height],
     };
-    let mut means = if matches!(
-        options.visibility,
-        crate::visibility::Visibility::Cone { .. }
-    ) {
-        kernel::render(batch, options, pixels)?
-    } else if fused::can_render(batch, options) {
-        fused::render(batch, options, pixels)?
-    } else {
-        tensors::render(batch, options, pixels)?
+    let mut means = match options.visibility {
+        Visibility::Cone { angle, pixels: radius } => {
+            kernel::render(batch, options, [angle, radius], pixels)?
+        }
+        Visibility::Softmax {
+            sigma,
+            gamma,
+            epsilon,
+        } => {
+            let form = Softmax {
+                sigma,
+                gamma,
+                epsilon,
+            };
+            tensors::render(batch, options, form, pixels)?
+        }
     };
     means.mean = with_gradient(means.mean, batch);
     Ok(means.images(size, options.outputs))

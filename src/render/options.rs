@@ -19,7 +19,6 @@ pub struct RenderOptions {
     pub(super) height: usize,
     pub(super) samples: u32,
     pub(super) bounces: u32,
-    pub(super) sigma: f64,
     pub(super) visibility: Visibility,
     pub(super) sampling: Sampling,
     pub(super) seed: u64,
@@ -30,7 +29,6 @@ pub struct RenderOptions {
     pub(super) diagnostics: bool,
     pub(super) brute_force: bool,
     pub(super) replay: bool,
-    pub(super) fused: bool,
     pub(super) cache: Option<HierarchyCache>,
     pub(super) cutoff: f64,
     pub(super) progress: Option<Progress>,
@@ -52,7 +50,6 @@ impl fmt::Debug for RenderOptions {
             .field("height", &self.height)
             .field("samples", &self.samples)
             .field("bounces", &self.bounces)
-            .field("sigma", &self.sigma)
             .field("visibility", &self.visibility)
             .field("sampling", &self.sampling)
             .field("seed", &self.seed)
@@ -63,7 +60,6 @@ impl fmt::Debug for RenderOptions {
             .field("diagnostics", &self.diagnostics)
             .field("brute_force", &self.brute_force)
             .field("replay", &self.replay)
-            .field("fused", &self.fused)
             .field("cache", &self.cache)
             .field("cutoff", &self.cutoff)
             .finish_non_exhaustive()
@@ -71,7 +67,7 @@ impl fmt::Debug for RenderOptions {
 }
 
 impl RenderOptions {
-    /// An image of width × height pixels: 16 samples, 3 bounces, layered visibility, σ = 1e-4,
+    /// An image of width × height pixels: 16 samples, 3 bounces, cones without an angle,
     /// seed 0.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
@@ -79,8 +75,7 @@ impl RenderOptions {
             height,
             samples: 16,
             bounces: 3,
-            sigma: 1e-4,
-            visibility: Visibility::Layered,
+            visibility: Visibility::default(),
             sampling: Sampling::default(),
             seed: 0,
             roulette_after: None,
@@ -90,7 +85,6 @@ impl RenderOptions {
             diagnostics: false,
             brute_force: false,
             replay: false,
-            fused: true,
             cache: None,
             cutoff: 1e-4,
             progress: None,
@@ -109,34 +103,20 @@ impl RenderOptions {
         self
     }
 
-    /// σ of Eq. 1 in scene units squared, and γ of the form of visibility in units of the scene's
-    /// depth. The layered form with its hard order in depth, which is the default, has no γ: choose
-    /// another form first.
-    pub fn blur(mut self, sigma: f64, gamma: f64) -> Self {
-        if let Visibility::Softmax { gamma: g, .. } | Visibility::LayeredSoft { gamma: g } =
-            &mut self.visibility
-        {
-            *g = gamma;
+    /// The blur of the form of visibility: the half-angle of cones in radians, or σ of the softmax in
+    /// scene units squared.
+    pub fn blur(mut self, blur: f64) -> Self {
+        match &mut self.visibility {
+            Visibility::Cone { angle, .. } => *angle = blur,
+            Visibility::Softmax { sigma, .. } => *sigma = blur,
         }
-        self.sigma(sigma)
-    }
-
-    /// σ of Eq. 1, the blur of edges in scene units squared.
-    pub fn sigma(mut self, sigma: f64) -> Self {
-        self.sigma = sigma;
         self
     }
 
-    /// The form of visibility, with its blur in depth.
+    /// What rays see: hard surfaces by rays of cones, or the paper's softmax, each with its blur.
     pub fn visibility(mut self, visibility: Visibility) -> Self {
         self.visibility = visibility;
         self
-    }
-
-    /// The form of visibility that was chosen.
-    #[cfg(feature = "fit")]
-    pub(crate) fn form(&self) -> Visibility {
-        self.visibility
     }
 
     /// How random numbers, surfaces and emitters are chosen.
@@ -174,8 +154,8 @@ impl RenderOptions {
         self
     }
 
-    /// Fixes the bounds that set the scale of depths and tolerances. Finite differences need the
-    /// same bounds on both sides.
+    /// For the softmax: fixes the bounds that set the scale of depths and tolerances. Finite differences
+    /// need the same bounds on both sides.
     pub fn bounds(mut self, bounds: Bounds) -> Self {
         self.bounds = Some(bounds);
         self
@@ -211,31 +191,22 @@ impl RenderOptions {
         self
     }
 
-    /// Also counts what is degenerate, which takes time.
+    /// For the softmax: also counts what is degenerate, which takes time.
     pub fn with_diagnostics(mut self) -> Self {
         self.diagnostics = true;
         self
     }
 
-    /// Whether paths are traced by fused kernels on the CPU, forward and backward, each path in one go:
-    /// the default. Without them, for diagnostics, and on GPUs, each step of a path is a chain of
-    /// tensor operations over all rays of a tile, which is the specification of what they do: the same
-    /// image and gradients, up to rounding. Fused kernels need no tape, so [`RenderOptions::replay`]
-    /// makes no difference to them.
-    pub fn fused(mut self, fused: bool) -> Self {
-        self.fused = fused;
-        self
-    }
-
-    /// Asks every triangle for every ray, in tensors: the specification, slow. GPUs do this anyway.
+    /// For the softmax: asks every triangle for every ray, in tensors, as it does on GPUs. Slow; it is the
+    /// specification of what is done by a hierarchy of boxes.
     pub fn brute_force(mut self) -> Self {
         self.brute_force = true;
         self
     }
 
-    /// Keeps no tape of the paths: the image is one node of the graph, and its backward pass traces
-    /// them again, tile by tile, on all cores. Memory then does not grow with samples, bounces or
-    /// pixels; the forward pass is done twice.
+    /// For the softmax: keeps no tape of the paths. The image is one node of the graph, and its backward
+    /// pass traces them again, tile by tile, on all cores. Memory then does not grow with samples,
+    /// bounces or pixels; the forward pass is done twice. Cones always work so.
     pub fn replay(mut self) -> Self {
         self.replay = true;
         self
@@ -248,7 +219,7 @@ impl RenderOptions {
         self
     }
 
-    /// Triangles that cover less of a ray than this, and what lies behind more than 1 − this, are
+    /// For the softmax: triangles that cover less of a ray than this, and what lies behind more than 1 − this, are
     /// left out (1e-4 by default).
     pub fn cutoff(mut self, cutoff: f64) -> Self {
         self.cutoff = cutoff;
@@ -281,14 +252,6 @@ impl RenderOptions {
                 "width × height",
                 size,
                 "at most 2³² − 1 pixels",
-            ));
-        }
-        if !(self.sigma.is_finite() && self.sigma > 0.0) {
-            return Err(Error::invalid(
-                options,
-                "sigma",
-                self.sigma,
-                "a finite number > 0",
             ));
         }
         if !(self.cutoff > 0.0 && self.cutoff < 0.5) {

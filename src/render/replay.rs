@@ -22,6 +22,7 @@ use crate::accel::Hierarchy;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::scene::{Camera, Flattened, Replace, Scene, visit_tensors};
+use crate::visibility::Softmax;
 
 /// From the gradient of the output to that of the parameters, both on the host.
 #[derive(Clone)]
@@ -124,6 +125,7 @@ pub(super) struct Retraced {
     pub scene: Scene,
     pub camera: Camera,
     pub options: RenderOptions,
+    pub form: Softmax,
     pub pixels: Option<Arc<Vec<u32>>>,
     /// Without tape.
     pub parameters: Tensor<1>,
@@ -155,7 +157,7 @@ impl Retraced {
             let renderer = Renderer::new(
                 &flattened,
                 &camera,
-                &self.options,
+                (&self.options, self.form),
                 pixels_of,
                 hierarchy.clone(),
             )?;

@@ -1,4 +1,4 @@
-//! Renders as chains of tensor operations, tile by tile: the specification, and what GPUs run.
+//! Renders the softmax form as chains of tensor operations, tile by tile.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -17,18 +17,19 @@ use crate::scene::{Camera, Collect, Detach, Flattened, Scene, visit_tensors};
 use crate::transport::{
     Census, Diagnostics, Dimension, Lights, PathSettings, Sampler, Sky, Transport, trace,
 };
-use crate::visibility::{Rays, Sparse};
+use crate::visibility::{Rays, Softmax, Sparse};
 
 /// Renders the views of a batch one after another.
 pub(super) fn render(
     batch: &Batch,
     options: &RenderOptions,
+    form: Softmax,
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Means> {
     let mut rendered = Vec::with_capacity(batch.views.len());
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
         let scene = batch.scene(*scene, true);
-        let view = View::render(&scene, camera, &options.of_view(index), pixels.clone());
+        let view = View::render(&scene, camera, &options.of_view(index), form, pixels.clone());
         rendered.push(view.map_err(of_batch("view", index))?);
     }
     let objects = rendered.iter().map(|v| v.objects).max().unwrap_or(0);
@@ -79,6 +80,7 @@ impl View {
         scene: &Scene,
         camera: &Camera,
         options: &RenderOptions,
+        form: Softmax,
         pixels: Option<Arc<Vec<u32>>>,
     ) -> Result<Self> {
         let mut collected = Collect::default();
@@ -87,7 +89,7 @@ impl View {
         }
         if collected.rows.is_empty() {
             let flattened = Flattened::new(scene, camera, options.bounds)?;
-            let renderer = Renderer::new(&flattened, camera, options, pixels, None)?;
+            let renderer = Renderer::new(&flattened, camera, (options, form), pixels, None)?;
             let (mean, found) = renderer.render()?;
             return Ok(Self::new(&renderer, mean, found));
         }
@@ -100,10 +102,11 @@ impl View {
             scene: scene.clone(),
             camera: camera.clone(),
             options: options.clone().bounds_or(flattened.bounds),
+            form,
             pixels: pixels.clone(),
             parameters: plain(&parameters),
         };
-        let renderer = Renderer::new(&flattened, &still_camera, options, pixels, None)?;
+        let renderer = Renderer::new(&flattened, &still_camera, (options, form), pixels, None)?;
         let (mean, found) = renderer.render()?;
         let hierarchy = renderer.sparse.as_ref().map(Sparse::hierarchy);
         let retrace = Retrace(Arc::new(move |upstream| {
@@ -153,7 +156,7 @@ impl<'a> Renderer<'a> {
     pub(super) fn new(
         scene: &'a Flattened,
         camera: &'a Camera,
-        options: &'a RenderOptions,
+        (options, form): (&'a RenderOptions, Softmax),
         pixels: Option<Arc<Vec<u32>>>,
         hierarchy: Option<Arc<Hierarchy>>,
     ) -> Result<Self> {
@@ -174,7 +177,7 @@ impl<'a> Renderer<'a> {
             sampler: sampler(options),
             lights: Arc::new(Lights::new(scene, options.sampling.emitters)?),
             sky: Sky::new(scene)?,
-            settings: settings(scene, options),
+            settings: settings(scene, options, form),
             sparse,
             pixels,
         })
@@ -330,10 +333,12 @@ impl<'a> Renderer<'a> {
 }
 
 /// What a path does in a scene.
-pub(super) fn settings(scene: &Flattened, options: &RenderOptions) -> PathSettings {
+fn settings(scene: &Flattened, options: &RenderOptions, form: Softmax) -> PathSettings {
     PathSettings {
-        sigma: options.sigma / (scene.unit * scene.unit),
-        visibility: options.visibility,
+        softmax: Softmax {
+            sigma: form.sigma / (scene.unit * scene.unit),
+            ..form
+        },
         diagnostics: options.diagnostics,
         bounces: options.bounces,
         roulette_after: options.roulette_after,

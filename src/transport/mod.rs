@@ -4,7 +4,6 @@ mod batch;
 mod bsdf;
 mod diagnostics;
 mod emitters;
-mod fused;
 mod lights;
 mod path;
 pub(crate) mod sampler;
@@ -15,7 +14,6 @@ mod texture;
 mod tracer;
 
 pub use diagnostics::Diagnostics;
-pub(crate) use fused::{Fused, FusedParts, Gradient, Host, Pixel, Tables, TileLog, Work};
 pub(crate) use lights::Lights;
 pub(crate) use path::{Radiance, trace};
 pub(crate) use sampler::{Dimension, Sampler};

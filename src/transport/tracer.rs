@@ -10,17 +10,15 @@ use crate::error::Result;
 use crate::geometry::Context;
 use crate::scene::Flattened;
 use crate::visibility::{
-    Coverage, CoverageSettings, DepthRange, Rays, Sparse, SparseWeights, Visibility, Weights,
-    coverage,
+    Coverage, CoverageSettings, DepthRange, Rays, Softmax, Sparse, SparseWeights, Weights, coverage,
+    transmittance, weights,
 };
 
 /// What a path does.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {
-    /// σ of Eq. 1, in units of the flattened scene, squared.
-    pub sigma: f64,
-    /// The form of visibility.
-    pub visibility: Visibility,
+    /// How surfaces share a ray, in units of the flattened scene.
+    pub softmax: Softmax,
     /// Bounces after the surface that the camera sees; 0 is direct light only.
     pub bounces: u32,
     /// Whether to count what is degenerate.
@@ -43,9 +41,9 @@ impl PathSettings {
     /// What Eq. 1 depends on.
     pub(super) fn coverage(&self, radius: f64) -> CoverageSettings {
         CoverageSettings {
-            sigma: self.sigma,
+            sigma: self.softmax.sigma,
             t_min: self.t_min(radius),
-            start: START * self.sigma,
+            start: START * self.softmax.sigma,
             arrival_margin: 1e-4,
         }
     }
@@ -202,7 +200,7 @@ impl<'a> Tracer<'a> {
         let scene = self.scene();
         let range = DepthRange::new(rays, scene.radius());
         let (context, topology) = (&scene.context, &scene.topology);
-        let form = self.transport.settings.visibility;
+        let form = self.transport.settings.softmax;
         self.census.borrow_mut().rays += rays.len() as u64;
         if let Some(sparse) = self.transport.sparse {
             let settings = self.coverage_settings();
@@ -217,7 +215,7 @@ impl<'a> Tracer<'a> {
             }
             return Ok(RayWeights::Sparse(Box::new(weights)));
         }
-        let weights = form.weights(context, topology, self.coverage(rays), range)?;
+        let weights = weights(self.coverage(rays), range, form);
         if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
             d.weights(&weights, &scene.triangles.valid)?;
         }
@@ -228,7 +226,7 @@ impl<'a> Tracer<'a> {
     pub(crate) fn transmittance(&self, rays: &Rays, needed: &[bool]) -> Result<Tensor<2>> {
         let scene = self.scene();
         let (context, topology) = (&scene.context, &scene.topology);
-        let form = self.transport.settings.visibility;
+        let form = self.transport.settings.softmax;
         if let Some(sparse) = self.transport.sparse {
             let settings = self.coverage_settings();
             let (passed, offered) =
@@ -239,6 +237,6 @@ impl<'a> Tracer<'a> {
             return Ok(passed);
         }
         self.census.borrow_mut().rays += rays.len() as u64;
-        Ok(form.transmittance(context, topology, &self.coverage(rays)))
+        Ok(transmittance(&self.coverage(rays)))
     }
 }

@@ -63,8 +63,6 @@ pub struct Coverage {
     pub cosine: Tensor<2>,
     /// exp(−|logit|).
     pub(crate) decay: Tensor<2>,
-    /// Layers with less room than this are full.
-    pub(crate) full: f64,
     /// Whether the pair counts at all; softened pairs do only inside.
     pub counted: Tensor<2, Bool>,
     /// Pairs that count by max(0, 2p − 1): neighbours of a triangle at an end of the ray.
@@ -142,12 +140,6 @@ impl Coverage {
         let value = plain(&sum);
         Some(sum - value)
     }
-}
-
-/// At a seam of one object Σ p is 1 up to rounding: less room than this is none. An offset of ε
-/// in the plane moves D/σ by about 2ε/√σ there.
-pub(crate) fn full_room(epsilon: f64, sigma: f64) -> f64 {
-    (4.0 * epsilon / sigma.sqrt()).clamp(64.0 * epsilon, 0.05)
 }
 
 /// The cosine |n·d| up to which a ray counts as parallel to a triangle.
@@ -251,7 +243,6 @@ pub fn coverage(
         (missing.clone().neg() + 1.0, scaled * 2.0 * missing)
     });
     Coverage {
-        full: full_room(context.epsilon(), settings.sigma),
         t: plain_t,
         begun,
         cosine: plain_cosine,

@@ -1,151 +1,113 @@
-//! Blurred visibility: how much each triangle counts along a ray (Eq. 1), how the surfaces of a
-//! ray share its weight (Eq. 2–3), and how much light passes along a segment.
+//! What the paths of a render see: hard surfaces along the rays of cones, or the paper's blurred
+//! triangles (Eq. 1), which share a ray by a softmax over depth (Eq. 3).
 //!
-//! Every form reduces to values without tape and a *linear* attached part: the derivative of a
-//! weight with respect to the logits and distances of its pairs is known in closed form, so only
-//! those two enter the graph, multiplied by coefficients that carry no tape.
+//! The rest of this folder is the softmax. Its weights and transmittances are values without tape and a
+//! *linear* attached part: the derivative of a weight with respect to the logits and distances of its
+//! pairs is known in closed form, so only those two enter the graph, multiplied by coefficients that
+//! carry no tape.
 
 mod depth;
 mod edge;
-mod layered;
-mod slots;
-mod soft_order;
-mod soft_pairs;
 mod softmax;
 mod sparse;
 mod transmittance;
 mod weights;
 
-use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::geometry::{Context, Topology};
 
 pub use depth::DepthRange;
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
-pub(crate) use edge::{full_room, grazing};
-pub(crate) use sparse::{
-    Finder, HostRay, PullScratch, Span, Surface, Weighed, cutoff_of_triangle, host_triangles,
-};
+pub(crate) use edge::grazing;
 pub use sparse::{Sparse, SparseWeights};
+pub use softmax::{Softmax, weights};
+pub use transmittance::transmittance;
 pub use weights::Weights;
 
-/// How the surfaces that a ray meets share its weight, and how much light passes along a segment.
-/// `docs/VISIBILITY.md` compares the forms by measurement: [`Visibility::Layered`] is the accurate
-/// one.
+/// What the rays of a render see, and so what its gradients are derivatives of.
+///
+/// `docs/VISIBILITY.md` compares both forms by measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Visibility {
-    /// The paper's (Eq. 3, corrected): softmax over log p_k + z_k/γ and ε/γ for the background,
-    /// z_k = (far − t_k)/(far − near); light passes by ∏(1 − p_k) over triangles.
+    /// Hard surfaces, blurred by rays that are jittered within cones: the default.
+    ///
+    /// A camera ray passes its pixel's point through a filter; a bounce or shadow ray leaves its surface
+    /// about the direction that was sampled for it. Both have a smooth kernel, so that an image is a
+    /// differentiable function of the geometry. Gradients are those of the image that is rendered:
+    /// silhouettes, borders, creases, and lines in which surfaces pass through each other are sampled
+    /// for them on their own, so that they are right, and not noisier, at an angle of 0.
+    Cone {
+        /// Half-angle of the cones, radians, from 0 on and under 0.5. It softens shadows and
+        /// reflections by 0.35 of it (a standard deviation), and the image by as much.
+        angle: f64,
+        /// Radius of the pixel filter beyond the pixel itself, in pixels, from 0 on; a larger one where
+        /// the angle asks for it. The kernel is (1 − r²)² in x and y.
+        pixels: f64,
+    },
+    /// The paper's form (Eq. 1 and 3, corrected): each triangle counts by p = sigmoid(±D/σ), with D the
+    /// squared distance of a ray's hit from the border in the triangle's plane; the triangles of a ray
+    /// share it by a softmax over log p_k + z_k/γ and ε/γ for the background, z_k = (far − t_k)/(far −
+    /// near); light passes by ∏(1 − p_k).
     Softmax {
+        /// Blur of edges σ, in scene units squared.
+        sigma: f64,
         /// Blur in depth γ, in units of the scene's depth.
         gamma: f64,
         /// ε, the score of the background.
         epsilon: f64,
     },
-    /// Layers of an object's front or back triangles: C_ℓ(t) = Σ p_j over those nearer than t,
-    /// T(t) = ∏(1 − min(1, C_ℓ(t))), W_k = T just before t_k − T just after; light passes by T.
-    /// The order in depth is hard: where surfaces pass through each other their crossing has no
-    /// gradient.
-    Layered,
-    /// The same with sigmoid((z_j − z_k)/γ) in place of t_j < t_k, which gives the crossing of
-    /// surfaces a gradient.
-    LayeredSoft {
-        /// Blur in depth γ, in units of the scene's depth.
-        gamma: f64,
-    },
-    /// Rays are cones.
-    Cone {
-        /// Half-angle of the cones, radians.
-        angle: f64,
-        /// Radius in pixels.
-        pixels: f64,
-    },
+}
+
+impl Default for Visibility {
+    /// Cones without an angle, and a pixel filter with a radius of half a pixel.
+    fn default() -> Self {
+        Self::cone(0.0)
+    }
 }
 
 impl Visibility {
-    /// The softmax form with ε = 1e-3.
-    pub fn softmax(gamma: f64) -> Self {
+    /// Cones of a half-angle in radians, with a pixel filter of half a pixel.
+    pub fn cone(angle: f64) -> Self {
+        Self::Cone { angle, pixels: 0.5 }
+    }
+
+    /// The softmax form with ε = 1e-3; σ in scene units squared, γ in units of the scene's depth.
+    pub fn softmax(sigma: f64, gamma: f64) -> Self {
         Self::Softmax {
+            sigma,
             gamma,
             epsilon: 1e-3,
         }
     }
 
-    pub(crate) fn cone(&self) -> [f64; 2] {
-        match *self {
-            Self::Cone { angle, pixels } => [pixels, angle],
-            _ => [0.0; 2],
-        }
-    }
-
     pub(crate) fn check(&self) -> Result<()> {
-        let positive = |gamma: f64| {
-            if gamma.is_finite() && gamma > 0.0 {
-                return Ok(());
-            }
-            Err(Error::invalid(
-                "options",
-                "gamma",
-                gamma,
-                "a finite number > 0",
-            ))
-        };
+        let invalid = |field, value, expected| Err(Error::invalid("options", field, value, expected));
         match *self {
-            Self::Softmax { gamma, epsilon } => {
-                positive(gamma)?;
-                if epsilon.is_finite() {
-                    return Ok(());
+            Self::Cone { angle, pixels } => {
+                if !(0.0..0.5).contains(&angle) {
+                    return invalid("angle", angle, "radians in [0, 0.5)");
                 }
-                Err(Error::invalid(
-                    "options",
-                    "epsilon",
-                    epsilon,
-                    "a finite number",
-                ))
+                if !(0.0..=64.0).contains(&pixels) {
+                    return invalid("pixels", pixels, "a number in [0, 64]");
+                }
             }
-            Self::Layered => Ok(()),
-            Self::LayeredSoft { gamma } => positive(gamma),
-            Self::Cone { .. } => Ok(()),
-        }
-    }
-
-    /// The weights of all surfaces of each ray.
-    ///
-    /// # Errors
-    /// If the order in depth can't be read back from the device.
-    pub fn weights(
-        &self,
-        context: &Context,
-        topology: &Topology,
-        coverage: Coverage,
-        range: DepthRange,
-    ) -> Result<Weights> {
-        match *self {
-            Self::Softmax { gamma, epsilon } => {
-                Ok(softmax::weights(coverage, range, gamma, epsilon))
-            }
-            Self::Layered | Self::Cone { .. } => layered::weights(context, topology, coverage),
-            Self::LayeredSoft { gamma } => {
-                soft_order::weights(context, topology, coverage, range, gamma)
+            Self::Softmax {
+                sigma,
+                gamma,
+                epsilon,
+            } => {
+                for (field, value) in [("sigma", sigma), ("gamma", gamma)] {
+                    if !(value.is_finite() && value > 0.0) {
+                        return invalid(field, value, "a finite number > 0");
+                    }
+                }
+                if !(epsilon.is_finite() && epsilon >= 0.0) {
+                    return invalid("epsilon", epsilon, "a finite number ≥ 0");
+                }
             }
         }
-    }
-
-    /// The share of light that passes all counted triangles: a row `[1, N]`, in the graph if a
-    /// gradient can flow.
-    pub fn transmittance(
-        &self,
-        context: &Context,
-        topology: &Topology,
-        coverage: &Coverage,
-    ) -> Tensor<2> {
-        match self {
-            Self::Softmax { .. } => transmittance::transmittance(coverage),
-            Self::Layered | Self::LayeredSoft { .. } | Self::Cone { .. } => {
-                layered::transmittance(context, topology, coverage)
-            }
-        }
+        Ok(())
     }
 }

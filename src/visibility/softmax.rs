@@ -2,8 +2,18 @@
 
 use burn::tensor::Tensor;
 
-use super::weights::Derivative;
 use super::{Coverage, DepthRange, Weights};
+
+/// What the paper's form depends on.
+#[derive(Clone, Copy, Debug)]
+pub struct Softmax {
+    /// Blur of edges σ, a length squared.
+    pub sigma: f64,
+    /// Blur in depth γ, in units of the scene's depth.
+    pub gamma: f64,
+    /// ε, the score of the background.
+    pub epsilon: f64,
+}
 
 /// Derivatives of the scores.
 #[derive(Clone, Debug)]
@@ -17,7 +27,8 @@ pub(super) struct Slopes {
 }
 
 /// Weights of all surfaces of each ray: softmax over log p_k + z_k/γ and ε/γ for the background.
-pub(super) fn weights(coverage: Coverage, range: DepthRange, gamma: f64, epsilon: f64) -> Weights {
+pub fn weights(coverage: Coverage, range: DepthRange, form: Softmax) -> Weights {
+    let Softmax { gamma, epsilon, .. } = form;
     let DepthRange { near, far, change } = range;
     let per_depth = (far.clone() - near.clone()).recip() / gamma;
     let score = (far.clone() - coverage.t.clone()) * per_depth.clone();
@@ -85,7 +96,7 @@ pub(super) fn weights(coverage: Coverage, range: DepthRange, gamma: f64, epsilon
         surfaces: weight / total.clone(),
         background: rest / total,
         coverage,
-        derivative: slopes.map_or(Derivative::None, |s| Derivative::Softmax(Box::new(s))),
+        slopes: slopes.map(Box::new),
     }
 }
 

@@ -6,7 +6,7 @@ use super::Coverage;
 /// `[1, N]`; in the graph if a gradient can flow.
 ///
 /// The paper writes 1 − ∏(1 − p_k) for it, which is the opacity.
-pub(super) fn transmittance(coverage: &Coverage) -> Tensor<2> {
+pub fn transmittance(coverage: &Coverage) -> Tensor<2> {
     let inside = coverage.inside();
     let one_plus = coverage.decay.clone() + 1.0;
     // 1 − p = sigmoid(−logit); a softened pair, which counts only inside,

@@ -1,8 +1,6 @@
 use burn::tensor::Tensor;
 
 use super::Coverage;
-use super::layered::Layers;
-use super::soft_order::SoftOrder;
 use super::softmax::Slopes;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, plain};
@@ -15,17 +13,8 @@ pub struct Weights {
     /// W of the background `[1, N]`, without tape.
     pub background: Tensor<2>,
     pub(super) coverage: Coverage,
-    pub(super) derivative: Derivative,
-}
-
-/// How the weights depend on logits and distances, by form.
-#[derive(Clone, Debug)]
-pub(super) enum Derivative {
-    /// No gradient can flow.
-    None,
-    Softmax(Box<Slopes>),
-    Layered(Box<Layers>),
-    SoftOrder(Box<SoftOrder>),
+    /// Derivatives of the scores, where a gradient can flow.
+    pub(super) slopes: Option<Box<Slopes>>,
 }
 
 impl Weights {
@@ -59,19 +48,9 @@ impl Weights {
     /// W_k / stop_gradient(W_k) of the drawn surfaces `[1, N]`: 1, with the derivative of log W_k.
     /// None if no gradient can flow.
     pub fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
-        let change = match &self.derivative {
-            Derivative::None => None,
-            Derivative::Softmax(slopes) => {
-                let share =
-                    one_hot(context, drawn, self.surfaces.dims()[0]) - self.surfaces.clone();
-                slopes.change(&self.coverage, share)
-            }
-            Derivative::Layered(layers) => {
-                self.coverage.by_probability(layers.by_log(context, drawn))
-            }
-            Derivative::SoftOrder(order) => order.by_log(context, drawn),
-        };
-        Some(change? + 1.0)
+        let slopes = self.slopes.as_ref()?;
+        let share = one_hot(context, drawn, self.surfaces.dims()[0]) - self.surfaces.clone();
+        Some(slopes.change(&self.coverage, share)? + 1.0)
     }
 
     /// Σ W_k·v_k + W_background·v of a quantity of the surfaces `[T, N]` or `[T, 1]` and of the
@@ -83,22 +62,11 @@ impl Weights {
             mean = mean + self.background.clone() * background.clone();
         }
         let values = plain(&surfaces).expand(self.surfaces.dims());
-        let background = match &background {
-            Some(b) => plain(b).expand(self.background.dims()),
-            None => self.background.zeros_like(),
-        };
-        let change = match &self.derivative {
-            Derivative::None => None,
-            Derivative::Softmax(slopes) => {
-                // ∂ mean/∂ score_k = W_k·(v_k − mean)
-                let share = (values - plain(&mean)) * self.surfaces.clone();
-                slopes.change(&self.coverage, share)
-            }
-            Derivative::Layered(layers) => self
-                .coverage
-                .by_probability(layers.by_mean(values, background)),
-            Derivative::SoftOrder(order) => Some(order.by_mean(values, background)),
-        };
+        let change = self.slopes.as_ref().and_then(|slopes| {
+            // ∂ mean/∂ score_k = W_k·(v_k − mean)
+            let share = (values - plain(&mean)) * self.surfaces.clone();
+            slopes.change(&self.coverage, share)
+        });
         match change {
             Some(change) => mean + change,
             None => mean,

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::edges::{Edge, Kind};
 use super::vertex::EdgePoint;
-use crate::accel::NOTHING;
+use crate::accel::{Machine, NOTHING, Task, dispatch};
 use crate::kernel::View;
 use crate::kernel::gradient::Sums;
 use crate::kernel::path::{Path, Seen, Walk};
@@ -122,6 +122,37 @@ pub(crate) struct FilmEdges {
 impl FilmEdges {
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
+    }
+}
+
+/// [`View::film_backward`] as a task.
+struct FilmSamples<'a> {
+    view: &'a View,
+    edges: &'a FilmEdges,
+    pixels: &'a PixelGradients,
+    range: std::ops::Range<u32>,
+    count: u32,
+    work: &'a mut Work,
+    sums: &'a mut Sums,
+}
+
+impl Task for FilmSamples<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, _machine: M) {
+        let Self {
+            view,
+            edges,
+            pixels,
+            range,
+            count,
+            work,
+            sums,
+        } = self;
+        for i in range {
+            view.film_sample(edges, pixels, i, count, work, sums);
+        }
     }
 }
 
@@ -297,11 +328,19 @@ impl View {
         work: &mut Work,
         sums: &mut Sums,
     ) {
-        for i in range {
-            self.film_sample(edges, pixels, i, count, work, sums);
-        }
+        let samples = FilmSamples {
+            view: self,
+            edges,
+            pixels,
+            range,
+            count,
+            work,
+            sums,
+        };
+        dispatch(self.arch, samples);
     }
 
+    #[inline(always)]
     fn film_sample(
         &self,
         edges: &FilmEdges,

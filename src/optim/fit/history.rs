@@ -13,10 +13,8 @@ pub struct Row {
     pub gradient_norm: f64,
     /// The learning rate.
     pub rate: f64,
-    /// σ, scene units squared, if it had a schedule.
-    pub sigma: Option<f64>,
-    /// γ, if it had a schedule.
-    pub gamma: Option<f64>,
+    /// The blur, if it had a schedule: radians, or σ in scene units squared.
+    pub blur: Option<f64>,
     /// Seconds since the fit began, without those that a killed run had taken since its last
     /// checkpoint.
     pub seconds: f64,
@@ -33,13 +31,12 @@ pub struct History {
     pub rows: Vec<Row>,
 }
 
-const COLUMNS: [&str; 7] = [
+const COLUMNS: [&str; 6] = [
     "step",
     "loss",
     "gradient_norm",
     "rate",
-    "sigma",
-    "gamma",
+    "blur",
     "seconds",
 ];
 
@@ -52,8 +49,7 @@ impl History {
             ("loss", _) => Some(r.loss),
             ("gradient_norm", _) => Some(r.gradient_norm),
             ("rate", _) => Some(r.rate),
-            ("sigma", _) => r.sigma,
-            ("gamma", _) => r.gamma,
+            ("blur", _) => r.blur,
             ("seconds", _) => Some(r.seconds),
             _ => None,
         };
@@ -113,11 +109,11 @@ impl History {
         let mut text = text.join(",") + "\n";
         let optional = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
         for r in &self.rows {
-            let (sigma, gamma) = (optional(r.sigma), optional(r.gamma));
+            let blur = optional(r.blur);
             // Writing to a string can't fail.
             let _ = write!(
                 text,
-                "{},{},{},{},{sigma},{gamma},{}",
+                "{},{},{},{},{blur},{}",
                 r.step, r.loss, r.gradient_norm, r.rate, r.seconds
             );
             for value in &r.values {
@@ -156,9 +152,8 @@ impl History {
                 loss: number(1)?,
                 gradient_norm: number(2)?,
                 rate: number(3)?,
-                sigma: optional(4)?,
-                gamma: optional(5)?,
-                seconds: number(6)?,
+                blur: optional(4)?,
+                seconds: number(5)?,
                 values: (COLUMNS.len()..cells.len())
                     .map(number)
                     .collect::<Option<_>>()?,
@@ -179,8 +174,7 @@ fn flat(rows: &[Row], window: usize, last: Option<usize>) -> bool {
         return false;
     }
     let rows = &rows[first..];
-    let blur = |r: &Row| (r.sigma, r.gamma);
-    let same = rows.iter().all(|r| blur(r) == blur(&rows[0]));
+    let same = rows.iter().all(|r| r.blur == rows[0].blur);
     let mean = |rows: &[Row]| rows.iter().map(|r| r.loss).sum::<f64>() / window as f64;
     let (before, after) = (mean(&rows[..window]), mean(&rows[window..]));
     same && after > before - 0.02 * before.abs()

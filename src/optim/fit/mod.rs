@@ -50,11 +50,11 @@ type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 ///         .environment([1.0, 1.0, 1.0])
 /// };
 /// let still = scene(Tensor::zeros([1], &device));
-/// let target = render(&still, &camera, &options.clone().sigma(1e-3).samples(64))?.radiance;
+/// let target = render(&still, &camera, &options.clone().samples(64))?.radiance;
 /// let start = Tensor::from_floats([0.3], &device.clone().autodiff());
 /// let fitted = Fit::new(Offset { x: Param::from_tensor(start) }, AdamConfig::new().init(), 40)
 ///     .rate(Rate::cosine(0.05))
-///     .sigma(BlurSchedule::decay(3e-2, 1e-3, 30)?)
+///     .blur(BlurSchedule::decay(0.1, 1e-3, 30)?)
 ///     .run(|module: &Offset, step: &_| {
 ///         let see = |k| render(&scene(module.x.val()), &camera, &step.options(&options, k));
 ///         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
@@ -69,8 +69,7 @@ pub struct Fit<M> {
     steps: usize,
     seed: u64,
     rate: Rate,
-    sigma: Option<Blur>,
-    gamma: Option<Blur>,
+    blur: Option<Blur>,
     clip: Option<f64>,
     patience: Option<usize>,
     folder: Option<PathBuf>,
@@ -90,8 +89,7 @@ impl<M: Module> Fit<M> {
             steps,
             seed: 0,
             rate: Rate::constant(0.01),
-            sigma: None,
-            gamma: None,
+            blur: None,
             clip: None,
             patience: None,
             folder: None,
@@ -114,15 +112,10 @@ impl<M: Module> Fit<M> {
         self
     }
 
-    /// σ over the steps, for [`Step::options`].
-    pub fn sigma(mut self, sigma: impl Into<Blur>) -> Self {
-        self.sigma = Some(sigma.into());
-        self
-    }
-
-    /// γ over the steps, for [`Step::options`].
-    pub fn gamma(mut self, gamma: impl Into<Blur>) -> Self {
-        self.gamma = Some(gamma.into());
+    /// The blur over the steps, for [`Step::options`]: what
+    /// [`RenderOptions::blur`](crate::render::RenderOptions::blur) takes.
+    pub fn blur(mut self, blur: impl Into<Blur>) -> Self {
+        self.blur = Some(blur.into());
         self
     }
 
@@ -223,12 +216,11 @@ impl<M: Module> Fit<M> {
         let Self {
             seed,
             rate,
-            sigma,
-            gamma,
+            blur,
             clip,
             ..
         } = self;
-        format!("seed {seed}\nrate {rate:?}\nsigma {sigma:?}\ngamma {gamma:?}\nclip {clip:?}\n")
+        format!("seed {seed}\nrate {rate:?}\nblur {blur:?}\nclip {clip:?}\n")
     }
 
     /// Takes the steps. The function is given the module and what the step is evaluated with, and
@@ -256,8 +248,7 @@ impl<M: Module> Fit<M> {
         }
         // Blur that follows the loss is a function of the losses so far.
         for row in &history.rows {
-            observe(&mut self.sigma, row.loss);
-            observe(&mut self.gamma, row.loss);
+            observe(&mut self.blur, row.loss);
         }
         let bar = self.bar();
         bar.set_position(history.rows.len() as u64);
@@ -279,8 +270,7 @@ impl<M: Module> Fit<M> {
             let index = history.rows.len();
             let step = Step {
                 index,
-                sigma: self.sigma.as_ref().map(|s| s.value(index)),
-                gamma: self.gamma.as_ref().map(|s| s.value(index)),
+                blur: self.blur.as_ref().map(|b| b.value(index)),
                 seed: self.seed,
             };
             let evaluation = f(&self.module, &step)?;
@@ -317,8 +307,7 @@ impl<M: Module> Fit<M> {
                     loss,
                     gradient_norm: norm,
                     rate,
-                    sigma: step.sigma,
-                    gamma: step.gamma,
+                    blur: step.blur,
                     seconds: before + start.elapsed().as_secs_f64(),
                     values: Vec::new(),
                 },
@@ -335,10 +324,9 @@ impl<M: Module> Fit<M> {
                 })?;
             }
             self.module = self.optimizer.step(rate, self.module, gradients);
-            observe(&mut self.sigma, loss);
-            observe(&mut self.gamma, loss);
-            let message = match step.sigma {
-                Some(sigma) => format!("loss {loss:.3e}, σ {sigma:.1e}"),
+            observe(&mut self.blur, loss);
+            let message = match step.blur {
+                Some(blur) => format!("loss {loss:.3e}, blur {blur:.1e}"),
                 None => format!("loss {loss:.3e}"),
             };
             bar.set_message(message);

@@ -6,17 +6,14 @@ use super::History;
 use crate::error::Result;
 use crate::io::HostImage;
 use crate::render::RenderOptions;
-use crate::visibility::Visibility;
 
 /// What a step of a fit is to be evaluated with.
 #[derive(Clone, Debug)]
 pub struct Step {
     /// Counted from 0.
     pub index: usize,
-    /// σ of Eq. 1, scene units squared, if the fit has a schedule for it.
-    pub sigma: Option<f64>,
-    /// γ of Eq. 3, in units of the scene's depth, if the fit has a schedule for it.
-    pub gamma: Option<f64>,
+    /// The blur, if the fit has a schedule for it: see [`RenderOptions::blur`].
+    pub blur: Option<f64>,
     pub(super) seed: u64,
 }
 
@@ -27,22 +24,13 @@ impl Step {
         (self.seed << 40) ^ ((self.index as u64) << 10) ^ render
     }
 
-    /// Options with the blur of this step and the seed of its `render`-th render. γ goes into the form
-    /// of visibility, where that has one.
+    /// Options with the blur of this step and the seed of its `render`-th render.
     pub fn options(&self, options: &RenderOptions, render: u64) -> RenderOptions {
-        let mut options = options.clone().seed(self.seed(render));
-        if let Some(sigma) = self.sigma {
-            options = options.sigma(sigma);
+        let options = options.clone().seed(self.seed(render));
+        match self.blur {
+            Some(blur) => options.blur(blur),
+            None => options,
         }
-        if let Some(gamma) = self.gamma {
-            let form = match options.form() {
-                Visibility::Softmax { epsilon, .. } => Visibility::Softmax { gamma, epsilon },
-                Visibility::LayeredSoft { .. } => Visibility::LayeredSoft { gamma },
-                other => other,
-            };
-            options = options.visibility(form);
-        }
-        options
     }
 }
 

@@ -8,71 +8,64 @@ use crate::geometry::host_values;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Camera, Detach, Flattened, Scene, visit_tensors};
 
-/// √σ at the start of [`BlurSchedule::auto`], as a share of the radius of the smallest object.
-const START: f64 = 0.25;
-/// The most of it, as a share of the radius of what the camera sees.
-const START_SEEN: f64 = 0.125;
-/// √σ at the end of [`BlurSchedule::auto`], as a share of a pixel's footprint.
+/// The angle at the start of [`BlurSchedule::auto`], as a share of the one that the smallest object has
+/// about the camera.
+const START: f64 = 0.75;
+/// The most of it, as a share of the half-angle of what the camera sees.
+const START_SEEN: f64 = 0.375;
+/// The angle at the end of [`BlurSchedule::auto`], as a share of a pixel's.
 const END: f64 = 0.5;
 /// The share of the steps over which [`BlurSchedule::auto`] decays; then it stays at the end.
 const DECAY: f64 = 0.75;
-/// √σ of [`BlurSchedule::sharp_sigma`], as a share of a pixel's footprint.
-const SHARP: f64 = 0.02;
 
 impl BlurSchedule {
-    /// For a fit of `steps` steps on images of `height` rows, when nothing is known of the scene:
+    /// Angles of cones, radians, for a fit of `steps` steps on images of `height` rows, when nothing is
+    /// known of the scene:
     ///
-    /// - √σ starts at a quarter of the radius of the smallest object (half the diagonal of its
-    ///   box), but not above an eighth of the radius of what is seen: of the scene, or of half the
-    ///   image's height at the distance that [`pixel_footprint`] takes, whichever is smaller;
-    /// - √σ ends at half a pixel's footprint (and starts there where the above is smaller);
+    /// - it starts at three quarters of the angle that the radius of the smallest object (half the
+    ///   diagonal of its box) has at the distance of what is seen, but not above three eighths of that
+    ///   of the scene's radius or of half the image's height;
+    /// - it ends at half a pixel's angle (and starts there where the above is smaller), which is what
+    ///   the pixel filter blurs by default;
     /// - it falls over the first three quarters of the steps and stays at the end for the rest.
     ///
-    /// The start is a cautious one: much wider blur lights a scene differently, which draws objects
-    /// away. It finds what is up to about 3√σ further off than without blur; where more is needed,
-    /// give a start of one's own to [`BlurSchedule::decay`]. A ray costs as much as it meets
-    /// surfaces: on meshes with edges much shorter than √σ, start smaller.
+    /// The start is a cautious one: much wider cones light a scene differently, which draws objects
+    /// away. Where more is needed, give a start of one's own to [`BlurSchedule::decay`].
     ///
     /// # Errors
     /// If the scene or the camera is not valid, or `height` or `steps` is 0.
     pub fn auto(scene: &Scene, camera: &Camera, height: usize, steps: usize) -> Result<Self> {
+        let end = END * pixel_angle(camera, height)?;
         let view = View::new(scene, camera)?;
-        let end = (END * view.footprint(height)?).powi(2);
         let seen = view.radius.min(0.5 * view.height);
-        let start = (START * view.smallest).min(START_SEEN * seen).powi(2);
+        let start = (START * view.smallest).min(START_SEEN * seen);
+        let start = (start / view.distance).atan();
         let decay = (DECAY * steps as f64).ceil() as usize;
         Self::decay(start.max(end), end, decay)
     }
-
-    /// The σ, in scene units squared, at which the layered form renders as accurately as a path
-    /// tracer without blur: √σ is 0.02 of a pixel's footprint in images of `height` rows. Gradients
-    /// remain unbiased there, only noisier.
-    ///
-    /// # Errors
-    /// Like [`pixel_footprint`].
-    pub fn sharp_sigma(scene: &Scene, camera: &Camera, height: usize) -> Result<f64> {
-        Ok((SHARP * pixel_footprint(scene, camera, height)?).powi(2))
-    }
 }
 
-/// The side of a pixel in scene units, in an image of `height` rows, at the distance of what the
-/// camera sees: 2·z·tan(fov_y/2)/height. z is the median over the pixels of a small square image of
-/// the distance along the view axis, or that of the point looked at where the camera sees nothing.
+/// The angle of a pixel in the middle of an image of `height` rows, radians: atan(2·tan(fov_y/2)/height).
 ///
 /// ```
-/// use softray::optim::pixel_footprint;
+/// use softray::optim::pixel_angle;
 /// use softray::prelude::*;
-/// let wall = shapes::plane_grid(20.0, 20.0, 1, 1, &Device::flex());
-/// let scene = Scene::new().with(Object::new(wall));
 /// let camera = Camera::look_at([0.0, 4.0, 0.0], [0.0; 3]).up([0.0, 0.0, 1.0]).fov_y(90.0);
-/// assert!((pixel_footprint(&scene, &camera, 16)? - 0.5).abs() < 1e-3);
+/// assert!((pixel_angle(&camera, 16)? - 0.125f64.atan()).abs() < 1e-6);
 /// # Ok::<(), softray::Error>(())
 /// ```
 ///
 /// # Errors
-/// If the scene or the camera is not valid, or `height` is 0.
-pub fn pixel_footprint(scene: &Scene, camera: &Camera, height: usize) -> Result<f64> {
-    View::new(scene, camera)?.footprint(height)
+/// If the camera's field of view is not in (0°, 180°), or `height` is 0.
+pub fn pixel_angle(camera: &Camera, height: usize) -> Result<f64> {
+    if height == 0 {
+        return Err(Error::invalid("image", "height", height, "at least 1"));
+    }
+    let in_range = |v: f64| v > 0.0 && v < 180.0;
+    let [fov] = camera
+        .fov_y
+        .check("camera", "fov_y", "degrees in (0, 180)", in_range)?;
+    Ok((2.0 * (0.5 * fov).to_radians().tan() / height as f64).atan())
 }
 
 /// What a camera sees of a scene, in scene units.
@@ -81,7 +74,8 @@ struct View {
     radius: f64,
     /// Half the diagonal of the box around the smallest object.
     smallest: f64,
-    /// The height of the image at the distance of what is seen.
+    /// The distance along the view axis of what is seen, and the height of the image there.
+    distance: f64,
     height: f64,
 }
 
@@ -106,7 +100,6 @@ impl View {
         let options = RenderOptions::new(GRID, GRID)
             .samples(1)
             .bounces(0)
-            .sigma((1e-4 * radius).powi(2))
             .with_opacity()
             .with_depth();
         let image = render(&scene, &camera, &options)?;
@@ -131,15 +124,9 @@ impl View {
         Ok(Self {
             radius,
             smallest,
+            distance,
             height: 2.0 * distance * half,
         })
-    }
-
-    fn footprint(&self, rows: usize) -> Result<f64> {
-        if rows == 0 {
-            return Err(Error::invalid("image", "height", rows, "at least 1"));
-        }
-        Ok(self.height / rows as f64)
     }
 }
 

@@ -9,32 +9,28 @@ use std::f64::consts::PI;
 
 use crate::error::{Error, Result};
 
-pub use auto::pixel_footprint;
+pub use auto::pixel_angle;
 pub use plateau::PlateauBlur;
 
-/// σ or γ over the steps of a fit: constant, or falling, by the same factor at every step or slowly at
+/// Blur over the steps of a fit: constant, or falling, by the same factor at every step or slowly at
 /// both ends.
 ///
-/// σ of Eq. 1 blurs edges, in scene units squared; γ blurs the order in depth, in units of the
-/// scene's depth ([`RenderOptions::blur`](crate::render::RenderOptions::blur) takes both). The
-/// larger they are, the further away a gradient begins to point to the target, and the more the
-/// image is off; so a fit starts with large ones and ends with small ones.
+/// It is what [`RenderOptions::blur`](crate::render::RenderOptions::blur) takes: the half-angle of cones
+/// in radians (or σ of the softmax). The larger it is, the further away a gradient begins to point to
+/// the target, and the more the image is off; so a fit starts with a large one and ends with a small
+/// one.
 ///
 /// ```
 /// use softray::prelude::*;
-/// let sigma = BlurSchedule::decay(1e-1, 1e-3, 100)?.hold(20);
-/// let gamma = BlurSchedule::cosine(1e-1, 1e-3, 100)?;
+/// let angle = BlurSchedule::decay(1e-1, 1e-3, 100)?.hold(20);
 /// for step in 0..150 {
-///     let options = RenderOptions::new(32, 32)
-///         .visibility(Visibility::softmax(1e-3))
-///         .blur(sigma.at(step), gamma.at(step))
-///         .seed(step as u64);
+///     let options = RenderOptions::new(32, 32).blur(angle.at(step)).seed(step as u64);
 ///     // render, step of the optimiser …
 ///     # let _ = options;
 /// }
-/// assert_eq!(sigma.at(0), 1e-1);
-/// assert!((sigma.at(20 + 50) - 1e-2).abs() < 1e-12);
-/// assert_eq!(sigma.at(120), 1e-3);
+/// assert_eq!(angle.at(0), 1e-1);
+/// assert!((angle.at(20 + 50) - 1e-2).abs() < 1e-12);
+/// assert_eq!(angle.at(120), 1e-3);
 /// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
@@ -56,16 +52,26 @@ enum Fall {
 }
 
 impl BlurSchedule {
-    /// The same value at every step: σ in scene units squared, or γ in units of the scene's depth.
+    /// The same value at every step: radians for cones, scene units squared for the softmax.
     ///
     /// # Errors
-    /// If it is not a finite number > 0.
+    /// If it is not a finite number ≥ 0.
     pub fn constant(value: f64) -> Result<Self> {
-        Self::decay(value, value, 1)
+        if !(value.is_finite() && value >= 0.0) {
+            let expected = "a finite number ≥ 0";
+            return Err(Error::invalid("blur schedule", "value", value, expected));
+        }
+        Ok(Self {
+            start: value,
+            end: value,
+            hold: 0,
+            steps: 1,
+            fall: Fall::Even,
+        })
     }
 
-    /// From `start` at step 0 to `end` at step `steps` and after it, in units of what it serves:
-    /// start·(end/start)^(step/steps).
+    /// From `start` at step 0 to `end` at step `steps` and after it: start·(end/start)^(step/steps);
+    /// radians for cones, scene units squared for the softmax.
     ///
     /// # Errors
     /// If one of them is not a finite number > 0, `end` is larger than `start`, or there are no
@@ -109,7 +115,7 @@ impl BlurSchedule {
         self
     }
 
-    /// The value at a step: σ in scene units squared, or γ in units of the scene's depth.
+    /// The value at a step: radians for cones, scene units squared for the softmax.
     pub fn at(&self, step: usize) -> f64 {
         let step = step.saturating_sub(self.hold);
         if step == 0 {
@@ -133,13 +139,13 @@ impl BlurSchedule {
 /// use softray::optim::{Blur, BlurSchedule, PlateauBlur};
 /// let scheduled: Blur = BlurSchedule::decay(1e-2, 1e-4, 50)?.into();
 /// let adaptive: Blur = PlateauBlur::new(1e-2, 1e-4, 0.5, 10)?.into();
-/// for mut sigma in [scheduled, adaptive] {
+/// for mut blur in [scheduled, adaptive] {
 ///     for step in 0..100 {
-///         let _options_take = sigma.value(step);
+///         let _options_take = blur.value(step);
 ///         let loss = 0.3; // of the render
-///         sigma.observe(loss);
+///         blur.observe(loss);
 ///     }
-///     assert!(sigma.value(100) < 1e-2);
+///     assert!(blur.value(100) < 1e-2);
 /// }
 /// # Ok::<(), softray::Error>(())
 /// ```
@@ -152,7 +158,7 @@ pub enum Blur {
 }
 
 impl Blur {
-    /// The value at a step: σ in scene units squared, or γ in units of the scene's depth. A
+    /// The value at a step: radians for cones, scene units squared for the softmax. A
     /// plateau knows the present alone, whatever the step.
     pub fn value(&self, step: usize) -> f64 {
         match self {

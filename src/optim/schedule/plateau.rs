@@ -21,13 +21,13 @@ const TOLERANCE: f64 = 0.02;
 ///
 /// ```
 /// use softray::optim::PlateauBlur;
-/// let mut sigma = PlateauBlur::new(1e-1, 1e-3, 0.1, 5)?;
+/// let mut blur = PlateauBlur::new(1e-1, 1e-3, 0.1, 5)?;
 /// for step in 0..50 {
-///     // render with sigma.value(), step of the optimiser …
+///     // render with blur.value(), step of the optimiser …
 ///     let loss = if step < 20 { 1.0 / f64::from(step + 1) } else { 0.05 };
-///     sigma.observe(loss);
+///     blur.observe(loss);
 /// }
-/// assert_eq!(sigma.value(), 1e-3);
+/// assert_eq!(blur.value(), 1e-3);
 /// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]

@@ -3,10 +3,10 @@
 use pulp::Arch;
 
 use super::ray::{HostRay, Span, Surface};
-use crate::accel::{Hierarchy, Machine, Reach, Sides, Task, dispatch};
+use crate::accel::{Hierarchy, Machine, Reach, Task, dispatch};
 use crate::geometry::{Context, Topology};
-use crate::visibility::edge::{full_room, grazing};
-use crate::visibility::{CoverageSettings, Visibility};
+use crate::visibility::edge::grazing;
+use crate::visibility::{CoverageSettings, Softmax};
 
 /// exp(−60) is nothing beside 1.
 const DEEP: f64 = 60.0;
@@ -17,7 +17,7 @@ struct Ends {
     near_end: Option<f64>,
     /// What lies this far behind something opaque doesn't matter.
     behind: f64,
-    /// In the softmax, the distance along the ray that divides a weight by e; 0 in other forms.
+    /// The distance along the ray that divides a weight by e; 0 for shadow rays.
     fall: f64,
     reach: Reach,
 }
@@ -45,35 +45,14 @@ impl Task for Meeting<'_> {
     }
 }
 
-/// [`Finder::meet_known`] as a task.
-struct Asking<'a> {
-    finder: &'a Finder<'a>,
-    ray: &'a HostRay,
-    span: Span,
-    known: &'a [u32],
-    found: &'a mut Vec<Surface>,
-}
-
-impl Task for Asking<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<M: Machine>(self, _machine: M) {
-        self.finder
-            .ask_known(self.ray, self.span, self.known, self.found);
-    }
-}
-
 /// Finds the surfaces that matter to a ray.
 pub(crate) struct Finder<'a> {
     arch: Arch,
     hierarchy: &'a Hierarchy,
-    /// The sides of closed objects that can be seen, to ask for no others.
-    sides: Option<&'a [Sides]>,
     topology: &'a Topology,
     settings: CoverageSettings,
-    pub(super) form: Visibility,
-    /// Shadow rays pass by products and layers: hard whatever the form.
+    pub(super) form: Softmax,
+    /// Shadow rays pass by products, whatever the depth.
     shadow: bool,
     grazing: f64,
     /// The squared distance from a triangle up to which it matters, and its root: at its own depth
@@ -88,8 +67,6 @@ pub(crate) struct Finder<'a> {
     pub(super) cutoff: f64,
     /// What is e to this power less than something opaque doesn't matter.
     pub(super) nats: f64,
-    /// Layers with less room than this are full.
-    pub full: f64,
 }
 
 impl<'a> Finder<'a> {
@@ -99,14 +76,13 @@ impl<'a> Finder<'a> {
         topology: &'a Topology,
         context: &Context,
         settings: &CoverageSettings,
-        form: Visibility,
+        form: Softmax,
         cutoff: f64,
     ) -> Self {
         let nats = (1.0 / cutoff).ln();
         Self {
             arch: Arch::new(),
             hierarchy,
-            sides: None,
             topology,
             settings: *settings,
             form,
@@ -118,13 +94,7 @@ impl<'a> Finder<'a> {
             deep: (DEEP * settings.sigma).sqrt(),
             cutoff,
             nats: (10.0 / cutoff).ln(),
-            full: full_room(context.epsilon(), settings.sigma),
         }
-    }
-
-    /// With the sides of closed objects that can be seen (`Hierarchy::sides`).
-    pub fn with_sides(self, sides: Option<&'a [Sides]>) -> Self {
-        Self { sides, ..self }
     }
 
     /// For shadow rays.
@@ -157,42 +127,17 @@ impl<'a> Finder<'a> {
     ) -> u32 {
         let ends = self.ends(ray, span);
         let mut limit = ends.limit;
-        // Of an emitter's object the other side may count too (`ask`).
-        let of_emitter = ray.emitter.map(|e| self.topology.object[e as usize]);
         self.hierarchy.visit_on(
             machine,
             (ray.origin, ray.direction, ray.time),
             ends.reach,
             (self.settings.t_min, limit),
-            (self.sides, of_emitter.unwrap_or(u32::MAX)),
             #[inline(always)]
             |k| {
                 limit = self.ask(ray, &ends, k, limit, found);
                 limit
             },
         )
-    }
-
-    /// The same of triangles that are known to matter, in the order in which they were found.
-    #[inline]
-    pub fn meet_known(&self, ray: &HostRay, span: Span, known: &[u32], found: &mut Vec<Surface>) {
-        let task = Asking {
-            finder: self,
-            ray,
-            span,
-            known,
-            found,
-        };
-        dispatch(self.arch, task);
-    }
-
-    #[inline(always)]
-    fn ask_known(&self, ray: &HostRay, span: Span, known: &[u32], found: &mut Vec<Surface>) {
-        let ends = self.ends(ray, span);
-        let mut limit = ends.limit;
-        for &k in known {
-            limit = self.ask(ray, &ends, k, limit, found);
-        }
     }
 
     #[inline(always)]
@@ -215,28 +160,24 @@ impl<'a> Finder<'a> {
                 price: 0.0,
             },
         };
-        match self.form {
-            _ if self.shadow => {}
-            Visibility::Layered | Visibility::Cone { .. } => {}
-            Visibility::LayeredSoft { gamma } => ends.behind = gamma * span.depth() * self.nats,
-            Visibility::Softmax { gamma, epsilon } => {
-                // A weight is exp(−(t + price·squared distance)/fall), at most, over that of the best
-                // so far: the background, to begin with.
-                ends.fall = gamma * span.depth();
-                ends.behind = ends.fall * self.nats;
-                let price = ends.fall * self.inverse;
-                let background = span.far - epsilon * span.depth();
-                ends.limit = limit.min(background + ends.behind);
-                // A hit before near is as far from every triangle.
-                let squared = ((ends.limit - span.near) / price).max(0.0);
-                let most = if span.near > 0.0 {
-                    let half = 0.5 / price;
-                    half + (half * half + squared).sqrt()
-                } else {
-                    squared.sqrt()
-                };
-                ends.reach = Reach { most, price };
-            }
+        if !self.shadow {
+            let Softmax { gamma, epsilon, .. } = self.form;
+            // A weight is exp(−(t + price·squared distance)/fall), at most, over that of the best so far:
+            // the background, to begin with.
+            ends.fall = gamma * span.depth();
+            ends.behind = ends.fall * self.nats;
+            let price = ends.fall * self.inverse;
+            let background = span.far - epsilon * span.depth();
+            ends.limit = limit.min(background + ends.behind);
+            // A hit before near is as far from every triangle.
+            let squared = ((ends.limit - span.near) / price).max(0.0);
+            let most = if span.near > 0.0 {
+                let half = 0.5 / price;
+                half + (half * half + squared).sqrt()
+            } else {
+                squared.sqrt()
+            };
+            ends.reach = Reach { most, price };
         }
         ends
     }
@@ -249,7 +190,7 @@ impl<'a> Finder<'a> {
         ray: &HostRay,
         ends: &Ends,
         k: u32,
-        mut limit: f64,
+        limit: f64,
         found: &mut Vec<Surface>,
     ) -> f64 {
         let Self {
@@ -300,12 +241,12 @@ impl<'a> Finder<'a> {
             -self.inverse
         };
         let logit = hit.squared_distance * sign;
-        // Deep inside both forms are 1.
+        // Deep inside both are 1.
         let softened = logit <= DEEP && (neighbour(departure, k) || neighbour(emitter, k));
         if softened && (!hit.inside || logit < f64::EPSILON) {
             return limit;
         }
-        // Far outside only the softmax asks, and by the logarithm.
+        // Shadow rays don't ask far outside, the others by the logarithm.
         let decay = if logit > DEEP || (logs && logit < -DEEP) {
             0.0
         } else {
@@ -348,7 +289,6 @@ impl<'a> Finder<'a> {
         }
         found.push(Surface {
             triangle: k,
-            layer: 2 * topology.object[at] + u32::from(hit.cosine >= 0.0),
             t: hit.t,
             cosine: hit.cosine,
             p,
@@ -364,13 +304,9 @@ impl<'a> Finder<'a> {
             // It may be the best so far.
             return limit.min(hit.t - log_p * ends.fall + ends.behind);
         }
-        // What lies far enough behind something opaque can't matter.
+        // Nothing arrives behind something opaque.
         if p > 1.0 - 0.1 * self.cutoff {
-            if self.shadow {
-                // Nothing arrives.
-                return f64::NEG_INFINITY;
-            }
-            limit = limit.min((hit.t + ends.behind) * (1.0 + 1e-6));
+            return f64::NEG_INFINITY;
         }
         limit
     }

@@ -4,7 +4,6 @@
 //! folder is the specification.
 
 mod finder;
-mod forms;
 mod ray;
 mod terms;
 mod weighed;
@@ -17,14 +16,13 @@ use burn::tensor::Tensor;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{CoverageSettings, DepthRange, Rays, Visibility};
+use super::{CoverageSettings, DepthRange, Rays, Softmax};
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, host_values, host_vectors};
-pub(crate) use finder::Finder;
-pub(crate) use ray::{HostRay, Span, Surface};
+use finder::Finder;
+use ray::{HostRay, Span, Surface};
 use terms::Terms;
-pub(crate) use weighed::{PullScratch, Weighed};
 pub use weights::SparseWeights;
 
 /// Many triangles may be left out of a ray, and gradients are more sensitive than images: each is
@@ -44,16 +42,11 @@ pub struct Sparse {
     cutoff: f64,
 }
 
-/// The cutoff of one triangle, from that of a ray.
-pub(crate) fn cutoff_of_triangle(cutoff: f64) -> f64 {
-    SAFETY * cutoff
-}
-
 /// Reads triangles back.
 ///
 /// # Errors
 /// If they can't be read.
-pub(crate) fn host_triangles(triangles: &Triangles) -> Result<Vec<HostTriangle>> {
+fn host_triangles(triangles: &Triangles) -> Result<Vec<HostTriangle>> {
     let (corners, velocity) = tables(triangles);
     let host = host_values(&corners)?;
     let moved = velocity.as_ref().map(host_values).transpose()?;
@@ -147,7 +140,7 @@ impl Sparse {
             corners,
             velocity,
             taped: AtomicU64::new(0),
-            cutoff: cutoff_of_triangle(cutoff),
+            cutoff: SAFETY * cutoff,
         }
     }
 
@@ -161,7 +154,7 @@ impl Sparse {
         context: &Context,
         topology: &'a Topology,
         settings: &CoverageSettings,
-        form: Visibility,
+        form: Softmax,
     ) -> Finder<'a> {
         Finder::new(
             &self.hierarchy,
@@ -183,7 +176,7 @@ impl Sparse {
         topology: &Topology,
         rays: &Rays,
         settings: &CoverageSettings,
-        form: Visibility,
+        form: Softmax,
         range: DepthRange,
     ) -> Result<SparseWeights<'_>> {
         let host = HostRays::new(rays)?;
@@ -208,7 +201,7 @@ impl Sparse {
                         far: far[i],
                     };
                     offered += u64::from(finder.meet(&ray, span, &mut found));
-                    background.push(finder.weigh(span, &mut found, 0));
+                    background.push(finder.weigh(span, &mut found));
                     lists.items.extend_from_slice(&found);
                     lists.starts.push(lists.items.len());
                 }
@@ -233,7 +226,6 @@ impl Sparse {
         Ok(SparseWeights {
             sparse: self,
             context: context.clone(),
-            full: finder.full,
             tracked: self.is_tracked(rays),
             rays: rays.clone(),
             host,
@@ -266,7 +258,7 @@ impl Sparse {
         topology: &Topology,
         rays: &Rays,
         settings: &CoverageSettings,
-        form: Visibility,
+        form: Softmax,
         needed: &[bool],
     ) -> Result<(Tensor<2>, u64)> {
         let host = HostRays::new(rays)?;
@@ -290,7 +282,7 @@ impl Sparse {
                     }
                     let ray = host.ray(rays, i);
                     offered += u64::from(finder.meet(&ray, Span::NONE, &mut found));
-                    let value = finder.pass(&mut found, &mut by_p);
+                    let value = weighed::passed(&found, &mut by_p);
                     values.push(value);
                     if tracked {
                         for (s, g) in found.iter().zip(&by_p) {

@@ -8,8 +8,6 @@ use crate::accel::HostTriangle;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub triangle: u32,
-    /// Twice the object, plus one for the back.
-    pub layer: u32,
     pub t: f64,
     pub cosine: f64,
     /// Probability, and its derivatives by logit and t.
@@ -27,12 +25,6 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
-    /// +1 where the ray meets the front, −1 where it meets the back.
-    #[inline(always)]
-    pub fn side(&self) -> f64 {
-        if self.cosine < 0.0 { 1.0 } else { -1.0 }
-    }
-
     /// What a·dlogit + b·dt is made of: with f and m, (f − m)·(do + t dd) over the ray, at the
     /// triangle's place at the ray's time, and m·hit_i − f·border_i at its corners. None if it
     /// counts nothing.

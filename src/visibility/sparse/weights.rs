@@ -4,10 +4,10 @@ use burn::tensor::{IndexingUpdateOp, Tensor};
 use rayon::prelude::*;
 
 use super::terms::Terms;
-use super::weighed::{PullScratch, Weighed};
+use super::weighed::Weighed;
 use super::{HostRays, Lists, RAYS_A_PIECE, Sparse, Surface, chunks};
 use crate::geometry::Context;
-use crate::visibility::{DepthRange, Rays, Visibility};
+use crate::visibility::{DepthRange, Rays, Softmax};
 
 /// The weights of the surfaces that each ray meets.
 pub struct SparseWeights<'a> {
@@ -17,14 +17,12 @@ pub struct SparseWeights<'a> {
     pub(super) host: HostRays,
     pub(super) surfaces: Lists<Surface>,
     pub(super) background: Vec<f64>,
-    pub(super) form: Visibility,
+    pub(super) form: Softmax,
     pub(super) range: DepthRange,
     /// far − near by ray.
     pub(super) depth: Vec<f64>,
     pub(super) triangles: u32,
     pub(super) tracked: bool,
-    /// Layers with less room than this are full.
-    pub(super) full: f64,
     /// Candidates offered by the hierarchy.
     pub offered: u64,
 }
@@ -115,25 +113,20 @@ impl SparseWeights<'_> {
         if !self.tracked {
             return None;
         }
-        let by_depth = !matches!(self.form, Visibility::Layered);
         let parts: Vec<(Terms, Vec<f64>)> = chunks(self.len())
             .into_par_iter()
             .map(|range| {
                 let mut terms = Terms::default();
                 let (mut values, mut by_far) = (Vec::new(), Vec::new());
-                let mut scratch = PullScratch::default();
                 for i in range {
                     terms.begin_ray();
                     let surfaces = self.surfaces.of(i);
                     values.clear();
                     values.extend(surfaces.iter().map(|s| v(i, s.triangle, Some(s))));
                     let background = v(i, self.triangles, None);
-                    let far = self.weighed(i).pull(
-                        &values,
-                        background,
-                        &mut scratch,
-                        |s, a, b, least| terms.add(self.sparse, &self.host, i, s, a, b, least),
-                    );
+                    let far = self.weighed(i).pull(&values, background, |s, a, b| {
+                        terms.add(self.sparse, &self.host, i, s, a, b, 0.0);
+                    });
                     by_far.push(far);
                 }
                 (terms, by_far)
@@ -145,10 +138,8 @@ impl SparseWeights<'_> {
             by_far.extend(f);
         }
         let row = terms.row(self.sparse, &self.context, &self.rays, self.len());
-        let far = match (&self.range.change, by_depth) {
-            (Some(change), true) => Some(change.clone() * self.context.row(&by_far)),
-            _ => None,
-        };
+        let far = self.range.change.as_ref();
+        let far = far.map(|change| change.clone() * self.context.row(&by_far));
         match (row, far) {
             (Some(a), Some(b)) => Some(a + b),
             (a, b) => a.or(b),
@@ -163,8 +154,6 @@ impl SparseWeights<'_> {
             background: self.background[i],
             depth,
             inside: 2.0 * self.host.origin[i].length() <= depth,
-            full: self.full,
-            cutoff: self.sparse.cutoff,
         }
     }
 
