@@ -129,20 +129,14 @@ fn main() {
     ] {
         let (items, level, size, samples) = setting;
         let world = world(level, items);
-        let options = RenderOptions::new(size, size)
-            .samples(samples)
-            .bounces(0)
-            .sigma(1e-3);
+        let options = RenderOptions::new(size, size).samples(samples).bounces(0);
         let times = least(|| [batch(&world, &options), one_by_one(&world, &options)]);
         row("deformed template, forward + backward", setting, times);
     }
     for setting in [(16, 3, 32, 1), (16, 5, 32, 1)] {
         let (items, level, size, samples) = setting;
         let world = world(level, items);
-        let options = RenderOptions::new(size, size)
-            .samples(samples)
-            .bounces(0)
-            .sigma(1e-4);
+        let options = RenderOptions::new(size, size).samples(samples).bounces(0);
         let times = least(|| views(&world, &options));
         row("one scene, many cameras, forward", setting, times);
     }

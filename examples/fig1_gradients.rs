@@ -99,14 +99,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let figure = Figure::new("Derivatives and blur")
         .images(&[
             ("icosahedron", &image),
-            (
-                "∂/∂x",
-                &diverging(size, size, &derivatives, scale),
-            ),
-            (
-                "differences",
-                &diverging(size, size, &differences, scale),
-            ),
+            ("∂/∂x", &diverging(size, size, &derivatives, scale)),
+            ("differences", &diverging(size, size, &differences, scale)),
         ])
         .images(&[
             ("cones of 0 radians", &sharp),

@@ -74,11 +74,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let size = arguments.either(32, 64);
     let options = RenderOptions::new(size, size).bounces(0);
     let still = scene(goal.clone());
-    let sharp = options
-        .clone()
-        .samples(256)
-        .seed(1 << 50)
-        .with_opacity();
+    let sharp = options.clone().samples(256).seed(1 << 50).with_opacity();
     let see = |camera: &Camera| -> Result<(Tensor<3>, Tensor<2>), Failure> {
         let image = render(&still, camera, &sharp)?;
         let opacity = image.opacity.ok_or("opacity was asked for")?;

@@ -110,11 +110,7 @@ impl World {
 }
 
 fn options() -> RenderOptions {
-    RenderOptions::new(12, 10)
-        .samples(4)
-        .bounces(1)
-        .sigma(1e-2)
-        .seed(5)
+    RenderOptions::new(12, 10).samples(4).bounces(1).seed(5)
 }
 
 /// A loss that looks at everything, with another weight for every pixel.
@@ -201,8 +197,8 @@ fn a_batch_is_its_views_one_by_one() {
 #[test]
 fn in_tensors_too() {
     let device = Device::flex();
-    batch_and_views(&everything().fused(false), &device, 1e-12);
-    batch_and_views(&everything().fused(false).replay(), &device, 1e-12);
+    let softmax = Visibility::softmax(1e-2, 1e-2);
+    batch_and_views(&everything().visibility(softmax), &device, 1e-12);
 }
 
 #[cfg(feature = "ndarray")]
@@ -267,21 +263,14 @@ fn deformed(options: &RenderOptions, together: bool) -> [Vec<f64>; 3] {
 
 #[test]
 fn a_deformed_template() {
-    let forms = [Visibility::Layered, Visibility::softmax(1e-2)];
+    let forms = [Visibility::default(), Visibility::softmax(1e-2, 1e-2)];
     for form in forms {
         let options = options().visibility(form);
-        for options in [options.clone(), options.fused(false)] {
-            let (together, alone) = (deformed(&options, true), deformed(&options, false));
-            let names = ["images", "scales", "albedos"];
-            // Boxes are fitted in one and built in the other: the softmax then meets triangles in
-            // another order, and leaves out other ones of no weight.
-            let bound = match form {
-                Visibility::Layered => 1e-9,
-                _ => 1e-5,
-            };
-            for ((name, a), b) in names.iter().zip(&together).zip(&alone) {
-                assert_close(name, a, b, bound);
-            }
+        let (together, alone) = (deformed(&options, true), deformed(&options, false));
+        let names = ["images", "scales", "albedos"];
+        // Boxes are fitted in one and built in the other: triangles are met in another order.
+        for ((name, a), b) in names.iter().zip(&together).zip(&alone) {
+            assert_close(name, a, b, 1e-5);
         }
     }
 }

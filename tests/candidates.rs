@@ -1,5 +1,5 @@
-//! Candidates by a hierarchy against all triangles in tensors, the specification: images and
-//! gradients differ by what the cutoff allows.
+//! What hierarchies of boxes find: of the softmax, against all triangles in tensors, the specification,
+//! images and gradients differ by what the cutoff allows.
 
 mod common;
 
@@ -52,14 +52,12 @@ fn rmse(a: &[f64], b: &[f64]) -> f64 {
     (sum / a.len() as f64).sqrt()
 }
 
-fn both(world: &World, form: Visibility, sigma: f64, cutoff: f64) -> [Outcome; 2] {
+fn both(world: &World, sigma: f64, gamma: f64, cutoff: f64) -> [Outcome; 2] {
     let options = RenderOptions::new(10, 10)
         .samples(4)
         .bounces(1)
-        .sigma(sigma)
-        .visibility(form)
+        .visibility(Visibility::softmax(sigma, gamma))
         .cutoff(cutoff)
-        // At seed 4 a draw of the soft order is tipped, and one pixel of a hundred with it.
         .seed(5);
     [options.clone().brute_force(), options].map(|options| {
         let world = World {
@@ -70,53 +68,21 @@ fn both(world: &World, form: Visibility, sigma: f64, cutoff: f64) -> [Outcome; 2
     })
 }
 
-fn forms() -> [Visibility; 3] {
-    [
-        Visibility::Layered,
-        Visibility::softmax(1e-2),
-        Visibility::LayeredSoft { gamma: 0.02 },
-    ]
-}
-
-/// With next to no cutoff both are the same up to rounding: value and every gradient. The slope of a
-/// layer that is all but full is one over the room left, which rounding decides: one parameter in a
-/// thousand is 5e-6 apart for that, all others are under 1e-8.
+/// With next to no cutoff both are the same up to rounding: value and every gradient. The nearer a
+/// triangle, the farther beside a ray it has to be looked for: none is missed where nearness counts
+/// most. What counts less than the cutoff allows, as the light's albedo here, has no gradient to compare.
 #[test]
 fn without_a_cutoff_they_are_the_same() {
     for (name, world) in worlds() {
-        for form in forms() {
-            for sigma in [1e-6, 1e-3, 2e-2] {
-                let [expected, found] = both(&world, form, sigma, 1e-18);
-                let image = rmse(&found.image, &expected.image);
-                assert!(image < 1e-9, "{name}, {form:?}, σ {sigma}: {image:e}");
-                for (parameter, gradient) in &expected.gradients {
-                    let far = apart(found.gradient(parameter), gradient);
-                    assert!(
-                        far < 1e-5,
-                        "{name}, {form:?}, σ {sigma}, {parameter}: {far:e}"
-                    );
-                }
-            }
-        }
-    }
-}
-
-/// The nearer a triangle, the farther beside a ray the softmax must look for it: none is missed where
-/// nearness counts most. What counts less than the cutoff allows, as the light's albedo here, has no
-/// gradient to compare.
-#[test]
-fn the_softmax_looks_as_far_as_it_must() {
-    for (name, world) in worlds() {
-        for gamma in [1e-3, 0.1] {
-            let form = Visibility::softmax(gamma);
-            for sigma in [1e-4, 1e-3, 2e-2] {
-                let [expected, found] = both(&world, form, sigma, 1e-18);
+        for gamma in [1e-3, 1e-2, 0.1] {
+            for sigma in [1e-6, 1e-4, 1e-3, 2e-2] {
+                let [expected, found] = both(&world, sigma, gamma, 1e-18);
                 let image = rmse(&found.image, &expected.image);
                 assert!(image < 1e-9, "{name}, γ {gamma}, σ {sigma}: {image:e}");
                 for parameter in ["ball vertices", "floor vertices", "eye", "light emission"] {
                     let far = apart(found.gradient(parameter), expected.gradient(parameter));
                     assert!(
-                        far < 1e-6,
+                        far < 1e-5,
                         "{name}, γ {gamma}, σ {sigma}, {parameter}: {far:e}"
                     );
                 }
@@ -130,34 +96,21 @@ fn the_softmax_looks_as_far_as_it_must() {
 #[test]
 fn the_cutoff_bounds_the_error() {
     for (name, world) in worlds() {
-        for form in forms() {
-            for (cutoff, value, slope) in [(1e-2, 0.1, 1.0), (1e-4, 0.02, 0.05), (1e-8, 1e-5, 1e-3)]
-            {
-                let [expected, found] = both(&world, form, 1e-3, cutoff);
-                let mean = expected.mean();
-                let pairs = found.image.chunks(3).zip(expected.image.chunks(3));
-                let mut pixels: Vec<f64> = pairs.map(|(a, b)| rmse(a, b)).collect();
-                pixels.sort_by(f64::total_cmp);
-                let most = &pixels[..pixels.len() - 2];
-                let image = rmse(most, &vec![0.0; most.len()]) / mean;
-                let largest = pixels[pixels.len() - 1] / mean;
-                println!(
-                    "{name}, {form:?}, cutoff {cutoff:e}: image {image:e}, largest {largest:e}"
-                );
+        for (cutoff, value, slope) in [(1e-2, 0.1, 1.0), (1e-4, 0.02, 0.05), (1e-8, 1e-5, 1e-3)] {
+            let [expected, found] = both(&world, 1e-3, 1e-2, cutoff);
+            let mean = expected.mean();
+            let pairs = found.image.chunks(3).zip(expected.image.chunks(3));
+            let mut pixels: Vec<f64> = pairs.map(|(a, b)| rmse(a, b)).collect();
+            pixels.sort_by(f64::total_cmp);
+            let most = &pixels[..pixels.len() - 2];
+            let image = rmse(most, &vec![0.0; most.len()]) / mean;
+            assert!(image < value, "{name}, cutoff {cutoff:e}: {image:e}");
+            for parameter in ["ball vertices", "light emission", "eye", "floor vertices"] {
+                let far = apart(found.gradient(parameter), expected.gradient(parameter));
                 assert!(
-                    image < value,
-                    "{name}, {form:?}, cutoff {cutoff:e}: {image:e}"
+                    far < slope,
+                    "{name}, cutoff {cutoff:e}, {parameter}: {far:e}"
                 );
-                for parameter in ["ball vertices", "light emission", "eye", "floor vertices"] {
-                    let far = apart(found.gradient(parameter), expected.gradient(parameter));
-                    // The soft order weighs all pairs of surfaces, and is the most sensitive: with the
-                    // few samples here up to 13 % at 1e-4.
-                    let soft = matches!(form, Visibility::LayeredSoft { .. });
-                    assert!(
-                        far < if soft { 4.0 * slope } else { slope },
-                        "{name}, {form:?}, cutoff {cutoff:e}, {parameter}: {far:e}"
-                    );
-                }
             }
         }
     }
@@ -170,7 +123,7 @@ fn boxes_are_fitted_while_little_moves() {
     let device = Device::flex();
     let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
     let cache = HierarchyCache::default();
-    let options = RenderOptions::new(16, 16).samples(2).bounces(1).sigma(1e-3);
+    let options = RenderOptions::new(16, 16).samples(2).bounces(1);
     let cached = options.clone().cache(&cache);
     let at = |mesh: Mesh| {
         let scene = Scene::new().with(Object::new(mesh)).environment([1.0; 3]);
@@ -212,10 +165,7 @@ fn what_a_scene_does_not_need_is_skipped() {
     let device = Device::flex();
     let run = |scene: &Scene, bounces| {
         let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(60.0);
-        let options = RenderOptions::new(32, 32)
-            .samples(4)
-            .bounces(bounces)
-            .sigma(1e-4);
+        let options = RenderOptions::new(32, 32).samples(4).bounces(bounces);
         render(scene, &camera, &options)
             .expect("an image")
             .statistics
@@ -231,21 +181,6 @@ fn what_a_scene_does_not_need_is_skipped() {
     assert!(found.rays < 2 * camera_rays, "{found:?}");
     assert_eq!(found.bounces[0], camera_rays);
     assert!(found.bounces.windows(2).all(|b| b[1] < b[0]), "{found:?}");
-    assert_eq!(found.taped_pairs, 0);
-    // Rays that leave it ask neither the triangle they start on nor the backs about it.
-    let (asked, left) = (found.tested - dark.tested, found.rays - camera_rays);
-    assert!(left > 500 && asked < left / 20, "{asked} by {left}");
-    // Nor the plane they start on, closed or not.
-    let floor = || {
-        let corner = |x: f64, y: f64| [4.0 * x, 4.0 * y, 0.0];
-        let [a, b] = [corner(-1.0, -1.0), corner(1.0, -1.0)];
-        shapes::quad(a, b, corner(1.0, 1.0), corner(-1.0, 1.0), &device)
-    };
-    let floor = || Object::new(floor()).material(Material::diffuse([0.5; 3]));
-    let dark = run(&Scene::new().with(floor()), 5);
-    let lit = run(&Scene::new().with(floor()).environment([1.0; 3]), 5);
-    let (asked, left) = (lit.tested - dark.tested, lit.rays - camera_rays);
-    assert!(left > 500 && asked < left / 5, "{asked} by {left}");
     // Surfaces that reflect nothing end a path.
     let black = Object::new(shapes::icosphere(2, &device)).material(Material::diffuse([0.0; 3]));
     assert_eq!(
@@ -270,12 +205,6 @@ fn what_a_scene_does_not_need_is_skipped() {
     assert_eq!(away.rays, camera_rays);
     let towards = run(&Scene::new().with(ball()).with(lamp(true)), 0);
     assert!(towards.rays > camera_rays, "{towards:?}");
-    // Few of the triangles are asked, and fewer matter.
-    assert!(found.tested < 40 * found.rays, "{found:?}");
-    assert!(
-        found.surfaces[0] < 2.0 && found.surfaces[2] < 20.0,
-        "{found:?}"
-    );
 }
 
 /// Constants record no tape, whatever else is in the graph.
@@ -287,11 +216,8 @@ fn a_constant_scene_leaves_nothing_behind() {
         .environment([1.0; 3]);
     let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
     let options = RenderOptions::new(8, 8).samples(2);
-    for options in [
-        options.clone(),
-        options.clone().replay(),
-        options.brute_force(),
-    ] {
+    let softmax = options.clone().visibility(Visibility::softmax(1e-3, 1e-3));
+    for options in [options, softmax.clone(), softmax.brute_force()] {
         let image = render(&scene, &camera, &options).expect("an image");
         assert!(!image.radiance.is_tracked());
     }

@@ -1,252 +1,452 @@
-//! Cones: gradients of edges against differences of the same renders.
+//! Cones: gradients of jumps of every kind, the same at any tessellation; nothing leaks.
+
 mod common;
+
 use burn::tensor::Device;
-use common::gradients::{Effort, LAYERED, cases, check};
+use common::values;
+use softray::gradcheck::{Checked, GradCheck, Verdict, gradcheck};
 use softray::prelude::*;
 
+/// What jumps at the lines in which surfaces cross, at seams of materials, between facets of a gloss,
+/// under a map, in a mirror, behind a lens, at a wall.
+const SCENES: [&str; 11] = [
+    "cross",
+    "self",
+    "gloss",
+    "map",
+    "mapgloss",
+    "seam",
+    "lensmove",
+    "smooth",
+    "wall",
+    "crossmove",
+    "mirror",
+];
+
+/// Gradients against differences of the same renders, without an angle and with one. The long tier asks
+/// for agreement within 1 % where noise allows it.
 #[test]
-fn classes() {
-    let angle: f64 = std::env::var("ANGLE")
-        .ok()
-        .and_then(|a| a.parse().ok())
-        .unwrap_or(0.0);
-    let only = std::env::var("CASE").unwrap_or_default();
-    let n: u64 = std::env::var("SEEDS")
-        .ok()
-        .and_then(|a| a.parse().ok())
-        .unwrap_or(200);
-    let effort = Effort {
-        visibility: Visibility::Cone {
-            angle,
-            pixels: std::env::var("PX")
-                .ok()
-                .and_then(|a| a.parse().ok())
-                .unwrap_or(0.5),
-        },
-        samples: 256,
-        ..LAYERED
+fn jumps_of_every_kind() {
+    let (precision, most) = if common::long() {
+        (0.003, 600)
+    } else {
+        (0.04, 16)
     };
-    for case in cases() {
-        if case.name.contains(&only) {
-            check(&case, &Device::flex(), effort, 0.003, [32, n]);
+    let mut failures = Vec::new();
+    for (i, with) in SCENES.into_iter().enumerate() {
+        // The short tier takes turns.
+        let angles = [0.0, 0.05];
+        let angles = angles.iter().enumerate();
+        for (_, &angle) in angles.filter(|(k, _)| common::long() || i % 2 == *k) {
+            let options = RenderOptions::new(16, 16)
+                .samples(64)
+                .bounces(1)
+                .blur(angle);
+            let settings = GradCheck::new(options, &Device::flex())
+                .precision(precision)
+                .tolerance(0.01)
+                .seeds(16, most);
+            let report = differentiated(with, &settings);
+            println!("{with}, {angle}\n{report}");
+            let wrong = |r: &&softray::gradcheck::Row| r.verdict == Verdict::Disagrees;
+            failures.extend(report.rows.iter().filter(wrong).map(|r| {
+                let name = &r.name;
+                format!("{with}, {angle}: {name}")
+            }));
+        }
+    }
+    assert!(failures.is_empty(), "{failures:?}");
+}
+
+fn differentiated(with: &str, settings: &GradCheck) -> softray::gradcheck::Report {
+    let parameters = [
+        Checked::new("x", [0.0], 0.02),
+        Checked::new("y", [0.0], 0.02),
+        Checked::new("turn", [0.2], 0.02),
+    ];
+    let report = gradcheck(&parameters, settings, |point| {
+        let d = &point.device;
+        let f = |v: &[f64]| Tensor::<1>::from_data(v, (d, point.dtype));
+        let y = point.get("y")?;
+        let x = point.get("x")?;
+        let turn = Transform::new().axis_angle([0.3, 1.0, 0.2], point.get("turn")?);
+        let offset = Tensor::cat(vec![x.clone(), y.clone() + 0.7, x * 0.3], 0);
+        let floor = shapes::quad(
+            [-2.0, 0.0, 2.0],
+            [2.0, 0.0, 2.0],
+            [2.0, 0.0, -2.0],
+            [-2.0, 0.0, -2.0],
+            d,
+        )
+        .cast(point.dtype);
+        let light = shapes::quad(
+            [-0.7, 2.6, -0.7],
+            [0.7, 2.6, -0.7],
+            [0.7, 2.6, 0.7],
+            [-0.7, 2.6, 0.7],
+            d,
+        )
+        .cast(point.dtype);
+        let mut floor = Object::new(floor);
+        if with == "mirror" {
+            floor = floor.material(Material::diffuse([0.1; 3]).specular([0.8; 3], 200.0));
+        }
+        let mut scene = Scene::new()
+            .with(floor)
+            .with(Object::new(light).material(Material::emitter([3.0; 3])));
+        let ball = |n| {
+            shapes::icosphere(n, d)
+                .cast(point.dtype)
+                .scaled(f(&[0.5]))
+                .transformed(&turn)
+                .translated(offset.clone())
+        };
+        let quad = |m: Material| {
+            let q = shapes::quad(
+                [-0.6, -0.5, 0.0],
+                [0.6, -0.5, 0.0],
+                [0.6, 0.5, 0.0],
+                [-0.6, 0.5, 0.0],
+                d,
+            )
+            .cast(point.dtype);
+            Object::new(q.transformed(&turn).translated(offset.clone())).material(m)
+        };
+        let fixed = |m: Material| {
+            let q = shapes::quad(
+                [0.1, 0.1, -0.6],
+                [0.1, 0.1, 0.6],
+                [-0.3, 1.3, 0.6],
+                [-0.3, 1.3, -0.6],
+                d,
+            )
+            .cast(point.dtype);
+            Object::new(q).material(m)
+        };
+        let texels = Tensor::<1>::from_data(
+            [
+                0.8f64, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8, 0.7, 0.7, 0.2,
+            ]
+            .as_slice(),
+            (d, point.dtype),
+        )
+        .reshape([2, 2, 3]);
+        let map = || {
+            let v: Vec<f64> = (0..8 * 16 * 3)
+                .map(|i| 0.3 + ((i * 37) % 11) as f64 * 0.1 + if i / 3 == 35 { 30.0 } else { 0.0 })
+                .collect();
+            Tensor::<1>::from_data(v.as_slice(), (d, point.dtype)).reshape([8, 16, 3])
+        };
+        match with {
+            "cross" => {
+                scene = scene
+                    .with(quad(Material::diffuse([0.8, 0.2, 0.2])))
+                    .with(fixed(Material::diffuse([0.2, 0.8, 0.2])))
+            }
+            "crossmove" => {
+                scene = scene
+                    .with(quad(Material::diffuse([0.8, 0.2, 0.2])).velocity([0.3, 0.1, 0.0]))
+                    .with(fixed(Material::diffuse([0.2, 0.8, 0.2])))
+            }
+            "self" => {
+                scene = scene
+                    .with(Object::new(ball(1)))
+                    .with(fixed(Material::diffuse([0.2, 0.8, 0.2])))
+            }
+            "gloss" => {
+                scene = scene.with(
+                    Object::new(ball(1))
+                        .material(Material::diffuse([0.2, 0.3, 0.4]).specular([0.5; 3], 30.0)),
+                )
+            }
+            "mirror" => {
+                scene =
+                    scene.with(Object::new(ball(1)).material(Material::diffuse([0.2, 0.3, 0.4])))
+            }
+            "map" => {
+                scene = Scene {
+                    objects: vec![scene.objects[0].clone(), Object::new(ball(1))],
+                    environment: Environment::map(map()),
+                }
+            }
+            "mapgloss" => {
+                scene = Scene {
+                    objects: vec![
+                        scene.objects[0].clone(),
+                        Object::new(ball(1))
+                            .material(Material::diffuse([0.2, 0.3, 0.4]).specular([0.5; 3], 30.0)),
+                    ],
+                    environment: Environment::map(map()),
+                }
+            }
+            "seam" => {
+                let a = Material::diffuse(Albedo::texture(texels.clone()));
+                let mut o = quad(a.clone());
+                o.materials.push(Material::diffuse([0.1, 0.6, 0.9]));
+                o.face_materials = std::sync::Arc::new(vec![0, 1]);
+                scene = scene.with(o);
+            }
+            "lensmove" => scene = scene.with(Object::new(ball(1)).velocity([0.4, 0.2, 0.1])),
+            "smooth" => {
+                let b = shapes::icosphere(1, d).cast(point.dtype);
+                let n = b.vertices.clone();
+                let b = b
+                    .with_normals(n)
+                    .scaled(f(&[0.5]))
+                    .transformed(&turn)
+                    .translated(offset.clone());
+                scene = scene.with(Object::new(b));
+            }
+            "wall" => {
+                let wall = shapes::quad(
+                    [-2.0, 0.0, -0.9],
+                    [2.0, 0.0, -0.9],
+                    [2.0, 2.5, -0.9],
+                    [-2.0, 2.5, -0.9],
+                    d,
+                )
+                .cast(point.dtype);
+                let y = point.get("y")?;
+                let x = point.get("x")?;
+                let lamp = shapes::quad(
+                    [0.2, 0.8, -0.9],
+                    [0.2, 0.8, -0.4],
+                    [0.8, 0.8, -0.4],
+                    [0.8, 0.8, -0.9],
+                    d,
+                )
+                .cast(point.dtype);
+                let lamp = lamp.translated(Tensor::cat(vec![x, y.clone(), y * 0.0], 0));
+                scene = Scene::new()
+                    .with(scene.objects[0].clone())
+                    .with(Object::new(wall))
+                    .with(Object::new(lamp).material(Material::emitter([5.0; 3])));
+            }
+            _ => {}
+        }
+        let mut cam = Camera::look_at([0.2, 1.3, 4.2], [0.0, 0.6, 0.0]).fov_y(30.0);
+        if with == "lensmove" {
+            cam = cam.thin_lens(0.2, 3.0);
+        }
+        Ok((scene, cam))
+    });
+    report.expect("a report")
+}
+
+/// d(Σ weights·image)/d(parameter) beside central differences of an independent renderer, the weights
+/// being its means over 8 × 8 pixels.
+#[test]
+fn derivatives_of_the_references() {
+    const SIZE: usize = 64;
+    let device = Device::flex();
+    for (name, object, bounces, file) in [
+        ("shadow", "occluder", 0, "gradient-occluder-x.exr"),
+        ("sphere", "sphere", 1, "gradient-ball-z.exr"),
+        ("cornell", "tall", 1, "gradient-tall-turn.exr"),
+    ] {
+        let reference = HostImage::read(common::reference(&format!("{name}/{file}")));
+        let reference = reference.expect("a reference");
+        let sums: Vec<f64> = reference
+            .pixels
+            .chunks(3)
+            .map(|p| p.iter().map(|&v| f64::from(v)).sum())
+            .collect();
+        let mut blocks = [[0.0; SIZE / 8]; SIZE / 8];
+        for (i, sum) in sums.iter().enumerate() {
+            blocks[i / SIZE / 8][i % SIZE / 8] += sum / 64.0;
+        }
+        let weight = |i: usize| blocks[i / SIZE / 8][i % SIZE / 8];
+        let exact: f64 = sums.iter().enumerate().map(|(i, s)| s * weight(i)).sum();
+        let weights: Vec<f64> = (0..SIZE * SIZE).map(weight).collect();
+        let weights = Tensor::<1>::from_data(weights.as_slice(), &device).reshape([SIZE, SIZE, 1]);
+        let scene = SceneFile::load(common::reference(&format!("{name}/scene.json")), &device);
+        let scene = scene.expect("a scene");
+        let mut found = Vec::new();
+        for seed in 0..if common::long() { 64 } else { 8 } {
+            let x = Tensor::<1>::zeros([1], &device).autodiff().require_grad();
+            let zero = x.zeros_like().inner();
+            let along = |parts| Tensor::cat(parts, 0);
+            let moved = scene.scene.clone().map_object(object, |o| {
+                o.map_mesh(|m| match name {
+                    "shadow" => m.translated(along(vec![x.clone(), zero.clone(), zero.clone()])),
+                    "sphere" => m.translated(along(vec![zero.clone(), zero.clone(), x.clone()])),
+                    _ => {
+                        let corners = m.faces.iter().flatten();
+                        let host = m.host_vertices().expect("vertices");
+                        let n = 3.0 * m.faces.len() as f64;
+                        let mut centre = [0.0; 3];
+                        for &v in corners {
+                            for (c, x) in centre.iter_mut().zip(host[v as usize]) {
+                                *c += x / n;
+                            }
+                        }
+                        let centre = Tensor::<1>::from_data(centre.as_slice(), &device);
+                        let turn = Transform::new().axis_angle([0.0, 1.0, 0.0], x.clone());
+                        m.translated(centre.clone().neg())
+                            .transformed(&turn)
+                            .translated(centre)
+                    }
+                })
+            });
+            let options = RenderOptions::new(SIZE, SIZE)
+                .samples(256)
+                .bounces(bounces)
+                .seed(seed);
+            let image = render(&moved, &scene.camera, &options).expect("an image");
+            let gradients = (image.radiance * weights.clone()).sum().backward();
+            found.push(values(&x.grad(&gradients).expect("a gradient"))[0] / exact);
+        }
+        let (mean, error) = mean_and_error(&found);
+        println!("{name}: {mean:.4} ± {error:.4} of the reference");
+        assert!(
+            (mean - 1.0).abs() < 0.02 + 3.0 * error,
+            "{name}: {mean} ± {error}"
+        );
+    }
+}
+
+fn mean_and_error(found: &[f64]) -> (f64, f64) {
+    let n = found.len() as f64;
+    let mean = found.iter().sum::<f64>() / n;
+    let squares: f64 = found.iter().map(|v| (v - mean).powi(2)).sum();
+    (mean, (squares / (n - 1.0) / n).sqrt())
+}
+
+/// The same ball in more and more faces: its gradient is that of differences of its own mesh, and its
+/// noise hardly changes.
+#[test]
+fn any_tessellation() {
+    let device = Device::flex();
+    let long = common::long();
+    let (seeds, samples) = if long { (32, 64) } else { (8, 16) };
+    let levels: &[u32] = if long {
+        &[1, 2, 3, 4, 5, 6]
+    } else {
+        &[1, 3, 5]
+    };
+    let mut noises = Vec::new();
+    for &level in levels {
+        let ball = shapes::icosphere(level, &device);
+        let loss = |x: &Tensor<1>, seed| {
+            let zero = x.zeros_like();
+            let offset = Tensor::cat(vec![zero.clone(), zero + 0.8, x.clone()], 0);
+            let size = Tensor::from_floats([0.8], &device);
+            let floor = shapes::quad(
+                [-3.0, 0.0, 3.0],
+                [3.0, 0.0, 3.0],
+                [3.0, 0.0, -3.0],
+                [-3.0, 0.0, -3.0],
+                &device,
+            );
+            let lamp = shapes::quad(
+                [-1.0, 4.0, -1.0],
+                [0.0, 4.0, -1.0],
+                [0.0, 4.0, 0.0],
+                [-1.0, 4.0, 0.0],
+                &device,
+            );
+            let scene = Scene::new()
+                .with(Object::new(ball.clone().scaled(size).translated(offset)))
+                .with(Object::new(floor))
+                .with(Object::new(lamp).material(Material::emitter([20.0; 3])))
+                .environment([0.2; 3]);
+            let camera = Camera::look_at([1.0, 2.5, 4.5], [0.0, 0.5, 0.0]).fov_y(45.0);
+            let options = RenderOptions::new(48, 48)
+                .samples(samples)
+                .bounces(1)
+                .seed(seed);
+            let image = render(&scene, &camera, &options).expect("an image");
+            // The left half counts less.
+            let ramp: Vec<f32> = (0..48).map(|i| 1.0 + i as f32 / 16.0).collect();
+            let ramp = Tensor::<1>::from_floats(ramp.as_slice(), &device).reshape([1, 48, 1]);
+            (image.radiance * ramp).mean()
+        };
+        let (mut gradients, mut differences) = (Vec::new(), Vec::new());
+        for seed in 0..seeds {
+            let x = Tensor::<1>::zeros([1], &device).autodiff().require_grad();
+            let backward = loss(&x, seed).backward();
+            gradients.push(values(&x.grad(&backward).expect("a gradient"))[0]);
+            let at = |x: f32| values(&loss(&Tensor::from_floats([x], &device), seed))[0];
+            differences.push((at(0.05) - at(-0.05)) / 0.1);
+        }
+        let (mean, error) = mean_and_error(&gradients);
+        let (expected, of_differences) = mean_and_error(&differences);
+        let faces = ball.faces.len();
+        println!(
+            "{faces} faces: {mean:.5} ± {error:.5}, differences {expected:.5} ± {of_differences:.5}"
+        );
+        let noise = error.hypot(of_differences);
+        assert!(
+            (mean - expected).abs() < 0.02 * expected.abs() + 3.5 * noise,
+            "{faces} faces: {mean} ± {error}, {expected} ± {of_differences}"
+        );
+        noises.push(error);
+    }
+    let most = noises.iter().fold(0.0f64, |a, b| a.max(*b));
+    let least = noises.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+    // The noise of noise: as many seeds as there are.
+    assert!(most < if long { 2.0 } else { 3.0 } * least, "{noises:?}");
+}
+
+/// From inside of a closed mesh nothing is seen but its walls, and no light enters.
+#[test]
+fn closed_meshes_are_closed() {
+    let device = Device::flex();
+    for level in [0, 2, 5] {
+        for place in [0.0, 100.0] {
+            let offset = Tensor::<1>::from_floats([place, -place, place], &device);
+            let ball = shapes::icosphere(level, &device).translated(offset);
+            let scene = Scene::new()
+                .with(Object::new(ball).material(Material::diffuse([0.5; 3])))
+                .environment([1.0; 3]);
+            let eye = [place + 0.1, 0.2 - place, place];
+            let camera = Camera::look_at(eye, [place, 0.1 - place, place - 1.0]).fov_y(120.0);
+            let options = RenderOptions::new(48, 48)
+                .samples(32)
+                .bounces(3)
+                .blur(0.05)
+                .with_opacity();
+            let image = render(&scene, &camera, &options).expect("an image");
+            let opacity = values(&image.opacity.expect("opacity"));
+            // A mean of 32 ones.
+            let opaque = opacity.iter().all(|o| (o - 1.0).abs() < 1e-6);
+            assert!(opaque, "level {level} at {place}");
+            let light: f64 = values(&image.radiance).iter().sum();
+            assert_eq!(light, 0.0, "level {level} at {place}");
         }
     }
 }
 
+/// A ball under a white sky is what it is, whatever stands far from it.
 #[test]
-fn extra() {
-    use softray::gradcheck::{Checked, GradCheck, gradcheck};
-    let angle: f64 = std::env::var("ANGLE")
-        .ok()
-        .and_then(|a| a.parse().ok())
-        .unwrap_or(0.0);
-    let n: u64 = std::env::var("SEEDS")
-        .ok()
-        .and_then(|a| a.parse().ok())
-        .unwrap_or(100);
-    let only = std::env::var("CASE").unwrap_or_default();
-    for with in [
-        "cross",
-        "self",
-        "gloss",
-        "map",
-        "mapgloss",
-        "seam",
-        "lensmove",
-        "smooth",
-        "wall",
-        "crossmove",
-        "mirror",
-    ] {
-        if !with.contains(&only) {
-            continue;
-        }
-        let visibility = Visibility::Cone { angle, pixels: 0.5 };
-        let options = RenderOptions::new(16, 16)
-            .samples(256)
-            .bounces(1)
-            .visibility(visibility);
-        let settings = GradCheck::new(options, &Device::flex())
-            .precision(0.003)
-            .tolerance(0.01)
-            .seeds(16, n);
-        let parameters = [
-            Checked::new("x", [0.0], 0.02),
-            Checked::new("y", [0.0], 0.02),
-            Checked::new("turn", [0.2], 0.02),
-        ];
-        let report = gradcheck(&parameters, &settings, |point| {
-            let d = &point.device;
-            let f = |v: &[f64]| Tensor::<1>::from_data(v, (d, point.dtype));
-            let y = point.get("y")?;
-            let x = point.get("x")?;
-            let turn = Transform::new().axis_angle([0.3, 1.0, 0.2], point.get("turn")?);
-            let offset = Tensor::cat(vec![x.clone(), y.clone() + 0.7, x * 0.3], 0);
-            let floor = shapes::quad(
-                [-2.0, 0.0, 2.0],
-                [2.0, 0.0, 2.0],
-                [2.0, 0.0, -2.0],
-                [-2.0, 0.0, -2.0],
-                d,
-            )
-            .cast(point.dtype);
-            let light = shapes::quad(
-                [-0.7, 2.6, -0.7],
-                [0.7, 2.6, -0.7],
-                [0.7, 2.6, 0.7],
-                [-0.7, 2.6, 0.7],
-                d,
-            )
-            .cast(point.dtype);
-            let mut floor = Object::new(floor);
-            if with == "mirror" {
-                floor = floor.material(Material::diffuse([0.1; 3]).specular([0.8; 3], 200.0));
-            }
-            let mut scene = Scene::new()
-                .with(floor)
-                .with(Object::new(light).material(Material::emitter([3.0; 3])));
-            let ball = |n| {
-                shapes::icosphere(n, d)
-                    .cast(point.dtype)
-                    .scaled(f(&[0.5]))
-                    .transformed(&turn)
-                    .translated(offset.clone())
-            };
-            let quad = |m: Material| {
-                let q = shapes::quad(
-                    [-0.6, -0.5, 0.0],
-                    [0.6, -0.5, 0.0],
-                    [0.6, 0.5, 0.0],
-                    [-0.6, 0.5, 0.0],
-                    d,
-                )
-                .cast(point.dtype);
-                Object::new(q.transformed(&turn).translated(offset.clone())).material(m)
-            };
-            let fixed = |m: Material| {
-                let q = shapes::quad(
-                    [0.1, 0.1, -0.6],
-                    [0.1, 0.1, 0.6],
-                    [-0.3, 1.3, 0.6],
-                    [-0.3, 1.3, -0.6],
-                    d,
-                )
-                .cast(point.dtype);
-                Object::new(q).material(m)
-            };
-            let texels = Tensor::<1>::from_data(
-                [
-                    0.8f64, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8, 0.7, 0.7, 0.2,
-                ]
-                .as_slice(),
-                (d, point.dtype),
-            )
-            .reshape([2, 2, 3]);
-            let map = || {
-                let v: Vec<f64> = (0..8 * 16 * 3)
-                    .map(|i| {
-                        0.3 + ((i * 37) % 11) as f64 * 0.1 + if i / 3 == 35 { 30.0 } else { 0.0 }
-                    })
-                    .collect();
-                Tensor::<1>::from_data(v.as_slice(), (d, point.dtype)).reshape([8, 16, 3])
-            };
-            match with {
-                "cross" => {
-                    scene = scene
-                        .with(quad(Material::diffuse([0.8, 0.2, 0.2])))
-                        .with(fixed(Material::diffuse([0.2, 0.8, 0.2])))
-                }
-                "crossmove" => {
-                    scene = scene
-                        .with(quad(Material::diffuse([0.8, 0.2, 0.2])).velocity([0.3, 0.1, 0.0]))
-                        .with(fixed(Material::diffuse([0.2, 0.8, 0.2])))
-                }
-                "self" => {
-                    scene = scene
-                        .with(Object::new(ball(1)))
-                        .with(fixed(Material::diffuse([0.2, 0.8, 0.2])))
-                }
-                "gloss" => {
-                    scene = scene.with(
-                        Object::new(ball(1))
-                            .material(Material::diffuse([0.2, 0.3, 0.4]).specular([0.5; 3], 30.0)),
-                    )
-                }
-                "mirror" => {
-                    scene = scene
-                        .with(Object::new(ball(1)).material(Material::diffuse([0.2, 0.3, 0.4])))
-                }
-                "map" => {
-                    scene = Scene {
-                        objects: vec![scene.objects[0].clone(), Object::new(ball(1))],
-                        environment: Environment::map(map()),
-                    }
-                }
-                "mapgloss" => {
-                    scene = Scene {
-                        objects: vec![
-                            scene.objects[0].clone(),
-                            Object::new(ball(1)).material(
-                                Material::diffuse([0.2, 0.3, 0.4]).specular([0.5; 3], 30.0),
-                            ),
-                        ],
-                        environment: Environment::map(map()),
-                    }
-                }
-                "seam" => {
-                    let a = Material::diffuse(Albedo::texture(texels.clone()));
-                    let mut o = quad(a.clone());
-                    o.materials.push(Material::diffuse([0.1, 0.6, 0.9]));
-                    o.face_materials = std::sync::Arc::new(vec![0, 1]);
-                    scene = scene.with(o);
-                }
-                "lensmove" => scene = scene.with(Object::new(ball(1)).velocity([0.4, 0.2, 0.1])),
-                "smooth" => {
-                    let b = shapes::icosphere(1, d).cast(point.dtype);
-                    let n = b.vertices.clone();
-                    let b = b
-                        .with_normals(n)
-                        .scaled(f(&[0.5]))
-                        .transformed(&turn)
-                        .translated(offset.clone());
-                    scene = scene.with(Object::new(b));
-                }
-                "wall" => {
-                    let wall = shapes::quad(
-                        [-2.0, 0.0, -0.9],
-                        [2.0, 0.0, -0.9],
-                        [2.0, 2.5, -0.9],
-                        [-2.0, 2.5, -0.9],
-                        d,
-                    )
-                    .cast(point.dtype);
-                    let y = point.get("y")?;
-                    let x = point.get("x")?;
-                    let lamp = shapes::quad(
-                        [0.2, 0.8, -0.9],
-                        [0.2, 0.8, -0.4],
-                        [0.8, 0.8, -0.4],
-                        [0.8, 0.8, -0.9],
-                        d,
-                    )
-                    .cast(point.dtype);
-                    let lamp = lamp.translated(Tensor::cat(vec![x, y.clone(), y * 0.0], 0));
-                    scene = Scene::new()
-                        .with(scene.objects[0].clone())
-                        .with(Object::new(wall))
-                        .with(Object::new(lamp).material(Material::emitter([5.0; 3])));
-                }
-                _ => {}
-            }
-            let mut cam = Camera::look_at([0.2, 1.3, 4.2], [0.0, 0.6, 0.0]).fov_y(30.0);
-            if with == "lensmove" {
-                cam = cam.thin_lens(0.2, 3.0);
-            }
-            Ok((scene, cam))
-        });
-        match report {
-            Ok(r) => println!("{with}\n{r}"),
-            Err(e) => println!("{with} {e}"),
+fn what_is_far_does_not_change_what_is_near() {
+    let device = Device::flex();
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
+    let options = RenderOptions::new(24, 24)
+        .samples(16)
+        .bounces(2)
+        .with_opacity();
+    let ball = || Object::new(shapes::icosphere(3, &device)).material(Material::diffuse([0.5; 3]));
+    let near = Scene::new().with(ball()).environment([1.0; 3]);
+    let sums = |scene: &Scene| {
+        let image = render(scene, &camera, &options).expect("an image");
+        let sum = |v: Vec<f64>| v.iter().sum::<f64>();
+        [
+            sum(values(&image.radiance)),
+            sum(values(&image.opacity.expect("opacity"))),
+        ]
+    };
+    let expected = sums(&near);
+    for distance in [1e2, 3e5, 1e9] {
+        let far = shapes::triangle(
+            [0.0, 0.0, distance],
+            [1.0, 0.0, distance],
+            [0.0, 1.0, distance],
+            &device,
+        );
+        let found = sums(&near.clone().with(Object::new(far)));
+        for (a, b) in found.iter().zip(&expected) {
+            assert!((a / b - 1.0).abs() < 1e-3, "{distance}: {a} and {b}");
         }
     }
 }

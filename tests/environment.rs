@@ -169,7 +169,7 @@ fn a_sun_is_found() {
 fn gradients_are_those_of_differences() {
     // √σ is a thirtieth of an edge. At a tenth the hard order of the faces of a glossy ball takes 22 %
     // off the gradient of its shape, and 11 % off the eye's (docs/VISIBILITY.md).
-    let options = RenderOptions::new(8, 8).samples(16).bounces(1).sigma(1e-4);
+    let options = RenderOptions::new(8, 8).samples(16).bounces(1);
     let precision = if common::long() { 0.01 } else { 0.1 };
     let settings = GradCheck::new(options, &Device::flex())
         .precision(precision)

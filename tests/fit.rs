@@ -55,7 +55,7 @@ fn it_descends_and_keeps_a_history() {
     let steps = seen.clone();
     let fitted = Fit::new(point(&[1.0, -2.0]), adam(), 300)
         .rate(Rate::cosine(0.05))
-        .sigma(BlurSchedule::decay(1e-1, 1e-3, 200).expect("a schedule"))
+        .blur(BlurSchedule::decay(1e-1, 1e-3, 200).expect("a schedule"))
         .folder(&folder)
         .on_step(100, move |report| {
             steps.borrow_mut().push(report.step.index);
@@ -69,8 +69,8 @@ fn it_descends_and_keeps_a_history() {
     assert_eq!(*seen.borrow(), [0, 100, 200, 299]);
     assert_eq!(fitted.stop, Stop::Steps);
     assert_eq!(fitted.history.curve("first")[0], (0.0, 1.0));
-    assert_eq!(fitted.history.curve("sigma")[0], (0.0, 1e-1));
-    assert_eq!(fitted.history.curve("sigma")[250], (250.0, 1e-3));
+    assert_eq!(fitted.history.curve("blur")[0], (0.0, 1e-1));
+    assert_eq!(fitted.history.curve("blur")[250], (250.0, 1e-3));
     let csv = std::fs::read_to_string(folder.join("history.csv")).expect("a history");
     assert_eq!(csv, fitted.history.to_csv());
     assert_eq!(csv.lines().count(), 301);
@@ -131,9 +131,7 @@ fn it_stops_where_the_loss_is_flat_and_stays_stopped() {
 fn blur_that_follows_the_loss_falls_where_it_is_flat() {
     let fit = |folder: Option<&Path>, steps| {
         let blur = PlateauBlur::new(1e-1, 1e-3, 0.5, 20).expect("a schedule");
-        let fit = Fit::new(point(&[0.5]), adam(), steps)
-            .rate(0.02)
-            .sigma(blur);
+        let fit = Fit::new(point(&[0.5]), adam(), steps).rate(0.02).blur(blur);
         let fit = match folder {
             Some(folder) => fit.folder(folder).checkpoint_every(7),
             None => fit,
@@ -141,13 +139,13 @@ fn blur_that_follows_the_loss_falls_where_it_is_flat() {
         fit.run(bowl).expect("a fit").history
     };
     let whole = fit(None, 400);
-    let last = whole.rows[399].sigma.expect("a schedule");
+    let last = whole.rows[399].blur.expect("a schedule");
     assert!(last < 2e-2, "{last}");
     // Resumed, it goes on where it was.
     let folder = folder("plateau");
     fit(Some(&folder), 150);
     let resumed = fit(Some(&folder), 400);
-    assert_eq!(resumed.curve("sigma"), whole.curve("sigma"));
+    assert_eq!(resumed.curve("blur"), whole.curve("blur"));
     assert_eq!(resumed.curve("loss"), whole.curve("loss"));
 }
 
@@ -200,12 +198,12 @@ fn rendered(folder: &Path) -> Fitted<Point> {
             .environment([1.0, 1.0, 1.0])
     };
     let still = scene(Tensor::zeros([3], &device));
-    let sharp = options.clone().sigma(1e-4).samples(64);
+    let sharp = options.clone().samples(64);
     let target = render(&still, &camera, &sharp).expect("a target").radiance;
-    let sigma = BlurSchedule::decay(3e-2, 1e-3, 200).expect("a schedule");
+    let blur = BlurSchedule::decay(0.1, 1e-3, 200).expect("a schedule");
     Fit::new(point(&[0.3, -0.2, 0.1]), adam(), 300)
         .rate(Rate::cosine(0.03))
-        .sigma(sigma)
+        .blur(blur)
         .folder(folder)
         .checkpoint_every(3)
         .progress(false)

@@ -26,8 +26,8 @@ fn renderers_and_configurations() {
     let config = RendererConfig::new(8, 6)
         .with_samples(2)
         .with_bounces(1)
-        .with_sigma(1e-2)
         .with_visibility(Visibility::Softmax {
+            sigma: 1e-2,
             gamma: 0.01,
             epsilon: 1e-3,
         })
@@ -43,8 +43,8 @@ fn renderers_and_configurations() {
     let options = RenderOptions::new(8, 6)
         .samples(2)
         .bounces(1)
-        .sigma(1e-2)
         .visibility(Visibility::Softmax {
+            sigma: 1e-2,
             gamma: 0.01,
             epsilon: 1e-3,
         })
@@ -69,7 +69,10 @@ fn renderers_and_configurations() {
 
     let fails = |config: RendererConfig| config.init().expect_err("a bad value").to_string();
     let said = [
-        (fails(config.clone().with_sigma(-1.0)), "sigma is -1"),
+        (
+            fails(config.clone().with_visibility(Visibility::cone(-1.0))),
+            "angle is -1",
+        ),
         (fails(config.clone().with_samples(0)), "samples is 0"),
         (fails(RendererConfig::new(0, 6)), "width is 0"),
         (fails(config.clone().with_cutoff(2.0)), "cutoff is 2"),
@@ -77,12 +80,12 @@ fn renderers_and_configurations() {
             fails(
                 config
                     .clone()
-                    .with_visibility(Visibility::LayeredSoft { gamma: 0.0 }),
+                    .with_visibility(Visibility::softmax(1e-3, 0.0)),
             ),
             "gamma is 0",
         ),
         (
-            renderer.with_sigma(f64::NAN).expect_err("NaN").to_string(),
+            renderer.with_blur(f64::NAN).expect_err("NaN").to_string(),
             "sigma is NaN",
         ),
     ];

@@ -19,7 +19,6 @@ fn still() -> RendererConfig {
     RendererConfig::new(10, 8)
         .with_samples(2)
         .with_bounces(0)
-        .with_sigma(1e-2)
         .with_sampling(Sampling::plain())
         .with_cutoff(1e-9)
 }

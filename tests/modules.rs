@@ -160,7 +160,6 @@ fn world(device: &Device) -> World {
     let renderer = RendererConfig::new(12, 12)
         .with_samples(4)
         .with_bounces(0)
-        .with_sigma(1e-2)
         .init();
     World {
         mesh: MeshParams::from_mesh(&shapes::icosahedron(device)),

@@ -6,11 +6,12 @@ use burn::tensor::Device;
 use common::{cpu_devices, values};
 use softray::prelude::*;
 
-/// Both forms of visibility with the blur that each bears: the softmax form swells.
-fn forms(softmax: (f64, f64), layered: f64) -> [(f64, Visibility); 2] {
+/// The paper's form with a blur of its own, and cones.
+fn forms(sigma: f64, gamma: f64) -> [Visibility; 3] {
     [
-        (softmax.0, Visibility::softmax(softmax.1)),
-        (layered, Visibility::Layered),
+        Visibility::softmax(sigma, gamma),
+        Visibility::default(),
+        Visibility::cone(0.05),
     ]
 }
 
@@ -25,8 +26,8 @@ fn mean(image: &Image) -> f64 {
 
 #[test]
 fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
-    let blurs = forms((1e-5, 1e-3), 1e-3);
-    for (faces, (sigma, form)) in (0..3).flat_map(|f| blurs.map(|b| (f, b))) {
+    let blurs = forms(1e-5, 1e-3);
+    for (faces, form) in (0..3).flat_map(|f| blurs.map(|b| (f, b))) {
         let device = Device::flex();
         let ball =
             Object::new(shapes::icosphere(faces, &device)).material(Material::diffuse([1.0; 3]));
@@ -34,7 +35,6 @@ fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
         let options = RenderOptions::new(24, 24)
             .samples(16)
             .bounces(0)
-            .sigma(sigma)
             .visibility(form);
         let image = render(&white(0.7).with(ball), &camera, &options).expect("an image");
         assert!(
@@ -52,11 +52,10 @@ fn a_torus_of_albedo_1_vanishes_given_enough_bounces() {
     let torus =
         Object::new(shapes::torus(1.0, 0.4, 12, 8, &device)).material(Material::diffuse([1.0; 3]));
     let camera = Camera::look_at([0.0, 2.5, 2.0], [0.0; 3]).fov_y(40.0);
-    for (sigma, form) in forms((1e-6, 1e-5), 1e-4) {
+    for form in forms(1e-6, 1e-5) {
         let options = RenderOptions::new(16, 16)
             .samples(32)
             .bounces(12)
-            .sigma(sigma)
             .visibility(form);
         let scene = white(1.0).with(torus.clone());
         let image = render(&scene, &camera, &options).expect("an image");
@@ -79,18 +78,17 @@ fn inside_a_box_light_adds_up_as_a_geometric_series() {
     let scene = Scene::new()
         .with(Object::new(walls).material(Material::diffuse([albedo; 3]).emission([emission; 3])));
     let camera = Camera::look_at([0.1, 0.0, 0.1], [0.0, 0.1, -0.4]).fov_y(70.0);
-    let render_at = |(sigma, form), bounces, samples: u32| {
+    let render_at = |form, bounces, samples: u32| {
         let options = RenderOptions::new(16, 16)
             .samples(samples)
             .bounces(bounces)
-            .sigma(sigma)
             .visibility(form)
             .seed(1);
         mean(&render(&scene, &camera, &options).expect("an image"))
     };
     for (bounces, blur) in [0, 1, 3]
         .into_iter()
-        .flat_map(|b| forms((1e-8, 1e-5), 1e-6).map(|f| (b, f)))
+        .flat_map(|b| forms(1e-8, 1e-5).map(|f| (b, f)))
     {
         // The camera sees E, and every hit adds the light of the one after it.
         let expected: f64 = (0..=bounces as i32 + 1)
@@ -102,7 +100,7 @@ fn inside_a_box_light_adds_up_as_a_geometric_series() {
             "{blur:?}, {bounces} bounces: {found}, expected {expected}"
         );
     }
-    for blur in forms((1e-8, 1e-5), 1e-6) {
+    for blur in forms(1e-8, 1e-5) {
         let (found, expected) = (render_at(blur, 10, 256), emission / (1.0 - albedo));
         assert!(
             (found / expected - 1.0).abs() < 0.01,
@@ -130,10 +128,7 @@ fn lobes_reflect_their_albedo_at_normal_incidence() {
     ];
     for (material, expected) in materials {
         let scene = white(1.0).with(Object::new(plane.clone()).material(material));
-        let options = RenderOptions::new(16, 16)
-            .samples(256)
-            .bounces(0)
-            .sigma(1e-6);
+        let options = RenderOptions::new(16, 16).samples(256).bounces(0);
         let image = render(&scene, &camera, &options).expect("an image");
         assert!(
             (mean(&image) / expected - 1.0).abs() < 0.01,
@@ -201,7 +196,6 @@ fn outputs_of_the_camera_rays() {
     let options = RenderOptions::new(31, 31)
         .samples(4)
         .bounces(0)
-        .sigma(1e-6)
         .with_opacity()
         .with_depth()
         .with_normals()
@@ -254,20 +248,30 @@ fn errors_name_what_is_wrong() {
         &["samples", "0"],
     );
     for bad in [0.0, -1.0, f64::NAN] {
-        expect(
-            message(&good, &camera, &options.clone().sigma(bad)),
-            &["sigma", &bad.to_string()],
-        );
-        for form in [
-            Visibility::softmax(bad),
-            Visibility::LayeredSoft { gamma: bad },
+        for (form, field) in [
+            (Visibility::softmax(bad, 1e-3), "sigma"),
+            (Visibility::softmax(1e-3, bad), "gamma"),
         ] {
             let options = options.clone().visibility(form);
             expect(
                 message(&good, &camera, &options),
-                &["gamma", &bad.to_string()],
+                &[field, &bad.to_string()],
             );
         }
+    }
+    let softmax = |epsilon| Visibility::Softmax {
+        sigma: 1e-3,
+        gamma: 1e-3,
+        epsilon,
+    };
+    let cone = |angle, pixels| Visibility::Cone { angle, pixels };
+    for (form, parts) in [
+        (softmax(-1.0), ["epsilon", "-1"]),
+        (cone(-0.1, 0.5), ["angle", "-0.1"]),
+        (cone(0.0, f64::NAN), ["pixels", "NaN"]),
+    ] {
+        let options = options.clone().visibility(form);
+        expect(message(&good, &camera, &options), &parts);
     }
     let nan = Mesh::from_host(
         &[[0.0; 3], [1.0, 0.0, f64::NAN], [0.0, 1.0, 0.0]],
@@ -352,7 +356,6 @@ fn fine_faces_render_like_coarse_ones() {
         let options = RenderOptions::new(12, 12)
             .samples(32)
             .bounces(0)
-            .sigma((0.3 * edge).powi(2))
             .visibility(form)
             .seed(seed);
         let image = render(&scene, &camera, &options).expect("an image");
@@ -361,7 +364,10 @@ fn fine_faces_render_like_coarse_ones() {
     let rmse = |a: &[f64], b: &[f64]| {
         (a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
     };
-    for form in [Visibility::softmax(1e-2), Visibility::Layered] {
+    for form in [
+        Visibility::softmax((0.3 * edge).powi(2), 1e-2),
+        Visibility::default(),
+    ] {
         let (expected, image) = render_at(&coarse, form, 1);
         let noise = rmse(&image, &render_at(&coarse, form, 2).1);
         let (found, split) = render_at(&fine, form, 3);
@@ -385,7 +391,10 @@ fn fine_faces_render_like_coarse_ones() {
 fn diagnostics_count_what_is_degenerate() {
     let device = Device::flex();
     let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]).fov_y(30.0);
-    let options = RenderOptions::new(8, 8).samples(4).bounces(1).sigma(1e-6);
+    let options = RenderOptions::new(8, 8)
+        .samples(4)
+        .bounces(1)
+        .visibility(Visibility::softmax(1e-6, 1e-3));
     let ball = || Object::new(shapes::icosahedron(&device));
     let at = |scene: &Scene, options: &RenderOptions| {
         let image = render(scene, &camera, options).expect("an image");
@@ -425,6 +434,6 @@ fn diagnostics_count_what_is_degenerate() {
     assert_eq!(found.parallel_pairs, 8 * 8 * 4, "{found:?}");
 
     // A large blur lets many surfaces share a ray.
-    let blurred = at(&white(1.0).with(ball()), &options.sigma(0.3)).0;
+    let blurred = at(&white(1.0).with(ball()), &options.blur(0.3)).0;
     assert!(blurred.expect("diagnostics").effective_surfaces > 1.5);
 }

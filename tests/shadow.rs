@@ -7,8 +7,6 @@ use common::values;
 use rayon::prelude::*;
 use softray::prelude::*;
 
-const SIGMA: f64 = 1e-3;
-
 /// The derivative image of the occluder's translation in x, pixel by pixel, against central
 /// differences of unblurred renders: each pixel is a render with a backward pass of its own.
 fn agrees_with_unblurred_differences(visibility: Visibility) {
@@ -20,7 +18,6 @@ fn agrees_with_unblurred_differences(visibility: Visibility) {
     let options = RenderOptions::new(file.width, file.height)
         .samples(samples)
         .bounces(0)
-        .sigma(SIGMA)
         .visibility(visibility);
     let derivative = |pixel: u32| {
         let offset = Tensor::<1>::zeros([3], &device).autodiff().require_grad();
@@ -58,10 +55,10 @@ fn agrees_with_unblurred_differences(visibility: Visibility) {
 
 #[test]
 fn in_softmax_form() {
-    agrees_with_unblurred_differences(Visibility::softmax(1e-2));
+    agrees_with_unblurred_differences(Visibility::softmax(1e-3, 1e-2));
 }
 
 #[test]
-fn in_layered_form() {
-    agrees_with_unblurred_differences(Visibility::Layered);
+fn by_cones() {
+    agrees_with_unblurred_differences(Visibility::default());
 }

@@ -63,7 +63,7 @@ fn share_apart(a: &[f64], b: &[f64], tolerance: f64) -> f64 {
 }
 
 fn forms() -> [Visibility; 2] {
-    [Visibility::Layered, Visibility::softmax(1e-2)]
+    [Visibility::cone(0.02), Visibility::softmax(1e-3, 1e-2)]
 }
 
 fn world(form: Visibility) -> World {
@@ -71,7 +71,6 @@ fn world(form: Visibility) -> World {
         w.options = RenderOptions::new(12, 12)
             .samples(4)
             .bounces(2)
-            .sigma(1e-3)
             .visibility(form)
             .seed(3);
         w.thing("ball").velocity = Some([0.2, 0.1, 0.0]);
@@ -79,7 +78,7 @@ fn world(form: Visibility) -> World {
     })
 }
 
-/// Times s, with σ times s²: the same image. Gradients to lengths are divided by s.
+/// Times s, with the σ of a softmax times s²: the same image. Gradients to lengths are divided by s.
 #[test]
 fn scale_does_not_matter() {
     for form in forms() {
@@ -88,7 +87,9 @@ fn scale_does_not_matter() {
             .expect("an image");
         for s in [1e-6, 1e-3, 0.37, 128.0, 1e3, 1e6] {
             let scaled = world(form).mapped(|p| p.map(|x| s * x)).with(|w| {
-                w.options = w.options.clone().sigma(1e-3 * s * s);
+                if let Visibility::Softmax { sigma, .. } = form {
+                    w.options = w.options.clone().blur(sigma * s * s);
+                }
                 w.thing("ball").velocity = Some([0.2 * s, 0.1 * s, 0.0]);
                 w.lens = Some((0.05 * s, 4.0 * s));
             });
@@ -113,7 +114,9 @@ fn scale_does_not_matter() {
         // By powers of two nothing even rounds differently.
         for s in [2f64.powi(-20), 0.25, 2f64.powi(20)] {
             let scaled = world(form).mapped(|p| p.map(|x| s * x)).with(|w| {
-                w.options = w.options.clone().sigma(1e-3 * s * s);
+                if let Visibility::Softmax { sigma, .. } = form {
+                    w.options = w.options.clone().blur(sigma * s * s);
+                }
                 w.thing("ball").velocity = Some([0.2 * s, 0.1 * s, 0.0]);
                 w.lens = Some((0.05 * s, 4.0 * s));
             });
@@ -201,41 +204,41 @@ fn orientation_does_not_matter() {
     }
 }
 
-/// σ → 0 and γ → 0: images settle, without a jump.
+/// Blur → 0: images settle, without a jump.
 #[test]
 fn the_limits_are_approached_without_a_jump() {
     let device = Device::flex();
-    let at = |sigma, form| {
+    let at = |form| {
         let world = World::new().with(|w| {
             w.options = RenderOptions::new(12, 12)
                 .samples(16)
                 .bounces(1)
-                .sigma(sigma)
                 .visibility(form);
         });
         world.run(&device, DType::F32).expect("an image").mean()
     };
-    let sharp = at(1e-14, Visibility::Layered);
+    let sharp = at(Visibility::Cone {
+        angle: 0.0,
+        pixels: 0.0,
+    });
     for exponent in 6..=14 {
-        let mean = at(10f64.powi(-exponent), Visibility::Layered);
+        let blur = 10f64.powi(-exponent);
+        let mean = at(Visibility::Cone {
+            angle: blur.sqrt(),
+            pixels: blur.sqrt(),
+        });
         assert!(
             (mean / sharp - 1.0).abs() < 0.01,
-            "σ 1e-{exponent}: {mean}, limit {sharp}"
+            "angle {}: {mean}, limit {sharp}",
+            blur.sqrt()
         );
         // The swelling √(σ·Δz/γ) needs σ ≪ γ.
         let gamma = 10f64.powi(-(exponent / 2));
-        let mean = at(10f64.powi(-exponent), Visibility::softmax(gamma));
+        let mean = at(Visibility::softmax(blur, gamma));
         let tolerance = 3.0 * 10f64.powi(-exponent / 4) + 0.01;
         assert!(
             (mean / sharp - 1.0).abs() < tolerance,
             "σ 1e-{exponent}, γ {gamma:e}: {mean}, limit {sharp}"
-        );
-    }
-    for gamma in [1e-3, 1e-5, 1e-8] {
-        let mean = at(1e-8, Visibility::LayeredSoft { gamma });
-        assert!(
-            (mean / sharp - 1.0).abs() < 0.01,
-            "γ {gamma:e}: {mean}, limit {sharp}"
         );
     }
 }

@@ -30,7 +30,7 @@ fn formulas_in_f32() {
 
 #[test]
 fn the_image_is_that_of_the_cpu_and_repeats() {
-    for form in [Visibility::Layered, Visibility::softmax(1e-3)] {
+    for form in [Visibility::default(), Visibility::softmax(1e-2, 1e-3)] {
         image_of_the_cpu(form);
     }
 }
@@ -67,11 +67,7 @@ fn gradients_are_those_of_the_cpu() {
         let scene = file
             .scene
             .map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())));
-        let options = RenderOptions::new(12, 12)
-            .samples(8)
-            .bounces(0)
-            .sigma(1e-2)
-            .seed(3);
+        let options = RenderOptions::new(12, 12).samples(8).bounces(0).seed(3);
         let image = render(&scene, &file.camera, &options).expect("an image");
         let gradients = image.radiance.powf_scalar(2.0).sum().backward();
         values(&offset.grad(&gradients).expect("a gradient"))
@@ -85,10 +81,10 @@ fn gradients_are_those_of_the_cpu() {
 
 #[test]
 fn every_gradient_is_that_of_the_cpu() {
-    use common::gradients::{Effort, Engine, LAYERED, SOFTMAX, agreement};
+    use common::gradients::{CONES, Effort, Engine, SOFTMAX, agreement};
     let (gpu, cpu) = (device(), Device::flex());
     let engines: [Engine; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
-    for effort in [SOFTMAX, LAYERED] {
+    for effort in [SOFTMAX, CONES] {
         let effort = Effort {
             samples: 4,
             ..effort

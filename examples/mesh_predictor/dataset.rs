@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use softray::prelude::*;
 
 use super::numbers::Numbers;
-use super::render::{Eye, Light, SIZE, Seen, scene, see, options};
+use super::render::{Eye, Light, SIZE, Seen, options, scene, see};
 use super::shape::Shape;
 
 /// Paths a pixel of the images.

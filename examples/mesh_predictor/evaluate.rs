@@ -5,7 +5,7 @@ use softray::prelude::*;
 
 use super::dataset::Dataset;
 use super::network::{Bodies, Decoder, Network};
-use super::render::{see, options};
+use super::render::{options, see};
 
 /// Paths a pixel of the silhouettes that are compared.
 const SAMPLES: u32 = 4;

@@ -10,7 +10,7 @@ use super::common::study::curves;
 use super::dataset::Dataset;
 use super::evaluate::Baselines;
 use super::network::{Bodies, Decoder};
-use super::render::{see, options};
+use super::render::{options, see};
 
 /// Objects shown.
 const ROWS: usize = 8;

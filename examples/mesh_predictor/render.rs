@@ -83,9 +83,7 @@ pub fn scene(body: Mesh, colour: impl Into<softray::scene::Albedo>, light: &Ligh
 
 /// Of direct light alone, from so many paths a pixel.
 pub fn options(samples: u32) -> RenderOptions {
-    RenderOptions::new(SIZE, SIZE)
-        .bounces(0)
-        .samples(samples)
+    RenderOptions::new(SIZE, SIZE).bounces(0).samples(samples)
 }
 
 /// What was seen of many scenes.

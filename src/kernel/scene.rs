@@ -108,9 +108,7 @@ pub(crate) struct ObjectPart {
     pub first_vertex: usize,
     pub vertices: usize,
     pub first_uv: usize,
-    pub uvs: usize,
     pub first_normal: usize,
-    pub normals: usize,
     /// Whether it has shading normals.
     pub smooth: bool,
 }
@@ -141,6 +139,11 @@ pub(crate) struct KernelScene {
 }
 
 impl KernelScene {
+    /// How many triangles have no area.
+    pub fn degenerate(&self) -> u64 {
+        self.triangles.iter().filter(|t| t.area <= 0.0).count() as u64
+    }
+
     /// Packs a scene; boxes are fitted to those of another where they still serve.
     pub fn new(
         scene: &HostScene,
@@ -167,9 +170,7 @@ impl KernelScene {
                 first_vertex,
                 vertices: o.positions.len(),
                 first_uv: uvs.len(),
-                uvs: o.uvs.as_ref().map_or(0, |a| a.values.len()),
                 first_normal: normals.len(),
-                normals: o.normals.as_ref().map_or(0, |a| a.values.len()),
                 smooth: o.normals.is_some(),
             };
             first_vertex += o.positions.len();

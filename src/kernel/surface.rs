@@ -27,12 +27,6 @@ pub(crate) struct Point {
 const LIFT: f32 = 1e-6;
 
 impl Point {
-    /// The unit normal of the triangle's front.
-    #[inline(always)]
-    pub fn front(&self) -> V3 {
-        self.shading.geometric * self.side
-    }
-
     /// Where rays that leave it start: above it by what it may be off by.
     #[inline(always)]
     pub fn start(&self) -> V3 {

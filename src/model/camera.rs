@@ -47,12 +47,11 @@ pub(crate) struct CameraRay {
     pub lens_y: f32,
 }
 
-/// A point of the film, in pixels, and the depth of the point of space that it sees.
+/// A point of the film, in pixels.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct FilmPoint {
     pub x: f32,
     pub y: f32,
-    pub depth: f32,
 }
 
 impl Camera {
@@ -133,7 +132,6 @@ impl Camera {
         FilmPoint {
             x: 0.5 * (self.width + x * self.height),
             y: 0.5 * (1.0 - y) * self.height,
-            depth,
         }
     }
 
@@ -189,18 +187,6 @@ impl Camera {
             gradient.focus -= by_shift * shift * inverse_focus;
         }
         by_r
-    }
-}
-
-impl CameraGradient {
-    pub fn add(&mut self, o: &Self) {
-        self.eye += o.eye;
-        self.forward += o.forward;
-        self.right += o.right;
-        self.up += o.up;
-        self.half_height += o.half_height;
-        self.aperture += o.aperture;
-        self.focus += o.focus;
     }
 }
 

@@ -121,13 +121,6 @@ fn share_below(x: f64, radius: f64) -> f64 {
     radius * (integral((x + 0.5) / radius) - integral((x - 0.5) / radius))
 }
 
-/// A direction mirrored at a plane if it lies below it.
-#[inline(always)]
-pub(crate) fn above(direction: V3, normal: V3) -> V3 {
-    let along = direction.dot(normal);
-    direction - normal * (2.0 * along.min(0.0))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,4 +8,4 @@ pub(crate) mod frame;
 pub(crate) mod triangle;
 mod vector;
 
-pub(crate) use vector::{V3, splat, v3};
+pub(crate) use vector::{V3, v3};

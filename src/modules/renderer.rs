@@ -48,9 +48,6 @@ pub struct RendererConfig {
     pub russian_roulette: Option<u32>,
     /// The most rays processed at once.
     pub rays_per_tile: Option<usize>,
-    /// Whether the backward pass traces the paths again instead of keeping a tape.
-    #[config(default = false)]
-    pub replay: bool,
     /// Whether images have an opacity.
     #[config(default = false)]
     pub opacity: bool,
@@ -80,9 +77,6 @@ impl RendererConfig {
         }
         if let Some(rays) = self.rays_per_tile {
             options = options.rays_per_tile(rays);
-        }
-        if self.replay {
-            options = options.replay();
         }
         if self.opacity {
             options = options.with_opacity();

@@ -16,16 +16,13 @@ use crate::visibility::SparseWeights;
 pub struct Statistics {
     /// Camera, bounce and shadow rays.
     pub rays: u64,
-    /// Triangles asked, ray by ray.
+    /// For the softmax: triangles asked, ray by ray.
     pub tested: u64,
-    /// How many surfaces matter to a camera or bounce ray: mean, 99th percentile and most. 0 where
-    /// all triangles are asked in tensors.
+    /// For the softmax: how many surfaces matter to a camera or bounce ray: mean, 99th percentile and
+    /// most. 0 where all triangles are asked in tensors.
     pub surfaces: [f64; 3],
     /// Paths that looked for their next surface, by bounce: how many survived so far.
     pub bounces: Vec<u64>,
-    /// Pairs of ray and triangle whose derivatives went into the graph (11 numbers each); 0 where
-    /// all triangles are asked in tensors, or the render is a replay.
-    pub taped_pairs: u64,
 }
 
 impl Statistics {
@@ -37,7 +34,7 @@ impl Statistics {
         }
     }
 
-    pub(super) fn new(census: &Census, taped_pairs: u64) -> Self {
+    pub(super) fn new(census: &Census) -> Self {
         let total: u64 = census.surfaces.iter().sum();
         let pairs = census.surfaces.iter().enumerate();
         let sum: u64 = pairs.clone().map(|(k, n)| k as u64 * n).sum();
@@ -58,7 +55,6 @@ impl Statistics {
                 most as f64,
             ],
             bounces: census.bounces.clone(),
-            taped_pairs,
         }
     }
 }

@@ -12,7 +12,7 @@ use super::batch::of_batch;
 use super::film::{Means, Statistics};
 use super::replay::{Retrace, replay};
 use super::tensors::{Tile, sampler, tiles};
-use super::{Batch, RenderOptions};
+use super::{Batch, Diagnostics, RenderOptions};
 use crate::error::Result;
 use crate::geometry::Context;
 use crate::kernel::{
@@ -280,6 +280,19 @@ pub(super) fn render(
         .zip(&views)
         .map(|(planes, view)| pass.view(view, planes))
         .collect();
+    let diagnose = |(view, planes): (&View, &[f64])| Diagnostics {
+        degenerate_triangles: view.scene.degenerate(),
+        non_finite_light: planes[..3 * count]
+            .iter()
+            .filter(|v| !v.is_finite())
+            .count() as u64,
+        effective_surfaces: 1.0,
+        ..Diagnostics::default()
+    };
+    let asked = options
+        .diagnostics
+        .then(|| views.iter().zip(planes.chunks(of_view)));
+    let diagnostics = asked.into_iter().flatten().map(diagnose).collect();
     let mean = context.tensor(&planes, [views.len() * rows.count(), count]);
     let mean = match parent {
         Some(parent) => {
@@ -304,7 +317,7 @@ pub(super) fn render(
         mean: mean.reshape([statistics.len(), rows.count(), count]),
         objects,
         statistics,
-        diagnostics: Vec::new(),
+        diagnostics,
     })
 }
 
@@ -433,7 +446,7 @@ impl Backward {
         let sums: Vec<Sums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
         let mut all = zero.clone();
         sums.iter().for_each(|s| all.add(s));
-        if view.has_edges() && std::env::var("R_FILM") != Ok("0".into()) {
+        if view.has_edges() {
             self.on_film(view, upstream, &zero, accumulators, &mut all);
         }
         all.resolve(&view.scene);
@@ -463,13 +476,7 @@ impl Backward {
         if edges.is_empty() {
             return;
         }
-        let count = (asked as f64
-            * f64::from(self.samples)
-            * std::env::var("R_FILM")
-                .ok()
-                .and_then(|s| s.parse().ok())
-                .unwrap_or(FILM_SAMPLES))
-        .ceil();
+        let count = (asked as f64 * f64::from(self.samples) * FILM_SAMPLES).ceil();
         let count = count.clamp(1.0, 1e9) as u32;
         let each = count.div_ceil(accumulators as u32).max(256);
         let sums: Vec<Sums> = (0..count.div_ceil(each))
@@ -487,4 +494,4 @@ impl Backward {
 }
 
 /// Samples of edges on the film for each path of the image.
-const FILM_SAMPLES: f64 = 0.25;
+const FILM_SAMPLES: f64 = 0.0625;

@@ -92,9 +92,10 @@ fn render_views(
         None => [options.width, options.height],
     };
     let mut means = match options.visibility {
-        Visibility::Cone { angle, pixels: radius } => {
-            kernel::render(batch, options, [angle, radius], pixels)?
-        }
+        Visibility::Cone {
+            angle,
+            pixels: radius,
+        } => kernel::render(batch, options, [angle, radius], pixels)?,
         Visibility::Softmax {
             sigma,
             gamma,

@@ -28,7 +28,6 @@ pub struct RenderOptions {
     pub(super) outputs: Outputs,
     pub(super) diagnostics: bool,
     pub(super) brute_force: bool,
-    pub(super) replay: bool,
     pub(super) cache: Option<HierarchyCache>,
     pub(super) cutoff: f64,
     pub(super) progress: Option<Progress>,
@@ -59,7 +58,6 @@ impl fmt::Debug for RenderOptions {
             .field("outputs", &self.outputs)
             .field("diagnostics", &self.diagnostics)
             .field("brute_force", &self.brute_force)
-            .field("replay", &self.replay)
             .field("cache", &self.cache)
             .field("cutoff", &self.cutoff)
             .finish_non_exhaustive()
@@ -84,7 +82,6 @@ impl RenderOptions {
             outputs: Outputs::default(),
             diagnostics: false,
             brute_force: false,
-            replay: false,
             cache: None,
             cutoff: 1e-4,
             progress: None,
@@ -191,7 +188,7 @@ impl RenderOptions {
         self
     }
 
-    /// For the softmax: also counts what is degenerate, which takes time.
+    /// Also counts what is degenerate ([`Diagnostics`](super::Diagnostics)); for the softmax that takes time.
     pub fn with_diagnostics(mut self) -> Self {
         self.diagnostics = true;
         self
@@ -201,14 +198,6 @@ impl RenderOptions {
     /// specification of what is done by a hierarchy of boxes.
     pub fn brute_force(mut self) -> Self {
         self.brute_force = true;
-        self
-    }
-
-    /// For the softmax: keeps no tape of the paths. The image is one node of the graph, and its backward
-    /// pass traces them again, tile by tile, on all cores. Memory then does not grow with samples,
-    /// bounces or pixels; the forward pass is done twice. Cones always work so.
-    pub fn replay(mut self) -> Self {
-        self.replay = true;
         self
     }
 

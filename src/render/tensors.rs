@@ -29,7 +29,13 @@ pub(super) fn render(
     let mut rendered = Vec::with_capacity(batch.views.len());
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
         let scene = batch.scene(*scene, true);
-        let view = View::render(&scene, camera, &options.of_view(index), form, pixels.clone());
+        let view = View::render(
+            &scene,
+            camera,
+            &options.of_view(index),
+            form,
+            pixels.clone(),
+        );
         rendered.push(view.map_err(of_batch("view", index))?);
     }
     let objects = rendered.iter().map(|v| v.objects).max().unwrap_or(0);
@@ -54,11 +60,10 @@ struct View {
 
 impl View {
     fn new(renderer: &Renderer, mean: Tensor<2>, found: Found) -> Self {
-        let taped = renderer.sparse.as_ref().map_or(0, Sparse::taped);
         Self {
             mean,
             objects: renderer.objects(),
-            statistics: Statistics::new(&found.census, taped),
+            statistics: Statistics::new(&found.census),
             diagnostics: found.diagnostics,
         }
     }
@@ -84,9 +89,7 @@ impl View {
         pixels: Option<Arc<Vec<u32>>>,
     ) -> Result<Self> {
         let mut collected = Collect::default();
-        if options.replay {
-            visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
-        }
+        visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
         if collected.rows.is_empty() {
             let flattened = Flattened::new(scene, camera, options.bounds)?;
             let renderer = Renderer::new(&flattened, camera, (options, form), pixels, None)?;
@@ -195,15 +198,11 @@ impl<'a> Renderer<'a> {
             }
             sums
         };
-        // The first tile tells whether there is a tape: a graph is built by one thread.
-        let mut results = vec![run(&tiles[0])?];
-        if results[0].sums.is_tracked() || !is_cpu(&self.scene.context.device) {
-            for tile in &tiles[1..] {
-                results.push(run(tile)?);
-            }
+        let results = if is_cpu(&self.scene.context.device) {
+            tiles.par_iter().map(run).collect::<Result<Vec<_>>>()?
         } else {
-            results.extend(tiles[1..].par_iter().map(run).collect::<Result<Vec<_>>>()?);
-        }
+            tiles.iter().map(run).collect::<Result<_>>()?
+        };
         let mut census = Census::default();
         results.iter().for_each(|r| census.merge(&r.census));
         let mut diagnostics: Option<Diagnostics> = None;

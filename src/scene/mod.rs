@@ -14,14 +14,11 @@ pub mod shapes;
 mod transform;
 
 pub use camera::Camera;
-pub(crate) use camera::CameraFrame;
 pub(crate) use check::check_camera;
 pub use environment::Environment;
 pub use flatten::{Albedos, Bounds, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
-pub(crate) use flatten::{Attached, TrackedMesh};
-pub(crate) use host::{
-    HostAttribute, HostCamera, HostMaterial, HostObject, HostScene, HostTexture,
-};
+
+pub(crate) use host::{HostAttribute, HostCamera, HostScene, HostTexture};
 pub use material::{Albedo, Material, Wrap};
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;

@@ -6,8 +6,9 @@ use crate::error::Result;
 use crate::geometry::{Vec3, host_values, plain};
 use crate::visibility::{Weights, grazing};
 
-/// What was degenerate in a render. Counting reads back from the device: it costs time, and
-/// nothing where it isn't asked for.
+/// What was degenerate in a render. Of cones, which have neither weights nor parallel hits, triangles and
+/// light alone are counted. Of the softmax counting reads back from the device: it costs time, and nothing
+/// where it isn't asked for.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Diagnostics {

@@ -191,11 +191,6 @@ impl Lights {
         (k, p[k], rest.clamp(0.0, 1.0))
     }
 
-    /// The triangle of the scene that an emitter is.
-    pub fn triangle(&self, emitter: usize) -> u32 {
-        self.index[emitter]
-    }
-
     /// The probability of the emitter that each point of a list met.
     pub fn chance(&self, views: Option<&Views>, met: &[Met]) -> Vec<f64> {
         let mut p = Vec::new();
@@ -205,11 +200,6 @@ impl Lights {
             k.map_or(0.0, |k| p[k])
         };
         met.iter().map(chance).collect()
-    }
-
-    /// The probability of an emitter at a point.
-    pub fn chance_of(&self, view: (DVec3, f64), emitter: usize, p: &mut Vec<f64>) -> f64 {
-        self.probabilities(Some(view), p)[emitter]
     }
 
     /// The points on the fronts of emitters that rays meet, were nothing in between.

@@ -188,30 +188,6 @@ impl SkyMap {
         Ok(radiance)
     }
 
-    /// Radiance along a direction.
-    pub fn at(&self, direction: DVec3) -> DVec3 {
-        let l = self.look_up(direction);
-        let corners = l.texels.iter().zip(l.weights);
-        corners.map(|(&t, w)| self.values[t] * w).sum()
-    }
-
-    /// How many texels.
-    pub fn len(&self) -> usize {
-        self.values.len()
-    }
-
-    /// Adds derivatives of g·radiance by texels; returns that by the direction.
-    pub fn pull(&self, direction: DVec3, g: DVec3, texels: &mut [DVec3]) -> DVec3 {
-        let l = self.look_up(direction);
-        for (&t, w) in l.texels.iter().zip(l.weights) {
-            texels[t] += g * w;
-        }
-        let [a, b, p, q] = l.texels.map(|t| self.values[t].dot(g));
-        let by_x = (1.0 - l.at[1]) * (b - a) + l.at[1] * (q - p);
-        let by_y = (1.0 - l.at[0]) * (p - a) + l.at[0] * (q - b);
-        l.slope[0] * by_x + l.slope[1] * by_y
-    }
-
     /// Directions for pairs of random numbers, with their densities per solid angle.
     pub fn choose(&self, u: &[f64], v: &[f64]) -> (Vec<DVec3>, Vec<f64>) {
         let pairs = u.iter().zip(v);

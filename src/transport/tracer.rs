@@ -10,8 +10,8 @@ use crate::error::Result;
 use crate::geometry::Context;
 use crate::scene::Flattened;
 use crate::visibility::{
-    Coverage, CoverageSettings, DepthRange, Rays, Softmax, Sparse, SparseWeights, Weights, coverage,
-    transmittance, weights,
+    Coverage, CoverageSettings, DepthRange, Rays, Softmax, Sparse, SparseWeights, Weights,
+    coverage, transmittance, weights,
 };
 
 /// What a path does.
@@ -142,17 +142,6 @@ pub(crate) struct Census {
 }
 
 impl Census {
-    /// Counts a camera or bounce ray.
-    #[inline(always)]
-    pub fn add_ray(&mut self, tested: u64, surfaces: usize) {
-        self.rays += 1;
-        self.tested += tested;
-        if self.surfaces.len() <= surfaces {
-            self.surfaces.resize(surfaces + 1, 0);
-        }
-        self.surfaces[surfaces] += 1;
-    }
-
     /// Both together.
     pub fn merge(&mut self, other: &Self) {
         self.rays += other.rays;

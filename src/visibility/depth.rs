@@ -36,16 +36,4 @@ impl DepthRange {
             ..self
         }
     }
-
-    /// 1/(far − near) `[1, N]`, in the graph: far moves it only where the origin lies inside.
-    pub(super) fn per_depth(&self) -> Tensor<2> {
-        let depth = self.far.clone() - self.near.clone();
-        match &self.change {
-            Some(change) => {
-                let outside = self.near.clone().greater_elem(0.0);
-                (depth + change.clone().mask_fill(outside, 0.0)).recip()
-            }
-            None => depth.recip(),
-        }
-    }
 }

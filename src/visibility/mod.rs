@@ -18,10 +18,10 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 
 pub use depth::DepthRange;
-pub use edge::{Coverage, CoverageSettings, Rays, coverage};
 pub(crate) use edge::grazing;
-pub use sparse::{Sparse, SparseWeights};
+pub use edge::{Coverage, CoverageSettings, Rays, coverage};
 pub use softmax::{Softmax, weights};
+pub use sparse::{Sparse, SparseWeights};
 pub use transmittance::transmittance;
 pub use weights::Weights;
 
@@ -83,7 +83,8 @@ impl Visibility {
     }
 
     pub(crate) fn check(&self) -> Result<()> {
-        let invalid = |field, value, expected| Err(Error::invalid("options", field, value, expected));
+        let invalid =
+            |field, value, expected| Err(Error::invalid("options", field, value, expected));
         match *self {
             Self::Cone { angle, pixels } => {
                 if !(0.0..0.5).contains(&angle) {

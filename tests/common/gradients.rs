@@ -249,7 +249,6 @@ pub fn cases() -> Vec<Case> {
 /// Blur and samples of a render.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
-    pub sigma: f64,
     pub visibility: Visibility,
     pub samples: u32,
 }
@@ -257,25 +256,27 @@ pub struct Effort {
 /// The swelling √(σ·Δz/γ) stays well under the distances between objects: where it reaches the
 /// plane's origin a surface stops to count, a jump that no gradient sees.
 pub const SOFTMAX: Effort = Effort {
-    sigma: 5e-3,
     visibility: Visibility::Softmax {
+        sigma: 5e-3,
         gamma: 0.2,
         epsilon: 1e-3,
     },
     samples: 16,
 };
 
-/// The layered form does not swell.
-pub const LAYERED: Effort = Effort {
-    visibility: Visibility::Layered,
-    ..SOFTMAX
+/// Cones that blur by about a pixel.
+pub const CONES: Effort = Effort {
+    visibility: Visibility::Cone {
+        angle: 0.05,
+        pixels: 0.5,
+    },
+    samples: 64,
 };
 
 fn options(case: &Case, effort: Effort) -> RenderOptions {
     RenderOptions::new(SIZE, SIZE)
         .samples(effort.samples)
         .bounces(case.bounces)
-        .sigma(effort.sigma)
         .visibility(effort.visibility)
         .bounds(Bounds {
             center: [0.0, 0.8, 0.0],

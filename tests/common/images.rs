@@ -32,7 +32,7 @@ pub fn compare(
     name: &str,
     bounces: u32,
     samples: u32,
-    (sigma, visibility): (f64, Visibility),
+    visibility: Visibility,
     device: &Device,
 ) -> Comparison {
     let file = SceneFile::load(reference(&format!("{name}/scene.json")), device).expect("a scene");
@@ -41,7 +41,6 @@ pub fn compare(
     let options = RenderOptions::new(file.width, file.height)
         .samples(samples)
         .bounces(bounces)
-        .sigma(sigma)
         .visibility(visibility)
         .seed(5);
     let image = render(&file.scene, &file.camera, &options).expect("an image");
@@ -50,7 +49,7 @@ pub fn compare(
         mean_ratio: image.mean_ratio(&target),
         rmse_clipped: image.rmse(&target, true).expect("the same size"),
     };
-    println!("{name} bounces {bounces}, {samples} samples, σ {sigma}, {visibility:?}: {found:?}");
+    println!("{name} bounces {bounces}, {samples} samples, {visibility:?}: {found:?}");
     found
 }
 

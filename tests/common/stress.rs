@@ -153,11 +153,7 @@ impl World {
             up: [0.0, 1.0, 0.0],
             fov: 40.0,
             lens: None,
-            options: RenderOptions::new(8, 8)
-                .samples(4)
-                .bounces(2)
-                .sigma(1e-3)
-                .seed(3),
+            options: RenderOptions::new(8, 8).samples(4).bounces(2).seed(3),
         }
     }
 
@@ -260,12 +256,19 @@ impl World {
 }
 
 const FORMS: [Visibility; 3] = [
-    Visibility::Layered,
+    Visibility::Cone {
+        angle: 0.0,
+        pixels: 0.5,
+    },
+    Visibility::Cone {
+        angle: 0.1,
+        pixels: 0.0,
+    },
     Visibility::Softmax {
+        sigma: 1e-3,
         gamma: 1e-3,
         epsilon: 1e-3,
     },
-    Visibility::LayeredSoft { gamma: 1e-2 },
 ];
 
 /// Scenes that have to give finite images and gradients, by name.
@@ -295,24 +298,24 @@ pub fn cases() -> Vec<(String, World)> {
     for (name, world) in sizes() {
         add(&mut all, format!("size: {name}"), world);
     }
-    for sigma in [1e-14, 1e-10, 1e-6, 1e-2, 1.0, 1e2, 1e4] {
-        let options = World::new().options.sigma(sigma);
+    let mut blurred = |form: Visibility| {
+        let options = World::new().options.visibility(form);
         let world = World::new().with(|w| w.options = options);
-        add(&mut all, format!("blur: σ {sigma:e}"), world);
+        all.push((format!("blur: {form:?}"), world));
+    };
+    for angle in [1e-9, 1e-3, 0.03, 0.3, 0.49] {
+        for pixels in [0.0, 1e-6, 3.0, 100.0] {
+            blurred(Visibility::Cone { angle, pixels });
+        }
+    }
+    for sigma in [1e-14, 1e-10, 1e-6, 1e-2, 1.0, 1e2, 1e4] {
         for gamma in [1e-8, 1e-4, 1.0, 1e2] {
             for epsilon in [0.0, 1e-3, 1.0] {
-                let forms = [
-                    Visibility::Softmax { gamma, epsilon },
-                    Visibility::LayeredSoft { gamma },
-                ];
-                for form in forms {
-                    if matches!(form, Visibility::LayeredSoft { .. }) && epsilon > 0.0 {
-                        continue;
-                    }
-                    let options = World::new().options.sigma(sigma).visibility(form);
-                    let world = World::new().with(|w| w.options = options);
-                    all.push((format!("blur: σ {sigma:e}, {form:?}"), world));
-                }
+                blurred(Visibility::Softmax {
+                    sigma,
+                    gamma,
+                    epsilon,
+                });
             }
         }
     }
@@ -618,10 +621,7 @@ fn surfaces() -> Named {
 fn sizes() -> Named {
     let base = World::new;
     let of = |width, height| {
-        let options = RenderOptions::new(width, height)
-            .samples(2)
-            .bounces(1)
-            .sigma(1e-3);
+        let options = RenderOptions::new(width, height).samples(2).bounces(1);
         base().with(|w| w.options = options)
     };
     let change = |f: &dyn Fn(RenderOptions) -> RenderOptions| {

@@ -159,7 +159,7 @@ impl Training {
         let options = RenderOptions::new(SIZE, SIZE)
             .samples(2)
             .bounces(0)
-            .sigma(1e-2);
+            .blur(0.02);
         let scales: [[f32; 3]; ITEMS] = [[0.8, 1.1, 0.9], [1.2, 0.7, 1.0]];
         let scales = Tensor::<2>::from_data(TensorData::from(scales), device);
         let vertices = ball.vertices.clone().unsqueeze::<3>();

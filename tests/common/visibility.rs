@@ -5,7 +5,8 @@ use burn::tensor::{DType, Device, Tensor, TensorData};
 use serde_json::Value;
 use softray::geometry::{Context, Neighbours, Topology, Triangles, Vec3, VertexData};
 use softray::visibility::{
-    Coverage, CoverageSettings, DepthRange, Rays, Visibility, Weights, coverage,
+    Coverage, CoverageSettings, DepthRange, Rays, Softmax, Weights, coverage, transmittance,
+    weights,
 };
 
 use super::{reference, values};
@@ -48,21 +49,14 @@ struct Built {
     /// Along the whole ray, and up to `t_max`.
     coverage: Coverage,
     cut: Coverage,
-    softmax: Visibility,
+    softmax: Softmax,
     context: Context,
     topology: Topology,
 }
 
 impl Built {
-    fn weights(&self, visibility: Visibility) -> Weights {
-        let (coverage, range) = (self.coverage.clone(), self.range.clone());
-        visibility
-            .weights(&self.context, &self.topology, coverage, range)
-            .expect("weights")
-    }
-
-    fn transmittance(&self, visibility: Visibility) -> Tensor<2> {
-        visibility.transmittance(&self.context, &self.topology, &self.cut)
+    fn weights(&self) -> Weights {
+        weights(self.coverage.clone(), self.range.clone(), self.softmax)
     }
 }
 
@@ -129,7 +123,8 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         origins,
         directions,
         range,
-        softmax: Visibility::Softmax {
+        softmax: Softmax {
+            sigma: settings.sigma,
             gamma: case.json["gamma"].as_f64().expect("gamma"),
             epsilon: case.json["epsilon"].as_f64().expect("epsilon"),
         },
@@ -188,7 +183,7 @@ fn assert_gradients(case: &Case, kind: &str, built: &Built, loss: Tensor<1>, rel
     }
 }
 
-/// Values and gradients of every case on one device, in both forms.
+/// Values and gradients of every case on one device.
 pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
     for case in &cases() {
         let context = Context {
@@ -211,41 +206,30 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
             &flat(&case.json["p"]),
             value,
         );
-        for (form, visibility) in [("softmax", built.softmax), ("layered", Visibility::Layered)] {
-            let built = build(case, device, dtype);
-            let weights = built.weights(visibility);
-            let expected = &case.json[form];
-            let name = format!("{} {form}", case.name);
-            assert_close(
-                &name,
-                &by_ray(&weights.surfaces),
-                &flat(&expected["weights"]),
-                value,
-            );
-            assert_close(
-                &name,
-                &by_ray(&weights.attached_background()),
-                &flat(&expected["background"]),
-                value,
-            );
-            let kind = format!("{form}_gradient");
-            let loss = weights.mean(
-                cotangent(&kind, 0, case.triangles),
-                Some(cotangent(&kind, 1, 1)),
-            );
-            let mut loss = loss.sum();
-            if form == "layered" {
-                // Its third cotangent is that of the transmittance.
-                let passed = built.transmittance(visibility);
-                let values = flat(&expected["transmittance"]);
-                assert_close(&name, &by_ray(&passed), &values, value);
-                loss = loss + (passed * cotangent(&kind, 2, 1)).sum();
-            }
-            assert_gradients(case, &kind, &built, loss, gradient);
-        }
+        let weights = built.weights();
+        let expected = &case.json["softmax"];
+        let name = format!("{} softmax", case.name);
+        assert_close(
+            &name,
+            &by_ray(&weights.surfaces),
+            &flat(&expected["weights"]),
+            value,
+        );
+        assert_close(
+            &name,
+            &by_ray(&weights.attached_background()),
+            &flat(&expected["background"]),
+            value,
+        );
+        let kind = "softmax_gradient";
+        let loss = weights.mean(
+            cotangent(kind, 0, case.triangles),
+            Some(cotangent(kind, 1, 1)),
+        );
+        assert_gradients(case, kind, &built, loss.sum(), gradient);
 
         let built = build(case, device, dtype);
-        let passed = built.transmittance(built.softmax);
+        let passed = transmittance(&built.cut);
         let name = format!("{} transmittance", case.name);
         assert_close(
             &name,
@@ -268,30 +252,19 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
 /// the reference checks, has it of W.
 pub fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
     for case in &cases() {
-        let softmax = build(case, device, dtype).softmax;
-        let soft = Visibility::LayeredSoft { gamma: 0.1 };
-        for form in [softmax, Visibility::Layered, soft] {
-            for k in 0..=case.triangles {
-                check_one_ratio(case, device, dtype, form, k, gradient);
-            }
+        for k in 0..=case.triangles {
+            check_one_ratio(case, device, dtype, k, gradient);
         }
     }
 }
 
-fn check_one_ratio(
-    case: &Case,
-    device: &Device,
-    dtype: DType,
-    form: Visibility,
-    k: usize,
-    gradient: f64,
-) {
+fn check_one_ratio(case: &Case, device: &Device, dtype: DType, k: usize, gradient: f64) {
     let context = Context {
         device: device.clone(),
         dtype,
     };
     let built = build(case, device, dtype);
-    let weights = built.weights(form);
+    let weights = built.weights();
     // What is never drawn needs no ratio.
     let weight = if k < case.triangles {
         weights.surfaces.clone().slice([k..k + 1])
@@ -324,7 +297,7 @@ fn check_one_ratio(
     // Σ W · ratio has the gradient of Σ W.
     let found = (ratio * weight * possible.clone()).sum().backward();
     let built_again = build(case, device, dtype);
-    let weights = built_again.weights(form);
+    let weights = built_again.weights();
     let whole = if k < case.triangles {
         let one_hot: Vec<f64> = (0..case.triangles)
             .map(|j| if j == k { 1.0 } else { 0.0 })

@@ -396,7 +396,6 @@ impl View {
             per_density,
             to: position - origin,
             position,
-            shift,
         };
         if point.to.dot(self.camera.forward) <= 0.0 {
             return;

@@ -13,11 +13,11 @@ use crate::kernel::gradient::Sums;
 use crate::kernel::path::{Path, Walk, glam3};
 use crate::kernel::records::{Bend, Vertex, Work};
 use crate::kernel::surface::Point;
+use crate::model::V3;
 use crate::model::bsdf::Scatter;
 use crate::model::edge::{DirectionEdge, direction_edge, half_plane};
 use crate::model::frame::to_local;
 use crate::model::triangle::barycentric;
-use crate::model::{V3, v3};
 
 /// A point of an edge that is seen from a point.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +29,6 @@ pub(super) struct EdgePoint {
     /// From the point that sees it.
     pub to: V3,
     pub position: V3,
-    pub shift: V3,
 }
 
 /// What is seen on the two sides of an edge's point.
@@ -46,17 +45,10 @@ pub(super) const TOUCHING: f32 = 4e-6;
 /// Points beside an edge are this far from it, over the largest coordinate.
 const BESIDE: f32 = 2e-5;
 
-/// The probabilities with which edges of the lights' shadows and of reflected light are looked for at a
-/// point of a path.
-static RATES: std::sync::LazyLock<[f32; 3]> = std::sync::LazyLock::new(|| {
-    let v = |n: &str, d: f32| {
-        std::env::var(n)
-            .ok()
-            .and_then(|s| s.parse().ok())
-            .unwrap_or(d)
-    };
-    [v("R_LIGHT", 1.0), v("R_REFL", 0.5), v("R_FILM", 0.25)]
-});
+/// The probability with which edges of the lights' shadows are looked for at a point of a path.
+const LIGHT: f32 = 0.25;
+/// The same of reflected light, which takes two more paths.
+const REFLECTED: f32 = 0.125;
 
 impl View {
     /// Adds what jumps at edges seen from a point of a path contribute, times `g`.
@@ -80,8 +72,7 @@ impl View {
         let emitters = &self.scene.emitters;
         if !emitters.is_empty() {
             let [choice, u, v, w] = numbers.set(3 * bounce);
-            let [extra, other, pick, _] = numbers.set(3 * bounce + 1);
-            let (LIGHT, REFLECTED) = (RATES[0], RATES[1]);
+            let [extra, pick, ..] = numbers.set(3 * bounce + 1);
             if pick < LIGHT {
                 let carried = carried * (1.0 / LIGHT);
                 let x = vertex.point.position;
@@ -111,14 +102,12 @@ impl View {
                     );
                 }
             }
-            let _ = other;
         }
         let last = bounce >= self.bounces;
         if !last || self.sees_sky || self.gathers_map {
             let turns = moves || self.wanted.turns();
             let tree = if turns { &sets.all } else { &sets.moving };
             let [pick, u, v, w] = numbers.set(3 * bounce + 2);
-            let REFLECTED = RATES[1];
             if pick < REFLECTED && !tree.is_empty() {
                 let lobe = pick / REFLECTED;
                 let carried = carried * (1.0 / REFLECTED);
@@ -423,7 +412,6 @@ impl View {
             per_density,
             to,
             position: query.x + to,
-            shift,
         })
     }
 
@@ -644,6 +632,7 @@ fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Option<[f32; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::v3;
 
     #[test]
     fn segments_clipped_to_cones() {

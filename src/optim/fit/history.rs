@@ -31,14 +31,7 @@ pub struct History {
     pub rows: Vec<Row>,
 }
 
-const COLUMNS: [&str; 6] = [
-    "step",
-    "loss",
-    "gradient_norm",
-    "rate",
-    "blur",
-    "seconds",
-];
+const COLUMNS: [&str; 6] = ["step", "loss", "gradient_norm", "rate", "blur", "seconds"];
 
 impl History {
     /// A number of the evaluations over the steps, as points (step, value).

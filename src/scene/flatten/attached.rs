@@ -1,6 +1,5 @@
 //! What a scene has beside the corners of its triangles, as planes, in the graph where it is in one.
 
-use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
@@ -50,18 +49,6 @@ impl Attached {
             environment: shines.then(|| SkyTensors::new(&scene.environment, context)),
         }
     }
-}
-
-/// A mesh whose vertices are in a graph.
-#[derive(Clone, Debug)]
-pub(crate) struct TrackedMesh {
-    /// `[V, 3]`, scene units; None where they are rows of a tensor of a whole batch.
-    pub vertices: Option<Tensor<2>>,
-    /// V.
-    pub count: usize,
-    pub faces: Arc<Vec<[u32; 3]>>,
-    /// The first of its triangles in the scene.
-    pub first: usize,
 }
 
 fn velocities(scene: &Scene, context: &Context) -> Option<Vec3> {

@@ -11,7 +11,7 @@ use super::check::{check_camera, check_scene};
 use super::{Camera, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
-pub(crate) use attached::{Attached, TrackedMesh};
+use attached::Attached;
 pub use materials::{Albedos, EnvironmentMap, Materials, SkyTensors, TextureSlot};
 
 /// A sphere around the scene: sets the scale of depths and tolerances; takes no gradient.

@@ -147,12 +147,6 @@ impl Numbers<'_> {
         time
     }
 
-    /// For the choice of a surface.
-    pub fn surface(&self, bounce: u32) -> f32 {
-        let [u] = self.some([(Dimension::Surface, bounce)]);
-        u
-    }
-
     /// For a direction, and for an emitter and a point on it, seen from where it leads.
     pub fn direction(&self, bounce: u32) -> [f32; 4] {
         use Dimension::{DirectionU, DirectionV, EmitterU, EmitterV};

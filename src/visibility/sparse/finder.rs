@@ -185,14 +185,7 @@ impl<'a> Finder<'a> {
     /// Adds a triangle to those that a ray meets before `limit`, if it does; returns the limit from
     /// there on.
     #[inline(always)]
-    fn ask(
-        &self,
-        ray: &HostRay,
-        ends: &Ends,
-        k: u32,
-        limit: f64,
-        found: &mut Vec<Surface>,
-    ) -> f64 {
+    fn ask(&self, ray: &HostRay, ends: &Ends, k: u32, limit: f64, found: &mut Vec<Surface>) -> f64 {
         let Self {
             topology, settings, ..
         } = self;

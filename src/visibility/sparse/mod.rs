@@ -10,7 +10,6 @@ mod weighed;
 mod weights;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use burn::tensor::Tensor;
 use glam::DVec3;
@@ -36,8 +35,6 @@ pub struct Sparse {
     corners: Tensor<2>,
     /// Velocities `[T, 3]`, if anything moves.
     velocity: Option<Tensor<2>>,
-    /// Pairs of ray and triangle whose derivatives went into the graph.
-    taped: AtomicU64,
     /// Triangles of smaller opacity, and what lies behind more than 1 − cutoff, are left out.
     cutoff: f64,
 }
@@ -127,11 +124,6 @@ impl Sparse {
         Ok(Self::with(triangles, hierarchy, cutoff))
     }
 
-    /// How many pairs of ray and triangle went into the graph with their derivatives.
-    pub fn taped(&self) -> u64 {
-        self.taped.load(Ordering::Relaxed)
-    }
-
     /// The same triangles in another graph.
     pub fn with(triangles: &Triangles, hierarchy: Arc<Hierarchy>, cutoff: f64) -> Self {
         let (corners, velocity) = tables(triangles);
@@ -139,7 +131,6 @@ impl Sparse {
             hierarchy,
             corners,
             velocity,
-            taped: AtomicU64::new(0),
             cutoff: SAFETY * cutoff,
         }
     }

@@ -1,7 +1,5 @@
 //! The linear term that goes into the graph.
 
-use std::sync::atomic::Ordering;
-
 use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
 use glam::DVec3;
 
@@ -78,7 +76,6 @@ impl Terms {
         n: usize,
     ) -> Option<Tensor<2>> {
         let pairs = self.ray.len();
-        sparse.taped.fetch_add(pairs as u64, Ordering::Relaxed);
         let mut sum: Option<Tensor<2>> = None;
         let mut add = |row: Tensor<2>| {
             sum = Some(match sum.take() {
