@@ -7,7 +7,6 @@ use std::time::Instant;
 
 use clap::Parser;
 use rayon::prelude::*;
-use softray::optim::pixel_angle;
 use softray::prelude::*;
 
 use common::figure::{Figure, diverging};

@@ -5,7 +5,7 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, Step, pixel_angle};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, curves, distance, numbers};
@@ -61,7 +61,10 @@ impl Problem for Shadow {
     fn evaluate(&self, caster: &Caster, step: &Step) -> softray::Result<Evaluation> {
         let scene = self.scene(caster.offset.val());
         let at = numbers(&caster.offset.val());
-        let evaluation = self.goal.compare(&scene, step, 8)?;
+        // The shadow is blurred, not the view.
+        let angle = step.blur.unwrap_or(0.0);
+        let visibility = Visibility::Cone { angle, pixels: 0.5 };
+        let evaluation = self.goal.compare(&scene, step, Some(visibility), 8)?;
         Ok(evaluation
             .value("x", at[0])
             .value("y", at[1])
@@ -79,16 +82,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments,
         arguments.either(240, 400),
     );
-    // Twelve pixels of the coarser image, half of one in the end.
-    let pixel = pixel_angle(&shadow.goal.camera, 32)?;
-    let (wide, narrow) = (12.0 * pixel, 0.5 * pixel);
     let fitted = study
         .fit(
             shadow.start(START[0]),
             AdamConfig::new().with_beta_2(0.99).init(),
         )
         .rate(Rate::exponential(0.06, 0.006))
-        .blur(BlurSchedule::decay(wide, narrow, study.steps() / 2)?)
+        .blur(BlurSchedule::decay(0.8, 0.02, study.steps() * 2 / 3)?)
         .run(|caster: &Caster, step: &_| shadow.evaluate(caster, step))?;
 
     let found = numbers(&fitted.module.offset.val());

@@ -111,7 +111,7 @@ impl Problem for Indirect {
     fn evaluate(&self, turn: &Turn, step: &Step) -> softray::Result<Evaluation> {
         let scene = scene(&turn.angle.val(), &self.device);
         let degrees = numbers(&turn.angle.val())[0].to_degrees();
-        let evaluation = self.goal.compare(&scene, step, 16)?;
+        let evaluation = self.goal.compare(&scene, step, None, 16)?;
         Ok(evaluation.value("degrees", degrees))
     }
 }

@@ -7,7 +7,7 @@ use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use burn::tensor::TensorData;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
+use softray::optim::{Evaluation, Rate, loss};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};

@@ -89,7 +89,7 @@ impl Problem for Mirror {
     fn evaluate(&self, hidden: &Hidden, step: &Step) -> softray::Result<Evaluation> {
         let scene = scene(hidden.offset.val(), &self.device);
         let at = numbers(&hidden.offset.val());
-        let evaluation = self.goal.compare(&scene, step, 4)?;
+        let evaluation = self.goal.compare(&scene, step, None, 4)?;
         Ok(evaluation
             .value("x", at[0])
             .value("y", at[1])

@@ -8,7 +8,7 @@ use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use burn::tensor::TensorData;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, loss};
+use softray::optim::{Evaluation, Rate, loss};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Outcome, Study, curves, numbers, picture};
@@ -90,7 +90,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let cameras = cameras();
     let size = arguments.either(32, 64);
-    let options = RenderOptions::new(size, size).bounces(0);
+    // Texels are to be told apart: no filter beyond a pixel.
+    let options = RenderOptions::new(size, size)
+        .bounces(0)
+        .visibility(Visibility::Cone {
+            angle: 0.0,
+            pixels: 0.0,
+        });
     let goal = pattern(height, width);
     let data = TensorData::new(goal.clone(), [height, width, 3]);
     let still = scene(Tensor::from_data(data, &device));

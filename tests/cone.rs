@@ -50,7 +50,7 @@ fn jumps_of_every_kind() {
             println!("{with}, {angle}\n{report}");
             let wrong = |r: &&softray::gradcheck::Row| r.verdict == Verdict::Disagrees;
             failures.extend(report.rows.iter().filter(wrong).map(|r| {
-                let name = &r.name;
+                let name = &r.parameter;
                 format!("{with}, {angle}: {name}")
             }));
         }

@@ -13,14 +13,15 @@ fn autodiff() -> Device {
     Device::flex().autodiff()
 }
 
-/// Without anything that a parameter could change the probability of, so that differences of one
-/// render are what its gradient has to be.
+/// The softmax without anything that a parameter could change the probability of, so that differences
+/// of one render are what its gradient has to be.
 fn still() -> RendererConfig {
     RendererConfig::new(10, 8)
         .with_samples(2)
         .with_bounces(0)
         .with_sampling(Sampling::plain())
         .with_cutoff(1e-9)
+        .with_visibility(Visibility::softmax(1e-2, 0.1))
 }
 
 /// The mean radiance under weights that rise over the image, so that no symmetry cancels.

@@ -105,7 +105,8 @@ fn a_thin_wall_keeps_the_dark() {
             let dark = mean(&image(&scene, &camera(1.0), &options));
             println!("{angle}: {lit} and {dark}");
             assert!(lit > 0.03);
-            assert_eq!(dark, 0.0, "{angle}: beside {lit}");
+            // Where the wall touches the room rounding decides.
+            assert!(dark < 1e-5 * lit, "{angle}: {dark} beside {lit}");
         }
     }
 }

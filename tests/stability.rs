@@ -170,7 +170,8 @@ fn turn([x, y, z]: [f64; 3], angles: [f64; 3]) -> [f64; 3] {
 /// world's axes, so paths that use them are others: direct light from points chosen on emitters only.
 #[test]
 fn orientation_does_not_matter() {
-    for form in forms() {
+    // A cone's directions take their frame from the world's axes too.
+    for form in [Visibility::default(), forms()[1]] {
         let still = || {
             world(form).with(|w| {
                 w.environment = [0.0; 3];

@@ -3,7 +3,7 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use softray::prelude::*;
 
-use crate::{data, load};
+use crate::{data, load, mean_and_deviation};
 
 #[derive(Args)]
 pub struct Gradient {
@@ -154,10 +154,8 @@ impl Gradient {
             values.push(estimate(100 + seed));
             times.push(start.elapsed().as_secs_f64());
         }
+        let (mean, deviation) = mean_and_deviation(&values);
         let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        let deviation = (squares / (n - 1.0)).sqrt();
         times.sort_by(f64::total_cmp);
         let time = times[times.len() / 2];
         let e = exact.abs();

@@ -104,9 +104,22 @@ impl Goal {
     }
 
     /// Two noisy renders of a scene with the blur of a step: what they lose, and the first of them.
-    pub fn compare(&self, scene: &Scene, step: &Step, samples: u32) -> softray::Result<Evaluation> {
+    /// With a form of visibility, its blur counts in place of the step's.
+    pub fn compare(
+        &self,
+        scene: &Scene,
+        step: &Step,
+        visibility: Option<Visibility>,
+        samples: u32,
+    ) -> softray::Result<Evaluation> {
         let few = self.options.clone().samples(samples);
-        let see = |k| render(scene, &self.camera, &step.options(&few, k));
+        let see = |k| {
+            let mut options = step.options(&few, k);
+            if let Some(visibility) = visibility {
+                options = options.visibility(visibility);
+            }
+            render(scene, &self.camera, &options)
+        };
         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
         let loss = loss::mse_unbiased(a.clone(), b, self.image.clone());
         Ok(Evaluation::new(loss).image("render", a))

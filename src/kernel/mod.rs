@@ -75,8 +75,10 @@ pub(crate) struct ViewSettings {
     pub height: u32,
     /// The least radius of the pixel filter, in pixels.
     pub pixels: f64,
-    /// The tangent of the half-angle of all cones.
+    /// The tangent of the half-angle of bounce and shadow rays, and of camera rays where that is wider than
+    /// the filter.
     pub cone: f64,
+    pub camera_cone: f64,
     pub bounces: u32,
     pub roulette_after: Option<u32>,
     pub multiple_importance: bool,
@@ -114,7 +116,11 @@ impl View {
         let mut view = Self {
             host_camera: camera,
             camera: model,
-            filter: PixelFilter::new(settings.pixels.max(settings.cone * pixels_per_tangent)),
+            filter: PixelFilter::new(
+                settings
+                    .pixels
+                    .max(settings.camera_cone * pixels_per_tangent),
+            ),
             cone: settings.cone as f32,
             cones: settings.sampler.stream(1),
             edges: settings.sampler.stream(2),

@@ -75,6 +75,8 @@ impl Parent {
 
 fn prepare(batch: &Batch, options: &RenderOptions, cone: [f64; 2]) -> Result<Prepared> {
     let [angle, pixels] = cone;
+    // With a blur of all rays the camera's is as wide as the others.
+    let camera_cone = options.blur.map_or(0.0, f64::tan);
     let read = |index: usize| {
         let mut scene = batch.scene(index, false);
         visit_scene(&mut scene, &mut Detach);
@@ -161,6 +163,7 @@ fn prepare(batch: &Batch, options: &RenderOptions, cone: [f64; 2]) -> Result<Pre
             height: options.height as u32,
             pixels,
             cone: angle.tan(),
+            camera_cone,
             bounces: options.bounces,
             roulette_after: options.roulette_after,
             multiple_importance: options.sampling.multiple_importance,
@@ -476,7 +479,8 @@ impl Backward {
         if edges.is_empty() {
             return;
         }
-        let count = (asked as f64 * f64::from(self.samples) * FILM_SAMPLES).ceil();
+        let paths = asked as f64 * f64::from(self.samples);
+        let count = (FILM_SAMPLES * paths).max(paths.min(FEW)).ceil();
         let count = count.clamp(1.0, 1e9) as u32;
         let each = count.div_ceil(accumulators as u32).max(256);
         let sums: Vec<Sums> = (0..count.div_ceil(each))
@@ -494,4 +498,7 @@ impl Backward {
 }
 
 /// Samples of edges on the film for each path of the image.
-const FILM_SAMPLES: f64 = 0.0625;
+const FILM_SAMPLES: f64 = 0.25;
+
+/// So many samples of edges on the film take no time.
+const FEW: f64 = 1024.0;

@@ -20,6 +20,8 @@ pub struct RenderOptions {
     pub(super) samples: u32,
     pub(super) bounces: u32,
     pub(super) visibility: Visibility,
+    /// The half-angle of all cones, the camera's too.
+    pub(super) blur: Option<f64>,
     pub(super) sampling: Sampling,
     pub(super) seed: u64,
     pub(super) roulette_after: Option<u32>,
@@ -50,6 +52,7 @@ impl fmt::Debug for RenderOptions {
             .field("samples", &self.samples)
             .field("bounces", &self.bounces)
             .field("visibility", &self.visibility)
+            .field("blur", &self.blur)
             .field("sampling", &self.sampling)
             .field("seed", &self.seed)
             .field("roulette_after", &self.roulette_after)
@@ -74,6 +77,7 @@ impl RenderOptions {
             samples: 16,
             bounces: 3,
             visibility: Visibility::default(),
+            blur: None,
             sampling: Sampling::default(),
             seed: 0,
             roulette_after: None,
@@ -100,11 +104,15 @@ impl RenderOptions {
         self
     }
 
-    /// The blur of the form of visibility: the half-angle of cones in radians, or σ of the softmax in
-    /// scene units squared.
+    /// One number for the blur of all rays, for a fit whose blur falls: the half-angle of cones in
+    /// radians, of camera rays too where that is wider than the pixel filter; or σ of the softmax in
+    /// scene units squared. [`RenderOptions::visibility`] sets each on its own.
     pub fn blur(mut self, blur: f64) -> Self {
         match &mut self.visibility {
-            Visibility::Cone { angle, .. } => *angle = blur,
+            Visibility::Cone { angle, .. } => {
+                *angle = blur;
+                self.blur = Some(blur);
+            }
             Visibility::Softmax { sigma, .. } => *sigma = blur,
         }
         self
@@ -113,6 +121,7 @@ impl RenderOptions {
     /// What rays see: hard surfaces by rays of cones, or the paper's softmax, each with its blur.
     pub fn visibility(mut self, visibility: Visibility) -> Self {
         self.visibility = visibility;
+        self.blur = None;
         self
     }
 

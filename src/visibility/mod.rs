@@ -39,11 +39,11 @@ pub enum Visibility {
     /// silhouettes, borders, creases, and lines in which surfaces pass through each other are sampled
     /// for them on their own, so that they are right, and not noisier, at an angle of 0.
     Cone {
-        /// Half-angle of the cones, radians, from 0 on and under 0.5. It softens shadows and
-        /// reflections by 0.35 of it (a standard deviation), and the image by as much.
+        /// Half-angle of the cones of bounce and shadow rays, radians, from 0 on and under 1.2. It
+        /// softens shadows and reflections by 0.35 of it (a standard deviation).
         angle: f64,
-        /// Radius of the pixel filter beyond the pixel itself, in pixels, from 0 on; a larger one where
-        /// the angle asks for it. The kernel is (1 − r²)² in x and y.
+        /// Radius of the pixel filter beyond the pixel itself, in pixels, from 0 on. The kernel is
+        /// (1 − r²)² in x and in y.
         pixels: f64,
     },
     /// The paper's form (Eq. 1 and 3, corrected): each triangle counts by p = sigmoid(±D/σ), with D the
@@ -87,11 +87,11 @@ impl Visibility {
             |field, value, expected| Err(Error::invalid("options", field, value, expected));
         match *self {
             Self::Cone { angle, pixels } => {
-                if !(0.0..0.5).contains(&angle) {
-                    return invalid("angle", angle, "radians in [0, 0.5)");
+                if !(0.0..1.2).contains(&angle) {
+                    return invalid("angle", angle, "radians in [0, 1.2)");
                 }
-                if !(0.0..=64.0).contains(&pixels) {
-                    return invalid("pixels", pixels, "a number in [0, 64]");
+                if !(pixels.is_finite() && pixels >= 0.0) {
+                    return invalid("pixels", pixels, "a finite number ≥ 0");
                 }
             }
             Self::Softmax {

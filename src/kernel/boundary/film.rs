@@ -125,6 +125,19 @@ impl FilmEdges {
     }
 }
 
+/// The part of a line where a quantity, which is f at its start and g at its end, is not negative.
+fn clipped([from, to]: [f32; 2], f: f32, g: f32) -> [f32; 2] {
+    if f < 0.0 && g < 0.0 {
+        [from, -1.0]
+    } else if f < 0.0 {
+        [from.max(f / (f - g)), to]
+    } else if g < 0.0 {
+        [from, to.min(f / (f - g))]
+    } else {
+        [from, to]
+    }
+}
+
 /// [`View::film_backward`] as a task.
 struct FilmSamples<'a> {
     view: &'a View,
@@ -243,75 +256,121 @@ impl View {
         let a = local(e.a + velocity * 0.5);
         let b = local(e.a + e.along + velocity * 0.5);
         let near = 1e-4 * (a[2].abs().max(b[2].abs()) + c.aperture + moved);
-        let aspect = c.width / c.height;
-        let (mut from, mut to) = (0.0f32, 1.0f32);
-        let mut clip = |f: f32, g: f32| {
-            // f at the start and g at the end, both wanted ≥ 0.
-            if f < 0.0 && g < 0.0 {
-                to = -1.0;
-            } else if f < 0.0 {
-                from = from.max(f / (f - g));
-            } else if g < 0.0 {
-                to = to.min(f / (f - g));
-            }
-        };
-        clip(a[2] - near, b[2] - near);
-        // The film with the reach of its filter, and what a lens and a shutter move points by.
-        let reach = (0.5 + self.filter.radius()) * 2.0 / c.height;
-        let margin = |p: &[f32; 3]| {
-            let depth = p[2].max(near);
-            let lens = if c.aperture > 0.0 {
-                c.aperture * (1.0 / depth - 1.0 / c.focus).abs()
-            } else {
-                0.0
-            };
-            lens + 0.5 * moved * (1.0 + (p[0].abs() + p[1].abs()) / depth) / depth
-        };
-        let more = margin(&a).max(margin(&b));
-        let (wide, high) = (
-            c.half_height * (aspect + reach) + more,
-            c.half_height * (1.0 + reach) + more,
-        );
-        for (k, limit) in [(0, wide), (1, high)] {
-            clip(limit * a[2] + a[k], limit * b[2] + b[k]);
-            clip(limit * a[2] - a[k], limit * b[2] - b[k]);
-        }
+        let [from, to] = clipped([0.0, 1.0], a[2] - near, b[2] - near);
         if from >= to {
             return;
         }
-        let at = |l: f32| -> [f32; 3] {
-            let p: [f32; 3] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * l);
+        // What a lens and a shutter move points by grows as they come near: in parts that are each of about
+        // one depth.
+        let depth = |l: f32| a[2] + (b[2] - a[2]) * l;
+        let ratio = depth(to) / depth(from);
+        let parts = if (c.aperture > 0.0 || moved > 0.0) && !e.apart {
+            ratio.log2().abs().ceil().clamp(1.0, 16.0) as usize
+        } else {
+            1
+        };
+        let mut start = from;
+        for k in 1..=parts {
+            let end = if k == parts {
+                to
+            } else {
+                let deeper = depth(from) * (ratio.powf(k as f32 / parts as f32) - 1.0);
+                from + deeper / (b[2] - a[2])
+            };
+            let mut piece = Piece {
+                edge: index,
+                from: start,
+                to: end,
+                total: 0.0,
+            };
+            start = end;
+            let Some([p, q]) = self.on_film(&mut piece, [a, b], moved) else {
+                continue;
+            };
+            self.push_pieces(piece, e.apart, [p, q], (jump, pixels), found);
+        }
+    }
+
+    /// Cuts off what can't be seen of a part of an edge, whose ends are in the camera's frame; returns where
+    /// its own are on the film, with their depths, and how likely a point there is seen.
+    fn on_film(
+        &self,
+        piece: &mut Piece,
+        [a, b]: [[f32; 3]; 2],
+        moved: f32,
+    ) -> Option<[[f32; 4]; 2]> {
+        let c = &self.camera;
+        let at = |l: f32| -> [f32; 3] { std::array::from_fn(|k| a[k] + (b[k] - a[k]) * l) };
+        // The film with the reach of its filter, and what a lens and a shutter move points by.
+        let margin = |p: [f32; 3]| {
+            let lens = if c.aperture > 0.0 {
+                c.aperture * (1.0 / p[2] - 1.0 / c.focus).abs()
+            } else {
+                0.0
+            };
+            lens + 0.5 * moved * (1.0 + (p[0].abs() + p[1].abs()) / p[2]) / p[2]
+        };
+        let more = margin(at(piece.from)).max(margin(at(piece.to)));
+        let aspect = c.width / c.height;
+        let reach = (0.5 + self.filter.radius()) * 2.0 / c.height;
+        let wide = c.half_height * (aspect + reach) + more;
+        let high = c.half_height * (1.0 + reach) + more;
+        let mut part = [piece.from, piece.to];
+        for (k, limit) in [(0, wide), (1, high)] {
+            part = clipped(part, limit * a[2] + a[k], limit * b[2] + b[k]);
+            part = clipped(part, limit * a[2] - a[k], limit * b[2] - b[k]);
+        }
+        if part[0] >= part[1] {
+            return None;
+        }
+        [piece.from, piece.to] = part;
+        let share = c.half_height / (c.half_height + more);
+        Some(part.map(|l| {
+            let p = at(l);
             let scale = 0.5 * c.height / (c.half_height * p[2]);
             [
                 0.5 * c.width + p[0] * scale,
                 0.5 * c.height - p[1] * scale,
                 p[2],
+                share * share,
             ]
-        };
-        let (p, q) = (at(from), at(to));
+        }))
+    }
+
+    /// A part of an edge in pieces of equal lengths on the film; as a whole, if its line moves.
+    fn push_pieces(
+        &self,
+        part: Piece,
+        apart: bool,
+        [p, q]: [[f32; 4]; 2],
+        (jump, pixels): (f32, &PixelGradients),
+        found: &mut Vec<(Piece, f32)>,
+    ) {
         let length = (q[0] - p[0]).hypot(q[1] - p[1]);
-        let pieces = (length / PIECE).ceil().clamp(1.0, 4096.0) as usize;
-        let (count, from, to) = if e.apart {
-            (1, 0.0, 1.0)
+        let (count, part) = if apart {
+            let whole = Piece {
+                from: 0.0,
+                to: 1.0,
+                ..part
+            };
+            (1, whole)
         } else {
-            (pieces, from, to)
+            ((length / PIECE).ceil().clamp(1.0, 4096.0) as usize, part)
         };
-        // Equal lengths on the film.
         let lambda = |i: usize| {
             let s = i as f32 / count as f32;
             let share = s * p[2] / (q[2] * (1.0 - s) + s * p[2]);
-            from + (to - from) * share
+            part.from + (part.to - part.from) * share
         };
         for i in 0..count {
             let s = (i as f32 + 0.5) / count as f32;
             let (x, y) = (p[0] + (q[0] - p[0]) * s, p[1] + (q[1] - p[1]) * s);
-            let weight = (length / count as f32) * jump * pixels.near(x, y);
+            let weight = (length / count as f32) * jump * p[3] * pixels.near(x, y);
             if weight > 0.0 {
                 let piece = Piece {
-                    edge: index,
                     from: lambda(i),
                     to: lambda(i + 1),
-                    total: 0.0,
+                    ..part
                 };
                 found.push((piece, weight));
             }

@@ -46,9 +46,9 @@ pub(super) const TOUCHING: f32 = 4e-6;
 const BESIDE: f32 = 2e-5;
 
 /// The probability with which edges of the lights' shadows are looked for at a point of a path.
-const LIGHT: f32 = 0.25;
+const LIGHT: f32 = 0.5;
 /// The same of reflected light, which takes two more paths.
-const REFLECTED: f32 = 0.125;
+const REFLECTED: f32 = 0.25;
 
 impl View {
     /// Adds what jumps at edges seen from a point of a path contribute, times `g`.

@@ -1,6 +1,5 @@
 //! What a scene has beside the corners of its triangles, as planes, in the graph where it is in one.
 
-
 use burn::tensor::Tensor;
 
 use super::materials::{Materials, SkyTensors, flatten_materials};
