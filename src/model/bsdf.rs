@@ -26,6 +26,11 @@ pub(crate) struct Shading {
     pub glossy: bool,
     /// Whether the two normals are not the same.
     pub smooth: bool,
+    /// Two normals, about one of which directions are drawn in place of its own: those of both faces of a
+    /// crease, so that a path on either side goes the same way and their difference is as small as the
+    /// crease is flat.
+    pub pair: [V3; 2],
+    pub paired: bool,
 }
 
 /// Derivatives by what a shaded point is made of.
@@ -64,7 +69,12 @@ impl Shading {
     /// The mirror direction.
     #[inline(always)]
     pub fn mirror(&self) -> V3 {
-        self.incoming - self.normal * (2.0 * self.normal.dot(self.incoming))
+        self.mirror_about(self.normal)
+    }
+
+    #[inline(always)]
+    fn mirror_about(&self, normal: V3) -> V3 {
+        self.incoming - normal * (2.0 * normal.dot(self.incoming))
     }
 
     #[inline(always)]
@@ -170,10 +180,23 @@ impl Shading {
     /// The density per solid angle with which [`Shading::sample`] draws a direction.
     #[inline(always)]
     pub fn density(&self, outgoing: V3) -> f32 {
-        let mut density = self.normal.dot(outgoing).max(0.0) * FRAC_1_PI;
+        let mut density = 0.0;
+        if self.paired {
+            for normal in self.pair {
+                density += 0.5 * self.density_about(normal, outgoing);
+            }
+        } else {
+            density = self.density_about(self.normal, outgoing);
+        }
+        density
+    }
+
+    #[inline(always)]
+    fn density_about(&self, normal: V3, outgoing: V3) -> f32 {
+        let mut density = normal.dot(outgoing).max(0.0) * FRAC_1_PI;
         if self.glossy {
             let gloss = self.gloss();
-            let lobe = phong(self.exponent, self.mirror().dot(outgoing));
+            let lobe = phong(self.exponent, self.mirror_about(normal).dot(outgoing));
             density = density * (1.0 - gloss) + lobe * (self.exponent + 1.0) / TAU * gloss;
         }
         density
@@ -195,11 +218,17 @@ impl Shading {
     pub fn sample(&self, u: f32, v: f32, lobe: f32) -> Scatter {
         let [sin, cos] = sin_cos_of_turns(v);
         let of_gloss = self.glossy && lobe < self.gloss();
-        let mut axis = self.normal;
+        let (mut u, mut normal) = (u, self.normal);
+        if self.paired {
+            let first = u < 0.5;
+            normal = self.pair[usize::from(!first)];
+            u = 2.0 * u - if first { 0.0 } else { 1.0 };
+        }
+        let mut axis = normal;
         let mut sine = u.sqrt();
         let mut cosine = (1.0 - u).max(0.0).sqrt();
         if of_gloss {
-            axis = self.mirror();
+            axis = self.mirror_about(normal);
             let log = u.clamp(LEAST, 1.0 - LEAST).ln() / (self.exponent + 1.0);
             cosine = log.exp();
             sine = (-(2.0 * log).exp_m1()).max(LEAST).sqrt();
@@ -208,7 +237,7 @@ impl Shading {
         let direction = from_local(axis, local);
         // Without gloss, on a flat surface, f·cos θ over the density is k_d, whatever the direction.
         let mut weight = self.diffuse;
-        if self.glossy || self.smooth {
+        if self.glossy || self.smooth || self.paired {
             let density = self.density(direction);
             weight = V3::ZERO;
             if density > IMPOSSIBLE {

@@ -110,6 +110,8 @@ struct Piece {
     to: f32,
     /// Of all pieces so far.
     total: f32,
+    /// Where it is on the film.
+    place: u64,
 }
 
 /// Pieces of edges on the film of a view.
@@ -123,6 +125,20 @@ impl FilmEdges {
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
+}
+
+/// The place of a point of the film along a Z-order curve, in quarters of pixels.
+fn place(x: f32, y: f32, last: bool) -> u64 {
+    let spread = |v: f32| {
+        // Film coordinates from −2¹⁷ on.
+        let mut b = (4.0 * v + 524_288.0).clamp(0.0, 1_048_575.0) as u64;
+        b = (b | (b << 16)) & 0x0000_ffff_0000_ffff;
+        b = (b | (b << 8)) & 0x00ff_00ff_00ff_00ff;
+        b = (b | (b << 4)) & 0x0f0f_0f0f_0f0f_0f0f;
+        b = (b | (b << 2)) & 0x3333_3333_3333_3333;
+        (b | (b << 1)) & 0x5555_5555_5555_5555
+    };
+    spread(x) | (spread(y) << 1) | (u64::from(last) << 63)
 }
 
 /// The part of a line where a quantity, which is f at its start and g at its end, is not negative.
@@ -200,9 +216,13 @@ impl View {
                 found
             })
             .collect();
+        // Neighbours on the film follow each other, creases after silhouettes: numbers that are spread evenly
+        // over pieces are so over the film.
+        let mut weighed: Vec<(Piece, f32)> = lists.into_iter().flatten().collect();
+        weighed.par_sort_by_key(|p| p.0.place);
         let mut total = 0.0f64;
-        let mut pieces = Vec::with_capacity(lists.iter().map(Vec::len).sum());
-        for (mut piece, weight) in lists.into_iter().flatten() {
+        let mut pieces = Vec::with_capacity(weighed.len());
+        for (mut piece, weight) in weighed {
             total += f64::from(weight);
             piece.total = total as f32;
             pieces.push(piece);
@@ -282,6 +302,7 @@ impl View {
                 from: start,
                 to: end,
                 total: 0.0,
+                place: 0,
             };
             start = end;
             let Some([p, q]) = self.on_film(&mut piece, [a, b], moved) else {
@@ -370,6 +391,7 @@ impl View {
                 let piece = Piece {
                     from: lambda(i),
                     to: lambda(i + 1),
+                    place: place(x, y, jump < 1.0),
                     ..part
                 };
                 found.push((piece, weight));
@@ -497,6 +519,9 @@ impl View {
                 walk.radiance = self.scene.sky.at(view);
             }
             walks.list.push(walk);
+        }
+        if !sides.faces.contains(&NOTHING) {
+            self.pair(&mut walks.list);
         }
         self.reflected::<false>(&[path; 2], &mut walks, 0, work);
         let mut seen = [Seen::default(); 2];

@@ -156,7 +156,7 @@ impl EdgeTree {
         } else {
             let mut stack = [(0u32, 1.0f32); 64];
             let mut len = 1;
-            let mut budget = BUDGET;
+            let mut budget = BUDGET[usize::from(query.is_of_light)];
             while len > 0 {
                 len -= 1;
                 let (at, inverse) = stack[len];
@@ -212,10 +212,10 @@ impl Task for Sample<'_> {
     }
 }
 
-/// Nodes whose children are all entered, at most.
-const BUDGET: u32 = 64;
-/// Subtrees seen under a larger angle (its sine) are entered.
-const LARGE: f32 = 0.25;
+/// Nodes whose children are all entered, at most, and subtrees that are: those seen under a larger angle
+/// (its sine). A light fills a narrow cone, in which few edges lie: they are looked at closely.
+const BUDGET: [u32; 2] = [64, 1024];
+const LARGE: [f32; 2] = [0.25, 0.015];
 
 /// A uniform number that decides several times: what is left of it after a decision is uniform again.
 struct Uniform(f32);
@@ -546,7 +546,7 @@ impl Node {
         let weight = missed.select(zero, weight);
         let whole = (beside + radius)
             .less(zero)
-            .and(sin_seen.less(number(LARGE)));
+            .and(sin_seen.less(number(LARGE[usize::from(q.is_of_light)])));
         (weight.lanes(), !whole.bits())
     }
 }
@@ -565,6 +565,7 @@ struct Query8<M: Machine> {
     creases: F8<M>,
     /// Whether it is asked for what passes.
     shadows: Mask8<M>,
+    is_of_light: bool,
 }
 
 impl<M: Machine> Query8<M> {
@@ -583,6 +584,7 @@ impl<M: Machine> Query8<M> {
             narrow: q.cos > 0.0,
             creases,
             shadows: creases.less(splat(0.5)),
+            is_of_light: q.shadows,
         }
     }
 

@@ -315,6 +315,9 @@ impl View {
             }
             walks.list.push(walk);
         }
+        if !sides.faces.contains(&NOTHING) {
+            self.pair(&mut walks.list);
+        }
         if !last {
             let path = Path {
                 numbers: self.sides.numbers(path.numbers.path()),
@@ -426,6 +429,20 @@ impl View {
         let t = p.to.length();
         self.scene
             .point_at(face, p.position + inward * step, t, view, time)
+    }
+
+    /// Where both sides of a crease are of one material, lets their paths go the same ways.
+    pub(super) fn pair(&self, walks: &mut [Walk]) {
+        let [minus, plus] = walks else { return };
+        let material = |w: &Walk| self.scene.triangles[w.point.triangle as usize].material;
+        if !(minus.on_surface && plus.on_surface) || material(minus) != material(plus) {
+            return;
+        }
+        let pair = [minus.point.shading.normal, plus.point.shading.normal];
+        for walk in [minus, plus] {
+            walk.point.shading.pair = pair;
+            walk.point.shading.paired = true;
+        }
     }
 
     /// Which faces of an edge are seen on its two sides, the second towards `side`.
