@@ -42,7 +42,7 @@ struct Arguments {
 }
 
 /// Half-angles of cones at the start and at the end, in pixels.
-const SCHEDULES: [(f64, f64); 4] = [(0.5, 0.5), (3.0, 3.0), (6.0, 0.5), (12.0, 0.5)];
+const SCHEDULES: [(f64, f64); 4] = [(0.5, 0.5), (6.0, 0.5), (12.0, 0.5), (24.0, 0.5)];
 
 /// What arrives ends with an error of less than this share of the first start's.
 const ARRIVED: f64 = 0.1;

@@ -77,7 +77,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         )
     };
     let size = arguments.either(40, 64);
-    let options = RenderOptions::new(size, size).bounces(0);
+    // The lens blurs enough.
+    let options = RenderOptions::new(size, size)
+        .bounces(0)
+        .visibility(Visibility::Cone {
+            angle: 0.0,
+            pixels: 0.0,
+        });
     let sharp = options.clone().samples(2048).seed(1 << 50);
     let target = render(&scene, &fixed(TARGET), &sharp)?.radiance;
 

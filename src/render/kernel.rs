@@ -480,7 +480,7 @@ impl Backward {
             return;
         }
         let paths = asked as f64 * f64::from(self.samples);
-        let count = (FILM_SAMPLES * paths).max(paths.min(FEW)).ceil();
+        let count = (FILM_SAMPLES * paths).max(FEW.min(8.0 * paths)).ceil();
         let count = count.clamp(1.0, 1e9) as u32;
         let each = count.div_ceil(accumulators as u32).max(256);
         let sums: Vec<Sums> = (0..count.div_ceil(each))
