@@ -28,6 +28,9 @@ struct Arguments {
     /// Radius of the camera's cone, pixels.
     #[arg(long, global = true, default_value_t = 0.5)]
     pixels: f64,
+    /// The paper's form in place of cones: σ in scene units squared, with γ = 1e-3.
+    #[arg(long, global = true)]
+    softmax: Option<f64>,
     /// Passed by cargo.
     #[arg(long, global = true, hide = true)]
     bench: bool,
@@ -47,9 +50,12 @@ enum Part {
 
 fn main() {
     let arguments = Arguments::parse();
-    let visibility = Visibility::Cone {
-        angle: arguments.angle,
-        pixels: arguments.pixels,
+    let visibility = match arguments.softmax {
+        Some(sigma) => Visibility::softmax(sigma, 1e-3),
+        None => Visibility::Cone {
+            angle: arguments.angle,
+            pixels: arguments.pixels,
+        },
     };
     match arguments.part {
         Part::Gradient(part) => part.run(visibility),

@@ -1,8 +1,8 @@
 //! What an edge takes part in an image by: where it moves, one side of it gives way to the other.
 //!
 //! An integral of f over directions, or over the film, has the derivative ∫ ∂f plus, along each edge
-//! across which f jumps, ∫ (f⁻ − f⁺) v·n dl: v how fast the edge's image moves, n its normal from − to
-//! + (Reynolds). dl is that of the edge's parameter λ ∈ [0, 1] here, so that n·dl is a vector linear in
+//! across which f jumps, ∫ (f⁻ − f⁺) v·n dl: v how fast the edge's image moves, n its normal from the side
+//! of f⁻ to that of f⁺ (Reynolds). dl is that of the edge's parameter λ ∈ [0, 1] here, so that n·dl is a vector linear in
 //! the edge.
 
 use super::V3;

@@ -172,6 +172,7 @@ impl EdgeTree {
                 let all = budget > 0 && len + LANES <= stack.len();
                 let mut far = 0.0;
                 let mut taken = None;
+                #[allow(clippy::needless_range_loop)] // an iterator is not compiled for the machine
                 for i in 0..LANES {
                     if weights[i] <= 0.0 {
                         continue;
