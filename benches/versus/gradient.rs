@@ -48,7 +48,28 @@ impl Case {
     }
 }
 
-const SIZE: usize = 64;
+pub const SIZE: usize = 64;
+
+/// What a case weighs the sums over channels of its pixels by: the reference's means over blocks of 8 × 8
+/// pixels. And Σ weights·reference.
+pub fn weights(scene: &str, reference: &str) -> (Vec<f32>, f64) {
+    let path = data(scene).join(format!("gradient-{reference}.exr"));
+    let reference = HostImage::read(&path).expect("a reference");
+    let sums: Vec<f64> = reference
+        .pixels
+        .chunks(3)
+        .map(|p| p.iter().map(|&v| f64::from(v)).sum())
+        .collect();
+    let mut blocks = [[0.0; SIZE / 8]; SIZE / 8];
+    for (i, sum) in sums.iter().enumerate() {
+        blocks[i / SIZE / 8][i % SIZE / 8] += sum / 64.0;
+    }
+    let weights: Vec<f32> = (0..SIZE * SIZE)
+        .map(|i| blocks[i / SIZE / 8][i % SIZE / 8] as f32)
+        .collect();
+    let products = sums.iter().zip(&weights).map(|(s, &w)| s * f64::from(w));
+    (weights, products.sum())
+}
 
 impl Gradient {
     pub fn run(&self, visibility: Visibility) {
@@ -66,28 +87,7 @@ impl Gradient {
         let (name, object, bounces, reference) = case.of();
         let bounces = self.bounces.unwrap_or(bounces);
         let file = load(name);
-        let path = data(name).join(format!("gradient-{reference}.exr"));
-        let reference = HostImage::read(&path).expect("a reference");
-        // Sums over channels, and their means over blocks of 8 × 8 pixels.
-        let sums: Vec<f64> = reference
-            .pixels
-            .chunks(3)
-            .map(|p| p.iter().map(|&v| f64::from(v)).sum())
-            .collect();
-        let mut blocks = [[0.0; SIZE / 8]; SIZE / 8];
-        for y in 0..SIZE {
-            for x in 0..SIZE {
-                blocks[y / 8][x / 8] += sums[y * SIZE + x] / 64.0;
-            }
-        }
-        let weights: Vec<f32> = (0..SIZE * SIZE)
-            .map(|i| blocks[i / SIZE / 8][i % SIZE / 8] as f32)
-            .collect();
-        let exact: f64 = sums
-            .iter()
-            .zip(&weights)
-            .map(|(s, &w)| s * f64::from(w))
-            .sum();
+        let (weights, exact) = weights(name, reference);
         let device = Device::flex();
         let weights = Tensor::<1>::from_floats(weights.as_slice(), &device);
         let weights = weights.reshape([SIZE, SIZE, 1]);

@@ -6,6 +6,7 @@ use clap::Args;
 use softray::prelude::*;
 
 use crate::common::figure;
+use crate::gradient::{SIZE, weights};
 use crate::{load, mean_and_deviation};
 
 #[derive(Args)]
@@ -29,8 +30,6 @@ pub struct Tessellation {
     #[arg(long, default_value = "out/tessellation.png")]
     out: PathBuf,
 }
-
-const SIZE: usize = 64;
 
 /// The derivative of a weighted image by the ball's place along z.
 struct Ball {
@@ -58,12 +57,7 @@ impl Tessellation {
     pub fn run(&self, visibility: Visibility) -> Result<(), Box<dyn Error>> {
         let device = Device::flex();
         let file = load("sphere");
-        let weights: Vec<f32> = (0..SIZE * SIZE)
-            .map(|i| {
-                let [x, y] = [i % SIZE, i / SIZE].map(|v| v as f32 / SIZE as f32);
-                1.0 + x - 0.5 * y
-            })
-            .collect();
+        let (weights, _) = weights("sphere", "ball-z");
         let weights = Tensor::<1>::from_floats(weights.as_slice(), &device);
         let (mut bias, mut noise) = (Vec::new(), Vec::new());
         println!("| faces | gradient over differences | noise × √time | µs a path |");
@@ -115,12 +109,13 @@ impl Tessellation {
                 mean / expected,
                 time / paths * 1e6
             );
-            bias.push((faces as f64, 100.0 * (mean / expected - 1.0)));
-            noise.push((faces as f64, scaled));
+            let decades = (faces as f64).log10();
+            bias.push((decades, 100.0 * (mean / expected - 1.0)));
+            noise.push((decades, scaled));
         }
         let mut plots = [
-            figure::Plot::new("bias of the mean, %", "faces", "").curve("softray", bias),
-            figure::Plot::new("noise × √time, relative", "faces", "")
+            figure::Plot::new("bias of the mean, %", "log10 faces", "").curve("softray", bias),
+            figure::Plot::new("noise × √time, relative", "log10 faces", "")
                 .log()
                 .curve("softray", noise),
         ];
@@ -133,8 +128,8 @@ impl Tessellation {
             }
             let [a, b] = plots;
             plots = [
-                a.curve("Mitsuba", rows.iter().map(|r| (r[0], r[1]))),
-                b.curve("Mitsuba", rows.iter().map(|r| (r[0], r[2]))),
+                a.curve("Mitsuba", rows.iter().map(|r| (r[0].log10(), r[1]))),
+                b.curve("Mitsuba", rows.iter().map(|r| (r[0].log10(), r[2]))),
             ];
         }
         let mut picture = figure::Figure::new("A ball in more and more faces");
