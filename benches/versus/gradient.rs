@@ -68,7 +68,8 @@ pub fn weights(scene: &str, reference: &str) -> (Vec<f32>, f64) {
         .map(|i| blocks[i / SIZE / 8][i % SIZE / 8] as f32)
         .collect();
     let products = sums.iter().zip(&weights).map(|(s, &w)| s * f64::from(w));
-    (weights, products.sum())
+    let exact = products.sum();
+    (weights, exact)
 }
 
 impl Gradient {
