@@ -9,7 +9,7 @@ use obvhs::{Boundable, BvhBuildParams};
 
 use pulp::Arch;
 
-use super::hits::{Hit, HitRay, NOTHING};
+use super::hits::{Hit, HitRay};
 use super::leaf::LANES;
 use super::simd::{Machine, Task, dispatch};
 use super::wide::{FEW, Wide};
@@ -150,6 +150,24 @@ impl Hierarchy {
         (nodes, [now, self.cost[1]])
     }
 
+    /// Calls a function with the triangles whose boxes, swept over the shutter, overlap that of one: itself
+    /// too, and all where there are no boxes.
+    pub(crate) fn overlapping(&self, triangle: u32, mut f: impl FnMut(u32)) {
+        let Some(nodes) = &self.nodes else {
+            (0..self.triangles.len() as u32).for_each(f);
+            return;
+        };
+        let own = swept(&self.triangles[triangle as usize]).0;
+        nodes.aabb_traverse(own, |nodes, at| {
+            let leaf = &nodes.nodes[at as usize];
+            let first = leaf.first_index as usize;
+            for &k in &nodes.primitive_indices[first..first + leaf.prim_count as usize] {
+                f(k);
+            }
+            true
+        });
+    }
+
     /// Whether boxes were built.
     pub fn has_boxes(&self) -> bool {
         self.nodes.is_some()
@@ -178,47 +196,18 @@ impl Hierarchy {
         dispatch(pulp::Arch::new(), visit)
     }
 
-    /// The nearest triangle that each ray hits.
-    pub(crate) fn nearest_of_all(&self, arch: Arch, rays: &[HitRay], hits: &mut Vec<Hit>) {
+    /// What each ray hits: the nearest triangle, or with `ANY` any, which takes less time. All triangles
+    /// are seen.
+    pub(crate) fn hits<const ANY: bool>(&self, arch: Arch, rays: &[HitRay], hits: &mut Vec<Hit>) {
         let wide = &self.wide;
-        dispatch(arch, NearestOfAll { wide, rays, hits });
+        dispatch(arch, Hits::<ANY> { wide, rays, hits });
     }
 
-    /// Whether each ray hits any triangle.
-    pub(crate) fn blocked_of_all(&self, arch: Arch, rays: &[HitRay], blocked: &mut Vec<bool>) {
+    /// What a ray hits of all but its unseen triangles: the nearest, or with `ANY` any.
+    #[inline]
+    pub(crate) fn hit_seen<const ANY: bool>(&self, arch: Arch, ray: &HitRay) -> Hit {
         let wide = &self.wide;
-        dispatch(
-            arch,
-            BlockedOfAll {
-                wide,
-                rays,
-                blocked,
-            },
-        );
-    }
-
-    /// The nearest triangle that a ray hits, of all but its unseen ones.
-    #[inline]
-    pub(crate) fn nearest_seen(&self, arch: Arch, ray: &HitRay) -> Hit {
-        dispatch(
-            arch,
-            NearestSeen {
-                wide: &self.wide,
-                ray,
-            },
-        )
-    }
-
-    /// Whether a ray hits any triangle but its unseen ones.
-    #[inline]
-    pub(crate) fn is_blocked_by_others(&self, arch: Arch, ray: &HitRay) -> bool {
-        dispatch(
-            arch,
-            BlockedByOthers {
-                wide: &self.wide,
-                ray,
-            },
-        )
+        dispatch(arch, HitSeen::<ANY> { wide, ray })
     }
 
     /// The same in code for a machine.
@@ -235,73 +224,38 @@ impl Hierarchy {
     }
 }
 
-/// [`Hierarchy::nearest_of_all`] as a task.
-struct NearestOfAll<'a> {
+/// [`Hierarchy::hits`] as a task.
+struct Hits<'a, const ANY: bool> {
     wide: &'a Wide,
     rays: &'a [HitRay],
     hits: &'a mut Vec<Hit>,
 }
 
-impl Task for NearestOfAll<'_> {
+impl<const ANY: bool> Task for Hits<'_, ANY> {
     type Output = ();
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) {
         self.hits.clear();
         for ray in self.rays {
-            self.hits
-                .push(self.wide.hit::<M, false, false>(machine, ray));
+            let hit = self.wide.hit::<M, ANY, false>(machine, ray);
+            self.hits.push(hit);
         }
     }
 }
 
-/// [`Hierarchy::blocked_of_all`] as a task.
-struct BlockedOfAll<'a> {
-    wide: &'a Wide,
-    rays: &'a [HitRay],
-    blocked: &'a mut Vec<bool>,
-}
-
-impl Task for BlockedOfAll<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<M: Machine>(self, machine: M) {
-        self.blocked.clear();
-        for ray in self.rays {
-            let hit = self.wide.hit::<M, true, false>(machine, ray);
-            self.blocked.push(hit.triangle != NOTHING);
-        }
-    }
-}
-
-/// [`Hierarchy::nearest_seen`] as a task.
-struct NearestSeen<'a> {
+/// [`Hierarchy::hit_seen`] as a task.
+struct HitSeen<'a, const ANY: bool> {
     wide: &'a Wide,
     ray: &'a HitRay,
 }
 
-impl Task for NearestSeen<'_> {
+impl<const ANY: bool> Task for HitSeen<'_, ANY> {
     type Output = Hit;
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> Hit {
-        self.wide.hit::<M, false, true>(machine, self.ray)
-    }
-}
-
-/// [`Hierarchy::is_blocked_by_others`] as a task.
-struct BlockedByOthers<'a> {
-    wide: &'a Wide,
-    ray: &'a HitRay,
-}
-
-impl Task for BlockedByOthers<'_> {
-    type Output = bool;
-
-    #[inline(always)]
-    fn run<M: Machine>(self, machine: M) -> bool {
-        self.wide.hit::<M, true, true>(machine, self.ray).triangle != NOTHING
+        self.wide.hit::<M, ANY, true>(machine, self.ray)
     }
 }
 

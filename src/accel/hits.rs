@@ -291,7 +291,7 @@ impl Wide {
                 continue;
             }
             let node = &self.nodes[at];
-            let (mut mask, nears) = boxes.enter(machine, node, hit.t);
+            let (mask, nears) = boxes.enter(machine, node, hit.t);
             if mask == 0 {
                 continue;
             }
@@ -301,22 +301,7 @@ impl Wide {
                 spilled.extend_from_slice(&stack[..len]);
                 len = 0;
             }
-            let child = |i: u32| {
-                let i = i as usize % LANES;
-                (node.child[i], nears[i])
-            };
-            let mut nearest = child(mask.trailing_zeros());
-            mask &= mask - 1;
-            while mask != 0 {
-                let other = child(mask.trailing_zeros());
-                mask &= mask - 1;
-                let less = other.1 < nearest.1;
-                stack[len] = if less { nearest } else { other };
-                nearest = if less { other } else { nearest };
-                len += 1;
-            }
-            stack[len] = nearest;
-            len += 1;
+            node.stack_children(mask, &nears, &mut stack, &mut len);
         }
         hit
     }

@@ -287,7 +287,7 @@ impl Wide {
             let node = &self.nodes[at];
             let left = limit - skipped - f64::from(near) + margin;
             let grown = (reach.within(left) + margin) as f32;
-            let (mut mask, nears) = enter(node, &slabs, grown, (limit - skipped) as f32);
+            let (mask, nears) = enter(node, &slabs, grown, (limit - skipped) as f32);
             if len + LANES > stack.len() {
                 // Deep trees go on in memory; what was on the stack is taken later.
                 spilled.extend_from_slice(&stack[..len]);
@@ -296,23 +296,7 @@ impl Wide {
             if mask == 0 {
                 continue;
             }
-            // The nearest on top, the others below it in any order; without jumps.
-            let child = |i: u32| {
-                let i = i as usize % LANES;
-                (node.child[i], nears[i])
-            };
-            let mut nearest = child(mask.trailing_zeros());
-            mask &= mask - 1;
-            while mask != 0 {
-                let other = child(mask.trailing_zeros());
-                mask &= mask - 1;
-                let less = other.1 < nearest.1;
-                stack[len] = if less { nearest } else { other };
-                nearest = if less { other } else { nearest };
-                len += 1;
-            }
-            stack[len] = nearest;
-            len += 1;
+            node.stack_children(mask, &nears, &mut stack, &mut len);
         }
         offered
     }
@@ -320,6 +304,36 @@ impl Wide {
     #[inline(always)]
     fn velocity(&self, leaf: usize) -> Option<&[Lanes; 3]> {
         self.velocities.as_ref().map(|v| &v[leaf])
+    }
+}
+
+impl Node {
+    /// Puts some children (one bit each, at least one) on a stack with room for them: the nearest on top,
+    /// the others below it in any order. Without jumps.
+    #[inline(always)]
+    pub fn stack_children(
+        &self,
+        mut mask: u32,
+        nears: &Lanes,
+        stack: &mut [(u32, f32)],
+        len: &mut usize,
+    ) {
+        let child = |i: u32| {
+            let i = i as usize % LANES;
+            (self.child[i], nears[i])
+        };
+        let mut nearest = child(mask.trailing_zeros());
+        mask &= mask - 1;
+        while mask != 0 {
+            let other = child(mask.trailing_zeros());
+            mask &= mask - 1;
+            let less = other.1 < nearest.1;
+            stack[*len] = if less { nearest } else { other };
+            nearest = if less { other } else { nearest };
+            *len += 1;
+        }
+        stack[*len] = nearest;
+        *len += 1;
     }
 }
 

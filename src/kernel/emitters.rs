@@ -174,9 +174,9 @@ impl Emitters {
     }
 
     /// A group for a random number, its probability, and what is left of the number.
-    pub fn choose_group(&self, x: V3, time: f32, u: f32, room: &mut Vec<f32>) -> (usize, f32, f32) {
+    pub fn choose_group(&self, x: V3, time: f32, u: f32, room: &mut Vec<f32>) -> (usize, f32) {
         if self.groups.len() == 1 {
-            return (0, 1.0, u);
+            return (0, 1.0);
         }
         let (k, _, _) = self.choose(x, time, u, room);
         let group = self.list[k].group as usize;
@@ -186,19 +186,7 @@ impl Emitters {
             .iter()
             .map(|&k| p[k as usize])
             .sum();
-        // The number's place among those of the group.
-        let (mut passed, mut within) = (0.0, 0.0);
-        for (i, &p) in p.iter().enumerate() {
-            if self.list[i].group as usize == group {
-                within += (u - passed).clamp(0.0, p);
-            }
-            passed += p;
-        }
-        (
-            group,
-            chance,
-            (within / chance).clamp(0.0, 1.0 - f32::EPSILON),
-        )
+        (group, chance)
     }
 
     /// The emitters whose front a ray meets, were nothing in between: their numbers, distances and weights

@@ -75,9 +75,9 @@ pub(crate) struct ViewSettings {
     pub height: u32,
     /// The least radius of the pixel filter, in pixels.
     pub pixels: f64,
-    /// The tangent of the half-angle of bounce and shadow rays, and of camera rays where that is wider than
-    /// the filter.
+    /// The tangent of the half-angle of the cones of bounce and shadow rays.
     pub cone: f64,
+    /// The same of camera rays, where that is wider than the filter.
     pub camera_cone: f64,
     pub bounces: u32,
     pub roulette_after: Option<u32>,
@@ -172,8 +172,7 @@ impl View {
         sets
     }
 
-    /// Sums over samples of pixels. `object` is called with each pixel's index in the list and what its
-    /// rays hit.
+    /// Sums over samples of pixels. `objects` counts, for each pixel, what its rays hit.
     pub fn render(
         &self,
         pixels: &[u32],

@@ -209,7 +209,7 @@ impl View {
         }
         self.scene
             .hierarchy
-            .nearest_of_all(self.arch, &work.rays, &mut work.hits);
+            .hits::<false>(self.arch, &work.rays, &mut work.hits);
         work.counts.rays += walks.list.len() as u64;
         let found = walks.list.iter_mut().zip(paths).zip(&work.hits);
         for ((walk, path), &hit) in found {
@@ -282,10 +282,10 @@ impl View {
             walks.alive.truncate(count);
             scene
                 .hierarchy
-                .blocked_of_all(self.arch, &work.rays, &mut work.blocked);
+                .hits::<true>(self.arch, &work.rays, &mut work.hits);
             work.counts.rays += work.rays.len() as u64;
-            for (candidate, &blocked) in work.candidates.iter().zip(&work.blocked) {
-                if blocked {
+            for (candidate, blocker) in work.candidates.iter().zip(&work.hits) {
+                if blocker.triangle != NOTHING {
                     continue;
                 }
                 let walk = &mut list[candidate.walk as usize];
@@ -321,9 +321,9 @@ impl View {
             if last {
                 scene
                     .hierarchy
-                    .blocked_of_all(self.arch, &work.rays, &mut work.blocked);
-                for (&i, &blocked) in walks.alive.iter().zip(&work.blocked) {
-                    if !blocked {
+                    .hits::<true>(self.arch, &work.rays, &mut work.hits);
+                for (&i, hit) in walks.alive.iter().zip(&work.hits) {
+                    if hit.triangle == NOTHING {
                         self.escape::<KEEP>(&mut list[i as usize], &mut work.vertices);
                     }
                 }
@@ -331,7 +331,7 @@ impl View {
             }
             scene
                 .hierarchy
-                .nearest_of_all(self.arch, &work.rays, &mut work.hits);
+                .hits::<false>(self.arch, &work.rays, &mut work.hits);
             bounce += 1;
             let mut count = 0;
             for k in 0..walks.alive.len() {
@@ -618,10 +618,11 @@ impl View {
         work: &mut Work,
     ) {
         let shading = &from.point.shading;
-        let (drawn, chance) = map.choose(u, v);
-        for (by_scattering, direction, chance) in
-            [(false, drawn, chance), (true, along, map.density(along))]
-        {
+        let (drawn, chance) = map.drawn.choose(u, v);
+        for (by_scattering, direction, chance) in [
+            (false, drawn, chance),
+            (true, along, map.drawn.density(along)),
+        ] {
             let reflected = shading.evaluate(direction);
             if reflected.is_zero() {
                 continue;

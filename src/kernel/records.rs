@@ -108,7 +108,6 @@ pub(crate) struct Work {
     pub(super) skies: Vec<SkySample>,
     pub(super) rays: Vec<HitRay>,
     pub(super) hits: Vec<Hit>,
-    pub(super) blocked: Vec<bool>,
     pub(super) candidates: Vec<Candidate>,
     pub(super) chances: Vec<f32>,
     pub(super) met: Vec<(usize, [f32; 2])>,

@@ -104,7 +104,6 @@ pub(crate) struct Material {
 #[derive(Clone, Debug)]
 pub(crate) struct ObjectPart {
     pub first_triangle: usize,
-    pub triangles: usize,
     pub first_vertex: usize,
     pub vertices: usize,
     pub first_uv: usize,
@@ -166,7 +165,6 @@ impl KernelScene {
         for (i, o) in scene.objects.iter().enumerate() {
             let part = ObjectPart {
                 first_triangle: triangles.len(),
-                triangles: o.faces.len(),
                 first_vertex,
                 vertices: o.positions.len(),
                 first_uv: uvs.len(),

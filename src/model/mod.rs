@@ -5,6 +5,7 @@ pub(crate) mod camera;
 pub(crate) mod edge;
 pub(crate) mod filter;
 pub(crate) mod frame;
+pub(crate) mod sky;
 pub(crate) mod triangle;
 mod vector;
 

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, gather_row, host_values, host_vectors, plain};
+use crate::model::sky::SkyDensity;
 use crate::scene::{EnvironmentMap, Flattened, SkyTensors};
 
 /// An environment, with the host-side tables of a map.
@@ -15,22 +16,13 @@ pub(crate) enum Sky {
     Map(SkyMap),
 }
 
-/// A map and the density that directions are drawn with: by texel, in proportion to mean radiance
-/// about it times the solid angle.
+/// A map.
 pub(crate) struct SkyMap {
     tensors: EnvironmentMap,
     /// RGB of each texel.
     values: Vec<DVec3>,
-    /// Probability of each texel.
-    chance: Vec<f64>,
-    /// Σ over rows so far, and within each row.
-    rows: Vec<f64>,
-    columns: Vec<f64>,
+    drawn: SkyDensity,
 }
-
-/// The share of directions that are drawn uniformly over the texels: a black part may still have
-/// a gradient.
-const UNIFORM: f64 = 0.02;
 
 /// Where a direction meets a map: texels, bilinear weights, and what they change by with it.
 struct LookUp {
@@ -79,43 +71,11 @@ impl SkyMap {
     fn new(map: &EnvironmentMap) -> Result<Self> {
         let values = host_vectors(&map.texels)?;
         let (w, h) = (map.width, map.height);
-        let at = |x: usize, y: usize| values[y * w + x].abs().element_sum() / 3.0;
-        let solid = |y: usize| (PI * (y as f64 + 0.5) / h as f64).sin();
-        let mut chance = vec![0.0; w * h];
-        for y in 0..h {
-            for x in 0..w {
-                // Bilinear look-up spreads a texel over its neighbours.
-                let mut sum = 0.0;
-                for v in y.saturating_sub(1)..(y + 2).min(h) {
-                    for u in [(x + w - 1) % w, x, (x + 1) % w] {
-                        sum += at(u, v);
-                    }
-                }
-                chance[y * w + x] = (sum / 9.0 + 0.5 * at(x, y)) * solid(y);
-            }
-        }
-        let total: f64 = chance.iter().sum();
-        let area: f64 = (0..h).map(|y| solid(y) * w as f64).sum();
-        let (mut rows, mut columns) = (Vec::with_capacity(h), Vec::with_capacity(w * h));
-        let mut passed = 0.0;
-        for y in 0..h {
-            let mut row = 0.0;
-            for p in &mut chance[y * w..(y + 1) * w] {
-                let uniform = solid(y) / area;
-                let share = if total > 0.0 { *p / total } else { uniform };
-                *p = (1.0 - UNIFORM) * share + UNIFORM * uniform;
-                row += *p;
-                columns.push(row);
-            }
-            passed += row;
-            rows.push(passed);
-        }
+        let drawn = SkyDensity::new(w, h, |i| values[i].abs().element_sum() / 3.0);
         Ok(Self {
             tensors: map.clone(),
             values,
-            chance,
-            rows,
-            columns,
+            drawn,
         })
     }
 
@@ -196,31 +156,13 @@ impl SkyMap {
 
     /// A direction for a pair of random numbers, with its density.
     pub fn choose_one(&self, u: f64, v: f64) -> (DVec3, f64) {
-        let (w, h) = (self.tensors.width, self.tensors.height);
-        let total = self.rows[h - 1];
-        let y = self.rows.partition_point(|&p| p <= v * total).min(h - 1);
-        let before = if y == 0 { 0.0 } else { self.rows[y - 1] };
-        let fy = (v * total - before) / (self.rows[y] - before);
-        let row = &self.columns[y * w..(y + 1) * w];
-        let x = row.partition_point(|&p| p <= u * row[w - 1]).min(w - 1);
-        let before = if x == 0 { 0.0 } else { row[x - 1] };
-        let fx = (u * row[w - 1] - before) / (row[x] - before);
-        let polar = PI * (y as f64 + fy.clamp(0.0, 1.0)) / h as f64;
-        let turn = TAU * ((x as f64 + fx.clamp(0.0, 1.0)) / w as f64 - 0.5);
-        let sine = polar.sin().max(1e-9);
-        let d = DVec3::new(sine * turn.sin(), polar.cos(), -sine * turn.cos());
-        let d = d.normalize();
-        (d, self.density(d))
+        let (d, density) = self.drawn.choose(u as f32, v as f32);
+        (DVec3::from(d).normalize(), density.into())
     }
 
     /// The density per solid angle with which a direction is drawn.
     pub fn density(&self, d: DVec3) -> f64 {
-        let (w, h) = (self.tensors.width, self.tensors.height);
-        let x = (0.5 + d.x.atan2(-d.z) / TAU) * w as f64;
-        let y = d.y.clamp(-1.0, 1.0).acos() / PI * h as f64;
-        let (x, y) = ((x as usize).min(w - 1), (y as usize).min(h - 1));
-        let sine = (1.0 - d.y * d.y).max(1e-18).sqrt();
-        self.chance[y * w + x] * (w * h) as f64 / (TAU * PI * sine)
+        self.drawn.density(d.into()).into()
     }
 }
 

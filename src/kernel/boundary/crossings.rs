@@ -5,40 +5,8 @@ use rayon::prelude::*;
 
 use super::edges::{Edge, FACES, Kind};
 use super::vertex::TOUCHING;
-use crate::kernel::scene::KernelScene;
+use crate::kernel::scene::{KernelScene, Triangle};
 use crate::model::V3;
-
-/// An axis-aligned box.
-#[derive(Clone, Copy, Debug)]
-struct Box3 {
-    min: DVec3,
-    max: DVec3,
-}
-
-impl Box3 {
-    const EMPTY: Self = Self {
-        min: DVec3::INFINITY,
-        max: DVec3::NEG_INFINITY,
-    };
-
-    fn with(self, p: DVec3) -> Self {
-        Self {
-            min: self.min.min(p),
-            max: self.max.max(p),
-        }
-    }
-
-    fn union(self, o: Self) -> Self {
-        Self {
-            min: self.min.min(o.min),
-            max: self.max.max(o.max),
-        }
-    }
-
-    fn overlaps(&self, o: &Self) -> bool {
-        self.min.cmple(o.max).all() && o.min.cmple(self.max).all()
-    }
-}
 
 /// Times in the shutter at which moving objects are looked at.
 const TIMES: [f32; 5] = [0.5, 0.0, 1.0, 0.25, 0.75];
@@ -101,59 +69,47 @@ pub(super) fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<
     (from.0 < to.0 && a.distance(b) > tolerance).then(|| [a.into(), b.into()])
 }
 
-/// The crossings that concern objects for which `matters` is true, or any pair if one of it does.
-pub(super) fn find(scene: &KernelScene, matters: &(impl Fn(u32) -> bool + Sync)) -> Vec<Edge> {
+/// The crossings of all triangles that have area and share no corner.
+pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
     let times: &[f32] = if scene.velocities.is_some() {
         &TIMES
     } else {
         &[0.0]
     };
-    let bounds: Vec<Box3> = (0..scene.triangles.len() as u32)
-        .into_par_iter()
-        .map(|k| {
-            let moved = [0.0, 1.0].into_iter().flat_map(|t| corners(scene, k, t));
-            moved.fold(Box3::EMPTY, Box3::with)
-        })
-        .collect();
-    let of_object: Vec<Box3> = scene
-        .objects
-        .iter()
-        .map(|o| {
-            let range = o.first_triangle..o.first_triangle + o.triangles;
-            bounds[range].iter().fold(Box3::EMPTY, |a, b| a.union(*b))
-        })
-        .collect();
-    let mut found = Vec::new();
-    for i in 0..scene.objects.len() {
-        for j in i..scene.objects.len() {
-            if !(matters(i as u32) || matters(j as u32)) || !of_object[i].overlaps(&of_object[j]) {
-                continue;
+    let of_triangle = |k: u32| {
+        let mut found = Vec::new();
+        scene.hierarchy.overlapping(k, |l| {
+            if l <= k || !may_cross(scene, k, l) {
+                return;
             }
-            let list = |a: usize, b: usize| -> Vec<u32> {
-                let o = &scene.objects[a];
-                (o.first_triangle as u32..(o.first_triangle + o.triangles) as u32)
-                    .filter(|&k| {
-                        scene.triangles[k as usize].area > 0.0
-                            && bounds[k as usize].overlaps(&of_object[b])
-                    })
-                    .collect()
-            };
-            let pairs = if i == j {
-                if is_convex(scene, i) {
-                    continue;
-                }
-                pairs_within(scene, &bounds, list(i, i))
-            } else {
-                pairs_between(&bounds, list(i, j), list(j, i))
-            };
-            found.par_extend(pairs.into_par_iter().filter_map(|(k, l)| {
-                times.iter().find_map(|&time| {
-                    segment(scene, k, l, time).map(|s| crossing(scene, k, l, s, time))
-                })
-            }));
-        }
+            let first = times
+                .iter()
+                .find_map(|&time| segment(scene, k, l, time).map(|s| (s, time)));
+            found.extend(first.map(|(s, time)| crossing(scene, k, l, s, time)));
+        });
+        found
+    };
+    let triangles = 0..scene.triangles.len() as u32;
+    let triangles = triangles
+        .into_par_iter()
+        .filter(|&k| scene.triangles[k as usize].area > 0.0);
+    triangles.flat_map_iter(of_triangle).collect()
+}
+
+/// Whether two triangles might pass through each other, told by corners and planes.
+fn may_cross(scene: &KernelScene, k: u32, l: u32) -> bool {
+    let (t, s) = (&scene.triangles[k as usize], &scene.triangles[l as usize]);
+    if s.area <= 0.0 || t.corners.iter().any(|c| s.corners.contains(c)) {
+        return false;
     }
-    found
+    if scene.velocities.is_some() {
+        return true;
+    }
+    let passes = |plane: &Triangle, other: &Triangle| {
+        let above = other.corners.map(|c| plane.normal.dot(c) - plane.plane);
+        above.iter().any(|&d| d > 0.0) && above.iter().any(|&d| d < 0.0)
+    };
+    passes(t, s) && passes(s, t)
 }
 
 fn crossing(scene: &KernelScene, k: u32, l: u32, [a, b]: [V3; 2], time: f32) -> Edge {
@@ -180,78 +136,4 @@ fn crossing(scene: &KernelScene, k: u32, l: u32, [a, b]: [V3; 2], time: f32) -> 
         closed: false,
         apart,
     }
-}
-
-/// Whether an object's faces lie on one side of each face's plane, told by its vertices: then it does not
-/// pass through itself. Asked of small objects alone.
-fn is_convex(scene: &KernelScene, object: usize) -> bool {
-    let o = &scene.objects[object];
-    let range = o.first_triangle..o.first_triangle + o.triangles;
-    if o.triangles > 2000 {
-        return false;
-    }
-    let tolerance = |c: V3| TOUCHING * (0.1 + c.max_abs());
-    scene.triangles[range.clone()].par_iter().all(|t| {
-        scene.triangles[range.clone()].iter().all(|s| {
-            let above = |c: V3| t.normal.dot(c) - t.plane <= tolerance(c);
-            s.corners.into_iter().all(above)
-        })
-    })
-}
-
-/// Pairs of triangles of two lists whose boxes overlap, by sweeping along an axis.
-fn pairs_between(bounds: &[Box3], mut first: Vec<u32>, mut second: Vec<u32>) -> Vec<(u32, u32)> {
-    let low = |k: u32| bounds[k as usize].min.x;
-    first.sort_unstable_by(|&a, &b| low(a).total_cmp(&low(b)));
-    second.sort_unstable_by(|&a, &b| low(a).total_cmp(&low(b)));
-    let sweep = |from: &[u32], over: &[u32], strictly: bool| -> Vec<(u32, u32)> {
-        from.par_iter()
-            .flat_map_iter(|&k| {
-                let own = &bounds[k as usize];
-                // Each pair once: where the one begins within the other.
-                let first = over.partition_point(|&l| {
-                    if strictly {
-                        low(l) <= own.min.x
-                    } else {
-                        low(l) < own.min.x
-                    }
-                });
-                over[first..]
-                    .iter()
-                    .take_while(|&&l| low(l) <= own.max.x)
-                    .filter(|&&l| own.overlaps(&bounds[l as usize]))
-                    .map(move |&l| (k, l))
-            })
-            .collect()
-    };
-    let mut pairs = sweep(&first, &second, false);
-    let others = sweep(&second, &first, true);
-    pairs.extend(others.into_iter().map(|(l, k)| (k, l)));
-    pairs
-}
-
-/// Pairs of triangles of one object that share no vertex and whose boxes overlap.
-fn pairs_within(scene: &KernelScene, bounds: &[Box3], list: Vec<u32>) -> Vec<(u32, u32)> {
-    let mut list = list;
-    let low = |k: u32| bounds[k as usize].min.x;
-    list.sort_unstable_by(|&a, &b| low(a).total_cmp(&low(b)));
-    let share = |k: u32, l: u32| {
-        let (p, q) = (
-            scene.triangles[k as usize].corners,
-            scene.triangles[l as usize].corners,
-        );
-        p.iter().any(|a| q.contains(a))
-    };
-    (0..list.len())
-        .into_par_iter()
-        .flat_map_iter(|i| {
-            let k = list[i];
-            let own = &bounds[k as usize];
-            list[i + 1..]
-                .iter()
-                .take_while(|&&l| low(l) <= own.max.x)
-                .filter(move |&&l| own.overlaps(&bounds[l as usize]) && !share(k, l))
-                .map(move |&l| (k, l))
-        })
-        .collect()
 }

@@ -259,10 +259,7 @@ impl View {
         found: &mut Vec<(Piece, f32)>,
     ) {
         let c = &self.camera;
-        let velocity = match &self.scene.velocities {
-            Some(v) => v[e.object as usize],
-            None => V3::ZERO,
-        };
+        let velocity = self.scene.shift(e.faces[0], 1.0);
         let moved = velocity.length();
         let jump = self.film_jump(e, c.aperture + moved);
         if jump == 0.0 {
@@ -466,10 +463,7 @@ impl View {
         };
         let [lens_x, lens_y] = self.lens_point(&path.numbers);
         let origin = self.camera.eye + self.camera.lens_point(lens_x, lens_y);
-        let shift = match &self.scene.velocities {
-            Some(v) => v[edge.object as usize] * path.time,
-            None => V3::ZERO,
-        };
+        let shift = self.scene.shift(edge.faces[0], path.time);
         let position = edge.a + edge.along * lambda + shift;
         let point = EdgePoint {
             edge,

@@ -21,9 +21,9 @@ use tree::EdgeTree;
 /// Edges that something can jump at, and trees over them.
 pub(crate) struct EdgeSets {
     edges: Vec<Edge>,
-    /// All of them, and those that move.
     all: EdgeTree,
-    moving: EdgeTree,
+    /// Over those that move, unless that is all.
+    moving: Option<EdgeTree>,
 }
 
 impl EdgeSets {
@@ -32,23 +32,29 @@ impl EdgeSets {
         for (i, o) in host.objects.iter().enumerate() {
             edges.extend(edges::of_object(scene, i, &o.positions, &o.faces));
         }
-        // Rays that turn where nothing moves meet edges that stand still.
-        let rays_move = wanted.camera || wanted.turns() || wanted.objects.contains(&true);
-        edges.extend(crossings::find(scene, &|_| rays_move));
+        edges.extend(crossings::find(scene));
         let normal = |k: u32| scene.triangles[k as usize].normal;
         let velocities = scene.velocities.as_deref();
-        let tree = |keep: &dyn Fn(&Edge) -> bool| {
-            let which = (0..edges.len() as u32).filter(|&i| keep(&edges[i as usize]));
-            EdgeTree::new(&edges, &normal, velocities, which.collect())
-        };
+        let tree = |which| EdgeTree::new(&edges, &normal, velocities, which);
+        let numbers = 0..edges.len() as u32;
+        let moves = |&i: &u32| edges[i as usize].moves(scene, wanted);
+        let moving: Vec<u32> = numbers.clone().filter(moves).collect();
         Self {
-            all: tree(&|_| rays_move),
-            moving: tree(&|e| e.moves(scene, wanted)),
+            moving: (moving.len() < edges.len()).then(|| tree(moving)),
+            all: tree(numbers.collect()),
             edges,
         }
     }
 
     pub fn is_empty(&self) -> bool {
         self.all.is_empty()
+    }
+
+    /// Edges that matter to rays: all to those that move, else those that move.
+    fn seen_by(&self, rays_move: bool) -> &EdgeTree {
+        match &self.moving {
+            Some(moving) if !rays_move => moving,
+            _ => &self.all,
+        }
     }
 }

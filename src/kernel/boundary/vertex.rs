@@ -76,17 +76,13 @@ impl View {
             if pick < LIGHT {
                 let carried = carried * (1.0 / LIGHT);
                 let x = vertex.point.position;
-                let (group, chance, _) =
+                let (group, chance) =
                     emitters.choose_group(x, path.time, choice, &mut work.chances);
                 let light_moves = emitters.members(group).any(|k| {
                     let k = emitters.get(k).triangle as usize;
                     self.wanted.objects[self.scene.triangles[k].object as usize]
                 });
-                let tree = if moves || light_moves {
-                    &sets.all
-                } else {
-                    &sets.moving
-                };
+                let tree = sets.seen_by(moves || light_moves);
                 if !tree.is_empty() {
                     let carried = carried * (1.0 / chance);
                     let numbers = [u, v, w, extra];
@@ -105,8 +101,7 @@ impl View {
         }
         let last = bounce >= self.bounces;
         if !last || self.sees_sky || self.gathers_map {
-            let turns = moves || self.wanted.turns();
-            let tree = if turns { &sets.all } else { &sets.moving };
+            let tree = sets.seen_by(moves || self.wanted.turns());
             let [pick, u, v, w] = numbers.set(3 * bounce + 2);
             if pick < REFLECTED && !tree.is_empty() {
                 let lobe = pick / REFLECTED;
@@ -211,7 +206,8 @@ impl View {
                     limit,
                     unseen: p.edge.faces,
                 };
-                if self.scene.hierarchy.is_blocked_by_others(self.arch, &ray) {
+                let hierarchy = &self.scene.hierarchy;
+                if hierarchy.hit_seen::<true>(self.arch, &ray).triangle != NOTHING {
                     return;
                 }
                 let tri = &self.scene.triangles[e.triangle as usize];
@@ -289,10 +285,13 @@ impl View {
         }
         let jump = direction_jump(&p, &bend, shading.geometric);
         let sides = self.sides(&p, view, jump.side);
+        let last = bounce >= self.bounces;
+        if last && !sides.faces.contains(&NOTHING) {
+            return;
+        }
         let Some(behind) = self.behind(&p, point.start(), sides.past, path.time) else {
             return;
         };
-        let last = bounce >= self.bounces;
         // The light of both sides, and whether a map is seen.
         let mut light = [V3::ZERO; 2];
         let mut sky = [0.0; 2];
@@ -389,10 +388,7 @@ impl View {
         if edge.faces.contains(&own) {
             return None;
         }
-        let shift = match &self.scene.velocities {
-            Some(velocities) => velocities[edge.object as usize] * query.time,
-            None => V3::ZERO,
-        };
+        let shift = self.scene.shift(edge.faces[0], query.time);
         let a = edge.a + shift - query.x;
         let [from, to] = clip_to_cone(a, edge.along, query.axis, query.cos)?;
         // By the angle under which it is seen.
@@ -503,7 +499,7 @@ impl View {
             limit: f32::INFINITY,
             unseen: p.edge.faces,
         };
-        let hit = self.scene.hierarchy.nearest_seen(self.arch, &ray);
+        let hit = self.scene.hierarchy.hit_seen::<false>(self.arch, &ray);
         if hit.triangle != NOTHING && hit.t < p.to.length() {
             let tri = &self.scene.triangles[hit.triangle as usize];
             let at_rest = p.position - self.scene.shift(hit.triangle, time);

@@ -1,0 +1,121 @@
+//! Directions drawn from an environment map.
+
+use std::f32::consts::{PI, TAU};
+
+use super::{V3, v3};
+
+/// The density with which directions to an equirectangular map are drawn: by texel, in proportion to the
+/// mean radiance about it times the solid angle.
+pub(crate) struct SkyDensity {
+    width: usize,
+    height: usize,
+    /// Probability of each texel.
+    chance: Vec<f32>,
+    /// Sums over rows so far, and within each row.
+    rows: Vec<f32>,
+    columns: Vec<f32>,
+}
+
+/// The share of directions that are drawn uniformly: a black part may still have a gradient.
+const UNIFORM: f64 = 0.02;
+
+impl SkyDensity {
+    /// Of a map whose texels are so bright, row after row from the top.
+    pub fn new(width: usize, height: usize, brightness: impl Fn(usize) -> f64) -> Self {
+        let (w, h) = (width, height);
+        let solid = |y: usize| (std::f64::consts::PI * (y as f64 + 0.5) / h as f64).sin();
+        let mut chance = vec![0.0; w * h];
+        for y in 0..h {
+            for x in 0..w {
+                // Bilinear look-up spreads a texel over its neighbours.
+                let mut sum = 0.0;
+                for v in y.saturating_sub(1)..(y + 2).min(h) {
+                    for u in [(x + w - 1) % w, x, (x + 1) % w] {
+                        sum += brightness(v * w + u);
+                    }
+                }
+                let own = brightness(y * w + x);
+                chance[y * w + x] = (sum / 9.0 + 0.5 * own) * solid(y);
+            }
+        }
+        let total: f64 = chance.iter().sum();
+        let area: f64 = (0..h).map(|y| solid(y) * w as f64).sum();
+        let (mut rows, mut columns) = (Vec::with_capacity(h), Vec::with_capacity(w * h));
+        let mut passed = 0.0;
+        for y in 0..h {
+            let mut row = 0.0;
+            for p in &mut chance[y * w..(y + 1) * w] {
+                let uniform = solid(y) / area;
+                let share = if total > 0.0 { *p / total } else { uniform };
+                *p = (1.0 - UNIFORM) * share + UNIFORM * uniform;
+                row += *p;
+                columns.push(row as f32);
+            }
+            passed += row;
+            rows.push(passed as f32);
+        }
+        Self {
+            width,
+            height,
+            chance: chance.into_iter().map(|p| p as f32).collect(),
+            rows,
+            columns,
+        }
+    }
+
+    /// A direction for a pair of random numbers, with its density per solid angle.
+    pub fn choose(&self, u: f32, v: f32) -> (V3, f32) {
+        let (w, h) = (self.width, self.height);
+        let total = self.rows[h - 1];
+        let y = self.rows.partition_point(|&p| p <= v * total).min(h - 1);
+        let before = if y == 0 { 0.0 } else { self.rows[y - 1] };
+        let fy = (v * total - before) / (self.rows[y] - before);
+        let row = &self.columns[y * w..(y + 1) * w];
+        let x = row.partition_point(|&p| p <= u * row[w - 1]).min(w - 1);
+        let before = if x == 0 { 0.0 } else { row[x - 1] };
+        let fx = (u * row[w - 1] - before) / (row[x] - before);
+        let polar = PI * (y as f32 + fy.clamp(0.0, 1.0)) / h as f32;
+        let turn = TAU * ((x as f32 + fx.clamp(0.0, 1.0)) / w as f32 - 0.5);
+        let sine = polar.sin().max(1e-6);
+        let d = v3(sine * turn.sin(), polar.cos(), -sine * turn.cos()).normalized();
+        (d, self.density(d))
+    }
+
+    /// The density per solid angle with which a direction is drawn.
+    pub fn density(&self, d: V3) -> f32 {
+        let (w, h) = (self.width, self.height);
+        let [x, y] = place(d, w, h);
+        let (x, y) = ((x as usize).min(w - 1), (y as usize).min(h - 1));
+        let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
+        self.chance[y * w + x] * (w * h) as f32 / (TAU * PI * sine)
+    }
+}
+
+/// Column and row of a direction in a map, in texels.
+pub(crate) fn place(d: V3, width: usize, height: usize) -> [f32; 2] {
+    let x = (0.5 + d.x.atan2(-d.z) / TAU) * width as f32;
+    let y = d.y.clamp(-1.0, 1.0).acos() / PI * height as f32;
+    [x, y]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Uniform random numbers give directions with the density that is told: its inverse has the mean 4π.
+    #[test]
+    fn density_of_drawn_directions() {
+        let (w, h) = (16, 8);
+        let density = SkyDensity::new(w, h, |i| if i % 7 == 0 { 5.0 } else { 0.1 });
+        let n = 400;
+        let mut mean = 0.0;
+        for i in 0..n * n {
+            let (u, v) = ((i % n) as f32 + 0.5, (i / n) as f32 + 0.5);
+            let (d, p) = density.choose(u / n as f32, v / n as f32);
+            assert!((d.length() - 1.0).abs() < 1e-5);
+            mean += 1.0 / f64::from(p) / f64::from(n * n);
+        }
+        let sphere = 4.0 * std::f64::consts::PI;
+        assert!((mean / sphere - 1.0).abs() < 2e-3, "{mean}");
+    }
+}
