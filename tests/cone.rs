@@ -4,6 +4,7 @@ mod common;
 
 use burn::tensor::Device;
 use common::values;
+use common::weights::{SIZE, block_weights};
 use softray::gradcheck::{Checked, GradCheck, Verdict, gradcheck};
 use softray::prelude::*;
 
@@ -237,27 +238,13 @@ fn differentiated(with: &str, settings: &GradCheck) -> softray::gradcheck::Repor
 /// being its means over 8 × 8 pixels.
 #[test]
 fn derivatives_of_the_references() {
-    const SIZE: usize = 64;
     let device = Device::flex();
     for (name, object, bounces, file) in [
         ("shadow", "occluder", 0, "gradient-occluder-x.exr"),
         ("sphere", "sphere", 1, "gradient-ball-z.exr"),
         ("cornell", "tall", 1, "gradient-tall-turn.exr"),
     ] {
-        let reference = HostImage::read(common::reference(&format!("{name}/{file}")));
-        let reference = reference.expect("a reference");
-        let sums: Vec<f64> = reference
-            .pixels
-            .chunks(3)
-            .map(|p| p.iter().map(|&v| f64::from(v)).sum())
-            .collect();
-        let mut blocks = [[0.0; SIZE / 8]; SIZE / 8];
-        for (i, sum) in sums.iter().enumerate() {
-            blocks[i / SIZE / 8][i % SIZE / 8] += sum / 64.0;
-        }
-        let weight = |i: usize| blocks[i / SIZE / 8][i % SIZE / 8];
-        let exact: f64 = sums.iter().enumerate().map(|(i, s)| s * weight(i)).sum();
-        let weights: Vec<f64> = (0..SIZE * SIZE).map(weight).collect();
+        let (weights, exact) = block_weights(&common::reference(&format!("{name}/{file}")));
         let weights = Tensor::<1>::from_data(weights.as_slice(), &device).reshape([SIZE, SIZE, 1]);
         let scene = SceneFile::load(common::reference(&format!("{name}/scene.json")), &device);
         let scene = scene.expect("a scene");

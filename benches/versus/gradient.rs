@@ -3,6 +3,7 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use softray::prelude::*;
 
+use crate::weights::{SIZE, block_weights};
 use crate::{data, load, mean_and_deviation};
 
 #[derive(Args)]
@@ -48,28 +49,9 @@ impl Case {
     }
 }
 
-pub const SIZE: usize = 64;
-
-/// What a case weighs the sums over channels of its pixels by: the reference's means over blocks of 8 × 8
-/// pixels. And Σ weights·reference.
+/// The weights of a case's pixels, and Σ weights·reference.
 pub fn weights(scene: &str, reference: &str) -> (Vec<f32>, f64) {
-    let path = data(scene).join(format!("gradient-{reference}.exr"));
-    let reference = HostImage::read(&path).expect("a reference");
-    let sums: Vec<f64> = reference
-        .pixels
-        .chunks(3)
-        .map(|p| p.iter().map(|&v| f64::from(v)).sum())
-        .collect();
-    let mut blocks = [[0.0; SIZE / 8]; SIZE / 8];
-    for (i, sum) in sums.iter().enumerate() {
-        blocks[i / SIZE / 8][i % SIZE / 8] += sum / 64.0;
-    }
-    let weights: Vec<f32> = (0..SIZE * SIZE)
-        .map(|i| blocks[i / SIZE / 8][i % SIZE / 8] as f32)
-        .collect();
-    let products = sums.iter().zip(&weights).map(|(s, &w)| s * f64::from(w));
-    let exact = products.sum();
-    (weights, exact)
+    block_weights(&data(scene).join(format!("gradient-{reference}.exr")))
 }
 
 impl Gradient {

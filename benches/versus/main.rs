@@ -11,6 +11,8 @@ mod gradient;
 mod image;
 mod speed;
 mod tessellation;
+#[path = "../../tests/common/weights.rs"]
+mod weights;
 
 use std::path::PathBuf;
 

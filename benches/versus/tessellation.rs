@@ -6,7 +6,8 @@ use clap::Args;
 use softray::prelude::*;
 
 use crate::common::figure;
-use crate::gradient::{SIZE, weights};
+use crate::gradient::weights;
+use crate::weights::SIZE;
 use crate::{load, mean_and_deviation};
 
 #[derive(Args)]

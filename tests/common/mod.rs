@@ -7,6 +7,7 @@ pub mod modules;
 pub mod stress;
 pub mod training;
 pub mod visibility;
+pub mod weights;
 
 use std::path::PathBuf;
 
