@@ -60,8 +60,8 @@ pub mod prelude {
     };
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{
-        Batch, Diagnostics, EmitterSampling, Image, ImageBatch, Progress, RenderOptions, Sampling,
-        Sequence, Statistics, SurfaceSampling, render, render_batch, render_pixels,
+        Batch, Diagnostics, EmitterSampling, Engine, Image, ImageBatch, Progress, RenderOptions,
+        Sampling, Sequence, Statistics, SurfaceSampling, render, render_batch, render_pixels,
     };
     pub use crate::scene::{
         Albedo, Bounds, Camera, Environment, Material, Mesh, Object, Parameter, Scene, Transform,

@@ -5,11 +5,12 @@ use glam::DVec3;
 use super::View;
 use super::gradient::Sums;
 use super::path::{Path, Seen, Walk};
-use super::records::{Bend, LightSample, SkySample, Vertex, Work};
+use super::records::{LightSample, SkySample, Vertex, Work};
 use super::surface::RayGradient;
 use crate::accel::NOTHING;
 use crate::model::V3;
 use crate::model::bsdf::ShadingGradient;
+use crate::model::cone::bend_backward;
 
 /// Derivatives by a surface point, but for those that its incoming ray takes part in.
 #[derive(Clone, Copy, Debug, Default)]
@@ -36,7 +37,11 @@ impl View {
         let scene = &*self.scene;
         let camera = &walk.camera;
         let g = upstream.radiance;
+        let interior = self.interior;
         if walk.seen == NOTHING {
+            if !interior {
+                return;
+            }
             if self.wanted.sky || (self.wanted.camera && scene.sky.map().is_some()) {
                 let by_ray = RayGradient {
                     origin: V3::ZERO,
@@ -46,7 +51,9 @@ impl View {
             }
             return;
         }
-        self.emission_backward(walk.seen, walk.first.1, g, sums);
+        if interior {
+            self.emission_backward(walk.seen, walk.first.1, g, sums);
+        }
         let (mut by_throughput, mut by_ray) = (V3::ZERO, RayGradient::default());
         let mut vertices = [0u32; DEEP];
         let mut longer = Vec::new();
@@ -72,7 +79,7 @@ impl View {
                 self.edges_backward(path, &vertex, i as u32, moves, g, work, &mut by, sums);
             }
             let mut by_t = 0.0;
-            if i == 0 {
+            if i == 0 && interior {
                 by_t = upstream.depth;
                 by.geometric += upstream.normal;
             }
@@ -87,7 +94,8 @@ impl View {
                 sums,
             );
         }
-        if vertices.is_empty() && (upstream.depth != 0.0 || !upstream.normal.is_zero()) {
+        if interior && vertices.is_empty() && (upstream.depth != 0.0 || !upstream.normal.is_zero())
+        {
             by_ray = scene.point_backward(
                 &walk.point,
                 path.time,
@@ -179,7 +187,7 @@ impl View {
             by.position += by_leaving.origin;
             let mut by_direction = by_leaving.direction;
             let mut by_after = by_next;
-            if leave.escaped {
+            if leave.escaped && self.interior {
                 let after = vertex.throughput.times(scatter.weight) * (1.0 / leave.survival);
                 by_after += g.times(self.scene.sky.at(leave.bend.direction));
                 by_direction +=
@@ -200,6 +208,9 @@ impl View {
             point
                 .shading
                 .sample_backward(scatter, by_weight, by_axis, &mut by.shading);
+        }
+        if !self.interior {
+            return by_throughput;
         }
         let (lights, skies) = (vertex.lights.clone(), vertex.skies.clone());
         for light in &work.lights[lights.start as usize..lights.end as usize] {
@@ -299,22 +310,4 @@ impl View {
         shading.evaluate_backward(sample.direction, carried.times(radiance), &mut by.shading);
         g.times(reflected).times(radiance) * scale
     }
-}
-
-/// From derivatives by a ray of a cone to those by the cone's axis; the offset across it stays as it is.
-#[inline(always)]
-pub(super) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal: &mut V3) -> V3 {
-    if bend.offset.is_zero() {
-        return g;
-    }
-    let bent = axis + bend.offset;
-    let inverse = 1.0 / bent.length();
-    let direction = bent * inverse;
-    let mut g = g;
-    if bend.mirrored {
-        let along = direction.dot(normal);
-        *by_normal -= g * (2.0 * along) + direction * (2.0 * g.dot(normal));
-        g -= normal * (2.0 * g.dot(normal));
-    }
-    g.across(direction) * inverse
 }

@@ -63,6 +63,7 @@ pub(crate) struct View {
     /// Whether points on emitters are chosen by the BSDF as well.
     combined: bool,
     pub wanted: Wanted,
+    interior: bool,
     /// Edges that something can jump at.
     edge_sets: Option<Arc<EdgeSets>>,
     has_edges: bool,
@@ -83,6 +84,8 @@ pub(crate) struct ViewSettings {
     pub roulette_after: Option<u32>,
     pub multiple_importance: bool,
     pub sampler: Sampler,
+    /// Whether gradients have what changes while visibility doesn't, beside what jumps add.
+    pub interior: bool,
 }
 
 impl View {
@@ -139,6 +142,7 @@ impl View {
             combined,
             has_edges: edge_sets.as_ref().is_some_and(|e| !e.is_empty()),
             edge_sets,
+            interior: settings.interior,
             wanted,
             scene,
         };

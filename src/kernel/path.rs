@@ -5,13 +5,13 @@ use std::ops::Range;
 use glam::Vec3;
 
 use super::View;
-use super::records::{Bend, Leave, LightSample, SkySample, Vertex, Work};
+use super::records::{Leave, LightSample, SkySample, Vertex, Work};
 use super::sky::SkyMap;
 use super::surface::Point;
 use crate::accel::{HitRay, NOTHING};
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
-use crate::model::filter::cone_offset;
+use crate::model::cone::{Bend, bend, up_to_plane};
 use crate::model::triangle::at;
 use crate::model::{V3, v3};
 use crate::transport::sampler::Numbers;
@@ -144,9 +144,6 @@ impl Seen {
         }
     }
 }
-
-/// The part of a segment next to its far end that doesn't count, over the largest coordinate.
-const END: f32 = 2e-6;
 
 pub(super) fn glam3(v: V3) -> Vec3 {
     Vec3::new(v.x, v.y, v.z)
@@ -482,25 +479,7 @@ impl View {
     /// A ray of the cone about an axis, on the outer side of a surface.
     #[inline(always)]
     pub(super) fn bend(&self, axis: V3, normal: V3, u: f32, v: f32) -> Bend {
-        if self.cone == 0.0 {
-            return Bend {
-                direction: axis,
-                ..Bend::default()
-            };
-        }
-        let offset = cone_offset(axis, self.cone, u, v);
-        let direction = (axis + offset).normalized();
-        let along = direction.dot(normal);
-        let mirrored = along < 0.0;
-        Bend {
-            offset,
-            mirrored,
-            direction: if mirrored {
-                direction - normal * (2.0 * along)
-            } else {
-                direction
-            },
-        }
+        bend(axis, normal, self.cone, u, v)
     }
 
     /// Light from one point of one emitter, and from those that lie along another direction.
@@ -561,7 +540,7 @@ impl View {
             return;
         }
         let bend = self.bend(direction, point.shading.geometric, cone_u, cone_v);
-        let limit = self.up_to_plane(from.start, bend.direction, e.normal, light);
+        let limit = up_to_plane(from.start, bend.direction, e.normal, light);
         let triangle = &self.scene.triangles[e.triangle as usize];
         let per_area = facing / squared * triangle.area;
         let density = match combined {
@@ -592,18 +571,6 @@ impl View {
                 density,
             }),
         });
-    }
-
-    /// How far a ray goes until it comes to the plane of a light, but for rounding.
-    #[inline(always)]
-    pub(super) fn up_to_plane(&self, start: V3, direction: V3, normal: V3, light: V3) -> f32 {
-        let cosine = normal.dot(direction);
-        if cosine > -1e-6 {
-            return f32::INFINITY;
-        }
-        let distance = normal.dot(light - start) / cosine;
-        let size = 1.0 + light.max_abs() + start.max_abs();
-        distance - END * size / (-cosine)
     }
 
     /// Light of a map along a direction drawn from it, and along that in which the path goes on.

@@ -7,6 +7,7 @@ use super::surface::Point;
 use crate::accel::{Hit, HitRay};
 use crate::model::V3;
 use crate::model::bsdf::Scatter;
+use crate::model::cone::Bend;
 
 /// A point of a path.
 #[derive(Clone, Debug)]
@@ -32,17 +33,6 @@ pub(super) struct Leave {
     pub bend: Bend,
     /// Whether the ray met nothing, and brought light of the environment.
     pub escaped: bool,
-}
-
-/// From the axis of a cone to a ray of it.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Bend {
-    /// What was added to the axis, across it.
-    pub offset: V3,
-    /// Whether the ray was mirrored at the surface that it leaves.
-    pub mirrored: bool,
-    /// The ray's direction.
-    pub direction: V3,
 }
 
 /// Light from a point of an emitter that was seen.

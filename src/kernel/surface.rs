@@ -5,6 +5,7 @@ use super::scene::{Colour, KernelScene, Texture};
 use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
+use crate::model::cone::lifted;
 use crate::model::triangle::{barycentric, barycentric_slopes, hit_backward};
 
 /// A point that a ray hit.
@@ -23,14 +24,11 @@ pub(crate) struct Point {
     pub shading: Shading,
 }
 
-/// Rays leave a surface this much above it, over the largest coordinate: what points are rounded by.
-const LIFT: f32 = 1e-6;
-
 impl Point {
     /// Where rays that leave it start: above it by what it may be off by.
     #[inline(always)]
     pub fn start(&self) -> V3 {
-        self.position + self.shading.geometric * (LIFT * (0.1 + self.position.max_abs()))
+        lifted(self.position, self.shading.geometric)
     }
 }
 

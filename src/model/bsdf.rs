@@ -61,7 +61,7 @@ pub(crate) struct Scatter {
 /// Directions drawn by a number nearer to 0 or 1 have derivatives without bound.
 const LEAST: f32 = 1e-7;
 /// Up to so many times the cosine to the geometric normal counts.
-const HORIZON: f32 = 4.0;
+pub(crate) const HORIZON: f32 = 4.0;
 /// Densities under this can't have been drawn.
 const IMPOSSIBLE: f32 = 1e-20;
 

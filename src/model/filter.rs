@@ -1,6 +1,5 @@
-//! The kernels that blur: of the film and of directions.
+//! The kernels that blur: of the film and of cones.
 
-use super::V3;
 use super::frame::sin_cos_of_turns;
 
 /// A point of the unit disk with density 3/π·(1 − r²)², the kernel of a ray's cone.
@@ -11,15 +10,6 @@ pub(crate) fn disk_kernel(u: f32, v: f32) -> [f32; 2] {
     let r = (1.0 - rest).max(0.0).sqrt();
     let [sin, cos] = sin_cos_of_turns(v);
     [r * cos, r * sin]
-}
-
-/// A direction of the cone of a half-angle (given by its tangent) about a unit axis: the axis plus an
-/// offset across it, not yet of unit length.
-#[inline(always)]
-pub(crate) fn cone_offset(axis: V3, tangent: f32, u: f32, v: f32) -> V3 {
-    let [x, y] = disk_kernel(u, v);
-    let f = super::frame::frame(axis);
-    (f.tangent * x + f.bitangent * y) * tangent
 }
 
 /// A number in [−1, 1] with density 15/16·(1 − x²)², the kernel of the film along each axis.
@@ -167,16 +157,6 @@ mod tests {
             }
             assert!(filter.sample(0.0) >= -(0.5 + radius as f32 + 1e-6));
             assert!(filter.sample(1.0) <= 0.5 + radius as f32 + 1e-6);
-        }
-    }
-
-    #[test]
-    fn a_cone_stays_about_its_axis() {
-        let axis = crate::model::v3(0.36, 0.48, 0.8);
-        for i in 0..64 {
-            let u = (i as f32 + 0.5) / 64.0;
-            let offset = cone_offset(axis, 0.1, u, 0.37);
-            assert!(offset.dot(axis).abs() < 1e-6 && offset.length() <= 0.1 + 1e-6);
         }
     }
 }

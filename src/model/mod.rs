@@ -2,6 +2,7 @@
 
 pub(crate) mod bsdf;
 pub(crate) mod camera;
+pub(crate) mod cone;
 pub(crate) mod edge;
 pub(crate) mod filter;
 pub(crate) mod frame;

@@ -7,7 +7,7 @@ use super::Renderer;
 use super::options::Outputs;
 use crate::error::Result;
 use crate::geometry::{Vec3, host_values, plain};
-use crate::transport::{Census, Diagnostics, Radiance, RayWeights};
+use crate::transport::{Census, Diagnostics, Hits, Radiance, RayWeights, SurfacePoints};
 use crate::visibility::SparseWeights;
 
 /// What a render cost.
@@ -207,19 +207,23 @@ impl Means {
 
 impl Renderer<'_> {
     /// Rows `[_, N]`: radiance, opacity, depth, normal, weight of each object.
-    pub(super) fn outputs(&self, found: Radiance) -> Vec<Tensor<2>> {
+    pub(super) fn outputs(&self, found: Radiance) -> Result<Vec<Tensor<2>>> {
         let outputs = self.options.outputs;
         let Vec3 { x, y, z } = found.radiance;
         let mut rows = vec![x, y, z];
         let first = found.first;
         if outputs.opacity || outputs.depth || outputs.normals {
-            rows.push(first.attached_background().neg() + 1.0);
+            rows.push(first.attached_background(&self.scene.context).neg() + 1.0);
         }
         let first = match first {
+            RayWeights::Hits(hits) => {
+                rows.extend(self.outputs_of_hits(&hits)?);
+                return Ok(rows);
+            }
             RayWeights::Dense(first) => first,
             RayWeights::Sparse(first) => {
                 rows.extend(self.outputs_by_candidates(&first));
-                return rows;
+                return Ok(rows);
             }
         };
         if outputs.depth {
@@ -247,7 +251,40 @@ impl Renderer<'_> {
             }
             rows.push(first.background);
         }
-        rows
+        Ok(rows)
+    }
+
+    /// Rows of depth, normal and object, of what rays hit.
+    fn outputs_of_hits(&self, hits: &Hits) -> Result<Vec<Tensor<2>>> {
+        let outputs = self.options.outputs;
+        let context = &self.scene.context;
+        let mut rows = Vec::new();
+        if outputs.depth || outputs.normals {
+            let is_hit = hits.row(context, |i| hits.is_hit(i));
+            let missed = plain(&is_hit).lower_elem(0.5);
+            // Where nothing is hit any triangle serves; what it gives is left out.
+            let last = self.scene.triangles.len() as u32 - 1;
+            let triangles = hits.triangle.iter().map(|&k| k.min(last)).collect();
+            let points = SurfacePoints::new(self.scene, &hits.rays, triangles)?;
+            if outputs.depth {
+                let along = points.position.sub(&hits.rays.origin);
+                let depth = along.dot(&hits.rays.direction) * self.scene.unit;
+                rows.push(depth.mask_fill(missed.clone(), 0.0));
+            }
+            if outputs.normals {
+                let Vec3 { x, y, z } = points.geometric_normal;
+                rows.extend([x, y, z].map(|n| n.mask_fill(missed.clone(), 0.0)));
+            }
+        }
+        if outputs.object_ids {
+            let object = &self.scene.topology.object;
+            for id in 0..self.objects() as u32 {
+                let is = |i: usize| hits.is_hit(i) && object[hits.triangle[i] as usize] == id;
+                rows.push(hits.row(context, is));
+            }
+            rows.push(hits.row(context, |i| !hits.is_hit(i)));
+        }
+        Ok(rows)
     }
 
     /// Rows of depth, normal and weight of each object.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use burn::tensor::{DType, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 use rayon::prelude::*;
 
 use super::batch::of_batch;
@@ -20,8 +20,10 @@ use crate::kernel::{
 };
 use crate::model::V3;
 use crate::scene::{
-    Collect, Detach, HostCamera, HostScene, ParameterId, check_camera, visit_camera, visit_scene,
+    Camera, Collect, Detach, HostCamera, HostScene, ParameterId, Scene, check_camera, visit_camera,
+    visit_scene,
 };
+use crate::visibility::Visibility;
 
 /// Camera rays of a tile.
 const RAYS: usize = 1 << 13;
@@ -73,8 +75,10 @@ impl Parent {
     }
 }
 
-fn prepare(batch: &Batch, options: &RenderOptions, cone: [f64; 2]) -> Result<Prepared> {
-    let [angle, pixels] = cone;
+fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) -> Result<Prepared> {
+    let Visibility::Cone { angle, pixels } = options.visibility else {
+        unreachable!("the softmax is for tensors");
+    };
     // With a blur of all rays the camera's is as wide as the others.
     let camera_cone = options.blur.map_or(0.0, f64::tan);
     let read = |index: usize| {
@@ -168,6 +172,7 @@ fn prepare(batch: &Batch, options: &RenderOptions, cone: [f64; 2]) -> Result<Pre
             roulette_after: options.roulette_after,
             multiple_importance: options.sampling.multiple_importance,
             sampler: sampler(&options.of_view(index)),
+            interior,
         };
         let host = HostCamera::new(camera)?;
         let scene = scenes[*scene].clone();
@@ -243,12 +248,42 @@ impl Rows {
     }
 }
 
-/// Renders pixels of all views (all pixels, if there is no list), with cones of a half-angle (radians)
-/// and a pixel filter of a radius (pixels).
+/// Pixels of a list, or all.
+fn pixels_or_all(options: &RenderOptions, pixels: Option<Arc<Vec<u32>>>) -> Arc<Vec<u32>> {
+    pixels.unwrap_or_else(|| {
+        let count = (options.width * options.height) as u32;
+        Arc::new((0..count).collect())
+    })
+}
+
+/// What jumps of visibility add to the gradient of a view's tensors (as one row) from that of its rows
+/// `[C, P]`.
+pub(super) fn jumps(
+    (scene, camera): (&Scene, &Camera),
+    options: &RenderOptions,
+    pixels: Option<Arc<Vec<u32>>>,
+    upstream: &TensorData,
+) -> Result<Vec<f64>> {
+    let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
+    let prepared = prepare(&batch, options, false)?;
+    let pixels = pixels_or_all(options, pixels);
+    let objects = prepared.views[0].scene.counted.len();
+    let backward = Backward {
+        views: prepared.views,
+        places: prepared.places,
+        tiles: tiles(options, pixels.len(), RAYS),
+        rows: Rows::new(options, objects),
+        pixels,
+        samples: options.samples,
+        size: prepared.parent_size,
+    };
+    Ok(backward.gradient(upstream))
+}
+
+/// Renders pixels of all views (all pixels, if there is no list).
 pub(super) fn render(
     batch: &Batch,
     options: &RenderOptions,
-    cone: [f64; 2],
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Means> {
     let Prepared {
@@ -257,11 +292,8 @@ pub(super) fn render(
         parent,
         parent_size,
         context,
-    } = prepare(batch, options, cone)?;
-    let pixels = pixels.unwrap_or_else(|| {
-        let count = (options.width * options.height) as u32;
-        Arc::new((0..count).collect())
-    });
+    } = prepare(batch, options, true)?;
+    let pixels = pixels_or_all(options, pixels);
     let objects = views.iter().map(|v| v.scene.counted.len()).max();
     let objects = objects.unwrap_or(0);
     let rows = Rows::new(options, objects);
@@ -310,7 +342,8 @@ pub(super) fn render(
                 size: parent_size,
             };
             let retrace = Retrace(Arc::new(move |upstream| {
-                backward.gradient(&upstream, dtype)
+                let all = backward.gradient(&upstream);
+                TensorData::new(all, [parent_size]).convert_dtype(dtype)
             }));
             replay(parent, mean, retrace)
         }
@@ -399,7 +432,7 @@ struct Backward {
 
 impl Backward {
     /// The gradient of the parent from that of the rows of all views `[B·C, P]`.
-    fn gradient(&self, upstream: &TensorData, dtype: DType) -> TensorData {
+    fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let upstream: Vec<f64> = upstream.iter::<f64>().collect();
         let of_view = self.rows.count() * self.pixels.len();
         let mut all = vec![0.0; self.size];
@@ -416,7 +449,7 @@ impl Backward {
                 sums.write_camera(&view.scene, &view.host_camera, &places.camera, &mut all);
             }
         }
-        TensorData::new(all, [self.size]).convert_dtype(dtype)
+        all
     }
 
     fn of_view(&self, view: &View, upstream: &[f64]) -> Sums {

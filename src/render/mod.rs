@@ -13,12 +13,12 @@ use burn::tensor::{Device, Tensor};
 
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Collect, ParameterId, Scene, Visit, visit_camera, visit_scene};
-use crate::visibility::{Softmax, Visibility};
+use crate::visibility::Visibility;
 
 pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use batch::{Batch, render_batch};
 pub use film::{Image, ImageBatch, Statistics};
-pub use options::{Progress, RenderOptions};
+pub use options::{Engine, Progress, RenderOptions};
 use tensors::Renderer;
 
 /// Renders a scene.
@@ -92,22 +92,10 @@ fn render_views(
         None => [options.width, options.height],
     };
     let mut means = match options.visibility {
-        Visibility::Cone {
-            angle,
-            pixels: radius,
-        } => kernel::render(batch, options, [angle, radius], pixels)?,
-        Visibility::Softmax {
-            sigma,
-            gamma,
-            epsilon,
-        } => {
-            let form = Softmax {
-                sigma,
-                gamma,
-                epsilon,
-            };
-            tensors::render(batch, options, form, pixels)?
+        Visibility::Cone { .. } if options.engine != Engine::Tensors => {
+            kernel::render(batch, options, pixels)?
         }
+        _ => tensors::render(batch, options, pixels)?,
     };
     means.mean = with_gradient(means.mean, batch);
     Ok(means.images(size, options.outputs))

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::accel::HierarchyCache;
 use crate::error::{Error, Result};
 use crate::scene::Bounds;
@@ -12,6 +14,21 @@ use crate::visibility::Visibility;
 /// Called after each tile with the number of tiles done and of all tiles.
 pub type Progress = Arc<dyn Fn(usize, usize) + Send + Sync>;
 
+/// What computes a render. Both give the same image, up to rounding, for the same seed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Engine {
+    /// Kernels for cones, tensors for the softmax.
+    #[default]
+    Auto,
+    /// Kernels on the host, with derivatives by hand. They know cones, not the softmax.
+    Kernels,
+    /// A program of tensor operations on the scene's device, with burn's derivatives: much slower, the
+    /// specification of what the kernels do. Which triangle a ray of a cone hits is asked of the host, and
+    /// how visibility changes the gradient is added by the kernels.
+    Tensors,
+}
+
 /// How to render.
 #[derive(Clone)]
 pub struct RenderOptions {
@@ -20,6 +37,7 @@ pub struct RenderOptions {
     pub(super) samples: u32,
     pub(super) bounces: u32,
     pub(super) visibility: Visibility,
+    pub(super) engine: Engine,
     /// The half-angle of all cones, the camera's too.
     pub(super) blur: Option<f64>,
     pub(super) sampling: Sampling,
@@ -52,6 +70,7 @@ impl fmt::Debug for RenderOptions {
             .field("samples", &self.samples)
             .field("bounces", &self.bounces)
             .field("visibility", &self.visibility)
+            .field("engine", &self.engine)
             .field("blur", &self.blur)
             .field("sampling", &self.sampling)
             .field("seed", &self.seed)
@@ -77,6 +96,7 @@ impl RenderOptions {
             samples: 16,
             bounces: 3,
             visibility: Visibility::default(),
+            engine: Engine::default(),
             blur: None,
             sampling: Sampling::default(),
             seed: 0,
@@ -122,6 +142,12 @@ impl RenderOptions {
     pub fn visibility(mut self, visibility: Visibility) -> Self {
         self.visibility = visibility;
         self.blur = None;
+        self
+    }
+
+    /// What computes the render.
+    pub fn engine(mut self, engine: Engine) -> Self {
+        self.engine = engine;
         self
     }
 
@@ -261,6 +287,14 @@ impl RenderOptions {
             ));
         }
         self.visibility.check()?;
+        if self.engine == Engine::Kernels && matches!(self.visibility, Visibility::Softmax { .. }) {
+            return Err(Error::invalid(
+                options,
+                "engine",
+                "Kernels",
+                "Auto or Tensors for the softmax",
+            ));
+        }
         if let Some(b) = self.bounds
             && !(b.radius.is_finite() && b.radius > 0.0 && b.center.iter().all(|c| c.is_finite()))
         {

@@ -21,8 +21,7 @@ use super::{RenderOptions, is_cpu};
 use crate::accel::Hierarchy;
 use crate::error::Result;
 use crate::geometry::host_values;
-use crate::scene::{Camera, Flattened, Replace, Scene, visit_tensors};
-use crate::visibility::Softmax;
+use crate::scene::{Bounds, Camera, Flattened, Replace, Scene, visit_tensors};
 
 /// From the gradient of the output to that of the parameters, both on the host.
 #[derive(Clone)]
@@ -125,7 +124,7 @@ pub(super) struct Retraced {
     pub scene: Scene,
     pub camera: Camera,
     pub options: RenderOptions,
-    pub form: Softmax,
+    pub bounds: Bounds,
     pub pixels: Option<Arc<Vec<u32>>>,
     /// Without tape.
     pub parameters: Tensor<1>,
@@ -152,12 +151,12 @@ impl Retraced {
                 next: 0,
             };
             visit_tensors(&mut scene, &mut camera, &mut replace);
-            let flattened = Flattened::new(&scene, &camera, self.options.bounds)?;
+            let flattened = Flattened::new(&scene, &camera, Some(self.bounds))?;
             let pixels_of = self.pixels.clone();
             let renderer = Renderer::new(
                 &flattened,
                 &camera,
-                (&self.options, self.form),
+                &self.options,
                 pixels_of,
                 hierarchy.clone(),
             )?;
@@ -194,6 +193,20 @@ impl Retraced {
             sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
         }
         TensorData::new(sum, [count]).convert_dtype(dtype)
+    }
+
+    /// A gradient with what jumps of visibility add to it.
+    pub fn with_jumps(&self, gradient: TensorData, upstream: &TensorData) -> TensorData {
+        let view = (&self.scene, &self.camera);
+        let jumps = super::kernel::jumps(view, &self.options, self.pixels.clone(), upstream);
+        let jumps = jumps.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
+        let (dtype, shape) = (gradient.dtype(), gradient.shape().clone());
+        let sum: Vec<f64> = gradient
+            .iter::<f64>()
+            .zip(jumps)
+            .map(|(a, b)| a + b)
+            .collect();
+        TensorData::new(sum, shape).convert_dtype(dtype)
     }
 }
 

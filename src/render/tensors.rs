@@ -1,4 +1,5 @@
-//! Renders the softmax form as chains of tensor operations, tile by tile.
+//! Renders as chains of tensor operations, tile by tile: the softmax, and cones as the specification of
+//! the kernels.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,29 +14,26 @@ use super::{Batch, RenderOptions, is_cpu};
 use crate::accel::Hierarchy;
 use crate::error::Result;
 use crate::geometry::plain;
-use crate::scene::{Camera, Collect, Detach, Flattened, Scene, visit_tensors};
-use crate::transport::{
-    Census, Diagnostics, Dimension, Lights, PathSettings, Sampler, Sky, Transport, trace,
+use crate::model::filter::PixelFilter;
+use crate::scene::{
+    Bounds, Camera, Collect, Detach, Flattened, HostScene, Scene, SceneFrame, visit_tensors,
 };
-use crate::visibility::{Rays, Softmax, Sparse};
+use crate::transport::{
+    Census, Cones, Diagnostics, Dimension, Lights, PathSettings, Sampler, Sight, Sky, Transport,
+    trace,
+};
+use crate::visibility::{Rays, Softmax, Sparse, Visibility, hierarchy_of};
 
 /// Renders the views of a batch one after another.
 pub(super) fn render(
     batch: &Batch,
     options: &RenderOptions,
-    form: Softmax,
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Means> {
     let mut rendered = Vec::with_capacity(batch.views.len());
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
         let scene = batch.scene(*scene, true);
-        let view = View::render(
-            &scene,
-            camera,
-            &options.of_view(index),
-            form,
-            pixels.clone(),
-        );
+        let view = View::render(&scene, camera, &options.of_view(index), pixels.clone());
         rendered.push(view.map_err(of_batch("view", index))?);
     }
     let objects = rendered.iter().map(|v| v.objects).max().unwrap_or(0);
@@ -85,38 +83,113 @@ impl View {
         scene: &Scene,
         camera: &Camera,
         options: &RenderOptions,
-        form: Softmax,
         pixels: Option<Arc<Vec<u32>>>,
     ) -> Result<Self> {
         let mut collected = Collect::default();
         visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
+        let (mut still, mut still_camera) = (scene.clone(), camera.clone());
+        visit_tensors(&mut still, &mut still_camera, &mut Detach);
+        let hard = matches!(options.visibility, Visibility::Cone { .. });
+        let mut within = options.bounds;
+        if hard {
+            // As the kernels have it.
+            let frame = SceneFrame::new(&HostScene::new(&still)?);
+            within = Some(Bounds {
+                center: frame.centre.into(),
+                radius: frame.unit,
+            });
+        }
+        let flattened = Flattened::new(&still, &still_camera, within)?;
+        let renderer = Renderer::new(&flattened, &still_camera, options, pixels.clone(), None)?;
+        let (mean, found) = renderer.render()?;
         if collected.rows.is_empty() {
-            let flattened = Flattened::new(scene, camera, options.bounds)?;
-            let renderer = Renderer::new(&flattened, camera, (options, form), pixels, None)?;
-            let (mean, found) = renderer.render()?;
             return Ok(Self::new(&renderer, mean, found));
         }
         // Forward without tape, backward on paths traced again.
-        let (mut still, mut still_camera) = (scene.clone(), camera.clone());
-        visit_tensors(&mut still, &mut still_camera, &mut Detach);
-        let flattened = Flattened::new(&still, &still_camera, options.bounds)?;
         let parameters = Tensor::cat(collected.rows, 0);
         let retraced = Retraced {
             scene: scene.clone(),
             camera: camera.clone(),
-            options: options.clone().bounds_or(flattened.bounds),
-            form,
-            pixels: pixels.clone(),
+            options: options.clone(),
+            bounds: flattened.bounds,
+            pixels,
             parameters: plain(&parameters),
         };
-        let renderer = Renderer::new(&flattened, &still_camera, (options, form), pixels, None)?;
-        let (mean, found) = renderer.render()?;
-        let hierarchy = renderer.sparse.as_ref().map(Sparse::hierarchy);
+        let hierarchy = renderer.sight.hierarchy();
         let retrace = Retrace(Arc::new(move |upstream| {
-            retraced.gradient(&upstream, &hierarchy)
+            let gradient = retraced.gradient(&upstream, &hierarchy);
+            if hard {
+                retraced.with_jumps(gradient, &upstream)
+            } else {
+                gradient
+            }
         }));
         let mean = replay(parameters, mean, retrace);
         Ok(Self::new(&renderer, mean, found))
+    }
+}
+
+/// What rays see, with what it needs of a scene.
+enum HostSight {
+    Cones(Cones, PixelFilter),
+    Softmax(Softmax, Option<Sparse>),
+}
+
+impl HostSight {
+    fn new(
+        scene: &Flattened,
+        camera: &Camera,
+        options: &RenderOptions,
+        hierarchy: Option<Arc<Hierarchy>>,
+    ) -> Result<Self> {
+        let hierarchy = || match hierarchy {
+            Some(hierarchy) => Ok(hierarchy),
+            None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
+        };
+        Ok(match options.visibility {
+            Visibility::Cone { angle, pixels } => {
+                let half_height = (0.5 * camera.fov_y.values()?[0]).to_radians().tan();
+                let least = options.blur.map_or(0.0, f64::tan);
+                let wide = least * 0.5 * options.height as f64 / half_height;
+                let cones = Cones::new(hierarchy()?, angle, &sampler(options));
+                Self::Cones(cones, PixelFilter::new(pixels.max(wide)))
+            }
+            Visibility::Softmax {
+                sigma,
+                gamma,
+                epsilon,
+            } => {
+                let form = Softmax {
+                    sigma: sigma / (scene.unit * scene.unit),
+                    gamma,
+                    epsilon,
+                };
+                // Diagnostics are there in tensors only, and GPUs do without the host.
+                let dense =
+                    options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
+                let sparse = if dense {
+                    None
+                } else {
+                    Some(Sparse::new(&scene.triangles, hierarchy()?, options.cutoff))
+                };
+                Self::Softmax(form, sparse)
+            }
+        })
+    }
+
+    /// The boxes, if there are any.
+    fn hierarchy(&self) -> Option<Arc<Hierarchy>> {
+        match self {
+            Self::Cones(cones, _) => Some(cones.hierarchy()),
+            Self::Softmax(_, sparse) => sparse.as_ref().map(Sparse::hierarchy),
+        }
+    }
+
+    fn get(&self) -> Sight<'_> {
+        match self {
+            Self::Cones(cones, _) => Sight::Cones(cones),
+            Self::Softmax(form, sparse) => Sight::Softmax(*form, sparse.as_ref()),
+        }
     }
 }
 
@@ -128,7 +201,7 @@ pub(super) struct Renderer<'a> {
     lights: Arc<Lights>,
     sky: Option<Sky>,
     settings: PathSettings,
-    sparse: Option<Sparse>,
+    sight: HostSight,
     /// The pixels to render, where that is not all.
     pixels: Option<Arc<Vec<u32>>>,
 }
@@ -159,20 +232,10 @@ impl<'a> Renderer<'a> {
     pub(super) fn new(
         scene: &'a Flattened,
         camera: &'a Camera,
-        (options, form): (&'a RenderOptions, Softmax),
+        options: &'a RenderOptions,
         pixels: Option<Arc<Vec<u32>>>,
         hierarchy: Option<Arc<Hierarchy>>,
     ) -> Result<Self> {
-        // Diagnostics are there in tensors only, and GPUs do without the host.
-        let dense = options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
-        let sparse = match hierarchy {
-            _ if dense => None,
-            Some(hierarchy) => Some(Sparse::with(&scene.triangles, hierarchy, options.cutoff)),
-            None => {
-                let cache = options.cache.as_ref();
-                Some(Sparse::new(&scene.triangles, options.cutoff, cache)?)
-            }
-        };
         Ok(Self {
             scene,
             camera,
@@ -180,8 +243,8 @@ impl<'a> Renderer<'a> {
             sampler: sampler(options),
             lights: Arc::new(Lights::new(scene, options.sampling.emitters)?),
             sky: Sky::new(scene)?,
-            settings: settings(scene, options, form),
-            sparse,
+            settings: settings(options),
+            sight: HostSight::new(scene, camera, options, hierarchy)?,
             pixels,
         })
     }
@@ -235,10 +298,9 @@ impl<'a> Renderer<'a> {
         } else {
             1 << 23
         };
-        let rays = if self.sparse.is_some() {
-            1 << 13
-        } else {
-            (pairs / triangles).clamp(128, 1 << 17)
+        let rays = match self.sight {
+            HostSight::Softmax(_, None) => (pairs / triangles).clamp(128, 1 << 17),
+            _ => 1 << 13,
         };
         let pixels = self.pixels.as_ref().map_or_else(
             || self.options.width * self.options.height,
@@ -260,12 +322,12 @@ impl<'a> Renderer<'a> {
             sampler: &self.sampler,
             lights: &self.lights,
             sky: self.sky.as_ref(),
-            sparse: self.sparse.as_ref(),
+            sight: self.sight.get(),
         };
         let found = trace(transport, rays, &paths, samples)?;
         let census = found.census.clone();
         let diagnostics = found.diagnostics.clone();
-        let rows = Tensor::cat(self.outputs(found), 0);
+        let rows = Tensor::cat(self.outputs(found)?, 0);
         let channels = rows.dims()[0];
         let sums = rows
             .reshape([channels * tile.pixels, samples])
@@ -290,7 +352,14 @@ impl<'a> Renderer<'a> {
             context.row(&values)
         };
         let dimensions = [Dimension::FilmX, Dimension::FilmY];
-        let [x, y] = self.sampler.uniform(paths, 0, dimensions);
+        let jitter = self.sampler.uniform(paths, 0, dimensions);
+        let [x, y] = match &self.sight {
+            HostSight::Softmax(..) => jitter,
+            HostSight::Cones(_, filter) => jitter.map(|numbers| {
+                let of = |u: f64| 0.5 + f64::from(filter.sample(u as f32));
+                numbers.into_iter().map(of).collect()
+            }),
+        };
         let film = [
             film(&|p| p % width, x, width),
             film(&|p| p / width, y, height),
@@ -331,13 +400,9 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// What a path does in a scene.
-fn settings(scene: &Flattened, options: &RenderOptions, form: Softmax) -> PathSettings {
+/// What a path does.
+fn settings(options: &RenderOptions) -> PathSettings {
     PathSettings {
-        softmax: Softmax {
-            sigma: form.sigma / (scene.unit * scene.unit),
-            ..form
-        },
         diagnostics: options.diagnostics,
         bounces: options.bounces,
         roulette_after: options.roulette_after,

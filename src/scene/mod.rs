@@ -4,6 +4,7 @@ mod camera;
 mod check;
 mod environment;
 mod flatten;
+mod frame;
 mod host;
 mod material;
 mod mesh;
@@ -18,6 +19,7 @@ pub(crate) use check::check_camera;
 pub use environment::Environment;
 pub use flatten::{Albedos, Bounds, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
 
+pub(crate) use frame::SceneFrame;
 pub(crate) use host::{HostAttribute, HostCamera, HostScene, HostTexture};
 pub use material::{Albedo, Material, Wrap};
 pub use mesh::{CornerAttribute, Mesh};

@@ -7,12 +7,11 @@ use burn::tensor::Tensor;
 use super::surface::SurfacePoints;
 use super::{Dimension, Sampler};
 use crate::geometry::{Context, Vec3, plain};
+use crate::model::bsdf::HORIZON;
 
 /// f(wi, wo)·cos θ_i as planes; zero below the surface. `incoming` is the ray's direction.
 pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Vec3 {
-    let cosine = points.normal.dot(outgoing).clamp_min(0.0);
-    let above = plain(&points.geometric_normal.dot(outgoing)).greater_elem(0.0);
-    let cosine = cosine.mask_fill(above.bool_not(), 0.0);
+    let cosine = cosine(points, outgoing);
     let mut f = points.diffuse.scale_by(1.0 / PI);
     if let Some((specular, exponent)) = &points.specular {
         let lobe = phong(exponent, &mirror_cosine(points, incoming, outgoing));
@@ -20,6 +19,17 @@ pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3
         f = f.add(&specular.scale(&(lobe * norm)));
     }
     f.scale(&cosine)
+}
+
+/// cos θ to the shading normal, but at most four times that to the geometric normal
+/// ([`crate::model::bsdf`]); 0 below the surface.
+fn cosine(points: &SurfacePoints, outgoing: &Vec3) -> Tensor<2> {
+    let shaded = points.normal.dot(outgoing);
+    if !points.smooth {
+        return shaded.clamp_min(0.0);
+    }
+    let horizon = points.geometric_normal.dot(outgoing) * HORIZON;
+    shaded.min_pair(horizon).clamp_min(0.0)
 }
 
 /// The density per solid angle with which [`sample`] draws a direction, without tape.
@@ -78,11 +88,14 @@ pub(crate) fn sample(
     ];
     let diffuse = from_frame(&points.normal, &local);
     let Some((specular, exponent)) = &points.specular else {
-        // f·cos/pdf is k_d, whatever the direction.
-        let above = plain(&points.geometric_normal.dot(&diffuse)).greater_elem(0.0);
-        let below = above.bool_not();
+        // f·cos/pdf is k_d, whatever the direction, but near the horizon of a smooth surface.
+        let mut weight = points.diffuse.clone();
+        if points.smooth {
+            let drawn_by = points.normal.dot(&diffuse).clamp_min(1e-7);
+            weight = weight.scale(&(cosine(points, &diffuse) / drawn_by));
+        }
         return Scatter {
-            weight: points.diffuse.map(|k| k.mask_fill(below.clone(), 0.0)),
+            weight,
             direction: diffuse,
         };
     };

@@ -4,10 +4,11 @@ use burn::tensor::Tensor;
 
 use super::Dimension;
 use super::bsdf::{density as density_of_scattering, scattered};
+use super::cones::{AtBounce, Hits};
 use super::lights::Views;
 use super::sky::{self, SkyMap};
 use super::surface::SurfacePoints;
-use super::tracer::{RayWeights, Tracer, Transport};
+use super::tracer::{RayWeights, Sight, Tracer, Transport};
 use crate::error::Result;
 use crate::geometry::{Vec3, gather_row, host_values, host_vectors, plain};
 use crate::scene::Flattened;
@@ -28,6 +29,7 @@ pub(crate) fn seen(
         return Ok(None);
     }
     let weights = match weights {
+        RayWeights::Hits(hits) => return Ok(Some(seen_by_hits(scene, hits, sky))),
         RayWeights::Dense(weights) => weights,
         RayWeights::Sparse(weights) => return Ok(Some(seen_by_candidates(scene, weights, sky)?)),
     };
@@ -45,6 +47,21 @@ pub(crate) fn seen(
         mean(&emission.y, environment.map(|e| &e.y)),
         mean(&emission.z, environment.map(|e| &e.z)),
     )))
+}
+
+fn seen_by_hits(scene: &Flattened, hits: &Hits, sky: Option<Vec3>) -> Vec3 {
+    let context = &scene.context;
+    let material = |&k: &u32| scene.topology.material.get(k as usize).map_or(0, |&m| m);
+    let materials: Vec<u32> = hits.triangle.iter().map(material).collect();
+    let emission = scene
+        .materials
+        .emission
+        .gather(&context.index_row(&materials));
+    let seen = emission.scale(&hits.row(context, |i| hits.is_hit(i) && hits.front[i]));
+    match sky {
+        Some(sky) => seen.add(&sky.scale(&hits.row(context, |i| !hits.is_hit(i)))),
+        None => seen,
+    }
 }
 
 fn seen_by_candidates(
@@ -117,6 +134,7 @@ struct Shaded<'a> {
     points: &'a SurfacePoints,
     incoming: &'a Vec3,
     time: &'a Option<Tensor<2>>,
+    at: AtBounce<'a>,
 }
 
 fn views(tracer: &Tracer, shaded: &Shaded) -> Result<Views> {
@@ -149,6 +167,7 @@ pub(crate) fn connect(
         points,
         incoming: &rays.direction,
         time: &rays.time,
+        at: AtBounce { paths, bounce },
     };
     let looks = lights.depends_on_position() || scattered.is_some();
     let views = looks.then(|| views(tracer, &shaded)).transpose()?;
@@ -183,6 +202,10 @@ pub(crate) fn connect(
                 points: &points.pick(context, &which),
                 incoming: &rays.direction.gather(&index),
                 time: &rays.time.as_ref().map(|t| gather_row(t.clone(), &index)),
+                at: AtBounce {
+                    paths: &which.iter().map(|&i| paths[i as usize]).collect::<Vec<_>>(),
+                    bounce,
+                },
             };
             let met = LightPoints {
                 chance: lights.chance(Some(views), &met),
@@ -225,8 +248,8 @@ pub(crate) fn from_sky(
             map,
             points,
             rays,
-            &directions,
-            &density,
+            (&directions, &density),
+            AtBounce { paths, bounce },
             by_scattering,
         )?);
     }
@@ -239,8 +262,8 @@ fn along(
     map: &SkyMap,
     points: &SurfacePoints,
     rays: &Rays,
-    directions: &[glam::DVec3],
-    density: &[f64],
+    (directions, density): (&[glam::DVec3], &[f64]),
+    at: AtBounce,
     by_scattering: bool,
 ) -> Result<Option<(Option<Vec<u32>>, Vec3)>> {
     let context = &tracer.scene().context;
@@ -263,7 +286,17 @@ fn along(
         departure: Some(points.triangle.clone()),
         arrival: None,
     };
-    let passed = tracer.weights(&next)?.attached_background();
+    let paths: Vec<(u32, u32)> = which.iter().map(|&i| at.paths[i as usize]).collect();
+    let passed = match tracer.transport.sight {
+        Sight::Cones(_) => {
+            let at = AtBounce {
+                paths: &paths,
+                ..at
+            };
+            tracer.transmittance(&next, &vec![true; paths.len()], at)?
+        }
+        Sight::Softmax(..) => tracer.weights(&next)?.attached_background(context),
+    };
     let by_bsdf = density_of_scattering(&points, &incoming, &towards);
     let density = power_heuristic(context.row(&density), by_bsdf, by_scattering);
     let light = map.radiance(context, &towards)?.scale(&(passed / density));
@@ -291,6 +324,7 @@ fn arriving(
         points,
         incoming,
         time,
+        at,
     } = *shaded;
     let emitter = chosen.emitter;
     let index = context.index_row(&emitter);
@@ -310,7 +344,7 @@ fn arriving(
     // A light that touches the receiver is held off by the distance under which hits don't count.
     let squared = to_light
         .dot(&to_light)
-        .clamp_min(tracer.t_min() * tracer.t_min());
+        .clamp_min((tracer.t_min() * tracer.t_min()).max(1e-37));
     let distance = squared.clone().sqrt();
     let direction = to_light.map(|x| x / distance.clone());
     let facing = scene
@@ -340,14 +374,15 @@ fn arriving(
     // Where the light or the surface faces away, or the surface reflects nothing there, nothing
     // arrives whatever is in between.
     let reflected = scattered(points, incoming, &rays.direction);
-    let needed = if tracer.transport.sparse.is_some() {
+    let dense = matches!(tracer.transport.sight, Sight::Softmax(_, None));
+    let needed = if !dense {
         let sum = plain(&reflected.x) + plain(&reflected.y) + plain(&reflected.z);
         let needed = host_values(&(sum.abs() * plain(&facing)))?;
         needed.iter().map(|&v| v != 0.0).collect()
     } else {
         vec![true; count]
     };
-    let passed = tracer.transmittance(&rays, &needed)?;
+    let passed = tracer.transmittance(&rays, &needed, at)?;
     let per_area = facing / squared * area;
     // In units of the emitter's area, without gradient: the points stay where they are on it.
     let mut density = context.row(&chosen.chance);

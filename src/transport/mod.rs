@@ -2,6 +2,7 @@
 
 mod batch;
 mod bsdf;
+mod cones;
 mod diagnostics;
 mod emitters;
 mod lights;
@@ -13,10 +14,12 @@ mod surface;
 mod texture;
 mod tracer;
 
+pub(crate) use cones::{Cones, Hits};
 pub use diagnostics::Diagnostics;
 pub(crate) use lights::Lights;
 pub(crate) use path::{Radiance, trace};
 pub(crate) use sampler::{Dimension, Sampler};
 pub use sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub(crate) use sky::Sky;
-pub(crate) use tracer::{Census, PathSettings, RayWeights, Transport};
+pub(crate) use surface::SurfacePoints;
+pub(crate) use tracer::{Census, PathSettings, RayWeights, Sight, Transport};

@@ -5,9 +5,10 @@ use std::cell::RefCell;
 use burn::tensor::{IndexingUpdateOp, Tensor};
 
 use super::batch::{Batch, is_identity, roulette, times, weighted};
+use super::cones::AtBounce;
 use super::diagnostics::Diagnostics;
 use super::surface::SurfacePoints;
-use super::tracer::{Census, RayWeights, Tracer, Transport};
+use super::tracer::{Census, RayWeights, Sight, Tracer, Transport};
 use super::{Dimension, Sky, SurfaceSampling, bsdf, emitters};
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -176,9 +177,19 @@ pub(crate) fn trace<'a>(
         let Some(scatter) = scatter.filter(|_| goes_on) else {
             break;
         };
+        let direction = match transport.sight {
+            Sight::Cones(cones) => {
+                let at = AtBounce {
+                    paths: &batch.paths,
+                    bounce,
+                };
+                cones.bend(context, &points, scatter.direction, at)?
+            }
+            Sight::Softmax(..) => scatter.direction,
+        };
         batch.rays = Rays {
             origin: points.position,
-            direction: scatter.direction,
+            direction,
             time: batch.rays.time,
             departure: Some(points.triangle),
             arrival: None,
@@ -191,7 +202,7 @@ pub(crate) fn trace<'a>(
         if last {
             // The environment's share of the direct light at the last hit.
             if let Some(sky) = sky {
-                let visible = tracer.weights(&batch.rays)?.attached_background();
+                let visible = tracer.weights(&batch.rays)?.attached_background(context);
                 let light = sky
                     .radiance(context, &batch.rays.direction)?
                     .scale(&visible);

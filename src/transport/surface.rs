@@ -18,6 +18,8 @@ pub(crate) struct SurfacePoints {
     pub geometric_normal: Vec3,
     /// Unit shading normal on that side.
     pub normal: Vec3,
+    /// Whether the two may differ.
+    pub smooth: bool,
     /// k_d.
     pub diffuse: Vec3,
     /// k_s and exponent, if any material of the scene is glossy.
@@ -44,6 +46,7 @@ impl SurfacePoints {
             position: vector(&self.position),
             geometric_normal: vector(&self.geometric_normal),
             normal: vector(&self.normal),
+            smooth: self.smooth,
             diffuse: vector(&self.diffuse),
             specular: self.specular.as_ref().map(|(s, n)| (vector(s), f(n))),
         }
@@ -145,6 +148,7 @@ impl SurfacePoints {
             position,
             geometric_normal,
             normal,
+            smooth: scene.normals.is_some(),
             diffuse,
             specular,
         })

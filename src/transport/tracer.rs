@@ -4,6 +4,7 @@ use std::cell::RefCell;
 
 use burn::tensor::Tensor;
 
+use super::cones::{AtBounce, Cones, Hits};
 use super::diagnostics::Diagnostics;
 use super::{Lights, Sampler, Sampling, Sky};
 use crate::error::Result;
@@ -17,8 +18,6 @@ use crate::visibility::{
 /// What a path does.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {
-    /// How surfaces share a ray, in units of the flattened scene.
-    pub softmax: Softmax,
     /// Bounces after the surface that the camera sees; 0 is direct light only.
     pub bounces: u32,
     /// Whether to count what is degenerate.
@@ -32,21 +31,14 @@ pub(crate) struct PathSettings {
 /// The blurred start of rays that leave a surface, over σ.
 const START: f64 = 0.25;
 
-impl PathSettings {
-    /// Hits nearer than this don't count, in a scene of some radius.
-    pub(super) fn t_min(&self, radius: f64) -> f64 {
-        1e-5 * radius
-    }
-
-    /// What Eq. 1 depends on.
-    pub(super) fn coverage(&self, radius: f64) -> CoverageSettings {
-        CoverageSettings {
-            sigma: self.softmax.sigma,
-            t_min: self.t_min(radius),
-            start: START * self.softmax.sigma,
-            arrival_margin: 1e-4,
-        }
-    }
+/// What rays see.
+#[derive(Clone, Copy)]
+pub(crate) enum Sight<'a> {
+    /// Hard surfaces, by rays of cones.
+    Cones(&'a Cones),
+    /// All triangles, shared by the paper's form (lengths in units of the flattened scene), with
+    /// candidates by a hierarchy; without it all triangles are asked, in tensors.
+    Softmax(Softmax, Option<&'a Sparse>),
 }
 
 /// A scene with the settings and random numbers of a render.
@@ -57,8 +49,7 @@ pub(crate) struct Transport<'a> {
     pub sampler: &'a Sampler,
     pub lights: &'a Lights,
     pub sky: Option<&'a Sky>,
-    /// Candidates by a hierarchy; without it all triangles are asked, in tensors.
-    pub sparse: Option<&'a Sparse>,
+    pub sight: Sight<'a>,
 }
 
 /// What traces the paths of a tile.
@@ -73,8 +64,10 @@ pub(crate) struct Tracer<'a> {
 /// How many draws a split makes: surfaces with a weight of at least its inverse are all taken.
 pub(super) const SPLIT: usize = 4;
 
-/// The weights of the surfaces of each ray, by all triangles in tensors or by candidates.
+/// The weights of the surfaces of each ray: all of it for the one that it hits, or shares, by all triangles
+/// in tensors or by candidates.
 pub(crate) enum RayWeights<'a> {
+    Hits(Box<Hits>),
     Dense(Box<Weights>),
     Sparse(Box<SparseWeights<'a>>),
 }
@@ -82,6 +75,7 @@ pub(crate) enum RayWeights<'a> {
 impl RayWeights<'_> {
     pub(super) fn draw(&self, context: &Context, random: &[f64]) -> Result<Vec<u32>> {
         match self {
+            Self::Hits(h) => Ok(h.triangle.clone()),
             Self::Dense(w) => w.draw(context, random),
             Self::Sparse(w) => Ok(w.draw(random)),
         }
@@ -89,6 +83,7 @@ impl RayWeights<'_> {
 
     pub(super) fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
         match self {
+            Self::Hits(_) => None,
             Self::Dense(w) => w.ratio(context, drawn),
             Self::Sparse(w) => w.ratio(drawn),
         }
@@ -99,6 +94,10 @@ impl RayWeights<'_> {
     /// stands for the background.
     pub(super) fn split(&self, context: &Context, random: &[f64]) -> Result<Vec<(u32, u32, f64)>> {
         let weights = match self {
+            Self::Hits(h) => {
+                let all = h.triangle.iter().enumerate();
+                return Ok(all.map(|(i, &k)| (i as u32, k, 1.0)).collect());
+            }
             Self::Sparse(w) => return Ok(w.split(random, SPLIT)),
             Self::Dense(w) => w,
         };
@@ -120,8 +119,9 @@ impl RayWeights<'_> {
     }
 
     /// W of the background `[1, N]`, in the graph if a gradient can flow.
-    pub fn attached_background(&self) -> Tensor<2> {
+    pub fn attached_background(&self, context: &Context) -> Tensor<2> {
         match self {
+            Self::Hits(h) => h.row(context, |i| !h.is_hit(i)),
             Self::Dense(w) => w.attached_background(),
             Self::Sparse(w) => w.attached_background(),
         }
@@ -162,17 +162,26 @@ impl<'a> Tracer<'a> {
         self.transport.scene
     }
 
-    /// Hits nearer than this don't count: relative to the scene's size.
+    /// Hits of the softmax nearer than this don't count: relative to the scene's size.
     pub(crate) fn t_min(&self) -> f64 {
-        self.transport.settings.t_min(self.scene().radius())
+        match self.transport.sight {
+            Sight::Cones(_) => 0.0,
+            Sight::Softmax(..) => 1e-5 * self.scene().radius(),
+        }
     }
 
-    fn coverage_settings(&self) -> CoverageSettings {
-        self.transport.settings.coverage(self.scene().radius())
+    /// What Eq. 1 depends on.
+    fn coverage_settings(&self, form: Softmax) -> CoverageSettings {
+        CoverageSettings {
+            sigma: form.sigma,
+            t_min: self.t_min(),
+            start: START * form.sigma,
+            arrival_margin: 1e-4,
+        }
     }
 
-    fn coverage(&self, rays: &Rays) -> Coverage {
-        let settings = self.coverage_settings();
+    fn coverage(&self, rays: &Rays, form: Softmax) -> Coverage {
+        let settings = self.coverage_settings(form);
         let scene = self.scene();
         let mut census = self.census.borrow_mut();
         census.tested += (rays.len() * scene.triangles.len()) as u64;
@@ -185,14 +194,18 @@ impl<'a> Tracer<'a> {
         )
     }
 
+    /// How surfaces and the background share each ray.
     pub(crate) fn weights(&self, rays: &Rays) -> Result<RayWeights<'a>> {
         let scene = self.scene();
+        self.census.borrow_mut().rays += rays.len() as u64;
+        let (form, sparse) = match self.transport.sight {
+            Sight::Cones(cones) => return Ok(RayWeights::Hits(Box::new(cones.nearest(rays)?))),
+            Sight::Softmax(form, sparse) => (form, sparse),
+        };
         let range = DepthRange::new(rays, scene.radius());
         let (context, topology) = (&scene.context, &scene.topology);
-        let form = self.transport.settings.softmax;
-        self.census.borrow_mut().rays += rays.len() as u64;
-        if let Some(sparse) = self.transport.sparse {
-            let settings = self.coverage_settings();
+        if let Some(sparse) = sparse {
+            let settings = self.coverage_settings(form);
             let weights = sparse.weights(context, topology, rays, &settings, form, range)?;
             let mut census = self.census.borrow_mut();
             census.tested += weights.offered;
@@ -204,28 +217,41 @@ impl<'a> Tracer<'a> {
             }
             return Ok(RayWeights::Sparse(Box::new(weights)));
         }
-        let weights = weights(self.coverage(rays), range, form);
+        let weights = weights(self.coverage(rays, form), range, form);
         if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
             d.weights(&weights, &scene.triangles.valid)?;
         }
         Ok(RayWeights::Dense(Box::new(weights)))
     }
 
-    /// The share of light that arrives along shadow rays.
-    pub(crate) fn transmittance(&self, rays: &Rays, needed: &[bool]) -> Result<Tensor<2>> {
+    /// The share of light that arrives along shadow rays; 0 of those that are not needed, but where all
+    /// triangles are asked in tensors.
+    pub(crate) fn transmittance(
+        &self,
+        rays: &Rays,
+        needed: &[bool],
+        at: AtBounce,
+    ) -> Result<Tensor<2>> {
         let scene = self.scene();
         let (context, topology) = (&scene.context, &scene.topology);
-        let form = self.transport.settings.softmax;
-        if let Some(sparse) = self.transport.sparse {
-            let settings = self.coverage_settings();
+        let count = needed.iter().filter(|&&n| n).count() as u64;
+        let (form, sparse) = match self.transport.sight {
+            Sight::Cones(cones) => {
+                self.census.borrow_mut().rays += count;
+                return cones.unblocked(context, rays, needed, at);
+            }
+            Sight::Softmax(form, sparse) => (form, sparse),
+        };
+        if let Some(sparse) = sparse {
+            let settings = self.coverage_settings(form);
             let (passed, offered) =
                 sparse.transmittance(context, topology, rays, &settings, form, needed)?;
             let mut census = self.census.borrow_mut();
             census.tested += offered;
-            census.rays += needed.iter().filter(|&&n| n).count() as u64;
+            census.rays += count;
             return Ok(passed);
         }
         self.census.borrow_mut().rays += rays.len() as u64;
-        Ok(transmittance(&self.coverage(rays)))
+        Ok(transmittance(&self.coverage(rays, form)))
     }
 }

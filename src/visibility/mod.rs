@@ -21,6 +21,7 @@ pub use depth::DepthRange;
 pub(crate) use edge::grazing;
 pub use edge::{Coverage, CoverageSettings, Rays, coverage};
 pub use softmax::{Softmax, weights};
+pub(crate) use sparse::hierarchy_of;
 pub use sparse::{Sparse, SparseWeights};
 pub use transmittance::transmittance;
 pub use weights::Weights;

@@ -11,10 +11,11 @@ use crate::kernel::View;
 use crate::kernel::backward::PointGradient;
 use crate::kernel::gradient::Sums;
 use crate::kernel::path::{Path, Walk, glam3};
-use crate::kernel::records::{Bend, Vertex, Work};
+use crate::kernel::records::{Vertex, Work};
 use crate::kernel::surface::Point;
 use crate::model::V3;
 use crate::model::bsdf::Scatter;
+use crate::model::cone::{Bend, up_to_plane};
 use crate::model::edge::{DirectionEdge, direction_edge, half_plane};
 use crate::model::frame::to_local;
 use crate::model::triangle::barycentric;
@@ -194,7 +195,7 @@ impl View {
                     return;
                 }
                 let light = x + axis * distance;
-                let limit = self.up_to_plane(start, sides.past, e.normal, light);
+                let limit = up_to_plane(start, sides.past, e.normal, light);
                 if p.to.length() >= limit {
                     return;
                 }

@@ -57,6 +57,21 @@ fn host_triangles(triangles: &Triangles) -> Result<Vec<HostTriangle>> {
     Ok(host.par_chunks_exact(9).enumerate().map(of_row).collect())
 }
 
+/// Boxes over triangles that are read back, or those of a cache fitted to them.
+///
+/// # Errors
+/// If they can't be read.
+pub(crate) fn hierarchy_of(
+    triangles: &Triangles,
+    cache: Option<&HierarchyCache>,
+) -> Result<Arc<Hierarchy>> {
+    let list = host_triangles(triangles)?;
+    Ok(match cache {
+        Some(cache) => cache.take(list),
+        None => Arc::new(Hierarchy::new(list)),
+    })
+}
+
 /// Rays on the host.
 struct HostRays {
     origin: Vec<DVec3>,
@@ -111,21 +126,8 @@ impl<T> Lists<T> {
 }
 
 impl Sparse {
-    /// Reads the triangles back and builds boxes over them, or fits those of a cache.
-    ///
-    /// # Errors
-    /// If they can't be read back.
-    pub fn new(triangles: &Triangles, cutoff: f64, cache: Option<&HierarchyCache>) -> Result<Self> {
-        let list = host_triangles(triangles)?;
-        let hierarchy = match cache {
-            Some(cache) => cache.take(list),
-            None => Arc::new(Hierarchy::new(list)),
-        };
-        Ok(Self::with(triangles, hierarchy, cutoff))
-    }
-
-    /// The same triangles in another graph.
-    pub fn with(triangles: &Triangles, hierarchy: Arc<Hierarchy>, cutoff: f64) -> Self {
+    /// With boxes over the triangles.
+    pub fn new(triangles: &Triangles, hierarchy: Arc<Hierarchy>, cutoff: f64) -> Self {
         let (corners, velocity) = tables(triangles);
         Self {
             hierarchy,

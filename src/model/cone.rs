@@ -1,0 +1,134 @@
+//! Rays of a cone about an axis, and where rays start and end.
+
+use super::V3;
+use super::filter::disk_kernel;
+use super::frame::frame;
+
+/// From the axis of a cone to a ray of it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Bend {
+    /// What was added to the axis, across it.
+    pub offset: V3,
+    /// Whether the ray was mirrored at the surface that it leaves.
+    pub mirrored: bool,
+    /// The ray's direction.
+    pub direction: V3,
+}
+
+/// A direction of the cone of a half-angle (given by its tangent) about a unit axis: the axis plus an
+/// offset across it, not yet of unit length.
+#[inline(always)]
+fn cone_offset(axis: V3, tangent: f32, u: f32, v: f32) -> V3 {
+    let [x, y] = disk_kernel(u, v);
+    let f = frame(axis);
+    (f.tangent * x + f.bitangent * y) * tangent
+}
+
+/// A ray of a cone, on the outer side of the surface with a normal that it leaves.
+#[inline(always)]
+pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
+    if tangent == 0.0 {
+        return Bend {
+            direction: axis,
+            ..Bend::default()
+        };
+    }
+    let offset = cone_offset(axis, tangent, u, v);
+    let direction = (axis + offset).normalized();
+    let along = direction.dot(normal);
+    let mirrored = along < 0.0;
+    Bend {
+        offset,
+        mirrored,
+        direction: if mirrored {
+            direction - normal * (2.0 * along)
+        } else {
+            direction
+        },
+    }
+}
+
+/// From derivatives by a ray of a cone to those by the cone's axis; the offset across it stays as it is.
+#[inline(always)]
+pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal: &mut V3) -> V3 {
+    if bend.offset.is_zero() {
+        return g;
+    }
+    let bent = axis + bend.offset;
+    let inverse = 1.0 / bent.length();
+    let direction = bent * inverse;
+    let mut g = g;
+    if bend.mirrored {
+        let along = direction.dot(normal);
+        *by_normal -= g * (2.0 * along) + direction * (2.0 * g.dot(normal));
+        g -= normal * (2.0 * g.dot(normal));
+    }
+    g.across(direction) * inverse
+}
+
+/// Rays leave a surface this much above it, over the largest coordinate: what points are rounded by.
+const LIFT: f32 = 1e-6;
+/// Shadow rays end this much before the light's plane, over the largest coordinate.
+const END: f32 = 2e-6;
+
+/// Where rays start that leave a surface point on the side of a normal.
+#[inline(always)]
+pub(crate) fn lifted(position: V3, normal: V3) -> V3 {
+    position + normal * (LIFT * (0.1 + position.max_abs()))
+}
+
+/// How far a ray goes until it comes to the plane of a light through a point, but for rounding.
+#[inline(always)]
+pub(crate) fn up_to_plane(start: V3, direction: V3, normal: V3, light: V3) -> f32 {
+    let cosine = normal.dot(direction);
+    if cosine > -1e-6 {
+        return f32::INFINITY;
+    }
+    let distance = normal.dot(light - start) / cosine;
+    let size = 1.0 + light.max_abs() + start.max_abs();
+    distance - END * size / (-cosine)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::v3;
+
+    #[test]
+    fn a_cone_stays_about_its_axis() {
+        let axis = v3(0.36, 0.48, 0.8);
+        for i in 0..64 {
+            let u = (i as f32 + 0.5) / 64.0;
+            let offset = cone_offset(axis, 0.1, u, 0.37);
+            assert!(offset.dot(axis).abs() < 1e-6 && offset.length() <= 0.1 + 1e-6);
+        }
+    }
+
+    /// The derivative of a ray, mirrored or not, by its axis and by the normal, at a fixed offset.
+    #[test]
+    fn derivatives_of_bent_rays() {
+        let normal = v3(0.1, 0.2, 1.0).normalized();
+        let g = v3(0.3, -0.7, 0.5);
+        let mut mirrored = 0;
+        for i in 0..16 {
+            let axis = v3(0.9, -0.3, 0.02 * i as f32).normalized();
+            let bent = bend(axis, normal, 0.3, (i as f32 + 0.5) / 16.0, 0.3);
+            mirrored += u32::from(bent.mirrored);
+            let value = |axis: V3, normal: V3| {
+                let d = (axis + bent.offset).normalized();
+                let along = if bent.mirrored { d.dot(normal) } else { 0.0 };
+                g.dot(d - normal * (2.0 * along))
+            };
+            let mut by_normal = V3::ZERO;
+            let by_axis = bend_backward(&bent, axis, normal, g, &mut by_normal);
+            for step in [v3(1.0, 0.0, 0.0), v3(0.0, 1.0, 0.0), v3(0.0, 0.0, 1.0)] {
+                let h = step * 1e-2;
+                let slope = (value(axis + h, normal) - value(axis - h, normal)) / 2e-2;
+                assert!((slope - by_axis.dot(step)).abs() < 2e-3);
+                let slope = (value(axis, normal + h) - value(axis, normal - h)) / 2e-2;
+                assert!((slope - by_normal.dot(step)).abs() < 2e-3);
+            }
+        }
+        assert!(mirrored > 0 && mirrored < 16);
+    }
+}
