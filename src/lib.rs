@@ -52,7 +52,7 @@ pub mod prelude {
     pub use burn::tensor::{Device, Tensor};
 
     pub use crate::accel::HierarchyCache;
-    pub use crate::io::{HostImage, SceneFile};
+    pub use crate::io::{HostImage, LoadLimits, SceneFile};
     pub use crate::modules::{
         CameraParams, CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig,
         MeshOffsets, MeshParams, RenderLoss, RenderLossConfig, Renderer, RendererConfig,

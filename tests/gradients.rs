@@ -3,7 +3,7 @@
 mod common;
 
 use burn::tensor::{DType, Device};
-use common::gradients::{CONES, Effort, Engine, SOFTMAX, agreement, cases, check};
+use common::gradients::{CONES, Effort, SOFTMAX, Setup, agreement, cases, check};
 use softray::gradcheck::{Checked, GradCheck, Point, Verdict, gradcheck};
 use softray::prelude::*;
 
@@ -62,8 +62,8 @@ fn cones_without_an_angle_agree_with_central_differences() {
 fn the_same_on_ndarray() {
     for effort in [SOFTMAX, CONES] {
         let devices = common::cpu_devices();
-        let engines: [Engine; 2] = [(&devices[1], |o| o), (&devices[0], |o| o)];
-        for (case, apart) in agreement(engines, DType::F64, effort) {
+        let setups: [Setup; 2] = [(&devices[1], |o| o), (&devices[0], |o| o)];
+        for (case, apart) in agreement(setups, DType::F64, effort) {
             assert!(apart < 1e-6, "{case}: {apart:e}");
         }
     }
@@ -73,11 +73,11 @@ fn the_same_on_ndarray() {
 #[test]
 fn the_same_by_all_triangles() {
     let flex = Device::flex();
-    let engines: [Engine; 2] = [
+    let setups: [Setup; 2] = [
         (&flex, |o| o.cutoff(1e-9)),
         (&flex, RenderOptions::brute_force),
     ];
-    for (case, apart) in agreement(engines, DType::F64, SOFTMAX) {
+    for (case, apart) in agreement(setups, DType::F64, SOFTMAX) {
         assert!(apart < 2e-3, "{case}: {apart:e}");
     }
 }

@@ -81,9 +81,9 @@ fn gradients_are_those_of_the_cpu() {
 
 #[test]
 fn every_gradient_is_that_of_the_cpu() {
-    use common::gradients::{CONES, Effort, Engine, SOFTMAX, agreement};
+    use common::gradients::{CONES, Effort, SOFTMAX, Setup, agreement};
     let (gpu, cpu) = (device(), Device::flex());
-    let engines: [Engine; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
+    let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
     for effort in [SOFTMAX, CONES] {
         let effort = Effort {
             samples: 4,
@@ -95,7 +95,7 @@ fn every_gradient_is_that_of_the_cpu() {
         } else {
             1e-2
         };
-        for (case, apart) in agreement(engines, DType::F32, effort) {
+        for (case, apart) in agreement(setups, DType::F32, effort) {
             assert!(apart < bound, "{case}: {apart:e}");
         }
     }

@@ -151,20 +151,18 @@ impl Hierarchy {
     }
 
     /// Calls a function with the triangles whose boxes, swept over the shutter, overlap that of one: itself
-    /// too, and all where there are no boxes.
-    pub(crate) fn overlapping(&self, triangle: u32, mut f: impl FnMut(u32)) {
+    /// too, and all where there are no boxes. Ends when it returns false.
+    pub(crate) fn overlapping(&self, triangle: u32, mut f: impl FnMut(u32) -> bool) {
         let Some(nodes) = &self.nodes else {
-            (0..self.triangles.len() as u32).for_each(f);
+            let _ = (0..self.triangles.len() as u32).all(f);
             return;
         };
         let own = swept(&self.triangles[triangle as usize]).0;
         nodes.aabb_traverse(own, |nodes, at| {
             let leaf = &nodes.nodes[at as usize];
             let first = leaf.first_index as usize;
-            for &k in &nodes.primitive_indices[first..first + leaf.prim_count as usize] {
-                f(k);
-            }
-            true
+            let list = &nodes.primitive_indices[first..first + leaf.prim_count as usize];
+            list.iter().all(|&k| f(k))
         });
     }
 

@@ -1,11 +1,13 @@
 use std::fs;
-use std::io::Cursor;
+use std::io::{BufReader, Cursor};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use burn::tensor::{Device, Tensor, TensorData};
-use image::{ImageFormat, ImageReader, Rgb32FImage, RgbImage};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Rgb32FImage, RgbImage};
 
+use super::LoadLimits;
+use super::limits::open;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 
@@ -62,36 +64,82 @@ impl HostImage {
         Tensor::from_data(TensorData::new(self.pixels.clone(), shape), device)
     }
 
+    /// The same as a tensor `[H, W, 3]`, without a second copy of the values.
+    pub fn into_tensor(self, device: &Device) -> Tensor<3> {
+        let shape = [self.height, self.width, 3];
+        Tensor::from_data(TensorData::new(self.pixels, shape), device)
+    }
+
     /// Reads an image as linear RGB: EXR and HDR as they are, PNG and JPEG decoded from sRGB.
     /// Grey becomes RGB and alpha is dropped.
     ///
     /// # Errors
-    /// When the file can't be read or is not an image of these formats.
+    /// When the file can't be read, is not an image of these formats, or has more pixels than
+    /// [`LoadLimits`] lets it.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        Self::read_within(path, &LoadLimits::default())
+    }
+
+    /// The same with other limits. Takes at most 16 bytes a pixel for images of 8 bits a channel.
+    ///
+    /// # Errors
+    /// As [`HostImage::read`].
+    pub fn read_within(path: impl AsRef<Path>, limits: &LoadLimits) -> Result<Self> {
         let path = path.as_ref();
         let io = |source| Error::Io {
             path: path.into(),
             source,
         };
+        let malformed = |e| Error::format(path, format!("it can't be decoded: {e}"));
+        let (file, _) = open(path)?;
         // The contents say what a file is, its ending only where they don't.
-        let reader = ImageReader::open(path)
-            .map_err(io)?
-            .with_guessed_format()
-            .map_err(io)?;
+        let mut reader = ImageReader::new(BufReader::new(file));
+        if let Ok(format) = ImageFormat::from_path(path) {
+            reader.set_format(format);
+        }
+        let mut reader = reader.with_guessed_format().map_err(io)?;
+        // What it may take is said by its size.
+        reader.no_limits();
         let linear = matches!(
             reader.format(),
             Some(ImageFormat::OpenExr | ImageFormat::Hdr)
         );
-        let decoded = reader
-            .decode()
-            .map_err(|e| Error::format(path, format!("it can't be decoded: {e}")))?
-            .into_rgb32f();
-        let (width, height) = decoded.dimensions();
-        let mut pixels = decoded.into_raw();
-        if !linear {
-            pixels.iter_mut().for_each(|v| *v = srgb_to_linear(*v));
+        let decoder = reader.into_decoder().map_err(malformed)?;
+        let (width, height) = decoder.dimensions();
+        if u64::from(width) * u64::from(height) > limits.pixels {
+            return Err(Error::format(
+                path,
+                format!(
+                    "it has {width} × {height} pixels, more than {}: LoadLimits::pixels raises the limit",
+                    limits.pixels
+                ),
+            ));
         }
+        let decoded = DynamicImage::from_decoder(decoder).map_err(malformed)?;
+        let pixels = if linear {
+            decoded.into_rgb32f().into_raw()
+        } else {
+            decode_srgb(decoded)
+        };
         Self::new(width as usize, height as usize, pixels)
+    }
+
+    /// That an image can be written there: its ending is known, and its folder exists. Asked before a
+    /// render, so that it is not lost.
+    ///
+    /// # Errors
+    /// When that is not so.
+    pub fn check_path(path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        format_of(path)?;
+        let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+        match folder {
+            Some(folder) if !folder.is_dir() => {
+                let message = format!("there is no folder {}", folder.display());
+                Err(Error::format(path, message))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Writes by the file's ending: `.exr` as linear 32-bit floats, `.png` as 8-bit sRGB clipped
@@ -101,17 +149,7 @@ impl HostImage {
     /// When the ending is another one, the image is empty, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-        let format = match ending.to_ascii_lowercase().as_str() {
-            "exr" => ImageFormat::OpenExr,
-            "png" => ImageFormat::Png,
-            _ => {
-                return Err(Error::format(
-                    path,
-                    format!("its ending is {ending:?}, expected .exr or .png"),
-                ));
-            }
-        };
+        let format = format_of(path)?;
         self.check()?;
         let (Ok(w), Ok(h)) = (u32::try_from(self.width), u32::try_from(self.height)) else {
             return Err(self.bad_size("at most 2³² − 1 columns and rows"));
@@ -195,10 +233,12 @@ impl HostImage {
     }
 
     fn check(&self) -> Result<()> {
-        let expected = self.width * self.height * 3;
-        if self.pixels.len() == expected {
+        let expected = self.width.checked_mul(self.height);
+        let expected = expected.and_then(|n| n.checked_mul(3));
+        if expected == Some(self.pixels.len()) {
             return Ok(());
         }
+        let expected = expected.map_or("more than there can be".into(), |n| n.to_string());
         Err(Error::invalid(
             "image",
             "pixels",
@@ -214,6 +254,48 @@ impl HostImage {
             format!("{} × {}", self.width, self.height),
             expected,
         )
+    }
+}
+
+/// The format of an image to be written, by its ending.
+fn format_of(path: &Path) -> Result<ImageFormat> {
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+    match ending.to_ascii_lowercase().as_str() {
+        "exr" => Ok(ImageFormat::OpenExr),
+        "png" => Ok(ImageFormat::Png),
+        _ => Err(Error::format(
+            path,
+            format!("its ending is {ending:?}, expected .exr or .png"),
+        )),
+    }
+}
+
+/// Linear values of the three colours of an image in sRGB.
+fn decode_srgb(image: DynamicImage) -> Vec<f32> {
+    let table: Vec<f32> = (0..256).map(|i| srgb_to_linear(i as f32 / 255.0)).collect();
+    // From bytes with so many channels, of which one or three are colours.
+    let of_bytes = |bytes: Vec<u8>, channels: usize| {
+        let mut pixels = Vec::with_capacity(bytes.len() / channels * 3);
+        for pixel in bytes.chunks_exact(channels) {
+            let colours = if channels < 3 {
+                [pixel[0]; 3]
+            } else {
+                [pixel[0], pixel[1], pixel[2]]
+            };
+            pixels.extend(colours.map(|c| table[usize::from(c)]));
+        }
+        pixels
+    };
+    match image {
+        DynamicImage::ImageLuma8(i) => of_bytes(i.into_raw(), 1),
+        DynamicImage::ImageLumaA8(i) => of_bytes(i.into_raw(), 2),
+        DynamicImage::ImageRgb8(i) => of_bytes(i.into_raw(), 3),
+        DynamicImage::ImageRgba8(i) => of_bytes(i.into_raw(), 4),
+        other => {
+            let mut pixels = other.into_rgb32f().into_raw();
+            pixels.iter_mut().for_each(|v| *v = srgb_to_linear(*v));
+            pixels
+        }
     }
 }
 

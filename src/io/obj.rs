@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::HostImage;
 use super::obj_text::ObjText;
+use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result};
 use crate::scene::{Albedo, CornerAttribute, Material, Mesh, Object, Scene};
 
@@ -14,7 +14,7 @@ impl Scene {
     ///
     /// Every `o` or `g` becomes an [`Object`]; pieces of equal name are one object, with a
     /// material for each face. Vertices that faces share in the file stay shared. Polygons become
-    /// triangle fans. Normals and texture coordinates count for objects that have them at every
+    /// triangles: fans where those fill them, else by ear clipping. Normals and texture coordinates count for objects that have them at every
     /// corner.
     ///
     /// Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side) and `map_Kd` count, the
@@ -22,10 +22,23 @@ impl Scene {
     /// [`Material::default`].
     ///
     /// # Errors
-    /// When a file is missing or malformed, an index is out of range, or there is no face.
+    /// When a file is missing, malformed, too large, or outside of the OBJ file's folder
+    /// ([`LoadLimits`]), an index is out of range, or there is no face.
     pub fn from_obj(path: impl AsRef<Path>, device: &Device) -> Result<Scene> {
+        Self::from_obj_within(path, device, &LoadLimits::default())
+    }
+
+    /// The same with other limits.
+    ///
+    /// # Errors
+    /// As [`Scene::from_obj`].
+    pub fn from_obj_within(
+        path: impl AsRef<Path>,
+        device: &Device,
+        limits: &LoadLimits,
+    ) -> Result<Scene> {
         let path = path.as_ref();
-        let text = ObjText::read(path)?;
+        let text = ObjText::read(path, limits)?;
         let (models, described) = text.parse(path)?;
         let mut pieces: Vec<(String, Pieces)> = Vec::new();
         let mut index = HashMap::new();
@@ -45,7 +58,9 @@ impl Scene {
         let mut materials = Materials {
             described: &described,
             textures: &text.textures,
+            limits,
             built: HashMap::new(),
+            read: HashMap::new(),
             device,
         };
         let mut scene = Scene::new();
@@ -176,7 +191,10 @@ impl Pieces {
 struct Materials<'a> {
     described: &'a [tobj::Material],
     textures: &'a [PathBuf],
+    limits: &'a LoadLimits,
     built: HashMap<usize, Material>,
+    /// Textures that were read, by their number.
+    read: HashMap<usize, Tensor<3>>,
     device: &'a Device,
 }
 
@@ -193,9 +211,18 @@ impl Materials<'_> {
             material.diffuse = kd.into();
         }
         let texture = source.diffuse_texture.as_deref();
-        if let Some(file) = texture.and_then(|t| self.textures.get(t.parse::<usize>().ok()?)) {
-            let image = HostImage::read(file)?;
-            material.diffuse = Albedo::texture(image.to_tensor(self.device));
+        let texture = texture.and_then(|t| t.parse::<usize>().ok());
+        if let Some((number, file)) = texture.and_then(|t| Some((t, self.textures.get(t)?))) {
+            let texels = match self.read.get(&number) {
+                Some(texels) => texels.clone(),
+                None => {
+                    let image = HostImage::read_within(file, self.limits)?;
+                    let texels = image.into_tensor(self.device);
+                    self.read.insert(number, texels.clone());
+                    texels
+                }
+            };
+            material.diffuse = Albedo::texture(texels);
             if source.diffuse.is_some_and(|kd| kd != [1.0; 3]) {
                 log::info!("material {}: map_Kd replaces Kd", source.name);
             }

@@ -7,7 +7,10 @@ use std::fmt::Write;
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
-use super::read_text;
+use glam::DVec3;
+
+use super::limits::{LoadLimits, read_text};
+use super::polygon;
 use crate::error::{Error, Result};
 
 /// The name that tobj gives to what comes before any `o` or `g`.
@@ -16,13 +19,15 @@ const UNNAMED: &str = "unnamed_object";
 /// An OBJ file and its MTL files as tobj gets them.
 #[derive(Default)]
 pub struct ObjText {
-    /// Line n + 1 stands for line n of the file, line 1 loads [`Self::mtl`]. Each vertex carries
-    /// its row as a colour: that is how pieces of an object find their shared vertices again.
+    /// Line 1 loads [`Self::mtl`]. Each vertex carries its row as a colour: that is how pieces of an
+    /// object find their shared vertices again.
     obj: String,
+    /// The line of the file that each line after the first comes from.
+    lines: Vec<usize>,
     /// All materials, those that are used but not defined as empty ones; `map_Kd i` is the i-th
     /// texture.
     mtl: String,
-    /// Files of textures.
+    /// Files of textures, each once.
     pub textures: Vec<PathBuf>,
     /// Objects with a corner without texture coordinates.
     pub without_uvs: HashSet<String>,
@@ -32,13 +37,16 @@ pub struct ObjText {
 
 impl ObjText {
     /// Reads an OBJ file and the MTL files that it names.
-    pub fn read(path: &Path) -> Result<Self> {
-        let text = read_text(path)?;
+    pub fn read(path: &Path, limits: &LoadLimits) -> Result<Self> {
+        let text = read_text(path, limits)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let keywords = || text.lines().filter_map(|l| l.split_whitespace().next());
         // Faces may name what only comes after them.
         let totals = ["v", "vt", "vn"].map(|k| keywords().filter(|&w| w == k).count());
         let mut found = [0; 3];
+        // Places of all vertices, if a face has more than three corners.
+        let mut places: Option<Vec<DVec3>> = None;
+        let mut triangles = 0;
         let mut this = Self {
             obj: "mtllib all\n".into(),
             ..Self::default()
@@ -54,7 +62,7 @@ impl ObjText {
             {
                 continued += begun;
                 continued.push(' ');
-                this.obj.push('\n');
+                this.end_line(i);
                 continue;
             }
             let line = std::mem::take(&mut continued) + line;
@@ -91,7 +99,26 @@ impl ObjText {
                             this.without_normals.insert(object.clone());
                         }
                     }
-                    this.obj += &format!("f {}", values.join(" "));
+                    triangles += values.len() as u64 - 2;
+                    if triangles > limits.triangles {
+                        return Err(fail(format!(
+                            "there are more than {} triangles: LoadLimits::triangles raises the limit",
+                            limits.triangles
+                        )));
+                    }
+                    if values.len() == 3 {
+                        this.obj += &format!("f {}", values.join(" "));
+                    } else {
+                        let places = places.get_or_insert_with(|| places_of(&text));
+                        let corners = values.iter().map(|c| place(c, places, found[0]));
+                        let corners: Vec<DVec3> = corners.collect();
+                        for (k, [a, b, c]) in polygon::triangles(&corners).into_iter().enumerate() {
+                            if k > 0 {
+                                this.end_line(i);
+                            }
+                            this.obj += &format!("f {} {} {}", values[a], values[b], values[c]);
+                        }
+                    }
                 }
                 "o" | "g" => {
                     object = if rest.is_empty() { UNNAMED } else { rest }.to_owned();
@@ -103,16 +130,18 @@ impl ObjText {
                 }
                 "mtllib" => {
                     for file in libraries(folder, rest) {
-                        let text = read_text(&file).map_err(|e| {
-                            let from = format!("named by {}, line {}", path.display(), i + 1);
-                            Error::format(&file, format!("it can't be read ({from}): {e}"))
+                        let from = format!("{}, line {}", path.display(), i + 1);
+                        limits.check_place(&file, folder, &from)?;
+                        let text = read_text(&file, limits).map_err(|e| {
+                            let message = format!("it can't be read (named by {from}): {e}");
+                            Error::format(&file, message)
                         })?;
-                        this.add_mtl(&file, folder, &text, &mut defined)?;
+                        this.add_mtl(&file, folder, &text, &mut defined, limits)?;
                     }
                 }
                 _ => {}
             }
-            this.obj.push('\n');
+            this.end_line(i);
         }
         for name in used {
             if !name.is_empty() && defined.insert(name.clone()) {
@@ -124,6 +153,12 @@ impl ObjText {
             }
         }
         Ok(this)
+    }
+
+    /// Ends a line that comes from the i-th of the file.
+    fn end_line(&mut self, i: usize) {
+        self.obj.push('\n');
+        self.lines.push(i + 1);
     }
 
     /// What tobj makes of it.
@@ -145,7 +180,11 @@ impl ObjText {
             tobj::LoadError::FaceVertexOutOfBounds
             | tobj::LoadError::FaceTexCoordOutOfBounds
             | tobj::LoadError::FaceNormalOutOfBounds => Error::format(path, e.to_string()),
-            _ => Error::format(path, format!("line {}: {e}", reader.lines.max(2) - 1)),
+            _ => {
+                let line = self.lines.get(reader.lines.saturating_sub(2));
+                let line = line.or(self.lines.last()).copied().unwrap_or(1);
+                Error::format(path, format!("line {line}: {e}"))
+            }
         };
         let (models, materials) = parsed.map_err(fail)?;
         let materials = materials.map_err(|e| Error::format(path, format!("materials: {e}")))?;
@@ -159,6 +198,7 @@ impl ObjText {
         obj_folder: &Path,
         text: &str,
         defined: &mut HashSet<String>,
+        limits: &LoadLimits,
     ) -> Result<()> {
         let mut named = false;
         for (i, line) in text.lines().enumerate() {
@@ -201,8 +241,15 @@ impl ObjText {
                         log::warn!("{}: options of map_Kd {rest} are ignored", path.display());
                     }
                     let own = path.parent().unwrap_or(obj_folder);
-                    self.textures.push(resolve(&[own, obj_folder], name));
-                    writeln!(self.mtl, "map_Kd {}", self.textures.len() - 1)
+                    let file = resolve(&[own, obj_folder], name);
+                    let from = format!("{}, line {}", path.display(), i + 1);
+                    limits.check_place(&file, obj_folder, &from)?;
+                    let known = self.textures.iter().position(|t| *t == file);
+                    let index = known.unwrap_or_else(|| {
+                        self.textures.push(file);
+                        self.textures.len() - 1
+                    });
+                    writeln!(self.mtl, "map_Kd {index}")
                 }
                 "Kd" | "Ks" | "Ke" | "Ns" | "map_Kd" => {
                     return Err(fail(format!("{keyword} comes before any newmtl")));
@@ -234,6 +281,26 @@ fn vertex(values: &[&str], row: usize) -> String {
     }
 }
 
+/// The places of all vertices of a file, not numbers where they can't be read.
+fn places_of(text: &str) -> Vec<DVec3> {
+    let of_line = |line: &str| {
+        let (keyword, rest) = keyword(line);
+        let mut numbers = rest.split_whitespace().map(|w| w.parse::<f64>());
+        let mut next = || numbers.next().and_then(|n| n.ok()).unwrap_or(f64::NAN);
+        (keyword == "v").then(|| DVec3::new(next(), next(), next()))
+    };
+    text.lines().filter_map(of_line).collect()
+}
+
+/// The place of a corner's vertex, where `found` vertices came before it.
+fn place(corner: &str, places: &[DVec3], found: usize) -> DVec3 {
+    let index = corner.split('/').next().and_then(|v| v.parse::<i64>().ok());
+    let row = index.map(|i| if i < 0 { found as i64 + i } else { i - 1 });
+    let row = row.and_then(|r| usize::try_from(r).ok());
+    row.and_then(|r| places.get(r).copied())
+        .unwrap_or(DVec3::NAN)
+}
+
 /// Checks the indices of `v/vt/vn` and says whether there are a texture coordinate and a normal.
 fn check_corner(
     corner: &str,
@@ -241,10 +308,17 @@ fn check_corner(
     totals: [usize; 3],
 ) -> std::result::Result<[bool; 2], String> {
     let mut present = [false; 3];
+    let numbers = |part: &str| part.is_empty() || part.parse::<i64>().is_ok();
+    let well_formed = corner.split('/').all(numbers) && corner.split('/').count() <= 3;
+    if !well_formed || corner.split('/').next().is_none_or(str::is_empty) {
+        return Err(format!(
+            "f has the corner {corner:?}, expected v, v/vt, v//vn or v/vt/vn"
+        ));
+    }
     let slots = found.iter().zip(totals).zip(["v", "vt", "vn"]);
     for ((part, ((&found, total), kind)), present) in corner.split('/').zip(slots).zip(&mut present)
     {
-        // Empty parts are none; what is no number is for tobj to refuse.
+        // Empty parts are none.
         let Ok(index) = part.parse::<i64>() else {
             continue;
         };

@@ -4,7 +4,8 @@ use std::path::Path;
 use burn::tensor::Device;
 use serde::Deserialize;
 
-use super::{HostImage, read_file};
+use super::limits::read_text;
+use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Environment, Scene};
 
@@ -42,16 +43,9 @@ pub struct SceneFile {
 struct Document {
     obj: String,
     camera: CameraDocument,
-    environment: Option<EnvironmentDocument>,
+    environment: Option<serde_json::Value>,
     #[serde(default)]
     velocities: BTreeMap<String, [f64; 3]>,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum EnvironmentDocument {
-    Constant([f64; 3]),
-    Map(String),
 }
 
 #[derive(Deserialize)]
@@ -75,11 +69,33 @@ impl SceneFile {
     /// Reads the JSON file and the OBJ file that it names, relative to its own folder.
     ///
     /// # Errors
-    /// When a file is missing or malformed, or a velocity names no object.
+    /// When a file is missing, malformed, too large, or outside of the JSON file's folder
+    /// ([`LoadLimits`]), or a velocity names no object.
     pub fn load(path: impl AsRef<Path>, device: &Device) -> Result<Self> {
+        Self::load_within(path, device, &LoadLimits::default())
+    }
+
+    /// The same with other limits.
+    ///
+    /// # Errors
+    /// As [`SceneFile::load`].
+    pub fn load_within(
+        path: impl AsRef<Path>,
+        device: &Device,
+        limits: &LoadLimits,
+    ) -> Result<Self> {
         let path = path.as_ref();
-        let document: Document = serde_json::from_slice(&read_file(path)?)
-            .map_err(|e| Error::format(path, e.to_string()))?;
+        let text = read_text(path, limits)?;
+        let mut json = serde_json::Deserializer::from_str(&text);
+        let document: Document = serde_path_to_error::deserialize(&mut json).map_err(|e| {
+            let field = e.path().to_string();
+            let message = e.into_inner().to_string();
+            // At the top there is no field to name.
+            let field = if field == "." { "" } else { &field };
+            let between = if field.is_empty() { "" } else { ": " };
+            Error::format(path, format!("{field}{between}{message}"))
+        })?;
+        json.end().map_err(|e| Error::format(path, e.to_string()))?;
         let camera = document.camera;
         for (field, size) in [("width", camera.width), ("height", camera.height)] {
             if size == 0 {
@@ -88,14 +104,32 @@ impl SceneFile {
             }
         }
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut scene = Scene::from_obj(folder.join(&document.obj), device)?;
-        match document.environment {
-            None => {}
-            Some(EnvironmentDocument::Constant(radiance)) => scene = scene.environment(radiance),
-            Some(EnvironmentDocument::Map(file)) => {
-                let map = HostImage::read(folder.join(file))?.to_tensor(device);
-                scene = scene.environment(Environment::map(map));
-            }
+        let named_by = path.display().to_string();
+        let obj = folder.join(&document.obj);
+        limits.check_place(&obj, folder, &named_by)?;
+        let mut scene = Scene::from_obj_within(obj, device, limits)?;
+        if let Some(value) = document.environment {
+            let map = value.as_str().map(|file| folder.join(file));
+            let constant = value.as_array().and_then(|list| {
+                let numbers: Vec<f64> = list.iter().filter_map(|v| v.as_f64()).collect();
+                <[f64; 3]>::try_from(numbers)
+                    .ok()
+                    .filter(|_| list.len() == 3)
+            });
+            scene = match (map, constant) {
+                (Some(file), _) => {
+                    limits.check_place(&file, folder, &named_by)?;
+                    let map = HostImage::read_within(file, limits)?.into_tensor(device);
+                    scene.environment(Environment::map(map))
+                }
+                (None, Some(radiance)) => scene.environment(radiance),
+                (None, None) => {
+                    let message = format!(
+                        "environment is {value}, expected three numbers or the name of an image"
+                    );
+                    return Err(Error::format(path, message));
+                }
+            };
         }
         for (name, velocity) in document.velocities {
             if scene.object(&name).is_none() {

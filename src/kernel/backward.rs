@@ -25,12 +25,13 @@ const DEEP: usize = 16;
 
 impl View {
     /// Goes back along a path that was kept: adds the derivatives of what it brought, times `upstream`.
+    /// `typical` is how much the loss depends on a camera ray's light on average.
     #[inline(always)]
     pub(super) fn walk_backward(
         &self,
         path: &Path,
         walk: &Walk,
-        upstream: &Seen,
+        (upstream, typical): (&Seen, f32),
         work: &mut Work,
         sums: &mut Sums,
     ) {
@@ -76,6 +77,7 @@ impl View {
                 self.vertex_backward(&vertex, path, g, by_throughput, by_ray, work, &mut by, sums);
             if self.has_edges {
                 let moves = i >= still.min(turned);
+                let g = (g, typical);
                 self.edges_backward(path, &vertex, i as u32, moves, g, work, &mut by, sums);
             }
             let mut by_t = 0.0;

@@ -194,10 +194,23 @@ impl View {
         dispatch(self.arch, forward)
     }
 
-    /// Adds the derivatives of sums over samples of pixels, each times what comes from above.
+    /// How much a loss depends on the radiance of a pixel, on average over those that it depends on.
+    pub fn typical(pixels: &[(u32, Seen)]) -> f32 {
+        let (mut sum, mut count) = (0.0, 0u32);
+        for (_, g) in pixels {
+            let own = f64::from(g.radiance.sum_abs());
+            sum += own;
+            count += u32::from(own > 0.0);
+        }
+        (sum / f64::from(count.max(1))) as f32
+    }
+
+    /// Adds the derivatives of sums over samples of pixels, each times what comes from above. `typical` is
+    /// the mean over the image of how much that is ([`View::typical`]).
     pub fn backward(
         &self,
         pixels: &[(u32, Seen)],
+        typical: f32,
         samples: Range<u32>,
         work: &mut Work,
         sums: &mut Sums,
@@ -205,6 +218,7 @@ impl View {
         let backward = Backward {
             view: self,
             pixels,
+            typical,
             samples,
             work,
             sums,
@@ -326,6 +340,7 @@ impl View {
 struct Backward<'a> {
     view: &'a View,
     pixels: &'a [(u32, Seen)],
+    typical: f32,
     samples: Range<u32>,
     work: &'a mut Work,
     sums: &'a mut Sums,
@@ -339,6 +354,7 @@ impl Task for Backward<'_> {
         let Self {
             view,
             pixels,
+            typical,
             samples,
             work,
             sums,
@@ -355,7 +371,7 @@ impl Task for Backward<'_> {
                 view.camera_walks::<true>(&paths, &mut walks, work);
                 for (k, (path, walk)) in paths.iter().zip(&walks.list).enumerate() {
                     let (_, upstream) = some[k / (past - from) as usize];
-                    view.walk_backward(path, walk, upstream, work, sums);
+                    view.walk_backward(path, walk, (upstream, typical), work, sums);
                 }
                 from = past;
             }

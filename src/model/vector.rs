@@ -87,6 +87,12 @@ impl V3 {
         self.x.abs().max(self.y.abs()).max(self.z.abs())
     }
 
+    /// The sum of the components' absolute values.
+    #[inline(always)]
+    pub fn sum_abs(self) -> f32 {
+        self.x.abs() + self.y.abs() + self.z.abs()
+    }
+
     pub fn is_zero(self) -> bool {
         self.x == 0.0 && self.y == 0.0 && self.z == 0.0
     }

@@ -467,6 +467,7 @@ impl Backward {
             .collect();
         // Tiles in accumulators that have their sums to themselves: as many whatever the machine, so that
         // sums come out the same.
+        let typical = View::typical(&upstream);
         let zero = Sums::new(&view.scene, &view.wanted);
         let accumulators = (ACCUMULATED / zero.len()).clamp(4, 64);
         let each = self.tiles.len().div_ceil(accumulators).max(1);
@@ -475,7 +476,7 @@ impl Backward {
             let mut work = Work::new(0);
             for tile in tiles {
                 let pixels = &upstream[tile.first..tile.first + tile.pixels];
-                view.backward(pixels, tile.from..tile.to, &mut work, &mut sums);
+                view.backward(pixels, typical, tile.from..tile.to, &mut work, &mut sums);
             }
             sums
         };

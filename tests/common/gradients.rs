@@ -319,7 +319,7 @@ pub fn check(case: &Case, device: &Device, effort: Effort, precision: f64, seeds
 }
 
 /// The autodiff gradient of one seed.
-fn gradient(case: &Case, at: Engine, dtype: DType, effort: Effort, seed: u64) -> f64 {
+fn gradient(case: &Case, at: Setup, dtype: DType, effort: Effort, seed: u64) -> f64 {
     let (device, change) = at;
     let p = constant(&[case.value], [1], device, dtype)
         .autodiff()
@@ -332,12 +332,12 @@ fn gradient(case: &Case, at: Engine, dtype: DType, effort: Effort, seed: u64) ->
 }
 
 /// A device, and what else is set.
-pub type Engine<'a> = (&'a Device, fn(RenderOptions) -> RenderOptions);
+pub type Setup<'a> = (&'a Device, fn(RenderOptions) -> RenderOptions);
 
-/// How far the gradients of one seed are apart with two engines, relative to the larger, by case.
-pub fn agreement(engines: [Engine; 2], dtype: DType, effort: Effort) -> Vec<(&'static str, f64)> {
+/// How far the gradients of one seed are apart in two setups, relative to the larger, by case.
+pub fn agreement(setups: [Setup; 2], dtype: DType, effort: Effort) -> Vec<(&'static str, f64)> {
     let apart = |case: &Case| {
-        let [x, y] = engines.map(|e| gradient(case, e, dtype, effort, 5));
+        let [x, y] = setups.map(|e| gradient(case, e, dtype, effort, 5));
         (x - y).abs() / x.abs().max(y.abs())
     };
     let found: Vec<_> = cases().iter().map(|c| (c.name, apart(c))).collect();

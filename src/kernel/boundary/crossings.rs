@@ -69,6 +69,11 @@ pub(super) fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<
     (from.0 < to.0 && a.distance(b) > tolerance).then(|| [a.into(), b.into()])
 }
 
+/// Triangles that share a number of pairs to look at, so that the time is linear in the triangles however
+/// many are in one place.
+const CHUNK: usize = 1024;
+const PAIRS: usize = 1 << 18;
+
 /// The crossings of all triangles that have area and share no corner.
 pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
     let times: &[f32] = if scene.velocities.is_some() {
@@ -76,24 +81,33 @@ pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
     } else {
         &[0.0]
     };
-    let of_triangle = |k: u32| {
-        let mut found = Vec::new();
-        scene.hierarchy.overlapping(k, |l| {
-            if l <= k || !may_cross(scene, k, l) {
-                return;
-            }
-            let first = times
-                .iter()
-                .find_map(|&time| segment(scene, k, l, time).map(|s| (s, time)));
-            found.extend(first.map(|(s, time)| crossing(scene, k, l, s, time)));
-        });
-        found
+    let of_chunk = |chunk: usize| {
+        let (mut found, mut left) = (Vec::new(), PAIRS);
+        let triangles = chunk * CHUNK..((chunk + 1) * CHUNK).min(scene.triangles.len());
+        for k in triangles.filter(|&k| scene.triangles[k].area > 0.0) {
+            let k = k as u32;
+            scene.hierarchy.overlapping(k, |l| {
+                if l > k && may_cross(scene, k, l) {
+                    let first = times
+                        .iter()
+                        .find_map(|&time| segment(scene, k, l, time).map(|s| (s, time)));
+                    found.extend(first.map(|(s, time)| crossing(scene, k, l, s, time)));
+                }
+                left = left.saturating_sub(1);
+                left > 0
+            });
+        }
+        (found, left == 0)
     };
-    let triangles = 0..scene.triangles.len() as u32;
-    let triangles = triangles
-        .into_par_iter()
-        .filter(|&k| scene.triangles[k as usize].area > 0.0);
-    triangles.flat_map_iter(of_triangle).collect()
+    let chunks = (0..scene.triangles.len().div_ceil(CHUNK)).into_par_iter();
+    let found: Vec<(Vec<Edge>, bool)> = chunks.map(of_chunk).collect();
+    if found.iter().any(|f| f.1) {
+        log::warn!(
+            "very many triangles are in one place: not all lines in which they pass through each other \
+             are found, gradients lack the jumps there"
+        );
+    }
+    found.into_iter().flat_map(|f| f.0).collect()
 }
 
 /// Whether two triangles might pass through each other, told by corners and planes.

@@ -1,5 +1,7 @@
 //! Finds an edge at random, in proportion to what it may contribute seen from a point.
 
+use rayon::prelude::*;
+
 use super::edges::{Edge, Kind};
 use crate::accel::{F8, LANES, Lanes, Machine, Mask8, Task, dispatch};
 use crate::model::V3;
@@ -59,6 +61,8 @@ struct Node {
 
 /// Up to so many edges each is asked.
 const FEW: usize = 64;
+/// From so many on subtrees are built on several threads.
+const MANY: usize = 2048;
 
 pub(super) struct EdgeTree {
     nodes: Vec<Node>,
@@ -66,28 +70,56 @@ pub(super) struct EdgeTree {
 }
 
 impl EdgeTree {
+    const EMPTY: Self = Self {
+        nodes: Vec::new(),
+        leaves: Vec::new(),
+    };
+
     /// Over some of a list of edges.
     pub fn new(
         edges: &[Edge],
-        normals: &impl Fn(u32) -> V3,
+        normals: &(impl Fn(u32) -> V3 + Sync),
         velocities: Option<&[V3]>,
         mut which: Vec<u32>,
     ) -> Self {
-        let mut tree = Self {
-            nodes: Vec::new(),
-            leaves: Vec::new(),
-        };
         let maker = Maker {
             edges,
             normals,
             velocities,
         };
-        if which.len() <= FEW {
-            for list in which.chunks(LANES) {
-                tree.leaves.push(maker.leaf(list));
+        if which.len() > FEW {
+            return Self::of_many(&maker, &mut which);
+        }
+        let leaves = which.chunks(LANES).map(|list| maker.leaf(list));
+        Self {
+            leaves: leaves.collect(),
+            ..Self::EMPTY
+        }
+    }
+
+    /// Subtrees of many edges on several threads, put together.
+    fn of_many<F: Fn(u32) -> V3 + Sync>(maker: &Maker<F>, which: &mut [u32]) -> Self {
+        let mut tree = Self::EMPTY;
+        if which.len() < MANY {
+            tree.build(maker, which);
+            return tree;
+        }
+        let parts = maker.parts(which).into_par_iter();
+        let parts: Vec<(Bounds, Self)> = parts
+            .map(|part| (maker.bounds(part), Self::of_many(maker, part)))
+            .collect();
+        tree.nodes.push(Node::empty());
+        for (slot, (bounds, mut part)) in parts.into_iter().enumerate() {
+            // A child is twice an index, plus one for leaves.
+            let first = [2 * tree.nodes.len() as u32, 2 * tree.leaves.len() as u32];
+            for node in &mut part.nodes {
+                for child in node.child.iter_mut().filter(|c| **c != u32::MAX) {
+                    *child += first[*child as usize % 2];
+                }
             }
-        } else {
-            tree.build(&maker, &mut which);
+            tree.nodes[0].set(slot, &bounds, first[0]);
+            tree.nodes.append(&mut part.nodes);
+            tree.leaves.append(&mut part.leaves);
         }
         tree
     }
@@ -103,20 +135,7 @@ impl EdgeTree {
         }
         let at = self.nodes.len();
         self.nodes.push(Node::empty());
-        let mut parts: Vec<&mut [u32]> = vec![which];
-        while parts.len() < LANES {
-            let largest = (0..parts.len())
-                .max_by_key(|&i| parts[i].len())
-                .unwrap_or(0);
-            if parts[largest].len() < 2 {
-                break;
-            }
-            let part = parts.swap_remove(largest);
-            let (left, right) = maker.split(part);
-            parts.push(left);
-            parts.push(right);
-        }
-        for (slot, part) in parts.into_iter().enumerate() {
+        for (slot, part) in maker.parts(which).into_iter().enumerate() {
             let bounds = maker.bounds(part);
             let child = self.build(maker, part);
             self.nodes[at].set(slot, &bounds, child);
@@ -364,6 +383,24 @@ impl<F: Fn(u32) -> V3> Maker<'_, F> {
             leaf.edge[i] = index;
         }
         leaf
+    }
+
+    /// Up to eight parts, each of edges that are near to each other.
+    fn parts<'a>(&self, which: &'a mut [u32]) -> Vec<&'a mut [u32]> {
+        let mut parts = vec![which];
+        while parts.len() < LANES {
+            let largest = (0..parts.len())
+                .max_by_key(|&i| parts[i].len())
+                .unwrap_or(0);
+            if parts[largest].len() < 2 {
+                break;
+            }
+            let part = parts.swap_remove(largest);
+            let (left, right) = self.split(part);
+            parts.push(left);
+            parts.push(right);
+        }
+        parts
     }
 
     fn middle(&self, index: u32) -> V3 {

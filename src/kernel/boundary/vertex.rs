@@ -46,13 +46,17 @@ pub(super) const TOUCHING: f32 = 4e-6;
 /// Points beside an edge are this far from it, over the largest coordinate.
 const BESIDE: f32 = 2e-5;
 
-/// The probability with which edges of the lights' shadows are looked for at a point of a path.
+/// The probability with which edges of the lights' shadows are looked for at a point of a path that counts
+/// as much as a camera ray does on average; those that count for less are asked less often.
 const LIGHT: f32 = 0.5;
 /// The same of reflected light, which takes two more paths.
 const REFLECTED: f32 = 0.25;
+/// At least this share of it.
+const LEAST: f32 = 0.05;
 
 impl View {
-    /// Adds what jumps at edges seen from a point of a path contribute, times `g`.
+    /// Adds what jumps at edges seen from a point of a path contribute, times `g`, whose channels add up
+    /// to `typical` on average.
     #[allow(clippy::too_many_arguments)] // one place, called once
     pub(in crate::kernel) fn edges_backward(
         &self,
@@ -60,7 +64,7 @@ impl View {
         vertex: &Vertex,
         bounce: u32,
         moves: bool,
-        g: V3,
+        (g, typical): (V3, f32),
         work: &mut Work,
         by: &mut PointGradient,
         sums: &mut Sums,
@@ -68,14 +72,20 @@ impl View {
         let Some(sets) = &self.edge_sets else {
             return;
         };
-        let numbers = self.edges.numbers(path.numbers.path());
         let carried = g.times(vertex.throughput);
+        let counts = carried.sum_abs() / typical;
+        if counts.is_nan() || counts <= 0.0 {
+            return;
+        }
+        let counts = counts.max(LEAST);
+        let numbers = self.edges.numbers(path.numbers.path());
         let emitters = &self.scene.emitters;
         if !emitters.is_empty() {
             let [choice, u, v, w] = numbers.set(3 * bounce);
             let [extra, pick, ..] = numbers.set(3 * bounce + 1);
-            if pick < LIGHT {
-                let carried = carried * (1.0 / LIGHT);
+            let rate = (LIGHT * counts).min(1.0);
+            if pick < rate {
+                let carried = carried * (1.0 / rate);
                 let x = vertex.point.position;
                 let (group, chance) =
                     emitters.choose_group(x, path.time, choice, &mut work.chances);
@@ -104,9 +114,10 @@ impl View {
         if !last || self.sees_sky || self.gathers_map {
             let tree = sets.seen_by(moves || self.wanted.turns());
             let [pick, u, v, w] = numbers.set(3 * bounce + 2);
-            if pick < REFLECTED && !tree.is_empty() {
-                let lobe = pick / REFLECTED;
-                let carried = carried * (1.0 / REFLECTED);
+            let rate = (REFLECTED * counts).min(1.0);
+            if pick < rate && !tree.is_empty() {
+                let lobe = pick / rate;
+                let carried = carried * (1.0 / rate);
                 let numbers = [lobe, u, v, w];
                 self.reflected_edges(
                     path,

@@ -1,0 +1,159 @@
+//! What files may take and name.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// What a loaded file may take, and which other files it may name.
+///
+/// ```
+/// use softray::prelude::*;
+/// let limits = LoadLimits::default().pixels(1 << 28).outside(true);
+/// # let _ = limits;
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct LoadLimits {
+    /// Pixels of an image: 2²⁷, 11,585², unless set.
+    pub pixels: u64,
+    /// Bytes of a text (OBJ, MTL, JSON): 2³⁰ unless set.
+    pub text_bytes: u64,
+    /// Triangles of an OBJ file: 2²⁶ unless set.
+    pub triangles: u64,
+    /// Whether a file may name files outside of its own folder: not unless set.
+    pub outside: bool,
+}
+
+impl Default for LoadLimits {
+    fn default() -> Self {
+        Self {
+            pixels: 1 << 27,
+            text_bytes: 1 << 30,
+            triangles: 1 << 26,
+            outside: false,
+        }
+    }
+}
+
+impl LoadLimits {
+    /// With another number of pixels.
+    pub fn pixels(self, pixels: u64) -> Self {
+        Self { pixels, ..self }
+    }
+
+    /// With another number of bytes of a text.
+    pub fn text_bytes(self, text_bytes: u64) -> Self {
+        Self { text_bytes, ..self }
+    }
+
+    /// With another number of triangles.
+    pub fn triangles(self, triangles: u64) -> Self {
+        Self { triangles, ..self }
+    }
+
+    /// With files outside of a file's own folder or without.
+    pub fn outside(self, outside: bool) -> Self {
+        Self { outside, ..self }
+    }
+
+    /// That a file lies in a folder or below it, if it has to.
+    pub(crate) fn check_place(&self, file: &Path, folder: &Path, named_by: &str) -> Result<()> {
+        if self.outside {
+            return Ok(());
+        }
+        let folder = if folder.as_os_str().is_empty() {
+            Path::new(".")
+        } else {
+            folder
+        };
+        // Files that are not there are told of when they are read.
+        let (Ok(file), Ok(folder)) = (file.canonicalize(), folder.canonicalize()) else {
+            return Ok(());
+        };
+        if file.starts_with(&folder) {
+            return Ok(());
+        }
+        Err(Error::format(
+            file,
+            format!(
+                "it is named by {named_by} but lies outside of {}: it is read only with \
+                 LoadLimits::outside(true)",
+                folder.display()
+            ),
+        ))
+    }
+}
+
+/// Opens a regular file; says how long it is.
+pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
+    let io = |source| Error::Io {
+        path: path.into(),
+        source,
+    };
+    // Asked before it is opened: opening a pipe waits for its other end.
+    let metadata = std::fs::metadata(path).map_err(io)?;
+    if !metadata.is_file() {
+        let kind = if metadata.is_dir() {
+            "a folder"
+        } else {
+            "a device or a pipe"
+        };
+        let message = format!("it is {kind}, expected a regular file");
+        return Err(Error::format(path, message));
+    }
+    Ok((File::open(path).map_err(io)?, metadata.len()))
+}
+
+/// A regular file's bytes, if there are at most so many.
+fn read_file(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let (file, length) = open(path)?;
+    let too_long = || {
+        let message = format!(
+            "it has more than {most} bytes, the limit of a text: LoadLimits::text_bytes raises it"
+        );
+        Err(Error::format(path, message))
+    };
+    if length > most {
+        return too_long();
+    }
+    let mut bytes = Vec::with_capacity(length as usize);
+    // What its length says is not what it has to hold.
+    let read = file.take(most + 1).read_to_end(&mut bytes);
+    read.map_err(|source| Error::Io {
+        path: PathBuf::from(path),
+        source,
+    })?;
+    if bytes.len() as u64 > most {
+        return too_long();
+    }
+    Ok(bytes)
+}
+
+/// A text file without its byte-order mark; bytes that are not UTF-8 (old exporters' comments) are
+/// replaced.
+pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
+    let bytes = read_file(path, limits.text_bytes)?;
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        let message = "it is UTF-16, expected UTF-8: save it as that";
+        return Err(Error::format(path, message));
+    }
+    let begin = if bytes.starts_with("\u{feff}".as_bytes()) {
+        3
+    } else {
+        0
+    };
+    let text = match String::from_utf8(bytes) {
+        Ok(mut text) => {
+            text.drain(..begin);
+            text
+        }
+        Err(e) => String::from_utf8_lossy(&e.as_bytes()[begin..]).into_owned(),
+    };
+    if text.contains('\r') && !text.contains('\n') {
+        let message = "its lines end with a carriage return alone, expected line feeds";
+        return Err(Error::format(path, message));
+    }
+    Ok(text)
+}
