@@ -129,9 +129,10 @@ fn it_stops_where_the_loss_is_flat_and_stays_stopped() {
 /// While the blur still falls the loss may rise without the fit having ended.
 #[test]
 fn blur_that_follows_the_loss_falls_where_it_is_flat() {
-    let fit = |folder: Option<&Path>, steps| {
+    let fit = |folder: Option<&Path>, last: usize| {
         let blur = PlateauBlur::new(1e-1, 1e-3, 0.5, 20).expect("a schedule");
-        let fit = Fit::new(point(&[0.5]), adam(), steps).rate(0.02).blur(blur);
+        let fit = Fit::new(point(&[0.5]), adam(), 400).rate(0.02).blur(blur);
+        let fit = fit.on_step(1, move |report| Ok(report.step.index < last));
         let fit = match folder {
             Some(folder) => fit.folder(folder).checkpoint_every(7),
             None => fit,
@@ -179,12 +180,94 @@ fn mistakes_are_named() {
         Ok(evaluation.value(name, 0.0))
     };
     assert!(message(fit().run(other)).contains("values of step 2"));
-    // A checkpoint of a fit with another seed.
+    // A checkpoint of a fit with other settings, which are named.
     let folder = folder("mistakes");
     fit().folder(&folder).run(bowl).expect("a fit");
-    assert!(message(fit().seed(5).folder(&folder).run(bowl)).contains("settings"));
+    let sgd = SgdConfig::new().init();
+    let slower = AdamConfig::new().with_beta_1(0.8).init();
+    let of = |optimizer, steps| Fit::new(point(&[0.5]), optimizer, steps);
+    for (name, other) in [
+        ("seed", fit().seed(5)),
+        ("steps", of(adam(), 20)),
+        ("rate", fit().rate(Rate::cosine(0.01))),
+        (
+            "blur",
+            fit().blur(BlurSchedule::decay(0.1, 0.01, 5).expect("one")),
+        ),
+        ("optimizer", of(sgd, 10)),
+        ("optimizer", of(slower, 10)),
+    ] {
+        let found = message(other.folder(&folder).run(bowl));
+        let named = found.matches(" now").count() == 1 && found.contains(&format!("(\"{name} "));
+        assert!(named, "{name}: {found}");
+    }
     let fitted = fit().seed(5).folder(&folder).restart(true).run(bowl);
     assert_eq!(fitted.expect("a fit").resumed, None);
+}
+
+/// Bytes that changed, in any file of a checkpoint: the one before it serves, and the fit ends the same.
+#[test]
+fn damaged_checkpoints_are_passed_over() {
+    let folder = folder("damaged");
+    let fit = |last: usize| {
+        Fit::new(point(&[0.5, -1.0]), adam(), 40)
+            .checkpoint_every(5)
+            .folder(&folder)
+            .on_step(1, move |report| Ok(report.step.index < last))
+            .run(bowl)
+    };
+    let whole = Fit::new(point(&[0.5, -1.0]), adam(), 40).run(bowl);
+    let whole = place(&whole.expect("a fit").module);
+    let checkpoints = folder.join("checkpoints");
+    for file in [
+        "module.bpk",
+        "optimizer.bpk",
+        "history.csv",
+        "settings.txt",
+        "checksums.txt",
+    ] {
+        for cut in [false, true] {
+            std::fs::remove_dir_all(&folder).ok();
+            fit(22).expect("a fit"); // Checkpoints after 20 and 23 steps.
+            let path = checkpoints.join("00000023").join(file);
+            let mut bytes = std::fs::read(&path).expect("a file");
+            let middle = bytes.len() / 2;
+            if cut {
+                bytes.truncate(middle);
+            } else {
+                bytes[middle] ^= 0x10;
+            }
+            std::fs::write(&path, bytes).expect("a file");
+            let resumed = fit(40).expect("a fit");
+            assert_eq!(resumed.resumed, Some(20), "{file}");
+            assert_eq!(place(&resumed.module), whole, "{file}");
+        }
+    }
+    // All of them damaged: not a new beginning.
+    for entry in std::fs::read_dir(&checkpoints).expect("checkpoints") {
+        let path = entry.expect("an entry").path().join("module.bpk");
+        std::fs::write(path, "nothing").expect("a file");
+    }
+    let error = fit(40).err().expect("an error").to_string();
+    assert!(error.contains("module.bpk"), "{error}");
+}
+
+#[test]
+fn one_process_fits_in_a_folder() {
+    let folder = folder("shared");
+    let inner = folder.clone();
+    let fit = |folder: &Path| Fit::new(point(&[0.5]), adam(), 2).folder(folder);
+    let fitted = fit(&folder).on_step(1, move |report| {
+        if report.step.index == 0 {
+            let other = fit(&inner).run(bowl);
+            let error = other.err().expect("an error").to_string();
+            assert!(error.contains("another process"), "{error}");
+        }
+        Ok(true)
+    });
+    fitted.run(bowl).expect("a fit");
+    let again = fit(&folder).run(bowl).expect("the lock is gone");
+    assert_eq!(again.resumed, Some(2));
 }
 
 /// A fit of an offset through the renderer; one or two seconds.

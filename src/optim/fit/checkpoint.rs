@@ -1,4 +1,5 @@
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use burn::module::Module;
@@ -13,6 +14,10 @@ const MODULE: &str = "module.bpk";
 const OPTIMIZER: &str = "optimizer.bpk";
 const HISTORY: &str = "history.csv";
 const SETTINGS: &str = "settings.txt";
+/// The checksum and length of each of the others.
+const CHECKSUMS: &str = "checksums.txt";
+/// What the process that fits in a folder holds.
+const LOCK: &str = "lock";
 /// What a folder's name begins with until it is whole.
 const PART: &str = ".part-";
 /// Checkpoints that are kept.
@@ -23,11 +28,14 @@ const KEPT: usize = 2;
 pub(super) struct Checkpoints {
     folder: PathBuf,
     inside: PathBuf,
+    /// Held while this lives.
+    _lock: File,
 }
 
 /// A checkpoint that was found.
 pub(super) struct Checkpoint {
     folder: PathBuf,
+    settings: String,
     pub history: History,
 }
 
@@ -37,6 +45,7 @@ impl Checkpoints {
     pub fn open(folder: &Path, restart: bool) -> Result<Self> {
         let inside = folder.join("checkpoints");
         fs::create_dir_all(&inside).map_err(|e| io(&inside, e))?;
+        let lock = lock(&folder.join(LOCK), folder)?;
         for (name, path) in entries(&inside)? {
             let whole = name.parse::<usize>().is_ok();
             if name.starts_with(PART) || (restart && whole) {
@@ -46,6 +55,7 @@ impl Checkpoints {
         Ok(Self {
             folder: folder.into(),
             inside,
+            _lock: lock,
         })
     }
 
@@ -59,33 +69,23 @@ impl Checkpoints {
         Ok(all)
     }
 
-    /// The newest, if there is one.
+    /// The newest that is whole, if there is one; says which ones are not.
     pub fn newest(&self, settings: &str) -> Result<Option<Checkpoint>> {
-        let Some((steps, folder)) = self.all()?.pop() else {
-            return Ok(None);
-        };
-        let read = |name: &str| {
-            let path = folder.join(name);
-            fs::read_to_string(&path).map_err(|e| io(&path, e))
-        };
-        let found = read(SETTINGS)?;
-        if found != settings {
-            return Err(Error::invalid(
-                "fit",
-                format!("settings of the checkpoint {}", folder.display()),
-                format!("{found:?}"),
-                format!("{settings:?}; take the same, another folder, or remove it"),
-            ));
+        let mut damaged = None;
+        for (steps, folder) in self.all()?.into_iter().rev() {
+            match Checkpoint::read(steps, &folder) {
+                Ok(checkpoint) => {
+                    checkpoint.check(settings)?;
+                    return Ok(Some(checkpoint));
+                }
+                Err(error) => {
+                    log::warn!("fit: a checkpoint is damaged, taking the one before it: {error}");
+                    damaged.get_or_insert(error);
+                }
+            }
         }
-        let wrong = |message| Error::format(folder.join(HISTORY), message);
-        let history = History::from_csv(&read(HISTORY)?).map_err(wrong)?;
-        if history.rows.len() != steps {
-            return Err(wrong(format!(
-                "it has {} steps, expected {steps}",
-                history.rows.len()
-            )));
-        }
-        Ok(Some(Checkpoint { folder, history }))
+        // Beginning anew would throw away what someone may want to mend.
+        damaged.map_or(Ok(None), Err)
     }
 
     /// Adds one, and drops old ones.
@@ -112,7 +112,13 @@ impl Checkpoints {
         saved.map_err(|e| store(OPTIMIZER, e))?;
         fs::write(at(HISTORY), history.to_csv()).map_err(|e| io(&at(HISTORY), e))?;
         fs::write(at(SETTINGS), settings).map_err(|e| io(&at(SETTINGS), e))?;
-        for file in [MODULE, OPTIMIZER, HISTORY, SETTINGS] {
+        let mut sums = String::new();
+        for file in FILES {
+            let (sum, length) = checksum(&at(file))?;
+            sums += &format!("{sum:08x} {length} {file}\n");
+        }
+        fs::write(at(CHECKSUMS), sums).map_err(|e| io(&at(CHECKSUMS), e))?;
+        for file in FILES.into_iter().chain([CHECKSUMS]) {
             sync(&at(file))?;
         }
         let whole = self.inside.join(name);
@@ -142,6 +148,54 @@ impl Checkpoints {
 }
 
 impl Checkpoint {
+    /// After so many steps; an error if any of its files is not what was written.
+    fn read(steps: usize, folder: &Path) -> Result<Self> {
+        let read = |name: &str| {
+            let path = folder.join(name);
+            fs::read_to_string(&path).map_err(|e| io(&path, e))
+        };
+        let sums = read(CHECKSUMS)?;
+        for file in FILES {
+            let path = folder.join(file);
+            let (sum, length) = checksum(&path)?;
+            let line = format!("{sum:08x} {length} {file}");
+            if !sums.lines().any(|l| l == line) {
+                return Err(Error::format(path, "it is not what was written"));
+            }
+        }
+        let wrong = |message| Error::format(folder.join(HISTORY), message);
+        let history = History::from_csv(&read(HISTORY)?).map_err(wrong)?;
+        if history.rows.len() != steps {
+            return Err(wrong(format!(
+                "it has {} steps, expected {steps}",
+                history.rows.len()
+            )));
+        }
+        Ok(Self {
+            folder: folder.into(),
+            settings: read(SETTINGS)?,
+            history,
+        })
+    }
+
+    /// That it is of a fit with the same settings, lines of a name and a value.
+    fn check(&self, settings: &str) -> Result<()> {
+        let pairs = self.settings.lines().zip(settings.lines());
+        let differ: Vec<String> = pairs
+            .filter(|(found, expected)| found != expected)
+            .map(|(found, expected)| format!("{found:?} is {expected:?} now"))
+            .collect();
+        if differ.is_empty() && self.settings == settings {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            "fit",
+            format!("settings of the checkpoint {}", self.folder.display()),
+            format!("those of another fit ({})", differ.join(", ")),
+            "the same settings; take them, another folder, or Fit::restart",
+        ))
+    }
+
     /// A module with its parameters.
     pub fn module<M: Module>(&self, module: M) -> Result<M> {
         let path = self.folder.join(MODULE);
@@ -154,6 +208,32 @@ impl Checkpoint {
         let path = self.folder.join(OPTIMIZER);
         let found = optimizer.load(&path);
         found.map_err(|e| Error::format(path, e.to_string()))
+    }
+}
+
+/// The files of a checkpoint but for their checksums.
+const FILES: [&str; 4] = [MODULE, OPTIMIZER, HISTORY, SETTINGS];
+
+/// The CRC-32 of a file, and its length.
+fn checksum(path: &Path) -> Result<(u32, usize)> {
+    let bytes = fs::read(path).map_err(|e| io(path, e))?;
+    Ok((crc32fast::hash(&bytes), bytes.len()))
+}
+
+/// Locks a file for as long as it stays open; the system unlocks it where a process is killed.
+fn lock(path: &Path, folder: &Path) -> Result<File> {
+    let file = File::create(path).map_err(|e| io(path, e))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Error::format(
+            folder,
+            "another process is fitting in this folder; take another one, or wait for its end",
+        )),
+        Err(TryLockError::Error(source)) if source.kind() == ErrorKind::Unsupported => {
+            log::warn!("fit: {} can't be locked here", path.display());
+            Ok(file)
+        }
+        Err(TryLockError::Error(source)) => Err(io(path, source)),
     }
 }
 

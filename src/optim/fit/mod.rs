@@ -11,9 +11,9 @@ mod step;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use burn::module::Module;
+use burn::module::{Module, Param};
 use burn::optim::{GradientsParams, ModuleOptimizer};
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::schedule::Blur;
@@ -133,7 +133,8 @@ impl<M: Module> Fit<M> {
     }
 
     /// Keeps `history.csv`, `loss.svg` and checkpoints in a folder, and goes on from the newest
-    /// checkpoint found there.
+    /// checkpoint found there that is whole. A checkpoint of a fit with other settings, a process that
+    /// is fitting there already, and a folder whose checkpoints are all damaged are errors.
     pub fn folder(mut self, folder: impl AsRef<Path>) -> Self {
         self.folder = Some(folder.as_ref().into());
         self
@@ -218,9 +219,15 @@ impl<M: Module> Fit<M> {
             rate,
             blur,
             clip,
+            steps,
+            optimizer,
             ..
         } = self;
-        format!("seed {seed}\nrate {rate:?}\nblur {blur:?}\nclip {clip:?}\n")
+        let optimizer = fingerprint(optimizer);
+        format!(
+            "seed {seed}\nsteps {steps}\nrate {rate:?}\nblur {blur:?}\nclip {clip:?}\n\
+             optimizer {optimizer}\n"
+        )
     }
 
     /// Takes the steps. The function is given the module and what the step is evaluated with, and
@@ -377,6 +384,32 @@ impl<M: Module> Fit<M> {
         let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
         ProgressBar::new(self.steps as u64).with_style(style)
     }
+}
+
+/// What an optimiser makes of a parameter of its own in three steps: it has no name that could be asked.
+fn fingerprint(optimizer: &ModuleOptimizer) -> String {
+    #[derive(Module, Debug)]
+    struct Probe {
+        x: Param<Tensor<2>>,
+    }
+    let device = Device::default();
+    let mut optimizer = optimizer.clone();
+    let start = Tensor::<2>::from_floats([[0.3, -2.0], [1.0, 0.1]], &device.clone().autodiff());
+    let mut probe = Probe {
+        x: Param::from_tensor(start),
+    };
+    for slope in [
+        [[0.5f32, -1.0], [2.0, 0.1]],
+        [[-0.2, 3.0], [0.1, 0.4]],
+        [[0.7; 2]; 2],
+    ] {
+        let mut gradients = GradientsParams::new();
+        gradients.register(probe.x.id, Tensor::<2>::from_floats(slope, &device));
+        probe = optimizer.step(0.1, probe, gradients);
+    }
+    let values = host_values(&probe.x.val()).unwrap_or_default();
+    let values: Vec<String> = values.iter().map(|v| format!("{v:.4}")).collect();
+    values.join(" ")
 }
 
 fn observe(blur: &mut Option<Blur>, loss: f64) {
