@@ -45,6 +45,9 @@ struct Arguments {
     /// scene's depth.
     #[arg(long, value_parser = pair, value_name = "SIGMA,GAMMA")]
     softmax: Option<[f64; 2]>,
+    /// Whether the scene may name files outside of its folder.
+    #[arg(long)]
+    outside: bool,
     /// Environment radiance r,g,b.
     #[arg(long, value_parser = triple)]
     environment: Option<[f64; 3]>,
@@ -94,6 +97,8 @@ fn size(text: &str) -> Result<(usize, usize), String> {
 fn main() -> Result<(), Box<dyn Error>> {
     env_logger::init();
     let arguments = Arguments::parse();
+    // Before the render, which would be lost.
+    HostImage::check_path(&arguments.out)?;
     let device = softray::device::named(arguments.device.as_deref())?;
     let (mut scene, mut camera, mut size) = load(&arguments, &device)?;
     if let Some(eye) = arguments.eye {
@@ -109,7 +114,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         scene = scene.environment(radiance);
     }
     if let Some(file) = &arguments.environment_map {
-        let map = HostImage::read(file)?.to_tensor(&device);
+        let map = HostImage::read(file)?.into_tensor(&device);
         scene = scene.environment(Environment::map(map));
     }
     size = arguments.size.unwrap_or(size);
@@ -155,11 +160,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 type Loaded = (Scene, Camera, (usize, usize));
 
 fn load(arguments: &Arguments, device: &Device) -> Result<Loaded, Box<dyn Error>> {
+    let limits = LoadLimits::default().outside(arguments.outside);
     if arguments.scene.extension().is_some_and(|e| e == "json") {
-        let file = SceneFile::load(&arguments.scene, device)?;
+        let file = SceneFile::load_within(&arguments.scene, device, &limits)?;
         return Ok((file.scene, file.camera, (file.width, file.height)));
     }
-    let scene = Scene::from_obj(&arguments.scene, device)?;
+    let scene = Scene::from_obj_within(&arguments.scene, device, &limits)?;
     // From the front, a little above, the whole of the scene in view.
     let mut low = glam::DVec3::INFINITY;
     let mut high = glam::DVec3::NEG_INFINITY;

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 /// What can be wrong with a scene, a file or a request to render.
-#[derive(Debug, thiserror::Error)]
+///
+/// `{:?}` says the same as `{}`, so that a `main` that returns it prints a sentence.
+#[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A value is outside of its range, or is NaN.
@@ -77,6 +79,12 @@ pub enum Error {
     /// A tensor can't be read back from its device.
     #[error("reading a tensor back failed: {0}")]
     Read(String),
+}
+
+impl std::fmt::Debug for Error {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        std::fmt::Display::fmt(self, f)
+    }
 }
 
 impl Error {

@@ -1,15 +1,14 @@
 use std::fs;
-use std::io::{BufReader, Cursor};
+use std::io::{BufReader, BufWriter, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use burn::tensor::{Device, Tensor, TensorData};
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Rgb32FImage, RgbImage};
+use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Rgb, RgbImage};
 
 use super::LoadLimits;
 use super::limits::open;
 use crate::error::{Error, Result};
-use crate::geometry::host_values;
 
 /// White columns between images side by side.
 const GAP: usize = 2;
@@ -54,7 +53,12 @@ impl HostImage {
                 "shape [H, W, 3]",
             ));
         }
-        let pixels = host_values(tensor)?.iter().map(|&v| v as f32).collect();
+        let data = crate::geometry::plain(tensor).try_into_data();
+        let data = data.map_err(|e| Error::Read(format!("{e:?}")))?;
+        let data = data.convert::<f32>();
+        let pixels = data
+            .try_into_vec::<f32>()
+            .map_err(|e| Error::Read(format!("{e:?}")))?;
         Self::new(width, height, pixels)
     }
 
@@ -157,18 +161,19 @@ impl HostImage {
         if w == 0 || h == 0 {
             return Err(self.bad_size("at least one column and row"));
         }
-        let mut bytes = Cursor::new(Vec::new());
-        let encoded = if format == ImageFormat::Png {
-            let srgb = self.pixels.iter().map(|&v| srgb_byte(v)).collect();
-            RgbImage::from_raw(w, h, srgb).map(|i| i.write_to(&mut bytes, format))
-        } else {
-            Rgb32FImage::from_raw(w, h, self.pixels.clone()).map(|i| i.write_to(&mut bytes, format))
-        };
-        match encoded {
-            Some(Ok(())) => write_whole(path, bytes.get_ref()),
-            Some(Err(e)) => Err(Error::format(path, format!("it can't be encoded: {e}"))),
-            None => Err(self.bad_size("as many pixels as values")),
-        }
+        let size = || self.bad_size("as many pixels as values");
+        let encoded = |e| Error::format(path, format!("it can't be written: {e}"));
+        write_whole_by(path, |file| {
+            if format == ImageFormat::Png {
+                let srgb = self.pixels.iter().map(|&v| srgb_byte(v)).collect();
+                let image = RgbImage::from_raw(w, h, srgb).ok_or_else(size)?;
+                image.write_to(file, format).map_err(encoded)
+            } else {
+                type Borrowed<'a> = ImageBuffer<Rgb<f32>, &'a [f32]>;
+                let image = Borrowed::from_raw(w, h, &self.pixels).ok_or_else(size)?;
+                image.write_to(file, format).map_err(encoded)
+            }
+        })
     }
 
     /// The mean of each channel.
@@ -300,23 +305,40 @@ fn decode_srgb(image: DynamicImage) -> Vec<f32> {
 }
 
 /// Writes under another name in the same folder and renames: nobody sees half a file.
+#[cfg(feature = "fit")]
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_whole_by(path, |file| {
+        file.write_all(bytes).map_err(|source| Error::Io {
+            path: path.into(),
+            source,
+        })
+    })
+}
+
+/// The same by a function.
+fn write_whole_by(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<fs::File>) -> Result<()>,
+) -> Result<()> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let mut name = std::ffi::OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
     let count = COUNT.fetch_add(1, Ordering::Relaxed);
     name.push(format!(".{}-{count}.part", std::process::id()));
     let part = path.with_file_name(name);
-    fs::write(&part, bytes)
-        .and_then(|()| fs::rename(&part, path))
-        .map_err(|source| {
-            // Of the two errors the first one matters.
-            let _ = fs::remove_file(&part);
-            Error::Io {
-                path: path.into(),
-                source,
-            }
-        })
+    let io = |source| Error::Io {
+        path: path.into(),
+        source,
+    };
+    let mut file = BufWriter::new(fs::File::create(&part).map_err(io)?);
+    let written = write(&mut file).and_then(|()| file.flush().map_err(io));
+    drop(file);
+    let renamed = written.and_then(|()| fs::rename(&part, path).map_err(io));
+    if renamed.is_err() {
+        // Of the two errors the first one matters.
+        let _ = fs::remove_file(&part);
+    }
+    renamed
 }
 
 fn srgb_to_linear(v: f32) -> f32 {

@@ -150,7 +150,7 @@ impl ImageBatch {
 
 /// Means over the samples of all pixels of all views.
 pub(super) struct Means {
-    /// `[B, C, P]`, rows in the order of [`Renderer::outputs`].
+    /// `[B, P, C]`, channels in the order of [`Renderer::outputs`].
     pub mean: Tensor<3>,
     /// Rows of weights of objects, without that of the background.
     pub objects: usize,
@@ -161,16 +161,26 @@ pub(super) struct Means {
 impl Means {
     /// The images of width × height pixels.
     pub fn images(self, [width, height]: [usize; 2], outputs: Outputs) -> ImageBatch {
-        let [count, _, pixels] = self.mean.dims();
+        let [count, pixels, all] = self.mean.dims();
         let mut next = 0;
-        let mut take = |channels: usize| {
-            let rows = self.mean.clone();
-            let rows = rows.slice([0..count, next..next + channels, 0..pixels]);
+        let mut rest = Some(self.mean);
+        let mut take = |channels: usize| -> Tensor<3> {
+            let from = next;
             next += channels;
-            rows
+            // All that is left needs no copy.
+            let rows = if from == 0 && next == all {
+                rest.take()
+            } else {
+                rest.clone()
+            };
+            let rows = rows.expect("channels that are there");
+            if channels == all {
+                return rows;
+            }
+            rows.slice([0..count, 0..pixels, from..next])
         };
         let plane = |t: Tensor<3>| t.reshape([count, height, width]);
-        let colour = |t: Tensor<3>| t.swap_dims(1, 2).reshape([count, height, width, 3]);
+        let colour = |t: Tensor<3>| t.reshape([count, height, width, 3]);
         let radiance = colour(take(3));
         let opacity = (outputs.opacity || outputs.depth || outputs.normals).then(|| take(1));
         let seen = opacity.as_ref().map(|o| {
@@ -187,7 +197,7 @@ impl Means {
         let depth = outputs.depth.then(|| plane(per_opacity(take(1))));
         let normals = outputs.normals.then(|| colour(per_opacity(take(3))));
         let object_ids = outputs.object_ids.then(|| {
-            let index = take(self.objects + 1).inner().argmax(1);
+            let index = take(self.objects + 1).inner().argmax(2);
             let background = index.clone().equal_elem(self.objects as i64);
             index
                 .mask_fill(background, -1)

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::{DType, Element, Tensor, TensorData};
 use rayon::prelude::*;
 
 use super::batch::of_batch;
@@ -13,7 +13,7 @@ use super::film::{Means, Statistics};
 use super::replay::{Retrace, replay};
 use super::tensors::{Tile, sampler, tiles};
 use super::{Batch, Diagnostics, RenderOptions};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::Context;
 use crate::kernel::{
     EdgeSets, KernelScene, PixelGradients, RayCounts, Seen, Sums, View, ViewSettings, Wanted, Work,
@@ -257,7 +257,7 @@ fn pixels_or_all(options: &RenderOptions, pixels: Option<Arc<Vec<u32>>>) -> Arc<
 }
 
 /// What jumps of visibility add to the gradient of a view's tensors (as one row) from that of its rows
-/// `[C, P]`.
+/// `[P, C]`.
 pub(super) fn jumps(
     (scene, camera): (&Scene, &Camera),
     options: &RenderOptions,
@@ -293,49 +293,48 @@ pub(super) fn render(
         parent_size,
         context,
     } = prepare(batch, options, true)?;
-    let pixels = pixels_or_all(options, pixels);
     let objects = views.iter().map(|v| v.scene.counted.len()).max();
     let objects = objects.unwrap_or(0);
     let rows = Rows::new(options, objects);
-    let tiles = tiles(options, pixels.len(), RAYS);
-    let count = pixels.len();
-    let of_view = rows.count() * count;
-    let mut planes = vec![0.0; views.len() * of_view];
-    let done = AtomicUsize::new(0);
+    let count = match &pixels {
+        Some(pixels) => pixels.len(),
+        None => options.width * options.height,
+    };
+    let tiles = tiles(options, count, RAYS);
     let pass = Forward {
         options,
-        pixels: &pixels,
+        pixels: pixels.as_deref(),
         tiles: &tiles,
         rows: &rows,
         all: tiles.len() * views.len(),
-        done: &done,
+        done: &AtomicUsize::new(0),
     };
-    let statistics: Vec<Statistics> = planes
-        .par_chunks_mut(of_view)
-        .zip(&views)
-        .map(|(planes, view)| pass.view(view, planes))
-        .collect();
-    let diagnose = |(view, planes): (&View, &[f64])| Diagnostics {
-        degenerate_triangles: view.scene.degenerate(),
-        non_finite_light: planes[..3 * count]
-            .iter()
-            .filter(|v| !v.is_finite())
-            .count() as u64,
-        effective_surfaces: 1.0,
-        ..Diagnostics::default()
+    let (means, traced) = if context.dtype == DType::F64 {
+        pass.views(&views, count, |value| value)?
+    } else {
+        pass.views(&views, count, |value| value as f32)?
     };
-    let asked = options
-        .diagnostics
-        .then(|| views.iter().zip(planes.chunks(of_view)));
-    let diagnostics = asked.into_iter().flatten().map(diagnose).collect();
-    let mean = context.tensor(&planes, [views.len() * rows.count(), count]);
+    let mut statistics = Vec::with_capacity(views.len());
+    let mut diagnostics = Vec::new();
+    for (view, traced) in views.iter().zip(traced) {
+        statistics.push(Statistics::of_rays(traced.counts));
+        if options.diagnostics {
+            diagnostics.push(Diagnostics {
+                degenerate_triangles: view.scene.degenerate(),
+                non_finite_light: traced.non_finite,
+                effective_surfaces: 1.0,
+                ..Diagnostics::default()
+            });
+        }
+    }
+    let mean = Tensor::from_data(means, (&context.device, context.dtype));
     let mean = match parent {
         Some(parent) => {
             let dtype = context.dtype;
             let backward = Backward {
                 views,
                 places,
-                pixels,
+                pixels: pixels_or_all(options, pixels),
                 tiles,
                 rows,
                 samples: options.samples,
@@ -350,7 +349,7 @@ pub(super) fn render(
         None => mean,
     };
     Ok(Means {
-        mean: mean.reshape([statistics.len(), rows.count(), count]),
+        mean: mean.reshape([statistics.len(), count, rows.count()]),
         objects,
         statistics,
         diagnostics,
@@ -360,7 +359,8 @@ pub(super) fn render(
 /// What the views of a forward pass have in common.
 struct Forward<'a> {
     options: &'a RenderOptions,
-    pixels: &'a [u32],
+    /// The pixels, if not all.
+    pixels: Option<&'a Vec<u32>>,
     tiles: &'a [Tile],
     rows: &'a Rows,
     /// Tiles of all views.
@@ -368,53 +368,124 @@ struct Forward<'a> {
     done: &'a AtomicUsize,
 }
 
+/// What was found on the way.
+#[derive(Default)]
+struct Traced {
+    counts: RayCounts,
+    /// Numbers of radiance that are not finite.
+    non_finite: u64,
+}
+
+impl Traced {
+    fn add(&mut self, other: &Self) {
+        self.counts.rays += other.counts.rays;
+        self.counts.add_bounces(&other.counts);
+        self.non_finite += other.non_finite;
+    }
+}
+
 impl Forward<'_> {
-    /// Fills the planes of a view `[C, P]`.
-    fn view(&self, view: &View, planes: &mut [f64]) -> Statistics {
-        let own = view.scene.counted.len();
-        let of_tile = |tile: &Tile| {
-            let pixels = &self.pixels[tile.first..tile.first + tile.pixels];
-            let mut work = Work::new(self.options.bounces);
-            let mut objects = self
-                .rows
-                .objects
-                .map(|_| vec![0.0; (own + 1) * tile.pixels]);
-            let sums = view.render(
-                pixels,
-                tile.from..tile.to,
-                &mut work,
-                objects.as_deref_mut(),
-            );
-            let n = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-            if let Some(progress) = &self.options.progress {
-                progress(n, self.all);
+    /// The rows of all pixels of all views `[B·P, C]`, each number of a type of its own; they are all that
+    /// is held at once.
+    fn views<T: Element + Send>(
+        &self,
+        views: &[View],
+        count: usize,
+        cast: impl Fn(f64) -> T + Sync,
+    ) -> Result<(TensorData, Vec<Traced>)> {
+        let channels = self.rows.count();
+        let of_view = count * channels;
+        let mut means: Vec<T> = Vec::new();
+        means
+            .try_reserve_exact(views.len() * of_view)
+            .map_err(|_| {
+                let size = format!("{} × {}", self.options.width, self.options.height);
+                let bytes = (views.len() * of_view * size_of::<T>()) as f64;
+                let expected = format!(
+                    "an image that fits into memory; it takes {:.1} GB",
+                    bytes / 1e9
+                );
+                Error::invalid("options", "width × height", size, expected)
+            })?;
+        means.resize(views.len() * of_view, cast(0.0));
+        let traced = means
+            .par_chunks_mut(of_view)
+            .zip(views)
+            .map(|(means, view)| self.view(view, means, &cast))
+            .collect();
+        let shape = [views.len() * count, channels];
+        Ok((TensorData::new(means, shape), traced))
+    }
+
+    /// Fills the rows of a view's pixels `[P, C]`.
+    fn view<T: Send>(
+        &self,
+        view: &View,
+        means: &mut [T],
+        cast: &(impl Fn(f64) -> T + Sync),
+    ) -> Traced {
+        let channels = self.rows.count();
+        let same_pixels = |a: &Tile, b: &Tile| a.first == b.first;
+        let groups: Vec<&[Tile]> = self.tiles.chunk_by(same_pixels).collect();
+        let each = self.tiles[0].pixels * channels;
+        let of_group = |(tiles, means): (&[Tile], &mut [T])| {
+            let sums: Vec<(Vec<f64>, Traced)> =
+                tiles.par_iter().map(|tile| self.tile(view, tile)).collect();
+            let mut traced = Traced::default();
+            sums.iter().for_each(|s| traced.add(&s.1));
+            for (i, mean) in means.iter_mut().enumerate() {
+                let sum: f64 = sums.iter().map(|s| s.0[i]).sum();
+                *mean = cast(sum / f64::from(self.options.samples));
             }
-            (sums, objects, work.counts)
+            traced
         };
-        let found: Vec<_> = self.tiles.par_iter().map(of_tile).collect();
-        let per_sample = f64::from(self.options.samples).recip();
-        let count = self.pixels.len();
-        let mut counts = RayCounts::default();
-        for (tile, (sums, objects, of_tile)) in self.tiles.iter().zip(found) {
-            counts.rays += of_tile.rays;
-            counts.add_bounces(&of_tile);
-            for (i, sum) in sums.iter().enumerate() {
-                for (row, value) in self.rows.of(sum, view.scene.frame.unit).enumerate() {
-                    planes[row * count + tile.first + i] += value * per_sample;
-                }
+        let groups = groups.into_par_iter().zip(means.par_chunks_mut(each));
+        let found: Vec<Traced> = groups.map(of_group).collect();
+        let mut traced = Traced::default();
+        found.iter().for_each(|f| traced.add(f));
+        traced
+    }
+
+    /// Sums over the samples of a tile `[P, C]`.
+    fn tile(&self, view: &View, tile: &Tile) -> (Vec<f64>, Traced) {
+        let own = view.scene.counted.len();
+        let range = tile.first..tile.first + tile.pixels;
+        let all: Vec<u32>;
+        let pixels = match self.pixels {
+            Some(pixels) => &pixels[range],
+            None => {
+                all = range.map(|i| i as u32).collect();
+                &all
             }
-            if let (Some(objects), Some(all)) = (objects, self.rows.objects) {
-                let first = self.rows.count() - all - 1;
-                for (i, shares) in objects.chunks(own + 1).enumerate() {
-                    for (k, share) in shares.iter().enumerate() {
-                        // The background comes last, whatever the number of objects.
-                        let row = first + if k == own { all } else { k };
-                        planes[row * count + tile.first + i] += f64::from(*share) * per_sample;
-                    }
+        };
+        let mut work = Work::new(self.options.bounces);
+        let mut objects = self
+            .rows
+            .objects
+            .map(|_| vec![0.0; (own + 1) * tile.pixels]);
+        let samples = tile.from..tile.to;
+        let sums = view.render(pixels, samples, &mut work, objects.as_deref_mut());
+        let channels = self.rows.count();
+        let mut rows = vec![0.0; channels * tile.pixels];
+        let mut non_finite = 0;
+        for (i, (sum, row)) in sums.iter().zip(rows.chunks_exact_mut(channels)).enumerate() {
+            let values = self.rows.of(sum, view.scene.frame.unit);
+            row.iter_mut().zip(values).for_each(|(r, v)| *r = v);
+            non_finite += row[..3].iter().filter(|v| !v.is_finite()).count() as u64;
+            if let (Some(objects), Some(all)) = (&objects, self.rows.objects) {
+                let first = channels - all - 1;
+                for (k, share) in objects[i * (own + 1)..][..=own].iter().enumerate() {
+                    // The background comes last, whatever the number of objects.
+                    row[first + if k == own { all } else { k }] = f64::from(*share);
                 }
             }
         }
-        Statistics::of_rays(counts)
+        let n = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        if let Some(progress) = &self.options.progress {
+            progress(n, self.all);
+        }
+        let counts = work.counts;
+        (rows, Traced { counts, non_finite })
     }
 }
 
@@ -431,7 +502,7 @@ struct Backward {
 }
 
 impl Backward {
-    /// The gradient of the parent from that of the rows of all views `[B·C, P]`.
+    /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
     fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let upstream: Vec<f64> = upstream.iter::<f64>().collect();
         let of_view = self.rows.count() * self.pixels.len();
@@ -453,7 +524,7 @@ impl Backward {
     }
 
     fn of_view(&self, view: &View, upstream: &[f64]) -> Sums {
-        let count = self.pixels.len();
+        let channels = self.rows.count();
         let per_sample = f64::from(self.samples).recip();
         let unit = view.scene.frame.unit;
         let upstream: Vec<(u32, Seen)> = self
@@ -461,7 +532,7 @@ impl Backward {
             .iter()
             .enumerate()
             .map(|(i, &pixel)| {
-                let row = |row: usize| upstream[row * count + i] * per_sample;
+                let row = |row: usize| upstream[i * channels + row] * per_sample;
                 (pixel, self.rows.upstream(row, unit))
             })
             .collect();

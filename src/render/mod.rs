@@ -44,8 +44,8 @@ pub fn render_pixels(
     options: &RenderOptions,
     pixels: &[u32],
 ) -> Result<Image> {
-    let count = options.width * options.height;
-    if let Some(p) = pixels.iter().find(|&&p| p as usize >= count) {
+    let count = options.width as u128 * options.height as u128;
+    if let Some(p) = pixels.iter().find(|&&p| u128::from(p) >= count) {
         return Err(Error::invalid(
             "pixels",
             "pixel",
@@ -91,6 +91,8 @@ fn render_views(
         Some(pixels) => [pixels.len(), 1],
         None => [options.width, options.height],
     };
+    let all = size[0] as u128 * size[1] as u128 * batch.views.len() as u128;
+    options.check_memory(all)?;
     let mut means = match options.visibility {
         Visibility::Cone { .. } if options.engine != Engine::Tensors => {
             kernel::render(batch, options, pixels)?

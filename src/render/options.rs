@@ -11,6 +11,9 @@ use crate::scene::Bounds;
 use crate::transport::Sampling;
 use crate::visibility::Visibility;
 
+/// Bounces of a path, at most.
+const MOST_BOUNCES: u32 = 10_000;
+
 /// Called after each tile with the number of tiles done and of all tiles.
 pub type Progress = Arc<dyn Fn(usize, usize) + Send + Sync>;
 
@@ -51,6 +54,7 @@ pub struct RenderOptions {
     pub(super) cache: Option<HierarchyCache>,
     pub(super) cutoff: f64,
     pub(super) progress: Option<Progress>,
+    pub(super) memory_limit: u64,
 }
 
 /// What to return beside radiance.
@@ -109,6 +113,7 @@ impl RenderOptions {
             cache: None,
             cutoff: 1e-4,
             progress: None,
+            memory_limit: 4 << 30,
         }
     }
 
@@ -250,6 +255,34 @@ impl RenderOptions {
         self
     }
 
+    /// The most bytes that the images of a call may take, 4 GiB unless set: larger ones are an error
+    /// before anything is rendered.
+    pub fn memory_limit(mut self, bytes: u64) -> Self {
+        self.memory_limit = bytes;
+        self
+    }
+
+    /// That images of so many pixels in all may be rendered.
+    pub(super) fn check_memory(&self, pixels: u128) -> Result<()> {
+        let o = self.outputs;
+        let channels = [(o.opacity, 1), (o.depth, 1), (o.normals, 3)];
+        let more: u128 = channels.iter().filter(|c| c.0).map(|c| c.1).sum();
+        let bytes = 4 * (3 + more) * pixels;
+        if bytes <= u128::from(self.memory_limit) {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            "options",
+            "width × height",
+            format!("{} × {}", self.width, self.height),
+            format!(
+                "images within {:.1} GB (RenderOptions::memory_limit); they take {:.1} GB",
+                self.memory_limit as f64 / 1e9,
+                bytes as f64 / 1e9
+            ),
+        ))
+    }
+
     /// Calls a function after each tile.
     pub fn progress(mut self, progress: Progress) -> Self {
         self.progress = Some(progress);
@@ -277,6 +310,13 @@ impl RenderOptions {
                 size,
                 "at most 2³² − 1 pixels",
             ));
+        }
+        if self.bounces > MOST_BOUNCES {
+            let expected = format!(
+                "at most {MOST_BOUNCES}; a path would go on for up to {} surfaces",
+                u64::from(self.bounces) + 1
+            );
+            return Err(Error::invalid(options, "bounces", self.bounces, expected));
         }
         if !(self.cutoff > 0.0 && self.cutoff < 0.5) {
             return Err(Error::invalid(

@@ -144,13 +144,7 @@ impl Retraced {
         let upstream: Vec<f64> = upstream.iter::<f64>().collect();
         let per_sample = f64::from(self.options.samples).recip();
         let of_tile = |tile: &Tile| -> Result<Vec<f64>> {
-            let leaf = self.parameters.clone().autodiff().require_grad();
-            let (mut scene, mut camera) = (self.scene.clone(), self.camera.clone());
-            let mut replace = Replace {
-                parameters: leaf.clone(),
-                next: 0,
-            };
-            visit_tensors(&mut scene, &mut camera, &mut replace);
+            let (leaf, scene, camera) = self.anew();
             let flattened = Flattened::new(&scene, &camera, Some(self.bounds))?;
             let pixels_of = self.pixels.clone();
             let renderer = Renderer::new(
@@ -195,9 +189,23 @@ impl Retraced {
         TensorData::new(sum, [count]).convert_dtype(dtype)
     }
 
+    /// Scene and camera in a graph of their own, with the leaf of its parameters: that of the image is
+    /// locked while it goes backward.
+    fn anew(&self) -> (Tensor<1>, Scene, Camera) {
+        let leaf = self.parameters.clone().autodiff().require_grad();
+        let (mut scene, mut camera) = (self.scene.clone(), self.camera.clone());
+        let mut replace = Replace {
+            parameters: leaf.clone(),
+            next: 0,
+        };
+        visit_tensors(&mut scene, &mut camera, &mut replace);
+        (leaf, scene, camera)
+    }
+
     /// A gradient with what jumps of visibility add to it.
     pub fn with_jumps(&self, gradient: TensorData, upstream: &TensorData) -> TensorData {
-        let view = (&self.scene, &self.camera);
+        let (_, scene, camera) = self.anew();
+        let view = (&scene, &camera);
         let jumps = super::kernel::jumps(view, &self.options, self.pixels.clone(), upstream);
         let jumps = jumps.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
         let (dtype, shape) = (gradient.dtype(), gradient.shape().clone());

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use burn::tensor::Tensor;
+use burn::tensor::{Tensor, TensorData};
 use rayon::prelude::*;
 
 use super::batch::of_batch;
@@ -37,9 +37,10 @@ pub(super) fn render(
         rendered.push(view.map_err(of_batch("view", index))?);
     }
     let objects = rendered.iter().map(|v| v.objects).max().unwrap_or(0);
-    let rows = rendered
-        .iter()
-        .map(|v| v.rows(objects, options.outputs.object_ids));
+    let rows = rendered.iter().map(|v| {
+        let rows = v.rows(objects, options.outputs.object_ids);
+        rows.swap_dims(0, 1)
+    });
     Ok(Means {
         mean: Tensor::stack(rows.collect(), 0),
         objects,
@@ -119,6 +120,8 @@ impl View {
         let retrace = Retrace(Arc::new(move |upstream| {
             let gradient = retraced.gradient(&upstream, &hierarchy);
             if hard {
+                // Kernels have the channels of a pixel side by side.
+                let upstream = transposed(&upstream);
                 retraced.with_jumps(gradient, &upstream)
             } else {
                 gradient
@@ -127,6 +130,16 @@ impl View {
         let mean = replay(parameters, mean, retrace);
         Ok(Self::new(&renderer, mean, found))
     }
+}
+
+/// A matrix `[C, P]` as `[P, C]`.
+fn transposed(data: &TensorData) -> TensorData {
+    let (rows, columns) = (data.shape()[0], data.shape()[1]);
+    let values: Vec<f64> = data.iter::<f64>().collect();
+    let of_column = |p: usize| (0..rows).map(move |c| (c, p));
+    let all = (0..columns).flat_map(of_column);
+    let values: Vec<f64> = all.map(|(c, p)| values[c * columns + p]).collect();
+    TensorData::new(values, [columns, rows])
 }
 
 /// What rays see, with what it needs of a scene.
