@@ -337,7 +337,7 @@ fn fine_faces_render_like_coarse_ones() {
     let coarse = shapes::icosphere(2, &device);
     let mut fine = coarse.clone();
     for _ in 0..splits {
-        fine = fine.subdivided();
+        fine = fine.subdivided().expect("a mesh");
     }
     // The area of a unit sphere shared by equilateral triangles.
     let edge = (16.0 * std::f64::consts::PI / 3f64.sqrt() / fine.faces.len() as f64).sqrt();

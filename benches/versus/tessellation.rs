@@ -24,7 +24,8 @@ pub struct Tessellation {
     /// Subdivisions of the finest ball.
     #[arg(long, default_value_t = 6)]
     most: u32,
-    /// Another renderer's figures, lines of `faces,bias,noise`.
+    /// Another renderer's figures, as `mitsuba.py tessellation` prints them: faces, mean and noise over the
+    /// reference derivative, seconds of a gradient.
     #[arg(long)]
     beside: Option<PathBuf>,
     /// Where the figure goes.
@@ -58,7 +59,8 @@ impl Tessellation {
     pub fn run(&self, visibility: Visibility) -> Result<(), Box<dyn Error>> {
         let device = Device::flex();
         let file = load("sphere");
-        let (weights, _) = weights("sphere", "ball-z");
+        let (weights, exact) = weights("sphere", "ball-z");
+        let mut all_expected = Vec::new();
         let weights = Tensor::<1>::from_floats(weights.as_slice(), &device);
         let (mut bias, mut noise) = (Vec::new(), Vec::new());
         println!("| faces | gradient over differences | noise × √time | µs a path |");
@@ -111,6 +113,7 @@ impl Tessellation {
                 time / paths * 1e6
             );
             let decades = (faces as f64).log10();
+            all_expected.push((faces as f64, expected));
             bias.push((decades, 100.0 * (mean / expected - 1.0)));
             noise.push((decades, scaled));
         }
@@ -123,14 +126,24 @@ impl Tessellation {
         if let Some(path) = &self.beside {
             let text = std::fs::read_to_string(path)?;
             let mut rows = Vec::new();
-            for line in text.lines() {
+            for line in text.lines().skip(1) {
                 let row: Result<Vec<f64>, _> = line.split(',').map(str::parse).collect();
-                rows.push(row?);
+                let [faces, mean, noise, seconds] = row?[..] else {
+                    return Err(format!("{}: not four numbers: {line}", path.display()).into());
+                };
+                let Some((_, expected)) = all_expected.iter().find(|e| e.0 == faces) else {
+                    continue;
+                };
+                let scale = exact / expected;
+                let bias = 100.0 * (mean * scale - 1.0);
+                let noise = noise * scale.abs() * seconds.sqrt();
+                println!("| {faces} | {:.4} | {noise:.4} | beside |", mean * scale);
+                rows.push((faces.log10(), bias, noise));
             }
             let [a, b] = plots;
             plots = [
-                a.curve("Mitsuba", rows.iter().map(|r| (r[0].log10(), r[1]))),
-                b.curve("Mitsuba", rows.iter().map(|r| (r[0].log10(), r[2]))),
+                a.curve("Mitsuba", rows.iter().map(|r| (r.0, r.1))),
+                b.curve("Mitsuba", rows.iter().map(|r| (r.0, r.2))),
             ];
         }
         let mut picture = figure::Figure::new("A ball in more and more faces");

@@ -8,6 +8,9 @@ use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::cone::lifted;
 use crate::model::triangle::{barycentric, barycentric_slopes, hit_backward};
 
+/// Normals of corners may cancel where they are interpolated.
+const TINY: f32 = 1e-15;
+
 /// A point that a ray hit.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Point {
@@ -174,7 +177,7 @@ impl KernelScene {
         if smooth {
             let sum = self.sum_of_normals(k, weights);
             let facing = if sum.dot(geometric) >= 0.0 { 1.0 } else { -1.0 };
-            normal = sum * (facing / sum.length());
+            normal = sum * (facing / sum.length().max(TINY));
         }
         let m = &self.materials[tri.material as usize];
         let mut shading = Shading {
@@ -301,7 +304,7 @@ impl KernelScene {
         }
         if p.shading.smooth {
             let sum = self.sum_of_normals(k, p.weights);
-            let inverse = 1.0 / sum.length();
+            let inverse = 1.0 / sum.length().max(TINY);
             let unit = sum * inverse;
             let facing = if sum.dot(p.shading.geometric) >= 0.0 {
                 1.0

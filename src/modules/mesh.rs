@@ -108,8 +108,7 @@ impl Template {
         Mesh {
             uvs: self.uvs.as_ref().map(attribute),
             normals: self.normals.as_ref().map(attribute),
-            faces: self.faces.0.clone(),
-            vertices,
+            ..Mesh::of_faces(vertices, self.faces.0.clone())
         }
     }
 }

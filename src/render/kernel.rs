@@ -603,7 +603,7 @@ impl Backward {
 }
 
 /// Samples of edges on the film for each path of the image.
-const FILM_SAMPLES: f64 = 0.25;
+const FILM_SAMPLES: f64 = 0.125;
 
 /// So many samples of edges on the film take no time.
 const FEW: f64 = 1024.0;

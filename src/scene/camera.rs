@@ -115,8 +115,21 @@ impl Camera {
             v.scale_by(per_unit)
         };
         let eye = relative(&self.eye);
-        let forward = relative(&self.target).sub(&eye).normalized();
-        let right = forward.cross(&vector(&self.up).normalized()).normalized();
+        // Their lengths may be too small or large for squares in the scene's float type.
+        let host = |p: &Parameter<3>| glam::DVec3::from(p.values().unwrap_or([0.0; 3]));
+        let length = (host(&self.target) - host(&self.eye)).length();
+        let forward = match (&self.eye, &self.target) {
+            (&Parameter::Constant(eye), &Parameter::Constant(target)) => {
+                let forward = glam::DVec3::from(target) - glam::DVec3::from(eye);
+                Vec3::constant(context, (forward / length).to_array())
+            }
+            _ => {
+                let forward = vector(&self.target).sub(&vector(&self.eye));
+                forward.scale_by(length.recip()).normalized()
+            }
+        };
+        let up = vector(&self.up).scale_by(host(&self.up).length().recip());
+        let right = forward.cross(&up.normalized()).normalized();
         let up = right.cross(&forward);
         let [fov] = self.fov_y.planes(context);
         let half = fov * (std::f64::consts::PI / 360.0);

@@ -27,16 +27,23 @@ pub struct Mesh {
     pub uvs: Option<CornerAttribute>,
     /// Shading normals `[_, 3]`.
     pub normals: Option<CornerAttribute>,
+    /// What was wrong when it was made, which a render tells.
+    pub(crate) mistake: Option<String>,
 }
 
 impl Mesh {
     /// A mesh from a tensor of vertices `[V, 3]` and faces.
     pub fn new(vertices: Tensor<2>, faces: Vec<[u32; 3]>) -> Self {
+        Self::of_faces(vertices, Arc::new(faces))
+    }
+
+    pub(crate) fn of_faces(vertices: Tensor<2>, faces: Arc<Vec<[u32; 3]>>) -> Self {
         Self {
             vertices,
-            faces: Arc::new(faces),
+            faces,
             uvs: None,
             normals: None,
+            mistake: None,
         }
     }
 
@@ -78,15 +85,27 @@ impl Mesh {
         self
     }
 
-    /// Moved by a tensor `[3]`.
-    pub fn translated(self, offset: Tensor<1>) -> Self {
+    /// Moved by a tensor `[3]`, scene units. With one of another shape it can't be rendered.
+    pub fn translated(mut self, offset: Tensor<1>) -> Self {
+        let [n] = offset.dims();
+        if n != 3 {
+            self.mistake = Some(format!(
+                "translated by a tensor of shape [{n}], expected [3]"
+            ));
+            return self;
+        }
         let moved = self.vertices.clone() + offset.reshape([1, 3]);
         self.with_vertices(moved)
     }
 
-    /// Scaled about the origin by a tensor `[1]` or `[3]`.
-    pub fn scaled(self, scale: Tensor<1>) -> Self {
-        let n = scale.dims()[0];
+    /// Scaled about the origin by a tensor `[1]` or `[3]`. With one of another shape it can't be rendered.
+    pub fn scaled(mut self, scale: Tensor<1>) -> Self {
+        let [n] = scale.dims();
+        if n != 1 && n != 3 {
+            let mistake = format!("scaled by a tensor of shape [{n}], expected [1] or [3]");
+            self.mistake = Some(mistake);
+            return self;
+        }
         let scaled = self.vertices.clone() * scale.reshape([1, n]);
         self.with_vertices(scaled)
     }
@@ -107,7 +126,11 @@ impl Mesh {
 
     /// With every face split into four in its own plane: the same shape. Vertices stay in the
     /// graph; texture coordinates and normals are dropped.
-    pub fn subdivided(&self) -> Self {
+    ///
+    /// # Errors
+    /// If the vertices are not `[V, 3]` or a face has an index out of range.
+    pub fn subdivided(&self) -> Result<Self> {
+        check_indices("mesh", "vertices", self.vertices.dims(), 3, &self.faces)?;
         let count = self.vertices.dims()[0] as u32;
         let mut middles = std::collections::HashMap::new();
         let mut ends: Vec<(u32, u32)> = Vec::new();
@@ -128,7 +151,8 @@ impl Mesh {
             self.vertices.clone().select(0, rows)
         };
         let middles = (at(|e| e.0) + at(|e| e.1)) * 0.5;
-        Self::new(Tensor::cat(vec![self.vertices.clone(), middles], 0), faces)
+        let vertices = Tensor::cat(vec![self.vertices.clone(), middles], 0);
+        Ok(Self::new(vertices, faces))
     }
 
     /// The vertices on the host.
@@ -140,12 +164,23 @@ impl Mesh {
     }
 
     pub(crate) fn check(&self, object: &str) -> Result<()> {
+        if let Some(mistake) = &self.mistake {
+            let expected = "one that was made without mistake";
+            return Err(Error::invalid(object, "mesh", mistake, expected));
+        }
         check_table(object, "vertices", &self.vertices, 3, &self.faces)?;
         if let Some(uvs) = &self.uvs {
             self.check_attribute(object, "uvs", uvs, 2)?;
         }
         if let Some(normals) = &self.normals {
             self.check_attribute(object, "normals", normals, 3)?;
+            let rows = host_values(&normals.values)?;
+            let is_zero = |&&row: &&u32| rows[3 * row as usize..][..3] == [0.0; 3];
+            if let Some(row) = normals.faces.iter().flatten().find(is_zero) {
+                let field = format!("normals {row}");
+                let expected = "a vector that is not 0";
+                return Err(Error::invalid(object, field, "[0.0, 0.0, 0.0]", expected));
+            }
         }
         Ok(())
     }
@@ -198,7 +233,27 @@ fn check_table(
     width: usize,
     faces: &[[u32; 3]],
 ) -> Result<()> {
-    let [rows, columns] = values.dims();
+    check_indices(object, field, values.dims(), width, faces)?;
+    let host = host_values(values)?;
+    // Kernels are in f32.
+    if let Some(i) = host.iter().position(|&v| !(v as f32).is_finite()) {
+        return Err(Error::invalid(
+            object,
+            format!("{field} {}", i / width),
+            format!("{:?}", &host[i / width * width..(i / width + 1) * width]),
+            "finite numbers",
+        ));
+    }
+    Ok(())
+}
+
+fn check_indices(
+    object: &str,
+    field: &str,
+    [rows, columns]: [usize; 2],
+    width: usize,
+    faces: &[[u32; 3]],
+) -> Result<()> {
     if columns != width {
         return Err(Error::invalid(
             object,
@@ -217,15 +272,6 @@ fn check_table(
             format!("{field} of face {i}"),
             format!("{f:?}"),
             format!("indices under {rows}"),
-        ));
-    }
-    let host = host_values(values)?;
-    if let Some(i) = host.iter().position(|v| !v.is_finite()) {
-        return Err(Error::invalid(
-            object,
-            format!("{field} {}", i / width),
-            format!("{:?}", &host[i / width * width..(i / width + 1) * width]),
-            "finite numbers",
         ));
     }
     Ok(())

@@ -73,7 +73,8 @@ impl<const C: usize> Parameter<C> {
             ));
         }
         let values = self.values()?;
-        if values.iter().all(|&v| v.is_finite() && valid(v)) {
+        // Kernels are in f32.
+        if values.iter().all(|&v| (v as f32).is_finite() && valid(v)) {
             Ok(values)
         } else {
             let shown = if C == 1 {

@@ -48,9 +48,9 @@ const BESIDE: f32 = 2e-5;
 
 /// The probability with which edges of the lights' shadows are looked for at a point of a path that counts
 /// as much as a camera ray does on average; those that count for less are asked less often.
-const LIGHT: f32 = 0.5;
+const LIGHT: f32 = 0.25;
 /// The same of reflected light, which takes two more paths.
-const REFLECTED: f32 = 0.25;
+const REFLECTED: f32 = 0.125;
 /// At least this share of it.
 const LEAST: f32 = 0.05;
 
