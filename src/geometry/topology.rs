@@ -20,18 +20,22 @@ pub struct Topology {
     pub visible_side: Vec<f64>,
 }
 
-/// A list for each triangle, each neighbour once, ascending.
+/// Which triangles share a vertex: where their corners are, and the triangles at each such place. Linear
+/// in the triangles, however many of them share one.
 #[derive(Clone, Debug)]
 pub struct Neighbours {
-    list: Vec<u32>,
+    corners: Vec<[u32; 3]>,
+    /// Where the list of each place begins, and the end.
     starts: Vec<usize>,
+    list: Vec<u32>,
 }
 
 impl Default for Neighbours {
     fn default() -> Self {
         Self {
-            list: Vec::new(),
+            corners: Vec::new(),
             starts: vec![0],
+            list: Vec::new(),
         }
     }
 }
@@ -39,21 +43,47 @@ impl Default for Neighbours {
 impl Neighbours {
     /// No triangle has any.
     pub fn none(triangles: usize) -> Self {
-        Self {
-            list: Vec::new(),
-            starts: vec![0; triangles + 1],
+        let mut neighbours = Self::default();
+        let corners = (0..triangles as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]);
+        neighbours.push_object(corners.collect(), 3 * triangles);
+        neighbours
+    }
+
+    /// Those of a triangle, some of them more than once.
+    pub fn of(&self, triangle: u32) -> impl Iterator<Item = u32> {
+        let at = |p: u32| &self.list[self.starts[p as usize]..self.starts[p as usize + 1]];
+        let around = self.corners[triangle as usize].into_iter().flat_map(at);
+        around.copied().filter(move |&k| k != triangle)
+    }
+
+    /// Whether two triangles share a vertex.
+    pub fn are(&self, k: u32, l: u32) -> bool {
+        let (p, q) = (self.corners[k as usize], self.corners[l as usize]);
+        k != l && p.iter().any(|v| q.contains(v))
+    }
+
+    /// Adds an object's triangles, whose corners are at some of its places.
+    fn push_object(&mut self, mut corners: Vec<[u32; 3]>, places: usize) {
+        let (first, base) = (self.corners.len() as u32, self.list.len());
+        let mut starts = vec![0usize; places + 1];
+        for &p in corners.iter().flatten() {
+            starts[p as usize + 1] += 1;
         }
-    }
-
-    /// Those of a triangle.
-    pub fn of(&self, triangle: u32) -> &[u32] {
-        let k = triangle as usize;
-        &self.list[self.starts[k]..self.starts[k + 1]]
-    }
-
-    fn push(&mut self, list: &[u32]) {
-        self.list.extend_from_slice(list);
-        self.starts.push(self.list.len());
+        for p in 0..places {
+            starts[p + 1] += starts[p];
+        }
+        let mut next = starts.clone();
+        self.list.resize(base + 3 * corners.len(), 0);
+        for (k, w) in corners.iter().enumerate() {
+            for &p in w {
+                self.list[base + next[p as usize]] = first + k as u32;
+                next[p as usize] += 1;
+            }
+        }
+        let shift = self.starts.len() as u32 - 1;
+        self.starts.extend(starts[1..].iter().map(|s| base + s));
+        corners.iter_mut().flatten().for_each(|p| *p += shift);
+        self.corners.extend(corners);
     }
 }
 
@@ -122,7 +152,6 @@ impl Topology {
     /// edge has two faces of opposite direction).
     pub fn push_object(&mut self, weld: &Weld, faces: &[[u32; 3]], materials: &[u32]) {
         let object = self.object.last().map_or(0, |o| o + 1);
-        let first = self.object.len() as u32;
         let welded = &weld.of_vertex;
         let corners: Vec<[u32; 3]> = faces
             .iter()
@@ -150,51 +179,7 @@ impl Topology {
             .any(|w| w[0] == w[1] || w[1] == w[2] || w[2] == w[0]);
         let closed = !faces.is_empty() && once && !loops && edges == directed(true);
 
-        // Faces by vertex.
-        let mut starts = vec![0usize; weld.count + 1];
-        corners
-            .iter()
-            .flatten()
-            .for_each(|&v| starts[v as usize + 1] += 1);
-        for v in 0..weld.count {
-            starts[v + 1] += starts[v];
-        }
-        let mut next = starts.clone();
-        let mut at_vertex = vec![0u32; 3 * faces.len()];
-        for (f, w) in corners.iter().enumerate() {
-            for &v in w {
-                at_vertex[next[v as usize]] = first + f as u32;
-                next[v as usize] += 1;
-            }
-        }
-        const PIECE: usize = 4096;
-        let pieces: Vec<Neighbours> = corners
-            .par_chunks(PIECE)
-            .enumerate()
-            .map(|(piece, corners)| {
-                let mut found = Neighbours::default();
-                let mut around = Vec::new();
-                for (f, w) in corners.iter().enumerate() {
-                    let own = first + (piece * PIECE + f) as u32;
-                    around.clear();
-                    for &v in w {
-                        let range = starts[v as usize]..starts[v as usize + 1];
-                        around.extend(at_vertex[range].iter().filter(|&&j| j != own));
-                    }
-                    around.sort_unstable();
-                    around.dedup();
-                    found.push(&around);
-                }
-                found
-            })
-            .collect();
-        let neighbours = Arc::make_mut(&mut self.neighbours);
-        for piece in pieces {
-            let base = neighbours.list.len();
-            neighbours.list.extend(piece.list);
-            let starts = piece.starts[1..].iter().map(|s| base + s);
-            neighbours.starts.extend(starts);
-        }
+        Arc::make_mut(&mut self.neighbours).push_object(corners, weld.count);
         let n = faces.len();
         self.object.extend(std::iter::repeat_n(object, n));
         self.material.extend_from_slice(&materials[..n]);

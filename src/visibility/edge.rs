@@ -274,7 +274,7 @@ fn end_masks(context: &Context, topology: &Topology, rays: &Rays) -> Masks {
     for end in ends {
         for (i, &k) in end.iter().enumerate() {
             excluded[k as usize * n + i] = true;
-            for &j in topology.neighbours.of(k) {
+            for j in topology.neighbours.of(k) {
                 softened[j as usize * n + i] = true;
             }
         }

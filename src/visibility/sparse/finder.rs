@@ -198,9 +198,8 @@ impl<'a> Finder<'a> {
             ..
         } = *ray;
         let near_end = ends.near_end;
-        let neighbour = |end: Option<u32>, k: u32| {
-            end.is_some_and(|e| topology.neighbours.of(e).binary_search(&k).is_ok())
-        };
+        let neighbour =
+            |end: Option<u32>, k: u32| end.is_some_and(|e| topology.neighbours.are(e, k));
         let logs = ends.fall > 0.0;
         let triangle = &self.hierarchy.triangles[k as usize];
         let o = origin - triangle.velocity * time;
