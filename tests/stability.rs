@@ -4,7 +4,7 @@
 mod common;
 
 use burn::tensor::{DType, Device};
-use common::stress::{Outcome, World, cases};
+use common::stress::{Outcome, Thing, World, cases};
 use common::{cpu_devices, long};
 use softray::prelude::*;
 
@@ -34,6 +34,59 @@ fn images_and_gradients_are_finite() {
         }
     }
     println!("{} cases", all.len());
+    assert!(
+        failures.is_empty(),
+        "{}:\n{}",
+        failures.len(),
+        failures.join("\n")
+    );
+}
+
+/// Triangles at random, of sizes and at distances a million times apart, in scenes of 1e-12 to 1e12.
+#[test]
+fn soups_of_any_size_are_finite() {
+    let mut failures = Vec::new();
+    let mut state = 1u64;
+    let mut random = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+    };
+    for (round, exponent) in (0..if long() { 40 } else { 4 })
+        .flat_map(|round| [-12, -6, 0, 6, 12].map(|exponent| (round, exponent)))
+    {
+        let scale = 10f64.powi(exponent);
+        let mut vertices = Vec::new();
+        for _ in 0..30 {
+            let size = scale * 10f64.powf(3.0 * random());
+            let at: [f64; 3] = std::array::from_fn(|_| size * random());
+            for _ in 0..3 {
+                vertices.push(std::array::from_fn(|k| at[k] + size * random()));
+            }
+        }
+        let faces: Vec<[u32; 3]> = (0..30).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        for form in [
+            Visibility::cone(0.0),
+            Visibility::cone(0.05),
+            Visibility::softmax(1e-4 * scale * scale, 1e-3),
+        ] {
+            let soup = Thing::new("soup", vertices.clone(), faces.clone());
+            let world = World::new().with(|w| {
+                w.things = vec![soup.emitting([1.0, 0.5, 0.2])];
+                w.eye = [0.3 * scale, 1.6 * scale, 4.0 * scale];
+                w.target = [0.0, 0.1 * scale, 0.0];
+                w.options = w.options.clone().visibility(form);
+            });
+            let name = format!("soup {round} of 1e{exponent}, {form:?}");
+            match world.run(&Device::flex(), DType::F32) {
+                Ok(outcome) => {
+                    failures.extend(outcome.not_finite().map(|w| format!("{name}: {w}")))
+                }
+                Err(e) => failures.push(format!("{name}: {e}")),
+            }
+        }
+    }
     assert!(
         failures.is_empty(),
         "{}:\n{}",
