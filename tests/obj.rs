@@ -218,7 +218,7 @@ fn errors_name_file_and_field() {
 
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     for (tail, parts) in [
-        ("f 1 2 x\n", ["scene.obj", "line 4", "face"]),
+        ("f 1 2 x\n", ["scene.obj", "line 4", "v/vt/vn"]),
         ("v 1 zero 0\nf 1 2 3\n", ["scene.obj", "line 4", "position"]),
         ("vn 1\nf 1 2 3\n", ["scene.obj", "line 4", "normal"]),
         ("f 1 2\n", ["scene.obj", "line 4", "2 corners"]),

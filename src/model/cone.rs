@@ -112,7 +112,13 @@ mod tests {
         let mut mirrored = 0;
         for i in 0..16 {
             let axis = v3(0.9, -0.3, 0.02 * i as f32).normalized();
-            let bent = bend(axis, normal, 0.3, (i as f32 + 0.5) / 16.0, 0.3);
+            let bent = bend(
+                axis,
+                normal,
+                0.3,
+                (i as f32 + 0.5) / 16.0,
+                (0.37 * i as f32).fract(),
+            );
             mirrored += u32::from(bent.mirrored);
             let value = |axis: V3, normal: V3| {
                 let d = (axis + bent.offset).normalized();
