@@ -64,11 +64,12 @@ fn finite(scene: &Scene) {
         let image = render(&scene, &camera(), &options).expect("an image");
         let gradients = image.radiance.clone().sum().backward();
         let values = image.radiance.into_data().iter::<f32>().collect::<Vec<_>>();
-        assert!(values.iter().all(|v| v.is_finite()));
+        assert!(values.iter().all(|v| v.is_finite()), "{form:?}: image");
         for object in &scene.objects {
             let gradient = object.mesh.vertices.grad(&gradients).expect("a gradient");
             let values = gradient.into_data().iter::<f32>().collect::<Vec<_>>();
-            assert!(values.iter().all(|v| v.is_finite()));
+            let finite = values.iter().all(|v| v.is_finite());
+            assert!(finite, "{form:?}: gradient of {}", object.name);
         }
     }
 }
@@ -107,7 +108,7 @@ fn meshes_collapsed_to_a_point() {
         let point = ball.clone().scaled(Tensor::from_floats([size], &device));
         let beside = shapes::icosphere(1, &device);
         let scene = Scene::new()
-            .with(Object::new(point))
+            .with(Object::new(point).named(format!("point of {size:e}")))
             .with(Object::new(beside));
         finite(&scene);
     }

@@ -91,7 +91,7 @@ impl Hierarchy {
     /// Builds boxes over the triangles that have area.
     pub fn new(triangles: Vec<HostTriangle>) -> Self {
         let nodes = (triangles.len() > FEW).then(|| {
-            let boxes: Vec<Swept> = triangles.iter().map(swept).collect();
+            let boxes: Vec<Swept> = triangles.iter().enumerate().map(apart).collect();
             let mut time = std::time::Duration::ZERO;
             let parameters = BvhBuildParams {
                 max_prims_per_leaf: LANES as u32,
@@ -288,6 +288,26 @@ fn extent(triangles: &[HostTriangle]) -> f64 {
         t.corners.map(far).into_iter().fold(0.0, f64::max)
     };
     triangles.iter().map(reach).fold(0.0, f64::max)
+}
+
+/// The box of a triangle, grown by next to nothing, each side by an amount of its own: among boxes that are
+/// the same the builder would join one pair a round.
+fn apart((i, t): (usize, &HostTriangle)) -> Swept {
+    let Swept(own) = swept(t);
+    let size = own.min.abs().max(own.max.abs()).max_element();
+    let most = if size.is_finite() {
+        size * 4e-6 + 1e-12
+    } else {
+        0.0
+    };
+    let mut state = i as u32;
+    let mut random = || {
+        state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+        ((word >> 22) ^ word) as f32 / 4_294_967_296.0
+    };
+    let mut by = || Vec3A::new(random(), random(), random()) * most;
+    Swept(Aabb::new(own.min - by(), own.max + by()))
 }
 
 fn swept(t: &HostTriangle) -> Swept {

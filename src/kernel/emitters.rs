@@ -21,6 +21,7 @@ pub(crate) struct Emitter {
     pub triangle: u32,
     pub corners: [V3; 3],
     pub normal: V3,
+    pub area: f32,
     pub velocity: V3,
     /// Mean radiance, not 0: one that is black for now may have a gradient.
     radiance: f32,
@@ -64,6 +65,7 @@ impl Emitters {
                 triangle: k as u32,
                 corners: t.corners,
                 normal: t.normal,
+                area: t.area,
                 velocity: velocities.map_or(V3::ZERO, |v| v[t.object as usize]),
                 radiance: {
                     let e = materials[t.material as usize].emission;
@@ -211,7 +213,8 @@ impl Emitters {
             if t <= 0.0 {
                 continue;
             }
-            let [a, b, c] = barycentric(e.corners, e.corners[0] + from_a + direction * t);
+            let at = e.corners[0] + from_a + direction * t;
+            let [a, b, c] = barycentric(e.corners, e.normal, e.area, at);
             if a >= 0.0 && b >= 0.0 && c >= 0.0 {
                 found(k, t, [b, c]);
             }

@@ -131,7 +131,10 @@ impl KernelScene {
             for (f, face) in o.faces.iter().enumerate() {
                 let corners = face.map(|v| inner[v as usize]);
                 let own = o.face_materials.get(f).copied().unwrap_or(0);
-                let t = HostTriangle::new(corners, velocity, true);
+                let mut t = HostTriangle::new(corners, velocity, true);
+                // Not hit where f32 has no inverse of its area.
+                let area = t.area() as f32;
+                t.valid &= area > 1e-35 && area.is_finite();
                 triangles.push(Triangle {
                     corners: corners.map(V3::from),
                     normal: if t.valid {
@@ -144,7 +147,7 @@ impl KernelScene {
                     } else {
                         0.0
                     },
-                    area: t.area() as f32,
+                    area: if t.valid { area } else { 0.0 },
                     material: o.first_material as u32 + own,
                     object: i as u32,
                 });

@@ -161,7 +161,7 @@ impl KernelScene {
         } else {
             -1.0
         };
-        let weights = barycentric(tri.corners, at_rest);
+        let weights = barycentric(tri.corners, tri.normal, tri.area, at_rest);
         let geometric = tri.normal * side;
         let mut uv = [0.0; 2];
         let uv_rows = self.uv_rows[k];
@@ -324,7 +324,8 @@ impl KernelScene {
         if by_b == 0.0 && by_c == 0.0 {
             return V3::ZERO;
         }
-        let [slope_b, slope_c] = barycentric_slopes(self.triangles[k].corners);
+        let tri = &self.triangles[k];
+        let [slope_b, slope_c] = barycentric_slopes(tri.corners, tri.normal, tri.area);
         slope_b * by_b + slope_c * by_c
     }
 }

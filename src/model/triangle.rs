@@ -2,27 +2,26 @@
 
 use super::V3;
 
-/// Weights of a triangle's corners in a point of its plane.
+/// Weights of a triangle's corners in a point of its plane. No length is squared, so that triangles may be
+/// tiny and huge.
 #[inline(always)]
-pub(crate) fn barycentric(corners: [V3; 3], point: V3) -> [f32; 3] {
+pub(crate) fn barycentric(corners: [V3; 3], normal: V3, area: f32, point: V3) -> [f32; 3] {
     let ab = corners[1] - corners[0];
     let ac = corners[2] - corners[0];
     let from_a = point - corners[0];
-    let n = ab.cross(ac);
-    let inverse = 1.0 / n.length_squared();
-    let b = from_a.cross(ac).dot(n) * inverse;
-    let c = ab.cross(from_a).dot(n) * inverse;
+    let inverse = 0.5 / area;
+    let b = from_a.cross(ac).dot(normal) * inverse;
+    let c = ab.cross(from_a).dot(normal) * inverse;
     [1.0 - b - c, b, c]
 }
 
 /// ∂/∂point of the weights of the second and third corner.
 #[inline(always)]
-pub(crate) fn barycentric_slopes(corners: [V3; 3]) -> [V3; 2] {
+pub(crate) fn barycentric_slopes(corners: [V3; 3], normal: V3, area: f32) -> [V3; 2] {
     let ab = corners[1] - corners[0];
     let ac = corners[2] - corners[0];
-    let n = ab.cross(ac);
-    let inverse = 1.0 / n.length_squared();
-    [ac.cross(n) * inverse, n.cross(ab) * inverse]
+    let inverse = 0.5 / area;
+    [ac.cross(normal) * inverse, normal.cross(ab) * inverse]
 }
 
 /// The weighted sum of the corners.

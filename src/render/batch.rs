@@ -107,12 +107,12 @@ impl Batch {
             }
         }
         let [scenes, vertices, width] = values.dims();
-        if scenes != self.scenes.len() || width != 3 {
+        if scenes != self.scenes.len() || width != 3 || vertices == 0 {
             return Err(Error::invalid(
                 name,
                 "vertices of the batch",
                 format!("of shape [{scenes}, {vertices}, {width}]"),
-                format!("shape [{}, V, 3]", self.scenes.len()),
+                format!("shape [{}, V, 3] with V of at least 1", self.scenes.len()),
             ));
         }
         self.vertices.retain(|v| v.name != name);

@@ -575,7 +575,8 @@ impl View {
                 continue;
             }
             let dual = (t.normal - other * cosine) * inverse;
-            let weights = barycentric(t.corners, p.position - self.scene.shift(k as u32, time));
+            let at_rest = p.position - self.scene.shift(k as u32, time);
+            let weights = barycentric(t.corners, t.normal, t.area, at_rest);
             self.add_to_corners(k, weights, t.normal * g.dot(dual), time, sums);
         }
     }
