@@ -16,8 +16,8 @@ pub(crate) struct Caster {
     offset: Param<Tensor<1>>,
 }
 
-/// Where the fit starts: the two shadows do not touch.
-const START: [f64; 3] = [1.2, 0.0, 0.0];
+/// Where the fit starts: its shadow lies outside of the image, but for what the widest cones blur into it.
+const START: [f64; 3] = [2.0, 0.0, 0.0];
 
 pub(crate) struct Shadow {
     device: Device,
@@ -88,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             AdamConfig::new().with_beta_2(0.99).init(),
         )
         .rate(Rate::exponential(0.06, 0.006))
-        .blur(BlurSchedule::decay(0.8, 0.02, study.steps() * 2 / 3)?)
+        .blur(BlurSchedule::decay(1.15, 0.02, study.steps() * 2 / 3)?)
         .run(|caster: &Caster, step: &_| shadow.evaluate(caster, step))?;
 
     let found = numbers(&fitted.module.offset.val());
