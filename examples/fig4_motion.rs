@@ -84,7 +84,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
         .rate(Rate::cosine(0.01))
-        .blur(BlurSchedule::decay(0.06, 0.01, study.steps() / 2)?)
+        .blur(BlurSchedule::decay(0.3, 0.01, study.steps() / 2)?)
         .run(|moving: &Moving, step: &_| {
             let (vertices, velocity) = (moving.vertices.val(), moving.velocity.val() * UNIT);
             let scene = scene(vertices.clone(), velocity.clone());
