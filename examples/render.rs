@@ -138,7 +138,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .progress(progress);
     let start = Instant::now();
     let image = render(&scene, &camera, &options)?;
-    let host = HostImage::from_tensor(&image.radiance)?;
+    let host = HostImage::take(image.radiance)?;
     bar.finish_and_clear();
     let seconds = start.elapsed().as_secs_f64();
     host.write(&arguments.out)?;

@@ -60,6 +60,15 @@ pub(crate) fn host_vectors(v: &super::Vec3) -> Result<Vec<glam::DVec3>> {
     Ok((0..x.len()).map(vector).collect())
 }
 
+/// The first value that is not finite in f32, in row-major order, and where it is; without a list of all.
+pub(crate) fn first_not_finite<const D: usize>(tensor: &Tensor<D>) -> Result<Option<(usize, f64)>> {
+    let data = plain(tensor)
+        .try_into_data()
+        .map_err(|e| Error::Read(format!("{e:?}")))?;
+    let mut values = data.iter::<f64>().enumerate();
+    Ok(values.find(|(_, v)| !(*v as f32).is_finite()))
+}
+
 /// A float tensor's values on the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
     let data = plain(tensor)

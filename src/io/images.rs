@@ -3,7 +3,7 @@ use std::io::{BufReader, BufWriter, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{DType, Device, Tensor, TensorData};
 use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Rgb, RgbImage};
 
 use super::LoadLimits;
@@ -44,6 +44,14 @@ impl HostImage {
     /// # Errors
     /// When the last axis is not 3 long, or the device fails.
     pub fn from_tensor(tensor: &Tensor<3>) -> Result<Self> {
+        Self::take(tensor.clone())
+    }
+
+    /// The same of a tensor that nobody needs any more, whose values need not be copied.
+    ///
+    /// # Errors
+    /// As [`HostImage::from_tensor`].
+    pub fn take(tensor: Tensor<3>) -> Result<Self> {
         let [height, width, channels] = tensor.dims();
         if channels != 3 {
             return Err(Error::invalid(
@@ -53,12 +61,13 @@ impl HostImage {
                 "shape [H, W, 3]",
             ));
         }
-        let data = crate::geometry::plain(tensor).try_into_data();
-        let data = data.map_err(|e| Error::Read(format!("{e:?}")))?;
-        let data = data.convert::<f32>();
-        let pixels = data
-            .try_into_vec::<f32>()
-            .map_err(|e| Error::Read(format!("{e:?}")))?;
+        let data = tensor.inner().try_into_data();
+        let mut data = data.map_err(|e| Error::Read(format!("{e:?}")))?;
+        if data.dtype() != DType::F32 {
+            data = data.convert::<f32>();
+        }
+        let pixels = data.try_into_vec::<f32>();
+        let pixels = pixels.map_err(|e| Error::Read(format!("{e:?}")))?;
         Self::new(width, height, pixels)
     }
 

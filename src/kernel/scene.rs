@@ -31,6 +31,36 @@ pub(crate) struct Colour {
     pub texture: Option<Texture>,
 }
 
+/// Colours of textures, three numbers each.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Texels(Vec<f32>);
+
+impl Texels {
+    /// Of a list that is moved.
+    pub fn new(numbers: Vec<f32>) -> Self {
+        Self(numbers)
+    }
+
+    pub fn len(&self) -> usize {
+        self.0.len() / 3
+    }
+
+    #[inline(always)]
+    pub fn at(&self, texel: usize) -> V3 {
+        let t = &self.0[3 * texel..3 * texel + 3];
+        v3(t[0], t[1], t[2])
+    }
+
+    /// Adds a list; the first is not copied.
+    fn push(&mut self, numbers: Vec<f32>) {
+        if self.0.is_empty() {
+            self.0 = numbers;
+        } else {
+            self.0.extend(numbers);
+        }
+    }
+}
+
 /// Where a texture lies among the texels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Texture {
@@ -79,7 +109,7 @@ pub(crate) struct KernelScene {
     pub uvs: Vec<[f32; 2]>,
     pub normals: Vec<V3>,
     pub materials: Vec<Material>,
-    pub texels: Vec<V3>,
+    pub texels: Texels,
     pub emitters: Emitters,
     pub sky: Sky,
     /// Texture coordinates count for something.
@@ -96,7 +126,7 @@ impl KernelScene {
 
     /// Packs a scene; boxes are fitted to those of another where they still serve.
     pub fn new(
-        scene: &HostScene,
+        scene: &mut HostScene,
         sampling: EmitterSampling,
         like: Option<&Hierarchy>,
         cache: Option<&HierarchyCache>,
@@ -175,8 +205,8 @@ impl KernelScene {
             (None, Some(cache)) => cache.take(host),
             (None, None) => Arc::new(Hierarchy::new(host)),
         };
-        let mut texels = Vec::new();
-        let mut colour = |t: &HostTexture| match t {
+        let mut texels = Texels::default();
+        let mut colour = |t: &mut HostTexture| match t {
             HostTexture::Constant(c) => Colour {
                 constant: (*c).into(),
                 texture: None,
@@ -193,7 +223,7 @@ impl KernelScene {
                     height: *height,
                     wrap: *wrap,
                 };
-                texels.extend(list.iter().map(|t| v3(t[0], t[1], t[2])));
+                texels.push(std::mem::take(list));
                 Colour {
                     constant: V3::ZERO,
                     texture: Some(texture),
@@ -202,10 +232,10 @@ impl KernelScene {
         };
         let materials: Vec<Material> = scene
             .materials
-            .iter()
+            .iter_mut()
             .map(|m| Material {
-                diffuse: colour(&m.diffuse),
-                specular: colour(&m.specular),
+                diffuse: colour(&mut m.diffuse),
+                specular: colour(&mut m.specular),
                 exponent: m.shininess as f32,
                 emission: m.emission.into(),
                 reflects: m.reflects,

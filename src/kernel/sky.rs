@@ -2,6 +2,7 @@
 
 use std::f32::consts::{PI, TAU};
 
+use super::scene::Texels;
 use crate::model::sky::{SkyDensity, place};
 use crate::model::{V3, v3};
 use crate::scene::{HostScene, HostTexture};
@@ -16,7 +17,7 @@ pub(crate) enum Sky {
 pub(crate) struct SkyMap {
     width: usize,
     height: usize,
-    texels: Vec<V3>,
+    texels: Texels,
     pub drawn: SkyDensity,
 }
 
@@ -36,8 +37,8 @@ impl LookUp {
 }
 
 impl Sky {
-    pub fn new(scene: &HostScene) -> Self {
-        match &scene.environment {
+    pub fn new(scene: &mut HostScene) -> Self {
+        match &mut scene.environment {
             _ if !scene.shines => Self::Black,
             HostTexture::Constant(c) => Self::Constant((*c).into()),
             HostTexture::Image {
@@ -45,7 +46,11 @@ impl Sky {
                 width,
                 height,
                 ..
-            } => Self::Map(Box::new(SkyMap::new(texels, *width, *height))),
+            } => Self::Map(Box::new(SkyMap::new(
+                std::mem::take(texels),
+                *width,
+                *height,
+            ))),
         }
     }
 
@@ -96,10 +101,10 @@ impl Sky {
 }
 
 impl SkyMap {
-    fn new(list: &[[f32; 3]], w: usize, h: usize) -> Self {
-        let texels: Vec<V3> = list.iter().map(|t| v3(t[0], t[1], t[2])).collect();
+    fn new(list: Vec<f32>, w: usize, h: usize) -> Self {
+        let texels = Texels::new(list);
         let brightness = |i: usize| {
-            let t: V3 = texels[i];
+            let t = texels.at(i);
             f64::from(t.x.abs() + t.y.abs() + t.z.abs()) / 3.0
         };
         Self {
@@ -135,7 +140,7 @@ impl SkyMap {
         let l = self.look_up(direction);
         let mut sum = V3::ZERO;
         for (&t, w) in l.texels.iter().zip(l.weights()) {
-            sum += self.texels[t] * w;
+            sum += self.texels.at(t) * w;
         }
         sum
     }
@@ -149,7 +154,7 @@ impl SkyMap {
                 texels[t] += glam::DVec3::from(g * w);
             }
         }
-        let [a, b, p, q] = l.texels.map(|t| self.texels[t].dot(g));
+        let [a, b, p, q] = l.texels.map(|t| self.texels.at(t).dot(g));
         let by_x = (1.0 - l.at[1]) * (b - a) + l.at[1] * (q - p);
         let by_y = (1.0 - l.at[0]) * (p - a) + l.at[0] * (q - b);
         l.slope[0] * by_x + l.slope[1] * by_y

@@ -1,7 +1,7 @@
 //! Points of surfaces that rays hit: position, normals, and what their material is there.
 
 use super::gradient::{Sums, Wanted};
-use super::scene::{Colour, KernelScene, Texture};
+use super::scene::{Colour, KernelScene, Texels, Texture};
 use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
@@ -74,7 +74,7 @@ impl Cell {
 
 impl Colour {
     #[inline(always)]
-    fn at(&self, texels: &[V3], uv: [f32; 2]) -> V3 {
+    fn at(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
         match &self.texture {
             None => self.constant,
             Some(texture) => texture.look_up(texels, uv),
@@ -85,7 +85,7 @@ impl Colour {
     #[inline(always)]
     fn backward(
         &self,
-        texels: &[V3],
+        texels: &Texels,
         uv: [f32; 2],
         g: V3,
         (constant, by_texel): (&mut glam::DVec3, &mut [glam::DVec3]),
@@ -102,11 +102,11 @@ impl Colour {
 
 impl Texture {
     #[inline(never)]
-    fn look_up(&self, texels: &[V3], uv: [f32; 2]) -> V3 {
+    fn look_up(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
         let cell = Cell::new(self, uv);
         let mut sum = V3::ZERO;
         for (&t, w) in cell.texels.iter().zip(cell.weights()) {
-            sum += texels[t] * w;
+            sum += texels.at(t) * w;
         }
         sum
     }
@@ -114,7 +114,7 @@ impl Texture {
     #[inline(never)]
     fn backward(
         &self,
-        texels: &[V3],
+        texels: &Texels,
         uv: [f32; 2],
         g: V3,
         by_texel: &mut [glam::DVec3],
@@ -125,7 +125,7 @@ impl Texture {
                 by_texel[t] += glam::DVec3::from(g * w);
             }
         }
-        let [a, b, c, d] = cell.texels.map(|t| texels[t].dot(g));
+        let [a, b, c, d] = cell.texels.map(|t| texels.at(t).dot(g));
         let [x, y] = cell.at;
         let by_x = (1.0 - y) * (b - a) + y * (d - c);
         let by_y = (1.0 - x) * (c - a) + x * (d - b);

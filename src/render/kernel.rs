@@ -86,7 +86,7 @@ fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) -> Result<Pre
         visit_scene(&mut scene, &mut Detach);
         HostScene::new(&scene).map_err(of_batch("scene", index))
     };
-    let hosts: Vec<HostScene> = if batch.scenes.len() == 1 {
+    let mut hosts: Vec<HostScene> = if batch.scenes.len() == 1 {
         vec![read(0)?]
     } else {
         let all = (0..batch.scenes.len()).into_par_iter();
@@ -94,10 +94,10 @@ fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) -> Result<Pre
     };
     let context = hosts[0].context.clone();
     let emitters = options.sampling.emitters;
-    let first = KernelScene::new(&hosts[0], emitters, None, options.cache.as_ref());
+    let first = KernelScene::new(&mut hosts[0], emitters, None, options.cache.as_ref());
     let first = Arc::new(first);
     let others: Vec<Arc<KernelScene>> = hosts[1..]
-        .par_iter()
+        .par_iter_mut()
         .map(|host| {
             Arc::new(KernelScene::new(
                 host,

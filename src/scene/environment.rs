@@ -2,7 +2,7 @@ use burn::tensor::{DType, Device, Tensor};
 
 use super::Parameter;
 use crate::error::{Error, Result};
-use crate::geometry::host_values;
+use crate::geometry::first_not_finite;
 
 /// What shines from every direction that no surface covers.
 #[derive(Clone, Debug)]
@@ -59,12 +59,11 @@ impl Environment {
                 "shape [H, W, 3]",
             ));
         }
-        let host = host_values(texels)?;
-        match host.iter().position(|x| !x.is_finite()) {
-            Some(i) => Err(Error::invalid(
+        match first_not_finite(texels)? {
+            Some((i, value)) => Err(Error::invalid(
                 "scene",
                 format!("environment texel ({}, {})", i / 3 / w, i / 3 % w),
-                host[i],
+                value,
                 "finite numbers",
             )),
             None => Ok(()),

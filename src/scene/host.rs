@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use burn::tensor::Tensor;
+use burn::tensor::{DType, Tensor};
 
 use super::check::check_scene;
 use super::{Albedo, Camera, CornerAttribute, Environment, Parameter, Scene, Wrap};
@@ -57,7 +57,8 @@ pub(crate) struct HostMaterial {
 pub(crate) enum HostTexture {
     Constant([f64; 3]),
     Image {
-        texels: Vec<[f32; 3]>,
+        /// RGB, row after row.
+        texels: Vec<f32>,
         width: usize,
         height: usize,
         wrap: Wrap,
@@ -141,10 +142,14 @@ fn image(texels: &Tensor<3>, wrap: Wrap) -> Result<HostTexture> {
     let data = plain(texels)
         .try_into_data()
         .map_err(|e| crate::Error::Read(format!("{e:?}")))?;
-    let values: Vec<f32> = data.iter::<f32>().collect();
-    let rows = values.chunks_exact(3);
+    let data = if data.dtype() == DType::F32 {
+        data
+    } else {
+        data.convert::<f32>()
+    };
+    let texels = data.try_into_vec::<f32>();
     Ok(HostTexture::Image {
-        texels: rows.map(|t| [t[0], t[1], t[2]]).collect(),
+        texels: texels.map_err(|e| crate::Error::Read(format!("{e:?}")))?,
         width,
         height,
         wrap,

@@ -2,7 +2,7 @@ use burn::tensor::Tensor;
 
 use super::Parameter;
 use crate::error::{Error, Result};
-use crate::geometry::host_values;
+use crate::geometry::first_not_finite;
 
 /// How texture coordinates outside of [0, 1] are mapped into the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,12 +81,11 @@ impl Albedo {
                         "shape [H, W, 3]",
                     ));
                 }
-                let host = host_values(texels)?;
-                match host.iter().position(|x| !x.is_finite()) {
-                    Some(i) => Err(Error::invalid(
+                match first_not_finite(texels)? {
+                    Some((i, value)) => Err(Error::invalid(
                         object,
                         format!("{field} texel ({}, {})", i / 3 / w, i / 3 % w),
-                        host[i],
+                        value,
                         "finite numbers",
                     )),
                     None => Ok(None),
