@@ -248,7 +248,10 @@ fn damaged_checkpoints_are_passed_over() {
         let path = entry.expect("an entry").path().join("module.bpk");
         std::fs::write(path, "nothing").expect("a file");
     }
-    let error = fit(40).err().expect("an error").to_string();
+    let Err(error) = fit(40) else {
+        panic!("no error");
+    };
+    let error = error.to_string();
     assert!(error.contains("module.bpk"), "{error}");
 }
 
@@ -260,7 +263,10 @@ fn one_process_fits_in_a_folder() {
     let fitted = fit(&folder).on_step(1, move |report| {
         if report.step.index == 0 {
             let other = fit(&inner).run(bowl);
-            let error = other.err().expect("an error").to_string();
+            let Err(error) = other else {
+                panic!("no error");
+            };
+            let error = error.to_string();
             assert!(error.contains("another process"), "{error}");
         }
         Ok(true)

@@ -145,7 +145,7 @@ fn transposed(data: &TensorData) -> TensorData {
 /// What rays see, with what it needs of a scene.
 enum HostSight {
     Cones(Cones, PixelFilter),
-    Softmax(Softmax, Option<Sparse>),
+    Softmax(Softmax, Option<Box<Sparse>>),
 }
 
 impl HostSight {
@@ -183,7 +183,8 @@ impl HostSight {
                 let sparse = if dense {
                     None
                 } else {
-                    Some(Sparse::new(&scene.triangles, hierarchy()?, options.cutoff))
+                    let sparse = Sparse::new(&scene.triangles, hierarchy()?, options.cutoff);
+                    Some(Box::new(sparse))
                 };
                 Self::Softmax(form, sparse)
             }
@@ -194,14 +195,14 @@ impl HostSight {
     fn hierarchy(&self) -> Option<Arc<Hierarchy>> {
         match self {
             Self::Cones(cones, _) => Some(cones.hierarchy()),
-            Self::Softmax(_, sparse) => sparse.as_ref().map(Sparse::hierarchy),
+            Self::Softmax(_, sparse) => sparse.as_ref().map(|s| s.hierarchy()),
         }
     }
 
     fn get(&self) -> Sight<'_> {
         match self {
             Self::Cones(cones, _) => Sight::Cones(cones),
-            Self::Softmax(form, sparse) => Sight::Softmax(*form, sparse.as_ref()),
+            Self::Softmax(form, sparse) => Sight::Softmax(*form, sparse.as_deref()),
         }
     }
 }
