@@ -24,7 +24,7 @@ pub struct Tessellation {
     /// Subdivisions of the finest ball.
     #[arg(long, default_value_t = 6)]
     most: u32,
-    /// Another renderer's figures, as `mitsuba.py tessellation` prints them: faces, mean and noise over the
+    /// Another renderer's figures, as `beside_mitsuba.py tessellation` prints them: faces, mean and noise over the
     /// reference derivative, seconds of a gradient.
     #[arg(long)]
     beside: Option<PathBuf>,

@@ -1,8 +1,8 @@
 """What `cargo bench --bench versus` measures, of Mitsuba 3, on the same scenes (tests/data).
 
     python3 -m venv V && V/bin/pip install mitsuba numpy
-    V/bin/python benches/versus/mitsuba.py speed
-    V/bin/python benches/versus/mitsuba.py tessellation > out/mitsuba.csv
+    V/bin/python benches/versus/beside_mitsuba.py speed
+    V/bin/python benches/versus/beside_mitsuba.py tessellation > out/mitsuba.csv
 
 Its LLVM variant needs LLVM 19 or later (DRJIT_LIBLLVM_PATH names its library)."""
 
@@ -15,6 +15,7 @@ import mitsuba as mi
 import numpy as np
 
 mi.set_variant("llvm_ad_rgb")
+mi.set_log_level(mi.LogLevel.Error)
 import drjit as dr  # noqa: E402
 
 DATA = pathlib.Path(__file__).parents[2] / "tests/data"
