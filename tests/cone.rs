@@ -437,3 +437,50 @@ fn what_is_far_does_not_change_what_is_near() {
         }
     }
 }
+
+/// A ball on a plane of any size under a white sky, without and with a map: radiance and the gradient of
+/// the eye.
+#[test]
+fn planes_of_any_size() {
+    let device = Device::flex();
+    let white = Tensor::<3>::ones([4, 8, 3], &device);
+    for map in [false, true] {
+        let seen = |size: f64| {
+            let plane = shapes::quad(
+                [-size, -1.0, size],
+                [size, -1.0, size],
+                [size, -1.0, -size],
+                [-size, -1.0, -size],
+                &device,
+            );
+            let grey = || Material::diffuse([0.5; 3]);
+            let scene = Scene::new()
+                .with(Object::new(shapes::icosphere(3, &device)).material(grey()))
+                .with(Object::new(plane).material(grey()));
+            let scene = if map {
+                scene.environment(Environment::map(white.clone()))
+            } else {
+                scene.environment([1.0; 3])
+            };
+            let eye = Tensor::<1>::from_floats([0.0, 0.5, 4.0], &device)
+                .autodiff()
+                .require_grad();
+            let camera = Camera::look_at(eye.clone(), [0.0; 3]).fov_y(40.0);
+            let options = RenderOptions::new(24, 24).samples(16).bounces(2);
+            let image = render(&scene, &camera, &options).expect("an image");
+            let gradients = image.radiance.clone().sum().backward();
+            let gradient = values(&eye.grad(&gradients).expect("a gradient"));
+            assert!(
+                gradient.iter().all(|g| g.is_finite()),
+                "{size:e}: {gradient:?}"
+            );
+            values(&image.radiance).iter().sum::<f64>()
+        };
+        let expected = seen(1e4);
+        for size in [1e5, 1e7, 1e9, 1e10] {
+            let ratio = seen(size) / expected;
+            println!("map {map}, half size {size:e}: {ratio:.5}");
+            assert!((ratio - 1.0).abs() < 1e-3, "{size:e}: {ratio}");
+        }
+    }
+}

@@ -60,13 +60,34 @@ pub(crate) fn host_vectors(v: &super::Vec3) -> Result<Vec<glam::DVec3>> {
     Ok((0..x.len()).map(vector).collect())
 }
 
-/// The first value that is not finite in f32, in row-major order, and where it is; without a list of all.
-pub(crate) fn first_not_finite<const D: usize>(tensor: &Tensor<D>) -> Result<Option<(usize, f64)>> {
-    let data = plain(tensor)
-        .try_into_data()
-        .map_err(|e| Error::Read(format!("{e:?}")))?;
-    let mut values = data.iter::<f64>().enumerate();
-    Ok(values.find(|(_, v)| !(*v as f32).is_finite()))
+/// Calls a function with the values of an image `[H, W, C]`, some rows at a time: reading it back in one
+/// piece takes its memory twice more.
+pub(crate) fn by_rows(tensor: &Tensor<3>, mut f: impl FnMut(&[f32])) -> Result<()> {
+    const NUMBERS: usize = 1 << 20;
+    let [height, width, channels] = tensor.dims();
+    let rows = (NUMBERS / (width * channels).max(1)).max(1);
+    let tensor = plain(tensor);
+    let read = |e| Error::Read(format!("{e:?}"));
+    for from in (0..height).step_by(rows) {
+        let some = tensor.clone().slice([from..(from + rows).min(height)]);
+        let data = some.try_into_data().map_err(read)?.convert::<f32>();
+        let values = data.as_slice::<f32>();
+        f(values.map_err(|e| Error::Read(format!("{e:?}")))?);
+    }
+    Ok(())
+}
+
+/// The first value of an image that is not finite in f32, in row-major order, and where it is.
+pub(crate) fn first_not_finite(tensor: &Tensor<3>) -> Result<Option<(usize, f64)>> {
+    let (mut found, mut passed) = (None, 0);
+    by_rows(tensor, |values| {
+        if found.is_none() {
+            let at = values.iter().position(|v| !v.is_finite());
+            found = at.map(|i| (passed + i, f64::from(values[i])));
+        }
+        passed += values.len();
+    })?;
+    Ok(found)
 }
 
 /// A float tensor's values on the host.

@@ -11,7 +11,7 @@ mod trigonometry;
 mod vec3;
 
 pub use context::Context;
-pub(crate) use context::{first_not_finite, host_values, host_vectors, plain};
+pub(crate) use context::{by_rows, first_not_finite, host_values, host_vectors, plain};
 pub use topology::{Neighbours, Topology, Weld};
 pub(crate) use triangles::nearest_on_triangle;
 pub use triangles::{Nearest, Triangles, VertexData};

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use burn::tensor::{DType, Tensor};
+use burn::tensor::Tensor;
 
 use super::check::check_scene;
 use super::{Albedo, Camera, CornerAttribute, Environment, Parameter, Scene, Wrap};
 use crate::error::Result;
-use crate::geometry::{Context, host_values, plain};
+use crate::geometry::{Context, by_rows, host_values};
 
 /// A scene on the host.
 pub(crate) struct HostScene {
@@ -138,18 +138,11 @@ fn albedo(albedo: &Albedo) -> Result<HostTexture> {
 }
 
 fn image(texels: &Tensor<3>, wrap: Wrap) -> Result<HostTexture> {
-    let [height, width, _] = texels.dims();
-    let data = plain(texels)
-        .try_into_data()
-        .map_err(|e| crate::Error::Read(format!("{e:?}")))?;
-    let data = if data.dtype() == DType::F32 {
-        data
-    } else {
-        data.convert::<f32>()
-    };
-    let texels = data.try_into_vec::<f32>();
+    let [height, width, channels] = texels.dims();
+    let mut list = Vec::with_capacity(height * width * channels);
+    by_rows(texels, |values| list.extend_from_slice(values))?;
     Ok(HostTexture::Image {
-        texels: texels.map_err(|e| crate::Error::Read(format!("{e:?}")))?,
+        texels: list,
         width,
         height,
         wrap,
