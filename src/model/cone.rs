@@ -110,7 +110,8 @@ mod tests {
         let normal = v3(0.1, 0.2, 1.0).normalized();
         let g = v3(0.3, -0.7, 0.5);
         let mut mirrored = 0;
-        for i in 0..16 {
+        // From 1: without an offset a ray is its axis, which stays of unit length.
+        for i in 1..16 {
             let axis = v3(0.9, -0.3, 0.02 * i as f32).normalized();
             let (u, v) = ((0.618 * i as f32).fract(), (0.37 * i as f32).fract());
             let bent = bend(axis, normal, 0.8, u, v);
@@ -130,6 +131,6 @@ mod tests {
                 assert!((slope - by_normal.dot(step)).abs() < 2e-3);
             }
         }
-        assert!(mirrored > 0 && mirrored < 16, "{mirrored}");
+        assert!(mirrored > 0 && mirrored < 15, "{mirrored}");
     }
 }
