@@ -44,6 +44,8 @@ pub mod scene;
 mod transport;
 pub mod visibility;
 
+/// The burn that this crate is built with, so that a program's tensors are of the same one.
+pub use burn;
 pub use error::{Error, Result};
 pub use optim::loss;
 

@@ -16,6 +16,12 @@ use crate::error::{Error, Result};
 /// The name that tobj gives to what comes before any `o` or `g`.
 const UNNAMED: &str = "unnamed_object";
 
+/// Entries of MTL files that say something about a picture and are not read.
+const UNREAD: [&str; 22] = [
+    "d", "Tr", "Tf", "Ni", "Pr", "Pm", "Ps", "Pc", "aniso", "map_Ka", "map_Ks", "map_Ns", "map_Ke",
+    "map_d", "map_Bump", "map_bump", "bump", "disp", "norm", "map_Pr", "map_Pm", "refl",
+];
+
 /// An OBJ file and its MTL files as tobj gets them.
 #[derive(Default)]
 pub struct ObjText {
@@ -201,6 +207,8 @@ impl ObjText {
         limits: &LoadLimits,
     ) -> Result<()> {
         let mut named = false;
+        // What would change the picture and is not read, told once.
+        let mut unread: Vec<&str> = Vec::new();
         for (i, line) in text.lines().enumerate() {
             let fail = |message: String| Error::format(path, format!("line {}: {message}", i + 1));
             let (keyword, rest) = keyword(line);
@@ -254,9 +262,18 @@ impl ObjText {
                 "Kd" | "Ks" | "Ke" | "Ns" | "map_Kd" => {
                     return Err(fail(format!("{keyword} comes before any newmtl")));
                 }
-                _ => Ok(()),
+                other => {
+                    if UNREAD.contains(&other) && !unread.contains(&other) {
+                        unread.push(other);
+                    }
+                    Ok(())
+                }
             };
             written.map_err(|e| fail(e.to_string()))?;
+        }
+        if !unread.is_empty() {
+            let list = unread.join(", ");
+            log::warn!("{}: these entries are not read: {list}", path.display());
         }
         Ok(())
     }

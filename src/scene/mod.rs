@@ -71,8 +71,12 @@ impl Scene {
         self.objects.iter().find(|o| o.name == name)
     }
 
-    /// With the objects of that name changed; others stay as they are.
+    /// With the objects of that name changed; others stay as they are. Warns where there is none.
     pub fn map_object(mut self, name: &str, f: impl Fn(Object) -> Object) -> Self {
+        if self.object(name).is_none() {
+            let known: Vec<&str> = self.objects.iter().map(|o| o.name.as_str()).collect();
+            log::warn!("scene: no object is called {name:?}, nothing changes; there are {known:?}");
+        }
         self.objects = self
             .objects
             .into_iter()
