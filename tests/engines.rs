@@ -4,7 +4,7 @@
 mod common;
 
 use burn::tensor::{DType, Device};
-use common::gradients::{CONES, Effort, Setup, agreement};
+use common::gradients::{CONES, Effort, Setup, agreement, floor_and_light};
 use common::values;
 use softray::prelude::*;
 
@@ -55,20 +55,7 @@ fn everything(device: &Device, sky: bool) -> (Scene, Camera, Vec<Tensor<1>>) {
         .with_normals(smooth)
         .scaled(Tensor::from_floats([0.6], device))
         .translated(place.clone());
-    let floor = shapes::quad(
-        [-2.0, 0.0, 2.0],
-        [2.0, 0.0, 2.0],
-        [2.0, 0.0, -2.0],
-        [-2.0, 0.0, -2.0],
-        device,
-    );
-    let lamp = shapes::quad(
-        [-0.7, 2.6, -0.7],
-        [0.7, 2.6, -0.7],
-        [0.7, 2.6, 0.7],
-        [-0.7, 2.6, 0.7],
-        device,
-    );
+    let [floor, lamp] = floor_and_light(device);
     let shiny = Material::diffuse([0.3, 0.3, 0.2]).specular(gloss.clone(), exponent.clone());
     let texture = Albedo::texture(texels.clone().reshape([2, 2, 3]));
     let mut scene = Scene::new()

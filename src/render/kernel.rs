@@ -266,6 +266,9 @@ pub(super) fn jumps(
 ) -> Result<Vec<f64>> {
     let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
     let prepared = prepare(&batch, options, false)?;
+    if !prepared.views.iter().any(View::has_edges) {
+        return Ok(vec![0.0; prepared.parent_size]);
+    }
     let pixels = pixels_or_all(options, pixels);
     let objects = prepared.views[0].scene.counted.len();
     let backward = Backward {

@@ -41,8 +41,8 @@ fn offset(
     vector(p, direction, device, dtype) + constant(&base, [3], device, dtype)
 }
 
-/// A floor, a light, a ball and a free triangle, all with a part in the image.
-fn objects(device: &Device, dtype: DType) -> [Object; 4] {
+/// A floor and a light above it.
+pub fn floor_and_light(device: &Device) -> [Mesh; 2] {
     let floor = shapes::quad(
         [-2.0, 0.0, 2.0],
         [2.0, 0.0, 2.0],
@@ -57,6 +57,12 @@ fn objects(device: &Device, dtype: DType) -> [Object; 4] {
         [-0.7, 2.6, 0.7],
         device,
     );
+    [floor, light]
+}
+
+/// A floor, a light, a ball and a free triangle, all with a part in the image.
+fn objects(device: &Device, dtype: DType) -> [Object; 4] {
+    let [floor, light] = floor_and_light(device);
     let half = constant(&[0.5], [1], device, dtype);
     let ball = shapes::icosahedron(device).cast(dtype).scaled(half);
     let ball = ball.translated(constant(&[0.3, 0.95, 0.1], [3], device, dtype));

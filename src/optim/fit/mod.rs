@@ -240,7 +240,11 @@ impl<M: Module> Fit<M> {
     /// written, or a checkpoint is of a fit with other settings or of another module.
     pub fn run(mut self, mut f: impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Fitted<M>> {
         self.check()?;
-        let settings = self.settings();
+        // Only checkpoints ask for them.
+        let settings = match &self.folder {
+            Some(_) => self.settings(),
+            None => String::new(),
+        };
         let restart = self.restart;
         let open = |folder: &Path| Checkpoints::open(folder, restart);
         let checkpoints = self.folder.as_deref().map(open).transpose()?;
