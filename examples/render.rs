@@ -17,7 +17,7 @@ struct Arguments {
     /// The picture, .png or .exr.
     #[arg(short, long)]
     out: PathBuf,
-    /// Camera position x,y,z.
+    /// Camera position x,y,z; without it one from which the scene is in view.
     #[arg(long, value_parser = triple, allow_hyphen_values = true)]
     eye: Option<[f64; 3]>,
     /// The point looked at x,y,z.
@@ -165,17 +165,11 @@ fn load(arguments: &Arguments, device: &Device) -> Result<Loaded, Box<dyn Error>
         let file = SceneFile::load_within(&arguments.scene, device, &limits)?;
         return Ok((file.scene, file.camera, (file.width, file.height)));
     }
-    let scene = Scene::from_obj_within(&arguments.scene, device, &limits)?;
-    // From the front, a little above, the whole of the scene in view.
-    let mut low = glam::DVec3::INFINITY;
-    let mut high = glam::DVec3::NEG_INFINITY;
-    for object in &scene.objects {
-        for v in object.mesh.host_vertices()? {
-            low = low.min(v.into());
-            high = high.max(v.into());
-        }
+    let mut scene = Scene::from_obj_within(&arguments.scene, device, &limits)?;
+    if !scene.has_light() {
+        println!("no light in the file: a white environment (--environment r,g,b sets another)");
+        scene = scene.environment([1.0; 3]);
     }
-    let centre = (low + high) / 2.0;
-    let away = glam::DVec3::new(0.0, 0.4, 1.0).normalize() * (high - low).length() * 1.5;
-    Ok((scene, Camera::look_at(centre + away, centre), (256, 256)))
+    let camera = overview(&scene)?;
+    Ok((scene, camera, (256, 256)))
 }

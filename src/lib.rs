@@ -63,11 +63,12 @@ pub mod prelude {
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{
         Batch, Diagnostics, EmitterSampling, Engine, Image, ImageBatch, Progress, RenderOptions,
-        Sampling, Sequence, Statistics, SurfaceSampling, render, render_batch, render_pixels,
+        Sampling, Sequence, Statistics, SurfaceSampling, overview, render, render_batch,
+        render_pixels,
     };
     pub use crate::scene::{
-        Albedo, Bounds, Camera, Environment, Material, Mesh, Object, Parameter, Scene, Transform,
-        Wrap, shapes,
+        Albedo, Bounds, Camera, Environment, Material, Mesh, Object, Parameter, Projection, Scene,
+        Transform, Wrap, shapes,
     };
     pub use crate::visibility::Visibility;
 }

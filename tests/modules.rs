@@ -41,10 +41,10 @@ fn values_come_back() {
     near(&back.eye.values().expect("eye"), &[1.0, 2.0, 3.0]);
     near(&back.target.values().expect("target"), &[0.0, 0.5, 0.0]);
     near(&back.up.values().expect("up"), &[0.1, 1.0, 0.0]);
-    near(&back.fov_y.values().expect("fov"), &[55.0]);
-    let (aperture, focus) = back.lens.expect("a lens");
-    near(&aperture.values().expect("aperture"), &[0.05]);
-    near(&focus.values().expect("focus"), &[3.0]);
+    near(&[common::fov(&back)], &[55.0]);
+    let lens = back.lens.expect("a lens");
+    near(&lens.aperture_radius.values().expect("aperture"), &[0.05]);
+    near(&lens.focus_distance.values().expect("focus"), &[3.0]);
 
     let material = Material::diffuse([0.6, 0.3, 0.1])
         .specular([0.2, 0.1, 0.3], 25.0)
@@ -278,9 +278,9 @@ fn large_steps_stay_in_range() {
         assert!(far > 700.0, "{far}");
         let (camera, surface, texture, sky, pose) = &moved;
         let camera = camera.camera();
-        let [fov] = camera.fov_y.values().expect("values");
+        let fov = common::fov(&camera);
         assert!((1.0..=170.0).contains(&fov), "{fov}");
-        let (aperture, focus) = camera.lens.clone().expect("a lens");
+        let lens = camera.lens.clone().expect("a lens");
         let material = surface.material();
         let [Albedo::Constant(diffuse), Albedo::Constant(specular)] =
             [&material.diffuse, &material.specular]
@@ -300,8 +300,8 @@ fn large_steps_stay_in_range() {
             values(&sky.texels()),
         ];
         for v in [
-            one(&aperture),
-            one(&focus),
+            one(&lens.aperture_radius),
+            one(&lens.focus_distance),
             one(&material.shininess),
             emission,
             radiance,

@@ -282,8 +282,12 @@ fn scene_files() {
         "velocities": { "ball": [0.5, 0, -1] }"#;
     let file = scene_file(&folder, full).expect("a scene");
     assert_eq!((file.width, file.height), (12, 8));
-    assert_eq!(file.camera.fov_y.values().expect("values"), [35.0]);
-    let (aperture, focus) = file.camera.lens.as_ref().expect("a lens");
+    let Projection::Perspective { fov_y } = &file.camera.projection else {
+        panic!("{:?}", file.camera);
+    };
+    assert_eq!(fov_y.values().expect("values"), [35.0]);
+    let lens = file.camera.lens.as_ref().expect("a lens");
+    let (aperture, focus) = (&lens.aperture_radius, &lens.focus_distance);
     assert_eq!(aperture.values().expect("values"), [0.2]);
     assert_eq!(focus.values().expect("values"), [3.0]);
     assert_eq!(

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::scene::{Colour, KernelScene};
 use crate::model::camera::CameraGradient;
-use crate::scene::{HostCamera, ParameterId};
+use crate::scene::ParameterId;
 
 /// Which derivatives are asked for.
 #[derive(Clone, Debug, Default)]
@@ -54,9 +54,15 @@ impl Wanted {
                 }
                 Id::Emission(_) => wanted.emission = true,
                 Id::Environment => wanted.sky = true,
-                Id::Eye | Id::Target | Id::Up | Id::FieldOfView | Id::Aperture | Id::Focus => {
-                    wanted.camera = true;
-                }
+                Id::Eye
+                | Id::Target
+                | Id::Up
+                | Id::FieldOfView
+                | Id::FocalLength
+                | Id::PrincipalPoint
+                | Id::ViewHeight
+                | Id::Aperture
+                | Id::Focus => wanted.camera = true,
             }
         }
         // Normals and exponents turn the directions that are drawn.
@@ -94,24 +100,23 @@ pub(crate) struct MaterialSums {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CameraSums {
     pub eye: DVec3,
+    pub across: DVec3,
+    pub upward: DVec3,
     pub forward: DVec3,
-    pub right: DVec3,
-    pub up: DVec3,
-    pub half_height: f64,
-    pub aperture: f64,
-    pub focus: f64,
+    pub lens: [DVec3; 2],
+    pub per_focus: f64,
 }
 
 impl CameraSums {
     #[inline(always)]
     pub fn add(&mut self, g: &CameraGradient) {
         self.eye += DVec3::from(g.eye);
+        self.across += DVec3::from(g.across);
+        self.upward += DVec3::from(g.upward);
         self.forward += DVec3::from(g.forward);
-        self.right += DVec3::from(g.right);
-        self.up += DVec3::from(g.up);
-        self.half_height += f64::from(g.half_height);
-        self.aperture += f64::from(g.aperture);
-        self.focus += f64::from(g.focus);
+        self.lens[0] += DVec3::from(g.lens[0]);
+        self.lens[1] += DVec3::from(g.lens[1]);
+        self.per_focus += f64::from(g.per_focus);
     }
 }
 
@@ -191,12 +196,12 @@ impl Sums {
         add_each(&mut self.sky, &o.sky);
         let (a, b) = (&mut self.camera, &o.camera);
         a.eye += b.eye;
+        a.across += b.across;
+        a.upward += b.upward;
         a.forward += b.forward;
-        a.right += b.right;
-        a.up += b.up;
-        a.half_height += b.half_height;
-        a.aperture += b.aperture;
-        a.focus += b.focus;
+        a.lens[0] += b.lens[0];
+        a.lens[1] += b.lens[1];
+        a.per_focus += b.per_focus;
     }
 
     /// Derivatives by normals and areas go to the vertices.
@@ -267,51 +272,7 @@ impl Sums {
                 Id::Shininess(m) => to[0] += self.materials[m].exponent,
                 Id::Emission(m) => vectors(to, &[self.materials[m].emission], 1.0),
                 Id::Environment => vectors(to, &self.sky, 1.0),
-                // Those of cameras are written beside.
-                Id::Eye | Id::Target | Id::Up | Id::FieldOfView | Id::Aperture | Id::Focus => {}
-            }
-        }
-    }
-
-    /// Adds the derivatives by parameters of a camera at their places.
-    pub fn write_camera(
-        &self,
-        scene: &KernelScene,
-        camera: &HostCamera,
-        places: &[(ParameterId, Range<usize>)],
-        all: &mut [f64],
-    ) {
-        if places.is_empty() {
-            return;
-        }
-        let per_unit = scene.frame.unit.recip();
-        let g = &self.camera;
-        // right = (forward × up)/|…|, its up = right × forward, forward = (target − eye)/|…|.
-        let view = camera.target - camera.eye;
-        let forward = view.normalize();
-        let up = camera.up.normalize();
-        let across = forward.cross(up);
-        let right = across.normalize();
-        let by_right = g.right + forward.cross(g.up);
-        let by_across = (by_right - right * right.dot(by_right)) / across.length();
-        let by_forward = g.forward + g.up.cross(right) + up.cross(by_across);
-        let by_up = by_across.cross(forward);
-        let by_view = (by_forward - forward * forward.dot(by_forward)) / view.length();
-        let half = (0.5 * camera.fov_y).to_radians();
-        for (id, range) in places {
-            let to = &mut all[range.clone()];
-            match id {
-                ParameterId::Eye => add_each(to, &(g.eye * per_unit - by_view).to_array()),
-                ParameterId::Target => add_each(to, &by_view.to_array()),
-                ParameterId::Up => {
-                    let by = (by_up - up * up.dot(by_up)) / camera.up.length();
-                    add_each(to, &by.to_array());
-                }
-                ParameterId::FieldOfView => {
-                    to[0] += g.half_height * 0.5f64.to_radians() / half.cos().powi(2);
-                }
-                ParameterId::Aperture => to[0] += g.aperture * per_unit,
-                ParameterId::Focus => to[0] += g.focus * per_unit,
+                // Those of cameras are written by `HostCamera::backward`.
                 _ => {}
             }
         }

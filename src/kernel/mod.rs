@@ -6,6 +6,7 @@
 
 mod backward;
 mod boundary;
+mod camera;
 mod emitters;
 mod gradient;
 mod path;
@@ -20,9 +21,10 @@ use std::sync::Arc;
 use crate::accel::{Machine, Task, dispatch};
 use crate::model::camera::Camera;
 use crate::model::filter::PixelFilter;
-use crate::scene::HostCamera;
+use crate::scene::ParameterId;
 use crate::transport::sampler::{Numbers, RUN, Run, Sampler};
 
+pub(crate) use camera::HostCamera;
 pub(crate) use gradient::{Sums, Wanted};
 pub(crate) use path::Seen;
 pub(crate) use records::{RayCounts, Work};
@@ -34,7 +36,7 @@ use path::{Path, Walks};
 /// A scene as a camera sees it, with the settings of a render.
 pub(crate) struct View {
     pub scene: Arc<KernelScene>,
-    pub host_camera: HostCamera,
+    host_camera: HostCamera,
     camera: Camera,
     filter: PixelFilter,
     /// The tangent of the half-angle of the cones of bounce and shadow rays.
@@ -97,21 +99,8 @@ impl View {
         edge_sets: Option<Arc<EdgeSets>>,
     ) -> Self {
         let frame = &scene.frame;
-        let forward = (camera.target - camera.eye).normalize();
-        let right = forward.cross(camera.up.normalize()).normalize();
-        let [aperture, focus] = camera.lens.unwrap_or([0.0, 1.0]);
-        let model = Camera {
-            eye: frame.inner(camera.eye).into(),
-            forward: forward.into(),
-            right: right.into(),
-            up: right.cross(forward).into(),
-            half_height: (0.5 * camera.fov_y).to_radians().tan() as f32,
-            aperture: (aperture / frame.unit) as f32,
-            focus: (focus / frame.unit) as f32,
-            width: settings.width as f32,
-            height: settings.height as f32,
-        };
-        let pixels_per_tangent = 0.5 * f64::from(model.height) / f64::from(model.half_height);
+        let model = camera.model(frame, settings.width, settings.height);
+        let pixels_per_tangent = 0.5 * f64::from(settings.height) / camera.half_height;
         let has_map = scene.sky.map().is_some();
         let gathers_map = has_map && settings.multiple_importance;
         let sees_sky = !scene.sky.is_black() && !gathers_map;
@@ -148,6 +137,18 @@ impl View {
         };
         view.drawn = view.sets();
         view
+    }
+
+    /// Adds the derivatives by parameters of the camera at their places.
+    pub fn write_camera(
+        &self,
+        sums: &gradient::CameraSums,
+        places: &[(ParameterId, Range<usize>)],
+        all: &mut [f64],
+    ) {
+        let aspect = f64::from(self.width) / f64::from(self.height);
+        let unit = self.scene.frame.unit;
+        self.host_camera.backward(sums, unit, aspect, places, all);
     }
 
     /// How far beyond a pixel its filter reaches, in pixels.

@@ -1,21 +1,29 @@
-//! A perspective camera, pinhole or thin lens: rays through points of the film, points of the film that
-//! see a point of space, and derivatives of both.
+//! A camera: rays through points of the film, points of the film that see a point of space, and derivatives
+//! of both.
+//!
+//! A film point (x, y), in halves of the image's height about its middle, y up, is seen along
+//! x·across + y·upward + forward from the eye; with parallel rays along forward from eye + x·across +
+//! y·upward. The three vectors are any basis, so a field of view, a principal point and pixels that are not
+//! square are all in them, and a point is projected by the inverse of the basis.
 
 use super::V3;
 
-/// A camera in a scene's inner units. Film points are in pixels, (0, 0) the image's upper left corner.
+/// A camera in a scene's inner units.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Camera {
     pub eye: V3,
-    /// Unit vectors.
+    pub across: V3,
+    pub upward: V3,
     pub forward: V3,
-    pub right: V3,
-    pub up: V3,
-    /// tan(fov_y/2).
-    pub half_height: f32,
-    /// Radius of the lens, 0 for a pinhole, and distance of the focus plane.
+    /// The rows of the inverse of (across, upward, forward).
+    pub dual: [V3; 3],
+    /// The lens's axes, as long as its radius; 0 for a pinhole.
+    pub lens: [V3; 2],
+    /// Radius of the lens.
     pub aperture: f32,
-    pub focus: f32,
+    /// 1 over the distance of the focus plane, 0 for a pinhole.
+    pub per_focus: f32,
+    pub parallel: bool,
     /// Pixels.
     pub width: f32,
     pub height: f32,
@@ -25,12 +33,11 @@ pub(crate) struct Camera {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CameraGradient {
     pub eye: V3,
+    pub across: V3,
+    pub upward: V3,
     pub forward: V3,
-    pub right: V3,
-    pub up: V3,
-    pub half_height: f32,
-    pub aperture: f32,
-    pub focus: f32,
+    pub lens: [V3; 2],
+    pub per_focus: f32,
 }
 
 /// A ray from a point of the lens (on the unit disk) through a point of the film.
@@ -60,13 +67,13 @@ impl Camera {
     pub fn ray(&self, x: f32, y: f32, lens_x: f32, lens_y: f32) -> CameraRay {
         let x = (2.0 * x - self.width) / self.height;
         let y = 1.0 - 2.0 * y / self.height;
-        let through = self.through(x, y);
-        let mut origin = self.eye;
-        let mut along = through;
-        if self.aperture > 0.0 {
-            let on_lens = (self.right * lens_x + self.up * lens_y) * self.aperture;
+        let beside = self.across * x + self.upward * y;
+        let mut origin = self.eye + beside;
+        let mut along = self.forward;
+        if !self.parallel {
+            let on_lens = self.lens_point(lens_x, lens_y);
             origin = self.eye + on_lens;
-            along = through * self.focus - on_lens;
+            along = beside + self.forward - on_lens * self.per_focus;
         }
         let length = along.length();
         CameraRay {
@@ -80,43 +87,56 @@ impl Camera {
         }
     }
 
-    #[inline(always)]
-    fn through(&self, x: f32, y: f32) -> V3 {
-        (self.right * x + self.up * y) * self.half_height + self.forward
-    }
-
     /// Adds the derivatives of g_o·origin + g_d·direction.
     #[inline(always)]
     pub fn ray_backward(&self, ray: &CameraRay, g_o: V3, g_d: V3, gradient: &mut CameraGradient) {
         let by_along = g_d.across(ray.direction) * (1.0 / ray.length);
-        gradient.eye += g_o;
-        let mut by_through = by_along;
-        if self.aperture > 0.0 {
-            let by_lens = g_o - by_along;
-            gradient.right += by_lens * (ray.lens_x * self.aperture);
-            gradient.up += by_lens * (ray.lens_y * self.aperture);
-            gradient.aperture += by_lens.dot(self.right * ray.lens_x + self.up * ray.lens_y);
-            gradient.focus += by_along.dot(self.through(ray.x, ray.y));
-            by_through = by_along * self.focus;
+        let mut by_beside = g_o;
+        if !self.parallel {
+            by_beside = by_along;
+            let by_lens = g_o - by_along * self.per_focus;
+            gradient.lens[0] += by_lens * ray.lens_x;
+            gradient.lens[1] += by_lens * ray.lens_y;
+            gradient.per_focus -= by_along.dot(self.lens_point(ray.lens_x, ray.lens_y));
         }
-        gradient.right += by_through * (ray.x * self.half_height);
-        gradient.up += by_through * (ray.y * self.half_height);
-        gradient.forward += by_through;
-        gradient.half_height += by_through.dot(self.right * ray.x + self.up * ray.y);
+        gradient.eye += g_o;
+        gradient.across += by_beside * ray.x;
+        gradient.upward += by_beside * ray.y;
+        gradient.forward += by_along;
     }
 
     /// The point of the lens, relative to its middle.
     #[inline(always)]
     pub fn lens_point(&self, lens_x: f32, lens_y: f32) -> V3 {
-        (self.right * lens_x + self.up * lens_y) * self.aperture
+        self.lens[0] * lens_x + self.lens[1] * lens_y
     }
 
-    /// 1 over the focus distance, 0 for a pinhole.
+    /// Coordinates of a vector in the camera's basis; the third is the depth.
     #[inline(always)]
-    fn inverse_focus(&self) -> f32 {
-        let mut inverse = 0.0;
-        if self.aperture > 0.0 {
-            inverse = 1.0 / self.focus;
+    pub fn local(&self, r: V3) -> [f32; 3] {
+        [
+            self.dual[0].dot(r),
+            self.dual[1].dot(r),
+            self.dual[2].dot(r),
+        ]
+    }
+
+    /// Where the ray from a point of the lens to a point of space starts.
+    #[inline(always)]
+    pub fn origin_towards(&self, point: V3, lens_x: f32, lens_y: f32) -> V3 {
+        let mut origin = self.eye + self.lens_point(lens_x, lens_y);
+        if self.parallel {
+            origin = point - self.forward * self.dual[2].dot(point - self.eye);
+        }
+        origin
+    }
+
+    /// 1 over what a point's coordinates are divided by.
+    #[inline(always)]
+    fn per_depth(&self, depth: f32) -> f32 {
+        let mut inverse = 1.0;
+        if !self.parallel {
+            inverse = 1.0 / depth;
         }
         inverse
     }
@@ -124,11 +144,11 @@ impl Camera {
     /// The film point that sees a point of space from a point of the lens. The depth has to be positive.
     #[inline(always)]
     pub fn project(&self, point: V3, lens_x: f32, lens_y: f32) -> FilmPoint {
-        let r = point - self.eye - self.lens_point(lens_x, lens_y);
-        let depth = r.dot(self.forward);
-        let shift = self.aperture * self.inverse_focus();
-        let x = (r.dot(self.right) / depth + shift * lens_x) / self.half_height;
-        let y = (r.dot(self.up) / depth + shift * lens_y) / self.half_height;
+        let lens = self.lens_point(lens_x, lens_y);
+        let [u, v, depth] = self.local(point - self.eye - lens);
+        let inverse = self.per_depth(depth);
+        let x = u * inverse + self.dual[0].dot(lens) * self.per_focus;
+        let y = v * inverse + self.dual[1].dot(lens) * self.per_focus;
         FilmPoint {
             x: 0.5 * (self.width + x * self.height),
             y: 0.5 * (1.0 - y) * self.height,
@@ -138,13 +158,17 @@ impl Camera {
     /// How the film point moves while the point of space moves along a vector, in pixels.
     #[inline(always)]
     pub fn project_along(&self, point: V3, along: V3, lens_x: f32, lens_y: f32) -> [f32; 2] {
-        let r = point - self.eye - self.lens_point(lens_x, lens_y);
-        let inverse = 1.0 / r.dot(self.forward);
-        let depth = along.dot(self.forward) * inverse;
-        let scale = 0.5 * self.height * inverse / self.half_height;
+        let r = self.local(point - self.eye - self.lens_point(lens_x, lens_y));
+        let inverse = self.per_depth(r[2]);
+        let along = self.local(along);
+        let mut nearer = 0.0;
+        if !self.parallel {
+            nearer = along[2] * inverse;
+        }
+        let scale = 0.5 * self.height * inverse;
         [
-            (along.dot(self.right) - r.dot(self.right) * depth) * scale,
-            -(along.dot(self.up) - r.dot(self.up) * depth) * scale,
+            (along[0] - r[0] * nearer) * scale,
+            -(along[1] - r[1] * nearer) * scale,
         ]
     }
 
@@ -159,33 +183,29 @@ impl Camera {
         gradient: &mut CameraGradient,
     ) -> V3 {
         let lens = self.lens_point(lens_x, lens_y);
-        let r = point - self.eye - lens;
-        let inverse = 1.0 / r.dot(self.forward);
-        let scale = 0.5 * self.height / self.half_height;
-        let g_x = g[0] * scale;
-        let g_y = -g[1] * scale;
-        let x = r.dot(self.right) * inverse;
-        let y = r.dot(self.up) * inverse;
+        let r = self.local(point - self.eye - lens);
+        let inverse = self.per_depth(r[2]);
+        let g_x = 0.5 * self.height * g[0];
+        let g_y = -0.5 * self.height * g[1];
         let a = g_x * inverse;
         let b = g_y * inverse;
-        let c = -(a * x + b * y);
-        let by_r = self.right * a + self.up * b + self.forward * c;
-        gradient.right += r * a;
-        gradient.up += r * b;
-        gradient.forward += r * c;
-        gradient.eye -= by_r;
-        let inverse_focus = self.inverse_focus();
-        let shift = self.aperture * inverse_focus;
-        let by_shift = g_x * lens_x + g_y * lens_y;
-        gradient.half_height -=
-            (g_x * (x + shift * lens_x) + g_y * (y + shift * lens_y)) / self.half_height;
-        if self.aperture > 0.0 {
-            gradient.right -= by_r * (self.aperture * lens_x);
-            gradient.up -= by_r * (self.aperture * lens_y);
-            gradient.aperture +=
-                by_shift * inverse_focus - by_r.dot(self.right * lens_x + self.up * lens_y);
-            gradient.focus -= by_shift * shift * inverse_focus;
+        let mut c = 0.0;
+        if !self.parallel {
+            c = -(a * r[0] + b * r[1]) * inverse;
         }
+        // Coordinates are the inverse of the basis times a vector: their change by a vector of the basis
+        // is −the inverse times it, times the coordinate.
+        let by_r = self.dual[0] * a + self.dual[1] * b + self.dual[2] * c;
+        let by_shift = (self.dual[0] * g_x + self.dual[1] * g_y) * self.per_focus;
+        let on_lens = self.local(lens);
+        gradient.across -= by_r * r[0] + by_shift * on_lens[0];
+        gradient.upward -= by_r * r[1] + by_shift * on_lens[1];
+        gradient.forward -= by_r * r[2] + by_shift * on_lens[2];
+        gradient.eye -= by_r;
+        let by_lens = by_shift - by_r;
+        gradient.lens[0] += by_lens * lens_x;
+        gradient.lens[1] += by_lens * lens_y;
+        gradient.per_focus += g_x * on_lens[0] + g_y * on_lens[1];
         by_r
     }
 }
@@ -195,29 +215,56 @@ mod tests {
     use super::*;
     use crate::model::v3;
 
-    fn camera(aperture: f32) -> Camera {
-        let forward = v3(0.1, -0.2, -1.0).normalized();
-        let right = forward.cross(v3(0.0, 1.0, 0.0)).normalized();
-        Camera {
-            eye: v3(0.3, 0.4, 2.0),
-            forward,
-            right,
-            up: right.cross(forward),
-            half_height: 0.4,
-            aperture,
-            focus: 2.5,
-            width: 60.0,
-            height: 40.0,
+    impl Camera {
+        /// The inverse of its basis.
+        fn inverted(mut self) -> Self {
+            let volume = 1.0 / self.across.dot(self.upward.cross(self.forward));
+            self.dual = [
+                self.upward.cross(self.forward) * volume,
+                self.forward.cross(self.across) * volume,
+                self.across.cross(self.upward) * volume,
+            ];
+            self
         }
     }
 
+    /// With pixels that are not square and a principal point beside the middle.
+    fn camera(aperture: f32, parallel: bool) -> Camera {
+        let forward = v3(0.1, -0.2, -1.0).normalized();
+        let right = forward.cross(v3(0.0, 1.0, 0.0)).normalized();
+        let up = right.cross(forward);
+        let mut shift = V3::ZERO;
+        if !parallel {
+            shift = right * 0.1 - up * 0.05;
+        }
+        Camera {
+            eye: v3(0.3, 0.4, 2.0),
+            across: right * 0.5,
+            upward: up * 0.4,
+            forward: forward + shift,
+            lens: [right * aperture, up * aperture],
+            aperture,
+            per_focus: if aperture > 0.0 { 0.4 } else { 0.0 },
+            parallel,
+            width: 60.0,
+            height: 40.0,
+            dual: [V3::ZERO; 3],
+        }
+        .inverted()
+    }
+
+    const KINDS: [(f32, bool); 3] = [(0.0, false), (0.2, false), (0.0, true)];
+
     #[test]
     fn a_point_on_a_ray_is_seen_by_its_film_point() {
-        for aperture in [0.0, 0.2] {
-            let c = camera(aperture);
+        for (aperture, parallel) in KINDS {
+            let c = camera(aperture, parallel);
             let ray = c.ray(13.0, 29.0, 0.4, -0.6);
-            let found = c.project(ray.origin + ray.direction * 3.7, 0.4, -0.6);
+            let point = ray.origin + ray.direction * 3.7;
+            let found = c.project(point, 0.4, -0.6);
             assert!((found.x - 13.0).abs() < 1e-3 && (found.y - 29.0).abs() < 1e-3);
+            let origin = c.origin_towards(point, 0.4, -0.6);
+            assert!((origin - ray.origin).length() < 1e-5, "{origin:?}");
             let (p, along) = (v3(0.2, 0.1, -1.0), v3(0.3, -0.2, 0.5));
             let h = 1e-2;
             let (a, b) = (
@@ -230,19 +277,19 @@ mod tests {
         }
     }
 
-    /// Both backward passes against central differences, in every number of a camera.
+    /// Both backward passes against central differences, in every vector of a camera.
     #[test]
     fn derivatives() {
         let (p, g) = (v3(0.2, 0.1, -1.0), [0.7, -0.4]);
         let (g_o, g_d) = (v3(0.3, -0.8, 0.4), v3(-0.5, 0.2, 0.9));
-        for aperture in [0.0, 0.2] {
-            let c = camera(aperture);
+        for (aperture, parallel) in KINDS {
+            let c = camera(aperture, parallel);
             let of_ray = |c: &Camera| {
                 let r = c.ray(13.0, 29.0, 0.4, -0.6);
                 f64::from(g_o.dot(r.origin) + g_d.dot(r.direction))
             };
             let of_film = |c: &Camera| {
-                let f = c.project(p, 0.4, -0.6);
+                let f = c.inverted().project(p, 0.4, -0.6);
                 f64::from(g[0] * f.x + g[1] * f.y)
             };
             let mut by_ray = CameraGradient::default();
@@ -250,19 +297,23 @@ mod tests {
             let mut by_film = CameraGradient::default();
             c.project_backward(p, 0.4, -0.6, g, &mut by_film);
             type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f32);
-            let numbers: [Number; 8] = [
+            let numbers: [Number; 12] = [
                 (|c| &mut c.eye.x, |g| g.eye.x),
                 (|c| &mut c.eye.z, |g| g.eye.z),
                 (|c| &mut c.forward.y, |g| g.forward.y),
-                (|c| &mut c.right.x, |g| g.right.x),
-                (|c| &mut c.up.y, |g| g.up.y),
-                (|c| &mut c.half_height, |g| g.half_height),
-                (|c| &mut c.aperture, |g| g.aperture),
-                (|c| &mut c.focus, |g| g.focus),
+                (|c| &mut c.forward.z, |g| g.forward.z),
+                (|c| &mut c.across.x, |g| g.across.x),
+                (|c| &mut c.across.z, |g| g.across.z),
+                (|c| &mut c.upward.y, |g| g.upward.y),
+                (|c| &mut c.upward.z, |g| g.upward.z),
+                (|c| &mut c.lens[0].x, |g| g.lens[0].x),
+                (|c| &mut c.lens[0].z, |g| g.lens[0].z),
+                (|c| &mut c.lens[1].y, |g| g.lens[1].y),
+                (|c| &mut c.per_focus, |g| g.per_focus),
             ];
             for (i, (number, gradient)) in numbers.into_iter().enumerate() {
-                // A pinhole has no lens to differentiate by.
-                if aperture == 0.0 && i >= 6 {
+                // Without a lens there is none to differentiate by.
+                if aperture == 0.0 && i >= 8 {
                     continue;
                 }
                 for (name, f, by) in [
@@ -278,7 +329,7 @@ mod tests {
                     let scale = wanted.abs().max(0.1);
                     assert!(
                         (got - wanted).abs() < 1e-2 * scale,
-                        "{name} {i}: {got} {wanted}"
+                        "{name} {i} of {aperture} {parallel}: {got} {wanted}"
                     );
                 }
             }

@@ -4,8 +4,8 @@ use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor};
 
 use super::values::{check, leaf, logit, positive};
-use crate::error::Result;
-use crate::scene::{Camera, Parameter};
+use crate::error::{Error, Result};
+use crate::scene::{Camera, Parameter, Projection};
 
 /// The field of view stays between these, degrees.
 const FOV: [f64; 2] = [1.0, 170.0];
@@ -112,8 +112,8 @@ pub struct LensParams {
 ///     .freeze_fov()
 ///     .freeze_lens();
 /// let camera = params.camera();
-/// assert!(camera.eye.is_tracked() && !camera.fov_y.is_tracked());
-/// assert!((camera.fov_y.values()?[0] - 40.0).abs() < 1e-4);
+/// assert!(camera.eye.is_tracked() && !params.fov.is_require_grad());
+/// assert!(matches!(camera.projection, Projection::Perspective { .. }));
 /// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Module, Debug)]
@@ -138,12 +138,17 @@ impl CameraParams {
     pub fn from_camera(camera: &Camera, device: &Device) -> Result<Self> {
         let one = |p: &Parameter<1>| p.values().map(|[v]| v);
         let lens = match &camera.lens {
-            Some((aperture, focus)) => Some([one(aperture)?, one(focus)?]),
+            Some(lens) => Some([one(&lens.aperture_radius)?, one(&lens.focus_distance)?]),
             None => None,
+        };
+        let Projection::Perspective { fov_y } = &camera.projection else {
+            let expected = "a perspective projection by a field of view";
+            let other = "another projection";
+            return Err(Error::invalid("camera", "projection", other, expected));
         };
         CameraParamsConfig::new(camera.eye.values()?, camera.target.values()?)
             .with_up(camera.up.values()?)
-            .with_fov_y(one(&camera.fov_y)?)
+            .with_fov_y(one(fov_y)?)
             .with_lens(lens)
             .init(device)
     }

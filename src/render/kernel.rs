@@ -16,12 +16,12 @@ use super::{Batch, Diagnostics, RenderOptions};
 use crate::error::{Error, Result};
 use crate::geometry::Context;
 use crate::kernel::{
-    EdgeSets, KernelScene, PixelGradients, RayCounts, Seen, Sums, View, ViewSettings, Wanted, Work,
+    EdgeSets, HostCamera, KernelScene, PixelGradients, RayCounts, Seen, Sums, View, ViewSettings,
+    Wanted, Work,
 };
 use crate::model::V3;
 use crate::scene::{
-    Camera, Collect, Detach, HostCamera, HostScene, ParameterId, Scene, check_camera, visit_camera,
-    visit_scene,
+    Camera, Collect, Detach, HostScene, ParameterId, Scene, check_camera, visit_camera, visit_scene,
 };
 use crate::visibility::Visibility;
 
@@ -520,7 +520,7 @@ impl Backward {
                 .collect();
             for ((view, places), sums) in views.iter().zip(&gradients) {
                 sums.write(&view.scene, &places.scene, &mut all);
-                sums.write_camera(&view.scene, &view.host_camera, &places.camera, &mut all);
+                view.write_camera(&sums.camera, &places.camera, &mut all);
             }
         }
         all

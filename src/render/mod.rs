@@ -4,6 +4,7 @@ mod batch;
 mod film;
 mod kernel;
 mod options;
+mod overview;
 mod replay;
 mod tensors;
 
@@ -19,6 +20,7 @@ pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, Sur
 pub use batch::{Batch, render_batch};
 pub use film::{Image, ImageBatch, Statistics};
 pub use options::{Engine, Progress, RenderOptions};
+pub use overview::overview;
 use tensors::Renderer;
 
 /// Renders a scene.

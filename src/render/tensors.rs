@@ -161,7 +161,7 @@ impl HostSight {
         };
         Ok(match options.visibility {
             Visibility::Cone { angle, pixels } => {
-                let half_height = (0.5 * camera.fov_y.values()?[0]).to_radians().tan();
+                let half_height = camera.half_height()?;
                 let least = options.blur.map_or(0.0, f64::tan);
                 let wide = least * 0.5 * options.height as f64 / half_height;
                 let cones = Cones::new(hierarchy()?, angle, &sampler(options));

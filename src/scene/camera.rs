@@ -4,30 +4,70 @@ use super::Parameter;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
 
-/// A perspective camera, pinhole or thin lens. Right-handed, pixel (0, 0) top left.
+/// A camera. Right-handed, pixel (0, 0) top left; by default a pinhole with a perspective projection.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// Position.
+    /// Position, scene units.
     pub eye: Parameter<3>,
-    /// The point looked at.
+    /// The point looked at, scene units.
     pub target: Parameter<3>,
-    /// Roughly up.
+    /// Roughly up, of any length.
     pub up: Parameter<3>,
-    /// Vertical field of view, degrees.
-    pub fov_y: Parameter<1>,
-    /// Aperture radius and distance of the focus plane along the view axis.
-    pub lens: Option<(Parameter<1>, Parameter<1>)>,
+    /// How directions or places become points of the image.
+    pub projection: Projection,
+    /// A thin lens in place of a pinhole.
+    pub lens: Option<ThinLens>,
 }
 
-/// A camera as `[1, 1]` planes.
+// A tensor is a handle of some words; boxing it would cost more than it saves.
+#[allow(clippy::large_enum_variant)]
+/// How a camera projects.
+#[derive(Clone, Debug)]
+pub enum Projection {
+    /// Perspective about the middle of the image, with square pixels.
+    Perspective {
+        /// Vertical field of view, degrees in (0, 180).
+        fov_y: Parameter<1>,
+    },
+    /// Perspective by a calibrated camera's matrix K, of an image of a size. A render of another size
+    /// shows the same view.
+    Intrinsics {
+        /// Focal lengths (f_x, f_y), pixels.
+        focal: Parameter<2>,
+        /// Where the view axis meets the image (c_x, c_y), pixels from the upper left corner.
+        principal: Parameter<2>,
+        /// Columns and rows of the image that K is of.
+        size: [usize; 2],
+    },
+    /// Parallel rays along the view axis from the plane of the eye, with square pixels. What is behind the
+    /// eye is not seen.
+    Orthographic {
+        /// Of the image, scene units.
+        height: Parameter<1>,
+    },
+}
+
+/// A thin lens.
+#[derive(Clone, Debug)]
+pub struct ThinLens {
+    /// Radius of the aperture, scene units.
+    pub aperture_radius: Parameter<1>,
+    /// Distance of the plane in focus along the view axis, scene units.
+    pub focus_distance: Parameter<1>,
+}
+
+/// A camera as `[1, 1]` planes. A film point (x, y) is in halves of the image's height, (0, 0) its middle, y up.
 pub(crate) struct CameraFrame {
     pub eye: Vec3,
     /// Unit vectors.
     pub forward: Vec3,
     pub right: Vec3,
     pub up: Vec3,
-    /// tan(fov_y/2).
-    pub half_height: Tensor<2>,
+    /// A film point is seen along (x·scale[0] + shift[0])·right + (y·scale[1] + shift[1])·up + forward; or with
+    /// parallel rays from there, without `forward`.
+    pub scale: [Tensor<2>; 2],
+    pub shift: Option<[Tensor<2>; 2]>,
+    pub parallel: bool,
     /// Aperture radius and focus distance.
     pub lens: Option<[Tensor<2>; 2]>,
 }
@@ -39,7 +79,9 @@ impl Camera {
             eye: eye.into(),
             target: target.into(),
             up: Parameter::Constant([0.0, 1.0, 0.0]),
-            fov_y: Parameter::Constant([40.0]),
+            projection: Projection::Perspective {
+                fov_y: Parameter::Constant([40.0]),
+            },
             lens: None,
         }
     }
@@ -50,9 +92,28 @@ impl Camera {
         self
     }
 
-    /// With a vertical field of view in degrees, in (0, 180).
+    /// With a perspective projection of a vertical field of view in degrees, in (0, 180).
     pub fn fov_y(mut self, degrees: impl Into<Parameter<1>>) -> Self {
-        self.fov_y = degrees.into();
+        self.projection = Projection::Perspective {
+            fov_y: degrees.into(),
+        };
+        self
+    }
+
+    /// With parallel rays, from an image of a height in scene units.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// // A plan: a square of 2 × 2 scene units, seen from above.
+    /// let camera = Camera::look_at([0.0, 5.0, 0.0], [0.0, 0.0, 0.0])
+    ///     .up([0.0, 0.0, -1.0])
+    ///     .orthographic(2.0);
+    /// # let _ = camera;
+    /// ```
+    pub fn orthographic(mut self, height: impl Into<Parameter<1>>) -> Self {
+        self.projection = Projection::Orthographic {
+            height: height.into(),
+        };
         self
     }
 
@@ -62,7 +123,10 @@ impl Camera {
         aperture_radius: impl Into<Parameter<1>>,
         focus_distance: impl Into<Parameter<1>>,
     ) -> Self {
-        self.lens = Some((aperture_radius.into(), focus_distance.into()));
+        self.lens = Some(ThinLens {
+            aperture_radius: aperture_radius.into(),
+            focus_distance: focus_distance.into(),
+        });
         self
     }
 
@@ -75,13 +139,20 @@ impl Camera {
                     .check("camera", "target", "finite numbers", finite)?,
             );
         let up = glam::DVec3::from(self.up.check("camera", "up", "finite numbers", finite)?);
-        self.fov_y
-            .check("camera", "fov_y", "degrees in (0, 180)", |f| {
-                f > 0.0 && f < 180.0
-            })?;
-        if let Some((aperture, focus)) = &self.lens {
+        self.projection.check()?;
+        if let Some(lens) = &self.lens {
+            let (aperture, focus) = (&lens.aperture_radius, &lens.focus_distance);
             aperture.check("camera", "aperture radius", "a number ≥ 0", |a| a >= 0.0)?;
             focus.check("camera", "focus distance", "a number > 0", |f| f > 0.0)?;
+            if self.projection.is_parallel() {
+                let expected = "a perspective projection, or no lens";
+                return Err(Error::invalid(
+                    "camera",
+                    "lens",
+                    "with parallel rays",
+                    expected,
+                ));
+            }
         }
         let view = target - eye;
         if view.length() <= 0.0 {
@@ -103,8 +174,9 @@ impl Camera {
         Ok(())
     }
 
-    /// The camera as `[1, 1]` planes; lengths relative to `centre`, in units of `unit`.
-    pub(crate) fn frame(&self, context: &Context, centre: [f64; 3], unit: f64) -> CameraFrame {
+    /// The camera of an image of `aspect` (width over height) as `[1, 1]` planes; lengths relative to `centre`,
+    /// in units of `unit`.
+    fn frame(&self, context: &Context, centre: [f64; 3], unit: f64, aspect: f64) -> CameraFrame {
         let vector = |p: &Parameter<3>| {
             let [x, y, z] = p.planes(context);
             Vec3::new(x, y, z)
@@ -131,17 +203,18 @@ impl Camera {
         let up = vector(&self.up).scale_by(host(&self.up).length().recip());
         let right = forward.cross(&up.normalized()).normalized();
         let up = right.cross(&forward);
-        let [fov] = self.fov_y.planes(context);
-        let half = fov * (std::f64::consts::PI / 360.0);
-        let (sin, cos) = sin_cos(half);
+        let (scale, shift) = self.projection.planes(context, unit, aspect);
         CameraFrame {
             eye,
             forward,
             right,
             up,
-            half_height: sin / cos,
-            lens: self.lens.as_ref().map(|(aperture, focus)| {
-                let ([aperture], [focus]) = (aperture.planes(context), focus.planes(context));
+            scale,
+            shift,
+            parallel: self.projection.is_parallel(),
+            lens: self.lens.as_ref().map(|lens| {
+                let [aperture] = lens.aperture_radius.planes(context);
+                let [focus] = lens.focus_distance.planes(context);
                 [aperture * per_unit, focus * per_unit]
             }),
         }
@@ -163,13 +236,23 @@ impl Camera {
             forward,
             right,
             up,
-            half_height,
+            scale: [wide, high],
+            shift,
+            parallel,
             lens,
-        } = self.frame(context, centre, unit);
-        let sx = (film[0].clone() * 2.0 - 1.0) * (half_height.clone() * aspect);
-        let sy = (film[1].clone() * (-2.0) + 1.0) * half_height;
+        } = self.frame(context, centre, unit, aspect);
+        let mut sx = (film[0].clone() * 2.0 - 1.0) * (wide * aspect);
+        let mut sy = (film[1].clone() * (-2.0) + 1.0) * high;
+        if let Some([x, y]) = shift {
+            sx = sx + x;
+            sy = sy + y;
+        }
         let n = film[0].dims()[1];
-        let through = right.scale(&sx).add(&up.scale(&sy)).add(&forward);
+        let beside = right.scale(&sx).add(&up.scale(&sy));
+        if parallel {
+            return (eye.add(&beside), forward.map(|x| x.expand([1, n])));
+        }
+        let through = beside.add(&forward);
         match (lens, disk) {
             (Some([aperture, focus]), Some(disk)) => {
                 let on_lens = right
@@ -184,7 +267,25 @@ impl Camera {
 
     /// Whether rays need a point on the lens: not for a constant aperture of 0.
     pub(crate) fn has_lens(&self) -> bool {
-        !matches!(&self.lens, None | Some((Parameter::Constant([0.0]), _)))
+        self.lens
+            .as_ref()
+            .is_some_and(|l| !matches!(l.aperture_radius, Parameter::Constant([0.0])))
+    }
+
+    /// Half the height of what is seen at a distance of 1, or with parallel rays at the target, over its distance.
+    ///
+    /// # Errors
+    /// If a value is out of range or can't be read.
+    pub(crate) fn half_height(&self) -> Result<f64> {
+        self.projection.check()?;
+        Ok(match &self.projection {
+            Projection::Perspective { fov_y } => (0.5 * fov_y.values()?[0]).to_radians().tan(),
+            Projection::Intrinsics { focal, size, .. } => 0.5 * size[1] as f64 / focal.values()?[1],
+            Projection::Orthographic { height } => {
+                let (eye, target) = (self.eye.values()?, self.target.values()?);
+                0.5 * height.values()?[0] / glam::DVec3::from(eye).distance(target.into())
+            }
+        })
     }
 
     pub(crate) fn tensors(&self) -> Vec<(&'static str, &Tensor<1>)> {
@@ -192,14 +293,95 @@ impl Camera {
             ("eye", self.eye.tensor()),
             ("target", self.target.tensor()),
             ("up", self.up.tensor()),
-            ("fov_y", self.fov_y.tensor()),
         ];
-        if let Some((a, f)) = &self.lens {
-            all.push(("aperture radius", a.tensor()));
-            all.push(("focus distance", f.tensor()));
+        match &self.projection {
+            Projection::Perspective { fov_y } => all.push(("fov_y", fov_y.tensor())),
+            Projection::Intrinsics {
+                focal, principal, ..
+            } => {
+                all.push(("focal length", focal.tensor()));
+                all.push(("principal point", principal.tensor()));
+            }
+            Projection::Orthographic { height } => all.push(("height", height.tensor())),
+        }
+        if let Some(lens) = &self.lens {
+            all.push(("aperture radius", lens.aperture_radius.tensor()));
+            all.push(("focus distance", lens.focus_distance.tensor()));
         }
         all.into_iter()
             .filter_map(|(n, t)| t.map(|t| (n, t)))
             .collect()
+    }
+}
+
+impl Projection {
+    pub(crate) fn is_parallel(&self) -> bool {
+        matches!(self, Self::Orthographic { .. })
+    }
+
+    fn check(&self) -> Result<()> {
+        let positive = |v: f64| v > 0.0;
+        match self {
+            Self::Perspective { fov_y } => {
+                let in_range = |f: f64| f > 0.0 && f < 180.0;
+                fov_y.check("camera", "fov_y", "degrees in (0, 180)", in_range)?;
+            }
+            Self::Intrinsics {
+                focal,
+                principal,
+                size: [width, height],
+            } => {
+                focal.check("camera", "focal length", "numbers > 0, in pixels", positive)?;
+                principal.check("camera", "principal point", "finite numbers", |_| true)?;
+                if *width == 0 || *height == 0 {
+                    let size = format!("{width} × {height}");
+                    let expected = "at least one column and row";
+                    return Err(Error::invalid(
+                        "camera",
+                        "size of K's image",
+                        size,
+                        expected,
+                    ));
+                }
+            }
+            Self::Orthographic { height } => {
+                height.check("camera", "height", "a number > 0", positive)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Scale and shift of a [`CameraFrame`], the lengths of parallel rays in units of `unit`.
+    #[allow(clippy::type_complexity)]
+    fn planes(
+        &self,
+        context: &Context,
+        unit: f64,
+        aspect: f64,
+    ) -> ([Tensor<2>; 2], Option<[Tensor<2>; 2]>) {
+        match self {
+            Self::Perspective { fov_y } => {
+                let [fov] = fov_y.planes(context);
+                let (sin, cos) = sin_cos(fov * (std::f64::consts::PI / 360.0));
+                let half = sin / cos;
+                ([half.clone(), half], None)
+            }
+            Self::Intrinsics {
+                focal,
+                principal,
+                size,
+            } => {
+                let [x, y] = focal.planes(context).map(|f| f.recip());
+                let [cx, cy] = principal.planes(context);
+                let [w, h] = size.map(|n| 0.5 * n as f64);
+                let shift = [(cx * (-1.0) + w) * x.clone(), (cy - h) * y.clone()];
+                ([x * (w / aspect), y * h], Some(shift))
+            }
+            Self::Orthographic { height } => {
+                let [height] = height.planes(context);
+                let half = height * (0.5 / unit);
+                ([half.clone(), half], None)
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 
 use super::check::check_scene;
-use super::{Albedo, Camera, CornerAttribute, Environment, Parameter, Scene, Wrap};
+use super::{Albedo, CornerAttribute, Environment, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, by_rows, host_values};
 
@@ -147,40 +147,4 @@ fn image(texels: &Tensor<3>, wrap: Wrap) -> Result<HostTexture> {
         height,
         wrap,
     })
-}
-
-/// A camera on the host.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct HostCamera {
-    pub eye: glam::DVec3,
-    pub target: glam::DVec3,
-    pub up: glam::DVec3,
-    /// Degrees.
-    pub fov_y: f64,
-    /// Aperture radius and focus distance, where rays need a point on the lens.
-    pub lens: Option<[f64; 2]>,
-}
-
-impl HostCamera {
-    /// Reads a camera back that was checked.
-    ///
-    /// # Errors
-    /// If a tensor can't be read.
-    pub fn new(camera: &Camera) -> Result<Self> {
-        let [fov_y] = camera.fov_y.values()?;
-        let lens = match &camera.lens {
-            Some((aperture, focus)) if camera.has_lens() => {
-                let ([aperture], [focus]) = (aperture.values()?, focus.values()?);
-                Some([aperture, focus])
-            }
-            _ => None,
-        };
-        Ok(Self {
-            eye: camera.eye.values()?.into(),
-            target: camera.target.values()?.into(),
-            up: camera.up.values()?.into(),
-            fov_y,
-            lens,
-        })
-    }
 }

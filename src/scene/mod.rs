@@ -13,14 +13,15 @@ mod parameter;
 mod parameters;
 pub mod shapes;
 mod transform;
+mod viewpoint;
 
-pub use camera::Camera;
+pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::check_camera;
 pub use environment::Environment;
 pub use flatten::{Albedos, Bounds, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
 
 pub(crate) use frame::SceneFrame;
-pub(crate) use host::{HostAttribute, HostCamera, HostScene, HostTexture};
+pub(crate) use host::{HostAttribute, HostScene, HostTexture};
 pub use material::{Albedo, Material, Wrap};
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
@@ -29,6 +30,7 @@ pub(crate) use parameters::{
     Collect, Detach, ParameterId, Replace, Visit, visit_camera, visit_scene, visit_tensors,
 };
 pub use transform::Transform;
+pub use viewpoint::Matrix;
 
 /// A scene: objects and an environment.
 #[derive(Clone, Debug)]
@@ -64,6 +66,12 @@ impl Scene {
     pub fn environment(mut self, radiance: impl Into<Environment>) -> Self {
         self.environment = radiance.into();
         self
+    }
+
+    /// Whether any object emits or the environment is not black.
+    pub fn has_light(&self) -> bool {
+        let mut materials = self.objects.iter().flat_map(|o| &o.materials);
+        self.environment.shines() || materials.any(|m| m.emits())
     }
 
     /// The first object of that name.

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use burn::tensor::Tensor;
 
-use super::{Albedo, Camera, Environment, Parameter, Scene};
+use super::{Albedo, Camera, Environment, Parameter, Projection, Scene};
 
 /// What a tensor of a scene or camera is. Objects and materials are counted over the whole scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -35,6 +35,12 @@ pub(crate) enum ParameterId {
     Up,
     /// `[1]`, degrees.
     FieldOfView,
+    /// `[2]`, pixels.
+    FocalLength,
+    /// `[2]`, pixels.
+    PrincipalPoint,
+    /// `[1]`, scene units.
+    ViewHeight,
     /// `[1]`, scene units.
     Aperture,
     /// `[1]`, scene units.
@@ -103,10 +109,19 @@ pub(crate) fn visit_camera(camera: &mut Camera, visit: &mut impl Visit) {
     visit.parameter(ParameterId::Eye, &mut camera.eye);
     visit.parameter(ParameterId::Target, &mut camera.target);
     visit.parameter(ParameterId::Up, &mut camera.up);
-    visit.parameter(ParameterId::FieldOfView, &mut camera.fov_y);
-    if let Some((aperture, focus)) = &mut camera.lens {
-        visit.parameter(ParameterId::Aperture, aperture);
-        visit.parameter(ParameterId::Focus, focus);
+    match &mut camera.projection {
+        Projection::Perspective { fov_y } => visit.parameter(ParameterId::FieldOfView, fov_y),
+        Projection::Intrinsics {
+            focal, principal, ..
+        } => {
+            visit.parameter(ParameterId::FocalLength, focal);
+            visit.parameter(ParameterId::PrincipalPoint, principal);
+        }
+        Projection::Orthographic { height } => visit.parameter(ParameterId::ViewHeight, height),
+    }
+    if let Some(lens) = &mut camera.lens {
+        visit.parameter(ParameterId::Aperture, &mut lens.aperture_radius);
+        visit.parameter(ParameterId::Focus, &mut lens.focus_distance);
     }
 }
 

@@ -33,6 +33,14 @@ pub fn cpu_devices() -> Vec<Device> {
     vec![Device::flex(), Device::ndarray()]
 }
 
+/// A perspective camera's vertical field of view, degrees.
+pub fn fov(camera: &Camera) -> f64 {
+    match &camera.projection {
+        Projection::Perspective { fov_y } => fov_y.values().expect("a number")[0],
+        other => panic!("{other:?}"),
+    }
+}
+
 /// A tensor's values.
 pub fn values<const D: usize>(t: &Tensor<D>) -> Vec<f64> {
     t.clone().inner().into_data().iter::<f64>().collect()

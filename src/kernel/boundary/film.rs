@@ -236,9 +236,14 @@ impl View {
         if e.kind != Kind::Fold {
             return 1.0;
         }
+        let c = &self.camera;
         let above = |k: u32| {
             let t = &self.scene.triangles[k as usize];
-            t.normal.dot(self.camera.eye) - t.plane
+            if c.parallel {
+                -t.normal.dot(c.forward)
+            } else {
+                t.normal.dot(c.eye) - t.plane
+            }
         };
         let (front, back) = (above(e.faces[0]), above(e.faces[1]));
         if front.abs().min(back.abs()) <= slack || front * back < 0.0 {
@@ -261,17 +266,15 @@ impl View {
         let c = &self.camera;
         let velocity = self.scene.shift(e.faces[0], 1.0);
         let moved = velocity.length();
-        let jump = self.film_jump(e, c.aperture + moved);
+        // Parallel rays meet a face from one side wherever it moves.
+        let slack = if c.parallel { 0.0 } else { c.aperture + moved };
+        let jump = self.film_jump(e, slack);
         if jump == 0.0 {
             return;
         }
-        // In the camera's frame, at the middle of the shutter: right, up, depth.
-        let local = |p: V3| {
-            let r = p - c.eye;
-            [r.dot(c.right), r.dot(c.up), r.dot(c.forward)]
-        };
-        let a = local(e.a + velocity * 0.5);
-        let b = local(e.a + e.along + velocity * 0.5);
+        // In the camera's basis, at the middle of the shutter.
+        let a = c.local(e.a + velocity * 0.5 - c.eye);
+        let b = c.local(e.a + e.along + velocity * 0.5 - c.eye);
         let near = 1e-4 * (a[2].abs().max(b[2].abs()) + c.aperture + moved);
         let [from, to] = clipped([0.0, 1.0], a[2] - near, b[2] - near);
         if from >= to {
@@ -281,7 +284,7 @@ impl View {
         // one depth.
         let depth = |l: f32| a[2] + (b[2] - a[2]) * l;
         let ratio = depth(to) / depth(from);
-        let parts = if (c.aperture > 0.0 || moved > 0.0) && !e.apart {
+        let parts = if (c.aperture > 0.0 || moved > 0.0) && !e.apart && !c.parallel {
             ratio.log2().abs().ceil().clamp(1.0, 16.0) as usize
         } else {
             1
@@ -319,37 +322,40 @@ impl View {
     ) -> Option<[[f32; 4]; 2]> {
         let c = &self.camera;
         let at = |l: f32| -> [f32; 3] { std::array::from_fn(|k| a[k] + (b[k] - a[k]) * l) };
+        // What coordinates are divided by; by depth in a perspective.
+        let divisor = |p: [f32; 3]| if c.parallel { 1.0 } else { p[2] };
         // The film with the reach of its filter, and what a lens and a shutter move points by.
+        let stretch = c.dual[0].length().max(c.dual[1].length());
         let margin = |p: [f32; 3]| {
-            let lens = if c.aperture > 0.0 {
-                c.aperture * (1.0 / p[2] - 1.0 / c.focus).abs()
-            } else {
-                0.0
-            };
-            lens + 0.5 * moved * (1.0 + (p[0].abs() + p[1].abs()) / p[2]) / p[2]
+            let lens = c.aperture * stretch * (1.0 / p[2] - c.per_focus).abs();
+            let per = 1.0 / divisor(p);
+            let mut moves = stretch;
+            if !c.parallel {
+                moves += (p[0].abs() + p[1].abs()) * per;
+            }
+            lens + 0.5 * moved * moves * per
         };
         let more = margin(at(piece.from)).max(margin(at(piece.to)));
         let aspect = c.width / c.height;
         let reach = (0.5 + self.filter.radius()) * 2.0 / c.height;
-        let wide = c.half_height * (aspect + reach) + more;
-        let high = c.half_height * (1.0 + reach) + more;
         let mut part = [piece.from, piece.to];
-        for (k, limit) in [(0, wide), (1, high)] {
-            part = clipped(part, limit * a[2] + a[k], limit * b[2] + b[k]);
-            part = clipped(part, limit * a[2] - a[k], limit * b[2] - b[k]);
+        for (k, limit) in [(0, aspect + reach + more), (1, 1.0 + reach + more)] {
+            let (at_a, at_b) = (limit * divisor(a), limit * divisor(b));
+            part = clipped(part, at_a + a[k], at_b + b[k]);
+            part = clipped(part, at_a - a[k], at_b - b[k]);
         }
         if part[0] >= part[1] {
             return None;
         }
         [piece.from, piece.to] = part;
-        let share = c.half_height / (c.half_height + more);
+        let share = 1.0 / (1.0 + more);
         Some(part.map(|l| {
             let p = at(l);
-            let scale = 0.5 * c.height / (c.half_height * p[2]);
+            let scale = 0.5 * c.height / divisor(p);
             [
                 0.5 * c.width + p[0] * scale,
                 0.5 * c.height - p[1] * scale,
-                p[2],
+                divisor(p),
                 share * share,
             ]
         }))
@@ -462,9 +468,9 @@ impl View {
             numbers,
         };
         let [lens_x, lens_y] = self.lens_point(&path.numbers);
-        let origin = self.camera.eye + self.camera.lens_point(lens_x, lens_y);
         let shift = self.scene.shift(edge.faces[0], path.time);
         let position = edge.a + edge.along * lambda + shift;
+        let origin = self.camera.origin_towards(position, lens_x, lens_y);
         let point = EdgePoint {
             edge,
             lambda,
@@ -472,7 +478,7 @@ impl View {
             to: position - origin,
             position,
         };
-        if point.to.dot(self.camera.forward) <= 0.0 {
+        if point.to.dot(self.camera.dual[2]) <= 0.0 {
             return;
         }
         // The pixel whose ray would come here.
@@ -492,7 +498,7 @@ impl View {
             .camera
             .project_along(position, edge.along, lens_x, lens_y);
         // To the right of the edge's image, on a film whose y points down.
-        let side = self.camera.right * along_y + self.camera.up * along_x;
+        let side = self.camera.across * along_y + self.camera.upward * along_x;
         let sides = self.sides(&point, view, side);
         let Some(behind) = self.behind(&point, origin, sides.past, path.time) else {
             return;

@@ -45,7 +45,8 @@ impl BlurSchedule {
     }
 }
 
-/// The angle of a pixel in the middle of an image of `height` rows, radians: atan(2·tan(fov_y/2)/height).
+/// The angle of a pixel in the middle of an image of `height` rows, radians: atan(2·tan(fov_y/2)/height). For a
+/// camera with parallel rays it is that of a pixel at the target, seen from the eye.
 ///
 /// ```
 /// use softray::optim::pixel_angle;
@@ -56,16 +57,12 @@ impl BlurSchedule {
 /// ```
 ///
 /// # Errors
-/// If the camera's field of view is not in (0°, 180°), or `height` is 0.
+/// If the camera's projection is not valid, or `height` is 0.
 pub fn pixel_angle(camera: &Camera, height: usize) -> Result<f64> {
     if height == 0 {
         return Err(Error::invalid("image", "height", height, "at least 1"));
     }
-    let in_range = |v: f64| v > 0.0 && v < 180.0;
-    let [fov] = camera
-        .fov_y
-        .check("camera", "fov_y", "degrees in (0, 180)", in_range)?;
-    Ok((2.0 * (0.5 * fov).to_radians().tan() / height as f64).atan())
+    Ok((2.0 * camera.half_height()? / height as f64).atan())
 }
 
 /// What a camera sees of a scene, in scene units.
@@ -95,8 +92,7 @@ impl View {
                 smallest = smallest.min(0.5 * low.distance(high));
             }
         }
-        let [fov] = camera.fov_y.values()?;
-        let half = (0.5 * fov).to_radians().tan();
+        let half = camera.half_height()?;
         let options = RenderOptions::new(GRID, GRID)
             .samples(1)
             .bounces(0)
@@ -115,8 +111,8 @@ impl View {
             .collect();
         seen.sort_by(f64::total_cmp);
         let distance = match seen.get(seen.len() / 2) {
-            Some(&z) => z,
-            None => {
+            Some(&z) if !camera.projection.is_parallel() => z,
+            _ => {
                 let (eye, target) = (camera.eye.values()?, camera.target.values()?);
                 glam::DVec3::from(eye).distance(target.into())
             }

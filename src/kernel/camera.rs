@@ -1,0 +1,219 @@
+//! A camera of a scene as the kernels want it, and its derivatives as the scene wants them.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::gradient::CameraSums;
+use crate::error::Result;
+use crate::model::camera::Camera as Model;
+use crate::scene::{Camera, ParameterId, Projection, SceneFrame};
+
+/// A camera on the host.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HostCamera {
+    eye: DVec3,
+    target: DVec3,
+    up: DVec3,
+    projection: HostProjection,
+    /// Aperture radius and focus distance, where rays need a point on the lens.
+    lens: Option<[f64; 2]>,
+    /// Half the height of what is seen at a distance of 1.
+    pub half_height: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum HostProjection {
+    Perspective {
+        fov_y: f64,
+    },
+    Intrinsics {
+        focal: [f64; 2],
+        principal: [f64; 2],
+        size: [f64; 2],
+    },
+    Orthographic {
+        height: f64,
+    },
+}
+
+/// Unit vectors of a camera, and what a film point (x, y) in halves of the image's height is multiplied by and
+/// moved by along them.
+struct Frame {
+    forward: DVec3,
+    right: DVec3,
+    up: DVec3,
+    scale: [f64; 2],
+    shift: [f64; 2],
+}
+
+impl HostCamera {
+    /// Reads a camera back that was checked.
+    ///
+    /// # Errors
+    /// If a tensor can't be read.
+    pub fn new(camera: &Camera) -> Result<Self> {
+        let lens = match &camera.lens {
+            Some(lens) if camera.has_lens() => {
+                let [aperture] = lens.aperture_radius.values()?;
+                let [focus] = lens.focus_distance.values()?;
+                Some([aperture, focus])
+            }
+            _ => None,
+        };
+        let projection = match &camera.projection {
+            Projection::Perspective { fov_y } => HostProjection::Perspective {
+                fov_y: fov_y.values()?[0],
+            },
+            Projection::Intrinsics {
+                focal,
+                principal,
+                size,
+            } => HostProjection::Intrinsics {
+                focal: focal.values()?,
+                principal: principal.values()?,
+                size: size.map(|n| n as f64),
+            },
+            Projection::Orthographic { height } => HostProjection::Orthographic {
+                height: height.values()?[0],
+            },
+        };
+        Ok(Self {
+            eye: camera.eye.values()?.into(),
+            target: camera.target.values()?.into(),
+            up: camera.up.values()?.into(),
+            projection,
+            lens,
+            half_height: camera.half_height()?,
+        })
+    }
+
+    fn frame(&self, unit: f64, aspect: f64) -> Frame {
+        let forward = (self.target - self.eye).normalize();
+        let right = forward.cross(self.up.normalize()).normalize();
+        let (scale, shift) = match self.projection {
+            HostProjection::Perspective { fov_y } => {
+                let half = (0.5 * fov_y).to_radians().tan();
+                ([half; 2], [0.0; 2])
+            }
+            HostProjection::Intrinsics {
+                focal: [fx, fy],
+                principal: [cx, cy],
+                size: [width, height],
+            } => (
+                [0.5 * width / (fx * aspect), 0.5 * height / fy],
+                [(0.5 * width - cx) / fx, (cy - 0.5 * height) / fy],
+            ),
+            HostProjection::Orthographic { height } => ([0.5 * height / unit; 2], [0.0; 2]),
+        };
+        Frame {
+            forward,
+            right,
+            up: right.cross(forward),
+            scale,
+            shift,
+        }
+    }
+
+    /// The camera of an image of so many pixels, in inner units.
+    pub fn model(&self, inner: &SceneFrame, width: u32, height: u32) -> Model {
+        let (width, height) = (f64::from(width), f64::from(height));
+        let f = self.frame(inner.unit, width / height);
+        let [across, upward] = [f.right * f.scale[0], f.up * f.scale[1]];
+        let forward = f.forward + f.right * f.shift[0] + f.up * f.shift[1];
+        // The unit vectors are at right angles, so the inverse is this.
+        let dual = [
+            (f.right - f.forward * f.shift[0]) / f.scale[0],
+            (f.up - f.forward * f.shift[1]) / f.scale[1],
+            f.forward,
+        ];
+        let (aperture, per_focus) = match self.lens {
+            Some([aperture, focus]) => (aperture / inner.unit, inner.unit / focus),
+            None => (0.0, 0.0),
+        };
+        Model {
+            eye: inner.inner(self.eye).into(),
+            across: across.into(),
+            upward: upward.into(),
+            forward: forward.into(),
+            dual: dual.map(Into::into),
+            lens: [f.right, f.up].map(|axis| (axis * aperture).into()),
+            aperture: aperture as f32,
+            per_focus: per_focus as f32,
+            parallel: matches!(self.projection, HostProjection::Orthographic { .. }),
+            width: width as f32,
+            height: height as f32,
+        }
+    }
+
+    /// Adds the derivatives by a camera's parameters at their places, from those by its [`Model`] for an image of
+    /// `aspect` (width over height).
+    pub fn backward(
+        &self,
+        g: &CameraSums,
+        unit: f64,
+        aspect: f64,
+        places: &[(ParameterId, Range<usize>)],
+        all: &mut [f64],
+    ) {
+        if places.is_empty() {
+            return;
+        }
+        let f = self.frame(unit, aspect);
+        let [aperture, focus] = self.lens.unwrap_or([0.0, 1.0]);
+        let lens = aperture / unit;
+        let by_right = g.across * f.scale[0] + g.forward * f.shift[0] + g.lens[0] * lens;
+        let by_cross = g.upward * f.scale[1] + g.forward * f.shift[1] + g.lens[1] * lens;
+        // right = (forward × up)/|…|, its up = right × forward, forward = (target − eye)/|…|.
+        let view = self.target - self.eye;
+        let up = self.up.normalize();
+        let across = f.forward.cross(up);
+        let by_right = by_right + f.forward.cross(by_cross);
+        let by_across = (by_right - f.right * f.right.dot(by_right)) / across.length();
+        let by_forward = g.forward + by_cross.cross(f.right) + up.cross(by_across);
+        let by_up = by_across.cross(f.forward);
+        let by_view = (by_forward - f.forward * f.forward.dot(by_forward)) / view.length();
+        let by_scale = [g.across.dot(f.right), g.upward.dot(f.up)];
+        let by_shift = [g.forward.dot(f.right), g.forward.dot(f.up)];
+        for (id, range) in places {
+            let add = |all: &mut [f64], by: &[f64]| {
+                for (to, by) in all[range.clone()].iter_mut().zip(by) {
+                    *to += by;
+                }
+            };
+            match (id, self.projection) {
+                (ParameterId::Eye, _) => add(all, &(g.eye / unit - by_view).to_array()),
+                (ParameterId::Target, _) => add(all, &by_view.to_array()),
+                (ParameterId::Up, _) => {
+                    let by = (by_up - up * up.dot(by_up)) / self.up.length();
+                    add(all, &by.to_array());
+                }
+                (ParameterId::FieldOfView, HostProjection::Perspective { fov_y }) => {
+                    let cos = (0.5 * fov_y).to_radians().cos();
+                    let by_half = by_scale[0] + by_scale[1];
+                    add(all, &[by_half * 0.5f64.to_radians() / (cos * cos)]);
+                }
+                (ParameterId::FocalLength, HostProjection::Intrinsics { focal, .. }) => {
+                    let by = |i: usize| {
+                        -(by_scale[i] * f.scale[i] + by_shift[i] * f.shift[i]) / focal[i]
+                    };
+                    add(all, &[by(0), by(1)]);
+                }
+                (ParameterId::PrincipalPoint, HostProjection::Intrinsics { focal, .. }) => {
+                    add(all, &[-by_shift[0] / focal[0], by_shift[1] / focal[1]]);
+                }
+                (ParameterId::ViewHeight, HostProjection::Orthographic { .. }) => {
+                    add(all, &[(by_scale[0] + by_scale[1]) * 0.5 / unit]);
+                }
+                (ParameterId::Aperture, _) => {
+                    add(
+                        all,
+                        &[(g.lens[0].dot(f.right) + g.lens[1].dot(f.up)) / unit],
+                    );
+                }
+                (ParameterId::Focus, _) => add(all, &[-g.per_focus * unit / (focus * focus)]),
+                _ => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,416 @@
+//! Cameras from what a user has: a matrix, a calibration, an orbit, a scene that is to be in view.
+
+use burn::tensor::{Tensor, TensorData};
+use glam::{DMat3, DMat4, DVec3};
+
+use super::{Camera, Parameter, Projection, Scene};
+use crate::error::{Error, Result};
+use crate::geometry::{host_values, sin_cos};
+
+/// What [`Camera::framing`] leaves free around a scene, as a share of the image.
+const MARGIN: f64 = 0.05;
+
+// A tensor is a handle of some words; boxing it would cost more than it saves.
+#[allow(clippy::large_enum_variant)]
+/// A square matrix that a user gives as numbers, row by row, or as a tensor `[N, N]`.
+#[derive(Clone, Debug)]
+pub enum Matrix<const N: usize> {
+    /// Rows of numbers.
+    Constant([[f64; N]; N]),
+    /// A tensor `[N, N]`.
+    Tensor(Tensor<2>),
+}
+
+impl<const N: usize> From<[[f64; N]; N]> for Matrix<N> {
+    fn from(rows: [[f64; N]; N]) -> Self {
+        Self::Constant(rows)
+    }
+}
+
+impl<const N: usize> From<[[f32; N]; N]> for Matrix<N> {
+    fn from(rows: [[f32; N]; N]) -> Self {
+        Self::Constant(rows.map(|row| row.map(f64::from)))
+    }
+}
+
+impl<const N: usize> From<Tensor<2>> for Matrix<N> {
+    fn from(matrix: Tensor<2>) -> Self {
+        Self::Tensor(matrix)
+    }
+}
+
+impl From<DMat4> for Matrix<4> {
+    fn from(matrix: DMat4) -> Self {
+        Self::Constant(matrix.transpose().to_cols_array_2d())
+    }
+}
+
+impl From<DMat3> for Matrix<3> {
+    fn from(matrix: DMat3) -> Self {
+        Self::Constant(matrix.transpose().to_cols_array_2d())
+    }
+}
+
+impl<const N: usize> Matrix<N> {
+    /// The rows on the host.
+    fn rows(&self, field: &str) -> Result<[[f64; N]; N]> {
+        let rows = match self {
+            Self::Constant(rows) => *rows,
+            Self::Tensor(matrix) => {
+                if matrix.dims() != [N, N] {
+                    return Err(Error::invalid(
+                        "camera",
+                        field,
+                        format!("of shape {:?}", matrix.dims()),
+                        format!("shape [{N}, {N}]"),
+                    ));
+                }
+                let values = host_values(matrix)?;
+                std::array::from_fn(|i| std::array::from_fn(|j| values[N * i + j]))
+            }
+        };
+        if rows.iter().flatten().any(|v| !v.is_finite()) {
+            let expected = "finite numbers";
+            return Err(Error::invalid(
+                "camera",
+                field,
+                format!("{rows:?}"),
+                expected,
+            ));
+        }
+        Ok(rows)
+    }
+
+    /// The first three numbers of a column or row times a factor, in the graph of the matrix.
+    fn line(&self, rows: &[[f64; N]; N], axis: Axis, index: usize, factor: f64) -> Parameter<3> {
+        match (self, axis) {
+            (Self::Constant(_), Axis::Column) => {
+                Parameter::Constant(std::array::from_fn(|i| factor * rows[i][index]))
+            }
+            (Self::Constant(_), Axis::Row) => {
+                Parameter::Constant(std::array::from_fn(|i| factor * rows[index][i]))
+            }
+            (Self::Tensor(m), Axis::Column) => {
+                let column = m.clone().slice([0..3, index..index + 1]);
+                Parameter::Tensor(column.reshape([3]) * factor)
+            }
+            (Self::Tensor(m), Axis::Row) => {
+                let row = m.clone().slice([index..index + 1, 0..3]);
+                Parameter::Tensor(row.reshape([3]) * factor)
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Axis {
+    Column,
+    Row,
+}
+
+impl Camera {
+    /// A camera by its pose, a matrix from camera to world as OpenGL, Blender and NeRF have it: its columns are
+    /// right, up, backward and the position, in scene units. The field of view is 40° until
+    /// [`Camera::fov_y`] says otherwise. Given a tensor `[4, 4]`, gradients flow to it.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let pose = [
+    ///     [1.0, 0.0, 0.0, 0.5],
+    ///     [0.0, 1.0, 0.0, 1.0],
+    ///     [0.0, 0.0, 1.0, 4.0],
+    ///     [0.0, 0.0, 0.0, 1.0],
+    /// ];
+    /// let camera = Camera::from_matrix(pose)?.fov_y(35.0);
+    /// assert_eq!(camera.eye.values()?, [0.5, 1.0, 4.0]);
+    /// assert_eq!(camera.target.values()?, [0.5, 1.0, 3.0]);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the last row is not (0, 0, 0, 1), the axes are left-handed or one is 0, or the tensor is of another
+    /// shape.
+    pub fn from_matrix(camera_to_world: impl Into<Matrix<4>>) -> Result<Self> {
+        let matrix = camera_to_world.into();
+        let rows = matrix.rows("matrix")?;
+        let last = rows[3];
+        if last != [0.0, 0.0, 0.0, 1.0] {
+            let expected = "(0, 0, 0, 1): translation stands in the last column";
+            let shown = format!("{last:?}");
+            return Err(Error::invalid(
+                "camera",
+                "last row of the matrix",
+                shown,
+                expected,
+            ));
+        }
+        let axes = [0, 1, 2].map(|j| DVec3::from([0, 1, 2].map(|i| rows[i][j])));
+        right_handed(axes, "matrix")?;
+        let eye = matrix.line(&rows, Axis::Column, 3, 1.0);
+        let forward = matrix.line(&rows, Axis::Column, 2, -1.0);
+        let target = added(&eye, &forward);
+        let up = matrix.line(&rows, Axis::Column, 1, 1.0);
+        Ok(Self::look_at(eye, target).up(up))
+    }
+
+    /// A calibrated camera as OpenCV and COLMAP have it: K in pixels of an image of `size` (columns, rows), and
+    /// rotation and translation from world to camera, x_camera = R·x_world + t, where the camera's x points
+    /// right, y down and z forward. Gradients flow to what is given as tensors, `[3, 3]`, `[3, 3]` and `[3]`.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let k = [[500.0, 0.0, 310.0], [0.0, 510.0, 250.0], [0.0, 0.0, 1.0]];
+    /// // In front of the origin, looking along −z with y up.
+    /// let rotation = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+    /// let camera = Camera::from_intrinsics(k, rotation, [0.0, 0.0, 4.0], [640, 480])?;
+    /// assert_eq!(camera.eye.values()?, [0.0, 0.0, 4.0]);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If K has skew or is not upper triangular, R is not a rotation, or a tensor is of another shape.
+    pub fn from_intrinsics(
+        k: impl Into<Matrix<3>>,
+        rotation: impl Into<Matrix<3>>,
+        translation: impl Into<Parameter<3>>,
+        size: [usize; 2],
+    ) -> Result<Self> {
+        let (k, rotation, translation) = (k.into(), rotation.into(), translation.into());
+        let rows = k.rows("K")?;
+        let [[_, skew, _], [low, _, _], last] = rows;
+        if skew != 0.0 || low != 0.0 || last != [0.0, 0.0, 1.0] {
+            let expected = "[[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]";
+            return Err(Error::invalid("camera", "K", format!("{rows:?}"), expected));
+        }
+        let diagonal = |i: usize, j: usize| match &k {
+            Matrix::Constant(_) => Parameter::<1>::Constant([rows[i][j]]),
+            Matrix::Tensor(k) => {
+                Parameter::Tensor(k.clone().slice([i..i + 1, j..j + 1]).reshape([1]))
+            }
+        };
+        let focal = joined(diagonal(0, 0), diagonal(1, 1));
+        let principal = joined(diagonal(0, 2), diagonal(1, 2));
+
+        let r = rotation.rows("R")?;
+        right_handed(r.map(DVec3::from), "R")?;
+        let m = DMat3::from_cols_array_2d(&r);
+        let apart = (m * m.transpose() - DMat3::IDENTITY).to_cols_array();
+        if apart.iter().any(|v| v.abs() > 1e-3) {
+            let expected = "a rotation (R·Rᵀ = 1 to 1e-3)";
+            return Err(Error::invalid("camera", "R", format!("{r:?}"), expected));
+        }
+        translation.check("camera", "translation", "finite numbers", |_| true)?;
+        let eye = match (&rotation, &translation) {
+            (Matrix::Constant(_), Parameter::Constant(t)) => {
+                Parameter::Constant((-(m * DVec3::from(*t))).to_array())
+            }
+            _ => {
+                // −Rᵀ·t: the rows of R times the numbers of t.
+                let t = match (&translation, &rotation) {
+                    (Parameter::Tensor(t), _) => t.clone(),
+                    (Parameter::Constant(t), Matrix::Tensor(r)) => beside(t, r),
+                    (Parameter::Constant(t), Matrix::Constant(_)) => {
+                        unreachable!("{t:?} and R are constants")
+                    }
+                };
+                let r = match &rotation {
+                    Matrix::Tensor(r) => r.clone(),
+                    Matrix::Constant(r) => {
+                        let flat: Vec<f64> = r.iter().flatten().copied().collect();
+                        let data = TensorData::new(flat, [3, 3]);
+                        Tensor::from_data(data, (&t.device().inner(), t.dtype()))
+                    }
+                };
+                Parameter::Tensor((r * t.reshape([3, 1])).sum_dim(0).reshape([3]) * (-1.0))
+            }
+        };
+        let forward = rotation.line(&r, Axis::Row, 2, 1.0);
+        let target = added(&eye, &forward);
+        let mut camera = Self::look_at(eye, target).up(rotation.line(&r, Axis::Row, 1, -1.0));
+        camera.projection = Projection::Intrinsics {
+            focal,
+            principal,
+            size,
+        };
+        camera.check()?;
+        Ok(camera)
+    }
+
+    /// A camera on a sphere around a target, `distance` scene units from it. Azimuth and elevation are in degrees:
+    /// from azimuth 0 it looks along −z, from 90 along −x; elevation is the height over the target's horizon.
+    /// Gradients flow to what is given as tensors.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let turntable = (0..36)
+    ///     .map(|i| Camera::orbit([0.0; 3], 4.0, 10.0 * f64::from(i), 20.0))
+    ///     .collect::<softray::Result<Vec<Camera>>>()?;
+    /// # assert_eq!(turntable.len(), 36);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the distance is not positive, the elevation not in (−90°, 90°), or a tensor is of another shape.
+    pub fn orbit(
+        target: impl Into<Parameter<3>>,
+        distance: impl Into<Parameter<1>>,
+        azimuth: impl Into<Parameter<1>>,
+        elevation: impl Into<Parameter<1>>,
+    ) -> Result<Self> {
+        let (target, distance) = (target.into(), distance.into());
+        let (azimuth, elevation) = (azimuth.into(), elevation.into());
+        let center = target.check("camera", "target", "finite numbers", |_| true)?;
+        let [radius] = distance.check("camera", "distance", "a number > 0", |d| d > 0.0)?;
+        let [turn] = azimuth.check("camera", "azimuth", "a finite number", |_| true)?;
+        let inside = |e: f64| e.abs() < 90.0;
+        let expected = "degrees in (−90, 90)";
+        let [rise] = elevation.check("camera", "elevation", expected, inside)?;
+        let tensors = [&distance, &azimuth, &elevation];
+        let moving = tensors.iter().find_map(|p| p.tensor());
+        let Some(like) = moving.or(target.tensor()).cloned() else {
+            let (sin, cos) = turn.to_radians().sin_cos();
+            let (up, level) = rise.to_radians().sin_cos();
+            let away = DVec3::new(level * sin, up, level * cos) * radius;
+            return Ok(Self::look_at(DVec3::from(center) + away, target));
+        };
+        let [distance, azimuth, elevation] = tensors.map(|p| in_tensor(p, &like));
+        let (sin, cos) = sin_cos(azimuth * 1f64.to_radians());
+        let (up, level) = sin_cos(elevation * 1f64.to_radians());
+        let away = Tensor::cat(vec![level.clone() * sin, up, level * cos], 0) * distance;
+        Ok(Self::look_at(
+            added(&target, &Parameter::Tensor(away)),
+            target,
+        ))
+    }
+
+    /// A camera with 40° of vertical field of view that has the whole of a scene in view, at any time of the
+    /// shutter, in an image that is at least as wide as high. `direction` points from the scene to the camera.
+    /// Given as a tensor `[3]`, gradients flow to it; how far away the camera stands is a constant.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let device = Device::flex();
+    /// let scene = Scene::new().with(Object::new(shapes::icosphere(1, &device)));
+    /// let camera = Camera::framing(&scene, [1.0, 0.5, 1.0])?;
+    /// # assert!(camera.eye.values()?[0] > 1.0);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the scene has no vertices, or the direction is 0.
+    pub fn framing(scene: &Scene, direction: impl Into<Parameter<3>>) -> Result<Self> {
+        let direction = direction.into();
+        let towards = direction.check("camera", "direction", "finite numbers", |_| true)?;
+        let towards = DVec3::from(towards);
+        if towards == DVec3::ZERO {
+            let expected = "a vector that is not 0";
+            return Err(Error::invalid("camera", "direction", towards, expected));
+        }
+        let points = scene.host_points()?;
+        let low = points.iter().copied().reduce(DVec3::min);
+        let high = points.iter().copied().reduce(DVec3::max);
+        let (Some(low), Some(high)) = (low, high) else {
+            let objects = scene.objects.len();
+            return Err(Error::NoTriangles { objects });
+        };
+        let center = 0.5 * (low + high);
+        let length = towards.length();
+        let backward = towards / length;
+        let mut up = DVec3::Y;
+        if backward.cross(up).length() < 1e-3 {
+            up = DVec3::NEG_Z * backward.y.signum();
+        }
+        let right = up.cross(backward).normalize();
+        let above = backward.cross(right);
+        // A point is in view from a distance d if it is no further from the axis than (d − its place along the
+        // axis)·tan.
+        let half = 20f64.to_radians().tan() * (1.0 - MARGIN);
+        let mut distance = 0.0f64;
+        for p in &points {
+            let r = *p - center;
+            let wide = r.dot(right).abs().max(r.dot(above).abs());
+            distance = distance.max(r.dot(backward) + wide / half);
+        }
+        if distance <= 0.0 {
+            let expected = "a scene of more than a point";
+            return Err(Error::invalid("camera", "framing", "a point", expected));
+        }
+        let eye = match &direction {
+            Parameter::Constant(_) => Parameter::from(center + backward * distance),
+            Parameter::Tensor(t) => {
+                let t = t.clone() * length.recip();
+                let norm = (t.clone() * t.clone()).sum().sqrt();
+                let away = t / norm * distance;
+                added(&center.into(), &Parameter::Tensor(away))
+            }
+        };
+        Ok(Self::look_at(eye, center).up(up))
+    }
+}
+
+impl Scene {
+    /// The vertices of all objects, at the start and the end of the shutter.
+    fn host_points(&self) -> Result<Vec<DVec3>> {
+        let mut points = Vec::new();
+        for object in &self.objects {
+            let first = points.len();
+            let vertices = object.mesh.host_vertices()?;
+            points.extend(vertices.into_iter().map(DVec3::from));
+            if let Some(velocity) = &object.velocity {
+                let velocity = DVec3::from(velocity.values()?);
+                for i in first..points.len() {
+                    points.push(points[i] + velocity);
+                }
+            }
+        }
+        Ok(points)
+    }
+}
+
+fn right_handed([x, y, z]: [DVec3; 3], field: &str) -> Result<()> {
+    let unit = [x, y, z].map(DVec3::normalize_or_zero);
+    if unit[0].cross(unit[1]).dot(unit[2]) > 1e-6 {
+        return Ok(());
+    }
+    let shown = format!("with axes {x}, {y}, {z}");
+    let expected = "right-handed axes, none of them 0";
+    Err(Error::invalid("camera", field, shown, expected))
+}
+
+/// Constants as a tensor on the device and in the float type of another.
+fn beside<const C: usize, const D: usize>(values: &[f64; C], like: &Tensor<D>) -> Tensor<1> {
+    let data = TensorData::new(values.to_vec(), [C]);
+    Tensor::from_data(data, (&like.device().inner(), like.dtype()))
+}
+
+fn in_tensor<const C: usize>(p: &Parameter<C>, like: &Tensor<1>) -> Tensor<1> {
+    match p {
+        Parameter::Constant(v) => beside(v, like),
+        Parameter::Tensor(t) => t.clone(),
+    }
+}
+
+fn added(a: &Parameter<3>, b: &Parameter<3>) -> Parameter<3> {
+    match (a, b) {
+        (Parameter::Constant(a), Parameter::Constant(b)) => {
+            Parameter::Constant(std::array::from_fn(|i| a[i] + b[i]))
+        }
+        (Parameter::Tensor(t), _) | (_, Parameter::Tensor(t)) => {
+            Parameter::Tensor(in_tensor(a, t) + in_tensor(b, t))
+        }
+    }
+}
+
+fn joined(a: Parameter<1>, b: Parameter<1>) -> Parameter<2> {
+    match (a, b) {
+        (Parameter::Constant([a]), Parameter::Constant([b])) => Parameter::Constant([a, b]),
+        (Parameter::Tensor(t), ref other) => {
+            let other = in_tensor(other, &t);
+            Parameter::Tensor(Tensor::cat(vec![t, other], 0))
+        }
+        (ref other, Parameter::Tensor(t)) => {
+            let other = in_tensor(other, &t);
+            Parameter::Tensor(Tensor::cat(vec![other, t], 0))
+        }
+    }
+}
