@@ -1,6 +1,8 @@
 //! One program on several backends: a training step of a network through the renderer. The test on
 //! wgpu is in `tests/wgpu.rs`.
 
+#![cfg(feature = "ndarray")]
+
 mod common;
 
 use common::training::{assert_close, assert_taught, step};

@@ -58,6 +58,7 @@ fn cones_without_an_angle_agree_with_central_differences() {
 }
 
 /// The same seed gives the same gradient on the other CPU backend.
+#[cfg(feature = "ndarray")]
 #[test]
 fn the_same_on_ndarray() {
     for effort in [SOFTMAX, CONES] {

@@ -112,7 +112,6 @@ fn values_come_back() {
 
 /// Offsets, constants and attributes go with the module: to another device, and into training.
 #[test]
-#[allow(deprecated)] // burn deprecates ndarray
 fn constants_go_with_the_module() {
     let plain = Device::flex();
     let ball = shapes::icosahedron(&plain);
@@ -122,7 +121,7 @@ fn constants_go_with_the_module() {
     assert!(!params.mesh().vertices.is_tracked());
     let training = params.train();
     assert!(training.mesh().vertices.is_tracked());
-    let there = Device::ndarray().autodiff();
+    let there = common::cpu_devices().pop().expect("one").autodiff();
     let mesh = training.fork(&there).mesh();
     let devices = [
         mesh.vertices.device(),

@@ -30,7 +30,11 @@ pub fn long() -> bool {
 /// The CPU backends.
 #[allow(deprecated)] // burn deprecates ndarray; users ask for it
 pub fn cpu_devices() -> Vec<Device> {
-    vec![Device::flex(), Device::ndarray()]
+    vec![
+        Device::flex(),
+        #[cfg(feature = "ndarray")]
+        Device::ndarray(),
+    ]
 }
 
 /// A perspective camera's vertical field of view, degrees.
