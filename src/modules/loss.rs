@@ -8,7 +8,7 @@ use crate::optim::loss::{dssim, l1, mse, multi_scale, multi_scale_unbiased, silh
 
 const OBJECT: &str = "render loss";
 
-/// Makes a [`RenderLoss`]: the weight of each part, at least 0; of all of them one is more.
+/// Makes a [`RenderLoss`]: the weight of each term. No weight is negative, and at least one is positive.
 #[derive(Config, Debug, PartialEq)]
 pub struct RenderLossConfig {
     /// Of the mean squared difference.

@@ -99,8 +99,9 @@ impl MaterialParamsConfig {
 /// ```
 #[derive(Module, Debug)]
 pub struct MaterialParams {
-    /// Logarithms of the shares of what is diffuse, specular and absorbed, up to a number that is added to
-    /// all of a channel's: `[3, 3]`, a row a channel, or `[3, 2]` where nothing is specular.
+    /// Logits of the shares of light that the surface reflects diffusely, reflects specularly and absorbs:
+    /// `[3, 3]`, one row per colour channel, or `[3, 2]` (diffuse, absorbed) where nothing is specular. The
+    /// softmax of a row gives the shares.
     pub shares: Param<Tensor<2>>,
     /// ln of the Phong exponent, `[1]`, where something is specular.
     pub log_shininess: Option<Param<Tensor<1>>>,

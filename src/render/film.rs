@@ -111,8 +111,8 @@ impl ImageBatch {
         self.statistics.is_empty()
     }
 
-    /// The image of a view. Where a loss is of all of them take it of the batch: each slice is a node
-    /// of the graph.
+    /// The image of one view. Compute a loss over all views from the tensors of the batch: each slice is
+    /// another node of the graph.
     ///
     /// # Panics
     /// If there are not so many views.

@@ -21,7 +21,7 @@ pub(crate) struct Lights {
     by_solid_angle: bool,
 }
 
-/// Where it is looked at emitters from.
+/// The points that emitters are chosen for.
 pub(crate) struct Views {
     pub position: Vec<DVec3>,
     /// Time in the shutter, if anything moves.

@@ -66,8 +66,7 @@ impl PlateauBlur {
         })
     }
 
-    /// The share of the earlier mean by more than which the later one is to be smaller for the value
-    /// to stay; 0.02 unless told otherwise.
+    /// The value falls when the mean loss has fallen by less than this share of its size; 0.02 by default.
     ///
     /// # Errors
     /// If it is not at least 0 and under 1.
