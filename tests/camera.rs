@@ -167,6 +167,27 @@ fn parallel_rays_keep_sizes() {
     assert!(error.to_string().contains("parallel rays"), "{error}");
 }
 
+/// A wall across the view is everywhere as far along the axis, and further along slanted rays.
+#[test]
+fn depth_along_the_axis() {
+    let device = Device::flex();
+    let wall = shapes::plane_grid(40.0, 40.0, 1, 1, &device);
+    let scene = Scene::new()
+        .with(Object::new(wall))
+        .environment([1.0; 3]);
+    let camera = Camera::look_at([0.0, 3.0, 0.0], [0.0; 3])
+        .up([0.0, 0.0, -1.0])
+        .fov_y(60.0);
+    let options = RenderOptions::new(24, 16).samples(16).bounces(0).with_depth();
+    let depth = render(&scene, &camera, &options).expect("an image").depth;
+    let depth = depth.expect("it");
+    let corner = values(&depth)[0];
+    assert!(corner > 3.5, "{corner}");
+    for z in values(&camera.axial_depth(depth).expect("depths")) {
+        assert!((z - 3.0).abs() < 0.01, "{z}");
+    }
+}
+
 #[test]
 fn framing_has_all_in_view_and_no_more() {
     let device = Device::flex();

@@ -204,25 +204,29 @@ impl RenderOptions {
         self
     }
 
-    /// Also returns the opacity.
+    /// Also returns the opacity `[H, W]`: the share of a pixel that surfaces cover, 0 to 1.
     pub fn with_opacity(mut self) -> Self {
         self.outputs.opacity = true;
         self
     }
 
-    /// Also returns the depth.
+    /// Also returns the depth `[H, W]`: the mean distance along the camera rays to the surfaces that they
+    /// hit, in scene units; 0 where they hit none. It is not PyTorch3D's `zbuf`, which is measured along
+    /// the view axis: [`Camera::axial_depth`](crate::scene::Camera::axial_depth) converts it.
     pub fn with_depth(mut self) -> Self {
         self.outputs.depth = true;
         self
     }
 
-    /// Also returns normals.
+    /// Also returns normals `[H, W, 3]`: the mean geometric normal of the surfaces that camera rays hit, on
+    /// the side that faces the camera, in scene axes; 0 where they hit none.
     pub fn with_normals(mut self) -> Self {
         self.outputs.normals = true;
         self
     }
 
-    /// Also returns object ids.
+    /// Also returns object ids `[H, W]`: the number of the object, in the scene's order, that covers most of a
+    /// pixel; −1 for the background. Ids have no gradient.
     pub fn with_object_ids(mut self) -> Self {
         self.outputs.object_ids = true;
         self
