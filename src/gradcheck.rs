@@ -363,11 +363,11 @@ pub fn gradcheck(
     }
     let values: Vec<Vec<f64>> = parameters.iter().map(|p| p.values.clone()).collect();
     let (scene, camera) = build(&point(parameters, settings, &values, false))?;
-    let bounds = Flattened::new(&scene, &camera, None)?.bounds;
+    let normalization = Flattened::new(&scene, &camera, None)?.normalization;
     let run = Run {
         parameters,
         settings,
-        options: settings.options.clone().bounds_or(bounds),
+        options: settings.options.clone().normalization_or(normalization),
         build: &build,
     };
     let directions: Vec<(usize, String, Vec<f64>)> = parameters

@@ -26,9 +26,10 @@ fn still() -> RendererConfig {
 
 /// The mean radiance under weights that rise over the image, so that no symmetry cancels.
 fn seen(scene: &Scene, camera: &Camera) -> Tensor<1> {
+    let half = 4.0 / 3f64.sqrt();
     let options = still().options().expect("options").bounds(Bounds {
-        center: [0.0; 3],
-        radius: 4.0,
+        min: [-half; 3],
+        max: [half; 3],
     });
     let radiance = render(scene, camera, &options).expect("a render").radiance;
     let dims = radiance.dims();

@@ -5,6 +5,7 @@
 //! contiguous.
 
 mod context;
+mod planes;
 mod topology;
 mod triangles;
 mod trigonometry;
@@ -12,6 +13,7 @@ mod vec3;
 
 pub use context::Context;
 pub(crate) use context::{by_rows, first_not_finite, host_values, host_vectors, plain};
+pub(crate) use planes::{columns, gather_columns, length, split, unit_size};
 pub use topology::{Neighbours, Topology, Weld};
 pub(crate) use triangles::nearest_on_triangle;
 pub use triangles::{Nearest, Triangles, VertexData};

@@ -4,7 +4,7 @@ use burn::tensor::{Bool, DType, Device, IndexingUpdateOp, Int, Tensor, TensorDat
 
 use super::connectivity::Connectivity;
 use crate::error::Result;
-use crate::geometry::{Vec3, host_values};
+use crate::geometry::{Vec3, columns, gather_columns, host_values, length, split, unit_size};
 use crate::scene::Mesh;
 
 /// The name of errors.
@@ -236,7 +236,7 @@ impl MeshRegulariser {
 
     /// Second end minus first of every edge, `[3B, E]`.
     fn edge_vectors(&self, planes: &Tensor<2>) -> Tensor<2> {
-        let ends = gather(planes, &self.ends);
+        let ends = gather_columns(planes, &self.ends);
         ends.clone().narrow(1, self.edges, self.edges) - ends.narrow(1, 0, self.edges)
     }
 
@@ -276,53 +276,10 @@ impl MeshRegulariser {
 
     /// The vertices named by the N parts of an index `[1, N·n]`, as vectors `[B, n]`.
     fn points<const N: usize>(&self, planes: &Tensor<2>, index: &Tensor<2, Int>) -> [Vec3; N] {
-        let all = gather(planes, index);
+        let all = gather_columns(planes, index);
         let n = index.dims()[1] / N;
         std::array::from_fn(|i| split(&all.clone().narrow(1, i * n, n)))
     }
-}
-
-/// All first entries, all second and so on.
-fn columns<const N: usize>(rows: &[[u32; N]]) -> Vec<u32> {
-    (0..N)
-        .flat_map(|i| rows.iter().map(move |r| r[i]))
-        .collect()
-}
-
-/// Columns named by an index `[1, n]`, `[3B, n]`. By `gather`, whose backward pass is parallel on
-/// GPUs where that of `select` is serial.
-fn gather(planes: &Tensor<2>, index: &Tensor<2, Int>) -> Tensor<2> {
-    let ([rows, _], [_, n]) = (planes.dims(), index.dims());
-    planes.clone().gather(1, index.clone().expand([rows, n]))
-}
-
-/// `[3B, N]` as vectors `[B, N]`.
-fn split(planes: &Tensor<2>) -> Vec3 {
-    let batch = planes.dims()[0] / 3;
-    let axis = |i: usize| planes.clone().narrow(0, i * batch, batch);
-    Vec3::new(axis(0), axis(1), axis(2))
-}
-
-/// Planes `[3B, V]` in units of each mesh's extent, which is a constant to the gradient: for angles,
-/// so that powers of lengths stay within what floats hold.
-fn unit_size(planes: Tensor<2>) -> Tensor<2> {
-    let plain = planes.clone().detach();
-    let extent = plain.clone().max_dim(1) - plain.min_dim(1);
-    let axes = split(&extent);
-    let extent = axes.x.max_pair(axes.y).max_pair(axes.z);
-    let none = extent.clone().lower_equal_elem(0.0);
-    let scale = extent.mask_fill(none, 1.0).recip();
-    planes * Tensor::cat(vec![scale; 3], 0)
-}
-
-/// Length of vectors; that of 0 has no gradient.
-fn length(v: &Vec3) -> Tensor<2> {
-    let square = v.dot(v);
-    let none = square.clone().lower_equal_elem(0.0);
-    square
-        .mask_fill(none.clone(), 1.0)
-        .sqrt()
-        .mask_fill(none, 0.0)
 }
 
 /// The unit vector along a × b, and whether it can't be told from rounding: then it isn't unit.

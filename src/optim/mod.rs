@@ -1,5 +1,5 @@
-//! What optimising a scene takes beside a renderer: losses, mesh regularisers, blur schedules, and with
-//! the feature `fit` a loop that fits parameters, and large steps for meshes.
+//! What optimising a scene takes beside a renderer: losses, mesh regularisers, points on meshes, blur
+//! schedules, and with the feature `fit` a loop that fits parameters, and large steps for meshes.
 
 #[cfg(feature = "fit")]
 mod conjugate_gradient;
@@ -10,6 +10,8 @@ mod fit;
 mod large_steps;
 pub mod loss;
 mod mesh;
+mod nearest;
+mod samples;
 mod schedule;
 
 #[cfg(feature = "fit")]
@@ -17,4 +19,5 @@ pub use fit::{Evaluation, Fit, Fitted, History, Rate, Report, Row, Step, Stop};
 #[cfg(feature = "fit")]
 pub use large_steps::{LargeSteps, LargeStepsConfig, LargeStepsState};
 pub use mesh::MeshRegulariser;
+pub use samples::{sample_points, sample_points_and_normals};
 pub use schedule::{Blur, BlurSchedule, PlateauBlur, pixel_angle};

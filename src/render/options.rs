@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::accel::HierarchyCache;
 use crate::error::{Error, Result};
-use crate::scene::Bounds;
+use crate::scene::{Bounds, Normalization};
 use crate::transport::Sampling;
 use crate::visibility::Visibility;
 
@@ -47,7 +47,9 @@ pub struct RenderOptions {
     pub(super) seed: u64,
     pub(super) roulette_after: Option<u32>,
     pub(super) rays_per_tile: Option<usize>,
-    pub(super) bounds: Option<Bounds>,
+    bounds: Option<Bounds>,
+    /// Where no bounds are set.
+    normalization: Option<Normalization>,
     pub(super) outputs: Outputs,
     pub(super) diagnostics: bool,
     pub(super) brute_force: bool,
@@ -107,6 +109,7 @@ impl RenderOptions {
             roulette_after: None,
             rays_per_tile: None,
             bounds: None,
+            normalization: None,
             outputs: Outputs::default(),
             diagnostics: false,
             brute_force: false,
@@ -191,17 +194,23 @@ impl RenderOptions {
         self
     }
 
-    /// For the softmax: fixes the bounds that set the scale of depths and tolerances. Finite differences
-    /// need the same bounds on both sides.
+    /// For the softmax: sets the scale of depths and tolerances by the sphere about the center of a box
+    /// through its corners, in place of one around the scene's vertices. Finite differences need the same
+    /// bounds on both sides; see [`Scene::bounds`](crate::scene::Scene::bounds).
     pub fn bounds(mut self, bounds: Bounds) -> Self {
         self.bounds = Some(bounds);
         self
     }
 
-    /// The bounds as they are set, or else these.
-    pub(crate) fn bounds_or(mut self, bounds: Bounds) -> Self {
-        self.bounds = Some(self.bounds.unwrap_or(bounds));
+    /// This where no bounds are set.
+    pub(crate) fn normalization_or(mut self, normalization: Normalization) -> Self {
+        self.normalization = Some(normalization);
         self
+    }
+
+    /// What sets the scale of depths and tolerances, if not the scene.
+    pub(super) fn normalization(&self) -> Option<Normalization> {
+        self.bounds.map(Normalization::from).or(self.normalization)
     }
 
     /// Also returns the opacity `[H, W]`: the share of a pixel that surfaces cover, 0 to 1.
@@ -339,15 +348,17 @@ impl RenderOptions {
                 "Auto or Tensors for the softmax",
             ));
         }
-        if let Some(b) = self.bounds
-            && !(b.radius.is_finite() && b.radius > 0.0 && b.center.iter().all(|c| c.is_finite()))
-        {
-            return Err(Error::invalid(
-                options,
-                "bounds",
-                format!("{b:?}"),
-                "a finite centre and a radius > 0",
-            ));
+        if let Some(b) = self.bounds {
+            let size = b.size();
+            let is_box = size.iter().all(|&s| s >= 0.0) && b.radius().is_finite();
+            if !(is_box && b.radius() > 0.0 && b.center().iter().all(|c| c.is_finite())) {
+                return Err(Error::invalid(
+                    options,
+                    "bounds",
+                    format!("{b:?}"),
+                    "a finite box, min <= max, that is more than a point",
+                ));
+            }
         }
         Ok(())
     }

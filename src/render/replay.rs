@@ -21,7 +21,7 @@ use super::{RenderOptions, is_cpu};
 use crate::accel::Hierarchy;
 use crate::error::Result;
 use crate::geometry::host_values;
-use crate::scene::{Bounds, Camera, Flattened, Replace, Scene, visit_tensors};
+use crate::scene::{Camera, Flattened, Normalization, Replace, Scene, visit_tensors};
 
 /// From the gradient of the output to that of the parameters, both on the host.
 #[derive(Clone)]
@@ -124,7 +124,7 @@ pub(super) struct Retraced {
     pub scene: Scene,
     pub camera: Camera,
     pub options: RenderOptions,
-    pub bounds: Bounds,
+    pub normalization: Normalization,
     pub pixels: Option<Arc<Vec<u32>>>,
     /// Without tape.
     pub parameters: Tensor<1>,
@@ -145,7 +145,8 @@ impl Retraced {
         let per_sample = f64::from(self.options.samples).recip();
         let of_tile = |tile: &Tile| -> Result<Vec<f64>> {
             let (leaf, scene, camera) = self.anew();
-            let flattened = Flattened::new(&scene, &camera, Some(self.bounds))?;
+            let flattened =
+                Flattened::of_scene(&scene, Some(self.normalization), None)?.seen_by(&camera)?;
             let pixels_of = self.pixels.clone();
             let renderer = Renderer::new(
                 &flattened,

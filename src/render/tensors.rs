@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::geometry::plain;
 use crate::model::filter::PixelFilter;
 use crate::scene::{
-    Bounds, Camera, Collect, Detach, Flattened, HostScene, Scene, SceneFrame, visit_tensors,
+    Camera, Collect, Detach, Flattened, HostScene, Normalization, Scene, SceneFrame, visit_tensors,
 };
 use crate::transport::{
     Census, Cones, Diagnostics, Dimension, Lights, PathSettings, Sampler, Sight, Sky, Transport,
@@ -91,16 +91,16 @@ impl View {
         let (mut still, mut still_camera) = (scene.clone(), camera.clone());
         visit_tensors(&mut still, &mut still_camera, &mut Detach);
         let hard = matches!(options.visibility, Visibility::Cone { .. });
-        let mut within = options.bounds;
+        let mut within = options.normalization();
         if hard {
             // As the kernels have it.
             let frame = SceneFrame::new(&HostScene::new(&still)?);
-            within = Some(Bounds {
+            within = Some(Normalization {
                 center: frame.centre.into(),
                 radius: frame.unit,
             });
         }
-        let flattened = Flattened::new(&still, &still_camera, within)?;
+        let flattened = Flattened::of_scene(&still, within, None)?.seen_by(&still_camera)?;
         let renderer = Renderer::new(&flattened, &still_camera, options, pixels.clone(), None)?;
         let (mean, found) = renderer.render()?;
         if collected.rows.is_empty() {
@@ -112,7 +112,7 @@ impl View {
             scene: scene.clone(),
             camera: camera.clone(),
             options: options.clone(),
-            bounds: flattened.bounds,
+            normalization: flattened.normalization,
             pixels,
             parameters: plain(&parameters),
         };
@@ -398,7 +398,7 @@ impl<'a> Renderer<'a> {
         });
         let (origin, direction) = self.camera.rays(
             context,
-            self.scene.bounds.center,
+            self.scene.normalization.center,
             self.scene.unit,
             width as f64 / height as f64,
             &film,

@@ -70,7 +70,8 @@ impl Mesh {
         self
     }
 
-    /// With other vertices `[V, 3]`, the faces and attributes kept.
+    /// With other vertices `[V, 3]`, the faces and attributes kept: shading normals stay as they were, so
+    /// that they may no longer fit the shape (see [`smooth_normals`](Self::smooth_normals)).
     pub fn with_vertices(mut self, vertices: Tensor<2>) -> Self {
         self.vertices = vertices;
         self
@@ -85,38 +86,18 @@ impl Mesh {
         self
     }
 
-    /// Moved by a tensor `[3]`, scene units. With one of another shape it can't be rendered.
-    pub fn translated(mut self, offset: Tensor<1>) -> Self {
-        let [n] = offset.dims();
-        if n != 3 {
-            self.mistake = Some(format!(
-                "translated by a tensor of shape [{n}], expected [3]"
-            ));
-            return self;
-        }
-        let moved = self.vertices.clone() + offset.reshape([1, 3]);
-        self.with_vertices(moved)
-    }
-
-    /// Scaled about the origin by a tensor `[1]` or `[3]`. With one of another shape it can't be rendered.
-    pub fn scaled(mut self, scale: Tensor<1>) -> Self {
-        let [n] = scale.dims();
-        if n != 1 && n != 3 {
-            let mistake = format!("scaled by a tensor of shape [{n}], expected [1] or [3]");
-            self.mistake = Some(mistake);
-            return self;
-        }
-        let scaled = self.vertices.clone() * scale.reshape([1, n]);
-        self.with_vertices(scaled)
-    }
-
-    /// Moved by a rigid transform with scale.
+    /// Moved by a rigid transform with scale. A mirror image is wound the other way, as by
+    /// [`scaled`](Self::scaled).
     pub fn transformed(mut self, transform: &Transform) -> Self {
         self.vertices = transform.apply(self.vertices);
         if let Some(normals) = &mut self.normals {
             normals.values = transform.apply_to_normals(normals.values.clone());
         }
-        self
+        if transform.mirrors() {
+            self.mirrored()
+        } else {
+            self
+        }
     }
 
     /// Corner values of the faces: `[F, 3]` for the i-th corner.
@@ -152,7 +133,10 @@ impl Mesh {
         };
         let middles = (at(|e| e.0) + at(|e| e.1)) * 0.5;
         let vertices = Tensor::cat(vec![self.vertices.clone(), middles], 0);
-        Ok(Self::new(vertices, faces))
+        Ok(Self {
+            mistake: self.mistake.clone(),
+            ..Self::new(vertices, faces)
+        })
     }
 
     /// The vertices on the host.
@@ -163,18 +147,23 @@ impl Mesh {
             .collect())
     }
 
-    pub(crate) fn check(&self, object: &str) -> Result<()> {
+    /// The vertices on the host, finite and at least as many as the faces name.
+    pub(crate) fn checked_vertices(&self, object: &str) -> Result<Vec<[f64; 3]>> {
         if let Some(mistake) = &self.mistake {
             let expected = "one that was made without mistake";
             return Err(Error::invalid(object, "mesh", mistake, expected));
         }
-        check_table(object, "vertices", &self.vertices, 3, &self.faces)?;
+        let flat = check_table(object, "vertices", &self.vertices, 3, &self.faces)?;
+        Ok(flat.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
+    }
+
+    pub(crate) fn check(&self, object: &str) -> Result<()> {
+        self.checked_vertices(object)?;
         if let Some(uvs) = &self.uvs {
             self.check_attribute(object, "uvs", uvs, 2)?;
         }
         if let Some(normals) = &self.normals {
-            self.check_attribute(object, "normals", normals, 3)?;
-            let rows = host_values(&normals.values)?;
+            let rows = self.check_attribute(object, "normals", normals, 3)?;
             let is_zero = |&&row: &&u32| rows[3 * row as usize..][..3] == [0.0; 3];
             if let Some(row) = normals.faces.iter().flatten().find(is_zero) {
                 let field = format!("normals {row}");
@@ -191,7 +180,7 @@ impl Mesh {
         field: &str,
         a: &CornerAttribute,
         width: usize,
-    ) -> Result<()> {
+    ) -> Result<Vec<f64>> {
         if a.faces.len() != self.faces.len() {
             return Err(Error::invalid(
                 object,
@@ -206,8 +195,13 @@ impl Mesh {
 
 /// Rows of `values` at one corner of each face, `[F, C]`.
 pub(crate) fn take(values: &Tensor<2>, faces: &[[u32; 3]], corner: usize) -> Tensor<2> {
+    take_rows(values, faces.iter().map(|f| f[corner]))
+}
+
+/// Rows of `values` by their numbers.
+pub(crate) fn take_rows(values: &Tensor<2>, rows: impl Iterator<Item = u32>) -> Tensor<2> {
     let [_, width] = values.dims();
-    let index: Vec<i32> = faces.iter().map(|f| f[corner] as i32).collect();
+    let index: Vec<i32> = rows.map(|row| row as i32).collect();
     let n = index.len();
     let values = if values.is_tracked() {
         values.clone()
@@ -226,13 +220,14 @@ pub(crate) fn host_tensor<const C: usize>(rows: &[[f64; C]], device: &Device) ->
     Tensor::from_data(TensorData::new(flat, [rows.len(), C]), device)
 }
 
+/// The values on the host.
 fn check_table(
     object: &str,
     field: &str,
     values: &Tensor<2>,
     width: usize,
     faces: &[[u32; 3]],
-) -> Result<()> {
+) -> Result<Vec<f64>> {
     check_indices(object, field, values.dims(), width, faces)?;
     let host = host_values(values)?;
     // Kernels are in f32.
@@ -244,10 +239,10 @@ fn check_table(
             "finite numbers",
         ));
     }
-    Ok(())
+    Ok(host)
 }
 
-fn check_indices(
+pub(super) fn check_indices(
     object: &str,
     field: &str,
     [rows, columns]: [usize; 2],

@@ -1,5 +1,6 @@
 //! What is rendered: meshes, materials, transforms, objects, lights and the camera, all tensors.
 
+mod bounds;
 mod camera;
 mod check;
 mod environment;
@@ -8,27 +9,33 @@ mod frame;
 mod host;
 mod material;
 mod mesh;
+mod normals;
 mod object;
 mod parameter;
 mod parameters;
+mod placement;
 pub mod shapes;
 mod transform;
 mod viewpoint;
 
+pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::check_camera;
 pub use environment::Environment;
-pub use flatten::{Albedos, Bounds, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
+pub(crate) use flatten::Normalization;
+pub use flatten::{Albedos, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
 
 pub(crate) use frame::SceneFrame;
 pub(crate) use host::{HostAttribute, HostScene, HostTexture};
 pub use material::{Albedo, Material, Wrap};
+pub(crate) use mesh::take_rows;
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
 pub use parameter::Parameter;
 pub(crate) use parameters::{
     Collect, Detach, ParameterId, Replace, Visit, visit_camera, visit_scene, visit_tensors,
 };
+pub use placement::Scale;
 pub use transform::Transform;
 pub use viewpoint::Matrix;
 

@@ -1,12 +1,13 @@
 //! Meshes by formula; all counter-clockwise seen from outside.
 
 use std::collections::HashMap;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use burn::tensor::Device;
 
-use super::Mesh;
 use super::mesh::host_tensor;
+use super::{CornerAttribute, Mesh};
 
 /// One triangle.
 pub fn triangle(a: [f64; 3], b: [f64; 3], c: [f64; 3], device: &Device) -> Mesh {
@@ -73,6 +74,70 @@ pub fn icosphere(subdivisions: u32, device: &Device) -> Mesh {
         faces = finer;
     }
     Mesh::from_host(&vertices, faces, device)
+}
+
+/// A unit sphere about the origin with smooth shading normals and texture coordinates: `segments` around
+/// the y axis (at least 3), `rings` from pole to pole (at least 2), 2·segments·(rings − 1) faces.
+///
+/// It is closed, with one vertex at each pole. u goes once around, counter-clockwise seen from +y, from 0
+/// at +z; v goes with the angle from 0 at the pole −y to 1 at +y. So an image of 2 × 1 that is laid out
+/// as a map of the world is seen unmirrored from outside. The normals are those of the sphere and do not
+/// follow other vertices: see [`Mesh::smooth_normals`]. For even triangles take an [`icosphere`].
+///
+/// ```
+/// use softray::prelude::*;
+/// let device = Device::flex();
+/// let globe = shapes::sphere(32, 16, &device).scaled(0.5).translated([0.0, 0.5, 0.0]);
+/// assert_eq!(globe.faces.len(), 2 * 32 * 15);
+/// assert!(globe.uvs.is_some() && globe.normals.is_some());
+/// ```
+pub fn sphere(segments: usize, rings: usize, device: &Device) -> Mesh {
+    let (n, rings) = (segments.max(3), rings.max(2));
+    let (mut vertices, mut uvs) = (vec![[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]], Vec::new());
+    let (mut faces, mut uv_faces) = (Vec::new(), Vec::new());
+    // Between the poles, from below; texture coordinates with a column more, at the seam.
+    for j in 1..rings {
+        let v = j as f64 / rings as f64;
+        let (radius, height) = (PI * v).sin_cos();
+        for i in 0..=n {
+            let u = i as f64 / n as f64;
+            uvs.push([u, v]);
+            if i < n {
+                let (sin, cos) = (TAU * u).sin_cos();
+                vertices.push([radius * sin, -height, radius * cos]);
+            }
+        }
+    }
+    // A pole has texture coordinates for each of its faces, in the middle of the face.
+    let poles = uvs.len() as u32;
+    for v in [0.0, 1.0] {
+        uvs.extend((0..n).map(|i| [(i as f64 + 0.5) / n as f64, v]));
+    }
+    let at = |i: usize, j: usize| (2 + j * n + i % n) as u32;
+    let uv_at = |i: usize, j: usize| (j * (n + 1) + i) as u32;
+    let top = rings - 2;
+    for i in 0..n {
+        let (south, north) = (poles + i as u32, poles + (n + i) as u32);
+        faces.push([0, at(i + 1, 0), at(i, 0)]);
+        uv_faces.push([south, uv_at(i + 1, 0), uv_at(i, 0)]);
+        for j in 0..top {
+            let quad = |at: &dyn Fn(usize, usize) -> u32| {
+                let (p, q, r, s) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+                [[p, q, r], [p, r, s]]
+            };
+            faces.extend(quad(&at));
+            uv_faces.extend(quad(&uv_at));
+        }
+        faces.push([1, at(i, top), at(i + 1, top)]);
+        uv_faces.push([north, uv_at(i, top), uv_at(i + 1, top)]);
+    }
+    let mut mesh =
+        Mesh::from_host(&vertices, faces, device).with_normals(host_tensor(&vertices, device));
+    mesh.uvs = Some(CornerAttribute {
+        values: host_tensor(&uvs, device),
+        faces: Arc::new(uv_faces),
+    });
+    mesh
 }
 
 /// The 20 triples of mutually nearest vertices, wound outwards.
@@ -155,6 +220,7 @@ pub fn plane_grid(width: f64, depth: f64, columns: usize, rows: usize, device: &
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::host_values;
 
     fn device() -> Device {
         Device::flex()
@@ -181,7 +247,6 @@ mod tests {
 
     #[test]
     fn solids_are_closed_and_wound_outwards() {
-        use std::f64::consts::PI;
         for (mesh, faces, expected, tolerance) in [
             (cube(&device()), 12, 8.0, 1e-6),
             (icosahedron(&device()), 20, 2.5362, 1e-3),
@@ -192,6 +257,9 @@ mod tests {
                 2.0 * PI * PI * 0.09,
                 0.02,
             ),
+            (sphere(64, 32, &device()), 3968, 4.0 / 3.0 * PI, 0.02),
+            // Two pyramids of three sides.
+            (sphere(0, 0, &device()), 6, 0.5 * 3f64.sqrt(), 1e-6),
             (cylinder(0.5, 2.0, 64, &device()), 256, PI * 0.5, 0.01),
         ] {
             assert_eq!(mesh.faces.len(), faces);
@@ -210,6 +278,34 @@ mod tests {
         assert_eq!(vertices.len(), 162);
         for v in vertices {
             assert!((glam::DVec3::from(v).length() - 1.0).abs() < 1e-6);
+        }
+    }
+
+    /// Every face has the texture coordinates of its place, unmirrored and without a jump at the seam.
+    #[test]
+    fn spheres_have_texture_coordinates_and_normals() {
+        let mesh = sphere(12, 7, &device());
+        let v = mesh.host_vertices().expect("values");
+        let normals = mesh.normals.as_ref().expect("normals");
+        assert_eq!(host_values(&normals.values).expect("values"), v.concat());
+        let uvs = mesh.uvs.as_ref().expect("uvs");
+        let table = host_values(&uvs.values).expect("values");
+        for (face, rows) in mesh.faces.iter().zip(uvs.faces.iter()) {
+            let uv = rows.map(|r| [table[2 * r as usize], table[2 * r as usize + 1]]);
+            for (&i, [u, height]) in face.iter().zip(uv) {
+                let p = v[i as usize];
+                assert!((p[1] + (PI * height).cos()).abs() < 1e-6);
+                if i > 1 {
+                    let (sin, cos) = (TAU * u).sin_cos();
+                    let radius = p[0].hypot(p[2]);
+                    assert!(
+                        (p[0] - radius * sin).abs() < 1e-6 && (p[2] - radius * cos).abs() < 1e-6
+                    );
+                }
+            }
+            let [a, b, c] = uv.map(glam::DVec2::from);
+            let twice = (b - a).perp_dot(c - a);
+            assert!(twice > 0.0 && twice < 1.01 / 12.0 / 7.0, "{uv:?}");
         }
     }
 

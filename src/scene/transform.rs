@@ -1,6 +1,7 @@
 use burn::tensor::Tensor;
 
-use crate::geometry::sin_cos;
+use super::placement::mirrors;
+use crate::geometry::{host_values, sin_cos};
 
 /// A similarity: scale, then rotation, then translation. Every part is a tensor or absent.
 #[derive(Clone, Debug, Default)]
@@ -110,6 +111,12 @@ impl Transform {
             n = n / s.clone().reshape([1, c]);
         }
         self.rotate(n)
+    }
+
+    /// Whether its scale turns a mesh inside out.
+    pub(super) fn mirrors(&self) -> bool {
+        let factors = self.scale.as_ref().map(host_values);
+        factors.is_some_and(|f| f.is_ok_and(|f| mirrors(&f)))
     }
 
     fn rotate(&self, p: Tensor<2>) -> Tensor<2> {

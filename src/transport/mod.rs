@@ -18,7 +18,7 @@ pub(crate) use cones::{Cones, Hits};
 pub use diagnostics::Diagnostics;
 pub(crate) use lights::Lights;
 pub(crate) use path::{Radiance, trace};
-pub(crate) use sampler::{Dimension, Sampler};
+pub(crate) use sampler::{Dimension, Sampler, mix};
 pub use sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub(crate) use sky::Sky;
 pub(crate) use surface::SurfacePoints;

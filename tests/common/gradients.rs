@@ -333,13 +333,15 @@ pub const CONES: Effort = Effort {
 };
 
 fn options(case: &Case, effort: Effort) -> RenderOptions {
+    // A sphere of radius 3.2 goes through the corners.
+    let half = 3.2 / 3f64.sqrt();
     RenderOptions::new(SIZE, SIZE)
         .samples(effort.samples)
         .bounces(case.bounces)
         .visibility(effort.visibility)
         .bounds(Bounds {
-            center: [0.0, 0.8, 0.0],
-            radius: 3.2,
+            min: [-half, 0.8 - half, -half],
+            max: [half, 0.8 + half, half],
         })
 }
 

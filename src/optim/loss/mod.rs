@@ -1,14 +1,16 @@
-//! Losses between images, in the graph; all return a scalar `[1]`.
+//! Losses between images and between point clouds, in the graph; all return a scalar `[1]`.
 //!
-//! Images are `[H, W, C]` in linear radiance, silhouettes `[H, W]` of opacities from 0 to 1. A target
-//! may be off autodiff.
+//! Images are `[H, W, C]` in linear radiance, silhouettes `[H, W]` of opacities from 0 to 1, point clouds
+//! `[N, 3]` in scene units. A target may be off autodiff.
 
+mod points;
 mod pyramid;
 mod silhouette;
 mod structure;
 
 use burn::tensor::Tensor;
 
+pub use points::{chamfer, f_score};
 pub use pyramid::{multi_scale, multi_scale_unbiased, pyramid};
 pub use silhouette::{iou, silhouette_iou, silhouette_iou_batch};
 pub use structure::{dssim, ssim};

@@ -24,7 +24,8 @@ impl BlurSchedule {
     ///
     /// - it starts at three quarters of the angle that the radius of the smallest object (half the
     ///   diagonal of its box) has at the distance of what is seen, but not above three eighths of that
-    ///   of the scene's radius or of half the image's height;
+    ///   of the scene's radius (from the mean of all vertices to the farthest) or of half the image's
+    ///   height;
     /// - it ends at half a pixel's angle (and starts there where the above is smaller), which is what
     ///   the pixel filter blurs by default;
     /// - it falls over the first three quarters of the steps and stays at the end for the rest.
@@ -67,7 +68,7 @@ pub fn pixel_angle(camera: &Camera, height: usize) -> Result<f64> {
 
 /// What a camera sees of a scene, in scene units.
 struct View {
-    /// The radius of the scene's bounds.
+    /// The distance from the mean of all vertices to the farthest.
     radius: f64,
     /// Half the diagonal of the box around the smallest object.
     smallest: f64,
@@ -81,7 +82,7 @@ impl View {
         let (mut scene, mut camera) = (scene.clone(), camera.clone());
         visit_tensors(&mut scene, &mut camera, &mut Detach);
         camera.lens = None;
-        let radius = Flattened::new(&scene, &camera, None)?.bounds.radius;
+        let radius = Flattened::new(&scene, &camera, None)?.normalization.radius;
         let mut smallest = f64::INFINITY;
         for object in scene.objects.iter().filter(|o| !o.mesh.faces.is_empty()) {
             let vertices = object.mesh.host_vertices()?;

@@ -8,19 +8,28 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 
 use super::check::{check_camera, check_scene};
-use super::{Camera, Scene};
+use super::{Bounds, Camera, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
 use attached::Attached;
 pub use materials::{Albedos, EnvironmentMap, Materials, SkyTensors, TextureSlot};
 
-/// A sphere around the scene: sets the scale of depths and tolerances; takes no gradient.
+/// A sphere around the scene that sets the scale of depths and tolerances; takes no gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// The mean of all vertices.
+pub(crate) struct Normalization {
+    /// The mean of all vertices, scene units.
     pub center: [f64; 3],
     /// The largest distance of a vertex from it, over the whole shutter.
     pub radius: f64,
+}
+
+impl From<Bounds> for Normalization {
+    fn from(bounds: Bounds) -> Self {
+        Self {
+            center: bounds.center(),
+            radius: bounds.radius(),
+        }
+    }
 }
 
 /// A scene as planes of triangles and materials.
@@ -28,7 +37,7 @@ pub struct Bounds {
 pub struct Flattened {
     /// Device and float type.
     pub context: Context,
-    /// Relative to the centre of the bounds, in units of `unit`.
+    /// Relative to the centre of the normalization, in units of `unit`.
     pub triangles: Triangles,
     /// Host-side connectivity.
     pub topology: Topology,
@@ -36,10 +45,10 @@ pub struct Flattened {
     pub materials: Materials,
     /// Triangles that emit.
     pub emitters: Vec<u32>,
-    /// The scene's bounds, in scene units.
-    pub bounds: Bounds,
+    /// Where the scene is and how large, in scene units.
+    pub(crate) normalization: Normalization,
     /// The length that everything is measured in from here on, in scene units: the power of two
-    /// nearest to the radius of the bounds. So a scene renders alike at any scale, and squares and
+    /// nearest to the scene's radius. So a scene renders alike at any scale, and squares and
     /// products of small lengths do not underflow.
     pub unit: f64,
     /// Texture coordinates of the corners, z unused, if any material has a texture.
@@ -70,12 +79,13 @@ impl Connected {
 }
 
 impl Flattened {
-    /// Checks the scene and gathers its triangles.
+    /// Checks the scene and gathers its triangles. Bounds, where they are given, set the scale of depths
+    /// and tolerances in place of the scene's vertices.
     ///
     /// # Errors
     /// Whatever a user can get wrong in a scene, named.
     pub fn new(scene: &Scene, camera: &Camera, bounds: Option<Bounds>) -> Result<Self> {
-        Self::of_scene(scene, bounds, None)?.seen_by(camera)
+        Self::of_scene(scene, bounds.map(Normalization::from), None)?.seen_by(camera)
     }
 
     /// The same as every camera sees it, until [`Flattened::seen_by`] one. What is connected as in
@@ -85,7 +95,7 @@ impl Flattened {
     /// As [`Flattened::new`].
     pub(crate) fn of_scene(
         scene: &Scene,
-        bounds: Option<Bounds>,
+        normalization: Option<Normalization>,
         like: Option<&Self>,
     ) -> Result<Self> {
         let context = check_scene(scene)?;
@@ -104,9 +114,9 @@ impl Flattened {
             });
         }
         let topology = topology(scene, &connected, like);
-        let bounds = bounds.unwrap_or_else(|| bounds_of(&connected, &shifts));
-        let unit = bounds.radius.log2().round().exp2();
-        let centre = context.tensor(&bounds.center, [1, 3]);
+        let normalization = normalization.unwrap_or_else(|| normalization_of(&connected, &shifts));
+        let unit = normalization.radius.log2().round().exp2();
+        let centre = context.tensor(&normalization.center, [1, 3]);
         let corner = |i| {
             let parts = scene
                 .objects
@@ -141,7 +151,7 @@ impl Flattened {
             topology,
             materials,
             emitters,
-            bounds,
+            normalization,
             unit,
             uvs,
             normals,
@@ -174,9 +184,9 @@ impl Flattened {
         self.topology.object.last().map_or(0, |&o| o as usize + 1)
     }
 
-    /// The radius of the bounds in units of `unit`.
+    /// The scene's radius in units of `unit`.
     pub fn radius(&self) -> f64 {
-        self.bounds.radius / self.unit
+        self.normalization.radius / self.unit
     }
 }
 
@@ -203,7 +213,7 @@ fn topology(scene: &Scene, connected: &[Connected], like: Option<&Flattened>) ->
     topology
 }
 
-fn bounds_of(objects: &[Connected], shifts: &[[f64; 3]]) -> Bounds {
+fn normalization_of(objects: &[Connected], shifts: &[[f64; 3]]) -> Normalization {
     let all = || objects.iter().flat_map(|o| o.positions.iter());
     let n = all().count() as f64;
     let center: [f64; 3] = std::array::from_fn(|i| all().map(|v| v[i]).sum::<f64>() / n);
@@ -223,7 +233,7 @@ fn bounds_of(objects: &[Connected], shifts: &[[f64; 3]]) -> Bounds {
         .fold(0.0, f64::max);
     // A scene that is one point has no scale of its own.
     let radius = if radius > 0.0 { radius } else { 1.0 };
-    Bounds { center, radius }
+    Normalization { center, radius }
 }
 
 /// Which side of a closed object can be seen from `eye`: +1 those with n·d > 0, −1 those with

@@ -1,0 +1,119 @@
+//! How far point clouds are from each other.
+
+use burn::tensor::Tensor;
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+use crate::optim::nearest::{Near, PointTree};
+use crate::scene::take_rows;
+
+/// The Chamfer distance of two point clouds `[N, 3]` and `[M, 3]`, scene units:
+/// (1/N)·Σᵢ minⱼ |aᵢ − bⱼ|² + (1/M)·Σⱼ minᵢ |aᵢ − bⱼ|², which is `pytorch3d.loss.chamfer_distance` by its
+/// defaults. Square scene units, 0 where both have the same points.
+///
+/// Gradients flow to both. Which point is nearest is found on the host, in a k-d tree, and constant to the
+/// gradient; where it changes the distance has a kink. Points of surfaces come from
+/// [`sample_points`](crate::optim::sample_points).
+///
+/// ```
+/// use softray::loss;
+/// use softray::optim::sample_points;
+/// use softray::prelude::*;
+/// let device = Device::flex();
+/// let target = sample_points(&shapes::sphere(24, 12, &device), 500, 0)?;
+/// let size = Tensor::<1>::from_floats([0.5], &device).autodiff().require_grad();
+/// let ball = shapes::icosphere(2, &device).scaled(size.clone());
+/// let distance = loss::chamfer(sample_points(&ball, 500, 1)?, target)?;
+/// // The ball should grow.
+/// let gradient = size.grad(&distance.backward()).expect("a gradient");
+/// assert!(gradient.into_scalar::<f32>() < 0.0);
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// # Errors
+/// If a cloud is not `[N, 3]`, has no points or one that is not finite, the clouds differ in device or
+/// float type, or a tensor can't be read from its device.
+pub fn chamfer(a: Tensor<2>, b: Tensor<2>) -> Result<Tensor<1>> {
+    let [from_a, from_b] = nearest(&a, &b)?;
+    let mean = |from: &Tensor<2>, to: &Tensor<2>, nearest: &[Near]| {
+        let apart = from.clone() - take_rows(to, nearest.iter().map(|n| n.row));
+        (apart.clone() * apart).sum() * (nearest.len() as f64).recip()
+    };
+    Ok(mean(&a, &b, &from_a) + mean(&b, &a, &from_b))
+}
+
+/// The F-score of two point clouds `[N, 3]` and `[M, 3]` at a threshold in scene units, on the host: the
+/// harmonic mean of the shares of the points of each that are within the threshold of one of the other
+/// (Knapitsch et al. 2017, *Tanks and Temples*). From 0 to 1, the larger the closer.
+///
+/// ```
+/// use softray::loss;
+/// use softray::prelude::*;
+/// let cloud = |points| Tensor::<2>::from_floats(points, &Device::flex());
+/// let a = cloud([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]);
+/// let b = cloud([[0.0, 0.1, 0.0], [9.0, 0.0, 0.0]]);
+/// assert_eq!(loss::f_score(&a, &b, 0.2)?, 0.5);
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// # Errors
+/// As [`chamfer`], or if the threshold is not a number of at least 0.
+pub fn f_score(a: &Tensor<2>, b: &Tensor<2>, threshold: f64) -> Result<f64> {
+    if threshold.is_nan() || threshold < 0.0 {
+        let expected = "a number of at least 0";
+        return Err(Error::invalid("f_score", "threshold", threshold, expected));
+    }
+    let share = |nearest: &Vec<Near>| {
+        let close = |n: &&Near| n.square.sqrt() <= threshold;
+        nearest.iter().filter(close).count() as f64 / nearest.len() as f64
+    };
+    let [precision, recall] = nearest(a, b)?.each_ref().map(share);
+    Ok(if precision + recall > 0.0 {
+        2.0 * precision * recall / (precision + recall)
+    } else {
+        0.0
+    })
+}
+
+/// The nearest of `b` to each of `a`, and the nearest of `a` to each of `b`.
+fn nearest(a: &Tensor<2>, b: &Tensor<2>) -> Result<[Vec<Near>; 2]> {
+    const B: &str = "points b";
+    let (device, other) = (a.device().inner(), b.device().inner());
+    if other != device {
+        let expected = format!("{device:?} like points a");
+        return Err(Error::invalid(B, "device", format!("{other:?}"), expected));
+    }
+    if b.dtype() != a.dtype() {
+        let (found, expected) = (b.dtype(), format!("{:?} like points a", a.dtype()));
+        return Err(Error::invalid(B, "dtype", format!("{found:?}"), expected));
+    }
+    let (on_a, on_b) = (points("points a", a)?, points(B, b)?);
+    let from_a = PointTree::new(&on_b).nearest_to(&on_a);
+    let from_b = PointTree::new(&on_a).nearest_to(&on_b);
+    Ok([from_a, from_b])
+}
+
+/// A cloud on the host.
+fn points(name: &str, tensor: &Tensor<2>) -> Result<Vec<DVec3>> {
+    let [count, axes] = tensor.dims();
+    if count == 0 || axes != 3 {
+        let expected = "[N, 3] with at least one point";
+        let found = format!("[{count}, {axes}]");
+        return Err(Error::invalid(name, "shape", found, expected));
+    }
+    let values = host_values(tensor)?;
+    let points: Vec<DVec3> = values.chunks_exact(3).map(DVec3::from_slice).collect();
+    match points.iter().position(|p| !p.is_finite()) {
+        Some(i) => {
+            let found = format!("{:?}", points[i].to_array());
+            Err(Error::invalid(
+                name,
+                format!("row {i}"),
+                found,
+                "finite numbers",
+            ))
+        }
+        None => Ok(points),
+    }
+}

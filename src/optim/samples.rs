@@ -1,0 +1,152 @@
+//! Points on the surface of a mesh.
+
+use burn::tensor::Tensor;
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::geometry::{Context, Vec3};
+use crate::scene::{Mesh, take_rows};
+use crate::transport::mix;
+
+/// Points `[count, 3]` on the faces of a mesh, scene units, uniformly by area (Osada et al. 2002, *Shape
+/// Distributions*, Eq. 1), the same for the same seed.
+///
+/// The points are in the graph of the vertices. Each stays at its place of its face, so its
+/// derivative is that of the corners by constant weights, and by how the areas change there is none.
+/// They are in the order of the faces, over whose areas they are spread evenly (stratified): take all of
+/// them, not the first few.
+///
+/// ```
+/// use softray::optim::sample_points;
+/// use softray::prelude::*;
+/// let ball = shapes::icosphere(2, &Device::flex().autodiff());
+/// let vertices = ball.vertices.clone().require_grad();
+/// let points = sample_points(&ball.with_vertices(vertices.clone()), 100, 7)?;
+/// assert_eq!(points.dims(), [100, 3]);
+/// assert!(vertices.grad(&points.powi_scalar(2).mean().backward()).is_some());
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// # Errors
+/// If `count` is 0, the mesh has no face with an area, its vertices are not `[V, 3]` or not finite, a face
+/// has an index out of range, or the vertices can't be read from their device.
+pub fn sample_points(mesh: &Mesh, count: usize, seed: u64) -> Result<Tensor<2>> {
+    Samples::new(mesh, count, seed).map(|samples| samples.points())
+}
+
+/// The same points as [`sample_points`] and the unit normals of their faces, `[count, 3]` each, both in the
+/// graph of the vertices. Normals are those of the front side; shading normals have no part in them.
+///
+/// # Errors
+/// As [`sample_points`].
+pub fn sample_points_and_normals(
+    mesh: &Mesh,
+    count: usize,
+    seed: u64,
+) -> Result<(Tensor<2>, Tensor<2>)> {
+    let samples = Samples::new(mesh, count, seed)?;
+    Ok((samples.points(), samples.normals()))
+}
+
+/// Places on faces.
+struct Samples {
+    context: Context,
+    /// Of the faces that were drawn, `[count, 3]`.
+    corners: [Tensor<2>; 3],
+    /// Barycentric coordinates.
+    weights: [Vec<f64>; 3],
+    /// Normals of the faces, twice their areas long.
+    crosses: Vec<DVec3>,
+}
+
+impl Samples {
+    fn new(mesh: &Mesh, count: usize, seed: u64) -> Result<Self> {
+        if count == 0 {
+            return Err(Error::invalid("samples", "count", count, "at least 1"));
+        }
+        let vertices = mesh.checked_vertices("mesh")?;
+        let cross = |f: &[u32; 3]| {
+            let [a, b, c] = f.map(|v| DVec3::from(vertices[v as usize]));
+            (b - a).cross(c - a)
+        };
+        let areas: Vec<f64> = mesh.faces.iter().map(|f| cross(f).length()).collect();
+        let drawn = by_area(&areas, count, seed)?;
+        let mut weights = [(); 3].map(|()| Vec::with_capacity(count));
+        for i in 0..count as u64 {
+            let root = number(seed, i, 1).sqrt();
+            let v = number(seed, i, 2);
+            for (list, w) in weights
+                .iter_mut()
+                .zip([1.0 - root, root * (1.0 - v), root * v])
+            {
+                list.push(w);
+            }
+        }
+        let corner = |i: usize| take_rows(&mesh.vertices, drawn.iter().map(|&f| mesh.faces[f][i]));
+        Ok(Self {
+            context: Context {
+                device: mesh.vertices.device().inner(),
+                dtype: mesh.vertices.dtype(),
+            },
+            corners: [corner(0), corner(1), corner(2)],
+            weights,
+            crosses: drawn.iter().map(|&f| cross(&mesh.faces[f])).collect(),
+        })
+    }
+
+    fn points(&self) -> Tensor<2> {
+        let [a, b, c] = [0, 1, 2].map(|i| {
+            let weights = self.context.column(&self.weights[i]);
+            self.corners[i].clone() * weights
+        });
+        a + b + c
+    }
+
+    fn normals(&self) -> Tensor<2> {
+        let [a, b, c] = self.corners.each_ref();
+        // Sides in units in which the cross product is about 1.
+        let scale: Vec<f64> = self
+            .crosses
+            .iter()
+            .map(|n| n.length().sqrt().recip())
+            .collect();
+        let scale = self.context.column(&scale);
+        let side = |end: &Tensor<2>| Vec3::from_columns((end.clone() - a.clone()) * scale.clone());
+        let normal = side(b).cross(&side(c));
+        // In f32 the product of a slim face's sides may be lost.
+        let square = normal.dot(&normal);
+        let lost = square.clone().lower_elem(1e-12);
+        let length = square.mask_fill(lost.clone(), 1.0).sqrt();
+        let axis = |x: Tensor<2>, i: usize| {
+            let known: Vec<f64> = self.crosses.iter().map(|n| n.normalize()[i]).collect();
+            (x / length.clone()).mask_where(lost.clone(), self.context.column(&known))
+        };
+        Vec3::new(axis(normal.x, 0), axis(normal.y, 1), axis(normal.z, 2)).columns()
+    }
+}
+
+/// Faces in proportion to their areas, one in each of `count` parts of the whole, ascending.
+fn by_area(areas: &[f64], count: usize, seed: u64) -> Result<Vec<usize>> {
+    let total: f64 = areas.iter().sum();
+    let Some(last) = areas.iter().rposition(|&a| a > 0.0) else {
+        let found = format!("{} without area", areas.len());
+        let expected = "at least one with an area";
+        return Err(Error::invalid("mesh", "faces", found, expected));
+    };
+    let (mut face, mut below) = (0, 0.0);
+    let mut drawn = Vec::with_capacity(count);
+    for i in 0..count {
+        let at = total * (i as f64 + number(seed, i as u64, 0)) / count as f64;
+        while face < last && below + areas[face] <= at {
+            below += areas[face];
+            face += 1;
+        }
+        drawn.push(face);
+    }
+    Ok(drawn)
+}
+
+/// A number in [0, 1) of a sample, one of three.
+fn number(seed: u64, sample: u64, which: u64) -> f64 {
+    (mix(mix(mix(seed) ^ which) ^ sample) >> 11) as f64 / (1u64 << 53) as f64
+}

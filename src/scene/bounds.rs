@@ -1,0 +1,189 @@
+//! Boxes around meshes and scenes.
+
+use super::{Mesh, Parameter, Scene};
+use crate::error::{Error, Result};
+
+/// An axis-aligned box around a [`Mesh`] or a [`Scene`], in scene units.
+///
+/// ```
+/// use softray::prelude::*;
+/// let device = Device::flex();
+/// let box_of = shapes::cube(&device).translated([3.0, 0.0, 0.0]).bounds()?;
+/// assert_eq!((box_of.min, box_of.max), ([2.0, -1.0, -1.0], [4.0, 1.0, 1.0]));
+/// assert_eq!((box_of.center(), box_of.size()), ([3.0, 0.0, 0.0], [2.0; 3]));
+/// assert!((box_of.radius() - 3f64.sqrt()).abs() < 1e-12);
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// The least coordinates.
+    pub min: [f64; 3],
+    /// The greatest coordinates.
+    pub max: [f64; 3],
+}
+
+impl Bounds {
+    /// The box around points; None if there are none.
+    pub fn of_points(points: impl IntoIterator<Item = [f64; 3]>) -> Option<Self> {
+        let point = |p| Self { min: p, max: p };
+        points.into_iter().map(point).reduce(|a, b| a.union(&b))
+    }
+
+    /// The box around both boxes.
+    pub fn union(&self, other: &Self) -> Self {
+        Self {
+            min: std::array::from_fn(|i| self.min[i].min(other.min[i])),
+            max: std::array::from_fn(|i| self.max[i].max(other.max[i])),
+        }
+    }
+
+    /// The middle of the box.
+    pub fn center(&self) -> [f64; 3] {
+        std::array::from_fn(|i| 0.5 * self.min[i] + 0.5 * self.max[i])
+    }
+
+    /// The lengths of the box's sides along x, y and z.
+    pub fn size(&self) -> [f64; 3] {
+        std::array::from_fn(|i| self.max[i] - self.min[i])
+    }
+
+    /// The radius of the sphere about the [`center`](Self::center) that goes through the box's corners,
+    /// which is half the box's diagonal. All that is in the box is in this sphere.
+    pub fn radius(&self) -> f64 {
+        0.5 * glam::DVec3::from(self.size()).length()
+    }
+
+    /// The box moved by an offset.
+    fn moved(&self, offset: [f64; 3]) -> Self {
+        Self {
+            min: std::array::from_fn(|i| self.min[i] + offset[i]),
+            max: std::array::from_fn(|i| self.max[i] + offset[i]),
+        }
+    }
+}
+
+impl Mesh {
+    /// The box around the mesh's faces, on the host. Vertices that no face names don't count.
+    ///
+    /// # Errors
+    /// If the mesh has no face, a face has an index out of range, the vertices are not `[V, 3]` or not
+    /// finite, or they can't be read from their device.
+    pub fn bounds(&self) -> Result<Bounds> {
+        self.bounds_as("mesh")?.ok_or_else(|| {
+            let expected = "at least one face, which bounds are around";
+            Error::invalid("mesh", "faces", "empty", expected)
+        })
+    }
+
+    /// The same of a mesh of that name in messages; None without faces.
+    fn bounds_as(&self, name: &str) -> Result<Option<Bounds>> {
+        let vertices = self.checked_vertices(name)?;
+        let corners = self.faces.iter().flatten().map(|&v| vertices[v as usize]);
+        Ok(Bounds::of_points(corners))
+    }
+}
+
+impl Scene {
+    /// The box around all objects, emitters too, on the host. An object that moves counts with its place at
+    /// the beginning and at the end of the shutter. What is large counts like all else: with a ground
+    /// plane of 1000 units the box is that wide, so where the objects on it matter take their
+    /// [`Mesh::bounds`] and their [`Bounds::union`].
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let device = Device::flex();
+    /// let scene = Scene::new()
+    ///     .with(Object::new(shapes::cube(&device)))
+    ///     .with(Object::new(shapes::cube(&device)).velocity([0.0, 4.0, 0.0]));
+    /// let bounds = scene.bounds()?;
+    /// assert_eq!((bounds.min, bounds.max), ([-1.0; 3], [1.0, 5.0, 1.0]));
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the scene has no triangle, or as [`Mesh::bounds`], or a velocity is not three finite numbers.
+    pub fn bounds(&self) -> Result<Bounds> {
+        let mut all: Option<Bounds> = None;
+        for object in &self.objects {
+            let Some(mut bounds) = object.mesh.bounds_as(&object.name)? else {
+                continue;
+            };
+            if let Some(velocity) = &object.velocity {
+                let finite = |_| true;
+                let offset =
+                    Parameter::check(velocity, &object.name, "velocity", "finite numbers", finite)?;
+                bounds = bounds.union(&bounds.moved(offset));
+            }
+            all = Some(all.map_or(bounds, |all| all.union(&bounds)));
+        }
+        all.ok_or(Error::NoTriangles {
+            objects: self.objects.len(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Object, shapes};
+    use super::*;
+    use burn::tensor::{Device, Tensor};
+
+    #[test]
+    fn a_scene_has_the_box_around_all_objects_over_the_shutter() {
+        let device = Device::flex();
+        // A vertex without a face is not seen.
+        let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [9.0; 3]];
+        let sheet = Mesh::from_host(&corners, vec![[0, 1, 2]], &device);
+        let flat = sheet.bounds().expect("bounds");
+        assert_eq!((flat.min, flat.max), ([0.0; 3], [1.0, 2.0, 0.0]));
+        assert!((flat.radius() - 0.5 * 5f64.sqrt()).abs() < 1e-12);
+        let tracked = Tensor::<1>::from_floats([-3.0, 0.0, 0.5], &device)
+            .autodiff()
+            .require_grad();
+        let scene = Scene::new()
+            .with(Object::new(sheet))
+            .with(Object::new(Mesh::from_host(&corners, vec![], &device)))
+            .with(Object::new(shapes::cube(&device)).velocity(tracked));
+        let bounds = scene.bounds().expect("bounds");
+        assert_eq!(
+            (bounds.min, bounds.max),
+            ([-4.0, -1.0, -1.0], [1.0, 2.0, 1.5])
+        );
+        assert_eq!(bounds.center(), [-1.5, 0.5, 0.25]);
+        assert_eq!(bounds.size(), [5.0, 3.0, 2.5]);
+    }
+
+    #[test]
+    fn what_has_no_bounds_is_told() {
+        let device = Device::flex();
+        let empty = Mesh::from_host(&[[0.0; 3]], vec![], &device);
+        let of = |mesh: Mesh| Scene::new().with(Object::new(mesh).named("it"));
+        let cases = [
+            (Scene::new().bounds(), "no triangles (0 objects)"),
+            (of(empty.clone()).bounds(), "no triangles (1 objects)"),
+            (empty.bounds(), "mesh: faces is empty"),
+            (
+                of(Mesh::from_host(&[[0.0; 3]], vec![[0, 0, 1]], &device)).bounds(),
+                "it: vertices of face 0",
+            ),
+            (
+                of(shapes::cube(&device).scaled([1.0, f64::NAN, 1.0])).bounds(),
+                "it: mesh is scaled by [1.0, NaN, 1.0]",
+            ),
+            (
+                Mesh::from_host(&[[f64::INFINITY; 3]; 3], vec![[0, 1, 2]], &device).bounds(),
+                "mesh: vertices 0 is [inf, inf, inf]",
+            ),
+            (
+                Scene::new()
+                    .with(Object::new(shapes::cube(&device)).velocity([f64::NAN; 3]))
+                    .bounds(),
+                "velocity is [NaN, NaN, NaN]",
+            ),
+        ];
+        for (found, expected) in cases {
+            let error = found.expect_err(expected).to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! Shading normals from the faces.
+
+use burn::tensor::{DType, IndexingUpdateOp, Int, Tensor, TensorData};
+
+use super::Mesh;
+use super::mesh::check_indices;
+use crate::geometry::{Vec3, columns, gather_columns, length, split, unit_size};
+
+impl Mesh {
+    /// With smooth shading normals, computed from the vertices: at each vertex the unit vector along the sum
+    /// of its faces' normals, each weighted by the angle of the face there (Thürmer and Wüthrich 1998,
+    /// *Computing Vertex Normals from Polygonal Facets*), so that how a flat part is cut into
+    /// triangles doesn't matter.
+    ///
+    /// The normals are in the graph of the vertices: gradients of shading flow to them. Call this last, on
+    /// every step of a fit: normals that a mesh brings along (from an OBJ, or from before
+    /// [`with_vertices`](Mesh::with_vertices)) do not follow vertices that are optimised.
+    ///
+    /// Vertices are the same if their indices are: those at one place that are separate, as on the two
+    /// sides of a crease, keep normals of their own. Faces without area have no part; a vertex
+    /// that only they touch, or no face, or faces that cancel each other, gets the normal (0, 0, 1)
+    /// without gradient. A mesh without faces or whose faces are out of range stays as it is; a render
+    /// tells.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let device = Device::flex();
+    /// let height = Tensor::<1>::from_floats([1.0, 1.5, 1.0], &device).autodiff().require_grad();
+    /// let egg = shapes::icosphere(2, &device).scaled(height).smooth_normals();
+    /// let normals = egg.normals.expect("normals");
+    /// assert_eq!(normals.values.dims(), [162, 3]);
+    /// assert!(normals.values.is_tracked());
+    /// ```
+    pub fn smooth_normals(self) -> Self {
+        let dims = self.vertices.dims();
+        let fits = check_indices("mesh", "vertices", dims, 3, &self.faces).is_ok();
+        if !fits || self.faces.is_empty() {
+            return self;
+        }
+        let normals = vertex_normals(&self.vertices, &self.faces);
+        self.with_normals(normals)
+    }
+
+    /// Without shading normals: every face is shaded flat.
+    pub fn without_normals(mut self) -> Self {
+        self.normals = None;
+        self
+    }
+}
+
+/// Unit normals at the vertices `[V, 3]`.
+fn vertex_normals(vertices: &Tensor<2>, faces: &[[u32; 3]]) -> Tensor<2> {
+    let vertices = if vertices.is_tracked() {
+        vertices.clone()
+    } else {
+        vertices.clone().inner()
+    };
+    let [count, _] = vertices.dims();
+    let (dtype, n) = (vertices.dtype(), faces.len());
+    let epsilon = match dtype {
+        DType::F64 => f64::EPSILON,
+        _ => f64::from(f32::EPSILON),
+    };
+    let device = vertices.device().inner();
+    let index: Vec<i32> = columns(faces).iter().map(|&v| v as i32).collect();
+    let index = Tensor::<2, Int>::from_data(TensorData::new(index, [1, 3 * n]), &device);
+
+    let planes = unit_size(vertices.swap_dims(0, 1));
+    let corners = gather_columns(&planes, &index);
+    let corner = |i: usize| split(&corners.clone().narrow(1, i * n, n));
+    let [a, b, c] = [corner(0), corner(1), corner(2)];
+    let sides = [b.sub(&a), c.sub(&b), a.sub(&c)].map(|side| unit_or_zero(&side));
+    let turned = |i: usize| weighted_normal(&sides[i], &sides[(i + 2) % 3], epsilon).rows();
+    let weighted = Tensor::cat(vec![turned(0), turned(1), turned(2)], 1);
+
+    let zeros = Tensor::zeros([3, count], (&device, dtype));
+    let index = index.expand([3, 3 * n]);
+    let sums = zeros.scatter(1, index, weighted, IndexingUpdateOp::Add);
+    let sums = split(&sums);
+    let square = sums.dot(&sums);
+    let none = square.clone().lower_elem((16.0 * epsilon).powi(2));
+    let length = square.mask_fill(none.clone(), 1.0).sqrt();
+    let axis = |sum: Tensor<2>, otherwise: f64| {
+        let unit = sum / length.clone();
+        unit.mask_fill(none.clone(), otherwise)
+    };
+    let normals = Vec3::new(axis(sums.x, 0.0), axis(sums.y, 0.0), axis(sums.z, 1.0));
+    normals.rows().swap_dims(0, 1)
+}
+
+/// The unit vector of each; 0 stays 0.
+fn unit_or_zero(v: &Vec3) -> Vec3 {
+    let length = length(v);
+    let none = length.clone().lower_equal_elem(0.0);
+    let length = length.mask_fill(none, 1.0);
+    v.map(|x| x / length.clone())
+}
+
+/// The face's unit normal times its angle θ at a corner, from the unit vectors along the side that leaves
+/// the corner and the one that comes to it: their cross product times θ/sin θ. 0 where sin θ can't be told
+/// from rounding.
+fn weighted_normal(leaving: &Vec3, coming: &Vec3, epsilon: f64) -> Vec3 {
+    let back = coming.scale_by(-1.0);
+    let normal = leaving.cross(&back);
+    let square = normal.dot(&normal);
+    let none = square.clone().lower_elem((8.0 * epsilon).powi(2));
+    let sin = square.mask_fill(none.clone(), 1.0).sqrt();
+    let angle = sin.clone().atan2(leaving.dot(&back));
+    normal.scale(&(angle / sin).mask_fill(none, 0.0))
+}

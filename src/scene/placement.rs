@@ -1,0 +1,285 @@
+//! Meshes moved, scaled and turned.
+
+use std::sync::Arc;
+
+use burn::tensor::Tensor;
+
+use super::{Mesh, Parameter, Transform};
+use crate::geometry::{Context, sin_cos};
+
+// A tensor is a handle of some words; boxing it would cost more than it saves.
+#[allow(clippy::large_enum_variant)]
+/// The factors of [`Mesh::scaled`], as numbers or as a tensor. Numbers, arrays of three and tensors convert
+/// into it.
+#[derive(Clone, Debug)]
+pub enum Scale {
+    /// One factor for all axes.
+    Uniform(f64),
+    /// A factor for each axis.
+    Axes([f64; 3]),
+    /// A tensor `[1]` or `[3]`.
+    Tensor(Tensor<1>),
+}
+
+impl From<f64> for Scale {
+    fn from(factor: f64) -> Self {
+        Self::Uniform(factor)
+    }
+}
+
+impl From<f32> for Scale {
+    fn from(factor: f32) -> Self {
+        Self::Uniform(factor.into())
+    }
+}
+
+impl From<[f64; 3]> for Scale {
+    fn from(factors: [f64; 3]) -> Self {
+        Self::Axes(factors)
+    }
+}
+
+impl From<[f32; 3]> for Scale {
+    fn from(factors: [f32; 3]) -> Self {
+        Self::Axes(factors.map(f64::from))
+    }
+}
+
+impl From<glam::DVec3> for Scale {
+    fn from(factors: glam::DVec3) -> Self {
+        Self::Axes(factors.to_array())
+    }
+}
+
+impl From<glam::Vec3> for Scale {
+    fn from(factors: glam::Vec3) -> Self {
+        factors.to_array().into()
+    }
+}
+
+impl From<Tensor<1>> for Scale {
+    fn from(factors: Tensor<1>) -> Self {
+        Self::Tensor(factors)
+    }
+}
+
+impl Mesh {
+    /// Moved by an offset in scene units: three numbers or a tensor `[3]`.
+    ///
+    /// A mesh that was moved by a tensor of another shape, device or float type than the vertices, or by
+    /// numbers that are not finite, can't be rendered: that is when the error is told.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let device = Device::flex();
+    /// let offset = Tensor::<1>::from_floats([0.0, 0.2, 0.0], &device).autodiff().require_grad();
+    /// let ball = shapes::icosphere(1, &device).translated([1.0, 0.0, 0.0]).translated(offset);
+    /// assert!(ball.vertices.is_tracked());
+    /// ```
+    pub fn translated(self, offset: impl Into<Parameter<3>>) -> Self {
+        match self.like_vertices("translated by", &offset.into()) {
+            Ok(offset) => {
+                let moved = self.vertices.clone() + offset.reshape([1, 3]);
+                self.with_vertices(moved)
+            }
+            Err(mistake) => self.mistaken(mistake),
+        }
+    }
+
+    /// Scaled about the origin: by a number, a factor for each axis `[f64; 3]`, or a tensor `[1]` or `[3]`.
+    ///
+    /// Shading normals are scaled by the inverse, so they stay those of the surface. With an odd number of
+    /// negative factors the mesh is a mirror image, which would turn it inside out: its faces are wound the
+    /// other way, so the front stays the front.
+    ///
+    /// A mesh can't be rendered, and then the error is told, if a factor is not finite, if a tensor has
+    /// another shape, device or float type, or if one of three factors is 0 and the mesh has shading
+    /// normals. The factors are read back from their device.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let device = Device::flex();
+    /// let slab = shapes::cube(&device).scaled([2.0, 0.1, 1.0]).scaled(0.5);
+    /// assert!((slab.bounds()?.size()[0] - 2.0).abs() < 1e-6);
+    /// let size = Tensor::<1>::from_floats([0.5], &device).autodiff().require_grad();
+    /// assert!(slab.scaled(size).vertices.is_tracked());
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    pub fn scaled(self, scale: impl Into<Scale>) -> Self {
+        const BY: &str = "scaled by";
+        let read = match scale.into() {
+            Scale::Uniform(s) => self.read(BY, &Parameter::Constant([s])).map(one),
+            Scale::Axes(s) => self.read(BY, &Parameter::Constant(s)),
+            Scale::Tensor(t) => match t.dims() {
+                [1] => self.read(BY, &Parameter::Tensor(t)).map(one),
+                [3] => self.read(BY, &Parameter::Tensor(t)),
+                [n] => Err(format!("{BY} a tensor of shape [{n}], expected [1] or [3]")),
+            },
+        };
+        match read {
+            Ok((factors, scale)) => self.scaled_by(factors, scale),
+            Err(mistake) => self.mistaken(mistake),
+        }
+    }
+
+    /// By a tensor `[1]` or `[3]` of these values.
+    fn scaled_by(mut self, factors: [f64; 3], scale: Tensor<1>) -> Self {
+        let [n] = scale.dims();
+        let scale = scale.reshape([1, n]);
+        if let Some(normals) = &mut self.normals {
+            if n == 3 {
+                if factors.contains(&0.0) {
+                    let expected = "factors other than 0 for a mesh with shading normals";
+                    return self.mistaken(format!("scaled by {factors:?}, expected {expected}"));
+                }
+                // Their length doesn't matter, but must be one that floats hold.
+                let least = factors.iter().fold(f64::INFINITY, |m, s| m.min(s.abs()));
+                normals.values = normals.values.clone() * (scale.clone().recip() * least);
+            } else if factors[0] < 0.0 {
+                normals.values = normals.values.clone().neg();
+            }
+        }
+        self.vertices = self.vertices * scale;
+        if mirrors(&factors) {
+            self.mirrored()
+        } else {
+            self
+        }
+    }
+
+    /// Turned about an axis through the origin, by an angle in radians, counter-clockwise seen from the
+    /// axis's tip. The axis is three numbers or a tensor `[3]` of any length but 0, the angle a number
+    /// or a tensor `[1]`; both are differentiable. Shading normals turn along.
+    ///
+    /// A mesh can't be rendered, and then the error is told, if the axis is 0 or not finite, the angle is not
+    /// finite, or a tensor has another shape, device or float type. Both are read back from their device.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let device = Device::flex();
+    /// let angle = Tensor::<1>::from_floats([0.3], &device).autodiff().require_grad();
+    /// let cube = shapes::cube(&device).rotated([0.0, 1.0, 0.0], 45f64.to_radians());
+    /// assert!((cube.bounds()?.max[0] - 2f64.sqrt()).abs() < 1e-6);
+    /// assert!(cube.rotated([1.0, 0.0, 0.0], angle).vertices.is_tracked());
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    pub fn rotated(self, axis: impl Into<Parameter<3>>, radians: impl Into<Parameter<1>>) -> Self {
+        let (axis, radians) = (axis.into(), radians.into());
+        match self.quaternion(&axis, &radians) {
+            Ok(quaternion) => self.transformed(&Transform::new().quaternion(quaternion)),
+            Err(mistake) => self.mistaken(mistake),
+        }
+    }
+
+    fn quaternion(&self, axis: &Parameter<3>, radians: &Parameter<1>) -> Result<Tensor<1>, String> {
+        let by = "rotated by an angle of";
+        let (_, angle) = self.read(by, radians)?;
+        let about = "rotated about an axis of";
+        let (values, axis) = self.read(about, axis)?;
+        if values == [0.0; 3] {
+            return Err(format!("{about} {values:?}, expected one that is not 0"));
+        }
+        // Squares of its components may be more or less than floats hold.
+        let largest = values.iter().fold(0f64, |m, v| m.max(v.abs()));
+        let axis = axis * largest.recip();
+        let unit = axis.clone() / (axis.clone() * axis).sum().sqrt();
+        let (sin, cos) = sin_cos(angle * 0.5);
+        Ok(Tensor::cat(vec![cos, unit * sin], 0))
+    }
+
+    /// The values of a parameter and its tensor as [`Self::like_vertices`], or what is wrong with it.
+    fn read<const C: usize>(
+        &self,
+        what: &str,
+        parameter: &Parameter<C>,
+    ) -> Result<([f64; C], Tensor<1>), String> {
+        let tensor = self.like_vertices(what, parameter)?;
+        let values = parameter.values();
+        let values = values.map_err(|e| format!("{what} a tensor, but {e}"))?;
+        finite(what, &values)?;
+        Ok((values, tensor))
+    }
+
+    /// A parameter in the place and float type of the vertices, or what is wrong with it.
+    fn like_vertices<const C: usize>(
+        &self,
+        what: &str,
+        parameter: &Parameter<C>,
+    ) -> Result<Tensor<1>, String> {
+        let context = Context {
+            device: self.vertices.device().inner(),
+            dtype: self.vertices.dtype(),
+        };
+        let tensor = match parameter {
+            Parameter::Constant(values) => {
+                finite(what, values)?;
+                return Ok(context.tensor(values, [C]));
+            }
+            Parameter::Tensor(tensor) => tensor.clone(),
+        };
+        let tensor = if tensor.is_tracked() {
+            tensor
+        } else {
+            tensor.inner()
+        };
+        let wrong = |found: String, expected: String| {
+            Err(format!("{what} a tensor {found}, expected {expected}"))
+        };
+        let (device, dtype) = (tensor.device().inner(), tensor.dtype());
+        if tensor.dims() != [C] {
+            wrong(format!("of shape {:?}", tensor.dims()), format!("[{C}]"))
+        } else if dtype != context.dtype {
+            let own = format!("{:?} like the vertices", context.dtype);
+            wrong(format!("of dtype {dtype:?}"), own)
+        } else if device != context.device {
+            let own = format!("{:?} like the vertices", context.device);
+            wrong(format!("on {device:?}"), own)
+        } else {
+            Ok(tensor)
+        }
+    }
+
+    /// With the faces wound the other way, corner values too.
+    pub(super) fn mirrored(mut self) -> Self {
+        let swapped =
+            |faces: &[[u32; 3]]| Arc::new(faces.iter().map(|&[a, b, c]| [a, c, b]).collect());
+        let faces: Arc<Vec<[u32; 3]>> = swapped(&self.faces);
+        for attribute in [&mut self.uvs, &mut self.normals].into_iter().flatten() {
+            attribute.faces = if Arc::ptr_eq(&attribute.faces, &self.faces) {
+                faces.clone()
+            } else {
+                swapped(&attribute.faces)
+            };
+        }
+        self.faces = faces;
+        self
+    }
+
+    /// With what was wrong when it was made; the first counts.
+    fn mistaken(mut self, mistake: String) -> Self {
+        self.mistake.get_or_insert(mistake);
+        self
+    }
+}
+
+/// Kernels are in f32.
+fn finite(what: &str, values: &[f64]) -> Result<(), String> {
+    if values.iter().all(|&v| (v as f32).is_finite()) {
+        return Ok(());
+    }
+    let shown = match values {
+        [value] => value.to_string(),
+        values => format!("{values:?}"),
+    };
+    Err(format!("{what} {shown}, expected finite numbers"))
+}
+
+/// Whether one factor, or three, turn a mesh inside out.
+pub(super) fn mirrors(factors: &[f64]) -> bool {
+    factors.iter().filter(|&&s| s < 0.0).count() % 2 == 1
+}
+
+/// One factor for three.
+fn one(([factor], tensor): ([f64; 1], Tensor<1>)) -> ([f64; 3], Tensor<1>) {
+    ([factor; 3], tensor)
+}
