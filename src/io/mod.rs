@@ -3,12 +3,13 @@
 mod images;
 mod limits;
 mod obj;
+mod obj_names;
 mod obj_text;
 mod polygon;
 mod scene_file;
 
 pub use images::HostImage;
-#[cfg(feature = "fit")]
-pub(crate) use images::write_whole;
 pub use limits::LoadLimits;
 pub use scene_file::SceneFile;
+#[cfg(feature = "fit")]
+pub(crate) use images::write_whole;
