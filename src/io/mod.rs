@@ -6,10 +6,14 @@ mod obj;
 mod obj_names;
 mod obj_text;
 mod polygon;
+mod renders;
 mod scene_file;
+mod srgb;
+mod viridis;
+mod whole;
 
 pub use images::HostImage;
 pub use limits::LoadLimits;
 pub use scene_file::SceneFile;
 #[cfg(feature = "fit")]
-pub(crate) use images::write_whole;
+pub(crate) use whole::write_whole;
