@@ -15,7 +15,7 @@ pub mod shapes;
 mod transform;
 
 pub use camera::Camera;
-pub(crate) use check::check_camera;
+pub(crate) use check::{check_camera, check_scene};
 pub use environment::Environment;
 pub use flatten::{Albedos, Bounds, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
 
