@@ -129,6 +129,42 @@ fn textures_are_decoded() {
 }
 
 #[test]
+fn maps_of_gloss_and_clamped_textures() {
+    let folder = Folder::new("gloss");
+    let mut image = image::RgbImage::new(1, 1);
+    image.put_pixel(0, 0, image::Rgb([255, 255, 0]));
+    image.save(folder.0.join("a.png")).expect("a PNG file");
+    folder.write(
+        "m.mtl",
+        "newmtl tinted\nKs 0.5 0.25 1\nmap_Ks a.png\nNs 9\nmap_Kd -clamp on a.png\n\
+         newmtl whole\nmap_Ks -clamp on a.png\nnewmtl none\nKs 0\nmap_Ks a.png\n",
+    );
+    let scene = folder
+        .load(&format!(
+            "mtllib m.mtl\n{SQUARE}vt 0 0\nusemtl tinted\nf 1/1 2/1 3/1\nusemtl whole\n\
+             f 1/1 2/1 3/1\nusemtl none\nf 1/1 2/1 3/1\n"
+        ))
+        .expect("a scene");
+    let texture = |albedo: &Albedo| match albedo {
+        Albedo::Texture { texels, wrap } => {
+            let image = HostImage::from_tensor(texels).expect("values");
+            (image.pixels, *wrap)
+        }
+        Albedo::Constant(_) => panic!("a constant"),
+    };
+    let [tinted, whole, none] = &scene.objects[0].materials[..] else {
+        panic!("three materials");
+    };
+    assert_eq!(
+        texture(&tinted.specular),
+        (vec![0.5, 0.25, 0.0], Wrap::Repeat)
+    );
+    assert_eq!(texture(&tinted.diffuse), (vec![1.0, 1.0, 0.0], Wrap::Clamp));
+    assert_eq!(texture(&whole.specular), (vec![1.0, 1.0, 0.0], Wrap::Clamp));
+    assert_eq!(constant(&none.specular), [0.0; 3]);
+}
+
+#[test]
 fn polygons_and_negative_indices() {
     let folder = Folder::new("polygons");
     let scene = folder

@@ -1,13 +1,13 @@
-use std::fs;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::{BufReader, Seek, Write};
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Rgb, RgbImage};
 
 use super::LoadLimits;
 use super::limits::open;
+use super::srgb::{decode_srgb, srgb_byte, srgb_table};
+use super::whole::write_whole_by;
 use crate::error::{Error, Result};
 
 /// White columns between images side by side.
@@ -163,26 +163,51 @@ impl HostImage {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let format = format_of(path)?;
-        self.check()?;
-        let (Ok(w), Ok(h)) = (u32::try_from(self.width), u32::try_from(self.height)) else {
-            return Err(self.bad_size("at most 2³² − 1 columns and rows"));
-        };
-        if w == 0 || h == 0 {
-            return Err(self.bad_size("at least one column and row"));
-        }
+        let [w, h] = self.check_size()?;
+        write_whole_by(path, |file| self.encode([w, h], format, path, file))
+    }
+
+    /// Encodes it in a format, PNG or EXR, for a file.
+    pub(super) fn encode(
+        &self,
+        [w, h]: [u32; 2],
+        format: ImageFormat,
+        path: &Path,
+        file: &mut (impl Write + Seek),
+    ) -> Result<()> {
         let size = || self.bad_size("as many pixels as values");
         let encoded = |e| Error::format(path, format!("it can't be written: {e}"));
-        write_whole_by(path, |file| {
-            if format == ImageFormat::Png {
-                let srgb = self.pixels.iter().map(|&v| srgb_byte(v)).collect();
-                let image = RgbImage::from_raw(w, h, srgb).ok_or_else(size)?;
-                image.write_to(file, format).map_err(encoded)
-            } else {
-                type Borrowed<'a> = ImageBuffer<Rgb<f32>, &'a [f32]>;
-                let image = Borrowed::from_raw(w, h, &self.pixels).ok_or_else(size)?;
-                image.write_to(file, format).map_err(encoded)
-            }
-        })
+        if format == ImageFormat::Png {
+            let srgb = self.to_srgb();
+            let image = RgbImage::from_raw(w, h, srgb).ok_or_else(size)?;
+            image.write_to(file, format).map_err(encoded)
+        } else {
+            type Borrowed<'a> = ImageBuffer<Rgb<f32>, &'a [f32]>;
+            let image = Borrowed::from_raw(w, h, &self.pixels).ok_or_else(size)?;
+            image.write_to(file, format).map_err(encoded)
+        }
+    }
+
+    /// Bytes in sRGB, clipped to [0, 1].
+    pub(super) fn to_srgb(&self) -> Vec<u8> {
+        self.pixels.iter().map(|&v| srgb_byte(v)).collect()
+    }
+
+    /// Whether bytes in sRGB hold every value as it is, as they do those of a PNG file that was read.
+    pub(super) fn fits_srgb(&self) -> bool {
+        let table = srgb_table();
+        let same = |&v: &f32| table[usize::from(srgb_byte(v))] == v;
+        self.pixels.iter().all(same)
+    }
+
+    /// Columns and rows for a file.
+    pub(super) fn check_size(&self) -> Result<[u32; 2]> {
+        self.check()?;
+        match (u32::try_from(self.width), u32::try_from(self.height)) {
+            (Ok(0), _) | (_, Ok(0)) => Err(self.bad_size("at least one column and row")),
+            (Ok(w), Ok(h)) => Ok([w, h]),
+            _ => Err(self.bad_size("at most 2³² − 1 columns and rows")),
+        }
     }
 
     /// The mean of each channel.
@@ -272,7 +297,7 @@ impl HostImage {
 }
 
 /// The format of an image to be written, by its ending.
-fn format_of(path: &Path) -> Result<ImageFormat> {
+pub(super) fn format_of(path: &Path) -> Result<ImageFormat> {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     match ending.to_ascii_lowercase().as_str() {
         "exr" => Ok(ImageFormat::OpenExr),
@@ -284,92 +309,10 @@ fn format_of(path: &Path) -> Result<ImageFormat> {
     }
 }
 
-/// Linear values of the three colours of an image in sRGB.
-fn decode_srgb(image: DynamicImage) -> Vec<f32> {
-    let table: Vec<f32> = (0..256).map(|i| srgb_to_linear(i as f32 / 255.0)).collect();
-    // From bytes with so many channels, of which one or three are colours.
-    let of_bytes = |bytes: Vec<u8>, channels: usize| {
-        let mut pixels = Vec::with_capacity(bytes.len() / channels * 3);
-        for pixel in bytes.chunks_exact(channels) {
-            let colours = if channels < 3 {
-                [pixel[0]; 3]
-            } else {
-                [pixel[0], pixel[1], pixel[2]]
-            };
-            pixels.extend(colours.map(|c| table[usize::from(c)]));
-        }
-        pixels
-    };
-    match image {
-        DynamicImage::ImageLuma8(i) => of_bytes(i.into_raw(), 1),
-        DynamicImage::ImageLumaA8(i) => of_bytes(i.into_raw(), 2),
-        DynamicImage::ImageRgb8(i) => of_bytes(i.into_raw(), 3),
-        DynamicImage::ImageRgba8(i) => of_bytes(i.into_raw(), 4),
-        other => {
-            let mut pixels = other.into_rgb32f().into_raw();
-            pixels.iter_mut().for_each(|v| *v = srgb_to_linear(*v));
-            pixels
-        }
-    }
-}
-
-/// Writes under another name in the same folder and renames: nobody sees half a file.
-#[cfg(feature = "fit")]
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    write_whole_by(path, |file| {
-        file.write_all(bytes).map_err(|source| Error::Io {
-            path: path.into(),
-            source,
-        })
-    })
-}
-
-/// The same by a function.
-fn write_whole_by(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<fs::File>) -> Result<()>,
-) -> Result<()> {
-    static COUNT: AtomicUsize = AtomicUsize::new(0);
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    let count = COUNT.fetch_add(1, Ordering::Relaxed);
-    name.push(format!(".{}-{count}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    let io = |source| Error::Io {
-        path: path.into(),
-        source,
-    };
-    let mut file = BufWriter::new(fs::File::create(&part).map_err(io)?);
-    let written = write(&mut file).and_then(|()| file.flush().map_err(io));
-    drop(file);
-    let renamed = written.and_then(|()| fs::rename(&part, path).map_err(io));
-    if renamed.is_err() {
-        // Of the two errors the first one matters.
-        let _ = fs::remove_file(&part);
-    }
-    renamed
-}
-
-fn srgb_to_linear(v: f32) -> f32 {
-    if v <= 0.04045 {
-        v / 12.92
-    } else {
-        ((v + 0.055) / 1.055).powf(2.4)
-    }
-}
-
-fn srgb_byte(linear: f32) -> u8 {
-    let v = linear.clamp(0.0, 1.0);
-    let encoded = if v <= 0.003_130_8 {
-        v * 12.92
-    } else {
-        1.055 * v.powf(1.0 / 2.4) - 0.055
-    };
-    (encoded * 255.0).round() as u8
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn ramp(width: usize, height: usize) -> HostImage {
@@ -400,13 +343,6 @@ mod tests {
         assert!(read.rmse(&image, true).expect("size") < 3e-3);
         assert!(read.pixels.iter().all(|v| (0.0..=1.0).contains(v)));
         fs::remove_file(path).expect("remove");
-    }
-
-    #[test]
-    fn srgb_bytes_survive() {
-        for byte in 0..=255u8 {
-            assert_eq!(srgb_byte(srgb_to_linear(f32::from(byte) / 255.0)), byte);
-        }
     }
 
     #[test]

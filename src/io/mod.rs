@@ -1,14 +1,23 @@
-//! Files: OBJ with MTL, images, and scenes with a camera as JSON.
+//! Files: OBJ with MTL, images, animations, and scenes with a camera as JSON.
 
+mod animation;
 mod images;
 mod limits;
+mod mtl_write;
 mod obj;
+mod obj_names;
 mod obj_text;
+mod obj_write;
 mod polygon;
+mod renders;
 mod scene_file;
+mod srgb;
+mod viridis;
+mod whole;
 
+pub use animation::Animation;
 pub use images::HostImage;
-#[cfg(feature = "fit")]
-pub(crate) use images::write_whole;
 pub use limits::LoadLimits;
 pub use scene_file::SceneFile;
+#[cfg(feature = "fit")]
+pub(crate) use whole::write_whole;

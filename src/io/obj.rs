@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::obj_text::ObjText;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result};
-use crate::scene::{Albedo, CornerAttribute, Material, Mesh, Object, Scene};
+use crate::scene::{Albedo, CornerAttribute, Material, Mesh, Object, Scene, Wrap};
 
 impl Scene {
     /// Reads an OBJ file with its MTL files.
@@ -17,8 +17,8 @@ impl Scene {
     /// triangles: fans where those fill them, else by ear clipping. Normals and texture coordinates count for objects that have them at every
     /// corner.
     ///
-    /// Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side) and `map_Kd` count, the
-    /// latter instead of `Kd`. What has no `Kd` or no material is mid-grey like
+    /// Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `map_Kd` (instead of `Kd`)
+    /// and `map_Ks` (times `Ks`) count, and of the options of textures `-clamp on`. What has no `Kd` or no material is mid-grey like
     /// [`Material::default`].
     ///
     /// # Errors
@@ -210,25 +210,24 @@ impl Materials<'_> {
         if let Some(kd) = source.diffuse {
             material.diffuse = kd.into();
         }
-        let texture = source.diffuse_texture.as_deref();
-        let texture = texture.and_then(|t| t.parse::<usize>().ok());
-        if let Some((number, file)) = texture.and_then(|t| Some((t, self.textures.get(t)?))) {
-            let texels = match self.read.get(&number) {
-                Some(texels) => texels.clone(),
-                None => {
-                    let image = HostImage::read_within(file, self.limits)?;
-                    let texels = image.into_tensor(self.device);
-                    self.read.insert(number, texels.clone());
-                    texels
-                }
-            };
-            material.diffuse = Albedo::texture(texels);
+        if let Some((texels, wrap)) = self.texture(source.diffuse_texture.as_deref())? {
+            material.diffuse = Albedo::Texture { texels, wrap };
             if source.diffuse.is_some_and(|kd| kd != [1.0; 3]) {
                 log::info!("material {}: map_Kd replaces Kd", source.name);
             }
         }
         if let Some(ks) = source.specular {
             material.specular = ks.into();
+        }
+        // Where `Ks` is black, the map is multiplied by it.
+        if source.specular != Some([0.0; 3])
+            && let Some((mut texels, wrap)) = self.texture(source.specular_texture.as_deref())?
+        {
+            if let Some(ks) = source.specular.filter(|ks| *ks != [1.0; 3]) {
+                let ks = Tensor::<1>::from_data(TensorData::from(ks), self.device);
+                texels = texels * ks.reshape([1, 1, 3]);
+            }
+            material.specular = Albedo::Texture { texels, wrap };
         }
         if let Some(ns) = source.shininess {
             material.shininess = ns.into();
@@ -238,6 +237,29 @@ impl Materials<'_> {
         }
         self.built.insert(id, material.clone());
         Ok(material)
+    }
+
+    /// The texture that a statement of [`ObjText`] names.
+    fn texture(&mut self, statement: Option<&str>) -> Result<Option<(Tensor<3>, Wrap)>> {
+        let mut words = statement.unwrap_or("").split_whitespace();
+        let number = words.next().and_then(|w| w.parse::<usize>().ok());
+        let wrap = match words.next() {
+            Some(_) => Wrap::Clamp,
+            None => Wrap::Repeat,
+        };
+        let Some((number, file)) = number.and_then(|n| Some((n, self.textures.get(n)?))) else {
+            return Ok(None);
+        };
+        let texels = match self.read.get(&number) {
+            Some(texels) => texels.clone(),
+            None => {
+                let image = HostImage::read_within(file, self.limits)?;
+                let texels = image.into_tensor(self.device);
+                self.read.insert(number, texels.clone());
+                texels
+            }
+        };
+        Ok(Some((texels, wrap)))
     }
 }
 

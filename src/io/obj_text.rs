@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::limits::{LoadLimits, read_text};
+use super::obj_names::{keyword, libraries, resolve, texture_name};
 use super::polygon;
 use crate::error::{Error, Result};
 
@@ -17,9 +18,9 @@ use crate::error::{Error, Result};
 const UNNAMED: &str = "unnamed_object";
 
 /// Entries of MTL files that say something about a picture and are not read.
-const UNREAD: [&str; 22] = [
-    "d", "Tr", "Tf", "Ni", "Pr", "Pm", "Ps", "Pc", "aniso", "map_Ka", "map_Ks", "map_Ns", "map_Ke",
-    "map_d", "map_Bump", "map_bump", "bump", "disp", "norm", "map_Pr", "map_Pm", "refl",
+const UNREAD: [&str; 21] = [
+    "d", "Tr", "Tf", "Ni", "Pr", "Pm", "Ps", "Pc", "aniso", "map_Ka", "map_Ns", "map_Ke", "map_d",
+    "map_Bump", "map_bump", "bump", "disp", "norm", "map_Pr", "map_Pm", "refl",
 ];
 
 /// An OBJ file and its MTL files as tobj gets them.
@@ -31,7 +32,7 @@ pub struct ObjText {
     /// The line of the file that each line after the first comes from.
     lines: Vec<usize>,
     /// All materials, those that are used but not defined as empty ones; `map_Kd i` is the i-th
-    /// texture.
+    /// texture, and `map_Kd i clamp` the same where it does not repeat.
     mtl: String,
     /// Files of textures, each once.
     pub textures: Vec<PathBuf>,
@@ -240,13 +241,17 @@ impl ObjText {
                 }
                 "Kd" | "Ks" | "Ke" if named => writeln!(self.mtl, "{keyword} {}", numbers(3)?),
                 "Ns" if named => writeln!(self.mtl, "Ns {}", numbers(1)?),
-                "map_Kd" if named => {
-                    let name = texture_name(rest);
+                "map_Kd" | "map_Ks" if named => {
+                    let (name, options) = texture_name(rest);
                     if name.is_empty() {
-                        return Err(fail("map_Kd names no file".into()));
+                        return Err(fail(format!("{keyword} names no file")));
                     }
-                    if name != rest {
-                        log::warn!("{}: options of map_Kd {rest} are ignored", path.display());
+                    let clamp = options.contains(&["-clamp", "on"]);
+                    if options.iter().any(|o| o[0] != "-clamp") {
+                        let file = path.display();
+                        log::warn!(
+                            "{file}: of the options of {keyword} {rest} only -clamp is read"
+                        );
                     }
                     let own = path.parent().unwrap_or(obj_folder);
                     let file = resolve(&[own, obj_folder], name);
@@ -257,9 +262,10 @@ impl ObjText {
                         self.textures.push(file);
                         self.textures.len() - 1
                     });
-                    writeln!(self.mtl, "map_Kd {index}")
+                    let clamp = if clamp { " clamp" } else { "" };
+                    writeln!(self.mtl, "{keyword} {index}{clamp}")
                 }
-                "Kd" | "Ks" | "Ke" | "Ns" | "map_Kd" => {
+                "Kd" | "Ks" | "Ke" | "Ns" | "map_Kd" | "map_Ks" => {
                     return Err(fail(format!("{keyword} comes before any newmtl")));
                 }
                 other => {
@@ -277,13 +283,6 @@ impl ObjText {
         }
         Ok(())
     }
-}
-
-/// The first word of a line and the rest, trimmed.
-fn keyword(line: &str) -> (&str, &str) {
-    let line = line.trim();
-    let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-    (keyword, rest.trim())
 }
 
 /// A vertex with its row for a colour; numbers that don't parse are left for tobj to refuse.
@@ -352,49 +351,6 @@ fn check_corner(
         *present = true;
     }
     Ok([present[1], present[2]])
-}
-
-/// The files of an `mtllib` line: one name that may have spaces, or several names.
-fn libraries(folder: &Path, rest: &str) -> Vec<PathBuf> {
-    let whole = resolve(&[folder], rest);
-    if whole.is_file() || rest.split_whitespace().count() < 2 {
-        return vec![whole];
-    }
-    rest.split_whitespace()
-        .map(|name| resolve(&[folder], name))
-        .collect()
-}
-
-/// The file of that name in the first folder that has it, else what it would be in the first one.
-fn resolve(folders: &[&Path], name: &str) -> PathBuf {
-    // Windows exporters write backslashes.
-    let slashed = name.replace('\\', "/");
-    let mut candidates = folders
-        .iter()
-        .flat_map(|f| [f.join(name), f.join(&slashed)]);
-    let first = candidates.clone().next().unwrap_or_else(|| name.into());
-    candidates.find(|c| c.is_file()).unwrap_or(first)
-}
-
-/// The file name of a texture statement after its options, like `-s 2 2 1 -clamp on wood.png`.
-fn texture_name(mut rest: &str) -> &str {
-    while rest.starts_with('-') {
-        let (option, mut after) = keyword(rest);
-        let (least, most) = match option {
-            "-o" | "-s" | "-t" => (1, 3),
-            "-mm" => (2, 2),
-            _ => (1, 1),
-        };
-        for i in 0..most {
-            let (word, next) = keyword(after);
-            if i >= least && word.parse::<f64>().is_err() {
-                break;
-            }
-            after = next;
-        }
-        rest = after;
-    }
-    rest
 }
 
 /// A reader that knows how many lines were taken from it.

@@ -20,7 +20,7 @@ mod viewpoint;
 
 pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
-pub(crate) use check::check_camera;
+pub(crate) use check::{check_camera, check_scene};
 pub use environment::Environment;
 pub(crate) use flatten::Normalization;
 pub use flatten::{Albedos, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};

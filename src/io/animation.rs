@@ -1,0 +1,195 @@
+//! Pictures that move.
+
+use std::path::Path;
+
+use image::codecs::gif::{GifEncoder, Repeat};
+use image::{Delay, Frame, RgbaImage};
+
+use super::HostImage;
+use super::whole::write_whole_by;
+use crate::error::{Error, Result};
+use crate::render::{Batch, ImageBatch, RenderOptions, render_batch};
+use crate::scene::{Camera, Detach, Scene, visit_camera, visit_scene};
+
+/// How the encoder looks for the 256 colours of a frame, from 1 (best) to 30 (fastest).
+const QUANTISER_SPEED: i32 = 3;
+
+/// GIF counts time in hundredths of a second.
+const TICKS_PER_SECOND: f64 = 100.0;
+
+/// Frames that are shown one after another, over and over.
+///
+/// ```no_run
+/// # use softray::prelude::*;
+/// use softray::io::Animation;
+/// # let device = Device::flex();
+/// # let scene = Scene::new().with(Object::new(shapes::cube(&device))).environment([1.0; 3]);
+/// // A turntable: the camera goes once about the y axis.
+/// let cameras = (0..48).map(|i| {
+///     let (sin, cos) = (f64::from(i) / 48.0 * std::f64::consts::TAU).sin_cos();
+///     Camera::look_at([4.0 * sin, 2.0, 4.0 * cos], [0.0, 0.0, 0.0])
+/// });
+/// let options = RenderOptions::new(256, 256).samples(64);
+/// Animation::render(&scene, cameras, &options)?.write("turntable.gif")?;
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Animation {
+    frames: Vec<HostImage>,
+    frames_per_second: f64,
+}
+
+impl Animation {
+    /// An animation of linear RGB images, 25 of them a second.
+    ///
+    /// # Errors
+    /// When there is none, or one of another size than the first.
+    pub fn new(frames: Vec<HostImage>) -> Result<Self> {
+        let Some(first) = frames.first() else {
+            return Err(Error::invalid(
+                "animation",
+                "frames",
+                "empty",
+                "at least one",
+            ));
+        };
+        let size = |i: &HostImage| format!("{} × {}", i.width, i.height);
+        for (k, frame) in frames.iter().enumerate() {
+            frame.check_size()?;
+            if (frame.width, frame.height) != (first.width, first.height) {
+                return Err(Error::invalid(
+                    "animation",
+                    format!("size of frame {k}"),
+                    size(frame),
+                    format!("{} like the first", size(first)),
+                ));
+            }
+        }
+        Ok(Self {
+            frames,
+            frames_per_second: 25.0,
+        })
+    }
+
+    /// The radiance of all views of a batch, in their order.
+    ///
+    /// # Errors
+    /// When a tensor can't be read back.
+    pub fn from_images(images: &ImageBatch) -> Result<Self> {
+        let radiance = images.radiance.clone().inner();
+        let frame = |index: usize| {
+            let one = radiance.clone().slice([index..index + 1]);
+            HostImage::take(one.squeeze_dim::<3>(0))
+        };
+        Self::new((0..images.len()).map(frame).collect::<Result<_>>()?)
+    }
+
+    /// Renders a scene as each camera sees it, such as a turntable. Nothing is recorded for
+    /// gradients, and every frame has random numbers of its own
+    /// ([`RenderOptions::of_view`]).
+    ///
+    /// # Errors
+    /// As [`render_batch`], and when there is no camera.
+    pub fn render(
+        scene: &Scene,
+        cameras: impl IntoIterator<Item = Camera>,
+        options: &RenderOptions,
+    ) -> Result<Self> {
+        let mut scene = scene.clone();
+        visit_scene(&mut scene, &mut Detach);
+        let detached = cameras.into_iter().map(|mut camera| {
+            visit_camera(&mut camera, &mut Detach);
+            (0, camera)
+        });
+        let batch = Batch::views(vec![scene], detached.collect())?;
+        Self::from_images(&render_batch(&batch, options)?)
+    }
+
+    /// With another number of frames a second, in (0, 50].
+    pub fn frames_per_second(mut self, frames_per_second: f64) -> Self {
+        self.frames_per_second = frames_per_second;
+        self
+    }
+
+    /// The frames.
+    pub fn frames(&self) -> &[HostImage] {
+        &self.frames
+    }
+
+    /// Writes a `.gif` that loops forever, in sRGB clipped to [0, 1]: each frame has 256 colours of its
+    /// own. Frames last whole hundredths of a second, which vary by one where the rate asks for it.
+    /// The file appears under its name only when it is complete.
+    ///
+    /// # Errors
+    /// When the ending is another one, the rate is outside of its range, frames have more than 65,535
+    /// columns or rows, or the system fails.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        if !ending.eq_ignore_ascii_case("gif") {
+            let message = format!("its ending is {ending:?}, expected .gif");
+            return Err(Error::format(path, message));
+        }
+        let rate = self.frames_per_second;
+        // Viewers show what lasts less than two hundredths for ten.
+        if !(rate > 0.0 && rate <= 50.0) {
+            return Err(Error::invalid(
+                "animation",
+                "frames_per_second",
+                rate,
+                "a number in (0, 50]",
+            ));
+        }
+        let [w, h] = self.frames[0].check_size()?;
+        if w.max(h) > u32::from(u16::MAX) {
+            return Err(Error::invalid(
+                "animation",
+                "size",
+                format!("{w} × {h}"),
+                "at most 65535 columns and rows",
+            ));
+        }
+        let encoded = |e| Error::format(path, format!("it can't be written: {e}"));
+        write_whole_by(path, |file| {
+            let mut encoder = GifEncoder::new_with_speed(file, QUANTISER_SPEED);
+            encoder.set_repeat(Repeat::Infinite).map_err(encoded)?;
+            for (index, image) in self.frames.iter().enumerate() {
+                let duration = Delay::from_numer_denom_ms(10 * ticks(index, rate), 1);
+                let frame = Frame::from_parts(as_rgba(image)?, 0, 0, duration);
+                encoder.encode_frame(frame).map_err(encoded)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Hundredths of a second of a frame: rounded so that they add up to the rate.
+fn ticks(frame: usize, rate: f64) -> u32 {
+    let end = |frame: usize| (frame as f64 * TICKS_PER_SECOND / rate).round();
+    // What GIF can hold.
+    (end(frame + 1) - end(frame)).min(f64::from(u16::MAX)) as u32
+}
+
+fn as_rgba(image: &HostImage) -> Result<RgbaImage> {
+    let [w, h] = image.check_size()?;
+    let bytes = image.to_srgb();
+    let opaque = bytes.chunks_exact(3).flat_map(|c| [c[0], c[1], c[2], 255]);
+    RgbaImage::from_raw(w, h, opaque.collect()).ok_or_else(|| {
+        let size = format!("{w} × {h}");
+        Error::invalid("animation", "size", size, "as many pixels as values")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_add_up_to_the_rate() {
+        let of = |rate: f64, frames: usize| (0..frames).map(|k| ticks(k, rate)).collect::<Vec<_>>();
+        assert_eq!(of(25.0, 3), [4, 4, 4]);
+        assert_eq!(of(30.0, 30).iter().sum::<u32>(), 100);
+        assert!(of(30.0, 30).iter().all(|t| (3..=4).contains(t)));
+        assert_eq!(of(1e-9, 1), [u32::from(u16::MAX)]);
+    }
+}

@@ -1,0 +1,319 @@
+//! Materials as MTL text, their textures as images.
+
+use std::collections::{HashMap, HashSet};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+use burn::tensor::DType;
+use image::ImageFormat;
+
+use super::HostImage;
+use super::whole::{Part, io};
+use crate::error::Result;
+use crate::scene::{Albedo, Material, Parameter, Wrap};
+
+/// Characters of a material's name in a file's name.
+const NAME_IN_FILE: usize = 48;
+
+/// Materials of an OBJ file to come.
+pub(super) struct Library<'a> {
+    /// The OBJ file.
+    path: &'a Path,
+    /// What the names of files begin with.
+    stem: String,
+    text: String,
+    names: Names,
+    /// Names of materials, by the names they came with and what is said of them.
+    known: HashMap<(String, String), String>,
+    file_names: Names,
+    /// Each once, with its file.
+    textures: Vec<(HostImage, String)>,
+}
+
+impl<'a> Library<'a> {
+    pub fn new(path: &'a Path) -> Self {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let mut stem = in_line(&stem, "scene");
+        if stem.starts_with('-') {
+            // A texture's name may not look like an option.
+            stem.replace_range(..1, "_");
+        }
+        Self {
+            path,
+            stem,
+            text: String::new(),
+            names: Names::default(),
+            known: HashMap::new(),
+            file_names: Names::default(),
+            textures: Vec::new(),
+        }
+    }
+
+    /// The MTL file's name.
+    pub fn file_name(&self) -> String {
+        format!("{}.mtl", self.stem)
+    }
+
+    /// The name of a material, which is described the first time.
+    pub fn name_of(&mut self, material: &Material, object: &str) -> Result<String> {
+        let wanted = in_line(&material.name, "material");
+        let body = self.describe(material, &wanted, object)?;
+        let key = (wanted, body);
+        if let Some(name) = self.known.get(&key) {
+            return Ok(name.clone());
+        }
+        let name = self.names.unique(key.0.clone());
+        // Writing to a string does not fail.
+        let _ = writeln!(self.text, "\nnewmtl {name}\n{}", key.1.trim_end());
+        self.known.insert(key, name.clone());
+        Ok(name)
+    }
+
+    /// The lines of a material below its name.
+    fn describe(&mut self, material: &Material, name: &str, object: &str) -> Result<String> {
+        let object = format!("{object}, material {}", material.name);
+        let diffuse = self.albedo(&material.diffuse, [&object, name, "diffuse"])?;
+        let specular = self.albedo(&material.specular, [&object, name, "specular"])?;
+        warn_of_range(&object, &diffuse, &specular);
+        let illumination = if material.specular.reflects() { 2 } else { 1 };
+        let mut body = format!(
+            "Kd {}\nKs {}\nNs {}\n",
+            diffuse.constant(),
+            specular.constant(),
+            numbers(&material.shininess)?,
+        );
+        if material.emission.values()? != [0.0; 3] {
+            body += &format!("Ke {}\n", numbers(&material.emission)?);
+        }
+        body += &format!("illum {illumination}\n");
+        for (keyword, albedo) in [("map_Kd", &diffuse), ("map_Ks", &specular)] {
+            if let Described::Texture { statement } = albedo {
+                body += &format!("{keyword} {statement}\n");
+            }
+        }
+        Ok(body)
+    }
+
+    fn albedo(
+        &mut self,
+        albedo: &Albedo,
+        [object, material, field]: [&str; 3],
+    ) -> Result<Described> {
+        let (texels, wrap) = match albedo {
+            Albedo::Constant(p) => {
+                return Ok(Described::Constant {
+                    values: p.values()?,
+                    text: numbers(p)?,
+                });
+            }
+            Albedo::Texture { texels, wrap } => (HostImage::from_tensor(texels)?, *wrap),
+        };
+        let option = match wrap {
+            Wrap::Repeat => "",
+            Wrap::Clamp => "-clamp on ",
+            Wrap::Mirror => {
+                log::warn!(
+                    "{object}: MTL has no mirrored textures, {field} is written as one that repeats"
+                );
+                ""
+            }
+        };
+        let known = self.textures.iter().find(|(image, _)| *image == texels);
+        let file = match known {
+            Some((_, file)) => file.clone(),
+            None => {
+                let of_file = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+                let name: String = material.chars().take(NAME_IN_FILE).map(of_file).collect();
+                // Some systems don't tell cases of letters apart.
+                let name = format!("{}_{}_{field}", self.stem, name.to_ascii_lowercase());
+                let name = self.file_names.unique(name);
+                let ending = if texels.fits_srgb() { "png" } else { "exr" };
+                let file = format!("{name}.{ending}");
+                self.textures.push((texels, file.clone()));
+                file
+            }
+        };
+        let statement = format!("{option}{file}");
+        Ok(Described::Texture { statement })
+    }
+
+    /// Writes the textures and the MTL file, all to be published.
+    pub fn write(self) -> Result<Vec<Part>> {
+        let mut parts = Vec::with_capacity(self.textures.len() + 1);
+        for (image, file) in &self.textures {
+            let path = self.path.with_file_name(file);
+            let size = image.check_size()?;
+            let format = match path.extension().is_some_and(|e| e == "png") {
+                true => ImageFormat::Png,
+                false => ImageFormat::OpenExr,
+            };
+            parts.push(Part::write(&path, |f| {
+                image.encode(size, format, &path, f)
+            })?);
+        }
+        let path = self.path.with_file_name(self.file_name());
+        parts.push(Part::write(&path, |f| {
+            let written = write!(f, "# softray\n{}", self.text);
+            written.map_err(|e| io(&path, e))
+        })?);
+        if !self.names.renamed.is_empty() {
+            log::info!("materials of {}: {}", path.display(), self.names.told());
+        }
+        Ok(parts)
+    }
+}
+
+/// An albedo as MTL has it.
+enum Described {
+    Constant { values: [f64; 3], text: String },
+    Texture { statement: String },
+}
+
+impl Described {
+    /// What stands beside a texture multiplies it.
+    fn constant(&self) -> &str {
+        match self {
+            Self::Constant { text, .. } => text,
+            Self::Texture { .. } => "1 1 1",
+        }
+    }
+}
+
+/// Tensors may have left the range in which constants are rendered.
+fn warn_of_range(object: &str, diffuse: &Described, specular: &Described) {
+    let of = |albedo: &Described| match albedo {
+        Described::Constant { values, .. } => *values,
+        Described::Texture { .. } => [0.0; 3],
+    };
+    let (d, s) = (of(diffuse), of(specular));
+    let outside = |i: usize| d[i] < 0.0 || s[i] < 0.0 || d[i] + s[i] > 1.0 + 1e-6;
+    if (0..3).any(outside) {
+        log::warn!(
+            "{object}: diffuse is {d:?} and specular {s:?}; they are written, but can't be rendered \
+             as constants, which are ≥ 0 with a sum of at most 1"
+        );
+    }
+}
+
+/// Text that reads back to the same number, by way of `f64` where the value is of less precision.
+pub(super) fn number(value: f64, dtype: Option<DType>) -> String {
+    let double = || format!("{value:?}");
+    if dtype.is_none_or(|d| d == DType::F64) {
+        return double();
+    }
+    let single = value as f32;
+    let short = format!("{single:?}");
+    match short.parse::<f64>() {
+        Ok(read) if read as f32 == single => short,
+        _ => double(),
+    }
+}
+
+fn numbers<const C: usize>(parameter: &Parameter<C>) -> Result<String> {
+    let dtype = match parameter {
+        Parameter::Constant(_) => None,
+        Parameter::Tensor(t) => Some(t.dtype()),
+    };
+    Ok(parameter.values()?.map(|v| number(v, dtype)).join(" "))
+}
+
+/// A name that is the rest of a line as OBJ readers take it: no line breaks, comments,
+/// or continuation.
+pub(super) fn in_line(name: &str, empty: &str) -> String {
+    let fit = |c: char| match c {
+        c if c.is_whitespace() => ' ',
+        '#' => '_',
+        c if c.is_control() => '_',
+        c => c,
+    };
+    let mut name: String = name.trim().chars().map(fit).collect();
+    if name.ends_with('\\') {
+        name.pop();
+        name.push('_');
+    }
+    if name.is_empty() { empty.into() } else { name }
+}
+
+/// Names that are given once.
+#[derive(Default)]
+pub(super) struct Names {
+    used: HashSet<String>,
+    /// The next number to try, by name.
+    next: HashMap<String, usize>,
+    /// Those that had to change.
+    pub renamed: Vec<(String, String)>,
+}
+
+impl Names {
+    /// The name, with a number if it is taken.
+    pub fn unique(&mut self, wanted: String) -> String {
+        if self.used.insert(wanted.clone()) {
+            return wanted;
+        }
+        let next = self.next.entry(wanted.clone()).or_insert(2);
+        let name = loop {
+            let name = format!("{wanted}_{next}");
+            *next += 1;
+            if self.used.insert(name.clone()) {
+                break name;
+            }
+        };
+        self.renamed.push((wanted, name.clone()));
+        name
+    }
+
+    /// Some of those that had to change.
+    pub fn told(&self) -> String {
+        let some = self.renamed.iter().take(5);
+        let some: Vec<String> = some.map(|(a, b)| format!("{a:?} is {b:?}")).collect();
+        let rest = self.renamed.len().saturating_sub(some.len());
+        let more = if rest > 0 {
+            format!(", and {rest} more")
+        } else {
+            String::new()
+        };
+        format!("names were taken, so {}{more}", some.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_of_one_line_and_unique() {
+        assert_eq!(in_line(" left\twall ", "x"), "left wall");
+        assert_eq!(in_line("a\n#b\\", "x"), "a _b_");
+        assert_eq!(in_line(" \n", "x"), "x");
+        let mut names = Names::default();
+        let mut next = |name: &str| names.unique(name.into());
+        assert_eq!(next("a"), "a");
+        assert_eq!(next("a_2"), "a_2");
+        assert_eq!(next("a"), "a_3");
+        assert_eq!(next("a"), "a_4");
+        let told = names.told();
+        assert!(told.contains(r#""a" is "a_3""#), "{told}");
+    }
+
+    #[test]
+    fn numbers_read_back() {
+        for value in [
+            0.1f32,
+            -1.0 / 3.0,
+            1e-38,
+            3e38,
+            16_777_217.0,
+            f32::MIN_POSITIVE,
+        ] {
+            let text = number(f64::from(value), Some(DType::F32));
+            let read = text.parse::<f64>().expect("a number") as f32;
+            assert_eq!(read.to_bits(), value.to_bits(), "{text}");
+        }
+        assert_eq!(number(f64::from(0.1f32), Some(DType::F32)), "0.1");
+        for value in [0.1f64, -1.0 / 3.0, 1e-300] {
+            let read = number(value, Some(DType::F64)).parse::<f64>();
+            assert_eq!(read.expect("a number").to_bits(), value.to_bits());
+        }
+    }
+}
