@@ -350,7 +350,7 @@ fn write_whole_by(
     renamed
 }
 
-fn srgb_to_linear(v: f32) -> f32 {
+pub(crate) fn srgb_to_linear(v: f32) -> f32 {
     if v <= 0.04045 {
         v / 12.92
     } else {
@@ -358,7 +358,7 @@ fn srgb_to_linear(v: f32) -> f32 {
     }
 }
 
-fn srgb_byte(linear: f32) -> u8 {
+pub(crate) fn srgb_byte(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
     let encoded = if v <= 0.003_130_8 {
         v * 12.92

@@ -9,6 +9,6 @@ mod scene_file;
 
 pub use images::HostImage;
 #[cfg(feature = "fit")]
-pub(crate) use images::write_whole;
+pub(crate) use images::{srgb_byte, srgb_to_linear, write_whole};
 pub use limits::LoadLimits;
 pub use scene_file::SceneFile;

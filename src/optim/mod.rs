@@ -13,7 +13,7 @@ mod mesh;
 mod schedule;
 
 #[cfg(feature = "fit")]
-pub use fit::{Evaluation, Fit, Fitted, History, Rate, Report, Row, Step, Stop};
+pub use fit::{Evaluation, Fit, Fitted, History, Rate, Report, Row, Step, Stop, Warning};
 #[cfg(feature = "fit")]
 pub use large_steps::{LargeSteps, LargeStepsConfig, LargeStepsState};
 pub use mesh::MeshRegulariser;
