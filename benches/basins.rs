@@ -152,13 +152,13 @@ fn reach(sweep: &Sweep, errors: &[f64]) -> Option<f64> {
 }
 
 fn draw(arguments: &Arguments, sweeps: &[Sweep]) -> Result<(), Failure> {
-    use fig2_shadow::common::figure::{Figure, Plot};
+    use softray::figure::{Figure, Plot};
     let mut figure = Figure::new("Error at the end over the distance at the start");
     for sweep in sweeps {
         let mut plot = Plot::new(sweep.name, sweep.unit, "").log();
         for ((wide, narrow), errors) in SCHEDULES.iter().zip(&sweep.errors) {
             let points = sweep.starts.iter().copied().zip(errors.iter().copied());
-            plot = plot.curve(&format!("{wide} → {narrow} px"), points);
+            plot = plot.curve(format!("{wide} → {narrow} px"), points);
         }
         figure = figure.plot(plot.line("arrived", ARRIVED * sweep.starts[0]));
     }

@@ -8,9 +8,7 @@ use clap::Parser;
 use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_angle};
 use softray::prelude::*;
 
-use common::study::{
-    Arguments, Failure, Outcome, Problem, Study, curves, distance, numbers, picture,
-};
+use common::study::{Arguments, Failure, Outcome, Problem, Study, distance, numbers, picture};
 
 #[derive(Module, Debug)]
 pub(crate) struct Pose {
@@ -201,12 +199,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ("target", posed.at(&[EYE, TARGET].concat())?),
         ("final", posed.at(&found)?),
     ];
-    let plots = vec![curves(
-        &fitted.history,
-        "distances, scene units",
-        &["eye", "target"],
-        true,
-    )];
+    let plots = vec![
+        fitted
+            .history
+            .plot("distances, scene units", &["eye", "target"])?
+            .log(),
+    ];
     let outcome = Outcome {
         errors: [far(&start), far(&found)],
         of: "distance of eye and target together, scene units".into(),
@@ -216,7 +214,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

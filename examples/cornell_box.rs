@@ -47,7 +47,7 @@ struct Arguments {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    env_logger::init();
+    common::log();
     let arguments = Arguments::parse();
     let device = softray::device::named(arguments.device.as_deref())?;
     std::fs::create_dir_all(&arguments.out)?;

@@ -7,9 +7,9 @@ use std::time::Instant;
 
 use clap::Parser;
 use rayon::prelude::*;
+use softray::figure::{Diverging, Figure, Panel};
 use softray::prelude::*;
 
-use common::figure::{Figure, diverging};
 use common::study::{Arguments, Failure, numbers, picture};
 
 /// How far the derivative image is from central differences of sharp renders.
@@ -94,14 +94,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let (sharp, soft, wide) = (boxed(0.0)?, boxed(0.02)?, boxed(0.1)?);
 
     let largest = differences.iter().fold(0.0f64, |a, x| a.max(x.abs()));
-    let scale = Some(0.7 * largest);
+    let colours = Diverging::new(0.7 * largest)?;
+    let signed = |caption: &str, values: Vec<f64>| {
+        Panel::signed(caption, size, size, values).colours(colours)
+    };
     let figure = Figure::new("Derivatives and blur")
-        .images(&[
-            ("icosahedron", &image),
-            ("∂/∂x", &diverging(size, size, &derivatives, scale)),
-            ("differences", &diverging(size, size, &differences, scale)),
+        .row([
+            Panel::new("icosahedron", &image),
+            signed("∂/∂x", derivatives),
+            signed("differences", differences),
         ])
-        .images(&[
+        .row([
             ("cones of 0 radians", &sharp),
             ("0.02 radians", &soft),
             ("0.1 radians", &wide),
@@ -140,7 +143,7 @@ fn agreement(a: &[f64], b: &[f64]) -> Agreement {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

@@ -8,7 +8,7 @@ use clap::Parser;
 use softray::optim::{BlurSchedule, Evaluation, Rate, Step};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, curves, distance, numbers};
+use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, distance, numbers};
 
 #[derive(Module, Debug)]
 pub(crate) struct Caster {
@@ -102,13 +102,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ("final", place(&found)?),
     ];
     let plots = vec![
-        curves(&fitted.history, "offset", &["x", "y", "z"], false),
-        curves(
-            &fitted.history,
-            "distance to the target",
-            &["distance"],
-            true,
-        ),
+        fitted.history.plot("offset", &["x", "y", "z"])?,
+        fitted
+            .history
+            .plot("distance to the target", &["distance"])?
+            .log(),
     ];
     let outcome = Outcome {
         errors: [START[0], shadow.error(&fitted.module)],
@@ -119,7 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

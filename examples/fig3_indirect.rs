@@ -9,7 +9,7 @@ use clap::Parser;
 use softray::optim::{BlurSchedule, Evaluation, Rate, Step};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, curves, numbers};
+use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, numbers};
 
 #[derive(Module, Debug)]
 pub(crate) struct Turn {
@@ -147,13 +147,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ("final", turned(found)?),
     ];
     let plots = vec![
-        curves(
-            &fitted.history,
-            "angle to the target, °",
-            &["degrees"],
-            false,
-        ),
-        curves(&fitted.history, "blur, radians", &["blur"], true),
+        fitted
+            .history
+            .plot("angle to the target, °", &["degrees"])?,
+        fitted.history.plot("blur, radians", &["blur"])?.log(),
     ];
     let outcome = Outcome {
         errors: [START, found.abs()],
@@ -164,7 +161,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

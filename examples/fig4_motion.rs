@@ -10,7 +10,7 @@ use clap::Parser;
 use softray::optim::{BlurSchedule, Evaluation, MeshRegulariser, Rate, loss};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};
+use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, picture};
 
 #[derive(Module, Debug)]
 struct Moving {
@@ -123,18 +123,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ),
     ];
     let plots = vec![
-        curves(
-            &fitted.history,
-            "velocity (target 0.9, 0.35, 0)",
-            &["x", "y", "z"],
-            false,
-        ),
-        curves(
-            &fitted.history,
-            "its error, scene units",
-            &["velocity error"],
-            true,
-        ),
+        fitted
+            .history
+            .plot("velocity (target 0.9, 0.35, 0)", &["x", "y", "z"])?,
+        fitted
+            .history
+            .plot("its error, scene units", &["velocity error"])?
+            .log(),
     ];
     // One image says little of vertices on the far side: outlines at rest are compared.
     let outline = |vertices: Tensor<2>| -> Result<Tensor<2>, Failure> {
@@ -168,7 +163,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

@@ -10,7 +10,7 @@ use clap::Parser;
 use softray::optim::{Evaluation, Rate, loss};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};
+use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, picture};
 
 #[derive(Module, Debug)]
 struct Lens {
@@ -124,18 +124,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ),
     ];
     let plots = vec![
-        curves(
-            &fitted.history,
-            "aperture radius (target 0.3)",
-            &["aperture"],
-            false,
-        ),
-        curves(
-            &fitted.history,
-            "focus distance (target 4.0)",
-            &["focus"],
-            false,
-        ),
+        fitted
+            .history
+            .plot("aperture radius (target 0.3)", &["aperture"])?,
+        fitted
+            .history
+            .plot("focus distance (target 4.0)", &["focus"])?,
     ];
     let logs = |v: &[f64]| v.iter().map(|x| x.ln()).collect::<Vec<_>>();
     let far = |v: &[f64]| distance(&logs(v), &logs(&TARGET));
@@ -151,7 +145,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

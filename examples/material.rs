@@ -9,7 +9,7 @@ use clap::Parser;
 use softray::optim::{Evaluation, Rate, loss};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, distance, numbers, picture};
+use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, picture};
 
 #[derive(Module, Debug)]
 struct Surface {
@@ -115,12 +115,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ("target", picture(&still, &camera, &sharp)?),
         ("final", picture(&fixed(&found), &camera, &sharp)?),
     ];
-    let plots = vec![curves(
-        &fitted.history,
-        "distances to the target's",
-        &["diffuse", "specular", "ln shininess"],
-        true,
-    )];
+    let plots = vec![
+        fitted
+            .history
+            .plot(
+                "distances to the target's",
+                &["diffuse", "specular", "ln shininess"],
+            )?
+            .log(),
+    ];
     let outcome = Outcome {
         errors: [distance(&START, &TARGET), distance(&found, &TARGET)],
         of: "distance of k_d, k_s and ln of the exponent together".into(),
@@ -130,7 +133,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

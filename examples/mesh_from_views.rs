@@ -11,7 +11,7 @@ use softray::optim::{
 };
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, picture};
+use common::study::{Arguments, Failure, Outcome, Study, picture};
 
 #[derive(Module, Debug)]
 struct Body {
@@ -163,7 +163,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             ("silhouette IoU at the end".into(), iou(&found)?),
         ],
     };
-    let plots = vec![curves(&fitted.history, "blur, radians", &["blur"], true)];
+    let plots = vec![fitted.history.plot("blur, radians", &["blur"])?.log()];
     study.finish(&fitted, images, plots, outcome)
 }
 
@@ -207,7 +207,7 @@ fn chamfer(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

@@ -8,7 +8,7 @@ use clap::Parser;
 use softray::optim::{BlurSchedule, Evaluation, Rate, Step};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, curves, distance, numbers};
+use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, distance, numbers};
 
 #[derive(Module, Debug)]
 pub(crate) struct Hidden {
@@ -125,13 +125,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ("final", mirror.at([found[0], found[1]])?),
     ];
     let plots = vec![
-        curves(&fitted.history, "offset", &["x", "y"], false),
-        curves(
-            &fitted.history,
-            "distance to the target",
-            &["distance"],
-            true,
-        ),
+        fitted.history.plot("offset", &["x", "y"])?,
+        fitted
+            .history
+            .plot("distance to the target", &["distance"])?
+            .log(),
     ];
     let outcome = Outcome {
         errors: [far, mirror.error(&fitted.module)],
@@ -142,7 +140,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

@@ -95,7 +95,7 @@ fn size(text: &str) -> Result<(usize, usize), String> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    env_logger::init();
+    common::log();
     let arguments = Arguments::parse();
     // Before the render, which would be lost.
     HostImage::check_path(&arguments.out)?;

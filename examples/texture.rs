@@ -11,7 +11,7 @@ use clap::Parser;
 use softray::optim::{Evaluation, Rate, loss};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, curves, numbers, picture};
+use common::study::{Arguments, Failure, Outcome, Study, numbers, picture};
 
 #[derive(Module, Debug)]
 struct Texture {
@@ -166,12 +166,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             picture(&scene(found.clone()), &cameras[0], &sharp)?,
         ),
     ];
-    let plots = vec![curves(
-        &fitted.history,
-        "error of the texels, RMS",
-        &["texels"],
-        true,
-    )];
+    let plots = vec![
+        fitted
+            .history
+            .plot("error of the texels, RMS", &["texels"])?
+            .log(),
+    ];
     let outcome = Outcome {
         errors: [rms(&vec![0.5; goal.len()]), rms(&numbers(&found))],
         of: "error of the texels, RMS".into(),
@@ -181,7 +181,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?;
     Ok(())
 }

@@ -32,6 +32,8 @@ struct Guide;
 pub mod accel;
 pub mod device;
 pub mod error;
+#[cfg(feature = "fit")]
+pub mod figure;
 pub mod geometry;
 pub mod gradcheck;
 pub mod io;

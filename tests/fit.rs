@@ -54,6 +54,7 @@ fn it_descends_and_keeps_a_history() {
     let seen = std::rc::Rc::new(std::cell::RefCell::new(Vec::new()));
     let steps = seen.clone();
     let fitted = Fit::new(point(&[1.0, -2.0]), adam(), 300)
+        .progress(false)
         .rate(Rate::cosine(0.05))
         .blur(BlurSchedule::decay(1e-1, 1e-3, 200).expect("a schedule"))
         .folder(&folder)
@@ -74,8 +75,9 @@ fn it_descends_and_keeps_a_history() {
     let csv = std::fs::read_to_string(folder.join("history.csv")).expect("a history");
     assert_eq!(csv, fitted.history.to_csv());
     assert_eq!(csv.lines().count(), 301);
-    let svg = std::fs::read_to_string(folder.join("loss.svg")).expect("a plot");
-    assert!(svg.contains("polyline"), "{svg}");
+    let plots = HostImage::read(folder.join("history.png")).expect("plots");
+    // Three plots side by side: the blur has a schedule.
+    assert!(plots.width > 3 * 400 && plots.height > 250, "{plots:?}");
     let kept = std::fs::read_dir(folder.join("checkpoints")).expect("checkpoints");
     assert_eq!(kept.count(), 2);
 }
@@ -84,7 +86,9 @@ fn it_descends_and_keeps_a_history() {
 #[test]
 fn gradients_are_clipped_by_their_norm() {
     let step = |clip: Option<f64>| {
-        let fit = Fit::new(point(&[3.0, 4.0]), SgdConfig::new().init(), 1).rate(0.1);
+        let fit = Fit::new(point(&[3.0, 4.0]), SgdConfig::new().init(), 1)
+            .progress(false)
+            .rate(0.1);
         let fit = match clip {
             Some(norm) => fit.clip(norm),
             None => fit,
@@ -109,6 +113,7 @@ fn it_stops_where_the_loss_is_flat_and_stays_stopped() {
     let folder = folder("early");
     let run = || {
         Fit::new(point(&[0.5]), adam(), 2000)
+            .progress(false)
             .rate(0.02)
             .early_stop(60)
             .folder(&folder)
@@ -131,7 +136,10 @@ fn it_stops_where_the_loss_is_flat_and_stays_stopped() {
 fn blur_that_follows_the_loss_falls_where_it_is_flat() {
     let fit = |folder: Option<&Path>, last: usize| {
         let blur = PlateauBlur::new(1e-1, 1e-3, 0.5, 20).expect("a schedule");
-        let fit = Fit::new(point(&[0.5]), adam(), 400).rate(0.02).blur(blur);
+        let fit = Fit::new(point(&[0.5]), adam(), 400)
+            .progress(false)
+            .rate(0.02)
+            .blur(blur);
         let fit = fit.on_step(1, move |report| Ok(report.step.index < last));
         let fit = match folder {
             Some(folder) => fit.folder(folder).checkpoint_every(7),
@@ -156,7 +164,7 @@ fn mistakes_are_named() {
         Ok(_) => String::from("no error"),
         Err(error) => error.to_string(),
     };
-    let fit = || Fit::new(point(&[0.5]), adam(), 10);
+    let fit = || Fit::new(point(&[0.5]), adam(), 10).progress(false);
     let nan = |p: &Point, step: &Step| {
         let factor = if step.index == 3 { f64::NAN } else { 1.0 };
         Ok(Evaluation::new(p.at.val().sum() * factor))
@@ -185,7 +193,7 @@ fn mistakes_are_named() {
     fit().folder(&folder).run(bowl).expect("a fit");
     let sgd = SgdConfig::new().init();
     let slower = AdamConfig::new().with_beta_1(0.8).init();
-    let of = |optimizer, steps| Fit::new(point(&[0.5]), optimizer, steps);
+    let of = |optimizer, steps| Fit::new(point(&[0.5]), optimizer, steps).progress(false);
     for (name, other) in [
         ("seed", fit().seed(5)),
         ("steps", of(adam(), 20)),
@@ -211,12 +219,15 @@ fn damaged_checkpoints_are_passed_over() {
     let folder = folder("damaged");
     let fit = |last: usize| {
         Fit::new(point(&[0.5, -1.0]), adam(), 40)
+            .progress(false)
             .checkpoint_every(5)
             .folder(&folder)
             .on_step(1, move |report| Ok(report.step.index < last))
             .run(bowl)
     };
-    let whole = Fit::new(point(&[0.5, -1.0]), adam(), 40).run(bowl);
+    let whole = Fit::new(point(&[0.5, -1.0]), adam(), 40)
+        .progress(false)
+        .run(bowl);
     let whole = place(&whole.expect("a fit").module);
     let checkpoints = folder.join("checkpoints");
     for file in [
@@ -259,7 +270,11 @@ fn damaged_checkpoints_are_passed_over() {
 fn one_process_fits_in_a_folder() {
     let folder = folder("shared");
     let inner = folder.clone();
-    let fit = |folder: &Path| Fit::new(point(&[0.5]), adam(), 2).folder(folder);
+    let fit = |folder: &Path| {
+        Fit::new(point(&[0.5]), adam(), 2)
+            .progress(false)
+            .folder(folder)
+    };
     let fitted = fit(&folder).on_step(1, move |report| {
         if report.step.index == 0 {
             let other = fit(&inner).run(bowl);
@@ -291,11 +306,11 @@ fn rendered(folder: &Path) -> Fitted<Point> {
     let target = render(&still, &camera, &sharp).expect("a target").radiance;
     let blur = BlurSchedule::decay(0.1, 1e-3, 200).expect("a schedule");
     Fit::new(point(&[0.3, -0.2, 0.1]), adam(), 300)
+        .progress(false)
         .rate(Rate::cosine(0.03))
         .blur(blur)
         .folder(folder)
         .checkpoint_every(3)
-        .progress(false)
         .run(|p: &Point, step: &_| {
             let see = |k| render(&scene(p.at.val()), &camera, &step.options(&options, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);

@@ -4,9 +4,6 @@
 //! The gradient cases are those of an independent renderer's script with the same weights, so that lines
 //! of both can be laid side by side.
 
-#[allow(dead_code)] // the examples use more of it
-#[path = "../../examples/common/mod.rs"]
-mod common;
 mod gradient;
 mod image;
 mod speed;

@@ -5,10 +5,10 @@ use std::time::Instant;
 use clap::Args;
 use softray::prelude::*;
 
-use crate::common::figure;
 use crate::gradient::weights;
 use crate::weights::SIZE;
 use crate::{load, mean_and_deviation};
+use softray::figure::{Figure, Plot};
 
 #[derive(Args)]
 pub struct Tessellation {
@@ -118,8 +118,8 @@ impl Tessellation {
             noise.push((decades, scaled));
         }
         let mut plots = [
-            figure::Plot::new("bias of the mean, %", "log10 faces", "").curve("softray", bias),
-            figure::Plot::new("noise × √time, relative", "log10 faces", "")
+            Plot::new("bias of the mean, %", "log10 faces", "").curve("softray", bias),
+            Plot::new("noise × √time, relative", "log10 faces", "")
                 .log()
                 .curve("softray", noise),
         ];
@@ -146,7 +146,7 @@ impl Tessellation {
                 b.curve("Mitsuba", rows.iter().map(|r| (r.0, r.2))),
             ];
         }
-        let mut picture = figure::Figure::new("A ball in more and more faces");
+        let mut picture = Figure::new("A ball in more and more faces");
         for plot in plots {
             picture = picture.plot(plot);
         }

@@ -1,14 +1,18 @@
-//! Shared by the examples: devices by name, progress bars, figures.
+//! Shared by the examples: the log, progress bars, fits.
 
 use std::sync::Arc;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use softray::prelude::*;
 
-#[allow(dead_code)] // not every example makes one
-pub mod figure;
 #[allow(dead_code)] // only those that fit something
 pub mod study;
+
+/// Shows warnings; `RUST_LOG` chooses otherwise.
+pub fn log() {
+    let warnings = env_logger::Env::default().default_filter_or("warn");
+    env_logger::Builder::from_env(warnings).init();
+}
 
 /// A progress bar of known length.
 #[allow(dead_code)] // those that fit have one of the fit

@@ -9,10 +9,9 @@ use std::time::Instant;
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use clap::Parser;
-use softray::optim::{Evaluation, Fit, Fitted, History, Report, Step, loss, pixel_angle};
+use softray::figure::{Figure, Panel, Plot};
+use softray::optim::{Evaluation, Fit, Fitted, Report, Step, loss, pixel_angle};
 use softray::prelude::*;
-
-use super::figure::{Figure, Plot};
 
 pub type Failure = Box<dyn Error>;
 
@@ -31,6 +30,9 @@ pub struct Arguments {
     /// Go on from the newest checkpoint of a run that was stopped.
     #[arg(long)]
     pub resume: bool,
+    /// Write pictures of the fit beside their targets, about 20 of them.
+    #[arg(long)]
+    pub pictures: bool,
     /// flex, ndarray, wgpu or vulkan; without it what BURN_DEVICE names, or flex.
     #[arg(long)]
     pub device: Option<String>,
@@ -47,6 +49,7 @@ impl Arguments {
             steps: None,
             seed: 1,
             resume: false,
+            pictures: false,
             device: Some("flex".into()),
             out,
         }
@@ -122,7 +125,9 @@ impl Goal {
         };
         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
         let loss = loss::mse_unbiased(a.clone(), b, self.image.clone());
-        Ok(Evaluation::new(loss).image("render", a))
+        Ok(Evaluation::new(loss)
+            .image("render", a)
+            .target("render", self.image.clone()))
     }
 }
 
@@ -206,11 +211,17 @@ impl<'a> Study<'a> {
             }
             Ok(true)
         };
-        Fit::new(module, optimizer, self.steps)
+        let folder = self.arguments.out.join(self.name);
+        let fit = Fit::new(module, optimizer, self.steps)
             .seed(self.arguments.seed)
-            .folder(self.arguments.out.join(self.name))
+            .folder(&folder)
             .restart(!self.arguments.resume)
-            .on_step(self.steps.div_ceil(4).max(1), keep)
+            .on_step(self.steps.div_ceil(4).max(1), keep);
+        if self.arguments.pictures {
+            fit.pictures(folder.join("pictures"), self.steps.div_ceil(20).max(1))
+        } else {
+            fit
+        }
     }
 
     /// Writes the figure, prints errors, and returns them.
@@ -222,22 +233,15 @@ impl<'a> Study<'a> {
         outcome: Outcome,
     ) -> Result<Outcome, Failure> {
         let [initial, target, last] = &images;
-        let row: Vec<(&str, &HostImage)> = [initial, target, last]
-            .iter()
-            .map(|(caption, image)| (*caption, image))
-            .collect();
+        let difference = Panel::difference("final − target", &last.1, &target.1)?;
+        let row = [initial, target, last].map(|(caption, image)| Panel::new(*caption, image));
         let snapshots = self.snapshots.borrow();
-        let captions: Vec<String> = snapshots.iter().map(|s| format!("step {}", s.0)).collect();
-        let steps: Vec<(&str, &HostImage)> = captions
-            .iter()
-            .zip(snapshots.iter())
-            .map(|(caption, s)| (caption.as_str(), &s.1))
-            .collect();
-        let mut figure = Figure::new(self.title).images(&row);
-        if !steps.is_empty() {
-            figure = figure.images(&steps);
-        }
-        figure = figure.plot(loss_plot(&fitted.history));
+        let steps = snapshots.iter();
+        let steps = steps.map(|(step, image)| Panel::new(format!("step {step}"), image));
+        let mut figure = Figure::new(self.title)
+            .row(row.into_iter().chain([difference]))
+            .row(steps)
+            .plot(fitted.history.loss_plot());
         for plot in plots {
             figure = figure.plot(plot);
         }
@@ -256,22 +260,6 @@ impl<'a> Study<'a> {
         println!("wrote {}", path.display());
         Ok(outcome)
     }
-}
-
-/// The loss over the steps.
-fn loss_plot(history: &History) -> Plot {
-    let points = history.curve("loss").into_iter();
-    let points = points.map(|(x, y)| (x, y.abs()));
-    Plot::new("|loss|", "step", "").log().curve("", points)
-}
-
-/// Numbers of the history over the steps, as one plot.
-pub fn curves(history: &History, title: &str, names: &[&str], log: bool) -> Plot {
-    let plot = Plot::new(title, "step", "");
-    let plot = if log { plot.log() } else { plot };
-    names
-        .iter()
-        .fold(plot, |plot, name| plot.curve(name, history.curve(name)))
 }
 
 /// A render on the host.

@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
+use softray::figure::{Figure, Panel, Plot};
 use softray::optim::History;
 use softray::prelude::*;
 
-use super::common::figure::{Figure, Plot};
-use super::common::study::curves;
 use super::dataset::Dataset;
 use super::evaluate::Baselines;
 use super::network::{Bodies, Decoder};
@@ -45,11 +44,9 @@ pub fn write(
             }
         }
         let last = i + 1 == data.items.len().min(ROWS);
-        let row: Vec<(&str, &HostImage)> = row
-            .iter()
-            .map(|(caption, image)| (if last { *caption } else { "" }, image))
-            .collect();
-        figure = figure.images(&row);
+        let caption = |caption| if last { caption } else { "" };
+        let panels = row.iter().map(|(c, image)| Panel::new(caption(*c), image));
+        figure = figure.row(panels);
     }
     let mut overlaps = Plot::new("validation IoU", "step", "");
     for (name, kind) in [("IoU input", 0), ("IoU other", 1)] {
@@ -64,12 +61,12 @@ pub fn write(
         .line("mean shape, other", baselines.mean[1]);
     figure
         .plot(overlaps)
-        .plot(curves(
-            history,
-            "parts of the loss",
-            &["image", "silhouette"],
-            true,
-        ))
-        .plot(curves(history, "blur, radians", &["blur"], true))
-        .write(path)
+        .plot(
+            history
+                .plot("parts of the loss", &["image", "silhouette"])?
+                .log(),
+        )
+        .plot(history.plot("blur, radians", &["blur"])?.log())
+        .write(path)?;
+    Ok(())
 }

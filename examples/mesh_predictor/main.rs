@@ -149,7 +149,7 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
 }
 
 fn main() -> Result<(), Failure> {
-    env_logger::init();
+    common::log();
     run(&Arguments::parse())?.print();
     Ok(())
 }

@@ -17,6 +17,8 @@ mod whole;
 
 pub use animation::Animation;
 pub use images::HostImage;
+#[cfg(feature = "fit")]
+pub(crate) use srgb::{srgb_byte, srgb_to_linear};
 pub use limits::LoadLimits;
 pub use scene_file::SceneFile;
 #[cfg(feature = "fit")]

@@ -4,9 +4,8 @@ use std::path::{Path, PathBuf};
 
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
-use plotters::prelude::*;
 
-use super::History;
+use super::{History, Warning};
 use crate::error::{Error, Result};
 use crate::io::write_whole;
 
@@ -42,10 +41,10 @@ pub(super) struct Checkpoint {
 impl Checkpoints {
     /// In a folder, which is made if need be; what a killed run left unfinished is removed, and on a
     /// restart all checkpoints are.
-    pub fn open(folder: &Path, restart: bool) -> Result<Self> {
+    pub fn open(folder: &Path, restart: bool, warn: &mut impl FnMut(Warning)) -> Result<Self> {
         let inside = folder.join("checkpoints");
         fs::create_dir_all(&inside).map_err(|e| io(&inside, e))?;
-        let lock = lock(&folder.join(LOCK), folder)?;
+        let lock = lock(&folder.join(LOCK), folder, warn)?;
         for (name, path) in entries(&inside)? {
             let whole = name.parse::<usize>().is_ok();
             if name.starts_with(PART) || (restart && whole) {
@@ -70,7 +69,11 @@ impl Checkpoints {
     }
 
     /// The newest that is whole, if there is one; says which ones are not.
-    pub fn newest(&self, settings: &str) -> Result<Option<Checkpoint>> {
+    pub fn newest(
+        &self,
+        settings: &str,
+        warn: &mut impl FnMut(Warning),
+    ) -> Result<Option<Checkpoint>> {
         let mut damaged = None;
         for (steps, folder) in self.all()?.into_iter().rev() {
             match Checkpoint::read(steps, &folder) {
@@ -79,7 +82,7 @@ impl Checkpoints {
                     return Ok(Some(checkpoint));
                 }
                 Err(error) => {
-                    log::warn!("fit: a checkpoint is damaged, taking the one before it: {error}");
+                    warn(Warning::DamagedCheckpoint(error.to_string()));
                     damaged.get_or_insert(error);
                 }
             }
@@ -138,12 +141,10 @@ impl Checkpoints {
         write_whole(&self.folder.join(HISTORY), history.to_csv().as_bytes())
     }
 
-    /// The history, and its loss as a plot.
+    /// The history, and plots of it.
     pub fn finish(&self, history: &History) -> Result<()> {
         self.report(history)?;
-        let path = self.folder.join("loss.svg");
-        let svg = plot(history).map_err(|e| Error::format(&path, e))?;
-        write_whole(&path, svg.as_bytes())
+        history.figure().write(self.folder.join("history.png"))
     }
 }
 
@@ -221,7 +222,7 @@ fn checksum(path: &Path) -> Result<(u32, usize)> {
 }
 
 /// Locks a file for as long as it stays open; the system unlocks it where a process is killed.
-fn lock(path: &Path, folder: &Path) -> Result<File> {
+fn lock(path: &Path, folder: &Path, warn: &mut impl FnMut(Warning)) -> Result<File> {
     let file = File::create(path).map_err(|e| io(path, e))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
@@ -230,7 +231,7 @@ fn lock(path: &Path, folder: &Path) -> Result<File> {
             "another process is fitting in this folder; take another one, or wait for its end",
         )),
         Err(TryLockError::Error(source)) if source.kind() == ErrorKind::Unsupported => {
-            log::warn!("fit: {} can't be locked here", path.display());
+            warn(Warning::NoLock(path.into()));
             Ok(file)
         }
         Err(TryLockError::Error(source)) => Err(io(path, source)),
@@ -264,43 +265,4 @@ fn sync(path: &Path) -> Result<()> {
         Err(e) if path.is_file() => Err(io(path, e)),
         _ => Ok(()),
     }
-}
-
-/// |loss| over the steps, logarithmic, as an SVG.
-fn plot(history: &History) -> std::result::Result<String, String> {
-    let mut svg = String::new();
-    let points: Vec<(f64, f64)> = history
-        .curve("loss")
-        .into_iter()
-        .map(|(x, y)| (x, y.abs()))
-        .filter(|p| p.1 > 0.0)
-        .collect();
-    let low = points.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
-    let high = points.iter().map(|p| p.1).fold(0.0, f64::max);
-    let (low, high) = if low < high {
-        (low, high)
-    } else {
-        (0.5 * high.max(1e-30), 2.0 * high.max(1e-30))
-    };
-    let steps = history.rows.len().max(1) as f64;
-    let mut draw = || -> std::result::Result<(), Box<dyn std::error::Error>> {
-        let area = SVGBackend::with_string(&mut svg, (640, 360)).into_drawing_area();
-        area.fill(&WHITE)?;
-        let mut chart = ChartBuilder::on(&area)
-            .margin(12)
-            .x_label_area_size(36)
-            .y_label_area_size(64)
-            .build_cartesian_2d(0.0..steps, (low..high).log_scale())?;
-        chart
-            .configure_mesh()
-            .x_desc("step")
-            .y_desc("|loss|")
-            .y_label_formatter(&|y| format!("{y:.0e}"))
-            .draw()?;
-        chart.draw_series(LineSeries::new(points.clone(), &BLUE))?;
-        area.present()?;
-        Ok(())
-    };
-    let drawn = draw().map_err(|e| e.to_string());
-    drawn.map(|()| svg)
 }

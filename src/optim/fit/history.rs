@@ -1,6 +1,7 @@
 use std::fmt::Write;
 
 use crate::error::{Error, Result};
+use crate::figure::{Figure, Plot};
 
 /// A step of a fit.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +35,8 @@ pub struct History {
 const COLUMNS: [&str; 6] = ["step", "loss", "gradient_norm", "rate", "blur", "seconds"];
 
 impl History {
-    /// A number of the evaluations over the steps, as points (step, value).
+    /// A number over the steps, as points (step, value): a number of the evaluations, or `loss`,
+    /// `gradient_norm`, `rate`, `blur` or `seconds`. Of another name there are none.
     pub fn curve(&self, name: &str) -> Vec<(f64, f64)> {
         let place = self.names.iter().position(|n| n == name);
         let value = |r: &Row| match (name, place) {
@@ -48,6 +50,50 @@ impl History {
         };
         let point = |r: &Row| Some((r.step as f64, value(r)?));
         self.rows.iter().filter_map(point).collect()
+    }
+
+    /// Numbers over the steps, as curves of a plot; for the names see [`History::curve`].
+    ///
+    /// # Errors
+    /// If there are no numbers of a name.
+    pub fn plot(&self, title: impl Into<String>, names: &[&str]) -> Result<Plot> {
+        let known = |name: &str| COLUMNS.contains(&name) || self.names.iter().any(|n| n == name);
+        if let Some(bad) = names.iter().find(|name| !known(name)) {
+            return Err(Error::invalid(
+                "history",
+                "name of a curve",
+                format!("{bad:?}"),
+                format!("one of {:?} or {:?}", &COLUMNS[1..], self.names),
+            ));
+        }
+        let plot = Plot::new(title, "step", "");
+        // A single curve is named by the title.
+        Ok(names.iter().fold(plot, |plot, &name| {
+            let label = if names.len() > 1 { name } else { "" };
+            plot.curve(label, self.curve(name))
+        }))
+    }
+
+    /// The magnitude of the loss over the steps, on a logarithmic axis: losses that are free of bias
+    /// may be negative.
+    pub fn loss_plot(&self) -> Plot {
+        let points = self.curve("loss").into_iter();
+        let points = points.map(|(step, loss)| (step, loss.abs()));
+        Plot::new("|loss|", "step", "").log().curve("", points)
+    }
+
+    /// Plots of the loss, the gradient's norm, and the blur if it had a schedule, on logarithmic axes.
+    pub fn figure(&self) -> Figure {
+        let over_steps = |title: &str, name: &str| {
+            let plot = Plot::new(title, "step", "").log();
+            plot.curve("", self.curve(name))
+        };
+        let figure = Figure::new("").plot(self.loss_plot());
+        let figure = figure.plot(over_steps("norm of the gradient", "gradient_norm"));
+        if self.curve("blur").is_empty() {
+            return figure;
+        }
+        figure.plot(over_steps("blur", "blur"))
     }
 
     pub(super) fn push(&mut self, values: Vec<(String, f64)>, mut row: Row) -> Result<()> {

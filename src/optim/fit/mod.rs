@@ -1,28 +1,30 @@
 //! A loop that fits the parameters of a module to images: noisy renders with fresh random numbers at
-//! every step, blur that falls, a progress bar, a history, and checkpoints that survive a kill at any
-//! moment.
+//! every step, blur that falls, progress, a history, pictures, and checkpoints that survive a kill at
+//! any moment.
 
+mod check;
 mod checkpoint;
 mod gradients;
 mod history;
+mod pictures;
+mod progress;
 mod rate;
+mod run;
 mod step;
+mod warning;
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
-use burn::module::{Module, Param};
-use burn::optim::{GradientsParams, ModuleOptimizer};
-use burn::tensor::{Device, Tensor};
-use indicatif::{ProgressBar, ProgressStyle};
+use burn::module::Module;
+use burn::optim::ModuleOptimizer;
 
 use super::schedule::Blur;
-use crate::error::{Error, Result};
-use crate::geometry::host_values;
-use checkpoint::Checkpoints;
+use crate::error::Result;
 pub use history::{History, Row};
+use pictures::Pictures;
 pub use rate::Rate;
 pub use step::{Evaluation, Fitted, Report, Step, Stop};
+pub use warning::Warning;
 
 type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 
@@ -76,11 +78,12 @@ pub struct Fit<M> {
     every: usize,
     restart: bool,
     progress: bool,
+    pictures: Option<Pictures>,
     callback: Option<(usize, Callback<M>)>,
 }
 
 impl<M: Module> Fit<M> {
-    /// Of a module on a device with autodiff, by an optimiser, in so many steps. The rate is 0.01
+    /// A fit of a module on a device with autodiff, by an optimiser, in so many steps. The rate is 0.01
     /// unless one is given.
     pub fn new(module: M, optimizer: impl Into<ModuleOptimizer>, steps: usize) -> Self {
         Self {
@@ -96,6 +99,7 @@ impl<M: Module> Fit<M> {
             every: 25,
             restart: false,
             progress: true,
+            pictures: None,
             callback: None,
         }
     }
@@ -132,7 +136,7 @@ impl<M: Module> Fit<M> {
         self
     }
 
-    /// Keeps `history.csv`, `loss.svg` and checkpoints in a folder, and goes on from the newest
+    /// Keeps `history.csv`, `history.png` and checkpoints in a folder, and goes on from the newest
     /// checkpoint found there that is whole. A checkpoint of a fit with other settings, a process that
     /// is fitting there already, and a folder whose checkpoints are all damaged are errors.
     pub fn folder(mut self, folder: impl AsRef<Path>) -> Self {
@@ -152,9 +156,49 @@ impl<M: Module> Fit<M> {
         self
     }
 
-    /// Whether to show a progress bar where there is a terminal; it does unless told otherwise.
+    /// Whether to show how far the fit is, on the standard error; it does unless told otherwise. A
+    /// terminal has a bar. Elsewhere there is a line at the first step, one at most every ten seconds,
+    /// and one at the last step: `fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left`.
+    /// Warnings appear there too, unless a logger shows them. A program that shows the state of a fit
+    /// in its own way takes `progress(false)` and [`Fit::on_step`].
     pub fn progress(mut self, shown: bool) -> Self {
         self.progress = shown;
+        self
+    }
+
+    /// Writes the images of evaluations to a folder, as `step-000040.png`: at step 0, every so many
+    /// steps and at the last one. Each image of [`Evaluation::image`] is a row, beside its target and
+    /// their difference where [`Evaluation::target`] has named one. The colours of a difference keep
+    /// the scale that they had at the first picture, so that pictures can be compared.
+    ///
+    /// Images that are only for pictures need be rendered only where [`Step::pictured`] is set.
+    ///
+    /// ```no_run
+    /// # use burn::module::{Module, Param};
+    /// # use burn::optim::AdamConfig;
+    /// # use softray::optim::{Evaluation, Fit, Step};
+    /// # use softray::prelude::*;
+    /// # #[derive(Module, Debug)]
+    /// # struct Colour { albedo: Param<Tensor<1>> }
+    /// # fn see(_: &Colour, _: &Step) -> softray::Result<Tensor<3>> { unimplemented!() }
+    /// # fn main() -> softray::Result<()> {
+    /// # let device = Device::flex();
+    /// # let module = Colour { albedo: Param::from_tensor(Tensor::zeros([3], &device.clone().autodiff())) };
+    /// let target: Tensor<3> = HostImage::read("photo.png")?.to_tensor(&device);
+    /// let fitted = Fit::new(module, AdamConfig::new().init(), 200)
+    ///     .pictures("out/pictures", 20)
+    ///     .run(|module: &Colour, step: &_| {
+    ///         let image = see(module, step)?;
+    ///         let loss = softray::loss::l1(image.clone(), target.clone());
+    ///         Ok(Evaluation::new(loss)
+    ///             .image("render", image)
+    ///             .target("render", target.clone()))
+    ///     })?;
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn pictures(mut self, folder: impl AsRef<Path>, every: usize) -> Self {
+        self.pictures = Some(Pictures::new(folder.as_ref(), every));
         self
     }
 
@@ -168,278 +212,4 @@ impl<M: Module> Fit<M> {
         self.callback = Some((every.max(1), Box::new(f)));
         self
     }
-
-    fn check(&self) -> Result<()> {
-        let positive = |field: &str, ok: bool, value: String, expected: &str| {
-            if ok {
-                Ok(())
-            } else {
-                Err(Error::invalid("fit", field, value, expected))
-            }
-        };
-        positive(
-            "seed",
-            self.seed < 1 << 24,
-            self.seed.to_string(),
-            "below 2²⁴",
-        )?;
-        positive(
-            "steps",
-            self.steps > 0,
-            self.steps.to_string(),
-            "at least 1",
-        )?;
-        positive(
-            "checkpoint_every",
-            self.every > 0,
-            self.every.to_string(),
-            "at least 1",
-        )?;
-        let clip = self.clip.unwrap_or(1.0);
-        let expected = "a finite number > 0";
-        positive(
-            "clip",
-            clip.is_finite() && clip > 0.0,
-            clip.to_string(),
-            expected,
-        )?;
-        positive(
-            "early_stop",
-            self.patience != Some(0),
-            "0".into(),
-            "at least 1 step",
-        )?;
-        self.rate.check()
-    }
-
-    /// What has to be the same for a checkpoint to be gone on from.
-    fn settings(&self) -> String {
-        let Self {
-            seed,
-            rate,
-            blur,
-            clip,
-            steps,
-            optimizer,
-            ..
-        } = self;
-        let optimizer = fingerprint(optimizer);
-        format!(
-            "seed {seed}\nsteps {steps}\nrate {rate:?}\nblur {blur:?}\nclip {clip:?}\n\
-             optimizer {optimizer}\n"
-        )
-    }
-
-    /// Takes the steps. The function is given the module and what the step is evaluated with, and
-    /// returns the loss. It has to be a function of these alone: then a fit that is killed and
-    /// resumed ends with the same parameters as one that is not.
-    ///
-    /// # Errors
-    /// What the function or a callback returns; if a setting is out of its range; if loss or
-    /// gradient are not finite or no parameter is in the loss's graph; if a file can't be read or
-    /// written, or a checkpoint is of a fit with other settings or of another module.
-    pub fn run(mut self, mut f: impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Fitted<M>> {
-        self.check()?;
-        // Only checkpoints ask for them.
-        let settings = match &self.folder {
-            Some(_) => self.settings(),
-            None => String::new(),
-        };
-        let restart = self.restart;
-        let open = |folder: &Path| Checkpoints::open(folder, restart);
-        let checkpoints = self.folder.as_deref().map(open).transpose()?;
-        let mut history = History::default();
-        let mut resumed = None;
-        let newest = checkpoints.as_ref().map(|c| c.newest(&settings));
-        if let Some(newest) = newest.transpose()?.flatten() {
-            self.module = newest.module(self.module)?;
-            self.optimizer = newest.optimizer(self.optimizer)?;
-            history = newest.history;
-            resumed = Some(history.rows.len());
-        }
-        // Blur that follows the loss is a function of the losses so far.
-        for row in &history.rows {
-            observe(&mut self.blur, row.loss);
-        }
-        let bar = self.bar();
-        bar.set_position(history.rows.len() as u64);
-        let window = self.patience.unwrap_or((self.steps / 5).max(20));
-        let mut plateaus = history.plateaus(window);
-        let mut stop = Stop::Steps;
-        // A fit that had ended early stays so.
-        let steps = match plateaus.last() {
-            Some(&last) if self.patience.is_some() && last + 1 == history.rows.len() => {
-                stop = Stop::Early;
-                0
-            }
-            _ => self.steps,
-        };
-        let before = history.rows.last().map_or(0.0, |r| r.seconds);
-        let start = Instant::now();
-        let mut saved = history.rows.len();
-        while history.rows.len() < steps {
-            let index = history.rows.len();
-            let step = Step {
-                index,
-                blur: self.blur.as_ref().map(|b| b.value(index)),
-                seed: self.seed,
-            };
-            let evaluation = f(&self.module, &step)?;
-            let loss = scalar(&evaluation.loss)?;
-            if !loss.is_finite() {
-                return Err(not_finite("the loss", loss, index));
-            }
-            let mut gradients =
-                GradientsParams::from_grads(evaluation.loss.backward(), &self.module);
-            let found = gradients::clip(&self.module, &mut gradients, self.clip)?;
-            if !found.missing.is_empty() && (index == 0 || resumed == Some(index)) {
-                log::warn!(
-                    "fit: the loss does not depend on {}, which stay as they are: is what they are \
-                     made from on a device with autodiff?",
-                    found.missing.join(", ")
-                );
-            }
-            let Some(norm) = found.norm else {
-                return Err(Error::invalid(
-                    "fit",
-                    "gradient",
-                    "absent",
-                    "a parameter of the module in the graph of the loss",
-                ));
-            };
-            if !norm.is_finite() {
-                return Err(not_finite("the gradient", norm, index));
-            }
-            let rate = self.rate.at(index, self.steps);
-            history.push(
-                evaluation.values,
-                Row {
-                    step: index,
-                    loss,
-                    gradient_norm: norm,
-                    rate,
-                    blur: step.blur,
-                    seconds: before + start.elapsed().as_secs_f64(),
-                    values: Vec::new(),
-                },
-            )?;
-            let mut wanted = true;
-            if let Some((every, callback)) = &mut self.callback
-                && (index.is_multiple_of(*every) || index + 1 == self.steps)
-            {
-                wanted = callback(&Report {
-                    module: &self.module,
-                    step: &step,
-                    history: &history,
-                    images: &evaluation.images,
-                })?;
-            }
-            self.module = self.optimizer.step(rate, self.module, gradients);
-            observe(&mut self.blur, loss);
-            let message = match step.blur {
-                Some(blur) => format!("loss {loss:.3e}, blur {blur:.1e}"),
-                None => format!("loss {loss:.3e}"),
-            };
-            bar.set_message(message);
-            bar.inc(1);
-            let last = plateaus.last().copied();
-            let still = history.is_flat(window, last);
-            if still {
-                plateaus.push(index);
-                log::warn!(
-                    "fit: at step {index} the loss has not fallen for {window} steps; it may have \
-                     converged, or be in a local minimum that a wider blur would leave"
-                );
-            }
-            let early = still && self.patience.is_some();
-            if early || !wanted {
-                stop = if early { Stop::Early } else { Stop::Callback };
-                break;
-            }
-            if let Some(checkpoints) = &checkpoints
-                && (index + 1).is_multiple_of(self.every)
-            {
-                saved = index + 1;
-                checkpoints.write(&self.module, &self.optimizer, &history, &settings)?;
-            }
-        }
-        bar.finish_and_clear();
-        if let Some(checkpoints) = &checkpoints {
-            if saved < history.rows.len() {
-                checkpoints.write(&self.module, &self.optimizer, &history, &settings)?;
-            }
-            checkpoints.finish(&history)?;
-        }
-        Ok(Fitted {
-            module: self.module,
-            history,
-            stop,
-            resumed,
-            plateaus,
-        })
-    }
-
-    fn bar(&self) -> ProgressBar {
-        if !self.progress {
-            return ProgressBar::hidden();
-        }
-        let template = "fitting {bar:40} {pos}/{len} [{elapsed} < {eta}] {msg}";
-        let style = ProgressStyle::with_template(template);
-        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-        ProgressBar::new(self.steps as u64).with_style(style)
-    }
-}
-
-/// What an optimiser makes of a parameter of its own in three steps: it has no name that could be asked.
-fn fingerprint(optimizer: &ModuleOptimizer) -> String {
-    #[derive(Module, Debug)]
-    struct Probe {
-        x: Param<Tensor<2>>,
-    }
-    let device = Device::default();
-    let mut optimizer = optimizer.clone();
-    let start = Tensor::<2>::from_floats([[0.3, -2.0], [1.0, 0.1]], &device.clone().autodiff());
-    let mut probe = Probe {
-        x: Param::from_tensor(start),
-    };
-    for slope in [
-        [[0.5f32, -1.0], [2.0, 0.1]],
-        [[-0.2, 3.0], [0.1, 0.4]],
-        [[0.7; 2]; 2],
-    ] {
-        let mut gradients = GradientsParams::new();
-        gradients.register(probe.x.id, Tensor::<2>::from_floats(slope, &device));
-        probe = optimizer.step(0.1, probe, gradients);
-    }
-    let values = host_values(&probe.x.val()).unwrap_or_default();
-    let values: Vec<String> = values.iter().map(|v| format!("{v:.4}")).collect();
-    values.join(" ")
-}
-
-fn observe(blur: &mut Option<Blur>, loss: f64) {
-    if let Some(blur) = blur {
-        blur.observe(loss);
-    }
-}
-
-fn scalar(loss: &Tensor<1>) -> Result<f64> {
-    let values = host_values(loss)?;
-    match values[..] {
-        [value] => Ok(value),
-        _ => Err(Error::invalid(
-            "fit",
-            "loss",
-            format!("of {} numbers", values.len()),
-            "one number",
-        )),
-    }
-}
-
-fn not_finite(what: &str, value: f64, step: usize) -> Error {
-    Error::invalid(
-        "fit",
-        format!("{what} of step {step}"),
-        value,
-        "a finite number",
-    )
 }

@@ -2,8 +2,10 @@
 
 use burn::tensor::Tensor;
 
-use super::History;
-use crate::error::Result;
+use super::pictures::{Images, read};
+use super::{History, Warning};
+use crate::error::{Error, Result};
+use crate::figure::Figure;
 use crate::io::HostImage;
 use crate::render::RenderOptions;
 
@@ -14,6 +16,9 @@ pub struct Step {
     pub index: usize,
     /// The blur, if the fit has a schedule for it: see [`RenderOptions::blur`].
     pub blur: Option<f64>,
+    /// Whether [`Fit::pictures`](super::Fit::pictures) writes a picture of this step. The loss must not
+    /// depend on it.
+    pub pictured: bool,
     pub(super) seed: u64,
 }
 
@@ -40,15 +45,17 @@ pub struct Evaluation {
     pub(super) loss: Tensor<1>,
     pub(super) values: Vec<(String, f64)>,
     pub(super) images: Vec<(String, Tensor<3>)>,
+    pub(super) targets: Vec<(String, Tensor<3>)>,
 }
 
 impl Evaluation {
-    /// From a scalar loss `[1]`.
+    /// An evaluation from a scalar loss `[1]`.
     pub fn new(loss: Tensor<1>) -> Self {
         Self {
             loss,
             values: Vec::new(),
             images: Vec::new(),
+            targets: Vec::new(),
         }
     }
 
@@ -59,10 +66,57 @@ impl Evaluation {
         self
     }
 
-    /// With an image `[H, W, 3]` for the callback of [`Fit::on_step`](super::Fit::on_step).
+    /// With an image `[H, W, 3]` of linear radiance for [`Fit::pictures`](super::Fit::pictures) and the
+    /// callback of [`Fit::on_step`](super::Fit::on_step). A name is to mean the same view at every
+    /// step.
     pub fn image(mut self, name: impl Into<String>, image: Tensor<3>) -> Self {
         self.images.push((name.into(), image));
         self
+    }
+
+    /// With the target `[H, W, 3]` of the image of a name, to be seen beside it.
+    pub fn target(mut self, name: impl Into<String>, target: Tensor<3>) -> Self {
+        self.targets.push((name.into(), target));
+        self
+    }
+
+    /// That names are of one image each, and targets of images that are there and of their size.
+    pub(super) fn check(&self) -> Result<()> {
+        for all in [&self.images, &self.targets] {
+            for (i, (name, _)) in all.iter().enumerate() {
+                if all[..i].iter().any(|other| other.0 == *name) {
+                    let field = format!("image or target {name:?}");
+                    return Err(Error::invalid(
+                        "fit",
+                        field,
+                        "named twice",
+                        "one of each name",
+                    ));
+                }
+            }
+        }
+        for (name, target) in &self.targets {
+            let Some((_, image)) = self.images.iter().find(|i| i.0 == *name) else {
+                let names: Vec<&String> = self.images.iter().map(|i| &i.0).collect();
+                let expected = format!("the name of an image, of which there are {names:?}");
+                return Err(Error::invalid(
+                    "fit",
+                    "name of a target",
+                    format!("{name:?}"),
+                    expected,
+                ));
+            };
+            let (found, expected) = (target.dims(), image.dims());
+            if found != expected {
+                return Err(Error::invalid(
+                    "fit",
+                    format!("shape of the target {name:?}"),
+                    format!("{found:?}"),
+                    format!("{expected:?} like its image"),
+                ));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -72,9 +126,11 @@ pub struct Report<'a, M> {
     pub module: &'a M,
     /// The step.
     pub step: &'a Step,
-    /// The history up to it.
+    /// The steps of the whole fit.
+    pub steps: usize,
+    /// The history up to the step.
     pub history: &'a History,
-    pub(super) images: &'a [(String, Tensor<3>)],
+    pub(super) images: &'a Images<'a>,
 }
 
 impl<M> Report<'_, M> {
@@ -83,13 +139,20 @@ impl<M> Report<'_, M> {
     /// # Errors
     /// If one can't be read back from its device.
     pub fn images(&self) -> Result<Vec<(String, HostImage)>> {
-        let host = |(name, image): &(String, Tensor<3>)| {
-            Ok((
-                name.clone(),
-                HostImage::from_tensor(&image.clone().inner())?,
-            ))
-        };
-        self.images.iter().map(host).collect()
+        let images = self.images.evaluation.images.iter();
+        images.map(|(n, i)| Ok((n.clone(), read(i)?))).collect()
+    }
+
+    /// The images beside their targets and differences, as [`Fit::pictures`](super::Fit::pictures)
+    /// writes them.
+    ///
+    /// # Errors
+    /// If one can't be read back from its device, or is not of three channels.
+    pub fn figure(&self) -> Result<Figure> {
+        match self.history.rows.last() {
+            Some(row) => self.images.figure(row),
+            None => Ok(Figure::new("")),
+        }
     }
 }
 
@@ -117,4 +180,7 @@ pub struct Fitted<M> {
     pub resumed: Option<usize>,
     /// Steps at which the loss had not fallen for a while though the blur was constant.
     pub plateaus: Vec<usize>,
+    /// What is likely not meant, in the order in which it was found; without what a run before a
+    /// resumption found.
+    pub warnings: Vec<Warning>,
 }

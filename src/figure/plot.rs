@@ -1,17 +1,14 @@
 //! Curves in a frame with axes and a legend.
 
-use std::error::Error;
-
-use plotters::style::RGBColor;
-
 use super::axis::Axis;
-use super::canvas::{Anchor, Pen, Stroke, fitting, text_width, wrapped};
+use super::canvas::{Anchor, Canvas, Rgb, Stroke};
+use super::text::Font;
 
 /// A plot's width, and its height while title and legend take a line each, or three together.
 const SIZE: (f64, f64) = (420.0, 300.0);
-const TITLE: f64 = 17.0;
-const LABEL: f64 = 15.0;
-const TICK: f64 = 14.0;
+const TITLE: f64 = 16.0;
+const LABEL: f64 = 14.0;
+const TICK: f64 = 13.0;
 /// Height of a line of the title or the legend.
 const LINE: f64 = 19.0;
 /// Length of a line's sample in the legend, and the room behind it and behind the text.
@@ -20,68 +17,74 @@ const SPACE: (f64, f64) = (6.0, 16.0);
 /// Lines above a frame that fit without a higher plot.
 const LINES: usize = 3;
 
-const INK: RGBColor = RGBColor(60, 60, 60);
-const GRID: RGBColor = RGBColor(228, 228, 228);
-const FAINT_GRID: RGBColor = RGBColor(243, 243, 243);
+const INK: Rgb = [60; 3];
+const GRID: Rgb = [228; 3];
+const FAINT_GRID: Rgb = [243; 3];
 /// Dark enough on white, and told apart without red and green (Okabe and Ito).
-pub const COLOURS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(110, 110, 110),
+const COLOURS: [Rgb; 7] = [
+    [0, 114, 178],
+    [213, 94, 0],
+    [0, 158, 115],
+    [204, 121, 167],
+    [230, 159, 0],
+    [86, 180, 233],
+    [110, 110, 110],
 ];
 
-/// Curves over x, with horizontal dashed lines.
+/// Curves over x, with horizontal dashed lines and a legend, for a [`Figure`](super::Figure).
 #[derive(Clone, Debug, Default)]
 pub struct Plot {
-    pub title: String,
+    title: String,
     /// The axes' labels.
-    pub x: String,
-    pub y: String,
-    /// A logarithmic y axis: values that are not positive are skipped.
-    pub log: bool,
-    pub curves: Vec<Curve>,
-    /// Horizontal lines, as a goal: names and places.
-    pub lines: Vec<(String, f64)>,
+    x: String,
+    y: String,
+    log: bool,
+    curves: Vec<Curve>,
+    /// Names and places.
+    lines: Vec<(String, f64)>,
 }
 
-/// A line through points; those that are not finite are skipped. Without a name it is not in the
-/// legend.
 #[derive(Clone, Debug, Default)]
-pub struct Curve {
-    pub name: String,
-    pub points: Vec<(f64, f64)>,
+struct Curve {
+    name: String,
+    points: Vec<(f64, f64)>,
 }
 
 impl Plot {
-    pub fn new(title: &str, x: &str, y: &str) -> Self {
+    /// A plot without curves, with a title and the labels of its axes; those that are empty take no
+    /// room.
+    pub fn new(title: impl Into<String>, x: impl Into<String>, y: impl Into<String>) -> Self {
         Self {
-            title: title.to_owned(),
-            x: x.to_owned(),
-            y: y.to_owned(),
+            title: title.into(),
+            x: x.into(),
+            y: y.into(),
             ..Self::default()
         }
     }
 
-    /// With a logarithmic y axis.
-    pub fn log(self) -> Self {
-        Self { log: true, ..self }
+    /// Makes the y axis logarithmic: values that are not positive are left out.
+    pub fn log(mut self) -> Self {
+        self.log = true;
+        self
     }
 
-    pub fn curve(mut self, name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+    /// Adds a line through points (x, y); those that are not finite are left out, and a single one
+    /// becomes a dot. A name that is empty is not in the legend.
+    pub fn curve(
+        mut self,
+        name: impl Into<String>,
+        points: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
         self.curves.push(Curve {
-            name: name.to_owned(),
+            name: name.into(),
             points: points.into_iter().collect(),
         });
         self
     }
 
-    /// With a horizontal dashed line.
-    pub fn line(mut self, name: &str, y: f64) -> Self {
-        self.lines.push((name.to_owned(), y));
+    /// Adds a horizontal dashed line: a goal, a limit.
+    pub fn line(mut self, name: impl Into<String>, y: f64) -> Self {
+        self.lines.push((name.into(), y));
         self
     }
 
@@ -92,7 +95,7 @@ impl Plot {
         curves.chain(lines.map(|(i, l)| (l.0.as_str(), line_stroke(i))))
     }
 
-    /// What the axes must hold; x and y are finite, and y positive where it must be.
+    /// The points that can be shown: x and y are finite, and y is positive where it must be.
     fn shown(&self, curve: &Curve) -> Vec<(f64, f64)> {
         let shown = |p: &&(f64, f64)| p.0.is_finite() && self.shows(p.1);
         curve.points.iter().filter(shown).copied().collect()
@@ -122,7 +125,7 @@ fn line_stroke(i: usize) -> Stroke {
 }
 
 /// Plots side by side whose frames have the same top.
-pub struct Row<'a> {
+pub(super) struct PlotRow<'a> {
     plots: Vec<(&'a Plot, Heading<'a>)>,
     /// The most lines of a title and of a legend.
     titles: usize,
@@ -136,12 +139,12 @@ struct Heading<'a> {
 }
 
 impl<'a> Heading<'a> {
-    fn new(plot: &'a Plot) -> Result<Self, Box<dyn Error>> {
+    fn new(plot: &'a Plot, font: &Font) -> Self {
         let room = SIZE.0 - 16.0;
         let mut legend: Vec<Vec<_>> = Vec::new();
         let mut used = f64::INFINITY;
         for (name, stroke) in plot.names().filter(|(name, _)| !name.is_empty()) {
-            let width = SAMPLE + SPACE.0 + text_width(name, TICK)?;
+            let width = SAMPLE + SPACE.0 + font.width(name, TICK);
             let width = width.min(room);
             if used + SPACE.1 + width > room {
                 legend.push(Vec::new());
@@ -153,26 +156,22 @@ impl<'a> Heading<'a> {
                 .into_iter()
                 .for_each(|l| l.push((name, stroke, width)));
         }
-        Ok(Self {
-            title: wrapped(&plot.title, TITLE, room)?,
+        Self {
+            title: font.wrapped(&plot.title, TITLE, room),
             legend,
-        })
+        }
     }
 }
 
-impl<'a> Row<'a> {
-    pub fn new(plots: &'a [Plot]) -> Result<Self, Box<dyn Error>> {
-        let with_heading = |plot| Ok((plot, Heading::new(plot)?));
-        let plots: Vec<_> = plots
-            .iter()
-            .map(with_heading)
-            .collect::<Result<_, Box<dyn Error>>>()?;
+impl<'a> PlotRow<'a> {
+    pub fn new(plots: &'a [Plot], font: &Font) -> Self {
+        let plots: Vec<_> = plots.iter().map(|p| (p, Heading::new(p, font))).collect();
         let most = |lines: fn(&Heading) -> usize| plots.iter().map(|p| lines(&p.1)).max();
-        Ok(Self {
+        Self {
             titles: most(|h| h.title.len()).unwrap_or(0),
             legends: most(|h| h.legend.len()).unwrap_or(0),
             plots,
-        })
+        }
     }
 
     pub fn len(&self) -> usize {
@@ -185,15 +184,16 @@ impl<'a> Row<'a> {
         (SIZE.0 as usize, (SIZE.1 + LINE * more as f64) as usize)
     }
 
-    pub fn draw(&self, index: usize, pen: &Pen) -> Result<(), Box<dyn Error>> {
+    /// One plot, from the corner that the canvas is at.
+    pub fn draw(&self, index: usize, pen: &mut Canvas) {
         let (plot, heading) = &self.plots[index];
         let head = 6.0 + LINE * (self.titles + self.legends) as f64;
-        let middle = draw_frame(plot, head + 8.0, self.size().1 as f64, pen)?;
+        let middle = draw_frame(plot, head + 8.0, self.size().1 as f64, pen);
         // Over the frame's middle, unless they are too wide for that.
         let start = |width: f64| (middle - 0.5 * width).min(SIZE.0 - 4.0 - width).max(4.0);
         for (i, line) in heading.title.iter().enumerate() {
-            let at = (start(text_width(line, TITLE)?), TITLE + LINE * i as f64);
-            pen.text(line, TITLE, at, Anchor::Left)?;
+            let at = (start(pen.font.width(line, TITLE)), TITLE + LINE * i as f64);
+            pen.text(line, TITLE, at, Anchor::Left);
         }
         // Legends that are shorter than the row's longest stand at the frame.
         let mut y = head - LINE * (heading.legend.len() as f64 - 0.5);
@@ -201,97 +201,100 @@ impl<'a> Row<'a> {
             let widths: f64 = line.iter().map(|entry| entry.2 + SPACE.1).sum();
             let mut x = start(widths - SPACE.1);
             for &(name, stroke, width) in line {
-                pen.line(&[(x, y), (x + SAMPLE, y)], stroke)?;
+                pen.line(&[(x, y), (x + SAMPLE, y)], stroke);
                 let text = SAMPLE + SPACE.0;
-                let size = fitting(name, TICK, width - text)?;
-                pen.text(name, size, (x + text, y + 4.5), Anchor::Left)?;
+                let size = pen.font.fitting(name, TICK, width - text);
+                pen.text(name, size, (x + text, y + 4.5), Anchor::Left);
                 x += width + SPACE.1;
             }
             y += LINE;
         }
-        Ok(())
     }
 }
 
 /// The axes and what is between them, from `top` to the end of the plot's height. Returns the
 /// frame's middle.
-fn draw_frame(plot: &Plot, top: f64, height: f64, pen: &Pen) -> Result<f64, Box<dyn Error>> {
+fn draw_frame(plot: &Plot, top: f64, height: f64, pen: &mut Canvas) -> f64 {
     let curves: Vec<_> = plot.curves.iter().map(|c| plot.shown(c)).collect();
     let points = || curves.iter().flatten();
     let lines = plot.lines.iter().map(|l| l.1).filter(|&y| plot.shows(y));
     let y = Axis::around(points().map(|p| p.1).chain(lines), plot.log, 0.06).divide(8);
 
-    let widest = |axis: &Axis| -> Result<f64, Box<dyn Error>> {
-        axis.ticks.iter().try_fold(0f64, |widest, (_, label)| {
-            Ok(widest.max(text_width(label, TICK)?))
-        })
-    };
     let has = |label: &str| if label.is_empty() { 0.0 } else { 1.0 };
-    let left = (6.0 + 22.0 * has(&plot.y) + widest(&y)? + 9.0).round();
+    let left = (6.0 + 22.0 * has(&plot.y) + y.widest(&pen.font, TICK) + 9.0).round();
     let bottom = height - 26.0 - 22.0 * has(&plot.x);
 
     // The last label of x may reach beyond the frame.
     let room = SIZE.0 - left;
     let mut x = Axis::around(points().map(|p| p.0), false, 0.0).divide(9);
     for count in (2..9).rev() {
-        if (widest(&x)? + 14.0) * x.ticks.len() as f64 > room {
+        if (x.widest(&pen.font, TICK) + 14.0) * x.ticks.len() as f64 > room {
             x = Axis::around(points().map(|p| p.0), false, 0.0).divide(count);
         }
     }
-    let right = (SIZE.0 - 10f64.max(0.5 * widest(&x)? + 2.0)).round();
+    let right = (SIZE.0 - 10f64.max(0.5 * x.widest(&pen.font, TICK) + 2.0)).round();
 
     let across = |share: f64| left + share * (right - left);
     let up = |share: f64| bottom - share * (bottom - top);
     // Lines one pixel thick, on the pixels.
-    let row = |y: f64, colour| {
+    let row = |pen: &mut Canvas, y: f64, colour| {
         let y = (y - 0.5).round();
         pen.rectangle((left, y), (right, y + 1.0), colour)
     };
-    let column = |x: f64, colour| {
+    let column = |pen: &mut Canvas, x: f64, colour| {
         let x = (x - 0.5).round();
         pen.rectangle((x, top), (x + 1.0, bottom), colour)
     };
     for &place in &y.minor {
-        row(up(y.share(place)), FAINT_GRID)?;
+        row(pen, up(y.share(place)), FAINT_GRID);
     }
     for (place, label) in &y.ticks {
         let at = up(y.share(*place));
-        row(at, GRID)?;
-        pen.text(label, TICK, (left - 7.0, at + 4.5), Anchor::Right)?;
+        row(pen, at, GRID);
+        pen.text(label, TICK, (left - 7.0, at + 4.5), Anchor::Right);
     }
     for (place, label) in &x.ticks {
         let at = across(x.share(*place));
-        column(at, GRID)?;
-        pen.text(label, TICK, (at, bottom + 18.0), Anchor::Middle)?;
+        column(pen, at, GRID);
+        pen.text(label, TICK, (at, bottom + 18.0), Anchor::Middle);
     }
     for edge in [top, bottom] {
-        row(edge, INK)?;
+        row(pen, edge, INK);
     }
     for edge in [left, right] {
-        column(edge, INK)?;
+        column(pen, edge, INK);
     }
-    let size = fitting(&plot.x, LABEL, right - left)?;
-    let at = (0.5 * (left + right), height - 9.0);
-    pen.text(&plot.x, size, at, Anchor::Middle)?;
-    let size = fitting(&plot.y, LABEL, bottom - 4.0)?;
-    let middle = 0.5 * (top + bottom);
-    let reach = 0.5 * text_width(&plot.y, size)?;
-    let middle = middle.min(height - reach).max(reach);
-    pen.text(&plot.y, size, (18.0, middle), Anchor::Up)?;
-
-    for (i, (_, place)) in plot.lines.iter().enumerate() {
-        if let Some(share) = y.share_of(*place) {
+    draw_labels(plot, (left, right), (top, bottom), height, pen);
+    let place = |p: (f64, f64)| Some((across(x.share_of(p.0)?), up(y.share_of(p.1)?)));
+    for (i, (_, at)) in plot.lines.iter().enumerate() {
+        if let Some(share) = y.share_of(*at) {
             let ends = [(left, up(share)), (right, up(share))];
-            pen.line(&ends, line_stroke(i))?;
+            pen.line(&ends, line_stroke(i));
         }
     }
     for (i, points) in curves.iter().enumerate() {
-        let place = |p: &(f64, f64)| Some((across(x.share_of(p.0)?), up(y.share_of(p.1)?)));
-        let places: Vec<_> = points.iter().filter_map(place).collect();
+        let places: Vec<_> = points.iter().filter_map(|&p| place(p)).collect();
         match places[..] {
-            [only] => pen.dot(only, curve_stroke(i).colour)?,
-            _ => pen.line(&places, curve_stroke(i))?,
+            [only] => pen.dot(only, curve_stroke(i).colour),
+            _ => pen.line(&places, curve_stroke(i)),
         }
     }
-    Ok(0.5 * (left + right))
+    0.5 * (left + right)
+}
+
+/// The labels of both axes of a frame.
+fn draw_labels(
+    plot: &Plot,
+    (left, right): (f64, f64),
+    (top, bottom): (f64, f64),
+    height: f64,
+    pen: &mut Canvas,
+) {
+    let size = pen.font.fitting(&plot.x, LABEL, right - left);
+    let at = (0.5 * (left + right), height - 9.0);
+    pen.text(&plot.x, size, at, Anchor::Middle);
+    let size = pen.font.fitting(&plot.y, LABEL, bottom - 4.0);
+    let reach = 0.5 * pen.font.width(&plot.y, size);
+    let middle = (0.5 * (top + bottom)).min(height - reach).max(reach);
+    pen.text(&plot.y, size, (18.0, middle), Anchor::Up);
 }

@@ -1,7 +1,9 @@
 //! Ranges, ticks and their labels.
 
+use super::text::Font;
+
 /// One direction of a plot. A logarithmic axis holds decimal logarithms.
-pub struct Axis {
+pub(super) struct Axis {
     log: bool,
     from: f64,
     to: f64,
@@ -93,6 +95,12 @@ impl Axis {
         }
     }
 
+    /// The width of the widest label.
+    pub fn widest(&self, font: &Font, size: f64) -> f64 {
+        let widths = self.ticks.iter().map(|tick| font.width(&tick.1, size));
+        widths.fold(0.0, f64::max)
+    }
+
     /// Where a tick lies between the ends, 0 to 1.
     pub fn share(&self, place: f64) -> f64 {
         (place - self.from) / (self.to - self.from)
@@ -148,5 +156,45 @@ fn power_of_ten(mantissa: &str, power: i32) -> String {
         "1" => format!("10{power}"),
         "-1" => format!("−10{power}"),
         _ => format!("{}·10{power}", mantissa.replace('-', "−")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ticks lie between the ends, no two have the same label, and there are about as many as asked for.
+    #[test]
+    fn ticks_tell_places_apart() {
+        for (from, to) in [
+            (0.0, 1.0),
+            (-3.0, 7.0),
+            (1e-9, 3e-9),
+            (0.03, 4e5),
+            (100.0, 100.5),
+            (2.0, 2.0),
+            (1e12, 3e12),
+            (1.0, 1.0 + 1e-7),
+        ] {
+            for log in [false, true] {
+                for count in [2, 4, 9] {
+                    let axis = Axis::around([from, to].into_iter(), log, 0.0).divide(count);
+                    let ticks = &axis.ticks;
+                    let case = format!("{from} to {to}, {log}, {count}: {ticks:?}");
+                    let inside = |p: f64| (-1e-6..=1.0 + 1e-6).contains(&axis.share(p));
+                    assert!(ticks.iter().all(|t| inside(t.0)), "{case}");
+                    let mut labels: Vec<&String> = ticks.iter().map(|t| &t.1).collect();
+                    labels.sort();
+                    labels.dedup();
+                    assert_eq!(labels.len(), ticks.len(), "{case}");
+                    assert!((1..=3 * count + 3).contains(&ticks.len()), "{case}");
+                }
+            }
+        }
+        let labels = |axis: Axis| axis.ticks.into_iter().map(|t| t.1).collect::<Vec<_>>();
+        let axis = Axis::around([-1.0, 1.0].into_iter(), false, 0.0).divide(4);
+        assert_eq!(labels(axis), ["−1.0", "−0.5", "0.0", "0.5", "1.0"]);
+        let axis = Axis::around([1e-4, 1.0].into_iter(), true, 0.0).divide(8);
+        assert_eq!(labels(axis), ["10⁻⁴", "10⁻³", "10⁻²", "10⁻¹", "10⁰"]);
     }
 }

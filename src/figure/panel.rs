@@ -1,0 +1,321 @@
+//! An image of a figure with its caption, and the colour scale beside it.
+
+use super::Diverging;
+use super::axis::Axis;
+use super::canvas::{Anchor, Canvas};
+use super::text::Font;
+use crate::error::{Error, Result};
+use crate::io::HostImage;
+
+/// Sizes of letters.
+const CAPTION: f64 = 15.0;
+const TICK: f64 = 12.0;
+const CAPTION_LINE: usize = 19;
+/// Between an image and its caption.
+const CAPTION_GAP: usize = 6;
+/// Captions of smaller images are this wide.
+const NARROWEST: f64 = 140.0;
+/// Between an image and its colour scale, the scale's width, and between the scale and its numbers.
+const SCALE: (usize, usize, usize) = (8, 14, 5);
+
+/// An image of a [`Figure`](super::Figure), over its caption.
+///
+/// Images of radiance are clipped to [0, 1]. Signed images have a diverging colour map, and its scale
+/// beside them. Either is scaled up by a whole factor with sharp pixels.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    caption: String,
+    content: Content,
+}
+
+#[derive(Clone, Debug)]
+enum Content {
+    Radiance(HostImage),
+    Signed {
+        width: usize,
+        height: usize,
+        values: Vec<f64>,
+        colours: Option<Diverging>,
+    },
+}
+
+impl Panel {
+    /// An image of linear radiance.
+    pub fn new(caption: impl Into<String>, image: &HostImage) -> Self {
+        Self {
+            caption: caption.into(),
+            content: Content::Radiance(image.clone()),
+        }
+    }
+
+    /// An image of height · width signed numbers, row by row from the top: a derivative, a difference.
+    /// Its colours are [`Diverging::of`] the numbers unless [`Panel::colours`] gives others.
+    pub fn signed(
+        caption: impl Into<String>,
+        width: usize,
+        height: usize,
+        values: impl Into<Vec<f64>>,
+    ) -> Self {
+        Self {
+            caption: caption.into(),
+            content: Content::Signed {
+                width,
+                height,
+                values: values.into(),
+                colours: None,
+            },
+        }
+    }
+
+    /// The first image less the second one, as a signed image: in each pixel the mean over the
+    /// channels.
+    ///
+    /// # Errors
+    /// If the images differ in their sizes, or have not as many values as their size asks for.
+    pub fn difference(caption: impl Into<String>, a: &HostImage, b: &HostImage) -> Result<Self> {
+        let caption = caption.into();
+        let size = |image: &HostImage| format!("{} × {}", image.width, image.height);
+        if (a.width, a.height) != (b.width, b.height) {
+            return Err(Error::invalid(
+                "figure",
+                format!("size of the images of {caption:?}"),
+                format!("{} and {}", size(a), size(b)),
+                "the same size",
+            ));
+        }
+        check(&caption, a)?;
+        check(&caption, b)?;
+        let sum = |p: &[f32]| p.iter().map(|&v| f64::from(v)).sum::<f64>();
+        let pairs = a.pixels.chunks_exact(3).zip(b.pixels.chunks_exact(3));
+        let values: Vec<f64> = pairs.map(|(a, b)| (sum(a) - sum(b)) / 3.0).collect();
+        Ok(Self::signed(caption, a.width, a.height, values))
+    }
+
+    /// Other colours of a signed image, so that several images share a scale. Of an image of radiance
+    /// nothing changes.
+    pub fn colours(mut self, map: Diverging) -> Self {
+        if let Content::Signed { colours, .. } = &mut self.content {
+            *colours = Some(map);
+        }
+        self
+    }
+
+    /// The colours of a signed image.
+    pub(crate) fn map(&self) -> Option<Diverging> {
+        match &self.content {
+            Content::Signed {
+                values, colours, ..
+            } => Some(colours.unwrap_or_else(|| Diverging::of(values))),
+            Content::Radiance(_) => None,
+        }
+    }
+
+    fn image(&self) -> Result<HostImage> {
+        match &self.content {
+            Content::Radiance(image) => Ok(image.clone()),
+            Content::Signed {
+                width,
+                height,
+                values,
+                ..
+            } => {
+                let map = self.map().unwrap_or_else(|| Diverging::of(values));
+                map.image(*width, *height, values)
+            }
+        }
+    }
+}
+
+impl From<(&str, &HostImage)> for Panel {
+    fn from((caption, image): (&str, &HostImage)) -> Self {
+        Self::new(caption, image)
+    }
+}
+
+fn check(caption: &str, image: &HostImage) -> Result<()> {
+    let pixels = image.width.checked_mul(image.height);
+    let values = pixels.and_then(|n| n.checked_mul(3));
+    if pixels != Some(0) && values == Some(image.pixels.len()) {
+        return Ok(());
+    }
+    Err(Error::invalid(
+        "figure",
+        format!("image {caption:?}"),
+        format!(
+            "of {} values for {} × {} pixels",
+            image.pixels.len(),
+            image.width,
+            image.height
+        ),
+        "at least one pixel, and three values a pixel",
+    ))
+}
+
+/// A panel as it is laid out.
+pub(super) struct Cell {
+    image: HostImage,
+    factor: usize,
+    caption: Vec<String>,
+    scale: Option<Scale>,
+    pub width: usize,
+}
+
+/// The colour scale of an image.
+struct Scale {
+    map: Diverging,
+    axis: Axis,
+}
+
+impl Cell {
+    /// With an image about so many pixels high.
+    pub fn new(panel: &Panel, height: usize, font: &Font) -> Result<Self> {
+        let image = panel.image()?;
+        check(&panel.caption, &image)?;
+        let factor = (height as f64 / image.height as f64).round().max(1.0) as usize;
+        let shown = factor.saturating_mul(image.height);
+        let scale = panel.map().map(|map| {
+            let ends = [-map.scale(), map.scale()].into_iter();
+            let axis = Axis::around(ends, false, 0.0).divide((shown / 40).clamp(2, 4));
+            Scale { map, axis }
+        });
+        let frame = factor.saturating_mul(image.width).saturating_add(2);
+        let numbers = |scale: &Scale| scale.axis.widest(font, TICK).ceil() as usize;
+        let beside = scale.as_ref();
+        let beside = beside.map_or(0, |s| SCALE.0 + SCALE.1 + SCALE.2 + numbers(s));
+        let caption = font.wrapped(&panel.caption, CAPTION, NARROWEST.max(frame as f64));
+        let widths = caption.iter().map(|line| font.width(line, CAPTION));
+        let widest = widths.fold(0.0, f64::max).ceil() as usize;
+        Ok(Self {
+            image,
+            factor,
+            caption,
+            scale,
+            width: frame.saturating_add(beside).max(widest),
+        })
+    }
+
+    /// With its frame.
+    pub fn image_height(&self) -> usize {
+        self.factor
+            .saturating_mul(self.image.height)
+            .saturating_add(2)
+    }
+
+    /// With the room between the image and the caption.
+    pub fn caption_height(&self) -> usize {
+        match self.caption.len() {
+            0 => 0,
+            lines => CAPTION_GAP + CAPTION_LINE * lines,
+        }
+    }
+
+    /// The image ends above `bottom`, the caption begins below.
+    pub fn draw(&self, (left, bottom): (usize, usize), canvas: &mut Canvas) {
+        let frame = self.factor * self.image.width + 2;
+        let beside = self.scale.as_ref().map_or(0, |s| {
+            let numbers = s.axis.widest(&canvas.font, TICK).ceil() as usize;
+            SCALE.0 + SCALE.1 + SCALE.2 + numbers
+        });
+        let inset = (self.width - frame - beside) / 2;
+        canvas.place((left + inset, bottom - self.image_height()));
+        canvas.image(&self.image, self.factor, (0, 0));
+        if let Some(scale) = &self.scale {
+            canvas.place((left + inset + frame + SCALE.0, bottom - self.image_height()));
+            scale.draw(self.image_height(), canvas);
+        }
+        canvas.place((left, bottom));
+        let widths = self.caption.iter().map(|l| canvas.font.width(l, CAPTION));
+        let half = 0.5 * widths.fold(0.0, f64::max);
+        // Below the image's middle, unless that is too near to an end.
+        let middle = inset as f64 + 0.5 * frame as f64;
+        let middle = middle.min(self.width as f64 - half).max(half);
+        for (i, line) in self.caption.iter().enumerate() {
+            let at = (middle, (i * CAPTION_LINE) as f64 + 20.0);
+            canvas.text(line, CAPTION, at, Anchor::Middle);
+        }
+    }
+}
+
+impl Scale {
+    /// From the corner that the canvas is at.
+    fn draw(&self, height: usize, canvas: &mut Canvas) {
+        // One pixel of the frame is on each side.
+        let inside = height - 2;
+        let value =
+            |row: usize| self.map.scale() * (1.0 - 2.0 * (row as f64 + 0.5) / inside as f64);
+        let values: Vec<f64> = (0..inside)
+            .flat_map(|row| [value(row)].repeat(SCALE.1 - 2))
+            .collect();
+        if let Ok(image) = self.map.image(SCALE.1 - 2, inside, &values) {
+            canvas.image(&image, 1, (0, 0));
+        }
+        for (place, label) in &self.axis.ticks {
+            let y = 1.0 + (1.0 - self.axis.share(*place)) * inside as f64;
+            let right = SCALE.1 as f64;
+            let tick = (y - 0.5).round();
+            canvas.rectangle((right, tick), (right + 3.0, tick + 1.0), [60; 3]);
+            let baseline = (y + 4.0).clamp(9.0, height as f64);
+            let at = (right + SCALE.2 as f64, baseline);
+            canvas.text(label, TICK, at, Anchor::Left);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn captions_stay_in_their_cells() {
+        let font = Font::new().expect("a font");
+        let image = HostImage::new(8, 8, vec![0.5; 192]).expect("an image");
+        let long = "anextremelylongwordthatnothingbreaks and others";
+        let signed = Panel::signed(long, 8, 8, vec![1e-7; 64]);
+        for panel in [Panel::new(long, &image), signed] {
+            for height in [8, 64, 256] {
+                let cell = Cell::new(&panel, height, &font).expect("a cell");
+                let widths = cell.caption.iter().map(|l| font.width(l, CAPTION));
+                assert!(widths.fold(0.0, f64::max) <= cell.width as f64);
+                assert_eq!(cell.image_height(), height + 2);
+            }
+        }
+    }
+
+    /// Of a pixel that is darker and one that is lighter, the first is blue and the second red.
+    #[test]
+    fn differences_are_signed() {
+        let image =
+            |a: f32, b: f32| HostImage::new(2, 1, vec![a, a, a, b, b, b]).expect("an image");
+        let panel = Panel::difference("d", &image(0.1, 0.5), &image(0.4, 0.2)).expect("a panel");
+        let scale = panel.map().expect("a map").scale();
+        assert!((scale - 0.3).abs() < 1e-6, "{scale}");
+        let colours = panel.image().expect("an image").pixels;
+        assert!(colours[0] < colours[2] && colours[3] > colours[5]);
+        let wide = panel.colours(Diverging::new(3.0).expect("a map"));
+        assert_eq!(wide.map().expect("a map").scale(), 3.0);
+        assert!(wide.image().expect("an image").pixels[0] > colours[0]);
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let image = |side: usize| HostImage {
+            width: side,
+            height: side,
+            pixels: vec![0.0; 12],
+        };
+        let error = Panel::difference("apart", &image(2), &image(1)).expect_err("sizes differ");
+        assert!(error.to_string().contains("2 × 2 and 1 × 1"), "{error}");
+        let font = Font::new().expect("a font");
+        for panel in [
+            Panel::new("few", &image(3)),
+            Panel::new("none", &image(0)),
+            Panel::signed("few", 2, 2, [0.0; 3]),
+            Panel::signed("none", 0, 0, []),
+        ] {
+            let Err(error) = Cell::new(&panel, 64, &font) else {
+                panic!("no error for {panel:?}");
+            };
+            assert!(error.to_string().starts_with("figure: "), "{error}");
+        }
+    }
+}

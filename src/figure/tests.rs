@@ -1,0 +1,133 @@
+use super::*;
+use crate::error::Error;
+
+fn flat(width: usize, height: usize, value: f32) -> HostImage {
+    HostImage::new(width, height, vec![value; 3 * width * height]).expect("an image")
+}
+
+fn decay(title: &str) -> Plot {
+    let points = (0..200).map(|k| (f64::from(k), (-0.05 * f64::from(k)).exp()));
+    Plot::new(title, "step", "loss")
+        .log()
+        .curve("a curve", points)
+}
+
+/// A figure with all that there is, its texts of any length.
+fn full(text: &str) -> Figure {
+    let values: Vec<f64> = (0..64).map(|k| f64::from(k) - 32.0).collect();
+    let mut plot = decay(text).line(text, 0.01);
+    for k in 0..9 {
+        plot = plot.curve(
+            format!("{text} {k}"),
+            [(0.0, 1.0), (200.0, 0.1 + f64::from(k))],
+        );
+    }
+    Figure::new(text)
+        .height(64)
+        .row([(text, &flat(8, 8, 0.4)), ("", &flat(3, 2, 0.9))])
+        .row([
+            Panel::signed(text, 8, 8, values),
+            Panel::new(text, &flat(64, 16, 2.0)),
+        ])
+        .plot(plot)
+        .plot(Plot::new(text, text, text).curve("", [(1.0, f64::NAN)]))
+        .plot(decay("b"))
+        .plot(decay("c"))
+}
+
+/// Nothing is drawn in the margins: no text runs out of the page.
+#[test]
+fn margins_stay_white() {
+    let long = "a text that is much longer than what it stands above or below, \
+                withwordsthataremuchlongerthanalinecanbeonanyfigureofthissizewhateveritis";
+    for text in ["", "short", long, &long.repeat(3)] {
+        let image = full(text).image().expect("a figure");
+        let (w, h) = (image.width, image.height);
+        let white = |x: usize, y: usize| image.pixels[3 * (y * w + x)..][..3] == [1.0; 3];
+        for inset in [0, MARGIN - 3] {
+            let edges = (0..w).flat_map(|x| [(x, inset), (x, h - 1 - inset)]);
+            let sides = (0..h).flat_map(|y| [(inset, y), (w - 1 - inset, y)]);
+            for (x, y) in edges.chain(sides) {
+                assert!(white(x, y), "{x}, {y} of {w} × {h}: {text:?}");
+            }
+        }
+    }
+}
+
+/// The colour scale goes from red at the top to blue at the bottom, beside the image.
+#[test]
+fn signed_images_have_a_scale_beside_them() {
+    let figure = |panel: Panel| Figure::new("").row([panel]).image().expect("a figure");
+    let signed = figure(Panel::signed("", 4, 4, [1.0; 16]));
+    let plain = figure(Panel::new("", &flat(4, 4, 0.5)));
+    assert_eq!(signed.height, plain.height);
+    let pixel = |x: usize, y: usize| &signed.pixels[3 * (y * signed.width + x)..][..3];
+    let coloured = |x: &usize, y: usize| pixel(*x, y)[0] != pixel(*x, y)[2];
+    let frame = MARGIN + 256 + 2;
+    let columns: Vec<usize> = (frame..signed.width)
+        .filter(|x| coloured(x, MARGIN + 3))
+        .collect();
+    assert!(
+        columns.len() >= 10 && columns[0] < frame + 12,
+        "{columns:?}"
+    );
+    let middle = columns[columns.len() / 2];
+    let (top, bottom) = (pixel(middle, MARGIN + 3), pixel(middle, MARGIN + 254));
+    assert!(
+        top[0] > 3.0 * top[2] && bottom[2] > 3.0 * bottom[0],
+        "{top:?}, {bottom:?}"
+    );
+    let centre = pixel(middle, MARGIN + 1 + 128);
+    assert!(centre.iter().all(|v| *v > 0.95), "{centre:?}");
+    // The image has the colour of the scale's upper end, and numbers stand to the right.
+    assert_eq!(
+        pixel(MARGIN + 100, MARGIN + 100),
+        Diverging::of(&[1.0]).colour(1.0)
+    );
+    let ink = |x: usize| (0..signed.height).any(|y| pixel(x, y)[0] < 0.1);
+    assert!((middle + 12..signed.width).any(ink));
+}
+
+/// A curve's points are where the ends of its axes are.
+#[test]
+fn curves_fill_their_frames() {
+    let plot = Plot::new("", "", "").curve("", [(0.0, 0.0), (1.0, 1.0)]);
+    let image = Figure::new("").plot(plot).image().expect("a figure");
+    let blue = |i: &usize| {
+        let p = &image.pixels[3 * i..3 * i + 3];
+        p[2] > p[0] + 0.2
+    };
+    let inked: Vec<usize> = (0..image.width * image.height).filter(blue).collect();
+    let (first, last) = (inked[0], inked[inked.len() - 1]);
+    assert!(first / image.width < 60 && first % image.width > image.width - 60);
+    assert!(last / image.width > image.height - 80 && last % image.width < 100);
+}
+
+#[test]
+fn mistakes_are_named() {
+    let folder = std::env::temp_dir().join(format!("softray-figure-{}", std::process::id()));
+    let figure = Figure::new("").row([("grey", &flat(2, 2, 0.5))]);
+    let missing = figure.write(folder.join("a.png")).expect_err("no folder");
+    assert!(
+        missing.to_string().contains("there is no folder"),
+        "{missing}"
+    );
+    assert!(figure.write("a.svg").is_err());
+    std::fs::create_dir(&folder).expect("a folder");
+    let path = folder.join("a.png");
+    std::fs::create_dir(&path).expect("a folder in the way");
+    let error = figure.write(&path).expect_err("a folder is there");
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 1);
+    std::fs::remove_dir_all(&folder).expect("a folder");
+    let large = Figure::new("")
+        .height(1 << 20)
+        .row([("", &flat(2, 1, 0.0))]);
+    let error = large.image().expect_err("too large").to_string();
+    assert!(error.contains("figure: size is"), "{error}");
+    let empty = Figure::new("")
+        .row(Vec::<Panel>::new())
+        .image()
+        .expect("a page");
+    assert_eq!(empty.height, 2 * MARGIN);
+}

@@ -1,0 +1,213 @@
+//! What is seen of a fit while it runs: a bar, or lines now and then where there is no terminal.
+
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::{Stop, Warning};
+
+/// Time between lines.
+const PAUSE: Duration = Duration::from_secs(10);
+const TEMPLATE: &str = "fitting {bar:40} {pos}/{len} [{elapsed} < {eta}] {msg}";
+
+pub(super) struct Progress {
+    shown: Shown,
+    steps: usize,
+    /// Steps taken before this run began, and when it began.
+    before: usize,
+    start: Instant,
+    /// The last step of this run.
+    latest: Option<Latest>,
+    warnings: Vec<Warning>,
+}
+
+enum Shown {
+    Nothing,
+    Bar(ProgressBar),
+    /// Lines on the standard error; when the last one was written, and after how many steps.
+    Lines(Option<(Instant, usize)>),
+}
+
+/// The last step that was taken.
+#[derive(Clone, Copy)]
+struct Latest {
+    done: usize,
+    loss: f64,
+    blur: Option<f64>,
+}
+
+impl Progress {
+    pub fn new(shown: bool, steps: usize) -> Self {
+        let shown = if shown {
+            let style = ProgressStyle::with_template(TEMPLATE);
+            let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+            let bar = ProgressBar::new(steps as u64).with_style(style);
+            // It is where the standard error is no terminal.
+            if bar.is_hidden() {
+                Shown::Lines(None)
+            } else {
+                Shown::Bar(bar)
+            }
+        } else {
+            Shown::Nothing
+        };
+        Self {
+            shown,
+            steps,
+            before: 0,
+            start: Instant::now(),
+            latest: None,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Begins, with so many steps taken before.
+    pub fn begin(&mut self, before: usize) {
+        self.before = before;
+        self.start = Instant::now();
+        if let Shown::Bar(bar) = &self.shown {
+            bar.set_position(before as u64);
+            bar.reset_eta();
+        }
+    }
+
+    /// After a step.
+    pub fn step(&mut self, done: usize, loss: f64, blur: Option<f64>) {
+        let latest = Latest { done, loss, blur };
+        self.latest = Some(latest);
+        match &mut self.shown {
+            Shown::Nothing => {}
+            Shown::Bar(bar) => {
+                bar.set_message(state(loss, blur));
+                bar.set_position(done as u64);
+            }
+            Shown::Lines(Some((last, _))) if last.elapsed() < PAUSE => {}
+            Shown::Lines(last) => {
+                *last = Some((Instant::now(), done));
+                let elapsed = self.start.elapsed();
+                write_line(&line(latest, (self.before, self.steps), elapsed));
+            }
+        }
+    }
+
+    /// At the end: the last step and why it was the last, where lines are written.
+    pub fn finish(&mut self, stop: Stop) {
+        let why = match stop {
+            Stop::Steps => "",
+            Stop::Early => "; it ends, since the loss has stopped falling",
+            Stop::Callback => "; it ends, as the callback asked",
+        };
+        match (&self.shown, self.latest) {
+            (Shown::Bar(bar), _) => bar.finish_and_clear(),
+            (Shown::Lines(last), Some(latest)) => {
+                let written = last.is_some_and(|(_, done)| done == latest.done);
+                if !written || stop != Stop::Steps {
+                    let elapsed = self.start.elapsed();
+                    let line = line(latest, (self.before, self.steps), elapsed);
+                    write_line(&format!("{line}{why}"));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Keeps and logs a warning; where progress is shown and the log would not show it, it is written
+    /// too, above the bar.
+    pub fn warn(&mut self, warning: Warning) {
+        let text = format!("fit: {warning}");
+        let logged = log::log_enabled!(log::Level::Warn);
+        match &self.shown {
+            Shown::Bar(bar) if !logged => bar.println(format!("warning: {text}")),
+            Shown::Lines(_) if !logged => write_line(&format!("warning: {text}")),
+            // A logger may write to the same terminal.
+            Shown::Bar(bar) => bar.suspend(|| log::warn!("{text}")),
+            _ => log::warn!("{text}"),
+        }
+        self.warnings.push(warning);
+    }
+
+    pub fn into_warnings(self) -> Vec<Warning> {
+        self.warnings
+    }
+}
+
+/// A fit goes on where nobody can be told how it goes.
+fn write_line(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+fn state(loss: f64, blur: Option<f64>) -> String {
+    match blur {
+        Some(blur) => format!("loss {loss:.3e}, blur {blur:.1e}"),
+        None => format!("loss {loss:.3e}"),
+    }
+}
+
+/// As `fit: step 40/200, loss 1.234e-3, blur 2.0e-2, 12 s, about 48 s left`.
+fn line(latest: Latest, (before, steps): (usize, usize), elapsed: Duration) -> String {
+    let Latest { done, loss, blur } = latest;
+    let mut text = format!(
+        "fit: step {done}/{steps}, {}, {}",
+        state(loss, blur),
+        time(elapsed)
+    );
+    let (taken, left) = (done - before, steps.saturating_sub(done));
+    if taken > 0 && left > 0 {
+        let left = elapsed.mul_f64(left as f64 / taken as f64);
+        text += &format!(", about {} left", time(left));
+    }
+    text
+}
+
+fn time(time: Duration) -> String {
+    let seconds = time.as_secs_f64();
+    if seconds < 9.95 {
+        return format!("{seconds:.1} s");
+    }
+    let seconds = seconds.round() as u64;
+    match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
+        (0, 0, s) => format!("{s} s"),
+        (0, m, s) => format!("{m} min {s} s"),
+        (h, m, _) => format!("{h} h {m} min"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_say_how_far_it_is() {
+        let at = |done, before, blur, seconds| {
+            let latest = Latest {
+                done,
+                loss: 1.2e-3,
+                blur,
+            };
+            line(latest, (before, 200), Duration::from_secs_f64(seconds))
+        };
+        assert_eq!(
+            at(40, 0, Some(0.02), 12.0),
+            "fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left"
+        );
+        // Steps that were taken before a resumption took no time.
+        assert_eq!(
+            at(150, 100, None, 100.0),
+            "fit: step 150/200, loss 1.200e-3, 1 min 40 s, about 1 min 40 s left"
+        );
+        assert_eq!(
+            at(200, 0, None, 7300.0),
+            "fit: step 200/200, loss 1.200e-3, 2 h 1 min"
+        );
+        assert_eq!(time(Duration::from_millis(340)), "0.3 s");
+    }
+
+    #[test]
+    fn warnings_are_kept() {
+        let mut progress = Progress::new(false, 3);
+        let warning = Warning::Unused(vec!["a.b".into()]);
+        progress.warn(warning.clone());
+        assert_eq!(progress.into_warnings(), [warning]);
+    }
+}

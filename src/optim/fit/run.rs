@@ -1,0 +1,246 @@
+//! The loop.
+
+use std::path::Path;
+use std::time::Instant;
+
+use burn::module::Module;
+use burn::optim::GradientsParams;
+
+use super::check::{loss_of_step, no_gradient, not_finite};
+use super::checkpoint::Checkpoints;
+use super::pictures::{Colours, Images};
+use super::progress::Progress;
+use super::{Evaluation, Fit, Fitted, History, Report, Row, Step, Stop, Warning, gradients};
+use crate::error::Result;
+use crate::optim::schedule::Blur;
+
+/// A fit under way.
+struct Run<M> {
+    fit: Fit<M>,
+    /// What a checkpoint is compared by; empty where there are none.
+    settings: String,
+    checkpoints: Option<Checkpoints>,
+    history: History,
+    resumed: Option<usize>,
+    progress: Progress,
+    colours: Colours,
+    /// The steps over which a loss that does not fall is a plateau.
+    window: usize,
+    plateaus: Vec<usize>,
+    start: Instant,
+    /// Seconds that a run before this one took.
+    before: f64,
+}
+
+impl<M: Module> Fit<M> {
+    /// Takes the steps. The function is given the module and what the step is evaluated with, and
+    /// returns the loss. It has to be a function of these alone: then a fit that is killed and
+    /// resumed ends with the same parameters as one that is not.
+    ///
+    /// # Errors
+    /// Before the first step: if a setting is out of its range, no parameter of the module is on a
+    /// device with autodiff, a folder can't be used, or a checkpoint is of a fit with other settings or
+    /// of another module. At a step: what the function or a callback returns; if the loss is not one
+    /// number in the graph of the module's parameters, it or the gradient is not finite, an image has
+    /// another size than its target, or a file can't be written.
+    pub fn run(self, mut f: impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Fitted<M>> {
+        let mut run = Run::open(self)?;
+        let mut stop = Stop::Steps;
+        // A fit that had ended early stays so.
+        if run.fit.patience.is_some() && run.ended_flat() {
+            stop = Stop::Early;
+        } else {
+            while run.history.rows.len() < run.fit.steps {
+                let (next, end) = run.step(&mut f)?;
+                run = next;
+                if let Some(end) = end {
+                    stop = end;
+                    break;
+                }
+                run.save()?;
+            }
+        }
+        run.finish(stop)
+    }
+}
+
+impl<M: Module> Run<M> {
+    /// Goes on from a checkpoint where there is one.
+    fn open(mut fit: Fit<M>) -> Result<Self> {
+        fit.check()?;
+        if let Some(pictures) = &fit.pictures {
+            pictures.open()?;
+        }
+        // Only checkpoints ask for them.
+        let settings = match &fit.folder {
+            Some(_) => fit.settings(),
+            None => String::new(),
+        };
+        let mut progress = Progress::new(fit.progress, fit.steps);
+        let mut warn = |warning| progress.warn(warning);
+        let restart = fit.restart;
+        let mut open = |folder: &Path| Checkpoints::open(folder, restart, &mut warn);
+        let checkpoints = fit.folder.as_deref().map(&mut open).transpose()?;
+        let mut history = History::default();
+        let mut resumed = None;
+        let newest = checkpoints.as_ref();
+        let newest = newest.map(|c| c.newest(&settings, &mut warn));
+        if let Some(newest) = newest.transpose()?.flatten() {
+            fit.module = newest.module(fit.module)?;
+            fit.optimizer = newest.optimizer(fit.optimizer)?;
+            history = newest.history;
+            resumed = Some(history.rows.len());
+        }
+        // Blur that follows the loss is a function of the losses so far.
+        for row in &history.rows {
+            observe(&mut fit.blur, row.loss);
+        }
+        progress.begin(history.rows.len());
+        let window = fit.patience.unwrap_or((fit.steps / 5).max(20));
+        Ok(Self {
+            window,
+            plateaus: history.plateaus(window),
+            before: history.rows.last().map_or(0.0, |r| r.seconds),
+            start: Instant::now(),
+            colours: Colours::default(),
+            fit,
+            settings,
+            checkpoints,
+            history,
+            resumed,
+            progress,
+        })
+    }
+
+    fn ended_flat(&self) -> bool {
+        let last = self.plateaus.last();
+        last.is_some_and(|last| last + 1 == self.history.rows.len())
+    }
+
+    /// Takes a step; returns why it was the last one, if it was.
+    fn step(
+        mut self,
+        f: &mut impl FnMut(&M, &Step) -> Result<Evaluation>,
+    ) -> Result<(Self, Option<Stop>)> {
+        let index = self.history.rows.len();
+        let first = index == 0 || self.resumed == Some(index);
+        let steps = self.fit.steps;
+        let pictures = self.fit.pictures.as_ref();
+        let pictures = pictures.filter(|p| first || p.wants(index, steps));
+        let step = Step {
+            index,
+            blur: self.fit.blur.as_ref().map(|b| b.value(index)),
+            pictured: pictures.is_some(),
+            seed: self.fit.seed,
+        };
+        let mut evaluation = f(&self.fit.module, &step)?;
+        evaluation.check()?;
+        let loss = loss_of_step(&evaluation.loss, index)?;
+        let mut gradients =
+            GradientsParams::from_grads(evaluation.loss.backward(), &self.fit.module);
+        let found = gradients::clip(&self.fit.module, &mut gradients, self.fit.clip)?;
+        let Some(norm) = found.norm else {
+            return Err(no_gradient(&self.fit.module, &evaluation.loss));
+        };
+        if !norm.is_finite() {
+            return Err(not_finite("the gradient", norm, index));
+        }
+        if !found.missing.is_empty() && first {
+            self.progress.warn(Warning::Unused(found.missing));
+        }
+        let rate = self.fit.rate.at(index, steps);
+        let row = Row {
+            step: index,
+            loss,
+            gradient_norm: norm,
+            rate,
+            blur: step.blur,
+            seconds: self.before + self.start.elapsed().as_secs_f64(),
+            values: Vec::new(),
+        };
+        self.history
+            .push(std::mem::take(&mut evaluation.values), row)?;
+        let images = Images {
+            evaluation: &evaluation,
+            colours: &self.colours,
+        };
+        if let (Some(pictures), Some(row)) = (pictures, self.history.rows.last()) {
+            pictures.write(&images, row, first)?;
+        }
+        let mut wanted = true;
+        if let Some((every, callback)) = &mut self.fit.callback
+            && (index.is_multiple_of(*every) || index + 1 == steps)
+        {
+            wanted = callback(&Report {
+                module: &self.fit.module,
+                step: &step,
+                steps,
+                history: &self.history,
+                images: &images,
+            })?;
+        }
+        drop(evaluation);
+        self.fit.module = self.fit.optimizer.step(rate, self.fit.module, gradients);
+        observe(&mut self.fit.blur, loss);
+        self.progress.step(index + 1, loss, step.blur);
+        let flat = self.plateau(index);
+        let end = match (flat && self.fit.patience.is_some(), wanted) {
+            (true, _) => Some(Stop::Early),
+            (false, false) => Some(Stop::Callback),
+            (false, true) => None,
+        };
+        Ok((self, end))
+    }
+
+    /// Whether a plateau ends at a step, of which it warns.
+    fn plateau(&mut self, step: usize) -> bool {
+        let window = self.window;
+        let flat = self.history.is_flat(window, self.plateaus.last().copied());
+        if flat {
+            self.plateaus.push(step);
+            self.progress.warn(Warning::Plateau { step, window });
+        }
+        flat
+    }
+
+    /// Writes a checkpoint where one is due.
+    fn save(&self) -> Result<()> {
+        match &self.checkpoints {
+            Some(all) if self.history.rows.len().is_multiple_of(self.fit.every) => self.write(all),
+            _ => Ok(()),
+        }
+    }
+
+    fn write(&self, checkpoints: &Checkpoints) -> Result<()> {
+        let Fit {
+            module, optimizer, ..
+        } = &self.fit;
+        checkpoints.write(module, optimizer, &self.history, &self.settings)
+    }
+
+    fn finish(mut self, stop: Stop) -> Result<Fitted<M>> {
+        self.progress.finish(stop);
+        if let Some(checkpoints) = &self.checkpoints {
+            let steps = self.history.rows.len();
+            let saved = steps.is_multiple_of(self.fit.every) && stop == Stop::Steps;
+            if !saved && self.resumed != Some(steps) {
+                self.write(checkpoints)?;
+            }
+            checkpoints.finish(&self.history)?;
+        }
+        Ok(Fitted {
+            module: self.fit.module,
+            history: self.history,
+            stop,
+            resumed: self.resumed,
+            plateaus: self.plateaus,
+            warnings: self.progress.into_warnings(),
+        })
+    }
+}
+
+fn observe(blur: &mut Option<Blur>, loss: f64) {
+    if let Some(blur) = blur {
+        blur.observe(loss);
+    }
+}
