@@ -18,8 +18,9 @@ impl Scene {
     /// corner.
     ///
     /// Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side) and `map_Kd` count, the
-    /// latter instead of `Kd`. What has no `Kd` or no material is mid-grey like
-    /// [`Material::default`].
+    /// latter instead of `Kd` on objects that have texture coordinates. What has no `Kd` or no material is
+    /// mid-grey like [`Material::default`]. Entries that would change the picture and are not read are
+    /// named in a warning, once a file.
     ///
     /// # Errors
     /// When a file is missing, malformed, too large, or outside of the OBJ file's folder
@@ -53,7 +54,10 @@ impl Scene {
             pieces[i].1.add(&model.mesh);
         }
         if pieces.is_empty() {
-            return Err(Error::NoTriangles { objects: 0 });
+            return Err(Error::NoTriangles {
+                path: Some(path.into()),
+                objects: 0,
+            });
         }
         let mut materials = Materials {
             described: &described,
@@ -165,21 +169,22 @@ impl Pieces {
         mesh.uvs = self.uvs.attribute(n, device);
         mesh.normals = self.normals.attribute(n, device);
         let mut object = Object::new(mesh).named(name);
-        object.materials = self
-            .materials
-            .iter()
-            .map(|&m| all.get(m))
-            .collect::<Result<_>>()?;
-        for material in &object.materials {
+        let mut materials = Vec::with_capacity(self.materials.len());
+        for &m in &self.materials {
+            let mut material = all.get(m)?;
             let textured = matches!(material.diffuse, Albedo::Texture { .. });
             if textured && object.mesh.uvs.is_none() {
                 log::warn!(
-                    "{}: material {} has a texture, but not all corners have coordinates",
+                    "{}: material {} has a texture, but not all corners have coordinates: taking its \
+                     colour",
                     object.name,
                     material.name
                 );
+                material.diffuse = all.colour(m);
             }
+            materials.push(material);
         }
+        object.materials = materials;
         if object.materials.len() > 1 {
             object.face_materials = Arc::new(self.face_materials);
         }
@@ -199,6 +204,15 @@ struct Materials<'a> {
 }
 
 impl Materials<'_> {
+    /// What a material reflects diffusely without its texture.
+    fn colour(&self, id: Option<usize>) -> Albedo {
+        let described = id.and_then(|i| self.described.get(i));
+        match described.and_then(|m| m.diffuse) {
+            Some(kd) => kd.into(),
+            None => Material::default().diffuse,
+        }
+    }
+
     fn get(&mut self, id: Option<usize>) -> Result<Material> {
         let Some((id, source)) = id.and_then(|i| Some((i, self.described.get(i)?))) else {
             return Ok(Material::default().named("default"));
@@ -207,9 +221,7 @@ impl Materials<'_> {
             return Ok(built.clone());
         }
         let mut material = Material::default().named(source.name.clone());
-        if let Some(kd) = source.diffuse {
-            material.diffuse = kd.into();
-        }
+        material.diffuse = self.colour(Some(id));
         let texture = source.diffuse_texture.as_deref();
         let texture = texture.and_then(|t| t.parse::<usize>().ok());
         if let Some((number, file)) = texture.and_then(|t| Some((t, self.textures.get(t)?))) {

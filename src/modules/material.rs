@@ -97,7 +97,7 @@ impl MaterialParamsConfig {
 /// # let _ = object;
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub struct MaterialParams {
     /// Logarithms of the shares of what is diffuse, specular and absorbed, up to a number that is added to
     /// all of a channel's: `[3, 3]`, a row a channel, or `[3, 2]` where nothing is specular.
@@ -124,7 +124,7 @@ impl MaterialParams {
                     object,
                     field,
                     "a texture",
-                    "a constant colour",
+                    "a constant colour; TextureParams is for textures",
                 ))
             }
         };

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
 
 /// A perspective camera, pinhole or thin lens. Right-handed, pixel (0, 0) top left.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Camera {
     /// Position.
     pub eye: Parameter<3>,

@@ -3,6 +3,7 @@
 //! moment.
 
 mod checkpoint;
+mod debug;
 mod gradients;
 mod history;
 mod rate;
