@@ -39,10 +39,7 @@ fn parse(field: &str, name: &str) -> Result<Device> {
         Some((backend, kind)) => (backend, Some(kind)),
         None => (lower.as_str(), None),
     };
-    let unknown = || {
-        let names = "flex, ndarray, wgpu or vulkan; of the last two a kind, as in wgpu:cpu";
-        Error::invalid("device", field, format!("{name:?}"), names)
-    };
+    let unknown = || Error::invalid("device", field, format!("{name:?}"), names());
     match (backend, kind) {
         #[cfg(feature = "flex")]
         ("flex", None) => Ok(Device::flex()),
@@ -59,6 +56,43 @@ fn parse(field: &str, name: &str) -> Result<Device> {
             format!("a backend that was built in; build with `--features {backend}` for this one"),
         )),
         _ => Err(unknown()),
+    }
+}
+
+/// The names of devices, and which of them this program was built without.
+fn names() -> String {
+    let all = [
+        ("flex", cfg!(feature = "flex")),
+        ("ndarray", cfg!(feature = "ndarray")),
+        ("wgpu", cfg!(feature = "wgpu")),
+        ("vulkan", cfg!(feature = "vulkan")),
+    ];
+    let of = |built: bool| {
+        let names = all.iter().filter(|b| b.1 == built).map(|b| b.0);
+        names.collect::<Vec<_>>().join(" or ")
+    };
+    let missing = match of(false) {
+        none if none.is_empty() => String::new(),
+        some => format!(", or {some} in a program that is built with the feature of that name"),
+    };
+    format!(
+        "{}{missing}; of wgpu and vulkan a kind too, as in wgpu:cpu",
+        of(true)
+    )
+}
+
+/// A device by the name that [`named`] knows it by, where it has one. Devices with autodiff are called
+/// like those without.
+pub(crate) fn label(device: &Device) -> String {
+    let text = format!("{:?}", device.clone().inner());
+    let inner = text
+        .strip_prefix("Device<")
+        .and_then(|t| t.strip_suffix('>'));
+    let inner = inner.unwrap_or(&text);
+    match inner.split('(').next() {
+        Some("Flex") => "flex".into(),
+        Some("NdArray") => "ndarray".into(),
+        _ => inner.to_owned(),
     }
 }
 
@@ -92,6 +126,16 @@ mod tests {
         assert_eq!(flex, Device::flex());
         #[cfg(feature = "ndarray")]
         assert_ne!(parse("name", "ndarray").expect("ndarray"), flex);
+    }
+
+    #[cfg(all(feature = "flex", feature = "ndarray"))]
+    #[test]
+    fn labels_are_names() {
+        for name in ["flex", "ndarray"] {
+            let device = parse("name", name).expect(name);
+            assert_eq!(label(&device), name);
+            assert_eq!(label(&device.autodiff()), name);
+        }
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! The crate's error type: every message names the object, the field and the value at fault.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use burn::tensor::TensorReadError;
 
 /// What can be wrong with a scene, a file or a request to render.
 ///
@@ -21,13 +23,18 @@ pub enum Error {
         expected: String,
     },
     /// The scene has no triangle.
-    #[error("scene: it has no triangles ({objects} objects), expected at least one triangle")]
+    #[error("{}", no_triangles(path.as_deref(), *objects))]
     NoTriangles {
+        /// The file that it was read from, if it was.
+        path: Option<PathBuf>,
         /// How many objects the scene has.
         objects: usize,
     },
     /// The tensors of one scene are on different devices.
-    #[error("{object}: {field} is on {found}, expected {expected} like the rest of the scene")]
+    #[error(
+        "{object}: {field} is on the device {found}, expected {expected} like the scene's first object: \
+         make it there, or move it by Tensor::to_device"
+    )]
     DeviceMismatch {
         /// The object at fault.
         object: String,
@@ -39,7 +46,10 @@ pub enum Error {
         expected: String,
     },
     /// The tensors of one scene have different float types.
-    #[error("{object}: {field} has dtype {found}, expected {expected} like the rest of the scene")]
+    #[error(
+        "{object}: {field} has dtype {found}, expected {expected} like the scene's first object: \
+         Tensor::cast changes it"
+    )]
     DtypeMismatch {
         /// The object at fault.
         object: String,
@@ -77,8 +87,11 @@ pub enum Error {
         source: Box<Error>,
     },
     /// A tensor can't be read back from its device.
-    #[error("reading a tensor back failed: {0}")]
-    Read(String),
+    #[error("reading a tensor back from its device failed: {source}")]
+    Read {
+        /// What burn says.
+        source: TensorReadError,
+    },
 }
 
 impl std::fmt::Debug for Error {
@@ -103,6 +116,13 @@ impl Error {
         }
     }
 
+    /// An [`Error::Read`] of what burn says. No `From`: with a second one the compiler can't infer the
+    /// error type of closures that use `?`.
+    pub(crate) fn read(source: impl Into<TensorReadError>) -> Self {
+        let source = source.into();
+        Self::Read { source }
+    }
+
     /// An [`Error::Format`] for a file.
     pub(crate) fn format(path: impl Into<PathBuf>, message: impl Into<String>) -> Self {
         Self::Format {
@@ -112,5 +132,70 @@ impl Error {
     }
 }
 
+/// What a scene without triangles lacks.
+fn no_triangles(path: Option<&Path>, objects: usize) -> String {
+    let Some(path) = path else {
+        return match objects {
+            0 => "scene: it has no objects, expected at least one: Scene::with adds it".into(),
+            1 => "scene: its object has no faces, expected at least one triangle".into(),
+            n => {
+                format!("scene: none of its {n} objects has a face, expected at least one triangle")
+            }
+        };
+    };
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    let hint = match ending.to_str() {
+        Some("obj") => "",
+        Some("json") => ": a scene file is read by SceneFile::load",
+        _ => ": is it an OBJ file?",
+    };
+    let path = path.display();
+    format!("{path}: it has no faces (lines that begin with \"f\"), expected at least one{hint}")
+}
+
+/// Names, to choose one of.
+pub(crate) fn one_of<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    /// Names that are listed.
+    const MOST: usize = 16;
+    let mut names = names.into_iter();
+    let some: Vec<&str> = names.by_ref().take(MOST).collect();
+    match names.count() {
+        0 if some.is_empty() => "a name, but there is none to choose from".into(),
+        0 => format!("one of {some:?}"),
+        more => format!("one of {some:?} or {more} more"),
+    }
+}
+
 /// The crate's result type.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error as _;
+
+    use super::*;
+
+    #[test]
+    fn readings_keep_what_burn_says() {
+        let failed = TensorReadError::InvalidShape {
+            expected: 1,
+            actual: 3,
+        };
+        let error = Error::read(failed);
+        assert!(error.source().expect("a source").is::<TensorReadError>());
+        let parts = error.to_string();
+        assert!(
+            parts.contains("reading a tensor back") && parts.contains("got 3"),
+            "{parts}"
+        );
+    }
+
+    #[test]
+    fn names_are_listed_as_far_as_they_fit() {
+        let names: Vec<String> = (0..20).map(|i| format!("o{i}")).collect();
+        let all = || names.iter().map(String::as_str);
+        assert_eq!(one_of(all().take(2)), r#"one of ["o0", "o1"]"#);
+        assert!(one_of(all()).ends_with(r#""o15"] or 4 more"#));
+        assert!(one_of([]).contains("none"));
+    }
+}

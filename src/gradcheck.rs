@@ -7,13 +7,14 @@ use std::sync::Arc;
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use rayon::prelude::*;
 
-use crate::error::{Error, Result};
+use crate::debug::{numbers, tensor};
+use crate::error::{Error, Result, one_of};
 use crate::geometry::host_values;
 use crate::render::{RenderOptions, is_cpu, render};
 use crate::scene::{Camera, Flattened, Scene};
 
 /// A parameter to check: a tensor `[C]`, component by component or along one direction.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Checked {
     name: String,
     values: Vec<f64>,
@@ -77,7 +78,7 @@ impl Checked {
 }
 
 /// The parameters as tensors, handed to the closure that builds a scene.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Point {
     /// Where the scene has to be.
     pub device: Device,
@@ -94,8 +95,8 @@ impl Point {
     pub fn get(&self, name: &str) -> Result<Tensor<1>> {
         let found = self.tensors.iter().find(|(n, _)| n == name);
         found.map(|(_, t)| t.clone()).ok_or_else(|| {
-            let names: Vec<&str> = self.tensors.iter().map(|(n, _)| n.as_str()).collect();
-            Error::invalid("gradcheck", "parameter", name, format!("one of {names:?}"))
+            let names = one_of(self.tensors.iter().map(|(n, _)| n.as_str()));
+            Error::invalid("gradcheck", "parameter", format!("{name:?}"), names)
         })
     }
 }
@@ -358,6 +359,7 @@ pub fn gradcheck(
     settings: &GradCheck,
     build: impl Fn(&Point) -> Result<(Scene, Camera)> + Sync,
 ) -> Result<Report> {
+    check_names(parameters, settings)?;
     for p in parameters {
         p.check()?;
     }
@@ -393,6 +395,68 @@ pub fn gradcheck(
     Ok(Report {
         rows: rows.collect(),
     })
+}
+
+/// That there is something to check, under names that tell parameters apart.
+fn check_names(parameters: &[Checked], settings: &GradCheck) -> Result<()> {
+    let invalid = |field, value: &str, expected: String| {
+        Err(Error::invalid(
+            "gradcheck",
+            field,
+            format!("{value:?}"),
+            expected,
+        ))
+    };
+    let names = || parameters.iter().map(|p| p.name.as_str());
+    if parameters.is_empty() {
+        return Err(Error::invalid(
+            "gradcheck",
+            "parameters",
+            "empty",
+            "at least one",
+        ));
+    }
+    if let Some((_, twice)) = names()
+        .enumerate()
+        .find(|&(i, n)| names().take(i).any(|m| m == n))
+    {
+        return invalid(
+            "name of two parameters",
+            twice,
+            "a name of its own for each".into(),
+        );
+    }
+    let only = settings.only.as_deref().unwrap_or_default();
+    match only.iter().find(|n| names().all(|m| m != n.as_str())) {
+        Some(unknown) => invalid("a name given to only", unknown, one_of(names())),
+        None if settings.only.is_some() && only.is_empty() => Err(Error::invalid(
+            "gradcheck",
+            "only",
+            "empty",
+            one_of(names()),
+        )),
+        None => Ok(()),
+    }
+}
+
+impl fmt::Debug for Checked {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut all = f.debug_struct("Checked");
+        all.field("name", &self.name)
+            .field("values", &numbers(self.values.iter().copied()))
+            .field("step", &self.step);
+        if let Some(direction) = &self.direction {
+            all.field("direction", &numbers(direction.iter().copied()));
+        }
+        all.finish()
+    }
+}
+
+impl fmt::Debug for Point {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let tensors = self.tensors.iter().map(|(name, t)| (name, tensor(t)));
+        f.debug_map().entries(tensors).finish()
+    }
 }
 
 impl GradCheck {

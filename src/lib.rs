@@ -30,6 +30,7 @@ struct Readme;
 struct Guide;
 
 pub mod accel;
+mod debug;
 pub mod device;
 pub mod error;
 #[cfg(feature = "fit")]

@@ -165,20 +165,17 @@ fn differentiated(with: &str, settings: &GradCheck) -> softray::gradcheck::Repor
                     scene.with(Object::new(ball(1)).material(Material::diffuse([0.2, 0.3, 0.4])))
             }
             "map" => {
-                scene = Scene {
-                    objects: vec![scene.objects[0].clone(), Object::new(ball(1))],
-                    environment: Environment::map(map()),
-                }
+                scene = Scene::new()
+                    .with(scene.objects[0].clone())
+                    .with(Object::new(ball(1)))
+                    .environment(Environment::map(map()))
             }
             "mapgloss" => {
-                scene = Scene {
-                    objects: vec![
-                        scene.objects[0].clone(),
-                        Object::new(ball(1))
-                            .material(Material::diffuse([0.2, 0.3, 0.4]).specular([0.5; 3], 30.0)),
-                    ],
-                    environment: Environment::map(map()),
-                }
+                let gloss = Material::diffuse([0.2, 0.3, 0.4]).specular([0.5; 3], 30.0);
+                scene = Scene::new()
+                    .with(scene.objects[0].clone())
+                    .with(Object::new(ball(1)).material(gloss))
+                    .environment(Environment::map(map()))
             }
             "seam" => {
                 let a = Material::diffuse(Albedo::texture(texels.clone()));

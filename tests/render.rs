@@ -240,7 +240,7 @@ fn errors_name_what_is_wrong() {
         }
     };
     let good = white(1.0).with(ball());
-    expect(message(&Scene::new(), &camera, &options), &["no triangles"]);
+    expect(message(&Scene::new(), &camera, &options), &["no objects"]);
     expect(
         message(&good, &camera, &RenderOptions::new(0, 8)),
         &["width", "0"],

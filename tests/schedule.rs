@@ -245,7 +245,7 @@ fn errors_name_the_field_and_the_value() {
         ),
         (
             BlurSchedule::auto(&Scene::new(), &above(5.0), 16, 10),
-            "no triangles",
+            "no objects",
         ),
     ];
     for (found, expected) in cases {

@@ -67,12 +67,10 @@ pub(crate) fn by_rows(tensor: &Tensor<3>, mut f: impl FnMut(&[f32])) -> Result<(
     let [height, width, channels] = tensor.dims();
     let rows = (NUMBERS / (width * channels).max(1)).max(1);
     let tensor = plain(tensor);
-    let read = |e| Error::Read(format!("{e:?}"));
     for from in (0..height).step_by(rows) {
         let some = tensor.clone().slice([from..(from + rows).min(height)]);
-        let data = some.try_into_data().map_err(read)?.convert::<f32>();
-        let values = data.as_slice::<f32>();
-        f(values.map_err(|e| Error::Read(format!("{e:?}")))?);
+        let data = some.try_into_data_as::<f32>().map_err(Error::read)?;
+        f(data.as_slice::<f32>().map_err(Error::read)?);
     }
     Ok(())
 }
@@ -92,8 +90,7 @@ pub(crate) fn first_not_finite(tensor: &Tensor<3>) -> Result<Option<(usize, f64)
 
 /// A float tensor's values on the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
-    let data = plain(tensor)
-        .try_into_data()
-        .map_err(|e| Error::Read(format!("{e:?}")))?;
+    let data = plain(tensor).try_into_data();
+    let data = data.map_err(Error::read)?;
     Ok(data.iter::<f64>().collect())
 }

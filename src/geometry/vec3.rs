@@ -1,9 +1,12 @@
+use std::fmt;
+
 use burn::tensor::{Int, Tensor};
 
 use super::{Context, plain};
+use crate::debug::tensor;
 
 /// Three planes of one shape: `[1, N]` for rays, `[T, 1]` for triangles.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Vec3 {
     /// The x components.
     pub x: Tensor<2>,
@@ -11,6 +14,12 @@ pub struct Vec3 {
     pub y: Tensor<2>,
     /// The z components.
     pub z: Tensor<2>,
+}
+
+impl fmt::Debug for Vec3 {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Vec3 {:?}", tensor(&self.x))
+    }
 }
 
 impl Vec3 {

@@ -1,20 +1,22 @@
+use std::fmt;
 use std::io::{BufReader, Seek, Write};
 use std::path::Path;
 
-use burn::tensor::{DType, Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor, TensorData};
 use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Rgb, RgbImage};
 
 use super::LoadLimits;
 use super::limits::open;
 use super::srgb::{decode_srgb, srgb_byte, srgb_table};
 use super::whole::write_whole_by;
+use crate::debug::numbers;
 use crate::error::{Error, Result};
 
 /// White columns between images side by side.
 const GAP: usize = 2;
 
 /// A linear RGB image on the host.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct HostImage {
     /// Columns.
     pub width: usize,
@@ -22,6 +24,19 @@ pub struct HostImage {
     pub height: usize,
     /// height · width · 3 values, row by row.
     pub pixels: Vec<f32>,
+}
+
+impl fmt::Debug for HostImage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("HostImage")
+            .field("width", &self.width)
+            .field("height", &self.height)
+            .field(
+                "pixels",
+                &numbers(self.pixels.iter().map(|&v| f64::from(v))),
+            )
+            .finish()
+    }
 }
 
 impl HostImage {
@@ -61,13 +76,11 @@ impl HostImage {
                 "shape [H, W, 3]",
             ));
         }
-        let data = tensor.inner().try_into_data();
-        let mut data = data.map_err(|e| Error::Read(format!("{e:?}")))?;
-        if data.dtype() != DType::F32 {
-            data = data.convert::<f32>();
-        }
-        let pixels = data.try_into_vec::<f32>();
-        let pixels = pixels.map_err(|e| Error::Read(format!("{e:?}")))?;
+        let data = tensor
+            .inner()
+            .try_into_data_as::<f32>()
+            .map_err(Error::read)?;
+        let pixels = data.try_into_vec::<f32>().map_err(Error::read)?;
         Self::new(width, height, pixels)
     }
 
@@ -162,6 +175,7 @@ impl HostImage {
     /// When the ending is another one, the image is empty, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
+        Self::check_path(path)?;
         let format = format_of(path)?;
         let [w, h] = self.check_size()?;
         write_whole_by(path, |file| self.encode([w, h], format, path, file))

@@ -17,9 +17,10 @@ impl Scene {
     /// triangles: fans where those fill them, else by ear clipping. Normals and texture coordinates count for objects that have them at every
     /// corner.
     ///
-    /// Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `map_Kd` (instead of `Kd`)
-    /// and `map_Ks` (times `Ks`) count, and of the options of textures `-clamp on`. What has no `Kd` or no material is mid-grey like
-    /// [`Material::default`].
+    /// Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `map_Kd` and `map_Ks` (times `Ks`)
+    /// count, and of the options of textures `-clamp on`. `map_Kd` counts instead of `Kd` on objects that
+    /// have texture coordinates. What has no `Kd` or no material is mid-grey like [`Material::default`].
+    /// Entries that would change the picture and are not read are named in a warning, once a file.
     ///
     /// # Errors
     /// When a file is missing, malformed, too large, or outside of the OBJ file's folder
@@ -53,7 +54,10 @@ impl Scene {
             pieces[i].1.add(&model.mesh);
         }
         if pieces.is_empty() {
-            return Err(Error::NoTriangles { objects: 0 });
+            return Err(Error::NoTriangles {
+                path: Some(path.into()),
+                objects: 0,
+            });
         }
         let mut materials = Materials {
             described: &described,
@@ -165,21 +169,29 @@ impl Pieces {
         mesh.uvs = self.uvs.attribute(n, device);
         mesh.normals = self.normals.attribute(n, device);
         let mut object = Object::new(mesh).named(name);
-        object.materials = self
-            .materials
-            .iter()
-            .map(|&m| all.get(m))
-            .collect::<Result<_>>()?;
-        for material in &object.materials {
-            let textured = matches!(material.diffuse, Albedo::Texture { .. });
-            if textured && object.mesh.uvs.is_none() {
+        let mut materials = Vec::with_capacity(self.materials.len());
+        for &m in &self.materials {
+            let mut material = all.get(m)?;
+            let textured = |a: &Albedo| matches!(a, Albedo::Texture { .. });
+            if (textured(&material.diffuse) || textured(&material.specular))
+                && object.mesh.uvs.is_none()
+            {
                 log::warn!(
-                    "{}: material {} has a texture, but not all corners have coordinates",
+                    "{}: material {} has a texture, but not all corners have coordinates: taking its \
+                     colour",
                     object.name,
                     material.name
                 );
+                if textured(&material.diffuse) {
+                    material.diffuse = all.colour(m);
+                }
+                if textured(&material.specular) {
+                    material.specular = all.specular(m);
+                }
             }
+            materials.push(material);
         }
+        object.materials = materials;
         if object.materials.len() > 1 {
             object.face_materials = Arc::new(self.face_materials);
         }
@@ -199,6 +211,21 @@ struct Materials<'a> {
 }
 
 impl Materials<'_> {
+    /// What a material reflects diffusely without its texture.
+    fn colour(&self, id: Option<usize>) -> Albedo {
+        let described = id.and_then(|i| self.described.get(i));
+        match described.and_then(|m| m.diffuse) {
+            Some(kd) => kd.into(),
+            None => Material::default().diffuse,
+        }
+    }
+
+    /// `Ks`, black where there is none.
+    fn specular(&self, id: Option<usize>) -> Albedo {
+        let described = id.and_then(|i| self.described.get(i));
+        described.and_then(|m| m.specular).unwrap_or([0.0; 3]).into()
+    }
+
     fn get(&mut self, id: Option<usize>) -> Result<Material> {
         let Some((id, source)) = id.and_then(|i| Some((i, self.described.get(i)?))) else {
             return Ok(Material::default().named("default"));
@@ -207,9 +234,7 @@ impl Materials<'_> {
             return Ok(built.clone());
         }
         let mut material = Material::default().named(source.name.clone());
-        if let Some(kd) = source.diffuse {
-            material.diffuse = kd.into();
-        }
+        material.diffuse = self.colour(Some(id));
         if let Some((texels, wrap)) = self.texture(source.diffuse_texture.as_deref())? {
             material.diffuse = Albedo::Texture { texels, wrap };
             if source.diffuse.is_some_and(|kd| kd != [1.0; 3]) {

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::limits::read_text;
 use super::{HostImage, LoadLimits};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_of};
 use crate::scene::{Camera, Environment, Scene};
 
 /// A scene with a camera and an image size, from a JSON file that names an OBJ file:
@@ -93,7 +93,15 @@ impl SceneFile {
             // At the top there is no field to name.
             let field = if field == "." { "" } else { &field };
             let between = if field.is_empty() { "" } else { ": " };
-            Error::format(path, format!("{field}{between}{message}"))
+            let is_obj = path
+                .extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("obj"));
+            let hint = if is_obj {
+                "; an OBJ file is read by Scene::from_obj"
+            } else {
+                ""
+            };
+            Error::format(path, format!("{field}{between}{message}{hint}"))
         })?;
         json.end().map_err(|e| Error::format(path, e.to_string()))?;
         let camera = document.camera;
@@ -133,11 +141,9 @@ impl SceneFile {
         }
         for (name, velocity) in document.velocities {
             if scene.object(&name).is_none() {
-                let known: Vec<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();
-                return Err(Error::format(
-                    path,
-                    format!("velocities names {name:?}, expected one of the objects {known:?}"),
-                ));
+                let known = one_of(scene.names());
+                let message = format!("velocities names the object {name:?}, expected {known}");
+                return Err(Error::format(path, message));
             }
             scene = scene.map_object(&name, |o| o.velocity(velocity));
         }

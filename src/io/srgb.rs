@@ -36,7 +36,7 @@ pub(super) fn srgb_table() -> Vec<f32> {
     (0..256).map(|i| srgb_to_linear(i as f32 / 255.0)).collect()
 }
 
-fn srgb_to_linear(v: f32) -> f32 {
+pub(crate) fn srgb_to_linear(v: f32) -> f32 {
     if v <= 0.04045 {
         v / 12.92
     } else {
@@ -45,7 +45,7 @@ fn srgb_to_linear(v: f32) -> f32 {
 }
 
 /// The byte of sRGB for a linear value, clipped to [0, 1].
-pub(super) fn srgb_byte(linear: f32) -> u8 {
+pub(crate) fn srgb_byte(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
     let encoded = if v <= 0.003_130_8 {
         v * 12.92

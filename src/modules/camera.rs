@@ -81,7 +81,7 @@ impl CameraParamsConfig {
 }
 
 /// Where a camera looks.
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub enum Aim {
     /// The point looked at `[3]`, scene units.
     Target(Param<Tensor<1>>),
@@ -91,7 +91,7 @@ pub enum Aim {
 }
 
 /// A thin lens.
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub struct LensParams {
     /// ln of the aperture radius in scene units, `[1]`.
     pub log_aperture: Param<Tensor<1>>,
@@ -116,7 +116,7 @@ pub struct LensParams {
 /// assert!(matches!(camera.projection, Projection::Perspective { .. }));
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub struct CameraParams {
     /// Position `[3]`, scene units.
     pub eye: Param<Tensor<1>>,

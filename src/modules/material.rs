@@ -97,7 +97,7 @@ impl MaterialParamsConfig {
 /// # let _ = object;
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub struct MaterialParams {
     /// Logits of the shares of light that the surface reflects diffusely, reflects specularly and absorbs:
     /// `[3, 3]`, one row per colour channel, or `[3, 2]` (diffuse, absorbed) where nothing is specular. The
@@ -125,7 +125,7 @@ impl MaterialParams {
                     object,
                     field,
                     "a texture",
-                    "a constant colour",
+                    "a constant colour; TextureParams is for textures",
                 ))
             }
         };

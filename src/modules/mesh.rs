@@ -4,6 +4,7 @@ use std::sync::Arc;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 
+use crate::debug::{parameter, tensor};
 use crate::scene::{CornerAttribute, Mesh};
 
 /// A mesh with free vertices. Faces, texture coordinates and shading normals are those of the mesh that
@@ -20,11 +21,20 @@ use crate::scene::{CornerAttribute, Mesh};
 /// let moved = params.mesh().translated(Tensor::from_floats([0.0, 1.0, 0.0], &Device::flex()));
 /// assert!(moved.vertices.is_tracked());
 /// ```
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub struct MeshParams {
     /// Positions `[V, 3]`, scene units.
     pub vertices: Param<Tensor<2>>,
     template: Template,
+}
+
+impl fmt::Debug for MeshParams {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MeshParams")
+            .field("vertices", &parameter(&self.vertices))
+            .field("template", &self.template)
+            .finish()
+    }
 }
 
 impl MeshParams {
@@ -54,12 +64,21 @@ impl MeshParams {
 /// let penalty = params.offsets.val().powi_scalar(2).mean();
 /// assert_eq!(penalty.into_scalar::<f32>(), 0.0);
 /// ```
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub struct MeshOffsets {
     /// Offsets `[V, 3]` from the mesh that it was made from, scene units; 0 to begin with.
     pub offsets: Param<Tensor<2>>,
     rest: Tensor<2>,
     template: Template,
+}
+
+impl fmt::Debug for MeshOffsets {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MeshOffsets")
+            .field("offsets", &parameter(&self.offsets))
+            .field("template", &self.template)
+            .finish()
+    }
 }
 
 impl MeshOffsets {
@@ -114,11 +133,17 @@ impl Template {
 }
 
 /// A constant [`CornerAttribute`]: its tensor goes where the module goes.
-#[derive(Module, Debug)]
+#[derive(Module)]
 struct Corners {
     values: Tensor<2>,
     #[module(skip)]
     faces: Faces,
+}
+
+impl fmt::Debug for Corners {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        tensor(&self.values).fmt(f)
+    }
 }
 
 impl Corners {

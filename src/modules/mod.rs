@@ -55,6 +55,7 @@
 //! `save_safetensors` and `load_safetensors` here (feature `safetensors`) the format that other frameworks read as well.
 
 mod camera;
+mod debug;
 mod loss;
 mod material;
 mod mesh;

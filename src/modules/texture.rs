@@ -21,7 +21,7 @@ const LEAST_RADIANCE: f64 = 1e-3;
 /// let material = Material::diffuse(texture.albedo(Wrap::Repeat));
 /// # let _ = material;
 /// ```
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub struct TextureParams {
     /// Logits ln(a/(1 − a)) of the texels, `[H, W, 3]`.
     pub logits: Param<Tensor<3>>,
@@ -74,7 +74,7 @@ impl TextureParams {
 /// # let _ = scene;
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub struct EnvironmentParams {
     /// ln of the radiance, `[H, W, 3]`.
     pub logs: Param<Tensor<3>>,
@@ -84,8 +84,13 @@ impl EnvironmentParams {
     /// The same radiance from everywhere, height × width texels, in the device's default float type.
     ///
     /// # Errors
-    /// If the radiance is not a number > 0.
+    /// If the radiance is not a number > 0, or there are no texels.
     pub fn uniform(height: usize, width: usize, radiance: f64, device: &Device) -> Result<Self> {
+        if height == 0 || width == 0 {
+            let size = format!("{height} × {width}");
+            let expected = "at least one row and column";
+            return Err(Error::invalid("environment", "size", size, expected));
+        }
         let above = |x| x > 0.0;
         check(
             "environment",

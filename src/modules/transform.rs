@@ -61,7 +61,7 @@ impl RigidTransformConfig {
 /// assert!(cube.vertices.is_tracked());
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Module, Debug)]
+#[derive(Module)]
 pub struct RigidTransform {
     /// Six numbers or a quaternion, see [`RotationForm`]; their length does not matter.
     pub rotation: Param<Tensor<1>>,
@@ -150,7 +150,8 @@ impl RigidTransform {
     pub fn with_size(mut self, scale: f64) -> Result<Self> {
         check(OBJECT, "scale", &[scale], "a number > 0", |s| s > 0.0)?;
         let Some(log) = self.log_scale else {
-            let expected = "a transform that was made with a scale";
+            let expected =
+                "a transform that has a scale: RigidTransformConfig::with_scale(true) makes one";
             return Err(Error::invalid(OBJECT, "scale", scale, expected));
         };
         self.log_scale = Some(set(log, vec![scale.ln()]));

@@ -1,5 +1,6 @@
 //! Steps of vertices that keep a mesh smooth.
 
+use std::fmt;
 use std::sync::Arc;
 
 use burn::optim::{LearningRate, Optimizer, RecordState, StateSink, StateSource};
@@ -132,14 +133,14 @@ impl LargeStepsConfig {
 /// }
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct LargeSteps {
     config: LargeStepsConfig,
     matrix: Arc<Diffusion>,
 }
 
 /// The moments of a parameter. They live on the host in f64, so that a record holds them exactly.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct LargeStepsState {
     /// Steps taken.
     time: usize,
@@ -147,6 +148,24 @@ pub struct LargeStepsState {
     moment_1: Vec<f64>,
     /// s, as many as the parameter has entries.
     moment_2: Vec<f64>,
+}
+
+impl fmt::Debug for LargeSteps {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LargeSteps")
+            .field("config", &self.config)
+            .field("vertices", &self.matrix.rows())
+            .finish()
+    }
+}
+
+impl fmt::Debug for LargeStepsState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LargeStepsState")
+            .field("time", &self.time)
+            .field("numbers", &self.moment_1.len())
+            .finish_non_exhaustive()
+    }
 }
 
 impl LargeSteps {

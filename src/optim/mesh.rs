@@ -1,8 +1,12 @@
 //! Losses that keep a mesh regular, in the graph.
 
+use std::fmt;
+
 use burn::tensor::{Bool, DType, Device, IndexingUpdateOp, Int, Tensor, TensorData};
 
 use super::connectivity::Connectivity;
+use crate::debug::Text;
+use crate::device::label;
 use crate::error::Result;
 use crate::geometry::{Vec3, columns, gather_columns, host_values, length, split, unit_size};
 use crate::scene::Mesh;
@@ -36,7 +40,7 @@ const STEEPEST_COTANGENT: f64 = 19.081_136_687_728_21;
 /// assert!(vertices.grad(&loss.backward()).is_some());
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct MeshRegulariser {
     vertices: usize,
     edges: usize,
@@ -53,6 +57,16 @@ pub struct MeshRegulariser {
     hinge_vertices: Tensor<2, Int>,
     /// The number of neighbours of each vertex, but at least 1, `[1, V]`.
     neighbours: Tensor<2, Int>,
+}
+
+impl fmt::Debug for MeshRegulariser {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MeshRegulariser")
+            .field("vertices", &self.vertices)
+            .field("edges", &self.edges)
+            .field("device", &Text(label(&self.corners.device())))
+            .finish_non_exhaustive()
+    }
 }
 
 impl MeshRegulariser {

@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 
 use super::{ImageBatch, RenderOptions, render_views};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_of};
 use crate::geometry::plain;
 use crate::scene::{Camera, Scene};
 
@@ -13,7 +13,7 @@ use crate::scene::{Camera, Scene};
 /// of it: its checks, triangles, boxes and lights. Where all scenes have a mesh with the same faces
 /// and vertices of its own each, as a network predicts them, give the vertices as one tensor
 /// ([`Batch::with_vertices`]).
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Batch {
     pub(super) scenes: Vec<Scene>,
     pub(super) views: Vec<(usize, Camera)>,
@@ -21,7 +21,7 @@ pub struct Batch {
 }
 
 /// The vertices of the objects of one name, in all scenes.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(super) struct BatchVertices {
     pub name: String,
     /// `[S, V, 3]`.
@@ -68,7 +68,8 @@ impl Batch {
     /// If there is no view, or one of a scene that is not there.
     pub fn views(scenes: Vec<Scene>, views: Vec<(usize, Camera)>) -> Result<Self> {
         if views.is_empty() {
-            return Err(Error::invalid("batch", "views", "empty", "at least one"));
+            let expected = "at least one scene and one camera";
+            return Err(Error::invalid("batch", "views", "empty", expected));
         }
         let count = scenes.len();
         if let Some((scene, _)) = views.iter().find(|(scene, _)| *scene >= count) {
@@ -86,8 +87,8 @@ impl Batch {
         })
     }
 
-    /// The vertices of the objects of that name, `[S, V, 3]` for S scenes, in scene units, in place of
-    /// those they have. On the CPU the tensor is one parent of the images as it is: nothing is sliced
+    /// The vertices of the objects of that name, `[S, V, 3]` for S scenes and the V vertices of each mesh, in
+    /// scene units, in place of those they have. On the CPU the tensor is one parent of the images as it is: nothing is sliced
     /// or gathered in the graph, and boxes and neighbours of the first scene serve the others.
     ///
     /// # Errors
@@ -95,25 +96,35 @@ impl Batch {
     pub fn with_vertices(mut self, name: impl Into<String>, values: Tensor<3>) -> Result<Self> {
         let name = name.into();
         for (index, scene) in self.scenes.iter().enumerate() {
-            let found = scene.objects.iter().filter(|o| o.name == name).count();
-            if found != 1 {
+            let found = scene.names().filter(|n| *n == name).count();
+            let wrong = match found {
+                0 => (
+                    "the name given to with_vertices",
+                    format!("{name:?}"),
+                    one_of(scene.names()),
+                ),
+                1 => continue,
+                n => ("objects", format!("{n} of the name {name:?}"), "one".into()),
+            };
+            let source = Error::invalid("scene", wrong.0, wrong.1, wrong.2);
+            return Err(of_batch("scene", index)(source));
+        }
+        let scenes = self.scenes.len();
+        for (index, scene) in self.scenes.iter().enumerate() {
+            let object = scene.object(&name);
+            let count = object.map_or(0, |o| o.mesh.vertices.dims()[0]);
+            if values.dims() != [scenes, count, 3] || count == 0 {
                 let source = Error::invalid(
-                    "scene",
-                    "objects",
-                    format!("{found} of the name {name:?}"),
-                    "one",
+                    name,
+                    "tensor given to with_vertices",
+                    format!("of shape {:?}", values.dims()),
+                    format!(
+                        "shape [{scenes}, {count}, 3]: there are {scenes} scenes, and the mesh has \
+                         {count} vertices"
+                    ),
                 );
                 return Err(of_batch("scene", index)(source));
             }
-        }
-        let [scenes, vertices, width] = values.dims();
-        if scenes != self.scenes.len() || width != 3 || vertices == 0 {
-            return Err(Error::invalid(
-                name,
-                "vertices of the batch",
-                format!("of shape [{scenes}, {vertices}, {width}]"),
-                format!("shape [{}, V, 3] with V of at least 1", self.scenes.len()),
-            ));
         }
         self.vertices.retain(|v| v.name != name);
         self.vertices.push(BatchVertices { name, values });

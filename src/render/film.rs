@@ -60,7 +60,7 @@ impl Statistics {
 }
 
 /// A rendered image; tensors are in the graph where gradients can flow.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Image {
     /// Linear RGB radiance `[H, W, 3]`, row 0 at the top.
     pub radiance: Tensor<3>,
@@ -82,7 +82,7 @@ pub struct Image {
 }
 
 /// Rendered images; tensors are in the graph where gradients can flow.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct ImageBatch {
     /// Linear RGB radiance `[B, H, W, 3]`, row 0 at the top.
     pub radiance: Tensor<4>,

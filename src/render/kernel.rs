@@ -49,6 +49,8 @@ struct Prepared {
     parent: Option<Tensor<1>>,
     parent_size: usize,
     context: Context,
+    /// Whether all scenes have light.
+    lit: bool,
 }
 
 /// Rows that become one.
@@ -93,6 +95,7 @@ fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) -> Result<Pre
         all.map(read).collect::<Result<_>>()?
     };
     let context = hosts[0].context.clone();
+    let lit = hosts.iter().all(HostScene::has_light);
     let emitters = options.sampling.emitters;
     let first = KernelScene::new(&mut hosts[0], emitters, None, options.cache.as_ref());
     let first = Arc::new(first);
@@ -185,6 +188,7 @@ fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) -> Result<Pre
         parent_size: parent.size,
         parent: (!parent.rows.is_empty()).then(|| Tensor::cat(parent.rows, 0)),
         context,
+        lit,
     })
 }
 
@@ -295,6 +299,7 @@ pub(super) fn render(
         parent,
         parent_size,
         context,
+        lit,
     } = prepare(batch, options, true)?;
     let objects = views.iter().map(|v| v.scene.counted.len()).max();
     let objects = objects.unwrap_or(0);
@@ -317,6 +322,17 @@ pub(super) fn render(
     } else {
         pass.views(&views, count, |value| value as f32)?
     };
+    // Where scenes have no light that was told already.
+    if lit
+        && pixels.is_none()
+        && let Some(black) = traced.iter().position(|t| !t.lit)
+    {
+        log::warn!(
+            "the image of view {black} is black though its scene has light: does the camera look at \
+             something lit? Emitters shine from their front alone, and a closed object hides what is \
+             inside of it"
+        );
+    }
     let mut statistics = Vec::with_capacity(views.len());
     let mut diagnostics = Vec::new();
     for (view, traced) in views.iter().zip(traced) {
@@ -377,6 +393,8 @@ struct Traced {
     counts: RayCounts,
     /// Numbers of radiance that are not finite.
     non_finite: u64,
+    /// Whether a pixel is not black; known of means, not of tiles.
+    lit: bool,
 }
 
 impl Traced {
@@ -384,6 +402,7 @@ impl Traced {
         self.counts.rays += other.counts.rays;
         self.counts.add_bounces(&other.counts);
         self.non_finite += other.non_finite;
+        self.lit |= other.lit;
     }
 }
 
@@ -438,6 +457,7 @@ impl Forward<'_> {
             sums.iter().for_each(|s| traced.add(&s.1));
             for (i, mean) in means.iter_mut().enumerate() {
                 let sum: f64 = sums.iter().map(|s| s.0[i]).sum();
+                traced.lit |= sum != 0.0 && i % channels < 3;
                 *mean = cast(sum / f64::from(self.options.samples));
             }
             traced
@@ -488,7 +508,12 @@ impl Forward<'_> {
             progress(n, self.all);
         }
         let counts = work.counts;
-        (rows, Traced { counts, non_finite })
+        let traced = Traced {
+            counts,
+            non_finite,
+            ..Traced::default()
+        };
+        (rows, traced)
     }
 }
 

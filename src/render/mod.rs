@@ -1,6 +1,7 @@
 //! `render()`: passes, tiles, averaging.
 
 mod batch;
+mod debug;
 mod film;
 mod kernel;
 mod options;

@@ -117,6 +117,7 @@ impl Scene {
             all = Some(all.map_or(bounds, |all| all.union(&bounds)));
         }
         all.ok_or(Error::NoTriangles {
+            path: None,
             objects: self.objects.len(),
         })
     }

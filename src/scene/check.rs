@@ -2,15 +2,22 @@
 
 use burn::tensor::{DType, Device};
 
-use super::{Albedo, Camera, Material, Parameter, Scene};
+use super::{Albedo, Camera, Material, Object, Parameter, Scene};
+use crate::device::label;
 use crate::error::{Error, Result};
 use crate::geometry::Context;
 
 /// One device and float type for all tensors; values finite and in range.
 pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
+    if let Some((name, expected)) = &scene.mistake {
+        let name = format!("{name:?}");
+        let field = "the name given to map_object";
+        return Err(Error::invalid("scene", field, name, expected));
+    }
     let triangles: usize = scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
     if triangles == 0 {
         return Err(Error::NoTriangles {
+            path: None,
             objects: scene.objects.len(),
         });
     }
@@ -77,6 +84,7 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
             }
             material.check(name)?;
         }
+        check_textures(object)?;
     }
     if let Some((device, dtype)) = scene.environment.kind() {
         same("scene", "environment", device, dtype)?;
@@ -103,8 +111,8 @@ fn same_kind(
         return Err(Error::DeviceMismatch {
             object: object.into(),
             field: field.into(),
-            found: format!("{device:?}"),
-            expected: format!("{:?}", context.device),
+            found: label(&device),
+            expected: label(&context.device),
         });
     }
     if dtype != context.dtype {
@@ -114,6 +122,30 @@ fn same_kind(
             found: format!("{dtype:?}"),
             expected: format!("{:?}", context.dtype),
         });
+    }
+    Ok(())
+}
+
+/// What has a texture has texture coordinates.
+fn check_textures(object: &Object) -> Result<()> {
+    if object.mesh.uvs.is_some() || object.mesh.faces.is_empty() {
+        return Ok(());
+    }
+    for (i, m) in object.materials.iter().enumerate() {
+        let is_used = match object.face_materials.as_slice() {
+            [] => i == 0,
+            list => list.contains(&(i as u32)),
+        };
+        for (field, albedo) in [("diffuse", &m.diffuse), ("specular", &m.specular)] {
+            if is_used && matches!(albedo, Albedo::Texture { .. }) {
+                return Err(Error::invalid(
+                    format!("{}, material {}", object.name, m.name),
+                    field,
+                    "a texture",
+                    "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them",
+                ));
+            }
+        }
     }
     Ok(())
 }

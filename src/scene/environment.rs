@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::geometry::first_not_finite;
 
 /// What shines from every direction that no surface covers.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 // A tensor is a handle of some words; boxing it would cost more than it saves.
 #[allow(clippy::large_enum_variant)]
 pub enum Environment {

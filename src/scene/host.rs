@@ -102,20 +102,33 @@ impl HostScene {
             }
         }
         let shines = scene.environment.shines();
-        if !shines && !materials.iter().any(|m| m.emits) {
-            log::warn!("the scene has no emitter and a black environment: the image is black");
-        }
         let environment = match &scene.environment {
             Environment::Constant(p) => HostTexture::Constant(p.values()?),
             Environment::Map(texels) => image(texels, Wrap::Repeat)?,
         };
-        Ok(Self {
+        let this = Self {
             context,
             objects,
             materials,
             environment,
             shines,
-        })
+        };
+        if !this.has_light() {
+            log::warn!(
+                "the scene has no light, so that its image is black: give it an environment \
+                 (Scene::environment), or an object a Material::emitter"
+            );
+        }
+        Ok(this)
+    }
+
+    /// Whether anything shines with another radiance than 0.
+    pub fn has_light(&self) -> bool {
+        let sky = match &self.environment {
+            HostTexture::Constant(c) => *c != [0.0; 3],
+            HostTexture::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
+        };
+        sky || self.materials.iter().any(|m| m.emission != [0.0; 3])
     }
 }
 

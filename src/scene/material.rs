@@ -32,7 +32,7 @@ impl Wrap {
 }
 
 /// An albedo: a constant RGB, or a texture.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub enum Albedo {
     /// RGB.
     Constant(Parameter<3>),
@@ -97,7 +97,7 @@ impl Albedo {
 
 /// Lambert plus normalised Phong, and emission:
 /// f = k_d/π + k_s (n + 2)/(2π) cosⁿα.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Material {
     /// For messages.
     pub name: String,
@@ -191,12 +191,14 @@ impl Material {
         if let (Some(d), Some(s)) = (kd, ks) {
             let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
             if sum.iter().any(|&x| x > 1.0 + 1e-6) {
-                return Err(Error::invalid(
-                    &name,
-                    "diffuse + specular",
-                    format!("{sum:?}"),
-                    "at most 1, or energy is made",
-                ));
+                let black = [0.0; 3];
+                let field = match (d == black, s == black) {
+                    (_, true) => "diffuse",
+                    (true, _) => "specular",
+                    _ => "diffuse + specular",
+                };
+                let expected = "at most 1, or energy is made";
+                return Err(Error::invalid(&name, field, format!("{sum:?}"), expected));
             }
         }
         Ok(())

@@ -8,7 +8,7 @@ use crate::geometry::host_values;
 
 /// Values at the corners of faces, with an index of their own: texture coordinates and normals
 /// have seams where positions have none.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct CornerAttribute {
     /// `[V, C]`.
     pub values: Tensor<2>,
@@ -17,7 +17,7 @@ pub struct CornerAttribute {
 }
 
 /// A triangle mesh. Shared vertices stay shared: a gradient on a vertex moves every face at it.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Mesh {
     /// Positions `[V, 3]`, scene units.
     pub vertices: Tensor<2>,
@@ -89,6 +89,10 @@ impl Mesh {
     /// Moved by a rigid transform with scale. A mirror image is wound the other way, as by
     /// [`scaled`](Self::scaled).
     pub fn transformed(mut self, transform: &Transform) -> Self {
+        if let Some(mistake) = transform.mistake() {
+            self.mistake = Some(format!("transformed by {mistake}"));
+            return self;
+        }
         self.vertices = transform.apply(self.vertices);
         if let Some(normals) = &mut self.normals {
             normals.values = transform.apply_to_normals(normals.values.clone());

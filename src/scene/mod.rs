@@ -3,6 +3,7 @@
 mod bounds;
 mod camera;
 mod check;
+mod debug;
 mod environment;
 mod flatten;
 mod frame;
@@ -39,13 +40,17 @@ pub use placement::Scale;
 pub use transform::Transform;
 pub use viewpoint::Matrix;
 
+use crate::error::one_of;
+
 /// A scene: objects and an environment.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Scene {
     /// What is in it.
     pub objects: Vec<Object>,
     /// Radiance from every direction that no surface covers, RGB.
     pub environment: Environment,
+    /// A name that no object has, and the names that there are: what a render tells.
+    pub(crate) mistake: Option<(String, String)>,
 }
 
 impl Default for Scene {
@@ -60,6 +65,7 @@ impl Scene {
         Self {
             objects: Vec::new(),
             environment: Environment::Constant(Parameter::Constant([0.0; 3])),
+            mistake: None,
         }
     }
 
@@ -81,16 +87,21 @@ impl Scene {
         self.environment.shines() || materials.any(|m| m.emits())
     }
 
+    /// The names of its objects.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.objects.iter().map(|o| o.name.as_str())
+    }
+
     /// The first object of that name.
     pub fn object(&self, name: &str) -> Option<&Object> {
         self.objects.iter().find(|o| o.name == name)
     }
 
-    /// With the objects of that name changed; others stay as they are. Warns where there is none.
+    /// With the objects of that name changed; others stay as they are. If there is none the scene can't
+    /// be rendered: the error lists the names that there are.
     pub fn map_object(mut self, name: &str, f: impl Fn(Object) -> Object) -> Self {
         if self.object(name).is_none() {
-            let known: Vec<&str> = self.objects.iter().map(|o| o.name.as_str()).collect();
-            log::warn!("scene: no object is called {name:?}, nothing changes; there are {known:?}");
+            self.mistake = Some((name.into(), one_of(self.names())));
         }
         self.objects = self
             .objects

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::{Material, Mesh, Parameter};
 
 /// A mesh with its materials and its motion: what a file calls `o` or `g`.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Object {
     /// For messages and look-up.
     pub name: String,

@@ -7,7 +7,7 @@ use crate::geometry::{Context, host_values};
 #[allow(clippy::large_enum_variant)]
 /// A small vector that a user gives as numbers or as a tensor `[C]`: a constant, a leaf with
 /// `require_grad`, a module's parameter or the output of a network.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub enum Parameter<const C: usize> {
     /// Numbers, put on the scene's device in the scene's float type.
     Constant([f64; C]),

@@ -1,14 +1,40 @@
+use std::fmt;
+
 use burn::tensor::Tensor;
 
 use super::placement::mirrors;
+use crate::debug::tensor;
 use crate::geometry::{host_values, sin_cos};
 
 /// A similarity: scale, then rotation, then translation. Every part is a tensor or absent.
-#[derive(Clone, Debug, Default)]
+///
+/// A part of a wrong shape is left out, and a mesh that is transformed so can't be rendered: the error
+/// says what was wrong.
+#[derive(Clone, Default)]
 pub struct Transform {
     rotation: Option<Tensor<2>>,
     translation: Option<Tensor<1>>,
     scale: Option<Tensor<1>>,
+    /// What was wrong with a part.
+    mistake: Option<String>,
+}
+
+impl fmt::Debug for Transform {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut all = f.debug_struct("Transform");
+        if let Some(r) = &self.rotation {
+            all.field("rotation", &tensor(&r.clone().reshape([-1])));
+        }
+        for (name, part) in [("translation", &self.translation), ("scale", &self.scale)] {
+            if let Some(part) = part {
+                all.field(name, &tensor(part));
+            }
+        }
+        if let Some(mistake) = &self.mistake {
+            all.field("mistake", mistake);
+        }
+        all.finish()
+    }
 }
 
 impl Transform {
@@ -20,6 +46,9 @@ impl Transform {
     /// With a rotation by a quaternion `[4]` in the order (w, x, y, z). It is normalised here, so
     /// any non-zero tensor is a rotation, and the gradient is defined at every angle.
     pub fn quaternion(mut self, q: Tensor<1>) -> Self {
+        if !self.has_length("a quaternion", &q, &[4]) {
+            return self;
+        }
         let q = q.clone() / (q.clone() * q).sum().sqrt();
         let at = |i: usize| q.clone().slice([i..i + 1]);
         let (w, x, y, z) = (at(0), at(1), at(2), at(3));
@@ -48,9 +77,15 @@ impl Transform {
         self
     }
 
-    /// With a rotation by an angle `[1]` in radians about an axis (normalised here).
-    pub fn axis_angle(self, axis: [f64; 3], angle: Tensor<1>) -> Self {
-        let axis = glam::DVec3::from_array(axis).normalize_or(glam::DVec3::Y);
+    /// With a rotation by an angle `[1]` in radians about an axis of any length but 0.
+    pub fn axis_angle(mut self, axis: [f64; 3], angle: Tensor<1>) -> Self {
+        if !self.has_length("axis_angle with an angle", &angle, &[1]) {
+            return self;
+        }
+        let Some(axis) = glam::DVec3::from_array(axis).try_normalize() else {
+            self.mistake = Some(format!("axis_angle about {axis:?}, expected a direction"));
+            return self;
+        };
         let (sin, cos) = sin_cos(angle * 0.5);
         let q = vec![
             cos,
@@ -64,6 +99,9 @@ impl Transform {
     /// With a rotation by its first two columns `[6]` (x₀ y₀ z₀ x₁ y₁ z₁), made orthonormal here
     /// (Zhou et al. 2019): continuous over all rotations, which suits networks.
     pub fn six_d(mut self, columns: Tensor<1>) -> Self {
+        if !self.has_length("six_d with columns", &columns, &[6]) {
+            return self;
+        }
         let unit = |v: Tensor<1>| v.clone() / (v.clone() * v).sum().sqrt();
         let first = unit(columns.clone().slice([0..3]));
         let second = columns.slice([3..6]);
@@ -79,17 +117,39 @@ impl Transform {
 
     /// With a translation `[3]`.
     pub fn translation(mut self, offset: Tensor<1>) -> Self {
-        self.translation = Some(offset);
+        if self.has_length("a translation", &offset, &[3]) {
+            self.translation = Some(offset);
+        }
         self
     }
 
     /// With a scale `[1]` or `[3]` along the axes before rotation.
     pub fn scale(mut self, scale: Tensor<1>) -> Self {
-        self.scale = Some(scale);
+        if self.has_length("a scale", &scale, &[1, 3]) {
+            self.scale = Some(scale);
+        }
         self
     }
 
-    /// Points `[V, 3]` transformed.
+    /// Whether a part has one of these lengths; else that is the mistake.
+    fn has_length(&mut self, part: &str, found: &Tensor<1>, expected: &[usize]) -> bool {
+        let [length] = found.dims();
+        let has = expected.contains(&length);
+        if !has {
+            let expected: Vec<String> = expected.iter().map(|n| format!("[{n}]")).collect();
+            let expected = expected.join(" or ");
+            let mistake = format!("{part} of shape [{length}], expected {expected}");
+            self.mistake.get_or_insert(mistake);
+        }
+        has
+    }
+
+    /// What was wrong with a part.
+    pub(crate) fn mistake(&self) -> Option<&str> {
+        self.mistake.as_deref()
+    }
+
+    /// Points `[V, 3]` transformed, without the parts that had a wrong shape.
     pub fn apply(&self, points: Tensor<2>) -> Tensor<2> {
         let mut p = points;
         if let Some(s) = &self.scale {

@@ -311,7 +311,10 @@ impl Camera {
         let high = points.iter().copied().reduce(DVec3::max);
         let (Some(low), Some(high)) = (low, high) else {
             let objects = scene.objects.len();
-            return Err(Error::NoTriangles { objects });
+            return Err(Error::NoTriangles {
+                path: None,
+                objects,
+            });
         };
         let center = 0.5 * (low + high);
         let length = towards.length();

@@ -30,9 +30,7 @@ impl Weights {
         let threshold = total * context.row(random);
         let passed = cumulative.lower_equal(threshold);
         let index = passed.int().sum_dim(0);
-        let data = index
-            .try_into_data()
-            .map_err(|e| Error::Read(format!("{e:?}")))?;
+        let data = index.try_into_data().map_err(Error::read)?;
         Ok(data.iter::<i64>().map(|k| k as u32).collect())
     }
 

@@ -89,11 +89,8 @@ fn objects(device: &Device, dtype: DType) -> [Object; 4] {
 }
 
 fn scene(objects: [Object; 4]) -> Scene {
-    Scene {
-        objects: objects.into(),
-        ..Scene::new()
-    }
-    .environment([0.9, 1.0, 1.1])
+    let scene = Scene::new().environment([0.9, 1.0, 1.1]);
+    objects.into_iter().fold(scene, Scene::with)
 }
 
 /// The scene with a small lamp before the camera, whose image moves and blurs with it.

@@ -6,6 +6,7 @@ pub mod gradients;
 pub mod images;
 pub mod modules;
 pub mod stress;
+pub mod told;
 pub mod training;
 pub mod visibility;
 pub mod weights;

@@ -24,7 +24,7 @@ pub struct Row {
 }
 
 /// The steps of a fit, in their order.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Default, PartialEq)]
 pub struct History {
     /// The names of the evaluations' numbers.
     pub names: Vec<String>,

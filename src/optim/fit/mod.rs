@@ -4,6 +4,7 @@
 
 mod check;
 mod checkpoint;
+mod debug;
 mod gradients;
 mod history;
 mod pictures;

@@ -40,7 +40,7 @@ impl Step {
 }
 
 /// What a step found: a loss in the graph of the module's parameters, and what is to be recorded.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Evaluation {
     pub(super) loss: Tensor<1>,
     pub(super) values: Vec<(String, f64)>,

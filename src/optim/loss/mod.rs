@@ -17,7 +17,11 @@ pub use structure::{dssim, ssim};
 
 /// Mean squared difference. Of one noisy render its expectation is too large by the variance of
 /// the noise, and its gradient is off by the gradient of that variance: see [`mse_unbiased`].
+///
+/// # Panics
+/// If the shapes differ.
 pub fn mse(image: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
+    same_shape(&image, &target);
     let difference = image - target;
     (difference.clone() * difference).mean()
 }
@@ -25,7 +29,12 @@ pub fn mse(image: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
 /// Mean of (a − target)·(b − target) of two renders with independent seeds. Its expectation is the
 /// squared difference of the *converged* image, and its gradient that of it: the noise of one
 /// does not meet itself. It may be negative.
+///
+/// # Panics
+/// If the shapes differ.
 pub fn mse_unbiased(a: Tensor<3>, b: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
+    same_shape(&a, &target);
+    same_shape(&b, &target);
     ((a - target.clone()) * (b - target)).mean()
 }
 
@@ -42,9 +51,9 @@ pub fn l1(image: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
 
 /// Burn would broadcast an axis of length 1.
 fn same_shape<const D: usize>(image: &Tensor<D>, target: &Tensor<D>) {
-    assert_eq!(
-        image.dims(),
-        target.dims(),
-        "loss: image and target differ in shape"
+    let (found, expected) = (image.dims(), target.dims());
+    assert!(
+        found == expected,
+        "loss: the image has the shape {found:?}, expected {expected:?} like the target"
     );
 }

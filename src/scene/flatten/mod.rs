@@ -143,7 +143,10 @@ impl Flattened {
             .filter(|&t| materials.emits[topology.material[t as usize] as usize])
             .collect();
         if emitters.is_empty() && environment.is_none() {
-            log::warn!("the scene has no emitter and a black environment: the image is black");
+            log::warn!(
+                "the scene has no light, so that its image is black: give it an environment \
+                 (Scene::environment), or an object a Material::emitter"
+            );
         }
         Ok(Self {
             context,

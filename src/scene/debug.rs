@@ -1,0 +1,127 @@
+//! What `{:?}` shows of a scene and its parts: names, sizes and numbers. Nothing here panics, whatever
+//! the shapes of the tensors are.
+
+use std::fmt::{Debug, Formatter, Result};
+
+use super::{
+    Albedo, CornerAttribute, Environment, Material, Mesh, Object, Parameter, Scene,
+};
+use crate::debug::{Text, graph, place, tensor};
+
+/// Objects of a scene and materials of an object that are shown one by one.
+const MOST: usize = 32;
+
+impl<const C: usize> Debug for Parameter<C> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        match self {
+            Self::Constant(v) if C == 1 => write!(f, "{:?}", v[0]),
+            Self::Constant(v) => write!(f, "{v:?}"),
+            Self::Tensor(t) if t.dims() != [C] => {
+                write!(f, "a tensor of shape {:?}, not [{C}]", t.dims())
+            }
+            Self::Tensor(t) => tensor(t).fmt(f),
+        }
+    }
+}
+
+impl Debug for Albedo {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        match self {
+            Self::Constant(p) => p.fmt(f),
+            Self::Texture { texels, wrap } => {
+                write!(f, "texture {:?}, {wrap:?}", tensor(texels))
+            }
+        }
+    }
+}
+
+impl Debug for Environment {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        match self {
+            Self::Constant(p) => p.fmt(f),
+            Self::Map(texels) => write!(f, "map {:?}", tensor(texels)),
+        }
+    }
+}
+
+impl Debug for CornerAttribute {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        f.debug_struct("CornerAttribute")
+            .field("values", &tensor(&self.values))
+            .field("faces", &Text(self.faces.len().to_string()))
+            .finish()
+    }
+}
+
+impl Debug for Mesh {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        let [count, width] = self.vertices.dims();
+        let vertices = &self.vertices;
+        match width {
+            3 => write!(f, "Mesh {{ {count} vertices")?,
+            _ => write!(f, "Mesh {{ vertices of shape [{count}, {width}]")?,
+        }
+        write!(f, "{}, {} faces", graph(vertices), self.faces.len())?;
+        for (name, attribute) in [("uvs", &self.uvs), ("normals", &self.normals)] {
+            if let Some(a) = attribute {
+                write!(f, ", {name}{}", graph(&a.values))?;
+            }
+        }
+        write!(f, ", on {} }}", place(&vertices.device(), vertices.dtype()))
+    }
+}
+
+impl Debug for Material {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        let name = format!("Material {:?}", self.name);
+        let mut all = f.debug_struct(&name);
+        all.field("diffuse", &self.diffuse);
+        if self.specular.reflects() {
+            all.field("specular", &self.specular);
+            all.field("shininess", &self.shininess);
+        }
+        if self.emits() {
+            all.field("emission", &self.emission);
+        }
+        all.finish()
+    }
+}
+
+impl Debug for Object {
+    /// One line, also for `{:#?}`: a scene is read object by object.
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        write!(f, "{:?}: {:?}", self.name, self.mesh)?;
+        for material in self.materials.iter().take(MOST) {
+            write!(f, ", {material:?}")?;
+        }
+        if self.materials.len() > MOST {
+            write!(f, ", and {} more materials", self.materials.len() - MOST)?;
+        }
+        match &self.velocity {
+            Some(v) => write!(f, ", velocity {v:?}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Debug for Scene {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        struct Objects<'a>(&'a [Object]);
+        impl Debug for Objects<'_> {
+            fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+                let mut list = f.debug_list();
+                list.entries(self.0.iter().take(MOST));
+                if self.0.len() > MOST {
+                    let more = format!("and {} more objects", self.0.len() - MOST);
+                    list.entry(&Text(more));
+                }
+                list.finish()
+            }
+        }
+        f.debug_struct("Scene")
+            .field("objects", &Objects(&self.objects))
+            .field("environment", &self.environment)
+            .finish()
+    }
+}
+
