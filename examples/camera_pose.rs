@@ -163,7 +163,8 @@ impl Problem for Posed {
         Ok(Evaluation::new(loss)
             .value("eye", distance(&numbers(&pose.eye.val()), &EYE))
             .value("target", distance(&aim(pose), &TARGET))
-            .image("render", a))
+            .image("render", a)
+            .target("render", self.target.clone()))
     }
 }
 

@@ -100,7 +100,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 .value("x", numbers(&velocity)[0])
                 .value("y", numbers(&velocity)[1])
                 .value("z", numbers(&velocity)[2])
-                .image("render", a))
+                .image("render", a)
+                .target("render", target.clone()))
         })?;
 
     let (vertices, velocity) = (

@@ -111,7 +111,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             Ok(Evaluation::new(loss)
                 .value("aperture", both[0])
                 .value("focus", both[1])
-                .image("render", a))
+                .image("render", a)
+                .target("render", target.clone()))
         })?;
 
     let found = numbers(&fitted.module.logs.val().exp());

@@ -106,7 +106,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 .value("diffuse", distance(&all[..3], &TARGET[..3]))
                 .value("specular", distance(&all[3..6], &TARGET[3..6]))
                 .value("ln shininess", (all[6] - TARGET[6]).abs())
-                .image("render", a))
+                .image("render", a)
+                .target("render", target.clone()))
         })?;
 
     let found = all(&fitted.module);

@@ -111,7 +111,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 let see = |r| render(&scene, &cameras[view], &step.options(&few, r));
                 let (a, b) = (see(2 * k as u64)?, see(2 * k as u64 + 1)?);
                 let (target, silhouette) = targets[view].clone();
-                first = first.or(Some(a.radiance.clone()));
+                first = first.or(Some((view, a.radiance.clone(), target.clone())));
                 if let Some(opacity) = a.opacity {
                     sum = sum + loss::silhouette_iou(opacity, silhouette) * 0.2;
                 }
@@ -121,8 +121,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let regular = topology.laplacian(batch.clone()) * 0.05
                 + topology.normal_consistency(batch) * 0.002;
             let mut evaluation = Evaluation::new(sum / per_step as f64 + regular);
-            if let Some(first) = first {
-                evaluation = evaluation.image("render", first);
+            if let Some((view, image, target)) = first {
+                let name = format!("view {view}");
+                evaluation = evaluation.image(&name, image).target(name, target);
             }
             Ok(evaluation)
         })?;

@@ -141,19 +141,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 let view = (2 * step.index + k) % VIEWS;
                 let see = |r| render(&scene, &cameras[view], &step.options(&few, r));
                 let (a, b) = (see(2 * k as u64)?.radiance, see(2 * k as u64 + 1)?.radiance);
-                first = first.or(Some(a.clone()));
+                first = first.or(Some((view, a.clone())));
                 let loss = loss::mse_unbiased(a, b, targets[view].clone());
                 sum = Some(match sum {
                     Some(sum) => sum + loss,
                     None => loss,
                 });
             }
-            let (Some(sum), Some(first)) = (sum, first) else {
+            let (Some(sum), Some((view, image))) = (sum, first) else {
                 unreachable!("there are two views");
             };
             Ok(Evaluation::new(sum)
                 .value("texels", rms(&numbers(&texels)))
-                .image("render", first))
+                .image(format!("view {view}"), image)
+                .target(format!("view {view}"), targets[view].clone()))
         })?;
 
     let grey = Tensor::full([height, width, 3], 0.5, &device);

@@ -173,11 +173,7 @@ impl Cell {
         check(&panel.caption, &image)?;
         let factor = (height as f64 / image.height as f64).round().max(1.0) as usize;
         let shown = factor.saturating_mul(image.height);
-        let scale = panel.map().map(|map| {
-            let ends = [-map.scale(), map.scale()].into_iter();
-            let axis = Axis::around(ends, false, 0.0).divide((shown / 40).clamp(2, 4));
-            Scale { map, axis }
-        });
+        let scale = panel.map().map(|map| Scale::new(map, shown));
         let frame = factor.saturating_mul(image.width).saturating_add(2);
         let numbers = |scale: &Scale| scale.axis.widest(font, TICK).ceil() as usize;
         let beside = scale.as_ref();
@@ -237,6 +233,24 @@ impl Cell {
 }
 
 impl Scale {
+    /// Of so many pixels' height. There are numbers on both sides of 0 if there is room.
+    fn new(map: Diverging, height: usize) -> Self {
+        let ends = [-map.scale(), map.scale()].into_iter();
+        let mut axis = Axis::around(ends, false, 0.0).divide(5);
+        let apart = |axis: &Axis| match axis.ticks[..] {
+            [ref a, ref b, ..] => (axis.share(b.0) - axis.share(a.0)) * height as f64,
+            _ => f64::INFINITY,
+        };
+        if apart(&axis) < TICK {
+            let last = axis.ticks.len() - 1;
+            axis.ticks.drain(1..last);
+        }
+        if apart(&axis) < TICK {
+            axis.ticks.remove(0);
+        }
+        Self { map, axis }
+    }
+
     /// From the corner that the canvas is at.
     fn draw(&self, height: usize, canvas: &mut Canvas) {
         // One pixel of the frame is on each side.
@@ -294,6 +308,28 @@ mod tests {
         let wide = panel.colours(Diverging::new(3.0).expect("a map"));
         assert_eq!(wide.map().expect("a map").scale(), 3.0);
         assert!(wide.image().expect("an image").pixels[0] > colours[0]);
+    }
+
+    #[test]
+    fn colour_scales_have_numbers_on_both_sides() {
+        for k in 0..500 {
+            let map = Diverging::new(1e-7 * 1.1f64.powi(k)).expect("a map");
+            for height in [64, 256, 1000] {
+                let axis = Scale::new(map, height).axis;
+                let shares: Vec<f64> = axis.ticks.iter().map(|t| axis.share(t.0)).collect();
+                assert!(
+                    shares[0] < 0.3 && shares[shares.len() - 1] > 0.7,
+                    "{shares:?}"
+                );
+                let apart = |w: &[f64]| (w[1] - w[0]) * height as f64 >= TICK;
+                assert!(
+                    shares.windows(2).all(apart) && shares.len() <= 5,
+                    "{shares:?}"
+                );
+            }
+        }
+        let low = Scale::new(Diverging::new(1.0).expect("a map"), 4);
+        assert_eq!(low.axis.ticks.len(), 1);
     }
 
     #[test]
