@@ -328,7 +328,7 @@ fn what_is_wrong_is_named() {
     let batch = || Batch::new(vec![scene.clone(); 2], vec![camera.clone()]).expect("a batch");
     let vertices = Tensor::zeros([3, 12, 3], &device);
     let said = message(batch().with_vertices("ball", vertices));
-    assert!(said.contains("[2, V, 3]"), "{said}");
+    assert!(said.contains("[2, 12, 3]"), "{said}");
     let vertices = Tensor::zeros([2, 12, 3], &device);
     let said = message(batch().with_vertices("cube", vertices));
     assert!(said.contains("scene 0") && said.contains("cube"), "{said}");

@@ -95,7 +95,7 @@ fn losses_out_of_the_graph_are_errors() {
         let other = run(|_| Tensor::<1>::ones([1], &ndarray).require_grad());
         assert!(other.contains("device of the loss"), "{other}");
         assert!(
-            other.contains("NdArray") && other.contains("Flex"),
+            other.contains("ndarray") && other.contains("flex"),
             "{other}"
         );
     }

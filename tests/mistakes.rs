@@ -315,7 +315,7 @@ fn options() {
     told.expect("blur in degrees", &["blur", "5", "radians"], || {
         with(small().blur(5.0))
     });
-    told.expect("a wide cone", &["blur (angle", "2", "radians"], || {
+    told.expect("a wide cone", &["blur angle", "2", "radians"], || {
         with(small().visibility(Visibility::cone(2.0)))
     });
     told.expect("blur of 0 for the softmax", &["sigma", "0", "> 0"], || {

@@ -318,7 +318,7 @@ fn errors_name_what_is_wrong() {
         let other = Object::new(shapes::icosahedron(&devices[1])).named("elsewhere");
         expect(
             message(&good.clone().with(other), &camera, &options),
-            &["elsewhere", "vertices", "NdArray"],
+            &["elsewhere", "vertices", "ndarray"],
         );
     }
 }

@@ -191,7 +191,7 @@ fn same_shape<const D: usize>(image: &Tensor<D>, target: &Tensor<D>) {
     let (found, expected) = (image.dims(), target.dims());
     assert!(
         found == expected,
-        "render loss: the image has the shape {found:?}, expected {expected:?} like the target"
+        "render loss: image and target differ in shape: {found:?}, expected {expected:?}"
     );
 }
 

@@ -151,7 +151,7 @@ impl RigidTransform {
         check(OBJECT, "scale", &[scale], "a number > 0", |s| s > 0.0)?;
         let Some(log) = self.log_scale else {
             let expected =
-                "a transform that has a scale: RigidTransformConfig::with_scale(true) makes one";
+                "a transform that was made with a scale: RigidTransformConfig::with_scale";
             return Err(Error::invalid(OBJECT, "scale", scale, expected));
         };
         self.log_scale = Some(set(log, vec![scale.ln()]));

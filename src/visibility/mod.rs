@@ -89,7 +89,7 @@ impl Visibility {
         match *self {
             Self::Cone { angle, pixels } => {
                 if !(0.0..1.2).contains(&angle) {
-                    return invalid("blur (angle of the cones)", angle, "radians in [0, 1.2)");
+                    return invalid("blur angle", angle, "radians in [0, 1.2)");
                 }
                 if !(pixels.is_finite() && pixels >= 0.0) {
                     return invalid("pixels", pixels, "a finite number ≥ 0");
@@ -100,7 +100,7 @@ impl Visibility {
                 gamma,
                 epsilon,
             } => {
-                for (field, value) in [("blur (sigma of the softmax)", sigma), ("gamma", gamma)] {
+                for (field, value) in [("blur sigma", sigma), ("gamma", gamma)] {
                     if !(value.is_finite() && value > 0.0) {
                         return invalid(field, value, "a finite number > 0");
                     }

@@ -54,6 +54,6 @@ fn same_shape<const D: usize>(image: &Tensor<D>, target: &Tensor<D>) {
     let (found, expected) = (image.dims(), target.dims());
     assert!(
         found == expected,
-        "loss: the image has the shape {found:?}, expected {expected:?} like the target"
+        "loss: image and target differ in shape: {found:?}, expected {expected:?}"
     );
 }
