@@ -13,8 +13,9 @@ use crate::scene::take_rows;
 /// defaults. Square scene units, 0 where both have the same points.
 ///
 /// Gradients flow to both. Which point is nearest is found on the host, in a k-d tree, and constant to the
-/// gradient; where it changes the distance has a kink. Points of surfaces come from
-/// [`sample_points`](crate::optim::sample_points).
+/// gradient; where it changes the distance has a kink. The search takes about N·log M steps, but up to
+/// N·M where many points are about equally near, as from a small cloud in the middle of a sphere. Points of
+/// surfaces come from [`sample_points`](crate::optim::sample_points).
 ///
 /// ```
 /// use softray::loss;
