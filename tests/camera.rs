@@ -172,13 +172,14 @@ fn parallel_rays_keep_sizes() {
 fn depth_along_the_axis() {
     let device = Device::flex();
     let wall = shapes::plane_grid(40.0, 40.0, 1, 1, &device);
-    let scene = Scene::new()
-        .with(Object::new(wall))
-        .environment([1.0; 3]);
+    let scene = Scene::new().with(Object::new(wall)).environment([1.0; 3]);
     let camera = Camera::look_at([0.0, 3.0, 0.0], [0.0; 3])
         .up([0.0, 0.0, -1.0])
         .fov_y(60.0);
-    let options = RenderOptions::new(24, 16).samples(16).bounces(0).with_depth();
+    let options = RenderOptions::new(24, 16)
+        .samples(16)
+        .bounces(0)
+        .with_depth();
     let depth = render(&scene, &camera, &options).expect("an image").depth;
     let depth = depth.expect("it");
     let corner = values(&depth)[0];

@@ -28,7 +28,13 @@ fn devices() {
     told.expect("device wgpu, not built in", &["--features wgpu"], || {
         named("wgpu")
     });
-    #[allow(deprecated)]
+}
+
+#[cfg(feature = "ndarray")]
+#[test]
+fn devices_that_differ() {
+    let mut told = Told::default();
+    #[allow(deprecated)] // burn deprecates ndarray
     let there = Device::ndarray();
     told.expect(
         "objects on two devices",

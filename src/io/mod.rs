@@ -17,9 +17,9 @@ mod whole;
 
 pub use animation::Animation;
 pub use images::HostImage;
-#[cfg(feature = "fit")]
-pub(crate) use srgb::{srgb_byte, srgb_to_linear};
 pub use limits::LoadLimits;
 pub use scene_file::SceneFile;
+#[cfg(feature = "fit")]
+pub(crate) use srgb::{srgb_byte, srgb_to_linear};
 #[cfg(feature = "fit")]
 pub(crate) use whole::write_whole;

@@ -223,7 +223,10 @@ impl Materials<'_> {
     /// `Ks`, black where there is none.
     fn specular(&self, id: Option<usize>) -> Albedo {
         let described = id.and_then(|i| self.described.get(i));
-        described.and_then(|m| m.specular).unwrap_or([0.0; 3]).into()
+        described
+            .and_then(|m| m.specular)
+            .unwrap_or([0.0; 3])
+            .into()
     }
 
     fn get(&mut self, id: Option<usize>) -> Result<Material> {

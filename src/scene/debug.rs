@@ -3,9 +3,7 @@
 
 use std::fmt::{Debug, Formatter, Result};
 
-use super::{
-    Albedo, CornerAttribute, Environment, Material, Mesh, Object, Parameter, Scene,
-};
+use super::{Albedo, CornerAttribute, Environment, Material, Mesh, Object, Parameter, Scene};
 use crate::debug::{Text, graph, place, tensor};
 
 /// Objects of a scene and materials of an object that are shown one by one.
@@ -124,4 +122,3 @@ impl Debug for Scene {
             .finish()
     }
 }
-

@@ -154,8 +154,10 @@ impl Mesh {
     /// The vertices on the host, finite and at least as many as the faces name.
     pub(crate) fn checked_vertices(&self, object: &str) -> Result<Vec<[f64; 3]>> {
         if let Some(mistake) = &self.mistake {
-            let expected = "one that was made without mistake";
-            return Err(Error::invalid(object, "mesh", mistake, expected));
+            let (found, expected) = mistake
+                .split_once(", expected ")
+                .unwrap_or((mistake, "none"));
+            return Err(Error::invalid(object, "mesh", found, expected));
         }
         let flat = check_table(object, "vertices", &self.vertices, 3, &self.faces)?;
         Ok(flat.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
@@ -270,7 +272,7 @@ pub(super) fn check_indices(
             object,
             format!("{field} of face {i}"),
             format!("{f:?}"),
-            format!("indices under {rows}"),
+            format!("indices under {rows}, counted from 0"),
         ));
     }
     Ok(())
