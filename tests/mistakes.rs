@@ -3,7 +3,6 @@
 
 mod common;
 
-use burn::tensor::{DType, Device, Tensor};
 use common::told::{Told, ball, camera, flex, lit, row, see, small};
 use softray::Result;
 use softray::gradcheck::{Checked, GradCheck, gradcheck};
@@ -66,6 +65,12 @@ fn devices_that_differ() {
             render(&scene, &camera(), &small())
         },
     );
+}
+
+#[test]
+fn float_types_that_differ() {
+    use burn::tensor::DType;
+    let mut told = Told::default();
     told.expect(
         "an f64 albedo",
         &["ball", "diffuse", "F64", "F32", "cast"],
