@@ -11,6 +11,7 @@ use crate::accel::NOTHING;
 use crate::model::V3;
 use crate::model::bsdf::ShadingGradient;
 use crate::model::cone::bend_backward;
+use crate::scene::Channel;
 
 /// Derivatives by a surface point, but for those that its incoming ray takes part in.
 #[derive(Clone, Copy, Debug, Default)]
@@ -162,8 +163,8 @@ impl View {
     fn emission_backward(&self, triangle: u32, seen: V3, g: V3, sums: &mut Sums) {
         let triangle = &self.scene.triangles[triangle as usize];
         let index = triangle.material as usize;
-        if triangle.normal.dot(seen) > 0.0 && self.scene.materials[index].emits {
-            sums.materials[index].emission += DVec3::from(g);
+        if triangle.normal.dot(seen) > 0.0 && self.scene.materials[index].kind.emits {
+            sums.materials[index].channels[Channel::Emission as usize] += DVec3::from(g);
         }
     }
 
@@ -237,13 +238,14 @@ impl View {
     ) -> V3 {
         let k = light.triangle as usize;
         let tri = &self.scene.triangles[k];
-        let emission = self.scene.materials[tri.material as usize].emission;
+        let emission = self.scene.materials[tri.material as usize].emission();
         let scale = light.facing / light.squared * tri.area / light.density;
         let carried = g.times(vertex.throughput);
         let by_throughput = g.times(light.reflected).times(emission) * scale;
         if self.wanted.emission {
             let by_emission = carried.times(light.reflected) * scale;
-            sums.materials[tri.material as usize].emission += DVec3::from(by_emission);
+            let to = &mut sums.materials[tri.material as usize];
+            to.channels[Channel::Emission as usize] += DVec3::from(by_emission);
         }
         let by_reflected = carried.times(emission) * scale;
         let shading = &vertex.point.shading;

@@ -56,7 +56,7 @@ impl Emitters {
         velocities: Option<&[V3]>,
         sampling: EmitterSampling,
     ) -> Self {
-        let emitting = |t: &&(usize, &Triangle)| materials[t.1.material as usize].emits;
+        let emitting = |t: &&(usize, &Triangle)| materials[t.1.material as usize].kind.emits;
         let all: Vec<(usize, &Triangle)> = triangles.iter().enumerate().collect();
         let mut list: Vec<Emitter> = all
             .iter()
@@ -68,7 +68,7 @@ impl Emitters {
                 area: t.area,
                 velocity: velocities.map_or(V3::ZERO, |v| v[t.object as usize]),
                 radiance: {
-                    let e = materials[t.material as usize].emission;
+                    let e = materials[t.material as usize].emission();
                     (e.x.abs() + e.y.abs() + e.z.abs()) / 3.0
                 },
                 group: 0,

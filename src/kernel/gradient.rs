@@ -4,9 +4,9 @@ use std::ops::{AddAssign, Range};
 
 use glam::DVec3;
 
-use super::scene::{Colour, KernelScene};
+use super::scene::KernelScene;
 use crate::model::camera::CameraGradient;
-use crate::scene::ParameterId;
+use crate::scene::{CHANNELS, Channel, ParameterId};
 
 /// Which derivatives are asked for.
 #[derive(Clone, Debug, Default)]
@@ -21,7 +21,6 @@ pub(crate) struct Wanted {
     /// Colours and exponents of materials.
     pub materials: bool,
     pub exponents: bool,
-    pub texels: bool,
     pub emission: bool,
     pub sky: bool,
     pub camera: bool,
@@ -44,15 +43,11 @@ impl Wanted {
                 }
                 Id::Uvs(_) => wanted.uvs = true,
                 Id::Normals(_) => wanted.normals = true,
-                Id::Diffuse(_) | Id::Specular(_) => {
+                Id::Material(_, Channel::Emission) => wanted.emission = true,
+                Id::Material(_, channel) => {
                     wanted.materials = true;
-                    wanted.texels = true;
+                    wanted.exponents |= channel.turns();
                 }
-                Id::Shininess(_) => {
-                    wanted.materials = true;
-                    wanted.exponents = true;
-                }
-                Id::Emission(_) => wanted.emission = true,
                 Id::Environment => wanted.sky = true,
                 Id::Eye
                 | Id::Target
@@ -91,10 +86,8 @@ pub(crate) struct TriangleSums {
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MaterialSums {
-    pub diffuse: DVec3,
-    pub specular: DVec3,
-    pub emission: DVec3,
-    pub exponent: f64,
+    /// In the order of [`Channel::ALL`].
+    pub channels: [DVec3; CHANNELS],
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -158,7 +151,7 @@ impl Sums {
             uvs: vec![[0.0; 2]; if wanted.uvs { scene.uvs.len() } else { 0 }],
             normals: zeros(wanted.normals, scene.normals.len()),
             materials: vec![MaterialSums::default(); scene.materials.len()],
-            texels: zeros(wanted.texels, scene.texels.len()),
+            texels: zeros(wanted.materials, scene.texels.len()),
             sky: zeros(wanted.sky, scene.sky.len()),
             camera: CameraSums::default(),
         }
@@ -170,7 +163,7 @@ impl Sums {
             + 3 * (self.texels.len() + self.sky.len())
             + 4 * self.triangles.len()
             + 2 * self.uvs.len()
-            + 10 * self.materials.len()
+            + 3 * CHANNELS * self.materials.len()
             + 15
     }
 
@@ -187,10 +180,7 @@ impl Sums {
         }
         add_each(&mut self.normals, &o.normals);
         for (a, b) in self.materials.iter_mut().zip(&o.materials) {
-            a.diffuse += b.diffuse;
-            a.specular += b.specular;
-            a.emission += b.emission;
-            a.exponent += b.exponent;
+            add_each(&mut a.channels, &b.channels);
         }
         add_each(&mut self.texels, &o.texels);
         add_each(&mut self.sky, &o.sky);
@@ -241,10 +231,6 @@ impl Sums {
                     add_each(row, &(*v * scale).to_array());
                 }
             };
-            let colour = |to: &mut [f64], colour: &Colour, constant: DVec3| match &colour.texture {
-                None => vectors(to, &[constant], 1.0),
-                Some(t) => vectors(to, &self.texels[t.offset..], 1.0),
-            };
             match *id {
                 Id::Vertices(i) => {
                     vectors(
@@ -263,14 +249,15 @@ impl Sums {
                     vectors(to, &self.normals[scene.objects[i].first_normal..], 1.0);
                 }
                 Id::Velocity(i) => vectors(to, &self.velocities[i..=i], per_unit),
-                Id::Diffuse(m) => {
-                    colour(to, &scene.materials[m].diffuse, self.materials[m].diffuse);
+                Id::Material(m, channel) => {
+                    match &scene.materials[m].channels[channel as usize].texture {
+                        None => {
+                            let by = self.materials[m].channels[channel as usize];
+                            add_each(to, &by.to_array());
+                        }
+                        Some(t) => vectors(to, &self.texels[t.offset..], 1.0),
+                    }
                 }
-                Id::Specular(m) => {
-                    colour(to, &scene.materials[m].specular, self.materials[m].specular);
-                }
-                Id::Shininess(m) => to[0] += self.materials[m].exponent,
-                Id::Emission(m) => vectors(to, &[self.materials[m].emission], 1.0),
                 Id::Environment => vectors(to, &self.sky, 1.0),
                 // Those of cameras are written by `HostCamera::backward`.
                 _ => {}

@@ -228,8 +228,8 @@ impl View {
     #[inline(always)]
     pub(super) fn emission(&self, point: &Point) -> V3 {
         let m = self.scene.material(point.triangle);
-        if point.side > 0.0 && m.emits {
-            m.emission
+        if point.side > 0.0 && m.kind.emits {
+            m.emission()
         } else {
             V3::ZERO
         }
@@ -269,7 +269,7 @@ impl View {
             for k in 0..walks.alive.len() {
                 let i = walks.alive[k];
                 let walk = &mut list[i as usize];
-                if scene.material(walk.point.triangle).reflects {
+                if scene.material(walk.point.triangle).kind.reflects {
                     walks.alive[count] = i;
                     count += 1;
                     let path = &paths[i as usize];
@@ -550,7 +550,7 @@ impl View {
             }
             None => chance,
         };
-        let emission = self.scene.materials[triangle.material as usize].emission;
+        let emission = self.scene.materials[triangle.material as usize].emission();
         work.rays.push(HitRay::new(
             glam3(from.start),
             glam3(bend.direction),

@@ -8,6 +8,7 @@ use super::emitters::Emitters;
 use super::sky::Sky;
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
 use crate::model::{V3, v3};
+use crate::scene::{CHANNELS, Channel, MaterialKind};
 use crate::scene::{HostAttribute, HostScene, HostTexture, SceneFrame, Wrap};
 use crate::transport::EmitterSampling;
 
@@ -72,13 +73,19 @@ pub(crate) struct Texture {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Material {
-    pub diffuse: Colour,
-    pub specular: Colour,
-    pub exponent: f32,
-    pub emission: V3,
-    pub reflects: bool,
-    pub glossy: bool,
-    pub emits: bool,
+    /// In the order of [`Channel::ALL`].
+    pub channels: [Colour; CHANNELS],
+    pub kind: MaterialKind,
+}
+
+impl Material {
+    pub fn emission(&self) -> V3 {
+        self.channels[Channel::Emission as usize].constant
+    }
+
+    pub fn is_textured(&self) -> bool {
+        self.channels.iter().any(|c| c.texture.is_some())
+    }
 }
 
 /// Where an object's parts are in the scene's lists.
@@ -234,13 +241,8 @@ impl KernelScene {
             .materials
             .iter_mut()
             .map(|m| Material {
-                diffuse: colour(&mut m.diffuse),
-                specular: colour(&mut m.specular),
-                exponent: m.shininess as f32,
-                emission: m.emission.into(),
-                reflects: m.reflects,
-                glossy: m.glossy,
-                emits: m.emits,
+                channels: std::array::from_fn(|i| colour(&mut m.channels[i])),
+                kind: m.kind,
             })
             .collect();
         let velocities: Option<Vec<V3>> = moves.then(|| {
@@ -250,11 +252,9 @@ impl KernelScene {
         });
         let emitters = Emitters::new(&triangles, &materials, velocities.as_deref(), sampling);
         Self {
-            textured: materials
-                .iter()
-                .any(|m| m.diffuse.texture.is_some() || m.specular.texture.is_some()),
+            textured: materials.iter().any(|m| m.is_textured()),
             smooth: objects.iter().any(|o| o.smooth),
-            glossy: materials.iter().any(|m| m.glossy),
+            glossy: materials.iter().any(|m| m.kind.glossy),
             sky: Sky::new(scene),
             frame,
             triangles,

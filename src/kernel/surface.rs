@@ -6,6 +6,7 @@ use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::cone::lifted;
+use crate::scene::CHANNELS;
 use crate::model::triangle::{barycentric, barycentric_slopes, hit_backward};
 
 /// Normals of corners may cancel where they are interpolated.
@@ -180,19 +181,19 @@ impl KernelScene {
             normal = sum * (facing / sum.length().max(TINY));
         }
         let m = &self.materials[tri.material as usize];
-        let mut shading = Shading {
+        let mut values = [V3::ZERO; CHANNELS];
+        let mut i = 0;
+        while i < m.kind.shading() {
+            values[i] = m.channels[i].at(&self.texels, uv);
+            i += 1;
+        }
+        let shading = Shading {
             geometric,
             normal,
             incoming: direction,
-            diffuse: m.diffuse.at(&self.texels, uv),
             smooth,
-            ..Shading::default()
+            ..Shading::of(values, m.kind)
         };
-        if m.glossy {
-            shading.glossy = true;
-            shading.specular = m.specular.at(&self.texels, uv);
-            shading.exponent = m.exponent;
-        }
         Point {
             triangle,
             t,
@@ -235,15 +236,13 @@ impl KernelScene {
         let mut by_uv = [0.0; 2];
         if wanted.materials || (wanted.rays && self.textured) {
             let to = &mut sums.materials[index];
-            let into = (&mut to.diffuse, &mut sums.texels[..]);
-            by_uv = m.diffuse.backward(&self.texels, p.uv, shade.diffuse, into);
-            if p.shading.glossy {
-                let into = (&mut to.specular, &mut sums.texels[..]);
-                let more = m
-                    .specular
-                    .backward(&self.texels, p.uv, shade.specular, into);
+            let by = shade.channels();
+            let mut i = 0;
+            while i < m.kind.shading() {
+                let into = (&mut to.channels[i], &mut sums.texels[..]);
+                let more = m.channels[i].backward(&self.texels, p.uv, by[i], into);
                 by_uv = [by_uv[0] + more[0], by_uv[1] + more[1]];
-                to.exponent += f64::from(shade.exponent);
+                i += 1;
             }
         }
         if !wanted.rays {

@@ -9,6 +9,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 use super::V3;
 use super::frame::{from_local, from_local_backward, sin_cos_of_turns};
 use super::v3;
+use crate::scene::{CHANNELS, Channel, MaterialKind};
 
 /// A shaded point: directions, and what its material is there.
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,6 +45,18 @@ pub(crate) struct ShadingGradient {
     pub exponent: f32,
 }
 
+impl ShadingGradient {
+    /// Those by a material's parameters.
+    #[inline(always)]
+    pub fn channels(&self) -> [V3; CHANNELS] {
+        let mut by = [V3::ZERO; CHANNELS];
+        by[Channel::Diffuse as usize] = self.diffuse;
+        by[Channel::Specular as usize] = self.specular;
+        by[Channel::Shininess as usize] = v3(self.exponent, 0.0, 0.0);
+        by
+    }
+}
+
 /// A direction drawn from the BSDF.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Scatter {
@@ -66,6 +79,18 @@ pub(crate) const HORIZON: f32 = 4.0;
 const IMPOSSIBLE: f32 = 1e-20;
 
 impl Shading {
+    /// From a material's parameters at the point.
+    #[inline(always)]
+    pub fn of(values: [V3; CHANNELS], kind: MaterialKind) -> Self {
+        Self {
+            diffuse: values[Channel::Diffuse as usize],
+            specular: values[Channel::Specular as usize],
+            exponent: values[Channel::Shininess as usize].x,
+            glossy: kind.glossy,
+            ..Self::default()
+        }
+    }
+
     /// The mirror direction.
     #[inline(always)]
     pub fn mirror(&self) -> V3 {

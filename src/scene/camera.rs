@@ -318,31 +318,6 @@ impl Camera {
             }
         })
     }
-
-    pub(crate) fn tensors(&self) -> Vec<(&'static str, &Tensor<1>)> {
-        let mut all = vec![
-            ("eye", self.eye.tensor()),
-            ("target", self.target.tensor()),
-            ("up", self.up.tensor()),
-        ];
-        match &self.projection {
-            Projection::Perspective { fov_y } => all.push(("fov_y", fov_y.tensor())),
-            Projection::Intrinsics {
-                focal, principal, ..
-            } => {
-                all.push(("focal length", focal.tensor()));
-                all.push(("principal point", principal.tensor()));
-            }
-            Projection::Orthographic { height } => all.push(("height", height.tensor())),
-        }
-        if let Some(lens) = &self.lens {
-            all.push(("aperture radius", lens.aperture_radius.tensor()));
-            all.push(("focus distance", lens.focus_distance.tensor()));
-        }
-        all.into_iter()
-            .filter_map(|(n, t)| t.map(|t| (n, t)))
-            .collect()
-    }
 }
 
 impl Projection {

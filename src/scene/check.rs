@@ -1,8 +1,10 @@
 //! Whatever a user can get wrong in a scene, named.
 
-use burn::tensor::{DType, Device};
+use burn::tensor::{DType, Device, Tensor};
 
-use super::{Albedo, Camera, Material, Object, Parameter, Scene};
+use super::material::{Channel, ChannelValue};
+use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
+use super::{Albedo, Camera, Object, Scene};
 use crate::device::label;
 use crate::error::{Error, Result};
 use crate::geometry::Context;
@@ -26,27 +28,12 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
         device: first.device().inner(),
         dtype: first.dtype(),
     };
-    let same = |object: &str, field: &str, device, dtype| {
-        same_kind(&context, (object, field), device, dtype)
-    };
+    same_kind(&context, |visit| visit_scene(&mut scene.clone(), visit))
+        .map_err(|(id, e)| e(scene.place_of(id)))?;
     for object in &scene.objects {
         let name = &object.name;
         let mesh = &object.mesh;
-        same(
-            name,
-            "vertices",
-            mesh.vertices.device(),
-            mesh.vertices.dtype(),
-        )?;
-        for (field, a) in [("uvs", &mesh.uvs), ("normals", &mesh.normals)] {
-            if let Some(a) = a {
-                same(name, field, a.values.device(), a.values.dtype())?;
-            }
-        }
         mesh.check(name)?;
-        if let Some(t) = object.velocity.as_ref().and_then(Parameter::tensor) {
-            same(name, "velocity", t.device(), t.dtype())?;
-        }
         if object.materials.is_empty() {
             return Err(Error::invalid(
                 name,
@@ -74,20 +61,9 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
             ));
         }
         for material in &object.materials {
-            for (field, t) in material_tensors(material) {
-                same(
-                    &format!("{name}, material {}", material.name),
-                    field,
-                    t.0,
-                    t.1,
-                )?;
-            }
             material.check(name)?;
         }
         check_textures(object)?;
-    }
-    if let Some((device, dtype)) = scene.environment.kind() {
-        same("scene", "environment", device, dtype)?;
     }
     scene.environment.check()?;
     Ok(context)
@@ -95,35 +71,81 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
 
 /// The camera's tensors are like the scene's; values finite and in range.
 pub(crate) fn check_camera(camera: &Camera, context: &Context) -> Result<()> {
-    for (field, t) in camera.tensors() {
-        same_kind(context, ("camera", field), t.device(), t.dtype())?;
-    }
+    same_kind(context, |visit| visit_camera(&mut camera.clone(), visit))
+        .map_err(|(id, e)| e(("camera".into(), id.field().into())))?;
     camera.check()
+}
+
+/// An error of the object and field that it is told.
+type Told = Box<dyn FnOnce((String, String)) -> Error>;
+
+/// Finds the first tensor of another device or float type.
+struct SameKind<'a> {
+    context: &'a Context,
+    other: Option<(ParameterId, Device, DType)>,
+}
+
+impl Visit for SameKind<'_> {
+    fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>) {
+        let (device, dtype) = (tensor.device(), tensor.dtype());
+        let same = device == self.context.device && dtype == self.context.dtype;
+        if !same && self.other.is_none() {
+            self.other = Some((id, device, dtype));
+        }
+    }
 }
 
 fn same_kind(
     context: &Context,
-    (object, field): (&str, &str),
-    device: Device,
-    dtype: DType,
-) -> Result<()> {
-    if device != context.device {
-        return Err(Error::DeviceMismatch {
-            object: object.into(),
-            field: field.into(),
-            found: label(&device),
-            expected: label(&context.device),
-        });
+    visit: impl FnOnce(&mut SameKind<'_>),
+) -> std::result::Result<(), (ParameterId, Told)> {
+    let mut same = SameKind {
+        context,
+        other: None,
+    };
+    visit(&mut same);
+    let Some((id, device, dtype)) = same.other else {
+        return Ok(());
+    };
+    let context = context.clone();
+    let told = move |(object, field)| {
+        if device == context.device {
+            Error::DtypeMismatch {
+                object,
+                field,
+                found: format!("{dtype:?}"),
+                expected: format!("{:?}", context.dtype),
+            }
+        } else {
+            Error::DeviceMismatch {
+                object,
+                field,
+                found: label(&device),
+                expected: label(&context.device),
+            }
+        }
+    };
+    Err((id, Box::new(told)))
+}
+
+impl Scene {
+    /// The object and field that a tensor is, for messages.
+    fn place_of(&self, id: ParameterId) -> (String, String) {
+        use ParameterId::{Material, Normals, Uvs, Velocity, Vertices};
+        let field = id.field().to_string();
+        let object = match id {
+            Vertices(i) | Uvs(i) | Normals(i) | Velocity(i) => self.objects[i].name.clone(),
+            Material(m, _) => {
+                let all = self.objects.iter().flat_map(|o| {
+                    let of = |m: &super::Material| format!("{}, material {}", o.name, m.name);
+                    o.materials.iter().map(of)
+                });
+                all.into_iter().nth(m).unwrap_or_default()
+            }
+            _ => "scene".into(),
+        };
+        (object, field)
     }
-    if dtype != context.dtype {
-        return Err(Error::DtypeMismatch {
-            object: object.into(),
-            field: field.into(),
-            found: format!("{dtype:?}"),
-            expected: format!("{:?}", context.dtype),
-        });
-    }
-    Ok(())
 }
 
 /// What has a texture has texture coordinates.
@@ -136,11 +158,13 @@ fn check_textures(object: &Object) -> Result<()> {
             [] => i == 0,
             list => list.contains(&(i as u32)),
         };
-        for (field, albedo) in [("diffuse", &m.diffuse), ("specular", &m.specular)] {
-            if is_used && matches!(albedo, Albedo::Texture { .. }) {
+        let mut m = m.clone();
+        let name = format!("{}, material {}", object.name, m.name);
+        for (channel, value) in Channel::ALL.into_iter().zip(m.channels()) {
+            if is_used && matches!(value, ChannelValue::Colour(Albedo::Texture { .. })) {
                 return Err(Error::invalid(
-                    format!("{}, material {}", object.name, m.name),
-                    field,
+                    name,
+                    channel.name(),
                     "a texture",
                     "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them",
                 ));
@@ -150,24 +174,3 @@ fn check_textures(object: &Object) -> Result<()> {
     Ok(())
 }
 
-fn material_tensors(m: &Material) -> Vec<(&'static str, (Device, DType))> {
-    let albedo = |a: &Albedo| match a {
-        Albedo::Constant(p) => p.tensor().map(|t| (t.device(), t.dtype())),
-        Albedo::Texture { texels, .. } => Some((texels.device(), texels.dtype())),
-    };
-    [
-        ("diffuse", albedo(&m.diffuse)),
-        ("specular", albedo(&m.specular)),
-        (
-            "shininess",
-            m.shininess.tensor().map(|t| (t.device(), t.dtype())),
-        ),
-        (
-            "emission",
-            m.emission.tensor().map(|t| (t.device(), t.dtype())),
-        ),
-    ]
-    .into_iter()
-    .filter_map(|(n, t)| t.map(|t| (n, t)))
-    .collect()
-}

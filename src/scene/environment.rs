@@ -1,4 +1,4 @@
-use burn::tensor::{DType, Device, Tensor};
+use burn::tensor::Tensor;
 
 use super::Parameter;
 use crate::error::{Error, Result};
@@ -31,14 +31,6 @@ impl Environment {
     /// Whether it can shine: false only for a constant zero.
     pub(crate) fn shines(&self) -> bool {
         !matches!(self, Self::Constant(Parameter::Constant(v)) if *v == [0.0; 3])
-    }
-
-    /// Device and float type, where it is made of a tensor.
-    pub(crate) fn kind(&self) -> Option<(Device, DType)> {
-        match self {
-            Self::Constant(p) => p.tensor().map(|t| (t.device(), t.dtype())),
-            Self::Map(t) => Some((t.device(), t.dtype())),
-        }
     }
 
     pub(crate) fn check(&self) -> Result<()> {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 
 use super::check::check_scene;
+use super::material::{Channel, ChannelValue, MaterialKind};
 use super::{Albedo, CornerAttribute, Environment, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, by_rows, host_values};
@@ -43,14 +44,17 @@ pub(crate) struct HostAttribute<const C: usize> {
 
 /// A material on the host.
 pub(crate) struct HostMaterial {
-    pub diffuse: HostTexture,
-    pub specular: HostTexture,
-    pub shininess: f64,
-    pub emission: [f64; 3],
-    /// Whether it can reflect anything, has a specular part, or emits, or may come to.
-    pub reflects: bool,
-    pub glossy: bool,
-    pub emits: bool,
+    /// In the order of [`Channel::ALL`](super::material::Channel::ALL).
+    pub channels: Vec<HostTexture>,
+    pub kind: MaterialKind,
+}
+
+impl HostMaterial {
+    /// Whether it emits as it is.
+    fn shines(&self) -> bool {
+        let emission = &self.channels[Channel::Emission as usize];
+        !matches!(emission, HostTexture::Constant([0.0, 0.0, 0.0]))
+    }
 }
 
 /// A colour, or an image of colours.
@@ -89,15 +93,10 @@ impl HostScene {
                 face_materials: object.face_materials.clone(),
             });
             for m in &object.materials {
-                let [shininess] = m.shininess.values()?;
+                let mut m = m.clone();
                 materials.push(HostMaterial {
-                    diffuse: albedo(&m.diffuse)?,
-                    specular: albedo(&m.specular)?,
-                    shininess,
-                    emission: m.emission.values()?,
-                    reflects: m.reflects(),
-                    glossy: m.specular.reflects(),
-                    emits: m.emits(),
+                    kind: m.kind(),
+                    channels: m.channels().map(channel).into_iter().collect::<Result<_>>()?,
                 });
             }
         }
@@ -128,7 +127,7 @@ impl HostScene {
             HostTexture::Constant(c) => *c != [0.0; 3],
             HostTexture::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
         };
-        sky || self.materials.iter().any(|m| m.emission != [0.0; 3])
+        sky || self.materials.iter().any(|m| m.shines())
     }
 }
 
@@ -143,10 +142,17 @@ fn attribute<const C: usize>(a: &CornerAttribute) -> Result<HostAttribute<C>> {
     })
 }
 
-fn albedo(albedo: &Albedo) -> Result<HostTexture> {
-    match albedo {
-        Albedo::Constant(p) => Ok(HostTexture::Constant(p.values()?)),
-        Albedo::Texture { texels, wrap } => image(texels, *wrap),
+/// A scalar is the first of three numbers.
+fn channel(value: ChannelValue<'_>) -> Result<HostTexture> {
+    match value {
+        ChannelValue::Colour(Albedo::Constant(p)) | ChannelValue::Numbers(p) => {
+            Ok(HostTexture::Constant(p.values()?))
+        }
+        ChannelValue::Colour(Albedo::Texture { texels, wrap }) => image(texels, *wrap),
+        ChannelValue::Scalar(p) => {
+            let [value] = p.values()?;
+            Ok(HostTexture::Constant([value, 0.0, 0.0]))
+        }
     }
 }
 

@@ -95,6 +95,67 @@ impl Albedo {
     }
 }
 
+/// A parameter of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Channel {
+    Diffuse,
+    Specular,
+    Shininess,
+    Emission,
+}
+
+/// How many parameters a material has.
+pub(crate) const CHANNELS: usize = Channel::ALL.len();
+
+impl Channel {
+    pub const ALL: [Self; 4] = [
+        Self::Diffuse,
+        Self::Specular,
+        Self::Shininess,
+        Self::Emission,
+    ];
+
+    /// For messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Diffuse => "diffuse",
+            Self::Specular => "specular",
+            Self::Shininess => "shininess",
+            Self::Emission => "emission",
+        }
+    }
+
+    /// Whether it turns the directions that are drawn from the BSDF, on glossy surfaces.
+    pub fn turns(self) -> bool {
+        self == Self::Shininess
+    }
+}
+
+/// The value of a parameter of a material.
+pub(crate) enum ChannelValue<'a> {
+    Colour(&'a mut Albedo),
+    Numbers(&'a mut Parameter<3>),
+    Scalar(&'a mut Parameter<1>),
+}
+
+/// What a material can do.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct MaterialKind {
+    /// Whether it reflects any light.
+    pub reflects: bool,
+    /// Whether it has a specular part.
+    pub glossy: bool,
+    pub emits: bool,
+}
+
+impl MaterialKind {
+    /// How many parameters its BSDF has: the first ones of [`Channel::ALL`].
+    #[inline(always)]
+    pub fn shading(self) -> usize {
+        if self.glossy { 3 } else { 1 }
+    }
+}
+
 /// Lambert plus normalised Phong, and emission:
 /// f = k_d/π + k_s (n + 2)/(2π) cosⁿα.
 #[derive(Clone)]
@@ -157,14 +218,31 @@ impl Material {
         self
     }
 
+    /// Its parameters, in the order of [`Channel::ALL`]: the one list that tensors, checks, the packed
+    /// scene and gradients are made from.
+    pub(crate) fn channels(&mut self) -> [ChannelValue<'_>; CHANNELS] {
+        use ChannelValue::{Colour, Numbers, Scalar};
+        [
+            Colour(&mut self.diffuse),
+            Colour(&mut self.specular),
+            Scalar(&mut self.shininess),
+            Numbers(&mut self.emission),
+        ]
+    }
+
+    /// What it can do; a parameter that a gradient may change can do all.
+    pub(crate) fn kind(&self) -> MaterialKind {
+        let glossy = self.specular.reflects();
+        MaterialKind {
+            glossy,
+            reflects: glossy || self.diffuse.reflects(),
+            emits: self.emits(),
+        }
+    }
+
     /// Whether it emits or may come to: false only for a constant zero.
     pub(crate) fn emits(&self) -> bool {
         !matches!(self.emission, Parameter::Constant(v) if v.iter().all(|&x| x == 0.0))
-    }
-
-    /// Whether it can reflect light.
-    pub(crate) fn reflects(&self) -> bool {
-        self.diffuse.reflects() || self.specular.reflects()
     }
 
     pub(crate) fn check(&self, object: &str) -> Result<()> {

@@ -24,11 +24,13 @@ pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::{check_camera, check_scene};
 pub use environment::Environment;
 pub(crate) use flatten::Normalization;
-pub use flatten::{Albedos, EnvironmentMap, Flattened, Materials, SkyTensors, TextureSlot};
+pub use flatten::Flattened;
+pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, SkyTensors};
 
 pub(crate) use frame::SceneFrame;
 pub(crate) use host::{HostAttribute, HostScene, HostTexture};
 pub use material::{Albedo, Material, Wrap};
+pub(crate) use material::{CHANNELS, Channel, MaterialKind};
 pub(crate) use mesh::take_rows;
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use burn::tensor::Tensor;
 
+use super::material::{Channel, ChannelValue};
 use super::{Albedo, Camera, Environment, Parameter, Projection, Scene};
 
 /// What a tensor of a scene or camera is. Objects and materials are counted over the whole scene.
@@ -17,14 +18,8 @@ pub(crate) enum ParameterId {
     Normals(usize),
     /// `[3]`, scene units over the shutter.
     Velocity(usize),
-    /// `[3]` or `[H, W, 3]`.
-    Diffuse(usize),
-    /// `[3]` or `[H, W, 3]`.
-    Specular(usize),
-    /// `[1]`.
-    Shininess(usize),
-    /// `[3]`.
-    Emission(usize),
+    /// `[3]` or `[H, W, 3]`, or `[1]`.
+    Material(usize, Channel),
     /// `[3]` or `[H, W, 3]`.
     Environment,
     /// `[3]`, scene units.
@@ -47,6 +42,29 @@ pub(crate) enum ParameterId {
     Focus,
 }
 
+impl ParameterId {
+    /// Its name in messages.
+    pub fn field(self) -> &'static str {
+        match self {
+            Self::Vertices(_) => "vertices",
+            Self::Uvs(_) => "uvs",
+            Self::Normals(_) => "normals",
+            Self::Velocity(_) => "velocity",
+            Self::Material(_, channel) => channel.name(),
+            Self::Environment => "environment",
+            Self::Eye => "eye",
+            Self::Target => "target",
+            Self::Up => "up",
+            Self::FieldOfView => "fov_y",
+            Self::FocalLength => "focal length",
+            Self::PrincipalPoint => "principal point",
+            Self::ViewHeight => "height",
+            Self::Aperture => "aperture radius",
+            Self::Focus => "focus distance",
+        }
+    }
+}
+
 /// What is done with each tensor.
 pub(crate) trait Visit {
     /// Called with every tensor.
@@ -59,11 +77,14 @@ pub(crate) trait Visit {
         }
     }
 
-    /// Called with every albedo.
-    fn albedo(&mut self, id: ParameterId, albedo: &mut Albedo) {
-        match albedo {
-            Albedo::Constant(p) => self.parameter(id, p),
-            Albedo::Texture { texels, .. } => self.visit(id, texels),
+    /// Called with every parameter of a material.
+    fn channel(&mut self, id: ParameterId, value: ChannelValue<'_>) {
+        match value {
+            ChannelValue::Colour(Albedo::Constant(p)) | ChannelValue::Numbers(p) => {
+                self.parameter(id, p);
+            }
+            ChannelValue::Colour(Albedo::Texture { texels, .. }) => self.visit(id, texels),
+            ChannelValue::Scalar(p) => self.parameter(id, p),
         }
     }
 }
@@ -76,7 +97,7 @@ pub(crate) fn visit_tensors(scene: &mut Scene, camera: &mut Camera, visit: &mut 
 
 /// Visits every tensor of a scene.
 pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
-    use ParameterId::{Diffuse, Emission, Normals, Shininess, Specular, Uvs, Velocity, Vertices};
+    use ParameterId::{Material, Normals, Uvs, Velocity, Vertices};
     let mut material = 0;
     for (i, object) in scene.objects.iter_mut().enumerate() {
         let mesh = &mut object.mesh;
@@ -88,10 +109,9 @@ pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
             visit.visit(Normals(i), &mut normals.values);
         }
         for m in &mut object.materials {
-            visit.albedo(Diffuse(material), &mut m.diffuse);
-            visit.albedo(Specular(material), &mut m.specular);
-            visit.parameter(Shininess(material), &mut m.shininess);
-            visit.parameter(Emission(material), &mut m.emission);
+            for (channel, value) in Channel::ALL.into_iter().zip(m.channels()) {
+                visit.channel(Material(material, channel), value);
+            }
             material += 1;
         }
         if let Some(velocity) = &mut object.velocity {

@@ -6,14 +6,45 @@ use burn::tensor::Tensor;
 
 use super::surface::SurfacePoints;
 use super::{Dimension, Sampler};
+use crate::error::Result;
 use crate::geometry::{Context, Vec3, plain};
 use crate::model::bsdf::HORIZON;
+use crate::scene::Channel;
+
+/// The parameters of a BSDF as planes, rows `[1, N]`.
+pub(crate) struct Lobes {
+    /// k_d.
+    pub diffuse: Vec3,
+    /// k_s and exponent, if any material of the scene is glossy.
+    pub specular: Option<(Vec3, Tensor<2>)>,
+}
+
+impl Lobes {
+    /// From the parameters of the materials at the points.
+    pub fn new(glossy: bool, mut at: impl FnMut(Channel) -> Result<Vec3>) -> Result<Self> {
+        Ok(Self {
+            diffuse: at(Channel::Diffuse)?,
+            specular: match glossy {
+                true => Some((at(Channel::Specular)?, at(Channel::Shininess)?.x)),
+                false => None,
+            },
+        })
+    }
+
+    pub fn map(&self, f: impl Fn(&Tensor<2>) -> Tensor<2>) -> Self {
+        let specular = self.specular.as_ref();
+        Self {
+            diffuse: self.diffuse.map(|x| f(&x)),
+            specular: specular.map(|(k, n)| (k.map(|x| f(&x)), f(n))),
+        }
+    }
+}
 
 /// f(wi, wo)·cos θ_i as planes; zero below the surface. `incoming` is the ray's direction.
 pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Vec3 {
     let cosine = cosine(points, outgoing);
-    let mut f = points.diffuse.scale_by(1.0 / PI);
-    if let Some((specular, exponent)) = &points.specular {
+    let mut f = points.lobes.diffuse.scale_by(1.0 / PI);
+    if let Some((specular, exponent)) = &points.lobes.specular {
         let lobe = phong(exponent, &mirror_cosine(points, incoming, outgoing));
         let norm = (exponent.clone() + 2.0) * (1.0 / TAU);
         f = f.add(&specular.scale(&(lobe * norm)));
@@ -37,7 +68,7 @@ pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) 
     let points = points.plain();
     let (incoming, outgoing) = (incoming.plain(), outgoing.plain());
     let cosine = points.normal.dot(&outgoing).clamp_min(0.0) * (1.0 / PI);
-    let Some((specular, exponent)) = &points.specular else {
+    let Some((specular, exponent)) = &points.lobes.specular else {
         return cosine;
     };
     let p_specular = share_of_gloss(&points, specular);
@@ -49,7 +80,7 @@ pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) 
 /// The probability of the specular lobe: its share of the albedo, without tape.
 fn share_of_gloss(points: &SurfacePoints, specular: &Vec3) -> Tensor<2> {
     let sum = |k: &Vec3| plain(&(k.x.clone() + k.y.clone() + k.z.clone())).abs();
-    let (kd, ks) = (sum(&points.diffuse), sum(specular));
+    let (kd, ks) = (sum(&points.lobes.diffuse), sum(specular));
     ks.clone() / (kd + ks).clamp_min(1e-20)
 }
 
@@ -87,9 +118,9 @@ pub(crate) fn sample(
         list(&|i| (1.0 - u[i]).sqrt()),
     ];
     let diffuse = from_frame(&points.normal, &local);
-    let Some((specular, exponent)) = &points.specular else {
+    let Some((specular, exponent)) = &points.lobes.specular else {
         // f·cos/pdf is k_d, whatever the direction, but near the horizon of a smooth surface.
-        let mut weight = points.diffuse.clone();
+        let mut weight = points.lobes.diffuse.clone();
         if points.smooth {
             let drawn_by = points.normal.dot(&diffuse).clamp_min(1e-7);
             weight = weight.scale(&(cosine(points, &diffuse) / drawn_by));

@@ -36,7 +36,7 @@ pub(crate) fn seen(
     let front = weights.cosine().clone().lower_elem(0.0);
     let front = front.float().cast(context.dtype);
     let materials = context.index_row(&scene.topology.material);
-    let emission = scene.materials.emission.gather(&materials);
+    let emission = scene.materials.emission().gather(&materials);
     let mean = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| {
         let emission = emission.clone().transpose() * front.clone();
         weights.mean(emission, environment.cloned())
@@ -55,7 +55,7 @@ fn seen_by_hits(scene: &Flattened, hits: &Hits, sky: Option<Vec3>) -> Vec3 {
     let materials: Vec<u32> = hits.triangle.iter().map(material).collect();
     let emission = scene
         .materials
-        .emission
+        .emission()
         .gather(&context.index_row(&materials));
     let seen = emission.scale(&hits.row(context, |i| hits.is_hit(i) && hits.front[i]));
     match sky {
@@ -70,7 +70,7 @@ fn seen_by_candidates(
     sky: Option<Vec3>,
 ) -> Result<Vec3> {
     let material = &scene.topology.material;
-    let emits = &scene.materials.emits;
+    let kinds = &scene.materials.kinds;
     let channel = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| -> Result<Tensor<2>> {
         let radiance = host_values(emission)?;
         let sky = environment.map(host_values).transpose()?;
@@ -81,7 +81,7 @@ fn seen_by_candidates(
         };
         let of = |k: u32, front: bool| {
             let m = material[k as usize];
-            (front && emits[m as usize]).then_some(m)
+            (front && kinds[m as usize].emits).then_some(m)
         };
         let value = |_, k, front| of(k, front).map_or(0.0, |m| radiance[m as usize]);
         let mut mean = weights.mean(value, behind);
@@ -100,7 +100,7 @@ fn seen_by_candidates(
         }
         Ok(mean)
     };
-    let emission = &scene.materials.emission;
+    let emission = scene.materials.emission();
     let environment = sky.as_ref();
     Ok(Vec3::new(
         channel(&emission.x, environment.map(|e| &e.x))?,
@@ -362,7 +362,7 @@ fn arriving(
         .collect();
     let emission = scene
         .materials
-        .emission
+        .emission()
         .gather(&context.index_row(&materials));
     let rays = Rays {
         origin: points.position.clone(),

@@ -85,7 +85,7 @@ impl Lights {
                 HostTriangle::new([a[i], b[i], c[i]], shift, valid)
             })
             .collect();
-        let emission = host_vectors(&scene.materials.emission)?;
+        let emission = host_vectors(scene.materials.emission())?;
         let radiance: Vec<f64> = index
             .iter()
             .map(|&k| emission[scene.topology.material[k as usize] as usize])

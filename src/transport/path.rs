@@ -85,7 +85,7 @@ pub(crate) fn trace<'a>(
     let useful = |k: u32| {
         k < triangles && {
             let m = scene.topology.material[k as usize] as usize;
-            scene.materials.reflects[m]
+            scene.materials.kinds[m].reflects
         }
     };
 
@@ -154,7 +154,7 @@ pub(crate) fn trace<'a>(
         let last = bounce == settings.bounces;
         // Points on emitters are found well from a matt surface without its help.
         let glossy: Vec<bool> = (points.triangle.iter())
-            .map(|&k| scene.materials.glossy[scene.topology.material[k as usize] as usize])
+            .map(|&k| scene.materials.kinds[scene.topology.material[k as usize] as usize].glossy)
             .collect();
         let by_scattering = combined && !scene.emitters.is_empty() && glossy.iter().any(|&g| g);
         let goes_on = !last || sky.is_some();

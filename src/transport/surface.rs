@@ -2,7 +2,8 @@
 
 use burn::tensor::Tensor;
 
-use super::texture::albedo;
+use super::bsdf::Lobes;
+use super::texture::look_up;
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, nearest_on_triangle, plain};
 use crate::scene::Flattened;
@@ -20,10 +21,8 @@ pub(crate) struct SurfacePoints {
     pub normal: Vec3,
     /// Whether the two may differ.
     pub smooth: bool,
-    /// k_d.
-    pub diffuse: Vec3,
-    /// k_s and exponent, if any material of the scene is glossy.
-    pub specular: Option<(Vec3, Tensor<2>)>,
+    /// The parameters of their BSDF.
+    pub lobes: Lobes,
 }
 
 impl SurfacePoints {
@@ -47,8 +46,7 @@ impl SurfacePoints {
             geometric_normal: vector(&self.geometric_normal),
             normal: vector(&self.normal),
             smooth: self.smooth,
-            diffuse: vector(&self.diffuse),
-            specular: self.specular.as_ref().map(|(s, n)| (vector(s), f(n))),
+            lobes: self.lobes.map(f),
         }
     }
 
@@ -129,28 +127,17 @@ impl SurfacePoints {
             .map(|&k| scene.topology.material[k as usize])
             .collect();
         let material = context.index_row(&materials);
-        let diffuse = albedo(
-            context,
-            &scene.materials.diffuse,
-            &materials,
-            &material,
-            &uv,
-        )?;
-        let specular = match &scene.materials.specular {
-            Some((albedos, exponent)) => Some((
-                albedo(context, albedos, &materials, &material, &uv)?,
-                crate::geometry::gather_row(exponent.clone(), &material),
-            )),
-            None => None,
-        };
+        let lobes = Lobes::new(scene.materials.glossy(), |channel| {
+            let channel = scene.materials.channel(channel);
+            look_up(context, channel, &materials, &material, &uv)
+        })?;
         Ok(Self {
             triangle,
             position,
             geometric_normal,
             normal,
             smooth: scene.normals.is_some(),
-            diffuse,
-            specular,
+            lobes,
         })
     }
 }

@@ -4,24 +4,24 @@ use burn::tensor::{Int, Tensor};
 
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, host_values, plain};
-use crate::scene::Albedos;
+use crate::scene::ChannelPlanes;
 
-/// Albedos of surface points `[1, N]`: the constant of each material, or its texture at the
+/// A parameter of materials at surface points `[1, N]`: the constant of each material, or its texture at the
 /// coordinates `uv`, in the graph for texels and coordinates.
-pub(crate) fn albedo(
+pub(crate) fn look_up(
     context: &Context,
-    albedos: &Albedos,
+    channel: &ChannelPlanes,
     materials: &[u32],
     index: &Tensor<2, Int>,
     uv: &Option<[Tensor<2>; 2]>,
 ) -> Result<Vec3> {
-    let constant = albedos.constant.gather(index);
-    let (Some(atlas), Some([u, v])) = (&albedos.atlas, uv) else {
+    let constant = channel.constant.gather(index);
+    let (Some(atlas), Some([u, v])) = (&channel.atlas, uv) else {
         return Ok(constant);
     };
     let slots: Vec<_> = materials
         .iter()
-        .map(|&m| albedos.texture[m as usize])
+        .map(|&m| channel.texture[m as usize])
         .collect();
     if slots.iter().all(Option::is_none) {
         return Ok(constant);

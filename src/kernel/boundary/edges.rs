@@ -156,10 +156,10 @@ fn crease(
         return 1.0;
     }
     let material = &scene.materials[t.material as usize];
-    if !material.reflects {
+    if !material.kind.reflects {
         return 0.0;
     }
-    let textured = material.diffuse.texture.is_some() || material.specular.texture.is_some();
+    let textured = material.is_textured();
     // Geometric normals count where light comes from near the horizon.
     let mut jump: f32 = SMOOTH * (t.normal - t2.normal).length();
     for (c, c2) in ends.into_iter().zip(ends2) {

@@ -223,7 +223,7 @@ impl View {
                     return;
                 }
                 let tri = &self.scene.triangles[e.triangle as usize];
-                let emission = self.scene.materials[tri.material as usize].emission;
+                let emission = self.scene.materials[tri.material as usize].emission();
                 let scale = carried.times(reflected).dot(emission) * sign * p.per_density;
                 let by_axis = jump.edge.by_axis * scale;
                 self.edge_point_backward(&p, &jump, scale, path.time, by, sums);

@@ -25,11 +25,7 @@ impl Attached {
     pub(crate) fn new(scene: &Scene, context: &Context, unit: f64) -> Self {
         let materials: Vec<_> = scene.objects.iter().flat_map(|o| &o.materials).collect();
         let materials = flatten_materials(&materials, context);
-        let textured = materials.diffuse.atlas.is_some()
-            || materials
-                .specular
-                .as_ref()
-                .is_some_and(|(s, _)| s.atlas.is_some());
+        let textured = materials.textured();
         let smooth: Vec<bool> = scene
             .objects
             .iter()

@@ -1,9 +1,8 @@
 //! Materials and environments as planes.
 
-use burn::tensor::Tensor;
-
 use super::attached::cat;
 use crate::geometry::{Context, Vec3};
+use crate::scene::material::{CHANNELS, Channel, ChannelValue, MaterialKind};
 use crate::scene::{Albedo, Environment, Material, Parameter, Wrap};
 
 /// Where a texture lies in the atlas.
@@ -19,10 +18,10 @@ pub struct TextureSlot {
     pub wrap: Wrap,
 }
 
-/// The diffuse or specular albedos of all materials.
+/// A parameter of all materials.
 #[derive(Clone, Debug)]
-pub struct Albedos {
-    /// `[1, M]`; 0 where the material has a texture.
+pub(crate) struct ChannelPlanes {
+    /// `[1, M]`; 0 where the material has a texture. A scalar is x.
     pub constant: Vec3,
     /// The texture of each material.
     pub texture: Vec<Option<TextureSlot>>,
@@ -30,21 +29,33 @@ pub struct Albedos {
     pub atlas: Option<Vec3>,
 }
 
-/// All materials of a scene; planes are rows `[1, M]`.
+/// All materials of a scene.
 #[derive(Clone, Debug)]
-pub struct Materials {
-    /// k_d.
-    pub diffuse: Albedos,
-    /// k_s and the exponent, if any material is glossy.
-    pub specular: Option<(Albedos, Tensor<2>)>,
-    /// Emitted radiance.
-    pub emission: Vec3,
-    /// Whether a material reflects.
-    pub reflects: Vec<bool>,
-    /// Whether a material has a specular part.
-    pub glossy: Vec<bool>,
-    /// Whether a material emits.
-    pub emits: Vec<bool>,
+pub(crate) struct Materials {
+    /// In the order of [`Channel::ALL`].
+    channels: Vec<ChannelPlanes>,
+    pub kinds: Vec<MaterialKind>,
+}
+
+impl Materials {
+    pub fn channel(&self, channel: Channel) -> &ChannelPlanes {
+        &self.channels[channel as usize]
+    }
+
+    /// Emitted radiance, `[1, M]`.
+    pub fn emission(&self) -> &Vec3 {
+        &self.channel(Channel::Emission).constant
+    }
+
+    /// Whether any is glossy.
+    pub fn glossy(&self) -> bool {
+        self.kinds.iter().any(|k| k.glossy)
+    }
+
+    /// Whether any has a texture.
+    pub fn textured(&self) -> bool {
+        self.channels.iter().any(|c| c.atlas.is_some())
+    }
 }
 
 /// An environment as planes.
@@ -93,58 +104,43 @@ impl SkyTensors {
 }
 
 pub(super) fn flatten_materials(materials: &[&Material], context: &Context) -> Materials {
-    let planes = |f: &dyn Fn(&Material) -> [Tensor<2>; 3]| {
-        cat(
-            materials
-                .iter()
-                .map(|m| {
-                    let [x, y, z] = f(m);
-                    Vec3::new(x, y, z)
-                })
-                .collect(),
-            1,
-        )
-    };
-    let glossy = materials.iter().any(|m| m.specular.reflects());
+    let mut list: Vec<Material> = materials.iter().map(|&m| m.clone()).collect();
+    let mut by_channel: Vec<Vec<ChannelValue<'_>>> = Vec::new();
+    by_channel.resize_with(CHANNELS, Vec::new);
+    for material in &mut list {
+        for (values, value) in by_channel.iter_mut().zip(material.channels()) {
+            values.push(value);
+        }
+    }
+    let channels = by_channel.into_iter().map(|values| planes(values, context));
     Materials {
-        diffuse: albedos(materials.iter().map(|m| &m.diffuse), context),
-        specular: glossy.then(|| {
-            let exponent = materials
-                .iter()
-                .map(|m| {
-                    let [n] = m.shininess.planes(context);
-                    n
-                })
-                .collect();
-            (
-                albedos(materials.iter().map(|m| &m.specular), context),
-                Tensor::cat(exponent, 1),
-            )
-        }),
-        emission: planes(&|m| m.emission.planes(context)),
-        reflects: materials.iter().map(|m| m.reflects()).collect(),
-        glossy: materials.iter().map(|m| m.specular.reflects()).collect(),
-        emits: materials.iter().map(|m| m.emits()).collect(),
+        channels: channels.collect(),
+        kinds: materials.iter().map(|m| m.kind()).collect(),
     }
 }
 
-fn albedos<'a>(list: impl Iterator<Item = &'a Albedo>, context: &Context) -> Albedos {
+fn planes(values: Vec<ChannelValue<'_>>, context: &Context) -> ChannelPlanes {
     let (mut constant, mut texture, mut atlas) = (Vec::new(), Vec::new(), Vec::new());
     let mut offset = 0;
-    for albedo in list {
-        let [r, g, b] = match albedo {
-            Albedo::Constant(p) => {
-                texture.push(None);
+    let zero = || Parameter::Constant([0.0; 3]).planes(context);
+    for value in values {
+        let mut slot = None;
+        let [x, y, z] = match value {
+            ChannelValue::Colour(Albedo::Constant(p)) | ChannelValue::Numbers(p) => {
                 p.planes(context)
             }
-            Albedo::Texture { texels, wrap } => {
+            ChannelValue::Scalar(p) => {
+                let ([x], [_, y, z]) = (p.planes(context), zero());
+                [x, y, z]
+            }
+            ChannelValue::Colour(Albedo::Texture { texels, wrap }) => {
                 let [height, width, _] = texels.dims();
-                texture.push(Some(TextureSlot {
+                slot = Some(TextureSlot {
                     offset,
                     height,
                     width,
                     wrap: *wrap,
-                }));
+                });
                 offset += height * width;
                 let texels = if texels.is_tracked() {
                     texels.clone()
@@ -154,12 +150,13 @@ fn albedos<'a>(list: impl Iterator<Item = &'a Albedo>, context: &Context) -> Alb
                 atlas.push(Vec3::from_rows(
                     texels.reshape([height * width, 3]).transpose(),
                 ));
-                Parameter::Constant([0.0; 3]).planes(context)
+                zero()
             }
         };
-        constant.push(Vec3::new(r, g, b));
+        texture.push(slot);
+        constant.push(Vec3::new(x, y, z));
     }
-    Albedos {
+    ChannelPlanes {
         constant: cat(constant, 1),
         texture,
         atlas: (!atlas.is_empty()).then(|| cat(atlas, 1)),

@@ -12,7 +12,8 @@ use super::{Bounds, Camera, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
 use attached::Attached;
-pub use materials::{Albedos, EnvironmentMap, Materials, SkyTensors, TextureSlot};
+pub(crate) use materials::{ChannelPlanes, EnvironmentMap, Materials, SkyTensors};
+
 
 /// A sphere around the scene that sets the scale of depths and tolerances; takes no gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +43,7 @@ pub struct Flattened {
     /// Host-side connectivity.
     pub topology: Topology,
     /// All materials.
-    pub materials: Materials,
+    pub(crate) materials: Materials,
     /// Triangles that emit.
     pub emitters: Vec<u32>,
     /// Where the scene is and how large, in scene units.
@@ -140,7 +141,7 @@ impl Flattened {
         } = Attached::new(scene, &context, unit);
         let triangles = Triangles::new(&context, corners, velocity);
         let emitters: Vec<u32> = (0..topology.object.len() as u32)
-            .filter(|&t| materials.emits[topology.material[t as usize] as usize])
+            .filter(|&t| materials.kinds[topology.material[t as usize] as usize].emits)
             .collect();
         if emitters.is_empty() && environment.is_none() {
             log::warn!(
