@@ -46,7 +46,7 @@ pub(crate) struct ShadingGradient {
 }
 
 impl ShadingGradient {
-    /// Those by a material's parameters.
+    /// The derivatives by a material's parameters, in the order of [`Channel::ALL`].
     #[inline(always)]
     pub fn channels(&self) -> [V3; CHANNELS] {
         let mut by = [V3::ZERO; CHANNELS];
@@ -63,7 +63,7 @@ pub(crate) struct Scatter {
     pub direction: V3,
     /// f·cos θ over the density of the direction.
     pub weight: V3,
-    /// In the frame of the lobe's axis: the normal, or the mirror direction.
+    /// The direction in the frame of the lobe's axis: the normal, or the mirror direction.
     pub local: V3,
     /// Whether the specular lobe was drawn.
     pub of_gloss: bool,
@@ -73,13 +73,13 @@ pub(crate) struct Scatter {
 
 /// Directions drawn by a number nearer to 0 or 1 have derivatives without bound.
 const LEAST: f32 = 1e-7;
-/// Up to so many times the cosine to the geometric normal counts.
+/// The cosine to the shading normal counts up to so many times that to the geometric one.
 pub(crate) const HORIZON: f32 = 4.0;
 /// Densities under this can't have been drawn.
 const IMPOSSIBLE: f32 = 1e-20;
 
 impl Shading {
-    /// From a material's parameters at the point.
+    /// The shading of a material with these parameters at the point.
     #[inline(always)]
     pub fn of(values: [V3; CHANNELS], kind: MaterialKind) -> Self {
         Self {

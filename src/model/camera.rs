@@ -121,7 +121,7 @@ impl Camera {
         ]
     }
 
-    /// Where the ray from a point of the lens to a point of space starts.
+    /// The start of the ray from a point of the lens to a point of space.
     #[inline(always)]
     pub fn origin_towards(&self, point: V3, lens_x: f32, lens_y: f32) -> V3 {
         let mut origin = self.eye + self.lens_point(lens_x, lens_y);
@@ -155,7 +155,7 @@ impl Camera {
         }
     }
 
-    /// How the film point moves while the point of space moves along a vector, in pixels.
+    /// The vector by which the film point moves, in pixels, while the point of space moves along a vector.
     #[inline(always)]
     pub fn project_along(&self, point: V3, along: V3, lens_x: f32, lens_y: f32) -> [f32; 2] {
         let r = self.local(point - self.eye - self.lens_point(lens_x, lens_y));
@@ -228,7 +228,7 @@ mod tests {
         }
     }
 
-    /// With pixels that are not square and a principal point beside the middle.
+    /// A camera with pixels that are not square and a principal point beside the middle.
     fn camera(aperture: f32, parallel: bool) -> Camera {
         let forward = v3(0.1, -0.2, -1.0).normalized();
         let right = forward.cross(v3(0.0, 1.0, 0.0)).normalized();

@@ -4,10 +4,10 @@ use super::V3;
 use super::filter::disk_kernel;
 use super::frame::frame;
 
-/// From the axis of a cone to a ray of it.
+/// A ray of a cone, and how it follows from the axis.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Bend {
-    /// What was added to the axis, across it.
+    /// The vector that was added to the axis, across it.
     pub offset: V3,
     /// Whether the ray was mirrored at the surface that it leaves.
     pub mirrored: bool,
@@ -48,7 +48,7 @@ pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
     }
 }
 
-/// From derivatives by a ray of a cone to those by the cone's axis; the offset across it stays as it is.
+/// Turns derivatives by a ray of a cone into those by the cone's axis; the offset across it stays as it is.
 #[inline(always)]
 pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal: &mut V3) -> V3 {
     if bend.offset.is_zero() {
@@ -66,18 +66,26 @@ pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal:
     g.across(direction) * inverse
 }
 
+/// Cosine and sine of the half-angle of a cone, less wide than 180°, that is widened by an angle given by
+/// its tangent.
+#[inline(always)]
+pub(crate) fn widened([cos, sin]: [f32; 2], tangent: f32) -> [f32; 2] {
+    let wide = (1.0 + tangent * tangent).sqrt();
+    [(cos - sin * tangent) / wide, (sin + cos * tangent) / wide]
+}
+
 /// Rays leave a surface this much above it, over the largest coordinate: what points are rounded by.
 const LIFT: f32 = 1e-6;
 /// Shadow rays end this much before the light's plane, over the largest coordinate.
 const END: f32 = 2e-6;
 
-/// Where rays start that leave a surface point on the side of a normal.
+/// The start of rays that leave a surface point on the side of a normal.
 #[inline(always)]
 pub(crate) fn lifted(position: V3, normal: V3) -> V3 {
     position + normal * (LIFT * (0.1 + position.max_abs()))
 }
 
-/// How far a ray goes until it comes to the plane of a light through a point, but for rounding.
+/// The distance after which a ray comes to the plane of a light through a point, but for rounding.
 #[inline(always)]
 pub(crate) fn up_to_plane(start: V3, direction: V3, normal: V3, light: V3) -> f32 {
     let cosine = normal.dot(direction);
@@ -93,6 +101,14 @@ pub(crate) fn up_to_plane(start: V3, direction: V3, normal: V3, light: V3) -> f3
 mod tests {
     use super::*;
     use crate::model::v3;
+
+    #[test]
+    fn angles_of_widened_cones_add_up() {
+        for (angle, by) in [(0.0f32, 0.3f32), (0.7, 0.0), (1.2, 0.6)] {
+            let [cos, sin] = widened([angle.cos(), angle.sin()], by.tan());
+            assert!((sin.atan2(cos) - angle - by).abs() < 3e-6);
+        }
+    }
 
     #[test]
     fn a_cone_stays_about_its_axis() {

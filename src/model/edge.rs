@@ -1,9 +1,9 @@
-//! What an edge takes part in an image by: where it moves, one side of it gives way to the other.
+//! The part that an edge has in the derivative of an image: where it moves, one side gives way to the other.
 //!
 //! An integral of f over directions, or over the film, has the derivative ∫ ∂f plus, along each edge
 //! across which f jumps, ∫ (f⁻ − f⁺) v·n dl: v how fast the edge's image moves, n its normal from the side
-//! of f⁻ to that of f⁺ (Reynolds). dl is that of the edge's parameter λ ∈ [0, 1] here, so that n·dl is a vector linear in
-//! the edge.
+//! of f⁻ to that of f⁺ (Reynolds). dl is that of the
+//! edge's parameter λ ∈ [0, 1] here, so that n·dl is a vector linear in the edge.
 
 use super::V3;
 
@@ -14,7 +14,7 @@ pub(crate) struct DirectionEdge {
     pub across: V3,
     /// Derivative of v·n dl/dλ by the edge's point (and less it, by the point it is seen from).
     pub by_point: V3,
-    /// By the axis ω.
+    /// Derivative of the same by the axis ω.
     pub by_axis: V3,
 }
 
@@ -37,8 +37,8 @@ pub(crate) fn direction_edge(r: V3, edge: V3, axis: V3) -> DirectionEdge {
     }
 }
 
-/// A triangle's half-plane at an edge: where the part of it lies that one sees, if it lies on one side of
-/// the edge's image, and how fast its depth falls from there.
+/// A triangle's half-plane at an edge: the side of the edge's image on which it is seen, and how fast its
+/// depth grows from there.
 ///
 /// `inward` points from the edge into the triangle, in its plane; `view` is the direction in which the
 /// edge's point is seen, `side` points across the edge's image. Returns (on which side the half lies, > 0
@@ -54,7 +54,7 @@ pub(crate) fn half_plane(inward: V3, edge: V3, view: V3, side: V3) -> [f32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{filter::disk_kernel, frame::frame, v3};
+    use crate::model::{frame::frame, v3};
 
     /// The swept area in the plane of the disk q, (P − x) ∝ ω + κq, against its derivative by hand.
     #[test]
@@ -95,7 +95,6 @@ mod tests {
             let by_axis = area(slope(&|h| q(p, x, axis + d * h)));
             assert!((found.by_axis.dot(d) - by_axis).abs() < 1e-3, "{by_axis}");
         }
-        let _ = disk_kernel(0.5, 0.5);
     }
 
     #[test]

@@ -72,7 +72,7 @@ impl PixelFilter {
         }
     }
 
-    /// In pixels.
+    /// The radius of the kernel that smooths the box, in pixels.
     pub fn radius(&self) -> f32 {
         self.radius
     }

@@ -6,6 +6,8 @@ pub(crate) mod cone;
 pub(crate) mod edge;
 pub(crate) mod filter;
 pub(crate) mod frame;
+pub(crate) mod heuristic;
+pub(crate) mod segment;
 pub(crate) mod sky;
 pub(crate) mod triangle;
 mod vector;

@@ -20,7 +20,7 @@ pub(crate) struct SkyDensity {
 const UNIFORM: f64 = 0.02;
 
 impl SkyDensity {
-    /// Of a map whose texels are so bright, row after row from the top.
+    /// The density for a map whose texels have a brightness, row after row from the top.
     pub fn new(width: usize, height: usize, brightness: impl Fn(usize) -> f64) -> Self {
         let (w, h) = (width, height);
         let solid = |y: usize| (std::f64::consts::PI * (y as f64 + 0.5) / h as f64).sin();
@@ -98,9 +98,36 @@ pub(crate) fn place(d: V3, width: usize, height: usize) -> [f32; 2] {
     [x, y]
 }
 
+/// Derivatives of column and row by the direction, in texels.
+pub(crate) fn place_slopes(d: V3, width: usize, height: usize) -> [V3; 2] {
+    let around = (d.x * d.x + d.z * d.z).max(1e-12);
+    [
+        v3(-d.z, 0.0, d.x) * (width as f32 / TAU / around),
+        v3(0.0, -(height as f32) / PI / around.sqrt(), 0.0),
+    ]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn derivatives_of_places() {
+        let d = v3(0.48, -0.6, 0.64);
+        let slopes = place_slopes(d, 16, 8);
+        // Along the sphere: the row is that of a unit vector.
+        for step in [v3(1.0, 0.0, 0.0), v3(0.0, 1.0, 0.0), v3(0.0, 0.0, 1.0)] {
+            let h = step.across(d) * 2e-3;
+            let (up, down) = (
+                place((d + h).normalized(), 16, 8),
+                place((d - h).normalized(), 16, 8),
+            );
+            for k in 0..2 {
+                let wanted = (up[k] - down[k]) / 2.0;
+                assert!((slopes[k].dot(h) - wanted).abs() < 2e-5, "{k}");
+            }
+        }
+    }
 
     /// Uniform random numbers give directions with the density that is told: its inverse has the mean 4π.
     #[test]

@@ -57,16 +57,28 @@ impl V3 {
         self.length_squared().sqrt()
     }
 
-    /// Of length 1; not finite for a vector of length 0.
+    /// The unit vector of its direction; not finite for a vector of length 0.
     #[inline(always)]
     pub fn normalized(self) -> Self {
         self * (1.0 / self.length())
     }
 
-    /// Without its part along a unit vector.
+    /// Its part at right angles to a unit vector.
     #[inline(always)]
     pub fn across(self, unit: Self) -> Self {
         self - unit * self.dot(unit)
+    }
+
+    /// The smaller of each component.
+    #[inline(always)]
+    pub fn min(self, o: Self) -> Self {
+        v3(self.x.min(o.x), self.y.min(o.y), self.z.min(o.z))
+    }
+
+    /// The larger of each component.
+    #[inline(always)]
+    pub fn max(self, o: Self) -> Self {
+        v3(self.x.max(o.x), self.y.max(o.y), self.z.max(o.z))
     }
 
     /// The sum of the components.
@@ -121,6 +133,20 @@ impl From<glam::DVec3> for V3 {
 impl From<V3> for glam::DVec3 {
     fn from(v: V3) -> Self {
         Self::new(v.x.into(), v.y.into(), v.z.into())
+    }
+}
+
+impl From<glam::Vec3> for V3 {
+    #[inline(always)]
+    fn from(v: glam::Vec3) -> Self {
+        v3(v.x, v.y, v.z)
+    }
+}
+
+impl From<V3> for glam::Vec3 {
+    #[inline(always)]
+    fn from(v: V3) -> Self {
+        Self::new(v.x, v.y, v.z)
     }
 }
 
