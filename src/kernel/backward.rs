@@ -1,32 +1,24 @@
-//! Paths, backward: derivatives by everything that they met.
+//! Paths, backward: derivatives by everything that they hit.
 
 use glam::DVec3;
 
-use super::View;
 use super::gradient::Sums;
-use super::path::{Path, Seen, Walk};
 use super::records::{LightSample, SkySample, Vertex, Work};
-use super::surface::RayGradient;
+use super::surface::{PointGradient, RayGradient};
+use super::view::View;
+use super::walk::{Path, Seen, Walk};
 use crate::accel::NOTHING;
 use crate::model::V3;
-use crate::model::bsdf::ShadingGradient;
+use crate::model::camera::{CameraGradient, CameraRay};
 use crate::model::cone::bend_backward;
 use crate::scene::Channel;
-
-/// Derivatives by a surface point, but for those that its incoming ray takes part in.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct PointGradient {
-    pub position: V3,
-    pub geometric: V3,
-    pub shading: ShadingGradient,
-}
 
 /// Paths of up to so many points need no memory of their own.
 const DEEP: usize = 16;
 
 impl View {
-    /// Goes back along a path that was kept: adds the derivatives of what it brought, times `upstream`.
-    /// `typical` is how much the loss depends on a camera ray's light on average.
+    /// Goes back along a path that was kept: adds the derivatives of the light that it brought, times
+    /// `upstream`. `typical` is how much the loss depends on a camera ray's light on average.
     #[inline(always)]
     pub(super) fn walk_backward(
         &self,
@@ -60,7 +52,7 @@ impl View {
         let mut vertices = [0u32; DEEP];
         let mut longer = Vec::new();
         let vertices = self.vertices_of(walk, work, &mut vertices, &mut longer);
-        // From where on points of the path move.
+        // The first point of the path that moves.
         let moves = |v: &u32| {
             let triangle = work.vertices[*v as usize].point.triangle;
             self.wanted.objects[scene.triangles[triangle as usize].object as usize]
@@ -86,29 +78,16 @@ impl View {
                 by_t = upstream.depth;
                 by.geometric += upstream.normal;
             }
-            by_ray = scene.point_backward(
-                &vertex.point,
-                path.time,
-                by.position,
-                by.geometric,
-                by_t,
-                &by.shading,
-                &self.wanted,
-                sums,
-            );
+            by_ray = scene.point_backward(&vertex.point, path.time, &by, by_t, &self.wanted, sums);
         }
         if interior && vertices.is_empty() && (upstream.depth != 0.0 || !upstream.normal.is_zero())
         {
-            by_ray = scene.point_backward(
-                &walk.point,
-                path.time,
-                V3::ZERO,
-                upstream.normal,
-                upstream.depth,
-                &ShadingGradient::default(),
-                &self.wanted,
-                sums,
-            );
+            let by = PointGradient {
+                geometric: upstream.normal,
+                ..PointGradient::default()
+            };
+            let (time, by_t) = (path.time, upstream.depth);
+            by_ray = scene.point_backward(&walk.point, time, &by, by_t, &self.wanted, sums);
         }
         self.camera_backward(camera, by_ray, sums);
     }
@@ -145,14 +124,9 @@ impl View {
     }
 
     #[inline(always)]
-    pub(super) fn camera_backward(
-        &self,
-        camera: &crate::model::camera::CameraRay,
-        by: RayGradient,
-        sums: &mut Sums,
-    ) {
+    pub(super) fn camera_backward(&self, camera: &CameraRay, by: RayGradient, sums: &mut Sums) {
         if self.wanted.camera {
-            let mut gradient = crate::model::camera::CameraGradient::default();
+            let mut gradient = CameraGradient::default();
             self.camera
                 .ray_backward(camera, by.origin, by.direction, &mut gradient);
             sums.camera.add(&gradient);
@@ -266,29 +240,11 @@ impl View {
             let to = &mut sums.triangles[k];
             to.area += f64::from(by_scale * light.facing / light.squared);
             to.normal -= DVec3::from(light.direction * by_facing);
-            self.add_to_corners(k, light.weights, by_to, path.time, sums);
+            self.scene
+                .add_to_corners(k, light.weights, by_to, path.time, &self.wanted, sums);
         }
         by.position -= by_to;
         by_throughput
-    }
-
-    /// Adds a derivative by a point of a triangle, which moves with its corners.
-    #[inline(always)]
-    pub(super) fn add_to_corners(
-        &self,
-        k: usize,
-        weights: [f32; 3],
-        g: V3,
-        time: f32,
-        sums: &mut Sums,
-    ) {
-        for (&v, w) in self.scene.vertex_rows[k].iter().zip(weights) {
-            sums.vertices[v as usize] += DVec3::from(g * w);
-        }
-        if self.wanted.velocities {
-            let object = self.scene.triangles[k].object as usize;
-            sums.velocities[object] += DVec3::from(g * time);
-        }
     }
 
     /// Back over light of a map along a direction, which is fixed.

@@ -146,8 +146,8 @@ impl HostCamera {
         }
     }
 
-    /// Adds the derivatives by a camera's parameters at their places, from those by its [`Model`] for an image of
-    /// `aspect` (width over height).
+    /// Adds the derivatives by a camera's parameters at their places, from those by its [`Model`] for an
+    /// image of `aspect` (width over height).
     pub fn backward(
         &self,
         g: &CameraSums,

@@ -1,8 +1,8 @@
-//! Which emitter triangle a surface point is connected to; choices carry no gradient.
+//! Emitters, and the choice of one that a surface point is connected to; it carries no gradient.
 
-use super::scene::{Material, Triangle};
+use super::parts::{Material, Triangle};
+use crate::model::V3;
 use crate::model::triangle::{barycentric, solid_angle};
-use crate::model::{V3, v3};
 use crate::transport::EmitterSampling;
 
 /// The emitter triangles of a scene.
@@ -11,7 +11,7 @@ pub(crate) struct Emitters {
     /// Probabilities that do not depend on the point.
     fixed: Vec<f32>,
     by_solid_angle: bool,
-    /// Those of one object, which are looked for together.
+    /// Emitters of one object and velocity, whose shadows are sampled together.
     pub groups: Vec<EmitterGroup>,
 }
 
@@ -28,17 +28,26 @@ pub(crate) struct Emitter {
     pub group: u32,
 }
 
+/// A point of an emitter that a ray hits, as if nothing were in between.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EmitterHit {
+    pub emitter: usize,
+    pub distance: f32,
+    /// Weights of the corners b and c.
+    pub weights: [f32; 2],
+}
+
 /// Emitters in a sphere, at the start of the shutter.
 #[derive(Clone, Debug)]
 pub(crate) struct EmitterGroup {
     pub members: Vec<u32>,
     pub centre: V3,
     pub radius: f32,
-    /// Of all of them.
+    /// The velocity of each of them.
     pub velocity: V3,
 }
 
-/// Up to here each emitter's solid angle is computed at every point.
+/// Up to so many emitters have their solid angles computed at every point.
 const FEW: usize = 64;
 /// Emitters under a glancing angle are chosen with at least this share of their power's probability:
 /// their light is small there, but its derivative is not.
@@ -67,10 +76,7 @@ impl Emitters {
                 normal: t.normal,
                 area: t.area,
                 velocity: velocities.map_or(V3::ZERO, |v| v[t.object as usize]),
-                radiance: {
-                    let e = materials[t.material as usize].emission();
-                    (e.x.abs() + e.y.abs() + e.z.abs()) / 3.0
-                },
+                radiance: materials[t.material as usize].emission().sum_abs() / 3.0,
                 group: 0,
             })
             .collect();
@@ -191,16 +197,15 @@ impl Emitters {
         (group, chance)
     }
 
-    /// The emitters whose front a ray meets, were nothing in between: their numbers, distances and weights
-    /// of corners b and c.
+    /// Visits the emitters among some whose front a ray hits, as if nothing were in between.
     #[inline(always)]
-    pub fn met(
+    pub fn each_hit(
         &self,
         members: impl Iterator<Item = usize>,
         x: V3,
         time: f32,
         direction: V3,
-        mut found: impl FnMut(usize, f32, [f32; 2]),
+        mut visit: impl FnMut(EmitterHit),
     ) {
         for k in members {
             let e = &self.list[k];
@@ -216,7 +221,11 @@ impl Emitters {
             let at = e.corners[0] + from_a + direction * t;
             let [a, b, c] = barycentric(e.corners, e.normal, e.area, at);
             if a >= 0.0 && b >= 0.0 && c >= 0.0 {
-                found(k, t, [b, c]);
+                visit(EmitterHit {
+                    emitter: k,
+                    distance: t,
+                    weights: [b, c],
+                });
             }
         }
     }
@@ -252,13 +261,10 @@ fn group(list: &mut [Emitter], triangles: &[Triangle]) -> Vec<EmitterGroup> {
     }
     for g in &mut groups {
         let corners = || g.members.iter().flat_map(|&k| list[k as usize].corners);
-        let (mut low, mut high) = (
-            v3(f32::MAX, f32::MAX, f32::MAX),
-            v3(f32::MIN, f32::MIN, f32::MIN),
-        );
+        let (mut low, mut high) = (V3::ONE * f32::MAX, V3::ONE * f32::MIN);
         for c in corners() {
-            low = v3(low.x.min(c.x), low.y.min(c.y), low.z.min(c.z));
-            high = v3(high.x.max(c.x), high.y.max(c.y), high.z.max(c.z));
+            low = low.min(c);
+            high = high.max(c);
         }
         let centre = (low + high) * 0.5;
         let radius = corners().map(|c| (c - centre).length()).fold(0.0, f32::max);

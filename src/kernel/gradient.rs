@@ -27,7 +27,7 @@ pub(crate) struct Wanted {
 }
 
 impl Wanted {
-    /// Of tensors that are in a graph.
+    /// The derivatives by tensors that are in a graph.
     pub fn new(scene: &KernelScene, ids: impl Iterator<Item = ParameterId>) -> Self {
         use ParameterId as Id;
         let mut wanted = Self {
@@ -118,7 +118,7 @@ impl CameraSums {
 pub(crate) struct Sums {
     pub vertices: Vec<DVec3>,
     pub triangles: Vec<TriangleSums>,
-    /// By object.
+    /// One for each object.
     pub velocities: Vec<DVec3>,
     pub uvs: Vec<[f64; 2]>,
     pub normals: Vec<DVec3>,
@@ -157,7 +157,7 @@ impl Sums {
         }
     }
 
-    /// How many numbers it has.
+    /// The number of its numbers.
     pub fn len(&self) -> usize {
         3 * (self.vertices.len() + self.velocities.len() + self.normals.len())
             + 3 * (self.texels.len() + self.sky.len())
@@ -167,7 +167,7 @@ impl Sums {
             + 15
     }
 
-    /// Adds others.
+    /// Adds other sums.
     pub fn add(&mut self, o: &Self) {
         add_each(&mut self.vertices, &o.vertices);
         for (a, b) in self.triangles.iter_mut().zip(&o.triangles) {
@@ -194,7 +194,7 @@ impl Sums {
         a.per_focus += b.per_focus;
     }
 
-    /// Derivatives by normals and areas go to the vertices.
+    /// Turns derivatives by normals and areas into those by the vertices.
     pub fn resolve(&mut self, scene: &KernelScene) {
         for (k, sums) in self.triangles.iter().enumerate() {
             let tri = &scene.triangles[k];
@@ -215,7 +215,7 @@ impl Sums {
         self.triangles.clear();
     }
 
-    /// Adds the derivatives by parameters of the scene, from sums that were resolved, at their places.
+    /// Adds the derivatives by parameters of the scene at their places; the sums must be resolved.
     pub fn write(
         &self,
         scene: &KernelScene,

@@ -1,9 +1,10 @@
-//! What a path leaves behind for its backward pass.
+//! Records that a path leaves for its backward pass, and the memory that holds them.
 
 use std::ops::Range;
 
-use super::path::{Candidate, Walks};
+use super::emitters::EmitterHit;
 use super::surface::Point;
+use super::walk::Walks;
 use crate::accel::{Hit, HitRay};
 use crate::model::V3;
 use crate::model::bsdf::Scatter;
@@ -13,25 +14,25 @@ use crate::model::cone::Bend;
 #[derive(Clone, Debug)]
 pub(super) struct Vertex {
     pub point: Point,
-    /// Of the path where it arrives here.
+    /// The throughput of the path where it arrives here.
     pub throughput: V3,
     /// Light that arrives, in [`Work::lights`] and [`Work::skies`].
     pub lights: Range<u32>,
     pub skies: Range<u32>,
-    /// How the path goes on.
+    /// The way on; None where the path ends.
     pub leave: Option<Leave>,
     /// The point before it, `usize::MAX` for the first.
     pub previous: usize,
 }
 
-/// How a path leaves a point.
+/// The way in which a path leaves a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leave {
     pub scatter: Scatter,
     /// The probability with which it goes on.
     pub survival: f32,
     pub bend: Bend,
-    /// Whether the ray met nothing, and brought light of the environment.
+    /// Whether the ray hit nothing, and brought light of the environment.
     pub escaped: bool,
 }
 
@@ -41,7 +42,7 @@ pub(super) struct LightSample {
     /// The triangle of the scene.
     pub triangle: u32,
     pub weights: [f32; 3],
-    /// From the surface point to the light.
+    /// The unit vector from the surface point to the light.
     pub direction: V3,
     pub distance: f32,
     pub squared: f32,
@@ -49,7 +50,7 @@ pub(super) struct LightSample {
     pub facing: f32,
     /// f·cos θ at the surface.
     pub reflected: V3,
-    /// What the sample is divided by, in units of the emitter's area.
+    /// The divisor of the sample, in units of the emitter's area.
     pub density: f32,
 }
 
@@ -60,7 +61,21 @@ pub(super) struct SkySample {
     pub density: f32,
 }
 
-/// What rays met.
+/// Light that arrives if nothing is in between.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    pub walk: u32,
+    pub light: V3,
+    pub sample: Sample,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Sample {
+    Light(LightSample),
+    Sky(SkySample),
+}
+
+/// Counts of rays.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RayCounts {
     /// Camera, bounce and shadow rays.
@@ -78,7 +93,7 @@ impl RayCounts {
         }
     }
 
-    /// Adds others by bounce.
+    /// Adds other counts by bounce.
     pub fn add_bounces(&mut self, o: &Self) {
         let reached = o.bounces.iter().rposition(|&b| b > 0).map_or(0, |r| r + 1);
         if self.bounces.len() < reached {
@@ -90,7 +105,7 @@ impl RayCounts {
     }
 }
 
-/// Room for paths.
+/// Memory of paths that go together, used again for the next.
 #[derive(Default)]
 pub(crate) struct Work {
     pub(super) vertices: Vec<Vertex>,
@@ -100,7 +115,7 @@ pub(crate) struct Work {
     pub(super) hits: Vec<Hit>,
     pub(super) candidates: Vec<Candidate>,
     pub(super) chances: Vec<f32>,
-    pub(super) met: Vec<(usize, [f32; 2])>,
+    pub(super) emitter_hits: Vec<EmitterHit>,
     pub(super) side_walks: Walks,
     pub(crate) counts: RayCounts,
 }

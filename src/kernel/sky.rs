@@ -1,10 +1,8 @@
 //! The environment: its radiance along directions, and directions drawn from a map of it.
 
-use std::f32::consts::{PI, TAU};
-
-use super::scene::Texels;
-use crate::model::sky::{SkyDensity, place};
-use crate::model::{V3, v3};
+use super::texture::{Cell, Texels};
+use crate::model::V3;
+use crate::model::sky::{SkyDensity, place, place_slopes};
 use crate::scene::{HostScene, HostTexture};
 
 pub(crate) enum Sky {
@@ -19,21 +17,6 @@ pub(crate) struct SkyMap {
     height: usize,
     texels: Texels,
     pub drawn: SkyDensity,
-}
-
-/// Where a direction meets a map: texels, bilinear weights, and how its place changes with it.
-struct LookUp {
-    texels: [usize; 4],
-    at: [f32; 2],
-    /// ∂(column, row)/∂direction, in texels.
-    slope: [V3; 2],
-}
-
-impl LookUp {
-    fn weights(&self) -> [f32; 4] {
-        let [x, y] = self.at;
-        [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y]
-    }
 }
 
 impl Sky {
@@ -64,7 +47,7 @@ impl Sky {
         }
     }
 
-    /// Adds the derivatives of g·radiance by texels, where they are asked for; returns that by the direction.
+    /// Adds the derivatives of g·radiance by texels, where they are asked for; returns those by the direction.
     #[inline(always)]
     pub fn backward(&self, direction: V3, g: V3, texels: &mut [glam::DVec3]) -> V3 {
         match self {
@@ -90,7 +73,7 @@ impl Sky {
         matches!(self, Self::Black)
     }
 
-    /// How many colours it has.
+    /// The number of its colours.
     pub fn len(&self) -> usize {
         match self {
             Self::Black => 0,
@@ -103,10 +86,7 @@ impl Sky {
 impl SkyMap {
     fn new(list: Vec<f32>, w: usize, h: usize) -> Self {
         let texels = Texels::new(list);
-        let brightness = |i: usize| {
-            let t = texels.at(i);
-            f64::from(t.x.abs() + t.y.abs() + t.z.abs()) / 3.0
-        };
+        let brightness = |i: usize| f64::from(texels.at(i).sum_abs()) / 3.0;
         Self {
             width: w,
             height: h,
@@ -115,48 +95,28 @@ impl SkyMap {
         }
     }
 
-    fn look_up(&self, d: V3) -> LookUp {
+    /// The texels about a direction: columns wrap, rows end at the poles.
+    fn cell(&self, d: V3) -> Cell {
         let (w, h) = (self.width, self.height);
-        let around = (d.x * d.x + d.z * d.z).max(1e-12);
         let [x, y] = place(d, w, h);
-        let (x, y) = (x - 0.5, y - 0.5);
-        let (left, top) = (x.floor(), y.floor());
-        let column = |i: i64| i.rem_euclid(w as i64) as usize;
-        let row = |j: i64| j.clamp(0, h as i64 - 1) as usize;
-        let texel = |i: i64, j: i64| row(top as i64 + j) * w + column(left as i64 + i);
-        LookUp {
-            texels: [texel(0, 0), texel(1, 0), texel(0, 1), texel(1, 1)],
-            at: [x - left, y - top],
-            slope: [
-                v3(-d.z, 0.0, d.x) * (w as f32 / TAU / around),
-                v3(0.0, -(h as f32) / PI / around.sqrt(), 0.0),
-            ],
-        }
+        Cell::new(x - 0.5, y - 0.5, |i, j| {
+            let column = i.rem_euclid(w as i64) as usize;
+            let row = j.clamp(0, h as i64 - 1) as usize;
+            row * w + column
+        })
     }
 
     /// Radiance along a direction.
     #[inline(never)]
     pub fn at(&self, direction: V3) -> V3 {
-        let l = self.look_up(direction);
-        let mut sum = V3::ZERO;
-        for (&t, w) in l.texels.iter().zip(l.weights()) {
-            sum += self.texels.at(t) * w;
-        }
-        sum
+        self.cell(direction).colour(&self.texels)
     }
 
-    /// Adds the derivatives of g·radiance by texels, where they are asked for; returns that by the direction.
+    /// Adds the derivatives of g·radiance by texels, where they are asked for; returns those by the direction.
     #[inline(never)]
     pub fn backward(&self, direction: V3, g: V3, texels: &mut [glam::DVec3]) -> V3 {
-        let l = self.look_up(direction);
-        if !texels.is_empty() {
-            for (&t, w) in l.texels.iter().zip(l.weights()) {
-                texels[t] += glam::DVec3::from(g * w);
-            }
-        }
-        let [a, b, p, q] = l.texels.map(|t| self.texels.at(t).dot(g));
-        let by_x = (1.0 - l.at[1]) * (b - a) + l.at[1] * (q - p);
-        let by_y = (1.0 - l.at[0]) * (p - a) + l.at[0] * (q - b);
-        l.slope[0] * by_x + l.slope[1] * by_y
+        let [by_x, by_y] = self.cell(direction).backward(&self.texels, g, texels);
+        let [slope_x, slope_y] = place_slopes(direction, self.width, self.height);
+        slope_x * by_x + slope_y * by_y
     }
 }

@@ -1,13 +1,15 @@
 //! Points of surfaces that rays hit: position, normals, and what their material is there.
 
+use glam::DVec3;
+
 use super::gradient::{Sums, Wanted};
-use super::scene::{Colour, KernelScene, Texels, Texture};
+use super::scene::KernelScene;
 use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::cone::lifted;
-use crate::scene::CHANNELS;
 use crate::model::triangle::{barycentric, barycentric_slopes, hit_backward};
+use crate::scene::CHANNELS;
 
 /// Normals of corners may cancel where they are interpolated.
 const TINY: f32 = 1e-15;
@@ -18,7 +20,7 @@ pub(crate) struct Point {
     pub triangle: u32,
     /// Distance along the ray.
     pub t: f32,
-    /// Where it is at the ray's time.
+    /// Its position at the ray's time.
     pub position: V3,
     /// Weights of the triangle's corners in it.
     pub weights: [f32; 3],
@@ -29,11 +31,19 @@ pub(crate) struct Point {
 }
 
 impl Point {
-    /// Where rays that leave it start: above it by what it may be off by.
+    /// The start of rays that leave it: above it by what it may be off by.
     #[inline(always)]
     pub fn start(&self) -> V3 {
         lifted(self.position, self.shading.geometric)
     }
+}
+
+/// Derivatives by a surface point, but for those that its incoming ray takes part in.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PointGradient {
+    pub position: V3,
+    pub geometric: V3,
+    pub shading: ShadingGradient,
 }
 
 /// Derivatives by a ray.
@@ -41,97 +51,6 @@ impl Point {
 pub(crate) struct RayGradient {
     pub origin: V3,
     pub direction: V3,
-}
-
-/// Texels of a bilinear look-up, and where in their cell a point lies.
-#[derive(Clone, Copy, Debug)]
-struct Cell {
-    texels: [usize; 4],
-    at: [f32; 2],
-}
-
-impl Cell {
-    /// Texel centres at half-integers, row 0 at the top (v = 1).
-    fn new(texture: &Texture, uv: [f32; 2]) -> Self {
-        let x = uv[0] * texture.width as f32 - 0.5;
-        let y = (1.0 - uv[1]) * texture.height as f32 - 0.5;
-        let (left, top) = (x.floor(), y.floor());
-        let texel = |dx: i64, dy: i64| {
-            let column = texture.wrap.texel(left as i64 + dx, texture.width);
-            let row = texture.wrap.texel(top as i64 + dy, texture.height);
-            texture.offset + row * texture.width + column
-        };
-        Self {
-            texels: [texel(0, 0), texel(1, 0), texel(0, 1), texel(1, 1)],
-            at: [x - left, y - top],
-        }
-    }
-
-    fn weights(&self) -> [f32; 4] {
-        let [x, y] = self.at;
-        [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y]
-    }
-}
-
-impl Colour {
-    #[inline(always)]
-    fn at(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
-        match &self.texture {
-            None => self.constant,
-            Some(texture) => texture.look_up(texels, uv),
-        }
-    }
-
-    /// Adds the derivatives of g·colour by the constant or the texels; returns that by the coordinates.
-    #[inline(always)]
-    fn backward(
-        &self,
-        texels: &Texels,
-        uv: [f32; 2],
-        g: V3,
-        (constant, by_texel): (&mut glam::DVec3, &mut [glam::DVec3]),
-    ) -> [f32; 2] {
-        match &self.texture {
-            None => {
-                *constant += glam::DVec3::from(g);
-                [0.0; 2]
-            }
-            Some(texture) => texture.backward(texels, uv, g, by_texel),
-        }
-    }
-}
-
-impl Texture {
-    #[inline(never)]
-    fn look_up(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
-        let cell = Cell::new(self, uv);
-        let mut sum = V3::ZERO;
-        for (&t, w) in cell.texels.iter().zip(cell.weights()) {
-            sum += texels.at(t) * w;
-        }
-        sum
-    }
-
-    #[inline(never)]
-    fn backward(
-        &self,
-        texels: &Texels,
-        uv: [f32; 2],
-        g: V3,
-        by_texel: &mut [glam::DVec3],
-    ) -> [f32; 2] {
-        let cell = Cell::new(self, uv);
-        if !by_texel.is_empty() {
-            for (&t, w) in cell.texels.iter().zip(cell.weights()) {
-                by_texel[t] += glam::DVec3::from(g * w);
-            }
-        }
-        let [a, b, c, d] = cell.texels.map(|t| texels.at(t).dot(g));
-        let [x, y] = cell.at;
-        let by_x = (1.0 - y) * (b - a) + y * (d - c);
-        let by_y = (1.0 - x) * (c - a) + x * (d - b);
-        [by_x * self.width as f32, -by_y * self.height as f32]
-    }
 }
 
 impl KernelScene {
@@ -214,33 +133,30 @@ impl KernelScene {
         sum
     }
 
-    /// From derivatives by a point, its geometric normal and its shading to those by what the scene is
-    /// made of, and by the ray that hit it.
+    /// Adds the derivatives by the scene's parts of a point that has derivatives by its position, geometric
+    /// normal, distance and shading; returns those by the ray that hit it.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)] // one place, called once
     pub fn point_backward(
         &self,
         p: &Point,
         time: f32,
-        by_position: V3,
-        by_geometric: V3,
+        by: &PointGradient,
         by_t: f32,
-        shade: &ShadingGradient,
         wanted: &Wanted,
         sums: &mut Sums,
     ) -> RayGradient {
-        let k = p.triangle as usize;
+        let (k, shade) = (p.triangle as usize, &by.shading);
         let tri = &self.triangles[k];
         let index = tri.material as usize;
         let m = &self.materials[index];
         let mut by_uv = [0.0; 2];
         if wanted.materials || (wanted.rays && self.textured) {
             let to = &mut sums.materials[index];
-            let by = shade.channels();
+            let channels = shade.channels();
             let mut i = 0;
             while i < m.kind.shading() {
                 let into = (&mut to.channels[i], &mut sums.texels[..]);
-                let more = m.channels[i].backward(&self.texels, p.uv, by[i], into);
+                let more = m.channels[i].backward(&self.texels, p.uv, channels[i], into);
                 by_uv = [by_uv[0] + more[0], by_uv[1] + more[1]];
                 i += 1;
             }
@@ -254,20 +170,15 @@ impl KernelScene {
         } else {
             shade.normal
         };
-        let by_normal = flat + shade.geometric + by_geometric;
+        let by_normal = flat + shade.geometric + by.geometric;
         let direction = p.shading.incoming;
         // Barycentric coordinates see the point from the corners, which are where the triangle is.
-        let by_point = by_position + by_place + direction * by_t;
+        let by_point = by.position + by_place + direction * by_t;
         let with_plane = hit_backward(tri.normal, direction, by_point);
         if wanted.objects[tri.object as usize] {
-            sums.triangles[k].normal += glam::DVec3::from(by_normal * p.side);
+            sums.triangles[k].normal += DVec3::from(by_normal * p.side);
             let by_corners = with_plane - by_place;
-            for (&v, w) in self.vertex_rows[k].iter().zip(p.weights) {
-                sums.vertices[v as usize] += glam::DVec3::from(by_corners * w);
-            }
-            if wanted.velocities {
-                sums.velocities[tri.object as usize] += glam::DVec3::from(by_corners * time);
-            }
+            self.add_to_corners(k, p.weights, by_corners, time, wanted, sums);
         }
         let by_ray = by_point - with_plane;
         RayGradient {
@@ -276,8 +187,28 @@ impl KernelScene {
         }
     }
 
-    /// Adds the derivatives by texture coordinates and shading normals; returns that by the point, less
-    /// at each corner by its weight.
+    /// Adds a derivative by a point of a triangle, which moves with its corners.
+    #[inline(always)]
+    pub fn add_to_corners(
+        &self,
+        k: usize,
+        weights: [f32; 3],
+        g: V3,
+        time: f32,
+        wanted: &Wanted,
+        sums: &mut Sums,
+    ) {
+        for (&v, w) in self.vertex_rows[k].iter().zip(weights) {
+            sums.vertices[v as usize] += DVec3::from(g * w);
+        }
+        if wanted.velocities {
+            let object = self.triangles[k].object as usize;
+            sums.velocities[object] += DVec3::from(g * time);
+        }
+    }
+
+    /// Adds the derivatives by texture coordinates and shading normals; returns that by the point, which
+    /// each corner takes less by its weight.
     #[inline(always)]
     fn attributes_backward(
         &self,
@@ -316,7 +247,7 @@ impl KernelScene {
             by_c += by_sum.dot(c - a);
             if wanted.normals {
                 for (&row, w) in self.normal_rows[k].iter().zip(p.weights) {
-                    sums.normals[row as usize] += glam::DVec3::from(by_sum * w);
+                    sums.normals[row as usize] += DVec3::from(by_sum * w);
                 }
             }
         }

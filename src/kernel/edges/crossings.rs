@@ -1,11 +1,11 @@
-//! Lines in which triangles pass through each other: there what is seen jumps, though no mesh has an edge.
+//! Lines in which triangles pass through each other: colours jump there, though no mesh has an edge.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::edges::{Edge, FACES, Kind};
-use super::vertex::TOUCHING;
-use crate::kernel::scene::{KernelScene, Triangle};
+use super::edge::{Edge, FACES, Kind, TOUCHING};
+use crate::kernel::parts::Triangle;
+use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 
 /// Times in the shutter at which moving objects are looked at.
@@ -21,7 +21,7 @@ fn corners(scene: &KernelScene, k: u32, time: f32) -> [DVec3; 3] {
 
 /// The segment in which two triangles pass through each other at a time, if they do so by more than
 /// rounding.
-pub(super) fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<[V3; 2]> {
+fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<[V3; 2]> {
     let (p, q) = (corners(scene, k, time), corners(scene, l, time));
     let normal = |c: &[DVec3; 3]| (c[1] - c[0]).cross(c[2] - c[0]).try_normalize();
     let (n, m) = (normal(&p)?, normal(&q)?);
@@ -149,5 +149,21 @@ fn crossing(scene: &KernelScene, k: u32, l: u32, [a, b]: [V3; 2], time: f32) -> 
         crease: 1.0,
         closed: false,
         apart,
+    }
+}
+
+impl Edge {
+    /// The edge as it is at a time, but for its object's motion. None where there is none then.
+    pub fn at_time(&self, scene: &KernelScene, time: f32) -> Option<Self> {
+        if !self.apart {
+            return Some(*self);
+        }
+        let [k, l] = [self.faces[0], self.faces[1]];
+        let [a, b] = segment(scene, k, l, time)?;
+        Some(Self {
+            a: a - scene.shift(k, time),
+            along: b - a,
+            ..*self
+        })
     }
 }

@@ -1,57 +1,11 @@
-//! Edges at which something may jump: silhouettes, borders, creases, seams.
+//! The edges of meshes at which something may jump: silhouettes, borders, creases, seams.
 
 use rayon::prelude::*;
 
+use super::edge::{Edge, FACES, Kind};
 use crate::geometry::Weld;
-use crate::kernel::gradient::Wanted;
-use crate::kernel::scene::{KernelScene, Triangle};
-use crate::model::V3;
-
-/// Faces of an edge, at most; of more the others count as what lies behind.
-pub(super) const FACES: usize = 4;
-
-/// An edge, in inner coordinates at the start of the shutter.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Edge {
-    pub a: V3,
-    /// From a to b.
-    pub along: V3,
-    /// Its triangles, `u32::MAX` where there are no more.
-    pub faces: [u32; FACES],
-    /// Rows of the two ends in the vertices of its first and second face.
-    pub rows: [[u32; 2]; 2],
-    pub object: u32,
-    pub kind: Kind,
-    /// How much colours may jump at it where both faces are seen, up to 1.
-    pub crease: f32,
-    /// Whether all that is behind its faces is hidden by the object itself.
-    pub closed: bool,
-    /// Whether its faces move apart while the shutter is open: then the line of a crossing moves too.
-    pub apart: bool,
-}
-
-impl Edge {
-    /// Whether it has derivatives.
-    pub fn moves(&self, scene: &KernelScene, wanted: &Wanted) -> bool {
-        if self.kind == Kind::Crossing {
-            return self.faces[..2].iter().any(|&k| {
-                let object = scene.triangles[k as usize].object;
-                wanted.objects[object as usize]
-            });
-        }
-        wanted.objects[self.object as usize]
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// Between two faces of opposite direction: jumps where one is seen from the front, one from behind.
-    Fold,
-    /// With one face, or more than two: it always jumps.
-    Border,
-    /// Where two triangles pass through each other: what is seen jumps, but not whether light passes.
-    Crossing,
-}
+use crate::kernel::parts::Triangle;
+use crate::kernel::scene::KernelScene;
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;
@@ -69,7 +23,7 @@ pub(super) fn of_object(
 ) -> Vec<Edge> {
     let weld = Weld::new(positions);
     let part = &scene.objects[object];
-    // Both ends, ascending, and where it is: a face's i-th edge runs from its i-th corner to the next.
+    // Both ends, ascending, and its place: a face's i-th edge runs from its i-th corner to the next.
     let mut all: Vec<(u64, u32)> = faces
         .par_iter()
         .enumerate()
@@ -146,7 +100,7 @@ fn edge_of(
     (!flat || edge.crease > 0.0).then_some(edge)
 }
 
-/// How much colours may jump where both faces are seen.
+/// The most by which colours may jump where both faces are seen.
 fn crease(
     scene: &KernelScene,
     (k, t, ends): (usize, &Triangle, [usize; 2]),

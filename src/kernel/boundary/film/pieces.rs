@@ -1,106 +1,14 @@
-//! Jumps of what the camera sees.
-//!
-//! Edges are drawn on the film: where they are seen, in proportion to their length there, to how much may
-//! jump at them and to how much the loss depends on the pixels about. So no sample is spent where nothing
-//! is asked, and the noise does not depend on how wide the camera's cone is.
+//! Pieces of edges on the film, weighed by how much may jump and how much the loss depends on it.
 
 use rayon::prelude::*;
 
-use super::edges::{Edge, Kind};
-use super::vertex::EdgePoint;
-use crate::accel::{Machine, NOTHING, Task, dispatch};
-use crate::kernel::View;
-use crate::kernel::gradient::Sums;
-use crate::kernel::path::{Path, Seen, Walk};
-use crate::kernel::records::Work;
-use crate::model::V3;
-use crate::model::camera::CameraGradient;
-use crate::model::filter::film_kernel;
+use super::pixels::PixelGradients;
+use crate::kernel::edges::{Edge, Kind};
+use crate::kernel::view::View;
+use crate::model::segment::clip_linear;
 
-/// Derivatives by the pixels of an image, each the mean of its samples.
-pub(crate) struct PixelGradients {
-    /// Of every pixel, or of those that `which` names.
-    values: Vec<Seen>,
-    which: Option<std::collections::HashMap<u32, u32>>,
-    width: u32,
-    height: u32,
-    /// How much the loss depends on the pixels of a cell and its neighbours.
-    cells: Vec<f32>,
-    columns: usize,
-}
-
-/// Pixels of a side of a cell.
-const CELL: u32 = 8;
 /// Edges are drawn in pieces of about so many pixels.
 const PIECE: f32 = 8.0;
-
-impl PixelGradients {
-    /// From the derivatives by pixels of a list. `reach` is how far the filter of a pixel reaches beyond
-    /// it, in pixels.
-    pub fn new(list: &[(u32, Seen)], width: u32, height: u32, reach: f32) -> Self {
-        let all = list.len() == (width * height) as usize
-            && list.iter().enumerate().all(|(i, p)| p.0 as usize == i);
-        let columns = width.div_ceil(CELL) as usize;
-        let rows = height.div_ceil(CELL) as usize;
-        let mut own = vec![0.0; columns * rows];
-        for (pixel, g) in list {
-            let (x, y) = (pixel % width, pixel / width);
-            own[(y / CELL) as usize * columns + (x / CELL) as usize] += weight(g);
-        }
-        // What a point of a cell is seen by.
-        let around = 1 + (reach / CELL as f32).ceil() as usize;
-        let spread = |from: &[f32], along: usize, across: usize, step: usize, stride: usize| {
-            let mut to = vec![0.0; from.len()];
-            for j in 0..across {
-                for i in 0..along {
-                    let (first, last) = (i.saturating_sub(around), (i + around).min(along - 1));
-                    to[j * stride + i * step] =
-                        (first..=last).map(|k| from[j * stride + k * step]).sum();
-                }
-            }
-            to
-        };
-        let cells = spread(&own, columns, rows, 1, columns);
-        let cells = spread(&cells, rows, columns, columns, 1);
-        // Its own counts most.
-        let cells = cells.iter().zip(&own).map(|(a, b)| 0.1 * a + b).collect();
-        Self {
-            values: list.iter().map(|p| p.1).collect(),
-            which: (!all).then(|| {
-                let pairs = list.iter().enumerate();
-                pairs.map(|(i, p)| (p.0, i as u32)).collect()
-            }),
-            width,
-            height,
-            cells,
-            columns,
-        }
-    }
-
-    fn get(&self, x: f32, y: f32) -> Option<&Seen> {
-        if !(x >= 0.0 && y >= 0.0 && x < self.width as f32 && y < self.height as f32) {
-            return None;
-        }
-        let pixel = y as u32 * self.width + x as u32;
-        let i = match &self.which {
-            None => pixel,
-            Some(which) => *which.get(&pixel)?,
-        };
-        Some(&self.values[i as usize])
-    }
-
-    /// How much the loss depends on the pixels about a point.
-    fn near(&self, x: f32, y: f32) -> f32 {
-        let x = x.clamp(0.0, self.width as f32 - 1.0) as u32 / CELL;
-        let y = y.clamp(0.0, self.height as f32 - 1.0) as u32 / CELL;
-        self.cells[y as usize * self.columns + x as usize]
-    }
-}
-
-fn weight(g: &Seen) -> f32 {
-    let sum = |v: V3| v.x.abs() + v.y.abs() + v.z.abs();
-    sum(g.radiance) + g.opacity.abs() + g.depth.abs() + sum(g.normal)
-}
 
 /// A piece of an edge.
 #[derive(Clone, Copy, Debug)]
@@ -108,16 +16,16 @@ struct Piece {
     edge: u32,
     from: f32,
     to: f32,
-    /// Of all pieces so far.
+    /// The sum of the weights of all pieces so far.
     total: f32,
-    /// Where it is on the film.
+    /// Its place on the film, along a Z-order curve.
     place: u64,
 }
 
 /// Pieces of edges on the film of a view.
 pub(crate) struct FilmEdges {
     pieces: Vec<Piece>,
-    /// Of all.
+    /// The sum of the weights of all.
     total: f64,
 }
 
@@ -125,6 +33,34 @@ impl FilmEdges {
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
+
+    /// Draws a point of an edge for two uniform numbers.
+    #[inline(always)]
+    pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
+        let target = (f64::from(u) * self.total) as f32;
+        let last = self.pieces.len() - 1;
+        let i = self.pieces.partition_point(|p| p.total <= target).min(last);
+        let piece = &self.pieces[i];
+        let before = if i == 0 {
+            0.0
+        } else {
+            self.pieces[i - 1].total
+        };
+        let (share, length) = (piece.total - before, piece.to - piece.from);
+        (share > 0.0).then(|| Drawn {
+            edge: piece.edge as usize,
+            lambda: piece.from + length * v,
+            per_density: length * (self.total / f64::from(share)) as f32,
+        })
+    }
+}
+
+/// A point of an edge that was drawn.
+pub(super) struct Drawn {
+    pub edge: usize,
+    pub lambda: f32,
+    /// 1 over the density of λ.
+    pub per_density: f32,
 }
 
 /// The place of a point of the film along a Z-order curve, in quarters of pixels.
@@ -141,56 +77,7 @@ fn place(x: f32, y: f32, last: bool) -> u64 {
     spread(x) | (spread(y) << 1) | (u64::from(last) << 63)
 }
 
-/// The part of a line where a quantity, which is f at its start and g at its end, is not negative.
-fn clipped([from, to]: [f32; 2], f: f32, g: f32) -> [f32; 2] {
-    if f < 0.0 && g < 0.0 {
-        [from, -1.0]
-    } else if f < 0.0 {
-        [from.max(f / (f - g)), to]
-    } else if g < 0.0 {
-        [from, to.min(f / (f - g))]
-    } else {
-        [from, to]
-    }
-}
-
-/// [`View::film_backward`] as a task.
-struct FilmSamples<'a> {
-    view: &'a View,
-    edges: &'a FilmEdges,
-    pixels: &'a PixelGradients,
-    range: std::ops::Range<u32>,
-    count: u32,
-    work: &'a mut Work,
-    sums: &'a mut Sums,
-}
-
-impl Task for FilmSamples<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<M: Machine>(self, _machine: M) {
-        let Self {
-            view,
-            edges,
-            pixels,
-            range,
-            count,
-            work,
-            sums,
-        } = self;
-        for i in range {
-            view.film_sample(edges, pixels, i, count, work, sums);
-        }
-    }
-}
-
 impl View {
-    /// Width and height of the image.
-    pub fn size(&self) -> [u32; 2] {
-        [self.width, self.height]
-    }
-
     /// The pieces of edges that jump on the film where the loss depends on it.
     pub fn film_edges(&self, pixels: &PixelGradients) -> FilmEdges {
         let none = FilmEdges {
@@ -230,8 +117,8 @@ impl View {
         FilmEdges { pieces, total }
     }
 
-    /// How much may jump at an edge, seen from the camera; `slack` is how far rays start from its middle
-    /// and how far the edge moves, which may turn faces.
+    /// The most that may jump at an edge, seen from the camera; `slack` is the distance of rays' starts from
+    /// its middle and that by which the edge moves, which may turn faces.
     fn film_jump(&self, e: &Edge, slack: f32) -> f32 {
         if e.kind != Kind::Fold {
             return 1.0;
@@ -256,6 +143,7 @@ impl View {
         }
     }
 
+    /// Finds the pieces of an edge.
     fn pieces_of(
         &self,
         index: u32,
@@ -276,7 +164,7 @@ impl View {
         let a = c.local(e.a + velocity * 0.5 - c.eye);
         let b = c.local(e.a + e.along + velocity * 0.5 - c.eye);
         let near = 1e-4 * (a[2].abs().max(b[2].abs()) + c.aperture + moved);
-        let [from, to] = clipped([0.0, 1.0], a[2] - near, b[2] - near);
+        let [from, to] = clip_linear([0.0, 1.0], a[2] - near, b[2] - near);
         if from >= to {
             return;
         }
@@ -312,8 +200,8 @@ impl View {
         }
     }
 
-    /// Cuts off what can't be seen of a part of an edge, whose ends are in the camera's frame; returns where
-    /// its own are on the film, with their depths, and how likely a point there is seen.
+    /// Cuts off what can't be seen of a part of an edge, whose ends are in the camera's frame; returns its own
+    /// ends on the film, with their depths and the probability that a point there is seen.
     fn on_film(
         &self,
         piece: &mut Piece,
@@ -322,7 +210,7 @@ impl View {
     ) -> Option<[[f32; 4]; 2]> {
         let c = &self.camera;
         let at = |l: f32| -> [f32; 3] { std::array::from_fn(|k| a[k] + (b[k] - a[k]) * l) };
-        // What coordinates are divided by; by depth in a perspective.
+        // Coordinates are divided by this; by depth in a perspective.
         let divisor = |p: [f32; 3]| if c.parallel { 1.0 } else { p[2] };
         // The film with the reach of its filter, and what a lens and a shutter move points by.
         let stretch = c.dual[0].length().max(c.dual[1].length());
@@ -341,8 +229,8 @@ impl View {
         let mut part = [piece.from, piece.to];
         for (k, limit) in [(0, aspect + reach + more), (1, 1.0 + reach + more)] {
             let (at_a, at_b) = (limit * divisor(a), limit * divisor(b));
-            part = clipped(part, at_a + a[k], at_b + b[k]);
-            part = clipped(part, at_a - a[k], at_b - b[k]);
+            part = clip_linear(part, at_a + a[k], at_b + b[k]);
+            part = clip_linear(part, at_a - a[k], at_b - b[k]);
         }
         if part[0] >= part[1] {
             return None;
@@ -400,152 +288,5 @@ impl View {
                 found.push((piece, weight));
             }
         }
-    }
-
-    /// Adds what jumps on the film: samples `range` of `count`.
-    pub fn film_backward(
-        &self,
-        edges: &FilmEdges,
-        pixels: &PixelGradients,
-        range: std::ops::Range<u32>,
-        count: u32,
-        work: &mut Work,
-        sums: &mut Sums,
-    ) {
-        let samples = FilmSamples {
-            view: self,
-            edges,
-            pixels,
-            range,
-            count,
-            work,
-            sums,
-        };
-        dispatch(self.arch, samples);
-    }
-
-    #[inline(always)]
-    fn film_sample(
-        &self,
-        edges: &FilmEdges,
-        pixels: &PixelGradients,
-        sample: u32,
-        count: u32,
-        work: &mut Work,
-        sums: &mut Sums,
-    ) {
-        let Some(sets) = &self.edge_sets else {
-            return;
-        };
-        let numbers = self.film.numbers((0, sample));
-        let [u, v, ..] = numbers.film();
-        let target = (f64::from(u) * edges.total) as f32;
-        let last = edges.pieces.len() - 1;
-        let i = edges
-            .pieces
-            .partition_point(|p| p.total <= target)
-            .min(last);
-        let piece = edges.pieces[i];
-        let before = if i == 0 {
-            0.0
-        } else {
-            edges.pieces[i - 1].total
-        };
-        let share = piece.total - before;
-        if share <= 0.0 {
-            return;
-        }
-        let time = self.time(&numbers);
-        let Some(edge) = self.edge_at(&sets.edges[piece.edge as usize], time) else {
-            return;
-        };
-        let lambda = piece.from + (piece.to - piece.from) * v;
-        let per_density =
-            (piece.to - piece.from) * (edges.total / f64::from(share)) as f32 / count as f32;
-        let path = Path {
-            time,
-            cones: (self.cone > 0.0).then(|| self.cones.numbers((u32::MAX, sample))),
-            numbers,
-        };
-        let [lens_x, lens_y] = self.lens_point(&path.numbers);
-        let shift = self.scene.shift(edge.faces[0], path.time);
-        let position = edge.a + edge.along * lambda + shift;
-        let origin = self.camera.origin_towards(position, lens_x, lens_y);
-        let point = EdgePoint {
-            edge,
-            lambda,
-            per_density,
-            to: position - origin,
-            position,
-        };
-        if point.to.dot(self.camera.dual[2]) <= 0.0 {
-            return;
-        }
-        // The pixel whose ray would come here.
-        let film = self.camera.project(position, lens_x, lens_y);
-        let [kernel_u, kernel_v, ..] = self.edges.numbers((u32::MAX, sample)).set(0);
-        let radius = self.filter.radius();
-        let x = film.x - radius * film_kernel(kernel_u);
-        let y = film.y - radius * film_kernel(kernel_v);
-        let Some(g) = pixels.get(x, y) else {
-            return;
-        };
-        if *g == Seen::default() {
-            return;
-        }
-        let view = point.to.normalized();
-        let [along_x, along_y] = self
-            .camera
-            .project_along(position, edge.along, lens_x, lens_y);
-        // To the right of the edge's image, on a film whose y points down.
-        let side = self.camera.across * along_y + self.camera.upward * along_x;
-        let sides = self.sides(&point, view, side);
-        let Some(behind) = self.behind(&point, origin, sides.past, path.time) else {
-            return;
-        };
-        let mut walks = std::mem::take(&mut work.side_walks);
-        walks.clear();
-        for &face in &sides.faces {
-            let mut walk = Walk::new();
-            if face != NOTHING {
-                walk.seen = face;
-                walk.start(self.beside(&point, face, view, path.time));
-                walk.radiance = self.emission(&walk.point);
-            } else if behind.triangle != NOTHING {
-                walk.seen = behind.triangle;
-                walk.start(self.scene.point(behind, origin, sides.past, path.time));
-                walk.radiance = self.emission(&walk.point);
-            } else {
-                walk.radiance = self.scene.sky.at(view);
-            }
-            walks.list.push(walk);
-        }
-        if !sides.faces.contains(&NOTHING) {
-            self.pair(&mut walks.list);
-        }
-        self.reflected::<false>(&[path; 2], &mut walks, 0, work);
-        let mut seen = [Seen::default(); 2];
-        for (seen, walk) in seen.iter_mut().zip(&walks.list) {
-            seen.add(walk);
-        }
-        work.side_walks = walks;
-        let [minus, plus] = seen;
-        let jump = g.radiance.dot(minus.radiance - plus.radiance)
-            + g.opacity * (minus.opacity - plus.opacity)
-            + g.depth * (minus.depth - plus.depth)
-            + g.normal.dot(minus.normal - plus.normal);
-        let scale = jump * per_density;
-        if !scale.is_finite() || scale == 0.0 {
-            return;
-        }
-        let by_film = [along_y * scale, -along_x * scale];
-        let mut camera = CameraGradient::default();
-        let by_point = self
-            .camera
-            .project_backward(position, lens_x, lens_y, by_film, &mut camera);
-        if self.wanted.camera {
-            sums.camera.add(&camera);
-        }
-        self.add_to_edge(&point, by_point, path.time, sums);
     }
 }

@@ -1,0 +1,182 @@
+//! Edges that surfaces reflect: jumps of the light of other surfaces and of the environment.
+
+use std::f32::consts::TAU;
+
+use super::edge_point::{EdgePoint, direction_jump};
+use super::observer::Observer;
+use super::sides::Sides;
+use crate::accel::{Hit, NOTHING};
+use crate::kernel::edges::Query;
+use crate::kernel::gradient::Sums;
+use crate::kernel::records::Work;
+use crate::kernel::surface::PointGradient;
+use crate::kernel::view::View;
+use crate::kernel::walk::Path;
+use crate::model::V3;
+use crate::model::bsdf::{Scatter, Shading};
+use crate::model::cone::widened;
+use crate::model::frame::to_local;
+
+/// The probability with which edges of reflected light are looked for at a point of a path that counts as
+/// much as a camera ray does on average: half that of the lights' shadows, since it takes two more paths.
+const RATE: f32 = 0.125;
+
+/// The light beside an edge, on its − and + side.
+struct SideLight {
+    radiance: [V3; 2],
+    /// 1 where the environment is seen.
+    sky: [f32; 2],
+}
+
+impl View {
+    /// Adds the derivatives by jumps of the light that surfaces reflect, and of an environment.
+    pub(super) fn reflected_edges(
+        &self,
+        o: &Observer,
+        work: &mut Work,
+        by: &mut PointGradient,
+        sums: &mut Sums,
+    ) {
+        let last = o.bounce >= self.bounces;
+        if last && !self.sees_sky && !self.gathers_map {
+            return;
+        }
+        let tree = o.sets.seen_by(o.moves || self.wanted.turns());
+        let [pick, u, v, cone_v] = o.numbers.set(3 * o.bounce + 2);
+        let rate = (RATE * o.counts).min(1.0);
+        if pick >= rate || tree.is_empty() {
+            return;
+        }
+        let lobe = pick / rate;
+        let carried = o.carried * (1.0 / rate);
+        let (point, time) = (&o.vertex.point, o.path.time);
+        let shading = &point.shading;
+        let gloss = shading.gloss();
+        let of_gloss = lobe < gloss;
+        // Beside the lobe's probability, the rest of the first number, uniform again.
+        let (chance, cone_u) = if of_gloss {
+            (gloss, lobe / gloss)
+        } else {
+            (1.0 - gloss, (lobe - gloss) / (1.0 - gloss))
+        };
+        let query = self.lobe_query(o, of_gloss);
+        let Some(p) = self.edge_point(o, tree, &query, [u, v]) else {
+            return;
+        };
+        let view = p.to.normalized();
+        let bend = self.bend(view, shading.geometric, cone_u.clamp(0.0, 1.0), cone_v);
+        let axis = bend.direction;
+        let mut reflected = shading.evaluate(axis);
+        if shading.glossy {
+            reflected = reflected * shading.share_of_lobe(axis, of_gloss);
+        }
+        if reflected.is_zero() {
+            return;
+        }
+        let jump = direction_jump(&p, &bend, shading.geometric);
+        let sides = self.sides(&p, view, jump.side);
+        if last && !sides.faces.contains(&NOTHING) {
+            return;
+        }
+        let Some(behind) = self.behind(&p, point.start(), sides.past, time) else {
+            return;
+        };
+        let light = self.light_beside(o, &p, &sides, behind, view, work);
+        let scale = carried.times(reflected) * (p.per_density / chance);
+        let jumps = scale.dot(light.radiance[0] - light.radiance[1]);
+        if jumps != 0.0 {
+            self.edge_point_backward(&p, &jump, jumps, time, by, sums);
+            // Directions turn with the frame of the lobe.
+            let scatter = scatter_along(shading, axis, of_gloss);
+            shading.direction_backward(&scatter, jump.edge.by_axis * jumps, &mut by.shading);
+        }
+        let [minus, plus] = light.sky;
+        if self.gathers_map && minus != plus {
+            // Directions to a map stay where they are.
+            let radiance = self.scene.sky.at(axis);
+            let jumps = carried.times(reflected).dot(radiance) * (p.per_density / chance);
+            self.edge_point_backward(&p, &jump, jumps * (minus - plus), time, by, sums);
+        }
+    }
+
+    /// The hemisphere over a point, or the cone of its glossy lobe, widened by that of the rays.
+    fn lobe_query(&self, o: &Observer, of_gloss: bool) -> Query {
+        let point = &o.vertex.point;
+        let shading = &point.shading;
+        let mut query = Query {
+            x: point.position,
+            time: o.path.time,
+            axis: shading.normal,
+            cos: 0.0,
+            sin: 1.0,
+            exponent: 1.0,
+            shadows: false,
+        };
+        if of_gloss {
+            query.axis = shading.mirror();
+            query.exponent = shading.exponent;
+            // The lobe has fallen to 1e-4 there.
+            let cos = (-9.2 / shading.exponent.max(1e-3)).exp();
+            let [cos, _] = widened([cos, (1.0 - cos * cos).sqrt()], self.cone);
+            query.cos = cos.max(0.0);
+            query.sin = (1.0 - query.cos * query.cos).sqrt();
+        }
+        query
+    }
+
+    /// The light that arrives beside an edge's point.
+    fn light_beside(
+        &self,
+        o: &Observer,
+        p: &EdgePoint,
+        sides: &Sides,
+        behind: Hit,
+        view: V3,
+        work: &mut Work,
+    ) -> SideLight {
+        let rays = (o.vertex.point.start(), view);
+        let mut walks = std::mem::take(&mut work.side_walks);
+        self.walks_beside(p, sides, behind, rays, o.path.time, &mut walks);
+        if o.bounce < self.bounces {
+            let path = Path {
+                numbers: self.sides.numbers(o.path.numbers.path()),
+                ..*o.path
+            };
+            self.reflected::<false>(&[path; 2], &mut walks, o.bounce + 1, work);
+        }
+        let mut light = SideLight {
+            radiance: [V3::ZERO; 2],
+            sky: [0.0; 2],
+        };
+        for (k, walk) in walks.list.iter().enumerate() {
+            if !walk.on_surface {
+                light.sky[k] = 1.0;
+                if self.sees_sky {
+                    light.radiance[k] = self.scene.sky.at(view);
+                }
+            }
+            light.radiance[k] += walk.radiance;
+        }
+        work.side_walks = walks;
+        light
+    }
+}
+
+/// A direction as if it had been drawn from a lobe.
+fn scatter_along(shading: &Shading, direction: V3, of_gloss: bool) -> Scatter {
+    let axis = if of_gloss {
+        shading.mirror()
+    } else {
+        shading.normal
+    };
+    let local = to_local(axis, direction);
+    let turn = local.y.atan2(local.x) / TAU;
+    Scatter {
+        direction,
+        local,
+        of_gloss,
+        u: local.z.max(0.0).powf(shading.exponent + 1.0),
+        v: if turn < 0.0 { turn + 1.0 } else { turn },
+        ..Scatter::default()
+    }
+}

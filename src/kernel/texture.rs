@@ -1,0 +1,164 @@
+//! Colours that are constant or come from textures, and their bilinear look-up.
+
+use glam::DVec3;
+
+use crate::model::{V3, v3};
+use crate::scene::Wrap;
+
+/// The colours of textures, three numbers each.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Texels(Vec<f32>);
+
+impl Texels {
+    /// The colours of a list, which is moved.
+    pub fn new(numbers: Vec<f32>) -> Self {
+        Self(numbers)
+    }
+
+    pub fn len(&self) -> usize {
+        self.0.len() / 3
+    }
+
+    #[inline(always)]
+    pub fn at(&self, texel: usize) -> V3 {
+        let t = &self.0[3 * texel..3 * texel + 3];
+        v3(t[0], t[1], t[2])
+    }
+
+    /// Appends a list; the first is not copied.
+    pub fn push(&mut self, numbers: Vec<f32>) {
+        if self.0.is_empty() {
+            self.0 = numbers;
+        } else {
+            self.0.extend(numbers);
+        }
+    }
+}
+
+/// Four texels about a point, and the point's place between their centres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cell {
+    texels: [usize; 4],
+    /// Both coordinates in [0, 1).
+    at: [f32; 2],
+}
+
+impl Cell {
+    /// The cell of a point in texels, whose centres are at whole numbers; `texel` is the index of a column
+    /// and a row.
+    #[inline(always)]
+    pub fn new(x: f32, y: f32, texel: impl Fn(i64, i64) -> usize) -> Self {
+        let (left, top) = (x.floor(), y.floor());
+        let (i, j) = (left as i64, top as i64);
+        Self {
+            texels: [
+                texel(i, j),
+                texel(i + 1, j),
+                texel(i, j + 1),
+                texel(i + 1, j + 1),
+            ],
+            at: [x - left, y - top],
+        }
+    }
+
+    #[inline(always)]
+    fn weights(&self) -> [f32; 4] {
+        let [x, y] = self.at;
+        [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y]
+    }
+
+    /// The colour at the point.
+    #[inline(always)]
+    pub fn colour(&self, texels: &Texels) -> V3 {
+        let mut sum = V3::ZERO;
+        for (&t, w) in self.texels.iter().zip(self.weights()) {
+            sum += texels.at(t) * w;
+        }
+        sum
+    }
+
+    /// Adds the derivatives of g·colour by the texels, unless that list is empty; returns those by the
+    /// point, in texels.
+    #[inline(always)]
+    pub fn backward(&self, texels: &Texels, g: V3, by_texel: &mut [DVec3]) -> [f32; 2] {
+        if !by_texel.is_empty() {
+            for (&t, w) in self.texels.iter().zip(self.weights()) {
+                by_texel[t] += DVec3::from(g * w);
+            }
+        }
+        let [a, b, c, d] = self.texels.map(|t| texels.at(t).dot(g));
+        let [x, y] = self.at;
+        [
+            (1.0 - y) * (b - a) + y * (d - c),
+            (1.0 - x) * (c - a) + x * (d - b),
+        ]
+    }
+}
+
+/// The place of a texture among the texels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Texture {
+    pub offset: usize,
+    pub width: usize,
+    pub height: usize,
+    pub wrap: Wrap,
+}
+
+impl Texture {
+    /// Texel centres are at half-integers, row 0 at the top (v = 1).
+    fn cell(&self, uv: [f32; 2]) -> Cell {
+        let x = uv[0] * self.width as f32 - 0.5;
+        let y = (1.0 - uv[1]) * self.height as f32 - 0.5;
+        Cell::new(x, y, |i, j| {
+            let column = self.wrap.texel(i, self.width);
+            let row = self.wrap.texel(j, self.height);
+            self.offset + row * self.width + column
+        })
+    }
+
+    #[inline(never)]
+    fn look_up(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
+        self.cell(uv).colour(texels)
+    }
+
+    #[inline(never)]
+    fn backward(&self, texels: &Texels, uv: [f32; 2], g: V3, by_texel: &mut [DVec3]) -> [f32; 2] {
+        let [by_x, by_y] = self.cell(uv).backward(texels, g, by_texel);
+        [by_x * self.width as f32, -by_y * self.height as f32]
+    }
+}
+
+/// A colour of a material: constant, or a texture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Colour {
+    pub constant: V3,
+    pub texture: Option<Texture>,
+}
+
+impl Colour {
+    #[inline(always)]
+    pub fn at(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
+        match &self.texture {
+            None => self.constant,
+            Some(texture) => texture.look_up(texels, uv),
+        }
+    }
+
+    /// Adds the derivatives of g·colour by the constant or the texels; returns those by the coordinates.
+    #[inline(always)]
+    pub fn backward(
+        &self,
+        texels: &Texels,
+        uv: [f32; 2],
+        g: V3,
+        (constant, by_texel): (&mut DVec3, &mut [DVec3]),
+    ) -> [f32; 2] {
+        match &self.texture {
+            None => {
+                *constant += DVec3::from(g);
+                [0.0; 2]
+            }
+            Some(texture) => texture.backward(texels, uv, g, by_texel),
+        }
+    }
+}

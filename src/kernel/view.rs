@@ -1,0 +1,194 @@
+//! A scene as a camera sees it.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::camera::HostCamera;
+use super::edges::EdgeSets;
+use super::gradient::{CameraSums, Wanted};
+use super::scene::KernelScene;
+use crate::model::V3;
+use crate::model::camera::Camera;
+use crate::model::cone::{Bend, bend};
+use crate::model::filter::PixelFilter;
+use crate::model::frame::sin_cos_of_turns;
+use crate::scene::ParameterId;
+use crate::transport::sampler::{Numbers, Sampler};
+
+/// A scene as a camera sees it, with the settings of a render.
+pub(crate) struct View {
+    pub scene: Arc<KernelScene>,
+    pub(super) host_camera: HostCamera,
+    pub(super) camera: Camera,
+    pub(super) filter: PixelFilter,
+    /// The tangent of the half-angle of the cones of bounce and shadow rays.
+    pub(super) cone: f32,
+    pub(super) sampler: Sampler,
+    /// Random numbers for the kernels of cones.
+    pub(super) cones: Sampler,
+    /// Random numbers for edges.
+    pub(super) edges: Sampler,
+    /// Random numbers for paths on both sides of edges.
+    pub(super) sides: Sampler,
+    /// Random numbers for edges on the film.
+    pub(super) film: Sampler,
+    pub(super) bounces: u32,
+    pub(super) roulette_after: Option<u32>,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) arch: pulp::Arch,
+    /// The sets of random numbers that most paths use (`Sampler::run`).
+    pub(super) drawn: u8,
+    /// Whether there is no light at all.
+    pub(super) dark: bool,
+    /// Whether bounce rays that miss bring light of the environment; that of a map is gathered at
+    /// surfaces instead, if strategies are combined.
+    pub(super) sees_sky: bool,
+    pub(super) gathers_map: bool,
+    /// Whether points on emitters are chosen by the BSDF as well.
+    pub(super) combined: bool,
+    pub wanted: Wanted,
+    pub(super) interior: bool,
+    /// Edges that something can jump at.
+    pub(super) edge_sets: Option<Arc<EdgeSets>>,
+    pub(super) has_edges: bool,
+}
+
+/// The settings that a view is made from beside scene and camera.
+#[derive(Clone)]
+pub(crate) struct ViewSettings {
+    pub width: u32,
+    pub height: u32,
+    /// The least radius of the pixel filter, in pixels.
+    pub pixels: f64,
+    /// The tangent of the half-angle of the cones of bounce and shadow rays.
+    pub cone: f64,
+    /// The same for camera rays, where that is wider than the filter.
+    pub camera_cone: f64,
+    pub bounces: u32,
+    pub roulette_after: Option<u32>,
+    pub multiple_importance: bool,
+    pub sampler: Sampler,
+    /// Whether gradients have the interior derivative, beside the jumps.
+    pub interior: bool,
+}
+
+impl View {
+    pub fn new(
+        scene: Arc<KernelScene>,
+        camera: HostCamera,
+        settings: &ViewSettings,
+        wanted: Wanted,
+        edge_sets: Option<Arc<EdgeSets>>,
+    ) -> Self {
+        let frame = &scene.frame;
+        let model = camera.model(frame, settings.width, settings.height);
+        let pixels_per_tangent = 0.5 * f64::from(settings.height) / camera.half_height;
+        let has_map = scene.sky.map().is_some();
+        let gathers_map = has_map && settings.multiple_importance;
+        let sees_sky = !scene.sky.is_black() && !gathers_map;
+        let combined = settings.multiple_importance && !scene.emitters.is_empty();
+        let mut view = Self {
+            host_camera: camera,
+            camera: model,
+            filter: PixelFilter::new(
+                settings
+                    .pixels
+                    .max(settings.camera_cone * pixels_per_tangent),
+            ),
+            cone: settings.cone as f32,
+            cones: settings.sampler.stream(1),
+            edges: settings.sampler.stream(2),
+            sides: settings.sampler.stream(3),
+            film: settings.sampler.stream(4).of_one_pixel(),
+            sampler: settings.sampler,
+            bounces: settings.bounces,
+            roulette_after: settings.roulette_after,
+            width: settings.width,
+            height: settings.height,
+            arch: pulp::Arch::new(),
+            drawn: 0,
+            dark: scene.emitters.is_empty() && scene.sky.is_black(),
+            sees_sky,
+            gathers_map,
+            combined,
+            has_edges: edge_sets.as_ref().is_some_and(|e| !e.is_empty()),
+            edge_sets,
+            interior: settings.interior,
+            wanted,
+            scene,
+        };
+        view.drawn = view.sets();
+        view
+    }
+
+    /// Adds the derivatives by parameters of the camera at their places.
+    pub fn write_camera(
+        &self,
+        sums: &CameraSums,
+        places: &[(ParameterId, Range<usize>)],
+        all: &mut [f64],
+    ) {
+        let aspect = f64::from(self.width) / f64::from(self.height);
+        let unit = self.scene.frame.unit;
+        self.host_camera.backward(sums, unit, aspect, places, all);
+    }
+
+    /// The distance beyond a pixel that its filter reaches, in pixels.
+    pub fn reach(&self) -> f32 {
+        self.filter.radius()
+    }
+
+    /// Whether anything jumps on the film.
+    pub fn has_edges(&self) -> bool {
+        self.has_edges
+    }
+
+    /// The sets of random numbers that paths use at their first surfaces (`Dimension::of_sequence`).
+    fn sets(&self) -> u8 {
+        let glossy = self.scene.glossy;
+        let to_the_end = self.sees_sky || self.gathers_map || (glossy && self.combined);
+        let directions = self.bounces.saturating_add(u32::from(to_the_end));
+        let more = glossy || self.gathers_map || self.roulette_after.is_some();
+        let mut sets = 1;
+        if self.camera.aperture > 0.0 || self.scene.velocities.is_some() {
+            sets |= 2;
+        }
+        for bounce in 0..directions.min(3) {
+            sets |= if more { 12 } else { 4 } << (2 * bounce);
+        }
+        sets
+    }
+
+    /// Width and height of the image.
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// A point of the lens, on the unit disk.
+    #[inline(always)]
+    pub(super) fn lens_point(&self, numbers: &Numbers) -> [f32; 2] {
+        if self.camera.aperture == 0.0 {
+            return [0.0; 2];
+        }
+        let [radius, angle] = numbers.lens();
+        let [sin, cos] = sin_cos_of_turns(angle);
+        [radius.sqrt() * cos, radius.sqrt() * sin]
+    }
+
+    /// The time of a path in the shutter.
+    #[inline(always)]
+    pub(super) fn time(&self, numbers: &Numbers) -> f32 {
+        if self.scene.velocities.is_some() {
+            numbers.time()
+        } else {
+            0.0
+        }
+    }
+
+    /// A ray of the cone about an axis, on the outer side of a surface.
+    #[inline(always)]
+    pub(super) fn bend(&self, axis: V3, normal: V3, u: f32, v: f32) -> Bend {
+        bend(axis, normal, self.cone, u, v)
+    }
+}
