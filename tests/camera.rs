@@ -199,16 +199,16 @@ fn framing_has_all_in_view_and_no_more() {
             .environment([1.0; 3]);
         for direction in [[0.0, 0.0, 1.0], [0.0, 5.0, 0.0], [-2.0, -1.0, 0.5]] {
             let camera = Camera::framing(&scene, direction).expect("a camera");
-            let options = RenderOptions::new(32, 32).samples(4).bounces(0);
+            let options = RenderOptions::new(64, 64).samples(4).bounces(0);
             let image = render(&scene, &camera, &options.with_opacity()).expect("an image");
             let opacity = values(&image.opacity.expect("it"));
             let on_border = |i: &usize| {
-                let (x, y) = (i % 32, i / 32);
-                x == 0 || y == 0 || x == 31 || y == 31
+                let (x, y) = (i % 64, i / 64);
+                x == 0 || y == 0 || x == 63 || y == 63
             };
-            let border: f64 = (0..1024).filter(on_border).map(|i| opacity[i]).sum();
+            let border: f64 = (0..4096).filter(on_border).map(|i| opacity[i]).sum();
             assert_eq!(border, 0.0, "{size} {direction:?}");
-            let covered = opacity.iter().sum::<f64>() / 1024.0;
+            let covered = opacity.iter().sum::<f64>() / 4096.0;
             assert!(
                 (0.5..0.8).contains(&covered),
                 "{size} {direction:?} {covered}"
@@ -216,7 +216,7 @@ fn framing_has_all_in_view_and_no_more() {
         }
     }
     let gone = Camera::framing(&Scene::new(), [0.0, 0.0, 1.0]).expect_err("an empty scene");
-    assert!(gone.to_string().contains("no triangles"), "{gone}");
+    assert!(gone.to_string().contains("no objects"), "{gone}");
     let direction = Tensor::<1>::from_floats([1.0, 0.5, 2.0], &device);
     let direction = direction.autodiff().require_grad();
     let scene = scene(&device);

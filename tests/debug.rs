@@ -47,8 +47,9 @@ fn scenes_are_read_object_by_object() {
 fn parts_of_scenes() {
     same(
         &camera().thin_lens(0.1, 4.0),
-        "Camera { eye: [0.3, 0.4, 4.0], target: [0.0, 0.0, 0.0], up: [0.0, 1.0, 0.0], fov_y: 40.0, \
-         aperture: 0.1, focus: 4.0 }",
+        "Camera { eye: [0.3, 0.4, 4.0], target: [0.0, 0.0, 0.0], up: [0.0, 1.0, 0.0], \
+         projection: Perspective { fov_y: 40.0 }, \
+         lens: Some(ThinLens { aperture_radius: 0.1, focus_distance: 4.0 }) }",
     );
     same(
         &Material::emitter([2.0; 3]).named("lamp"),

@@ -189,11 +189,19 @@ fn what_is_lost_is_told() {
         wrap: Wrap::Mirror,
     };
     let cube = |name: &str| Object::new(shapes::cube(&device)).named(name);
+    let tiled = |mesh: Mesh| {
+        let uvs = mesh.vertices.clone().narrow(1, 0, 2);
+        mesh.with_uvs(uvs)
+    };
     let nothing = Mesh::from_host(&[[0.0; 3]], Vec::new(), &device);
     let scene = Scene::new()
         .with(cube("lost_still").material(Material::diffuse(wandered)))
         .with(cube("lost_moving").velocity([0.5, 0.0, 0.0]))
-        .with(cube("lost_tiled").material(Material::diffuse(mirrored)))
+        .with(
+            cube("lost_tiled")
+                .map_mesh(tiled)
+                .material(Material::diffuse(mirrored)),
+        )
         .with(cube("lost_moving").velocity([0.0; 3]))
         .with(Object::new(nothing).named("lost_empty"))
         .environment([0.2; 3]);

@@ -10,6 +10,7 @@ use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use clap::Parser;
 use softray::figure::{Figure, Panel, Plot};
+use softray::io::Animation;
 use softray::optim::{Evaluation, Fit, Fitted, Report, Step, loss, pixel_angle};
 use softray::prelude::*;
 
@@ -30,7 +31,7 @@ pub struct Arguments {
     /// Go on from the newest checkpoint of a run that was stopped.
     #[arg(long)]
     pub resume: bool,
-    /// Write pictures of the fit beside their targets, about 20 of them.
+    /// Write about 20 pictures of the fit beside their targets, and an animation of them.
     #[arg(long)]
     pub pictures: bool,
     /// flex, ndarray, wgpu or vulkan; without it what BURN_DEVICE names, or flex.
@@ -224,6 +225,17 @@ impl<'a> Study<'a> {
         }
     }
 
+    /// The pictures of the fit, in the order of their names.
+    fn animation(&self) -> Result<Animation, Failure> {
+        let folder = self.arguments.out.join(self.name).join("pictures");
+        let mut files: Vec<PathBuf> = std::fs::read_dir(folder)?
+            .map(|entry| entry.map(|e| e.path()))
+            .collect::<Result<_, _>>()?;
+        files.sort();
+        let frames = files.iter().map(HostImage::read);
+        Ok(Animation::new(frames.collect::<Result<_, _>>()?)?)
+    }
+
     /// Writes the figure, prints errors, and returns them.
     pub fn finish<M>(
         &self,
@@ -258,6 +270,11 @@ impl<'a> Study<'a> {
             println!("{name}: {value:.5}");
         }
         println!("wrote {}", path.display());
+        if self.arguments.pictures {
+            let path = path.with_extension("gif");
+            self.animation()?.frames_per_second(5.0).write(&path)?;
+            println!("wrote {}", path.display());
+        }
         Ok(outcome)
     }
 }

@@ -160,8 +160,8 @@ mod tests {
         let empty = Mesh::from_host(&[[0.0; 3]], vec![], &device);
         let of = |mesh: Mesh| Scene::new().with(Object::new(mesh).named("it"));
         let cases = [
-            (Scene::new().bounds(), "no triangles (0 objects)"),
-            (of(empty.clone()).bounds(), "no triangles (1 objects)"),
+            (Scene::new().bounds(), "no objects"),
+            (of(empty.clone()).bounds(), "no faces"),
             (empty.bounds(), "mesh: faces is empty"),
             (
                 of(Mesh::from_host(&[[0.0; 3]], vec![[0, 0, 1]], &device)).bounds(),
