@@ -14,5 +14,5 @@ pub use cache::HierarchyCache;
 pub(crate) use hierarchy::Hierarchy;
 pub(crate) use hits::{Hit, HitRay, NOTHING};
 pub(crate) use simd::{F8, LANES, Lanes, Machine, Mask8, Task, dispatch};
-pub(crate) use triangle::HostTriangle;
+pub(crate) use triangle::{HostTriangle, PlaneHit};
 pub(crate) use visit::Reach;

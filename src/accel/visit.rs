@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::leaf::{Leaf, Ray, larger, smaller};
+use super::leaf::{Ray, larger, smaller};
 use super::simd::{LANES, Lanes, Machine, bits};
 use super::wide::{FEW, Node, Wide, safe_inverse};
 
@@ -21,7 +21,8 @@ impl Reach {
     #[inline(always)]
     fn within(self, left: f64) -> f64 {
         if self.distance_penalty > 0.0 {
-            self.most.min((left.max(0.0) / self.distance_penalty).sqrt())
+            self.most
+                .min((left.max(0.0) / self.distance_penalty).sqrt())
         } else {
             self.most
         }

@@ -1,26 +1,46 @@
-//! What `{:?}` shows of images and batches: shapes, never pixels.
+//! `{:?}` of images and batches: shapes, never pixels.
 
-use std::fmt::{Debug, Formatter, Result};
+use std::fmt::{Debug, DebugStruct, Formatter, Result};
 
-use super::batch::BatchVertices;
-use super::{Batch, Image, ImageBatch};
+use burn::tensor::{Int, Tensor};
+
+use super::batch::{Batch, BatchVertices};
+use super::film::{Image, ImageBatch};
 use crate::debug::{shape, tensor};
+
+/// The outputs of an image or a batch: planes with P axes and colours with C.
+fn outputs<const P: usize, const C: usize>(
+    all: &mut DebugStruct,
+    radiance: &Tensor<C>,
+    planes: [&Option<Tensor<P>>; 2],
+    normals: &Option<Tensor<C>>,
+    ids: &Option<Tensor<P, Int>>,
+) {
+    all.field("radiance", &tensor(radiance));
+    for (name, plane) in ["opacity", "depth"].into_iter().zip(planes) {
+        if let Some(plane) = plane {
+            all.field(name, &tensor(plane));
+        }
+    }
+    if let Some(normals) = normals {
+        all.field("normals", &tensor(normals));
+    }
+    if let Some(ids) = ids {
+        all.field("object_ids", &shape(ids));
+    }
+}
 
 impl Debug for Image {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let mut all = f.debug_struct("Image");
-        all.field("radiance", &tensor(&self.radiance));
-        for (name, plane) in [("opacity", &self.opacity), ("depth", &self.depth)] {
-            if let Some(plane) = plane {
-                all.field(name, &tensor(plane));
-            }
-        }
-        if let Some(normals) = &self.normals {
-            all.field("normals", &tensor(normals));
-        }
-        if let Some(ids) = &self.object_ids {
-            all.field("object_ids", &shape(ids));
-        }
+        let planes = [&self.opacity, &self.depth];
+        outputs(
+            &mut all,
+            &self.radiance,
+            planes,
+            &self.normals,
+            &self.object_ids,
+        );
         all.field("rays", &self.statistics.rays);
         if let Some(diagnostics) = &self.diagnostics {
             all.field("diagnostics", diagnostics);
@@ -32,18 +52,14 @@ impl Debug for Image {
 impl Debug for ImageBatch {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let mut all = f.debug_struct("ImageBatch");
-        all.field("radiance", &tensor(&self.radiance));
-        for (name, plane) in [("opacity", &self.opacity), ("depth", &self.depth)] {
-            if let Some(plane) = plane {
-                all.field(name, &tensor(plane));
-            }
-        }
-        if let Some(normals) = &self.normals {
-            all.field("normals", &tensor(normals));
-        }
-        if let Some(ids) = &self.object_ids {
-            all.field("object_ids", &shape(ids));
-        }
+        let planes = [&self.opacity, &self.depth];
+        outputs(
+            &mut all,
+            &self.radiance,
+            planes,
+            &self.normals,
+            &self.object_ids,
+        );
         let rays: u64 = self.statistics.iter().map(|s| s.rays).sum();
         all.field("rays", &rays).finish_non_exhaustive()
     }

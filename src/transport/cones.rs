@@ -1,12 +1,12 @@
-//! What rays of cones see: hard surfaces, asked of boxes on the host. Which one a ray hits carries no
-//! gradient; how visibility changes is what the kernels' jumps are for.
+//! Cones: their rays hit hard surfaces, found by boxes on the host. The choice of the surface carries no
+//! gradient; the kernels' jumps are the derivative of visibility.
 
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
 use pulp::Arch;
 
-use super::Sampler;
+use super::sampler::Sampler;
 use super::sky::rows;
 use super::surface::SurfacePoints;
 use crate::accel::{Hierarchy, Hit, HitRay, NOTHING};
@@ -32,7 +32,7 @@ pub(crate) struct Cones {
     sampler: Sampler,
 }
 
-/// What rays hit.
+/// Hits of rays.
 #[derive(Clone, Debug)]
 pub(crate) struct Hits {
     /// The triangle of each; the number of triangles stands for none.
