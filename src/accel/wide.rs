@@ -16,7 +16,7 @@ pub(super) struct Node {
     pub max: [Lanes; 3],
     /// Twice the index of a node, or of a leaf plus one.
     pub child: [u32; LANES],
-    /// How many there are.
+    /// The number of children.
     pub count: u32,
 }
 

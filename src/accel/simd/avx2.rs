@@ -2,11 +2,36 @@
 
 use super::machine::{Lanes, Machine};
 
+/// Operations that are one instruction on registers.
+macro_rules! instructions {
+    ($($name:ident($($a:ident),*) = $unit:ident.$instruction:ident;)*) => {
+        $(
+            #[inline(always)]
+            fn $name(self, $($a: Self::Floats),*) -> Self::Floats {
+                self.$unit.$instruction($($a),*)
+            }
+        )*
+    };
+}
+
 impl Machine for pulp::x86::V3 {
     const FUSED: bool = true;
 
     type Floats = std::arch::x86_64::__m256;
     type Mask = std::arch::x86_64::__m256;
+
+    instructions! {
+        add(a, b) = avx._mm256_add_ps;
+        sub(a, b) = avx._mm256_sub_ps;
+        mul(a, b) = avx._mm256_mul_ps;
+        div(a, b) = avx._mm256_div_ps;
+        mul_add(a, b, c) = fma._mm256_fmadd_ps;
+        min(a, b) = avx._mm256_min_ps;
+        max(a, b) = avx._mm256_max_ps;
+        sqrt(a) = avx._mm256_sqrt_ps;
+        and(a, b) = avx._mm256_and_ps;
+        or(a, b) = avx._mm256_or_ps;
+    }
 
     #[inline(always)]
     fn not_negative(self, lanes: &Lanes) -> u32 {
@@ -33,46 +58,6 @@ impl Machine for pulp::x86::V3 {
     }
 
     #[inline(always)]
-    fn add(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        self.avx._mm256_add_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn sub(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        self.avx._mm256_sub_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn mul(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        self.avx._mm256_mul_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn div(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        self.avx._mm256_div_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn mul_add(self, a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats {
-        self.fma._mm256_fmadd_ps(a, b, c)
-    }
-
-    #[inline(always)]
-    fn min(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        self.avx._mm256_min_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
-        self.avx._mm256_max_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn sqrt(self, a: Self::Floats) -> Self::Floats {
-        self.avx._mm256_sqrt_ps(a)
-    }
-
-    #[inline(always)]
     fn abs(self, a: Self::Floats) -> Self::Floats {
         self.avx._mm256_andnot_ps(self.avx._mm256_set1_ps(-0.0), a)
     }
@@ -81,16 +66,6 @@ impl Machine for pulp::x86::V3 {
     fn less(self, a: Self::Floats, b: Self::Floats) -> Self::Mask {
         use std::arch::x86_64::_CMP_LT_OQ;
         self.avx._mm256_cmp_ps::<_CMP_LT_OQ>(a, b)
-    }
-
-    #[inline(always)]
-    fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask {
-        self.avx._mm256_and_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask {
-        self.avx._mm256_or_ps(a, b)
     }
 
     #[inline(always)]

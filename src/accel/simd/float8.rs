@@ -39,40 +39,6 @@ impl<M: Machine> F8<M> {
         self.machine.store(self.floats)
     }
 
-    /// self·b + c.
-    #[inline(always)]
-    pub fn mul_add(self, b: Self, c: Self) -> Self {
-        Self::of(
-            self.machine,
-            self.machine.mul_add(self.floats, b.floats, c.floats),
-        )
-    }
-
-    #[inline(always)]
-    pub fn div(self, b: Self) -> Self {
-        Self::of(self.machine, self.machine.div(self.floats, b.floats))
-    }
-
-    #[inline(always)]
-    pub fn min(self, b: Self) -> Self {
-        Self::of(self.machine, self.machine.min(self.floats, b.floats))
-    }
-
-    #[inline(always)]
-    pub fn max(self, b: Self) -> Self {
-        Self::of(self.machine, self.machine.max(self.floats, b.floats))
-    }
-
-    #[inline(always)]
-    pub fn sqrt(self) -> Self {
-        Self::of(self.machine, self.machine.sqrt(self.floats))
-    }
-
-    #[inline(always)]
-    pub fn abs(self) -> Self {
-        Self::of(self.machine, self.machine.abs(self.floats))
-    }
-
     #[inline(always)]
     pub fn less(self, b: Self) -> Mask8<M> {
         Mask8 {
@@ -95,31 +61,39 @@ impl<M: Machine> F8<M> {
     }
 }
 
+/// Operations of a machine on the numbers of a type.
+macro_rules! operations {
+    ($of:ident, $part:ident: $($(#[$doc:meta])* $name:ident($($b:ident),*);)*) => {
+        impl<M: Machine> $of<M> {
+            $(
+                $(#[$doc])*
+                #[inline(always)]
+                pub fn $name(self $(, $b: Self)*) -> Self {
+                    let $part = self.machine.$name(self.$part $(, $b.$part)*);
+                    Self { $part, ..self }
+                }
+            )*
+        }
+    };
+}
+
+operations! { F8, floats:
+    /// self·b + c.
+    mul_add(b, c);
+    div(b);
+    min(b);
+    max(b);
+    sqrt();
+    abs();
+}
+
+operations! { Mask8, mask:
+    and(b);
+    or(b);
+    not();
+}
+
 impl<M: Machine> Mask8<M> {
-    #[inline(always)]
-    pub fn and(self, b: Self) -> Self {
-        Self {
-            machine: self.machine,
-            mask: self.machine.and(self.mask, b.mask),
-        }
-    }
-
-    #[inline(always)]
-    pub fn or(self, b: Self) -> Self {
-        Self {
-            machine: self.machine,
-            mask: self.machine.or(self.mask, b.mask),
-        }
-    }
-
-    #[inline(always)]
-    pub fn not(self) -> Self {
-        Self {
-            machine: self.machine,
-            mask: self.machine.not(self.mask),
-        }
-    }
-
     /// a where it is true, else b.
     #[inline(always)]
     pub fn select(self, a: F8<M>, b: F8<M>) -> F8<M> {
@@ -136,26 +110,19 @@ impl<M: Machine> Mask8<M> {
     }
 }
 
-impl<M: Machine> Add for F8<M> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, b: Self) -> Self {
-        Self::of(self.machine, self.machine.add(self.floats, b.floats))
-    }
+macro_rules! operators {
+    ($($operator:ident $name:ident),*) => {
+        $(
+            impl<M: Machine> $operator for F8<M> {
+                type Output = Self;
+
+                #[inline(always)]
+                fn $name(self, b: Self) -> Self {
+                    Self::of(self.machine, self.machine.$name(self.floats, b.floats))
+                }
+            }
+        )*
+    };
 }
 
-impl<M: Machine> Sub for F8<M> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, b: Self) -> Self {
-        Self::of(self.machine, self.machine.sub(self.floats, b.floats))
-    }
-}
-
-impl<M: Machine> Mul for F8<M> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, b: Self) -> Self {
-        Self::of(self.machine, self.machine.mul(self.floats, b.floats))
-    }
-}
+operators!(Add add, Sub sub, Mul mul);

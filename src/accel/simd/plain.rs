@@ -16,11 +16,34 @@ fn each(f: impl Fn(usize) -> f32) -> Lanes {
     lanes
 }
 
+/// Operations on each lane by itself.
+macro_rules! by_lane {
+    ($($name:ident($($a:ident),*) = |$i:ident| $value:expr;)*) => {
+        $(
+            #[inline(always)]
+            fn $name(self, $($a: Lanes),*) -> Lanes {
+                each(|$i| $value)
+            }
+        )*
+    };
+}
+
 impl<const FUSED: bool> Machine for Plain<FUSED> {
     const FUSED: bool = FUSED;
 
     type Floats = Lanes;
     type Mask = [bool; LANES];
+
+    by_lane! {
+        add(a, b) = |i| a[i] + b[i];
+        sub(a, b) = |i| a[i] - b[i];
+        mul(a, b) = |i| a[i] * b[i];
+        div(a, b) = |i| a[i] / b[i];
+        min(a, b) = |i| if a[i] < b[i] { a[i] } else { b[i] };
+        max(a, b) = |i| if a[i] > b[i] { a[i] } else { b[i] };
+        sqrt(a) = |i| a[i].sqrt();
+        abs(a) = |i| a[i].abs();
+    }
 
     #[inline(always)]
     fn not_negative(self, lanes: &Lanes) -> u32 {
@@ -47,52 +70,12 @@ impl<const FUSED: bool> Machine for Plain<FUSED> {
     }
 
     #[inline(always)]
-    fn add(self, a: Lanes, b: Lanes) -> Lanes {
-        each(|i| a[i] + b[i])
-    }
-
-    #[inline(always)]
-    fn sub(self, a: Lanes, b: Lanes) -> Lanes {
-        each(|i| a[i] - b[i])
-    }
-
-    #[inline(always)]
-    fn mul(self, a: Lanes, b: Lanes) -> Lanes {
-        each(|i| a[i] * b[i])
-    }
-
-    #[inline(always)]
-    fn div(self, a: Lanes, b: Lanes) -> Lanes {
-        each(|i| a[i] / b[i])
-    }
-
-    #[inline(always)]
     fn mul_add(self, a: Lanes, b: Lanes, c: Lanes) -> Lanes {
         if FUSED {
             each(|i| a[i].mul_add(b[i], c[i]))
         } else {
             each(|i| a[i] * b[i] + c[i])
         }
-    }
-
-    #[inline(always)]
-    fn min(self, a: Lanes, b: Lanes) -> Lanes {
-        each(|i| if a[i] < b[i] { a[i] } else { b[i] })
-    }
-
-    #[inline(always)]
-    fn max(self, a: Lanes, b: Lanes) -> Lanes {
-        each(|i| if a[i] > b[i] { a[i] } else { b[i] })
-    }
-
-    #[inline(always)]
-    fn sqrt(self, a: Lanes) -> Lanes {
-        each(|i| a[i].sqrt())
-    }
-
-    #[inline(always)]
-    fn abs(self, a: Lanes) -> Lanes {
-        each(|i| a[i].abs())
     }
 
     #[inline(always)]
