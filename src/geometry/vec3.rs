@@ -41,6 +41,12 @@ impl Vec3 {
         )
     }
 
+    /// Constant vectors `[1, N]` from the host.
+    pub fn from_host(context: &Context, vectors: &[DVec3]) -> Self {
+        let axis = |k: usize| context.row(&vectors.iter().map(|v| v[k]).collect::<Vec<_>>());
+        Self::new(axis(0), axis(1), axis(2))
+    }
+
     /// The rows of `[3, N]` as planes `[1, N]`.
     pub fn from_rows(v: Tensor<2>) -> Self {
         Self::new(

@@ -7,7 +7,6 @@ use burn::tensor::Tensor;
 use pulp::Arch;
 
 use super::sampler::Sampler;
-use super::sky::rows;
 use super::surface::SurfacePoints;
 use crate::accel::{Hierarchy, Hit, HitRay, NOTHING};
 use crate::error::Result;
@@ -171,7 +170,7 @@ impl Cones {
             })
             .collect();
         let offsets: Vec<glam::DVec3> = bends.iter().map(|b| b.offset.into()).collect();
-        let direction = axis.add(&rows(context, &offsets)).normalized();
+        let direction = axis.add(&Vec3::from_host(context, &offsets)).normalized();
         let mirrored = bends.iter().map(|b| if b.mirrored { 2.0 } else { 0.0 });
         let mirrored = context.row(&mirrored.collect::<Vec<_>>());
         let normal = &points.geometric_normal;

@@ -4,7 +4,7 @@ use super::bsdf::{density as density_of_scattering, scattered};
 use super::cones::AtBounce;
 use super::emitters::power_heuristic;
 use super::sampler::Dimension;
-use super::sky::{SkyMap, nonzero, rows};
+use super::sky::{SkyMap, nonzero};
 use super::surface::SurfacePoints;
 use super::tracer::{Sight, Tracer};
 use crate::error::Result;
@@ -54,7 +54,7 @@ fn along(
     by_scattering: bool,
 ) -> Result<Option<(Option<Vec<u32>>, Vec3)>> {
     let context = &tracer.scene().context;
-    let towards = rows(context, directions);
+    let towards = Vec3::from_host(context, directions);
     // Where nothing is reflected no ray is traced.
     let reflected = scattered(&points.detached(), &rays.direction.detached(), &towards);
     let which = nonzero(&reflected)?;

@@ -126,9 +126,7 @@ impl SkyMap {
                 let corners = l.texels.iter().zip(l.weights);
                 corners.map(|(&t, w)| self.values[t] * w).sum()
             };
-            let values: Vec<DVec3> = found.iter().map(sum).collect();
-            let plane = |c: usize| context.row(&values.iter().map(|v| v[c]).collect::<Vec<_>>());
-            Vec3::new(plane(0), plane(1), plane(2))
+            Vec3::from_host(context, &found.iter().map(sum).collect::<Vec<_>>())
         };
         if direction.is_tracked() {
             let change = direction.sub(&direction.detached());
@@ -140,8 +138,7 @@ impl SkyMap {
                     l.slope[0] * by_x + l.slope[1] * by_y
                 };
                 let slopes: Vec<DVec3> = found.iter().map(slope).collect();
-                let axis = |k: usize| context.row(&slopes.iter().map(|s| s[k]).collect::<Vec<_>>());
-                change.dot(&Vec3::new(axis(0), axis(1), axis(2)))
+                change.dot(&Vec3::from_host(context, &slopes))
             };
             radiance = radiance.add(&Vec3::new(plane(0), plane(1), plane(2)));
         }
@@ -161,12 +158,6 @@ impl SkyMap {
     pub fn density(&self, d: DVec3) -> f64 {
         self.drawn.density(d.into()).into()
     }
-}
-
-/// Directions as planes.
-pub(crate) fn rows(context: &Context, v: &[DVec3]) -> Vec3 {
-    let axis = |k: usize| context.row(&v.iter().map(|d| d[k]).collect::<Vec<_>>());
-    Vec3::new(axis(0), axis(1), axis(2))
 }
 
 /// The indices of light that is not black.

@@ -123,7 +123,7 @@ struct PlaneHits {
     y: Tensor<2>,
     /// n·d, without tape.
     cosine: Tensor<2>,
-    /// Where the ray is not parallel to the plane, and the triangle has area.
+    /// Whether the ray is not parallel to the plane, and the triangle has area.
     exist: Tensor<2, Bool>,
 }
 

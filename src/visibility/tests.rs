@@ -1,5 +1,6 @@
 //! The formulas against `visibility.json`: float64 values and gradients from an independent
 //! implementation.
+#![cfg_attr(not(feature = "flex"), allow(dead_code))] // a part serves each backend
 
 use std::path::PathBuf;
 
@@ -203,53 +204,32 @@ fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
                 .tensor(&flat(&all[i]), [case.rays, columns])
                 .transpose()
         };
+        let close = |kind: &str, found: &Tensor<2>, expected: &Value| {
+            let name = format!("{} {kind}", case.name);
+            assert_close(&name, &by_ray(found), &flat(expected), value);
+        };
         let built = build(case, device, dtype);
-        let p = by_ray(&built.coverage.probability());
-        assert_close(
-            &format!("{} p", case.name),
-            &p,
-            &flat(&case.json["p"]),
-            value,
-        );
+        close("p", &built.coverage.probability(), &case.json["p"]);
         let weights = built.weights();
         let expected = &case.json["softmax"];
-        let name = format!("{} softmax", case.name);
-        assert_close(
-            &name,
-            &by_ray(&weights.surfaces),
-            &flat(&expected["weights"]),
-            value,
-        );
-        assert_close(
-            &name,
-            &by_ray(&weights.attached_background()),
-            &flat(&expected["background"]),
-            value,
-        );
+        close("softmax", &weights.surfaces, &expected["weights"]);
+        let background = weights.attached_background();
+        close("softmax", &background, &expected["background"]);
         let kind = "softmax_gradient";
-        let loss = weights.mean(
-            cotangent(kind, 0, case.triangles),
-            Some(cotangent(kind, 1, 1)),
-        );
+        let background = cotangent(kind, 1, 1);
+        let loss = weights.mean(cotangent(kind, 0, case.triangles), Some(background));
         assert_gradients(case, kind, &built, loss.sum(), gradient);
 
         let built = build(case, device, dtype);
         let passed = transmittance(&built.cut);
-        let name = format!("{} transmittance", case.name);
-        assert_close(
-            &name,
-            &by_ray(&passed),
-            &flat(&case.json["product_transmittance"]),
-            value,
+        close(
+            "transmittance",
+            &passed,
+            &case.json["product_transmittance"],
         );
-        let loss = (passed * cotangent("product_transmittance_gradient", 0, 1)).sum();
-        assert_gradients(
-            case,
-            "product_transmittance_gradient",
-            &built,
-            loss,
-            gradient,
-        );
+        let kind = "product_transmittance_gradient";
+        let loss = (passed * cotangent(kind, 0, 1)).sum();
+        assert_gradients(case, kind, &built, loss, gradient);
     }
 }
 

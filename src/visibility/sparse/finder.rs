@@ -248,9 +248,9 @@ impl<'a> Finder<'a> {
         let Some((hit, sign, logit)) = self.counted(ray, ends, k, limit) else {
             return limit;
         };
-        let neighbour = |end: Option<u32>| end.is_some_and(|e| self.topology.neighbours.are(e, k));
+        let beside = |end: Option<u32>| end.is_some_and(|e| self.topology.neighbours.are(e, k));
         // Deep inside both are 1.
-        let softened = logit <= DEEP && (neighbour(ray.departure) || neighbour(ray.emitter));
+        let softened = logit <= DEEP && (beside(ray.departure) || beside(ray.emitter));
         if softened && (!hit.inside || logit < f64::EPSILON) {
             return limit;
         }
@@ -313,9 +313,7 @@ impl<'a> Finder<'a> {
             return limit.min(hit.t - log_p * ends.depth_falloff + ends.depth_margin);
         }
         // Nothing arrives behind something opaque.
-        if p > 1.0 - 0.1 * self.cutoff {
-            return f64::NEG_INFINITY;
-        }
-        limit
+        let opaque = p > 1.0 - 0.1 * self.cutoff;
+        if opaque { f64::NEG_INFINITY } else { limit }
     }
 }

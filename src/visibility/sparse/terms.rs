@@ -89,11 +89,7 @@ impl Terms {
             (&rays.direction, &self.direction),
         ] {
             if value.is_tracked() {
-                let axis = |k: usize| {
-                    let row: Vec<f64> = coefficients.iter().map(|c| c[k]).collect();
-                    context.row(&row)
-                };
-                add(value.dot(&Vec3::new(axis(0), axis(1), axis(2))));
+                add(value.dot(&Vec3::from_host(context, coefficients)));
             }
         }
         if pairs > 0 {
