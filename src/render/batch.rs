@@ -106,7 +106,7 @@ impl Batch {
                 n => ("objects", format!("{n} of the name {name:?}"), "one".into()),
             };
             let source = Error::invalid("scene", wrong.0, wrong.1, wrong.2);
-            return Err(of_batch("scene", index)(source));
+            return Err(in_batch("scene", index)(source));
         }
         let scenes = self.scenes.len();
         for (index, scene) in self.scenes.iter().enumerate() {
@@ -122,7 +122,7 @@ impl Batch {
                          {count} vertices"
                     ),
                 );
-                return Err(of_batch("scene", index)(source));
+                return Err(in_batch("scene", index)(source));
             }
         }
         self.vertices.retain(|v| v.name != name);
@@ -160,8 +160,8 @@ impl Batch {
 }
 
 /// Adds to an error the part of a batch that it is of.
-pub(super) fn of_batch(part: &'static str, index: usize) -> impl FnOnce(Error) -> Error {
-    move |source| Error::OfBatch {
+pub(super) fn in_batch(part: &'static str, index: usize) -> impl FnOnce(Error) -> Error {
+    move |source| Error::InBatch {
         part,
         index,
         source: Box::new(source),

@@ -1,46 +1,33 @@
 //! `{:?}` of images and batches: shapes, never pixels.
 
-use std::fmt::{Debug, DebugStruct, Formatter, Result};
-
-use burn::tensor::{Int, Tensor};
+use std::fmt::{Debug, Formatter, Result};
 
 use super::batch::{Batch, BatchVertices};
 use super::film::{Image, ImageBatch};
 use crate::debug::{shape, tensor};
 
-/// The outputs of an image or a batch: planes with P axes and colours with C.
-fn outputs<const P: usize, const C: usize>(
-    all: &mut DebugStruct,
-    radiance: &Tensor<C>,
-    planes: [&Option<Tensor<P>>; 2],
-    normals: &Option<Tensor<C>>,
-    ids: &Option<Tensor<P, Int>>,
-) {
-    all.field("radiance", &tensor(radiance));
-    for (name, plane) in ["opacity", "depth"].into_iter().zip(planes) {
-        if let Some(plane) = plane {
-            all.field(name, &tensor(plane));
+/// Adds the outputs that an image and a batch of images have in common.
+macro_rules! outputs {
+    ($all:ident, $image:ident) => {
+        $all.field("radiance", &tensor(&$image.radiance));
+        for (name, plane) in [("opacity", &$image.opacity), ("depth", &$image.depth)] {
+            if let Some(plane) = plane {
+                $all.field(name, &tensor(plane));
+            }
         }
-    }
-    if let Some(normals) = normals {
-        all.field("normals", &tensor(normals));
-    }
-    if let Some(ids) = ids {
-        all.field("object_ids", &shape(ids));
-    }
+        if let Some(normals) = &$image.normals {
+            $all.field("normals", &tensor(normals));
+        }
+        if let Some(ids) = &$image.object_ids {
+            $all.field("object_ids", &shape(ids));
+        }
+    };
 }
 
 impl Debug for Image {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let mut all = f.debug_struct("Image");
-        let planes = [&self.opacity, &self.depth];
-        outputs(
-            &mut all,
-            &self.radiance,
-            planes,
-            &self.normals,
-            &self.object_ids,
-        );
+        outputs!(all, self);
         all.field("rays", &self.statistics.rays);
         if let Some(diagnostics) = &self.diagnostics {
             all.field("diagnostics", diagnostics);
@@ -52,14 +39,7 @@ impl Debug for Image {
 impl Debug for ImageBatch {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let mut all = f.debug_struct("ImageBatch");
-        let planes = [&self.opacity, &self.depth];
-        outputs(
-            &mut all,
-            &self.radiance,
-            planes,
-            &self.normals,
-            &self.object_ids,
-        );
+        outputs!(all, self);
         let rays: u64 = self.statistics.iter().map(|s| s.rays).sum();
         all.field("rays", &rays).finish_non_exhaustive()
     }

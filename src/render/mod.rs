@@ -114,7 +114,7 @@ fn render_list(
     let images = render_views(&batch, options, pixels);
     Ok(images
         .map_err(|e| match e {
-            Error::OfBatch { source, .. } => *source,
+            Error::InBatch { source, .. } => *source,
             other => other,
         })?
         .single())

@@ -39,38 +39,25 @@ pub(super) trait NodeBackend: Backend {
     ) -> FloatTensor<Self>;
 }
 
-#[cfg(feature = "flex")]
-impl NodeBackend for burn::backend::Flex {
-    fn attach(
-        _: FloatTensor<Self>,
-        output: FloatTensor<Self>,
-        _: HostBackward,
-    ) -> FloatTensor<Self> {
-        output
-    }
+/// Backends without autodiff, on which the output stays as it is.
+macro_rules! without_autodiff {
+    ($($feature:literal $backend:ident),*) => {
+        $(
+            #[cfg(feature = $feature)]
+            impl NodeBackend for burn::backend::$backend {
+                fn attach(
+                    _: FloatTensor<Self>,
+                    output: FloatTensor<Self>,
+                    _: HostBackward,
+                ) -> FloatTensor<Self> {
+                    output
+                }
+            }
+        )*
+    };
 }
 
-#[cfg(feature = "ndarray")]
-impl NodeBackend for burn::backend::NdArray {
-    fn attach(
-        _: FloatTensor<Self>,
-        output: FloatTensor<Self>,
-        _: HostBackward,
-    ) -> FloatTensor<Self> {
-        output
-    }
-}
-
-#[cfg(feature = "wgpu")]
-impl NodeBackend for burn::backend::Cube {
-    fn attach(
-        _: FloatTensor<Self>,
-        output: FloatTensor<Self>,
-        _: HostBackward,
-    ) -> FloatTensor<Self> {
-        output
-    }
-}
+without_autodiff!("flex" Flex, "ndarray" NdArray, "wgpu" Cube);
 
 #[derive(Debug)]
 struct HostNode;

@@ -5,9 +5,11 @@ use std::sync::Arc;
 use burn::tensor::TensorData;
 use rayon::prelude::*;
 
+use super::forward::camera_tiles;
 use super::places::Places;
 use super::rows::Rows;
 use crate::kernel::{PixelGradients, Seen, Sums, View, Work};
+use crate::render::options::RenderOptions;
 use crate::render::tiles::Tile;
 
 /// Numbers in the sums of derivatives of all accumulators together.
@@ -24,24 +26,42 @@ const FEW: f64 = 1024.0;
 
 /// The backward pass of a batch.
 pub(super) struct Backward {
-    pub views: Vec<View>,
-    pub places: Vec<Places>,
-    pub pixels: Arc<Vec<u32>>,
-    pub tiles: Vec<Tile>,
-    pub rows: Rows,
-    pub samples: u32,
+    views: Vec<(View, Places)>,
+    pixels: Arc<Vec<u32>>,
+    tiles: Vec<Tile>,
+    rows: Rows,
+    samples: u32,
     /// Numbers of the parent.
-    pub size: usize,
+    size: usize,
 }
 
 impl Backward {
+    /// For pixels of a list, or all; `size` is that of the parent.
+    pub fn new(
+        views: Vec<(View, Places)>,
+        size: usize,
+        rows: Rows,
+        options: &RenderOptions,
+        pixels: Option<Arc<Vec<u32>>>,
+    ) -> Self {
+        let all = || Arc::new((0..(options.width * options.height) as u32).collect());
+        let pixels = pixels.unwrap_or_else(all);
+        Self {
+            views,
+            tiles: camera_tiles(options, pixels.len()),
+            pixels,
+            rows,
+            samples: options.samples,
+            size,
+        }
+    }
+
     /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
     pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let upstream: Vec<f64> = upstream.iter::<f64>().collect();
         let of_view = self.rows.count() * self.pixels.len();
         let mut all = vec![0.0; self.size];
-        let views: Vec<_> = self.views.iter().zip(&self.places).collect();
-        let pieces = views.chunks(VIEWS_AT_ONCE);
+        let pieces = self.views.chunks(VIEWS_AT_ONCE);
         for (views, upstream) in pieces.zip(upstream.chunks(VIEWS_AT_ONCE * of_view)) {
             let gradients: Vec<Sums> = views
                 .par_iter()

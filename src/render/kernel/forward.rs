@@ -5,11 +5,20 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use burn::tensor::{Element, TensorData};
 use rayon::prelude::*;
 
+use super::places::Places;
 use super::rows::Rows;
 use crate::error::{Error, Result};
 use crate::kernel::{RayCounts, View, Work};
 use crate::render::options::RenderOptions;
-use crate::render::tiles::Tile;
+use crate::render::tiles::{Tile, tiles};
+
+/// Camera rays of a tile.
+const RAYS: usize = 1 << 13;
+
+/// The tiles of a view.
+pub(super) fn camera_tiles(options: &RenderOptions, pixels: usize) -> Vec<Tile> {
+    tiles(options, pixels, RAYS)
+}
 
 /// The forward pass: what its views have in common.
 pub(super) struct Forward<'a> {
@@ -47,7 +56,7 @@ impl Forward<'_> {
     /// is held at once.
     pub fn views<T: Element + Send>(
         &self,
-        views: &[View],
+        views: &[(View, Places)],
         count: usize,
         cast: impl Fn(f64) -> T + Sync,
     ) -> Result<(TensorData, Vec<Traced>)> {
@@ -69,7 +78,7 @@ impl Forward<'_> {
         let traced = means
             .par_chunks_mut(of_view)
             .zip(views)
-            .map(|(means, view)| self.view(view, means, &cast))
+            .map(|(means, (view, _))| self.view(view, means, &cast))
             .collect();
         let shape = [views.len() * count, channels];
         Ok((TensorData::new(means, shape), traced))

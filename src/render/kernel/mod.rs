@@ -16,26 +16,13 @@ use super::batch::Batch;
 use super::film::{Means, Statistics};
 use super::node::attach;
 use super::options::RenderOptions;
-use super::tiles::tiles;
 use crate::error::Result;
-use crate::kernel::View;
 use crate::scene::{Camera, Scene};
 use crate::transport::Diagnostics;
 use backward::Backward;
-use forward::{Forward, Traced};
+use forward::{Forward, Traced, camera_tiles};
 use prepare::{Prepared, prepare};
 use rows::Rows;
-
-/// Camera rays of a tile.
-const RAYS: usize = 1 << 13;
-
-/// Pixels of a list, or all.
-fn pixels_or_all(options: &RenderOptions, pixels: Option<Arc<Vec<u32>>>) -> Arc<Vec<u32>> {
-    pixels.unwrap_or_else(|| {
-        let count = (options.width * options.height) as u32;
-        Arc::new((0..count).collect())
-    })
-}
 
 /// The jumps of visibility in the gradient of a view's tensors (as one row), from the gradient of its rows
 /// `[P, C]`.
@@ -47,20 +34,13 @@ pub(super) fn jumps(
 ) -> Result<Vec<f64>> {
     let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
     let prepared = prepare(&batch, options, false)?;
-    if !prepared.views.iter().any(View::has_edges) {
-        return Ok(vec![0.0; prepared.parent_size]);
+    let size = prepared.parent.map_or(0, |p| p.dims()[0]);
+    if !prepared.views.iter().any(|(view, _)| view.has_edges()) {
+        return Ok(vec![0.0; size]);
     }
-    let pixels = pixels_or_all(options, pixels);
-    let objects = prepared.views[0].scene.counted.len();
-    let backward = Backward {
-        views: prepared.views,
-        places: prepared.places,
-        tiles: tiles(options, pixels.len(), RAYS),
-        rows: Rows::new(options, objects),
-        pixels,
-        samples: options.samples,
-        size: prepared.parent_size,
-    };
+    let objects = prepared.views[0].0.scene.counted.len();
+    let rows = Rows::new(options, objects);
+    let backward = Backward::new(prepared.views, size, rows, options, pixels);
     Ok(backward.gradient(upstream))
 }
 
@@ -72,20 +52,18 @@ pub(super) fn render(
 ) -> Result<Means> {
     let Prepared {
         views,
-        places,
         parent,
-        parent_size,
         context,
         lit,
     } = prepare(batch, options, true)?;
-    let objects = views.iter().map(|v| v.scene.counted.len()).max();
+    let objects = views.iter().map(|(v, _)| v.scene.counted.len()).max();
     let objects = objects.unwrap_or(0);
     let rows = Rows::new(options, objects);
     let count = match &pixels {
         Some(pixels) => pixels.len(),
         None => options.width * options.height,
     };
-    let tiles = tiles(options, count, RAYS);
+    let tiles = camera_tiles(options, count);
     let pass = Forward {
         options,
         pixels: pixels.as_deref(),
@@ -104,7 +82,7 @@ pub(super) fn render(
         warn_of_black(&traced);
     }
     let diagnostics = views.iter().zip(&traced).filter(|_| options.diagnostics);
-    let diagnostics = diagnostics.map(|(view, traced)| Diagnostics {
+    let diagnostics = diagnostics.map(|((view, _), traced)| Diagnostics {
         degenerate_triangles: view.scene.degenerate(),
         non_finite_light: traced.non_finite,
         effective_surfaces: 1.0,
@@ -115,15 +93,7 @@ pub(super) fn render(
     let statistics: Vec<Statistics> = statistics.collect();
     let mut mean = Tensor::from_data(means, (&context.device, context.dtype));
     if let Some(parent) = parent {
-        let backward = Backward {
-            views,
-            places,
-            pixels: pixels_or_all(options, pixels),
-            tiles,
-            rows,
-            samples: options.samples,
-            size: parent_size,
-        };
+        let backward = Backward::new(views, parent.dims()[0], rows, options, pixels);
         mean = attach(parent, mean, move |upstream| backward.gradient(upstream));
     }
     Ok(Means {

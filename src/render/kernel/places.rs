@@ -22,7 +22,7 @@ pub(super) struct Places {
 #[derive(Default)]
 pub(super) struct Parent {
     rows: Vec<Tensor<1>>,
-    pub size: usize,
+    size: usize,
 }
 
 impl Parent {

@@ -9,7 +9,7 @@ use super::places::{Parent, Places};
 use crate::error::Result;
 use crate::geometry::Context;
 use crate::kernel::{EdgeSets, HostCamera, KernelScene, View, ViewSettings, Wanted};
-use crate::render::batch::{Batch, of_batch};
+use crate::render::batch::{Batch, in_batch};
 use crate::render::options::RenderOptions;
 use crate::render::tiles::sampler;
 use crate::scene::{Collect, Detach, HostScene, check_camera, visit_camera, visit_scene};
@@ -17,11 +17,9 @@ use crate::visibility::Visibility;
 
 /// A batch, ready to be traced.
 pub(super) struct Prepared {
-    pub views: Vec<View>,
-    pub places: Vec<Places>,
+    pub views: Vec<(View, Places)>,
     /// All that is in a graph, in one row.
     pub parent: Option<Tensor<1>>,
-    pub parent_size: usize,
     pub context: Context,
     /// Whether all scenes have light.
     pub lit: bool,
@@ -32,7 +30,7 @@ fn read(batch: &Batch) -> Result<Vec<HostScene>> {
     let read = |index: usize| {
         let mut scene = batch.scene(index, false);
         visit_scene(&mut scene, &mut Detach);
-        HostScene::new(&scene).map_err(of_batch("scene", index))
+        HostScene::new(&scene).map_err(in_batch("scene", index))
     };
     if batch.scenes.len() == 1 {
         return Ok(vec![read(0)?]);
@@ -69,10 +67,9 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let mut parent = Parent::default();
     let scene_places = parent.collect_scenes(batch);
     let mut views = Vec::with_capacity(batch.views.len());
-    let mut all_places = Vec::with_capacity(batch.views.len());
     let mut edge_sets: Vec<Option<Arc<EdgeSets>>> = vec![None; scenes.len()];
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
-        let view_error = of_batch("view", index);
+        let view_error = in_batch("view", index);
         check_camera(camera, &context).map_err(view_error)?;
         let mut collected = Collect::default();
         visit_camera(&mut camera.clone(), &mut collected);
@@ -104,13 +101,11 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
         };
         let host = HostCamera::new(camera)?;
         let scene = scenes[*scene].clone();
-        views.push(View::new(scene, host, &settings, wanted, edges));
-        all_places.push(places);
+        let view = View::new(scene, host, &settings, wanted, edges);
+        views.push((view, places));
     }
     Ok(Prepared {
         views,
-        places: all_places,
-        parent_size: parent.size,
         parent: parent.row(),
         context,
         lit,

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
-use super::batch::{Batch, of_batch};
+use super::batch::{Batch, in_batch};
 use super::film::{Means, Statistics};
 use super::node::attach;
 use super::options::RenderOptions;
@@ -34,7 +34,7 @@ pub(super) fn render(
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
         let scene = batch.scene(*scene, true);
         let view = RenderedView::render(&scene, camera, &options.of_view(index), pixels.clone());
-        rendered.push(view.map_err(of_batch("view", index))?);
+        rendered.push(view.map_err(in_batch("view", index))?);
     }
     let objects = rendered.iter().map(|v| v.objects).max().unwrap_or(0);
     let rows = rendered.iter().map(|v| {
