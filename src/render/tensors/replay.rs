@@ -46,7 +46,7 @@ impl Replay {
         let pixels = self.pixels.clone();
         let jumps = kernel::jumps((&scene, &camera), &self.options, pixels, &upstream);
         let jumps = jumps.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
-        // Either part is as precise as the tensors.
+        // Rounded before jumps are added, as it is where there are none.
         let count = interior.len();
         let interior = TensorData::new(interior, [count]).convert_dtype(self.parameters.dtype());
         let sums = interior.iter::<f64>().zip(jumps).map(|(a, b)| a + b);
