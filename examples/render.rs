@@ -132,7 +132,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         })
         .sampling(match arguments.sampling {
             Sampled::Default => Sampling::default(),
-            Sampled::Plain => Sampling::plain(),
+            Sampled::Plain => Sampling::paper(),
         })
         .seed(arguments.seed)
         .progress(progress);

@@ -1,5 +1,6 @@
 //! Devices by name, so that one program runs on CPU and GPU.
 
+use burn::backend::DispatchDevice;
 use burn::tensor::Device;
 
 use crate::error::{Error, Result};
@@ -81,19 +82,28 @@ fn names() -> String {
     )
 }
 
+/// The name of a CPU backend without its device's details; None on GPUs. Autodiff makes no difference.
+fn cpu(device: &Device) -> Option<&'static str> {
+    match device.clone().inner().as_dispatch() {
+        #[cfg(feature = "flex")]
+        DispatchDevice::Flex(_) => Some("flex"),
+        #[cfg(feature = "ndarray")]
+        DispatchDevice::NdArray(_) => Some("ndarray"),
+        #[allow(unreachable_patterns)] // where no other backend is built in
+        _ => None,
+    }
+}
+
+/// Whether a device is a CPU, so that tiles of rays gain from several host threads.
+pub(crate) fn is_cpu(device: &Device) -> bool {
+    cpu(device).is_some()
+}
+
 /// A device by the name that [`named`] knows it by, where it has one. Devices with autodiff are called
 /// like those without.
 pub(crate) fn label(device: &Device) -> String {
-    let text = format!("{:?}", device.clone().inner());
-    let inner = text
-        .strip_prefix("Device<")
-        .and_then(|t| t.strip_suffix('>'));
-    let inner = inner.unwrap_or(&text);
-    match inner.split('(').next() {
-        Some("Flex") => "flex".into(),
-        Some("NdArray") => "ndarray".into(),
-        _ => inner.to_owned(),
-    }
+    let inner = || format!("{:?}", device.clone().inner().as_dispatch());
+    cpu(device).map_or_else(inner, str::to_owned)
 }
 
 #[cfg(feature = "wgpu")]

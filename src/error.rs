@@ -78,7 +78,7 @@ pub enum Error {
     },
     /// A scene or view of a batch is not valid.
     #[error("{part} {index} of the batch: {source}")]
-    OfBatch {
+    InBatch {
         /// `scene` or `view`.
         part: &'static str,
         /// Which, from 0.

@@ -29,13 +29,13 @@ struct Readme;
 #[doc = include_str!("../docs/GUIDE.md")]
 struct Guide;
 
-pub mod accel;
+mod accel;
 mod debug;
 pub mod device;
 pub mod error;
 #[cfg(feature = "fit")]
 pub mod figure;
-pub mod geometry;
+mod geometry;
 pub mod gradcheck;
 pub mod io;
 mod kernel;
@@ -45,18 +45,17 @@ pub mod optim;
 pub mod render;
 pub mod scene;
 mod transport;
-pub mod visibility;
+mod visibility;
 
 /// The burn that this crate is built with, so that a program's tensors are of the same one.
 pub use burn;
 pub use error::{Error, Result};
 pub use optim::loss;
 
-/// What most programs need.
+/// The names that most programs need.
 pub mod prelude {
     pub use burn::tensor::{Device, Tensor};
 
-    pub use crate::accel::HierarchyCache;
     pub use crate::io::{HostImage, LoadLimits, SceneFile};
     pub use crate::modules::{
         CameraParams, CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig,
@@ -65,13 +64,12 @@ pub mod prelude {
     };
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{
-        Batch, Diagnostics, EmitterSampling, Engine, Image, ImageBatch, Progress, RenderOptions,
-        Sampling, Sequence, Statistics, SurfaceSampling, overview, render, render_batch,
-        render_pixels,
+        Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch, Progress,
+        RenderOptions, Sampling, Sequence, Statistics, SurfaceSampling, Visibility, overview,
+        render, render_batch, render_pixels,
     };
     pub use crate::scene::{
         Albedo, Bounds, Camera, Environment, Material, Mesh, Object, Parameter, Projection, Scene,
         Transform, Wrap, shapes,
     };
-    pub use crate::visibility::Visibility;
 }

@@ -222,39 +222,3 @@ fn a_constant_scene_leaves_nothing_behind() {
         assert!(!image.radiance.is_tracked());
     }
 }
-
-/// Boxes offer every triangle that a ray meets, however far away it starts: boxes are in f32, and a
-/// distant origin rounds by more than a face is large.
-#[test]
-fn boxes_offer_what_distant_rays_meet() {
-    use glam::DVec3;
-    use softray::accel::{Hierarchy, HostTriangle};
-    let mesh = shapes::icosphere(5, &Device::flex());
-    let vertices = mesh.host_vertices().expect("vertices");
-    let corner = |i: u32| DVec3::from(vertices[i as usize]);
-    let triangle = |f: &[u32; 3]| HostTriangle::new(f.map(corner), DVec3::ZERO, true);
-    let hierarchy = Hierarchy::new(mesh.faces.iter().map(triangle).collect());
-    for distance in [3.0, 1e2, 1e4, 1e6] {
-        for i in 0..200 {
-            let turn = f64::from(i) * 2.399_963;
-            let towards = DVec3::new(turn.cos(), (0.37 * turn).sin(), turn.sin()) * 0.7;
-            let origin = DVec3::new(0.6, 0.5, 0.62).normalize() * distance;
-            let direction = (towards - origin).normalize();
-            let meets = |k: u32| {
-                let t = &hierarchy.triangles[k as usize];
-                let reach = (1e-12, f64::INFINITY);
-                t.meet(origin, direction, 1e-9, (0.0, f64::INFINITY), reach)
-                    .is_some()
-            };
-            let mut offered = Vec::new();
-            let range = (0.0, f64::INFINITY);
-            hierarchy.visit((origin, direction, 0.0), 1e-6, range, |k| {
-                offered.push(k);
-                f64::INFINITY
-            });
-            for k in (0..mesh.faces.len() as u32).filter(|&k| meets(k)) {
-                assert!(offered.contains(&k), "triangle {k} from {distance:e}");
-            }
-        }
-    }
-}

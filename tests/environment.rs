@@ -124,7 +124,7 @@ fn a_uniform_map_is_a_constant() {
     let value = values(&expected)[0];
     let by_constant = values(&constant.grad(&expected.backward()).expect("a gradient"));
     let total: f64 = by_constant.iter().sum();
-    for sampling in [Sampling::default(), Sampling::plain()] {
+    for sampling in [Sampling::default(), Sampling::paper()] {
         let found = image(Environment::map(texels.clone()), sampling);
         let mean = values(&found)[0];
         assert!((mean / value - 1.0).abs() < 0.01, "{mean}, {value}");
@@ -152,12 +152,12 @@ fn a_sun_is_found() {
         (Material::diffuse([0.1; 3]).specular([0.8; 3], 300.0), 0.85),
     ] {
         let scene = ball(material, DType::F32).environment(sky(sunny, DType::F32));
-        let expected = of(&scene, Sampling::plain(), 4096, 2);
+        let expected = of(&scene, Sampling::paper(), 4096, 2);
         let noise = |sampling| {
             let image = of(&scene, sampling, 64, 3);
             (mean(&image), rmse(&image, &expected))
         };
-        let (plain, default) = (noise(Sampling::plain()), noise(Sampling::default()));
+        let (plain, default) = (noise(Sampling::paper()), noise(Sampling::default()));
         println!("{}: plain {plain:?}, default {default:?}", mean(&expected));
         assert!((default.0 / mean(&expected) - 1.0).abs() < 0.02);
         assert!(default.1 < share * plain.1, "{default:?}, {plain:?}");

@@ -19,7 +19,7 @@ fn still() -> RendererConfig {
     RendererConfig::new(10, 8)
         .with_samples(2)
         .with_bounces(0)
-        .with_sampling(Sampling::plain())
+        .with_sampling(Sampling::paper())
         .with_cutoff(1e-9)
         .with_visibility(Visibility::softmax(1e-2, 0.1))
 }

@@ -13,7 +13,7 @@ fn variants() -> Vec<(&'static str, Sampling)> {
         f(&mut sampling);
         sampling
     };
-    let plain = Sampling::plain();
+    let plain = Sampling::paper();
     vec![
         ("default", Sampling::default()),
         ("independent", change(&|s| s.sequence = plain.sequence)),
@@ -90,7 +90,7 @@ fn estimate(all: &[[f64; 3]], i: usize) -> (f64, f64) {
 fn mean_and_gradients_stay() {
     let seeds = if common::long() { 1024 } else { 96 };
     let run = |s| -> Vec<[f64; 3]> { (0..seeds).map(|seed| of(s, seed)).collect() };
-    let plain = run(Sampling::plain());
+    let plain = run(Sampling::paper());
     for (name, sampling) in variants() {
         let found = run(sampling);
         for (i, what) in ["mean", "ball", "shininess"].iter().enumerate() {

@@ -24,11 +24,6 @@ fn device() -> Device {
 }
 
 #[test]
-fn formulas_in_f32() {
-    common::visibility::check(&device(), DType::F32, 2e-4, 2e-3);
-}
-
-#[test]
 fn the_image_is_that_of_the_cpu_and_repeats() {
     for form in [Visibility::default(), Visibility::softmax(1e-2, 1e-3)] {
         image_of_the_cpu(form);

@@ -1,5 +1,4 @@
-use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+//! Boxes over triangles: how they are built, and fitted to triangles that moved.
 
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -10,65 +9,20 @@ use obvhs::{Boundable, BvhBuildParams};
 use pulp::Arch;
 
 use super::hits::{Hit, HitRay};
-use super::leaf::LANES;
-use super::simd::{Machine, Task, dispatch};
+use super::simd::{LANES, Machine, Task, dispatch};
+use super::triangle::HostTriangle;
+use super::visit::Reach;
 use super::wide::{FEW, Wide};
-use super::{HostTriangle, Reach};
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
-/// asking each is faster.
-pub struct Hierarchy {
+/// testing each is faster.
+pub(crate) struct Hierarchy {
     /// The triangles, in the scene's order.
     pub triangles: Vec<HostTriangle>,
     nodes: Option<Bvh2>,
     wide: Wide,
     /// Σ half areas of the boxes, now and when they were built.
     cost: [f64; 2],
-}
-
-/// A hierarchy kept from render to render: its boxes are fitted to triangles that moved, and built
-/// anew when they have grown by half, or there are other triangles.
-#[derive(Clone, Default)]
-pub struct HierarchyCache(Arc<Mutex<Cached>>);
-
-#[derive(Default)]
-struct Cached {
-    last: Option<Arc<Hierarchy>>,
-    builds: u64,
-    fits: u64,
-}
-
-impl HierarchyCache {
-    /// How often boxes were built and fitted.
-    pub fn counts(&self) -> [u64; 2] {
-        let cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        [cached.builds, cached.fits]
-    }
-
-    /// A hierarchy of these triangles.
-    pub(crate) fn take(&self, triangles: Vec<HostTriangle>) -> Arc<Hierarchy> {
-        let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let fitted = cached.last.as_ref().and_then(|old| old.fit(&triangles));
-        let hierarchy = match fitted {
-            Some((nodes, cost)) => {
-                cached.fits += 1;
-                Hierarchy::of_nodes(triangles, nodes, cost)
-            }
-            None => {
-                cached.builds += 1;
-                Hierarchy::new(triangles)
-            }
-        };
-        let hierarchy = Arc::new(hierarchy);
-        cached.last = Some(hierarchy.clone());
-        hierarchy
-    }
-}
-
-impl fmt::Debug for HierarchyCache {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "HierarchyCache({:?})", self.counts())
-    }
 }
 
 fn cost(nodes: &Bvh2) -> f64 {
@@ -117,7 +71,7 @@ impl Hierarchy {
         }
     }
 
-    fn of_nodes(triangles: Vec<HostTriangle>, nodes: Bvh2, cost: [f64; 2]) -> Self {
+    pub(super) fn of_nodes(triangles: Vec<HostTriangle>, nodes: Bvh2, cost: [f64; 2]) -> Self {
         Self {
             wide: Wide::new(&triangles, Some(&nodes), extent(&triangles)),
             triangles,
@@ -127,8 +81,8 @@ impl Hierarchy {
     }
 
     /// The same tree with boxes about other triangles, and its cost, unless it has grown by half.
-    fn fit(&self, triangles: &[HostTriangle]) -> Option<(Bvh2, [f64; 2])> {
-        if !self.has_boxes() || self.triangles.len() != triangles.len() {
+    pub(super) fn fit(&self, triangles: &[HostTriangle]) -> Option<(Bvh2, [f64; 2])> {
+        if self.nodes.is_none() || self.triangles.len() != triangles.len() {
             return None;
         }
         let (nodes, cost) = self.fitted(triangles);
@@ -166,51 +120,25 @@ impl Hierarchy {
         });
     }
 
-    /// Whether boxes were built.
-    pub fn has_boxes(&self) -> bool {
-        self.nodes.is_some()
-    }
-
-    /// Calls a function with every triangle that a ray (origin, direction, time in the shutter) may
-    /// meet within `reach` of it in a range from … limit; the function returns the limit from there
-    /// on. Returns how many triangles were offered.
-    pub fn visit<F: FnMut(u32) -> f64>(
-        &self,
-        ray: (DVec3, DVec3, f64),
-        reach: f64,
-        range: (f64, f64),
-        f: F,
-    ) -> u32 {
-        let visit = Visit {
-            hierarchy: self,
-            ray,
-            reach: Reach {
-                most: reach,
-                price: 0.0,
-            },
-            range,
-            f,
-        };
-        dispatch(pulp::Arch::new(), visit)
-    }
-
-    /// What each ray hits: the nearest triangle, or with `ANY` any, which takes less time. All triangles
+    /// The hit of each ray: the nearest triangle, or with `ANY` any, which takes less time. All triangles
     /// are seen.
     pub(crate) fn hits<const ANY: bool>(&self, arch: Arch, rays: &[HitRay], hits: &mut Vec<Hit>) {
         let wide = &self.wide;
         dispatch(arch, Hits::<ANY> { wide, rays, hits });
     }
 
-    /// What a ray hits of all but its unseen triangles: the nearest, or with `ANY` any.
+    /// The hit of a ray on all but its unseen triangles: the nearest, or with `ANY` any.
     #[inline]
     pub(crate) fn hit_seen<const ANY: bool>(&self, arch: Arch, ray: &HitRay) -> Hit {
         let wide = &self.wide;
         dispatch(arch, HitSeen::<ANY> { wide, ray })
     }
 
-    /// The same in code for a machine.
+    /// Calls a function with every triangle that a ray (origin, direction, time in the shutter) may hit
+    /// within `reach` of it in a range from … limit; the function returns the limit from there on. Returns how
+    /// many triangles were offered.
     #[inline(always)]
-    pub(crate) fn visit_on<M: Machine>(
+    pub(crate) fn visit<M: Machine>(
         &self,
         machine: M,
         ray: (DVec3, DVec3, f64),
@@ -257,31 +185,6 @@ impl<const ANY: bool> Task for HitSeen<'_, ANY> {
     }
 }
 
-/// [`Hierarchy::visit`] as a task.
-struct Visit<'a, F> {
-    hierarchy: &'a Hierarchy,
-    ray: (DVec3, DVec3, f64),
-    reach: Reach,
-    range: (f64, f64),
-    f: F,
-}
-
-impl<F: FnMut(u32) -> f64> Task for Visit<'_, F> {
-    type Output = u32;
-
-    #[inline(always)]
-    fn run<M: Machine>(self, machine: M) -> u32 {
-        let Self {
-            hierarchy,
-            ray,
-            reach,
-            range,
-            f,
-        } = self;
-        hierarchy.visit_on(machine, ray, reach, range, f)
-    }
-}
-
 fn extent(triangles: &[HostTriangle]) -> f64 {
     let reach = |t: &HostTriangle| {
         let far = |c: DVec3| c.length().max((c + t.velocity).length());
@@ -317,4 +220,59 @@ fn swept(t: &HostTriangle) -> Swept {
         aabb.extend(Vec3A::from((corner + t.velocity).as_vec3()));
     }
     Swept(aabb)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::shapes;
+
+    /// [`Hierarchy::visit`] of all that a ray may hit, as a task.
+    struct Visit<'a>(&'a Hierarchy, (DVec3, DVec3, f64));
+
+    impl Task for Visit<'_> {
+        type Output = Vec<u32>;
+
+        fn run<M: Machine>(self, machine: M) -> Vec<u32> {
+            let reach = Reach {
+                most: 1e-6,
+                distance_penalty: 0.0,
+            };
+            let mut offered = Vec::new();
+            self.0
+                .visit(machine, self.1, reach, (0.0, f64::INFINITY), |k| {
+                    offered.push(k);
+                    f64::INFINITY
+                });
+            offered
+        }
+    }
+
+    /// Boxes offer every triangle that a ray hits, however far away it starts: boxes are in f32, and a
+    /// distant origin rounds by more than a face is large.
+    #[test]
+    fn boxes_offer_what_distant_rays_hit() {
+        let mesh = shapes::icosphere(5, &burn::tensor::Device::flex());
+        let vertices = mesh.host_vertices().expect("vertices");
+        let corner = |i: u32| DVec3::from(vertices[i as usize]);
+        let triangle = |f: &[u32; 3]| HostTriangle::new(f.map(corner), DVec3::ZERO, true);
+        let hierarchy = Hierarchy::new(mesh.faces.iter().map(triangle).collect());
+        for distance in [3.0, 1e2, 1e4, 1e6] {
+            for i in 0..200 {
+                let turn = f64::from(i) * 2.399_963;
+                let towards = DVec3::new(turn.cos(), (0.37 * turn).sin(), turn.sin()) * 0.7;
+                let origin = DVec3::new(0.6, 0.5, 0.62).normalize() * distance;
+                let direction = (towards - origin).normalize();
+                let is_hit = |k: u32| {
+                    let (range, reach) = ((0.0, f64::INFINITY), (1e-12, f64::INFINITY));
+                    let t = &hierarchy.triangles[k as usize];
+                    t.intersect(origin, direction, 1e-9, range, reach).is_some()
+                };
+                let offered = dispatch(Arch::new(), Visit(&hierarchy, (origin, direction, 0.0)));
+                for k in (0..mesh.faces.len() as u32).filter(|&k| is_hit(k)) {
+                    assert!(offered.contains(&k), "triangle {k} from {distance:e}");
+                }
+            }
+        }
+    }
 }

@@ -1,12 +1,12 @@
-//! What a ray hits, hard: the nearest triangle, or whether there is any.
+//! Hard hits of rays: the nearest triangle, or whether there is any.
 //!
-//! Triangles are met in f32, eight at a time, each grown by what coordinates are rounded by: so no ray
+//! Triangles are intersected in f32, eight at a time, each grown by what coordinates are rounded by: so no ray
 //! slips through a seam, and outlines are off by no more than rounding.
 
 use glam::Vec3;
 
-use super::leaf::{LANES, Lanes, Leaf};
-use super::simd::{F8, Machine};
+use super::leaf::{Leaf, ROUNDING};
+use super::simd::{F8, LANES, Lanes, Machine};
 use super::wide::{Node, Wide, safe_inverse};
 
 /// No triangle.
@@ -40,18 +40,15 @@ impl HitRay {
     }
 }
 
-/// What a ray hit: a distance, and a triangle or [`NOTHING`].
+/// A hit of a ray: a distance, and a triangle or [`NOTHING`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hit {
     pub t: f32,
     pub triangle: u32,
 }
 
-/// What coordinates are about: scenes are measured in a unit near their size.
+/// The size of coordinates: scenes are measured in a unit near their size.
 const SIZE: f32 = 1.0;
-
-/// Triangles are grown by this share of the largest coordinate near the ray.
-pub(super) const ROUNDING: f32 = 4e-7;
 
 /// The numbers of lanes.
 const LANE: Lanes = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
@@ -80,7 +77,7 @@ impl<M: Machine> Ray8<M> {
 }
 
 impl Leaf {
-    /// Distances at which a ray meets the triangles before a limit, the limit where it does not.
+    /// Distances at which a ray hits the triangles before a limit, the limit where it does not.
     #[inline(always)]
     fn distances<M: Machine, const SELECT: bool>(
         &self,
@@ -129,9 +126,9 @@ impl Leaf {
     }
 }
 
-/// What boxes are met with.
+/// A ray as boxes are intersected with it, each number eight times.
 struct Boxes8<M: Machine> {
-    /// Where the ray starts, moved by the margin so that boxes grow by it on both sides.
+    /// The ray's origin, moved by the margin so that boxes grow by it on both sides.
     low: [F8<M>; 3],
     high: [F8<M>; 3],
     inverse: [F8<M>; 3],

@@ -2,14 +2,8 @@
 
 use glam::Vec3;
 
-use super::HostTriangle;
-use super::hits::ROUNDING;
-use super::simd::Machine;
-
-/// Triangles of a leaf, at most.
-pub(crate) const LANES: usize = 8;
-
-pub(crate) type Lanes = [f32; LANES];
+use super::simd::{LANES, Lanes, Machine};
+use super::triangle::HostTriangle;
 
 /// Up to eight triangles: planes, and in each the lines of the borders as distances, positive inside.
 pub(super) struct Leaf {
@@ -19,11 +13,14 @@ pub(super) struct Leaf {
     pub(super) lines: [[Lanes; 3]; 3],
     pub(super) offsets: [Lanes; 3],
     pub triangle: [u32; LANES],
-    /// What the lines are rounded by, beyond what points are.
+    /// The rounding of the lines, beyond that of points.
     pub(super) slack: Lanes,
     /// The triangles that there are, one bit each.
     used: u32,
 }
+
+/// Triangles are grown by this share of the largest coordinate near the ray.
+pub(super) const ROUNDING: f32 = 4e-7;
 
 /// Hits close to a ray's origin are rounded by this share of [`Ray::rounding`].
 const NEAR: f32 = 0.4;
@@ -33,11 +30,11 @@ pub(super) struct Ray {
     pub origin: Vec3,
     pub direction: Vec3,
     pub time: f32,
-    /// How far beside it triangles matter, at most.
+    /// The largest distance beside it at which triangles matter.
     pub reach: f32,
-    /// What a squared distance beside it counts along it ([`Reach`](super::Reach)).
-    pub price: f32,
-    /// What coordinates are rounded by: 33 half units in the last place of the largest.
+    /// The distance along it that a squared distance beside it counts as ([`Reach`](super::Reach)).
+    pub distance_penalty: f32,
+    /// The rounding of coordinates: 33 half units in the last place of the largest.
     pub rounding: f32,
     /// Hits nearer don't count.
     pub from: f32,
@@ -72,10 +69,10 @@ impl Leaf {
         leaf
     }
 
-    /// The triangles that a ray may meet before `limit`, one bit each, and distances before which it
+    /// The triangles that a ray may hit before `limit`, one bit each, and distances before which it
     /// doesn't, with what it passes beside them.
     #[inline(always)]
-    pub fn meet<M: Machine>(
+    pub fn test<M: Machine>(
         &self,
         machine: M,
         velocity: Option<&[Lanes; 3]>,
@@ -125,7 +122,7 @@ impl Leaf {
             let least = smaller(ab, smaller(bc, ca));
             let rounding = add(ray.rounding, ray.rounding, inverse.abs());
             let beside = smaller(least + rounding, 0.0);
-            let counted = add(t - rounding, beside * ray.price, beside);
+            let counted = add(t - rounding, beside * ray.distance_penalty, beside);
             // Not a number is kept, and first: the exact test decides.
             near[i] = larger(counted, f32::MIN);
             let between = smaller(add(t, NEAR, rounding) - ray.from, limit - near[i]);
@@ -144,13 +141,4 @@ pub(super) fn smaller(a: f32, b: f32) -> f32 {
 #[inline(always)]
 pub(super) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
-}
-
-#[inline(always)]
-pub(super) fn bits(of: [bool; LANES]) -> u32 {
-    let mut mask = 0;
-    for (i, &bit) in of.iter().enumerate() {
-        mask |= u32::from(bit) << i;
-    }
-    mask
 }

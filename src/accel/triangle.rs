@@ -1,3 +1,5 @@
+//! Triangles on the host, in f64.
+
 use glam::DVec3;
 
 /// A triangle with its frame: corner a at the origin, b at (base, 0), c at (apex_u, apex_v).
@@ -22,7 +24,7 @@ pub struct HostTriangle {
     pub valid: bool,
 }
 
-/// Where a ray meets a triangle's plane.
+/// The intersection of a ray with a triangle's plane.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneHit {
     /// Distance along the ray.
@@ -84,11 +86,11 @@ impl HostTriangle {
         .map(|(across, offset)| (across, offset - across.dot(a)))
     }
 
-    /// None where the ray is too parallel, the hit lies outside of (t_min, t_max), or further from
+    /// The intersection with a ray; None where the ray is too parallel, the hit lies outside of (t_min, t_max), or further from
     /// the triangle than the root of `reach`. Of hits further inside than `deep` the nearest point of
-    /// the border is not told: a corner in its place.
+    /// the border is not computed: a corner stands in its place.
     #[inline(always)]
-    pub fn meet(
+    pub fn intersect(
         &self,
         origin: DVec3,
         direction: DVec3,

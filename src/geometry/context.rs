@@ -1,8 +1,10 @@
+//! The device and float type of a render, and values to and from the host.
+
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
 use crate::error::{Error, Result};
 
-/// Where and in which float type a render runs: those of the scene's tensors.
+/// The device and the float type of a render: those of the scene's tensors.
 #[derive(Clone, Debug)]
 pub struct Context {
     /// The device, without autodiff: constants record no tape.
@@ -49,15 +51,8 @@ impl Context {
 }
 
 /// The tensor's values without tape or autodiff.
-pub(crate) fn plain<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
+pub(crate) fn detached<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
     tensor.clone().inner()
-}
-
-/// Three planes on the host, as vectors.
-pub(crate) fn host_vectors(v: &super::Vec3) -> Result<Vec<glam::DVec3>> {
-    let (x, y, z) = (host_values(&v.x)?, host_values(&v.y)?, host_values(&v.z)?);
-    let vector = |i: usize| glam::DVec3::new(x[i], y[i], z[i]);
-    Ok((0..x.len()).map(vector).collect())
 }
 
 /// Calls a function with the values of an image `[H, W, C]`, some rows at a time: reading it back in one
@@ -66,7 +61,7 @@ pub(crate) fn by_rows(tensor: &Tensor<3>, mut f: impl FnMut(&[f32])) -> Result<(
     const NUMBERS: usize = 1 << 20;
     let [height, width, channels] = tensor.dims();
     let rows = (NUMBERS / (width * channels).max(1)).max(1);
-    let tensor = plain(tensor);
+    let tensor = detached(tensor);
     for from in (0..height).step_by(rows) {
         let some = tensor.clone().slice([from..(from + rows).min(height)]);
         let data = some.try_into_data_as::<f32>().map_err(Error::read)?;
@@ -90,7 +85,7 @@ pub(crate) fn first_not_finite(tensor: &Tensor<3>) -> Result<Option<(usize, f64)
 
 /// A float tensor's values on the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
-    let data = plain(tensor).try_into_data();
+    let data = detached(tensor).try_into_data();
     let data = data.map_err(Error::read)?;
     Ok(data.iter::<f64>().collect())
 }

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Int, Tensor};
 
-use super::Vec3;
+use super::vec3::Vec3;
 
 /// All first entries, all second and so on.
 pub(crate) fn columns<const N: usize>(rows: &[[u32; N]]) -> Vec<u32> {

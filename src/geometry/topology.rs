@@ -1,10 +1,11 @@
+//! Connections between triangles, on the host.
+
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
-use std::sync::Arc;
 
 use rayon::prelude::*;
 
-/// What is known of the triangles on the host: neighbours, objects, closed surfaces.
+/// The connections of triangles, on the host: neighbours, objects, closed surfaces.
 #[derive(Clone, Debug, Default)]
 pub struct Topology {
     /// The object of each triangle.
@@ -14,18 +15,18 @@ pub struct Topology {
     /// Whether the object of each triangle is closed.
     pub closed: Vec<bool>,
     /// Triangles of the same object that share a welded vertex.
-    pub neighbours: Arc<Neighbours>,
+    pub neighbours: Neighbours,
     /// For a triangle of a closed object: +1 if only its sides with n·d > 0 can be seen, −1 if
     /// only those with n·d < 0 can; 0 for open objects.
     pub visible_side: Vec<f64>,
 }
 
-/// Which triangles share a vertex: where their corners are, and the triangles at each such place. Linear
-/// in the triangles, however many of them share one.
+/// The triangles that share a vertex: the places of corners, and the triangles at each place. Its size is
+/// linear in the triangles, however many of them share one.
 #[derive(Clone, Debug)]
 pub struct Neighbours {
     corners: Vec<[u32; 3]>,
-    /// Where the list of each place begins, and the end.
+    /// The beginnings of the lists of places, and the end.
     starts: Vec<usize>,
     list: Vec<u32>,
 }
@@ -41,7 +42,8 @@ impl Default for Neighbours {
 }
 
 impl Neighbours {
-    /// No triangle has any.
+    /// Triangles without neighbours.
+    #[cfg(test)]
     pub fn none(triangles: usize) -> Self {
         let mut neighbours = Self::default();
         let corners = (0..triangles as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]);
@@ -111,11 +113,11 @@ impl Hasher for Mix {
 }
 
 /// Vertices of an object by place.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Weld {
     /// The place of each vertex.
     of_vertex: Vec<u32>,
-    /// How many places.
+    /// The number of places.
     count: usize,
 }
 
@@ -138,9 +140,7 @@ impl Weld {
             count: weld.len(),
         }
     }
-}
 
-impl Weld {
     /// The place of a vertex.
     pub(crate) fn place(&self, vertex: u32) -> u32 {
         self.of_vertex[vertex as usize]
@@ -179,7 +179,7 @@ impl Topology {
             .any(|w| w[0] == w[1] || w[1] == w[2] || w[2] == w[0]);
         let closed = !faces.is_empty() && once && !loops && edges == directed(true);
 
-        Arc::make_mut(&mut self.neighbours).push_object(corners, weld.count);
+        self.neighbours.push_object(corners, weld.count);
         let n = faces.len();
         self.object.extend(std::iter::repeat_n(object, n));
         self.material.extend_from_slice(&materials[..n]);

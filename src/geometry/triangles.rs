@@ -1,6 +1,9 @@
+//! Triangles as planes, with a frame in each.
+
 use burn::tensor::{Bool, Tensor};
 
-use super::{Context, Vec3, plain};
+use super::context::{Context, detached};
+use super::vec3::Vec3;
 
 /// Per-corner data of the triangles: three vectors `[T, 1]` each.
 #[derive(Clone, Debug)]
@@ -52,7 +55,7 @@ impl Triangles {
     /// Frames and planes from corners (columns `[T, 1]`, relative to the centre of the bounds).
     pub fn new(context: &Context, corners: VertexData, velocity: Option<Vec3>) -> Self {
         let VertexData { a, b, c } = corners;
-        let (ab, ac) = (plain_sub(&b, &a), plain_sub(&c, &a));
+        let (ab, ac) = (detached_sub(&b, &a), detached_sub(&c, &a));
         let n = ab.cross(&ac);
         let doubled_area = n.dot(&n).sqrt();
         let longest = ab.dot(&ab).max_pair(ac.dot(&ac));
@@ -99,24 +102,14 @@ impl Triangles {
         }
     }
 
-    /// How many triangles.
+    /// The number of triangles.
     pub fn len(&self) -> usize {
         self.base.dims()[0]
     }
-
-    /// Whether there is no triangle.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Whether any geometry takes part in an autodiff graph.
-    pub fn is_tracked(&self) -> bool {
-        self.plane.is_tracked() || self.velocity.as_ref().is_some_and(Vec3::is_tracked)
-    }
 }
 
-fn plain_sub(a: &Vec3, b: &Vec3) -> Vec3 {
-    a.plain().sub(&b.plain())
+fn detached_sub(a: &Vec3, b: &Vec3) -> Vec3 {
+    a.detached().sub(&b.detached())
 }
 
 /// The point of a triangle's border that is nearest to a point of its plane, without tape.
@@ -142,7 +135,7 @@ pub(crate) fn nearest_on_triangle(
     apex_u: &Tensor<2>,
     apex_v: &Tensor<2>,
 ) -> Nearest {
-    let (base, apex_u, apex_v) = (plain(base), plain(apex_u), plain(apex_v));
+    let (base, apex_u, apex_v) = (detached(base), detached(apex_u), detached(apex_v));
     let square = |u: Tensor<2>, v: Tensor<2>| u.clone() * u + v.clone() * v;
     // a → b
     let s_ab = (x.clone() * base.clone().recip()).clamp(0.0, 1.0);

@@ -1,3 +1,5 @@
+//! Sine and cosine that are exact to rounding on every device.
+
 use burn::tensor::Tensor;
 
 /// Sine and cosine to rounding on every device: Vulkan allows their instructions an absolute error
@@ -8,7 +10,7 @@ pub(crate) fn sin_cos<const D: usize>(angle: Tensor<D>) -> (Tensor<D>, Tensor<D>
     const HALVINGS: i32 = 3;
     // 2π in two parts, the first of few bits, so that whole turns are taken off exactly.
     const HIGH: f64 = 6.28125;
-    let turns = (super::plain(&angle) / TAU).round();
+    let turns = (super::context::detached(&angle) / TAU).round();
     let small = angle - turns.clone() * HIGH - turns * (TAU - HIGH);
     let x = small * 0.5f64.powi(HALVINGS);
     let square = x.clone() * x.clone();

@@ -1,9 +1,13 @@
+//! Vectors as three planes.
+
 use std::fmt;
 
 use burn::tensor::{Int, Tensor};
+use glam::DVec3;
 
-use super::{Context, plain};
+use super::context::{Context, detached, host_values};
 use crate::debug::tensor;
+use crate::error::Result;
 
 /// Three planes of one shape: `[1, N]` for rays, `[T, 1]` for triangles.
 #[derive(Clone)]
@@ -37,10 +41,10 @@ impl Vec3 {
         )
     }
 
-    /// A tensor `[3]` as a `[1, 1]` vector.
-    pub fn from_tensor(v: Tensor<1>) -> Self {
-        let v = v.reshape([3, 1]);
-        Self::from_rows(v)
+    /// Constant vectors `[1, N]` from the host.
+    pub fn from_host(context: &Context, vectors: &[DVec3]) -> Self {
+        let axis = |k: usize| context.row(&vectors.iter().map(|v| v[k]).collect::<Vec<_>>());
+        Self::new(axis(0), axis(1), axis(2))
     }
 
     /// The rows of `[3, N]` as planes `[1, N]`.
@@ -71,6 +75,14 @@ impl Vec3 {
         Tensor::cat(vec![self.x.clone(), self.y.clone(), self.z.clone()], 1)
     }
 
+    /// Vectors one after another along a dimension.
+    pub fn cat(parts: &[Self], dim: usize) -> Self {
+        let plane = |f: fn(&Self) -> &Tensor<2>| {
+            Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim)
+        };
+        Self::new(plane(|p| &p.x), plane(|p| &p.y), plane(|p| &p.z))
+    }
+
     /// A function of each plane.
     pub fn map(&self, f: impl Fn(Tensor<2>) -> Tensor<2>) -> Self {
         Self::new(f(self.x.clone()), f(self.y.clone()), f(self.z.clone()))
@@ -86,8 +98,8 @@ impl Vec3 {
     }
 
     /// Without tape.
-    pub fn plain(&self) -> Self {
-        Self::new(plain(&self.x), plain(&self.y), plain(&self.z))
+    pub fn detached(&self) -> Self {
+        Self::new(detached(&self.x), detached(&self.y), detached(&self.z))
     }
 
     /// Whether any plane takes part in an autodiff graph.
@@ -154,4 +166,11 @@ impl Vec3 {
 pub(crate) fn gather_row(plane: Tensor<2>, index: &Tensor<2, Int>) -> Tensor<2> {
     let [a, b] = plane.dims();
     plane.reshape([1, a * b]).gather(1, index.clone())
+}
+
+/// Three planes on the host, as vectors.
+pub(crate) fn host_vectors(v: &Vec3) -> Result<Vec<DVec3>> {
+    let (x, y, z) = (host_values(&v.x)?, host_values(&v.y)?, host_values(&v.z)?);
+    let vector = |i: usize| DVec3::new(x[i], y[i], z[i]);
+    Ok((0..x.len()).map(vector).collect())
 }

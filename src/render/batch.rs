@@ -1,10 +1,9 @@
-//! Batches: scenes × cameras in one call.
+//! Batches: scenes and cameras of one call.
 
 use burn::tensor::Tensor;
 
-use super::{ImageBatch, RenderOptions, render_views};
 use crate::error::{Error, Result, one_of};
-use crate::geometry::plain;
+use crate::geometry::detached;
 use crate::scene::{Camera, Scene};
 
 /// Scenes and the views to render of them.
@@ -107,7 +106,7 @@ impl Batch {
                 n => ("objects", format!("{n} of the name {name:?}"), "one".into()),
             };
             let source = Error::invalid("scene", wrong.0, wrong.1, wrong.2);
-            return Err(of_batch("scene", index)(source));
+            return Err(in_batch("scene", index)(source));
         }
         let scenes = self.scenes.len();
         for (index, scene) in self.scenes.iter().enumerate() {
@@ -123,7 +122,7 @@ impl Batch {
                          {count} vertices"
                     ),
                 );
-                return Err(of_batch("scene", index)(source));
+                return Err(in_batch("scene", index)(source));
             }
         }
         self.vertices.retain(|v| v.name != name);
@@ -131,7 +130,7 @@ impl Batch {
         Ok(self)
     }
 
-    /// How many views.
+    /// The number of views.
     pub fn len(&self) -> usize {
         self.views.len()
     }
@@ -148,7 +147,7 @@ impl Batch {
             let values = if tracked {
                 v.values.clone()
             } else {
-                plain(&v.values)
+                detached(&v.values)
             };
             let [_, count, _] = values.dims();
             let rows = values.slice([index..index + 1]).reshape([count, 3]);
@@ -160,45 +159,9 @@ impl Batch {
     }
 }
 
-/// Renders all views of a batch, each with random numbers of its own
-/// ([`RenderOptions::of_view`]): what [`render`](super::render) returns for a scene and camera with
-/// the options of its view, and with the same gradients.
-///
-/// On the CPU the images are one node of the graph, and views and tiles share all cores in both
-/// passes. On GPUs views are rendered one after another.
-///
-/// ```
-/// use softray::prelude::*;
-///
-/// let device = Device::flex();
-/// let ball = shapes::icosphere(1, &device);
-/// // A batch of three deformed balls, as a network predicts them.
-/// let vertices = Tensor::stack::<3>(vec![ball.vertices.clone(); 3], 0);
-/// let widths = Tensor::<1>::from_floats([0.8, 1.0, 1.2], &device).autodiff().require_grad();
-/// let vertices = vertices * widths.clone().reshape([3, 1, 1]);
-/// let scene = Scene::new()
-///     .with(Object::new(ball).named("body"))
-///     .environment([1.0, 1.0, 1.0]);
-/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
-/// let batch = Batch::new(vec![scene; 3], vec![camera])?.with_vertices("body", vertices)?;
-/// let options = RenderOptions::new(16, 16).samples(2).bounces(0);
-/// let images = render_batch(&batch, &options)?;
-/// assert_eq!(images.radiance.dims(), [3, 16, 16, 3]);
-/// let gradients = images.radiance.mean().backward();
-/// assert!(widths.grad(&gradients).is_some());
-/// # Ok::<(), softray::Error>(())
-/// ```
-///
-/// # Errors
-/// Like [`render`](super::render), with the number of the scene or view at fault; nothing is rendered
-/// then.
-pub fn render_batch(batch: &Batch, options: &RenderOptions) -> Result<ImageBatch> {
-    render_views(batch, options, None)
-}
-
-/// Says which part of a batch an error is of.
-pub(super) fn of_batch(part: &'static str, index: usize) -> impl FnOnce(Error) -> Error {
-    move |source| Error::OfBatch {
+/// Adds to an error the part of a batch that it is of.
+pub(super) fn in_batch(part: &'static str, index: usize) -> impl FnOnce(Error) -> Error {
+    move |source| Error::InBatch {
         part,
         index,
         source: Box::new(source),

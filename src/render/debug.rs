@@ -1,26 +1,33 @@
-//! What `{:?}` shows of images and batches: shapes, never pixels.
+//! `{:?}` of images and batches: shapes, never pixels.
 
 use std::fmt::{Debug, Formatter, Result};
 
-use super::batch::BatchVertices;
-use super::{Batch, Image, ImageBatch};
+use super::batch::{Batch, BatchVertices};
+use super::film::{Image, ImageBatch};
 use crate::debug::{shape, tensor};
+
+/// Adds the outputs that an image and a batch of images have in common.
+macro_rules! outputs {
+    ($all:ident, $image:ident) => {
+        $all.field("radiance", &tensor(&$image.radiance));
+        for (name, plane) in [("opacity", &$image.opacity), ("depth", &$image.depth)] {
+            if let Some(plane) = plane {
+                $all.field(name, &tensor(plane));
+            }
+        }
+        if let Some(normals) = &$image.normals {
+            $all.field("normals", &tensor(normals));
+        }
+        if let Some(ids) = &$image.object_ids {
+            $all.field("object_ids", &shape(ids));
+        }
+    };
+}
 
 impl Debug for Image {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let mut all = f.debug_struct("Image");
-        all.field("radiance", &tensor(&self.radiance));
-        for (name, plane) in [("opacity", &self.opacity), ("depth", &self.depth)] {
-            if let Some(plane) = plane {
-                all.field(name, &tensor(plane));
-            }
-        }
-        if let Some(normals) = &self.normals {
-            all.field("normals", &tensor(normals));
-        }
-        if let Some(ids) = &self.object_ids {
-            all.field("object_ids", &shape(ids));
-        }
+        outputs!(all, self);
         all.field("rays", &self.statistics.rays);
         if let Some(diagnostics) = &self.diagnostics {
             all.field("diagnostics", diagnostics);
@@ -32,18 +39,7 @@ impl Debug for Image {
 impl Debug for ImageBatch {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let mut all = f.debug_struct("ImageBatch");
-        all.field("radiance", &tensor(&self.radiance));
-        for (name, plane) in [("opacity", &self.opacity), ("depth", &self.depth)] {
-            if let Some(plane) = plane {
-                all.field(name, &tensor(plane));
-            }
-        }
-        if let Some(normals) = &self.normals {
-            all.field("normals", &tensor(normals));
-        }
-        if let Some(ids) = &self.object_ids {
-            all.field("object_ids", &shape(ids));
-        }
+        outputs!(all, self);
         let rays: u64 = self.statistics.iter().map(|s| s.rays).sum();
         all.field("rays", &rays).finish_non_exhaustive()
     }

@@ -1,32 +1,42 @@
-//! What a render returns: radiance, and what was asked for beside it.
+//! The images that a render returns: radiance, and what was asked for beside it.
 
 use burn::tensor::kind::Basic;
 use burn::tensor::{Int, Tensor};
 
-use super::Renderer;
 use super::options::Outputs;
 use crate::error::Result;
-use crate::geometry::{Vec3, host_values, plain};
-use crate::transport::{Census, Diagnostics, Hits, Radiance, RayWeights, SurfacePoints};
-use crate::visibility::SparseWeights;
+use crate::geometry::{detached, host_values};
+use crate::kernel::RayCounts;
+use crate::transport::{Diagnostics, RayStatistics};
 
-/// What a render cost.
+/// The cost of a render.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Statistics {
     /// Camera, bounce and shadow rays.
     pub rays: u64,
-    /// For the softmax: triangles asked, ray by ray.
+    /// For the softmax: triangles tested, ray by ray.
     pub tested: u64,
-    /// For the softmax: how many surfaces matter to a camera or bounce ray: mean, 99th percentile and
-    /// most. 0 where all triangles are asked in tensors.
-    pub surfaces: [f64; 3],
-    /// Paths that looked for their next surface, by bounce: how many survived so far.
+    /// For the softmax: the numbers of surfaces that matter to a camera or bounce ray.
+    pub surfaces: SurfacesPerRay,
+    /// Paths that looked for their next surface, by bounce: those that survived so far.
     pub bounces: Vec<u64>,
 }
 
+/// The numbers of surfaces that matter to a ray; 0 where all triangles are tested in tensors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct SurfacesPerRay {
+    /// Their mean over rays.
+    pub mean: f64,
+    /// The number that 99 % of rays do not exceed.
+    pub percentile_99: f64,
+    /// The largest of them.
+    pub most: f64,
+}
+
 impl Statistics {
-    pub(super) fn of_rays(counts: crate::kernel::RayCounts) -> Self {
+    pub(super) fn of_rays(counts: RayCounts) -> Self {
         Self {
             rays: counts.rays,
             bounces: counts.bounces,
@@ -34,9 +44,9 @@ impl Statistics {
         }
     }
 
-    pub(super) fn new(census: &Census) -> Self {
-        let total: u64 = census.surfaces.iter().sum();
-        let pairs = census.surfaces.iter().enumerate();
+    pub(super) fn new(rays: &RayStatistics) -> Self {
+        let total: u64 = rays.surfaces.iter().sum();
+        let pairs = rays.surfaces.iter().enumerate();
         let sum: u64 = pairs.clone().map(|(k, n)| k as u64 * n).sum();
         let mut below = 0;
         let percentile = pairs
@@ -45,16 +55,16 @@ impl Statistics {
                 (k, below)
             })
             .find(|&(_, below)| 100 * below >= 99 * total);
-        let most = census.surfaces.len().saturating_sub(1);
+        let most = rays.surfaces.len().saturating_sub(1);
         Self {
-            rays: census.rays,
-            tested: census.tested,
-            surfaces: [
-                sum as f64 / total.max(1) as f64,
-                percentile.map_or(0.0, |(k, _)| k as f64),
-                most as f64,
-            ],
-            bounces: census.bounces.clone(),
+            rays: rays.rays,
+            tested: rays.tested,
+            surfaces: SurfacesPerRay {
+                mean: sum as f64 / total.max(1) as f64,
+                percentile_99: percentile.map_or(0.0, |(k, _)| k as f64),
+                most: most as f64,
+            },
+            bounces: rays.bounces.clone(),
         }
     }
 }
@@ -75,9 +85,9 @@ pub struct Image {
     /// The object with the most weight in each pixel `[H, W]`, −1 for the background. On request;
     /// not differentiable.
     pub object_ids: Option<Tensor<2, Int>>,
-    /// What it cost.
+    /// The cost of the render.
     pub statistics: Statistics,
-    /// What was degenerate. On request.
+    /// Counts of degenerate cases. On request.
     pub diagnostics: Option<Diagnostics>,
 }
 
@@ -94,14 +104,14 @@ pub struct ImageBatch {
     pub normals: Option<Tensor<4>>,
     /// As [`Image::object_ids`], `[B, H, W]`.
     pub object_ids: Option<Tensor<3, Int>>,
-    /// What each view cost.
+    /// The cost of each view.
     pub statistics: Vec<Statistics>,
-    /// What was degenerate in each view; empty unless asked for.
+    /// Counts of degenerate cases in each view; empty unless asked for.
     pub diagnostics: Vec<Diagnostics>,
 }
 
 impl ImageBatch {
-    /// How many views.
+    /// The number of views.
     pub fn len(&self) -> usize {
         self.statistics.len()
     }
@@ -150,7 +160,7 @@ impl ImageBatch {
 
 /// Means over the samples of all pixels of all views.
 pub(super) struct Means {
-    /// `[B, P, C]`, channels in the order of [`Renderer::outputs`].
+    /// `[B, P, C]`, channels in the order radiance, opacity, depth, normal, weight of each object.
     pub mean: Tensor<3>,
     /// Rows of weights of objects, without that of the background.
     pub objects: usize,
@@ -184,7 +194,7 @@ impl Means {
         let radiance = colour(take(3));
         let opacity = (outputs.opacity || outputs.depth || outputs.normals).then(|| take(1));
         let seen = opacity.as_ref().map(|o| {
-            let nothing = crate::geometry::plain(o).lower_elem(1e-12);
+            let nothing = detached(o).lower_elem(1e-12);
             (o.clone().mask_fill(nothing.clone(), 1.0), nothing)
         });
         let per_opacity = |t: Tensor<3>| match &seen {
@@ -212,124 +222,6 @@ impl Means {
             statistics: self.statistics,
             diagnostics: self.diagnostics,
         }
-    }
-}
-
-impl Renderer<'_> {
-    /// Rows `[_, N]`: radiance, opacity, depth, normal, weight of each object.
-    pub(super) fn outputs(&self, found: Radiance) -> Result<Vec<Tensor<2>>> {
-        let outputs = self.options.outputs;
-        let Vec3 { x, y, z } = found.radiance;
-        let mut rows = vec![x, y, z];
-        let first = found.first;
-        if outputs.opacity || outputs.depth || outputs.normals {
-            rows.push(first.attached_background(&self.scene.context).neg() + 1.0);
-        }
-        let first = match first {
-            RayWeights::Hits(hits) => {
-                rows.extend(self.outputs_of_hits(&hits)?);
-                return Ok(rows);
-            }
-            RayWeights::Dense(first) => first,
-            RayWeights::Sparse(first) => {
-                rows.extend(self.outputs_by_candidates(&first));
-                return Ok(rows);
-            }
-        };
-        if outputs.depth {
-            rows.push(first.mean(first.attached_distances() * self.scene.unit, None));
-        }
-        if outputs.normals {
-            let normal = &self.scene.triangles.normal;
-            let front = first.cosine().clone().lower_elem(0.0);
-            let side = front.float().cast(self.scene.context.dtype) * 2.0 - 1.0;
-            for axis in [&normal.x, &normal.y, &normal.z] {
-                rows.push(first.mean(side.clone() * axis.clone(), None));
-            }
-        }
-        if outputs.object_ids {
-            let object = &self.scene.topology.object;
-            let objects = self.objects();
-            let triangles = object.len();
-            for id in 0..objects as u32 {
-                let member: Vec<f64> = object
-                    .iter()
-                    .map(|&o| if o == id { 1.0 } else { 0.0 })
-                    .collect();
-                let member = self.scene.context.tensor(&member, [triangles, 1]);
-                rows.push((first.surfaces.clone() * member).sum_dim(0));
-            }
-            rows.push(first.background);
-        }
-        Ok(rows)
-    }
-
-    /// Rows of depth, normal and object, of what rays hit.
-    fn outputs_of_hits(&self, hits: &Hits) -> Result<Vec<Tensor<2>>> {
-        let outputs = self.options.outputs;
-        let context = &self.scene.context;
-        let mut rows = Vec::new();
-        if outputs.depth || outputs.normals {
-            let is_hit = hits.row(context, |i| hits.is_hit(i));
-            let missed = plain(&is_hit).lower_elem(0.5);
-            // Where nothing is hit any triangle serves; what it gives is left out.
-            let last = self.scene.triangles.len() as u32 - 1;
-            let triangles = hits.triangle.iter().map(|&k| k.min(last)).collect();
-            let points = SurfacePoints::new(self.scene, &hits.rays, triangles)?;
-            if outputs.depth {
-                let along = points.position.sub(&hits.rays.origin);
-                let depth = along.dot(&hits.rays.direction) * self.scene.unit;
-                rows.push(depth.mask_fill(missed.clone(), 0.0));
-            }
-            if outputs.normals {
-                let Vec3 { x, y, z } = points.geometric_normal;
-                rows.extend([x, y, z].map(|n| n.mask_fill(missed.clone(), 0.0)));
-            }
-        }
-        if outputs.object_ids {
-            let object = &self.scene.topology.object;
-            for id in 0..self.objects() as u32 {
-                let is = |i: usize| hits.is_hit(i) && object[hits.triangle[i] as usize] == id;
-                rows.push(hits.row(context, is));
-            }
-            rows.push(hits.row(context, |i| !hits.is_hit(i)));
-        }
-        Ok(rows)
-    }
-
-    /// Rows of depth, normal and weight of each object.
-    fn outputs_by_candidates(&self, first: &SparseWeights) -> Vec<Tensor<2>> {
-        let outputs = self.options.outputs;
-        let mut rows = Vec::new();
-        if outputs.depth {
-            rows.push(first.mean_distance() * self.scene.unit);
-        }
-        if outputs.normals {
-            let normal = &self.scene.triangles.normal;
-            let side = |front: bool| if front { 1.0 } else { -1.0 };
-            for axis in [&normal.x, &normal.y, &normal.z] {
-                let host = host_values(axis).unwrap_or_default();
-                let value = |_, k: u32, front| host[k as usize] * side(front);
-                let mut row = first.mean(value, |_| 0.0);
-                if axis.is_tracked()
-                    && let Some(turned) = first.spread(axis, |k, front| Some((k, side(front))))
-                {
-                    let value = plain(&turned);
-                    row = row + (turned - value);
-                }
-                rows.push(row);
-            }
-        }
-        if outputs.object_ids {
-            let (objects, background) =
-                first.by_object(&self.scene.topology.object, self.objects());
-            rows.extend([objects, background]);
-        }
-        rows
-    }
-
-    pub(super) fn objects(&self) -> usize {
-        self.scene.objects()
     }
 }
 

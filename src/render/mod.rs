@@ -1,28 +1,29 @@
-//! `render()`: passes, tiles, averaging.
+//! Renders of scenes, by kernels or in tensors.
 
 mod batch;
 mod debug;
 mod film;
 mod kernel;
+mod node;
 mod options;
 mod overview;
-mod replay;
 mod tensors;
+mod tiles;
 
 use std::sync::Arc;
 
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Collect, ParameterId, Scene, Visit, visit_camera, visit_scene};
-use crate::visibility::Visibility;
 
+pub use crate::accel::HierarchyCache;
 pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
-pub use batch::{Batch, render_batch};
-pub use film::{Image, ImageBatch, Statistics};
+pub use crate::visibility::Visibility;
+pub use batch::Batch;
+pub use film::{Image, ImageBatch, Statistics, SurfacesPerRay};
 pub use options::{Engine, Progress, RenderOptions};
 pub use overview::overview;
-use tensors::Renderer;
 
 /// Renders a scene.
 ///
@@ -67,6 +68,42 @@ pub fn render_pixels(
     render_list(scene, camera, options, Some(Arc::new(pixels.to_vec())))
 }
 
+/// Renders all views of a batch, each with random numbers of its own
+/// ([`RenderOptions::of_view`]): what [`render`] returns for a scene and camera with
+/// the options of its view, and with the same gradients.
+///
+/// On the CPU the images are one node of the graph, and views and tiles share all cores in both
+/// passes. On GPUs views are rendered one after another.
+///
+/// ```
+/// use softray::prelude::*;
+///
+/// let device = Device::flex();
+/// let ball = shapes::icosphere(1, &device);
+/// // A batch of three deformed balls, as a network predicts them.
+/// let vertices = Tensor::stack::<3>(vec![ball.vertices.clone(); 3], 0);
+/// let widths = Tensor::<1>::from_floats([0.8, 1.0, 1.2], &device).autodiff().require_grad();
+/// let vertices = vertices * widths.clone().reshape([3, 1, 1]);
+/// let scene = Scene::new()
+///     .with(Object::new(ball).named("body"))
+///     .environment([1.0, 1.0, 1.0]);
+/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+/// let batch = Batch::new(vec![scene; 3], vec![camera])?.with_vertices("body", vertices)?;
+/// let options = RenderOptions::new(16, 16).samples(2).bounces(0);
+/// let images = render_batch(&batch, &options)?;
+/// assert_eq!(images.radiance.dims(), [3, 16, 16, 3]);
+/// let gradients = images.radiance.mean().backward();
+/// assert!(widths.grad(&gradients).is_some());
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// # Errors
+/// Like [`render`], with the number of the scene or view at fault; nothing is rendered
+/// then.
+pub fn render_batch(batch: &Batch, options: &RenderOptions) -> Result<ImageBatch> {
+    render_views(batch, options, None)
+}
+
 fn render_list(
     scene: &Scene,
     camera: &Camera,
@@ -77,7 +114,7 @@ fn render_list(
     let images = render_views(&batch, options, pixels);
     Ok(images
         .map_err(|e| match e {
-            Error::OfBatch { source, .. } => *source,
+            Error::InBatch { source, .. } => *source,
             other => other,
         })?
         .single())
@@ -106,7 +143,7 @@ fn render_views(
     Ok(means.images(size, options.outputs))
 }
 
-/// What changes nothing has a gradient of 0, not none: a fit may pass such a place.
+/// Gives tensors that change nothing a gradient of 0, not none: a fit may pass such a place.
 fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
     if mean.is_tracked() {
         return mean;
@@ -121,17 +158,11 @@ fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
     for v in &batch.vertices {
         collected.visit(ParameterId::Vertices(0), &mut v.values.clone());
     }
-    match collected.of_value_zero() {
+    match collected.tracked_zero() {
         Some(nothing) => {
             let nothing = nothing.cast(mean.dtype()).reshape([1, 1, 1]);
             mean + nothing
         }
         None => mean,
     }
-}
-
-/// Whether tiles of rays gain from several host threads.
-pub(crate) fn is_cpu(device: &Device) -> bool {
-    let name = format!("{device:?}");
-    name.contains("Flex") || name.contains("NdArray")
 }

@@ -1,4 +1,4 @@
-//! How to render.
+//! The options of a render.
 
 use std::fmt;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ const MOST_BOUNCES: u32 = 10_000;
 /// Called after each tile with the number of tiles done and of all tiles.
 pub type Progress = Arc<dyn Fn(usize, usize) + Send + Sync>;
 
-/// What computes a render. Both give the same image, up to rounding, for the same seed.
+/// The program that computes a render. Both give the same image, up to rounding, for the same seed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Engine {
@@ -32,7 +32,7 @@ pub enum Engine {
     Tensors,
 }
 
-/// How to render.
+/// The options of a render.
 #[derive(Clone)]
 pub struct RenderOptions {
     pub(super) width: usize,
@@ -48,7 +48,7 @@ pub struct RenderOptions {
     pub(super) roulette_after: Option<u32>,
     pub(super) rays_per_tile: Option<usize>,
     bounds: Option<Bounds>,
-    /// Where no bounds are set.
+    /// The normalization where no bounds are set.
     normalization: Option<Normalization>,
     pub(super) outputs: Outputs,
     pub(super) diagnostics: bool,
@@ -59,7 +59,7 @@ pub struct RenderOptions {
     pub(super) memory_limit: u64,
 }
 
-/// What to return beside radiance.
+/// The outputs beside radiance.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Outputs {
     pub(super) opacity: bool,
@@ -146,20 +146,20 @@ impl RenderOptions {
         self
     }
 
-    /// What rays see: hard surfaces by rays of cones, or the paper's softmax, each with its blur.
+    /// The form of visibility: hard surfaces by rays of cones, or the paper's softmax, each with its blur.
     pub fn visibility(mut self, visibility: Visibility) -> Self {
         self.visibility = visibility;
         self.blur = None;
         self
     }
 
-    /// What computes the render.
+    /// The program that computes the render.
     pub fn engine(mut self, engine: Engine) -> Self {
         self.engine = engine;
         self
     }
 
-    /// How random numbers, surfaces and emitters are chosen.
+    /// The choice of random numbers, surfaces and emitters.
     pub fn sampling(mut self, sampling: Sampling) -> Self {
         self.sampling = sampling;
         self
@@ -208,7 +208,7 @@ impl RenderOptions {
         self
     }
 
-    /// What sets the scale of depths and tolerances, if not the scene.
+    /// The scale of depths and tolerances, if the scene does not set it.
     pub(super) fn normalization(&self) -> Option<Normalization> {
         self.bounds.map(Normalization::from).or(self.normalization)
     }
@@ -247,7 +247,7 @@ impl RenderOptions {
         self
     }
 
-    /// For the softmax: asks every triangle for every ray, in tensors, as it does on GPUs. Slow; it is the
+    /// For the softmax: tests every triangle for every ray, in tensors, as it does on GPUs. Slow; it is the
     /// specification of what is done by a hierarchy of boxes.
     pub fn brute_force(mut self) -> Self {
         self.brute_force = true;

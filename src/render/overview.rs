@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::{RenderOptions, render};
+use super::options::RenderOptions;
+use super::render;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::scene::{Camera, Detach, Scene, visit_scene};

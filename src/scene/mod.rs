@@ -9,6 +9,7 @@ mod flatten;
 mod frame;
 mod host;
 mod material;
+mod matrix;
 mod mesh;
 mod normals;
 mod object;
@@ -23,14 +24,13 @@ pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::{check_camera, check_scene};
 pub use environment::Environment;
-pub(crate) use flatten::Normalization;
-pub use flatten::Flattened;
-pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, SkyTensors};
+pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, Flattened, Normalization, SkyTensors};
 
 pub(crate) use frame::SceneFrame;
 pub(crate) use host::{HostAttribute, HostScene, HostTexture};
 pub use material::{Albedo, Material, Wrap};
 pub(crate) use material::{CHANNELS, Channel, MaterialKind};
+pub use matrix::Matrix;
 pub(crate) use mesh::take_rows;
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
@@ -40,7 +40,6 @@ pub(crate) use parameters::{
 };
 pub use placement::Scale;
 pub use transform::Transform;
-pub use viewpoint::Matrix;
 
 use crate::error::one_of;
 

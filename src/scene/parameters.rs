@@ -154,7 +154,7 @@ pub(crate) struct Collect {
 
 impl Collect {
     /// A zero `[1]` that depends on all of them; None if there is none.
-    pub fn of_value_zero(self) -> Option<Tensor<1>> {
+    pub fn tracked_zero(self) -> Option<Tensor<1>> {
         let first = self.rows.into_iter().map(|t| t.slice([0..1]) * 0.0);
         first.reduce(|a, b| a + b)
     }
@@ -208,6 +208,6 @@ pub(crate) struct Detach;
 
 impl Visit for Detach {
     fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
-        *tensor = crate::geometry::plain(tensor);
+        *tensor = crate::geometry::detached(tensor);
     }
 }

@@ -1,112 +1,15 @@
 //! Cameras from what a user has: a matrix, a calibration, an orbit, a scene that is to be in view.
 
 use burn::tensor::{Tensor, TensorData};
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DVec3};
 
+use super::matrix::{Axis, Matrix};
 use super::{Camera, Parameter, Projection, Scene};
 use crate::error::{Error, Result};
-use crate::geometry::{host_values, sin_cos};
+use crate::geometry::sin_cos;
 
-/// What [`Camera::framing`] leaves free around a scene, as a share of the image.
+/// The margin that [`Camera::framing`] leaves around a scene, as a share of the image.
 const MARGIN: f64 = 0.05;
-
-// A tensor is a handle of some words; boxing it would cost more than it saves.
-#[allow(clippy::large_enum_variant)]
-/// A square matrix that a user gives as numbers, row by row, or as a tensor `[N, N]`.
-#[derive(Clone, Debug)]
-pub enum Matrix<const N: usize> {
-    /// Rows of numbers.
-    Constant([[f64; N]; N]),
-    /// A tensor `[N, N]`.
-    Tensor(Tensor<2>),
-}
-
-impl<const N: usize> From<[[f64; N]; N]> for Matrix<N> {
-    fn from(rows: [[f64; N]; N]) -> Self {
-        Self::Constant(rows)
-    }
-}
-
-impl<const N: usize> From<[[f32; N]; N]> for Matrix<N> {
-    fn from(rows: [[f32; N]; N]) -> Self {
-        Self::Constant(rows.map(|row| row.map(f64::from)))
-    }
-}
-
-impl<const N: usize> From<Tensor<2>> for Matrix<N> {
-    fn from(matrix: Tensor<2>) -> Self {
-        Self::Tensor(matrix)
-    }
-}
-
-impl From<DMat4> for Matrix<4> {
-    fn from(matrix: DMat4) -> Self {
-        Self::Constant(matrix.transpose().to_cols_array_2d())
-    }
-}
-
-impl From<DMat3> for Matrix<3> {
-    fn from(matrix: DMat3) -> Self {
-        Self::Constant(matrix.transpose().to_cols_array_2d())
-    }
-}
-
-impl<const N: usize> Matrix<N> {
-    /// The rows on the host.
-    fn rows(&self, field: &str) -> Result<[[f64; N]; N]> {
-        let rows = match self {
-            Self::Constant(rows) => *rows,
-            Self::Tensor(matrix) => {
-                if matrix.dims() != [N, N] {
-                    return Err(Error::invalid(
-                        "camera",
-                        field,
-                        format!("of shape {:?}", matrix.dims()),
-                        format!("shape [{N}, {N}]"),
-                    ));
-                }
-                let values = host_values(matrix)?;
-                std::array::from_fn(|i| std::array::from_fn(|j| values[N * i + j]))
-            }
-        };
-        if rows.iter().flatten().any(|v| !v.is_finite()) {
-            let expected = "finite numbers";
-            return Err(Error::invalid(
-                "camera",
-                field,
-                format!("{rows:?}"),
-                expected,
-            ));
-        }
-        Ok(rows)
-    }
-
-    /// The first three numbers of a column or row times a factor, in the graph of the matrix.
-    fn line(&self, rows: &[[f64; N]; N], axis: Axis, index: usize, factor: f64) -> Parameter<3> {
-        match (self, axis) {
-            (Self::Constant(_), Axis::Column) => {
-                Parameter::Constant(std::array::from_fn(|i| factor * rows[i][index]))
-            }
-            (Self::Constant(_), Axis::Row) => {
-                Parameter::Constant(std::array::from_fn(|i| factor * rows[index][i]))
-            }
-            (Self::Tensor(m), Axis::Column) => {
-                let column = m.clone().slice([0..3, index..index + 1]);
-                Parameter::Tensor(column.reshape([3]) * factor)
-            }
-            (Self::Tensor(m), Axis::Row) => {
-                let row = m.clone().slice([index..index + 1, 0..3]);
-                Parameter::Tensor(row.reshape([3]) * factor)
-            }
-        }
-    }
-}
-
-#[derive(Clone, Copy)]
-enum Axis {
-    Column,
-    Row,
-}
 
 impl Camera {
     /// A camera by its pose, a matrix from camera to world as OpenGL, Blender and NeRF have it: its columns are

@@ -4,41 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use burn::tensor::Tensor;
 
+use super::sampler::{Dimension, Sampler};
 use super::surface::SurfacePoints;
-use super::{Dimension, Sampler};
-use crate::error::Result;
-use crate::geometry::{Context, Vec3, plain};
+use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::HORIZON;
-use crate::scene::Channel;
-
-/// The parameters of a BSDF as planes, rows `[1, N]`.
-pub(crate) struct Lobes {
-    /// k_d.
-    pub diffuse: Vec3,
-    /// k_s and exponent, if any material of the scene is glossy.
-    pub specular: Option<(Vec3, Tensor<2>)>,
-}
-
-impl Lobes {
-    /// From the parameters of the materials at the points.
-    pub fn new(glossy: bool, mut at: impl FnMut(Channel) -> Result<Vec3>) -> Result<Self> {
-        Ok(Self {
-            diffuse: at(Channel::Diffuse)?,
-            specular: match glossy {
-                true => Some((at(Channel::Specular)?, at(Channel::Shininess)?.x)),
-                false => None,
-            },
-        })
-    }
-
-    pub fn map(&self, f: impl Fn(&Tensor<2>) -> Tensor<2>) -> Self {
-        let specular = self.specular.as_ref();
-        Self {
-            diffuse: self.diffuse.map(|x| f(&x)),
-            specular: specular.map(|(k, n)| (k.map(|x| f(&x)), f(n))),
-        }
-    }
-}
 
 /// f(wi, wo)·cos θ_i as planes; zero below the surface. `incoming` is the ray's direction.
 pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Vec3 {
@@ -65,8 +34,8 @@ fn cosine(points: &SurfacePoints, outgoing: &Vec3) -> Tensor<2> {
 
 /// The density per solid angle with which [`sample`] draws a direction, without tape.
 pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
-    let points = points.plain();
-    let (incoming, outgoing) = (incoming.plain(), outgoing.plain());
+    let points = points.detached();
+    let (incoming, outgoing) = (incoming.detached(), outgoing.detached());
     let cosine = points.normal.dot(&outgoing).clamp_min(0.0) * (1.0 / PI);
     let Some((specular, exponent)) = &points.lobes.specular else {
         return cosine;
@@ -79,7 +48,7 @@ pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) 
 
 /// The probability of the specular lobe: its share of the albedo, without tape.
 fn share_of_gloss(points: &SurfacePoints, specular: &Vec3) -> Tensor<2> {
-    let sum = |k: &Vec3| plain(&(k.x.clone() + k.y.clone() + k.z.clone())).abs();
+    let sum = |k: &Vec3| detached(&(k.x.clone() + k.y.clone() + k.z.clone())).abs();
     let (kd, ks) = (sum(&points.lobes.diffuse), sum(specular));
     ks.clone() / (kd + ks).clamp_min(1e-20)
 }
@@ -155,7 +124,7 @@ pub(crate) fn sample(
         * ((p_specular.clone().neg() + 1.0) / PI)
         + phong * ((exponent.clone() + 1.0) * (1.0 / TAU)) * p_specular;
     // Below this the direction can't have been drawn, and the value is zero as well.
-    let impossible = plain(&density).lower_elem(1e-20);
+    let impossible = detached(&density).lower_elem(1e-20);
     let density = density.mask_fill(impossible.clone(), 1.0);
     Scatter {
         weight: value.map(|f| f.mask_fill(impossible.clone(), 0.0) / density.clone()),
@@ -174,7 +143,7 @@ fn mirror_cosine(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Te
 
 /// cosⁿα, 0 for α over 90°.
 fn phong(exponent: &Tensor<2>, cosine: &Tensor<2>) -> Tensor<2> {
-    let behind = plain(cosine).lower_equal_elem(1e-12);
+    let behind = detached(cosine).lower_equal_elem(1e-12);
     let log = cosine
         .clone()
         .mask_fill(behind.clone(), 1.0)
@@ -186,7 +155,7 @@ fn phong(exponent: &Tensor<2>, cosine: &Tensor<2>) -> Tensor<2> {
 /// A local direction turned so that z lies along a unit axis (Duff et al. 2017).
 fn from_frame(axis: &Vec3, local: &[Tensor<2>; 3]) -> Vec3 {
     let [x, y, z] = local.clone();
-    let sign = plain(&axis.z)
+    let sign = detached(&axis.z)
         .greater_equal_elem(0.0)
         .float()
         .cast(axis.z.dtype())

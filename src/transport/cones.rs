@@ -1,13 +1,12 @@
-//! What rays of cones see: hard surfaces, asked of boxes on the host. Which one a ray hits carries no
-//! gradient; how visibility changes is what the kernels' jumps are for.
+//! Cones: their rays hit hard surfaces, found by boxes on the host. The choice of the surface carries no
+//! gradient; the kernels' jumps are the derivative of visibility.
 
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
 use pulp::Arch;
 
-use super::Sampler;
-use super::sky::rows;
+use super::sampler::Sampler;
 use super::surface::SurfacePoints;
 use crate::accel::{Hierarchy, Hit, HitRay, NOTHING};
 use crate::error::Result;
@@ -32,7 +31,7 @@ pub(crate) struct Cones {
     sampler: Sampler,
 }
 
-/// What rays hit.
+/// Hits of rays.
 #[derive(Clone, Debug)]
 pub(crate) struct Hits {
     /// The triangle of each; the number of triangles stands for none.
@@ -171,7 +170,7 @@ impl Cones {
             })
             .collect();
         let offsets: Vec<glam::DVec3> = bends.iter().map(|b| b.offset.into()).collect();
-        let direction = axis.add(&rows(context, &offsets)).normalized();
+        let direction = axis.add(&Vec3::from_host(context, &offsets)).normalized();
         let mirrored = bends.iter().map(|b| if b.mirrored { 2.0 } else { 0.0 });
         let mirrored = context.row(&mirrored.collect::<Vec<_>>());
         let normal = &points.geometric_normal;

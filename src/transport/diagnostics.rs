@@ -1,13 +1,13 @@
-//! What was degenerate in a render, counted on request.
+//! Counts of degenerate cases in a render, on request.
 
 use burn::tensor::{Bool, Tensor};
 
 use crate::error::Result;
-use crate::geometry::{Vec3, host_values, plain};
+use crate::geometry::{Vec3, detached, host_values};
 use crate::visibility::{Weights, grazing};
 
-/// What was degenerate in a render. Of cones, which have neither weights nor parallel hits, triangles and
-/// light alone are counted. Of the softmax counting reads back from the device: it costs time, and nothing
+/// Counts of degenerate cases in a render. Of cones, which have neither weights nor parallel hits, triangles
+/// and light alone are counted. For the softmax counting reads back from the device: it costs time, and nothing
 /// where it isn't asked for.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -48,7 +48,7 @@ impl Diagnostics {
         self.largest_throughput = self.largest_throughput.max(other.largest_throughput);
     }
 
-    /// Counts what a bundle of rays met.
+    /// Counts the weights of a bundle of rays.
     pub(crate) fn weights(&mut self, weights: &Weights, valid: &Tensor<2, Bool>) -> Result<()> {
         let cosines = weights.cosine();
         let delta = grazing(cosines.dtype());
@@ -99,6 +99,6 @@ fn count(mask: Tensor<2, Bool>) -> Result<u64> {
 }
 
 fn count_non_finite(t: &Tensor<2>) -> Result<u64> {
-    let values = host_values(&plain(t))?;
+    let values = host_values(&detached(t))?;
     Ok(values.iter().filter(|v| !v.is_finite()).count() as u64)
 }

@@ -1,113 +1,16 @@
-//! Explicit connection to one emitter point.
+//! Light from points of emitters at surface points.
 
-use burn::tensor::Tensor;
+use burn::tensor::{Int, Tensor};
 
-use super::Dimension;
 use super::bsdf::{density as density_of_scattering, scattered};
-use super::cones::{AtBounce, Hits};
+use super::cones::AtBounce;
 use super::lights::Views;
-use super::sky::{self, SkyMap};
+use super::sampler::Dimension;
 use super::surface::SurfacePoints;
-use super::tracer::{RayWeights, Sight, Tracer, Transport};
+use super::tracer::{Sight, Tracer};
 use crate::error::Result;
-use crate::geometry::{Vec3, gather_row, host_values, host_vectors, plain};
-use crate::scene::Flattened;
-use crate::visibility::{Rays, SparseWeights, grazing};
-
-/// What camera rays see of emitters and environment: the mean over all their surfaces, not over
-/// drawn ones, which has no noise of a draw. None where all is black.
-pub(crate) fn seen(
-    transport: &Transport,
-    weights: &RayWeights,
-    direction: &Vec3,
-) -> Result<Option<Vec3>> {
-    let scene = transport.scene;
-    let context = &scene.context;
-    let sky = transport.sky.map(|s| s.radiance(context, direction));
-    let sky = sky.transpose()?;
-    if scene.emitters.is_empty() && sky.is_none() {
-        return Ok(None);
-    }
-    let weights = match weights {
-        RayWeights::Hits(hits) => return Ok(Some(seen_by_hits(scene, hits, sky))),
-        RayWeights::Dense(weights) => weights,
-        RayWeights::Sparse(weights) => return Ok(Some(seen_by_candidates(scene, weights, sky)?)),
-    };
-    let front = weights.cosine().clone().lower_elem(0.0);
-    let front = front.float().cast(context.dtype);
-    let materials = context.index_row(&scene.topology.material);
-    let emission = scene.materials.emission().gather(&materials);
-    let mean = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| {
-        let emission = emission.clone().transpose() * front.clone();
-        weights.mean(emission, environment.cloned())
-    };
-    let environment = sky.as_ref();
-    Ok(Some(Vec3::new(
-        mean(&emission.x, environment.map(|e| &e.x)),
-        mean(&emission.y, environment.map(|e| &e.y)),
-        mean(&emission.z, environment.map(|e| &e.z)),
-    )))
-}
-
-fn seen_by_hits(scene: &Flattened, hits: &Hits, sky: Option<Vec3>) -> Vec3 {
-    let context = &scene.context;
-    let material = |&k: &u32| scene.topology.material.get(k as usize).map_or(0, |&m| m);
-    let materials: Vec<u32> = hits.triangle.iter().map(material).collect();
-    let emission = scene
-        .materials
-        .emission()
-        .gather(&context.index_row(&materials));
-    let seen = emission.scale(&hits.row(context, |i| hits.is_hit(i) && hits.front[i]));
-    match sky {
-        Some(sky) => seen.add(&sky.scale(&hits.row(context, |i| !hits.is_hit(i)))),
-        None => seen,
-    }
-}
-
-fn seen_by_candidates(
-    scene: &Flattened,
-    weights: &SparseWeights,
-    sky: Option<Vec3>,
-) -> Result<Vec3> {
-    let material = &scene.topology.material;
-    let kinds = &scene.materials.kinds;
-    let channel = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| -> Result<Tensor<2>> {
-        let radiance = host_values(emission)?;
-        let sky = environment.map(host_values).transpose()?;
-        // The same for all rays, or one value a ray.
-        let behind = |i: usize| {
-            let value = sky.as_ref().map(|s| s[if s.len() == 1 { 0 } else { i }]);
-            value.unwrap_or(0.0)
-        };
-        let of = |k: u32, front: bool| {
-            let m = material[k as usize];
-            (front && kinds[m as usize].emits).then_some(m)
-        };
-        let value = |_, k, front| of(k, front).map_or(0.0, |m| radiance[m as usize]);
-        let mut mean = weights.mean(value, behind);
-        if emission.is_tracked()
-            && let Some(row) = weights.spread(emission, |k, front| Some((of(k, front)?, 1.0)))
-        {
-            let value = plain(&row);
-            mean = mean + (row - value);
-        }
-        if let Some(environment) = environment
-            && environment.is_tracked()
-        {
-            let background = plain(&weights.attached_background());
-            let value = plain(environment);
-            mean = mean + (environment.clone() - value) * background;
-        }
-        Ok(mean)
-    };
-    let emission = scene.materials.emission();
-    let environment = sky.as_ref();
-    Ok(Vec3::new(
-        channel(&emission.x, environment.map(|e| &e.x))?,
-        channel(&emission.y, environment.map(|e| &e.y))?,
-        channel(&emission.z, environment.map(|e| &e.z))?,
-    ))
-}
+use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
+use crate::visibility::{Rays, grazing};
 
 /// Points of emitters, one for each of some paths, by strategies whose densities carry no
 /// gradient: what they estimate is an integral over the emitters' own area, in which the points
@@ -125,7 +28,7 @@ struct LightPoints {
 struct Combined {
     /// Whether these points were found by the second, scattering.
     by_scattering: bool,
-    /// Where the second is used.
+    /// The paths for which the second is used.
     used: Vec<bool>,
 }
 
@@ -193,10 +96,10 @@ pub(crate) fn connect(
     if let (Some((direction, used)), Some(views)) = (scattered, &views) {
         let direction = host_vectors(direction)?;
         let context = &tracer.scene().context;
-        let mut met = lights.meet(views, &direction, tracer.t_min(), grazing(context.dtype));
-        met.retain(|m| used[m.path as usize]);
-        if !met.is_empty() {
-            let which: Vec<u32> = met.iter().map(|m| m.path).collect();
+        let mut hits = lights.intersect(views, &direction, tracer.t_min(), grazing(context.dtype));
+        hits.retain(|h| used[h.path as usize]);
+        if !hits.is_empty() {
+            let which: Vec<u32> = hits.iter().map(|h| h.path).collect();
             let index = context.index_row(&which);
             let shaded = Shaded {
                 points: &points.pick(context, &which),
@@ -207,106 +110,26 @@ pub(crate) fn connect(
                     bounce,
                 },
             };
-            let met = LightPoints {
-                chance: lights.chance(Some(views), &met),
-                emitter: met.iter().map(|m| m.emitter).collect(),
-                b: met.iter().map(|m| m.b).collect(),
-                c: met.iter().map(|m| m.c).collect(),
+            let chosen = LightPoints {
+                chance: lights.chance(Some(views), &hits),
+                emitter: hits.iter().map(|h| h.emitter).collect(),
+                b: hits.iter().map(|h| h.b).collect(),
+                c: hits.iter().map(|h| h.c).collect(),
             };
             let combined = Combined {
                 by_scattering: true,
                 used: vec![true; which.len()],
             };
-            let light = arriving(tracer, &shaded, met, Some(combined))?;
+            let light = arriving(tracer, &shaded, chosen, Some(combined))?;
             found.push((Some(which), light));
         }
     }
     Ok(found)
 }
 
-/// Light from an environment map at each surface point along two directions, one drawn from the map
-/// and the one in which the path goes on (the power heuristic), as rows of some paths. Directions
-/// carry no gradient: the integral is over a fixed sphere.
-pub(crate) fn from_sky(
-    tracer: &Tracer,
-    map: &SkyMap,
-    points: &SurfacePoints,
-    rays: &Rays,
-    paths: &[(u32, u32)],
-    bounce: u32,
-    scattered: &Vec3,
-) -> Result<Vec<(Option<Vec<u32>>, Vec3)>> {
-    let dimensions = [Dimension::EnvironmentU, Dimension::EnvironmentV];
-    let [u, v] = tracer.transport.sampler.uniform(paths, bounce, dimensions);
-    let drawn = map.choose(&u, &v);
-    let scattered = host_vectors(scattered)?;
-    let densities = scattered.iter().map(|&d| map.density(d)).collect();
-    let mut found = Vec::new();
-    for (by_scattering, (directions, density)) in [(false, drawn), (true, (scattered, densities))] {
-        found.extend(along(
-            tracer,
-            map,
-            points,
-            rays,
-            (&directions, &density),
-            AtBounce { paths, bounce },
-            by_scattering,
-        )?);
-    }
-    Ok(found)
-}
-
-#[allow(clippy::too_many_arguments)] // one place, called twice
-fn along(
-    tracer: &Tracer,
-    map: &SkyMap,
-    points: &SurfacePoints,
-    rays: &Rays,
-    (directions, density): (&[glam::DVec3], &[f64]),
-    at: AtBounce,
-    by_scattering: bool,
-) -> Result<Option<(Option<Vec<u32>>, Vec3)>> {
-    let context = &tracer.scene().context;
-    let towards = sky::rows(context, directions);
-    // Where nothing is reflected nothing is asked for.
-    let reflected = scattered(&points.plain(), &rays.direction.plain(), &towards);
-    let which = sky::nonzero(&reflected)?;
-    if which.is_empty() {
-        return Ok(None);
-    }
-    let index = context.index_row(&which);
-    let points = points.pick(context, &which);
-    let incoming = rays.direction.gather(&index);
-    let towards = towards.gather(&index);
-    let density: Vec<f64> = which.iter().map(|&i| density[i as usize]).collect();
-    let next = Rays {
-        origin: points.position.clone(),
-        direction: towards.clone(),
-        time: rays.time.as_ref().map(|t| gather_row(t.clone(), &index)),
-        departure: Some(points.triangle.clone()),
-        arrival: None,
-    };
-    let paths: Vec<(u32, u32)> = which.iter().map(|&i| at.paths[i as usize]).collect();
-    let passed = match tracer.transport.sight {
-        Sight::Cones(_) => {
-            let at = AtBounce {
-                paths: &paths,
-                ..at
-            };
-            tracer.transmittance(&next, &vec![true; paths.len()], at)?
-        }
-        Sight::Softmax(..) => tracer.weights(&next)?.attached_background(context),
-    };
-    let by_bsdf = density_of_scattering(&points, &incoming, &towards);
-    let density = power_heuristic(context.row(&density), by_bsdf, by_scattering);
-    let light = map.radiance(context, &towards)?.scale(&(passed / density));
-    let reflected = scattered(&points, &incoming, &towards);
-    Ok(Some((Some(which), reflected.mul(&light))))
-}
-
-/// What a sample is divided by under the power heuristic of two strategies: w₁ = p₁²/(p₁² + p₂²)
+/// The divisor of a sample under the power heuristic of two strategies: w₁ = p₁²/(p₁² + p₂²)
 /// makes that (p₁² + p₂²)/p₁ (Veach and Guibas 1995, β = 2).
-fn power_heuristic(a: Tensor<2>, b: Tensor<2>, is_b: bool) -> Tensor<2> {
+pub(super) fn power_heuristic(a: Tensor<2>, b: Tensor<2>, is_b: bool) -> Tensor<2> {
     let own = if is_b { b.clone() } else { a.clone() };
     (a.clone() * a + b.clone() * b) / own.clamp_min(1e-30)
 }
@@ -328,18 +151,7 @@ fn arriving(
     } = *shaded;
     let emitter = chosen.emitter;
     let index = context.index_row(&emitter);
-    let (b, c) = (context.row(&chosen.b), context.row(&chosen.c));
-    let a = (b.clone() + c.clone()).neg() + 1.0;
-    let corners = &scene.triangles.corners;
-    let mut light = corners
-        .a
-        .gather(&index)
-        .scale(&a)
-        .add(&corners.b.gather(&index).scale(&b))
-        .add(&corners.c.gather(&index).scale(&c));
-    if let (Some(time), Some(velocity)) = (time, &scene.triangles.velocity) {
-        light = light.add(&velocity.gather(&index).scale(time));
-    }
+    let light = positions(tracer, time, &index, &chosen.b, &chosen.c);
     let to_light = light.sub(&points.position);
     // A light that touches the receiver is held off by the distance under which hits don't count.
     let squared = to_light
@@ -369,15 +181,15 @@ fn arriving(
         direction,
         time: time.clone(),
         departure: Some(points.triangle.clone()),
-        arrival: Some((emitter, plain(&distance))),
+        arrival: Some((emitter, detached(&distance))),
     };
     // Where the light or the surface faces away, or the surface reflects nothing there, nothing
     // arrives whatever is in between.
     let reflected = scattered(points, incoming, &rays.direction);
     let dense = matches!(tracer.transport.sight, Sight::Softmax(_, None));
     let needed = if !dense {
-        let sum = plain(&reflected.x) + plain(&reflected.y) + plain(&reflected.z);
-        let needed = host_values(&(sum.abs() * plain(&facing)))?;
+        let sum = detached(&reflected.x) + detached(&reflected.y) + detached(&reflected.z);
+        let needed = host_values(&(sum.abs() * detached(&facing)))?;
         needed.iter().map(|&v| v != 0.0).collect()
     } else {
         vec![true; count]
@@ -393,8 +205,32 @@ fn arriving(
     {
         let used: Vec<f64> = used.iter().map(|&u| f64::from(u8::from(u))).collect();
         let along = density_of_scattering(points, incoming, &rays.direction) * context.row(&used);
-        density = power_heuristic(density, along * plain(&per_area), by_scattering);
+        density = power_heuristic(density, along * detached(&per_area), by_scattering);
     }
     let light = emission.scale(&(per_area * passed / density));
     Ok(reflected.mul(&light))
+}
+
+/// Points of emitters by weights of their corners b and c, at the times of paths.
+fn positions(
+    tracer: &Tracer,
+    time: &Option<Tensor<2>>,
+    index: &Tensor<2, Int>,
+    b: &[f64],
+    c: &[f64],
+) -> Vec3 {
+    let scene = tracer.scene();
+    let (b, c) = (scene.context.row(b), scene.context.row(c));
+    let a = (b.clone() + c.clone()).neg() + 1.0;
+    let corners = &scene.triangles.corners;
+    let light = corners
+        .a
+        .gather(index)
+        .scale(&a)
+        .add(&corners.b.gather(index).scale(&b))
+        .add(&corners.c.gather(index).scale(&c));
+    match (time, &scene.triangles.velocity) {
+        (Some(time), Some(velocity)) => light.add(&velocity.gather(index).scale(time)),
+        _ => light,
+    }
 }

@@ -1,9 +1,9 @@
-//! Which emitter a surface point is connected to, on the host: choices carry no gradient.
+//! The choice of the emitter that a surface point is connected to, on the host: it carries no gradient.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::EmitterSampling;
+use super::strategies::EmitterSampling;
 use crate::accel::HostTriangle;
 use crate::error::Result;
 use crate::geometry::{Vec3, host_values, host_vectors};
@@ -34,9 +34,9 @@ impl Views {
     }
 }
 
-/// A point of an emitter that a path meets.
+/// A hit of a path on an emitter.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Met {
+pub(crate) struct EmitterHit {
     pub path: u32,
     pub emitter: u32,
     /// Weights of corners b and c.
@@ -172,7 +172,7 @@ impl Lights {
     }
 
     /// The number of an emitter, its probability, and what is left of the random number.
-    pub fn choose_one(
+    fn choose_one(
         &self,
         view: Option<(DVec3, f64)>,
         u: f64,
@@ -191,52 +191,45 @@ impl Lights {
         (k, p[k], rest.clamp(0.0, 1.0))
     }
 
-    /// The probability of the emitter that each point of a list met.
-    pub fn chance(&self, views: Option<&Views>, met: &[Met]) -> Vec<f64> {
+    /// The probability of the emitter of each hit.
+    pub fn chance(&self, views: Option<&Views>, hits: &[EmitterHit]) -> Vec<f64> {
         let mut p = Vec::new();
-        let chance = |m: &Met| {
-            let p = self.probabilities(views.map(|v| v.at(m.path as usize)), &mut p);
-            let k = self.index.binary_search(&m.emitter);
+        let chance = |h: &EmitterHit| {
+            let p = self.probabilities(views.map(|v| v.at(h.path as usize)), &mut p);
+            let k = self.index.binary_search(&h.emitter);
             k.map_or(0.0, |k| p[k])
         };
-        met.iter().map(chance).collect()
+        hits.iter().map(chance).collect()
     }
 
-    /// The points on the fronts of emitters that rays meet, were nothing in between.
-    pub fn meet(&self, views: &Views, directions: &[DVec3], t_min: f64, grazing: f64) -> Vec<Met> {
+    /// The hits of rays on the fronts of emitters, were nothing in between.
+    pub fn intersect(
+        &self,
+        views: &Views,
+        directions: &[DVec3],
+        t_min: f64,
+        grazing: f64,
+    ) -> Vec<EmitterHit> {
         let one = |i: usize| {
-            let mut met = Vec::new();
-            let range = (t_min, grazing);
-            self.meet_one(views.at(i), directions[i], range, |k, b, c| {
-                met.push(Met {
-                    path: i as u32,
-                    emitter: self.index[k],
-                    b,
-                    c,
-                });
-            });
-            met
+            let (position, time) = views.at(i);
+            let mut hits = Vec::new();
+            for (k, t) in self.triangles.iter().enumerate() {
+                let origin = position - t.velocity * time;
+                let (range, reach) = ((t_min, f64::INFINITY), (0.0, f64::INFINITY));
+                if let Some(hit) = t.intersect(origin, directions[i], grazing, range, reach)
+                    && hit.cosine < 0.0
+                {
+                    hits.push(EmitterHit {
+                        path: i as u32,
+                        emitter: self.index[k],
+                        b: hit.hit[1],
+                        c: hit.hit[2],
+                    });
+                }
+            }
+            hits
         };
         let paths = (0..directions.len()).into_par_iter().with_min_len(PIECE);
         paths.flat_map_iter(one).collect()
-    }
-
-    /// The same along one ray: numbers of emitters, and weights of their corners b and c.
-    pub fn meet_one(
-        &self,
-        (position, time): (DVec3, f64),
-        direction: DVec3,
-        (t_min, grazing): (f64, f64),
-        mut found: impl FnMut(usize, f64, f64),
-    ) {
-        for (k, t) in self.triangles.iter().enumerate() {
-            let origin = position - t.velocity * time;
-            let range = (t_min, f64::INFINITY);
-            if let Some(hit) = t.meet(origin, direction, grazing, range, (0.0, f64::INFINITY))
-                && hit.cosine < 0.0
-            {
-                found(k, hit.hit[1], hit.hit[2]);
-            }
-        }
     }
 }

@@ -4,42 +4,53 @@ use std::cell::RefCell;
 
 use burn::tensor::{IndexingUpdateOp, Tensor};
 
-use super::batch::{Batch, is_identity, roulette, times, weighted};
+use super::bsdf::{self, Scatter};
 use super::cones::AtBounce;
 use super::diagnostics::Diagnostics;
+use super::paths::{Contribution, PathBatch, is_identity, roulette, times, weighted};
+use super::sampler::Dimension;
+use super::sky::{Sky, SkyMap};
+use super::strategies::SurfaceSampling;
 use super::surface::SurfacePoints;
-use super::tracer::{Census, RayWeights, Sight, Tracer, Transport};
-use super::{Dimension, Sky, SurfaceSampling, bsdf, emitters};
+use super::tracer::{RayStatistics, RayWeights, Sight, Tracer, Transport};
+use super::{emitters, environment, seen};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::scene::Flattened;
 use crate::visibility::Rays;
 
-/// What the paths of a tile bring back; rows `[1, N]`.
+/// The light of a tile's paths; rows `[1, N]`.
 pub(crate) struct Radiance<'a> {
     pub radiance: Vec3,
-    /// How the surfaces share the camera rays, with those rays.
+    /// The shares of surfaces in the camera rays, with those rays.
     pub first: RayWeights<'a>,
-    /// What the rays met.
-    pub census: Census,
-    /// What was degenerate, if that was asked for.
+    pub statistics: RayStatistics,
+    /// Counts of degenerate cases, if they were asked for.
     pub diagnostics: Option<Diagnostics>,
 }
 
-/// Contributions of some of a tile's paths.
-pub(super) struct Contribution {
-    pub bounce: u32,
-    pub slots: Vec<u32>,
-    pub light: Vec3,
-}
-
-/// The ratios W/stop(W) of the surfaces that some of a tile's paths drew.
+/// The ratios W / detach(W) of the surfaces that some of a tile's paths drew.
 struct Draw {
     bounce: u32,
     slots: Vec<u32>,
-    /// What part of its slot a path stands for, where that is not all.
+    /// The part of its slot that a path stands for, where that is not all.
     share: Option<Vec<f64>>,
     ratio: Tensor<2>,
+}
+
+/// The paths of a tile while they are traced.
+struct Tracing<'a> {
+    tracer: Tracer<'a>,
+    batch: PathBatch,
+    /// The map that light is gathered from along directions drawn from it as well.
+    map: Option<&'a SkyMap>,
+    /// Other environments, whose light is gathered where bounce rays miss.
+    sky: Option<&'a Sky>,
+    found: Vec<Contribution>,
+    draws: Vec<Draw>,
+    /// The shares of surfaces in the camera rays, and the light that these see.
+    first: Option<RayWeights<'a>>,
+    seen: Option<Vec3>,
 }
 
 /// Radiance along camera rays, each of the path (pixel, sample); `per_pixel` consecutive paths
@@ -53,144 +64,189 @@ pub(crate) fn trace<'a>(
     let Transport {
         scene,
         settings,
-        sampler,
         sky,
         ..
     } = transport;
-    // Light of a map is gathered along directions drawn from it as well; other light of an
-    // environment where bounce rays miss.
     let combined = settings.sampling.multiple_importance;
     let map = sky.and_then(Sky::map).filter(|_| combined);
-    let sky = sky.filter(|_| map.is_none());
-    let tracer = Tracer {
-        transport,
-        census: RefCell::default(),
-        diagnostics: RefCell::new(settings.diagnostics.then(Diagnostics::default)),
+    let mut tracing = Tracing {
+        tracer: Tracer {
+            transport,
+            statistics: RefCell::default(),
+            diagnostics: RefCell::new(settings.diagnostics.then(Diagnostics::default)),
+        },
+        batch: PathBatch {
+            paths: paths.to_vec(),
+            slots: (0..paths.len() as u32).collect(),
+            share: None,
+            rays,
+            throughput: None,
+        },
+        map,
+        sky: sky.filter(|_| map.is_none()),
+        found: Vec::new(),
+        draws: Vec::new(),
+        first: None,
+        seen: None,
     };
-    let context = &scene.context;
-    let count = paths.len();
-    let triangles = scene.triangles.len() as u32;
-    let mut found: Vec<Contribution> = Vec::new();
-    let mut draws: Vec<Draw> = Vec::new();
-    let mut batch = Batch {
-        paths: paths.to_vec(),
-        slots: (0..count as u32).collect(),
-        share: None,
-        rays,
-        throughput: None,
-    };
-    let mut first = None;
-    let mut seen = None;
-    // Black surfaces end a path.
-    let useful = |k: u32| {
-        k < triangles && {
-            let m = scene.topology.material[k as usize] as usize;
-            scene.materials.kinds[m].reflects
-        }
-    };
-
+    let dark = scene.emitters.is_empty() && sky.is_none();
     for bounce in 0..=settings.bounces {
+        let drawn = tracing.draw(bounce, dark)?;
+        if dark || drawn.is_empty() {
+            break;
+        }
+        tracing.environment_on_miss(bounce, &drawn)?;
+        // Black surfaces end a path.
+        let hits: Vec<u32> = (0..drawn.len() as u32)
+            .filter(|&i| reflects(scene, drawn[i as usize]))
+            .collect();
+        if hits.is_empty() {
+            break;
+        }
+        let drawn: Vec<u32> = hits.iter().map(|&i| drawn[i as usize]).collect();
+        tracing.batch.keep(&scene.context, &hits);
+        let points = SurfacePoints::new(scene, &tracing.batch.rays, drawn)?;
+        let Some(scatter) = tracing.direct_light(&points, bounce)? else {
+            break;
+        };
+        tracing.go_on(points, scatter, bounce)?;
+        if bounce == settings.bounces {
+            tracing.environment_at_end(bounce)?;
+            break;
+        }
+        if settings.roulette_after.is_some_and(|after| bounce >= after) {
+            let survivors = roulette(&tracing.tracer, &mut tracing.batch, bounce)?;
+            tracing.batch.keep(&scene.context, &survivors);
+            if tracing.batch.paths.is_empty() {
+                break;
+            }
+        }
+    }
+    tracing.finish(paths.len(), per_pixel)
+}
+
+/// Whether a triangle (none, past the last) reflects light.
+fn reflects(scene: &Flattened, triangle: u32) -> bool {
+    let material = scene.topology.material.get(triangle as usize);
+    material.is_some_and(|&m| scene.materials.kinds[m as usize].reflects)
+}
+
+impl<'a> Tracing<'a> {
+    /// The surfaces that paths go on from; the number of triangles stands for the background.
+    fn draw(&mut self, bounce: u32, dark: bool) -> Result<Vec<u32>> {
+        let Self { tracer, batch, .. } = self;
+        let scene = tracer.scene();
+        let context = &scene.context;
+        let Transport {
+            settings, sampler, ..
+        } = tracer.transport;
         let weights = tracer.weights(&batch.rays)?;
         let alive = batch.paths.len() as u64;
-        tracer.census.borrow_mut().bounces.push(alive);
+        tracer.statistics.borrow_mut().bounces.push(alive);
         if bounce == 0 {
-            seen = emitters::seen(&transport, &weights, &batch.rays.direction)?;
+            self.seen = seen::seen(&tracer.transport, &weights, &batch.rays.direction)?;
         }
-        let dark = scene.emitters.is_empty() && transport.sky.is_none();
-        let split = bounce == 0 && settings.sampling.surfaces == SurfaceSampling::Split;
         let [random] = sampler.uniform(&batch.paths, bounce, [Dimension::Surface]);
-        let drawn = if split {
-            let drawn = if dark {
-                Vec::new()
-            } else {
-                batch.split(&tracer, &weights, &random, useful)?
-            };
-            first = Some(weights);
-            drawn
+        let split = bounce == 0 && settings.sampling.surfaces == SurfaceSampling::Split;
+        let drawn = if split && dark {
+            Vec::new()
+        } else if split {
+            batch.split(tracer, &weights, &random, |k| reflects(scene, k))?
         } else {
             let drawn = weights.draw(context, &random)?;
             if let Some(ratio) = weights.ratio(context, &drawn) {
                 batch.throughput = Some(times(batch.throughput.take(), &ratio));
-                draws.push(Draw {
+                self.draws.push(Draw {
                     bounce,
                     slots: batch.slots.clone(),
                     share: batch.share.clone(),
                     ratio,
                 });
             }
-            if bounce == 0 {
-                first = Some(weights);
-            }
             drawn
         };
-        if dark || drawn.is_empty() {
-            break;
+        if bounce == 0 {
+            self.first = Some(weights);
         }
-        // Who drew the background sees the environment, and is done. Camera rays have seen it.
-        if let Some(sky) = sky
-            && bounce > 0
-        {
-            let missed: Vec<u32> = (0..drawn.len() as u32)
-                .filter(|&i| drawn[i as usize] >= triangles)
-                .collect();
-            if !missed.is_empty() {
-                let n = missed.len();
-                let index = context.index_row(&missed);
-                let light = sky.radiance(context, &batch.rays.direction.gather(&index))?;
-                let light = light.map(|e| e.expand([1, n]));
-                found.push(batch.contribution(context, bounce, Some(&missed), light));
-            }
-        }
-        let hits: Vec<u32> = (0..drawn.len() as u32)
-            .filter(|&i| useful(drawn[i as usize]))
+        Ok(drawn)
+    }
+
+    /// Adds the environment's light on paths that drew the background. Camera rays have seen it.
+    fn environment_on_miss(&mut self, bounce: u32, drawn: &[u32]) -> Result<()> {
+        let Some(sky) = self.sky.filter(|_| bounce > 0) else {
+            return Ok(());
+        };
+        let scene = self.tracer.scene();
+        let context = &scene.context;
+        let triangles = scene.triangles.len() as u32;
+        let missed: Vec<u32> = (0..drawn.len() as u32)
+            .filter(|&i| drawn[i as usize] >= triangles)
             .collect();
-        if hits.is_empty() {
-            break;
+        if !missed.is_empty() {
+            let n = missed.len();
+            let index = context.index_row(&missed);
+            let light = sky.radiance(context, &self.batch.rays.direction.gather(&index))?;
+            let light = light.map(|e| e.expand([1, n]));
+            let light = (self.batch).contribution(context, bounce, Some(&missed), light);
+            self.found.push(light);
         }
-        let drawn: Vec<u32> = hits.iter().map(|&i| drawn[i as usize]).collect();
-        batch.keep(context, &hits);
-        let points = SurfacePoints::new(scene, &batch.rays, drawn)?;
-        let incoming = batch.rays.direction.clone();
-        let last = bounce == settings.bounces;
+        Ok(())
+    }
+
+    /// Adds the light that arrives at surface points from emitters and the map, and samples the directions in
+    /// which paths go on, if they do.
+    fn direct_light(&mut self, points: &SurfacePoints, bounce: u32) -> Result<Option<Scatter>> {
+        let Self { tracer, batch, .. } = self;
+        let Transport {
+            scene,
+            settings,
+            sampler,
+            ..
+        } = tracer.transport;
+        let context = &scene.context;
+        let (rays, paths) = (&batch.rays, &batch.paths);
         // Points on emitters are found well from a matt surface without its help.
         let glossy: Vec<bool> = (points.triangle.iter())
             .map(|&k| scene.materials.kinds[scene.topology.material[k as usize] as usize].glossy)
             .collect();
+        let combined = settings.sampling.multiple_importance;
         let by_scattering = combined && !scene.emitters.is_empty() && glossy.iter().any(|&g| g);
-        let goes_on = !last || sky.is_some();
-        let scatter = (goes_on || by_scattering || map.is_some())
-            .then(|| bsdf::sample(context, &points, &incoming, sampler, &batch.paths, bounce));
+        let goes_on = bounce < settings.bounces || self.sky.is_some();
+        let scatter = (goes_on || by_scattering || self.map.is_some())
+            .then(|| bsdf::sample(context, points, &rays.direction, sampler, paths, bounce));
         let direction = scatter.as_ref().map(|s| &s.direction);
         let along = direction.filter(|_| by_scattering);
         let along = along.map(|d| (d, glossy.as_slice()));
-        let mut lit =
-            emitters::connect(&tracer, &points, &batch.rays, &batch.paths, bounce, along)?;
-        if let (Some(map), Some(direction)) = (map, direction) {
-            let (rays, paths) = (&batch.rays, &batch.paths);
-            lit.extend(emitters::from_sky(
-                &tracer, map, &points, rays, paths, bounce, direction,
+        let mut lit = emitters::connect(tracer, points, rays, paths, bounce, along)?;
+        if let (Some(map), Some(direction)) = (self.map, direction) {
+            lit.extend(environment::from_map(
+                tracer, map, points, rays, paths, bounce, direction,
             )?);
         }
         for (which, light) in lit {
-            found.push(batch.contribution(context, bounce, which.as_deref(), light));
+            let light = batch.contribution(context, bounce, which.as_deref(), light);
+            self.found.push(light);
         }
-        let Some(scatter) = scatter.filter(|_| goes_on) else {
-            break;
-        };
-        let direction = match transport.sight {
+        Ok(scatter.filter(|_| goes_on))
+    }
+
+    /// Sends paths on from surface points.
+    fn go_on(&mut self, points: SurfacePoints, scatter: Scatter, bounce: u32) -> Result<()> {
+        let Self { tracer, batch, .. } = self;
+        let direction = match tracer.transport.sight {
             Sight::Cones(cones) => {
                 let at = AtBounce {
                     paths: &batch.paths,
                     bounce,
                 };
-                cones.bend(context, &points, scatter.direction, at)?
+                cones.bend(&tracer.scene().context, &points, scatter.direction, at)?
             }
             Sight::Softmax(..) => scatter.direction,
         };
         batch.rays = Rays {
             origin: points.position,
             direction,
-            time: batch.rays.time,
+            time: batch.rays.time.take(),
             departure: Some(points.triangle),
             arrival: None,
         };
@@ -199,50 +255,57 @@ pub(crate) fn trace<'a>(
             d.throughput(&next)?;
         }
         batch.throughput = Some(next);
-        if last {
-            // The environment's share of the direct light at the last hit.
-            if let Some(sky) = sky {
-                let visible = tracer.weights(&batch.rays)?.attached_background(context);
-                let light = sky
-                    .radiance(context, &batch.rays.direction)?
-                    .scale(&visible);
-                found.push(batch.contribution(context, bounce, None, light));
+        Ok(())
+    }
+
+    /// Adds the environment's share of the direct light at the last hit.
+    fn environment_at_end(&mut self, bounce: u32) -> Result<()> {
+        if let Some(sky) = self.sky {
+            let context = &self.tracer.scene().context;
+            let rays = &self.batch.rays;
+            let visible = self.tracer.weights(rays)?.attached_background(context);
+            let light = sky.radiance(context, &rays.direction)?.scale(&visible);
+            self.found
+                .push(self.batch.contribution(context, bounce, None, light));
+        }
+        Ok(())
+    }
+
+    /// The light of all paths.
+    fn finish(self, count: usize, per_pixel: usize) -> Result<Radiance<'a>> {
+        let Self {
+            tracer,
+            batch,
+            found,
+            ..
+        } = self;
+        let scene = tracer.scene();
+        let first = match self.first {
+            Some(first) => first,
+            None => tracer.weights(&batch.rays)?,
+        };
+        if let Some(d) = tracer.diagnostics.borrow_mut().as_mut() {
+            for c in &found {
+                d.light(&c.light)?;
             }
-            break;
         }
-        if settings.roulette_after.is_some_and(|after| bounce >= after) {
-            let survivors = roulette(&tracer, &mut batch, bounce)?;
-            batch.keep(context, &survivors);
-            if batch.paths.is_empty() {
-                break;
+        let mut radiance = whole(scene, &found, 0, count);
+        if let Some(seen) = self.seen {
+            radiance = radiance.add(&seen);
+        }
+        for draw in &self.draws {
+            let later = whole(scene, &found, draw.bounce, count).detached();
+            if let Some(control) = control_variate(scene, draw, &later, per_pixel) {
+                radiance = radiance.add(&control);
             }
         }
+        Ok(Radiance {
+            radiance,
+            first,
+            statistics: tracer.statistics.into_inner(),
+            diagnostics: tracer.diagnostics.into_inner(),
+        })
     }
-    let first = match first {
-        Some(first) => first,
-        None => tracer.weights(&batch.rays)?,
-    };
-    if let Some(d) = tracer.diagnostics.borrow_mut().as_mut() {
-        for c in &found {
-            d.light(&c.light)?;
-        }
-    }
-    let mut radiance = whole(scene, &found, 0, count);
-    if let Some(seen) = seen {
-        radiance = radiance.add(&seen);
-    }
-    for draw in &draws {
-        let later = whole(scene, &found, draw.bounce, count).plain();
-        if let Some(control) = control_variate(scene, draw, &later, per_pixel) {
-            radiance = radiance.add(&control);
-        }
-    }
-    Ok(Radiance {
-        radiance,
-        first,
-        census: tracer.census.into_inner(),
-        diagnostics: tracer.diagnostics.into_inner(),
-    })
 }
 
 /// Contributions of a bounce and all later ones, added up by path.

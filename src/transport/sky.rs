@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, gather_row, host_values, host_vectors, plain};
+use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
 use crate::model::sky::SkyDensity;
 use crate::scene::{EnvironmentMap, Flattened, SkyTensors};
 
@@ -24,7 +24,7 @@ pub(crate) struct SkyMap {
     drawn: SkyDensity,
 }
 
-/// Where a direction meets a map: texels, bilinear weights, and what they change by with it.
+/// The place of a direction in a map: texels, bilinear weights, and their derivatives by it.
 struct LookUp {
     texels: [usize; 4],
     weights: [f64; 4],
@@ -126,12 +126,10 @@ impl SkyMap {
                 let corners = l.texels.iter().zip(l.weights);
                 corners.map(|(&t, w)| self.values[t] * w).sum()
             };
-            let values: Vec<DVec3> = found.iter().map(sum).collect();
-            let plane = |c: usize| context.row(&values.iter().map(|v| v[c]).collect::<Vec<_>>());
-            Vec3::new(plane(0), plane(1), plane(2))
+            Vec3::from_host(context, &found.iter().map(sum).collect::<Vec<_>>())
         };
         if direction.is_tracked() {
-            let change = direction.sub(&direction.plain());
+            let change = direction.sub(&direction.detached());
             let plane = |c: usize| {
                 let slope = |l: &LookUp| {
                     let [a, b, p, q] = l.texels.map(|t| self.values[t][c]);
@@ -140,8 +138,7 @@ impl SkyMap {
                     l.slope[0] * by_x + l.slope[1] * by_y
                 };
                 let slopes: Vec<DVec3> = found.iter().map(slope).collect();
-                let axis = |k: usize| context.row(&slopes.iter().map(|s| s[k]).collect::<Vec<_>>());
-                change.dot(&Vec3::new(axis(0), axis(1), axis(2)))
+                change.dot(&Vec3::from_host(context, &slopes))
             };
             radiance = radiance.add(&Vec3::new(plane(0), plane(1), plane(2)));
         }
@@ -150,14 +147,11 @@ impl SkyMap {
 
     /// Directions for pairs of random numbers, with their densities per solid angle.
     pub fn choose(&self, u: &[f64], v: &[f64]) -> (Vec<DVec3>, Vec<f64>) {
-        let pairs = u.iter().zip(v);
-        pairs.map(|(&u, &v)| self.choose_one(u, v)).unzip()
-    }
-
-    /// A direction for a pair of random numbers, with its density.
-    pub fn choose_one(&self, u: f64, v: f64) -> (DVec3, f64) {
-        let (d, density) = self.drawn.choose(u as f32, v as f32);
-        (DVec3::from(d).normalize(), density.into())
+        let one = |(&u, &v): (&f64, &f64)| {
+            let (d, density) = self.drawn.choose(u as f32, v as f32);
+            (DVec3::from(d).normalize(), f64::from(density))
+        };
+        u.iter().zip(v).map(one).unzip()
     }
 
     /// The density per solid angle with which a direction is drawn.
@@ -166,15 +160,9 @@ impl SkyMap {
     }
 }
 
-/// Directions as planes.
-pub(crate) fn rows(context: &Context, v: &[DVec3]) -> Vec3 {
-    let axis = |k: usize| context.row(&v.iter().map(|d| d[k]).collect::<Vec<_>>());
-    Vec3::new(axis(0), axis(1), axis(2))
-}
-
-/// Where light is not black.
+/// The indices of light that is not black.
 pub(crate) fn nonzero(light: &Vec3) -> Result<Vec<u32>> {
-    let sum = plain(&light.x).abs() + plain(&light.y).abs() + plain(&light.z).abs();
+    let sum = detached(&light.x).abs() + detached(&light.y).abs() + detached(&light.z).abs();
     let values = host_values(&sum)?;
     Ok((0..values.len() as u32)
         .filter(|&i| values[i as usize] != 0.0)

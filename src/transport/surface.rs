@@ -1,13 +1,43 @@
-//! What a path finds at the surface that it drew.
+//! Points of the surfaces that paths drew: places, normals, and the parameters of their BSDFs.
 
-use burn::tensor::Tensor;
+use burn::tensor::{Int, Tensor};
 
-use super::bsdf::Lobes;
 use super::texture::look_up;
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, nearest_on_triangle, plain};
-use crate::scene::Flattened;
+use crate::geometry::{
+    Context, Nearest, Vec3, VertexData, detached, gather_row, nearest_on_triangle,
+};
+use crate::scene::{Channel, Flattened};
 use crate::visibility::Rays;
+
+/// The parameters of a BSDF as planes, rows `[1, N]`.
+pub(crate) struct Lobes {
+    /// k_d.
+    pub diffuse: Vec3,
+    /// k_s and exponent, if any material of the scene is glossy.
+    pub specular: Option<(Vec3, Tensor<2>)>,
+}
+
+impl Lobes {
+    /// From the parameters of the materials at the points.
+    pub fn new(glossy: bool, mut at: impl FnMut(Channel) -> Result<Vec3>) -> Result<Self> {
+        Ok(Self {
+            diffuse: at(Channel::Diffuse)?,
+            specular: match glossy {
+                true => Some((at(Channel::Specular)?, at(Channel::Shininess)?.x)),
+                false => None,
+            },
+        })
+    }
+
+    pub fn map(&self, f: impl Fn(&Tensor<2>) -> Tensor<2>) -> Self {
+        let specular = self.specular.as_ref();
+        Self {
+            diffuse: self.diffuse.map(|x| f(&x)),
+            specular: specular.map(|(k, n)| (k.map(|x| f(&x)), f(n))),
+        }
+    }
+}
 
 /// Drawn surface points, rows `[1, N]`.
 pub(crate) struct SurfacePoints {
@@ -27,15 +57,15 @@ pub(crate) struct SurfacePoints {
 
 impl SurfacePoints {
     /// Without tape.
-    pub(crate) fn plain(&self) -> Self {
-        self.map(self.triangle.clone(), plain)
+    pub(crate) fn detached(&self) -> Self {
+        self.map(self.triangle.clone(), detached)
     }
 
     /// Some of them, in any order, as often as they are named.
     pub(crate) fn pick(&self, context: &Context, which: &[u32]) -> Self {
         let index = context.index_row(which);
         let triangle = which.iter().map(|&i| self.triangle[i as usize]).collect();
-        self.map(triangle, |v| crate::geometry::gather_row(v.clone(), &index))
+        self.map(triangle, |v| gather_row(v.clone(), &index))
     }
 
     fn map(&self, triangle: Vec<u32>, f: impl Fn(&Tensor<2>) -> Tensor<2>) -> Self {
@@ -58,12 +88,15 @@ impl SurfacePoints {
         let normal = triangles.normal.gather(&index);
         let velocity = triangles.velocity.as_ref().map(|v| v.gather(&index));
         let shifted = rays.origin_for(velocity.as_ref());
-        let gather = |p: &Tensor<2>| crate::geometry::gather_row(p.clone(), &index);
+        let gather = |p: &Tensor<2>| gather_row(p.clone(), &index);
         let cosine = normal.dot(&rays.direction);
         let t = (gather(&triangles.plane) - normal.dot(&shifted)) / cosine.clone();
         let position = rays.origin.add(&rays.direction.scale(&t));
 
-        let front = plain(&cosine).lower_elem(0.0).float().cast(context.dtype);
+        let front = detached(&cosine)
+            .lower_elem(0.0)
+            .float()
+            .cast(context.dtype);
         let side = front * 2.0 - 1.0;
         let geometric_normal = normal.scale(&side);
 
@@ -79,33 +112,15 @@ impl SurfacePoints {
             );
             let c = y.clone() / apex_v.clone();
             let b = (x.clone() - c.clone() * apex_u.clone()) / base.clone();
-            let nearest = nearest_on_triangle(&plain(&x), &plain(&y), &base, &apex_u, &apex_v);
+            let nearest =
+                nearest_on_triangle(&detached(&x), &detached(&y), &base, &apex_u, &apex_v);
             (b, c, nearest)
         });
         let normal = match (&scene.normals, &barycentrics) {
             (Some((corners, smooth)), Some((b, c, nearest))) => {
-                let outside = nearest.inside.clone().bool_not();
-                // At the triangle's point nearest to the hit.
-                let b = b
-                    .clone()
-                    .mask_where(outside.clone(), nearest.weight_b.clone());
-                let c = c.clone().mask_where(outside, nearest.weight_c.clone());
-                let a = (b.clone() + c.clone()).neg() + 1.0;
-                let at = |v: &Vec3| v.gather(&index);
-                let shading = at(&corners.a)
-                    .scale(&a)
-                    .add(&at(&corners.b).scale(&b))
-                    .add(&at(&corners.c).scale(&c));
-                let flat: Vec<f64> = triangle
-                    .iter()
-                    .map(|&k| if smooth[k as usize] { 0.0 } else { 1.0 })
-                    .collect();
-                let flat = context.row(&flat).greater_elem(0.5);
-                // Objects without normals have zeros here: replaced before the square root.
-                let shading = shading.zip(&geometric_normal, |s, g| s.mask_where(flat.clone(), g));
-                let facing = plain(&shading.dot(&geometric_normal));
-                let flip = facing.greater_equal_elem(0.0).float().cast(context.dtype) * 2.0 - 1.0;
-                shading.normalized().scale(&flip)
+                let smooth = triangle.iter().map(|&k| smooth[k as usize]);
+                let weights = at_nearest(b, c, nearest);
+                shading_normals(context, corners, &index, smooth, weights, &geometric_normal)
             }
             _ => geometric_normal.clone(),
         };
@@ -140,4 +155,37 @@ impl SurfacePoints {
             lobes,
         })
     }
+}
+
+/// Weights of corners b and c: those of the hit, or of the triangle's point nearest to it.
+fn at_nearest(b: &Tensor<2>, c: &Tensor<2>, nearest: &Nearest) -> [Tensor<2>; 2] {
+    let outside = nearest.inside.clone().bool_not();
+    let b = b.clone();
+    let b = b.mask_where(outside.clone(), nearest.weight_b.clone());
+    [b, c.clone().mask_where(outside, nearest.weight_c.clone())]
+}
+
+/// Unit normals interpolated between corners, on the side of the geometric normals; these where a triangle is
+/// not smooth.
+fn shading_normals(
+    context: &Context,
+    corners: &VertexData,
+    index: &Tensor<2, Int>,
+    smooth: impl Iterator<Item = bool>,
+    [b, c]: [Tensor<2>; 2],
+    geometric_normal: &Vec3,
+) -> Vec3 {
+    let a = (b.clone() + c.clone()).neg() + 1.0;
+    let at = |v: &Vec3| v.gather(index);
+    let shading = at(&corners.a)
+        .scale(&a)
+        .add(&at(&corners.b).scale(&b))
+        .add(&at(&corners.c).scale(&c));
+    let flat: Vec<f64> = smooth.map(|s| if s { 0.0 } else { 1.0 }).collect();
+    let flat = context.row(&flat).greater_elem(0.5);
+    // Objects without normals have zeros here: replaced before the square root.
+    let shading = shading.zip(geometric_normal, |s, g| s.mask_where(flat.clone(), g));
+    let facing = detached(&shading.dot(geometric_normal));
+    let flip = facing.greater_equal_elem(0.0).float().cast(context.dtype) * 2.0 - 1.0;
+    shading.normalized().scale(&flip)
 }

@@ -3,7 +3,7 @@
 use burn::tensor::{Int, Tensor};
 
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, host_values, plain};
+use crate::geometry::{Context, Vec3, detached, host_values};
 use crate::scene::ChannelPlanes;
 
 /// A parameter of materials at surface points `[1, N]`: the constant of each material, or its texture at the
@@ -33,7 +33,7 @@ pub(crate) fn look_up(
     // Texel centres at half-integers, row 0 at the top (v = 1).
     let x = u.clone() * context.row(&width) - 0.5;
     let y = (v.clone().neg() + 1.0) * context.row(&height) - 0.5;
-    let (left, top) = (plain(&x).floor(), plain(&y).floor());
+    let (left, top) = (detached(&x).floor(), detached(&y).floor());
     let (host_left, host_top) = (host_values(&left)?, host_values(&top)?);
     let (fx, fy) = (x - left, y - top);
     let texel = |dx: i64, dy: i64| -> Vec3 {

@@ -1,4 +1,4 @@
-//! What the paths of a tile are traced with: weights of surfaces and transmittances, by either engine.
+//! The visibility that the paths of a tile are traced with: weights of surfaces and transmittances.
 
 use std::cell::RefCell;
 
@@ -6,7 +6,10 @@ use burn::tensor::Tensor;
 
 use super::cones::{AtBounce, Cones, Hits};
 use super::diagnostics::Diagnostics;
-use super::{Lights, Sampler, Sampling, Sky};
+use super::lights::Lights;
+use super::sampler::Sampler;
+use super::sky::Sky;
+use super::strategies::Sampling;
 use crate::error::Result;
 use crate::geometry::Context;
 use crate::scene::Flattened;
@@ -15,7 +18,7 @@ use crate::visibility::{
     coverage, transmittance, weights,
 };
 
-/// What a path does.
+/// The settings of paths.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {
     /// Bounces after the surface that the camera sees; 0 is direct light only.
@@ -24,20 +27,20 @@ pub(crate) struct PathSettings {
     pub diagnostics: bool,
     /// The bounce from which paths may be ended at random.
     pub roulette_after: Option<u32>,
-    /// How surfaces, emitters and directions are chosen.
+    /// The choice of surfaces, emitters and directions.
     pub sampling: Sampling,
 }
 
 /// The blurred start of rays that leave a surface, over σ.
 const START: f64 = 0.25;
 
-/// What rays see.
+/// The visibility of a render.
 #[derive(Clone, Copy)]
 pub(crate) enum Sight<'a> {
     /// Hard surfaces, by rays of cones.
     Cones(&'a Cones),
     /// All triangles, shared by the paper's form (lengths in units of the flattened scene), with
-    /// candidates by a hierarchy; without it all triangles are asked, in tensors.
+    /// candidates by a hierarchy; without it all triangles are tested, in tensors.
     Softmax(Softmax, Option<&'a Sparse>),
 }
 
@@ -52,17 +55,16 @@ pub(crate) struct Transport<'a> {
     pub sight: Sight<'a>,
 }
 
-/// What traces the paths of a tile.
+/// The tracer of a tile's paths.
 pub(crate) struct Tracer<'a> {
     pub transport: Transport<'a>,
-    /// What the rays met.
-    pub census: RefCell<Census>,
-    /// What was degenerate, if that is asked for.
+    pub statistics: RefCell<RayStatistics>,
+    /// Counts of degenerate cases, if they are asked for.
     pub diagnostics: RefCell<Option<Diagnostics>>,
 }
 
-/// How many draws a split makes: surfaces with a weight of at least its inverse are all taken.
-pub(super) const SPLIT: usize = 4;
+/// The number of draws of a split: surfaces with a weight of at least its inverse are all taken.
+const SPLIT: usize = 4;
 
 /// The weights of the surfaces of each ray: all of it for the one that it hits, or shares, by all triangles
 /// in tensors or by candidates.
@@ -128,20 +130,20 @@ impl RayWeights<'_> {
     }
 }
 
-/// What rays met.
+/// Counts of rays, and of the triangles and surfaces that they met.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Census {
+pub(crate) struct RayStatistics {
     /// Camera, bounce and shadow rays.
     pub rays: u64,
-    /// Triangles asked, ray by ray.
+    /// Triangles tested, ray by ray.
     pub tested: u64,
     /// Rays that looked for their next surface, by bounce.
     pub bounces: Vec<u64>,
-    /// How many camera and bounce rays met how many surfaces that matter.
+    /// Numbers of camera and bounce rays by the number of surfaces that matter to them.
     pub surfaces: Vec<u64>,
 }
 
-impl Census {
+impl RayStatistics {
     /// Both together.
     pub fn merge(&mut self, other: &Self) {
         self.rays += other.rays;
@@ -170,7 +172,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// What Eq. 1 depends on.
+    /// The parameters of Eq. 1.
     fn coverage_settings(&self, form: Softmax) -> CoverageSettings {
         CoverageSettings {
             sigma: form.sigma,
@@ -183,8 +185,8 @@ impl<'a> Tracer<'a> {
     fn coverage(&self, rays: &Rays, form: Softmax) -> Coverage {
         let settings = self.coverage_settings(form);
         let scene = self.scene();
-        let mut census = self.census.borrow_mut();
-        census.tested += (rays.len() * scene.triangles.len()) as u64;
+        let mut statistics = self.statistics.borrow_mut();
+        statistics.tested += (rays.len() * scene.triangles.len()) as u64;
         coverage(
             &scene.context,
             &scene.triangles,
@@ -194,10 +196,10 @@ impl<'a> Tracer<'a> {
         )
     }
 
-    /// How surfaces and the background share each ray.
+    /// The shares of surfaces and the background in each ray.
     pub(crate) fn weights(&self, rays: &Rays) -> Result<RayWeights<'a>> {
         let scene = self.scene();
-        self.census.borrow_mut().rays += rays.len() as u64;
+        self.statistics.borrow_mut().rays += rays.len() as u64;
         let (form, sparse) = match self.transport.sight {
             Sight::Cones(cones) => return Ok(RayWeights::Hits(Box::new(cones.nearest(rays)?))),
             Sight::Softmax(form, sparse) => (form, sparse),
@@ -207,13 +209,13 @@ impl<'a> Tracer<'a> {
         if let Some(sparse) = sparse {
             let settings = self.coverage_settings(form);
             let weights = sparse.weights(context, topology, rays, &settings, form, range)?;
-            let mut census = self.census.borrow_mut();
-            census.tested += weights.offered;
+            let mut statistics = self.statistics.borrow_mut();
+            statistics.tested += weights.offered;
             for count in weights.counts() {
-                if census.surfaces.len() <= count {
-                    census.surfaces.resize(count + 1, 0);
+                if statistics.surfaces.len() <= count {
+                    statistics.surfaces.resize(count + 1, 0);
                 }
-                census.surfaces[count] += 1;
+                statistics.surfaces[count] += 1;
             }
             return Ok(RayWeights::Sparse(Box::new(weights)));
         }
@@ -225,7 +227,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// The share of light that arrives along shadow rays; 0 of those that are not needed, but where all
-    /// triangles are asked in tensors.
+    /// triangles are tested in tensors.
     pub(crate) fn transmittance(
         &self,
         rays: &Rays,
@@ -237,7 +239,7 @@ impl<'a> Tracer<'a> {
         let count = needed.iter().filter(|&&n| n).count() as u64;
         let (form, sparse) = match self.transport.sight {
             Sight::Cones(cones) => {
-                self.census.borrow_mut().rays += count;
+                self.statistics.borrow_mut().rays += count;
                 return cones.unblocked(context, rays, needed, at);
             }
             Sight::Softmax(form, sparse) => (form, sparse),
@@ -246,12 +248,12 @@ impl<'a> Tracer<'a> {
             let settings = self.coverage_settings(form);
             let (passed, offered) =
                 sparse.transmittance(context, topology, rays, &settings, form, needed)?;
-            let mut census = self.census.borrow_mut();
-            census.tested += offered;
-            census.rays += count;
+            let mut statistics = self.statistics.borrow_mut();
+            statistics.tested += offered;
+            statistics.rays += count;
             return Ok(passed);
         }
-        self.census.borrow_mut().rays += rays.len() as u64;
+        self.statistics.borrow_mut().rays += rays.len() as u64;
         Ok(transmittance(&self.coverage(rays, form)))
     }
 }

@@ -1,9 +1,11 @@
+//! The range of depths that scores are relative to.
+
 use burn::tensor::Tensor;
 
-use super::Rays;
+use super::rays::Rays;
 
-/// near and far of each ray (Eq. 3): where it may meet the bounds of the scene, as seen from its
-/// origin.
+/// near and far of each ray (Eq. 3): the distances from its origin between which it may meet the bounds of
+/// the scene.
 #[derive(Clone, Debug)]
 pub struct DepthRange {
     pub(super) near: Tensor<2>,
@@ -16,7 +18,7 @@ impl DepthRange {
     /// For bounds of a radius about the point that origins are relative to. The gradient flows to
     /// the origins, not to the bounds.
     pub fn new(rays: &Rays, radius: f64) -> Self {
-        let origin = rays.origin.plain();
+        let origin = rays.origin.detached();
         let distance = origin.dot(&origin).sqrt();
         let change = rays.origin.is_tracked().then(|| {
             let away = origin.map(|x| x / distance.clone().clamp_min(1e-6 * radius));
@@ -30,6 +32,7 @@ impl DepthRange {
     }
 
     /// The same without gradient.
+    #[cfg(test)]
     pub fn detached(self) -> Self {
         Self {
             change: None,

@@ -1,44 +1,11 @@
+//! The paper's blurred triangles (Eq. 1), for all pairs of ray and triangle.
+
 use burn::tensor::{Bool, DType, Tensor, TensorData};
 
-use crate::geometry::{Context, Topology, Triangles, Vec3, nearest_on_triangle, plain};
+use super::rays::Rays;
+use crate::geometry::{Context, Nearest, Topology, Triangles, Vec3, detached, nearest_on_triangle};
 
-/// Rays o + t·d with |d| = 1, rows `[1, N]`; origins relative to the centre of the bounds, in the
-/// triangles' unit.
-#[derive(Clone, Debug)]
-pub struct Rays {
-    /// Origins, at the positions that static objects have.
-    pub origin: Vec3,
-    /// Unit directions.
-    pub direction: Vec3,
-    /// Time in the shutter, if anything moves.
-    pub time: Option<Tensor<2>>,
-    /// The triangle that each ray leaves, if it leaves a surface.
-    pub departure: Option<Vec<u32>>,
-    /// The emitter triangle that each ray ends on and its distance (without tape), for shadow rays.
-    pub arrival: Option<(Vec<u32>, Tensor<2>)>,
-}
-
-impl Rays {
-    /// How many rays.
-    pub fn len(&self) -> usize {
-        self.direction.x.dims()[1]
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Origins shifted into the frame of objects with a velocity (one for each ray).
-    pub(crate) fn origin_for(&self, velocity: Option<&Vec3>) -> Vec3 {
-        match (&self.time, velocity) {
-            (Some(time), Some(velocity)) => self.origin.sub(&velocity.scale(time)),
-            _ => self.origin.clone(),
-        }
-    }
-}
-
-/// What Eq. 1 depends on, in the triangles' unit.
+/// The parameters of Eq. 1, in the triangles' unit.
 #[derive(Clone, Copy, Debug)]
 pub struct CoverageSettings {
     /// Blur of the edges σ, a length squared.
@@ -52,7 +19,7 @@ pub struct CoverageSettings {
     pub arrival_margin: f64,
 }
 
-/// How each triangle counts along each ray: pairs `[T, N]`.
+/// The coverage of each ray by each triangle: pairs `[T, N]`.
 #[derive(Clone, Debug)]
 pub struct Coverage {
     /// Distance along the ray to the triangle's plane, without tape.
@@ -67,7 +34,7 @@ pub struct Coverage {
     pub counted: Tensor<2, Bool>,
     /// Pairs that count by max(0, 2p − 1): neighbours of a triangle at an end of the ray.
     pub(crate) softened: Option<Tensor<2, Bool>>,
-    /// How far each hit is beyond the blurred start of its ray, and the derivative of that by t.
+    /// The share of each hit beyond the blurred start of its ray, and the derivative of that by t.
     pub(crate) begun: Option<(Tensor<2>, Tensor<2>)>,
     /// Distances and logits in the graph, if a gradient can flow to them.
     pub(crate) attached: Option<(Tensor<2>, Tensor<2>)>,
@@ -76,6 +43,7 @@ pub struct Coverage {
 impl Coverage {
     /// p of Eq. 1 as it counts: 0 where the pair doesn't, max(0, 2p − 1) for softened pairs, less
     /// near the start of a ray that leaves a surface.
+    #[cfg(test)]
     pub fn probability(&self) -> Tensor<2> {
         let p = self.edge_probability();
         match &self.begun {
@@ -137,7 +105,7 @@ impl Coverage {
             sum = sum + b * t.clone();
         }
         let sum = sum.sum_dim(0);
-        let value = plain(&sum);
+        let value = detached(&sum);
         Some(sum - value)
     }
 }
@@ -145,6 +113,95 @@ impl Coverage {
 /// The cosine |n·d| up to which a ray counts as parallel to a triangle.
 pub(crate) fn grazing(dtype: DType) -> f64 {
     if dtype == DType::F64 { 1e-9 } else { 1e-6 }
+}
+
+/// The intersections of all rays with the planes of all triangles `[T, N]`.
+struct PlaneHits {
+    /// Distances, and places in the triangles' frames, in the graph where gradients can flow.
+    t: Tensor<2>,
+    x: Tensor<2>,
+    y: Tensor<2>,
+    /// n·d, without tape.
+    cosine: Tensor<2>,
+    /// Whether the ray is not parallel to the plane, and the triangle has area.
+    exist: Tensor<2, Bool>,
+}
+
+impl PlaneHits {
+    fn new(context: &Context, triangles: &Triangles, rays: &Rays) -> Self {
+        // Broadcast products, not `matmul`: it is no faster for an inner length of 3, may round to
+        // less than f32 on GPUs, and returns zeros on SwiftShader.
+        let along = |axis: &Vec3| {
+            let along = axis.dot(&rays.origin);
+            match (&rays.time, &triangles.velocity) {
+                // n·(o − time·velocity) = n·o − time·(n·velocity)
+                (Some(time), Some(velocity)) => along - axis.dot(velocity) * time.clone(),
+                _ => along,
+            }
+        };
+        let height = triangles.plane.clone() - along(&triangles.normal);
+        let cosine = triangles.normal.dot(&rays.direction);
+        let detached_cosine = detached(&cosine);
+        let exist = detached_cosine
+            .clone()
+            .abs()
+            .greater_elem(grazing(context.dtype))
+            .bool_and(triangles.valid.clone().expand(cosine.dims()));
+        // The inputs of the division are made safe: masking its output would not stop NaN.
+        let t = height / cosine.mask_fill(exist.clone().bool_not(), 1.0);
+        let in_plane = |axis: &Vec3, corner: &Tensor<2>| {
+            along(axis) - corner.clone() + t.clone() * axis.dot(&rays.direction)
+        };
+        Self {
+            x: in_plane(&triangles.u, &triangles.a_u),
+            y: in_plane(&triangles.v, &triangles.a_v),
+            t,
+            cosine: detached_cosine,
+            exist,
+        }
+    }
+
+    /// The pairs that count, with the rules at both ends of a ray, and those of them that are softened.
+    fn counted(
+        &self,
+        context: &Context,
+        topology: &Topology,
+        rays: &Rays,
+        settings: &CoverageSettings,
+        nearest: &Nearest,
+    ) -> (Tensor<2, Bool>, Option<Tensor<2, Bool>>) {
+        let t = detached(&self.t);
+        let mut counted = (self.exist.clone()).bool_and(t.clone().greater_elem(settings.t_min));
+        // Held finite: what is that far outside has p = 0 exactly.
+        let largest = settings.sigma * 1e30;
+        counted = counted.bool_and(
+            nearest
+                .squared_distance
+                .clone()
+                .lower_elem(largest.min(1e37)),
+        );
+        if let Some((_, distance)) = &rays.arrival {
+            let end = distance.clone() * (1.0 - settings.arrival_margin);
+            counted = counted.bool_and(t.clone().lower(end));
+        }
+        let (excluded, softened) = end_masks(context, topology, rays);
+        if let Some(excluded) = excluded {
+            counted = counted.bool_and(excluded.bool_not());
+        }
+        if let Some(hidden) = hidden_sides(context, topology, rays, &self.cosine, &t) {
+            counted = counted.bool_and(hidden.bool_not());
+        }
+        if let Some(softened) = &softened {
+            // max(0, 2p − 1) is 0 outside, and below rounding close to the border.
+            let none = nearest
+                .squared_distance
+                .clone()
+                .lower_elem(settings.sigma * context.epsilon())
+                .bool_or(nearest.inside.clone().bool_not());
+            counted = counted.bool_and(softened.clone().bool_and(none).bool_not());
+        }
+        (counted, softened)
+    }
 }
 
 /// Plane hits and edge distances of all pairs (Eq. 1), with the rules at both ends of a ray.
@@ -155,70 +212,20 @@ pub fn coverage(
     rays: &Rays,
     settings: &CoverageSettings,
 ) -> Coverage {
-    // Broadcast products, not `matmul`: it is no faster for an inner length of 3, may round to
-    // less than f32 on GPUs, and returns zeros on SwiftShader.
-    let along = |axis: &Vec3| {
-        let along = axis.dot(&rays.origin);
-        match (&rays.time, &triangles.velocity) {
-            // n·(o − time·velocity) = n·o − time·(n·velocity)
-            (Some(time), Some(velocity)) => along - axis.dot(velocity) * time.clone(),
-            _ => along,
-        }
-    };
-    let height = triangles.plane.clone() - along(&triangles.normal);
-    let cosine = triangles.normal.dot(&rays.direction);
-    let plain_cosine = plain(&cosine);
-    let mut counted = plain_cosine
-        .clone()
-        .abs()
-        .greater_elem(grazing(context.dtype))
-        .bool_and(triangles.valid.clone().expand(cosine.dims()));
-    // The inputs of the division are made safe: masking its output would not stop NaN.
-    let t = height / cosine.mask_fill(counted.clone().bool_not(), 1.0);
-    let in_plane = |axis: &Vec3, corner: &Tensor<2>| {
-        along(axis) - corner.clone() + t.clone() * axis.dot(&rays.direction)
-    };
-    let x = in_plane(&triangles.u, &triangles.a_u);
-    let y = in_plane(&triangles.v, &triangles.a_v);
-
-    let (plain_t, plain_x, plain_y) = (plain(&t), plain(&x), plain(&y));
+    let hits = PlaneHits::new(context, triangles, rays);
     let nearest = nearest_on_triangle(
-        &plain_x,
-        &plain_y,
+        &detached(&hits.x),
+        &detached(&hits.y),
         &triangles.base,
         &triangles.apex_u,
         &triangles.apex_v,
     );
-    counted = counted.bool_and(plain_t.clone().greater_elem(settings.t_min));
-    // Held finite: what is that far outside has p = 0 exactly.
-    let largest = settings.sigma * 1e30;
-    counted = counted.bool_and(
-        nearest
-            .squared_distance
-            .clone()
-            .lower_elem(largest.min(1e37)),
-    );
-    if let Some((_, distance)) = &rays.arrival {
-        let end = distance.clone() * (1.0 - settings.arrival_margin);
-        counted = counted.bool_and(plain_t.clone().lower(end));
-    }
-    let (excluded, softened) = end_masks(context, topology, rays);
-    if let Some(excluded) = excluded {
-        counted = counted.bool_and(excluded.bool_not());
-    }
-    if let Some(hidden) = hidden_sides(context, topology, rays, &plain_cosine, &plain_t) {
-        counted = counted.bool_and(hidden.bool_not());
-    }
-    if let Some(softened) = &softened {
-        // max(0, 2p − 1) is 0 outside, and below rounding close to the border.
-        let none = nearest
-            .squared_distance
-            .clone()
-            .lower_elem(settings.sigma * context.epsilon())
-            .bool_or(nearest.inside.clone().bool_not());
-        counted = counted.bool_and(softened.clone().bool_and(none).bool_not());
-    }
+    let (counted, softened) = hits.counted(context, topology, rays, settings, &nearest);
     let discounted = counted.clone().bool_not();
+    let PlaneHits {
+        t, x, y, cosine, ..
+    } = hits;
+    let detached_t = detached(&t);
 
     let per_sigma = 1.0 / settings.sigma;
     let sign = nearest.inside.clone().float().cast(context.dtype) * (2.0 * per_sigma) - per_sigma;
@@ -233,19 +240,19 @@ pub fn coverage(
         let squared = from_border_x.clone() * from_border_x + from_border_y.clone() * from_border_y;
         (
             t.mask_fill(discounted.clone(), 0.0),
-            (squared * sign).mask_fill(discounted, 0.0),
+            (squared * sign).mask_fill(discounted.clone(), 0.0),
         )
     });
     let begun = (rays.departure.is_some() && settings.start > 0.0).then(|| {
-        let t = plain_t.clone().mask_fill(counted.clone().bool_not(), 0.0);
+        let t = detached_t.clone().mask_fill(discounted, 0.0);
         let scaled = t.clone() * settings.start.recip();
         let missing = (scaled.clone() * t).neg().exp();
         (missing.clone().neg() + 1.0, scaled * 2.0 * missing)
     });
     Coverage {
-        t: plain_t,
+        t: detached_t,
         begun,
-        cosine: plain_cosine,
+        cosine,
         decay: logit.clone().abs().neg().exp(),
         logit,
         counted,

@@ -1,5 +1,5 @@
-//! What the paths of a render see: hard surfaces along the rays of cones, or the paper's blurred
-//! triangles (Eq. 1), which share a ray by a softmax over depth (Eq. 3).
+//! The forms of visibility: hard surfaces along the rays of cones, or the paper's blurred triangles (Eq. 1),
+//! which share a ray by a softmax over depth (Eq. 3).
 //!
 //! The rest of this folder is the softmax. Its weights and transmittances are values without tape and a
 //! *linear* attached part: the derivative of a weight with respect to the logits and distances of its
@@ -8,25 +8,29 @@
 
 mod depth;
 mod edge;
+mod rays;
 mod softmax;
 mod sparse;
+#[cfg(test)]
+mod tests;
 mod transmittance;
 mod weights;
+
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-pub use depth::DepthRange;
-pub(crate) use edge::grazing;
-pub use edge::{Coverage, CoverageSettings, Rays, coverage};
-pub use softmax::{Softmax, weights};
-pub(crate) use sparse::hierarchy_of;
-pub use sparse::{Sparse, SparseWeights};
-pub use transmittance::transmittance;
-pub use weights::Weights;
+pub(crate) use depth::DepthRange;
+pub(crate) use edge::{Coverage, CoverageSettings, coverage, grazing};
+pub(crate) use rays::Rays;
+pub(crate) use softmax::{Softmax, weights};
+pub(crate) use sparse::{Sparse, SparseWeights, hierarchy_of};
+pub(crate) use transmittance::transmittance;
+pub(crate) use weights::Weights;
 
-/// What the rays of a render see, and so what its gradients are derivatives of.
+/// The form of visibility in a render. Its gradients are derivatives of the image in that form.
 ///
 /// `docs/VISIBILITY.md` compares both forms by measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,6 +69,21 @@ impl Default for Visibility {
     /// Cones without an angle, and a pixel filter with a radius of half a pixel.
     fn default() -> Self {
         Self::cone(0.0)
+    }
+}
+
+impl fmt::Display for Visibility {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cone { angle, pixels } => {
+                write!(f, "cones of {angle} rad, filter of {pixels} px")
+            }
+            Self::Softmax {
+                sigma,
+                gamma,
+                epsilon,
+            } => write!(f, "softmax of σ {sigma}, γ {gamma}, ε {epsilon}"),
+        }
     }
 }
 

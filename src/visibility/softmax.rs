@@ -1,10 +1,10 @@
 //! The paper's softmax over depth (Eq. 3, corrected).
 
-use burn::tensor::Tensor;
+use super::depth::DepthRange;
+use super::edge::Coverage;
+use super::weights::{Slopes, Weights};
 
-use super::{Coverage, DepthRange, Weights};
-
-/// What the paper's form depends on.
+/// The parameters of the paper's form.
 #[derive(Clone, Copy, Debug)]
 pub struct Softmax {
     /// Blur of edges σ, a length squared.
@@ -13,17 +13,6 @@ pub struct Softmax {
     pub gamma: f64,
     /// ε, the score of the background.
     pub epsilon: f64,
-}
-
-/// Derivatives of the scores.
-#[derive(Clone, Debug)]
-pub(super) struct Slopes {
-    /// By the logits `[T, N]`.
-    logit: Tensor<2>,
-    /// By the distances `[1, N]` or `[T, N]`.
-    distance: Tensor<2>,
-    /// By far `[T, N]`, with its change `[1, N]`.
-    far: Option<(Tensor<2>, Tensor<2>)>,
 }
 
 /// Weights of all surfaces of each ray: softmax over log p_k + z_k/γ and ε/γ for the background.
@@ -97,19 +86,5 @@ pub fn weights(coverage: Coverage, range: DepthRange, form: Softmax) -> Weights 
         background: rest / total,
         coverage,
         slopes: slopes.map(Box::new),
-    }
-}
-
-impl Slopes {
-    /// A row `[1, N]` that is 0 and has the derivative of Σ share_k·score_k.
-    pub fn change(&self, coverage: &Coverage, share: Tensor<2>) -> Option<Tensor<2>> {
-        let change = coverage.linear(
-            share.clone() * self.logit.clone(),
-            Some(share.clone() * self.distance.clone()),
-        )?;
-        Some(match self.far.clone() {
-            Some((slope, far)) => change + (share * slope).sum_dim(0) * far,
-            None => change,
-        })
     }
 }

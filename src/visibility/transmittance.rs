@@ -1,6 +1,8 @@
+//! The light that passes the triangles along a ray.
+
 use burn::tensor::Tensor;
 
-use super::Coverage;
+use super::edge::Coverage;
 
 /// The share of light that passes all counted triangles, ∏(1 − p_k) = exp Σ log(1 − p_k), as a row
 /// `[1, N]`; in the graph if a gradient can flow.

@@ -1,11 +1,12 @@
+//! The shares of surfaces in their rays, and the derivatives of these.
+
 use burn::tensor::Tensor;
 
-use super::Coverage;
-use super::softmax::Slopes;
+use super::edge::Coverage;
 use crate::error::{Error, Result};
-use crate::geometry::{Context, plain};
+use crate::geometry::{Context, detached};
 
-/// How the surfaces of each ray and the background share its weight.
+/// The shares of the surfaces of each ray, and of the background.
 #[derive(Clone, Debug)]
 pub struct Weights {
     /// W_k `[T, N]`, without tape.
@@ -15,6 +16,17 @@ pub struct Weights {
     pub(super) coverage: Coverage,
     /// Derivatives of the scores, where a gradient can flow.
     pub(super) slopes: Option<Box<Slopes>>,
+}
+
+/// Derivatives of the scores.
+#[derive(Clone, Debug)]
+pub(super) struct Slopes {
+    /// By the logits `[T, N]`.
+    pub logit: Tensor<2>,
+    /// By the distances `[1, N]` or `[T, N]`.
+    pub distance: Tensor<2>,
+    /// By far `[T, N]`, with its change `[1, N]`.
+    pub far: Option<(Tensor<2>, Tensor<2>)>,
 }
 
 impl Weights {
@@ -43,7 +55,7 @@ impl Weights {
         crate::geometry::host_values(&all.gather(0, context.index_row(drawn)))
     }
 
-    /// W_k / stop_gradient(W_k) of the drawn surfaces `[1, N]`: 1, with the derivative of log W_k.
+    /// W_k / detach(W_k) of the drawn surfaces `[1, N]`: 1, with the derivative of log W_k.
     /// None if no gradient can flow.
     pub fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
         let slopes = self.slopes.as_ref()?;
@@ -59,10 +71,10 @@ impl Weights {
         if let Some(background) = &background {
             mean = mean + self.background.clone() * background.clone();
         }
-        let values = plain(&surfaces).expand(self.surfaces.dims());
+        let values = detached(&surfaces).expand(self.surfaces.dims());
         let change = self.slopes.as_ref().and_then(|slopes| {
             // ∂ mean/∂ score_k = W_k·(v_k − mean)
-            let share = (values - plain(&mean)) * self.surfaces.clone();
+            let share = (values - detached(&mean)) * self.surfaces.clone();
             slopes.change(&self.coverage, share)
         });
         match change {
@@ -93,6 +105,20 @@ impl Weights {
                 .clone()
                 .mask_fill(self.coverage.counted.clone().bool_not(), 0.0),
         }
+    }
+}
+
+impl Slopes {
+    /// A row `[1, N]` that is 0 and has the derivative of Σ share_k·score_k.
+    pub fn change(&self, coverage: &Coverage, share: Tensor<2>) -> Option<Tensor<2>> {
+        let change = coverage.linear(
+            share.clone() * self.logit.clone(),
+            Some(share.clone() * self.distance.clone()),
+        )?;
+        Some(match self.far.clone() {
+            Some((slope, far)) => change + (share * slope).sum_dim(0) * far,
+            None => change,
+        })
     }
 }
 

@@ -8,7 +8,6 @@ pub mod modules;
 pub mod stress;
 pub mod told;
 pub mod training;
-pub mod visibility;
 pub mod weights;
 
 use std::path::PathBuf;

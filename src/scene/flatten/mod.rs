@@ -3,8 +3,6 @@
 mod attached;
 mod materials;
 
-use std::sync::Arc;
-
 use burn::tensor::Tensor;
 
 use super::check::{check_camera, check_scene};
@@ -13,7 +11,6 @@ use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
 use attached::Attached;
 pub(crate) use materials::{ChannelPlanes, EnvironmentMap, Materials, SkyTensors};
-
 
 /// A sphere around the scene that sets the scale of depths and tolerances; takes no gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +32,7 @@ impl From<Bounds> for Normalization {
 
 /// A scene as planes of triangles and materials.
 #[derive(Clone, Debug)]
-pub struct Flattened {
+pub(crate) struct Flattened {
     /// Device and float type.
     pub context: Context,
     /// Relative to the centre of the normalization, in units of `unit`.
@@ -46,7 +43,7 @@ pub struct Flattened {
     pub(crate) materials: Materials,
     /// Triangles that emit.
     pub emitters: Vec<u32>,
-    /// Where the scene is and how large, in scene units.
+    /// The place and size of the scene, in scene units.
     pub(crate) normalization: Normalization,
     /// The length that everything is measured in from here on, in scene units: the power of two
     /// nearest to the scene's radius. So a scene renders alike at any scale, and squares and
@@ -58,64 +55,30 @@ pub struct Flattened {
     pub normals: Option<(VertexData, Vec<bool>)>,
     /// The environment, if it is not a constant black.
     pub environment: Option<SkyTensors>,
-    /// What the topology was made from.
-    connected: Arc<Vec<Connected>>,
-}
-
-/// An object on the host.
-#[derive(Debug)]
-struct Connected {
-    /// Scene units.
-    positions: Vec<[f64; 3]>,
-    faces: Arc<Vec<[u32; 3]>>,
-    weld: Weld,
-}
-
-impl Connected {
-    /// Whether its triangles have the same neighbours.
-    fn is_like(&self, other: &Self) -> bool {
-        (Arc::ptr_eq(&self.faces, &other.faces) || self.faces == other.faces)
-            && self.weld == other.weld
-    }
 }
 
 impl Flattened {
-    /// Checks the scene and gathers its triangles. Bounds, where they are given, set the scale of depths
-    /// and tolerances in place of the scene's vertices.
+    /// Checks the scene and the camera that sees it, and gathers the triangles. A normalization, where it is
+    /// given, sets the scale of depths and tolerances in place of the scene's vertices.
     ///
     /// # Errors
-    /// Whatever a user can get wrong in a scene, named.
-    pub fn new(scene: &Scene, camera: &Camera, bounds: Option<Bounds>) -> Result<Self> {
-        Self::of_scene(scene, bounds.map(Normalization::from), None)?.seen_by(camera)
-    }
-
-    /// The same as every camera sees it, until [`Flattened::seen_by`] one. What is connected as in
-    /// another scene is taken from there.
-    ///
-    /// # Errors
-    /// As [`Flattened::new`].
-    pub(crate) fn of_scene(
+    /// If the scene or the camera is not valid; the error names the mistake.
+    pub fn new(
         scene: &Scene,
+        camera: &Camera,
         normalization: Option<Normalization>,
-        like: Option<&Self>,
     ) -> Result<Self> {
         let context = check_scene(scene)?;
-        let mut connected = Vec::with_capacity(scene.objects.len());
+        let mut positions = Vec::with_capacity(scene.objects.len());
         let mut shifts = Vec::with_capacity(scene.objects.len());
         for object in &scene.objects {
-            let positions = object.mesh.host_vertices()?;
-            connected.push(Connected {
-                weld: Weld::new(&positions),
-                positions,
-                faces: object.mesh.faces.clone(),
-            });
+            positions.push(object.mesh.host_vertices()?);
             shifts.push(match &object.velocity {
                 Some(v) => v.check(&object.name, "velocity", "finite numbers", |_| true)?,
                 None => [0.0; 3],
             });
         }
-        let topology = topology(scene, &connected, like);
-        let normalization = normalization.unwrap_or_else(|| normalization_of(&connected, &shifts));
+        let normalization = normalization.unwrap_or_else(|| normalization_of(&positions, &shifts));
         let unit = normalization.radius.log2().round().exp2();
         let centre = context.tensor(&normalization.center, [1, 3]);
         let corner = |i| {
@@ -140,6 +103,7 @@ impl Flattened {
             environment,
         } = Attached::new(scene, &context, unit);
         let triangles = Triangles::new(&context, corners, velocity);
+        let mut topology = topology(scene, &positions);
         let emitters: Vec<u32> = (0..topology.object.len() as u32)
             .filter(|&t| materials.kinds[topology.material[t as usize] as usize].emits)
             .collect();
@@ -148,6 +112,18 @@ impl Flattened {
                 "the scene has no light, so that its image is black: give it an environment \
                  (Scene::environment), or an object a Material::emitter"
             );
+        }
+        check_camera(camera, &context)?;
+        let eye = camera.eye.values()?;
+        let mut first = 0;
+        for (object, positions) in scene.objects.iter().zip(&positions) {
+            let faces = &object.mesh.faces;
+            let past = first + faces.len();
+            if !faces.is_empty() && topology.closed[first] {
+                let side = visible_side(positions, faces, eye);
+                topology.visible_side[first..past].fill(side);
+            }
+            first = past;
         }
         Ok(Self {
             context,
@@ -160,30 +136,10 @@ impl Flattened {
             uvs,
             normals,
             environment,
-            connected: Arc::new(connected),
         })
     }
 
-    /// With the sides of closed objects that a camera can see.
-    ///
-    /// # Errors
-    /// What a user can get wrong in a camera.
-    pub(crate) fn seen_by(mut self, camera: &Camera) -> Result<Self> {
-        check_camera(camera, &self.context)?;
-        let eye = camera.eye.values()?;
-        let mut first = 0;
-        for object in self.connected.iter() {
-            let n = object.faces.len();
-            if n > 0 && self.topology.closed[first] {
-                let side = visible_side(&object.positions, &object.faces, eye);
-                self.topology.visible_side[first..first + n].fill(side);
-            }
-            first += n;
-        }
-        Ok(self)
-    }
-
-    /// How many objects have triangles.
+    /// The number of objects with triangles.
     pub(crate) fn objects(&self) -> usize {
         self.topology.object.last().map_or(0, |&o| o as usize + 1)
     }
@@ -195,30 +151,21 @@ impl Flattened {
 }
 
 /// Objects, materials and neighbours of all triangles.
-fn topology(scene: &Scene, connected: &[Connected], like: Option<&Flattened>) -> Topology {
-    let like = like.filter(|other| {
-        let pairs = || connected.iter().zip(other.connected.iter());
-        connected.len() == other.connected.len() && pairs().all(|(a, b)| a.is_like(b))
-    });
-    let (mut base, mut first) = (0, 0);
-    let mut topology = like.map_or_else(Topology::default, |other| other.topology.clone());
-    for (object, host) in scene.objects.iter().zip(connected) {
-        let n = object.mesh.faces.len();
-        let of_face: Vec<u32> = (0..n)
+fn topology(scene: &Scene, positions: &[Vec<[f64; 3]>]) -> Topology {
+    let mut base = 0;
+    let mut topology = Topology::default();
+    for (object, positions) in scene.objects.iter().zip(positions) {
+        let of_face: Vec<u32> = (0..object.mesh.faces.len())
             .map(|f| base + object.face_materials.get(f).copied().unwrap_or(0))
             .collect();
         base += object.materials.len() as u32;
-        match like {
-            Some(_) => topology.material[first..first + n].copy_from_slice(&of_face),
-            None => topology.push_object(&host.weld, &object.mesh.faces, &of_face),
-        }
-        first += n;
+        topology.push_object(&Weld::new(positions), &object.mesh.faces, &of_face);
     }
     topology
 }
 
-fn normalization_of(objects: &[Connected], shifts: &[[f64; 3]]) -> Normalization {
-    let all = || objects.iter().flat_map(|o| o.positions.iter());
+fn normalization_of(objects: &[Vec<[f64; 3]>], shifts: &[[f64; 3]]) -> Normalization {
+    let all = || objects.iter().flatten();
     let n = all().count() as f64;
     let center: [f64; 3] = std::array::from_fn(|i| all().map(|v| v[i]).sum::<f64>() / n);
     let distance = |v: &[f64; 3], u: &[f64; 3], time: f64| {
@@ -230,9 +177,9 @@ fn normalization_of(objects: &[Connected], shifts: &[[f64; 3]]) -> Normalization
     let radius = objects
         .iter()
         .zip(shifts)
-        .flat_map(|(o, u)| {
+        .flat_map(|(positions, u)| {
             let far = |v| distance(v, u, 0.0).max(distance(v, u, 1.0));
-            o.positions.iter().map(far)
+            positions.iter().map(far)
         })
         .fold(0.0, f64::max);
     // A scene that is one point has no scale of its own.
@@ -240,7 +187,7 @@ fn normalization_of(objects: &[Connected], shifts: &[[f64; 3]]) -> Normalization
     Normalization { center, radius }
 }
 
-/// Which side of a closed object can be seen from `eye`: +1 those with n·d > 0, −1 those with
+/// The side of a closed object that can be seen from `eye`: +1 those with n·d > 0, −1 those with
 /// n·d < 0. From outside a surface can only be entered, from inside only be left; nothing
 /// transmits light, so this holds for every ray of a path.
 fn visible_side(positions: &[[f64; 3]], faces: &[[u32; 3]], eye: [f64; 3]) -> f64 {

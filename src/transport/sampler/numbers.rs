@@ -5,9 +5,11 @@ use std::ops::Range;
 use sobol_burley::NUM_DIMENSION_SETS_4D;
 use sobol_burley::parts::{owen_scramble_rev, u32_to_f32_norm};
 
+use super::dimension::Dimension;
+use super::mix::{mix, number};
 use super::points::{points, round, scrambles, unscrambled};
-use super::{Dimension, Sampler, mix, number};
-use crate::transport::Sequence;
+use super::source::Sampler;
+use crate::transport::strategies::Sequence;
 
 /// Samples of a pixel whose numbers are drawn at once.
 pub(crate) const RUN: usize = 8;

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use sobol_burley::NUM_DIMENSION_SETS_4D;
 use sobol_burley::parts::{owen_scramble_rev, sobol_rev};
 
-use super::mix;
+use super::mix::mix;
 
 /// The place of a path in a round through the dimensions, its bits reversed, and what scrambles are made
 /// from.
@@ -14,7 +14,7 @@ pub(super) fn round(index: u32, block: u64, round: u64) -> (u32, u64) {
     (owen_scramble_rev(index.reverse_bits(), stage as u32), stage)
 }
 
-/// What scrambles a set of four dimensions.
+/// The seeds that scramble a set of four dimensions.
 #[inline(always)]
 pub(super) fn scrambles(stage: u64, set: u32) -> [u32; 4] {
     let a = mix(stage ^ u64::from(set + 1));

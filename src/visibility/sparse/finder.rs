@@ -3,7 +3,7 @@
 use pulp::Arch;
 
 use super::ray::{HostRay, Span, Surface};
-use crate::accel::{Hierarchy, Machine, Reach, Task, dispatch};
+use crate::accel::{Hierarchy, Machine, PlaneHit, Reach, Task, dispatch};
 use crate::geometry::{Context, Topology};
 use crate::visibility::edge::grazing;
 use crate::visibility::{CoverageSettings, Softmax};
@@ -11,26 +11,26 @@ use crate::visibility::{CoverageSettings, Softmax};
 /// exp(−60) is nothing beside 1.
 const DEEP: f64 = 60.0;
 
-/// How far a ray goes, and from where on the back of the emitter's object counts.
+/// The end of a ray, and the distance from which on the back of the emitter's object counts.
 struct Ends {
     limit: f64,
     near_end: Option<f64>,
-    /// What lies this far behind something opaque doesn't matter.
-    behind: f64,
+    /// The distance behind something opaque beyond which nothing matters.
+    depth_margin: f64,
     /// The distance along the ray that divides a weight by e; 0 for shadow rays.
-    fall: f64,
+    depth_falloff: f64,
     reach: Reach,
 }
 
-/// [`Finder::meet`] as a task.
-struct Meeting<'a> {
+/// [`Finder::intersect`] as a task.
+struct Intersect<'a> {
     finder: &'a Finder<'a>,
     ray: &'a HostRay,
     span: Span,
     found: &'a mut Vec<Surface>,
 }
 
-impl Task for Meeting<'_> {
+impl Task for Intersect<'_> {
     type Output = u32;
 
     #[inline(always)]
@@ -41,7 +41,7 @@ impl Task for Meeting<'_> {
             span,
             found,
         } = self;
-        finder.meet_on(machine, ray, span, found)
+        finder.intersect_on(machine, ray, span, found)
     }
 }
 
@@ -61,12 +61,12 @@ pub(crate) struct Finder<'a> {
     root: f64,
     /// 1/σ.
     inverse: f64,
-    /// How far inside a hit is as good as opaque, whatever its distance to the border.
-    deep: f64,
+    /// The distance to the border from which on a hit inside is as good as opaque.
+    deep_inside: f64,
     /// Triangles of smaller opacity, and what lies behind more than 1 − cutoff, are left out.
     pub(super) cutoff: f64,
-    /// What is e to this power less than something opaque doesn't matter.
-    pub(super) nats: f64,
+    /// A surface that counts e to this power less than something opaque doesn't matter.
+    pub(super) log_cutoff: f64,
 }
 
 impl<'a> Finder<'a> {
@@ -79,7 +79,7 @@ impl<'a> Finder<'a> {
         form: Softmax,
         cutoff: f64,
     ) -> Self {
-        let nats = (1.0 / cutoff).ln();
+        let log_cutoff = (1.0 / cutoff).ln();
         Self {
             arch: Arch::new(),
             hierarchy,
@@ -88,27 +88,27 @@ impl<'a> Finder<'a> {
             form,
             shadow: false,
             grazing: grazing(context.dtype),
-            reach: settings.sigma * nats,
-            root: (settings.sigma * nats).sqrt(),
+            reach: settings.sigma * log_cutoff,
+            root: (settings.sigma * log_cutoff).sqrt(),
             inverse: settings.sigma.recip(),
-            deep: (DEEP * settings.sigma).sqrt(),
+            deep_inside: (DEEP * settings.sigma).sqrt(),
             cutoff,
-            nats: (10.0 / cutoff).ln(),
+            log_cutoff: (10.0 / cutoff).ln(),
         }
     }
 
     /// For shadow rays.
-    pub fn of_shadows(self) -> Self {
+    pub fn for_shadows(self) -> Self {
         Self {
             shadow: true,
             ..self
         }
     }
 
-    /// The surfaces that a ray meets, unordered, and how many were asked.
+    /// The surfaces that a ray meets, unordered, and the number of triangles that were tested.
     #[inline]
-    pub fn meet(&self, ray: &HostRay, span: Span, found: &mut Vec<Surface>) -> u32 {
-        let task = Meeting {
+    pub fn intersect(&self, ray: &HostRay, span: Span, found: &mut Vec<Surface>) -> u32 {
+        let task = Intersect {
             finder: self,
             ray,
             span,
@@ -118,7 +118,7 @@ impl<'a> Finder<'a> {
     }
 
     #[inline(always)]
-    fn meet_on<M: Machine>(
+    fn intersect_on<M: Machine>(
         &self,
         machine: M,
         ray: &HostRay,
@@ -127,14 +127,14 @@ impl<'a> Finder<'a> {
     ) -> u32 {
         let ends = self.ends(ray, span);
         let mut limit = ends.limit;
-        self.hierarchy.visit_on(
+        self.hierarchy.visit(
             machine,
             (ray.origin, ray.direction, ray.time),
             ends.reach,
             (self.settings.t_min, limit),
             #[inline(always)]
             |k| {
-                limit = self.ask(ray, &ends, k, limit, found);
+                limit = self.test(ray, &ends, k, limit, found);
                 limit
             },
         )
@@ -153,102 +153,117 @@ impl<'a> Finder<'a> {
         let mut ends = Ends {
             limit,
             near_end,
-            behind: 0.0,
-            fall: 0.0,
+            depth_margin: 0.0,
+            depth_falloff: 0.0,
             reach: Reach {
                 most: self.root,
-                price: 0.0,
+                distance_penalty: 0.0,
             },
         };
         if !self.shadow {
             let Softmax { gamma, epsilon, .. } = self.form;
-            // A weight is exp(−(t + price·squared distance)/fall), at most, over that of the best so far:
-            // the background, to begin with.
-            ends.fall = gamma * span.depth();
-            ends.behind = ends.fall * self.nats;
-            let price = ends.fall * self.inverse;
+            // A weight is exp(−(t + penalty·squared distance)/falloff), at most, over that of the best
+            // so far: the background, to begin with.
+            ends.depth_falloff = gamma * span.depth();
+            ends.depth_margin = ends.depth_falloff * self.log_cutoff;
+            let distance_penalty = ends.depth_falloff * self.inverse;
             let background = span.far - epsilon * span.depth();
-            ends.limit = limit.min(background + ends.behind);
+            ends.limit = limit.min(background + ends.depth_margin);
             // A hit before near is as far from every triangle.
-            let squared = ((ends.limit - span.near) / price).max(0.0);
+            let squared = ((ends.limit - span.near) / distance_penalty).max(0.0);
             let most = if span.near > 0.0 {
-                let half = 0.5 / price;
+                let half = 0.5 / distance_penalty;
                 half + (half * half + squared).sqrt()
             } else {
                 squared.sqrt()
             };
-            ends.reach = Reach { most, price };
+            ends.reach = Reach {
+                most,
+                distance_penalty,
+            };
         }
         ends
     }
 
-    /// Adds a triangle to those that a ray meets before `limit`, if it does; returns the limit from
-    /// there on.
+    /// The hit of a ray on a triangle that counts before `limit`: with the sign of its logit over σ and the
+    /// logit.
     #[inline(always)]
-    fn ask(&self, ray: &HostRay, ends: &Ends, k: u32, limit: f64, found: &mut Vec<Surface>) -> f64 {
+    fn counted(
+        &self,
+        ray: &HostRay,
+        ends: &Ends,
+        k: u32,
+        limit: f64,
+    ) -> Option<(PlaneHit, f64, f64)> {
         let Self {
             topology, settings, ..
         } = self;
-        let HostRay {
-            origin,
-            direction,
-            time,
-            departure,
-            emitter,
-            ..
-        } = *ray;
-        let near_end = ends.near_end;
-        let neighbour =
-            |end: Option<u32>, k: u32| end.is_some_and(|e| topology.neighbours.are(e, k));
-        let logs = ends.fall > 0.0;
+        let logs = ends.depth_falloff > 0.0;
         let triangle = &self.hierarchy.triangles[k as usize];
-        let o = origin - triangle.velocity * time;
+        let o = ray.origin - triangle.velocity * ray.time;
         let range = (settings.t_min, limit);
         let reach = if logs { f64::INFINITY } else { self.reach };
-        let Some(hit) = triangle.meet(o, direction, self.grazing, range, (reach, self.deep)) else {
-            return limit;
-        };
-        if logs && !hit.inside && hit.t + ends.reach.price * hit.squared_distance > limit {
-            return limit;
+        let reach = (reach, self.deep_inside);
+        let hit = triangle.intersect(o, ray.direction, self.grazing, range, reach)?;
+        if logs && !hit.inside && hit.t + ends.reach.distance_penalty * hit.squared_distance > limit
+        {
+            return None;
         }
         // Two tests at once, which is one jump.
         let at_end = |end: Option<u32>| end.unwrap_or(u32::MAX) == k;
-        if at_end(departure) | at_end(emitter) {
-            return limit;
+        if at_end(ray.departure) | at_end(ray.emitter) {
+            return None;
         }
         let at = k as usize;
         let mut side = topology.visible_side[at] * hit.cosine;
-        if let (Some(e), Some(from)) = (emitter, near_end)
+        if let (Some(e), Some(from)) = (ray.emitter, ends.near_end)
             && topology.object[e as usize] == topology.object[at]
             && hit.t >= from
         {
             side = -side;
         }
         if side < 0.0 {
-            return limit;
+            return None;
         }
         let sign = if hit.inside {
             self.inverse
         } else {
             -self.inverse
         };
-        let logit = hit.squared_distance * sign;
+        Some((hit, sign, hit.squared_distance * sign))
+    }
+
+    /// Adds a triangle to those that a ray meets before `limit`, if it does so; returns the limit from
+    /// there on.
+    #[inline(always)]
+    fn test(
+        &self,
+        ray: &HostRay,
+        ends: &Ends,
+        k: u32,
+        limit: f64,
+        found: &mut Vec<Surface>,
+    ) -> f64 {
+        let logs = ends.depth_falloff > 0.0;
+        let Some((hit, sign, logit)) = self.counted(ray, ends, k, limit) else {
+            return limit;
+        };
+        let beside = |end: Option<u32>| end.is_some_and(|e| self.topology.neighbours.are(e, k));
         // Deep inside both are 1.
-        let softened = logit <= DEEP && (neighbour(departure, k) || neighbour(emitter, k));
+        let softened = logit <= DEEP && (beside(ray.departure) || beside(ray.emitter));
         if softened && (!hit.inside || logit < f64::EPSILON) {
             return limit;
         }
-        // Shadow rays don't ask far outside, the others by the logarithm.
+        // Shadow rays don't test far outside, the others use the logarithm.
         let decay = if logit > DEEP || (logs && logit < -DEEP) {
             0.0
         } else {
             (-logit.abs()).exp()
         };
         let one_plus = 1.0 + decay;
-        let edge = if hit.inside { 1.0 } else { decay } / one_plus;
+        let mut p = if hit.inside { 1.0 } else { decay } / one_plus;
         let mut slope = decay / (one_plus * one_plus);
-        let mut p = edge;
-        // ∂log p/∂logit is 1 − p. Only the softmax asks for it.
+        // ∂log p/∂logit is 1 − p. Only the softmax needs it.
         let mut log_p = match (logs, decay) {
             (false, _) => 0.0,
             (true, 0.0) => logit.min(0.0),
@@ -264,10 +279,11 @@ impl<'a> Finder<'a> {
             log_slope = 2.0 * decay / (1.0 - decay * decay).max(1e-6);
         }
         let (mut slope_t, mut log_slope_t) = (0.0, 0.0);
-        if settings.start > 0.0 && departure.is_some() {
-            let begun = hit.t * hit.t / settings.start;
+        let start = self.settings.start;
+        if start > 0.0 && ray.departure.is_some() {
+            let begun = hit.t * hit.t / start;
             let missing = if begun > 60.0 { 0.0 } else { (-begun).exp() };
-            let (share, by_t) = (1.0 - missing, 2.0 * hit.t / settings.start * missing);
+            let (share, by_t) = (1.0 - missing, 2.0 * hit.t / start * missing);
             if share < 1e-30 {
                 return limit;
             }
@@ -294,12 +310,10 @@ impl<'a> Finder<'a> {
         });
         if logs {
             // It may be the best so far.
-            return limit.min(hit.t - log_p * ends.fall + ends.behind);
+            return limit.min(hit.t - log_p * ends.depth_falloff + ends.depth_margin);
         }
         // Nothing arrives behind something opaque.
-        if p > 1.0 - 0.1 * self.cutoff {
-            return f64::NEG_INFINITY;
-        }
-        limit
+        let opaque = p > 1.0 - 0.1 * self.cutoff;
+        if opaque { f64::NEG_INFINITY } else { limit }
     }
 }

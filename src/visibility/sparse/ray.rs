@@ -1,8 +1,11 @@
-//! One ray on the host, and a surface that it meets.
+//! Rays on the host, and the surfaces that they meet.
 
 use glam::DVec3;
 
 use crate::accel::HostTriangle;
+use crate::error::Result;
+use crate::geometry::{host_values, host_vectors};
+use crate::visibility::Rays;
 
 /// A surface that a ray meets.
 #[derive(Clone, Copy, Debug)]
@@ -25,11 +28,11 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
-    /// What a·dlogit + b·dt is made of: with f and m, (f − m)·(do + t dd) over the ray, at the
+    /// The vectors f and m that a·dlogit + b·dt is made of: (f − m)·(do + t dd) over the ray, at the
     /// triangle's place at the ray's time, and m·hit_i − f·border_i at its corners. None if it
     /// counts nothing.
     #[inline(always)]
-    pub fn pull(
+    pub fn backward(
         &self,
         triangle: &HostTriangle,
         direction: DVec3,
@@ -62,6 +65,43 @@ pub(crate) struct HostRay {
     /// The emitter that it ends on, and where.
     pub emitter: Option<u32>,
     pub distance: Option<f64>,
+}
+
+/// Rays on the host.
+pub(super) struct HostRays {
+    pub origin: Vec<DVec3>,
+    pub direction: Vec<DVec3>,
+    pub time: Option<Vec<f64>>,
+    arrival: Option<Vec<f64>>,
+}
+
+impl HostRays {
+    /// Reads rays back.
+    pub fn new(rays: &Rays) -> Result<Self> {
+        Ok(Self {
+            origin: host_vectors(&rays.origin)?,
+            direction: host_vectors(&rays.direction)?,
+            time: rays.time.as_ref().map(host_values).transpose()?,
+            arrival: rays
+                .arrival
+                .as_ref()
+                .map(|(_, d)| host_values(d))
+                .transpose()?,
+        })
+    }
+
+    /// The i-th ray.
+    pub fn ray(&self, rays: &Rays, i: usize) -> HostRay {
+        let emitter = rays.arrival.as_ref().and_then(|(e, _)| e.get(i).copied());
+        HostRay {
+            origin: self.origin[i],
+            direction: self.direction[i],
+            time: self.time.as_ref().map_or(0.0, |t| t[i]),
+            departure: rays.departure.as_ref().map(|d| d[i]),
+            emitter,
+            distance: self.arrival.as_ref().map(|a| a[i]),
+        }
+    }
 }
 
 /// From where to where a ray's triangles are of interest: near and far (Eq. 3).

@@ -3,8 +3,9 @@
 use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
 use glam::DVec3;
 
-use super::{HostRays, Sparse, Surface};
-use crate::geometry::{Context, Vec3, plain};
+use super::ray::{HostRays, Surface};
+use super::triangles::Sparse;
+use crate::geometry::{Context, Vec3, detached};
 use crate::visibility::Rays;
 
 /// Linear terms of rays: Σ over their surfaces.
@@ -39,7 +40,7 @@ impl Terms {
         least: f64,
     ) {
         let triangle = &sparse.hierarchy.triangles[s.triangle as usize];
-        let Some([f, m]) = s.pull(triangle, rays.direction[i], a, b, least) else {
+        let Some([f, m]) = s.backward(triangle, rays.direction[i], a, b, least) else {
             return;
         };
         let from_ray = f - m;
@@ -88,11 +89,7 @@ impl Terms {
             (&rays.direction, &self.direction),
         ] {
             if value.is_tracked() {
-                let axis = |k: usize| {
-                    let row: Vec<f64> = coefficients.iter().map(|c| c[k]).collect();
-                    context.row(&row)
-                };
-                add(value.dot(&Vec3::new(axis(0), axis(1), axis(2))));
+                add(value.dot(&Vec3::from_host(context, coefficients)));
             }
         }
         if pairs > 0 {
@@ -120,7 +117,7 @@ impl Terms {
             }
         }
         let sum = sum?;
-        let value = plain(&sum);
+        let value = detached(&sum);
         Some(sum - value)
     }
 }

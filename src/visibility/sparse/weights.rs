@@ -3,14 +3,16 @@
 use burn::tensor::{IndexingUpdateOp, Tensor};
 use rayon::prelude::*;
 
+use super::lists::{Lists, RAYS_A_PIECE, pieces};
+use super::ray::{HostRays, Surface};
+use super::softmax::WeightGradient;
 use super::terms::Terms;
-use super::weighed::Weighed;
-use super::{HostRays, Lists, RAYS_A_PIECE, Sparse, Surface, chunks};
+use super::triangles::Sparse;
 use crate::geometry::Context;
 use crate::visibility::{DepthRange, Rays, Softmax};
 
 /// The weights of the surfaces that each ray meets.
-pub struct SparseWeights<'a> {
+pub(crate) struct SparseWeights<'a> {
     pub(super) sparse: &'a Sparse,
     pub(super) context: Context,
     pub(super) rays: Rays,
@@ -28,7 +30,7 @@ pub struct SparseWeights<'a> {
 }
 
 impl SparseWeights<'_> {
-    /// How many rays.
+    /// The number of rays.
     fn len(&self) -> usize {
         self.background.len()
     }
@@ -93,7 +95,7 @@ impl SparseWeights<'_> {
             .collect()
     }
 
-    /// W/stop(W) of the drawn surfaces `[1, N]`; None if no gradient can flow.
+    /// W / detach(W) of the drawn surfaces `[1, N]`; None if no gradient can flow.
     pub fn ratio(&self, drawn: &[u32]) -> Option<Tensor<2>> {
         let change = self.change(|i, k, s| {
             let is = |k: u32| if drawn[i] == k { 1.0 } else { 0.0 };
@@ -113,7 +115,7 @@ impl SparseWeights<'_> {
         if !self.tracked {
             return None;
         }
-        let parts: Vec<(Terms, Vec<f64>)> = chunks(self.len())
+        let parts: Vec<(Terms, Vec<f64>)> = pieces(self.len())
             .into_par_iter()
             .map(|range| {
                 let mut terms = Terms::default();
@@ -124,7 +126,7 @@ impl SparseWeights<'_> {
                     values.clear();
                     values.extend(surfaces.iter().map(|s| v(i, s.triangle, Some(s))));
                     let background = v(i, self.triangles, None);
-                    let far = self.weighed(i).pull(&values, background, |s, a, b| {
+                    let far = self.gradient(i).backward(&values, background, |s, a, b| {
                         terms.add(self.sparse, &self.host, i, s, a, b, 0.0);
                     });
                     by_far.push(far);
@@ -146,9 +148,9 @@ impl SparseWeights<'_> {
         }
     }
 
-    fn weighed(&self, i: usize) -> Weighed<'_> {
+    fn gradient(&self, i: usize) -> WeightGradient<'_> {
         let depth = self.depth[i];
-        Weighed {
+        WeightGradient {
             form: self.form,
             surfaces: self.surfaces.of(i),
             background: self.background[i],
@@ -254,7 +256,7 @@ impl SparseWeights<'_> {
         (self.context.tensor(&sums, [objects, n]), background)
     }
 
-    /// How many surfaces share each ray.
+    /// The number of surfaces that share each ray.
     pub fn counts(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.len()).map(|i| self.surfaces.of(i).len())
     }

@@ -1,23 +1,22 @@
-//! The paths of a tile that are on their way: which go on, and from which surfaces.
+//! The paths of a tile that are on their way, and the light that they bring back.
 
 use burn::tensor::Tensor;
 
-use super::Dimension;
-use super::path::Contribution;
+use super::sampler::Dimension;
 use super::tracer::{RayWeights, Tracer};
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, gather_row, host_values, plain};
+use crate::geometry::{Context, Vec3, detached, gather_row, host_values};
 use crate::visibility::Rays;
 
 /// Ends paths at random in proportion to their throughput, and returns those that go on.
-pub(super) fn roulette(tracer: &Tracer, batch: &mut Batch, bounce: u32) -> Result<Vec<u32>> {
+pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> Result<Vec<u32>> {
     let count = batch.paths.len() as u32;
     let Some(current) = &mut batch.throughput else {
         return Ok((0..count).collect());
     };
-    let largest = plain(&current.x)
-        .max_pair(plain(&current.y))
-        .max_pair(plain(&current.z));
+    let largest = detached(&current.x)
+        .max_pair(detached(&current.y))
+        .max_pair(detached(&current.z));
     // Not under 5 %, so that a path whose light is 0 for now still carries its gradient.
     let survival: Vec<f64> = host_values(&largest)?
         .iter()
@@ -33,19 +32,19 @@ pub(super) fn roulette(tracer: &Tracer, batch: &mut Batch, bounce: u32) -> Resul
 }
 
 /// The paths of a tile that are on their way.
-pub(super) struct Batch {
+pub(super) struct PathBatch {
     /// Pixel and sample of each.
     pub paths: Vec<(u32, u32)>,
     /// The column of the tile that each belongs to.
     pub slots: Vec<u32>,
-    /// What part of its slot a path stands for, where that is not all.
+    /// The part of its slot that a path stands for, where that is not all.
     pub share: Option<Vec<f64>>,
     pub rays: Rays,
     /// None stands for 1.
     pub throughput: Option<Vec3>,
 }
 
-impl Batch {
+impl PathBatch {
     /// Goes on with several surfaces of each ray in place of one. Returns them; paths are then those
     /// of the surfaces.
     pub fn split(
@@ -53,14 +52,14 @@ impl Batch {
         tracer: &Tracer,
         weights: &RayWeights,
         random: &[f64],
-        useful: impl Fn(u32) -> bool,
+        reflects: impl Fn(u32) -> bool,
     ) -> Result<Vec<u32>> {
         let context = &tracer.scene().context;
         let n = self.paths.len();
         // The first surface of each ray, then all others.
         let (mut first, mut others): (Vec<(u32, u32, f64)>, Vec<_>) = (Vec::new(), Vec::new());
         for entry in weights.split(context, random)? {
-            if !useful(entry.1) {
+            if !reflects(entry.1) {
                 continue;
             }
             match first.last() {
@@ -151,6 +150,13 @@ impl Batch {
             light: weighted(light, throughput),
         }
     }
+}
+
+/// Contributions of some of a tile's paths.
+pub(super) struct Contribution {
+    pub bounce: u32,
+    pub slots: Vec<u32>,
+    pub light: Vec3,
 }
 
 pub(super) fn is_identity(which: &[u32], count: usize) -> bool {

@@ -12,31 +12,36 @@ impl Finder<'_> {
         let score = |s: &Surface| (span.far - s.t) / (span.depth() * gamma);
         // Most rays meet one surface.
         if let [s] = &mut found[..]
-            && s.log[0] + score(s) - epsilon / gamma > self.nats
+            && s.log[0] + score(s) - epsilon / gamma > self.log_cutoff
         {
             s.weight = 1.0;
             return 0.0;
         }
-        let background = softmax(found, score, epsilon / gamma, (self.cutoff, self.nats));
+        let background = softmax(
+            found,
+            score,
+            epsilon / gamma,
+            (self.cutoff, self.log_cutoff),
+        );
         found.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
         background
     }
 }
 
 /// Drops surfaces, and the background, whose weights add up to less than `cutoff`, sets those of the
-/// rest, and returns that of the background. `nats` is ln(10/cutoff).
+/// rest, and returns that of the background. `log_cutoff` is ln(10/cutoff).
 fn softmax(
     all: &mut Vec<Surface>,
     score: impl Fn(&Surface) -> f64,
     background: f64,
-    (cutoff, nats): (f64, f64),
+    (cutoff, log_cutoff): (f64, f64),
 ) -> f64 {
     let full = |s: &Surface| s.log[0] + score(s);
     let largest = all.iter().map(full).fold(background, f64::max);
     let count = all.len() + 1;
     let least = largest
         - if count <= 10 {
-            nats
+            log_cutoff
         } else {
             (count as f64 / cutoff).ln()
         };
@@ -67,7 +72,7 @@ pub(super) fn passed(found: &[Surface], by_p: &mut Vec<f64>) -> f64 {
 }
 
 /// The weights of the surfaces of one ray, to be differentiated.
-pub(super) struct Weighed<'a> {
+pub(super) struct WeightGradient<'a> {
     pub form: Softmax,
     pub surfaces: &'a [Surface],
     /// W of the background.
@@ -79,17 +84,17 @@ pub(super) struct Weighed<'a> {
     pub inside: bool,
 }
 
-impl Weighed<'_> {
+impl WeightGradient<'_> {
     /// Derivatives of Σ v·W + v·W_background: calls `emit` with surfaces and their derivatives by logit
     /// and by t; returns that by far.
-    pub fn pull(
+    pub fn backward(
         &self,
         values: &[f64],
         background: f64,
         mut emit: impl FnMut(&Surface, f64, f64),
     ) -> f64 {
         let surfaces = self.surfaces;
-        // What is nothing beside the largest part of the sum.
+        // Shares under this are nothing beside the largest part of the sum.
         let parts = surfaces.iter().zip(values);
         let parts = parts.map(|(s, v)| (s.weight * v).abs());
         let tiny = 1e-12 * parts.fold((self.background * background).abs(), f64::max);

@@ -1,21 +1,27 @@
 //! The formulas against `visibility.json`: float64 values and gradients from an independent
 //! implementation.
+#![cfg_attr(not(feature = "flex"), allow(dead_code))] // a part serves each backend
+
+use std::path::PathBuf;
 
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use serde_json::Value;
-use softray::geometry::{Context, Neighbours, Topology, Triangles, Vec3, VertexData};
-use softray::visibility::{
+
+use super::{
     Coverage, CoverageSettings, DepthRange, Rays, Softmax, Weights, coverage, transmittance,
     weights,
 };
-
-use super::{reference, values};
+use crate::geometry::{Context, Neighbours, Topology, Triangles, Vec3, VertexData, host_values};
 
 struct Case {
     name: String,
     json: Value,
     triangles: usize,
     rays: usize,
+}
+
+fn values<const D: usize>(t: &Tensor<D>) -> Vec<f64> {
+    host_values(t).expect("values")
 }
 
 fn flat(v: &Value) -> Vec<f64> {
@@ -26,7 +32,11 @@ fn flat(v: &Value) -> Vec<f64> {
 }
 
 fn cases() -> Vec<Case> {
-    let text = std::fs::read_to_string(reference("visibility.json")).expect("visibility.json");
+    let folder = std::env::var_os("SOFTRAY_REFERENCE").map_or_else(
+        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data"),
+        PathBuf::from,
+    );
+    let text = std::fs::read_to_string(folder.join("visibility.json")).expect("visibility.json");
     let json: Value = serde_json::from_str(&text).expect("JSON");
     let list = json["cases"].as_array().expect("cases").clone();
     assert!(!list.is_empty());
@@ -50,8 +60,6 @@ struct Built {
     coverage: Coverage,
     cut: Coverage,
     softmax: Softmax,
-    context: Context,
-    topology: Topology,
 }
 
 impl Built {
@@ -91,7 +99,7 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         object: flat(&case.json["mesh"]).iter().map(|&m| m as u32).collect(),
         material: vec![0; case.triangles],
         closed: vec![false; case.triangles],
-        neighbours: Neighbours::none(case.triangles).into(),
+        neighbours: Neighbours::none(case.triangles),
         visible_side: vec![0.0; case.triangles],
     };
     let rays = Rays {
@@ -128,8 +136,6 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
             gamma: case.json["gamma"].as_f64().expect("gamma"),
             epsilon: case.json["epsilon"].as_f64().expect("epsilon"),
         },
-        context,
-        topology,
     }
 }
 
@@ -184,7 +190,7 @@ fn assert_gradients(case: &Case, kind: &str, built: &Built, loss: Tensor<1>, rel
 }
 
 /// Values and gradients of every case on one device.
-pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
+fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
     for case in &cases() {
         let context = Context {
             device: device.clone(),
@@ -198,59 +204,38 @@ pub fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
                 .tensor(&flat(&all[i]), [case.rays, columns])
                 .transpose()
         };
+        let close = |kind: &str, found: &Tensor<2>, expected: &Value| {
+            let name = format!("{} {kind}", case.name);
+            assert_close(&name, &by_ray(found), &flat(expected), value);
+        };
         let built = build(case, device, dtype);
-        let p = by_ray(&built.coverage.probability());
-        assert_close(
-            &format!("{} p", case.name),
-            &p,
-            &flat(&case.json["p"]),
-            value,
-        );
+        close("p", &built.coverage.probability(), &case.json["p"]);
         let weights = built.weights();
         let expected = &case.json["softmax"];
-        let name = format!("{} softmax", case.name);
-        assert_close(
-            &name,
-            &by_ray(&weights.surfaces),
-            &flat(&expected["weights"]),
-            value,
-        );
-        assert_close(
-            &name,
-            &by_ray(&weights.attached_background()),
-            &flat(&expected["background"]),
-            value,
-        );
+        close("softmax", &weights.surfaces, &expected["weights"]);
+        let background = weights.attached_background();
+        close("softmax", &background, &expected["background"]);
         let kind = "softmax_gradient";
-        let loss = weights.mean(
-            cotangent(kind, 0, case.triangles),
-            Some(cotangent(kind, 1, 1)),
-        );
+        let background = cotangent(kind, 1, 1);
+        let loss = weights.mean(cotangent(kind, 0, case.triangles), Some(background));
         assert_gradients(case, kind, &built, loss.sum(), gradient);
 
         let built = build(case, device, dtype);
         let passed = transmittance(&built.cut);
-        let name = format!("{} transmittance", case.name);
-        assert_close(
-            &name,
-            &by_ray(&passed),
-            &flat(&case.json["product_transmittance"]),
-            value,
+        close(
+            "transmittance",
+            &passed,
+            &case.json["product_transmittance"],
         );
-        let loss = (passed * cotangent("product_transmittance_gradient", 0, 1)).sum();
-        assert_gradients(
-            case,
-            "product_transmittance_gradient",
-            &built,
-            loss,
-            gradient,
-        );
+        let kind = "product_transmittance_gradient";
+        let loss = (passed * cotangent(kind, 0, 1)).sum();
+        assert_gradients(case, kind, &built, loss, gradient);
     }
 }
 
-/// The ratio W/stop(W) of a drawn surface is 1 and carries the derivative of log W, as `mean`, which
+/// The ratio W/detach(W) of a drawn surface is 1 and carries the derivative of log W, as `mean`, which
 /// the reference checks, has it of W.
-pub fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
+fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
     for case in &cases() {
         for k in 0..=case.triangles {
             check_one_ratio(case, device, dtype, k, gradient);
@@ -315,4 +300,45 @@ fn check_one_ratio(case: &Case, device: &Device, dtype: DType, k: usize, gradien
         .map_or_else(zero, |g| values(&g));
     let scale = expected.iter().fold(1.0f64, |m, x| m.max(x.abs()));
     assert_close(&case.name, &found, &expected, gradient * scale);
+}
+
+#[cfg(feature = "flex")]
+#[test]
+fn f64_on_flex_to_1e_9() {
+    check(&Device::flex(), DType::F64, 1e-9, 1e-9);
+}
+
+#[cfg(feature = "flex")]
+#[test]
+fn f32_on_flex() {
+    check(&Device::flex(), DType::F32, 2e-4, 2e-3);
+}
+
+#[cfg(feature = "ndarray")]
+#[test]
+#[allow(deprecated)] // burn deprecates ndarray; users ask for it
+fn f32_on_ndarray() {
+    check(&Device::ndarray(), DType::F32, 2e-4, 2e-3);
+}
+
+#[cfg(feature = "flex")]
+#[test]
+fn a_drawn_weight_carries_its_gradient() {
+    check_ratio(&Device::flex(), DType::F64, 1e-12);
+}
+
+/// `SOFTRAY_WGPU_KIND=cpu` picks a software adapter.
+#[cfg(feature = "wgpu")]
+#[test]
+fn f32_on_wgpu() {
+    use burn::tensor::DeviceKind;
+    let kind = match std::env::var("SOFTRAY_WGPU_KIND").as_deref() {
+        Ok("cpu") => DeviceKind::Cpu,
+        _ => DeviceKind::DefaultDevice,
+    };
+    #[cfg(feature = "vulkan")]
+    let device = Device::vulkan(kind);
+    #[cfg(not(feature = "vulkan"))]
+    let device = Device::wgpu(kind);
+    check(&device, DType::F32, 2e-4, 2e-3);
 }

@@ -1,8 +1,8 @@
-//! Where a render spends its samples.
+//! The strategies by which a render samples.
 
 use serde::{Deserialize, Serialize};
 
-/// Where the random numbers of a render come from.
+/// The source of a render's random numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Sequence {
@@ -17,7 +17,7 @@ pub enum Sequence {
     Sobol,
 }
 
-/// With what probability an emitter triangle is connected to.
+/// The probabilities with which emitter triangles are connected to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum EmitterSampling {
@@ -31,7 +31,7 @@ pub enum EmitterSampling {
     SolidAngle,
 }
 
-/// Which of the surfaces that share a camera ray its path goes on from.
+/// The choice between the surfaces that share a camera ray, from which its path goes on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum SurfaceSampling {
@@ -44,11 +44,12 @@ pub enum SurfaceSampling {
     Split,
 }
 
-/// How a render samples. No choice changes what it converges to, nor its gradients: only how fast.
+/// The strategies by which a render samples. No choice changes what it converges to, nor its gradients: only how
+/// fast.
 ///
 /// ```
 /// use softray::prelude::*;
-/// let paper = RenderOptions::new(64, 64).sampling(Sampling::plain());
+/// let paper = RenderOptions::new(64, 64).sampling(Sampling::paper());
 /// let mut sampling = Sampling::default();
 /// sampling.sequence = Sequence::Independent;
 /// # let _ = (paper, RenderOptions::new(64, 64).sampling(sampling));
@@ -57,11 +58,11 @@ pub enum SurfaceSampling {
 #[serde(default)]
 #[non_exhaustive]
 pub struct Sampling {
-    /// Where random numbers come from.
+    /// The source of random numbers.
     pub sequence: Sequence,
-    /// How emitters are chosen.
+    /// The probabilities of emitters.
     pub emitters: EmitterSampling,
-    /// Which surfaces camera rays go on from.
+    /// The surfaces that camera rays go on from.
     pub surfaces: SurfaceSampling,
     /// Whether points on emitters (from glossy surfaces) and directions to an environment map are
     /// chosen by the BSDF as well, combined by the power heuristic (Veach and Guibas 1995).
@@ -81,7 +82,7 @@ impl Default for Sampling {
 
 impl Sampling {
     /// The paper's: independent numbers, one surface drawn a ray, one emitter of all drawn alike.
-    pub fn plain() -> Self {
+    pub fn paper() -> Self {
         Self {
             sequence: Sequence::Independent,
             emitters: EmitterSampling::Uniform,

@@ -1,0 +1,128 @@
+//! Eight numbers at once with the operators of numbers.
+
+use std::ops::{Add, Mul, Sub};
+
+use super::machine::{Lanes, Machine};
+
+/// Eight numbers of a machine, with the operators of numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct F8<M: Machine> {
+    machine: M,
+    floats: M::Floats,
+}
+
+/// Eight answers.
+#[derive(Clone, Copy)]
+pub(crate) struct Mask8<M: Machine> {
+    machine: M,
+    mask: M::Mask,
+}
+
+impl<M: Machine> F8<M> {
+    #[inline(always)]
+    pub fn load(machine: M, lanes: &Lanes) -> Self {
+        Self::of(machine, machine.load(lanes))
+    }
+
+    #[inline(always)]
+    pub fn splat(machine: M, x: f32) -> Self {
+        Self::of(machine, machine.splat(x))
+    }
+
+    #[inline(always)]
+    fn of(machine: M, floats: M::Floats) -> Self {
+        Self { machine, floats }
+    }
+
+    #[inline(always)]
+    pub fn lanes(self) -> Lanes {
+        self.machine.store(self.floats)
+    }
+
+    #[inline(always)]
+    pub fn less(self, b: Self) -> Mask8<M> {
+        Mask8 {
+            machine: self.machine,
+            mask: self.machine.less(self.floats, b.floats),
+        }
+    }
+
+    /// The least of all lanes, which have to be numbers.
+    #[inline(always)]
+    pub fn least(self) -> f32 {
+        self.machine.least(self.floats)
+    }
+
+    /// The sum of all lanes.
+    #[inline(always)]
+    pub fn sum(self) -> f32 {
+        let a = self.lanes();
+        ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]))
+    }
+}
+
+/// Operations of a machine on the numbers of a type.
+macro_rules! operations {
+    ($of:ident, $part:ident: $($(#[$doc:meta])* $name:ident($($b:ident),*);)*) => {
+        impl<M: Machine> $of<M> {
+            $(
+                $(#[$doc])*
+                #[inline(always)]
+                pub fn $name(self $(, $b: Self)*) -> Self {
+                    let $part = self.machine.$name(self.$part $(, $b.$part)*);
+                    Self { $part, ..self }
+                }
+            )*
+        }
+    };
+}
+
+operations! { F8, floats:
+    /// self·b + c.
+    mul_add(b, c);
+    div(b);
+    min(b);
+    max(b);
+    sqrt();
+    abs();
+}
+
+operations! { Mask8, mask:
+    and(b);
+    or(b);
+    not();
+}
+
+impl<M: Machine> Mask8<M> {
+    /// a where it is true, else b.
+    #[inline(always)]
+    pub fn select(self, a: F8<M>, b: F8<M>) -> F8<M> {
+        F8::of(
+            self.machine,
+            self.machine.select(self.mask, a.floats, b.floats),
+        )
+    }
+
+    /// One bit each.
+    #[inline(always)]
+    pub fn bits(self) -> u32 {
+        self.machine.mask_bits(self.mask)
+    }
+}
+
+macro_rules! operators {
+    ($($operator:ident $name:ident),*) => {
+        $(
+            impl<M: Machine> $operator for F8<M> {
+                type Output = Self;
+
+                #[inline(always)]
+                fn $name(self, b: Self) -> Self {
+                    Self::of(self.machine, self.machine.$name(self.floats, b.floats))
+                }
+            }
+        )*
+    };
+}
+
+operators!(Add add, Sub sub, Mul mul);

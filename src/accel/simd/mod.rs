@@ -1,0 +1,46 @@
+//! Eight numbers at once, in code for what the machine has, chosen while it runs.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod float8;
+mod machine;
+mod plain;
+
+use pulp::Arch;
+
+pub(crate) use float8::{F8, Mask8};
+pub(super) use machine::bits;
+pub(crate) use machine::{LANES, Lanes, Machine};
+use plain::Plain;
+
+/// Something to do in code for what the machine has. Not a closure: those that only borrow go through a
+/// function of `core`, which is compiled for any machine. All that it calls is to be inlined, for the
+/// same reason.
+pub(crate) trait Task {
+    type Output;
+
+    fn run<M: Machine>(self, machine: M) -> Self::Output;
+}
+
+struct OnMachine<T, M>(T, M);
+
+impl<T: Task, M: Machine> pulp::WithSimd for OnMachine<T, M> {
+    type Output = T::Output;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _simd: S) -> T::Output {
+        self.0.run(self.1)
+    }
+}
+
+/// Does something in code for a machine.
+#[inline(always)]
+pub(crate) fn dispatch<T: Task>(arch: Arch, task: T) -> T::Output {
+    match arch {
+        Arch::Scalar => task.run(Plain::<false>),
+        #[cfg(target_arch = "x86_64")]
+        Arch::V3(machine) => arch.dispatch(OnMachine(task, machine)),
+        #[allow(unreachable_patterns)] // on machines of the arms above
+        arch => arch.dispatch(OnMachine(task, Plain::<true>)),
+    }
+}

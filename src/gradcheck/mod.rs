@@ -1,0 +1,130 @@
+//! Is a gradient right? [`gradcheck`] compares autodiff with central differences of renders of the
+//! same scene, with standard errors, on a scene of the caller's.
+
+mod parameter;
+mod report;
+mod run;
+mod settings;
+
+use crate::error::{Error, Result, one_of};
+use crate::scene::{Camera, Flattened, Scene};
+
+pub use parameter::{Checked, Point};
+pub use report::{Estimate, Report, Row, Verdict};
+use run::{Direction, Run, point};
+pub use settings::{GradCheck, Objective};
+
+/// Compares autodiff with central differences of renders. `build` makes scene and camera from the
+/// parameters; it is called for every render, from several threads on a CPU. The bounds of the scene
+/// are held fixed: at those of the options, or else of the scene itself.
+///
+/// ```
+/// use softray::gradcheck::{Checked, GradCheck, gradcheck};
+/// use softray::prelude::*;
+///
+/// let options = RenderOptions::new(8, 8).samples(4).bounces(0);
+/// let settings = GradCheck::new(options, &Device::flex()).precision(0.1).seeds(16, 256);
+/// let parameters = [Checked::new("albedo", [0.5], 0.05)];
+/// let report = gradcheck(&parameters, &settings, |point| {
+///     let ball = shapes::icosahedron(&point.device).cast(point.dtype);
+///     let albedo = point.get("albedo")?.expand([3]);
+///     let scene = Scene::new()
+///         .with(Object::new(ball).material(Material::diffuse(albedo)))
+///         .environment([1.0; 3]);
+///     Ok((scene, Camera::look_at([0.0, 0.0, 4.0], [0.0; 3])))
+/// })?;
+/// println!("{report}");
+/// assert!(report.agrees());
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// # Errors
+/// If a parameter is malformed, the scene can't be rendered, or it does not depend on a parameter.
+pub fn gradcheck(
+    parameters: &[Checked],
+    settings: &GradCheck,
+    build: impl Fn(&Point) -> Result<(Scene, Camera)> + Sync,
+) -> Result<Report> {
+    check_names(parameters, settings)?;
+    for p in parameters {
+        p.check()?;
+    }
+    let values: Vec<Vec<f64>> = parameters.iter().map(|p| p.values.clone()).collect();
+    let (scene, camera) = build(&point(parameters, settings, &values, false))?;
+    let normalization = Flattened::new(&scene, &camera, None)?.normalization;
+    let run = Run {
+        parameters,
+        settings,
+        options: settings.options.clone().normalization_or(normalization),
+        build: &build,
+    };
+    let checked = parameters.iter().enumerate();
+    let checked = checked.filter(|(_, p)| settings.checks(p));
+    let directions: Vec<Direction> = checked
+        .flat_map(|(parameter, p)| {
+            let of = move |(name, vector)| Direction {
+                parameter,
+                name,
+                vector,
+            };
+            p.directions().into_iter().map(of)
+        })
+        .collect();
+    let differences = directions.iter().map(|d| run.difference(d));
+    let differences = differences.collect::<Result<Vec<_>>>()?;
+    let gradients = run.gradients(&directions, &differences)?;
+    let rows = directions
+        .into_iter()
+        .zip(gradients.into_iter().zip(differences))
+        .map(|(direction, (gradient, difference))| Row {
+            verdict: settings.verdict(gradient, difference),
+            parameter: direction.name,
+            gradient,
+            difference,
+        });
+    Ok(Report {
+        rows: rows.collect(),
+    })
+}
+
+/// Checks that there are parameters, under names that tell them apart.
+fn check_names(parameters: &[Checked], settings: &GradCheck) -> Result<()> {
+    let invalid = |field, value: &str, expected: String| {
+        Err(Error::invalid(
+            "gradcheck",
+            field,
+            format!("{value:?}"),
+            expected,
+        ))
+    };
+    let names = || parameters.iter().map(|p| p.name.as_str());
+    if parameters.is_empty() {
+        return Err(Error::invalid(
+            "gradcheck",
+            "parameters",
+            "empty",
+            "at least one",
+        ));
+    }
+    if let Some((_, twice)) = names()
+        .enumerate()
+        .find(|&(i, n)| names().take(i).any(|m| m == n))
+    {
+        return invalid(
+            "name of two parameters",
+            twice,
+            "a name of its own for each".into(),
+        );
+    }
+    let only = settings.only.as_deref().unwrap_or_default();
+    match only.iter().find(|n| names().all(|m| m != n.as_str())) {
+        Some(unknown) => invalid("a name given to only", unknown, one_of(names())),
+        None if settings.only.is_some() && only.is_empty() => Err(Error::invalid(
+            "gradcheck",
+            "only",
+            "empty",
+            one_of(names()),
+        )),
+        None => Ok(()),
+    }
+}

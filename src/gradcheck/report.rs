@@ -1,0 +1,121 @@
+//! Derivatives by both ways, and the report of them.
+
+use std::fmt;
+
+/// A mean over seeds with its standard error.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate {
+    /// The mean.
+    pub mean: f64,
+    /// Its standard error.
+    pub error: f64,
+    /// The number of seeds.
+    pub seeds: u64,
+}
+
+impl Estimate {
+    pub(super) fn of(values: &[f64]) -> Self {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+        Self {
+            mean,
+            error: (squares / (n - 1.0) / n).sqrt(),
+            seeds: values.len() as u64,
+        }
+    }
+}
+
+/// The outcome of a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Precise, and the same.
+    Agrees,
+    /// Not the same.
+    Disagrees,
+    /// Not told apart, but the budget was spent before the standard errors were small enough.
+    Undecided,
+}
+
+/// One derivative by both ways.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// The parameter, with the component where it has several.
+    pub parameter: String,
+    /// By autodiff.
+    pub gradient: Estimate,
+    /// By central differences.
+    pub difference: Estimate,
+    /// The outcome.
+    pub verdict: Verdict,
+}
+
+impl Row {
+    /// gradient/difference − 1.
+    pub fn relative(&self) -> f64 {
+        self.gradient.mean / self.difference.mean - 1.0
+    }
+
+    /// |gradient − difference| in standard errors of both.
+    pub fn standard_errors(&self) -> f64 {
+        let apart = (self.gradient.mean - self.difference.mean).abs();
+        let error = self.gradient.error.hypot(self.difference.error);
+        if apart == 0.0 { 0.0 } else { apart / error }
+    }
+}
+
+/// The result of [`gradcheck`](super::gradcheck); prints as a table.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// One row for each derivative.
+    pub rows: Vec<Row>,
+}
+
+impl Report {
+    /// Whether every row agrees.
+    pub fn agrees(&self) -> bool {
+        self.rows.iter().all(|r| r.verdict == Verdict::Agrees)
+    }
+
+    /// The mean of |gradient/difference − 1| over derivatives that are not 0.
+    pub fn mean_relative_error(&self) -> f64 {
+        let errors: Vec<f64> = self
+            .rows
+            .iter()
+            .filter(|r| r.difference.mean != 0.0)
+            .map(|r| r.relative().abs())
+            .collect();
+        errors.iter().sum::<f64>() / errors.len().max(1) as f64
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let width = self.rows.iter().map(|r| r.parameter.chars().count());
+        let width = width.max().unwrap_or(0).max(9);
+        writeln!(
+            f,
+            "{:width$}  {:>24}  {:>24}  {:>9}  {:>6}  {:>13}  verdict",
+            "parameter", "gradient", "difference", "relative", "errors", "seeds"
+        )?;
+        for r in &self.rows {
+            let side = |e: &Estimate| format!("{:.5e} ± {:.1e}", e.mean, e.error);
+            writeln!(
+                f,
+                "{:width$}  {:>24}  {:>24}  {:>+8.2} %  {:>6.1}  {:>13}  {}",
+                r.parameter,
+                side(&r.gradient),
+                side(&r.difference),
+                100.0 * r.relative(),
+                r.standard_errors(),
+                format!("{}, {}", r.gradient.seeds, r.difference.seeds),
+                match r.verdict {
+                    Verdict::Agrees => "agrees",
+                    Verdict::Disagrees => "DISAGREES",
+                    Verdict::Undecided => "undecided: budget spent",
+                }
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,138 @@
+//! The settings of a comparison.
+
+use std::sync::Arc;
+
+use burn::tensor::{DType, Device, Tensor};
+
+use super::parameter::Checked;
+use super::report::{Estimate, Verdict};
+use crate::device::is_cpu;
+use crate::render::RenderOptions;
+
+/// The function that is differentiated: a scalar `[1]` of the radiance `[H, W, 3]`.
+pub type Objective = Arc<dyn Fn(Tensor<3>) -> Tensor<1> + Send + Sync>;
+
+/// The settings of [`gradcheck`](super::gradcheck).
+#[derive(Clone)]
+pub struct GradCheck {
+    pub(super) options: RenderOptions,
+    pub(super) device: Device,
+    pub(super) dtype: DType,
+    pub(super) precision: f64,
+    pub(super) tolerance: f64,
+    pub(super) negligible: f64,
+    pub(super) least: u64,
+    pub(super) budget: u64,
+    pub(super) objective: Objective,
+    pub(super) only: Option<Vec<String>>,
+}
+
+impl GradCheck {
+    /// With the settings of each render, whose seed is replaced. On a CPU backend in f64, else in
+    /// f32. The objective is the mean radiance under weights that rise across the image, so that
+    /// no symmetry cancels.
+    pub fn new(options: RenderOptions, device: &Device) -> Self {
+        let device = device.clone().inner();
+        let dtype = if is_cpu(&device) {
+            DType::F64
+        } else {
+            DType::F32
+        };
+        Self {
+            options,
+            device,
+            dtype,
+            precision: 0.01,
+            tolerance: 0.03,
+            negligible: 0.0,
+            least: 32,
+            budget: 4096,
+            only: None,
+            objective: Arc::new(|radiance| {
+                let [h, w, _] = radiance.dims();
+                let weights: Vec<f32> = (0..h * w)
+                    .map(|i| {
+                        0.5 + ((i % w) as f32 + 0.5) / w as f32 + 0.5 * (i / w) as f32 / h as f32
+                    })
+                    .collect();
+                let device = radiance.device().inner();
+                let weights = Tensor::<1>::from_floats(weights.as_slice(), &device)
+                    .cast(radiance.dtype())
+                    .reshape([h, w, 1]);
+                (radiance * weights).mean()
+            }),
+        }
+    }
+
+    /// The float type of all tensors.
+    pub fn dtype(mut self, dtype: DType) -> Self {
+        self.dtype = dtype;
+        self
+    }
+
+    /// Renders are added until both standard errors are under this share of the difference
+    /// (1 % by default).
+    pub fn precision(mut self, share: f64) -> Self {
+        self.precision = share;
+        self
+    }
+
+    /// A disagreement is more than 3.5 standard errors and more than this share of the difference,
+    /// which is what steps of a finite size may be off by (3 % by default).
+    pub fn tolerance(mut self, share: f64) -> Self {
+        self.tolerance = share;
+        self
+    }
+
+    /// Derivatives whose standard errors are under this are precise enough, whatever their value:
+    /// for parameters that change nothing.
+    pub fn negligible(mut self, absolute: f64) -> Self {
+        self.negligible = absolute;
+        self
+    }
+
+    /// The least and the most seeds for each side: a gradient takes one render a seed, a
+    /// difference two (32 and 4,096 by default).
+    pub fn seeds(mut self, least: u64, most: u64) -> Self {
+        self.least = least.max(2);
+        self.budget = most.max(least).max(2);
+        self
+    }
+
+    /// Checks only the parameters of these names; the scene gets all, the others as constants.
+    pub fn only(mut self, names: &[&str]) -> Self {
+        self.only = Some(names.iter().map(|n| (*n).to_owned()).collect());
+        self
+    }
+
+    /// Whether a parameter is one to check.
+    pub(super) fn checks(&self, p: &Checked) -> bool {
+        self.only
+            .as_ref()
+            .is_none_or(|names| names.contains(&p.name))
+    }
+
+    /// The function that is differentiated.
+    pub fn objective(mut self, f: impl Fn(Tensor<3>) -> Tensor<1> + Send + Sync + 'static) -> Self {
+        self.objective = Arc::new(f);
+        self
+    }
+
+    /// Whether a standard error is small enough beside a value.
+    pub(super) fn precise(&self, e: Estimate, value: f64) -> bool {
+        e.error <= self.precision * value.abs() || e.error <= self.negligible
+    }
+
+    pub(super) fn verdict(&self, g: Estimate, d: Estimate) -> Verdict {
+        let apart = (g.mean - d.mean).abs();
+        let error = g.error.hypot(d.error);
+        let tolerated = self.tolerance * d.mean.abs() + self.negligible;
+        if apart > 3.5 * error && apart > tolerated {
+            Verdict::Disagrees
+        } else if self.precise(g, d.mean) && self.precise(d, d.mean) {
+            Verdict::Agrees
+        } else {
+            Verdict::Undecided
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! The backward pass: paths are traced again, and derivatives add up in the parent's gradient.
+
+use std::sync::Arc;
+
+use burn::tensor::TensorData;
+use rayon::prelude::*;
+
+use super::forward::camera_tiles;
+use super::places::Places;
+use super::rows::Rows;
+use crate::kernel::{PixelGradients, Seen, Sums, View, Work};
+use crate::render::options::RenderOptions;
+use crate::render::tiles::Tile;
+
+/// Numbers in the sums of derivatives of all accumulators together.
+const ACCUMULATED: usize = 1 << 24;
+
+/// Views whose derivatives are held at once.
+const VIEWS_AT_ONCE: usize = 16;
+
+/// Samples of edges on the film for each path of the image.
+const FILM_SAMPLES: f64 = 0.125;
+
+/// So many samples of edges on the film take no time.
+const FEW: f64 = 1024.0;
+
+/// The backward pass of a batch.
+pub(super) struct Backward {
+    views: Vec<(View, Places)>,
+    pixels: Arc<Vec<u32>>,
+    tiles: Vec<Tile>,
+    rows: Rows,
+    samples: u32,
+    /// Numbers of the parent.
+    size: usize,
+}
+
+impl Backward {
+    /// For pixels of a list, or all; `size` is that of the parent.
+    pub fn new(
+        views: Vec<(View, Places)>,
+        size: usize,
+        rows: Rows,
+        options: &RenderOptions,
+        pixels: Option<Arc<Vec<u32>>>,
+    ) -> Self {
+        let all = || Arc::new((0..(options.width * options.height) as u32).collect());
+        let pixels = pixels.unwrap_or_else(all);
+        Self {
+            views,
+            tiles: camera_tiles(options, pixels.len()),
+            pixels,
+            rows,
+            samples: options.samples,
+            size,
+        }
+    }
+
+    /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
+    pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
+        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
+        let of_view = self.rows.count() * self.pixels.len();
+        let mut all = vec![0.0; self.size];
+        let pieces = self.views.chunks(VIEWS_AT_ONCE);
+        for (views, upstream) in pieces.zip(upstream.chunks(VIEWS_AT_ONCE * of_view)) {
+            let gradients: Vec<Sums> = views
+                .par_iter()
+                .zip(upstream.par_chunks(of_view))
+                .map(|((view, _), upstream)| self.of_view(view, upstream))
+                .collect();
+            for ((view, places), sums) in views.iter().zip(&gradients) {
+                sums.write(&view.scene, &places.scene, &mut all);
+                view.write_camera(&sums.camera, &places.camera, &mut all);
+            }
+        }
+        all
+    }
+
+    /// The sums of derivatives of a view.
+    fn of_view(&self, view: &View, upstream: &[f64]) -> Sums {
+        let channels = self.rows.count();
+        let per_sample = f64::from(self.samples).recip();
+        let unit = view.scene.frame.unit;
+        let upstream: Vec<(u32, Seen)> = self
+            .pixels
+            .iter()
+            .enumerate()
+            .map(|(i, &pixel)| {
+                let row = |row: usize| upstream[i * channels + row] * per_sample;
+                (pixel, self.rows.upstream(row, unit))
+            })
+            .collect();
+        // Tiles in accumulators that have their sums to themselves: as many whatever the machine, so that
+        // sums come out the same.
+        let typical = View::typical(&upstream);
+        let zero = Sums::new(&view.scene, &view.wanted);
+        let accumulators = (ACCUMULATED / zero.len()).clamp(4, 64);
+        let each = self.tiles.len().div_ceil(accumulators).max(1);
+        let of_accumulator = |tiles: &[Tile]| {
+            let mut sums = zero.clone();
+            let mut work = Work::new(0);
+            for tile in tiles {
+                let pixels = &upstream[tile.first..tile.first + tile.pixels];
+                view.backward(pixels, typical, tile.from..tile.to, &mut work, &mut sums);
+            }
+            sums
+        };
+        let sums: Vec<Sums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
+        let mut all = zero.clone();
+        sums.iter().for_each(|s| all.add(s));
+        if view.has_edges() {
+            self.on_film(view, upstream, &zero, accumulators, &mut all);
+        }
+        all.resolve(&view.scene);
+        all
+    }
+
+    /// Adds the jumps on the film.
+    fn on_film(
+        &self,
+        view: &View,
+        mut upstream: Vec<(u32, Seen)>,
+        zero: &Sums,
+        accumulators: usize,
+        all: &mut Sums,
+    ) {
+        let samples = self.samples as f32;
+        for (_, g) in &mut upstream {
+            g.radiance = g.radiance * samples;
+            g.opacity *= samples;
+            g.depth *= samples;
+            g.normal = g.normal * samples;
+        }
+        let [width, height] = view.size();
+        let asked = upstream.iter().filter(|p| p.1 != Seen::default()).count();
+        let pixels = PixelGradients::new(&upstream, width, height, view.reach());
+        let edges = view.film_edges(&pixels);
+        if edges.is_empty() {
+            return;
+        }
+        let paths = asked as f64 * f64::from(self.samples);
+        let count = (FILM_SAMPLES * paths).max(FEW.min(8.0 * paths)).ceil();
+        let count = count.clamp(1.0, 1e9) as u32;
+        let each = count.div_ceil(accumulators as u32).max(256);
+        let sums: Vec<Sums> = (0..count.div_ceil(each))
+            .into_par_iter()
+            .map(|i| {
+                let mut sums = zero.clone();
+                let mut work = Work::new(0);
+                let range = i * each..((i + 1) * each).min(count);
+                view.film_backward(&edges, &pixels, range, count, &mut work, &mut sums);
+                sums
+            })
+            .collect();
+        sums.iter().for_each(|s| all.add(s));
+    }
+}

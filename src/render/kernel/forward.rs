@@ -1,0 +1,163 @@
+//! The forward pass: tiles of all views on all cores, and their sums as rows of images.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use burn::tensor::{Element, TensorData};
+use rayon::prelude::*;
+
+use super::places::Places;
+use super::rows::Rows;
+use crate::error::{Error, Result};
+use crate::kernel::{RayCounts, View, Work};
+use crate::render::options::RenderOptions;
+use crate::render::tiles::{Tile, tiles};
+
+/// Camera rays of a tile.
+const RAYS: usize = 1 << 13;
+
+/// The tiles of a view.
+pub(super) fn camera_tiles(options: &RenderOptions, pixels: usize) -> Vec<Tile> {
+    tiles(options, pixels, RAYS)
+}
+
+/// The forward pass: what its views have in common.
+pub(super) struct Forward<'a> {
+    pub options: &'a RenderOptions,
+    /// The pixels, if not all.
+    pub pixels: Option<&'a Vec<u32>>,
+    pub tiles: &'a [Tile],
+    pub rows: &'a Rows,
+    /// Tiles of all views.
+    pub all: usize,
+    pub done: &'a AtomicUsize,
+}
+
+/// Counts of a forward pass.
+#[derive(Default)]
+pub(super) struct Traced {
+    pub counts: RayCounts,
+    /// Numbers of radiance that are not finite.
+    pub non_finite: u64,
+    /// Whether a pixel is not black; known of means, not of tiles.
+    pub lit: bool,
+}
+
+impl Traced {
+    fn add(&mut self, other: &Self) {
+        self.counts.rays += other.counts.rays;
+        self.counts.add_bounces(&other.counts);
+        self.non_finite += other.non_finite;
+        self.lit |= other.lit;
+    }
+}
+
+impl Forward<'_> {
+    /// The rows of all pixels of all views `[B·P, C]`, each number of a type of its own; they are all that
+    /// is held at once.
+    pub fn views<T: Element + Send>(
+        &self,
+        views: &[(View, Places)],
+        count: usize,
+        cast: impl Fn(f64) -> T + Sync,
+    ) -> Result<(TensorData, Vec<Traced>)> {
+        let channels = self.rows.count();
+        let of_view = count * channels;
+        let mut means: Vec<T> = Vec::new();
+        means
+            .try_reserve_exact(views.len() * of_view)
+            .map_err(|_| {
+                let size = format!("{} × {}", self.options.width, self.options.height);
+                let bytes = (views.len() * of_view * size_of::<T>()) as f64;
+                let expected = format!(
+                    "an image that fits into memory; it takes {:.1} GB",
+                    bytes / 1e9
+                );
+                Error::invalid("options", "width × height", size, expected)
+            })?;
+        means.resize(views.len() * of_view, cast(0.0));
+        let traced = means
+            .par_chunks_mut(of_view)
+            .zip(views)
+            .map(|(means, (view, _))| self.view(view, means, &cast))
+            .collect();
+        let shape = [views.len() * count, channels];
+        Ok((TensorData::new(means, shape), traced))
+    }
+
+    /// Fills the rows of a view's pixels `[P, C]`.
+    fn view<T: Send>(
+        &self,
+        view: &View,
+        means: &mut [T],
+        cast: &(impl Fn(f64) -> T + Sync),
+    ) -> Traced {
+        let channels = self.rows.count();
+        let same_pixels = |a: &Tile, b: &Tile| a.first == b.first;
+        let groups: Vec<&[Tile]> = self.tiles.chunk_by(same_pixels).collect();
+        let each = self.tiles[0].pixels * channels;
+        let of_group = |(tiles, means): (&[Tile], &mut [T])| {
+            let sums: Vec<(Vec<f64>, Traced)> =
+                tiles.par_iter().map(|tile| self.tile(view, tile)).collect();
+            let mut traced = Traced::default();
+            sums.iter().for_each(|s| traced.add(&s.1));
+            for (i, mean) in means.iter_mut().enumerate() {
+                let sum: f64 = sums.iter().map(|s| s.0[i]).sum();
+                traced.lit |= sum != 0.0 && i % channels < 3;
+                *mean = cast(sum / f64::from(self.options.samples));
+            }
+            traced
+        };
+        let groups = groups.into_par_iter().zip(means.par_chunks_mut(each));
+        let found: Vec<Traced> = groups.map(of_group).collect();
+        let mut traced = Traced::default();
+        found.iter().for_each(|f| traced.add(f));
+        traced
+    }
+
+    /// Sums over the samples of a tile `[P, C]`.
+    fn tile(&self, view: &View, tile: &Tile) -> (Vec<f64>, Traced) {
+        let own = view.scene.counted.len();
+        let range = tile.first..tile.first + tile.pixels;
+        let all: Vec<u32>;
+        let pixels = match self.pixels {
+            Some(pixels) => &pixels[range],
+            None => {
+                all = range.map(|i| i as u32).collect();
+                &all
+            }
+        };
+        let mut work = Work::new(self.options.bounces);
+        let mut objects = self
+            .rows
+            .objects
+            .map(|_| vec![0.0; (own + 1) * tile.pixels]);
+        let samples = tile.from..tile.to;
+        let sums = view.render(pixels, samples, &mut work, objects.as_deref_mut());
+        let channels = self.rows.count();
+        let mut rows = vec![0.0; channels * tile.pixels];
+        let mut non_finite = 0;
+        for (i, (sum, row)) in sums.iter().zip(rows.chunks_exact_mut(channels)).enumerate() {
+            let values = self.rows.of(sum, view.scene.frame.unit);
+            row.iter_mut().zip(values).for_each(|(r, v)| *r = v);
+            non_finite += row[..3].iter().filter(|v| !v.is_finite()).count() as u64;
+            if let (Some(objects), Some(all)) = (&objects, self.rows.objects) {
+                let first = channels - all - 1;
+                for (k, share) in objects[i * (own + 1)..][..=own].iter().enumerate() {
+                    // The background comes last, whatever the number of objects.
+                    row[first + if k == own { all } else { k }] = f64::from(*share);
+                }
+            }
+        }
+        let n = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        if let Some(progress) = &self.options.progress {
+            progress(n, self.all);
+        }
+        let counts = work.counts;
+        let traced = Traced {
+            counts,
+            non_finite,
+            ..Traced::default()
+        };
+        (rows, traced)
+    }
+}

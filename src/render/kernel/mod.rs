@@ -1,0 +1,116 @@
+//! Renders by kernels: all views of a batch are one node of the graph, from the tensors of scenes and
+//! cameras to the images. The backward pass traces the paths again; memory does not grow with them.
+
+mod backward;
+mod forward;
+mod places;
+mod prepare;
+mod rows;
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+
+use burn::tensor::{DType, Tensor, TensorData};
+
+use super::batch::Batch;
+use super::film::{Means, Statistics};
+use super::node::attach;
+use super::options::RenderOptions;
+use crate::error::Result;
+use crate::scene::{Camera, Scene};
+use crate::transport::Diagnostics;
+use backward::Backward;
+use forward::{Forward, Traced, camera_tiles};
+use prepare::{Prepared, prepare};
+use rows::Rows;
+
+/// The jumps of visibility in the gradient of a view's tensors (as one row), from the gradient of its rows
+/// `[P, C]`.
+pub(super) fn jumps(
+    (scene, camera): (&Scene, &Camera),
+    options: &RenderOptions,
+    pixels: Option<Arc<Vec<u32>>>,
+    upstream: &TensorData,
+) -> Result<Vec<f64>> {
+    let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
+    let prepared = prepare(&batch, options, false)?;
+    let size = prepared.parent.map_or(0, |p| p.dims()[0]);
+    if !prepared.views.iter().any(|(view, _)| view.has_edges()) {
+        return Ok(vec![0.0; size]);
+    }
+    let objects = prepared.views[0].0.scene.counted.len();
+    let rows = Rows::new(options, objects);
+    let backward = Backward::new(prepared.views, size, rows, options, pixels);
+    Ok(backward.gradient(upstream))
+}
+
+/// Renders pixels of all views (all pixels, if there is no list).
+pub(super) fn render(
+    batch: &Batch,
+    options: &RenderOptions,
+    pixels: Option<Arc<Vec<u32>>>,
+) -> Result<Means> {
+    let Prepared {
+        views,
+        parent,
+        context,
+        lit,
+    } = prepare(batch, options, true)?;
+    let objects = views.iter().map(|(v, _)| v.scene.counted.len()).max();
+    let objects = objects.unwrap_or(0);
+    let rows = Rows::new(options, objects);
+    let count = match &pixels {
+        Some(pixels) => pixels.len(),
+        None => options.width * options.height,
+    };
+    let tiles = camera_tiles(options, count);
+    let pass = Forward {
+        options,
+        pixels: pixels.as_deref(),
+        tiles: &tiles,
+        rows: &rows,
+        all: tiles.len() * views.len(),
+        done: &AtomicUsize::new(0),
+    };
+    let (means, traced) = if context.dtype == DType::F64 {
+        pass.views(&views, count, |value| value)?
+    } else {
+        pass.views(&views, count, |value| value as f32)?
+    };
+    // Where scenes have no light that was told already.
+    if lit && pixels.is_none() {
+        warn_of_black(&traced);
+    }
+    let diagnostics = views.iter().zip(&traced).filter(|_| options.diagnostics);
+    let diagnostics = diagnostics.map(|((view, _), traced)| Diagnostics {
+        degenerate_triangles: view.scene.degenerate(),
+        non_finite_light: traced.non_finite,
+        effective_surfaces: 1.0,
+        ..Diagnostics::default()
+    });
+    let diagnostics = diagnostics.collect();
+    let statistics = traced.into_iter().map(|t| Statistics::of_rays(t.counts));
+    let statistics: Vec<Statistics> = statistics.collect();
+    let mut mean = Tensor::from_data(means, (&context.device, context.dtype));
+    if let Some(parent) = parent {
+        let backward = Backward::new(views, parent.dims()[0], rows, options, pixels);
+        mean = attach(parent, mean, move |upstream| backward.gradient(upstream));
+    }
+    Ok(Means {
+        mean: mean.reshape([statistics.len(), count, rows.count()]),
+        objects,
+        statistics,
+        diagnostics,
+    })
+}
+
+/// Tells of a view whose image is black though its scene has light.
+fn warn_of_black(traced: &[Traced]) {
+    if let Some(black) = traced.iter().position(|t| !t.lit) {
+        log::warn!(
+            "the image of view {black} is black though its scene has light: does the camera look at \
+             something lit? Emitters shine from their front alone, and a closed object hides what is \
+             inside of it"
+        );
+    }
+}

@@ -1,0 +1,126 @@
+//! The backward pass of a view: its paths are traced again, tile by tile, each with a tape of its own that is
+//! gone after it. So memory does not grow with samples, bounces or pixels, and tiles run on all cores.
+
+use std::sync::Arc;
+
+use burn::tensor::{Tensor, TensorData};
+use rayon::prelude::*;
+
+use super::renderer::TensorRenderer;
+use crate::accel::Hierarchy;
+use crate::device::is_cpu;
+use crate::error::Result;
+use crate::geometry::host_values;
+use crate::render::kernel;
+use crate::render::options::RenderOptions;
+use crate::render::tiles::{Tile, tiles};
+use crate::scene::{Camera, Flattened, Normalization, Replace, Scene, visit_tensors};
+
+/// Surfaces of the paths of a tile that keeps a tape.
+const REPLAYED_RAYS: usize = 1 << 14;
+
+/// The backward pass of a view.
+pub(super) struct Replay {
+    pub scene: Scene,
+    pub camera: Camera,
+    pub options: RenderOptions,
+    pub normalization: Normalization,
+    pub pixels: Option<Arc<Vec<u32>>>,
+    /// Without tape.
+    pub parameters: Tensor<1>,
+    pub hierarchy: Option<Arc<Hierarchy>>,
+    /// Whether surfaces are hard, so that visibility jumps.
+    pub hard: bool,
+}
+
+impl Replay {
+    /// The gradient of the parameters from that of the means `[C, P]`.
+    pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
+        let interior = self.interior(upstream);
+        if !self.hard {
+            return interior;
+        }
+        let (_, scene, camera) = self.anew();
+        // Kernels have the channels of a pixel side by side.
+        let upstream = transposed(upstream);
+        let pixels = self.pixels.clone();
+        let jumps = kernel::jumps((&scene, &camera), &self.options, pixels, &upstream);
+        let jumps = jumps.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
+        // Rounded before jumps are added, as it is where there are none.
+        let count = interior.len();
+        let interior = TensorData::new(interior, [count]).convert_dtype(self.parameters.dtype());
+        let sums = interior.iter::<f64>().zip(jumps).map(|(a, b)| a + b);
+        sums.collect()
+    }
+
+    /// The gradient of all that changes while visibility doesn't.
+    fn interior(&self, upstream: &TensorData) -> Vec<f64> {
+        let count = self.parameters.dims()[0];
+        let shape = upstream.shape().clone();
+        let (channels, pixels) = (shape[0], shape[1]);
+        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
+        let per_sample = f64::from(self.options.samples).recip();
+        let of_tile = |tile: &Tile| -> Result<Vec<f64>> {
+            let (leaf, scene, camera) = self.anew();
+            let flattened = Flattened::new(&scene, &camera, Some(self.normalization))?;
+            let (pixels_of, hierarchy) = (self.pixels.clone(), self.hierarchy.clone());
+            let renderer =
+                TensorRenderer::new(&flattened, &camera, &self.options, pixels_of, hierarchy)?;
+            let sums = renderer.tile(tile)?.sums;
+            if !sums.is_tracked() {
+                return Ok(vec![0.0; count]);
+            }
+            let weights: Vec<f64> = (0..channels)
+                .flat_map(|c| {
+                    let row = &upstream[c * pixels..(c + 1) * pixels];
+                    row[tile.first..tile.first + tile.pixels].iter().copied()
+                })
+                .map(|w| w * per_sample)
+                .collect();
+            let weights = flattened.context.tensor(&weights, sums.dims());
+            let gradients = (sums * weights).sum().backward();
+            match leaf.grad(&gradients) {
+                Some(g) => host_values(&g),
+                None => Ok(vec![0.0; count]),
+            }
+        };
+        // A tape is as long as its paths.
+        let rays = REPLAYED_RAYS / (self.options.bounces as usize + 1);
+        let tiles = tiles(&self.options, pixels, rays.max(256));
+        let parts = if is_cpu(&self.parameters.device()) {
+            tiles.par_iter().map(of_tile).collect::<Result<Vec<_>>>()
+        } else {
+            tiles.iter().map(of_tile).collect()
+        };
+        // A backward pass can't return an error, and what could fail went well in the forward pass.
+        let parts = parts.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
+        let mut sum = vec![0.0; count];
+        for part in parts {
+            sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
+        }
+        sum
+    }
+
+    /// Scene and camera in a graph of their own, with the leaf of its parameters: that of the image is
+    /// locked while it goes backward.
+    fn anew(&self) -> (Tensor<1>, Scene, Camera) {
+        let leaf = self.parameters.clone().autodiff().require_grad();
+        let (mut scene, mut camera) = (self.scene.clone(), self.camera.clone());
+        let mut replace = Replace {
+            parameters: leaf.clone(),
+            next: 0,
+        };
+        visit_tensors(&mut scene, &mut camera, &mut replace);
+        (leaf, scene, camera)
+    }
+}
+
+/// A matrix `[C, P]` as `[P, C]`.
+fn transposed(data: &TensorData) -> TensorData {
+    let (rows, columns) = (data.shape()[0], data.shape()[1]);
+    let values: Vec<f64> = data.iter::<f64>().collect();
+    let of_column = |p: usize| (0..rows).map(move |c| (c, p));
+    let all = (0..columns).flat_map(of_column);
+    let values: Vec<f64> = all.map(|(c, p)| values[c * columns + p]).collect();
+    TensorData::new(values, [columns, rows])
+}

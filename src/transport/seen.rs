@@ -1,0 +1,105 @@
+//! Emission that camera rays see.
+
+use burn::tensor::Tensor;
+
+use super::cones::Hits;
+use super::tracer::{RayWeights, Transport};
+use crate::error::Result;
+use crate::geometry::{Vec3, detached, host_values};
+use crate::scene::Flattened;
+use crate::visibility::SparseWeights;
+
+/// Light of emitters and environment that camera rays see: the mean over all their surfaces, not over
+/// drawn ones, which has no noise of a draw. None where all is black.
+pub(crate) fn seen(
+    transport: &Transport,
+    weights: &RayWeights,
+    direction: &Vec3,
+) -> Result<Option<Vec3>> {
+    let scene = transport.scene;
+    let context = &scene.context;
+    let sky = transport.sky.map(|s| s.radiance(context, direction));
+    let sky = sky.transpose()?;
+    if scene.emitters.is_empty() && sky.is_none() {
+        return Ok(None);
+    }
+    let weights = match weights {
+        RayWeights::Hits(hits) => return Ok(Some(seen_by_hits(scene, hits, sky))),
+        RayWeights::Dense(weights) => weights,
+        RayWeights::Sparse(weights) => return Ok(Some(seen_by_candidates(scene, weights, sky)?)),
+    };
+    let front = weights.cosine().clone().lower_elem(0.0);
+    let front = front.float().cast(context.dtype);
+    let materials = context.index_row(&scene.topology.material);
+    let emission = scene.materials.emission().gather(&materials);
+    let mean = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| {
+        let emission = emission.clone().transpose() * front.clone();
+        weights.mean(emission, environment.cloned())
+    };
+    let environment = sky.as_ref();
+    Ok(Some(Vec3::new(
+        mean(&emission.x, environment.map(|e| &e.x)),
+        mean(&emission.y, environment.map(|e| &e.y)),
+        mean(&emission.z, environment.map(|e| &e.z)),
+    )))
+}
+
+fn seen_by_hits(scene: &Flattened, hits: &Hits, sky: Option<Vec3>) -> Vec3 {
+    let context = &scene.context;
+    let material = |&k: &u32| scene.topology.material.get(k as usize).map_or(0, |&m| m);
+    let materials: Vec<u32> = hits.triangle.iter().map(material).collect();
+    let emission = scene
+        .materials
+        .emission()
+        .gather(&context.index_row(&materials));
+    let seen = emission.scale(&hits.row(context, |i| hits.is_hit(i) && hits.front[i]));
+    match sky {
+        Some(sky) => seen.add(&sky.scale(&hits.row(context, |i| !hits.is_hit(i)))),
+        None => seen,
+    }
+}
+
+fn seen_by_candidates(
+    scene: &Flattened,
+    weights: &SparseWeights,
+    sky: Option<Vec3>,
+) -> Result<Vec3> {
+    let material = &scene.topology.material;
+    let kinds = &scene.materials.kinds;
+    let channel = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| -> Result<Tensor<2>> {
+        let radiance = host_values(emission)?;
+        let sky = environment.map(host_values).transpose()?;
+        // The same for all rays, or one value a ray.
+        let behind = |i: usize| {
+            let value = sky.as_ref().map(|s| s[if s.len() == 1 { 0 } else { i }]);
+            value.unwrap_or(0.0)
+        };
+        let of = |k: u32, front: bool| {
+            let m = material[k as usize];
+            (front && kinds[m as usize].emits).then_some(m)
+        };
+        let value = |_, k, front| of(k, front).map_or(0.0, |m| radiance[m as usize]);
+        let mut mean = weights.mean(value, behind);
+        if emission.is_tracked()
+            && let Some(row) = weights.spread(emission, |k, front| Some((of(k, front)?, 1.0)))
+        {
+            let value = detached(&row);
+            mean = mean + (row - value);
+        }
+        if let Some(environment) = environment
+            && environment.is_tracked()
+        {
+            let background = detached(&weights.attached_background());
+            let value = detached(environment);
+            mean = mean + (environment.clone() - value) * background;
+        }
+        Ok(mean)
+    };
+    let emission = scene.materials.emission();
+    let environment = sky.as_ref();
+    Ok(Vec3::new(
+        channel(&emission.x, environment.map(|e| &e.x))?,
+        channel(&emission.y, environment.map(|e| &e.y))?,
+        channel(&emission.z, environment.map(|e| &e.z))?,
+    ))
+}

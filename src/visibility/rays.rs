@@ -1,0 +1,36 @@
+//! Rays in tensors.
+
+use burn::tensor::Tensor;
+
+use crate::geometry::Vec3;
+
+/// Rays o + t·d with |d| = 1, rows `[1, N]`; origins relative to the centre of the bounds, in the
+/// triangles' unit.
+#[derive(Clone, Debug)]
+pub struct Rays {
+    /// Origins, at the positions that static objects have.
+    pub origin: Vec3,
+    /// Unit directions.
+    pub direction: Vec3,
+    /// Time in the shutter, if anything moves.
+    pub time: Option<Tensor<2>>,
+    /// The triangle that each ray leaves, if it leaves a surface.
+    pub departure: Option<Vec<u32>>,
+    /// The emitter triangle that each ray ends on and its distance (without tape), for shadow rays.
+    pub arrival: Option<(Vec<u32>, Tensor<2>)>,
+}
+
+impl Rays {
+    /// The number of rays.
+    pub fn len(&self) -> usize {
+        self.direction.x.dims()[1]
+    }
+
+    /// Origins shifted into the frame of objects with a velocity (one for each ray).
+    pub(crate) fn origin_for(&self, velocity: Option<&Vec3>) -> Vec3 {
+        match (&self.time, velocity) {
+            (Some(time), Some(velocity)) => self.origin.sub(&velocity.scale(time)),
+            _ => self.origin.clone(),
+        }
+    }
+}
