@@ -43,6 +43,7 @@ mod model;
 pub mod modules;
 pub mod optim;
 pub mod render;
+mod sampling;
 pub mod scene;
 mod transport;
 mod visibility;

@@ -164,19 +164,6 @@ impl HostTriangle {
         }
     }
 
-    /// The solid angle under which a point sees it, negative from behind (Van Oosterom and Strackee
-    /// 1983).
-    pub fn solid_angle(&self, from: DVec3) -> f64 {
-        if !self.valid {
-            return 0.0;
-        }
-        let [a, b, c] = self.corners.map(|v| v - from);
-        let (la, lb, lc) = (a.length(), b.length(), c.length());
-        let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-        // Seen from the front corners run counter-clockwise, and the triple product is negative.
-        -2.0 * a.dot(b.cross(c)).atan2(below)
-    }
-
     /// A weighted sum of the corners.
     #[inline(always)]
     pub fn point(&self, weights: [f64; 3]) -> DVec3 {

@@ -10,7 +10,6 @@ mod boundary;
 mod camera;
 mod direct;
 mod edges;
-mod emitters;
 mod gradient;
 mod parts;
 mod path;

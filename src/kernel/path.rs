@@ -10,7 +10,7 @@ use super::walk::{Path, Walk, Walks};
 use crate::accel::{HitRay, NOTHING};
 use crate::model::V3;
 use crate::model::camera::CameraRay;
-use crate::transport::sampler::Numbers;
+use crate::sampling::Numbers;
 
 impl View {
     /// The camera ray of a path.

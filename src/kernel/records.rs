@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 
-use super::emitters::EmitterHit;
 use super::surface::Point;
 use super::walk::Walks;
 use crate::accel::{Hit, HitRay};
 use crate::model::V3;
 use crate::model::bsdf::Scatter;
 use crate::model::cone::Bend;
+use crate::sampling::EmitterHit;
 
 /// A point of a path.
 #[derive(Clone, Debug)]

@@ -4,14 +4,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::emitters::Emitters;
 use super::parts::{Material, Triangle};
 use super::sky::Sky;
 use super::texture::{Colour, Texels, Texture};
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
 use crate::model::{V3, v3};
+use crate::sampling::{Emitter, EmitterSampling, Emitters};
 use crate::scene::{HostAttribute, HostScene, HostTexture, SceneFrame};
-use crate::transport::EmitterSampling;
 
 /// The place of an object's parts in the scene's lists.
 #[derive(Clone, Debug)]
@@ -98,7 +97,21 @@ impl KernelScene {
                 kind: m.kind,
             })
             .collect();
-        let emitters = Emitters::new(&triangles, &materials, velocities.as_deref(), sampling);
+        let emits = |t: &&(usize, &Triangle)| materials[t.1.material as usize].kind.emits;
+        let list = triangles.iter().enumerate().collect::<Vec<_>>();
+        let list = list.iter().filter(emits).map(|&(k, t)| Emitter {
+            triangle: k as u32,
+            object: t.object,
+            corners: t.corners,
+            normal: t.normal,
+            area: t.area,
+            velocity: velocities
+                .as_ref()
+                .map_or(V3::ZERO, |v| v[t.object as usize]),
+            radiance: materials[t.material as usize].emission().sum_abs() / 3.0,
+            group: 0,
+        });
+        let emitters = Emitters::new(list.collect(), velocities.is_some(), sampling);
         Self {
             textured: materials.iter().any(|m| m.is_textured()),
             smooth: objects.iter().any(|o| o.smooth),

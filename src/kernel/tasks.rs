@@ -7,7 +7,7 @@ use super::records::Work;
 use super::view::View;
 use super::walk::{Path, Seen, Walks};
 use crate::accel::{Machine, Task, dispatch};
-use crate::transport::sampler::{Numbers, RUN, Run};
+use crate::sampling::{Numbers, RUN, Run};
 
 impl View {
     /// Sums over samples of pixels. `objects` counts, for each pixel, what its rays hit.

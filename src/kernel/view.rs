@@ -12,8 +12,8 @@ use crate::model::camera::Camera;
 use crate::model::cone::{Bend, bend};
 use crate::model::filter::PixelFilter;
 use crate::model::frame::sin_cos_of_turns;
+use crate::sampling::{Numbers, Sampler};
 use crate::scene::ParameterId;
-use crate::transport::sampler::{Numbers, Sampler};
 
 /// A scene as a camera sees it, with the settings of a render.
 pub(crate) struct View {

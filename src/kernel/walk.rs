@@ -6,7 +6,7 @@ use crate::model::V3;
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
 use crate::model::cone::Bend;
-use crate::transport::sampler::Numbers;
+use crate::sampling::Numbers;
 
 /// The constants of a path.
 #[derive(Clone, Copy)]

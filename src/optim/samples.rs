@@ -5,8 +5,8 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3};
+use crate::sampling::mix;
 use crate::scene::{Mesh, take_rows};
-use crate::transport::mix;
 
 /// Points `[count, 3]` on the faces of a mesh, scene units, uniformly by area (Osada et al. 2002, *Shape
 /// Distributions*, Eq. 1), the same for the same seed.

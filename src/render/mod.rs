@@ -18,7 +18,8 @@ use crate::error::{Error, Result};
 use crate::scene::{Camera, Collect, ParameterId, Scene, Visit, visit_camera, visit_scene};
 
 pub use crate::accel::HierarchyCache;
-pub use crate::transport::{Diagnostics, EmitterSampling, Sampling, Sequence, SurfaceSampling};
+pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
+pub use crate::transport::Diagnostics;
 pub use crate::visibility::Visibility;
 pub use batch::Batch;
 pub use film::{Image, ImageBatch, Statistics, SurfacesPerRay};

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::accel::HierarchyCache;
 use crate::error::{Error, Result};
+use crate::sampling::Sampling;
 use crate::scene::{Bounds, Normalization};
-use crate::transport::Sampling;
 use crate::visibility::Visibility;
 
 /// Bounces of a path, at most.

@@ -1,7 +1,7 @@
 //! Pixels and samples in tiles, and the random numbers of a render.
 
 use super::options::RenderOptions;
-use crate::transport::Sampler;
+use crate::sampling::Sampler;
 
 /// Pixels `first..first + pixels` with samples `from..to`.
 #[derive(Clone, Copy, Debug)]

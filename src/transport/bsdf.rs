@@ -4,10 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use burn::tensor::Tensor;
 
-use super::sampler::{Dimension, Sampler};
 use super::surface::SurfacePoints;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::HORIZON;
+use crate::sampling::{Dimension, Sampler};
 
 /// f(wi, wo)·cos θ_i as planes; zero below the surface. `incoming` is the ray's direction.
 pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Vec3 {

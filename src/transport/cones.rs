@@ -6,13 +6,13 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use pulp::Arch;
 
-use super::sampler::Sampler;
 use super::surface::SurfacePoints;
 use crate::accel::{Hierarchy, Hit, HitRay, NOTHING};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, host_values, host_vectors};
 use crate::model::V3;
 use crate::model::cone::{Bend, bend, lifted, up_to_plane};
+use crate::sampling::Sampler;
 use crate::visibility::Rays;
 
 /// Paths (pixel, sample) at a bounce, which random numbers belong to.

@@ -5,12 +5,12 @@ use burn::tensor::{Int, Tensor};
 use super::bsdf::{density as density_of_scattering, scattered};
 use super::cones::AtBounce;
 use super::lights::Views;
-use super::sampler::Dimension;
 use super::surface::SurfacePoints;
 use super::tracer::{Sight, Tracer};
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
-use crate::visibility::{Rays, grazing};
+use crate::sampling::Dimension;
+use crate::visibility::Rays;
 
 /// Points of emitters, one for each of some paths, by strategies whose densities carry no
 /// gradient: what they estimate is an integral over the emitters' own area, in which the points
@@ -96,7 +96,7 @@ pub(crate) fn connect(
     if let (Some((direction, used)), Some(views)) = (scattered, &views) {
         let direction = host_vectors(direction)?;
         let context = &tracer.scene().context;
-        let mut hits = lights.intersect(views, &direction, tracer.t_min(), grazing(context.dtype));
+        let mut hits = lights.intersect(views, &direction);
         hits.retain(|h| used[h.path as usize]);
         if !hits.is_empty() {
             let which: Vec<u32> = hits.iter().map(|h| h.path).collect();
@@ -111,7 +111,7 @@ pub(crate) fn connect(
                 },
             };
             let chosen = LightPoints {
-                chance: lights.chance(Some(views), &hits),
+                chance: lights.chance(views, &hits),
                 emitter: hits.iter().map(|h| h.emitter).collect(),
                 b: hits.iter().map(|h| h.b).collect(),
                 c: hits.iter().map(|h| h.c).collect(),

@@ -3,12 +3,12 @@
 use super::bsdf::{density as density_of_scattering, scattered};
 use super::cones::AtBounce;
 use super::emitters::power_heuristic;
-use super::sampler::Dimension;
 use super::sky::{SkyMap, nonzero};
 use super::surface::SurfacePoints;
 use super::tracer::{Sight, Tracer};
 use crate::error::Result;
 use crate::geometry::{Vec3, gather_row, host_vectors};
+use crate::sampling::Dimension;
 use crate::visibility::Rays;
 
 /// Light from an environment map at each surface point along two directions, one drawn from the map

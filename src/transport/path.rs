@@ -8,14 +8,14 @@ use super::bsdf::{self, Scatter};
 use super::cones::AtBounce;
 use super::diagnostics::Diagnostics;
 use super::paths::{Contribution, PathBatch, is_identity, roulette, times, weighted};
-use super::sampler::Dimension;
 use super::sky::{Sky, SkyMap};
-use super::strategies::SurfaceSampling;
 use super::surface::SurfacePoints;
 use super::tracer::{RayStatistics, RayWeights, Sight, Tracer, Transport};
 use super::{emitters, environment, seen};
 use crate::error::Result;
 use crate::geometry::Vec3;
+use crate::sampling::Dimension;
+use crate::sampling::SurfaceSampling;
 use crate::scene::Flattened;
 use crate::visibility::Rays;
 

@@ -2,10 +2,10 @@
 
 use burn::tensor::Tensor;
 
-use super::sampler::Dimension;
 use super::tracer::{RayWeights, Tracer};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values};
+use crate::sampling::Dimension;
 use crate::visibility::Rays;
 
 /// Ends paths at random in proportion to their throughput, and returns those that go on.

@@ -7,11 +7,11 @@ use burn::tensor::Tensor;
 use super::cones::{AtBounce, Cones, Hits};
 use super::diagnostics::Diagnostics;
 use super::lights::Lights;
-use super::sampler::Sampler;
 use super::sky::Sky;
-use super::strategies::Sampling;
 use crate::error::Result;
 use crate::geometry::Context;
+use crate::sampling::Sampler;
+use crate::sampling::Sampling;
 use crate::scene::Flattened;
 use crate::visibility::{
     Coverage, CoverageSettings, DepthRange, Rays, Softmax, Sparse, SparseWeights, Weights,

@@ -4,13 +4,13 @@ use super::edge_point::{DirectionJump, EdgePoint, direction_jump};
 use super::observer::Observer;
 use crate::accel::{HitRay, NOTHING};
 use crate::kernel::edges::Query;
-use crate::kernel::emitters::EmitterHit;
 use crate::kernel::gradient::Sums;
 use crate::kernel::records::Work;
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
 use crate::model::V3;
 use crate::model::cone::{up_to_plane, widened};
+use crate::sampling::EmitterHit;
 
 /// The probability with which edges of the lights' shadows are looked for at a point of a path that counts
 /// as much as a camera ray does on average; those that count for less are asked less often.

@@ -4,7 +4,7 @@ use crate::kernel::edges::EdgeSets;
 use crate::kernel::records::Vertex;
 use crate::kernel::walk::Path;
 use crate::model::V3;
-use crate::transport::sampler::Numbers;
+use crate::sampling::Numbers;
 
 /// A point of a path that looks at edges.
 pub(super) struct Observer<'a> {

@@ -13,10 +13,9 @@ use crate::device::is_cpu;
 use crate::error::Result;
 use crate::render::options::RenderOptions;
 use crate::render::tiles::{Tile, sampler, tiles};
+use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Camera, Flattened};
-use crate::transport::{
-    Diagnostics, Dimension, Lights, PathSettings, RayStatistics, Sampler, Sky, Transport, trace,
-};
+use crate::transport::{Diagnostics, Lights, PathSettings, RayStatistics, Sky, Transport, trace};
 use crate::visibility::Rays;
 
 /// A view, ready to be traced.

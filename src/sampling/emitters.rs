@@ -1,9 +1,8 @@
 //! Emitters, and the choice of one that a surface point is connected to; it carries no gradient.
 
-use super::parts::{Material, Triangle};
+use super::strategies::EmitterSampling;
 use crate::model::V3;
 use crate::model::triangle::{barycentric, solid_angle};
-use crate::transport::EmitterSampling;
 
 /// The emitter triangles of a scene.
 pub(crate) struct Emitters {
@@ -15,16 +14,19 @@ pub(crate) struct Emitters {
     pub groups: Vec<EmitterGroup>,
 }
 
+/// A triangle that emits from its front, in inner coordinates at the start of the shutter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Emitter {
-    /// The triangle of the scene that it is.
+    /// The triangle and object of the scene that it is.
     pub triangle: u32,
+    pub object: u32,
     pub corners: [V3; 3],
     pub normal: V3,
     pub area: f32,
     pub velocity: V3,
-    /// Mean radiance, not 0: one that is black for now may have a gradient.
-    radiance: f32,
+    /// Mean radiance; one that is black for now may have a gradient.
+    pub radiance: f32,
+    /// Of [`Emitters::groups`].
     pub group: u32,
 }
 
@@ -59,36 +61,16 @@ const TOGETHER: usize = 8;
 const GRAZING: f32 = 1e-6;
 
 impl Emitters {
-    pub fn new(
-        triangles: &[Triangle],
-        materials: &[Material],
-        velocities: Option<&[V3]>,
-        sampling: EmitterSampling,
-    ) -> Self {
-        let emitting = |t: &&(usize, &Triangle)| materials[t.1.material as usize].kind.emits;
-        let all: Vec<(usize, &Triangle)> = triangles.iter().enumerate().collect();
-        let mut list: Vec<Emitter> = all
-            .iter()
-            .filter(emitting)
-            .map(|&(k, t)| Emitter {
-                triangle: k as u32,
-                corners: t.corners,
-                normal: t.normal,
-                area: t.area,
-                velocity: velocities.map_or(V3::ZERO, |v| v[t.object as usize]),
-                radiance: materials[t.material as usize].emission().sum_abs() / 3.0,
-                group: 0,
-            })
-            .collect();
+    /// Of a list in the order of the scene's triangles; `moves` says whether any velocity counts.
+    pub fn new(mut list: Vec<Emitter>, moves: bool, sampling: EmitterSampling) -> Self {
         let largest = list.iter().map(|e| e.radiance).fold(0.0, f32::max);
         let least = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
         list.iter_mut()
             .for_each(|e| e.radiance = e.radiance.max(least));
         let count = list.len();
-        let area = |e: &Emitter| triangles[e.triangle as usize].area;
         let power: Vec<f64> = list
             .iter()
-            .map(|e| f64::from(area(e)) * f64::from(e.radiance))
+            .map(|e| f64::from(e.area) * f64::from(e.radiance))
             .map(|p| if p.is_finite() { p } else { 0.0 })
             .collect();
         let total: f64 = power.iter().sum();
@@ -98,14 +80,14 @@ impl Emitters {
             let offset = (e.corners[0] - first).dot(list[0].normal);
             n.max_abs().max(offset.abs()) > 1e-5
         };
-        let spread = velocities.is_some() || list.iter().any(apart);
+        let spread = moves || list.iter().any(apart);
         let uniform = sampling == EmitterSampling::Uniform || total <= 0.0;
         let fixed = if uniform {
             vec![1.0 / count.max(1) as f32; count]
         } else {
             power.iter().map(|p| (p / total) as f32).collect()
         };
-        let groups = group(&mut list, triangles);
+        let groups = group(&mut list);
         Self {
             by_solid_angle: sampling == EmitterSampling::SolidAngle
                 && (2..=FEW).contains(&count)
@@ -119,6 +101,18 @@ impl Emitters {
 
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
+    }
+
+    /// Whether probabilities depend on the point.
+    pub fn depends_on_position(&self) -> bool {
+        self.by_solid_angle
+    }
+
+    /// The number of the emitter that a triangle of the scene is.
+    pub fn of_triangle(&self, triangle: u32) -> Option<usize> {
+        self.list
+            .binary_search_by_key(&triangle, |e| e.triangle)
+            .ok()
     }
 
     pub fn get(&self, emitter: usize) -> &Emitter {
@@ -240,11 +234,11 @@ impl Emitters {
 }
 
 /// Emitters of one object and velocity together, few at a time.
-fn group(list: &mut [Emitter], triangles: &[Triangle]) -> Vec<EmitterGroup> {
+fn group(list: &mut [Emitter]) -> Vec<EmitterGroup> {
     let mut groups: Vec<EmitterGroup> = Vec::new();
     let mut last = None;
     for (k, e) in list.iter_mut().enumerate() {
-        let object = triangles[e.triangle as usize].object;
+        let object = e.object;
         match groups.last_mut() {
             Some(g) if last == Some(object) && g.members.len() < TOGETHER => {
                 g.members.push(k as u32);

@@ -1,7 +1,7 @@
 //! The source of random numbers.
 
 use super::mix::{mix, morton};
-use crate::transport::strategies::Sequence;
+use super::strategies::Sequence;
 
 /// The source of random numbers: a number is a function of (seed, pixel, sample, bounce,
 /// dimension), the same on every backend and whatever the tiles and threads.

@@ -3,7 +3,7 @@
 use super::dimension::Dimension;
 use super::mix::{mix, number};
 use super::source::Sampler;
-use crate::transport::strategies::Sequence;
+use super::strategies::Sequence;
 
 impl Sampler {
     /// Uniform numbers in [0, 1) for a list of paths, each (pixel, sample). They have 24 bits, so

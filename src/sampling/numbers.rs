@@ -9,7 +9,7 @@ use super::dimension::Dimension;
 use super::mix::{mix, number};
 use super::points::{points, round, scrambles, unscrambled};
 use super::source::Sampler;
-use crate::transport::strategies::Sequence;
+use super::strategies::Sequence;
 
 /// Samples of a pixel whose numbers are drawn at once.
 pub(crate) const RUN: usize = 8;
