@@ -53,13 +53,6 @@ pub(crate) fn plain<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
     tensor.clone().inner()
 }
 
-/// Three planes on the host, as vectors.
-pub(crate) fn host_vectors(v: &super::Vec3) -> Result<Vec<glam::DVec3>> {
-    let (x, y, z) = (host_values(&v.x)?, host_values(&v.y)?, host_values(&v.z)?);
-    let vector = |i: usize| glam::DVec3::new(x[i], y[i], z[i]);
-    Ok((0..x.len()).map(vector).collect())
-}
-
 /// Calls a function with the values of an image `[H, W, C]`, some rows at a time: reading it back in one
 /// piece takes its memory twice more.
 pub(crate) fn by_rows(tensor: &Tensor<3>, mut f: impl FnMut(&[f32])) -> Result<()> {

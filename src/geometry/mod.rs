@@ -12,11 +12,11 @@ mod trigonometry;
 mod vec3;
 
 pub use context::Context;
-pub(crate) use context::{by_rows, first_not_finite, host_values, host_vectors, plain};
+pub(crate) use context::{by_rows, first_not_finite, host_values, plain};
 pub(crate) use planes::{columns, gather_columns, length, split, unit_size};
 pub use topology::{Neighbours, Topology, Weld};
 pub(crate) use triangles::nearest_on_triangle;
 pub use triangles::{Nearest, Triangles, VertexData};
 pub(crate) use trigonometry::sin_cos;
 pub use vec3::Vec3;
-pub(crate) use vec3::gather_row;
+pub(crate) use vec3::{gather_row, host_vectors};

@@ -2,8 +2,9 @@ use std::fmt;
 
 use burn::tensor::{Int, Tensor};
 
-use super::{Context, plain};
+use super::{Context, host_values, plain};
 use crate::debug::tensor;
+use crate::error::Result;
 
 /// Three planes of one shape: `[1, N]` for rays, `[T, 1]` for triangles.
 #[derive(Clone)]
@@ -59,6 +60,14 @@ impl Vec3 {
             v.clone().narrow(1, 1, 1),
             v.narrow(1, 2, 1),
         )
+    }
+
+    /// Vectors one after the other along a dimension of their planes.
+    pub(crate) fn cat(parts: &[Self], dim: usize) -> Self {
+        let plane = |f: fn(&Self) -> &Tensor<2>| {
+            Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim)
+        };
+        Self::new(plane(|p| &p.x), plane(|p| &p.y), plane(|p| &p.z))
     }
 
     /// The planes `[1, N]` as `[3, N]`.
@@ -154,4 +163,11 @@ impl Vec3 {
 pub(crate) fn gather_row(plane: Tensor<2>, index: &Tensor<2, Int>) -> Tensor<2> {
     let [a, b] = plane.dims();
     plane.reshape([1, a * b]).gather(1, index.clone())
+}
+
+/// The values of three planes of N elements each, as N vectors.
+pub(crate) fn host_vectors(v: &Vec3) -> Result<Vec<glam::DVec3>> {
+    let (x, y, z) = (host_values(&v.x)?, host_values(&v.y)?, host_values(&v.z)?);
+    let vector = |i: usize| glam::DVec3::new(x[i], y[i], z[i]);
+    Ok((0..x.len()).map(vector).collect())
 }

@@ -1,6 +1,6 @@
 use burn::tensor::Tensor;
 
-use super::{Detach, Parameter, visit_camera};
+use super::Parameter;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
 
@@ -176,7 +176,13 @@ impl Camera {
 
     /// The camera of an image of `aspect` (width over height) as `[1, 1]` planes; lengths relative to `centre`,
     /// in units of `unit`.
-    fn frame(&self, context: &Context, centre: [f64; 3], unit: f64, aspect: f64) -> CameraFrame {
+    pub(super) fn frame(
+        &self,
+        context: &Context,
+        centre: [f64; 3],
+        unit: f64,
+        aspect: f64,
+    ) -> CameraFrame {
         let vector = |p: &Parameter<3>| {
             let [x, y, z] = p.planes(context);
             Vec3::new(x, y, z)
@@ -263,37 +269,6 @@ impl Camera {
             }
             _ => (eye.map(|x| x.expand([1, n])), through.normalized()),
         }
-    }
-
-    /// Depths along the view axis (PyTorch3D's `zbuf`, a rasteriser's depth) from depths along the rays
-    /// (`Image::depth`), both `[H, W]` in scene units: each times the cosine between its pixel's ray and the
-    /// axis. In the graph of the depths, not of the camera.
-    ///
-    /// # Errors
-    /// If the camera is not valid.
-    pub fn axial_depth(&self, depth: Tensor<2>) -> Result<Tensor<2>> {
-        self.check()?;
-        let [height, width] = depth.dims();
-        if self.projection.is_parallel() || height == 0 || width == 0 {
-            return Ok(depth);
-        }
-        let context = Context {
-            device: depth.device().inner(),
-            dtype: depth.dtype(),
-        };
-        let mut camera = self.clone();
-        camera.lens = None;
-        visit_camera(&mut camera, &mut Detach);
-        let middle = |i: usize, size: usize| (i as f64 + 0.5) / size as f64;
-        let pixels = 0..height * width;
-        let columns: Vec<f64> = pixels.clone().map(|i| middle(i % width, width)).collect();
-        let rows: Vec<f64> = pixels.map(|i| middle(i / width, height)).collect();
-        let film = [context.row(&columns), context.row(&rows)];
-        let aspect = width as f64 / height as f64;
-        let (_, direction) = camera.rays(&context, [0.0; 3], 1.0, aspect, &film, None);
-        let forward = camera.frame(&context, [0.0; 3], 1.0, aspect).forward;
-        let cosine = forward.dot(&direction).reshape([height, width]);
-        Ok(depth * cosine)
     }
 
     /// Whether rays need a point on the lens: not for a constant aperture of 0.

@@ -173,4 +173,3 @@ fn check_textures(object: &Object) -> Result<()> {
     }
     Ok(())
 }
-

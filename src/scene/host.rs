@@ -96,7 +96,11 @@ impl HostScene {
                 let mut m = m.clone();
                 materials.push(HostMaterial {
                     kind: m.kind(),
-                    channels: m.channels().map(channel).into_iter().collect::<Result<_>>()?,
+                    channels: m
+                        .channels()
+                        .map(channel)
+                        .into_iter()
+                        .collect::<Result<_>>()?,
                 });
             }
         }

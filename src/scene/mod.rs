@@ -1,5 +1,6 @@
 //! What is rendered: meshes, materials, transforms, objects, lights and the camera, all tensors.
 
+mod axial_depth;
 mod bounds;
 mod camera;
 mod check;
@@ -23,8 +24,8 @@ pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::{check_camera, check_scene};
 pub use environment::Environment;
-pub(crate) use flatten::Normalization;
 pub use flatten::Flattened;
+pub(crate) use flatten::Normalization;
 pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, SkyTensors};
 
 pub(crate) use frame::SceneFrame;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
+use super::transform::mirrors;
 use super::{Mesh, Parameter, Transform};
 use crate::geometry::{Context, sin_cos};
 
@@ -272,11 +273,6 @@ fn finite(what: &str, values: &[f64]) -> Result<(), String> {
         values => format!("{values:?}"),
     };
     Err(format!("{what} {shown}, expected finite numbers"))
-}
-
-/// Whether one factor, or three, turn a mesh inside out.
-pub(super) fn mirrors(factors: &[f64]) -> bool {
-    factors.iter().filter(|&&s| s < 0.0).count() % 2 == 1
 }
 
 /// One factor for three.

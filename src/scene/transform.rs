@@ -2,7 +2,6 @@ use std::fmt;
 
 use burn::tensor::Tensor;
 
-use super::placement::mirrors;
 use crate::debug::tensor;
 use crate::geometry::{host_values, sin_cos};
 
@@ -190,4 +189,10 @@ impl Transform {
             None => p,
         }
     }
+}
+
+/// Whether scaling by one factor, or by one for each axis, turns a mesh inside out: with an odd number of negative
+/// factors.
+pub(super) fn mirrors(factors: &[f64]) -> bool {
+    factors.iter().filter(|&&s| s < 0.0).count() % 2 == 1
 }

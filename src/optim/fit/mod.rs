@@ -5,6 +5,7 @@
 mod check;
 mod checkpoint;
 mod debug;
+mod evaluation;
 mod gradients;
 mod history;
 mod pictures;
@@ -21,10 +22,11 @@ use burn::optim::ModuleOptimizer;
 
 use super::schedule::Blur;
 use crate::error::Result;
+pub use evaluation::Evaluation;
 pub use history::{History, Row};
 use pictures::Pictures;
 pub use rate::Rate;
-pub use step::{Evaluation, Fitted, Report, Step, Stop};
+pub use step::{Fitted, Report, Step, Stop};
 pub use warning::Warning;
 
 type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;

@@ -68,13 +68,7 @@ fn velocities(scene: &Scene, context: &Context) -> Option<Vec3> {
         })
         .filter(|v| v.x.dims()[0] > 0)
         .collect();
-    Some(cat(parts, 0))
-}
-
-pub(super) fn cat(parts: Vec<Vec3>, dim: usize) -> Vec3 {
-    let plane =
-        |f: fn(&Vec3) -> &Tensor<2>| Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim);
-    Vec3::new(plane(|p| &p.x), plane(|p| &p.y), plane(|p| &p.z))
+    Some(Vec3::cat(&parts, 0))
 }
 
 /// Texture coordinates (`width` 2) or normals (3) at the corners of all triangles, zero where an

@@ -1,6 +1,5 @@
 //! Materials and environments as planes.
 
-use super::attached::cat;
 use crate::geometry::{Context, Vec3};
 use crate::scene::material::{CHANNELS, Channel, ChannelValue, MaterialKind};
 use crate::scene::{Albedo, Environment, Material, Parameter, Wrap};
@@ -157,8 +156,8 @@ fn planes(values: Vec<ChannelValue<'_>>, context: &Context) -> ChannelPlanes {
         constant.push(Vec3::new(x, y, z));
     }
     ChannelPlanes {
-        constant: cat(constant, 1),
+        constant: Vec3::cat(&constant, 1),
         texture,
-        atlas: (!atlas.is_empty()).then(|| cat(atlas, 1)),
+        atlas: (!atlas.is_empty()).then(|| Vec3::cat(&atlas, 1)),
     }
 }

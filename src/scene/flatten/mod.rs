@@ -14,7 +14,6 @@ use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
 use attached::Attached;
 pub(crate) use materials::{ChannelPlanes, EnvironmentMap, Materials, SkyTensors};
 
-
 /// A sphere around the scene that sets the scale of depths and tolerances; takes no gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Normalization {
