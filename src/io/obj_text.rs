@@ -44,6 +44,10 @@ pub struct ObjText {
 
 impl ObjText {
     /// Reads an OBJ file and the MTL files that it names.
+    #[expect(
+        clippy::too_many_lines,
+        reason = "an arm for each keyword of the format"
+    )]
     pub fn read(path: &Path, limits: &LoadLimits) -> Result<Self> {
         let text = read_text(path, limits)?;
         let folder = path.parent().unwrap_or(Path::new(""));
