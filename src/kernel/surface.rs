@@ -6,8 +6,8 @@ use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::cone::lifted;
-use crate::scene::CHANNELS;
 use crate::model::triangle::{barycentric, barycentric_slopes, hit_backward};
+use crate::scene::CHANNELS;
 
 /// Normals of corners may cancel where they are interpolated.
 const TINY: f32 = 1e-15;
