@@ -68,7 +68,7 @@ pub use burn;
 pub use error::{Error, Result};
 pub use optim::loss;
 
-/// What most programs need.
+/// The types and functions that most programs use.
 pub mod prelude {
     pub use burn::tensor::{Device, Tensor};
 

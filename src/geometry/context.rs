@@ -2,7 +2,7 @@ use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
 use crate::error::{Error, Result};
 
-/// Where and in which float type a render runs: those of the scene's tensors.
+/// The device and the float type of a render, which are those of the scene's tensors.
 #[derive(Clone, Debug)]
 pub struct Context {
     /// The device, without autodiff: constants record no tape.
@@ -48,7 +48,7 @@ impl Context {
     }
 }
 
-/// The tensor's values without tape or autodiff.
+/// The tensor without its graph, on the device without autodiff.
 pub(crate) fn plain<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
     tensor.clone().inner()
 }
@@ -81,7 +81,7 @@ pub(crate) fn first_not_finite(tensor: &Tensor<3>) -> Result<Option<(usize, f64)
     Ok(found)
 }
 
-/// A float tensor's values on the host.
+/// Reads the values of a float tensor back to the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
     let data = plain(tensor).try_into_data();
     let data = data.map_err(Error::read)?;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-/// What is known of the triangles on the host: neighbours, objects, closed surfaces.
+/// The connectivity of the triangles on the host: their objects, materials and neighbours.
 #[derive(Clone, Debug, Default)]
 pub struct Topology {
     /// The object of each triangle.
@@ -20,12 +20,12 @@ pub struct Topology {
     pub visible_side: Vec<f64>,
 }
 
-/// Which triangles share a vertex: where their corners are, and the triangles at each such place. Linear
-/// in the triangles, however many of them share one.
+/// The triangles that share a vertex, by the places of their corners and the triangles at each place. Memory is linear
+/// in the number of triangles, however many of them share a vertex.
 #[derive(Clone, Debug)]
 pub struct Neighbours {
     corners: Vec<[u32; 3]>,
-    /// Where the list of each place begins, and the end.
+    /// The start of the list of each place, and the end of the last one.
     starts: Vec<usize>,
     list: Vec<u32>,
 }
@@ -41,7 +41,7 @@ impl Default for Neighbours {
 }
 
 impl Neighbours {
-    /// No triangle has any.
+    /// Neighbours of triangles that have none.
     pub fn none(triangles: usize) -> Self {
         let mut neighbours = Self::default();
         let corners = (0..triangles as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]);
@@ -49,7 +49,7 @@ impl Neighbours {
         neighbours
     }
 
-    /// Those of a triangle, some of them more than once.
+    /// The neighbours of a triangle; some may come more than once.
     pub fn of(&self, triangle: u32) -> impl Iterator<Item = u32> {
         let at = |p: u32| &self.list[self.starts[p as usize]..self.starts[p as usize + 1]];
         let around = self.corners[triangle as usize].into_iter().flat_map(at);
@@ -87,7 +87,7 @@ impl Neighbours {
     }
 }
 
-/// Keys here are bits of positions, which nobody chooses to collide: mixed, not hashed safely.
+/// A fast hasher. Keys are the bits of positions, which need no protection from chosen collisions.
 #[derive(Default)]
 struct Mix(u64);
 
@@ -110,12 +110,12 @@ impl Hasher for Mix {
     }
 }
 
-/// Vertices of an object by place.
+/// The vertices of an object, joined by position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weld {
     /// The place of each vertex.
     of_vertex: Vec<u32>,
-    /// How many places.
+    /// The number of places.
     count: usize,
 }
 

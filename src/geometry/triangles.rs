@@ -5,11 +5,11 @@ use super::{Context, Vec3, plain};
 /// Per-corner data of the triangles: three vectors `[T, 1]` each.
 #[derive(Clone, Debug)]
 pub struct VertexData {
-    /// At the first corner.
+    /// Values at the first corner.
     pub a: Vec3,
-    /// At the second corner.
+    /// Values at the second corner.
     pub b: Vec3,
-    /// At the third corner.
+    /// Values at the third corner.
     pub c: Vec3,
 }
 
@@ -99,7 +99,7 @@ impl Triangles {
         }
     }
 
-    /// How many triangles.
+    /// The number of triangles.
     pub fn len(&self) -> usize {
         self.base.dims()[0]
     }

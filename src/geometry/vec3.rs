@@ -62,7 +62,7 @@ impl Vec3 {
         )
     }
 
-    /// Vectors one after the other along a dimension of their planes.
+    /// Concatenates vectors along a dimension of their planes.
     pub(crate) fn cat(parts: &[Self], dim: usize) -> Self {
         let plane = |f: fn(&Self) -> &Tensor<2>| {
             Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim)
@@ -80,12 +80,12 @@ impl Vec3 {
         Tensor::cat(vec![self.x.clone(), self.y.clone(), self.z.clone()], 1)
     }
 
-    /// A function of each plane.
+    /// Applies a function to each plane.
     pub fn map(&self, f: impl Fn(Tensor<2>) -> Tensor<2>) -> Self {
         Self::new(f(self.x.clone()), f(self.y.clone()), f(self.z.clone()))
     }
 
-    /// A function of each pair of planes.
+    /// Applies a function to each pair of planes.
     pub fn zip(&self, o: &Self, f: impl Fn(Tensor<2>, Tensor<2>) -> Tensor<2>) -> Self {
         Self::new(
             f(self.x.clone(), o.x.clone()),
@@ -94,7 +94,7 @@ impl Vec3 {
         )
     }
 
-    /// Without tape.
+    /// The vector without its graph.
     pub fn plain(&self) -> Self {
         Self::new(plain(&self.x), plain(&self.y), plain(&self.z))
     }
@@ -104,12 +104,12 @@ impl Vec3 {
         self.x.is_tracked() || self.y.is_tracked() || self.z.is_tracked()
     }
 
-    /// Sum.
+    /// The sum.
     pub fn add(&self, o: &Self) -> Self {
         self.zip(o, |a, b| a + b)
     }
 
-    /// Difference.
+    /// The difference.
     pub fn sub(&self, o: &Self) -> Self {
         self.zip(o, |a, b| a - b)
     }

@@ -7,9 +7,9 @@ use crate::error::Result;
 use crate::geometry::Context;
 
 impl Camera {
-    /// Depths along the view axis (PyTorch3D's `zbuf`, a rasteriser's depth) from depths along the rays
-    /// (`Image::depth`), both `[H, W]` in scene units: each times the cosine between its pixel's ray and the
-    /// axis. In the graph of the depths, not of the camera.
+    /// Returns the depths along the view axis (PyTorch3D's `zbuf`, a rasteriser's depth) for depths along the rays
+    /// (`Image::depth`), both `[H, W]` in scene units: each depth is multiplied by the cosine between its pixel's
+    /// ray and the axis. The result is in the graph of the depths, not of the camera.
     ///
     /// # Errors
     /// If the camera is not valid.

@@ -4,16 +4,17 @@ use super::Parameter;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
 
-/// A camera. Right-handed, pixel (0, 0) top left; by default a pinhole with a perspective projection.
+/// A camera in right-handed coordinates. Pixel (0, 0) is at the upper left. By default it is a pinhole with a
+/// perspective projection.
 #[derive(Clone, Debug)]
 pub struct Camera {
     /// Position, scene units.
     pub eye: Parameter<3>,
-    /// The point looked at, scene units.
+    /// The point that the camera looks at, scene units.
     pub target: Parameter<3>,
-    /// Roughly up, of any length.
+    /// A direction that points up in the image, of any length; it need not be at right angles to the view axis.
     pub up: Parameter<3>,
-    /// How directions or places become points of the image.
+    /// How points of the scene are projected onto the image.
     pub projection: Projection,
     /// A thin lens in place of a pinhole.
     pub lens: Option<ThinLens>,
@@ -29,20 +30,20 @@ pub enum Projection {
         /// Vertical field of view, degrees in (0, 180).
         fov_y: Parameter<1>,
     },
-    /// Perspective by a calibrated camera's matrix K, of an image of a size. A render of another size
+    /// Perspective by the matrix K of a camera that was calibrated for images of a given size. A render of another size
     /// shows the same view.
     Intrinsics {
         /// Focal lengths (f_x, f_y), pixels.
         focal: Parameter<2>,
         /// Where the view axis meets the image (c_x, c_y), pixels from the upper left corner.
         principal: Parameter<2>,
-        /// Columns and rows of the image that K is of.
+        /// Columns and rows of the images that K was calibrated for.
         size: [usize; 2],
     },
     /// Parallel rays along the view axis from the plane of the eye, with square pixels. What is behind the
     /// eye is not seen.
     Orthographic {
-        /// Of the image, scene units.
+        /// Height of the image, scene units.
         height: Parameter<1>,
     },
 }
@@ -86,13 +87,13 @@ impl Camera {
         }
     }
 
-    /// With another up vector.
+    /// Sets the up vector.
     pub fn up(mut self, up: impl Into<Parameter<3>>) -> Self {
         self.up = up.into();
         self
     }
 
-    /// With a perspective projection of a vertical field of view in degrees, in (0, 180).
+    /// Sets a perspective projection with a vertical field of view in degrees, in (0, 180).
     pub fn fov_y(mut self, degrees: impl Into<Parameter<1>>) -> Self {
         self.projection = Projection::Perspective {
             fov_y: degrees.into(),
@@ -100,7 +101,7 @@ impl Camera {
         self
     }
 
-    /// With parallel rays, from an image of a height in scene units.
+    /// Sets a projection by parallel rays, with the height of the image in scene units.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -117,7 +118,7 @@ impl Camera {
         self
     }
 
-    /// With a thin lens: aperture radius and focus distance in scene units.
+    /// Sets a thin lens with an aperture radius (≥ 0) and a focus distance (> 0), both in scene units.
     pub fn thin_lens(
         mut self,
         aperture_radius: impl Into<Parameter<1>>,
@@ -271,14 +272,14 @@ impl Camera {
         }
     }
 
-    /// Whether rays need a point on the lens: not for a constant aperture of 0.
+    /// Whether rays need a point on the lens. They need none if the aperture is a constant 0.
     pub(crate) fn has_lens(&self) -> bool {
         self.lens
             .as_ref()
             .is_some_and(|l| !matches!(l.aperture_radius, Parameter::Constant([0.0])))
     }
 
-    /// Half the height of what is seen at a distance of 1, or with parallel rays at the target, over its distance.
+    /// The half height of the view over the distance from the eye: for parallel rays it is taken at the target.
     ///
     /// # Errors
     /// If a value is out of range or can't be read.

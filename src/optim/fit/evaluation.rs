@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 
-/// What a step found: a loss in the graph of the module's parameters, and what is to be recorded.
+/// The result of a step: a loss in the graph of the module's parameters, with numbers and images to record.
 #[derive(Clone)]
 pub struct Evaluation {
     pub(super) loss: Tensor<1>,
@@ -24,28 +24,28 @@ impl Evaluation {
         }
     }
 
-    /// With a number for the history: a parameter, an error, a part of the loss. Every step is to name
+    /// Adds a number for the history: a parameter, an error, a part of the loss. Every step must name
     /// the same numbers in the same order.
     pub fn value(mut self, name: impl Into<String>, value: f64) -> Self {
         self.values.push((name.into(), value));
         self
     }
 
-    /// With an image `[H, W, 3]` of linear radiance for [`Fit::pictures`](super::Fit::pictures) and the
-    /// callback of [`Fit::on_step`](super::Fit::on_step). A name is to mean the same view at every
+    /// Adds an image `[H, W, 3]` of linear radiance for [`Fit::pictures`](super::Fit::pictures) and the
+    /// callback of [`Fit::on_step`](super::Fit::on_step). A name must mean the same view at every
     /// step.
     pub fn image(mut self, name: impl Into<String>, image: Tensor<3>) -> Self {
         self.images.push((name.into(), image));
         self
     }
 
-    /// With the target `[H, W, 3]` of the image of a name, to be seen beside it.
+    /// Adds the target `[H, W, 3]` of the image of a name, which is shown beside it.
     pub fn target(mut self, name: impl Into<String>, target: Tensor<3>) -> Self {
         self.targets.push((name.into(), target));
         self
     }
 
-    /// That names are of one image each, and targets of images that are there and of their size.
+    /// Checks that names are unique, and that each target has the name and the size of an image.
     pub(super) fn check(&self) -> Result<()> {
         for all in [&self.images, &self.targets] {
             for (i, (name, _)) in all.iter().enumerate() {

@@ -7,7 +7,7 @@ use crate::figure::Figure;
 use crate::io::HostImage;
 use crate::render::RenderOptions;
 
-/// What a step of a fit is to be evaluated with.
+/// The step of a fit that is to be evaluated.
 #[derive(Clone, Debug)]
 pub struct Step {
     /// Counted from 0.
@@ -37,7 +37,7 @@ impl Step {
     }
 }
 
-/// What a callback sees after a step.
+/// The state of a fit after a step, for callbacks.
 pub struct Report<'a, M> {
     /// The module before the step, which the loss is of.
     pub module: &'a M,
@@ -51,7 +51,7 @@ pub struct Report<'a, M> {
 }
 
 impl<M> Report<'_, M> {
-    /// The images of the step's evaluation, by name.
+    /// Reads back the images of the step's evaluation, with their names.
     ///
     /// # Errors
     /// If one can't be read back from its device.
@@ -60,7 +60,7 @@ impl<M> Report<'_, M> {
         images.map(|(n, i)| Ok((n.clone(), read(i)?))).collect()
     }
 
-    /// The images beside their targets and differences, as [`Fit::pictures`](super::Fit::pictures)
+    /// Draws the images beside their targets and differences, as [`Fit::pictures`](super::Fit::pictures)
     /// writes them.
     ///
     /// # Errors
@@ -93,11 +93,11 @@ pub struct Fitted<M> {
     pub history: History,
     /// Why it ended.
     pub stop: Stop,
-    /// The step of the checkpoint that it went on from.
+    /// The step of the checkpoint that it resumed from, if it did.
     pub resumed: Option<usize>,
     /// Steps at which the loss had not fallen for a while though the blur was constant.
     pub plateaus: Vec<usize>,
-    /// What is likely not meant, in the order in which it was found; without what a run before a
-    /// resumption found.
+    /// Warnings in the order in which they arose, without those of a run before a
+    /// resumption.
     pub warnings: Vec<Warning>,
 }

@@ -4,7 +4,7 @@ use crate::geometry::{Context, Vec3};
 use crate::scene::material::{CHANNELS, Channel, ChannelValue, MaterialKind};
 use crate::scene::{Albedo, Environment, Material, Parameter, Wrap};
 
-/// Where a texture lies in the atlas.
+/// The place of a texture in the atlas.
 #[derive(Clone, Copy, Debug)]
 pub struct TextureSlot {
     /// Its first texel.
@@ -13,14 +13,14 @@ pub struct TextureSlot {
     pub height: usize,
     /// Columns.
     pub width: usize,
-    /// Outside of the unit square.
+    /// How coordinates outside of the unit square are mapped.
     pub wrap: Wrap,
 }
 
 /// A parameter of all materials.
 #[derive(Clone, Debug)]
 pub(crate) struct ChannelPlanes {
-    /// `[1, M]`; 0 where the material has a texture. A scalar is x.
+    /// Values `[1, M]`, 0 where the material has a texture. A scalar parameter is in x.
     pub constant: Vec3,
     /// The texture of each material.
     pub texture: Vec<Option<TextureSlot>>,
@@ -31,7 +31,7 @@ pub(crate) struct ChannelPlanes {
 /// All materials of a scene.
 #[derive(Clone, Debug)]
 pub(crate) struct Materials {
-    /// In the order of [`Channel::ALL`].
+    /// The parameters, in the order of [`Channel::ALL`].
     channels: Vec<ChannelPlanes>,
     pub kinds: Vec<MaterialKind>,
 }

@@ -1,4 +1,4 @@
-//! From a scene to the planes that rays meet: the one place that gathers vertices into triangles.
+//! Flattens a scene into planes of triangles and materials.
 
 mod attached;
 mod materials;
@@ -37,17 +37,17 @@ impl From<Bounds> for Normalization {
 pub struct Flattened {
     /// Device and float type.
     pub context: Context,
-    /// Relative to the centre of the normalization, in units of `unit`.
+    /// The triangles, relative to the centre of the normalization, in units of `unit`.
     pub triangles: Triangles,
     /// Host-side connectivity.
     pub topology: Topology,
     /// All materials.
     pub(crate) materials: Materials,
-    /// Triangles that emit.
+    /// The triangles that emit.
     pub emitters: Vec<u32>,
-    /// Where the scene is and how large, in scene units.
+    /// The centre and the size of the scene, in scene units.
     pub(crate) normalization: Normalization,
-    /// The length that everything is measured in from here on, in scene units: the power of two
+    /// The unit of length of the planes, in scene units: the power of two
     /// nearest to the scene's radius. So a scene renders alike at any scale, and squares and
     /// products of small lengths do not underflow.
     pub unit: f64,
@@ -57,7 +57,7 @@ pub struct Flattened {
     pub normals: Option<(VertexData, Vec<bool>)>,
     /// The environment, if it is not a constant black.
     pub environment: Option<SkyTensors>,
-    /// What the topology was made from.
+    /// The objects that the topology was made from.
     connected: Arc<Vec<Connected>>,
 }
 
@@ -83,13 +83,13 @@ impl Flattened {
     /// and tolerances in place of the scene's vertices.
     ///
     /// # Errors
-    /// Whatever a user can get wrong in a scene, named.
+    /// If the scene or the camera is not valid.
     pub fn new(scene: &Scene, camera: &Camera, bounds: Option<Bounds>) -> Result<Self> {
         Self::of_scene(scene, bounds.map(Normalization::from), None)?.seen_by(camera)
     }
 
-    /// The same as every camera sees it, until [`Flattened::seen_by`] one. What is connected as in
-    /// another scene is taken from there.
+    /// Flattens a scene without a camera ([`Flattened::seen_by`] sets one). Neighbours of objects that are connected as in
+    /// the scene `like` are taken from there.
     ///
     /// # Errors
     /// As [`Flattened::new`].
@@ -163,10 +163,10 @@ impl Flattened {
         })
     }
 
-    /// With the sides of closed objects that a camera can see.
+    /// Sets which sides of closed objects the camera can see.
     ///
     /// # Errors
-    /// What a user can get wrong in a camera.
+    /// If the camera is not valid.
     pub(crate) fn seen_by(mut self, camera: &Camera) -> Result<Self> {
         check_camera(camera, &self.context)?;
         let eye = camera.eye.values()?;
@@ -182,7 +182,7 @@ impl Flattened {
         Ok(self)
     }
 
-    /// How many objects have triangles.
+    /// The number of objects that have triangles.
     pub(crate) fn objects(&self) -> usize {
         self.topology.object.last().map_or(0, |&o| o as usize + 1)
     }
@@ -239,7 +239,7 @@ fn normalization_of(objects: &[Connected], shifts: &[[f64; 3]]) -> Normalization
     Normalization { center, radius }
 }
 
-/// Which side of a closed object can be seen from `eye`: +1 those with n·d > 0, −1 those with
+/// The side of a closed object that can be seen from `eye`: +1 if its sides with n·d > 0, −1 if those with
 /// n·d < 0. From outside a surface can only be entered, from inside only be left; nothing
 /// transmits light, so this holds for every ray of a path.
 fn visible_side(positions: &[[f64; 3]], faces: &[[u32; 3]], eye: [f64; 3]) -> f64 {
