@@ -25,6 +25,10 @@ const UNIT: f64 = 4.0;
 /// Sideways and up, seen from near, so that the size tells of motion along the view.
 const VELOCITY: [f32; 3] = [0.9, 0.35, 0.0];
 
+#[expect(
+    clippy::too_many_lines,
+    reason = "a program from its scene to its figure"
+)]
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
     let camera = Camera::look_at([0.4, 0.2, 3.0], [0.4, 0.2, 0.0]).fov_y(70.0);

@@ -42,6 +42,10 @@ fn formed([x, y, z]: [f64; 3]) -> [f64; 3] {
     [x + 0.25 * y * y - 0.1, y, z]
 }
 
+#[expect(
+    clippy::too_many_lines,
+    reason = "a program from its scene to its figure"
+)]
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
     let ball = shapes::icosphere(arguments.either(2, 3), &device);

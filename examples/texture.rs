@@ -79,6 +79,10 @@ fn cameras() -> Vec<Camera> {
     (0..VIEWS).map(view).collect()
 }
 
+#[expect(
+    clippy::too_many_lines,
+    reason = "a program from its scene to its figure"
+)]
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
     let (height, width) = arguments.either((16, 32), (32, 64));

@@ -1,4 +1,4 @@
-//! What `{:?}` shows of tensors and long lists: sizes and a few numbers, never thousands of them.
+//! `Debug` of tensors and long lists shows sizes and a few numbers, never thousands of them.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use burn::tensor::{DType, Device, Tensor};
 
 use crate::device;
 
-/// Numbers of a list that are all shown.
+/// The most numbers of a list that are all shown.
 const FEW: usize = 12;
 
 /// A text that is shown as it is, without quotes.
@@ -20,8 +20,8 @@ impl fmt::Debug for Text {
     }
 }
 
-/// A tensor by its values if it is a short list, else by its shape and device; and whether it is in a
-/// graph. Reads from the device at most a few numbers.
+/// Shows a tensor by its values if it is a short list, else by its shape and device, and whether it is in a
+/// graph. At most a few numbers are read from the device.
 pub(crate) fn tensor<const D: usize>(t: &Tensor<D>) -> Text {
     let graph = graph(t);
     Text(match short_list(t) {
@@ -36,7 +36,7 @@ pub(crate) fn shape<const D: usize, K: Basic>(t: &Tensor<D, K>) -> Text {
     Text(format!("{:?} on {device}", t.dims()))
 }
 
-/// The parameter of a module; one that is not made yet is not made for this.
+/// Shows the parameter of a module. One that is not initialised yet stays so.
 pub(crate) fn parameter<const D: usize>(p: &Param<Tensor<D>>) -> Text {
     if p.is_initialized() {
         tensor(&p.val())
@@ -45,7 +45,7 @@ pub(crate) fn parameter<const D: usize>(p: &Param<Tensor<D>>) -> Text {
     }
 }
 
-/// Numbers, or how many they are and from where to where they go.
+/// Shows numbers, or their count, least and largest.
 pub(crate) fn numbers(list: impl ExactSizeIterator<Item = f64> + Clone) -> Text {
     let count = list.len();
     if count <= FEW {
@@ -65,7 +65,7 @@ pub(crate) fn numbers(list: impl ExactSizeIterator<Item = f64> + Clone) -> Text 
     })
 }
 
-/// What follows a value that is in a graph.
+/// The text that follows a value that is in a graph.
 pub(crate) fn graph<const D: usize>(t: &Tensor<D>) -> &'static str {
     if t.is_tracked() { " in the graph" } else { "" }
 }

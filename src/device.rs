@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 /// The variable that names the device where a program is given none; burn's own.
 pub const VARIABLE: &str = "BURN_DEVICE";
 
-/// The device of a name: `flex`, `ndarray`, `wgpu` or `vulkan`. Without a name the one that the
-/// environment variable `BURN_DEVICE` names, and Flex where it is not set. Of GPUs the first is taken
+/// Returns the device of a name: `flex`, `ndarray`, `wgpu` or `vulkan`. Without a name it is the one that the
+/// environment variable `BURN_DEVICE` names, or Flex if that is not set. The first GPU is taken
 /// unless a kind is named too: `wgpu:discrete`, `wgpu:integrated`, `wgpu:virtual` or `wgpu:cpu` (a
 /// software driver), likewise for `vulkan`; a number chooses among several: `wgpu:discrete:1`.
 ///

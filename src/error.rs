@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::TensorReadError;
 
-/// What can be wrong with a scene, a file or a request to render.
+/// An error of a scene, a file or a render.
 ///
-/// `{:?}` says the same as `{}`, so that a `main` that returns it prints a sentence.
+/// `{:?}` shows the same text as `{}`, so that a `main` that returns the error prints a sentence.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -19,15 +19,15 @@ pub enum Error {
         field: String,
         /// The value found.
         value: String,
-        /// What would be right.
+        /// The values that are valid.
         expected: String,
     },
     /// The scene has no triangle.
     #[error("{}", no_triangles(path.as_deref(), *objects))]
     NoTriangles {
-        /// The file that it was read from, if it was.
+        /// The file that the scene was read from, if it was.
         path: Option<PathBuf>,
-        /// How many objects the scene has.
+        /// The number of objects of the scene.
         objects: usize,
     },
     /// The tensors of one scene are on different devices.
@@ -65,7 +65,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// A file's contents are malformed.
@@ -73,7 +73,7 @@ pub enum Error {
     Format {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// A description of the mistake.
         message: String,
     },
     /// A scene or view of a batch is not valid.
@@ -81,15 +81,15 @@ pub enum Error {
     InBatch {
         /// `scene` or `view`.
         part: &'static str,
-        /// Which, from 0.
+        /// Its index, from 0.
         index: usize,
-        /// What is wrong with it.
+        /// A description of the mistake.
         source: Box<Error>,
     },
     /// A tensor can't be read back from its device.
     #[error("reading a tensor back from its device failed: {source}")]
     Read {
-        /// What burn says.
+        /// The error of burn.
         source: TensorReadError,
     },
 }
@@ -116,7 +116,7 @@ impl Error {
         }
     }
 
-    /// An [`Error::Read`] of what burn says. No `From`: with a second one the compiler can't infer the
+    /// An [`Error::Read`] of an error of burn. It is no `From`: with a second one the compiler can't infer the
     /// error type of closures that use `?`.
     pub(crate) fn read(source: impl Into<TensorReadError>) -> Self {
         let source = source.into();
@@ -132,7 +132,7 @@ impl Error {
     }
 }
 
-/// What a scene without triangles lacks.
+/// The message for a scene without triangles.
 fn no_triangles(path: Option<&Path>, objects: usize) -> String {
     let Some(path) = path else {
         return match objects {
@@ -153,9 +153,9 @@ fn no_triangles(path: Option<&Path>, objects: usize) -> String {
     format!("{path}: it has no faces (lines that begin with \"f\"), expected at least one{hint}")
 }
 
-/// Names, to choose one of.
+/// A list of names to choose from, for messages.
 pub(crate) fn one_of<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    /// Names that are listed.
+    /// The most names that are listed.
     const MOST: usize = 16;
     let mut names = names.into_iter();
     let some: Vec<&str> = names.by_ref().take(MOST).collect();

@@ -2,36 +2,26 @@
 
 mod common;
 
-use burn::tensor::{DType, Device, Tensor, TensorData};
-use common::values;
+use burn::tensor::{DType, Device, Tensor};
+use common::errors::{message, says};
+use common::numbers::{apart, norm};
+use common::scenes::{facing_down, floor, on_axis, under_sky};
+use common::tensors::{gradient, tensor, values};
+use common::told;
 use softray::prelude::*;
 
-fn leaf<const D: usize>(values: Vec<f64>, shape: [usize; D], device: &Device) -> Tensor<D> {
-    let data = TensorData::new(values, shape);
-    let plain = Tensor::from_data(data, (device, DType::F64));
-    plain.autodiff().require_grad()
+fn leaf<const D: usize>(values: &[f64], shape: [usize; D], device: &Device) -> Tensor<D> {
+    tensor(values, shape, device, DType::F64)
+        .autodiff()
+        .require_grad()
 }
 
-fn floor(device: &Device) -> Object {
-    let corners = [
-        [-3.0, -1.2, 3.0],
-        [3.0, -1.2, 3.0],
-        [3.0, -1.2, -3.0],
-        [-3.0, -1.2, -3.0],
-    ];
-    let [a, b, c, d] = corners;
-    Object::new(shapes::quad(a, b, c, d, device).cast(DType::F64)).named("floor")
+fn ground(device: &Device) -> Object {
+    Object::new(floor(3.0, -1.2, device).cast(DType::F64)).named("floor")
 }
 
 fn lamp(device: &Device, radiance: impl Into<Parameter<3>>) -> Object {
-    let corners = [
-        [-1.0, 3.0, -1.0],
-        [1.0, 3.0, -1.0],
-        [1.0, 3.0, 1.0],
-        [-1.0, 3.0, 1.0],
-    ];
-    let [a, b, c, d] = corners;
-    let quad = shapes::quad(a, b, c, d, device).cast(DType::F64);
+    let quad = facing_down([-1.0, 1.0], [-1.0, 1.0], 3.0, device).cast(DType::F64);
     Object::new(quad)
         .named("lamp")
         .material(Material::emitter(radiance))
@@ -48,26 +38,23 @@ struct World {
 }
 
 fn world(device: &Device) -> World {
-    let offset = leaf(vec![0.1, 0.0, 0.2], [3], device);
+    let offset = leaf(&[0.1, 0.0, 0.2], [3], device);
     let texels: Vec<f64> = (0..27).map(|i| 0.2 + 0.02 * f64::from(i)).collect();
-    let texels = leaf(texels, [3, 3, 3], device);
-    let radiance = leaf(vec![7.0, 8.0, 9.0], [3], device);
-    let eye = leaf(vec![1.0, 1.5, 4.0], [3], device);
+    let texels = leaf(&texels, [3, 3, 3], device);
+    let radiance = leaf(&[7.0, 8.0, 9.0], [3], device);
+    let eye = leaf(&[1.0, 1.5, 4.0], [3], device);
     let ball = |n| shapes::icosphere(n, device).cast(DType::F64);
     let moved = Object::new(ball(2).translated(offset.clone())).named("ball");
     let vertices = ball(1).host_vertices().expect("vertices");
     let uvs: Vec<f64> = vertices.iter().flat_map(|v| [v[0], v[1]]).collect();
-    let uvs = Tensor::from_data(
-        TensorData::new(uvs, [vertices.len(), 2]),
-        (device, DType::F64),
-    );
+    let uvs = tensor(&uvs, [vertices.len(), 2], device, DType::F64);
     let smooth = ball(1);
     let smooth = smooth.clone().with_normals(smooth.vertices);
     let painted = Material::diffuse(Albedo::texture(texels.clone()));
     let scenes = vec![
         Scene::new()
             .with(moved)
-            .with(floor(device))
+            .with(ground(device))
             .with(lamp(device, radiance.clone())),
         Scene::new()
             .with(Object::new(smooth.with_uvs(uvs)).material(painted))
@@ -100,12 +87,10 @@ fn world(device: &Device) -> World {
 impl World {
     fn gradients(&self, loss: Tensor<1>) -> Vec<Vec<f64>> {
         let gradients = loss.backward();
-        vec![
-            values(&self.offset.grad(&gradients).expect("offset")),
-            values(&self.texels.grad(&gradients).expect("texels")),
-            values(&self.radiance.grad(&gradients).expect("radiance")),
-            values(&self.eye.grad(&gradients).expect("eye")),
-        ]
+        let texels = gradient(&self.texels, &gradients);
+        let [offset, radiance, eye] =
+            [&self.offset, &self.radiance, &self.eye].map(|leaf| gradient(leaf, &gradients));
+        vec![offset, texels, radiance, eye]
     }
 }
 
@@ -116,11 +101,9 @@ fn options() -> RenderOptions {
 /// A loss that looks at everything, with another weight for every pixel.
 fn loss_of(image: &Image) -> Tensor<1> {
     let weights = |n: usize| {
-        let w: Vec<f64> = (0..n)
-            .map(|i| 0.5 + ((i * 37) % 11) as f64 / 11.0)
-            .collect();
-        let device = image.radiance.device().inner();
-        Tensor::<1>::from_data(TensorData::new(w, [n]), (&device, DType::F64))
+        let weight = |i: usize| 0.5 + ((i * 37) % 11) as f64 / 11.0;
+        let w: Vec<f64> = (0..n).map(weight).collect();
+        tensor(&w, [n], &image.radiance.device().inner(), DType::F64)
     };
     let weighed = |t: Tensor<1>| {
         let n = t.dims()[0];
@@ -138,10 +121,8 @@ fn loss_of(image: &Image) -> Tensor<1> {
 
 fn assert_close(what: &str, a: &[f64], b: &[f64], bound: f64) {
     assert_eq!(a.len(), b.len(), "{what}");
-    let norm = b.iter().map(|x| x * x).sum::<f64>().sqrt();
-    assert!(norm > 0.0, "{what}: nothing to compare");
-    let apart = a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
-    let apart = apart.sqrt() / norm;
+    assert!(norm(b) > 0.0, "{what}: nothing to compare");
+    let apart = apart(a, b);
     assert!(apart <= bound, "{what}: {apart:e} apart");
 }
 
@@ -214,15 +195,15 @@ fn deformed(options: &RenderOptions, together: bool) -> [Vec<f64>; 3] {
     let device = Device::flex();
     let ball = shapes::icosphere(2, &device).cast(DType::F64);
     let count = ball.vertices.dims()[0];
-    let scales = vec![0.8, 1.0, 1.1, 1.1, 0.7, 0.9, 0.9, 1.2, 0.6];
-    let scales = leaf(scales, [3, 1, 3], &device);
-    let albedos = vec![0.7, 0.4, 0.2, 0.3, 0.5, 0.6, 0.6, 0.6, 0.6];
-    let albedos = leaf(albedos, [3, 3], &device);
+    let scales = [0.8, 1.0, 1.1, 1.1, 0.7, 0.9, 0.9, 1.2, 0.6];
+    let scales = leaf(&scales, [3, 1, 3], &device);
+    let albedos = [0.7, 0.4, 0.2, 0.3, 0.5, 0.6, 0.6, 0.6, 0.6];
+    let albedos = leaf(&albedos, [3, 3], &device);
     let vertices = ball.vertices.clone().unsqueeze::<3>() * scales.clone();
     let scene = |i: usize, mesh: Mesh| {
         let albedo = albedos.clone().slice([i..i + 1]).reshape([3]);
         Scene::new()
-            .with(floor(&device))
+            .with(ground(&device))
             .with(
                 Object::new(mesh)
                     .named("body")
@@ -256,8 +237,8 @@ fn deformed(options: &RenderOptions, together: bool) -> [Vec<f64>; 3] {
     let gradients = Tensor::cat(losses, 0).sum().backward();
     [
         images.iter().flat_map(|i| values(&i.radiance)).collect(),
-        values(&scales.grad(&gradients).expect("scales")),
-        values(&albedos.grad(&gradients).expect("albedos")),
+        gradient(&scales, &gradients),
+        gradient(&albedos, &gradients),
     ]
 }
 
@@ -279,9 +260,7 @@ fn a_deformed_template() {
 #[test]
 fn views_of_a_scene_share_its_hierarchy() {
     let device = Device::flex();
-    let scene = Scene::new()
-        .with(Object::new(shapes::icosphere(3, &device)))
-        .environment([1.0; 3]);
+    let scene = under_sky(shapes::icosphere(3, &device));
     let view = |i: usize| {
         let angle = i as f64;
         let eye = [4.0 * angle.sin(), 0.5, 4.0 * angle.cos()];
@@ -302,13 +281,13 @@ fn out_of_sight_is_a_gradient_of_zero() {
     let device = Device::flex();
     let offset = Tensor::<1>::zeros([3], &device).autodiff().require_grad();
     let ball = shapes::icosphere(1, &device).translated(offset.clone());
-    let scene = Scene::new().with(Object::new(ball)).environment([1.0; 3]);
+    let scene = under_sky(ball);
     let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0, 0.0, 18.0]);
     let batch = Batch::new(vec![scene; 2], vec![camera]).expect("a batch");
     let options = RenderOptions::new(4, 4).samples(1).bounces(0);
     let images = render_batch(&batch, &options).expect("images");
     let gradients = images.radiance.sum().backward();
-    assert_eq!(values(&offset.grad(&gradients).expect("zeros")), [0.0; 3]);
+    assert_eq!(gradient(&offset, &gradients), [0.0; 3]);
 }
 
 #[test]
@@ -318,8 +297,7 @@ fn what_is_wrong_is_named() {
     let scene = Scene::new()
         .with(Object::new(ball.clone()).named("ball"))
         .environment([1.0; 3]);
-    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
-    let message = |batch: softray::Result<Batch>| batch.expect_err("an error").to_string();
+    let camera = on_axis(4.0);
     let batch = Batch::new(vec![scene.clone(); 2], vec![camera.clone(); 3]);
     assert!(message(batch).contains("3 for 2 scenes"));
     assert!(message(Batch::new(Vec::new(), Vec::new())).contains("views is empty"));
@@ -331,18 +309,85 @@ fn what_is_wrong_is_named() {
     assert!(said.contains("[2, 12, 3]"), "{said}");
     let vertices = Tensor::zeros([2, 12, 3], &device);
     let said = message(batch().with_vertices("cube", vertices));
-    assert!(said.contains("scene 0") && said.contains("cube"), "{said}");
+    says(said, ["scene 0", "cube"]);
 
     let options = RenderOptions::new(4, 4);
     let broken = ball.vertices.clone() * f64::NAN;
     let vertices = Tensor::stack::<3>(vec![ball.vertices.clone(), broken], 0);
     let batch = batch().with_vertices("ball", vertices).expect("a batch");
-    let said = render_batch(&batch, &options).expect_err("NaN").to_string();
+    let said = message(render_batch(&batch, &options));
     assert!(said.contains("scene 1 of the batch: ball"), "{said}");
     let behind = Camera::look_at([0.0; 3], [0.0; 3]);
     let batch = Batch::new(vec![scene], vec![camera, behind]).expect("a batch");
-    let said = render_batch(&batch, &options)
-        .expect_err("a view")
-        .to_string();
+    let said = message(render_batch(&batch, &options));
     assert!(said.contains("view 1 of the batch"), "{said}");
+}
+
+#[test]
+fn mistakes_are_told() {
+    let mut all = told::Told::default();
+    let scenes = || vec![told::lit(told::ball()); 2];
+    let batch = || Batch::new(scenes(), vec![told::camera()]);
+    all.expect("cameras and scenes", &["3", "2 scenes"], || {
+        Batch::new(scenes(), vec![told::camera(); 3])
+    });
+    all.expect("no scenes", &["batch", "empty", "scene", "camera"], || {
+        Batch::new(Vec::new(), vec![told::camera()])
+    });
+    all.expect("no cameras", &["batch", "empty", "camera"], || {
+        Batch::product(scenes(), &[])
+    });
+    all.expect(
+        "a scene that is not there",
+        &["scene", "2", "under 2"],
+        || Batch::views(scenes(), vec![(2, told::camera())]),
+    );
+    let vertices = |shape: [usize; 3]| Tensor::<3>::ones(shape, &told::flex());
+    all.expect(
+        "vertices of no object",
+        &["scene 0", "\"bal\"", "\"ball\""],
+        || batch()?.with_vertices("bal", vertices([2, 12, 3])),
+    );
+    all.expect(
+        "too few vertices",
+        &["ball", "[2, 5, 3]", "[2, 12, 3]"],
+        || {
+            render_batch(
+                &batch()?.with_vertices("ball", vertices([2, 5, 3]))?,
+                &told::small(),
+            )
+        },
+    );
+    all.expect(
+        "too many vertices",
+        &["ball", "[2, 50, 3]", "[2, 12, 3]"],
+        || {
+            render_batch(
+                &batch()?.with_vertices("ball", vertices([2, 50, 3]))?,
+                &told::small(),
+            )
+        },
+    );
+    all.expect(
+        "vertices of a scene too few",
+        &["ball", "[1, 12, 3]", "[2, 12, 3]"],
+        || batch()?.with_vertices("ball", vertices([1, 12, 3])),
+    );
+    all.expect("a scene of a batch", &["scene 1", "ball", "NaN"], || {
+        let bad = told::ball().velocity([f64::NAN, 0.0, 0.0]);
+        render_batch(
+            &Batch::new(
+                vec![told::lit(told::ball()), told::lit(bad)],
+                vec![told::camera()],
+            )?,
+            &told::small(),
+        )
+    });
+    all.expect("a view of a batch", &["view 1", "fov_y"], || {
+        let views = vec![told::camera(), told::camera().fov_y(200.0)];
+        render_batch(
+            &Batch::new(vec![told::lit(told::ball())], views)?,
+            &told::small(),
+        )
+    });
 }

@@ -2,6 +2,10 @@
 
 mod common;
 
+use common::errors::{message, says};
+use common::numbers::mean;
+use common::scenes::{diffuse, facing_front, lamp, under_sky};
+use common::tensors::{gradient, leaf, radiance};
 use common::{reference, values};
 use softray::prelude::*;
 
@@ -14,15 +18,15 @@ fn scene(device: &Device) -> Scene {
     let cube = shapes::cube(device).scaled(Tensor::from_floats([0.3, 0.6, 0.4], device));
     let cube = cube.translated(Tensor::from_floats([-0.6, 0.6, 0.0], device));
     Scene::new()
-        .with(Object::new(floor).material(Material::diffuse([0.4, 0.3, 0.2])))
-        .with(Object::new(ball).material(Material::diffuse([0.2, 0.3, 0.8])))
-        .with(Object::new(cube).material(Material::diffuse([0.8, 0.3, 0.2])))
+        .with(diffuse(floor, [0.4, 0.3, 0.2]))
+        .with(diffuse(ball, [0.2, 0.3, 0.8]))
+        .with(diffuse(cube, [0.8, 0.3, 0.2]))
         .environment([0.8, 0.9, 1.0])
 }
 
 fn image(camera: &Camera, options: &RenderOptions) -> Vec<f64> {
     let scene = scene(&Device::flex());
-    values(&render(&scene, camera, options).expect("an image").radiance)
+    radiance(&scene, camera, options)
 }
 
 fn options() -> RenderOptions {
@@ -32,8 +36,8 @@ fn options() -> RenderOptions {
 #[track_caller]
 fn same(a: &Camera, b: &Camera) {
     let (a, b) = (image(a, &options()), image(b, &options()));
-    let apart = a.iter().zip(&b).map(|(a, b)| (a - b).abs());
-    let apart = apart.sum::<f64>() / a.len() as f64;
+    let apart: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).collect();
+    let apart = mean(&apart);
     assert!(apart < 1e-4, "{apart}");
 }
 
@@ -126,14 +130,8 @@ fn orbits_go_round() {
 #[test]
 fn parallel_rays_keep_sizes() {
     let device = Device::flex();
-    let quad = shapes::quad(
-        [-0.5, -0.5, 0.0],
-        [0.5, -0.5, 0.0],
-        [0.5, 0.5, 0.0],
-        [-0.5, 0.5, 0.0],
-        &device,
-    );
-    let scene = Scene::new().with(Object::new(quad)).environment([1.0; 3]);
+    let quad = facing_front([-0.5, 0.5], [-0.5, 0.5], 0.0, &device);
+    let scene = under_sky(quad);
     let options = RenderOptions::new(32, 16)
         .samples(16)
         .bounces(0)
@@ -145,7 +143,7 @@ fn parallel_rays_keep_sizes() {
         let opacity = values(&image.opacity.expect("it"));
         let depth = values(&image.depth.expect("it"));
         // 1 × 1 in a film of 4 × 2.
-        let covered = opacity.iter().sum::<f64>() / opacity.len() as f64;
+        let covered = mean(&opacity);
         assert!((covered - 0.125).abs() < 1e-3, "{covered}");
         let middle = depth[8 * 32 + 16];
         assert!((middle - distance).abs() < 1e-4 * distance, "{middle}");
@@ -155,11 +153,8 @@ fn parallel_rays_keep_sizes() {
     // What is behind the plane of the eye is not seen.
     let camera = Camera::look_at([0.0, 0.0, -1.0], [0.0, 0.0, -2.0]).orthographic(2.0);
     let image = render(&scene, &camera, &options).expect("an image");
-    assert!(
-        values(&image.opacity.expect("it"))
-            .iter()
-            .all(|&o| o == 0.0)
-    );
+    let opacity = values(&image.opacity.expect("it"));
+    assert!(opacity.iter().all(|&o| o == 0.0));
     let lens = Camera::look_at([0.0, 0.0, 2.0], [0.0; 3])
         .orthographic(2.0)
         .thin_lens(0.1, 2.0);
@@ -172,7 +167,7 @@ fn parallel_rays_keep_sizes() {
 fn depth_along_the_axis() {
     let device = Device::flex();
     let wall = shapes::plane_grid(40.0, 40.0, 1, 1, &device);
-    let scene = Scene::new().with(Object::new(wall)).environment([1.0; 3]);
+    let scene = under_sky(wall);
     let camera = Camera::look_at([0.0, 3.0, 0.0], [0.0; 3])
         .up([0.0, 0.0, -1.0])
         .fov_y(60.0);
@@ -194,9 +189,7 @@ fn framing_has_all_in_view_and_no_more() {
     let device = Device::flex();
     for size in [1e-3, 1.0, 1e4] {
         let scale = Tensor::from_floats([size as f32], &device);
-        let scene = Scene::new()
-            .with(Object::new(shapes::icosphere(2, &device).scaled(scale)))
-            .environment([1.0; 3]);
+        let scene = under_sky(shapes::icosphere(2, &device).scaled(scale));
         for direction in [[0.0, 0.0, 1.0], [0.0, 5.0, 0.0], [-2.0, -1.0, 0.5]] {
             let camera = Camera::framing(&scene, direction).expect("a camera");
             let options = RenderOptions::new(64, 64).samples(4).bounces(0);
@@ -208,7 +201,7 @@ fn framing_has_all_in_view_and_no_more() {
             };
             let border: f64 = (0..4096).filter(on_border).map(|i| opacity[i]).sum();
             assert_eq!(border, 0.0, "{size} {direction:?}");
-            let covered = opacity.iter().sum::<f64>() / 4096.0;
+            let covered = mean(&opacity);
             assert!(
                 (0.5..0.8).contains(&covered),
                 "{size} {direction:?} {covered}"
@@ -217,15 +210,12 @@ fn framing_has_all_in_view_and_no_more() {
     }
     let gone = Camera::framing(&Scene::new(), [0.0, 0.0, 1.0]).expect_err("an empty scene");
     assert!(gone.to_string().contains("no objects"), "{gone}");
-    let direction = Tensor::<1>::from_floats([1.0, 0.5, 2.0], &device);
-    let direction = direction.autodiff().require_grad();
+    let direction = leaf(&[1.0, 0.5, 2.0], &device);
     let scene = scene(&device);
     let camera = Camera::framing(&scene, direction.clone()).expect("a camera");
-    let loss = render(&scene, &camera, &options())
-        .expect("an image")
-        .radiance;
-    let gradients = loss.powf_scalar(2.0).mean().backward();
-    let gradient = values(&direction.grad(&gradients).expect("a gradient"));
+    let image = render(&scene, &camera, &options()).expect("an image");
+    let gradients = image.radiance.powf_scalar(2.0).mean().backward();
+    let gradient = gradient(&direction, &gradients);
     // Only where the direction points matters.
     let along = gradient[0] + 0.5 * gradient[1] + 2.0 * gradient[2];
     let size = gradient.iter().map(|g| g.abs()).fold(0.0, f64::max);
@@ -242,20 +232,12 @@ fn an_overview_looks_in_where_a_scene_is_open() {
     assert!(eye[2] < -1.0, "{eye:?}");
     let options = RenderOptions::new(24, 24).samples(16).bounces(2);
     let brightness = |scene: &Scene, camera: &Camera| {
-        let pixels = values(&render(scene, camera, &options).expect("an image").radiance);
+        let pixels = radiance(scene, camera, &options);
         pixels.iter().filter(|&&v| v > 0.02).count() as f64 / pixels.len() as f64
     };
     assert!(brightness(&cornell, &camera) > 0.5);
-    let room = Scene::new().with(Object::new(shapes::cube(&device))).with(
-        Object::new(shapes::quad(
-            [-0.3, 0.9, -0.3],
-            [0.3, 0.9, -0.3],
-            [0.3, 0.9, 0.3],
-            [-0.3, 0.9, 0.3],
-            &device,
-        ))
-        .material(Material::emitter([5.0; 3])),
-    );
+    let room = Scene::new().with(Object::new(shapes::cube(&device)));
+    let room = room.with(lamp(0.3, 0.9, [5.0; 3], &device));
     let camera = overview(&room).expect("a camera");
     assert!(brightness(&room, &camera) > 0.9);
     // An object under a sky is seen from the front, a little above.
@@ -267,8 +249,7 @@ fn an_overview_looks_in_where_a_scene_is_open() {
 #[test]
 fn mistakes_are_named() {
     let no_camera = |result: softray::Result<Camera>, word: &str| {
-        let message = result.expect_err("a mistake").to_string();
-        assert!(message.contains(word), "{message}");
+        says(message(result), [word]);
     };
     let mut pose = [[0.0; 4]; 4];
     for (i, row) in pose.iter_mut().enumerate() {

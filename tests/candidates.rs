@@ -4,7 +4,10 @@
 mod common;
 
 use burn::tensor::{DType, Device};
+use common::numbers::rmse;
+use common::scenes::{diffuse, emitting, facing_front, on_axis, under_sky};
 use common::stress::{Outcome, Thing, World};
+use common::tensors::radiance;
 use softray::prelude::*;
 
 fn worlds() -> Vec<(&'static str, World)> {
@@ -45,11 +48,6 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
     } else {
         difference / scale
     }
-}
-
-fn rmse(a: &[f64], b: &[f64]) -> f64 {
-    let sum: f64 = a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum();
-    (sum / a.len() as f64).sqrt()
 }
 
 fn both(world: &World, sigma: f64, gamma: f64, cutoff: f64) -> [Outcome; 2] {
@@ -121,18 +119,14 @@ fn the_cutoff_bounds_the_error() {
 #[test]
 fn boxes_are_fitted_while_little_moves() {
     let device = Device::flex();
-    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
+    let camera = on_axis(4.0).fov_y(40.0);
     let cache = HierarchyCache::default();
     let options = RenderOptions::new(16, 16).samples(2).bounces(1);
     let cached = options.clone().cache(&cache);
     let at = |mesh: Mesh| {
-        let scene = Scene::new().with(Object::new(mesh)).environment([1.0; 3]);
-        let image = |o: &RenderOptions| render(&scene, &camera, o).expect("an image");
-        let (found, expected) = (image(&cached), image(&options));
-        assert_eq!(
-            common::values(&found.radiance),
-            common::values(&expected.radiance)
-        );
+        let scene = under_sky(mesh);
+        let image = |o: &RenderOptions| radiance(&scene, &camera, o);
+        assert_eq!(image(&cached), image(&options));
     };
     let ball = |n| shapes::icosphere(n, &device);
     let stretched = |factor: f32| {
@@ -164,14 +158,13 @@ fn boxes_are_fitted_while_little_moves() {
 fn what_a_scene_does_not_need_is_skipped() {
     let device = Device::flex();
     let run = |scene: &Scene, bounces| {
-        let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(60.0);
+        let camera = on_axis(4.0).fov_y(60.0);
         let options = RenderOptions::new(32, 32).samples(4).bounces(bounces);
-        render(scene, &camera, &options)
-            .expect("an image")
-            .statistics
+        let image = render(scene, &camera, &options);
+        image.expect("an image").statistics
     };
     let camera_rays = 32 * 32 * 4;
-    let ball = || Object::new(shapes::icosphere(2, &device)).material(Material::diffuse([0.5; 3]));
+    let ball = || diffuse(shapes::icosphere(2, &device), [0.5; 3]);
     // Without light nothing leaves the first surface.
     let dark = run(&Scene::new().with(ball()), 5);
     assert_eq!(dark.rays, camera_rays);
@@ -182,24 +175,13 @@ fn what_a_scene_does_not_need_is_skipped() {
     assert_eq!(found.bounces[0], camera_rays);
     assert!(found.bounces.windows(2).all(|b| b[1] < b[0]), "{found:?}");
     // Surfaces that reflect nothing end a path.
-    let black = Object::new(shapes::icosphere(2, &device)).material(Material::diffuse([0.0; 3]));
-    assert_eq!(
-        run(&Scene::new().with(black).environment([1.0; 3]), 5).rays,
-        camera_rays
-    );
+    let black = diffuse(shapes::icosphere(2, &device), [0.0; 3]);
+    let black = run(&Scene::new().with(black).environment([1.0; 3]), 5);
+    assert_eq!(black.rays, camera_rays);
     // A light that shines away from all: no shadow ray.
     let lamp = |up: bool| {
-        let mut corners = [
-            [-0.5, 0.0, 1.5],
-            [0.5, 0.0, 1.5],
-            [0.5, 0.5, 1.5],
-            [-0.5, 0.5, 1.5],
-        ];
-        if up {
-            corners.reverse();
-        }
-        let [a, b, c, d] = corners;
-        Object::new(shapes::quad(a, b, c, d, &device)).material(Material::emitter([1.0; 3]))
+        let x = if up { [0.5, -0.5] } else { [-0.5, 0.5] };
+        emitting(facing_front(x, [0.0, 0.5], 1.5, &device), [1.0; 3])
     };
     let away = run(&Scene::new().with(ball()).with(lamp(false)), 0);
     assert_eq!(away.rays, camera_rays);
@@ -211,10 +193,8 @@ fn what_a_scene_does_not_need_is_skipped() {
 #[test]
 fn a_constant_scene_leaves_nothing_behind() {
     let device = Device::flex();
-    let scene = Scene::new()
-        .with(Object::new(shapes::icosphere(1, &device)))
-        .environment([1.0; 3]);
-    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
+    let scene = under_sky(shapes::icosphere(1, &device));
+    let camera = on_axis(4.0);
     let options = RenderOptions::new(8, 8).samples(2);
     let softmax = options.clone().visibility(Visibility::softmax(1e-3, 1e-3));
     for options in [options, softmax.clone(), softmax.brute_force()] {

@@ -3,26 +3,13 @@
 mod common;
 
 use burn::tensor::Device;
-use common::values;
+use common::jumps::{SCENES, scene};
+use common::numbers::mean_and_error;
+use common::scenes::{emitting, facing_down, floor, on_axis, scene_file, under_sky};
+use common::tensors::{gradient, leaf, values};
 use common::weights::{SIZE, block_weights};
 use softray::gradcheck::{Checked, GradCheck, Verdict, gradcheck};
 use softray::prelude::*;
-
-/// What jumps at the lines in which surfaces cross, at seams of materials, between facets of a gloss,
-/// under a map, in a mirror, behind a lens, at a wall.
-const SCENES: [&str; 11] = [
-    "cross",
-    "self",
-    "gloss",
-    "map",
-    "mapgloss",
-    "seam",
-    "lensmove",
-    "smooth",
-    "wall",
-    "crossmove",
-    "mirror",
-];
 
 /// Gradients against differences of the same renders, without an angle and with one. The long tier asks
 /// for agreement within 1 % where noise allows it.
@@ -60,174 +47,9 @@ fn jumps_of_every_kind() {
 }
 
 fn differentiated(with: &str, settings: &GradCheck) -> softray::gradcheck::Report {
-    let parameters = [
-        Checked::new("x", [0.0], 0.02),
-        Checked::new("y", [0.0], 0.02),
-        Checked::new("turn", [0.2], 0.02),
-    ];
-    let report = gradcheck(&parameters, settings, |point| {
-        let d = &point.device;
-        let f = |v: &[f64]| Tensor::<1>::from_data(v, (d, point.dtype));
-        let y = point.get("y")?;
-        let x = point.get("x")?;
-        let turn = Transform::new().axis_angle([0.3, 1.0, 0.2], point.get("turn")?);
-        let offset = Tensor::cat(vec![x.clone(), y.clone() + 0.7, x * 0.3], 0);
-        let floor = shapes::quad(
-            [-2.0, 0.0, 2.0],
-            [2.0, 0.0, 2.0],
-            [2.0, 0.0, -2.0],
-            [-2.0, 0.0, -2.0],
-            d,
-        )
-        .cast(point.dtype);
-        let light = shapes::quad(
-            [-0.7, 2.6, -0.7],
-            [0.7, 2.6, -0.7],
-            [0.7, 2.6, 0.7],
-            [-0.7, 2.6, 0.7],
-            d,
-        )
-        .cast(point.dtype);
-        let mut floor = Object::new(floor);
-        if with == "mirror" {
-            floor = floor.material(Material::diffuse([0.1; 3]).specular([0.8; 3], 200.0));
-        }
-        let mut scene = Scene::new()
-            .with(floor)
-            .with(Object::new(light).material(Material::emitter([3.0; 3])));
-        let ball = |n| {
-            shapes::icosphere(n, d)
-                .cast(point.dtype)
-                .scaled(f(&[0.5]))
-                .transformed(&turn)
-                .translated(offset.clone())
-        };
-        let quad = |m: Material| {
-            let q = shapes::quad(
-                [-0.6, -0.5, 0.0],
-                [0.6, -0.5, 0.0],
-                [0.6, 0.5, 0.0],
-                [-0.6, 0.5, 0.0],
-                d,
-            )
-            .cast(point.dtype);
-            Object::new(q.transformed(&turn).translated(offset.clone())).material(m)
-        };
-        let fixed = |m: Material| {
-            let q = shapes::quad(
-                [0.1, 0.1, -0.6],
-                [0.1, 0.1, 0.6],
-                [-0.3, 1.3, 0.6],
-                [-0.3, 1.3, -0.6],
-                d,
-            )
-            .cast(point.dtype);
-            Object::new(q).material(m)
-        };
-        let texels = Tensor::<1>::from_data(
-            [
-                0.8f64, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8, 0.7, 0.7, 0.2,
-            ]
-            .as_slice(),
-            (d, point.dtype),
-        )
-        .reshape([2, 2, 3]);
-        let map = || {
-            let v: Vec<f64> = (0..8 * 16 * 3)
-                .map(|i| 0.3 + ((i * 37) % 11) as f64 * 0.1 + if i / 3 == 35 { 30.0 } else { 0.0 })
-                .collect();
-            Tensor::<1>::from_data(v.as_slice(), (d, point.dtype)).reshape([8, 16, 3])
-        };
-        match with {
-            "cross" => {
-                scene = scene
-                    .with(quad(Material::diffuse([0.8, 0.2, 0.2])))
-                    .with(fixed(Material::diffuse([0.2, 0.8, 0.2])))
-            }
-            "crossmove" => {
-                scene = scene
-                    .with(quad(Material::diffuse([0.8, 0.2, 0.2])).velocity([0.3, 0.1, 0.0]))
-                    .with(fixed(Material::diffuse([0.2, 0.8, 0.2])))
-            }
-            "self" => {
-                scene = scene
-                    .with(Object::new(ball(1)))
-                    .with(fixed(Material::diffuse([0.2, 0.8, 0.2])))
-            }
-            "gloss" => {
-                scene = scene.with(
-                    Object::new(ball(1))
-                        .material(Material::diffuse([0.2, 0.3, 0.4]).specular([0.5; 3], 30.0)),
-                )
-            }
-            "mirror" => {
-                scene =
-                    scene.with(Object::new(ball(1)).material(Material::diffuse([0.2, 0.3, 0.4])))
-            }
-            "map" => {
-                scene = Scene::new()
-                    .with(scene.objects[0].clone())
-                    .with(Object::new(ball(1)))
-                    .environment(Environment::map(map()))
-            }
-            "mapgloss" => {
-                let gloss = Material::diffuse([0.2, 0.3, 0.4]).specular([0.5; 3], 30.0);
-                scene = Scene::new()
-                    .with(scene.objects[0].clone())
-                    .with(Object::new(ball(1)).material(gloss))
-                    .environment(Environment::map(map()))
-            }
-            "seam" => {
-                let a = Material::diffuse(Albedo::texture(texels.clone()));
-                let mut o = quad(a.clone());
-                o.materials.push(Material::diffuse([0.1, 0.6, 0.9]));
-                o.face_materials = std::sync::Arc::new(vec![0, 1]);
-                scene = scene.with(o);
-            }
-            "lensmove" => scene = scene.with(Object::new(ball(1)).velocity([0.4, 0.2, 0.1])),
-            "smooth" => {
-                let b = shapes::icosphere(1, d).cast(point.dtype);
-                let n = b.vertices.clone();
-                let b = b
-                    .with_normals(n)
-                    .scaled(f(&[0.5]))
-                    .transformed(&turn)
-                    .translated(offset.clone());
-                scene = scene.with(Object::new(b));
-            }
-            "wall" => {
-                let wall = shapes::quad(
-                    [-2.0, 0.0, -0.9],
-                    [2.0, 0.0, -0.9],
-                    [2.0, 2.5, -0.9],
-                    [-2.0, 2.5, -0.9],
-                    d,
-                )
-                .cast(point.dtype);
-                let y = point.get("y")?;
-                let x = point.get("x")?;
-                let lamp = shapes::quad(
-                    [0.2, 0.8, -0.9],
-                    [0.2, 0.8, -0.4],
-                    [0.8, 0.8, -0.4],
-                    [0.8, 0.8, -0.9],
-                    d,
-                )
-                .cast(point.dtype);
-                let lamp = lamp.translated(Tensor::cat(vec![x, y.clone(), y * 0.0], 0));
-                scene = Scene::new()
-                    .with(scene.objects[0].clone())
-                    .with(Object::new(wall))
-                    .with(Object::new(lamp).material(Material::emitter([5.0; 3])));
-            }
-            _ => {}
-        }
-        let mut cam = Camera::look_at([0.2, 1.3, 4.2], [0.0, 0.6, 0.0]).fov_y(30.0);
-        if with == "lensmove" {
-            cam = cam.thin_lens(0.2, 3.0);
-        }
-        Ok((scene, cam))
-    });
+    let parameters = [("x", 0.0), ("y", 0.0), ("turn", 0.2)];
+    let parameters = parameters.map(|(name, value)| Checked::new(name, [value], 0.02));
+    let report = gradcheck(&parameters, settings, |point| scene(with, point));
     report.expect("a report")
 }
 
@@ -243,8 +65,7 @@ fn derivatives_of_the_references() {
     ] {
         let (weights, exact) = block_weights(&common::reference(&format!("{name}/{file}")));
         let weights = Tensor::<1>::from_data(weights.as_slice(), &device).reshape([SIZE, SIZE, 1]);
-        let scene = SceneFile::load(common::reference(&format!("{name}/scene.json")), &device);
-        let scene = scene.expect("a scene");
+        let scene = scene_file(name, &device);
         let mut found = Vec::new();
         for seed in 0..if common::long() { 64 } else { 8 } {
             let x = Tensor::<1>::zeros([1], &device).autodiff().require_grad();
@@ -278,7 +99,7 @@ fn derivatives_of_the_references() {
                 .seed(seed);
             let image = render(&moved, &scene.camera, &options).expect("an image");
             let gradients = (image.radiance * weights.clone()).sum().backward();
-            found.push(values(&x.grad(&gradients).expect("a gradient"))[0] / exact);
+            found.push(gradient(&x, &gradients)[0] / exact);
         }
         let (mean, error) = mean_and_error(&found);
         println!("{name}: {mean:.4} ± {error:.4} of the reference");
@@ -287,13 +108,6 @@ fn derivatives_of_the_references() {
             "{name}: {mean} ± {error}"
         );
     }
-}
-
-fn mean_and_error(found: &[f64]) -> (f64, f64) {
-    let n = found.len() as f64;
-    let mean = found.iter().sum::<f64>() / n;
-    let squares: f64 = found.iter().map(|v| (v - mean).powi(2)).sum();
-    (mean, (squares / (n - 1.0) / n).sqrt())
 }
 
 /// The same ball in more and more faces: its gradient is that of differences of its own mesh, and its
@@ -315,24 +129,12 @@ fn any_tessellation() {
             let zero = x.zeros_like();
             let offset = Tensor::cat(vec![zero.clone(), zero + 0.8, x.clone()], 0);
             let size = Tensor::from_floats([0.8], &device);
-            let floor = shapes::quad(
-                [-3.0, 0.0, 3.0],
-                [3.0, 0.0, 3.0],
-                [3.0, 0.0, -3.0],
-                [-3.0, 0.0, -3.0],
-                &device,
-            );
-            let lamp = shapes::quad(
-                [-1.0, 4.0, -1.0],
-                [0.0, 4.0, -1.0],
-                [0.0, 4.0, 0.0],
-                [-1.0, 4.0, 0.0],
-                &device,
-            );
+            let floor = floor(3.0, 0.0, &device);
+            let lamp = facing_down([-1.0, 0.0], [-1.0, 0.0], 4.0, &device);
             let scene = Scene::new()
                 .with(Object::new(ball.clone().scaled(size).translated(offset)))
                 .with(Object::new(floor))
-                .with(Object::new(lamp).material(Material::emitter([20.0; 3])))
+                .with(emitting(lamp, [20.0; 3]))
                 .environment([0.2; 3]);
             let camera = Camera::look_at([1.0, 2.5, 4.5], [0.0, 0.5, 0.0]).fov_y(45.0);
             let options = RenderOptions::new(48, 48)
@@ -349,7 +151,7 @@ fn any_tessellation() {
         for seed in 0..seeds {
             let x = Tensor::<1>::zeros([1], &device).autodiff().require_grad();
             let backward = loss(&x, seed).backward();
-            gradients.push(values(&x.grad(&backward).expect("a gradient"))[0]);
+            gradients.push(gradient(&x, &backward)[0]);
             let at = |x: f32| values(&loss(&Tensor::from_floats([x], &device), seed))[0];
             differences.push((at(0.05) - at(-0.05)) / 0.1);
         }
@@ -405,20 +207,17 @@ fn closed_meshes_are_closed() {
 #[test]
 fn what_is_far_does_not_change_what_is_near() {
     let device = Device::flex();
-    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
+    let camera = on_axis(4.0).fov_y(40.0);
     let options = RenderOptions::new(24, 24)
         .samples(16)
         .bounces(2)
         .with_opacity();
-    let ball = || Object::new(shapes::icosphere(3, &device)).material(Material::diffuse([0.5; 3]));
-    let near = Scene::new().with(ball()).environment([1.0; 3]);
+    let near = under_sky(shapes::icosphere(3, &device));
     let sums = |scene: &Scene| {
         let image = render(scene, &camera, &options).expect("an image");
-        let sum = |v: Vec<f64>| v.iter().sum::<f64>();
-        [
-            sum(values(&image.radiance)),
-            sum(values(&image.opacity.expect("opacity"))),
-        ]
+        let radiance = image.radiance.flatten::<1>(0, 2);
+        let opacity = image.opacity.expect("opacity").flatten::<1>(0, 1);
+        [radiance, opacity].map(|t| values(&t).iter().sum::<f64>())
     };
     let expected = sums(&near);
     for distance in [1e2, 3e5, 1e9] {
@@ -443,34 +242,20 @@ fn planes_of_any_size() {
     let white = Tensor::<3>::ones([4, 8, 3], &device);
     for map in [false, true] {
         let seen = |size: f64| {
-            let plane = shapes::quad(
-                [-size, -1.0, size],
-                [size, -1.0, size],
-                [size, -1.0, -size],
-                [-size, -1.0, -size],
-                &device,
-            );
-            let grey = || Material::diffuse([0.5; 3]);
-            let scene = Scene::new()
-                .with(Object::new(shapes::icosphere(3, &device)).material(grey()))
-                .with(Object::new(plane).material(grey()));
-            let scene = if map {
-                scene.environment(Environment::map(white.clone()))
-            } else {
-                scene.environment([1.0; 3])
+            let plane = floor(size, -1.0, &device);
+            let scene = under_sky(shapes::icosphere(3, &device)).with(Object::new(plane));
+            let scene = match map {
+                true => scene.environment(Environment::map(white.clone())),
+                false => scene,
             };
-            let eye = Tensor::<1>::from_floats([0.0, 0.5, 4.0], &device)
-                .autodiff()
-                .require_grad();
+            let eye = leaf(&[0.0, 0.5, 4.0], &device);
             let camera = Camera::look_at(eye.clone(), [0.0; 3]).fov_y(40.0);
             let options = RenderOptions::new(24, 24).samples(16).bounces(2);
             let image = render(&scene, &camera, &options).expect("an image");
             let gradients = image.radiance.clone().sum().backward();
-            let gradient = values(&eye.grad(&gradients).expect("a gradient"));
-            assert!(
-                gradient.iter().all(|g| g.is_finite()),
-                "{size:e}: {gradient:?}"
-            );
+            let gradient = gradient(&eye, &gradients);
+            let finite = gradient.iter().all(|g| g.is_finite());
+            assert!(finite, "{size:e}: {gradient:?}");
             values(&image.radiance).iter().sum::<f64>()
         };
         let expected = seen(1e4);

@@ -2,13 +2,16 @@
 
 mod common;
 
-use burn::tensor::{DType, Device, TensorData};
-use common::values;
+use burn::tensor::{DType, Device};
+use common::errors::{message, says};
+use common::numbers::{mean, rmse};
+use common::scenes::on_axis;
+use common::tensors::{gradient, radiance, values};
 use softray::gradcheck::{Checked, GradCheck, Verdict, gradcheck};
 use softray::prelude::*;
 
 fn tensor<const D: usize>(v: &[f64], shape: [usize; D], dtype: DType) -> Tensor<D> {
-    Tensor::from_data(TensorData::new(v.to_vec(), shape), (&Device::flex(), dtype))
+    common::tensors::tensor(v, shape, &Device::flex(), dtype)
 }
 
 /// A map of 8 × 16 texels.
@@ -36,22 +39,13 @@ fn sunny(y: usize, x: usize) -> [f64; 3] {
 }
 
 fn of(scene: &Scene, sampling: Sampling, samples: u32, seed: u64) -> Vec<f64> {
-    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
+    let camera = on_axis(4.0).fov_y(40.0);
     let options = RenderOptions::new(16, 16)
         .samples(samples)
         .bounces(1)
         .sampling(sampling)
         .seed(seed);
-    values(&render(scene, &camera, &options).expect("an image").radiance)
-}
-
-fn mean(v: &[f64]) -> f64 {
-    v.iter().sum::<f64>() / v.len() as f64
-}
-
-fn rmse(a: &[f64], b: &[f64]) -> f64 {
-    let sum: f64 = a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum();
-    (sum / a.len() as f64).sqrt()
+    radiance(scene, &camera, &options)
 }
 
 /// Red grows with the row, green with the column: the middle is towards −z, to its right +x, row 0
@@ -71,11 +65,7 @@ fn a_map_has_its_orientation() {
     let towards = |d: [f64; 3]| {
         let camera = Camera::look_at([0.0; 3], d).up([0.1, 0.7, 0.3]).fov_y(0.5);
         let options = RenderOptions::new(1, 1).samples(16).bounces(0);
-        values(
-            &render(&scene, &camera, &options)
-                .expect("an image")
-                .radiance,
-        )
+        radiance(&scene, &camera, &options)
     };
     for (direction, expected) in [
         ([0.0, 0.0, -1.0], [4.0, 8.0]),
@@ -110,7 +100,7 @@ fn a_uniform_map_is_a_constant() {
     let constant = tensor(&[0.8; 3], [3], DType::F64).autodiff().require_grad();
     let image = |environment: Environment, sampling| {
         let scene = ball(material.clone(), DType::F64).environment(environment);
-        let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
+        let camera = on_axis(4.0).fov_y(40.0);
         let options = RenderOptions::new(8, 8)
             .samples(64)
             .bounces(2)
@@ -122,13 +112,13 @@ fn a_uniform_map_is_a_constant() {
     };
     let expected = image(constant.clone().into(), Sampling::default());
     let value = values(&expected)[0];
-    let by_constant = values(&constant.grad(&expected.backward()).expect("a gradient"));
+    let by_constant = gradient(&constant, &expected.backward());
     let total: f64 = by_constant.iter().sum();
     for sampling in [Sampling::default(), Sampling::paper()] {
         let found = image(Environment::map(texels.clone()), sampling);
         let mean = values(&found)[0];
         assert!((mean / value - 1.0).abs() < 0.01, "{mean}, {value}");
-        let by_texel = values(&texels.grad(&found.backward()).expect("a gradient"));
+        let by_texel = gradient(&texels, &found.backward());
         let sum: f64 = by_texel.iter().sum();
         assert!((sum / total - 1.0).abs() < 0.01, "{sum}, {total}");
     }
@@ -136,8 +126,8 @@ fn a_uniform_map_is_a_constant() {
 
 #[test]
 fn a_white_ball_vanishes_in_a_uniform_map() {
-    let scene =
-        ball(Material::diffuse([1.0; 3]), DType::F32).environment(sky(|_, _| [1.0; 3], DType::F32));
+    let white = sky(|_, _| [1.0; 3], DType::F32);
+    let scene = ball(Material::diffuse([1.0; 3]), DType::F32).environment(white);
     let image = of(&scene, Sampling::default(), 256, 1);
     assert!((mean(&image) - 1.0).abs() < 0.005, "{}", mean(&image));
 }
@@ -191,13 +181,7 @@ fn gradients_are_those_of_differences() {
             ]
         };
         let rest = tensor(&map(smooth), [8, 16, 3], point.dtype);
-        let one = map(|y, x| {
-            if y == 2 && x > 8 && x < 12 {
-                [1.0; 3]
-            } else {
-                [0.0; 3]
-            }
-        });
+        let one = map(|y, x| [f64::from(u8::from(y == 2 && x > 8 && x < 12)); 3]);
         let one = tensor(&one, [8, 16, 3], point.dtype);
         let texels = rest + one * point.get("texel")?.reshape([1, 1, 1]);
         let gloss = Material::diffuse(point.get("albedo")?.expand([3])).specular([0.3; 3], 10.0);
@@ -223,19 +207,16 @@ fn gradients_are_those_of_differences() {
 
 #[test]
 fn a_bad_map_is_named() {
-    let message = |environment: Environment| {
+    let of = |environment: Environment| {
         let scene = ball(Material::default(), DType::F32).environment(environment);
-        let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
-        let found = render(&scene, &camera, &RenderOptions::new(2, 2));
-        found.expect_err("an error").to_string()
+        message(render(&scene, &on_axis(4.0), &RenderOptions::new(2, 2)))
     };
-    let nan = message(sky(
+    let nan = of(sky(
         |y, x| [if (y, x) == (3, 5) { f64::NAN } else { 1.0 }; 3],
         DType::F32,
     ));
-    assert!(nan.contains("environment texel (3, 5)"), "{nan}");
-    let grey = message(Environment::map(tensor(&[0.5; 6], [2, 3, 1], DType::F32)));
-    assert!(grey.contains("[2, 3, 1]"), "{grey}");
-    let double = message(sky(|_, _| [1.0; 3], DType::F64));
-    assert!(double.contains("environment"), "{double}");
+    says(nan, ["environment texel (3, 5)"]);
+    let grey = of(Environment::map(tensor(&[0.5; 6], [2, 3, 1], DType::F32)));
+    says(grey, ["[2, 3, 1]"]);
+    says(of(sky(|_, _| [1.0; 3], DType::F64)), ["environment"]);
 }

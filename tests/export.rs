@@ -4,35 +4,16 @@ mod common;
 
 use std::fs;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use burn::tensor::{DType, TensorData};
+use common::errors::{message, says};
 use common::folder::Folder;
-use common::values;
+use common::numbers::{largest, mean};
+use common::scenes::{facing_front, floor, lamp};
+use common::tensors::{radiance, values};
+use common::told::warnings;
 use softray::prelude::*;
-
-/// What was logged at the level of warnings.
-static WARNINGS: Mutex<Vec<String>> = Mutex::new(Vec::new());
-
-struct Listener;
-
-impl log::Log for Listener {
-    fn enabled(&self, metadata: &log::Metadata) -> bool {
-        metadata.level() <= log::Level::Warn
-    }
-
-    fn log(&self, record: &log::Record) {
-        let mut warnings = WARNINGS.lock().expect("a lock");
-        warnings.push(record.args().to_string());
-    }
-
-    fn flush(&self) {}
-}
-
-fn warnings_of(file: &str) -> Vec<String> {
-    let all = WARNINGS.lock().expect("a lock");
-    all.iter().filter(|w| w.contains(file)).cloned().collect()
-}
 
 fn image_of(height: usize, width: usize, f: impl Fn(usize) -> f32) -> Tensor<3> {
     let values: Vec<f32> = (0..height * width * 3).map(f).collect();
@@ -68,13 +49,7 @@ fn room() -> Scene {
     let checks = HostImage::read(&path)
         .expect("an image")
         .into_tensor(&device);
-    let floor = shapes::quad(
-        [-2.0, 0.0, 2.0],
-        [2.0, 0.0, 2.0],
-        [2.0, 0.0, -2.0],
-        [-2.0, 0.0, -2.0],
-        &device,
-    );
+    let floor = Object::new(floor(2.0, 0.0, &device).with_uvs(unit_uvs()));
     let checkered = Material::diffuse(Albedo::Texture {
         texels: checks,
         wrap: Wrap::Clamp,
@@ -88,26 +63,14 @@ fn room() -> Scene {
         .translation(Tensor::from_floats([-0.6, 0.8, 0.1], &device));
     let ball = shapes::icosphere(1, &device);
     let ball = ball.clone().with_normals(ball.vertices.clone());
-    let back = shapes::quad(
-        [-2.0, 0.0, -2.0],
-        [2.0, 0.0, -2.0],
-        [2.0, 3.0, -2.0],
-        [-2.0, 3.0, -2.0],
-        &device,
-    );
+    let back = facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device);
     let mut back = Object::new(back.with_uvs(unit_uvs())).named("ball ");
     back.materials = vec![striped, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])];
     back.face_materials = Arc::new(vec![1, 0]);
-    let lamp = shapes::quad(
-        [-0.8, 2.9, -0.8],
-        [0.8, 2.9, -0.8],
-        [0.8, 2.9, 0.8],
-        [-0.8, 2.9, 0.8],
-        &device,
-    );
+    let lamp = lamp(0.8, 2.9, [9.0, 8.0, 7.0], &device);
     Scene::new()
         .with(
-            Object::new(floor.with_uvs(unit_uvs()))
+            floor
                 .named("the floor\\")
                 .material(checkered.named("Wood #1")),
         )
@@ -117,11 +80,7 @@ fn room() -> Scene {
                 .material(Material::diffuse([0.2, 0.3, 0.4]).specular([0.3, 0.3, 0.25], 30.0)),
         )
         .with(back)
-        .with(
-            Object::new(lamp)
-                .named("\n")
-                .material(Material::emitter([9.0, 8.0, 7.0])),
-        )
+        .with(lamp.named("\n"))
 }
 
 #[test]
@@ -152,16 +111,10 @@ fn a_scene_reads_back_to_the_same_image() {
         }
     ));
     let options = RenderOptions::new(24, 24).samples(4).bounces(2);
-    let image = |scene: &Scene| {
-        render(scene, &camera(), &options)
-            .expect("an image")
-            .radiance
-    };
-    let (before, after) = (values(&image(&scene)), values(&image(&read)));
-    let mean = before.iter().sum::<f64>() / before.len() as f64;
-    assert!(mean > 0.05, "{mean}");
-    let most = before.iter().zip(&after);
-    let most = most.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let image = |scene: &Scene| radiance(scene, &camera(), &options);
+    let (before, after) = (image(&scene), image(&read));
+    assert!(mean(&before) > 0.05, "{}", mean(&before));
+    let most = largest(before.iter().zip(&after).map(|(a, b)| a - b));
     assert!(most < 1e-5, "{most}");
 
     // Written again it is the same files.
@@ -174,13 +127,11 @@ fn a_scene_reads_back_to_the_same_image() {
     };
     assert_eq!(geometry(&again), geometry(&path));
     let twice = Scene::from_obj(&again, &Device::flex()).expect("a scene");
-    assert_eq!(values(&image(&twice)), after);
+    assert_eq!(image(&twice), after);
 }
 
 #[test]
 fn what_is_lost_is_told() {
-    let _ = log::set_logger(&Listener);
-    log::set_max_level(log::LevelFilter::Warn);
     let folder = Folder::new("losses");
     let device = Device::flex();
     let wandered = Tensor::<1>::from_floats([-0.01, 0.5, 1.2], &device);
@@ -206,11 +157,12 @@ fn what_is_lost_is_told() {
         .with(Object::new(nothing).named("lost_empty"))
         .environment([0.2; 3]);
     let path = folder.path("losses.obj");
-    scene.write(&path).expect("files");
+    let warnings = warnings(|| scene.write(&path).expect("files"));
     let told = |word: &str, of: &str| {
-        let mut found = warnings_of(word);
-        found.retain(|w| w.contains(of));
-        assert_eq!(found.len(), 1, "{word}, {of}: {found:?}");
+        let found = warnings
+            .iter()
+            .filter(|w| w.contains(word) && w.contains(of));
+        assert_eq!(found.count(), 1, "{word}, {of}: {warnings:?}");
     };
     told("losses.obj", "environment");
     told("velocity [0.5, 0.0, 0.0]", "lost_moving");
@@ -248,21 +200,17 @@ fn meshes_keep_every_bit() {
     let object = read.object("ball").expect("named like the file");
     let read = &object.mesh;
     assert_eq!(read.faces.len(), ball.faces.len());
-    let (was, is) = (
-        values(&(ball.vertices.clone() / 3.0)),
-        values(&read.vertices),
-    );
+    let was = values(&(ball.vertices.clone() / 3.0));
+    let is = values(&read.vertices);
     let normals = read.normals.as_ref().expect("normals");
-    let of_normals = (
-        values(&(ball.vertices.clone() * 3.0)),
-        values(&normals.values),
-    );
+    let normals_were = values(&(ball.vertices.clone() * 3.0));
+    let normals_are = values(&normals.values);
     for (f, face) in ball.faces.iter().enumerate() {
         for (c, &row) in face.iter().enumerate() {
             let at = |list: &[f64], row: u32| list[3 * row as usize..][..3].to_vec();
             assert_eq!(at(&was, row), at(&is, read.faces[f][c]));
-            let normal = at(&of_normals.1, normals.faces[f][c]);
-            assert_eq!(at(&of_normals.0, row), normal);
+            let normal = at(&normals_are, normals.faces[f][c]);
+            assert_eq!(at(&normals_were, row), normal);
         }
     }
 
@@ -281,25 +229,26 @@ fn nothing_is_left_of_what_fails() {
     let folder = Folder::new("failure");
     // The MTL file can't take the place of a folder.
     fs::create_dir_all(folder.path("room.mtl/full")).expect("a folder");
-    let message = room().write(folder.path("room.obj")).expect_err("no place");
-    assert!(message.to_string().contains("room.mtl"), "{message}");
+    says(message(room().write(folder.path("room.obj"))), ["room.mtl"]);
     let files = folder.files();
     assert!(!files.iter().any(|f| f.contains("part")), "{files:?}");
     assert!(!files.contains(&"room.obj".to_owned()), "{files:?}");
 
     let before = folder.files();
     let cube = shapes::cube(&Device::flex());
-    let ending = cube.write(folder.path("cube.ply")).expect_err("ending");
-    assert!(ending.to_string().contains("expected .obj"), "{ending}");
-    let ending = room().write(folder.path("room")).expect_err("ending");
-    assert!(ending.to_string().contains("expected .obj"), "{ending}");
+    says(
+        message(cube.write(folder.path("cube.ply"))),
+        ["expected .obj"],
+    );
+    says(
+        message(room().write(folder.path("room"))),
+        ["expected .obj"],
+    );
     let empty = Scene::new().write(folder.path("none.obj"));
     assert!(matches!(empty, Err(softray::Error::NoTriangles { .. })));
     let faceless = Mesh::from_host(&[[0.0; 3]], Vec::new(), &Device::flex());
-    let faceless = faceless.write(folder.path("none.obj")).expect_err("empty");
-    assert!(faceless.to_string().contains("faces"), "{faceless}");
+    says(message(faceless.write(folder.path("none.obj"))), ["faces"]);
     let nan = Mesh::from_host(&[[f64::NAN; 3]; 3], vec![[0, 1, 2]], &Device::flex());
-    let nan = nan.write(folder.path("nan.obj")).expect_err("not a number");
-    assert!(nan.to_string().contains("finite"), "{nan}");
+    says(message(nan.write(folder.path("nan.obj"))), ["finite"]);
     assert_eq!(folder.files(), before);
 }

@@ -3,30 +3,15 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
+use common::folder::Folder;
+use common::memory::peak;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 use softray::prelude::*;
-
-/// A folder that goes with its test.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("softray-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).expect("a folder");
-        Self(path)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
 
 /// Files of a scene and what came of loading it: rendered, or a message.
 fn load(folder: &Path, obj: &[u8], mtl: &[u8]) -> Result<(), String> {
@@ -235,15 +220,6 @@ fn any_bytes_load_or_are_an_error() {
     fuzz("obj", time(10), strategy, |(obj, mtl)| {
         load(&folder.0, &obj, &mtl)
     });
-}
-
-/// Resident memory at its highest, in MiB.
-fn peak() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"));
-    line.and_then(|l| l.split_whitespace().nth(1)?.parse::<f64>().ok())
-        .unwrap_or(0.0)
-        / 1024.0
 }
 
 #[test]

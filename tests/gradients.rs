@@ -3,7 +3,11 @@
 mod common;
 
 use burn::tensor::{DType, Device};
-use common::gradients::{CONES, Effort, SOFTMAX, Setup, agreement, cases, check};
+use common::errors::{message, says};
+use common::gradients::{CONES, Effort, SHARP, SOFTMAX, Setup, agreement, cases, check};
+use common::numbers::mean_and_error;
+use common::scenes::{facing_down, floor, scene_file};
+use common::tensors::gradient;
 use softray::gradcheck::{Checked, GradCheck, Point, Verdict, gradcheck};
 use softray::prelude::*;
 
@@ -47,12 +51,9 @@ fn cones_agree_with_central_differences() {
 
 #[test]
 fn cones_without_an_angle_agree_with_central_differences() {
-    let sharp = Visibility::Cone {
-        angle: 0.0,
-        pixels: 0.0,
-    };
+    let visibility = SHARP;
     agree_with_central_differences(Effort {
-        visibility: sharp,
+        visibility,
         ..CONES
     });
 }
@@ -85,15 +86,9 @@ fn the_same_by_all_triangles() {
 
 /// A floor under a sky and a lamp; the albedo of the floor, times a factor whose gradient is cut to a
 /// share of the right one.
-fn floor(point: &softray::gradcheck::Point, share: f64) -> softray::Result<(Scene, Camera)> {
+fn sunlit(point: &Point, share: f64) -> softray::Result<(Scene, Camera)> {
     let device = &point.device;
-    let quad = shapes::quad(
-        [-2.0, 0.0, 2.0],
-        [2.0, 0.0, 2.0],
-        [2.0, 0.0, -2.0],
-        [-2.0, 0.0, -2.0],
-        device,
-    );
+    let quad = floor(2.0, 0.0, device);
     let p = point.get("albedo")?;
     let albedo = p.clone() * share + p.detach() * (1.0 - share);
     let scene = Scene::new()
@@ -108,7 +103,7 @@ fn gradcheck_tells_right_from_wrong_and_from_unknown() {
     let settings = GradCheck::new(options, &Device::flex());
     let parameters = [Checked::new("albedo", [0.5], 0.05)];
     let verdict = |settings: &GradCheck, share| {
-        let report = gradcheck(&parameters, settings, |p| floor(p, share)).expect("a report");
+        let report = gradcheck(&parameters, settings, |p| sunlit(p, share)).expect("a report");
         println!("{report}");
         report.rows[0].verdict
     };
@@ -121,16 +116,11 @@ fn gradcheck_tells_right_from_wrong_and_from_unknown() {
     assert_eq!(verdict(&hasty, 1.0), Verdict::Undecided);
 
     let bad = [Checked::new("albedo", [0.5], 0.0)];
-    let error = gradcheck(&bad, &settings, |p| floor(p, 1.0)).expect_err("an error");
-    assert!(error.to_string().contains("albedo: step is 0"), "{error}");
-    let error = gradcheck(&[Checked::new("a", [0.5], 0.1)], &settings, |p| {
-        floor(p, 1.0)
-    });
-    let error = error.expect_err("an error").to_string();
-    assert!(
-        error.contains("albedo") && error.contains("[\"a\"]"),
-        "{error}"
-    );
+    let error = gradcheck(&bad, &settings, |p| sunlit(p, 1.0));
+    says(message(error), ["albedo: step is 0"]);
+    let other = [Checked::new("a", [0.5], 0.1)];
+    let error = gradcheck(&other, &settings, |p| sunlit(p, 1.0));
+    says(message(error), ["albedo", "[\"a\"]"]);
 }
 
 /// A noisy image times itself is too large by its variance, and so is its gradient: at the minimum
@@ -139,23 +129,11 @@ fn gradcheck_tells_right_from_wrong_and_from_unknown() {
 fn the_square_of_noise_biases_a_loss() {
     let device = Device::flex();
     let lamp = |radiance: Tensor<1>| {
-        let light = shapes::quad(
-            [-0.5, 1.5, -0.5],
-            [0.5, 1.5, -0.5],
-            [0.5, 1.5, 0.5],
-            [-0.5, 1.5, 0.5],
-            &device,
-        );
-        let ground = shapes::quad(
-            [-2.0, 0.0, 2.0],
-            [2.0, 0.0, 2.0],
-            [2.0, 0.0, -2.0],
-            [-2.0, 0.0, -2.0],
-            &device,
-        );
+        let light = facing_down([-0.5, 0.5], [-0.5, 0.5], 1.5, &device);
+        let ground = floor(2.0, 0.0, &device);
         Scene::new()
             .with(Object::new(light).material(Material::emitter(radiance.expand([3]))))
-            .with(Object::new(ground).material(Material::diffuse([0.5; 3])))
+            .with(Object::new(ground))
     };
     let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3]).fov_y(40.0);
     let image = |radiance: Tensor<1>, samples, seed| {
@@ -163,29 +141,22 @@ fn the_square_of_noise_biases_a_loss() {
             .samples(samples)
             .bounces(1)
             .seed(seed);
-        render(&lamp(radiance), &camera, &options)
-            .expect("an image")
-            .radiance
+        let image = render(&lamp(radiance), &camera, &options);
+        image.expect("an image").radiance
     };
     let right = Tensor::<1>::from_floats([4.0], &device);
     let target = image(right.clone(), 8192, u64::MAX);
     let leaf = || right.clone().autodiff().require_grad();
-    let mean_and_error = |gradients: &[f64]| {
-        let n = gradients.len() as f64;
-        let mean = gradients.iter().sum::<f64>() / n;
-        let squares: f64 = gradients.iter().map(|g| (g - mean).powi(2)).sum();
-        (mean, (squares / (n - 1.0) / n).sqrt())
-    };
     let (mut plain, mut unbiased) = (Vec::new(), Vec::new());
     for seed in 0..200 {
         let p = leaf();
         let loss = softray::loss::mse(image(p.clone(), 2, 2 * seed), target.clone());
         let gradients = loss.backward();
-        plain.push(common::values(&p.grad(&gradients).expect("a gradient"))[0]);
+        plain.push(gradient(&p, &gradients)[0]);
         let p = leaf();
         let [a, b] = [0, 1].map(|i| image(p.clone(), 2, 2 * seed + i));
         let gradients = softray::loss::mse_unbiased(a, b, target.clone()).backward();
-        unbiased.push(common::values(&p.grad(&gradients).expect("a gradient"))[0]);
+        unbiased.push(gradient(&p, &gradients)[0]);
     }
     let (plain, error) = mean_and_error(&plain);
     assert!(plain > 10.0 * error, "{plain} ± {error}");
@@ -205,8 +176,7 @@ fn cornell_precision() -> f64 {
 /// The Cornell box with every class of parameter: its light turns, moves and has a free vertex, the
 /// back wall has a texture under a gloss, the camera a lens. The light hangs off the ceiling.
 fn cornell_box(point: &Point, camera: Camera) -> softray::Result<(Scene, Camera)> {
-    let file = SceneFile::load(common::reference("cornell/scene.json"), &point.device)?;
-    let mut scene = file.scene;
+    let mut scene = scene_file("cornell", &point.device).scene;
     for object in &mut scene.objects {
         object.mesh = object.mesh.clone().cast(point.dtype);
     }

@@ -4,26 +4,16 @@ mod common;
 
 use burn::module::Param;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer, OptimizerRecord};
-use burn::tensor::{DType, TensorData};
+use burn::tensor::DType;
+use common::errors::{message, says};
+use common::numbers::{largest, noise, norm};
 use common::{cpu_devices, values};
 use softray::optim::{LargeSteps, LargeStepsConfig, MeshRegulariser};
 use softray::prelude::*;
 
 fn tensor(values: &[f64], columns: usize, device: &Device, dtype: DType) -> Tensor<2> {
     let shape = [values.len() / columns, columns];
-    Tensor::from_data(TensorData::new(values.to_vec(), shape), (device, dtype))
-}
-
-/// Numbers in [−1, 1), the same for the same seed.
-fn noise(n: usize, seed: u64) -> Vec<f64> {
-    let mut state = seed;
-    let draw = |_| {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    };
-    (0..n).map(draw).collect()
+    common::tensors::tensor(values, shape, device, dtype)
 }
 
 /// I + λL by plain loops.
@@ -63,10 +53,6 @@ fn dense_solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
     x
 }
 
-fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
-    values.into_iter().fold(0.0, |m, v| m.max(v.abs()))
-}
-
 /// A parameter: burn's optimisers take those of a device with autodiff.
 fn leaf(values: Tensor<2>) -> Param<Tensor<2>> {
     Param::from_tensor(values.autodiff())
@@ -102,8 +88,7 @@ fn the_solve_is_that_of_the_dense_matrix() {
                     let expected = dense_solve(matrix(&mesh, lambda), &b);
                     let apart = largest(x.iter().zip(&expected).map(|(p, q)| p - q));
                     // The error is at most the residual over the least eigenvalue, 1.
-                    let norm = b.iter().map(|b| b * b).sum::<f64>().sqrt();
-                    assert!(apart < 1.01e-10 * norm, "λ = {lambda}: {apart:e}");
+                    assert!(apart < 1.01e-10 * norm(&b), "λ = {lambda}: {apart:e}");
                 }
             }
         }
@@ -325,16 +310,11 @@ fn errors_name_the_field_and_the_value() {
         (config().epsilon(0.0), "epsilon is 0, expected"),
     ];
     for (config, expected) in cases {
-        let error = LargeSteps::from_mesh(&mesh, &config).expect_err("an error");
-        assert!(error.to_string().contains(expected), "{error}");
+        says(message(LargeSteps::from_mesh(&mesh, &config)), [expected]);
     }
-    let error = LargeSteps::new(&[[0, 1, 5]], 3, &config()).expect_err("an error");
-    assert!(error.to_string().contains("face 0 is [0, 1, 5]"), "{error}");
+    let error = LargeSteps::new(&[[0, 1, 5]], 3, &config());
+    says(message(error), ["face 0 is [0, 1, 5]"]);
     let steps = LargeSteps::from_mesh(&mesh, &config()).expect("a mesh");
     let error = steps.precondition(tensor(&[0.0; 6], 3, &device, DType::F32));
-    let error = error.expect_err("an error").to_string();
-    assert!(
-        error.contains("of shape [2, 3], expected shape [12, _]"),
-        "{error}"
-    );
+    says(message(error), ["of shape [2, 3], expected shape [12, _]"]);
 }

@@ -2,10 +2,12 @@
 
 mod common;
 
-use std::collections::{BTreeMap, BTreeSet};
-
-use burn::tensor::{DType, TensorData};
-use common::{cpu_devices, values};
+use burn::tensor::DType;
+use common::cpu_devices;
+use common::errors::{message, says};
+use common::mesh_loops::{bends, cotangents, umbrella};
+use common::numbers::{largest, noise};
+use common::tensors::{gradient, tensor, values};
 use glam::DVec3;
 use softray::optim::MeshRegulariser;
 use softray::prelude::*;
@@ -26,12 +28,11 @@ const LOSSES: [(&str, Loss); 7] = [
 fn batch(meshes: &[Vec<DVec3>], device: &Device, dtype: DType) -> Tensor<3> {
     let shape = [meshes.len(), meshes[0].len(), 3];
     let flat: Vec<f64> = meshes.iter().flatten().flat_map(|v| v.to_array()).collect();
-    Tensor::from_data(TensorData::new(flat, shape), (device, dtype))
+    tensor(&flat, shape, device, dtype)
 }
 
 fn points(mesh: &Mesh) -> Vec<DVec3> {
-    let vertices = mesh.host_vertices().expect("vertices");
-    vertices.into_iter().map(DVec3::from).collect()
+    common::tensors::points(&mesh.vertices)
 }
 
 /// The regulariser and vertices `[1, V, 3]` of a mesh, in f64.
@@ -43,23 +44,13 @@ fn of(mesh: &Mesh) -> (MeshRegulariser, Tensor<3>) {
 
 /// With vertices moved by up to so much, the same for the same seed.
 fn shaken(vertices: &[DVec3], by: f64, seed: u64) -> Vec<DVec3> {
-    let mut state = seed;
-    let mut draw = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        by * ((state >> 11) as f64 / (1u64 << 52) as f64 - 1.0)
-    };
-    let moved = vertices
-        .iter()
-        .map(|v| *v + DVec3::new(draw(), draw(), draw()));
-    moved.collect()
+    let moves = noise(3 * vertices.len(), seed);
+    let moves = moves.chunks_exact(3).map(|m| by * DVec3::from_slice(m));
+    vertices.iter().zip(moves).map(|(v, m)| *v + m).collect()
 }
 
 fn scalar(t: Tensor<1>) -> f64 {
-    let v = values(&t);
-    assert_eq!(v.len(), 1);
-    v[0]
+    common::tensors::scalar(&t)
 }
 
 #[track_caller]
@@ -151,57 +142,6 @@ fn a_sphere_in_the_limit() {
     close((ball - coarse.4) / (ball - fine.4), 4.0, 0.1);
 }
 
-/// Cotangent weights by plain loops, by edge.
-fn cotangents(v: &[DVec3], faces: &[[u32; 3]]) -> BTreeMap<[u32; 2], f64> {
-    let mut weights = BTreeMap::new();
-    for f in faces {
-        for i in 0..3 {
-            let [at, p, q] = [f[i], f[(i + 1) % 3], f[(i + 2) % 3]];
-            let (a, b) = (
-                v[p as usize] - v[at as usize],
-                v[q as usize] - v[at as usize],
-            );
-            let limit = 3f64.to_radians().tan().recip();
-            let cot = (a.dot(b) / a.cross(b).length()).clamp(-limit, limit);
-            *weights.entry([p.min(q), p.max(q)]).or_insert(0.0) += cot / 2.0;
-        }
-    }
-    weights.values_mut().for_each(|w| *w = w.max(0.0));
-    weights
-}
-
-/// The Laplacian loss by plain loops.
-fn umbrella(v: &[DVec3], weights: &BTreeMap<[u32; 2], f64>) -> f64 {
-    let mut sums = vec![(DVec3::ZERO, 0.0); v.len()];
-    for (&[i, j], &w) in weights {
-        for (p, q) in [(i as usize, j as usize), (j as usize, i as usize)] {
-            sums[p].0 += w * (v[q] - v[p]);
-            sums[p].1 += w;
-        }
-    }
-    let squares = sums.iter().map(|(s, w)| (*s / *w).length_squared());
-    squares.sum::<f64>() / v.len() as f64
-}
-
-/// The loss on bends by plain loops.
-fn bends(v: &[DVec3], faces: &[[u32; 3]], f: fn(f64) -> f64) -> f64 {
-    let normal = |f: &[u32; 3]| {
-        let [a, b, c] = f.map(|i| v[i as usize]);
-        (b - a).cross(c - a).normalize()
-    };
-    let corners = |f: &[u32; 3]| f.iter().copied().collect::<BTreeSet<_>>();
-    let (mut sum, mut count) = (0.0, 0);
-    for (i, a) in faces.iter().enumerate() {
-        for b in &faces[..i] {
-            if corners(a).intersection(&corners(b)).count() == 2 {
-                sum += f(normal(a).dot(normal(b)));
-                count += 1;
-            }
-        }
-    }
-    sum / f64::from(count)
-}
-
 #[test]
 fn equal_to_plain_loops() {
     for device in cpu_devices() {
@@ -249,9 +189,8 @@ fn gradients_are_central_differences() {
             };
             let leaf = batch(&meshes, &device.clone().autodiff(), DType::F64).require_grad();
             let tape = loss(&r, leaf.clone()).backward();
-            let gradient = leaf.grad(&tape).expect("a gradient");
-            let gradient: Vec<f64> = gradient.into_data().iter::<f64>().collect();
-            let largest = gradient.iter().fold(0f64, |m, g| m.max(g.abs()));
+            let gradient = gradient(&leaf, &tape);
+            let largest = largest(gradient.iter().copied());
             assert!(largest > 1e-3, "{name}: {largest}");
             let mut worst = 0f64;
             for entry in (0..gradient.len()).step_by(5) {
@@ -361,8 +300,7 @@ fn finite_on_degenerate_triangles() {
                     let leaf = batch(&meshes, &device.clone().autodiff(), dtype).require_grad();
                     let value = loss(&r, leaf.clone());
                     assert!(values(&value)[0].is_finite(), "{case} {dtype:?} {name}");
-                    let gradient = leaf.grad(&value.backward()).expect("a gradient");
-                    let gradient: Vec<f64> = gradient.into_data().iter::<f64>().collect();
+                    let gradient = gradient(&leaf, &value.backward());
                     let finite = gradient.iter().all(|g| g.is_finite());
                     assert!(finite, "gradient: {case} {dtype:?} {name}");
                 }
@@ -402,8 +340,8 @@ fn one_triangle_has_no_bends() {
     for (_, loss) in &LOSSES[2..4] {
         let value = loss(&r, leaf.clone().unsqueeze());
         assert_eq!(scalar(value.clone()), 0.0);
-        let gradient = leaf.grad(&value.backward()).expect("a gradient");
-        assert!(values(&gradient).iter().all(|g| *g == 0.0));
+        let gradient = gradient(&leaf, &value.backward());
+        assert!(gradient.iter().all(|g| *g == 0.0));
     }
 }
 
@@ -428,19 +366,11 @@ fn tracked_and_untracked_mix() {
 #[test]
 fn errors_name_the_field_and_the_value() {
     let device = Device::flex();
-    let message = |faces: &[[u32; 3]]| {
-        let error = MeshRegulariser::new(faces, 3, &device).expect_err("an error");
-        error.to_string()
-    };
-    let text = message(&[]);
-    assert!(text.contains("faces is without a triangle"), "{text}");
-    let text = message(&[[0, 0, 1]]);
-    assert!(text.contains("three different vertices"), "{text}");
-    let text = message(&[[0, 1, 2], [0, 1, 3]]);
-    assert!(
-        text.contains("face 1 is [0, 1, 3], expected indices under 3"),
-        "{text}"
-    );
+    let of = |faces: &[[u32; 3]]| message(MeshRegulariser::new(faces, 3, &device));
+    says(of(&[]), ["faces is without a triangle"]);
+    says(of(&[[0, 0, 1]]), ["three different vertices"]);
+    let beyond = of(&[[0, 1, 2], [0, 1, 3]]);
+    says(beyond, ["face 1 is [0, 1, 3], expected indices under 3"]);
 }
 
 #[test]

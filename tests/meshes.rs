@@ -4,14 +4,17 @@ mod common;
 
 use std::collections::BTreeSet;
 
-use burn::tensor::{DType, TensorData};
-use common::{cpu_devices, values};
+use burn::tensor::DType;
+use common::cpu_devices;
+use common::errors::{message, says};
+use common::numbers::rmse;
+use common::scenes::{emitting, on_axis, under_sky};
+use common::tensors::{gradient, points, radiance, values};
 use glam::DVec3;
 use softray::prelude::*;
 
 fn tensor<const D: usize>(values: &[f64], shape: [usize; D]) -> Tensor<D> {
-    let data = TensorData::new(values.to_vec(), shape);
-    Tensor::from_data(data, (&Device::flex(), DType::F64))
+    common::tensors::tensor(values, shape, &Device::flex(), DType::F64)
 }
 
 /// Σ of the rows under weights that no symmetry cancels.
@@ -24,32 +27,7 @@ fn weighted(rows: Tensor<2>) -> Tensor<1> {
 /// Autodiff agrees with central differences at every component of `x`.
 #[track_caller]
 fn gradients_agree(x: &[f64], f: impl Fn(Tensor<1>) -> Tensor<2>) {
-    let leaf = tensor(x, [x.len()]).autodiff().require_grad();
-    let gradients = weighted(f(leaf.clone())).backward();
-    let gradient = values(&leaf.grad(&gradients).expect("a gradient"));
-    let h = 1e-6;
-    for i in 0..x.len() {
-        let at = |step: f64| {
-            let mut moved = x.to_vec();
-            moved[i] += step;
-            values(&weighted(f(tensor(&moved, [x.len()]))))[0]
-        };
-        let difference = (at(h) - at(-h)) / (2.0 * h);
-        let apart = (gradient[i] - difference).abs();
-        assert!(
-            apart < 1e-6 * difference.abs().max(1.0),
-            "{i}: {} {difference}",
-            gradient[i]
-        );
-    }
-    assert!(gradient.iter().any(|g| g.abs() > 1e-3), "{gradient:?}");
-}
-
-fn points(rows: &Tensor<2>) -> Vec<DVec3> {
-    values(rows)
-        .chunks_exact(3)
-        .map(DVec3::from_slice)
-        .collect()
+    common::tensors::gradients_agree(x, |x| weighted(f(x)));
 }
 
 fn normals(mesh: &Mesh) -> Tensor<2> {
@@ -224,12 +202,9 @@ fn what_cannot_move_a_mesh_is_told() {
         ),
     ];
     for (mesh, expected) in cases {
-        let error = mesh.bounds().expect_err(expected).to_string();
-        assert!(error.contains(expected), "{error}");
-        let scene = Scene::new().with(Object::new(mesh)).environment([1.0; 3]);
-        let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
-        let error = render(&scene, &camera, &RenderOptions::new(2, 2)).expect_err(expected);
-        assert!(error.to_string().contains(expected), "{error}");
+        says(message(mesh.bounds()), [expected]);
+        let rendered = render(&under_sky(mesh), &on_axis(4.0), &RenderOptions::new(2, 2));
+        says(message(rendered), [expected]);
     }
     // Flat, but without normals that it would leave undefined.
     assert!(ball().scaled([1.0, 0.0, 1.0]).bounds().is_ok());
@@ -296,20 +271,15 @@ fn smooth_normals_are_finite_and_not_zero() {
         assert!(found[i].distance(DVec3::Z) < 1e-5, "{found:?}");
     }
     let gradients = normals(&mesh).powi_scalar(3).sum().backward();
-    let gradient = values(&leaf.grad(&gradients).expect("a gradient"));
+    let gradient = gradient(&leaf, &gradients);
     assert!(gradient.iter().all(|g| g.is_finite()), "{gradient:?}");
     // All in one place, none at all, and faces out of range.
     let point = Mesh::from_host(&[[2.0; 3]; 3], vec![[0, 1, 2]], &device).smooth_normals();
     assert_eq!(values(&normals(&point)), [0.0, 0.0, 1.0].repeat(3));
-    assert!(
-        Mesh::from_host(&v, vec![], &device)
-            .smooth_normals()
-            .normals
-            .is_none()
-    );
+    let none = Mesh::from_host(&v, vec![], &device).smooth_normals();
+    assert!(none.normals.is_none());
     let wrong = Mesh::from_host(&v, vec![[0, 1, 10]], &device).smooth_normals();
-    let error = wrong.bounds().expect_err("no such vertex").to_string();
-    assert!(error.contains("[0, 1, 10]"), "{error}");
+    says(message(wrong.bounds()), ["[0, 1, 10]"]);
 }
 
 /// Across a crease whose vertices are separate normals stay apart.
@@ -362,19 +332,14 @@ fn lit(mesh: Mesh, material: Material) -> Vec<f64> {
         [-2.0, 6.0, 3.0],
     ];
     let [a, b, c, d] = lamp;
-    let lamp = Object::new(shapes::quad(d, c, b, a, &device));
-    let lamp = lamp.material(Material::emitter([4.0; 3]));
+    let lamp = emitting(shapes::quad(d, c, b, a, &device), [4.0; 3]);
     let scene = Scene::new()
         .with(Object::new(mesh).material(material))
         .with(lamp)
         .environment([0.2; 3]);
     let camera = Camera::look_at([0.0, 0.0, 5.0], [0.0; 3]).fov_y(22.0);
     let options = RenderOptions::new(24, 24).samples(16).bounces(1);
-    values(
-        &render(&scene, &camera, &options)
-            .expect("a render")
-            .radiance,
-    )
+    radiance(&scene, &camera, &options)
 }
 
 #[test]
@@ -382,11 +347,7 @@ fn a_sphere_is_shaded_like_one() {
     let device = Device::flex();
     let grey = || Material::diffuse([0.7; 3]);
     let round = lit(shapes::sphere(256, 128, &device), grey());
-    let off = |mesh: Mesh| {
-        let found = lit(mesh, grey());
-        let square = |(a, b): (&f64, &f64)| (a - b).powi(2);
-        (found.iter().zip(&round).map(square).sum::<f64>() / round.len() as f64).sqrt()
-    };
+    let off = |mesh: Mesh| rmse(&lit(mesh, grey()), &round);
     let coarse = || shapes::sphere(20, 10, &device);
     let (smooth, flat) = (off(coarse()), off(coarse().without_normals()));
     let computed = off(coarse().smooth_normals());

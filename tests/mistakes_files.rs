@@ -6,7 +6,8 @@ mod common;
 use std::path::PathBuf;
 
 use burn::tensor::Tensor;
-use common::told::{Folder, Told, ball, camera, flex, lit, row, see, small, warnings};
+use common::folder::Folder;
+use common::told::{Told, ball, camera, flex, lit, row, see, small, warnings};
 use softray::modules::{
     CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig, RenderLossConfig,
     RendererConfig, RigidTransform, TextureParams,
@@ -23,7 +24,7 @@ fn files() {
     let folder = Folder::new("files");
     let obj = |path: PathBuf| Scene::from_obj(path, &flex());
     told.expect("no OBJ file", &["nowhere.obj", "No such file"], || {
-        obj(folder.0.join("nowhere.obj"))
+        obj(folder.path("nowhere.obj"))
     });
     told.expect("an OBJ file without faces", &["points.obj", "face"], || {
         obj(folder.write("points.obj", TRIANGLE))
@@ -48,7 +49,7 @@ fn files() {
             folder.write("a.mtl", "newmtl a\nmap_Kd wood.png\n");
             obj(folder.write(
                 "a.obj",
-                &format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\n"),
+                format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\n"),
             ))
         },
     );
@@ -66,7 +67,7 @@ fn files() {
     );
     folder.write("s.obj", TRIANGLE);
     told.expect("a scene file, no faces", &["s.obj", "face"], || scene(""));
-    folder.write("s.obj", &format!("{TRIANGLE}f 1 2 3\n"));
+    folder.write("s.obj", format!("{TRIANGLE}f 1 2 3\n"));
     told.expect("a velocity of nothing", &["s.json", "\"moon\""], || {
         scene(", \"velocities\": {\"moon\": [1, 0, 0]}")
     });
@@ -75,18 +76,18 @@ fn files() {
     });
     let image = || HostImage::new(2, 2, vec![0.5; 12]);
     told.expect("write a JPEG", &["a.jpg", ".exr or .png"], || {
-        image()?.write(folder.0.join("a.jpg"))
+        image()?.write(folder.path("a.jpg"))
     });
     told.expect(
         "write without an ending",
         &["image", ".exr or .png"],
-        || image()?.write(folder.0.join("image")),
+        || image()?.write(folder.path("image")),
     );
     told.expect("write into no folder", &["none", "no folder"], || {
-        image()?.write(folder.0.join("none/a.png"))
+        image()?.write(folder.path("none/a.png"))
     });
     told.expect("read no image", &["a.obj", "decoded"], || {
-        HostImage::read(folder.0.join("a.obj"))
+        HostImage::read(folder.path("a.obj"))
     });
     told.expect(
         "an image of 4 channels",
@@ -165,7 +166,7 @@ fn modules() {
         let folder = Folder::new("modules");
         let path = folder.write("a.safetensors", "nothing");
         told.expect("no safetensors file", &["b.safetensors", "No such"], || {
-            load_safetensors(RigidTransform::new(&device), folder.0.join("b.safetensors"))
+            load_safetensors(RigidTransform::new(&device), folder.path("b.safetensors"))
         });
         told.expect("no safetensors", &["a.safetensors"], || {
             load_safetensors(RigidTransform::new(&device), &path)
@@ -227,7 +228,7 @@ fn what_files_hold_and_is_not_read() {
     );
 
     let image = HostImage::new(1, 1, vec![0.0; 3]).expect("an image");
-    image.write(folder.0.join("black.png")).expect("a file");
+    image.write(folder.path("black.png")).expect("a file");
     folder.write("a.mtl", "newmtl a\nKd 1 0 0\nmap_Kd black.png\n");
     let mut scene = Scene::new();
     let told = warnings(|| scene = Scene::from_obj(&path, &flex()).expect("a scene"));

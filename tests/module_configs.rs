@@ -5,49 +5,37 @@ mod common;
 use burn::config::Config;
 use burn::module::Module;
 use burn::tensor::TensorData;
+use common::errors::{message, says};
+use common::scenes::{ahead, glowing};
 use common::values;
 use softray::loss;
 use softray::modules::RotationForm;
 use softray::prelude::*;
 
-fn cube() -> Scene {
-    let cube = shapes::cube(&Device::flex());
-    let object = Object::new(cube).material(Material::emitter([0.9, 0.5, 0.2]));
-    Scene::new().with(object).environment([0.1, 0.2, 0.4])
-}
-
-fn ahead() -> Camera {
-    Camera::look_at([0.3, 0.5, 6.0], [0.0, 0.0, 0.0])
-}
-
 #[test]
 fn renderers_and_configurations() {
-    let scene = cube();
+    let scene = glowing(shapes::cube(&Device::flex()));
+    let softmax = Visibility::Softmax {
+        sigma: 1e-2,
+        gamma: 0.01,
+        epsilon: 1e-3,
+    };
     let config = RendererConfig::new(8, 6)
         .with_samples(2)
         .with_bounces(1)
-        .with_visibility(Visibility::Softmax {
-            sigma: 1e-2,
-            gamma: 0.01,
-            epsilon: 1e-3,
-        })
+        .with_visibility(softmax)
         .with_seed(0)
         .with_russian_roulette(Some(1))
         .with_rays_per_tile(Some(64))
         .with_opacity(true);
-    let folder = std::path::PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    let path = folder.join("renderer.json");
+    let path = common::target_folder("renderer").join("renderer.json");
     config.save(&path).expect("a file");
     let loaded = RendererConfig::load(&path).expect("a configuration");
     assert_eq!(loaded, config);
     let options = RenderOptions::new(8, 6)
         .samples(2)
         .bounces(1)
-        .visibility(Visibility::Softmax {
-            sigma: 1e-2,
-            gamma: 0.01,
-            epsilon: 1e-3,
-        })
+        .visibility(softmax)
         .russian_roulette(1)
         .rays_per_tile(64)
         .with_opacity();
@@ -67,32 +55,20 @@ fn renderers_and_configurations() {
     let apart = values(&image(&other, 7).radiance) != values(&same.radiance);
     assert!(apart, "the renderer's seed counts");
 
-    let fails = |config: RendererConfig| config.init().expect_err("a bad value").to_string();
-    let said = [
-        (
-            fails(config.clone().with_visibility(Visibility::cone(-1.0))),
-            "angle is -1",
-        ),
-        (fails(config.clone().with_samples(0)), "samples is 0"),
-        (fails(RendererConfig::new(0, 6)), "width is 0"),
-        (fails(config.clone().with_cutoff(2.0)), "cutoff is 2"),
-        (
-            fails(
-                config
-                    .clone()
-                    .with_visibility(Visibility::softmax(1e-3, 0.0)),
-            ),
-            "gamma is 0",
-        ),
-        (
-            renderer.with_blur(f64::NAN).expect_err("NaN").to_string(),
-            "sigma is NaN",
-        ),
-    ];
-    for (said, expected) in said {
-        assert!(said.contains(expected), "{said}");
-    }
+    let fails = |config: RendererConfig, said: &str| says(message(config.init()), [said]);
+    let wide = Visibility::cone(-1.0);
+    fails(config.clone().with_visibility(wide), "angle is -1");
+    fails(config.clone().with_samples(0), "samples is 0");
+    fails(RendererConfig::new(0, 6), "width is 0");
+    fails(config.clone().with_cutoff(2.0), "cutoff is 2");
+    let hard = Visibility::softmax(1e-3, 0.0);
+    fails(config.clone().with_visibility(hard), "gamma is 0");
+    says(message(renderer.with_blur(f64::NAN)), ["sigma is NaN"]);
+}
 
+#[test]
+fn configurations_in_files() {
+    let path = common::target_folder("configurations").join("part.json");
     let camera = CameraParamsConfig::new([0.0, 0.0, 4.0], [0.0; 3]).with_lens(Some([0.1, 2.0]));
     let material = MaterialParamsConfig::new().with_specular(Some([0.2; 3]));
     let pose = RigidTransformConfig::new().with_rotation(RotationForm::Quaternion);
@@ -113,69 +89,21 @@ fn renderers_and_configurations() {
     );
 
     let device = Device::flex();
-    let said = [
-        (
-            camera
-                .clone()
-                .with_fov_y(175.0)
-                .init(&device)
-                .expect_err("wide")
-                .to_string(),
-            "fov_y",
-        ),
-        (
-            camera
-                .clone()
-                .with_lens(Some([0.0, 1.0]))
-                .init(&device)
-                .expect_err("0")
-                .to_string(),
-            "aperture",
-        ),
-        (
-            camera
-                .with_up([0.0, 0.0, 1.0])
-                .init(&device)
-                .expect_err("along")
-                .to_string(),
-            "up",
-        ),
-        (
-            material
-                .with_diffuse([0.9; 3])
-                .init(&device)
-                .expect_err("bright")
-                .to_string(),
-            "energy",
-        ),
-        (
-            loss.clone()
-                .with_levels(0)
-                .init()
-                .expect_err("no level")
-                .to_string(),
-            "levels",
-        ),
-        (
-            loss.clone()
-                .with_dssim(-1.0)
-                .init()
-                .expect_err("negative")
-                .to_string(),
-            "dssim is -1",
-        ),
-        (
-            loss.with_mse(0.0)
-                .with_l1(0.0)
-                .init()
-                .expect_err("nothing")
-                .to_string(),
-            "weights",
-        ),
-    ];
-    for (said, expected) in said {
-        assert!(said.contains(expected), "{said}");
-    }
+    let wide = camera.clone().with_fov_y(175.0);
+    says(message(wide.init(&device)), ["fov_y"]);
+    let closed = camera.clone().with_lens(Some([0.0, 1.0]));
+    says(message(closed.init(&device)), ["aperture"]);
+    let along = camera.with_up([0.0, 0.0, 1.0]);
+    says(message(along.init(&device)), ["up"]);
+    let bright = material.with_diffuse([0.9; 3]);
+    says(message(bright.init(&device)), ["energy"]);
+    says(message(loss.clone().with_levels(0).init()), ["levels"]);
+    says(
+        message(loss.clone().with_dssim(-1.0).init()),
+        ["dssim is -1"],
+    );
+    let nothing = loss.with_mse(0.0).with_l1(0.0);
+    says(message(nothing.init()), ["weights"]);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use burn::module::Module;
 use burn::tensor::DType;
+use common::errors::{message, says};
 use common::modules::{changed, parameters};
 use softray::Error;
 use softray::modules::{RotationForm, cast, load_safetensors, save_safetensors};
@@ -110,53 +111,46 @@ fn what_does_not_fit_is_named() {
     let device = Device::flex().autodiff();
     let coarse = MeshParams::from_mesh(&shapes::icosahedron(&device));
     let fine = MeshParams::from_mesh(&shapes::icosphere(1, &device));
-    let says = |error: &dyn std::fmt::Display, parts: &[&str]| {
-        let said = error.to_string();
-        assert!(parts.iter().all(|p| said.contains(p)), "{said}");
-    };
     let file = path("fine.safetensors");
     save_safetensors(&fine, &file).expect("a file");
     let error = load_safetensors(coarse.clone(), &file).expect_err("another number of vertices");
     assert!(matches!(error, Error::Invalid { .. }));
     says(
         &error,
-        &[
+        [
             "fine.safetensors: vertices is of shape [42, 3]",
             "shape [12, 3]",
         ],
     );
     let error = coarse.clone().try_load_record(fine.clone().into_record());
-    says(
-        &error.expect_err("another number"),
-        &["vertices", "[12, 3]", "[42, 3]"],
-    );
+    says(message(error), ["vertices", "[12, 3]", "[42, 3]"]);
 
     let offsets = MeshOffsets::from_mesh(&shapes::icosphere(1, &device));
     let error = load_safetensors(offsets, &file).expect_err("other names");
-    says(&error, &["offsets is missing"]);
+    says(&error, ["offsets is missing"]);
     let scaled = RigidTransformConfig::new().with_scale(true).init(&device);
     let file = path("scaled.safetensors");
     save_safetensors(&scaled, &file).expect("a file");
     let error = load_safetensors(RigidTransform::new(&device), &file).expect_err("no scale");
-    says(&error, &["log_scale is in the file alone"]);
+    says(&error, ["log_scale is in the file alone"]);
     let turned = RigidTransformConfig::new()
         .with_rotation(RotationForm::Quaternion)
         .with_scale(true)
         .init(&device);
     let error = load_safetensors(turned, &file).expect_err("another form");
-    says(&error, &["rotation is of shape [6]", "shape [4]"]);
+    says(&error, ["rotation is of shape [6]", "shape [4]"]);
 
     let absent = path("absent.safetensors");
     let error = load_safetensors(coarse.clone(), &absent).expect_err("no file");
     assert!(matches!(error, Error::Io { .. }), "{error}");
-    says(&error, &["absent.safetensors"]);
+    says(&error, ["absent.safetensors"]);
     let broken = path("broken.safetensors");
     std::fs::write(&broken, b"no tensors").expect("a file");
     let error = load_safetensors(coarse.clone(), &broken).expect_err("no tensors");
     assert!(matches!(error, Error::Format { .. }), "{error}");
     let nowhere = path("no-such-folder").join("a.safetensors");
     let error = save_safetensors(&coarse, &nowhere).expect_err("no folder");
-    says(&error, &["no-such-folder"]);
+    says(&error, ["no-such-folder"]);
 }
 
 /// Saving replaces the file, and leaves nothing beside it.

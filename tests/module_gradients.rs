@@ -3,9 +3,10 @@
 mod common;
 
 use burn::module::Module;
-use burn::tensor::{DType, TensorData};
+use burn::tensor::DType;
 use common::modules::{changed, parameters};
-use common::values;
+use common::scenes::{ahead, diffuse, emitting, facing_front, glowing};
+use common::tensors::{tensor, values};
 use softray::modules::{AimForm, RotationForm, cast};
 use softray::prelude::*;
 
@@ -36,10 +37,7 @@ fn seen(scene: &Scene, camera: &Camera) -> Tensor<1> {
     let weights: Vec<f64> = (0..dims.iter().product())
         .map(|i| 0.5 + (i as f64 * 0.37).sin().abs() + i as f64 / 240.0)
         .collect();
-    let weights: Tensor<3> = Tensor::from_data(
-        TensorData::new(weights, dims),
-        (&Device::flex(), radiance.dtype()),
-    );
+    let weights = tensor(&weights, dims, &Device::flex(), radiance.dtype());
     (radiance * weights).mean()
 }
 
@@ -58,13 +56,8 @@ fn check<M: Module>(module: M, components: &[(&str, usize)], objective: impl Fn(
         let gradient = p.gradient.as_ref().expect("a gradient")[component];
         let h = 2e-5;
         let at = |h: f64| {
-            let moved = changed(module.clone(), |n, i, v| {
-                if (n, i) == (name, component) {
-                    v + h
-                } else {
-                    v
-                }
-            });
+            let step = |n: &str, i| if (n, i) == (name, component) { h } else { 0.0 };
+            let moved = changed(module.clone(), |n, i, v| v + step(n, i));
             values(&objective(&moved))[0]
         };
         let difference = (at(h) - at(-h)) / (2.0 * h);
@@ -76,15 +69,6 @@ fn check<M: Module>(module: M, components: &[(&str, usize)], objective: impl Fn(
 /// All tensors of a scene need one float type.
 fn f64_mesh(mesh: Mesh) -> Mesh {
     mesh.cast(DType::F64)
-}
-
-fn glowing(mesh: Mesh) -> Scene {
-    let object = Object::new(mesh).material(Material::emitter([0.9, 0.5, 0.2]));
-    Scene::new().with(object).environment([0.1, 0.2, 0.4])
-}
-
-fn ahead() -> Camera {
-    Camera::look_at([0.3, 0.5, 6.0], [0.0, 0.0, 0.0])
 }
 
 #[test]
@@ -140,16 +124,7 @@ fn gradients_of_cameras() {
 #[test]
 fn gradients_of_textures_environments_and_materials() {
     let device = autodiff();
-    let wall = || {
-        let corners = [
-            [-1.0, -1.0, 0.0],
-            [1.0, -1.0, 0.0],
-            [1.0, 1.0, 0.0],
-            [-1.0, 1.0, 0.0],
-        ];
-        let [a, b, c, d] = corners;
-        f64_mesh(shapes::quad(a, b, c, d, &Device::flex()))
-    };
+    let wall = || f64_mesh(facing_front([-1.0, 1.0], [-1.0, 1.0], 0.0, &Device::flex()));
     let lit = |material: Material| {
         let [a, b, c, d] = [
             [-1.0, 1.5, 2.0],
@@ -158,7 +133,7 @@ fn gradients_of_textures_environments_and_materials() {
             [-1.0, 2.5, 1.0],
         ];
         let light = f64_mesh(shapes::quad(d, c, b, a, &Device::flex()));
-        let light = Object::new(light).material(Material::emitter([8.0, 7.0, 6.0]));
+        let light = emitting(light, [8.0, 7.0, 6.0]);
         Scene::new()
             .with(Object::new(wall()).material(material))
             .with(light)
@@ -180,10 +155,7 @@ fn gradients_of_textures_environments_and_materials() {
     let sky = EnvironmentParams::uniform(4, 8, 0.7, &device).expect("a sky");
     // A texel that the camera sees: the third row, the middle column.
     check(sky, &[("logs", (8 + 4) * 3)], |sky| {
-        let black = Object::new(wall()).material(Material::diffuse([0.0; 3]));
-        seen(
-            &Scene::new().with(black).environment(sky.environment()),
-            &ahead(),
-        )
+        let black = Scene::new().with(diffuse(wall(), [0.0; 3]));
+        seen(&black.environment(sky.environment()), &ahead())
     });
 }

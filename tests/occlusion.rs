@@ -4,34 +4,13 @@
 mod common;
 
 use burn::tensor::Device;
-use common::values;
+use common::numbers::mean;
+use common::scenes::{diffuse, emitting, facing_down, facing_up, inward, on_axis};
+use common::tensors::{gradient, radiance};
 use softray::prelude::*;
-
-/// A quad in the plane y = height, a light if it faces down.
-fn horizontal(x: [f64; 2], z: [f64; 2], height: f64, down: bool, device: &Device) -> Mesh {
-    let mut corners = [
-        [x[0], height, z[1]],
-        [x[1], height, z[1]],
-        [x[1], height, z[0]],
-        [x[0], height, z[0]],
-    ];
-    if down {
-        corners.reverse();
-    }
-    let [a, b, c, d] = corners;
-    shapes::quad(a, b, c, d, device)
-}
 
 /// Without an angle, and with more and more of it.
 const ANGLES: [f64; 3] = [0.0, 0.01, 0.05];
-
-fn image(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Vec<f64> {
-    values(&render(scene, camera, options).expect("an image").radiance)
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
 
 /// What a point of a floor sees of a parallel square light of half width h above it: the closed
 /// form of the configuration factor, four corners added up.
@@ -43,25 +22,25 @@ fn square_above(h: f64, height: f64) -> f64 {
 #[test]
 fn both_triangles_of_a_light_shine_and_both_of_an_occluder_block() {
     let device = Device::flex();
-    let floor = horizontal([-6.0, 6.0], [-6.0, 6.0], 0.0, false, &device);
-    let light = horizontal([-1.0, 1.0], [-1.0, 1.0], 2.0, true, &device);
+    let floor = facing_up([-6.0, 6.0], [-6.0, 6.0], 0.0, &device);
+    let light = facing_down([-1.0, 1.0], [-1.0, 1.0], 2.0, &device);
     let open = Scene::new()
-        .with(Object::new(floor).material(Material::diffuse([0.5; 3])))
-        .with(Object::new(light).material(Material::emitter([1.0; 3])));
+        .with(Object::new(floor))
+        .with(emitting(light, [1.0; 3]));
     // Far larger than the light, so that the whole shadow of a point below is umbra.
-    let roof = horizontal([-3.0, 3.0], [-3.0, 3.0], 1.0, false, &device);
+    let roof = facing_up([-3.0, 3.0], [-3.0, 3.0], 1.0, &device);
     let roofed = open.clone().with(Object::new(roof));
     // From below the roof, at the point under the middle of the light.
     let camera = Camera::look_at([0.3, 0.8, 0.4], [0.0; 3]).fov_y(2.0);
     let expected = 0.5 * square_above(1.0, 2.0);
     for angle in ANGLES {
         let options = RenderOptions::new(8, 8).samples(256).bounces(0).blur(angle);
-        let lit = mean(&image(&open, &camera, &options));
+        let lit = mean(&radiance(&open, &camera, &options));
         assert!(
             (lit / expected - 1.0).abs() < 0.015,
             "{angle}: {lit}, expected {expected}"
         );
-        let dark = mean(&image(&roofed, &camera, &options));
+        let dark = mean(&radiance(&roofed, &camera, &options));
         assert_eq!(dark, 0.0, "{angle}, under the roof");
     }
 }
@@ -70,12 +49,8 @@ fn both_triangles_of_a_light_shine_and_both_of_an_occluder_block() {
 #[test]
 fn a_thin_wall_keeps_the_dark() {
     let device = Device::flex();
-    let inward = |m: Mesh| {
-        let faces = m.faces.iter().map(|f| [f[0], f[2], f[1]]).collect();
-        Mesh::new(m.vertices, faces)
-    };
     let room = inward(shapes::cube(&device)).scaled(Tensor::from_floats([2.0], &device));
-    let lamp = horizontal([-1.3, -0.7], [-0.3, 0.3], 1.9, true, &device);
+    let lamp = facing_down([-1.3, -0.7], [-0.3, 0.3], 1.9, &device);
     let sheet = shapes::quad(
         [0.0, -2.0, 2.0],
         [0.0, -2.0, -2.0],
@@ -92,17 +67,17 @@ fn a_thin_wall_keeps_the_dark() {
     };
     for wall in [sheet, slab] {
         let scene = Scene::new()
-            .with(Object::new(room.clone()).material(Material::diffuse([0.7; 3])))
-            .with(Object::new(wall).material(Material::diffuse([0.7; 3])))
-            .with(Object::new(lamp.clone()).material(Material::emitter([5.0; 3])));
+            .with(diffuse(room.clone(), [0.7; 3]))
+            .with(diffuse(wall, [0.7; 3]))
+            .with(emitting(lamp.clone(), [5.0; 3]));
         let camera = |x: f64| Camera::look_at([x, 0.0, 1.5], [x, -0.5, -1.0]).fov_y(60.0);
         for angle in ANGLES {
             let options = RenderOptions::new(12, 12)
                 .samples(64)
                 .bounces(3)
                 .blur(angle);
-            let lit = mean(&image(&scene, &camera(-1.0), &options));
-            let dark = mean(&image(&scene, &camera(1.0), &options));
+            let lit = mean(&radiance(&scene, &camera(-1.0), &options));
+            let dark = mean(&radiance(&scene, &camera(1.0), &options));
             println!("{angle}: {lit} and {dark}");
             assert!(lit > 0.03);
             // Where the wall touches the room rounding decides.
@@ -116,9 +91,9 @@ fn a_thin_wall_keeps_the_dark() {
 #[test]
 fn standing_objects_neither_leak_nor_shadow_themselves() {
     let device = Device::flex();
-    let floor = horizontal([-4.0, 4.0], [-4.0, 4.0], 0.0, false, &device);
+    let floor = facing_up([-4.0, 4.0], [-4.0, 4.0], 0.0, &device);
     let offset = |v: [f64; 3]| Tensor::<1>::from_floats(v.map(|x| x as f32), &device);
-    let grey = |m: Mesh| Object::new(m).material(Material::diffuse([0.6; 3]));
+    let grey = |m: Mesh| diffuse(m, [0.6; 3]);
     let bowl = {
         // The lower half of a sphere's faces: open, and concave from inside.
         let ball = shapes::icosphere(2, &device);
@@ -151,18 +126,18 @@ fn standing_objects_neither_leak_nor_shadow_themselves() {
         ),
     ];
     for (name, mesh) in cases {
-        let light = horizontal([-1.5, -0.5], [0.5, 1.5], 3.0, true, &device);
+        let light = facing_down([-1.5, -0.5], [0.5, 1.5], 3.0, &device);
         let scene = Scene::new()
             .with(grey(floor.clone()))
             .with(grey(mesh))
-            .with(Object::new(light).material(Material::emitter([9.0; 3])));
+            .with(emitting(light, [9.0; 3]));
         let camera = Camera::look_at([0.4, 2.5, 4.0], [0.0, 0.4, 0.0]).fov_y(45.0);
         let at = |angle| {
             let options = RenderOptions::new(24, 24)
                 .samples(64)
                 .bounces(1)
                 .blur(angle);
-            image(&scene, &camera, &options)
+            radiance(&scene, &camera, &options)
         };
         let sharp = at(0.0);
         for (angle, tolerance) in [(0.01, 0.01), (0.05, 0.03)] {
@@ -188,17 +163,17 @@ fn the_crossing_of_surfaces_moves() {
             &device,
         )
     };
-    let camera = Camera::look_at([0.0, 0.0, 10.0], [0.0; 3]).fov_y(12.0);
+    let camera = on_axis(10.0).fov_y(12.0);
     let options = RenderOptions::new(32, 32).samples(64).bounces(0);
     let depth = Tensor::<1>::zeros([1], &device).autodiff().require_grad();
     let axis = Tensor::<1>::from_floats([0.0, 0.0, 1.0], &device);
     let white = sheet(0.5).translated(depth.clone() * axis);
     let scene = Scene::new()
-        .with(Object::new(white).material(Material::emitter([1.0; 3])))
-        .with(Object::new(sheet(-0.5)).material(Material::diffuse([0.0; 3])));
+        .with(emitting(white, [1.0; 3]))
+        .with(diffuse(sheet(-0.5), [0.0; 3]));
     let image = render(&scene, &camera, &options).expect("an image");
     let gradients = image.radiance.mean().backward();
-    let found = values(&depth.grad(&gradients).expect("a gradient"))[0];
+    let found = gradient(&depth, &gradients)[0];
     // The planes z = ±x/2 (+ d) cross at x = −d; the image is 2·10·tan 6° wide.
     let width = 20.0 * 6f64.to_radians().tan();
     assert!((found * width - 1.0).abs() < 0.01, "{found}, width {width}");

@@ -3,62 +3,29 @@
 
 mod common;
 
-use burn::tensor::{DType, TensorData};
-use common::{cpu_devices, values};
+use burn::tensor::DType;
+use common::cpu_devices;
+use common::errors::{message, says};
+use common::numbers::{mean, noise};
+use common::tensors::{gradient, leaf, points, values};
 use glam::DVec3;
 use softray::loss::{chamfer, f_score};
 use softray::optim::{sample_points, sample_points_and_normals};
 use softray::prelude::*;
 
 fn tensor(values: &[f64], device: &Device, dtype: DType) -> Tensor<2> {
-    let data = TensorData::new(values.to_vec(), [values.len() / 3, 3]);
-    Tensor::from_data(data, (device, dtype))
+    common::tensors::tensor(values, [values.len() / 3, 3], device, dtype)
 }
 
 fn on_flex(values: &[f64]) -> Tensor<2> {
     tensor(values, &Device::flex(), DType::F64)
 }
 
-/// Numbers in [−1, 1), the same for the same seed.
-fn noise(n: usize, seed: u64) -> Vec<f64> {
-    let mut state = seed;
-    let draw = |_| {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    };
-    (0..n).map(draw).collect()
-}
-
-fn points(rows: &Tensor<2>) -> Vec<DVec3> {
-    values(rows)
-        .chunks_exact(3)
-        .map(DVec3::from_slice)
-        .collect()
-}
-
-/// Autodiff agrees with central differences at every component of `x`.
+/// Autodiff agrees with central differences at every component of the rows `x`.
 #[track_caller]
 fn gradients_agree(x: &[f64], f: impl Fn(Tensor<2>) -> Tensor<1>) {
-    let leaf = on_flex(x).autodiff().require_grad();
-    let gradient = values(&leaf.grad(&f(leaf.clone()).backward()).expect("a gradient"));
-    let h = 1e-6;
-    for i in 0..x.len() {
-        let at = |step: f64| {
-            let mut moved = x.to_vec();
-            moved[i] += step;
-            values(&f(on_flex(&moved)))[0]
-        };
-        let difference = (at(h) - at(-h)) / (2.0 * h);
-        let apart = (gradient[i] - difference).abs();
-        assert!(
-            apart < 1e-6 * difference.abs().max(1.0),
-            "{i}: {} {difference}",
-            gradient[i]
-        );
-    }
-    assert!(gradient.iter().any(|g| g.abs() > 1e-3), "{gradient:?}");
+    let count = x.len() / 3;
+    common::tensors::gradients_agree(x, |x| f(x.reshape([count, 3])));
 }
 
 /// A square of triangles of very different sizes, of which one has no area.
@@ -153,8 +120,7 @@ fn gradients_of_points_and_normals() {
     let offset = offset.cast(DType::F64).autodiff().require_grad();
     let moved = ball.translated(offset.clone());
     let rows = sample_points(&moved, 30, 5).expect("points");
-    let gradient = offset.grad(&rows.mean_dim(0).sum().backward());
-    for g in values(&gradient.expect("a gradient")) {
+    for g in gradient(&offset, &rows.mean_dim(0).sum().backward()) {
         assert!((g - 1.0).abs() < 1e-6, "{g}");
     }
 }
@@ -171,7 +137,6 @@ fn chamfer_is_that_of_a_plain_loop() {
     let squares =
         |from: &[DVec3], to: &[DVec3]| -> Vec<f64> { from.iter().map(|p| least(p, to)).collect() };
     let (from_a, from_b) = (squares(&p, &q), squares(&q, &p));
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
     let threshold = 0.25;
     let share =
         |v: &[f64]| v.iter().filter(|s| s.sqrt() <= threshold).count() as f64 / v.len() as f64;
@@ -232,8 +197,7 @@ fn what_has_no_points_is_told() {
         ),
     ];
     for (found, expected) in cases {
-        let error = found.expect_err(expected).to_string();
-        assert!(error.contains(expected), "{error}");
+        says(message(found), [expected]);
     }
     let mesh = |v: &[[f64; 3]], faces| Mesh::from_host(v, faces, &device);
     let line = [[0.0; 3], [1.0; 3], [2.0; 3]];
@@ -257,8 +221,7 @@ fn what_has_no_points_is_told() {
         ),
     ];
     for (found, expected) in cases {
-        let error = found.expect_err(expected).to_string();
-        assert!(error.contains(expected), "{error}");
+        says(message(found), [expected]);
     }
 }
 
@@ -274,18 +237,13 @@ fn chamfer_draws_a_mesh_to_a_cloud() {
     let (mut offset, mut size) = ([0f32; 3], 1f32);
     let mut losses = Vec::new();
     for step in 0..30 {
-        let leaf = |v: &[f32]| {
-            Tensor::<1>::from_floats(v, &device)
-                .autodiff()
-                .require_grad()
-        };
-        let (at, scale) = (leaf(&offset), leaf(&[size]));
+        let (at, scale) = (leaf(&offset, &device), leaf(&[size], &device));
         let moved = ball.clone().scaled(scale.clone()).translated(at.clone());
         let cloud = sample_points(&moved, 800, step).expect("points");
         let loss = chamfer(cloud, target.clone()).expect("a loss");
         losses.push(values(&loss)[0]);
         let gradients = loss.backward();
-        let slope = |t: &Tensor<1>| values(&t.grad(&gradients).expect("a gradient"));
+        let slope = |t: &Tensor<1>| gradient(t, &gradients);
         for (o, g) in offset.iter_mut().zip(slope(&at)) {
             *o -= 0.4 * g as f32;
         }

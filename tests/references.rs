@@ -3,6 +3,7 @@
 mod common;
 
 use burn::tensor::Device;
+use common::gradients::SHARP;
 use common::images::{REFERENCES, compare};
 use softray::prelude::*;
 
@@ -57,13 +58,9 @@ fn cones_with_angles() {
 /// noise of the references.
 #[test]
 fn only_noise_is_left() {
-    let sharp = Visibility::Cone {
-        angle: 0.0,
-        pixels: 0.0,
-    };
     for (name, bounces) in REFERENCES {
         let most = if common::long() { 4096 } else { 256 };
-        let of = |samples| compare(name, bounces, samples, sharp, &Device::flex()).rmse_clipped;
+        let of = |samples| compare(name, bounces, samples, SHARP, &Device::flex()).rmse_clipped;
         let (few, many) = (of(16), of(most));
         let falls = 1.2 * (16.0 / f64::from(most)).sqrt();
         assert!(many < falls * few + 0.0005, "{name}: {few}, {many}");

@@ -3,7 +3,11 @@
 mod common;
 
 use burn::tensor::Device;
-use common::{cpu_devices, values};
+use common::cpu_devices;
+use common::errors::{message, says};
+use common::numbers::rmse;
+use common::scenes::{diffuse, facing_front, inward, lamp, on_axis, scene_file};
+use common::tensors::{radiance, values};
 use softray::prelude::*;
 
 /// The paper's form with a blur of its own, and cones.
@@ -29,19 +33,17 @@ fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
     let blurs = forms(1e-5, 1e-3);
     for (faces, form) in (0..3).flat_map(|f| blurs.map(|b| (f, b))) {
         let device = Device::flex();
-        let ball =
-            Object::new(shapes::icosphere(faces, &device)).material(Material::diffuse([1.0; 3]));
+        let ball = diffuse(shapes::icosphere(faces, &device), [1.0; 3]);
         let camera = Camera::look_at([0.0, 0.5, 3.0], [0.0; 3]).fov_y(30.0);
         let options = RenderOptions::new(24, 24)
             .samples(16)
             .bounces(0)
             .visibility(form);
         let image = render(&white(0.7).with(ball), &camera, &options).expect("an image");
+        let (mean, faces) = (mean(&image), 20 << (2 * faces));
         assert!(
-            (mean(&image) / 0.7 - 1.0).abs() < 0.01,
-            "{form:?}, {} faces: {}",
-            20 << (2 * faces),
-            mean(&image)
+            (mean / 0.7 - 1.0).abs() < 0.01,
+            "{form:?}, {faces} faces: {mean}"
         );
     }
 }
@@ -49,8 +51,7 @@ fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
 #[test]
 fn a_torus_of_albedo_1_vanishes_given_enough_bounces() {
     let device = Device::flex();
-    let torus =
-        Object::new(shapes::torus(1.0, 0.4, 12, 8, &device)).material(Material::diffuse([1.0; 3]));
+    let torus = diffuse(shapes::torus(1.0, 0.4, 12, 8, &device), [1.0; 3]);
     let camera = Camera::look_at([0.0, 2.5, 2.0], [0.0; 3]).fov_y(40.0);
     for form in forms(1e-6, 1e-5) {
         let options = RenderOptions::new(16, 16)
@@ -59,11 +60,8 @@ fn a_torus_of_albedo_1_vanishes_given_enough_bounces() {
             .visibility(form);
         let scene = white(1.0).with(torus.clone());
         let image = render(&scene, &camera, &options).expect("an image");
-        assert!(
-            (mean(&image) - 1.0).abs() < 0.01,
-            "{form:?}: {}",
-            mean(&image)
-        );
+        let mean = mean(&image);
+        assert!((mean - 1.0).abs() < 0.01, "{form:?}: {mean}");
     }
 }
 
@@ -72,11 +70,9 @@ fn inside_a_box_light_adds_up_as_a_geometric_series() {
     let device = Device::flex();
     let (emission, albedo) = (0.8f64, 0.5f64);
     // Seen from inside, the walls must be in front: the winding is turned over.
-    let walls = shapes::cube(&device);
-    let inward = walls.faces.iter().map(|f| [f[0], f[2], f[1]]).collect();
-    let walls = Mesh::new(walls.vertices, inward);
-    let scene = Scene::new()
-        .with(Object::new(walls).material(Material::diffuse([albedo; 3]).emission([emission; 3])));
+    let walls = Object::new(inward(shapes::cube(&device)));
+    let glow = Material::diffuse([albedo; 3]).emission([emission; 3]);
+    let scene = Scene::new().with(walls.material(glow));
     let camera = Camera::look_at([0.1, 0.0, 0.1], [0.0, 0.1, -0.4]).fov_y(70.0);
     let render_at = |form, bounces, samples: u32| {
         let options = RenderOptions::new(16, 16)
@@ -113,13 +109,7 @@ fn inside_a_box_light_adds_up_as_a_geometric_series() {
 #[test]
 fn lobes_reflect_their_albedo_at_normal_incidence() {
     let device = Device::flex();
-    let plane = shapes::quad(
-        [-1.0, -1.0, 0.0],
-        [1.0, -1.0, 0.0],
-        [1.0, 1.0, 0.0],
-        [-1.0, 1.0, 0.0],
-        &device,
-    );
+    let plane = facing_front([-1.0, 1.0], [-1.0, 1.0], 0.0, &device);
     let camera = Camera::look_at([0.0, 0.0, 50.0], [0.0; 3]).fov_y(0.5);
     let materials = [
         (Material::diffuse([0.6; 3]), 0.6),
@@ -131,26 +121,19 @@ fn lobes_reflect_their_albedo_at_normal_incidence() {
         let scene = white(1.0).with(Object::new(plane.clone()).material(material));
         let options = RenderOptions::new(16, 16).samples(256).bounces(0);
         let image = render(&scene, &camera, &options).expect("an image");
+        let mean = mean(&image);
         assert!(
-            (mean(&image) / expected - 1.0).abs() < 0.01,
-            "{}, expected {expected}",
-            mean(&image)
+            (mean / expected - 1.0).abs() < 0.01,
+            "{mean}, expected {expected}"
         );
     }
-}
-
-fn cornell(device: &Device) -> SceneFile {
-    SceneFile::load(common::reference("cornell/scene.json"), device).expect("the Cornell box")
 }
 
 #[test]
 fn the_same_seed_gives_the_same_bits_whatever_the_tiles() {
     for device in cpu_devices() {
-        let file = cornell(&device);
-        let at = |options: RenderOptions| {
-            let image = render(&file.scene, &file.camera, &options).expect("an image");
-            values(&image.radiance)
-        };
+        let file = scene_file("cornell", &device);
+        let at = |options: RenderOptions| radiance(&file.scene, &file.camera, &options);
         let options = RenderOptions::new(24, 24).samples(4).bounces(1).seed(9);
         let first = at(options.clone());
         assert_eq!(first, at(options.clone()));
@@ -162,39 +145,25 @@ fn the_same_seed_gives_the_same_bits_whatever_the_tiles() {
 #[cfg(feature = "ndarray")]
 #[test]
 fn backends_agree_up_to_rounding() {
-    let images: Vec<Vec<f64>> = cpu_devices()
-        .iter()
-        .map(|device| {
-            let file = cornell(device);
-            let options = RenderOptions::new(32, 32).samples(16).bounces(3).seed(2);
-            values(
-                &render(&file.scene, &file.camera, &options)
-                    .expect("an image")
-                    .radiance,
-            )
-        })
-        .collect();
-    let close = common::images::share_of_close_pixels(&images[0], &images[1]);
+    let image = |device: &Device| {
+        let file = scene_file("cornell", device);
+        let options = RenderOptions::new(32, 32).samples(16).bounces(3).seed(2);
+        radiance(&file.scene, &file.camera, &options)
+    };
+    let [a, b] = [0, 1].map(|i| image(&cpu_devices()[i]));
+    let close = common::images::share_of_close_pixels(&a, &b);
     assert!(close >= 0.99, "{close}");
 }
 
 #[test]
 fn outputs_of_the_camera_rays() {
     let device = Device::flex();
-    let plane = shapes::quad(
-        [-1.0, -1.0, 0.0],
-        [1.0, -1.0, 0.0],
-        [1.0, 1.0, 0.0],
-        [-1.0, 1.0, 0.0],
-        &device,
-    );
+    let plane = facing_front([-1.0, 1.0], [-1.0, 1.0], 0.0, &device);
+    let side = Object::new(plane.clone().translated([2.0, 0.0, -1.0]));
     let scene = white(1.0)
-        .with(Object::new(plane.clone()).named("front"))
-        .with(
-            Object::new(plane.translated(Tensor::from_floats([2.0, 0.0, -1.0], &device)))
-                .named("side"),
-        );
-    let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]).fov_y(60.0);
+        .with(Object::new(plane).named("front"))
+        .with(side.named("side"));
+    let camera = on_axis(3.0).fov_y(60.0);
     let options = RenderOptions::new(31, 31)
         .samples(4)
         .bounces(0)
@@ -206,12 +175,8 @@ fn outputs_of_the_camera_rays() {
     let opacity = values(&image.opacity.expect("opacity"));
     let depth = values(&image.depth.expect("depth"));
     let normals = values(&image.normals.expect("normals"));
-    let ids: Vec<i64> = image
-        .object_ids
-        .expect("ids")
-        .into_data()
-        .iter::<i64>()
-        .collect();
+    let ids = image.object_ids.expect("ids").into_data();
+    let ids: Vec<i64> = ids.iter::<i64>().collect();
     let centre = 15 * 31 + 15;
     assert!((opacity[centre] - 1.0).abs() < 1e-4);
     assert!((depth[centre] - 3.0).abs() < 1e-2, "{}", depth[centre]);
@@ -223,42 +188,40 @@ fn outputs_of_the_camera_rays() {
     assert_eq!(depth[0], 0.0);
 }
 
+/// That a render of a ball fails with a message that has these parts.
+#[track_caller]
+fn fails<const N: usize>(
+    scene: &Scene,
+    camera: &Camera,
+    options: &RenderOptions,
+    parts: [&str; N],
+) {
+    says(message(render(scene, camera, options)), parts);
+}
+
+fn ball() -> Object {
+    Object::new(shapes::icosahedron(&Device::flex())).named("ball")
+}
+
+fn few() -> RenderOptions {
+    RenderOptions::new(8, 8).samples(1)
+}
+
 #[test]
-fn errors_name_what_is_wrong() {
-    let device = Device::flex();
-    let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]);
-    let ball = || Object::new(shapes::icosahedron(&device)).named("ball");
-    let options = RenderOptions::new(8, 8).samples(1);
-    let message = |scene: &Scene, camera: &Camera, options: &RenderOptions| {
-        render(scene, camera, options)
-            .expect_err("an error")
-            .to_string()
+fn errors_name_what_is_wrong_with_options() {
+    let expect = |options: RenderOptions, parts: [&str; 2]| {
+        fails(&white(1.0).with(ball()), &on_axis(3.0), &options, parts);
     };
-    let expect = |message: String, parts: &[&str]| {
-        for part in parts {
-            assert!(message.contains(part), "`{message}` does not say `{part}`");
-        }
-    };
-    let good = white(1.0).with(ball());
-    expect(message(&Scene::new(), &camera, &options), &["no objects"]);
-    expect(
-        message(&good, &camera, &RenderOptions::new(0, 8)),
-        &["width", "0"],
-    );
-    expect(
-        message(&good, &camera, &options.clone().samples(0)),
-        &["samples", "0"],
-    );
+    expect(RenderOptions::new(0, 8), ["width", "0"]);
+    expect(few().samples(0), ["samples", "0"]);
     for bad in [0.0, -1.0, f64::NAN] {
-        for (form, field) in [
-            (Visibility::softmax(bad, 1e-3), "sigma"),
-            (Visibility::softmax(1e-3, bad), "gamma"),
-        ] {
-            let options = options.clone().visibility(form);
-            expect(
-                message(&good, &camera, &options),
-                &[field, &bad.to_string()],
-            );
+        let value = bad.to_string();
+        let forms = [
+            Visibility::softmax(bad, 1e-3),
+            Visibility::softmax(1e-3, bad),
+        ];
+        for (form, field) in forms.into_iter().zip(["sigma", "gamma"]) {
+            expect(few().visibility(form), [field, &value]);
         }
     }
     let softmax = |epsilon| Visibility::Softmax {
@@ -272,64 +235,53 @@ fn errors_name_what_is_wrong() {
         (cone(-0.1, 0.5), ["angle", "-0.1"]),
         (cone(0.0, f64::NAN), ["pixels", "NaN"]),
     ] {
-        let options = options.clone().visibility(form);
-        expect(message(&good, &camera, &options), &parts);
-    }
-    let nan = Mesh::from_host(
-        &[[0.0; 3], [1.0, 0.0, f64::NAN], [0.0, 1.0, 0.0]],
-        vec![[0, 1, 2]],
-        &device,
-    );
-    expect(
-        message(
-            &white(1.0).with(Object::new(nan).named("broken")),
-            &camera,
-            &options,
-        ),
-        &["broken", "vertices 1", "NaN"],
-    );
-    let range = Mesh::from_host(
-        &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-        vec![[0, 1, 3]],
-        &device,
-    );
-    expect(
-        message(
-            &white(1.0).with(Object::new(range).named("short")),
-            &camera,
-            &options,
-        ),
-        &["short", "face 0", "3"],
-    );
-    let bright = ball().material(Material::diffuse([0.7; 3]).specular([0.4; 3], 8.0));
-    expect(
-        message(&white(1.0).with(bright), &camera, &options),
-        &["ball", "diffuse + specular", "1.1"],
-    );
-    let up = camera.clone().up([0.0, 0.0, 1.0]);
-    expect(message(&good, &up, &options), &["camera", "up"]);
-    let fov = camera.clone().fov_y(180.0);
-    expect(message(&good, &fov, &options), &["camera", "fov_y", "180"]);
-    let nowhere = Camera::look_at([0.0; 3], [0.0; 3]);
-    expect(message(&good, &nowhere, &options), &["camera", "target"]);
-    #[cfg(feature = "ndarray")]
-    {
-        let devices = cpu_devices();
-        let other = Object::new(shapes::icosahedron(&devices[1])).named("elsewhere");
-        expect(
-            message(&good.clone().with(other), &camera, &options),
-            &["elsewhere", "vertices", "ndarray"],
-        );
+        expect(few().visibility(form), parts);
     }
 }
 
 #[test]
+fn errors_name_what_is_wrong_with_a_scene() {
+    fails(&Scene::new(), &on_axis(3.0), &few(), ["no objects"]);
+    let expect = |object: Object, parts: [&str; 3]| {
+        fails(&white(1.0).with(object), &on_axis(3.0), &few(), parts);
+    };
+    let triangle = |z: f64, last: u32| {
+        let v = [[0.0; 3], [1.0, 0.0, z], [0.0, 1.0, 0.0]];
+        Object::new(Mesh::from_host(&v, vec![[0, 1, last]], &Device::flex()))
+    };
+    let nan = triangle(f64::NAN, 2).named("broken");
+    expect(nan, ["broken", "vertices 1", "NaN"]);
+    let range = triangle(0.0, 3).named("short");
+    expect(range, ["short", "face 0", "3"]);
+    let bright = Material::diffuse([0.7; 3]).specular([0.4; 3], 8.0);
+    expect(
+        ball().material(bright),
+        ["ball", "diffuse + specular", "1.1"],
+    );
+    #[cfg(feature = "ndarray")]
+    {
+        let other = Object::new(shapes::icosahedron(&cpu_devices()[1])).named("elsewhere");
+        let two = white(1.0).with(ball()).with(other);
+        let parts = ["elsewhere", "vertices", "ndarray"];
+        fails(&two, &on_axis(3.0), &few(), parts);
+    }
+}
+
+#[test]
+fn errors_name_what_is_wrong_with_a_camera() {
+    let good = white(1.0).with(ball());
+    let up = on_axis(3.0).up([0.0, 0.0, 1.0]);
+    fails(&good, &up, &few(), ["camera", "up"]);
+    let fov = on_axis(3.0).fov_y(180.0);
+    fails(&good, &fov, &few(), ["camera", "fov_y", "180"]);
+    fails(&good, &on_axis(0.0), &few(), ["camera", "target"]);
+}
+
+#[test]
 fn a_scene_without_light_is_black() {
-    let device = Device::flex();
-    let scene = Scene::new().with(Object::new(shapes::icosahedron(&device)));
-    let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]);
-    let image = render(&scene, &camera, &RenderOptions::new(8, 8).samples(2)).expect("an image");
-    assert!(values(&image.radiance).iter().all(|&v| v == 0.0));
+    let options = RenderOptions::new(8, 8).samples(2);
+    let image = radiance(&Scene::new().with(ball()), &on_axis(3.0), &options);
+    assert!(image.iter().all(|&v| v == 0.0));
 }
 
 /// 320 faces against the same shape in 5,120 (long tier: 20,480), at σ = (0.3 mean edges of the
@@ -346,17 +298,9 @@ fn fine_faces_render_like_coarse_ones() {
     // The area of a unit sphere shared by equilateral triangles.
     let edge = (16.0 * std::f64::consts::PI / 3f64.sqrt() / fine.faces.len() as f64).sqrt();
     let render_at = |mesh: &Mesh, form, seed| {
-        let ball = Object::new(mesh.clone()).material(Material::diffuse([0.8; 3]));
-        let light = shapes::quad(
-            [-0.5, 3.0, -0.5],
-            [0.5, 3.0, -0.5],
-            [0.5, 3.0, 0.5],
-            [-0.5, 3.0, 0.5],
-            &device,
-        );
         let scene = white(0.5)
-            .with(ball)
-            .with(Object::new(light).material(Material::emitter([8.0; 3])));
+            .with(diffuse(mesh.clone(), [0.8; 3]))
+            .with(lamp(0.5, 3.0, [8.0; 3], &device));
         let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3]).fov_y(45.0);
         let options = RenderOptions::new(12, 12)
             .samples(32)
@@ -365,9 +309,6 @@ fn fine_faces_render_like_coarse_ones() {
             .seed(seed);
         let image = render(&scene, &camera, &options).expect("an image");
         (mean(&image), values(&image.radiance))
-    };
-    let rmse = |a: &[f64], b: &[f64]| {
-        (a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
     };
     for form in [
         Visibility::softmax((0.3 * edge).powi(2), 1e-2),
@@ -395,12 +336,11 @@ fn fine_faces_render_like_coarse_ones() {
 #[test]
 fn diagnostics_count_what_is_degenerate() {
     let device = Device::flex();
-    let camera = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]).fov_y(30.0);
+    let camera = on_axis(3.0).fov_y(30.0);
     let options = RenderOptions::new(8, 8)
         .samples(4)
         .bounces(1)
         .visibility(Visibility::softmax(1e-6, 1e-3));
-    let ball = || Object::new(shapes::icosahedron(&device));
     let at = |scene: &Scene, options: &RenderOptions| {
         let image = render(scene, &camera, options).expect("an image");
         (image.diagnostics, values(&image.radiance))
@@ -431,7 +371,7 @@ fn diagnostics_count_what_is_degenerate() {
         .with(Object::new(point));
     let found = at(&scene, &options).0.expect("diagnostics");
     assert_eq!(found.degenerate_triangles, 2);
-    let narrow = Camera::look_at([0.0, 0.0, 3.0], [0.0; 3]).fov_y(1e-7);
+    let narrow = on_axis(3.0).fov_y(1e-7);
     let wall = shapes::triangle([0.5, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, 0.0, 1.0], &device);
     let scene = white(1.0).with(Object::new(wall));
     let image = render(&scene, &narrow, &options).expect("an image");
@@ -439,10 +379,7 @@ fn diagnostics_count_what_is_degenerate() {
     assert_eq!(found.parallel_pairs, 8 * 8 * 4, "{found:?}");
 
     // A large blur lets many surfaces share a ray.
-    let blurred = at(
-        &white(1.0).with(ball()),
-        &options.visibility(Visibility::softmax(0.3, 0.3)),
-    )
-    .0;
+    let options = options.visibility(Visibility::softmax(0.3, 0.3));
+    let blurred = at(&white(1.0).with(ball()), &options).0;
     assert!(blurred.expect("diagnostics").effective_surfaces > 1.5);
 }

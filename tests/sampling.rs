@@ -3,7 +3,9 @@
 mod common;
 
 use burn::tensor::{Device, Tensor};
-use common::values;
+use common::numbers::{mean_and_error, rmse};
+use common::scenes::{diffuse, emitting, facing_down, facing_up};
+use common::tensors::{gradient, leaf, radiance, row, values};
 use softray::prelude::*;
 
 /// The default with one part put back to the paper's at a time.
@@ -25,39 +27,27 @@ fn variants() -> Vec<(&'static str, Sampling)> {
 
 /// A room with a large light near a glossy floor, a small bright one in another plane, and a ball.
 fn room(offset: &Tensor<1>, shininess: &Tensor<1>, device: &Device) -> Scene {
-    let level = |x: [f64; 2], z: [f64; 2], y: f64, up: bool| {
-        let mut corners = [
-            [x[0], y, z[1]],
-            [x[1], y, z[1]],
-            [x[1], y, z[0]],
-            [x[0], y, z[0]],
-        ];
-        if !up {
-            corners.reverse();
-        }
-        let [a, b, c, d] = corners;
-        Object::new(shapes::quad(a, b, c, d, device))
-    };
     let gloss = Material::diffuse([0.2, 0.25, 0.3]).specular([0.6; 3], shininess.clone());
     let ball = shapes::icosphere(1, device)
         .scaled(Tensor::from_floats([0.4], device))
         .translated(Tensor::from_floats([0.3, 0.5, 0.2], device) + offset.clone());
     Scene::new()
-        .with(level([-2.0, 2.0], [-2.0, 2.0], 0.0, true).material(gloss))
-        .with(level([-1.2, 1.0], [-1.9, -0.2], 2.0, false).material(Material::emitter([2.0; 3])))
-        .with(level([1.2, 1.3], [0.5, 0.6], 1.1, false).material(Material::emitter([60.0; 3])))
-        .with(Object::new(ball).material(Material::diffuse([0.5, 0.4, 0.3])))
+        .with(Object::new(facing_up([-2.0, 2.0], [-2.0, 2.0], 0.0, device)).material(gloss))
+        .with(emitting(
+            facing_down([-1.2, 1.0], [-1.9, -0.2], 2.0, device),
+            [2.0; 3],
+        ))
+        .with(emitting(
+            facing_down([1.2, 1.3], [0.5, 0.6], 1.1, device),
+            [60.0; 3],
+        ))
+        .with(diffuse(ball, [0.5, 0.4, 0.3]))
 }
 
 /// Mean radiance, and the derivatives by the ball's place and the floor's shininess.
 fn of(sampling: Sampling, seed: u64) -> [f64; 3] {
     let device = Device::flex();
-    let leaf = |v: &[f32]| {
-        Tensor::<1>::from_floats(v, &device)
-            .autodiff()
-            .require_grad()
-    };
-    let (offset, shininess) = (leaf(&[0.0; 3]), leaf(&[30.0]));
+    let (offset, shininess) = (leaf(&[0.0; 3], &device), leaf(&[30.0], &device));
     let options = RenderOptions::new(12, 12)
         .samples(16)
         .bounces(1)
@@ -65,25 +55,17 @@ fn of(sampling: Sampling, seed: u64) -> [f64; 3] {
         .seed(seed);
     let camera = Camera::look_at([0.0, 1.2, 4.0], [0.0, 0.6, 0.0]).fov_y(45.0);
     let scene = room(&offset, &shininess, &device);
-    let mean = render(&scene, &camera, &options)
-        .expect("an image")
-        .radiance
-        .mean();
+    let image = render(&scene, &camera, &options).expect("an image");
+    let mean = image.radiance.mean();
     let gradients = mean.backward();
-    let by = |t: &Tensor<1>| values(&t.grad(&gradients).expect("a gradient"));
-    let along = by(&offset);
-    [
-        values(&mean)[0],
-        along[0] + 0.5 * along[1] - along[2],
-        by(&shininess)[0],
-    ]
+    let along = gradient(&offset, &gradients);
+    let along = along[0] + 0.5 * along[1] - along[2];
+    [values(&mean)[0], along, gradient(&shininess, &gradients)[0]]
 }
 
 fn estimate(all: &[[f64; 3]], i: usize) -> (f64, f64) {
-    let n = all.len() as f64;
-    let mean = all.iter().map(|v| v[i]).sum::<f64>() / n;
-    let squares: f64 = all.iter().map(|v| (v[i] - mean).powi(2)).sum();
-    (mean, (squares / (n - 1.0) / n).sqrt())
+    let of_one: Vec<f64> = all.iter().map(|v| v[i]).collect();
+    mean_and_error(&of_one)
 }
 
 #[test]
@@ -107,11 +89,7 @@ fn mean_and_gradients_stay() {
 #[test]
 fn both_strategies_find_a_mirrored_light() {
     let device = Device::flex();
-    let scene = room(
-        &Tensor::zeros([3], &device),
-        &Tensor::from_floats([2000.0], &device),
-        &device,
-    );
+    let scene = room(&row(&[0.0; 3], &device), &row(&[2000.0], &device), &device);
     let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0, 0.0, 0.0]).fov_y(40.0);
     let image = |sampling, samples, seed| {
         let options = RenderOptions::new(24, 24)
@@ -119,21 +97,13 @@ fn both_strategies_find_a_mirrored_light() {
             .bounces(0)
             .sampling(sampling)
             .seed(seed);
-        values(
-            &render(&scene, &camera, &options)
-                .expect("an image")
-                .radiance,
-        )
+        radiance(&scene, &camera, &options)
     };
     let mut one = Sampling::default();
     one.multiple_importance = false;
     let expected = image(Sampling::default(), 4096, 9);
-    let rmse = |sampling| {
-        let found = image(sampling, 64, 2);
-        let squares = found.iter().zip(&expected).map(|(a, b)| (a - b).powi(2));
-        (squares.sum::<f64>() / found.len() as f64).sqrt()
-    };
-    let (both, one) = (rmse(Sampling::default()), rmse(one));
+    let noise = |sampling| rmse(&image(sampling, 64, 2), &expected);
+    let (both, one) = (noise(Sampling::default()), noise(one));
     println!("both {both}, one {one}");
     assert!(both < 0.3 * one, "{both}, {one}");
 }
@@ -142,11 +112,7 @@ fn both_strategies_find_a_mirrored_light() {
 #[test]
 fn paths_are_split_only_where_surfaces_share_a_ray() {
     let device = Device::flex();
-    let scene = room(
-        &Tensor::zeros([3], &device),
-        &Tensor::from_floats([10.0], &device),
-        &device,
-    );
+    let scene = room(&row(&[0.0; 3], &device), &row(&[10.0], &device), &device);
     let camera = Camera::look_at([0.0, 1.2, 4.0], [0.0, 0.6, 0.0]).fov_y(45.0);
     let rays = |surfaces, sigma| {
         let mut sampling = Sampling::default();

@@ -3,7 +3,9 @@
 mod common;
 
 use burn::tensor::Device;
-use common::values;
+use common::numbers::{apart, mean};
+use common::scenes::scene_file;
+use common::tensors::gradient;
 use rayon::prelude::*;
 use softray::prelude::*;
 
@@ -11,7 +13,7 @@ use softray::prelude::*;
 /// differences of unblurred renders: each pixel is a render with a backward pass of its own.
 fn agrees_with_unblurred_differences(visibility: Visibility) {
     let device = Device::flex();
-    let file = SceneFile::load(common::reference("shadow/scene.json"), &device).expect("a scene");
+    let file = scene_file("shadow", &device);
     let expected =
         HostImage::read(common::reference("shadow/gradient-occluder-x.exr")).expect("a reference");
     let samples = if common::long() { 1024 } else { 64 };
@@ -27,7 +29,7 @@ fn agrees_with_unblurred_differences(visibility: Visibility) {
             .map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())));
         let image = render_pixels(&scene, &file.camera, &options, &[pixel]).expect("a pixel");
         let gradients = image.radiance.sum().backward();
-        values(&offset.grad(&gradients).expect("a gradient"))[0]
+        gradient(&offset, &gradients)[0]
     };
     let count = (file.width * file.height) as u32;
     let found: Vec<f64> = (0..count).into_par_iter().map(derivative).collect();
@@ -39,14 +41,13 @@ fn agrees_with_unblurred_differences(visibility: Visibility) {
 
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     let centred = |v: &[f64]| {
-        let mean = v.iter().sum::<f64>() / v.len() as f64;
+        let mean = mean(v);
         v.iter().map(|x| x - mean).collect::<Vec<f64>>()
     };
     let (a, b) = (centred(&found), centred(&wanted));
     let correlation = dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt();
     let slope = dot(&found, &wanted) / dot(&wanted, &wanted);
-    let apart: Vec<f64> = found.iter().zip(&wanted).map(|(x, y)| x - y).collect();
-    let error = (dot(&apart, &apart) / dot(&wanted, &wanted)).sqrt();
+    let error = apart(&found, &wanted);
     println!("correlation {correlation}, slope {slope}, relative L2 error {error}");
     assert!(correlation > 0.98, "{correlation}");
     assert!((0.95..1.05).contains(&slope), "{slope}");

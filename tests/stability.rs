@@ -4,14 +4,20 @@
 mod common;
 
 use burn::tensor::{DType, Device};
-use common::stress::{Outcome, Thing, World, cases};
+use common::errors::{message, says};
+use common::gradients::SHARP;
+use common::memory::resident;
+use common::numbers::largest;
+use common::scenes::{on_axis, under_sky};
+use common::stress::cases::cases;
+use common::stress::{Failures, Outcome, Thing, World};
 use common::{cpu_devices, long};
 use softray::prelude::*;
 
 /// Every case on both CPU backends in both float types.
 #[test]
 fn images_and_gradients_are_finite() {
-    let mut failures = Vec::new();
+    let mut failures = Failures::default();
     let all = cases();
     for (number, (name, world)) in all.iter().enumerate() {
         for device in cpu_devices() {
@@ -22,30 +28,19 @@ fn images_and_gradients_are_finite() {
                 if !(long() || first || number.is_multiple_of(7)) {
                     continue;
                 }
-                match world.run(&device, dtype) {
-                    Ok(outcome) => {
-                        if let Some(what) = outcome.not_finite() {
-                            failures.push(format!("{name}, {device:?}, {dtype:?}: {what}"));
-                        }
-                    }
-                    Err(e) => failures.push(format!("{name}, {device:?}, {dtype:?}: {e}")),
-                }
+                let name = format!("{name}, {device:?}, {dtype:?}");
+                failures.note(&name, world.run(&device, dtype));
             }
         }
     }
     println!("{} cases", all.len());
-    assert!(
-        failures.is_empty(),
-        "{}:\n{}",
-        failures.len(),
-        failures.join("\n")
-    );
+    failures.assert_none();
 }
 
 /// Triangles at random, of sizes and at distances a million times apart, in scenes of 1e-12 to 1e12.
 #[test]
 fn soups_of_any_size_are_finite() {
-    let mut failures = Vec::new();
+    let mut failures = Failures::default();
     let mut state = 1u64;
     let mut random = || {
         state = state
@@ -79,33 +74,20 @@ fn soups_of_any_size_are_finite() {
                 w.options = w.options.clone().visibility(form);
             });
             let name = format!("soup {round} of 1e{exponent}, {form:?}");
-            match world.run(&Device::flex(), DType::F32) {
-                Ok(outcome) => {
-                    failures.extend(outcome.not_finite().map(|w| format!("{name}: {w}")))
-                }
-                Err(e) => failures.push(format!("{name}: {e}")),
-            }
+            failures.note(&name, world.run(&Device::flex(), DType::F32));
         }
     }
-    assert!(
-        failures.is_empty(),
-        "{}:\n{}",
-        failures.len(),
-        failures.join("\n")
-    );
+    failures.assert_none();
 }
 
 /// The largest difference of two images or gradients, relative to their largest value.
 fn apart(a: &[f64], b: &[f64]) -> f64 {
-    let largest = a.iter().chain(b).fold(0.0f64, |m, v| m.max(v.abs()));
-    let difference = a
-        .iter()
-        .zip(b)
-        .fold(0.0f64, |m, (x, y)| m.max((x - y).abs()));
-    if largest == 0.0 {
+    let scale = largest(a.iter().chain(b).copied());
+    let difference = largest(a.iter().zip(b).map(|(x, y)| x - y));
+    if scale == 0.0 {
         0.0
     } else {
-        difference / largest
+        difference / scale
     }
 }
 
@@ -131,6 +113,18 @@ fn world(form: Visibility) -> World {
     })
 }
 
+/// The world times s.
+fn scaled(form: Visibility, s: f64) -> Outcome {
+    let scaled = world(form).mapped(|p| p.map(|x| s * x)).with(|w| {
+        if let Visibility::Softmax { sigma, .. } = form {
+            w.options = w.options.clone().blur(sigma * s * s);
+        }
+        w.thing("ball").velocity = Some([0.2 * s, 0.1 * s, 0.0]);
+        w.lens = Some((0.05 * s, 4.0 * s));
+    });
+    scaled.run(&Device::flex(), DType::F32).expect("an image")
+}
+
 /// Times s, with the σ of a softmax times s²: the same image. Gradients to lengths are divided by s.
 #[test]
 fn scale_does_not_matter() {
@@ -139,14 +133,7 @@ fn scale_does_not_matter() {
             .run(&Device::flex(), DType::F32)
             .expect("an image");
         for s in [1e-6, 1e-3, 0.37, 128.0, 1e3, 1e6] {
-            let scaled = world(form).mapped(|p| p.map(|x| s * x)).with(|w| {
-                if let Visibility::Softmax { sigma, .. } = form {
-                    w.options = w.options.clone().blur(sigma * s * s);
-                }
-                w.thing("ball").velocity = Some([0.2 * s, 0.1 * s, 0.0]);
-                w.lens = Some((0.05 * s, 4.0 * s));
-            });
-            let found = scaled.run(&Device::flex(), DType::F32).expect("an image");
+            let found = scaled(form, s);
             assert_eq!(found.not_finite(), None, "{form:?}, scale {s:e}");
             let tipped = share_apart(&expected.image, &found.image, 1e-3);
             assert!(tipped < 0.02, "{form:?}, scale {s:e}: {tipped}");
@@ -166,14 +153,7 @@ fn scale_does_not_matter() {
         }
         // By powers of two nothing even rounds differently.
         for s in [2f64.powi(-20), 0.25, 2f64.powi(20)] {
-            let scaled = world(form).mapped(|p| p.map(|x| s * x)).with(|w| {
-                if let Visibility::Softmax { sigma, .. } = form {
-                    w.options = w.options.clone().blur(sigma * s * s);
-                }
-                w.thing("ball").velocity = Some([0.2 * s, 0.1 * s, 0.0]);
-                w.lens = Some((0.05 * s, 4.0 * s));
-            });
-            let found = scaled.run(&Device::flex(), DType::F32).expect("an image");
+            let found = scaled(form, s);
             assert_eq!(expected.image, found.image, "{form:?}, scale {s:e}");
         }
     }
@@ -271,10 +251,7 @@ fn the_limits_are_approached_without_a_jump() {
         });
         world.run(&device, DType::F32).expect("an image").mean()
     };
-    let sharp = at(Visibility::Cone {
-        angle: 0.0,
-        pixels: 0.0,
-    });
+    let sharp = at(SHARP);
     for exponent in 6..=14 {
         let blur = 10f64.powi(-exponent);
         let mean = at(Visibility::Cone {
@@ -303,14 +280,8 @@ fn nan_texture_coordinates_are_an_error() {
         let uvs = vec![[0.0, 0.0], [1.0, 0.0], [1.0, f64::NAN], [0.0, 1.0]];
         w.thing("floor").texture = Some(([2, 2], vec![0.5; 12], uvs));
     });
-    let error = world
-        .run(&Device::flex(), DType::F32)
-        .err()
-        .expect("an error")
-        .to_string();
-    for part in ["floor", "uvs 2", "NaN"] {
-        assert!(error.contains(part), "`{error}` does not say `{part}`");
-    }
+    let error = message(world.run(&Device::flex(), DType::F32));
+    says(error, ["floor", "uvs 2", "NaN"]);
 }
 
 /// Texels in the graph may wander far over 1 during a fit.
@@ -322,14 +293,6 @@ fn hdr_texels_stay_finite() {
     });
     let outcome = world.run(&Device::flex(), DType::F32);
     assert_eq!(outcome.expect("an image").not_finite(), None);
-}
-
-/// Resident memory in KiB.
-fn resident() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find(|l| l.starts_with("VmRSS:"));
-    let value = line.and_then(|l| l.split_whitespace().nth(1)?.parse().ok());
-    value.unwrap_or(0.0)
 }
 
 /// Run in a process of its own, or other tests' memory is counted.
@@ -352,10 +315,8 @@ fn memory_stays_flat_over_repeated_renders() {
     let device = Device::flex();
     let world = World::new();
     let plain = || {
-        let ball = Object::new(shapes::icosphere(1, &device));
-        let scene = Scene::new().with(ball).environment([1.0; 3]);
-        let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
-        render(&scene, &camera, &world.options).expect("an image")
+        let scene = under_sky(shapes::icosphere(1, &device));
+        render(&scene, &on_axis(4.0), &world.options).expect("an image")
     };
     let both = || world.run(&device, DType::F32).expect("an image");
     for _ in 0..100 {
@@ -374,12 +335,12 @@ fn memory_stays_flat_over_repeated_renders() {
         both();
     }
     let after = resident();
-    println!("forward {before} → {forward} KiB, with backward {warm} → {after} KiB");
+    println!("forward {before} → {forward} MiB, with backward {warm} → {after} MiB");
     if before > 0.0 {
         assert!(
             (forward / before - 1.0).abs() < 0.05,
-            "{before} → {forward} KiB"
+            "{before} → {forward} MiB"
         );
-        assert!((after / warm - 1.0).abs() < 0.05, "{warm} → {after} KiB");
+        assert!((after / warm - 1.0).abs() < 0.05, "{warm} → {after} MiB");
     }
 }

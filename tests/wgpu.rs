@@ -6,7 +6,9 @@
 mod common;
 
 use burn::tensor::{DType, Device, DeviceKind};
-use common::values;
+use common::numbers::norm;
+use common::scenes::scene_file;
+use common::tensors::{gradient, radiance};
 use softray::prelude::*;
 
 fn kind() -> DeviceKind {
@@ -32,18 +34,13 @@ fn the_image_is_that_of_the_cpu_and_repeats() {
 
 fn image_of_the_cpu(form: Visibility) {
     let at = |device: &Device| {
-        let file =
-            SceneFile::load(common::reference("cornell/scene.json"), device).expect("a scene");
+        let file = scene_file("cornell", device);
         let options = RenderOptions::new(32, 32)
             .samples(16)
             .bounces(1)
             .visibility(form)
             .seed(2);
-        values(
-            &render(&file.scene, &file.camera, &options)
-                .expect("an image")
-                .radiance,
-        )
+        radiance(&file.scene, &file.camera, &options)
     };
     let gpu = at(&device());
     assert_eq!(gpu, at(&device()));
@@ -56,8 +53,7 @@ fn image_of_the_cpu(form: Visibility) {
 #[test]
 fn gradients_are_those_of_the_cpu() {
     let at = |device: &Device| {
-        let file =
-            SceneFile::load(common::reference("shadow/scene.json"), device).expect("a scene");
+        let file = scene_file("shadow", device);
         let offset = Tensor::<1>::zeros([3], device).autodiff().require_grad();
         let scene = file
             .scene
@@ -65,10 +61,10 @@ fn gradients_are_those_of_the_cpu() {
         let options = RenderOptions::new(12, 12).samples(8).bounces(0).seed(3);
         let image = render(&scene, &file.camera, &options).expect("an image");
         let gradients = image.radiance.powf_scalar(2.0).sum().backward();
-        values(&offset.grad(&gradients).expect("a gradient"))
+        gradient(&offset, &gradients)
     };
     let (gpu, cpu) = (at(&device()), at(&Device::flex()));
-    let norm = cpu.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let norm = norm(&cpu);
     for (g, c) in gpu.iter().zip(&cpu) {
         assert!((g - c).abs() < 1e-2 * norm, "{gpu:?}, on the CPU {cpu:?}");
     }
@@ -118,13 +114,10 @@ fn a_training_step_is_that_of_the_cpu() {
 /// A sample of the scenes at the edge of what floats hold.
 #[test]
 fn images_and_gradients_are_finite() {
-    use common::stress::cases;
-    let mut failures = Vec::new();
+    use common::stress::{Failures, cases::cases};
+    let mut failures = Failures::default();
     for (name, world) in cases().into_iter().step_by(23) {
-        match world.run(&device(), DType::F32) {
-            Ok(outcome) => failures.extend(outcome.not_finite().map(|w| format!("{name}: {w}"))),
-            Err(e) => failures.push(format!("{name}: {e}")),
-        }
+        failures.note(&name, world.run(&device(), DType::F32));
     }
-    assert!(failures.is_empty(), "{}", failures.join("\n"));
+    failures.assert_none();
 }

@@ -66,6 +66,10 @@ impl Gradient {
         }
     }
 
+    #[expect(
+        clippy::too_many_lines,
+        reason = "a measurement from its scene to its table"
+    )]
     fn case(&self, case: Case, visibility: Visibility) {
         let (name, object, bounces, reference) = case.of();
         let bounces = self.bounces.unwrap_or(bounces);

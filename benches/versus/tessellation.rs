@@ -56,6 +56,10 @@ impl Ball {
 }
 
 impl Tessellation {
+    #[expect(
+        clippy::too_many_lines,
+        reason = "a measurement from its scene to its table"
+    )]
     pub fn run(&self, visibility: Visibility) -> Result<(), Box<dyn Error>> {
         let device = Device::flex();
         let file = load("sphere");

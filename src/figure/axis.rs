@@ -42,7 +42,7 @@ impl Axis {
         }
     }
 
-    /// Places about so many ticks.
+    /// Places about `count` ticks.
     pub fn divide(mut self, count: usize) -> Self {
         if self.log {
             self.divide_log(count);
@@ -101,19 +101,19 @@ impl Axis {
         widths.fold(0.0, f64::max)
     }
 
-    /// Where a tick lies between the ends, 0 to 1.
+    /// The position of a tick between the ends, from 0 to 1.
     pub fn share(&self, place: f64) -> f64 {
         (place - self.from) / (self.to - self.from)
     }
 
-    /// Where a value lies between the ends, 0 to 1; `None` where it can't be shown.
+    /// The position of a value between the ends, from 0 to 1; `None` if it can't be shown.
     pub fn share_of(&self, value: f64) -> Option<f64> {
         let share = self.share(if self.log { value.log10() } else { value });
         share.is_finite().then_some(share)
     }
 }
 
-/// Multiples of 1, 2 or 5 times a power of ten, about so many, and their distance.
+/// About `count` multiples of 1, 2 or 5 times a power of ten, and their distance.
 fn round_values(from: f64, to: f64, count: usize) -> (f64, Vec<f64>) {
     let raw = (to - from) / count.max(1) as f64;
     let power = 10f64.powf(raw.log10().floor());
@@ -145,7 +145,7 @@ fn decimal(v: f64, decimals: usize) -> String {
     format!("{v:.decimals$}").replace('-', "−")
 }
 
-/// As 2·10⁻³.
+/// A number as text, such as 2·10⁻³.
 fn power_of_ten(mantissa: &str, power: i32) -> String {
     let raised = |c: char| match c.to_digit(10) {
         Some(d) => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][d as usize],

@@ -18,14 +18,14 @@ const BLACK: Rgb = [0; 3];
 /// Pixels of a page.
 const MOST: u64 = 1 << 27;
 
-/// A white page. What is drawn is placed relative to a corner of it.
+/// A white page. Positions are relative to a corner that can be moved.
 pub(super) struct Canvas {
     page: Pixmap,
     pub font: Font,
     corner: (f64, f64),
 }
 
-/// Which point of a line of text is placed, on its baseline; `Up` is the middle of text that is read
+/// The point of a line of text, on its baseline, that is placed; `Up` is the middle of text that is read
 /// upwards.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
@@ -35,7 +35,7 @@ pub(super) enum Anchor {
     Up,
 }
 
-/// A line's look.
+/// The style of a line.
 #[derive(Clone, Copy)]
 pub(super) struct Stroke {
     pub colour: Rgb,
@@ -83,7 +83,7 @@ impl Canvas {
         }
     }
 
-    /// An image, each pixel of which is `factor` pixels wide and high, in a frame one pixel thick
+    /// Draws an image, each pixel of which is `factor` pixels wide and high, in a frame one pixel thick
     /// that lies around it. The corner is that of the frame.
     pub fn image(&mut self, image: &HostImage, factor: usize, (left, top): (usize, usize)) {
         let (left, top) = (left + self.corner.0 as usize, top + self.corner.1 as usize);
@@ -109,7 +109,7 @@ impl Canvas {
         Transform::from_translate(self.corner.0 as f32, self.corner.1 as f32)
     }
 
-    /// A filled rectangle between its upper left and lower right corner.
+    /// Draws a filled rectangle between its upper left and lower right corner.
     pub fn rectangle(&mut self, from: (f64, f64), to: (f64, f64), colour: Rgb) {
         let [left, top, right, bottom] = [from.0, from.1, to.0, to.1].map(|v| v as f32);
         if let Some(rectangle) = Rect::from_ltrb(left, top, right, bottom) {
@@ -119,7 +119,7 @@ impl Canvas {
         }
     }
 
-    /// A line through points.
+    /// Draws a line through points.
     pub fn line(&mut self, points: &[(f64, f64)], stroke: Stroke) {
         let mut path = PathBuilder::new();
         for (i, &(x, y)) in points.iter().enumerate() {
@@ -154,7 +154,7 @@ impl Canvas {
         }
     }
 
-    /// A line of text.
+    /// Draws a line of text.
     pub fn text(&mut self, text: &str, size: f64, (x, y): (f64, f64), anchor: Anchor) {
         let width = self.font.width(text, size);
         let shift = match anchor {

@@ -147,7 +147,7 @@ impl Figure {
         Ok(canvas.into_image())
     }
 
-    /// As few rows as do, filled alike.
+    /// Distributes the plots over as few rows as possible, with about as many in each.
     fn plot_rows(&self, font: &Font) -> Vec<PlotRow<'_>> {
         let rows = self.plots.len().div_ceil(PLOTS_IN_A_ROW).max(1);
         let length = self.plots.len().div_ceil(rows).max(1);

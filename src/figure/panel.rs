@@ -11,11 +11,11 @@ use crate::io::HostImage;
 const CAPTION: f64 = 15.0;
 const TICK: f64 = 12.0;
 const CAPTION_LINE: usize = 19;
-/// Between an image and its caption.
+/// The gap between an image and its caption.
 const CAPTION_GAP: usize = 6;
 /// Captions of smaller images are this wide.
 const NARROWEST: f64 = 140.0;
-/// Between an image and its colour scale, the scale's width, and between the scale and its numbers.
+/// The gap between an image and its colour scale, the width of the scale, and the gap before its numbers.
 const SCALE: (usize, usize, usize) = (8, 14, 5);
 
 /// An image of a [`Figure`](super::Figure), over its caption.
@@ -91,8 +91,8 @@ impl Panel {
         Ok(Self::signed(caption, a.width, a.height, values))
     }
 
-    /// Other colours of a signed image, so that several images share a scale. Of an image of radiance
-    /// nothing changes.
+    /// Sets the colours of a signed image, so that several images share a scale. An image of radiance
+    /// does not change.
     pub fn colours(mut self, map: Diverging) -> Self {
         if let Content::Signed { colours, .. } = &mut self.content {
             *colours = Some(map);
@@ -167,7 +167,7 @@ struct Scale {
 }
 
 impl Cell {
-    /// With an image about so many pixels high.
+    /// Lays a panel out with an image about `height` pixels high.
     pub fn new(panel: &Panel, height: usize, font: &Font) -> Result<Self> {
         let image = panel.image()?;
         check(&panel.caption, &image)?;
@@ -190,14 +190,14 @@ impl Cell {
         })
     }
 
-    /// With its frame.
+    /// The height of the image with its frame.
     pub fn image_height(&self) -> usize {
         self.factor
             .saturating_mul(self.image.height)
             .saturating_add(2)
     }
 
-    /// With the room between the image and the caption.
+    /// The height of the caption with the gap above it.
     pub fn caption_height(&self) -> usize {
         match self.caption.len() {
             0 => 0,
@@ -205,7 +205,7 @@ impl Cell {
         }
     }
 
-    /// The image ends above `bottom`, the caption begins below.
+    /// Draws the cell: the image ends above `bottom`, the caption begins below.
     pub fn draw(&self, (left, bottom): (usize, usize), canvas: &mut Canvas) {
         let frame = self.factor * self.image.width + 2;
         let beside = self.scale.as_ref().map_or(0, |s| {
@@ -233,7 +233,7 @@ impl Cell {
 }
 
 impl Scale {
-    /// Of so many pixels' height. There are numbers on both sides of 0 if there is room.
+    /// A colour scale `height` pixels high. It has numbers on both sides of 0 if there is room.
     fn new(map: Diverging, height: usize) -> Self {
         let ends = [-map.scale(), map.scale()].into_iter();
         let mut axis = Axis::around(ends, false, 0.0).divide(5);
@@ -251,7 +251,7 @@ impl Scale {
         Self { map, axis }
     }
 
-    /// From the corner that the canvas is at.
+    /// Draws the scale from the corner of the canvas.
     fn draw(&self, height: usize, canvas: &mut Canvas) {
         // One pixel of the frame is on each side.
         let inside = height - 2;
@@ -295,7 +295,7 @@ mod tests {
         }
     }
 
-    /// Of a pixel that is darker and one that is lighter, the first is blue and the second red.
+    /// A pixel that is darker is blue, and one that is lighter is red.
     #[test]
     fn differences_are_signed() {
         let image =

@@ -40,7 +40,7 @@ pub struct Plot {
     y: String,
     log: bool,
     curves: Vec<Curve>,
-    /// Names and places.
+    /// The dashed lines, by their names and values.
     lines: Vec<(String, f64)>,
 }
 
@@ -178,13 +178,13 @@ impl<'a> PlotRow<'a> {
         self.plots.len()
     }
 
-    /// Of one plot.
+    /// The size of one plot, pixels.
     pub fn size(&self) -> (usize, usize) {
         let more = (self.titles + self.legends).saturating_sub(LINES);
         (SIZE.0 as usize, (SIZE.1 + LINE * more as f64) as usize)
     }
 
-    /// One plot, from the corner that the canvas is at.
+    /// Draws one plot from the corner of the canvas.
     pub fn draw(&self, index: usize, pen: &mut Canvas) {
         let (plot, heading) = &self.plots[index];
         let head = 6.0 + LINE * (self.titles + self.legends) as f64;

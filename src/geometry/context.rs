@@ -83,7 +83,7 @@ pub(crate) fn first_not_finite(tensor: &Tensor<3>) -> Result<Option<(usize, f64)
     Ok(found)
 }
 
-/// A float tensor's values on the host.
+/// Reads the values of a float tensor back to the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
     let data = detached(tensor).try_into_data();
     let data = data.map_err(Error::read)?;

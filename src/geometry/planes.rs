@@ -4,21 +4,21 @@ use burn::tensor::{Int, Tensor};
 
 use super::vec3::Vec3;
 
-/// All first entries, all second and so on.
+/// All first entries of the rows, then all second ones, and so on.
 pub(crate) fn columns<const N: usize>(rows: &[[u32; N]]) -> Vec<u32> {
     (0..N)
         .flat_map(|i| rows.iter().map(move |r| r[i]))
         .collect()
 }
 
-/// Columns named by an index `[1, n]`, `[3B, n]`. By `gather`, whose backward pass is parallel on
+/// The columns `[3B, n]` of these numbers `[1, n]`. It uses `gather`, whose backward pass is parallel on
 /// GPUs where that of `select` is serial.
 pub(crate) fn gather_columns(planes: &Tensor<2>, index: &Tensor<2, Int>) -> Tensor<2> {
     let ([rows, _], [_, n]) = (planes.dims(), index.dims());
     planes.clone().gather(1, index.clone().expand([rows, n]))
 }
 
-/// `[3B, N]` as vectors `[B, N]`.
+/// Splits planes `[3B, N]` into vectors `[B, N]`.
 pub(crate) fn split(planes: &Tensor<2>) -> Vec3 {
     let batch = planes.dims()[0] / 3;
     let axis = |i: usize| planes.clone().narrow(0, i * batch, batch);

@@ -51,7 +51,7 @@ impl Neighbours {
         neighbours
     }
 
-    /// Those of a triangle, some of them more than once.
+    /// The neighbours of a triangle; some may come more than once.
     pub fn of(&self, triangle: u32) -> impl Iterator<Item = u32> {
         let at = |p: u32| &self.list[self.starts[p as usize]..self.starts[p as usize + 1]];
         let around = self.corners[triangle as usize].into_iter().flat_map(at);
@@ -89,7 +89,7 @@ impl Neighbours {
     }
 }
 
-/// Keys here are bits of positions, which nobody chooses to collide: mixed, not hashed safely.
+/// A fast hasher. Keys are the bits of positions, which need no protection from chosen collisions.
 #[derive(Default)]
 struct Mix(u64);
 

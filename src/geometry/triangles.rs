@@ -8,11 +8,11 @@ use super::vec3::Vec3;
 /// Per-corner data of the triangles: three vectors `[T, 1]` each.
 #[derive(Clone, Debug)]
 pub struct VertexData {
-    /// At the first corner.
+    /// Values at the first corner.
     pub a: Vec3,
-    /// At the second corner.
+    /// Values at the second corner.
     pub b: Vec3,
-    /// At the third corner.
+    /// Values at the third corner.
     pub c: Vec3,
 }
 

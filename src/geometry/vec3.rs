@@ -65,6 +65,14 @@ impl Vec3 {
         )
     }
 
+    /// Concatenates vectors along a dimension of their planes.
+    pub(crate) fn cat(parts: &[Self], dim: usize) -> Self {
+        let plane = |f: fn(&Self) -> &Tensor<2>| {
+            Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim)
+        };
+        Self::new(plane(|p| &p.x), plane(|p| &p.y), plane(|p| &p.z))
+    }
+
     /// The planes `[1, N]` as `[3, N]`.
     pub fn rows(&self) -> Tensor<2> {
         Tensor::cat(vec![self.x.clone(), self.y.clone(), self.z.clone()], 0)
@@ -88,7 +96,7 @@ impl Vec3 {
         Self::new(f(self.x.clone()), f(self.y.clone()), f(self.z.clone()))
     }
 
-    /// A function of each pair of planes.
+    /// Applies a function to each pair of planes.
     pub fn zip(&self, o: &Self, f: impl Fn(Tensor<2>, Tensor<2>) -> Tensor<2>) -> Self {
         Self::new(
             f(self.x.clone(), o.x.clone()),
@@ -107,12 +115,12 @@ impl Vec3 {
         self.x.is_tracked() || self.y.is_tracked() || self.z.is_tracked()
     }
 
-    /// Sum.
+    /// The sum.
     pub fn add(&self, o: &Self) -> Self {
         self.zip(o, |a, b| a + b)
     }
 
-    /// Difference.
+    /// The difference.
     pub fn sub(&self, o: &Self) -> Self {
         self.zip(o, |a, b| a - b)
     }

@@ -1,4 +1,4 @@
-//! Pictures that move.
+//! Animations as GIF files.
 
 use std::path::Path;
 
@@ -11,13 +11,13 @@ use crate::error::{Error, Result};
 use crate::render::{Batch, ImageBatch, RenderOptions, render_batch};
 use crate::scene::{Camera, Detach, Scene, visit_camera, visit_scene};
 
-/// How the encoder looks for the 256 colours of a frame, from 1 (best) to 30 (fastest).
+/// The effort of the search for the 256 colours of a frame, from 1 (best) to 30 (fastest).
 const QUANTISER_SPEED: i32 = 3;
 
 /// GIF counts time in hundredths of a second.
 const TICKS_PER_SECOND: f64 = 100.0;
 
-/// Frames that are shown one after another, over and over.
+/// Frames that are shown in turn, in a loop.
 ///
 /// ```no_run
 /// # use softray::prelude::*;
@@ -105,7 +105,7 @@ impl Animation {
         Self::from_images(&render_batch(&batch, options)?)
     }
 
-    /// With another number of frames a second, in (0, 50].
+    /// Sets the number of frames a second, in (0, 50].
     pub fn frames_per_second(mut self, frames_per_second: f64) -> Self {
         self.frames_per_second = frames_per_second;
         self
@@ -117,7 +117,7 @@ impl Animation {
     }
 
     /// Writes a `.gif` that loops forever, in sRGB clipped to [0, 1]: each frame has 256 colours of its
-    /// own. Frames last whole hundredths of a second, which vary by one where the rate asks for it.
+    /// own. Frames last whole hundredths of a second; where these don't fit the rate, they differ by one.
     /// The file appears under its name only when it is complete.
     ///
     /// # Errors

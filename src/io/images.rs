@@ -54,7 +54,7 @@ impl HostImage {
         Ok(image)
     }
 
-    /// A tensor `[H, W, 3]`, read back from its device.
+    /// Reads a tensor `[H, W, 3]` back from its device.
     ///
     /// # Errors
     /// When the last axis is not 3 long, or the device fails.
@@ -62,7 +62,7 @@ impl HostImage {
         Self::take(tensor.clone())
     }
 
-    /// The same of a tensor that nobody needs any more, whose values need not be copied.
+    /// As [`HostImage::from_tensor`], for a tensor whose values may be moved instead of copied.
     ///
     /// # Errors
     /// As [`HostImage::from_tensor`].
@@ -84,13 +84,13 @@ impl HostImage {
         Self::new(width, height, pixels)
     }
 
-    /// As a tensor `[H, W, 3]` in the device's default float type.
+    /// Copies the image to a tensor `[H, W, 3]` in the device's default float type.
     pub fn to_tensor(&self, device: &Device) -> Tensor<3> {
         let shape = [self.height, self.width, 3];
         Tensor::from_data(TensorData::new(self.pixels.clone(), shape), device)
     }
 
-    /// The same as a tensor `[H, W, 3]`, without a second copy of the values.
+    /// Moves the image to a tensor `[H, W, 3]` in the device's default float type.
     pub fn into_tensor(self, device: &Device) -> Tensor<3> {
         let shape = [self.height, self.width, 3];
         Tensor::from_data(TensorData::new(self.pixels, shape), device)
@@ -106,7 +106,7 @@ impl HostImage {
         Self::read_within(path, &LoadLimits::default())
     }
 
-    /// The same with other limits. Takes at most 16 bytes a pixel for images of 8 bits a channel.
+    /// As [`HostImage::read`] with given limits. It takes at most 16 bytes a pixel for images of 8 bits a channel.
     ///
     /// # Errors
     /// As [`HostImage::read`].
@@ -150,11 +150,11 @@ impl HostImage {
         Self::new(width as usize, height as usize, pixels)
     }
 
-    /// That an image can be written there: its ending is known, and its folder exists. Asked before a
-    /// render, so that it is not lost.
+    /// Checks that an image can be written to a path: its ending is known, and its folder exists. Called before a
+    /// render, it keeps the render from being lost.
     ///
     /// # Errors
-    /// When that is not so.
+    /// When the ending is unknown or the folder does not exist.
     pub fn check_path(path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         format_of(path)?;
@@ -256,7 +256,7 @@ impl HostImage {
         Ok((sum / self.pixels.len() as f64).sqrt())
     }
 
-    /// The sum of all values over that of another image.
+    /// The ratio of the sum of all values to that of another image.
     pub fn mean_ratio(&self, other: &Self) -> f64 {
         let sum = |image: &Self| image.pixels.iter().map(|&v| f64::from(v)).sum::<f64>();
         sum(self) / sum(other)

@@ -1,4 +1,4 @@
-//! What files may take and name.
+//! Limits of the files that are loaded.
 
 use std::fs::File;
 use std::io::Read;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 
-/// What a loaded file may take, and which other files it may name.
+/// Limits of the size of loaded files, and of the files that they may refer to.
 ///
 /// ```
 /// use softray::prelude::*;
@@ -16,13 +16,13 @@ use crate::error::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LoadLimits {
-    /// Pixels of an image: 2²⁷, 11,585², unless set.
+    /// The most pixels of an image, 2²⁷ (11,585²) by default.
     pub pixels: u64,
-    /// Bytes of a text (OBJ, MTL, JSON): 2³⁰ unless set.
+    /// The most bytes of a text (OBJ, MTL, JSON), 2³⁰ by default.
     pub text_bytes: u64,
-    /// Triangles of an OBJ file: 2²⁶ unless set.
+    /// The most triangles of an OBJ file, 2²⁶ by default.
     pub triangles: u64,
-    /// Whether a file may name files outside of its own folder: not unless set.
+    /// Whether a file may refer to files outside of its own folder; false by default.
     pub outside: bool,
 }
 
@@ -38,27 +38,27 @@ impl Default for LoadLimits {
 }
 
 impl LoadLimits {
-    /// With another number of pixels.
+    /// Sets the most pixels of an image.
     pub fn pixels(self, pixels: u64) -> Self {
         Self { pixels, ..self }
     }
 
-    /// With another number of bytes of a text.
+    /// Sets the most bytes of a text.
     pub fn text_bytes(self, text_bytes: u64) -> Self {
         Self { text_bytes, ..self }
     }
 
-    /// With another number of triangles.
+    /// Sets the most triangles of an OBJ file.
     pub fn triangles(self, triangles: u64) -> Self {
         Self { triangles, ..self }
     }
 
-    /// With files outside of a file's own folder or without.
+    /// Sets whether a file may refer to files outside of its own folder.
     pub fn outside(self, outside: bool) -> Self {
         Self { outside, ..self }
     }
 
-    /// That a file lies in a folder or below it, if it has to.
+    /// Checks that a file lies in a folder or below it, unless files outside are allowed.
     pub(crate) fn check_place(&self, file: &Path, folder: &Path, named_by: &str) -> Result<()> {
         if self.outside {
             return Ok(());
@@ -86,7 +86,7 @@ impl LoadLimits {
     }
 }
 
-/// Opens a regular file; says how long it is.
+/// Opens a regular file, and returns its length in bytes too.
 pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     let io = |source| Error::Io {
         path: path.into(),
@@ -106,7 +106,7 @@ pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     Ok((File::open(path).map_err(io)?, metadata.len()))
 }
 
-/// A regular file's bytes, if there are at most so many.
+/// Reads a regular file of at most `most` bytes.
 fn read_file(path: &Path, most: u64) -> Result<Vec<u8>> {
     let (file, length) = open(path)?;
     let too_long = || {
@@ -131,7 +131,7 @@ fn read_file(path: &Path, most: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A text file without its byte-order mark; bytes that are not UTF-8 (old exporters' comments) are
+/// Reads a text file without its byte-order mark; bytes that are not UTF-8 (old exporters' comments) are
 /// replaced.
 pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
     let bytes = read_file(path, limits.text_bytes)?;

@@ -20,14 +20,14 @@ const NAME_IN_FILE: usize = 48;
 pub(super) struct Library<'a> {
     /// The OBJ file.
     path: &'a Path,
-    /// What the names of files begin with.
+    /// The start of the names of all files.
     stem: String,
     text: String,
     names: Names,
-    /// Names of materials, by the names they came with and what is said of them.
+    /// Names of materials in the file, by their own names and their descriptions.
     known: HashMap<(String, String), String>,
     file_names: Names,
-    /// Each once, with its file.
+    /// The textures, each once, with the names of their files.
     textures: Vec<(HostImage, String)>,
 }
 
@@ -55,7 +55,7 @@ impl<'a> Library<'a> {
         format!("{}.mtl", self.stem)
     }
 
-    /// The name of a material, which is described the first time.
+    /// The name of a material in the file. The first call for a material adds its description.
     pub fn name_of(&mut self, material: &Material, object: &str) -> Result<String> {
         let wanted = in_line(&material.name, "material");
         let body = self.describe(material, &wanted, object)?;
@@ -171,7 +171,7 @@ enum Described {
 }
 
 impl Described {
-    /// What stands beside a texture multiplies it.
+    /// The value of `Kd` or `Ks`: a texture is multiplied by it, so it is 1 beside one.
     fn constant(&self) -> &str {
         match self {
             Self::Constant { text, .. } => text,
@@ -180,7 +180,7 @@ impl Described {
     }
 }
 
-/// Tensors may have left the range in which constants are rendered.
+/// Warns of values of tensors that are out of range, which a file holds but can't be rendered from.
 fn warn_of_range(object: &str, diffuse: &Described, specular: &Described) {
     let of = |albedo: &Described| match albedo {
         Described::Constant { values, .. } => *values,
@@ -235,18 +235,18 @@ pub(super) fn in_line(name: &str, empty: &str) -> String {
     if name.is_empty() { empty.into() } else { name }
 }
 
-/// Names that are given once.
+/// A set of unique names.
 #[derive(Default)]
 pub(super) struct Names {
     used: HashSet<String>,
     /// The next number to try, by name.
     next: HashMap<String, usize>,
-    /// Those that had to change.
+    /// The wanted and the given names, where they differ.
     pub renamed: Vec<(String, String)>,
 }
 
 impl Names {
-    /// The name, with a number if it is taken.
+    /// Returns the name, with a number if it is taken.
     pub fn unique(&mut self, wanted: String) -> String {
         if self.used.insert(wanted.clone()) {
             return wanted;
@@ -263,7 +263,7 @@ impl Names {
         name
     }
 
-    /// Some of those that had to change.
+    /// A text that lists some of the names that were changed.
     pub fn told(&self) -> String {
         let some = self.renamed.iter().take(5);
         let some: Vec<String> = some.map(|(a, b)| format!("{a:?} is {b:?}")).collect();

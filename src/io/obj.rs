@@ -29,7 +29,7 @@ impl Scene {
         Self::from_obj_within(path, device, &LoadLimits::default())
     }
 
-    /// The same with other limits.
+    /// As [`Scene::from_obj`] with given limits.
     ///
     /// # Errors
     /// As [`Scene::from_obj`].
@@ -105,7 +105,7 @@ impl<const C: usize> Corners<C> {
         self.faces.extend(faces.map(|f| f.map(|i| base + i)));
     }
 
-    /// None unless every face has them.
+    /// The attribute, or None unless every face has it.
     fn attribute(self, faces: usize, device: &Device) -> Option<CornerAttribute> {
         if self.faces.is_empty() || self.faces.len() != faces {
             return None;
@@ -119,11 +119,11 @@ impl<const C: usize> Corners<C> {
     }
 }
 
-/// An object put together again: tobj splits it wherever the material changes.
+/// An object of the file, joined from the pieces that tobj makes where the material changes.
 #[derive(Default)]
 struct Pieces {
     positions: Vec<[f64; 3]>,
-    /// From the file's vertices to `positions`.
+    /// The row of `positions` of each vertex of the file.
     row_of_vertex: HashMap<u64, u32>,
     faces: Vec<[u32; 3]>,
     uvs: Corners<2>,
@@ -211,7 +211,7 @@ struct Materials<'a> {
 }
 
 impl Materials<'_> {
-    /// What a material reflects diffusely without its texture.
+    /// The diffuse colour of a material without its texture.
     fn colour(&self, id: Option<usize>) -> Albedo {
         let described = id.and_then(|i| self.described.get(i));
         match described.and_then(|m| m.diffuse) {

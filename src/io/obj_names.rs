@@ -1,4 +1,4 @@
-//! Files that statements of OBJ and MTL files name.
+//! Names of files in statements of OBJ and MTL files.
 
 use std::path::{Path, PathBuf};
 

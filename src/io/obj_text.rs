@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 /// The name that tobj gives to what comes before any `o` or `g`.
 const UNNAMED: &str = "unnamed_object";
 
-/// Entries of MTL files that say something about a picture and are not read.
+/// Entries of MTL files that would change a render and are not read.
 const UNREAD: [&str; 21] = [
     "d", "Tr", "Tf", "Ni", "Pr", "Pm", "Ps", "Pc", "aniso", "map_Ka", "map_Ns", "map_Ke", "map_d",
     "map_Bump", "map_bump", "bump", "disp", "norm", "map_Pr", "map_Pm", "refl",
@@ -44,6 +44,10 @@ pub struct ObjText {
 
 impl ObjText {
     /// Reads an OBJ file and the MTL files that it names.
+    #[expect(
+        clippy::too_many_lines,
+        reason = "an arm for each keyword of the format"
+    )]
     pub fn read(path: &Path, limits: &LoadLimits) -> Result<Self> {
         let text = read_text(path, limits)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -162,13 +166,13 @@ impl ObjText {
         Ok(this)
     }
 
-    /// Ends a line that comes from the i-th of the file.
+    /// Ends a line of the text that was made from line i of the file.
     fn end_line(&mut self, i: usize) {
         self.obj.push('\n');
         self.lines.push(i + 1);
     }
 
-    /// What tobj makes of it.
+    /// Parses the texts by tobj.
     pub fn parse(&self, path: &Path) -> Result<(Vec<tobj::Model>, Vec<tobj::Material>)> {
         let options = tobj::LoadOptions {
             triangulate: true,

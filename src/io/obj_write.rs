@@ -50,7 +50,7 @@ impl Scene {
     ///   `-clamp on`.
     /// - An object that moves is written as it is at the shutter's start.
     ///
-    /// What OBJ and MTL can't hold is left out with a warning: the environment, velocities,
+    /// Parts that OBJ and MTL can't hold are left out with a warning: the environment, velocities,
     /// mirrored textures, objects without faces. Files of those names are replaced, once all new ones
     /// are complete.
     ///

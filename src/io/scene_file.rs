@@ -75,7 +75,7 @@ impl SceneFile {
         Self::load_within(path, device, &LoadLimits::default())
     }
 
-    /// The same with other limits.
+    /// As [`SceneFile::load`] with given limits.
     ///
     /// # Errors
     /// As [`SceneFile::load`].

@@ -31,7 +31,7 @@ pub(super) fn decode_srgb(image: DynamicImage) -> Vec<f32> {
     }
 }
 
-/// What each byte of sRGB stands for.
+/// The linear value of each byte of sRGB.
 pub(super) fn srgb_table() -> Vec<f32> {
     (0..256).map(|i| srgb_to_linear(i as f32 / 255.0)).collect()
 }

@@ -1,4 +1,4 @@
-//! Files that are written whole or not at all.
+//! Files that appear under their names only when they are complete.
 
 use std::fs;
 use std::io::{BufWriter, Write};
@@ -54,13 +54,13 @@ impl Drop for Part {
     }
 }
 
-/// Writes under another name in the same folder and renames: nobody sees half a file.
+/// Writes a file under another name in its folder and renames it, so that it is never seen incomplete.
 #[cfg(feature = "fit")]
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     write_whole_by(path, |file| file.write_all(bytes).map_err(|e| io(path, e)))
 }
 
-/// The same by a function.
+/// As [`write_whole`], with a function that writes the contents.
 pub(super) fn write_whole_by(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<fs::File>) -> Result<()>,
@@ -68,7 +68,7 @@ pub(super) fn write_whole_by(
     Part::write(path, write)?.publish()
 }
 
-/// What the system says of a file.
+/// The error of a file operation.
 pub(super) fn io(path: &Path, source: std::io::Error) -> Error {
     Error::Io {
         path: path.into(),

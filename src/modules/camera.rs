@@ -10,12 +10,12 @@ use crate::scene::{Camera, Parameter, Projection};
 /// The field of view stays between these, degrees.
 const FOV: [f64; 2] = [1.0, 170.0];
 
-/// What a camera's direction is made of.
+/// The parameters of a camera's direction.
 #[derive(Config, Debug, Copy, PartialEq, Eq)]
 pub enum AimForm {
-    /// A point that it looks at, wherever it stands.
+    /// A point that the camera looks at from any position.
     Target,
-    /// A direction that it keeps when it moves.
+    /// A direction that does not change when the camera moves.
     Direction,
 }
 
@@ -80,7 +80,7 @@ impl CameraParamsConfig {
     }
 }
 
-/// Where a camera looks.
+/// The target or the direction of a camera.
 #[derive(Module)]
 pub enum Aim {
     /// The point looked at `[3]`, scene units.
@@ -120,7 +120,7 @@ pub struct LensParams {
 pub struct CameraParams {
     /// Position `[3]`, scene units.
     pub eye: Param<Tensor<1>>,
-    /// Where it looks.
+    /// The target or the direction.
     pub aim: Aim,
     /// Roughly up, `[3]`; frozen to begin with.
     pub up: Param<Tensor<1>>,
@@ -131,7 +131,7 @@ pub struct CameraParams {
 }
 
 impl CameraParams {
-    /// From a camera, in the device's default float type; it looks at a point.
+    /// Parameters of a camera's values, in the device's default float type; the camera looks at a point.
     ///
     /// # Errors
     /// Like [`CameraParamsConfig::init`], or if a tensor can't be read.
@@ -153,31 +153,31 @@ impl CameraParams {
             .init(device)
     }
 
-    /// With a position that is not trained.
+    /// Freezes the position: it is not trained.
     pub fn freeze_eye(mut self) -> Self {
         self.eye = self.eye.set_require_grad(false);
         self
     }
 
-    /// With a target or direction that is not trained.
+    /// Freezes the target or direction: it is not trained.
     pub fn freeze_aim(mut self) -> Self {
         self.aim = self.aim.no_grad();
         self
     }
 
-    /// With a field of view that is not trained.
+    /// Freezes the field of view: it is not trained.
     pub fn freeze_fov(mut self) -> Self {
         self.fov = self.fov.set_require_grad(false);
         self
     }
 
-    /// With a lens that is not trained.
+    /// Freezes the lens: it is not trained.
     pub fn freeze_lens(mut self) -> Self {
         self.lens = self.lens.map(Module::no_grad);
         self
     }
 
-    /// With an up vector that is trained: the camera may roll.
+    /// Trains the up vector, so that the camera may roll.
     pub fn train_up(mut self) -> Self {
         self.up = self.up.set_require_grad(true);
         self

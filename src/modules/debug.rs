@@ -1,4 +1,4 @@
-//! What `{:?}` shows of modules: their parameters by shape or by their few numbers. A learner that is
+//! `Debug` of modules shows their parameters by shape, or by value where there are few numbers. A learner that is
 //! printed shows its modules so.
 
 use std::fmt::{Debug, Formatter, Result};

@@ -11,13 +11,13 @@ const OBJECT: &str = "render loss";
 /// Makes a [`RenderLoss`]: the weight of each term. No weight is negative, and at least one is positive.
 #[derive(Config, Debug, PartialEq)]
 pub struct RenderLossConfig {
-    /// Of the mean squared difference.
+    /// The weight of the mean squared difference.
     #[config(default = 1.0)]
     pub mse: f64,
-    /// Of the mean absolute difference.
+    /// The weight of the mean absolute difference.
     #[config(default = 0.0)]
     pub l1: f64,
-    /// Of structural dissimilarity, from 0 to 1.
+    /// The weight of structural dissimilarity, which is from 0 to 1.
     #[config(default = 0.0)]
     pub dssim: f64,
     /// The range of values that structural dissimilarity tells apart.
@@ -26,7 +26,7 @@ pub struct RenderLossConfig {
     /// Levels of the pyramids over which losses of images are averaged; 1 is the image alone.
     #[config(default = 1)]
     pub levels: usize,
-    /// Of [`RenderLoss::silhouette`].
+    /// The weight of [`RenderLoss::silhouette`].
     #[config(default = 0.0)]
     pub silhouette: f64,
 }

@@ -110,7 +110,7 @@ pub struct MaterialParams {
 }
 
 impl MaterialParams {
-    /// From a material of constant colours, in the device's default float type. Without a Phong lobe and
+    /// Parameters of a material of constant colours, in the device's default float type, without a Phong lobe and
     /// without emission where it is constantly black.
     ///
     /// # Errors

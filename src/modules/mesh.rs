@@ -38,7 +38,7 @@ impl fmt::Debug for MeshParams {
 }
 
 impl MeshParams {
-    /// With the vertices of a mesh to begin with, on their device and in their float type.
+    /// Parameters that begin with the vertices of a mesh, on their device and in their float type.
     pub fn from_mesh(mesh: &Mesh) -> Self {
         Self {
             vertices: Param::from_tensor(mesh.vertices.clone().detach()),
@@ -100,7 +100,7 @@ impl MeshOffsets {
     }
 }
 
-/// What stays of a mesh whose vertices move.
+/// The constant parts of a mesh whose vertices are trained.
 #[derive(Module, Debug)]
 struct Template {
     uvs: Option<Corners>,

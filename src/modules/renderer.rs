@@ -6,7 +6,7 @@ use crate::render::{Batch, Image, ImageBatch, RenderOptions, Sampling, render, r
 use crate::scene::{Camera, Scene};
 use crate::visibility::Visibility;
 
-/// How to render, as a value that can be written to a file: [`RenderOptions`] has what each field means.
+/// The configuration of a [`Renderer`], which can be written to a file. [`RenderOptions`] describes each field.
 ///
 /// ```
 /// use burn::config::Config;
@@ -32,19 +32,19 @@ pub struct RendererConfig {
     /// Bounces after the surface that the camera sees.
     #[config(default = 3)]
     pub bounces: u32,
-    /// What rays see, with its blur.
+    /// The form of visibility, with its blur.
     #[config(default = "Visibility::default()")]
     pub visibility: Visibility,
     /// How random numbers, surfaces and emitters are chosen.
     #[config(default = "Sampling::default()")]
     pub sampling: Sampling,
-    /// Tells renderers apart whose renders have the same seeds.
+    /// The seed of the renderer: renderers with different ones have different random numbers for the same seed of a render.
     #[config(default = 0)]
     pub seed: u64,
     /// Triangles that cover less of a ray are left out.
     #[config(default = 1e-4)]
     pub cutoff: f64,
-    /// Ends paths at random after so many bounces.
+    /// Ends paths at random after this bounce and every later one.
     pub russian_roulette: Option<u32>,
     /// The most rays processed at once.
     pub rays_per_tile: Option<usize>,
@@ -60,7 +60,7 @@ pub struct RendererConfig {
 }
 
 impl RendererConfig {
-    /// The same as options, with the seed of the first render.
+    /// The options of the renderer, with the seed of its render 0.
     ///
     /// # Errors
     /// If a value is out of its range.
@@ -112,7 +112,7 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// With options, whose seed is replaced in every render.
+    /// A renderer with these options. The seed is replaced in every render.
     ///
     /// # Errors
     /// If an option is out of its range.
@@ -126,7 +126,7 @@ impl Renderer {
         &self.options
     }
 
-    /// With another blur ([`RenderOptions::blur`]): for one that falls over the steps of a fit.
+    /// Sets the blur ([`RenderOptions::blur`]), for one that falls over the steps of a fit.
     ///
     /// # Errors
     /// If it is out of its range.
@@ -136,8 +136,8 @@ impl Renderer {
         Ok(self)
     }
 
-    /// An image, in the graph of what scene and camera are made of. The same seed gives the same image;
-    /// take another one in every step of a training.
+    /// Renders an image in the graph of the tensors of scene and camera. The same seed gives the same image;
+    /// use another one in every step of a training.
     ///
     /// # Errors
     /// Like [`render()`].
@@ -181,7 +181,7 @@ impl Renderer {
     }
 }
 
-/// The seed of a render of a renderer: the render's own where the renderer's is 0.
+/// Combines the seeds of a renderer and of a render; it is the render's own if the renderer's is 0.
 fn keyed(renderer: u64, render: u64) -> u64 {
     renderer.rotate_left(32) ^ render
 }

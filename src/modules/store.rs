@@ -38,8 +38,8 @@ pub fn save_safetensors<M: Module>(module: &M, path: impl AsRef<Path>) -> Result
     module.save_into(&mut store).map_err(|e| failed(path, e))
 }
 
-/// A module with the parameters of a safetensors file, on its device and in its float types. What was
-/// trained is trained on, what was frozen stays so.
+/// Loads the parameters of a safetensors file into a module, on its device and in its float types. Parameters that were
+/// trained stay trained, and frozen ones stay frozen.
 ///
 /// # Errors
 /// If the file can't be read, or its parameters are not those of the module: one is missing, is in the

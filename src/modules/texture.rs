@@ -28,14 +28,14 @@ pub struct TextureParams {
 }
 
 impl TextureParams {
-    /// All texels 0.5, height × width of them, in the device's default float type.
+    /// A texture of height × width texels of 0.5, in the device's default float type.
     pub fn grey(height: usize, width: usize, device: &Device) -> Self {
         Self {
             logits: leaf(vec![0.0; height * width * 3], [height, width, 3], device),
         }
     }
 
-    /// With the texels of an image `[H, W, 3]` to begin with, on its device and in its float type. Those
+    /// Parameters that begin with the texels of an image `[H, W, 3]`, on its device and in its float type. Those
     /// within 1e-3 of 0 or 1 begin at that distance.
     ///
     /// # Errors
@@ -81,7 +81,7 @@ pub struct EnvironmentParams {
 }
 
 impl EnvironmentParams {
-    /// The same radiance from everywhere, height × width texels, in the device's default float type.
+    /// A map of one radiance, > 0, with height × width texels, in the device's default float type.
     ///
     /// # Errors
     /// If the radiance is not a number > 0, or there are no texels.
@@ -105,8 +105,8 @@ impl EnvironmentParams {
         })
     }
 
-    /// With a map of radiance `[H, W, 3]` (see [`Environment::Map`]) to begin with, on its device and in
-    /// its float type. What is under 1e-3 begins there.
+    /// Parameters that begin with a map of radiance `[H, W, 3]` (see [`Environment::Map`]), on its device and in
+    /// its float type. Texels under 1e-3 begin at 1e-3.
     ///
     /// # Errors
     /// If the shape is another, a value is not a number ≥ 0, or the map can't be read.

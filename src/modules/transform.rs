@@ -24,7 +24,7 @@ pub struct RigidTransformConfig {
     /// The numbers that the rotation is made of.
     #[config(default = "RotationForm::SixD")]
     pub rotation: RotationForm,
-    /// Whether there is a uniform scale too.
+    /// Whether the transform has a uniform scale.
     #[config(default = false)]
     pub scale: bool,
 }
@@ -86,7 +86,7 @@ impl RigidTransform {
         }
     }
 
-    /// With a rotation by an angle in radians about an axis of any length but 0.
+    /// Sets the rotation by an angle in radians about an axis of any length but 0.
     ///
     /// # Errors
     /// If the axis is 0, or a number is not finite.
@@ -103,7 +103,7 @@ impl RigidTransform {
         }
     }
 
-    /// With rotations by angles in radians about the axes x, y and z of the scene, in that order.
+    /// Sets the rotation by angles in radians about the axes x, y and z of the scene, in that order.
     ///
     /// # Errors
     /// If an angle is not finite.
@@ -113,7 +113,7 @@ impl RigidTransform {
         Ok(self.rotated(rotation))
     }
 
-    /// With the rotation of a matrix, given by its rows.
+    /// Sets the rotation by a matrix, given by its rows.
     ///
     /// # Errors
     /// If its rows are not orthonormal to 1e-4, or it mirrors.
@@ -133,7 +133,7 @@ impl RigidTransform {
         }
     }
 
-    /// With a translation in scene units.
+    /// Sets the translation, in scene units.
     ///
     /// # Errors
     /// If a number is not finite.
@@ -143,7 +143,7 @@ impl RigidTransform {
         Ok(self)
     }
 
-    /// With a scale.
+    /// Sets the scale, > 0.
     ///
     /// # Errors
     /// If it is not a number > 0, or the transform has none ([`RigidTransformConfig::scale`]).
@@ -183,7 +183,7 @@ impl RigidTransform {
         }
     }
 
-    /// A mesh moved by it.
+    /// Applies the transform to a mesh.
     pub fn apply(&self, mesh: Mesh) -> Mesh {
         mesh.transformed(&self.transform())
     }

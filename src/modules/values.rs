@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 /// Logarithms beyond ± this count as this, so that squares of what they mean stay finite in f32.
 const LARGEST_LOG: f64 = 30.0;
 
-/// All float parameters of a module in another float type, their ids and whether they are trained
-/// kept: f64 for gradients to the last digit, on devices that have it.
+/// Casts all float parameters of a module to a float type; their ids and whether they are trained are
+/// kept. Use f64 for exact gradients, on devices that have it.
 ///
 /// ```
 /// use softray::modules::{RigidTransform, cast};
@@ -40,7 +40,7 @@ pub(super) fn leaf<const D: usize>(
     Param::from_tensor(Tensor::from_data(TensorData::new(values, shape), device))
 }
 
-/// A parameter with other values: its id, shape, device and float type stay, and whether it is trained.
+/// Replaces the values of a parameter; its id, shape, device and float type stay, and whether it is trained.
 pub(super) fn set<const D: usize>(param: Param<Tensor<D>>, values: Vec<f64>) -> Param<Tensor<D>> {
     let (id, old) = (param.id, param.val());
     let data = TensorData::new(values, old.dims());
@@ -58,7 +58,7 @@ pub(super) fn logit(p: f64) -> f64 {
     (p / (1.0 - p)).ln()
 }
 
-/// That numbers are finite and in a range.
+/// Checks that numbers are finite and in a range.
 pub(super) fn check(
     object: &str,
     field: &str,

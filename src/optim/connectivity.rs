@@ -19,7 +19,7 @@ pub(crate) struct Connectivity {
 }
 
 impl Connectivity {
-    /// Of the faces of a mesh of so many vertices.
+    /// The connectivity of the faces of a mesh of `vertices` vertices.
     ///
     /// # Errors
     /// If no face has three different vertices, or an index is out of range.
@@ -77,7 +77,7 @@ impl Connectivity {
         })
     }
 
-    /// How many neighbours each of the vertices has.
+    /// The number of neighbours of each vertex.
     pub fn degrees(&self, vertices: usize) -> Vec<u32> {
         let mut degrees = vec![0; vertices];
         for &v in self.edges.iter().flatten() {

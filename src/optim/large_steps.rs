@@ -15,7 +15,7 @@ use crate::scene::Mesh;
 /// The name of errors.
 const OBJECT: &str = "large steps";
 
-/// What [`LargeSteps`] can be told.
+/// The settings of [`LargeSteps`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LargeStepsConfig {
     /// λ of I + λL, at least 0: the larger, the smoother the steps; 0 leaves gradients as they are.
@@ -41,25 +41,25 @@ impl Default for LargeStepsConfig {
 }
 
 impl LargeStepsConfig {
-    /// With another λ.
+    /// Sets λ, ≥ 0.
     pub fn lambda(mut self, lambda: f64) -> Self {
         self.lambda = lambda;
         self
     }
 
-    /// With λ = α/(1 − α), for α in [0, 1): (1 − α)I + αL is (1 − α)(I + λL). The default λ is that
+    /// Sets λ = α/(1 − α), for α in [0, 1): (1 − α)I + αL is (1 − α)(I + λL). The default λ is that
     /// of α = 0.95. That form's learning rates are 1 − α times those for I + λL.
     pub fn alpha(self, alpha: f64) -> Self {
         self.lambda(alpha / (1.0 - alpha))
     }
 
-    /// With other β₁ and β₂.
+    /// Sets β₁ and β₂, each in [0, 1).
     pub fn betas(mut self, beta_1: f64, beta_2: f64) -> Self {
         (self.beta_1, self.beta_2) = (beta_1, beta_2);
         self
     }
 
-    /// With another ε.
+    /// Sets ε, > 0.
     pub fn epsilon(mut self, epsilon: f64) -> Self {
         self.epsilon = epsilon;
         self
@@ -169,7 +169,7 @@ impl fmt::Debug for LargeStepsState {
 }
 
 impl LargeSteps {
-    /// For meshes of these faces and so many vertices.
+    /// An optimiser for meshes of these faces and `vertices` vertices.
     ///
     /// # Errors
     /// If no face has three different vertices, an index is out of range, or a value of the
@@ -184,7 +184,7 @@ impl LargeSteps {
         })
     }
 
-    /// For a mesh.
+    /// An optimiser for a mesh.
     ///
     /// # Errors
     /// As [`LargeSteps::new`].

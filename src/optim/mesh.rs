@@ -70,7 +70,7 @@ impl fmt::Debug for MeshRegulariser {
 }
 
 impl MeshRegulariser {
-    /// For meshes of these faces and so many vertices, on the device of the vertices.
+    /// A regulariser for meshes of these faces and `vertices` vertices, on the device of the vertices.
     ///
     /// # Errors
     /// If no face has three different vertices, or an index is out of range.
@@ -101,7 +101,7 @@ impl MeshRegulariser {
         })
     }
 
-    /// For meshes of a mesh's faces, on its device.
+    /// A regulariser for meshes of the faces of a mesh, on its device.
     ///
     /// # Errors
     /// As [`MeshRegulariser::new`].

@@ -1,4 +1,4 @@
-//! What optimising a scene takes beside a renderer: losses, mesh regularisers, points on meshes, blur
+//! Tools to optimise scenes: losses, mesh regularisers, points on meshes, blur
 //! schedules, and with the feature `fit` a loop that fits parameters, and large steps for meshes.
 
 #[cfg(feature = "fit")]

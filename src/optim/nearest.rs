@@ -9,9 +9,9 @@ const LEAF: usize = 8;
 /// Points in a tree of boxes (a k-d tree, Bentley 1975): each box is halved by the number of its points
 /// along its longest side, so the tree is balanced whatever the points.
 pub(crate) struct PointTree {
-    /// In the order of the leaves.
+    /// The points, in the order of the leaves.
     points: Vec<DVec3>,
-    /// Which of the points each of them was.
+    /// The index of each point in the list that was given.
     rows: Vec<u32>,
     nodes: Vec<Node>,
 }
@@ -34,7 +34,7 @@ pub(crate) struct Near {
 }
 
 impl PointTree {
-    /// Of at least one point, all finite.
+    /// A tree of at least one point, all of them finite.
     pub fn new(points: &[DVec3]) -> Self {
         let mut rows: Vec<u32> = (0..points.len() as u32).collect();
         let mut nodes = Vec::with_capacity(4 * points.len() / LEAF + 1);
@@ -136,7 +136,7 @@ mod tests {
             .collect()
     }
 
-    /// Of clouds in space, on a plane, in few places, and one point.
+    /// The clouds lie in space, on a plane and in few places, and one is a single point.
     #[test]
     fn the_nearest_point_is_that_of_a_plain_loop() {
         let clouds = [

@@ -51,7 +51,7 @@ pub fn sample_points_and_normals(
 /// Places on faces.
 struct Samples {
     context: Context,
-    /// Of the faces that were drawn, `[count, 3]`.
+    /// The corners of the faces that were drawn, `[count, 3]` each.
     corners: [Tensor<2>; 3],
     /// Barycentric coordinates.
     weights: [Vec<f64>; 3],

@@ -75,7 +75,7 @@ impl Mesh {
         })
     }
 
-    /// The same of a mesh of that name in messages; None without faces.
+    /// The bounds of the mesh, which messages call `name`; None if it has no faces.
     fn bounds_as(&self, name: &str) -> Result<Option<Bounds>> {
         let vertices = self.checked_vertices(name)?;
         let corners = self.faces.iter().flatten().map(|&v| vertices[v as usize]);

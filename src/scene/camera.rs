@@ -1,19 +1,20 @@
 use burn::tensor::Tensor;
 
-use super::{Detach, Parameter, visit_camera};
+use super::Parameter;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
 
-/// A camera. Right-handed, pixel (0, 0) top left; by default a pinhole with a perspective projection.
+/// A camera in right-handed coordinates. Pixel (0, 0) is at the upper left. By default it is a pinhole with a
+/// perspective projection.
 #[derive(Clone, Debug)]
 pub struct Camera {
     /// Position, scene units.
     pub eye: Parameter<3>,
-    /// The point looked at, scene units.
+    /// The point that the camera looks at, scene units.
     pub target: Parameter<3>,
-    /// Roughly up, of any length.
+    /// A direction that points up in the image, of any length; it need not be at right angles to the view axis.
     pub up: Parameter<3>,
-    /// How directions or places become points of the image.
+    /// How points of the scene are projected onto the image.
     pub projection: Projection,
     /// A thin lens in place of a pinhole.
     pub lens: Option<ThinLens>,
@@ -29,20 +30,20 @@ pub enum Projection {
         /// Vertical field of view, degrees in (0, 180).
         fov_y: Parameter<1>,
     },
-    /// Perspective by a calibrated camera's matrix K, of an image of a size. A render of another size
+    /// Perspective by the matrix K of a camera that was calibrated for images of a given size. A render of another size
     /// shows the same view.
     Intrinsics {
         /// Focal lengths (f_x, f_y), pixels.
         focal: Parameter<2>,
         /// Where the view axis meets the image (c_x, c_y), pixels from the upper left corner.
         principal: Parameter<2>,
-        /// Columns and rows of the image that K is of.
+        /// Columns and rows of the images that K was calibrated for.
         size: [usize; 2],
     },
     /// Parallel rays along the view axis from the plane of the eye, with square pixels. What is behind the
     /// eye is not seen.
     Orthographic {
-        /// Of the image, scene units.
+        /// Height of the image, scene units.
         height: Parameter<1>,
     },
 }
@@ -86,13 +87,13 @@ impl Camera {
         }
     }
 
-    /// With another up vector.
+    /// Sets the up vector.
     pub fn up(mut self, up: impl Into<Parameter<3>>) -> Self {
         self.up = up.into();
         self
     }
 
-    /// With a perspective projection of a vertical field of view in degrees, in (0, 180).
+    /// Sets a perspective projection with a vertical field of view in degrees, in (0, 180).
     pub fn fov_y(mut self, degrees: impl Into<Parameter<1>>) -> Self {
         self.projection = Projection::Perspective {
             fov_y: degrees.into(),
@@ -100,7 +101,7 @@ impl Camera {
         self
     }
 
-    /// With parallel rays, from an image of a height in scene units.
+    /// Sets a projection by parallel rays, with the height of the image in scene units.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -117,7 +118,7 @@ impl Camera {
         self
     }
 
-    /// With a thin lens: aperture radius and focus distance in scene units.
+    /// Sets a thin lens with an aperture radius (≥ 0) and a focus distance (> 0), both in scene units.
     pub fn thin_lens(
         mut self,
         aperture_radius: impl Into<Parameter<1>>,
@@ -176,7 +177,13 @@ impl Camera {
 
     /// The camera of an image of `aspect` (width over height) as `[1, 1]` planes; lengths relative to `centre`,
     /// in units of `unit`.
-    fn frame(&self, context: &Context, centre: [f64; 3], unit: f64, aspect: f64) -> CameraFrame {
+    pub(super) fn frame(
+        &self,
+        context: &Context,
+        centre: [f64; 3],
+        unit: f64,
+        aspect: f64,
+    ) -> CameraFrame {
         let vector = |p: &Parameter<3>| {
             let [x, y, z] = p.planes(context);
             Vec3::new(x, y, z)
@@ -265,45 +272,14 @@ impl Camera {
         }
     }
 
-    /// Depths along the view axis (PyTorch3D's `zbuf`, a rasteriser's depth) from depths along the rays
-    /// (`Image::depth`), both `[H, W]` in scene units: each times the cosine between its pixel's ray and the
-    /// axis. In the graph of the depths, not of the camera.
-    ///
-    /// # Errors
-    /// If the camera is not valid.
-    pub fn axial_depth(&self, depth: Tensor<2>) -> Result<Tensor<2>> {
-        self.check()?;
-        let [height, width] = depth.dims();
-        if self.projection.is_parallel() || height == 0 || width == 0 {
-            return Ok(depth);
-        }
-        let context = Context {
-            device: depth.device().inner(),
-            dtype: depth.dtype(),
-        };
-        let mut camera = self.clone();
-        camera.lens = None;
-        visit_camera(&mut camera, &mut Detach);
-        let middle = |i: usize, size: usize| (i as f64 + 0.5) / size as f64;
-        let pixels = 0..height * width;
-        let columns: Vec<f64> = pixels.clone().map(|i| middle(i % width, width)).collect();
-        let rows: Vec<f64> = pixels.map(|i| middle(i / width, height)).collect();
-        let film = [context.row(&columns), context.row(&rows)];
-        let aspect = width as f64 / height as f64;
-        let (_, direction) = camera.rays(&context, [0.0; 3], 1.0, aspect, &film, None);
-        let forward = camera.frame(&context, [0.0; 3], 1.0, aspect).forward;
-        let cosine = forward.dot(&direction).reshape([height, width]);
-        Ok(depth * cosine)
-    }
-
-    /// Whether rays need a point on the lens: not for a constant aperture of 0.
+    /// Whether rays need a point on the lens. They need none if the aperture is a constant 0.
     pub(crate) fn has_lens(&self) -> bool {
         self.lens
             .as_ref()
             .is_some_and(|l| !matches!(l.aperture_radius, Parameter::Constant([0.0])))
     }
 
-    /// Half the height of what is seen at a distance of 1, or with parallel rays at the target, over its distance.
+    /// The half height of the view over the distance from the eye: for parallel rays it is taken at the target.
     ///
     /// # Errors
     /// If a value is out of range or can't be read.

@@ -1,4 +1,4 @@
-//! Whatever a user can get wrong in a scene, named.
+//! Checks of a scene and a camera. Errors name the object and the field.
 
 use burn::tensor::{DType, Device, Tensor};
 
@@ -9,7 +9,7 @@ use crate::device::label;
 use crate::error::{Error, Result};
 use crate::geometry::Context;
 
-/// One device and float type for all tensors; values finite and in range.
+/// Checks that all tensors are of one device and float type, and that values are finite and in range.
 pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
     if let Some((name, expected)) = &scene.mistake {
         let name = format!("{name:?}");
@@ -69,14 +69,14 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
     Ok(context)
 }
 
-/// The camera's tensors are like the scene's; values finite and in range.
+/// Checks that the camera's tensors are of the scene's device and float type, and its values finite and in range.
 pub(crate) fn check_camera(camera: &Camera, context: &Context) -> Result<()> {
     same_kind(context, |visit| visit_camera(&mut camera.clone(), visit))
         .map_err(|(id, e)| e(("camera".into(), id.field().into())))?;
     camera.check()
 }
 
-/// An error of the object and field that it is told.
+/// Makes an error from the names of an object and a field.
 type Told = Box<dyn FnOnce((String, String)) -> Error>;
 
 /// Finds the first tensor of another device or float type.
@@ -129,7 +129,7 @@ fn same_kind(
 }
 
 impl Scene {
-    /// The object and field that a tensor is, for messages.
+    /// The names of the object and the field of a tensor, for messages.
     fn place_of(&self, id: ParameterId) -> (String, String) {
         use ParameterId::{Material, Normals, Uvs, Velocity, Vertices};
         let field = id.field().to_string();
@@ -148,7 +148,7 @@ impl Scene {
     }
 }
 
-/// What has a texture has texture coordinates.
+/// Checks that an object whose materials have textures has texture coordinates.
 fn check_textures(object: &Object) -> Result<()> {
     if object.mesh.uvs.is_some() || object.mesh.faces.is_empty() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! What `{:?}` shows of a scene and its parts: names, sizes and numbers. Nothing here panics, whatever
+//! `Debug` of a scene and its parts shows names, sizes and a few numbers. It does not panic, whatever
 //! the shapes of the tensors are.
 
 use std::fmt::{Debug, Formatter, Result};
@@ -6,7 +6,7 @@ use std::fmt::{Debug, Formatter, Result};
 use super::{Albedo, CornerAttribute, Environment, Material, Mesh, Object, Parameter, Scene};
 use crate::debug::{Text, graph, place, tensor};
 
-/// Objects of a scene and materials of an object that are shown one by one.
+/// The most objects of a scene, and materials of an object, that are shown.
 const MOST: usize = 32;
 
 impl<const C: usize> Debug for Parameter<C> {
@@ -86,7 +86,7 @@ impl Debug for Material {
 }
 
 impl Debug for Object {
-    /// One line, also for `{:#?}`: a scene is read object by object.
+    /// Writes one line, also for `{:#?}`, so that a scene has one line for each object.
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         write!(f, "{:?}: {:?}", self.name, self.mesh)?;
         for material in self.materials.iter().take(MOST) {

@@ -4,12 +4,12 @@ use super::Parameter;
 use crate::error::{Error, Result};
 use crate::geometry::first_not_finite;
 
-/// What shines from every direction that no surface covers.
+/// The radiance that arrives from infinity where rays miss all surfaces.
 #[derive(Clone)]
 // A tensor is a handle of some words; boxing it would cost more than it saves.
 #[allow(clippy::large_enum_variant)]
 pub enum Environment {
-    /// The same radiance from everywhere, RGB.
+    /// The same radiance from all directions, RGB.
     Constant(Parameter<3>),
     /// An equirectangular map of radiance `[H, W, 3]`, looked up bilinearly: row 0 about +y, the last
     /// about −y; the middle column towards −z, columns to its right towards +x.
@@ -23,12 +23,12 @@ impl<P: Into<Parameter<3>>> From<P> for Environment {
 }
 
 impl Environment {
-    /// An equirectangular map of radiance `[H, W, 3]`.
+    /// An equirectangular map of radiance `[H, W, 3]`; see [`Environment::Map`].
     pub fn map(texels: Tensor<3>) -> Self {
         Self::Map(texels)
     }
 
-    /// Whether it can shine: false only for a constant zero.
+    /// Whether its radiance may be other than 0: false only for a constant 0.
     pub(crate) fn shines(&self) -> bool {
         !matches!(self, Self::Constant(Parameter::Constant(v)) if *v == [0.0; 3])
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::HostScene;
 
-/// The inner coordinates of a scene: relative to a centre, in a unit that is a power of two, so that
+/// The coordinates in which a scene is traced: relative to a centre, in a unit that is a power of two, so that
 /// nothing rounds. Both are medians over the vertices: what lies far away from the rest does not count.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SceneFrame {
@@ -47,7 +47,7 @@ impl SceneFrame {
         }
     }
 
-    /// A point of the scene in inner coordinates.
+    /// A point in scene units, in the coordinates of the frame.
     pub fn inner(&self, p: DVec3) -> DVec3 {
         (p - self.centre) / self.unit
     }

@@ -14,7 +14,7 @@ use crate::geometry::{Context, by_rows, host_values};
 pub(crate) struct HostScene {
     pub context: Context,
     pub objects: Vec<HostObject>,
-    /// Of all objects, one after another.
+    /// The materials of all objects, one object after the other.
     pub materials: Vec<HostMaterial>,
     pub environment: HostTexture,
     /// False only for an environment that is a constant black.
@@ -44,13 +44,13 @@ pub(crate) struct HostAttribute<const C: usize> {
 
 /// A material on the host.
 pub(crate) struct HostMaterial {
-    /// In the order of [`Channel::ALL`](super::material::Channel::ALL).
+    /// The parameters, in the order of [`Channel::ALL`](super::material::Channel::ALL).
     pub channels: Vec<HostTexture>,
     pub kind: MaterialKind,
 }
 
 impl HostMaterial {
-    /// Whether it emits as it is.
+    /// Whether its radiance is other than 0.
     fn shines(&self) -> bool {
         let emission = &self.channels[Channel::Emission as usize];
         !matches!(emission, HostTexture::Constant([0.0, 0.0, 0.0]))
@@ -73,7 +73,7 @@ impl HostScene {
     /// Checks a scene and reads it back.
     ///
     /// # Errors
-    /// Whatever a user can get wrong in a scene, named.
+    /// If the scene is not valid.
     pub fn new(scene: &Scene) -> Result<Self> {
         let context = check_scene(scene)?;
         let mut objects = Vec::with_capacity(scene.objects.len());
@@ -125,7 +125,7 @@ impl HostScene {
         Ok(this)
     }
 
-    /// Whether anything shines with another radiance than 0.
+    /// Whether any emitter or the environment has a radiance other than 0.
     pub fn has_light(&self) -> bool {
         let sky = match &self.environment {
             HostTexture::Constant(c) => *c != [0.0; 3],
@@ -146,7 +146,7 @@ fn attribute<const C: usize>(a: &CornerAttribute) -> Result<HostAttribute<C>> {
     })
 }
 
-/// A scalar is the first of three numbers.
+/// Reads a parameter back. A scalar is the first of three numbers, the others are 0.
 fn channel(value: ChannelValue<'_>) -> Result<HostTexture> {
     match value {
         ChannelValue::Colour(Albedo::Constant(p)) | ChannelValue::Numbers(p) => {

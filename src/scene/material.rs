@@ -60,7 +60,7 @@ impl Albedo {
         }
     }
 
-    /// Whether it can reflect any light: false only for a constant zero.
+    /// Whether it may be other than 0: false only for a constant 0.
     pub(crate) fn reflects(&self) -> bool {
         !matches!(self, Self::Constant(Parameter::Constant(v)) if v.iter().all(|&x| x == 0.0))
     }
@@ -104,7 +104,7 @@ pub(crate) enum Channel {
     Emission,
 }
 
-/// How many parameters a material has.
+/// The number of parameters of a material.
 pub(crate) const CHANNELS: usize = Channel::ALL.len();
 
 impl Channel {
@@ -115,7 +115,7 @@ impl Channel {
         Self::Emission,
     ];
 
-    /// For messages.
+    /// The name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Diffuse => "diffuse",
@@ -125,7 +125,7 @@ impl Channel {
         }
     }
 
-    /// Whether it turns the directions that are drawn from the BSDF, on glossy surfaces.
+    /// Whether the directions drawn from the BSDF of a glossy surface depend on it.
     pub fn turns(self) -> bool {
         self == Self::Shininess
     }
@@ -138,7 +138,7 @@ pub(crate) enum ChannelValue<'a> {
     Scalar(&'a mut Parameter<1>),
 }
 
-/// What a material can do.
+/// The parts that a material has: reflection, a specular lobe, emission.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MaterialKind {
     /// Whether it reflects any light.
@@ -149,7 +149,7 @@ pub(crate) struct MaterialKind {
 }
 
 impl MaterialKind {
-    /// How many parameters its BSDF has: the first ones of [`Channel::ALL`].
+    /// The number of parameters of its BSDF, which are the first ones of [`Channel::ALL`].
     #[inline(always)]
     pub fn shading(self) -> usize {
         if self.glossy { 3 } else { 1 }
@@ -160,7 +160,7 @@ impl MaterialKind {
 /// f = k_d/π + k_s (n + 2)/(2π) cosⁿα.
 #[derive(Clone)]
 pub struct Material {
-    /// For messages.
+    /// The name in messages.
     pub name: String,
     /// k_d.
     pub diffuse: Albedo,
@@ -195,13 +195,13 @@ impl Material {
         Self::diffuse([0.0; 3]).emission(radiance)
     }
 
-    /// With a name, for messages.
+    /// Sets the name, which messages show.
     pub fn named(mut self, name: impl Into<String>) -> Self {
         self.name = name.into();
         self
     }
 
-    /// With a Phong lobe: albedo k_s and exponent.
+    /// Sets a Phong lobe with an albedo k_s in [0, 1], such that diffuse + specular ≤ 1, and an exponent ≥ 0.
     pub fn specular(
         mut self,
         albedo: impl Into<Albedo>,
@@ -212,7 +212,7 @@ impl Material {
         self
     }
 
-    /// With emitted radiance.
+    /// Sets the radiance that the front side emits, RGB.
     pub fn emission(mut self, radiance: impl Into<Parameter<3>>) -> Self {
         self.emission = radiance.into();
         self
@@ -230,7 +230,7 @@ impl Material {
         ]
     }
 
-    /// What it can do; a parameter that a gradient may change can do all.
+    /// The parts that it has. A parameter in a graph counts as present, since a fit may change it.
     pub(crate) fn kind(&self) -> MaterialKind {
         let glossy = self.specular.reflects();
         MaterialKind {
@@ -240,7 +240,7 @@ impl Material {
         }
     }
 
-    /// Whether it emits or may come to: false only for a constant zero.
+    /// Whether its emission may be other than 0: false only for a constant 0.
     pub(crate) fn emits(&self) -> bool {
         !matches!(self.emission, Parameter::Constant(v) if v.iter().all(|&x| x == 0.0))
     }

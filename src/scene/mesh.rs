@@ -27,7 +27,7 @@ pub struct Mesh {
     pub uvs: Option<CornerAttribute>,
     /// Shading normals `[_, 3]`.
     pub normals: Option<CornerAttribute>,
-    /// What was wrong when it was made, which a render tells.
+    /// The first mistake made with it, which a render reports as an error.
     pub(crate) mistake: Option<String>,
 }
 
@@ -52,7 +52,7 @@ impl Mesh {
         Self::new(host_tensor(vertices, device), faces)
     }
 
-    /// With texture coordinates `[V, 2]` for each vertex.
+    /// Sets texture coordinates `[V, 2]`, one row for each vertex.
     pub fn with_uvs(mut self, uvs: Tensor<2>) -> Self {
         self.uvs = Some(CornerAttribute {
             values: uvs,
@@ -61,7 +61,7 @@ impl Mesh {
         self
     }
 
-    /// With shading normals `[V, 3]` for each vertex; they need not be of unit length.
+    /// Sets shading normals `[V, 3]`, one row for each vertex; they need not be of unit length.
     pub fn with_normals(mut self, normals: Tensor<2>) -> Self {
         self.normals = Some(CornerAttribute {
             values: normals,
@@ -70,14 +70,14 @@ impl Mesh {
         self
     }
 
-    /// With other vertices `[V, 3]`, the faces and attributes kept: shading normals stay as they were, so
+    /// Replaces the vertices by others `[V, 3]`. Faces and attributes are kept: shading normals stay as they were, so
     /// that they may no longer fit the shape (see [`smooth_normals`](Self::smooth_normals)).
     pub fn with_vertices(mut self, vertices: Tensor<2>) -> Self {
         self.vertices = vertices;
         self
     }
 
-    /// All tensors in another float type.
+    /// Casts all tensors to a float type.
     pub fn cast(mut self, dtype: DType) -> Self {
         self.vertices = self.vertices.cast(dtype);
         for attribute in [&mut self.uvs, &mut self.normals].into_iter().flatten() {
@@ -86,7 +86,7 @@ impl Mesh {
         self
     }
 
-    /// Moved by a rigid transform with scale. A mirror image is wound the other way, as by
+    /// Applies a transform to vertices and shading normals. A mirror image is wound the other way, as by
     /// [`scaled`](Self::scaled).
     pub fn transformed(mut self, transform: &Transform) -> Self {
         if let Some(mistake) = transform.mistake() {
@@ -104,12 +104,12 @@ impl Mesh {
         }
     }
 
-    /// Corner values of the faces: `[F, 3]` for the i-th corner.
+    /// The positions `[F, 3]` of the i-th corner of each face, i from 0 to 2.
     pub(crate) fn corner(&self, corner: usize) -> Tensor<2> {
         take(&self.vertices, &self.faces, corner)
     }
 
-    /// With every face split into four in its own plane: the same shape. Vertices stay in the
+    /// Splits every face into four in its own plane, so that the shape stays the same. Vertices stay in the
     /// graph; texture coordinates and normals are dropped.
     ///
     /// # Errors
@@ -143,7 +143,7 @@ impl Mesh {
         })
     }
 
-    /// The vertices on the host.
+    /// Reads the vertices back to the host.
     pub fn host_vertices(&self) -> Result<Vec<[f64; 3]>> {
         Ok(host_values(&self.vertices)?
             .chunks_exact(3)
@@ -151,7 +151,8 @@ impl Mesh {
             .collect())
     }
 
-    /// The vertices on the host, finite and at least as many as the faces name.
+    /// Reads the vertices back to the host, and checks that they are finite and that the indices
+    /// of the faces are in range.
     pub(crate) fn checked_vertices(&self, object: &str) -> Result<Vec<[f64; 3]>> {
         if let Some(mistake) = &self.mistake {
             let (found, expected) = mistake
@@ -204,7 +205,7 @@ pub(crate) fn take(values: &Tensor<2>, faces: &[[u32; 3]], corner: usize) -> Ten
     take_rows(values, faces.iter().map(|f| f[corner]))
 }
 
-/// Rows of `values` by their numbers.
+/// The rows of `values` of these numbers, `[N, C]`.
 pub(crate) fn take_rows(values: &Tensor<2>, rows: impl Iterator<Item = u32>) -> Tensor<2> {
     let [_, width] = values.dims();
     let index: Vec<i32> = rows.map(|row| row as i32).collect();
@@ -226,7 +227,8 @@ pub(crate) fn host_tensor<const C: usize>(rows: &[[f64; C]], device: &Device) ->
     Tensor::from_data(TensorData::new(flat, [rows.len(), C]), device)
 }
 
-/// The values on the host.
+/// Reads values of vertices back to the host, and checks that they are finite and that the indices of the
+/// faces are in range.
 fn check_table(
     object: &str,
     field: &str,

@@ -1,5 +1,6 @@
-//! What is rendered: meshes, materials, transforms, objects, lights and the camera, all tensors.
+//! Scenes of tensors: meshes, materials, transforms, objects, environments and cameras.
 
+mod axial_depth;
 mod bounds;
 mod camera;
 mod check;
@@ -46,11 +47,11 @@ use crate::error::one_of;
 /// A scene: objects and an environment.
 #[derive(Clone)]
 pub struct Scene {
-    /// What is in it.
+    /// The objects, in the order of their ids.
     pub objects: Vec<Object>,
-    /// Radiance from every direction that no surface covers, RGB.
+    /// The radiance that arrives from infinity where rays miss all surfaces.
     pub environment: Environment,
-    /// A name that no object has, and the names that there are: what a render tells.
+    /// A name that no object has, and the names that objects have, for the error of a render.
     pub(crate) mistake: Option<(String, String)>,
 }
 
@@ -70,13 +71,13 @@ impl Scene {
         }
     }
 
-    /// With one more object.
+    /// Adds an object.
     pub fn with(mut self, object: Object) -> Self {
         self.objects.push(object);
         self
     }
 
-    /// With an environment: a constant radiance, or an [`Environment::map`].
+    /// Sets the environment: a constant radiance, or an [`Environment::map`]. The field of the same name holds it.
     pub fn environment(mut self, radiance: impl Into<Environment>) -> Self {
         self.environment = radiance.into();
         self
@@ -93,12 +94,12 @@ impl Scene {
         self.objects.iter().map(|o| o.name.as_str())
     }
 
-    /// The first object of that name.
+    /// The first object of a name, or None.
     pub fn object(&self, name: &str) -> Option<&Object> {
         self.objects.iter().find(|o| o.name == name)
     }
 
-    /// With the objects of that name changed; others stay as they are. If there is none the scene can't
+    /// Changes the objects of a name by a function; others stay as they are. If there is none the scene can't
     /// be rendered: the error lists the names that there are.
     pub fn map_object(mut self, name: &str, f: impl Fn(Object) -> Object) -> Self {
         if self.object(name).is_none() {

@@ -7,7 +7,7 @@ use super::mesh::check_indices;
 use crate::geometry::{Vec3, columns, gather_columns, length, split, unit_size};
 
 impl Mesh {
-    /// With smooth shading normals, computed from the vertices: at each vertex the unit vector along the sum
+    /// Sets smooth shading normals, computed from the vertices: at each vertex the unit vector along the sum
     /// of its faces' normals, each weighted by the angle of the face there (Thürmer and Wüthrich 1998,
     /// *Computing Vertex Normals from Polygonal Facets*), so that how a flat part is cut into
     /// triangles doesn't matter.
@@ -41,7 +41,7 @@ impl Mesh {
         self.with_normals(normals)
     }
 
-    /// Without shading normals: every face is shaded flat.
+    /// Removes the shading normals, so that every face is shaded flat.
     pub fn without_normals(mut self) -> Self {
         self.normals = None;
         self

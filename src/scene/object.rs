@@ -2,14 +2,14 @@ use std::sync::Arc;
 
 use super::{Material, Mesh, Parameter};
 
-/// A mesh with its materials and its motion: what a file calls `o` or `g`.
+/// A mesh with its materials and its motion; an `o` or `g` of an OBJ file.
 #[derive(Clone)]
 pub struct Object {
-    /// For messages and look-up.
+    /// The name in messages and for [`Scene::object`](super::Scene::object).
     pub name: String,
     /// The surface.
     pub mesh: Mesh,
-    /// At least one.
+    /// The materials that [`Self::face_materials`] refers to, at least one.
     pub materials: Vec<Material>,
     /// The material of each face; empty where all faces have the first.
     pub face_materials: Arc<Vec<u32>>,
@@ -18,7 +18,7 @@ pub struct Object {
 }
 
 impl Object {
-    /// An object of mid-grey.
+    /// An object of the material [`Material::default`].
     pub fn new(mesh: Mesh) -> Self {
         Self {
             name: "object".into(),
@@ -29,26 +29,26 @@ impl Object {
         }
     }
 
-    /// With a name.
+    /// Sets the name.
     pub fn named(mut self, name: impl Into<String>) -> Self {
         self.name = name.into();
         self
     }
 
-    /// With one material on all faces.
+    /// Sets one material for all faces.
     pub fn material(mut self, material: Material) -> Self {
         self.materials = vec![material];
         self.face_materials = Arc::default();
         self
     }
 
-    /// With a linear velocity `[3]`, scene units over the shutter.
+    /// Sets a linear velocity `[3]`, in scene units over the shutter.
     pub fn velocity(mut self, velocity: impl Into<Parameter<3>>) -> Self {
         self.velocity = Some(velocity.into());
         self
     }
 
-    /// With its mesh changed.
+    /// Changes the mesh by a function.
     pub fn map_mesh(mut self, f: impl FnOnce(Mesh) -> Mesh) -> Self {
         self.mesh = f(self.mesh);
         self

@@ -39,7 +39,7 @@ impl<const C: usize> Parameter<C> {
         }
     }
 
-    /// As planes `[1, 1]`, one a component, on the context's device.
+    /// Returns one plane `[1, 1]` for each component, on the device of the context.
     pub(crate) fn planes(&self, context: &Context) -> [Tensor<2>; C] {
         std::array::from_fn(|i| match self {
             Self::Constant(v) => context.row(&v[i..=i]),

@@ -7,7 +7,7 @@ use burn::tensor::Tensor;
 use super::material::{Channel, ChannelValue};
 use super::{Albedo, Camera, Environment, Parameter, Projection, Scene};
 
-/// What a tensor of a scene or camera is. Objects and materials are counted over the whole scene.
+/// Names a tensor of a scene or camera. Objects and materials are counted over the whole scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum ParameterId {
     /// `[V, 3]`, scene units.
@@ -65,7 +65,7 @@ impl ParameterId {
     }
 }
 
-/// What is done with each tensor.
+/// An operation on each tensor of a scene and a camera.
 pub(crate) trait Visit {
     /// Called with every tensor.
     fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>);
@@ -145,7 +145,7 @@ pub(crate) fn visit_camera(camera: &mut Camera, visit: &mut impl Visit) {
     }
 }
 
-/// The tensors that are in a graph, flat, and what each is.
+/// The tensors that are in a graph, flat, with their ids.
 #[derive(Default)]
 pub(crate) struct Collect {
     pub ids: Vec<ParameterId>,
@@ -159,7 +159,7 @@ impl Collect {
         first.reduce(|a, b| a + b)
     }
 
-    /// Where the numbers of each begin and end once they are one row that begins at `first`.
+    /// The range of each tensor's numbers in a row that holds them all and begins at `first`.
     pub fn places(&self, first: usize) -> Vec<(ParameterId, Range<usize>)> {
         let mut next = first;
         let place = |(&id, row): (&ParameterId, &Tensor<1>)| {
@@ -182,11 +182,11 @@ impl Visit for Collect {
     }
 }
 
-/// Puts parts of one tensor in the place of those that are in a graph.
+/// Replaces the tensors that are in a graph by parts of one tensor.
 pub(crate) struct Replace {
     /// The one tensor.
     pub parameters: Tensor<1>,
-    /// Where the next part begins.
+    /// The start of the next part.
     pub next: usize,
 }
 
@@ -203,7 +203,7 @@ impl Visit for Replace {
     }
 }
 
-/// Takes every tensor out of its graph.
+/// Detaches every tensor from its graph.
 pub(crate) struct Detach;
 
 impl Visit for Detach {

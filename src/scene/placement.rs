@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
+use super::transform::mirrors;
 use super::{Mesh, Parameter, Transform};
 use crate::geometry::{Context, sin_cos};
 
@@ -64,10 +65,10 @@ impl From<Tensor<1>> for Scale {
 }
 
 impl Mesh {
-    /// Moved by an offset in scene units: three numbers or a tensor `[3]`.
+    /// Moves the mesh by an offset in scene units: three numbers or a tensor `[3]`.
     ///
     /// A mesh that was moved by a tensor of another shape, device or float type than the vertices, or by
-    /// numbers that are not finite, can't be rendered: that is when the error is told.
+    /// numbers that are not finite, can't be rendered: the render returns the error.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -86,13 +87,13 @@ impl Mesh {
         }
     }
 
-    /// Scaled about the origin: by a number, a factor for each axis `[f64; 3]`, or a tensor `[1]` or `[3]`.
+    /// Scales the mesh about the origin: by a number, a factor for each axis `[f64; 3]`, or a tensor `[1]` or `[3]`.
     ///
     /// Shading normals are scaled by the inverse, so they stay those of the surface. With an odd number of
     /// negative factors the mesh is a mirror image, which would turn it inside out: its faces are wound the
     /// other way, so the front stays the front.
     ///
-    /// A mesh can't be rendered, and then the error is told, if a factor is not finite, if a tensor has
+    /// The mesh can't be rendered, and the render returns the error, if a factor is not finite, if a tensor has
     /// another shape, device or float type, or if one of three factors is 0 and the mesh has shading
     /// normals. The factors are read back from their device.
     ///
@@ -122,7 +123,7 @@ impl Mesh {
         }
     }
 
-    /// By a tensor `[1]` or `[3]` of these values.
+    /// Scales by a tensor `[1]` or `[3]` whose values are `factors`.
     fn scaled_by(mut self, factors: [f64; 3], scale: Tensor<1>) -> Self {
         let [n] = scale.dims();
         let scale = scale.reshape([1, n]);
@@ -147,11 +148,11 @@ impl Mesh {
         }
     }
 
-    /// Turned about an axis through the origin, by an angle in radians, counter-clockwise seen from the
+    /// Rotates the mesh about an axis through the origin, by an angle in radians, counter-clockwise seen from the
     /// axis's tip. The axis is three numbers or a tensor `[3]` of any length but 0, the angle a number
     /// or a tensor `[1]`; both are differentiable. Shading normals turn along.
     ///
-    /// A mesh can't be rendered, and then the error is told, if the axis is 0 or not finite, the angle is not
+    /// The mesh can't be rendered, and the render returns the error, if the axis is 0 or not finite, the angle is not
     /// finite, or a tensor has another shape, device or float type. Both are read back from their device.
     ///
     /// ```
@@ -187,7 +188,7 @@ impl Mesh {
         Ok(Tensor::cat(vec![cos, unit * sin], 0))
     }
 
-    /// The values of a parameter and its tensor as [`Self::like_vertices`], or what is wrong with it.
+    /// The values of a parameter and its tensor from [`Self::like_vertices`], or a description of the mistake.
     fn read<const C: usize>(
         &self,
         what: &str,
@@ -200,7 +201,7 @@ impl Mesh {
         Ok((values, tensor))
     }
 
-    /// A parameter in the place and float type of the vertices, or what is wrong with it.
+    /// A parameter as a tensor on the device and in the float type of the vertices, or a description of the mistake.
     fn like_vertices<const C: usize>(
         &self,
         what: &str,
@@ -239,7 +240,7 @@ impl Mesh {
         }
     }
 
-    /// With the faces wound the other way, corner values too.
+    /// Winds the faces of the mesh and of its attributes the other way.
     pub(super) fn mirrored(mut self) -> Self {
         let swapped =
             |faces: &[[u32; 3]]| Arc::new(faces.iter().map(|&[a, b, c]| [a, c, b]).collect());
@@ -255,7 +256,7 @@ impl Mesh {
         self
     }
 
-    /// With what was wrong when it was made; the first counts.
+    /// Records a mistake unless there is one already.
     fn mistaken(mut self, mistake: String) -> Self {
         self.mistake.get_or_insert(mistake);
         self
@@ -274,12 +275,7 @@ fn finite(what: &str, values: &[f64]) -> Result<(), String> {
     Err(format!("{what} {shown}, expected finite numbers"))
 }
 
-/// Whether one factor, or three, turn a mesh inside out.
-pub(super) fn mirrors(factors: &[f64]) -> bool {
-    factors.iter().filter(|&&s| s < 0.0).count() % 2 == 1
-}
-
-/// One factor for three.
+/// Uses one factor for all three axes.
 fn one(([factor], tensor): ([f64; 1], Tensor<1>)) -> ([f64; 3], Tensor<1>) {
     ([factor; 3], tensor)
 }

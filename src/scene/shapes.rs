@@ -9,7 +9,7 @@ use burn::tensor::Device;
 use super::mesh::host_tensor;
 use super::{CornerAttribute, Mesh};
 
-/// One triangle.
+/// A mesh of one triangle with the front where its corners go counter-clockwise.
 pub fn triangle(a: [f64; 3], b: [f64; 3], c: [f64; 3], device: &Device) -> Mesh {
     Mesh::from_host(&[a, b, c], vec![[0, 1, 2]], device)
 }

@@ -2,20 +2,19 @@ use std::fmt;
 
 use burn::tensor::Tensor;
 
-use super::placement::mirrors;
 use crate::debug::tensor;
 use crate::geometry::{host_values, sin_cos};
 
 /// A similarity: scale, then rotation, then translation. Every part is a tensor or absent.
 ///
-/// A part of a wrong shape is left out, and a mesh that is transformed so can't be rendered: the error
-/// says what was wrong.
+/// A part of a wrong shape is left out, and a mesh transformed by the rest can't be rendered: the error
+/// describes the mistake.
 #[derive(Clone, Default)]
 pub struct Transform {
     rotation: Option<Tensor<2>>,
     translation: Option<Tensor<1>>,
     scale: Option<Tensor<1>>,
-    /// What was wrong with a part.
+    /// A description of the first mistake, if there was one.
     mistake: Option<String>,
 }
 
@@ -43,7 +42,7 @@ impl Transform {
         Self::default()
     }
 
-    /// With a rotation by a quaternion `[4]` in the order (w, x, y, z). It is normalised here, so
+    /// Sets the rotation by a quaternion `[4]` in the order (w, x, y, z). It is normalised here, so
     /// any non-zero tensor is a rotation, and the gradient is defined at every angle.
     pub fn quaternion(mut self, q: Tensor<1>) -> Self {
         if !self.has_length("a quaternion", &q, &[4]) {
@@ -77,7 +76,7 @@ impl Transform {
         self
     }
 
-    /// With a rotation by an angle `[1]` in radians about an axis of any length but 0.
+    /// Sets the rotation by an angle `[1]` in radians about an axis of any length but 0.
     pub fn axis_angle(mut self, axis: [f64; 3], angle: Tensor<1>) -> Self {
         if !self.has_length("axis_angle with an angle", &angle, &[1]) {
             return self;
@@ -96,7 +95,7 @@ impl Transform {
         self.quaternion(Tensor::cat(q, 0))
     }
 
-    /// With a rotation by its first two columns `[6]` (x₀ y₀ z₀ x₁ y₁ z₁), made orthonormal here
+    /// Sets the rotation by the first two columns of its matrix `[6]` (x₀ y₀ z₀ x₁ y₁ z₁), made orthonormal here
     /// (Zhou et al. 2019): continuous over all rotations, which suits networks.
     pub fn six_d(mut self, columns: Tensor<1>) -> Self {
         if !self.has_length("six_d with columns", &columns, &[6]) {
@@ -115,7 +114,7 @@ impl Transform {
         self
     }
 
-    /// With a translation `[3]`.
+    /// Sets the translation `[3]`, scene units.
     pub fn translation(mut self, offset: Tensor<1>) -> Self {
         if self.has_length("a translation", &offset, &[3]) {
             self.translation = Some(offset);
@@ -123,7 +122,7 @@ impl Transform {
         self
     }
 
-    /// With a scale `[1]` or `[3]` along the axes before rotation.
+    /// Sets the scale `[1]`, or `[3]` along the axes before rotation.
     pub fn scale(mut self, scale: Tensor<1>) -> Self {
         if self.has_length("a scale", &scale, &[1, 3]) {
             self.scale = Some(scale);
@@ -131,7 +130,7 @@ impl Transform {
         self
     }
 
-    /// Whether a part has one of these lengths; else that is the mistake.
+    /// Whether a part has one of these lengths; if not, the mistake is recorded.
     fn has_length(&mut self, part: &str, found: &Tensor<1>, expected: &[usize]) -> bool {
         let [length] = found.dims();
         let has = expected.contains(&length);
@@ -144,12 +143,12 @@ impl Transform {
         has
     }
 
-    /// What was wrong with a part.
+    /// A description of the first mistake, if there was one.
     pub(crate) fn mistake(&self) -> Option<&str> {
         self.mistake.as_deref()
     }
 
-    /// Points `[V, 3]` transformed, without the parts that had a wrong shape.
+    /// Transforms points `[V, 3]`. Parts that had a wrong shape are left out.
     pub fn apply(&self, points: Tensor<2>) -> Tensor<2> {
         let mut p = points;
         if let Some(s) = &self.scale {
@@ -163,7 +162,7 @@ impl Transform {
         p
     }
 
-    /// Normals `[V, 3]` transformed (by the inverse transpose; their length changes).
+    /// Transforms normals `[V, 3]` by the inverse transpose; their length changes.
     pub fn apply_to_normals(&self, normals: Tensor<2>) -> Tensor<2> {
         let mut n = normals;
         if let Some(s) = &self.scale {
@@ -190,4 +189,10 @@ impl Transform {
             None => p,
         }
     }
+}
+
+/// Whether scaling by one factor, or by one for each axis, turns a mesh inside out: with an odd number of negative
+/// factors.
+pub(super) fn mirrors(factors: &[f64]) -> bool {
+    factors.iter().filter(|&&s| s < 0.0).count() % 2 == 1
 }

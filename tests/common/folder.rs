@@ -3,13 +3,15 @@
 use std::fs;
 use std::path::PathBuf;
 
+use softray::prelude::*;
+
 /// A folder of one test, removed at its end.
 pub struct Folder(pub PathBuf);
 
 impl Folder {
     /// A new one of that name.
     pub fn new(name: &str) -> Self {
-        let name = format!("softray-export-{}-{name}", std::process::id());
+        let name = format!("softray-test-{}-{name}", std::process::id());
         let path = std::env::temp_dir().join(name);
         fs::create_dir_all(&path).expect("a temporary folder");
         Self(path)
@@ -18,6 +20,19 @@ impl Folder {
     /// A file in it.
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.join(name)
+    }
+
+    /// Writes a file, and the folders that it lies in.
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.path(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        fs::write(&path, bytes).expect("a file");
+        path
+    }
+
+    /// Writes an OBJ file and loads it.
+    pub fn load(&self, obj: impl AsRef<[u8]>) -> softray::Result<Scene> {
+        Scene::from_obj(self.write("scene.obj", obj), &Device::flex())
     }
 
     /// The names of all files, sorted.

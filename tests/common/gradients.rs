@@ -1,8 +1,11 @@
 //! Gradients against central differences of renders of the same blurred scene.
 
-use burn::tensor::{DType, Device, Tensor, TensorData};
+use burn::tensor::{DType, Device, Tensor};
 use softray::gradcheck::{Checked, GradCheck, Row, gradcheck};
 use softray::prelude::*;
+
+use super::scenes::{diffuse, emitting, facing_down, facing_front, floor};
+use super::tensors::{gradient, tensor as constant};
 
 /// A scene that depends on one number.
 pub struct Case {
@@ -17,15 +20,6 @@ pub struct Case {
 }
 
 const SIZE: usize = 12;
-
-fn constant<const D: usize>(
-    v: &[f64],
-    shape: [usize; D],
-    device: &Device,
-    dtype: DType,
-) -> Tensor<D> {
-    Tensor::from_data(TensorData::new(v.to_vec(), shape), (device, dtype))
-}
 
 fn vector(p: Tensor<1>, direction: [f64; 3], device: &Device, dtype: DType) -> Tensor<1> {
     p * constant(&direction, [3], device, dtype)
@@ -43,20 +37,8 @@ fn offset(
 
 /// A floor and a light above it.
 pub fn floor_and_light(device: &Device) -> [Mesh; 2] {
-    let floor = shapes::quad(
-        [-2.0, 0.0, 2.0],
-        [2.0, 0.0, 2.0],
-        [2.0, 0.0, -2.0],
-        [-2.0, 0.0, -2.0],
-        device,
-    );
-    let light = shapes::quad(
-        [-0.7, 2.6, -0.7],
-        [0.7, 2.6, -0.7],
-        [0.7, 2.6, 0.7],
-        [-0.7, 2.6, 0.7],
-        device,
-    );
+    let floor = floor(2.0, 0.0, device);
+    let light = facing_down([-0.7, 0.7], [-0.7, 0.7], 2.6, device);
     [floor, light]
 }
 
@@ -73,18 +55,10 @@ fn objects(device: &Device, dtype: DType) -> [Object; 4] {
         device,
     );
     [
-        Object::new(floor.cast(dtype))
-            .named("floor")
-            .material(Material::diffuse([0.35, 0.3, 0.25])),
-        Object::new(light.cast(dtype))
-            .named("light")
-            .material(Material::emitter([3.0, 2.7, 2.4])),
-        Object::new(ball)
-            .named("ball")
-            .material(Material::diffuse([0.1, 0.2, 0.3])),
-        Object::new(triangle.cast(dtype))
-            .named("triangle")
-            .material(Material::diffuse([0.2, 0.25, 0.1])),
+        diffuse(floor.cast(dtype), [0.35, 0.3, 0.25]).named("floor"),
+        emitting(light.cast(dtype), [3.0, 2.7, 2.4]).named("light"),
+        diffuse(ball, [0.1, 0.2, 0.3]).named("ball"),
+        diffuse(triangle.cast(dtype), [0.2, 0.25, 0.1]).named("triangle"),
     ]
 }
 
@@ -95,16 +69,8 @@ fn scene(objects: [Object; 4]) -> Scene {
 
 /// The scene with a small lamp before the camera, whose image moves and blurs with it.
 fn with_lamp(device: &Device, dtype: DType) -> Scene {
-    let lamp = shapes::quad(
-        [-0.47, 1.23, 1.5],
-        [-0.23, 1.23, 1.5],
-        [-0.23, 1.47, 1.5],
-        [-0.47, 1.47, 1.5],
-        device,
-    );
-    let lamp = Object::new(lamp.cast(dtype))
-        .named("lamp")
-        .material(Material::emitter([6.0, 5.0, 4.0]));
+    let lamp = facing_front([-0.47, -0.23], [1.23, 1.47], 1.5, device);
+    let lamp = emitting(lamp.cast(dtype), [6.0, 5.0, 4.0]).named("lamp");
     scene(objects(device, dtype)).with(lamp)
 }
 
@@ -122,6 +88,7 @@ fn change(
 }
 
 /// Every class of parameter that the paper differentiates.
+#[expect(clippy::too_many_lines, reason = "a list of scenes")]
 pub fn cases() -> Vec<Case> {
     let case = |name, value, step, bounces, build| Case {
         name,
@@ -322,6 +289,12 @@ pub const SOFTMAX: Effort = Effort {
     samples: 16,
 };
 
+/// Cones without an angle or a pixel filter.
+pub const SHARP: Visibility = Visibility::Cone {
+    angle: 0.0,
+    pixels: 0.0,
+};
+
 /// Cones that blur by about a pixel.
 pub const CONES: Effort = Effort {
     visibility: Visibility::Cone {
@@ -379,7 +352,7 @@ pub fn check(case: &Case, device: &Device, effort: Effort, precision: f64, seeds
 }
 
 /// The autodiff gradient of one seed.
-fn gradient(case: &Case, at: Setup, dtype: DType, effort: Effort, seed: u64) -> f64 {
+fn of_seed(case: &Case, at: Setup, dtype: DType, effort: Effort, seed: u64) -> f64 {
     let (device, change) = at;
     let p = constant(&[case.value], [1], device, dtype)
         .autodiff()
@@ -388,7 +361,7 @@ fn gradient(case: &Case, at: Setup, dtype: DType, effort: Effort, seed: u64) -> 
     let options = change(options(case, effort).seed(seed));
     let image = render(&scene, &camera, &options).expect("an image");
     let gradients = weighted(image.radiance, case.weight).backward();
-    super::values(&p.grad(&gradients).expect("a gradient"))[0]
+    gradient(&p, &gradients)[0]
 }
 
 /// A device, and what else is set.
@@ -397,7 +370,7 @@ pub type Setup<'a> = (&'a Device, fn(RenderOptions) -> RenderOptions);
 /// How far the gradients of one seed are apart in two setups, relative to the larger, by case.
 pub fn agreement(setups: [Setup; 2], dtype: DType, effort: Effort) -> Vec<(&'static str, f64)> {
     let apart = |case: &Case| {
-        let [x, y] = setups.map(|e| gradient(case, e, dtype, effort, 5));
+        let [x, y] = setups.map(|e| of_seed(case, e, dtype, effort, 5));
         (x - y).abs() / x.abs().max(y.abs())
     };
     let found: Vec<_> = cases().iter().map(|c| (c.name, apart(c))).collect();

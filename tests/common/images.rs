@@ -4,6 +4,7 @@ use burn::tensor::Device;
 use softray::prelude::*;
 
 use super::reference;
+use super::scenes::scene_file;
 
 /// How an image compares with its reference.
 #[derive(Clone, Copy, Debug)]
@@ -35,7 +36,7 @@ pub fn compare(
     visibility: Visibility,
     device: &Device,
 ) -> Comparison {
-    let file = SceneFile::load(reference(&format!("{name}/scene.json")), device).expect("a scene");
+    let file = scene_file(name, device);
     let target =
         HostImage::read(reference(&format!("{name}/bounces-{bounces}.exr"))).expect("a reference");
     let options = RenderOptions::new(file.width, file.height)

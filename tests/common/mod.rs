@@ -1,11 +1,18 @@
 //! Shared by the integration tests: reference data, devices, statistics.
 #![allow(dead_code)] // each test binary uses a part
 
+pub mod errors;
 pub mod folder;
 pub mod gradients;
 pub mod images;
+pub mod jumps;
+pub mod memory;
+pub mod mesh_loops;
 pub mod modules;
+pub mod numbers;
+pub mod scenes;
 pub mod stress;
+pub mod tensors;
 pub mod told;
 pub mod training;
 pub mod weights;
@@ -13,6 +20,7 @@ pub mod weights;
 use std::path::PathBuf;
 
 use softray::prelude::*;
+pub use tensors::values;
 
 /// The folder of reference data: `SOFTRAY_REFERENCE`, or the project's own copy.
 pub fn reference(path: &str) -> PathBuf {
@@ -46,7 +54,10 @@ pub fn fov(camera: &Camera) -> f64 {
     }
 }
 
-/// A tensor's values.
-pub fn values<const D: usize>(t: &Tensor<D>) -> Vec<f64> {
-    t.clone().inner().into_data().iter::<f64>().collect()
+/// A folder of a test's own below the target folder, empty.
+pub fn target_folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder); // there may be none
+    std::fs::create_dir_all(&folder).expect("a folder");
+    folder
 }

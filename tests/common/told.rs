@@ -1,8 +1,6 @@
 //! Small scenes to make mistakes with, and what is told of these.
 
-use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::{Mutex, Once};
 use std::thread::ThreadId;
 
@@ -62,30 +60,6 @@ impl Drop for Told {
         if !std::thread::panicking() {
             assert!(self.failures.is_empty(), "\n{}", self.failures.join("\n"));
         }
-    }
-}
-
-/// A folder of one test, removed at its end.
-pub struct Folder(pub PathBuf);
-
-impl Folder {
-    pub fn new(name: &str) -> Self {
-        let name = format!("softray-mistakes-{}-{name}", std::process::id());
-        let path = std::env::temp_dir().join(name);
-        fs::create_dir_all(&path).expect("a temporary folder");
-        Self(path)
-    }
-
-    pub fn write(&self, name: &str, text: &str) -> PathBuf {
-        let path = self.0.join(name);
-        fs::write(&path, text).expect("a file");
-        path
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
     }
 }
 

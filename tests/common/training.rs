@@ -8,6 +8,7 @@ use burn::tensor::activation::{sigmoid, tanh};
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use softray::prelude::*;
 
+use super::numbers::apart;
 use super::values;
 
 const ITEMS: usize = 2;
@@ -230,10 +231,7 @@ pub fn assert_close(a: &Outcome, b: &Outcome, bound: f64) {
         b.loss
     );
     for ((name, a), (_, b)) in a.gradients.iter().zip(&b.gradients) {
-        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        assert_eq!(a.len(), b.len(), "{name}");
-        let apart: Vec<f64> = a.iter().zip(b).map(|(x, y)| x - y).collect();
-        let apart = norm(&apart) / norm(b);
+        let apart = apart(a, b);
         println!("{name}: {apart:.1e} apart");
         assert!(apart <= bound, "{name}: {apart:e} apart");
     }

@@ -1,4 +1,4 @@
-//! What is wrong with a fit before it begins, and with the loss of a step.
+//! Checks of a fit before it begins, and of the loss of a step.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::{GradientsParams, ModuleOptimizer};
@@ -13,7 +13,7 @@ fn invalid(field: impl Into<String>, value: impl ToString, expected: &str) -> Er
 }
 
 impl<M: Module> Fit<M> {
-    /// That settings are in their ranges, and that the module has parameters that can be fitted.
+    /// Checks that settings are in their ranges, and that the module has parameters that can be fitted.
     pub(super) fn check(&self) -> Result<()> {
         let at_least_one = |field: &str, value: usize| match value {
             0 => Err(invalid(field, 0, "at least 1")),
@@ -35,7 +35,7 @@ impl<M: Module> Fit<M> {
         check_parameters(&self.module)
     }
 
-    /// What has to be the same for a checkpoint to be gone on from.
+    /// The settings that a fit must share with a checkpoint to resume it.
     pub(super) fn settings(&self) -> String {
         let Self {
             seed,
@@ -54,7 +54,7 @@ impl<M: Module> Fit<M> {
     }
 }
 
-/// That a module has a parameter which records gradients.
+/// Checks that a module has a parameter which records gradients.
 fn check_parameters<M: Module>(module: &M) -> Result<()> {
     let mut found = Parameters::default();
     module.visit(&mut found);
@@ -134,7 +134,7 @@ pub(super) fn loss_of_step(loss: &Tensor<1>, step: usize) -> Result<f64> {
     }
 }
 
-/// Of a loss in a graph that no parameter is in.
+/// The error of a loss whose graph has no parameter.
 pub(super) fn no_gradient<M: Module>(module: &M, loss: &Tensor<1>) -> Error {
     let (device, devices) = (loss.device(), module.devices());
     if devices.iter().all(|d| *d != device) {
@@ -157,7 +157,7 @@ pub(super) fn not_finite(what: &str, value: f64, step: usize) -> Error {
     invalid(format!("{what} of step {step}"), value, "a finite number")
 }
 
-/// What an optimiser makes of a parameter of its own in three steps: it has no name that could be asked.
+/// A fingerprint of an optimiser, which has no name: the values that a parameter takes in three of its steps.
 fn fingerprint(optimizer: &ModuleOptimizer) -> String {
     #[derive(Module, Debug)]
     struct Probe {

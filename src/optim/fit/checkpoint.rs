@@ -13,21 +13,21 @@ const MODULE: &str = "module.bpk";
 const OPTIMIZER: &str = "optimizer.bpk";
 const HISTORY: &str = "history.csv";
 const SETTINGS: &str = "settings.txt";
-/// The checksum and length of each of the others.
+/// The file with the checksum and length of each other file.
 const CHECKSUMS: &str = "checksums.txt";
-/// What the process that fits in a folder holds.
+/// The file that is locked by the process that fits in a folder.
 const LOCK: &str = "lock";
-/// What a folder's name begins with until it is whole.
+/// The start of a folder's name until it is complete.
 const PART: &str = ".part-";
-/// Checkpoints that are kept.
+/// The number of checkpoints that are kept.
 const KEPT: usize = 2;
 
 /// Checkpoints of a fit, in folders by the number of steps taken. A folder gets its name when all that
-/// is in it has reached the disk, so that what has a name is whole.
+/// is in it has reached the disk, so that a folder with such a name is complete.
 pub(super) struct Checkpoints {
     folder: PathBuf,
     inside: PathBuf,
-    /// Held while this lives.
+    /// The lock, held until this is dropped.
     _lock: File,
 }
 
@@ -39,7 +39,7 @@ pub(super) struct Checkpoint {
 }
 
 impl Checkpoints {
-    /// In a folder, which is made if need be; what a killed run left unfinished is removed, and on a
+    /// Opens a folder of checkpoints, or makes it. Checkpoints that a killed run left incomplete are removed, and on a
     /// restart all checkpoints are.
     pub fn open(folder: &Path, restart: bool, warn: &mut impl FnMut(Warning)) -> Result<Self> {
         let inside = folder.join("checkpoints");
@@ -58,7 +58,7 @@ impl Checkpoints {
         })
     }
 
-    /// In their order, by the number of steps taken.
+    /// All checkpoints, ordered by the number of steps taken.
     fn all(&self) -> Result<Vec<(usize, PathBuf)>> {
         let mut all: Vec<(usize, PathBuf)> = entries(&self.inside)?
             .into_iter()
@@ -68,7 +68,7 @@ impl Checkpoints {
         Ok(all)
     }
 
-    /// The newest that is whole, if there is one; says which ones are not.
+    /// Reads the newest undamaged checkpoint, if there is one; warns of damaged ones.
     pub fn newest(
         &self,
         settings: &str,
@@ -91,7 +91,7 @@ impl Checkpoints {
         damaged.map_or(Ok(None), Err)
     }
 
-    /// Adds one, and drops old ones.
+    /// Writes a checkpoint, and removes old ones.
     pub fn write<M: Module>(
         &self,
         module: &M,
@@ -141,7 +141,7 @@ impl Checkpoints {
         write_whole(&self.folder.join(HISTORY), history.to_csv().as_bytes())
     }
 
-    /// The history, and plots of it.
+    /// Writes the history, and plots of it.
     pub fn finish(&self, history: &History) -> Result<()> {
         self.report(history)?;
         history.figure().write(self.folder.join("history.png"))
@@ -149,7 +149,7 @@ impl Checkpoints {
 }
 
 impl Checkpoint {
-    /// After so many steps; an error if any of its files is not what was written.
+    /// Reads the checkpoint after `steps` steps; an error if any of its files differs from its checksum.
     fn read(steps: usize, folder: &Path) -> Result<Self> {
         let read = |name: &str| {
             let path = folder.join(name);
@@ -179,7 +179,7 @@ impl Checkpoint {
         })
     }
 
-    /// That it is of a fit with the same settings, lines of a name and a value.
+    /// Checks that it is of a fit with the same settings, which are lines of a name and a value.
     fn check(&self, settings: &str) -> Result<()> {
         let pairs = self.settings.lines().zip(settings.lines());
         let differ: Vec<String> = pairs
@@ -197,14 +197,14 @@ impl Checkpoint {
         ))
     }
 
-    /// A module with its parameters.
+    /// Loads its parameters into a module.
     pub fn module<M: Module>(&self, module: M) -> Result<M> {
         let path = self.folder.join(MODULE);
         let found = module.try_load_file(&path);
         found.map_err(|e| Error::format(path, e.to_string()))
     }
 
-    /// An optimiser with its state.
+    /// Loads its state into an optimiser.
     pub fn optimizer(&self, optimizer: ModuleOptimizer) -> Result<ModuleOptimizer> {
         let path = self.folder.join(OPTIMIZER);
         let found = optimizer.load(&path);

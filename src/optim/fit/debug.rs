@@ -1,4 +1,4 @@
-//! What `{:?}` shows of a fit: its length and losses, not each step.
+//! `Debug` of a fit shows its length and losses, not each step.
 
 use std::fmt::{Debug, Formatter, Result};
 

@@ -5,7 +5,7 @@ use burn::tensor::Tensor;
 use crate::error::Result;
 use crate::geometry::host_values;
 
-/// The gradients of a module's parameters, as they were.
+/// The gradients of a module's parameters before clipping.
 pub(super) struct Found {
     /// Their Euclidean norm, None if there are none.
     pub norm: Option<f64>,

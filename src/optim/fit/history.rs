@@ -36,7 +36,7 @@ const COLUMNS: [&str; 6] = ["step", "loss", "gradient_norm", "rate", "blur", "se
 
 impl History {
     /// A number over the steps, as points (step, value): a number of the evaluations, or `loss`,
-    /// `gradient_norm`, `rate`, `blur` or `seconds`. Of another name there are none.
+    /// `gradient_norm`, `rate`, `blur` or `seconds`. It is empty for any other name.
     pub fn curve(&self, name: &str) -> Vec<(f64, f64)> {
         let place = self.names.iter().position(|n| n == name);
         let value = |r: &Row| match (name, place) {
@@ -130,7 +130,7 @@ impl History {
         flat(&self.rows, window, last)
     }
 
-    /// The steps at which it was so.
+    /// The steps at which [`History::is_flat`] held.
     pub(super) fn plateaus(&self, window: usize) -> Vec<usize> {
         let mut found = Vec::new();
         for n in 1..=self.rows.len() {
@@ -141,7 +141,7 @@ impl History {
         found
     }
 
-    /// As comma-separated values, with a head; numbers read back exactly.
+    /// Writes comma-separated values below a line of names; numbers read back exactly.
     pub fn to_csv(&self) -> String {
         let mut text = COLUMNS.map(String::from).to_vec();
         text.extend(self.names.iter().cloned());
@@ -163,7 +163,7 @@ impl History {
         text
     }
 
-    /// From what [`History::to_csv`] wrote; the line at fault if it did not.
+    /// Reads the text of [`History::to_csv`]; the error is the line at fault.
     pub(super) fn from_csv(text: &str) -> std::result::Result<Self, String> {
         let mut lines = text.lines();
         let head: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();

@@ -5,6 +5,7 @@
 mod check;
 mod checkpoint;
 mod debug;
+mod evaluation;
 mod gradients;
 mod history;
 mod pictures;
@@ -21,10 +22,11 @@ use burn::optim::ModuleOptimizer;
 
 use super::schedule::Blur;
 use crate::error::Result;
+pub use evaluation::Evaluation;
 pub use history::{History, Row};
 use pictures::Pictures;
 pub use rate::Rate;
-pub use step::{Evaluation, Fitted, Report, Step, Stop};
+pub use step::{Fitted, Report, Step, Stop};
 pub use warning::Warning;
 
 type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
@@ -84,7 +86,7 @@ pub struct Fit<M> {
 }
 
 impl<M: Module> Fit<M> {
-    /// A fit of a module on a device with autodiff, by an optimiser, in so many steps. The rate is 0.01
+    /// A fit of a module on a device with autodiff, by an optimiser, in `steps` steps. The rate is 0.01
     /// unless one is given.
     pub fn new(module: M, optimizer: impl Into<ModuleOptimizer>, steps: usize) -> Self {
         Self {
@@ -105,19 +107,19 @@ impl<M: Module> Fit<M> {
         }
     }
 
-    /// The learning rate over the steps.
+    /// Sets the learning rate over the steps.
     pub fn rate(mut self, rate: impl Into<Rate>) -> Self {
         self.rate = rate.into();
         self
     }
 
-    /// The seed of all random numbers; below 2²⁴.
+    /// Sets the seed of all random numbers, below 2²⁴.
     pub fn seed(mut self, seed: u64) -> Self {
         self.seed = seed;
         self
     }
 
-    /// The blur over the steps, for [`Step::options`]: what
+    /// Sets the blur over the steps, for [`Step::options`]: the values that
     /// [`RenderOptions::blur`](crate::render::RenderOptions::blur) takes.
     pub fn blur(mut self, blur: impl Into<Blur>) -> Self {
         self.blur = Some(blur.into());
@@ -145,19 +147,19 @@ impl<M: Module> Fit<M> {
         self
     }
 
-    /// Steps between checkpoints, 25 unless said otherwise.
+    /// Sets the number of steps between checkpoints, 25 by default.
     pub fn checkpoint_every(mut self, steps: usize) -> Self {
         self.every = steps;
         self
     }
 
-    /// Whether to begin anew, and remove the checkpoints that the folder has.
+    /// Sets whether the checkpoints of the folder are removed instead of resumed from; false by default.
     pub fn restart(mut self, restart: bool) -> Self {
         self.restart = restart;
         self
     }
 
-    /// Whether to show how far the fit is, on the standard error; it does unless told otherwise. A
+    /// Sets whether the fit shows its progress on the standard error; true by default. A
     /// terminal has a bar. Elsewhere there is a line at the first step, one at most every ten seconds,
     /// and one at the last step: `fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left`.
     /// Warnings appear there too, unless a logger shows them. A program that shows the state of a fit

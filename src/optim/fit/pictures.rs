@@ -11,10 +11,10 @@ use crate::error::{Error, Result};
 use crate::figure::{Diverging, Figure, Panel};
 use crate::io::HostImage;
 
-/// The colours of the differences by the name of the image, as they were at first.
+/// The colour scales of the differences, by the name of the image, from the first picture.
 pub(super) type Colours = RefCell<BTreeMap<String, Diverging>>;
 
-/// Where pictures of a fit are written.
+/// The folder and the interval of the pictures of a fit.
 pub(super) struct Pictures {
     pub folder: PathBuf,
     pub every: usize,

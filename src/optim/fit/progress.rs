@@ -1,4 +1,4 @@
-//! What is seen of a fit while it runs: a bar, or lines now and then where there is no terminal.
+//! The display of a running fit: a bar on a terminal, or else lines at intervals.
 
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -62,7 +62,7 @@ impl Progress {
         }
     }
 
-    /// Begins, with so many steps taken before.
+    /// Begins the display of a run after `before` steps of runs before it.
     pub fn begin(&mut self, before: usize) {
         self.before = before;
         self.start = Instant::now();
@@ -72,7 +72,7 @@ impl Progress {
         }
     }
 
-    /// After a step.
+    /// Shows the state after `done` steps.
     pub fn step(&mut self, done: usize, loss: f64, blur: Option<f64>) {
         let latest = Latest { done, loss, blur };
         self.latest = Some(latest);
@@ -91,7 +91,7 @@ impl Progress {
         }
     }
 
-    /// At the end: the last step and why it was the last, where lines are written.
+    /// Ends the display. Where lines are written, the last one says why the fit ended.
     pub fn finish(&mut self, stop: Stop) {
         let why = match stop {
             Stop::Steps => "",
@@ -132,7 +132,7 @@ impl Progress {
     }
 }
 
-/// A fit goes on where nobody can be told how it goes.
+/// Writes a line to the standard error. Failures are ignored, so that the fit goes on.
 fn write_line(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
@@ -144,7 +144,7 @@ fn state(loss: f64, blur: Option<f64>) -> String {
     }
 }
 
-/// As `fit: step 40/200, loss 1.234e-3, blur 2.0e-2, 12 s, about 48 s left`.
+/// The line of a step: `fit: step 40/200, loss 1.234e-3, blur 2.0e-2, 12 s, about 48 s left`.
 fn line(latest: Latest, (before, steps): (usize, usize), elapsed: Duration) -> String {
     let Latest { done, loss, blur } = latest;
     let mut text = format!(

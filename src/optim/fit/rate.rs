@@ -15,7 +15,7 @@ enum Shape {
 }
 
 impl Rate {
-    /// The same at every step.
+    /// The same rate at every step.
     pub fn constant(rate: f64) -> Self {
         Self {
             start: rate,
@@ -23,7 +23,7 @@ impl Rate {
         }
     }
 
-    /// From `start` down to 0 along half a cosine: rate·(1 + cos(π·step/steps))/2.
+    /// A rate that falls from `start` to 0 along half a cosine: start·(1 + cos(π·step/steps))/2.
     pub fn cosine(start: f64) -> Self {
         Self {
             start,
@@ -31,7 +31,7 @@ impl Rate {
         }
     }
 
-    /// From `start` to `end` by the same factor at every step.
+    /// A rate that goes from `start` to `end` by the same factor at every step.
     pub fn exponential(start: f64, end: f64) -> Self {
         Self {
             start,

@@ -17,7 +17,7 @@ use crate::optim::schedule::Blur;
 /// A fit under way.
 struct Run<M> {
     fit: Fit<M>,
-    /// What a checkpoint is compared by; empty where there are none.
+    /// The settings that a checkpoint must have; empty without checkpoints.
     settings: String,
     checkpoints: Option<Checkpoints>,
     history: History,
@@ -192,7 +192,7 @@ impl<M: Module> Run<M> {
         Ok((self, end))
     }
 
-    /// Whether a plateau ends at a step, of which it warns.
+    /// Whether a plateau ends at a step; warns if so.
     fn plateau(&mut self, step: usize) -> bool {
         let window = self.window;
         let flat = self.history.is_flat(window, self.plateaus.last().copied());

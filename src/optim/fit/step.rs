@@ -1,15 +1,13 @@
-//! What goes into a step of a fit and what comes out of it, and of the whole.
-
-use burn::tensor::Tensor;
+//! The input of a step of a fit, the report after it, and the result of the whole fit.
 
 use super::pictures::{Images, read};
 use super::{History, Warning};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::figure::Figure;
 use crate::io::HostImage;
 use crate::render::RenderOptions;
 
-/// What a step of a fit is to be evaluated with.
+/// The step of a fit that is to be evaluated.
 #[derive(Clone, Debug)]
 pub struct Step {
     /// Counted from 0.
@@ -39,88 +37,7 @@ impl Step {
     }
 }
 
-/// What a step found: a loss in the graph of the module's parameters, and what is to be recorded.
-#[derive(Clone)]
-pub struct Evaluation {
-    pub(super) loss: Tensor<1>,
-    pub(super) values: Vec<(String, f64)>,
-    pub(super) images: Vec<(String, Tensor<3>)>,
-    pub(super) targets: Vec<(String, Tensor<3>)>,
-}
-
-impl Evaluation {
-    /// An evaluation from a scalar loss `[1]`.
-    pub fn new(loss: Tensor<1>) -> Self {
-        Self {
-            loss,
-            values: Vec::new(),
-            images: Vec::new(),
-            targets: Vec::new(),
-        }
-    }
-
-    /// With a number for the history: a parameter, an error, a part of the loss. Every step is to name
-    /// the same numbers in the same order.
-    pub fn value(mut self, name: impl Into<String>, value: f64) -> Self {
-        self.values.push((name.into(), value));
-        self
-    }
-
-    /// With an image `[H, W, 3]` of linear radiance for [`Fit::pictures`](super::Fit::pictures) and the
-    /// callback of [`Fit::on_step`](super::Fit::on_step). A name is to mean the same view at every
-    /// step.
-    pub fn image(mut self, name: impl Into<String>, image: Tensor<3>) -> Self {
-        self.images.push((name.into(), image));
-        self
-    }
-
-    /// With the target `[H, W, 3]` of the image of a name, to be seen beside it.
-    pub fn target(mut self, name: impl Into<String>, target: Tensor<3>) -> Self {
-        self.targets.push((name.into(), target));
-        self
-    }
-
-    /// That names are of one image each, and targets of images that are there and of their size.
-    pub(super) fn check(&self) -> Result<()> {
-        for all in [&self.images, &self.targets] {
-            for (i, (name, _)) in all.iter().enumerate() {
-                if all[..i].iter().any(|other| other.0 == *name) {
-                    let field = format!("image or target {name:?}");
-                    return Err(Error::invalid(
-                        "fit",
-                        field,
-                        "named twice",
-                        "one of each name",
-                    ));
-                }
-            }
-        }
-        for (name, target) in &self.targets {
-            let Some((_, image)) = self.images.iter().find(|i| i.0 == *name) else {
-                let names: Vec<&String> = self.images.iter().map(|i| &i.0).collect();
-                let expected = format!("the name of an image, of which there are {names:?}");
-                return Err(Error::invalid(
-                    "fit",
-                    "name of a target",
-                    format!("{name:?}"),
-                    expected,
-                ));
-            };
-            let (found, expected) = (target.dims(), image.dims());
-            if found != expected {
-                return Err(Error::invalid(
-                    "fit",
-                    format!("shape of the target {name:?}"),
-                    format!("{found:?}"),
-                    format!("{expected:?} like its image"),
-                ));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// What a callback sees after a step.
+/// The state of a fit after a step, for callbacks.
 pub struct Report<'a, M> {
     /// The module before the step, which the loss is of.
     pub module: &'a M,
@@ -134,7 +51,7 @@ pub struct Report<'a, M> {
 }
 
 impl<M> Report<'_, M> {
-    /// The images of the step's evaluation, by name.
+    /// Reads back the images of the step's evaluation, with their names.
     ///
     /// # Errors
     /// If one can't be read back from its device.
@@ -143,7 +60,7 @@ impl<M> Report<'_, M> {
         images.map(|(n, i)| Ok((n.clone(), read(i)?))).collect()
     }
 
-    /// The images beside their targets and differences, as [`Fit::pictures`](super::Fit::pictures)
+    /// Draws the images beside their targets and differences, as [`Fit::pictures`](super::Fit::pictures)
     /// writes them.
     ///
     /// # Errors
@@ -176,11 +93,11 @@ pub struct Fitted<M> {
     pub history: History,
     /// Why it ended.
     pub stop: Stop,
-    /// The step of the checkpoint that it went on from.
+    /// The step of the checkpoint that it resumed from, if it did.
     pub resumed: Option<usize>,
     /// Steps at which the loss had not fallen for a while though the blur was constant.
     pub plateaus: Vec<usize>,
-    /// What is likely not meant, in the order in which it was found; without what a run before a
-    /// resumption found.
+    /// Warnings in the order in which they arose, without those of a run before a
+    /// resumption.
     pub warnings: Vec<Warning>,
 }

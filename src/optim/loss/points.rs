@@ -1,4 +1,4 @@
-//! How far point clouds are from each other.
+//! Distances of point clouds.
 
 use burn::tensor::Tensor;
 use glam::DVec3;

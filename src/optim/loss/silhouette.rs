@@ -1,4 +1,4 @@
-//! How far silhouettes overlap.
+//! Losses of the overlap of silhouettes.
 
 use burn::tensor::Tensor;
 

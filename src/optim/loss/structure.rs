@@ -70,7 +70,7 @@ fn along(image: Tensor<3>, axis: usize) -> Tensor<3> {
     (1..weights.len()).fold(part(0), |sum, i| sum + part(i))
 }
 
-/// The weights of so many pixels about their middle; their sum is 1.
+/// The weights of a window of `length` pixels, which sum up to 1.
 fn gaussian(length: usize) -> Vec<f64> {
     let middle = 0.5 * (length as f64 - 1.0);
     let weight = |i: usize| (-0.5 * ((i as f64 - middle) / DEVIATION).powi(2)).exp();

@@ -11,7 +11,7 @@ use crate::scene::{Camera, Detach, Flattened, Scene, visit_tensors};
 /// The angle at the start of [`BlurSchedule::auto`], as a share of the one that the smallest object has
 /// about the camera.
 const START: f64 = 0.75;
-/// The most of it, as a share of the half-angle of what the camera sees.
+/// The largest angle at the start, as a share of the half-angle of the view.
 const START_SEEN: f64 = 0.375;
 /// The angle at the end of [`BlurSchedule::auto`], as a share of a pixel's.
 const END: f64 = 0.5;
@@ -66,7 +66,7 @@ pub fn pixel_angle(camera: &Camera, height: usize) -> Result<f64> {
     Ok((2.0 * camera.half_height()? / height as f64).atan())
 }
 
-/// What a camera sees of a scene, in scene units.
+/// The sizes and the distance of a scene in the view of a camera, in scene units.
 struct View {
     /// The distance from the mean of all vertices to the farthest.
     radius: f64,

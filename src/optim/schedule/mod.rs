@@ -1,4 +1,4 @@
-//! Blur over the steps of a fit: wide edges first, from afar, sharp ones at the end.
+//! Blur over the steps of a fit: wide at the start, narrow at the end.
 //!
 //! `docs/BLUR.md` has the measurements that the fractions of [`BlurSchedule::auto`] come from.
 
@@ -42,17 +42,17 @@ pub struct BlurSchedule {
     fall: Fall,
 }
 
-/// How the logarithm of the value goes from start to end.
+/// The course of the logarithm of the value from start to end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fall {
-    /// In equal steps.
+    /// It falls in equal steps.
     Even,
-    /// As half a wave of the cosine.
+    /// It falls as half a period of the cosine.
     Cosine,
 }
 
 impl BlurSchedule {
-    /// The same value at every step: radians for cones, scene units squared for the softmax.
+    /// A schedule with the same value at every step: radians for cones, scene units squared for the softmax.
     ///
     /// # Errors
     /// If it is not a finite number ≥ 0.
@@ -70,7 +70,7 @@ impl BlurSchedule {
         })
     }
 
-    /// From `start` at step 0 to `end` at step `steps` and after it: start·(end/start)^(step/steps);
+    /// A schedule from `start` at step 0 to `end` at step `steps` and after it: start·(end/start)^(step/steps);
     /// radians for cones, scene units squared for the softmax.
     ///
     /// # Errors
@@ -80,7 +80,7 @@ impl BlurSchedule {
         Self::falling(start, end, steps, Fall::Even)
     }
 
-    /// Like [`BlurSchedule::decay`], but slowly at both ends: start·(end/start)^((1 −
+    /// As [`BlurSchedule::decay`], but slow at both ends: start·(end/start)^((1 −
     /// cos(π·step/steps))/2). It is at the geometric mean half-way, like `decay`, and there falls
     /// π/2 times as fast.
     ///
@@ -109,7 +109,7 @@ impl BlurSchedule {
         })
     }
 
-    /// Stays at the start for so many steps before it begins to fall.
+    /// Sets the number of steps for which the value stays at the start.
     pub fn hold(mut self, steps: usize) -> Self {
         self.hold = steps;
         self
@@ -133,7 +133,7 @@ impl BlurSchedule {
     }
 }
 
-/// Blur of either kind, so that a fit needs to know of one.
+/// Blur of either kind, for a fit.
 ///
 /// ```
 /// use softray::optim::{Blur, BlurSchedule, PlateauBlur};
@@ -151,9 +151,9 @@ impl BlurSchedule {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Blur {
-    /// By the number of the step.
+    /// Blur that depends on the number of the step.
     Scheduled(BlurSchedule),
-    /// By the losses that were observed.
+    /// Blur that depends on the observed losses.
     Plateau(PlateauBlur),
 }
 
@@ -167,7 +167,7 @@ impl Blur {
         }
     }
 
-    /// Takes the loss of a step, see [`PlateauBlur::observe`]; a schedule does nothing with it.
+    /// Observes the loss of a step, see [`PlateauBlur::observe`]; a schedule ignores it.
     pub fn observe(&mut self, loss: f64) {
         match self {
             Self::Scheduled(_) => {}
@@ -188,7 +188,7 @@ impl From<PlateauBlur> for Blur {
     }
 }
 
-/// That a value can fall from start to end by factors.
+/// Checks that a value can fall from start to end by factors.
 fn check_ends(object: &str, start: f64, end: f64) -> Result<()> {
     for (field, value) in [("start", start), ("end", end)] {
         if !(value.is_finite() && value > 0.0) {

@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 use super::check_ends;
 use crate::error::{Error, Result};
 
-/// The relative fall of the loss up to which it counts as stopped, unless told otherwise.
+/// The relative fall of the loss up to which it counts as stopped, by default.
 const TOLERANCE: f64 = 0.02;
 
-/// σ or γ of a fit of which no one knows how many steps a width of blur needs: it is multiplied by a
+/// Blur for a fit in which the number of steps for each width is unknown: it is multiplied by a
 /// factor whenever the loss has stopped falling, down to an end.
 ///
 /// Losses of renders are noisy, so means are compared: that of the last `patience` losses with
@@ -42,7 +42,7 @@ pub struct PlateauBlur {
 }
 
 impl PlateauBlur {
-    /// From `start` to `end`, in units of what it serves (σ: scene units squared, γ: units of the
+    /// A blur from `start` to `end`, in the units of its use (σ: scene units squared, γ: units of the
     /// scene's depth), by `factor` at every change; means are of `patience` losses.
     ///
     /// # Errors
@@ -66,7 +66,7 @@ impl PlateauBlur {
         })
     }
 
-    /// The value falls when the mean loss has fallen by less than this share of its size; 0.02 by default.
+    /// Sets the relative fall of the mean loss up to which the value falls, in [0, 1); 0.02 by default.
     ///
     /// # Errors
     /// If it is not at least 0 and under 1.
@@ -79,12 +79,12 @@ impl PlateauBlur {
         Ok(self)
     }
 
-    /// What to render the next step with.
+    /// The blur of the next step.
     pub fn value(&self) -> f64 {
         self.value
     }
 
-    /// Takes the loss of a step. One that is not finite is ignored; one may be negative
+    /// Observes the loss of a step. It is ignored if it is not finite; it may be negative
     /// ([`mse_unbiased`](crate::loss::mse_unbiased)): the fall is measured against its size.
     pub fn observe(&mut self, loss: f64) {
         if !loss.is_finite() || self.value <= self.end {

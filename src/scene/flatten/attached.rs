@@ -10,7 +10,7 @@ use crate::scene::{Parameter, Scene};
 /// Velocities, attributes of corners, materials and environment.
 #[derive(Clone, Debug)]
 pub(crate) struct Attached {
-    /// Of each triangle, where anything moves, in units of the scene's `unit`.
+    /// The velocity of each triangle, if any object moves, in units of the scene's `unit` over the shutter.
     pub velocity: Option<Vec3>,
     /// Texture coordinates of the corners, z unused, if any material has a texture.
     pub uvs: Option<VertexData>,

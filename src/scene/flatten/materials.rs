@@ -20,7 +20,7 @@ pub struct TextureSlot {
 /// A parameter of all materials.
 #[derive(Clone, Debug)]
 pub(crate) struct ChannelPlanes {
-    /// `[1, M]`; 0 where the material has a texture. A scalar is x.
+    /// Values `[1, M]`, 0 where the material has a texture. A scalar parameter is in x.
     pub constant: Vec3,
     /// The texture of each material.
     pub texture: Vec<Option<TextureSlot>>,
@@ -31,7 +31,7 @@ pub(crate) struct ChannelPlanes {
 /// All materials of a scene.
 #[derive(Clone, Debug)]
 pub(crate) struct Materials {
-    /// In the order of [`Channel::ALL`].
+    /// The parameters, in the order of [`Channel::ALL`].
     channels: Vec<ChannelPlanes>,
     pub kinds: Vec<MaterialKind>,
 }

@@ -1,4 +1,4 @@
-//! From a scene to the planes that rays meet: the one place that gathers vertices into triangles.
+//! Flattens a scene into planes of triangles and materials.
 
 mod attached;
 mod materials;
@@ -35,17 +35,17 @@ impl From<Bounds> for Normalization {
 pub(crate) struct Flattened {
     /// Device and float type.
     pub context: Context,
-    /// Relative to the centre of the normalization, in units of `unit`.
+    /// The triangles, relative to the centre of the normalization, in units of `unit`.
     pub triangles: Triangles,
     /// Host-side connectivity.
     pub topology: Topology,
     /// All materials.
     pub(crate) materials: Materials,
-    /// Triangles that emit.
+    /// The triangles that emit.
     pub emitters: Vec<u32>,
     /// The place and size of the scene, in scene units.
     pub(crate) normalization: Normalization,
-    /// The length that everything is measured in from here on, in scene units: the power of two
+    /// The unit of length of the planes, in scene units: the power of two
     /// nearest to the scene's radius. So a scene renders alike at any scale, and squares and
     /// products of small lengths do not underflow.
     pub unit: f64,

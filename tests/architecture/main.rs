@@ -1,0 +1,55 @@
+//! The rules of ARCHITECTURE.md that a program can check: imports go one way, files stay short, long
+//! functions give a reason. Clippy counts the lines of functions (`clippy.toml`).
+
+mod circles;
+mod files;
+mod modules;
+mod order;
+
+use circles::circles;
+use files::{long_without_reason, root, sources, too_long};
+use modules::Modules;
+use order::Order;
+
+/// Fails with one line for each thing that is wrong.
+#[track_caller]
+fn assert_none(problem: &str, found: &[String]) {
+    assert!(found.is_empty(), "{problem}:\n{}\n", found.join("\n"));
+}
+
+#[test]
+fn no_circles_of_imports_in_a_folder() {
+    let imports = Modules::of_src().imports();
+    assert_none("files that import each other", &circles(&imports));
+}
+
+#[test]
+fn folders_import_what_stands_to_their_right() {
+    let text = std::fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
+    let (order, modules) = (Order::parse(&text), Modules::of_src());
+    assert_none(
+        "ARCHITECTURE.md's order of folders and src/ differ",
+        &order.differences(&modules),
+    );
+    assert_none(
+        "folders that import what stands to their left",
+        &order.against(&modules.imports()),
+    );
+}
+
+#[test]
+fn files_are_short() {
+    let sources = sources();
+    let long: Vec<String> = sources.iter().filter_map(too_long).collect();
+    assert_none("files that are too long", &long);
+}
+
+#[test]
+fn long_functions_give_a_reason() {
+    let sources = sources();
+    let silent: Vec<String> = sources.iter().flat_map(long_without_reason).collect();
+    assert_none(
+        "`too_many_lines` is let pass without `reason = \"…\"`",
+        &silent,
+    );
+}
