@@ -65,14 +65,6 @@ impl Vec3 {
         )
     }
 
-    /// Concatenates vectors along a dimension of their planes.
-    pub(crate) fn cat(parts: &[Self], dim: usize) -> Self {
-        let plane = |f: fn(&Self) -> &Tensor<2>| {
-            Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim)
-        };
-        Self::new(plane(|p| &p.x), plane(|p| &p.y), plane(|p| &p.z))
-    }
-
     /// The planes `[1, N]` as `[3, N]`.
     pub fn rows(&self) -> Tensor<2> {
         Tensor::cat(vec![self.x.clone(), self.y.clone(), self.z.clone()], 0)
