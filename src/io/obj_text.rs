@@ -391,11 +391,12 @@ mod tests {
     fn a_file_of_texels_is_one_texture() {
         let folder = std::env::temp_dir().join(format!("softray-texts-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder");
-        let mtl =
-            "newmtl a\nmap_Kd wood.png\nnewmtl b\nmap_Kd ./wood.png\nnewmtl c\nmap_Kd stone.png\n";
-        std::fs::write(folder.join("scene.mtl"), mtl).expect("a file");
+        let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("it");
+        let files = ["wood.png", "./wood.png", "stone.png"];
+        let mtl = files.map(|file| format!("newmtl {file}\nmap_Kd {file}\n"));
+        write("scene.mtl", &mtl.concat());
+        write("scene.obj", "mtllib scene.mtl\nv 0 0 0\n");
         let obj = folder.join("scene.obj");
-        std::fs::write(&obj, "mtllib scene.mtl\nv 0 0 0\n").expect("a file");
         let text = ObjText::read(&obj, &LoadLimits::default()).expect("a text");
         assert_eq!(text.textures.len(), 2);
         assert_eq!(text.mtl.matches("map_Kd 0").count(), 2);

@@ -101,9 +101,12 @@ impl KernelScene {
         }
         let m = &self.materials[tri.material as usize];
         let mut values = [V3::ZERO; CHANNELS];
+        let count = m.kind.shading();
         let mut i = 0;
-        while i < m.kind.shading() {
-            values[i] = m.channels[i].at(&self.texels, uv);
+        while i < CHANNELS {
+            if i < count {
+                values[i] = m.channels[i].at(&self.texels, uv);
+            }
             i += 1;
         }
         let shading = Shading {

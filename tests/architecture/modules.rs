@@ -67,7 +67,7 @@ impl Modules {
         let mut module = Names::new();
         for name in path {
             let child = [&module[..], std::slice::from_ref(name)].concat();
-            if self.0.contains_key(&child) {
+            if self.0.keys().any(|key| key.starts_with(&child)) {
                 module = child;
             } else if let Some(target) = self.exported(&module, name) {
                 module = target;
