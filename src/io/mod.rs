@@ -1,6 +1,7 @@
 //! Files: OBJ with MTL, images, animations, and scenes with a camera as JSON.
 
 mod animation;
+mod counting;
 mod images;
 mod limits;
 mod mtl_write;

@@ -4,11 +4,11 @@
 
 use std::collections::HashSet;
 use std::fmt::Write;
-use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::counting::Counting;
 use super::limits::{LoadLimits, read_text};
 use super::obj_names::{keyword, libraries, resolve, texture_name};
 use super::polygon;
@@ -355,31 +355,6 @@ fn check_corner(
         *present = true;
     }
     Ok([present[1], present[2]])
-}
-
-/// A reader that knows how many lines were taken from it.
-struct Counting<'a> {
-    rest: &'a [u8],
-    lines: usize,
-}
-
-impl Read for Counting<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        self.rest.read(buffer)
-    }
-}
-
-impl BufRead for Counting<'_> {
-    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
-        let end = self.rest.iter().position(|&b| b == b'\n');
-        Ok(&self.rest[..end.map_or(self.rest.len(), |e| e + 1)])
-    }
-
-    fn consume(&mut self, amount: usize) {
-        let (taken, rest) = self.rest.split_at(amount.min(self.rest.len()));
-        self.lines += taken.iter().filter(|&&b| b == b'\n').count();
-        self.rest = rest;
-    }
 }
 
 #[cfg(test)]
