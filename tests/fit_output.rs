@@ -81,8 +81,11 @@ fn losses_out_of_the_graph_are_errors() {
     }
     #[cfg(feature = "ndarray")]
     {
-        let ndarray = Device::ndarray().autodiff();
-        let other = run(|_| Tensor::<1>::ones([1], &ndarray).require_grad());
+        #[allow(deprecated)] // burn deprecates ndarray
+        let other = run(|_| {
+            let ndarray = Device::ndarray().autodiff();
+            Tensor::<1>::ones([1], &ndarray).require_grad()
+        });
         assert!(other.contains("device of the loss"), "{other}");
         says(&other, ["ndarray", "flex"]);
     }
