@@ -97,9 +97,9 @@ impl KernelScene {
                 kind: m.kind,
             })
             .collect();
-        let emits = |t: &&(usize, &Triangle)| materials[t.1.material as usize].kind.emits;
-        let list = triangles.iter().enumerate().collect::<Vec<_>>();
-        let list = list.iter().filter(emits).map(|&(k, t)| Emitter {
+        let emits = |t: &(usize, &Triangle)| materials[t.1.material as usize].kind.emits;
+        let list = triangles.iter().enumerate().filter(emits);
+        let list = list.map(|(k, t)| Emitter {
             triangle: k as u32,
             object: t.object,
             corners: t.corners,

@@ -102,6 +102,7 @@ impl KernelScene {
         let m = &self.materials[tri.material as usize];
         let mut values = [V3::ZERO; CHANNELS];
         let count = m.kind.shading();
+        // As many turns whatever the material, so that the loop is unrolled.
         let mut i = 0;
         while i < CHANNELS {
             if i < count {

@@ -28,8 +28,8 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
         device: first.device().inner(),
         dtype: first.dtype(),
     };
-    same_kind(&context, |visit| visit_scene(&mut scene.clone(), visit))
-        .map_err(|(id, e)| e(scene.place_of(id)))?;
+    let visit = |same: &mut SameKind<'_>| visit_scene(&mut scene.clone(), same);
+    same_kind(&context, visit, |id| scene.place_of(id))?;
     for object in &scene.objects {
         let name = &object.name;
         let mesh = &object.mesh;
@@ -71,13 +71,10 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
 
 /// Checks that the camera's tensors are of the scene's device and float type, and its values finite and in range.
 pub(crate) fn check_camera(camera: &Camera, context: &Context) -> Result<()> {
-    same_kind(context, |visit| visit_camera(&mut camera.clone(), visit))
-        .map_err(|(id, e)| e(("camera".into(), id.field().into())))?;
+    let visit = |same: &mut SameKind<'_>| visit_camera(&mut camera.clone(), same);
+    same_kind(context, visit, |id| ("camera".into(), id.field().into()))?;
     camera.check()
 }
-
-/// Makes an error from the names of an object and a field.
-type Told = Box<dyn FnOnce((String, String)) -> Error>;
 
 /// Finds the first tensor of another device or float type.
 struct SameKind<'a> {
@@ -95,10 +92,12 @@ impl Visit for SameKind<'_> {
     }
 }
 
+/// `place` gives the names of the object and the field of a tensor.
 fn same_kind(
     context: &Context,
     visit: impl FnOnce(&mut SameKind<'_>),
-) -> std::result::Result<(), (ParameterId, Told)> {
+    place: impl FnOnce(ParameterId) -> (String, String),
+) -> Result<()> {
     let mut same = SameKind {
         context,
         other: None,
@@ -107,25 +106,22 @@ fn same_kind(
     let Some((id, device, dtype)) = same.other else {
         return Ok(());
     };
-    let context = context.clone();
-    let told = move |(object, field)| {
-        if device == context.device {
-            Error::DtypeMismatch {
-                object,
-                field,
-                found: format!("{dtype:?}"),
-                expected: format!("{:?}", context.dtype),
-            }
-        } else {
-            Error::DeviceMismatch {
-                object,
-                field,
-                found: label(&device),
-                expected: label(&context.device),
-            }
+    let (object, field) = place(id);
+    Err(if device == context.device {
+        Error::DtypeMismatch {
+            object,
+            field,
+            found: format!("{dtype:?}"),
+            expected: format!("{:?}", context.dtype),
         }
-    };
-    Err((id, Box::new(told)))
+    } else {
+        Error::DeviceMismatch {
+            object,
+            field,
+            found: label(&device),
+            expected: label(&context.device),
+        }
+    })
 }
 
 impl Scene {

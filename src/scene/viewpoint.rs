@@ -209,17 +209,8 @@ impl Camera {
             let expected = "a vector that is not 0";
             return Err(Error::invalid("camera", "direction", towards, expected));
         }
+        let center = DVec3::from(scene.bounds()?.center());
         let points = scene.host_points()?;
-        let low = points.iter().copied().reduce(DVec3::min);
-        let high = points.iter().copied().reduce(DVec3::max);
-        let (Some(low), Some(high)) = (low, high) else {
-            let objects = scene.objects.len();
-            return Err(Error::NoTriangles {
-                path: None,
-                objects,
-            });
-        };
-        let center = 0.5 * (low + high);
         let length = towards.length();
         let backward = towards / length;
         let mut up = DVec3::Y;
@@ -255,13 +246,14 @@ impl Camera {
 }
 
 impl Scene {
-    /// The vertices of all objects, at the start and the end of the shutter.
+    /// The corners of all faces, at the start and the end of the shutter.
     fn host_points(&self) -> Result<Vec<DVec3>> {
         let mut points = Vec::new();
         for object in &self.objects {
             let first = points.len();
             let vertices = object.mesh.host_vertices()?;
-            points.extend(vertices.into_iter().map(DVec3::from));
+            let corners = object.mesh.faces.iter().flatten();
+            points.extend(corners.map(|&v| DVec3::from(vertices[v as usize])));
             if let Some(velocity) = &object.velocity {
                 let velocity = DVec3::from(velocity.values()?);
                 for i in first..points.len() {
