@@ -60,12 +60,12 @@ pub mod prelude {
     pub use crate::io::{HostImage, LoadLimits, SceneFile};
     pub use crate::modules::{
         CameraParams, CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig,
-        MeshOffsets, MeshParams, RenderLoss, RenderLossConfig, Renderer, RendererConfig,
-        RigidTransform, RigidTransformConfig, TextureParams,
+        MeshOffsets, MeshParams, RenderLoss, RenderLossConfig, Renderer, RigidTransform,
+        RigidTransformConfig, TextureParams,
     };
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{
-        Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch, Progress,
+        Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch,
         RenderOptions, Sampling, Sequence, Statistics, SurfaceSampling, Visibility, overview,
         render, render_batch, render_pixels,
     };

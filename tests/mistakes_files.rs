@@ -10,7 +10,7 @@ use common::folder::Folder;
 use common::told::{Told, ball, camera, flex, lit, row, see, small, warnings};
 use softray::modules::{
     CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig, RenderLossConfig,
-    RendererConfig, RigidTransform, TextureParams,
+    Renderer, RigidTransform, TextureParams,
 };
 use softray::optim::{BlurSchedule, LargeSteps, LargeStepsConfig, MeshRegulariser};
 use softray::prelude::*;
@@ -141,7 +141,7 @@ fn modules() {
         RigidTransform::new(&device).with_size(2.0)
     });
     told.expect("no columns", &["width", "0"], || {
-        RendererConfig::new(0, 4).init()
+        Renderer::new(RenderOptions::new(0, 4))
     });
     told.expect("weights", &["weights", "0"], || {
         RenderLossConfig::new().with_mse(0.0).init()

@@ -20,18 +20,6 @@ fn renderers_and_configurations() {
         gamma: 0.01,
         epsilon: 1e-3,
     };
-    let config = RendererConfig::new(8, 6)
-        .with_samples(2)
-        .with_bounces(1)
-        .with_visibility(softmax)
-        .with_seed(0)
-        .with_russian_roulette(Some(1))
-        .with_rays_per_tile(Some(64))
-        .with_opacity(true);
-    let path = common::target_folder("renderer").join("renderer.json");
-    config.save(&path).expect("a file");
-    let loaded = RendererConfig::load(&path).expect("a configuration");
-    assert_eq!(loaded, config);
     let options = RenderOptions::new(8, 6)
         .samples(2)
         .bounces(1)
@@ -39,10 +27,25 @@ fn renderers_and_configurations() {
         .russian_roulette(1)
         .rays_per_tile(64)
         .with_opacity();
-    let found = loaded.options().expect("options");
-    assert_eq!(format!("{found:?}"), format!("{options:?}"));
+    let path = common::target_folder("renderer").join("renderer.json");
+    options.save(&path).expect("a file");
+    let loaded = RenderOptions::load(&path).expect("options");
+    assert_eq!(format!("{loaded:?}"), format!("{options:?}"));
+    std::fs::write(
+        &path,
+        r#"{"width": 8, "height": 6, "outputs": {"depth": true}}"#,
+    )
+    .expect("a file");
+    let few = RenderOptions::load(&path).expect("options");
+    let same = RenderOptions::new(8, 6).with_depth();
+    assert_eq!(format!("{few:?}"), format!("{same:?}"));
+    std::fs::write(&path, r#"{"width": 8, "heigth": 6}"#).expect("a file");
+    says(message(RenderOptions::load(&path)), ["heigth"]);
+    std::fs::write(&path, r#"{"width": 8}"#).expect("a file");
+    let flat = RenderOptions::load(&path).expect("options");
+    says(message(Renderer::new(flat)), ["height is 0"]);
 
-    let renderer = config.init().expect("a renderer");
+    let renderer = Renderer::new(loaded).expect("a renderer");
     let image = |r: &Renderer, seed| r.render(&scene, &ahead(), seed).expect("a render");
     let same = render(&scene, &ahead(), &options.clone().seed(7)).expect("a render");
     let equal = |a: &Tensor<3>, b: &Tensor<3>| assert!(values(a) == values(b), "{a} {b}");
@@ -51,18 +54,22 @@ fn renderers_and_configurations() {
     equal(&a.radiance, &image(&renderer, 6).radiance);
     equal(&b.radiance, &image(&renderer, 7).radiance);
     assert!(a.opacity.is_some());
-    let other = config.clone().with_seed(1).init().expect("a renderer");
+    let other = Renderer::new(options.clone().seed(1)).expect("a renderer");
     let apart = values(&image(&other, 7).radiance) != values(&same.radiance);
     assert!(apart, "the renderer's seed counts");
 
-    let fails = |config: RendererConfig, said: &str| says(message(config.init()), [said]);
-    let wide = Visibility::cone(-1.0);
-    fails(config.clone().with_visibility(wide), "angle is -1");
-    fails(config.clone().with_samples(0), "samples is 0");
-    fails(RendererConfig::new(0, 6), "width is 0");
-    fails(config.clone().with_cutoff(2.0), "cutoff is 2");
-    let hard = Visibility::softmax(1e-3, 0.0);
-    fails(config.clone().with_visibility(hard), "gamma is 0");
+    let fails = |options: RenderOptions, said: &str| says(message(Renderer::new(options)), [said]);
+    fails(
+        options.clone().visibility(Visibility::cone(-1.0)),
+        "angle is -1",
+    );
+    fails(options.clone().samples(0), "samples is 0");
+    fails(RenderOptions::new(0, 6), "width is 0");
+    fails(options.clone().cutoff(2.0), "cutoff is 2");
+    fails(
+        options.visibility(Visibility::softmax(1e-3, 0.0)),
+        "gamma is 0",
+    );
     says(message(renderer.with_blur(f64::NAN)), ["sigma is NaN"]);
 }
 

@@ -16,19 +16,19 @@ fn autodiff() -> Device {
 
 /// The softmax without anything that a parameter could change the probability of, so that differences
 /// of one render are what its gradient has to be.
-fn still() -> RendererConfig {
-    RendererConfig::new(10, 8)
-        .with_samples(2)
-        .with_bounces(0)
-        .with_sampling(Sampling::paper())
-        .with_cutoff(1e-9)
-        .with_visibility(Visibility::softmax(1e-2, 0.1))
+fn still() -> RenderOptions {
+    RenderOptions::new(10, 8)
+        .samples(2)
+        .bounces(0)
+        .sampling(Sampling::paper())
+        .cutoff(1e-9)
+        .visibility(Visibility::softmax(1e-2, 0.1))
 }
 
 /// The mean radiance under weights that rise over the image, so that no symmetry cancels.
 fn seen(scene: &Scene, camera: &Camera) -> Tensor<1> {
     let half = 4.0 / 3f64.sqrt();
-    let options = still().options().expect("options").bounds(Bounds {
+    let options = still().bounds(Bounds {
         min: [-half; 3],
         max: [half; 3],
     });

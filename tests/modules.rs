@@ -150,10 +150,7 @@ fn world(device: &Device) -> World {
         .with_specular(Some([0.2; 3]))
         .with_emission(Some([0.3; 3]))
         .init(device);
-    let renderer = RendererConfig::new(12, 12)
-        .with_samples(4)
-        .with_bounces(0)
-        .init();
+    let renderer = Renderer::new(RenderOptions::new(12, 12).samples(4).bounces(0));
     World {
         mesh: MeshParams::from_mesh(&shapes::icosahedron(device)),
         pose: RigidTransformConfig::new().with_scale(true).init(device),

@@ -1,6 +1,5 @@
 //! Shared by the examples: the log, progress bars, fits.
 
-use std::sync::Arc;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use softray::prelude::*;
@@ -25,12 +24,14 @@ pub fn bar(length: u64, message: &'static str) -> ProgressBar {
 
 /// A progress bar that a render moves.
 #[allow(dead_code)]
-pub fn render_progress(message: &'static str) -> (ProgressBar, Progress) {
+pub fn render_progress(
+    message: &'static str,
+) -> (ProgressBar, impl Fn(usize, usize) + Send + Sync + 'static) {
     let bar = bar(1, message);
     let moved = bar.clone();
-    let progress: Progress = Arc::new(move |done, all| {
+    let progress = move |done, all| {
         moved.set_length(all as u64);
         moved.set_position(done as u64);
-    });
+    };
     (bar, progress)
 }

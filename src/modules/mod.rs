@@ -1,5 +1,4 @@
-//! Parts of scenes as burn modules: parameters that optimisers, records and files know, a renderer and a
-//! loss made from configurations.
+//! Parts of scenes as burn modules: parameters that optimisers, records and files know, a renderer and a loss.
 //!
 //! Each type turns its parameters into a part of a [`Scene`](crate::scene::Scene): [`MeshParams`] and
 //! [`MeshOffsets`] into a mesh, [`RigidTransform`] into a transform, [`CameraParams`] into a camera,
@@ -13,7 +12,7 @@
 //! ```
 //! use burn::module::Module;
 //! use softray::modules::{MaterialParams, MaterialParamsConfig, RigidTransform};
-//! use softray::modules::{RenderLoss, RenderLossConfig, Renderer, RendererConfig};
+//! use softray::modules::{RenderLoss, RenderLossConfig, Renderer};
 //! use softray::prelude::*;
 //!
 //! #[derive(Module, Debug)]
@@ -40,7 +39,7 @@
 //! let ball = Ball {
 //!     pose: RigidTransform::new(&device),
 //!     surface: MaterialParamsConfig::new().init(&device)?,
-//!     renderer: RendererConfig::new(8, 8).with_samples(2).init()?,
+//!     renderer: Renderer::new(RenderOptions::new(8, 8).samples(2))?,
 //!     loss: RenderLossConfig::new().init()?,
 //! };
 //! let loss = ball.forward(Tensor::zeros([8, 8, 3], &Device::flex()), 0)?;
@@ -70,7 +69,7 @@ pub use camera::{Aim, AimForm, CameraParams, CameraParamsConfig, LensParams};
 pub use loss::{RenderLoss, RenderLossConfig};
 pub use material::{MaterialParams, MaterialParamsConfig};
 pub use mesh::{MeshOffsets, MeshParams};
-pub use renderer::{Renderer, RendererConfig};
+pub use renderer::Renderer;
 #[cfg(feature = "safetensors")]
 pub use store::{load_safetensors, save_safetensors};
 pub use texture::{EnvironmentParams, TextureParams};

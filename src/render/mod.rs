@@ -23,7 +23,7 @@ pub use crate::transport::Diagnostics;
 pub use crate::visibility::Visibility;
 pub use batch::Batch;
 pub use film::{Image, ImageBatch, Statistics, SurfacesPerRay};
-pub use options::{Engine, Progress, RenderOptions};
+pub use options::{Engine, RenderOptions};
 pub use overview::overview;
 
 /// Renders a scene.

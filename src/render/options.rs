@@ -2,7 +2,9 @@
 
 use std::fmt;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
+use burn::config::Config;
 use serde::{Deserialize, Serialize};
 
 use crate::accel::HierarchyCache;
@@ -13,9 +15,6 @@ use crate::visibility::Visibility;
 
 /// Bounces of a path, at most.
 const MOST_BOUNCES: u32 = 10_000;
-
-/// Called after each tile with the number of tiles done and of all tiles.
-pub type Progress = Arc<dyn Fn(usize, usize) + Send + Sync>;
 
 /// The program that computes a render. Both give the same image, up to rounding, for the same seed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -32,8 +31,24 @@ pub enum Engine {
     Tensors,
 }
 
-/// The options of a render.
-#[derive(Clone)]
+/// The options of a render. Files have them by burn's [`Config`]; the cache of boxes and what is called after
+/// tiles are not part of a file, and what a file leaves out has its default.
+///
+/// ```
+/// use burn::config::Config;
+/// use softray::prelude::*;
+/// let options = RenderOptions::new(64, 48).samples(4).with_depth();
+/// let path = std::env::temp_dir().join(format!("softray-{}.json", std::process::id()));
+/// options.save(&path).expect("a file");
+/// let loaded = RenderOptions::load(&path).expect("options");
+/// # std::fs::remove_file(&path).expect("a file");
+/// assert_eq!(format!("{loaded:?}"), format!("{options:?}"));
+/// let few: RenderOptions = serde_json::from_str(r#"{"width": 64, "height": 48, "samples": 4}"#)
+///     .expect("options");
+/// # let _ = few;
+/// ```
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(default = "RenderOptions::without_size", deny_unknown_fields)]
 pub struct RenderOptions {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -44,51 +59,53 @@ pub struct RenderOptions {
     /// The half-angle of all cones, the camera's too.
     pub(super) blur: Option<f64>,
     pub(super) sampling: Sampling,
-    pub(super) seed: u64,
+    pub(crate) seed: u64,
     pub(super) roulette_after: Option<u32>,
     pub(super) rays_per_tile: Option<usize>,
     bounds: Option<Bounds>,
     /// The normalization where no bounds are set.
+    #[serde(skip)]
     normalization: Option<Normalization>,
     pub(super) outputs: Outputs,
     pub(super) diagnostics: bool,
     pub(super) brute_force: bool,
+    #[serde(skip)]
     pub(super) cache: Option<HierarchyCache>,
     pub(super) cutoff: f64,
-    pub(super) progress: Option<Progress>,
-    pub(super) memory_limit: u64,
+    #[serde(skip)]
+    pub(super) progress: Progress,
+    memory_limit: u64,
 }
+
+impl Config for RenderOptions {}
 
 /// The outputs beside radiance.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub(super) struct Outputs {
-    pub(super) opacity: bool,
-    pub(super) depth: bool,
-    pub(super) normals: bool,
-    pub(super) object_ids: bool,
+    pub opacity: bool,
+    pub depth: bool,
+    pub normals: bool,
+    pub object_ids: bool,
 }
 
-impl fmt::Debug for RenderOptions {
+/// What is called after each tile.
+#[derive(Clone, Default)]
+pub(super) struct Progress(Option<Arc<dyn Fn(usize, usize) + Send + Sync>>);
+
+impl Progress {
+    /// One more tile of so many is done.
+    pub fn tile(&self, done: &AtomicUsize, all: usize) {
+        let n = done.fetch_add(1, Ordering::Relaxed) + 1;
+        if let Some(call) = &self.0 {
+            call(n, all);
+        }
+    }
+}
+
+impl fmt::Debug for Progress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("RenderOptions")
-            .field("width", &self.width)
-            .field("height", &self.height)
-            .field("samples", &self.samples)
-            .field("bounces", &self.bounces)
-            .field("visibility", &self.visibility)
-            .field("engine", &self.engine)
-            .field("blur", &self.blur)
-            .field("sampling", &self.sampling)
-            .field("seed", &self.seed)
-            .field("roulette_after", &self.roulette_after)
-            .field("rays_per_tile", &self.rays_per_tile)
-            .field("bounds", &self.bounds)
-            .field("outputs", &self.outputs)
-            .field("diagnostics", &self.diagnostics)
-            .field("brute_force", &self.brute_force)
-            .field("cache", &self.cache)
-            .field("cutoff", &self.cutoff)
-            .finish_non_exhaustive()
+        f.write_str(if self.0.is_some() { "called" } else { "none" })
     }
 }
 
@@ -115,9 +132,14 @@ impl RenderOptions {
             brute_force: false,
             cache: None,
             cutoff: 1e-4,
-            progress: None,
+            progress: Progress::default(),
             memory_limit: 4 << 30,
         }
+    }
+
+    /// The defaults of a file, which [`Self::check`] refuses where it gives no size.
+    fn without_size() -> Self {
+        Self::new(0, 0)
     }
 
     /// Paths a pixel.
@@ -275,36 +297,44 @@ impl RenderOptions {
         self
     }
 
+    /// Calls a function after each tile with the number of tiles done and of all tiles.
+    pub fn progress(mut self, call: impl Fn(usize, usize) + Send + Sync + 'static) -> Self {
+        self.progress = Progress(Some(Arc::new(call)));
+        self
+    }
+
     /// That images of so many pixels in all may be rendered.
     pub(super) fn check_memory(&self, pixels: u128) -> Result<()> {
         let o = self.outputs;
-        let channels = [(o.opacity, 1), (o.depth, 1), (o.normals, 3)];
-        let more: u128 = channels.iter().filter(|c| c.0).map(|c| c.1).sum();
-        let bytes = 4 * (3 + more) * pixels;
+        let channels = [(true, 3), (o.opacity, 1), (o.depth, 1), (o.normals, 3)];
+        let channels: u128 = channels.iter().filter(|c| c.0).map(|c| c.1).sum();
+        let bytes = 4 * channels * pixels;
         if bytes <= u128::from(self.memory_limit) {
             return Ok(());
         }
-        Err(Error::invalid(
-            "options",
-            "width × height",
-            format!("{} × {}", self.width, self.height),
-            format!(
-                "images within {:.1} GB (RenderOptions::memory_limit); they take {:.1} GB",
-                self.memory_limit as f64 / 1e9,
-                bytes as f64 / 1e9
-            ),
-        ))
+        let expected = format!(
+            "images within {:.1} GB (RenderOptions::memory_limit); they take {:.1} GB",
+            self.memory_limit as f64 / 1e9,
+            bytes as f64 / 1e9
+        );
+        Err(self.size_error(expected))
     }
 
-    /// Calls a function after each tile.
-    pub fn progress(mut self, progress: Progress) -> Self {
-        self.progress = Some(progress);
-        self
+    pub(super) fn size_error(&self, expected: impl Into<String>) -> Error {
+        let size = format!("{} × {}", self.width, self.height);
+        Error::invalid("options", "width × height", size, expected)
     }
 
     /// That all values are in their ranges.
     pub(crate) fn check(&self) -> Result<()> {
-        let options = "options";
+        let wrong = |field, value: &dyn ToString, expected: &str| {
+            Err(Error::invalid(
+                "options",
+                field,
+                value.to_string(),
+                expected,
+            ))
+        };
         for (field, value) in [
             ("width", self.width),
             ("height", self.height),
@@ -312,52 +342,30 @@ impl RenderOptions {
             ("rays_per_tile", self.rays_per_tile.unwrap_or(1)),
         ] {
             if value == 0 {
-                return Err(Error::invalid(options, field, value, "at least 1"));
+                return wrong(field, &value, "at least 1");
             }
         }
         if self.width.saturating_mul(self.height) > u32::MAX as usize {
-            let size = format!("{} × {}", self.width, self.height);
-            return Err(Error::invalid(
-                options,
-                "width × height",
-                size,
-                "at most 2³² − 1 pixels",
-            ));
+            return Err(self.size_error("at most 2³² − 1 pixels"));
         }
         if self.bounces > MOST_BOUNCES {
-            let expected = format!(
-                "at most {MOST_BOUNCES}; a path would go on for up to {} surfaces",
-                u64::from(self.bounces) + 1
-            );
-            return Err(Error::invalid(options, "bounces", self.bounces, expected));
+            let surfaces = u64::from(self.bounces) + 1;
+            let most =
+                format!("at most {MOST_BOUNCES}; a path would go on for up to {surfaces} surfaces");
+            return wrong("bounces", &self.bounces, &most);
         }
         if !(self.cutoff > 0.0 && self.cutoff < 0.5) {
-            return Err(Error::invalid(
-                options,
-                "cutoff",
-                self.cutoff,
-                "a number in (0, 0.5)",
-            ));
+            return wrong("cutoff", &self.cutoff, "a number in (0, 0.5)");
         }
         self.visibility.check()?;
         if self.engine == Engine::Kernels && matches!(self.visibility, Visibility::Softmax { .. }) {
-            return Err(Error::invalid(
-                options,
-                "engine",
-                "Kernels",
-                "Auto or Tensors for the softmax",
-            ));
+            return wrong("engine", &"Kernels", "Auto or Tensors for the softmax");
         }
         if let Some(b) = self.bounds {
-            let size = b.size();
-            let is_box = size.iter().all(|&s| s >= 0.0) && b.radius().is_finite();
+            let is_box = b.size().iter().all(|&s| s >= 0.0) && b.radius().is_finite();
             if !(is_box && b.radius() > 0.0 && b.center().iter().all(|c| c.is_finite())) {
-                return Err(Error::invalid(
-                    options,
-                    "bounds",
-                    format!("{b:?}"),
-                    "a finite box, min <= max, that is more than a point",
-                ));
+                let expected = "a finite box, min <= max, that is more than a point";
+                return wrong("bounds", &format!("{b:?}"), expected);
             }
         }
         Ok(())

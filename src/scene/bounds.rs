@@ -1,5 +1,7 @@
 //! Boxes around meshes and scenes.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Mesh, Parameter, Scene};
 use crate::error::{Error, Result};
 
@@ -14,7 +16,8 @@ use crate::error::{Error, Result};
 /// assert!((box_of.radius() - 3f64.sqrt()).abs() < 1e-12);
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Bounds {
     /// The least coordinates.
     pub min: [f64; 3],

@@ -1,13 +1,13 @@
 //! The forward pass: tiles of all views on all cores, and their sums as rows of images.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 
 use burn::tensor::{Element, TensorData};
 use rayon::prelude::*;
 
 use super::places::Places;
 use super::rows::Rows;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::kernel::{RayCounts, View, Work};
 use crate::render::options::RenderOptions;
 use crate::render::tiles::{Tile, tiles};
@@ -66,13 +66,9 @@ impl Forward<'_> {
         means
             .try_reserve_exact(views.len() * of_view)
             .map_err(|_| {
-                let size = format!("{} × {}", self.options.width, self.options.height);
-                let bytes = (views.len() * of_view * size_of::<T>()) as f64;
-                let expected = format!(
-                    "an image that fits into memory; it takes {:.1} GB",
-                    bytes / 1e9
-                );
-                Error::invalid("options", "width × height", size, expected)
+                let size = (views.len() * of_view * size_of::<T>()) as f64 / 1e9;
+                let expected = format!("an image that fits into memory; it takes {size:.1} GB");
+                self.options.size_error(expected)
             })?;
         means.resize(views.len() * of_view, cast(0.0));
         let traced = means
@@ -148,10 +144,7 @@ impl Forward<'_> {
                 }
             }
         }
-        let n = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        if let Some(progress) = &self.options.progress {
-            progress(n, self.all);
-        }
+        self.options.progress.tile(self.done, self.all);
         let counts = work.counts;
         let traced = Traced {
             counts,

@@ -1,7 +1,7 @@
 //! One view as a chain of tensor operations.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 
 use burn::tensor::Tensor;
 use rayon::prelude::*;
@@ -77,10 +77,7 @@ impl<'a> TensorRenderer<'a> {
         let done = AtomicUsize::new(0);
         let run = |tile: &Tile| {
             let sums = self.tile(tile);
-            let n = done.fetch_add(1, Ordering::Relaxed) + 1;
-            if let Some(progress) = &self.options.progress {
-                progress(n, tiles.len());
-            }
+            self.options.progress.tile(&done, tiles.len());
             sums
         };
         let results = if is_cpu(&self.scene.context.device) {
