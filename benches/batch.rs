@@ -77,7 +77,9 @@ fn one_by_one(world: &World, options: &RenderOptions) -> f64 {
         let rows = vertices.clone().slice([i..i + 1]).reshape([count, 3]);
         let mesh = world.ball.clone().with_vertices(rows);
         let scene = world.scene.clone();
-        let scene = scene.map_object("body", |o| o.map_mesh(|_| mesh.clone()));
+        let scene = scene
+            .map_object("body", |o| o.map_mesh(|_| mesh.clone()))
+            .expect("the object");
         let image = render(&scene, camera, &options.of_view(i)).expect("an image");
         images.push(image.radiance);
     }

@@ -45,12 +45,16 @@ fn cornell_box_gradient(bencher: Bencher, bounces: u32) {
             let offset = Tensor::<2>::zeros([1, 3], &Device::flex())
                 .autodiff()
                 .require_grad();
-            let scene = file.scene.clone().map_object("short", |o| {
-                o.map_mesh(|m| {
-                    let moved = m.vertices.clone() + offset.clone();
-                    m.with_vertices(moved)
+            let scene = file
+                .scene
+                .clone()
+                .map_object("short", |o| {
+                    o.map_mesh(|m| {
+                        let moved = m.vertices.clone() + offset.clone();
+                        m.with_vertices(moved)
+                    })
                 })
-            });
+                .expect("the object");
             let image = render(&scene, &file.camera, &options).expect("an image");
             image.radiance.powf_scalar(2.0).mean().backward()
         });

@@ -110,7 +110,7 @@ fn shrink(image: &HostImage, width: usize) -> Result<Option<HostImage>, Box<dyn 
 }
 
 /// The scene with its short block turned about the vertical axis through its centre.
-fn turned(file: &SceneFile, angle: &Tensor<1>) -> Scene {
+fn turned(file: &SceneFile, angle: &Tensor<1>) -> softray::Result<Scene> {
     file.scene.clone().map_object("short", |object| {
         object.map_mesh(|mesh| {
             let centre = mesh.vertices.clone().mean_dim(0).reshape([3]);
@@ -139,7 +139,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         .samples(64);
     let show = |radians: f64, options: &RenderOptions| -> Result<HostImage, Box<dyn Error>> {
         let angle = Tensor::<1>::from_floats([radians as f32], device);
-        let image = render(&turned(file, &angle), &file.camera, options)?;
+        let image = render(&turned(file, &angle)?, &file.camera, options)?;
         Ok(HostImage::from_tensor(&image.radiance)?)
     };
     let start = Instant::now();
@@ -161,7 +161,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         let differences = both(|i| {
             let seed = arguments.seed + (2 * step + i) as u64;
             let noisy = options.clone().samples(8).seed(seed);
-            let image = render(&turned(file, &leaves[i]), &file.camera, &noisy)?;
+            let image = render(&turned(file, &leaves[i])?, &file.camera, &noisy)?;
             Ok(image.radiance.clamp(0.0, 1.0) - target.clone())
         })?;
         let gradients = both(|i| {

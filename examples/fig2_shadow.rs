@@ -34,7 +34,7 @@ impl Shadow {
         })
     }
 
-    fn scene(&self, offset: Tensor<1>) -> Scene {
+    fn scene(&self, offset: Tensor<1>) -> softray::Result<Scene> {
         let moved = |o: Object| o.map_mesh(|m| m.translated(offset.clone()));
         self.goal.scene.clone().map_object("occluder", moved)
     }
@@ -59,7 +59,7 @@ impl Problem for Shadow {
     }
 
     fn evaluate(&self, caster: &Caster, step: &Step) -> softray::Result<Evaluation> {
-        let scene = self.scene(caster.offset.val());
+        let scene = self.scene(caster.offset.val())?;
         let at = numbers(&caster.offset.val());
         // The shadow is blurred, not the view.
         let angle = step.blur.unwrap_or(0.0);
@@ -94,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let found = numbers(&fitted.module.offset.val());
     let place = |at: &[f64]| {
         let offset = Tensor::from_floats([at[0], at[1], at[2]], &device);
-        shadow.goal.picture(&shadow.scene(offset))
+        shadow.goal.picture(&shadow.scene(offset)?)
     };
     let images = [
         ("initial", place(&START)?),

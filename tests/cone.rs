@@ -71,28 +71,36 @@ fn derivatives_of_the_references() {
             let x = Tensor::<1>::zeros([1], &device).autodiff().require_grad();
             let zero = x.zeros_like().inner();
             let along = |parts| Tensor::cat(parts, 0);
-            let moved = scene.scene.clone().map_object(object, |o| {
-                o.map_mesh(|m| match name {
-                    "shadow" => m.translated(along(vec![x.clone(), zero.clone(), zero.clone()])),
-                    "sphere" => m.translated(along(vec![zero.clone(), zero.clone(), x.clone()])),
-                    _ => {
-                        let corners = m.faces.iter().flatten();
-                        let host = m.host_vertices().expect("vertices");
-                        let n = 3.0 * m.faces.len() as f64;
-                        let mut centre = [0.0; 3];
-                        for &v in corners {
-                            for (c, x) in centre.iter_mut().zip(host[v as usize]) {
-                                *c += x / n;
-                            }
+            let moved = scene
+                .scene
+                .clone()
+                .map_object(object, |o| {
+                    o.map_mesh(|m| match name {
+                        "shadow" => {
+                            m.translated(along(vec![x.clone(), zero.clone(), zero.clone()]))
                         }
-                        let centre = Tensor::<1>::from_data(centre.as_slice(), &device);
-                        let turn = Transform::new().axis_angle([0.0, 1.0, 0.0], x.clone());
-                        m.translated(centre.clone().neg())
-                            .transformed(&turn)
-                            .translated(centre)
-                    }
+                        "sphere" => {
+                            m.translated(along(vec![zero.clone(), zero.clone(), x.clone()]))
+                        }
+                        _ => {
+                            let corners = m.faces.iter().flatten();
+                            let host = m.host_vertices().expect("vertices");
+                            let n = 3.0 * m.faces.len() as f64;
+                            let mut centre = [0.0; 3];
+                            for &v in corners {
+                                for (c, x) in centre.iter_mut().zip(host[v as usize]) {
+                                    *c += x / n;
+                                }
+                            }
+                            let centre = Tensor::<1>::from_data(centre.as_slice(), &device);
+                            let turn = Transform::new().axis_angle([0.0, 1.0, 0.0], x.clone());
+                            m.translated(centre.clone().neg())
+                                .transformed(&turn)
+                                .translated(centre)
+                        }
+                    })
                 })
-            });
+                .expect("the object");
             let options = RenderOptions::new(SIZE, SIZE)
                 .samples(256)
                 .bounces(bounces)

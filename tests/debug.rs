@@ -106,8 +106,7 @@ fn modules_show_their_parameters() {
     let device = flex().autodiff();
     same(
         &MeshParams::from_mesh(&shapes::icosphere(3, &device)),
-        "MeshParams { vertices: [642, 3] on flex in the graph, template: Template { uvs: None, normals: \
-         None, faces: 1280 faces } }",
+        "MeshParams { vertices: [642, 3] on flex in the graph }",
     );
     same(
         &RigidTransform::new(&flex()),
@@ -120,7 +119,7 @@ fn modules_show_their_parameters() {
     let camera = CameraParamsConfig::new([0.0, 0.0, 4.0], [0.0; 3]);
     let camera = camera.init(&device).expect("a camera").freeze_eye();
     let shown = format!("{camera:?}");
-    let start = "CameraParams { eye: [0.0, 0.0, 4.0], aim: Target([0.0, 0.0, 0.0] in the graph), up: \
+    let start = "CameraParams { eye: [0.0, 0.0, 4.0], aim.Target: [0.0, 0.0, 0.0] in the graph, up: \
                  [0.0, 1.0, 0.0], fov: ";
     assert!(shown.starts_with(start), "{shown}");
 }

@@ -185,7 +185,7 @@ fn gradients_are_those_of_differences() {
         let one = tensor(&one, [8, 16, 3], point.dtype);
         let texels = rest + one * point.get("texel")?.reshape([1, 1, 1]);
         let gloss = Material::diffuse(point.get("albedo")?.expand([3])).specular([0.3; 3], 10.0);
-        let scene = ball(gloss, point.dtype).map_object("object", |o| o);
+        let scene = ball(gloss, point.dtype).map_object("object", |o| o)?;
         let stretch = point.get("stretch")?;
         let mut scene = scene.environment(Environment::map(texels));
         for object in &mut scene.objects {

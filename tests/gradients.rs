@@ -207,7 +207,7 @@ fn cornell_box(point: &Point, camera: Camera) -> softray::Result<(Scene, Camera)
                 m.with_vertices(vertices)
                     .translated(middle + hung + translation.clone())
             })
-        })
+        })?
         .map_object("back", |o| {
             let m = Material::diffuse(Albedo::texture(texels.clone()));
             o.material(m.specular(gloss.0.clone(), gloss.1.clone()))
@@ -221,8 +221,8 @@ fn cornell_box(point: &Point, camera: Camera) -> softray::Result<(Scene, Camera)
                     let uvs = constant(&flat).reshape([flat.len() / 2, 2]);
                     m.with_uvs(uvs)
                 })
-        })
-        .map_object("left", |o| o.material(Material::diffuse(wall.clone())))
+        })?
+        .map_object("left", |o| o.material(Material::diffuse(wall.clone())))?
         .environment(point.get("environment")?.expand([3]));
     Ok((scene, camera))
 }

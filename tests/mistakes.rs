@@ -187,7 +187,7 @@ fn names_and_transforms() {
         "map_object of a wrong name",
         &["map_object", "\"bal\"", "\"ball\""],
         || {
-            let scene = lit(ball()).map_object("bal", |o| o.velocity([1.0, 0.0, 0.0]));
+            let scene = lit(ball()).map_object("bal", |o| o.velocity([1.0, 0.0, 0.0]))?;
             render(&scene, &camera(), &small())
         },
     );
@@ -195,7 +195,7 @@ fn names_and_transforms() {
         "map_object of no object",
         &["map_object", "none to choose from"],
         || {
-            let scene = Scene::new().map_object("ball", |o| o).with(ball());
+            let scene = Scene::new().map_object("ball", |o| o)?.with(ball());
             render(&scene.environment([1.0; 3]), &camera(), &small())
         },
     );

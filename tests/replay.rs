@@ -17,10 +17,13 @@ fn of_a_loss(options: &RenderOptions) -> (f64, Vec<f64>) {
     let device = Device::flex();
     let angle = leaf(&[0.2], &device);
     let file = scene_file("cornell", &device);
-    let scene = file.scene.map_object("short", |o| {
-        let turn = Transform::new().axis_angle([0.0, 1.0, 0.0], angle.clone().sin() * 0.5);
-        o.map_mesh(|m| m.transformed(&turn))
-    });
+    let scene = file
+        .scene
+        .map_object("short", |o| {
+            let turn = Transform::new().axis_angle([0.0, 1.0, 0.0], angle.clone().sin() * 0.5);
+            o.map_mesh(|m| m.transformed(&turn))
+        })
+        .expect("the object");
     let image = render(&scene, &file.camera, options).expect("an image");
     let opacity = image.opacity.expect("opacity").sum();
     let depth = image.depth.expect("depth").mean();

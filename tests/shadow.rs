@@ -26,7 +26,8 @@ fn agrees_with_unblurred_differences(visibility: Visibility) {
         let scene = file
             .scene
             .clone()
-            .map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())));
+            .map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())))
+            .expect("the object");
         let image = render_pixels(&scene, &file.camera, &options, &[pixel]).expect("a pixel");
         let gradients = image.radiance.sum().backward();
         gradient(&offset, &gradients)[0]

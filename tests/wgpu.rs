@@ -57,7 +57,8 @@ fn gradients_are_those_of_the_cpu() {
         let offset = Tensor::<1>::zeros([3], device).autodiff().require_grad();
         let scene = file
             .scene
-            .map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())));
+            .map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())))
+            .expect("the object");
         let options = RenderOptions::new(12, 12).samples(8).bounces(0).seed(3);
         let image = render(&scene, &file.camera, &options).expect("an image");
         let gradients = image.radiance.powf_scalar(2.0).sum().backward();

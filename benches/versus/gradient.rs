@@ -84,7 +84,9 @@ impl Gradient {
             let ball = shapes::icosphere(n, &device)
                 .scaled(Tensor::from_floats([0.8], &device))
                 .translated(Tensor::from_floats([0.0, 0.8, 0.0], &device));
-            scene = scene.map_object(object, |o| o.map_mesh(|_| ball.clone()));
+            scene = scene
+                .map_object(object, |o| o.map_mesh(|_| ball.clone()))
+                .expect("the object");
         }
         let vertices = scene
             .object(object)
@@ -107,7 +109,8 @@ impl Gradient {
             let moved = moved(case, &vertices, x, centre);
             let scene = scene
                 .clone()
-                .map_object(object, |o| o.map_mesh(|m| m.with_vertices(moved.clone())));
+                .map_object(object, |o| o.map_mesh(|m| m.with_vertices(moved.clone())))
+                .expect("the object");
             let options = RenderOptions::new(SIZE, SIZE)
                 .samples(self.spp)
                 .bounces(bounces)

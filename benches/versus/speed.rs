@@ -56,7 +56,8 @@ impl Speed {
                 .translated(Tensor::from_floats([0.0, 0.8, 0.0], &device));
             file.scene = file
                 .scene
-                .map_object("sphere", |o| o.map_mesh(|_| ball.clone()));
+                .map_object("sphere", |o| o.map_mesh(|_| ball.clone()))
+                .expect("the object");
         }
         let cache = HierarchyCache::default();
         let options = RenderOptions::new(self.size, self.size)

@@ -48,7 +48,9 @@ impl Ball {
         let offset = Tensor::cat(vec![zero.clone(), zero, z.clone()], 0);
         let moved = self.mesh.clone().translated(offset);
         let scene = self.scene.clone();
-        let scene = scene.map_object("sphere", |o| o.map_mesh(|_| moved.clone()));
+        let scene = scene
+            .map_object("sphere", |o| o.map_mesh(|_| moved.clone()))
+            .expect("the object");
         let options = self.options.clone().samples(samples).seed(seed);
         let image = render(&scene, &self.camera, &options).expect("an image");
         (image.radiance * self.weights.clone()).sum()

@@ -1,6 +1,5 @@
 //! Shared by the examples: the log, progress bars, fits.
 
-
 use indicatif::{ProgressBar, ProgressStyle};
 use softray::prelude::*;
 

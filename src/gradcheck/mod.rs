@@ -7,7 +7,7 @@ mod run;
 mod settings;
 
 use crate::error::{Error, Result, one_of};
-use crate::scene::{Camera, Flattened, Scene};
+use crate::scene::{Camera, HostScene, Normalization, Scene};
 
 pub use parameter::{Checked, Point};
 pub use report::{Estimate, Report, Row, Verdict};
@@ -51,7 +51,9 @@ pub fn gradcheck(
     }
     let values: Vec<Vec<f64>> = parameters.iter().map(|p| p.values.clone()).collect();
     let (scene, camera) = build(&point(parameters, settings, &values, false))?;
-    let normalization = Flattened::new(&scene, &camera, None)?.normalization;
+    let host = HostScene::new(&scene)?;
+    camera.check(Some(&host.context))?;
+    let normalization = Normalization::new(&host);
     let run = Run {
         parameters,
         settings,

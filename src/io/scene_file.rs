@@ -145,7 +145,7 @@ impl SceneFile {
                 let message = format!("velocities names the object {name:?}, expected {known}");
                 return Err(Error::format(path, message));
             }
-            scene = scene.map_object(&name, |o| o.velocity(velocity));
+            scene = scene.map_object(&name, |o| o.velocity(velocity))?;
         }
         Ok(Self {
             scene,

@@ -3,9 +3,9 @@ use burn::module::{Module, Param};
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor};
 
-use super::values::{check, leaf, logit, positive};
+use super::values::{leaf, logit, positive};
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Parameter, Projection};
+use crate::scene::{Camera, Parameter, Projection, Range};
 
 /// The field of view stays between these, degrees.
 const FOV: [f64; 2] = [1.0, 170.0];
@@ -45,21 +45,13 @@ impl CameraParamsConfig {
     /// # Errors
     /// If a value is out of its range, eye and target are the same, or up is along the view.
     pub fn init(&self, device: &Device) -> Result<CameraParams> {
-        let camera = "camera";
-        let inside = |f: f64| f > FOV[0] && f < FOV[1];
-        check(
-            camera,
-            "fov_y",
-            &[self.fov_y],
-            "degrees in (1, 170)",
-            inside,
-        )?;
-        let constant = Camera::look_at(self.eye, self.target).up(self.up);
-        constant.check()?;
+        Range::Degrees(1, 170).check("camera", "fov_y", &[self.fov_y])?;
+        Camera::look_at(self.eye, self.target)
+            .up(self.up)
+            .check(None)?;
         if let Some([aperture, focus]) = self.lens {
-            for (field, value) in [("aperture radius", aperture), ("focus distance", focus)] {
-                check(camera, field, &[value], "a number > 0", |x| x > 0.0)?;
-            }
+            Range::Positive.check("camera", "aperture radius", &[aperture])?;
+            Range::Positive.check("camera", "focus distance", &[focus])?;
         }
         let three = |v: [f64; 3]| leaf(v.to_vec(), [3], device);
         let view = std::array::from_fn(|i| self.target[i] - self.eye[i]);
@@ -81,7 +73,7 @@ impl CameraParamsConfig {
 }
 
 /// The target or the direction of a camera.
-#[derive(Module)]
+#[derive(Module, Debug)]
 pub enum Aim {
     /// The point looked at `[3]`, scene units.
     Target(Param<Tensor<1>>),

@@ -2,9 +2,9 @@ use burn::config::Config;
 use burn::module::Module;
 use burn::tensor::Tensor;
 
-use super::values::check;
 use crate::error::{Error, Result};
 use crate::optim::loss::{dssim, l1, mse, multi_scale, multi_scale_unbiased, silhouette_iou_batch};
+use crate::scene::Range;
 
 const OBJECT: &str = "render loss";
 
@@ -45,27 +45,19 @@ impl RenderLossConfig {
             ("silhouette", self.silhouette),
         ];
         for (field, weight) in weights {
-            check(OBJECT, field, &[weight], "a number ≥ 0", |w| w >= 0.0)?;
+            Range::NotNegative.check(OBJECT, field, &[weight])?;
         }
-        check(OBJECT, "range", &[self.range], "a number > 0", |r| r > 0.0)?;
+        Range::Positive.check(OBJECT, "range", &[self.range])?;
+        let wrong =
+            |field, found: &str, expected| Err(Error::invalid(OBJECT, field, found, expected));
         if weights.iter().all(|&(_, weight)| weight == 0.0) {
-            return Err(Error::invalid(
-                OBJECT,
-                "weights",
-                "all 0",
-                "one that is more",
-            ));
+            return wrong("weights", "all 0", "one that is more");
         }
         if self.levels == 0 {
-            return Err(Error::invalid(OBJECT, "levels", self.levels, "at least 1"));
+            return wrong("levels", "0", "at least 1");
         }
         Ok(RenderLoss {
-            mse: self.mse,
-            l1: self.l1,
-            dssim: self.dssim,
-            range: self.range,
-            levels: self.levels,
-            silhouette: self.silhouette,
+            config: self.clone(),
         })
     }
 }
@@ -85,12 +77,8 @@ impl RenderLossConfig {
 /// ```
 #[derive(Module, Debug)]
 pub struct RenderLoss {
-    mse: f64,
-    l1: f64,
-    dssim: f64,
-    range: f64,
-    levels: usize,
-    silhouette: f64,
+    #[module(skip)]
+    config: RenderLossConfig,
 }
 
 impl RenderLoss {
@@ -103,8 +91,8 @@ impl RenderLoss {
         same_shape(&image, &target);
         let pairs = self.images(image).into_iter().zip(self.images(target));
         mean(pairs.map(|(image, target)| {
-            multi_scale(image, target, self.levels, |image, target| {
-                self.weighted(self.mse, &image, &target)
+            multi_scale(image, target, self.config.levels, |image, target| {
+                self.weighted(self.config.mse, &image, &target)
             })
         }))
     }
@@ -124,18 +112,23 @@ impl RenderLoss {
     ) -> Tensor<1> {
         same_shape(&a, &target);
         same_shape(&b, &target);
-        let noisy = self.l1 > 0.0 || self.dssim > 0.0;
+        let noisy = self.config.l1 > 0.0 || self.config.dssim > 0.0;
         let pairs = self.images(a).into_iter().zip(self.images(b));
         mean(pairs.zip(self.images(target)).map(|((a, b), target)| {
             let mut terms = Vec::new();
             if noisy {
                 let both = (a.clone() + b.clone()) * 0.5;
                 let weighted = |image, target| self.weighted(0.0, &image, &target);
-                terms.push(multi_scale(both, target.clone(), self.levels, weighted));
+                terms.push(multi_scale(
+                    both,
+                    target.clone(),
+                    self.config.levels,
+                    weighted,
+                ));
             }
-            if self.mse > 0.0 {
-                let squares = multi_scale_unbiased(a.clone(), b, target, self.levels);
-                terms.push(squares * self.mse);
+            if self.config.mse > 0.0 {
+                let squares = multi_scale_unbiased(a.clone(), b, target, self.config.levels);
+                terms.push(squares * self.config.mse);
             }
             sum(terms, &a)
         }))
@@ -148,7 +141,7 @@ impl RenderLoss {
     /// If the shapes differ, are neither of a silhouette nor of a batch, or there are none.
     pub fn silhouette<const D: usize>(&self, opacity: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
         same_shape(&opacity, &target);
-        silhouette_iou_batch(silhouettes(opacity), silhouettes(target)) * self.silhouette
+        silhouette_iou_batch(silhouettes(opacity), silhouettes(target)) * self.config.silhouette
     }
 
     /// The images `[H, W, C]` of a batch, or the one that there is: all as one tall image where no
@@ -162,8 +155,8 @@ impl RenderLoss {
         };
         assert!(count > 0, "render loss: the batch is empty");
         let rows = batch.reshape([count * height, width, channels]);
-        let even = self.levels <= 32 && height.is_multiple_of(1 << (self.levels - 1));
-        if even && self.dssim == 0.0 {
+        let even = self.config.levels <= 32 && height.is_multiple_of(1 << (self.config.levels - 1));
+        if even && self.config.dssim == 0.0 {
             return vec![rows];
         }
         let image = |i: usize| rows.clone().narrow(0, i * height, height);
@@ -176,11 +169,11 @@ impl RenderLoss {
         if squares > 0.0 {
             terms.push(mse(image.clone(), target.clone()) * squares);
         }
-        if self.l1 > 0.0 {
-            terms.push(l1(image.clone(), target.clone()) * self.l1);
+        if self.config.l1 > 0.0 {
+            terms.push(l1(image.clone(), target.clone()) * self.config.l1);
         }
-        if self.dssim > 0.0 {
-            terms.push(dssim(image.clone(), target.clone(), self.range) * self.dssim);
+        if self.config.dssim > 0.0 {
+            terms.push(dssim(image.clone(), target.clone(), self.config.range) * self.config.dssim);
         }
         sum(terms, image)
     }

@@ -3,9 +3,9 @@ use burn::module::{Module, Param};
 use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
-use super::values::{check, leaf, positive};
+use super::values::{leaf, positive};
 use crate::error::{Error, Result};
-use crate::scene::{Albedo, Material, Parameter};
+use crate::scene::{Albedo, Material, Range};
 
 const OBJECT: &str = "material";
 /// The least share of a channel's light that a part begins with, and the least emission: 0 has no
@@ -34,33 +34,16 @@ impl MaterialParamsConfig {
     /// # Errors
     /// If a value is out of its range, or k_d + k_s is more than 1.
     pub fn init(&self, device: &Device) -> Result<MaterialParams> {
-        let share = |x| (0.0..=1.0).contains(&x);
-        let expected = "numbers in [0, 1]";
-        check(OBJECT, "diffuse", &self.diffuse, expected, share)?;
         let specular = self.specular.unwrap_or([0.0; 3]);
-        check(OBJECT, "specular", &specular, expected, share)?;
-        let positive = |x| x > 0.0;
-        check(
-            OBJECT,
-            "shininess",
-            &[self.shininess],
-            "a number > 0",
-            positive,
-        )?;
-        if let Some(emission) = &self.emission {
-            check(OBJECT, "emission", emission, "numbers ≥ 0", |x| x >= 0.0)?;
+        Range::Share.check(OBJECT, "diffuse", &self.diffuse)?;
+        Range::Share.check(OBJECT, "specular", &specular)?;
+        Range::Positive.check(OBJECT, "shininess", &[self.shininess])?;
+        if let Some(emission) = self.emission {
+            Range::NotNegative.check(OBJECT, "emission", &emission)?;
         }
+        let constant = Material::diffuse(self.diffuse).specular(specular, self.shininess);
+        constant.check_energy(OBJECT)?;
         let sum: [f64; 3] = std::array::from_fn(|i| self.diffuse[i] + specular[i]);
-        if sum.iter().any(|&s| s > 1.0 + 1e-6) {
-            let expected = "at most 1, or energy is made";
-            let found = format!("{sum:?}");
-            return Err(Error::invalid(
-                OBJECT,
-                "diffuse + specular",
-                found,
-                expected,
-            ));
-        }
         let log = |x: f64| x.max(LEAST).ln();
         let shares = |c: usize| {
             let absorbed = 1.0 - sum[c];
@@ -117,19 +100,14 @@ impl MaterialParams {
     /// Like [`MaterialParamsConfig::init`], or if a colour is a texture
     /// ([`TextureParams`](super::TextureParams) is for those), or a tensor can't be read.
     pub fn from_material(material: &Material, device: &Device) -> Result<Self> {
-        let colour = |field: &str, albedo: &Albedo| match albedo {
-            Albedo::Constant(p) => p.values(),
-            Albedo::Texture { .. } => {
+        let colour = |field: &str, albedo: &Albedo| {
+            let Albedo::Constant(p) = albedo else {
                 let object = format!("material {}", material.name);
-                Err(Error::invalid(
-                    object,
-                    field,
-                    "a texture",
-                    "a constant colour; TextureParams is for textures",
-                ))
-            }
+                let expected = "a constant colour; TextureParams is for textures";
+                return Err(Error::invalid(object, field, "a texture", expected));
+            };
+            p.values()
         };
-        let black = |p: &Parameter<3>| matches!(p, Parameter::Constant([0.0, 0.0, 0.0]));
         let mut config =
             MaterialParamsConfig::new().with_diffuse(colour("diffuse", &material.diffuse)?);
         if material.specular.reflects() {
@@ -138,7 +116,7 @@ impl MaterialParams {
                 .with_specular(Some(colour("specular", &material.specular)?))
                 .with_shininess(shininess);
         }
-        if !black(&material.emission) {
+        if material.emits() {
             config = config.with_emission(Some(material.emission.values()?));
         }
         config.init(device)

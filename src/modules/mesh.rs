@@ -1,10 +1,8 @@
-use std::fmt;
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 
-use crate::debug::{parameter, tensor};
 use crate::scene::{CornerAttribute, Mesh};
 
 /// A mesh with free vertices. Faces, texture coordinates and shading normals are those of the mesh that
@@ -26,15 +24,6 @@ pub struct MeshParams {
     /// Positions `[V, 3]`, scene units.
     pub vertices: Param<Tensor<2>>,
     template: Template,
-}
-
-impl fmt::Debug for MeshParams {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("MeshParams")
-            .field("vertices", &parameter(&self.vertices))
-            .field("template", &self.template)
-            .finish()
-    }
 }
 
 impl MeshParams {
@@ -72,15 +61,6 @@ pub struct MeshOffsets {
     template: Template,
 }
 
-impl fmt::Debug for MeshOffsets {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("MeshOffsets")
-            .field("offsets", &parameter(&self.offsets))
-            .field("template", &self.template)
-            .finish()
-    }
-}
-
 impl MeshOffsets {
     /// About the vertices of a mesh, on their device and in their float type.
     pub fn from_mesh(mesh: &Mesh) -> Self {
@@ -100,67 +80,42 @@ impl MeshOffsets {
     }
 }
 
-/// The constant parts of a mesh whose vertices are trained.
+/// The constant parts of a mesh whose vertices are trained: tensors go where the module goes.
 #[derive(Module, Debug)]
 struct Template {
-    uvs: Option<Corners>,
-    normals: Option<Corners>,
+    uvs: Option<Tensor<2>>,
+    normals: Option<Tensor<2>>,
+    /// Of positions, texture coordinates and normals.
     #[module(skip)]
-    faces: Faces,
+    faces: [Arc<Vec<[u32; 3]>>; 3],
 }
 
 impl Template {
     fn new(mesh: &Mesh) -> Self {
+        let values = |a: &CornerAttribute| a.values.clone().detach();
+        let faces = |a: &Option<CornerAttribute>| match a {
+            Some(a) => a.faces.clone(),
+            None => Arc::default(),
+        };
         Self {
-            uvs: mesh.uvs.as_ref().map(Corners::new),
-            normals: mesh.normals.as_ref().map(Corners::new),
-            faces: Faces(mesh.faces.clone()),
+            uvs: mesh.uvs.as_ref().map(values),
+            normals: mesh.normals.as_ref().map(values),
+            faces: [mesh.faces.clone(), faces(&mesh.uvs), faces(&mesh.normals)],
         }
     }
 
     /// Constants take the float type of the vertices, which a file may have changed.
     fn mesh(&self, vertices: Tensor<2>) -> Mesh {
-        let attribute = |c: &Corners| CornerAttribute {
-            values: c.values.clone().cast(vertices.dtype()),
-            faces: c.faces.0.clone(),
+        let dtype = vertices.dtype();
+        let attribute = |values: &Option<Tensor<2>>, i: usize| {
+            let values = values.clone()?.cast(dtype);
+            let faces = self.faces[i].clone();
+            Some(CornerAttribute { values, faces })
         };
         Mesh {
-            uvs: self.uvs.as_ref().map(attribute),
-            normals: self.normals.as_ref().map(attribute),
-            ..Mesh::of_faces(vertices, self.faces.0.clone())
+            uvs: attribute(&self.uvs, 1),
+            normals: attribute(&self.normals, 2),
+            ..Mesh::of_faces(vertices, self.faces[0].clone())
         }
-    }
-}
-
-/// A constant [`CornerAttribute`]: its tensor goes where the module goes.
-#[derive(Module)]
-struct Corners {
-    values: Tensor<2>,
-    #[module(skip)]
-    faces: Faces,
-}
-
-impl fmt::Debug for Corners {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        tensor(&self.values).fmt(f)
-    }
-}
-
-impl Corners {
-    fn new(attribute: &CornerAttribute) -> Self {
-        Self {
-            values: attribute.values.clone().detach(),
-            faces: Faces(attribute.faces.clone()),
-        }
-    }
-}
-
-/// Prints as their number: a learner prints its module.
-#[derive(Clone)]
-struct Faces(Arc<Vec<[u32; 3]>>);
-
-impl fmt::Debug for Faces {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} faces", self.0.len())
     }
 }

@@ -54,48 +54,53 @@ pub fn load_safetensors<M: Module>(module: M, path: impl AsRef<Path>) -> Result<
         .allow_partial(true)
         .with_from_adapter(types);
     let applied = module.load_from(&mut store).map_err(|e| failed(path, e))?;
-    let file = || path.display().to_string();
-    if let Some(error) = applied.errors.first() {
-        return Err(match error {
-            ApplyError::ShapeMismatch {
-                path: name,
-                expected,
-                found,
-            } => {
-                let [found, expected] = [found, expected].map(|s| format!("{:?}", s.as_slice()));
-                let expected = format!("shape {expected} like the module's");
-                Error::invalid(file(), name, format!("of shape {found}"), expected)
-            }
-            ApplyError::DTypeMismatch {
-                path: name,
-                expected,
-                found,
-            } => Error::invalid(
-                file(),
+    let wrong = |name: &str, found: String, expected: String| {
+        Err(Error::invalid(
+            path.display().to_string(),
+            name,
+            found,
+            expected,
+        ))
+    };
+    match applied.errors.first() {
+        Some(ApplyError::ShapeMismatch {
+            path: name,
+            expected,
+            found,
+        }) => {
+            let [found, expected] = [found, expected].map(|s| format!("shape {:?}", s.as_slice()));
+            return wrong(
                 name,
-                format!("of type {found:?}"),
-                format!("{expected:?} like the module's"),
-            ),
-            error => Error::format(path, error.to_string()),
-        });
+                format!("of {found}"),
+                format!("{expected} like the module's"),
+            );
+        }
+        Some(ApplyError::DTypeMismatch {
+            path: name,
+            expected,
+            found,
+        }) => {
+            let expected = format!("{expected:?} like the module's");
+            return wrong(name, format!("of type {found:?}"), expected);
+        }
+        Some(error) => return Err(Error::format(path, error.to_string())),
+        None => {}
     }
     if let Some((name, _)) = applied.missing.first() {
-        return Err(Error::invalid(
-            file(),
+        return wrong(
             name,
-            "missing",
-            "all parameters of the module",
-        ));
+            "missing".into(),
+            "all parameters of the module".into(),
+        );
     }
-    match applied.unused.first() {
-        Some(name) => Err(Error::invalid(
-            file(),
+    if let Some(name) = applied.unused.first() {
+        return wrong(
             name,
-            "in the file alone",
-            "parameters of the module",
-        )),
-        None => Ok(module),
+            "in the file alone".into(),
+            "parameters of the module".into(),
+        );
     }
+    Ok(module)
 }
 
 fn failed(path: &Path, error: SafetensorsStoreError) -> Error {

@@ -2,10 +2,10 @@ use burn::module::{Module, Param};
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor};
 
-use super::values::{check, leaf, positive};
+use super::values::{leaf, positive};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-use crate::scene::{Albedo, Environment, Wrap};
+use crate::scene::{Albedo, Environment, Range, Wrap};
 
 /// Texels begin this far from 0 and 1, where a logit has no gradient.
 const MARGIN: f64 = 1e-3;
@@ -41,9 +41,7 @@ impl TextureParams {
     /// # Errors
     /// If the shape is another, a value is outside of [0, 1], or the image can't be read.
     pub fn from_image(image: Tensor<3>) -> Result<Self> {
-        check_map("texture", &image, "a number in [0, 1]", |x| {
-            (0.0..=1.0).contains(&x)
-        })?;
+        check_map("texture", &image, Range::Share)?;
         let texels = image.detach().clamp(MARGIN, 1.0 - MARGIN);
         let odds = texels.clone() / texels.neg().add_scalar(1.0);
         Ok(Self {
@@ -91,14 +89,7 @@ impl EnvironmentParams {
             let expected = "at least one row and column";
             return Err(Error::invalid("environment", "size", size, expected));
         }
-        let above = |x| x > 0.0;
-        check(
-            "environment",
-            "radiance",
-            &[radiance],
-            "a number > 0",
-            above,
-        )?;
+        Range::Positive.check("environment", "radiance", &[radiance])?;
         let logs = vec![radiance.ln(); height * width * 3];
         Ok(Self {
             logs: leaf(logs, [height, width, 3], device),
@@ -111,7 +102,7 @@ impl EnvironmentParams {
     /// # Errors
     /// If the shape is another, a value is not a number ≥ 0, or the map can't be read.
     pub fn from_map(map: Tensor<3>) -> Result<Self> {
-        check_map("environment", &map, "a number ≥ 0", |x| x >= 0.0)?;
+        check_map("environment", &map, Range::NotNegative)?;
         let logs = map.detach().clamp_min(LEAST_RADIANCE).log();
         Ok(Self {
             logs: Param::from_tensor(logs.detach()),
@@ -129,16 +120,13 @@ impl EnvironmentParams {
     }
 }
 
-fn check_map(
-    object: &str,
-    map: &Tensor<3>,
-    expected: &str,
-    valid: impl Fn(f64) -> bool,
-) -> Result<()> {
+fn check_map(object: &str, map: &Tensor<3>, range: Range) -> Result<()> {
     let [height, width, channels] = map.dims();
     if height == 0 || width == 0 || channels != 3 {
         let found = format!("of shape [{height}, {width}, {channels}]");
         return Err(Error::invalid(object, "image", found, "shape [H, W, 3]"));
     }
-    check(object, "texel", &host_values(map)?, expected, valid)
+    let all = host_values(map)?;
+    all.chunks(3)
+        .try_for_each(|texel| range.check(object, "texel", texel))
 }

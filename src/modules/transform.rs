@@ -2,9 +2,9 @@ use burn::config::Config;
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 
-use super::values::{check, leaf, positive, set};
+use super::values::{leaf, positive, set};
 use crate::error::{Error, Result};
-use crate::scene::{Mesh, Transform};
+use crate::scene::{Mesh, Range, Transform};
 
 const OBJECT: &str = "rigid transform";
 
@@ -91,16 +91,12 @@ impl RigidTransform {
     /// # Errors
     /// If the axis is 0, or a number is not finite.
     pub fn with_axis_angle(self, axis: [f64; 3], angle: f64) -> Result<Self> {
-        check(OBJECT, "angle", &[angle], "a finite number", |_| true)?;
-        match glam::DVec3::from_array(axis).try_normalize() {
-            Some(axis) => Ok(self.rotated(glam::DQuat::from_axis_angle(axis, angle))),
-            None => Err(Error::invalid(
-                OBJECT,
-                "axis",
-                format!("{axis:?}"),
-                "a direction",
-            )),
-        }
+        Range::Finite.check(OBJECT, "angle", &[angle])?;
+        let Some(axis) = glam::DVec3::from_array(axis).try_normalize() else {
+            let found = format!("{axis:?}");
+            return Err(Error::invalid(OBJECT, "axis", found, "a direction"));
+        };
+        Ok(self.rotated(glam::DQuat::from_axis_angle(axis, angle)))
     }
 
     /// Sets the rotation by angles in radians about the axes x, y and z of the scene, in that order.
@@ -108,7 +104,7 @@ impl RigidTransform {
     /// # Errors
     /// If an angle is not finite.
     pub fn with_euler(self, [x, y, z]: [f64; 3]) -> Result<Self> {
-        check(OBJECT, "angles", &[x, y, z], "finite numbers", |_| true)?;
+        Range::Finite.check(OBJECT, "angles", &[x, y, z])?;
         let rotation = glam::DQuat::from_euler(glam::EulerRot::ZYX, z, y, x);
         Ok(self.rotated(rotation))
     }
@@ -122,15 +118,15 @@ impl RigidTransform {
         let off = (matrix * matrix.transpose() - glam::DMat3::IDENTITY).to_cols_array();
         let orthonormal = off.iter().all(|x| x.abs() < 1e-4);
         if orthonormal && matrix.determinant() > 0.0 {
-            Ok(self.rotated(glam::DQuat::from_mat3(&matrix)))
-        } else {
-            Err(Error::invalid(
-                OBJECT,
-                "matrix",
-                format!("{rows:?}"),
-                "orthonormal rows and a determinant of 1",
-            ))
+            return Ok(self.rotated(glam::DQuat::from_mat3(&matrix)));
         }
+        let expected = "orthonormal rows and a determinant of 1";
+        Err(Error::invalid(
+            OBJECT,
+            "matrix",
+            format!("{rows:?}"),
+            expected,
+        ))
     }
 
     /// Sets the translation, in scene units.
@@ -138,7 +134,7 @@ impl RigidTransform {
     /// # Errors
     /// If a number is not finite.
     pub fn with_translation(mut self, offset: [f64; 3]) -> Result<Self> {
-        check(OBJECT, "translation", &offset, "finite numbers", |_| true)?;
+        Range::Finite.check(OBJECT, "translation", &offset)?;
         self.translation = set(self.translation, offset.to_vec());
         Ok(self)
     }
@@ -148,7 +144,7 @@ impl RigidTransform {
     /// # Errors
     /// If it is not a number > 0, or the transform has none ([`RigidTransformConfig::scale`]).
     pub fn with_size(mut self, scale: f64) -> Result<Self> {
-        check(OBJECT, "scale", &[scale], "a number > 0", |s| s > 0.0)?;
+        Range::Positive.check(OBJECT, "scale", &[scale])?;
         let Some(log) = self.log_scale else {
             let expected =
                 "a transform that was made with a scale: RigidTransformConfig::with_scale";

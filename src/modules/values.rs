@@ -3,8 +3,6 @@
 use burn::module::{Module, ModuleMapper, Param};
 use burn::tensor::{DType, Device, Tensor, TensorData};
 
-use crate::error::{Error, Result};
-
 /// Logarithms beyond ± this count as this, so that squares of what they mean stay finite in f32.
 const LARGEST_LOG: f64 = 30.0;
 
@@ -56,18 +54,4 @@ pub(super) fn positive<const D: usize>(log: Tensor<D>) -> Tensor<D> {
 /// ln(p/(1 − p)).
 pub(super) fn logit(p: f64) -> f64 {
     (p / (1.0 - p)).ln()
-}
-
-/// Checks that numbers are finite and in a range.
-pub(super) fn check(
-    object: &str,
-    field: &str,
-    values: &[f64],
-    expected: &str,
-    valid: impl Fn(f64) -> bool,
-) -> Result<()> {
-    match values.iter().find(|v| !(v.is_finite() && valid(**v))) {
-        Some(v) => Err(Error::invalid(object, field, v, expected)),
-        None => Ok(()),
-    }
 }

@@ -14,7 +14,7 @@ impl Camera {
     /// # Errors
     /// If the camera is not valid.
     pub fn axial_depth(&self, depth: Tensor<2>) -> Result<Tensor<2>> {
-        self.check()?;
+        self.check(None)?;
         let [height, width] = depth.dims();
         if self.projection.is_parallel() || height == 0 || width == 0 {
             return Ok(depth);

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Mesh, Parameter, Scene};
+use super::parameter::Range;
+use super::{Mesh, Scene};
 use crate::error::{Error, Result};
 
 /// An axis-aligned box around a [`Mesh`] or a [`Scene`], in scene units.
@@ -112,9 +113,7 @@ impl Scene {
                 continue;
             };
             if let Some(velocity) = &object.velocity {
-                let finite = |_| true;
-                let offset =
-                    Parameter::check(velocity, &object.name, "velocity", "finite numbers", finite)?;
+                let offset = velocity.check(&object.name, "velocity", Range::Finite)?;
                 bounds = bounds.union(&bounds.moved(offset));
             }
             all = Some(all.map_or(bounds, |all| all.union(&bounds)));

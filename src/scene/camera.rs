@@ -131,46 +131,31 @@ impl Camera {
         self
     }
 
-    pub(crate) fn check(&self) -> Result<()> {
-        let finite = |_| true;
-        let eye = glam::DVec3::from(self.eye.check("camera", "eye", "finite numbers", finite)?);
-        let target =
-            glam::DVec3::from(
-                self.target
-                    .check("camera", "target", "finite numbers", finite)?,
-            );
-        let up = glam::DVec3::from(self.up.check("camera", "up", "finite numbers", finite)?);
-        self.projection.check()?;
-        if let Some(lens) = &self.lens {
-            let (aperture, focus) = (&lens.aperture_radius, &lens.focus_distance);
-            aperture.check("camera", "aperture radius", "a number ≥ 0", |a| a >= 0.0)?;
-            focus.check("camera", "focus distance", "a number > 0", |f| f > 0.0)?;
-            if self.projection.is_parallel() {
-                let expected = "a perspective projection, or no lens";
-                return Err(Error::invalid(
-                    "camera",
-                    "lens",
-                    "with parallel rays",
-                    expected,
-                ));
-            }
+    /// That values which are each in their range are a view.
+    pub(super) fn check_view(&self) -> Result<()> {
+        let wrong = |field: &str, found: String, expected: &str| {
+            Err(Error::invalid("camera", field, found, expected))
+        };
+        if let Projection::Intrinsics { size: [w, h], .. } = self.projection
+            && (w == 0 || h == 0)
+        {
+            let expected = "at least one column and row";
+            return wrong("size of K's image", format!("{w} × {h}"), expected);
         }
-        let view = target - eye;
+        if self.lens.is_some() && self.projection.is_parallel() {
+            let expected = "a perspective projection, or no lens";
+            return wrong("lens", "with parallel rays".into(), expected);
+        }
+        let vector = |p: &Parameter<3>| p.values().map(glam::DVec3::from);
+        let (target, up) = (vector(&self.target)?, vector(&self.up)?);
+        let view = target - vector(&self.eye)?;
         if view.length() <= 0.0 {
-            return Err(Error::invalid(
-                "camera",
-                "target",
-                target,
-                "a point other than the eye",
-            ));
+            let expected = "a point other than the eye";
+            return wrong("target", target.to_string(), expected);
         }
         if view.normalize().cross(up.normalize_or_zero()).length() < 1e-6 {
-            return Err(Error::invalid(
-                "camera",
-                "up",
-                up,
-                format!("a vector not along the view {view}"),
-            ));
+            let expected = format!("a vector not along the view {view}");
+            return wrong("up", up.to_string(), &expected);
         }
         Ok(())
     }
@@ -184,16 +169,10 @@ impl Camera {
         unit: f64,
         aspect: f64,
     ) -> CameraFrame {
-        let vector = |p: &Parameter<3>| {
-            let [x, y, z] = p.planes(context);
-            Vec3::new(x, y, z)
-        };
         let per_unit = unit.recip();
-        let relative = |p: &Parameter<3>| {
-            let v = vector(p).sub(&Vec3::constant(context, centre));
-            v.scale_by(per_unit)
-        };
-        let eye = relative(&self.eye);
+        let eye = self.eye.vector(context);
+        let eye = eye.sub(&Vec3::constant(context, centre));
+        let eye = eye.scale_by(per_unit);
         // Their lengths may be too small or large for squares in the scene's float type.
         let host = |p: &Parameter<3>| glam::DVec3::from(p.values().unwrap_or([0.0; 3]));
         let length = (host(&self.target) - host(&self.eye)).length();
@@ -203,11 +182,14 @@ impl Camera {
                 Vec3::constant(context, (forward / length).to_array())
             }
             _ => {
-                let forward = vector(&self.target).sub(&vector(&self.eye));
+                let forward = self.target.vector(context).sub(&self.eye.vector(context));
                 forward.scale_by(length.recip()).normalized()
             }
         };
-        let up = vector(&self.up).scale_by(host(&self.up).length().recip());
+        let up = self
+            .up
+            .vector(context)
+            .scale_by(host(&self.up).length().recip());
         let right = forward.cross(&up.normalized()).normalized();
         let up = right.cross(&forward);
         let (scale, shift) = self.projection.planes(context, unit, aspect);
@@ -284,7 +266,7 @@ impl Camera {
     /// # Errors
     /// If a value is out of range or can't be read.
     pub(crate) fn half_height(&self) -> Result<f64> {
-        self.projection.check()?;
+        self.check(None)?;
         Ok(match &self.projection {
             Projection::Perspective { fov_y } => (0.5 * fov_y.values()?[0]).to_radians().tan(),
             Projection::Intrinsics { focal, size, .. } => 0.5 * size[1] as f64 / focal.values()?[1],
@@ -299,38 +281,6 @@ impl Camera {
 impl Projection {
     pub(crate) fn is_parallel(&self) -> bool {
         matches!(self, Self::Orthographic { .. })
-    }
-
-    fn check(&self) -> Result<()> {
-        let positive = |v: f64| v > 0.0;
-        match self {
-            Self::Perspective { fov_y } => {
-                let in_range = |f: f64| f > 0.0 && f < 180.0;
-                fov_y.check("camera", "fov_y", "degrees in (0, 180)", in_range)?;
-            }
-            Self::Intrinsics {
-                focal,
-                principal,
-                size: [width, height],
-            } => {
-                focal.check("camera", "focal length", "numbers > 0, in pixels", positive)?;
-                principal.check("camera", "principal point", "finite numbers", |_| true)?;
-                if *width == 0 || *height == 0 {
-                    let size = format!("{width} × {height}");
-                    let expected = "at least one column and row";
-                    return Err(Error::invalid(
-                        "camera",
-                        "size of K's image",
-                        size,
-                        expected,
-                    ));
-                }
-            }
-            Self::Orthographic { height } => {
-                height.check("camera", "height", "a number > 0", positive)?;
-            }
-        }
-        Ok(())
     }
 
     /// Scale and shift of a [`CameraFrame`], the lengths of parallel rays in units of `unit`.

@@ -1,21 +1,16 @@
 //! Checks of a scene and a camera. Errors name the object and the field.
 
-use burn::tensor::{DType, Device, Tensor};
+use burn::tensor::Tensor;
 
-use super::material::{Channel, ChannelValue};
+use super::material::{Channel, Value};
 use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
-use super::{Albedo, Camera, Object, Scene};
+use super::{Camera, Object, Parameter, Scene};
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::geometry::Context;
+use crate::geometry::{Context, first_not_finite};
 
 /// Checks that all tensors are of one device and float type, and that values are finite and in range.
 pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
-    if let Some((name, expected)) = &scene.mistake {
-        let name = format!("{name:?}");
-        let field = "the name given to map_object";
-        return Err(Error::invalid("scene", field, name, expected));
-    }
     let triangles: usize = scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
     if triangles == 0 {
         return Err(Error::NoTriangles {
@@ -28,144 +23,163 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
         device: first.device().inner(),
         dtype: first.dtype(),
     };
-    let visit = |same: &mut SameKind<'_>| visit_scene(&mut scene.clone(), same);
-    same_kind(&context, visit, |id| scene.place_of(id))?;
+    let mut check = Check {
+        context: Some(&context),
+        place: &|id| scene.place_of(id),
+        found: Ok(()),
+    };
+    visit_scene(&mut scene.clone(), &mut check);
+    check.found?;
     for object in &scene.objects {
-        let name = &object.name;
-        let mesh = &object.mesh;
-        mesh.check(name)?;
-        if object.materials.is_empty() {
-            return Err(Error::invalid(
-                name,
-                "materials",
-                "empty",
-                "at least one material",
-            ));
-        }
-        let count = object.materials.len();
-        let of_face = &object.face_materials;
-        if !of_face.is_empty() && of_face.len() != mesh.faces.len() {
-            return Err(Error::invalid(
-                name,
-                "face_materials",
-                format!("of length {}", of_face.len()),
-                format!("one for each of the {} faces, or empty", mesh.faces.len()),
-            ));
-        }
-        if let Some(f) = of_face.iter().position(|&m| m as usize >= count) {
-            return Err(Error::invalid(
-                name,
-                format!("material of face {f}"),
-                of_face[f],
-                format!("an index under {count}"),
-            ));
-        }
-        for material in &object.materials {
-            material.check(name)?;
-        }
-        check_textures(object)?;
+        object.check()?;
     }
-    scene.environment.check()?;
     Ok(context)
 }
 
-/// Checks that the camera's tensors are of the scene's device and float type, and its values finite and in range.
-pub(crate) fn check_camera(camera: &Camera, context: &Context) -> Result<()> {
-    let visit = |same: &mut SameKind<'_>| visit_camera(&mut camera.clone(), same);
-    same_kind(context, visit, |id| ("camera".into(), id.field().into()))?;
-    camera.check()
+impl Camera {
+    /// Checks that values are in range, and tensors of the scene's device and float type if there is a scene.
+    pub(crate) fn check(&self, context: Option<&Context>) -> Result<()> {
+        let mut check = Check {
+            context,
+            place: &|_| "camera".into(),
+            found: Ok(()),
+        };
+        visit_camera(&mut self.clone(), &mut check);
+        check.found?;
+        self.check_view()
+    }
 }
 
-/// Finds the first tensor of another device or float type.
-struct SameKind<'a> {
-    context: &'a Context,
-    other: Option<(ParameterId, Device, DType)>,
+/// Checks every parameter, up to the first mistake.
+struct Check<'a> {
+    context: Option<&'a Context>,
+    /// The name of the object of a parameter.
+    place: &'a dyn Fn(ParameterId) -> String,
+    found: Result<()>,
 }
 
-impl Visit for SameKind<'_> {
-    fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>) {
-        let (device, dtype) = (tensor.device(), tensor.dtype());
-        let same = device == self.context.device && dtype == self.context.dtype;
-        if !same && self.other.is_none() {
-            self.other = Some((id, device, dtype));
+impl Check<'_> {
+    /// Where nothing was found, the result for the object and the field.
+    fn add(&mut self, id: ParameterId, check: impl FnOnce(&str, &str) -> Result<()>) {
+        if self.found.is_ok() {
+            self.found = check(&(self.place)(id), id.row().0);
         }
     }
 }
 
-/// `place` gives the names of the object and the field of a tensor.
-fn same_kind(
-    context: &Context,
-    visit: impl FnOnce(&mut SameKind<'_>),
-    place: impl FnOnce(ParameterId) -> (String, String),
-) -> Result<()> {
-    let mut same = SameKind {
-        context,
-        other: None,
-    };
-    visit(&mut same);
-    let Some((id, device, dtype)) = same.other else {
-        return Ok(());
-    };
-    let (object, field) = place(id);
-    Err(if device == context.device {
-        Error::DtypeMismatch {
-            object,
-            field,
-            found: format!("{dtype:?}"),
-            expected: format!("{:?}", context.dtype),
+impl Visit for Check<'_> {
+    fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>) {
+        let Some(context) = self.context else {
+            return;
+        };
+        let (device, dtype) = (tensor.device(), tensor.dtype());
+        if device != context.device {
+            self.add(id, |object, field| {
+                Err(Error::DeviceMismatch {
+                    object: object.into(),
+                    field: field.into(),
+                    found: label(&device),
+                    expected: label(&context.device),
+                })
+            });
+        } else if dtype != context.dtype {
+            self.add(id, |object, field| {
+                Err(Error::DtypeMismatch {
+                    object: object.into(),
+                    field: field.into(),
+                    found: format!("{dtype:?}"),
+                    expected: format!("{:?}", context.dtype),
+                })
+            });
         }
-    } else {
-        Error::DeviceMismatch {
-            object,
-            field,
-            found: label(&device),
-            expected: label(&context.device),
+    }
+
+    fn parameter<const C: usize>(&mut self, id: ParameterId, p: &mut Parameter<C>) {
+        if let Parameter::Tensor(t) = p {
+            self.visit(id, t);
         }
-    })
+        self.add(id, |object, field| {
+            p.check(object, field, id.row().1).map(drop)
+        });
+    }
+
+    fn image(&mut self, id: ParameterId, texels: &mut Tensor<3>) {
+        self.visit(id, texels);
+        self.add(id, |object, field| {
+            let [h, w, c] = texels.dims();
+            if h == 0 || w == 0 || c != 3 {
+                let found = format!("of shape [{h}, {w}, {c}]");
+                return Err(Error::invalid(object, field, found, "shape [H, W, 3]"));
+            }
+            let Some((i, value)) = first_not_finite(texels)? else {
+                return Ok(());
+            };
+            let field = format!("{field} texel ({}, {})", i / 3 / w, i / 3 % w);
+            Err(Error::invalid(object, field, value, "finite numbers"))
+        });
+    }
 }
 
 impl Scene {
-    /// The names of the object and the field of a tensor, for messages.
-    fn place_of(&self, id: ParameterId) -> (String, String) {
+    /// The name of the object of a tensor, for messages.
+    fn place_of(&self, id: ParameterId) -> String {
         use ParameterId::{Material, Normals, Uvs, Velocity, Vertices};
-        let field = id.field().to_string();
-        let object = match id {
+        match id {
             Vertices(i) | Uvs(i) | Normals(i) | Velocity(i) => self.objects[i].name.clone(),
             Material(m, _) => {
-                let all = self.objects.iter().flat_map(|o| {
-                    let of = |m: &super::Material| format!("{}, material {}", o.name, m.name);
-                    o.materials.iter().map(of)
-                });
-                all.into_iter().nth(m).unwrap_or_default()
+                let all = self.objects.iter();
+                let mut all = all.flat_map(|o| (0..o.materials.len()).map(|i| o.material_name(i)));
+                all.nth(m).unwrap_or_default()
             }
             _ => "scene".into(),
-        };
-        (object, field)
+        }
     }
 }
 
-/// Checks that an object whose materials have textures has texture coordinates.
-fn check_textures(object: &Object) -> Result<()> {
-    if object.mesh.uvs.is_some() || object.mesh.faces.is_empty() {
-        return Ok(());
+impl Object {
+    fn material_name(&self, index: usize) -> String {
+        format!("{}, material {}", self.name, self.materials[index].name)
     }
-    for (i, m) in object.materials.iter().enumerate() {
-        let is_used = match object.face_materials.as_slice() {
-            [] => i == 0,
-            list => list.contains(&(i as u32)),
+
+    fn check(&self) -> Result<()> {
+        self.mesh.check(&self.name)?;
+        let wrong = |field: &str, found: String, expected: String| {
+            Err(Error::invalid(&self.name, field, found, expected))
         };
-        let mut m = m.clone();
-        let name = format!("{}, material {}", object.name, m.name);
-        for (channel, value) in Channel::ALL.into_iter().zip(m.channels()) {
-            if is_used && matches!(value, ChannelValue::Colour(Albedo::Texture { .. })) {
-                return Err(Error::invalid(
-                    name,
-                    channel.name(),
-                    "a texture",
-                    "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them",
-                ));
+        let (faces, count) = (self.mesh.faces.len(), self.materials.len());
+        let of_face = &self.face_materials;
+        if count == 0 {
+            return wrong("materials", "empty".into(), "at least one material".into());
+        }
+        if !of_face.is_empty() && of_face.len() != faces {
+            let expected = format!("one for each of the {faces} faces, or empty");
+            let found = format!("of length {}", of_face.len());
+            return wrong("face_materials", found, expected);
+        }
+        if let Some(f) = of_face.iter().position(|&m| m as usize >= count) {
+            let field = format!("material of face {f}");
+            let expected = format!("an index under {count}");
+            return wrong(&field, of_face[f].to_string(), expected);
+        }
+        for (i, material) in self.materials.iter().enumerate() {
+            let name = self.material_name(i);
+            material.check_energy(&name)?;
+            let is_used = faces > 0
+                && match of_face.as_slice() {
+                    [] => i == 0,
+                    list => list.contains(&(i as u32)),
+                };
+            if !is_used || self.mesh.uvs.is_some() {
+                continue;
+            }
+            let mut material = material.clone();
+            let channels = Channel::ALL.into_iter().zip(material.channels());
+            for (channel, _) in channels.filter(|(_, v)| matches!(v, Value::Image(..))) {
+                let expected =
+                    "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them";
+                return Err(Error::invalid(name, channel.row().0, "a texture", expected));
             }
         }
+        Ok(())
     }
-    Ok(())
 }

@@ -1,8 +1,7 @@
 use burn::tensor::Tensor;
 
 use super::Parameter;
-use crate::error::{Error, Result};
-use crate::geometry::first_not_finite;
+use super::material::{Value, Wrap};
 
 /// The radiance that arrives from infinity where rays miss all surfaces.
 #[derive(Clone)]
@@ -33,32 +32,10 @@ impl Environment {
         !matches!(self, Self::Constant(Parameter::Constant(v)) if *v == [0.0; 3])
     }
 
-    pub(crate) fn check(&self) -> Result<()> {
-        let texels = match self {
-            Self::Constant(p) => {
-                p.check("scene", "environment", "finite numbers", |_| true)?;
-                return Ok(());
-            }
-            Self::Map(texels) => texels,
-        };
-        let [h, w, c] = texels.dims();
-        if h == 0 || w == 0 || c != 3 {
-            let found = format!("of shape [{h}, {w}, {c}]");
-            return Err(Error::invalid(
-                "scene",
-                "environment",
-                found,
-                "shape [H, W, 3]",
-            ));
-        }
-        match first_not_finite(texels)? {
-            Some((i, value)) => Err(Error::invalid(
-                "scene",
-                format!("environment texel ({}, {})", i / 3 / w, i / 3 % w),
-                value,
-                "finite numbers",
-            )),
-            None => Ok(()),
+    pub(crate) fn value(&mut self) -> Value<'_> {
+        match self {
+            Self::Constant(p) => Value::Colour(p),
+            Self::Map(texels) => Value::Image(texels, Wrap::Repeat),
         }
     }
 }

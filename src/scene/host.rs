@@ -2,11 +2,9 @@
 
 use std::sync::Arc;
 
-use burn::tensor::Tensor;
-
 use super::check::check_scene;
-use super::material::{Channel, ChannelValue, MaterialKind};
-use super::{Albedo, CornerAttribute, Environment, Parameter, Scene, Wrap};
+use super::material::{Channel, MaterialKind, Value};
+use super::{CornerAttribute, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, by_rows, host_values};
 
@@ -81,7 +79,7 @@ impl HostScene {
         for object in &scene.objects {
             let velocity = match &object.velocity {
                 Some(Parameter::Constant([0.0, 0.0, 0.0])) | None => None,
-                Some(v) => Some(v.check(&object.name, "velocity", "finite numbers", |_| true)?),
+                Some(v) => Some(v.values()?),
             };
             objects.push(HostObject {
                 positions: object.mesh.host_vertices()?,
@@ -93,28 +91,20 @@ impl HostScene {
                 face_materials: object.face_materials.clone(),
             });
             for m in &object.materials {
-                let mut m = m.clone();
+                let kind = m.kind();
+                let channels = m.clone().channels().map(texture);
                 materials.push(HostMaterial {
-                    kind: m.kind(),
-                    channels: m
-                        .channels()
-                        .map(channel)
-                        .into_iter()
-                        .collect::<Result<_>>()?,
+                    kind,
+                    channels: channels.into_iter().collect::<Result<_>>()?,
                 });
             }
         }
-        let shines = scene.environment.shines();
-        let environment = match &scene.environment {
-            Environment::Constant(p) => HostTexture::Constant(p.values()?),
-            Environment::Map(texels) => image(texels, Wrap::Repeat)?,
-        };
         let this = Self {
             context,
             objects,
             materials,
-            environment,
-            shines,
+            environment: texture(scene.environment.clone().value())?,
+            shines: scene.environment.shines(),
         };
         if !this.has_light() {
             log::warn!(
@@ -146,28 +136,21 @@ fn attribute<const C: usize>(a: &CornerAttribute) -> Result<HostAttribute<C>> {
     })
 }
 
-/// Reads a parameter back. A scalar is the first of three numbers, the others are 0.
-fn channel(value: ChannelValue<'_>) -> Result<HostTexture> {
-    match value {
-        ChannelValue::Colour(Albedo::Constant(p)) | ChannelValue::Numbers(p) => {
-            Ok(HostTexture::Constant(p.values()?))
+/// Reads a value back. A scalar is the first of three numbers, the others are 0.
+fn texture(value: Value<'_>) -> Result<HostTexture> {
+    Ok(match value {
+        Value::Colour(p) => HostTexture::Constant(p.values()?),
+        Value::Scalar(p) => HostTexture::Constant([p.values()?[0], 0.0, 0.0]),
+        Value::Image(image, wrap) => {
+            let [height, width, channels] = image.dims();
+            let mut texels = Vec::with_capacity(height * width * channels);
+            by_rows(image, |values| texels.extend_from_slice(values))?;
+            HostTexture::Image {
+                texels,
+                width,
+                height,
+                wrap,
+            }
         }
-        ChannelValue::Colour(Albedo::Texture { texels, wrap }) => image(texels, *wrap),
-        ChannelValue::Scalar(p) => {
-            let [value] = p.values()?;
-            Ok(HostTexture::Constant([value, 0.0, 0.0]))
-        }
-    }
-}
-
-fn image(texels: &Tensor<3>, wrap: Wrap) -> Result<HostTexture> {
-    let [height, width, channels] = texels.dims();
-    let mut list = Vec::with_capacity(height * width * channels);
-    by_rows(texels, |values| list.extend_from_slice(values))?;
-    Ok(HostTexture::Image {
-        texels: list,
-        width,
-        height,
-        wrap,
     })
 }

@@ -1,8 +1,8 @@
 use burn::tensor::Tensor;
 
 use super::Parameter;
+use super::parameter::Range;
 use crate::error::{Error, Result};
-use crate::geometry::first_not_finite;
 
 /// How texture coordinates outside of [0, 1] are mapped into the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,6 +29,13 @@ impl Wrap {
             }
         }
     }
+}
+
+/// The value of what may have several forms: a parameter of a material, or an environment.
+pub(crate) enum Value<'a> {
+    Colour(&'a mut Parameter<3>),
+    Image(&'a mut Tensor<3>, Wrap),
+    Scalar(&'a mut Parameter<1>),
 }
 
 /// An albedo: a constant RGB, or a texture.
@@ -62,35 +69,21 @@ impl Albedo {
 
     /// Whether it may be other than 0: false only for a constant 0.
     pub(crate) fn reflects(&self) -> bool {
-        !matches!(self, Self::Constant(Parameter::Constant(v)) if v.iter().all(|&x| x == 0.0))
+        self.constant() != Some([0.0; 3])
     }
 
-    fn check(&self, object: &str, field: &str) -> Result<Option<[f64; 3]>> {
+    fn value(&mut self) -> Value<'_> {
         match self {
-            Self::Constant(p) => {
-                let v = p.check(object, field, "finite numbers", |_| true)?;
-                Ok(matches!(p, Parameter::Constant(_)).then_some(v))
-            }
-            Self::Texture { texels, .. } => {
-                let [h, w, c] = texels.dims();
-                if h == 0 || w == 0 || c != 3 {
-                    return Err(Error::invalid(
-                        object,
-                        field,
-                        format!("of shape [{h}, {w}, {c}]"),
-                        "shape [H, W, 3]",
-                    ));
-                }
-                match first_not_finite(texels)? {
-                    Some((i, value)) => Err(Error::invalid(
-                        object,
-                        format!("{field} texel ({}, {})", i / 3 / w, i / 3 % w),
-                        value,
-                        "finite numbers",
-                    )),
-                    None => Ok(None),
-                }
-            }
+            Self::Constant(p) => Value::Colour(p),
+            Self::Texture { texels, wrap } => Value::Image(texels, *wrap),
+        }
+    }
+
+    /// Its numbers, where it is neither a texture nor a tensor.
+    fn constant(&self) -> Option<[f64; 3]> {
+        match self {
+            Self::Constant(Parameter::Constant(v)) => Some(*v),
+            _ => None,
         }
     }
 }
@@ -115,13 +108,13 @@ impl Channel {
         Self::Emission,
     ];
 
-    /// The name in messages.
-    pub fn name(self) -> &'static str {
+    /// The name in messages and the range of its values.
+    pub fn row(self) -> (&'static str, Range) {
         match self {
-            Self::Diffuse => "diffuse",
-            Self::Specular => "specular",
-            Self::Shininess => "shininess",
-            Self::Emission => "emission",
+            Self::Diffuse => ("diffuse", Range::Finite),
+            Self::Specular => ("specular", Range::Finite),
+            Self::Shininess => ("shininess", Range::NotNegative),
+            Self::Emission => ("emission", Range::Finite),
         }
     }
 
@@ -129,13 +122,6 @@ impl Channel {
     pub fn turns(self) -> bool {
         self == Self::Shininess
     }
-}
-
-/// The value of a parameter of a material.
-pub(crate) enum ChannelValue<'a> {
-    Colour(&'a mut Albedo),
-    Numbers(&'a mut Parameter<3>),
-    Scalar(&'a mut Parameter<1>),
 }
 
 /// The parts that a material has: reflection, a specular lobe, emission.
@@ -220,13 +206,12 @@ impl Material {
 
     /// Its parameters, in the order of [`Channel::ALL`]: the one list that tensors, checks, the packed
     /// scene and gradients are made from.
-    pub(crate) fn channels(&mut self) -> [ChannelValue<'_>; CHANNELS] {
-        use ChannelValue::{Colour, Numbers, Scalar};
+    pub(crate) fn channels(&mut self) -> [Value<'_>; CHANNELS] {
         [
-            Colour(&mut self.diffuse),
-            Colour(&mut self.specular),
-            Scalar(&mut self.shininess),
-            Numbers(&mut self.emission),
+            self.diffuse.value(),
+            self.specular.value(),
+            Value::Scalar(&mut self.shininess),
+            Value::Colour(&mut self.emission),
         ]
     }
 
@@ -245,40 +230,25 @@ impl Material {
         !matches!(self.emission, Parameter::Constant(v) if v.iter().all(|&x| x == 0.0))
     }
 
-    pub(crate) fn check(&self, object: &str) -> Result<()> {
-        let name = format!("{object}, material {}", self.name);
-        let kd = self.diffuse.check(&name, "diffuse")?;
-        let ks = self.specular.check(&name, "specular")?;
-        self.shininess
-            .check(&name, "shininess", "a finite number ≥ 0", |n| n >= 0.0)?;
-        self.emission
-            .check(&name, "emission", "finite numbers", |_| true)?;
-        // Tensors may wander outside for a step of a fit; constants may not.
+    /// That constants make no energy. Tensors may wander outside for a step of a fit.
+    pub(crate) fn check_energy(&self, name: &str) -> Result<()> {
+        let (kd, ks) = (self.diffuse.constant(), self.specular.constant());
         for (field, albedo) in [("diffuse", kd), ("specular", ks)] {
-            if let Some(v) = albedo
-                && v.iter().any(|&x| x < 0.0)
-            {
-                return Err(Error::invalid(
-                    &name,
-                    field,
-                    format!("{v:?}"),
-                    "numbers ≥ 0",
-                ));
-            }
+            Range::NotNegative.check(name, field, albedo.as_ref().map_or(&[], |v| v))?;
         }
-        if let (Some(d), Some(s)) = (kd, ks) {
-            let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
-            if sum.iter().any(|&x| x > 1.0 + 1e-6) {
-                let black = [0.0; 3];
-                let field = match (d == black, s == black) {
-                    (_, true) => "diffuse",
-                    (true, _) => "specular",
-                    _ => "diffuse + specular",
-                };
-                let expected = "at most 1, or energy is made";
-                return Err(Error::invalid(&name, field, format!("{sum:?}"), expected));
-            }
+        let (Some(d), Some(s)) = (kd, ks) else {
+            return Ok(());
+        };
+        let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
+        if sum.iter().all(|&x| x <= 1.0 + 1e-6) {
+            return Ok(());
         }
-        Ok(())
+        let field = match (self.diffuse.reflects(), self.specular.reflects()) {
+            (_, false) => "diffuse",
+            (false, _) => "specular",
+            _ => "diffuse + specular",
+        };
+        let expected = "at most 1, or energy is made";
+        Err(Error::invalid(name, field, format!("{sum:?}"), expected))
     }
 }

@@ -55,12 +55,9 @@ impl<const N: usize> Matrix<N> {
             Self::Constant(rows) => *rows,
             Self::Tensor(matrix) => {
                 if matrix.dims() != [N, N] {
-                    return Err(Error::invalid(
-                        "camera",
-                        field,
-                        format!("of shape {:?}", matrix.dims()),
-                        format!("shape [{N}, {N}]"),
-                    ));
+                    let found = format!("of shape {:?}", matrix.dims());
+                    let expected = format!("shape [{N}, {N}]");
+                    return Err(Error::invalid("camera", field, found, expected));
                 }
                 let values = host_values(matrix)?;
                 std::array::from_fn(|i| std::array::from_fn(|j| values[N * i + j]))
@@ -74,36 +71,20 @@ impl<const N: usize> Matrix<N> {
         Ok(rows)
     }
 
-    /// The first three numbers of a column or row times a factor, in the graph of the matrix.
-    pub(super) fn line(
+    /// The numbers at these rows and columns times a factor, in the graph of the matrix.
+    pub(super) fn pick<const C: usize>(
         &self,
         rows: &[[f64; N]; N],
-        axis: Axis,
-        index: usize,
+        places: [[usize; 2]; C],
         factor: f64,
-    ) -> Parameter<3> {
-        match (self, axis) {
-            (Self::Constant(_), Axis::Column) => {
-                Parameter::Constant(std::array::from_fn(|i| factor * rows[i][index]))
-            }
-            (Self::Constant(_), Axis::Row) => {
-                Parameter::Constant(std::array::from_fn(|i| factor * rows[index][i]))
-            }
-            (Self::Tensor(m), Axis::Column) => {
-                let column = m.clone().slice([0..3, index..index + 1]);
-                Parameter::Tensor(column.reshape([3]) * factor)
-            }
-            (Self::Tensor(m), Axis::Row) => {
-                let row = m.clone().slice([index..index + 1, 0..3]);
-                Parameter::Tensor(row.reshape([3]) * factor)
+    ) -> Parameter<C> {
+        match self {
+            Self::Constant(_) => Parameter::Constant(places.map(|[i, j]| factor * rows[i][j])),
+            Self::Tensor(m) => {
+                let at = |[i, j]: [usize; 2]| m.clone().slice([i..i + 1, j..j + 1]).reshape([1]);
+                let picked = places.map(at).into_iter().collect();
+                Parameter::Tensor(Tensor::cat(picked, 0) * factor)
             }
         }
     }
-}
-
-/// The lines of a matrix.
-#[derive(Clone, Copy)]
-pub(super) enum Axis {
-    Column,
-    Row,
 }

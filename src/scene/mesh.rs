@@ -3,6 +3,8 @@ use std::sync::Arc;
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
 use super::Transform;
+use super::parameter::{Range, without_tape};
+use super::transform::Mistake;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 
@@ -27,8 +29,8 @@ pub struct Mesh {
     pub uvs: Option<CornerAttribute>,
     /// Shading normals `[_, 3]`.
     pub normals: Option<CornerAttribute>,
-    /// The first mistake made with it, which a render reports as an error.
-    pub(crate) mistake: Option<String>,
+    /// The first mistake made with it: what was done, and what was expected. A render reports it as an error.
+    pub(crate) mistake: Option<Mistake>,
 }
 
 impl Mesh {
@@ -90,8 +92,8 @@ impl Mesh {
     /// [`scaled`](Self::scaled).
     pub fn transformed(mut self, transform: &Transform) -> Self {
         if let Some(mistake) = transform.mistake() {
-            self.mistake = Some(format!("transformed by {mistake}"));
-            return self;
+            let found = format!("transformed by {}", mistake.found);
+            return self.mistaken(Mistake::new(found, &mistake.expected));
         }
         self.vertices = transform.apply(self.vertices);
         if let Some(normals) = &mut self.normals {
@@ -104,9 +106,10 @@ impl Mesh {
         }
     }
 
-    /// The positions `[F, 3]` of the i-th corner of each face, i from 0 to 2.
-    pub(crate) fn corner(&self, corner: usize) -> Tensor<2> {
-        take(&self.vertices, &self.faces, corner)
+    /// Records a mistake unless there is one already.
+    pub(super) fn mistaken(mut self, mistake: Mistake) -> Self {
+        self.mistake.get_or_insert(mistake);
+        self
     }
 
     /// Splits every face into four in its own plane, so that the shape stays the same. Vertices stay in the
@@ -155,9 +158,7 @@ impl Mesh {
     /// of the faces are in range.
     pub(crate) fn checked_vertices(&self, object: &str) -> Result<Vec<[f64; 3]>> {
         if let Some(mistake) = &self.mistake {
-            let (found, expected) = mistake
-                .split_once(", expected ")
-                .unwrap_or((mistake, "none"));
+            let Mistake { found, expected } = mistake;
             return Err(Error::invalid(object, "mesh", found, expected));
         }
         let flat = check_table(object, "vertices", &self.vertices, 3, &self.faces)?;
@@ -189,20 +190,12 @@ impl Mesh {
         width: usize,
     ) -> Result<Vec<f64>> {
         if a.faces.len() != self.faces.len() {
-            return Err(Error::invalid(
-                object,
-                format!("{field} faces"),
-                a.faces.len(),
-                format!("one entry for each of the {} faces", self.faces.len()),
-            ));
+            let (field, found) = (format!("{field} faces"), a.faces.len());
+            let expected = format!("one entry for each of the {} faces", self.faces.len());
+            return Err(Error::invalid(object, field, found, expected));
         }
         check_table(object, field, &a.values, width, &a.faces)
     }
-}
-
-/// Rows of `values` at one corner of each face, `[F, C]`.
-pub(crate) fn take(values: &Tensor<2>, faces: &[[u32; 3]], corner: usize) -> Tensor<2> {
-    take_rows(values, faces.iter().map(|f| f[corner]))
 }
 
 /// The rows of `values` of these numbers, `[N, C]`.
@@ -210,11 +203,7 @@ pub(crate) fn take_rows(values: &Tensor<2>, rows: impl Iterator<Item = u32>) -> 
     let [_, width] = values.dims();
     let index: Vec<i32> = rows.map(|row| row as i32).collect();
     let n = index.len();
-    let values = if values.is_tracked() {
-        values.clone()
-    } else {
-        values.clone().inner()
-    };
+    let values = without_tape(values);
     let device = values.device().inner();
     let index = Tensor::<2, Int>::from_data(TensorData::new(index, [n, 1]), &device);
     // `gather`, not `select`: the backward of `select` over a long index is serial on GPUs.
@@ -238,14 +227,9 @@ fn check_table(
 ) -> Result<Vec<f64>> {
     check_indices(object, field, values.dims(), width, faces)?;
     let host = host_values(values)?;
-    // Kernels are in f32.
-    if let Some(i) = host.iter().position(|&v| !(v as f32).is_finite()) {
-        return Err(Error::invalid(
-            object,
-            format!("{field} {}", i / width),
-            format!("{:?}", &host[i / width * width..(i / width + 1) * width]),
-            "finite numbers",
-        ));
+    let row = host.iter().position(|&v| !(v as f32).is_finite());
+    if let Some(i) = row.map(|i| i / width) {
+        Range::Finite.check(object, &format!("{field} {i}"), &host[i * width..][..width])?;
     }
     Ok(host)
 }
@@ -258,24 +242,19 @@ pub(super) fn check_indices(
     faces: &[[u32; 3]],
 ) -> Result<()> {
     if columns != width {
+        let found = format!("of shape [{rows}, {columns}]");
         return Err(Error::invalid(
             object,
             field,
-            format!("of shape [{rows}, {columns}]"),
+            found,
             format!("shape [_, {width}]"),
         ));
     }
-    if let Some((i, f)) = faces
-        .iter()
-        .enumerate()
-        .find(|(_, f)| f.iter().any(|&v| v as usize >= rows))
-    {
-        return Err(Error::invalid(
-            object,
-            format!("{field} of face {i}"),
-            format!("{f:?}"),
-            format!("indices under {rows}, counted from 0"),
-        ));
-    }
-    Ok(())
+    let outside = |f: &[u32; 3]| f.iter().any(|&v| v as usize >= rows);
+    let Some(i) = faces.iter().position(outside) else {
+        return Ok(());
+    };
+    let (field, found) = (format!("{field} of face {i}"), format!("{:?}", faces[i]));
+    let expected = format!("indices under {rows}, counted from 0");
+    Err(Error::invalid(object, field, found, expected))
 }

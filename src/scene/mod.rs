@@ -23,10 +23,9 @@ mod viewpoint;
 
 pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
-pub(crate) use check::{check_camera, check_scene};
+pub(crate) use check::check_scene;
 pub use environment::Environment;
 pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, Flattened, Normalization, SkyTensors};
-
 pub(crate) use frame::SceneFrame;
 pub(crate) use host::{HostAttribute, HostScene, HostTexture};
 pub use material::{Albedo, Material, Wrap};
@@ -36,13 +35,14 @@ pub(crate) use mesh::take_rows;
 pub use mesh::{CornerAttribute, Mesh};
 pub use object::Object;
 pub use parameter::Parameter;
+pub(crate) use parameter::Range;
 pub(crate) use parameters::{
     Collect, Detach, ParameterId, Replace, Visit, visit_camera, visit_scene, visit_tensors,
 };
 pub use placement::Scale;
 pub use transform::Transform;
 
-use crate::error::one_of;
+use crate::error::{Error, Result, one_of};
 
 /// A scene: objects and an environment.
 #[derive(Clone)]
@@ -51,8 +51,6 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// The radiance that arrives from infinity where rays miss all surfaces.
     pub environment: Environment,
-    /// A name that no object has, and the names that objects have, for the error of a render.
-    pub(crate) mistake: Option<(String, String)>,
 }
 
 impl Default for Scene {
@@ -67,7 +65,6 @@ impl Scene {
         Self {
             objects: Vec::new(),
             environment: Environment::Constant(Parameter::Constant([0.0; 3])),
-            mistake: None,
         }
     }
 
@@ -99,17 +96,19 @@ impl Scene {
         self.objects.iter().find(|o| o.name == name)
     }
 
-    /// Changes the objects of a name by a function; others stay as they are. If there is none the scene can't
-    /// be rendered: the error lists the names that there are.
-    pub fn map_object(mut self, name: &str, f: impl Fn(Object) -> Object) -> Self {
+    /// Changes the objects of a name by a function; others stay as they are.
+    ///
+    /// # Errors
+    /// If there is no object of that name; the error lists the names that there are.
+    pub fn map_object(mut self, name: &str, f: impl Fn(Object) -> Object) -> Result<Self> {
         if self.object(name).is_none() {
-            self.mistake = Some((name.into(), one_of(self.names())));
+            let field = "the name given to map_object";
+            let names = one_of(self.names());
+            return Err(Error::invalid("scene", field, format!("{name:?}"), names));
         }
-        self.objects = self
-            .objects
-            .into_iter()
-            .map(|o| if o.name == name { f(o) } else { o })
-            .collect();
-        self
+        let objects = self.objects.into_iter();
+        let changed = objects.map(|o| if o.name == name { f(o) } else { o });
+        self.objects = changed.collect();
+        Ok(self)
     }
 }

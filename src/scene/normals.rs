@@ -4,6 +4,7 @@ use burn::tensor::{DType, IndexingUpdateOp, Int, Tensor, TensorData};
 
 use super::Mesh;
 use super::mesh::check_indices;
+use super::parameter::without_tape;
 use crate::geometry::{Vec3, columns, gather_columns, length, split, unit_size};
 
 impl Mesh {
@@ -50,11 +51,7 @@ impl Mesh {
 
 /// Unit normals at the vertices `[V, 3]`.
 fn vertex_normals(vertices: &Tensor<2>, faces: &[[u32; 3]]) -> Tensor<2> {
-    let vertices = if vertices.is_tracked() {
-        vertices.clone()
-    } else {
-        vertices.clone().inner()
-    };
+    let vertices = without_tape(vertices);
     let [count, _] = vertices.dims();
     let (dtype, n) = (vertices.dtype(), faces.len());
     let epsilon = match dtype {

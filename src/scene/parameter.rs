@@ -1,7 +1,7 @@
 use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
-use crate::geometry::{Context, host_values};
+use crate::geometry::{Context, Vec3, host_values};
 
 // A tensor is a handle of some words; boxing it would cost more than it saves.
 #[allow(clippy::large_enum_variant)]
@@ -28,12 +28,8 @@ impl<const C: usize> Parameter<C> {
             Self::Tensor(t) => {
                 let v = host_values(t)?;
                 v.as_slice().try_into().map_err(|_| {
-                    Error::invalid(
-                        "parameter",
-                        "shape",
-                        format!("[{}]", v.len()),
-                        format!("[{C}]"),
-                    )
+                    let [found, expected] = [v.len(), C].map(|n| format!("[{n}]"));
+                    Error::invalid("parameter", "shape", found, expected)
                 })
             }
         }
@@ -43,47 +39,21 @@ impl<const C: usize> Parameter<C> {
     pub(crate) fn planes(&self, context: &Context) -> [Tensor<2>; C] {
         std::array::from_fn(|i| match self {
             Self::Constant(v) => context.row(&v[i..=i]),
-            Self::Tensor(t) => {
-                let t = if t.is_tracked() {
-                    t.clone()
-                } else {
-                    t.clone().inner()
-                };
-                t.slice([i..i + 1]).reshape([1, 1])
-            }
+            Self::Tensor(t) => without_tape(t).slice([i..i + 1]).reshape([1, 1]),
         })
     }
 
-    /// Checks shape, finiteness and range of the values.
-    pub(crate) fn check(
-        &self,
-        object: &str,
-        field: &str,
-        expected: &str,
-        valid: impl Fn(f64) -> bool,
-    ) -> Result<[f64; C]> {
+    /// Checks the shape and the range of the values, and returns them.
+    pub(crate) fn check(&self, object: &str, field: &str, range: Range) -> Result<[f64; C]> {
         if let Self::Tensor(t) = self
             && t.dims() != [C]
         {
-            return Err(Error::invalid(
-                object,
-                field,
-                format!("of shape {:?}", t.dims()),
-                format!("shape [{C}]"),
-            ));
+            let found = format!("of shape {:?}", t.dims());
+            return Err(Error::invalid(object, field, found, format!("shape [{C}]")));
         }
         let values = self.values()?;
-        // Kernels are in f32.
-        if values.iter().all(|&v| (v as f32).is_finite() && valid(v)) {
-            Ok(values)
-        } else {
-            let shown = if C == 1 {
-                values[0].to_string()
-            } else {
-                format!("{values:?}")
-            };
-            Err(Error::invalid(object, field, shown, expected))
-        }
+        range.check(object, field, &values)?;
+        Ok(values)
     }
 
     pub(crate) fn tensor(&self) -> Option<&Tensor<1>> {
@@ -91,6 +61,71 @@ impl<const C: usize> Parameter<C> {
             Self::Constant(_) => None,
             Self::Tensor(t) => Some(t),
         }
+    }
+}
+
+impl Parameter<3> {
+    /// The same planes as a vector.
+    pub(crate) fn vector(&self, context: &Context) -> Vec3 {
+        let [x, y, z] = self.planes(context);
+        Vec3::new(x, y, z)
+    }
+}
+
+/// A tensor without autodiff where it is a constant, so that nothing is recorded for it.
+pub(super) fn without_tape<const D: usize>(t: &Tensor<D>) -> Tensor<D> {
+    if t.is_tracked() {
+        t.clone()
+    } else {
+        t.clone().inner()
+    }
+}
+
+/// The values that numbers may have: finite ones in f32, as kernels are.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Range {
+    Finite,
+    Positive,
+    NotNegative,
+    /// From 0 to 1.
+    Share,
+    /// Between both.
+    Degrees(i32, i32),
+}
+
+impl Range {
+    /// # Errors
+    /// If a value is out of the range; the error shows all, or the first such one of many.
+    pub fn check(self, object: &str, field: &str, values: &[f64]) -> Result<()> {
+        let holds = |&v: &f64| {
+            (v as f32).is_finite()
+                && match self {
+                    Self::Finite => true,
+                    Self::Positive => v > 0.0,
+                    Self::NotNegative => v >= 0.0,
+                    Self::Share => (0.0..=1.0).contains(&v),
+                    Self::Degrees(low, high) => v > low.into() && v < high.into(),
+                }
+        };
+        let Some(wrong) = values.iter().find(|v| !holds(v)) else {
+            return Ok(());
+        };
+        let shown = match values.len() {
+            2..=16 => format!("{values:?}"),
+            _ => wrong.to_string(),
+        };
+        let (finite, numbers) = match values.len() {
+            1 => ("a finite number", "a number"),
+            _ => ("finite numbers", "numbers"),
+        };
+        let expected = match self {
+            Self::Finite => finite.into(),
+            Self::Positive => format!("{numbers} > 0"),
+            Self::NotNegative => format!("{numbers} ≥ 0"),
+            Self::Share => format!("{numbers} in [0, 1]"),
+            Self::Degrees(low, high) => format!("degrees in ({low}, {high})"),
+        };
+        Err(Error::invalid(object, field, shown, expected))
     }
 }
 

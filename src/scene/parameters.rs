@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use burn::tensor::Tensor;
 
-use super::material::{Channel, ChannelValue};
-use super::{Albedo, Camera, Environment, Parameter, Projection, Scene};
+use super::material::{Channel, Value};
+use super::parameter::Range as Values;
+use super::{Camera, Parameter, Projection, Scene};
 
 /// Names a tensor of a scene or camera. Objects and materials are counted over the whole scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -43,24 +44,24 @@ pub(crate) enum ParameterId {
 }
 
 impl ParameterId {
-    /// Its name in messages.
-    pub fn field(self) -> &'static str {
+    /// Its name in messages and the range of its values.
+    pub fn row(self) -> (&'static str, Values) {
         match self {
-            Self::Vertices(_) => "vertices",
-            Self::Uvs(_) => "uvs",
-            Self::Normals(_) => "normals",
-            Self::Velocity(_) => "velocity",
-            Self::Material(_, channel) => channel.name(),
-            Self::Environment => "environment",
-            Self::Eye => "eye",
-            Self::Target => "target",
-            Self::Up => "up",
-            Self::FieldOfView => "fov_y",
-            Self::FocalLength => "focal length",
-            Self::PrincipalPoint => "principal point",
-            Self::ViewHeight => "height",
-            Self::Aperture => "aperture radius",
-            Self::Focus => "focus distance",
+            Self::Vertices(_) => ("vertices", Values::Finite),
+            Self::Uvs(_) => ("uvs", Values::Finite),
+            Self::Normals(_) => ("normals", Values::Finite),
+            Self::Velocity(_) => ("velocity", Values::Finite),
+            Self::Material(_, channel) => channel.row(),
+            Self::Environment => ("environment", Values::Finite),
+            Self::Eye => ("eye", Values::Finite),
+            Self::Target => ("target", Values::Finite),
+            Self::Up => ("up", Values::Finite),
+            Self::FieldOfView => ("fov_y", Values::Degrees(0, 180)),
+            Self::FocalLength => ("focal length", Values::Positive),
+            Self::PrincipalPoint => ("principal point", Values::Finite),
+            Self::ViewHeight => ("height", Values::Positive),
+            Self::Aperture => ("aperture radius", Values::NotNegative),
+            Self::Focus => ("focus distance", Values::Positive),
         }
     }
 }
@@ -77,14 +78,16 @@ pub(crate) trait Visit {
         }
     }
 
-    /// Called with every parameter of a material.
-    fn channel(&mut self, id: ParameterId, value: ChannelValue<'_>) {
+    /// Called with every image.
+    fn image(&mut self, id: ParameterId, texels: &mut Tensor<3>) {
+        self.visit(id, texels);
+    }
+
+    fn value(&mut self, id: ParameterId, value: Value<'_>) {
         match value {
-            ChannelValue::Colour(Albedo::Constant(p)) | ChannelValue::Numbers(p) => {
-                self.parameter(id, p);
-            }
-            ChannelValue::Colour(Albedo::Texture { texels, .. }) => self.visit(id, texels),
-            ChannelValue::Scalar(p) => self.parameter(id, p),
+            Value::Colour(p) => self.parameter(id, p),
+            Value::Image(texels, _) => self.image(id, texels),
+            Value::Scalar(p) => self.parameter(id, p),
         }
     }
 }
@@ -110,7 +113,7 @@ pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
         }
         for m in &mut object.materials {
             for (channel, value) in Channel::ALL.into_iter().zip(m.channels()) {
-                visit.channel(Material(material, channel), value);
+                visit.value(Material(material, channel), value);
             }
             material += 1;
         }
@@ -118,10 +121,7 @@ pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
             visit.parameter(Velocity(i), velocity);
         }
     }
-    match &mut scene.environment {
-        Environment::Constant(p) => visit.parameter(ParameterId::Environment, p),
-        Environment::Map(texels) => visit.visit(ParameterId::Environment, texels),
-    }
+    visit.value(ParameterId::Environment, scene.environment.value());
 }
 
 /// Visits every tensor of a camera.

@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
-use super::transform::mirrors;
+use super::parameter::{Range, without_tape};
+use super::transform::{Mistake, mirrors};
 use super::{Mesh, Parameter, Transform};
+use crate::error::Error;
 use crate::geometry::{Context, sin_cos};
 
 // A tensor is a handle of some words; boxing it would cost more than it saves.
@@ -114,7 +116,10 @@ impl Mesh {
             Scale::Tensor(t) => match t.dims() {
                 [1] => self.read(BY, &Parameter::Tensor(t)).map(one),
                 [3] => self.read(BY, &Parameter::Tensor(t)),
-                [n] => Err(format!("{BY} a tensor of shape [{n}], expected [1] or [3]")),
+                [n] => Err(Mistake::new(
+                    format!("{BY} a tensor of shape [{n}]"),
+                    "[1] or [3]",
+                )),
             },
         };
         match read {
@@ -131,7 +136,7 @@ impl Mesh {
             if n == 3 {
                 if factors.contains(&0.0) {
                     let expected = "factors other than 0 for a mesh with shading normals";
-                    return self.mistaken(format!("scaled by {factors:?}, expected {expected}"));
+                    return self.mistaken(Mistake::new(format!("scaled by {factors:?}"), expected));
                 }
                 // Their length doesn't matter, but must be one that floats hold.
                 let least = factors.iter().fold(f64::INFINITY, |m, s| m.min(s.abs()));
@@ -172,13 +177,15 @@ impl Mesh {
         }
     }
 
-    fn quaternion(&self, axis: &Parameter<3>, radians: &Parameter<1>) -> Result<Tensor<1>, String> {
-        let by = "rotated by an angle of";
-        let (_, angle) = self.read(by, radians)?;
+    fn quaternion(&self, axis: &Parameter<3>, radians: &Parameter<1>) -> Read<Tensor<1>> {
+        let (_, angle) = self.read("rotated by an angle of", radians)?;
         let about = "rotated about an axis of";
         let (values, axis) = self.read(about, axis)?;
         if values == [0.0; 3] {
-            return Err(format!("{about} {values:?}, expected one that is not 0"));
+            return Err(Mistake::new(
+                format!("{about} {values:?}"),
+                "one that is not 0",
+            ));
         }
         // Squares of its components may be more or less than floats hold.
         let largest = values.iter().fold(0f64, |m, v| m.max(v.abs()));
@@ -188,53 +195,42 @@ impl Mesh {
         Ok(Tensor::cat(vec![cos, unit * sin], 0))
     }
 
-    /// The values of a parameter and its tensor from [`Self::like_vertices`], or a description of the mistake.
-    fn read<const C: usize>(
-        &self,
-        what: &str,
-        parameter: &Parameter<C>,
-    ) -> Result<([f64; C], Tensor<1>), String> {
-        let tensor = self.like_vertices(what, parameter)?;
-        let values = parameter.values();
-        let values = values.map_err(|e| format!("{what} a tensor, but {e}"))?;
-        finite(what, &values)?;
-        Ok((values, tensor))
+    /// The values of a parameter and its tensor from [`Self::like_vertices`].
+    fn read<const C: usize>(&self, by: &str, p: &Parameter<C>) -> Read<([f64; C], Tensor<1>)> {
+        let tensor = self.like_vertices(by, p)?;
+        match p.values() {
+            Ok(values) => finite(by, &values).map(|()| (values, tensor)),
+            Err(e) => Err(Mistake::new(
+                format!("{by} a tensor"),
+                format!("one that can be read: {e}"),
+            )),
+        }
     }
 
-    /// A parameter as a tensor on the device and in the float type of the vertices, or a description of the mistake.
-    fn like_vertices<const C: usize>(
-        &self,
-        what: &str,
-        parameter: &Parameter<C>,
-    ) -> Result<Tensor<1>, String> {
-        let context = Context {
-            device: self.vertices.device().inner(),
-            dtype: self.vertices.dtype(),
-        };
-        let tensor = match parameter {
+    /// A parameter as a tensor on the device and in the float type of the vertices.
+    fn like_vertices<const C: usize>(&self, by: &str, p: &Parameter<C>) -> Read<Tensor<1>> {
+        let (device, dtype) = (self.vertices.device().inner(), self.vertices.dtype());
+        let tensor = match p {
             Parameter::Constant(values) => {
-                finite(what, values)?;
-                return Ok(context.tensor(values, [C]));
+                finite(by, values)?;
+                return Ok(Context { device, dtype }.tensor(values, [C]));
             }
-            Parameter::Tensor(tensor) => tensor.clone(),
+            Parameter::Tensor(tensor) => without_tape(tensor),
         };
-        let tensor = if tensor.is_tracked() {
-            tensor
-        } else {
-            tensor.inner()
-        };
+        let own = tensor.device().inner();
         let wrong = |found: String, expected: String| {
-            Err(format!("{what} a tensor {found}, expected {expected}"))
+            Err(Mistake::new(format!("{by} a tensor {found}"), expected))
         };
-        let (device, dtype) = (tensor.device().inner(), tensor.dtype());
         if tensor.dims() != [C] {
             wrong(format!("of shape {:?}", tensor.dims()), format!("[{C}]"))
-        } else if dtype != context.dtype {
-            let own = format!("{:?} like the vertices", context.dtype);
-            wrong(format!("of dtype {dtype:?}"), own)
-        } else if device != context.device {
-            let own = format!("{:?} like the vertices", context.device);
-            wrong(format!("on {device:?}"), own)
+        } else if tensor.dtype() != dtype {
+            let found = format!("of dtype {:?}", tensor.dtype());
+            wrong(found, format!("{dtype:?} like the vertices"))
+        } else if own != device {
+            wrong(
+                format!("on {own:?}"),
+                format!("{device:?} like the vertices"),
+            )
         } else {
             Ok(tensor)
         }
@@ -255,24 +251,20 @@ impl Mesh {
         self.faces = faces;
         self
     }
-
-    /// Records a mistake unless there is one already.
-    fn mistaken(mut self, mistake: String) -> Self {
-        self.mistake.get_or_insert(mistake);
-        self
-    }
 }
 
-/// Kernels are in f32.
-fn finite(what: &str, values: &[f64]) -> Result<(), String> {
-    if values.iter().all(|&v| (v as f32).is_finite()) {
-        return Ok(());
-    }
-    let shown = match values {
-        [value] => value.to_string(),
-        values => format!("{values:?}"),
-    };
-    Err(format!("{what} {shown}, expected finite numbers"))
+/// What was read, or the mistake.
+type Read<T> = Result<T, Mistake>;
+
+fn finite(by: &str, values: &[f64]) -> Read<()> {
+    Range::Finite
+        .check("mesh", by, values)
+        .map_err(|e| match e {
+            Error::Invalid {
+                value, expected, ..
+            } => Mistake::new(format!("{by} {value}"), expected),
+            e => Mistake::new(by, e.to_string()),
+        })
 }
 
 /// Uses one factor for all three axes.

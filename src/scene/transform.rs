@@ -5,6 +5,22 @@ use burn::tensor::Tensor;
 use crate::debug::tensor;
 use crate::geometry::{host_values, sin_cos};
 
+/// What was done wrongly, and what was expected.
+#[derive(Clone, Debug)]
+pub(crate) struct Mistake {
+    pub found: String,
+    pub expected: String,
+}
+
+impl Mistake {
+    pub fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self {
+            found: found.into(),
+            expected: expected.into(),
+        }
+    }
+}
+
 /// A similarity: scale, then rotation, then translation. Every part is a tensor or absent.
 ///
 /// A part of a wrong shape is left out, and a mesh transformed by the rest can't be rendered: the error
@@ -14,8 +30,8 @@ pub struct Transform {
     rotation: Option<Tensor<2>>,
     translation: Option<Tensor<1>>,
     scale: Option<Tensor<1>>,
-    /// A description of the first mistake, if there was one.
-    mistake: Option<String>,
+    /// The first mistake, if there was one.
+    mistake: Option<Mistake>,
 }
 
 impl fmt::Debug for Transform {
@@ -82,7 +98,10 @@ impl Transform {
             return self;
         }
         let Some(axis) = glam::DVec3::from_array(axis).try_normalize() else {
-            self.mistake = Some(format!("axis_angle about {axis:?}, expected a direction"));
+            self.mistake = Some(Mistake::new(
+                format!("axis_angle about {axis:?}"),
+                "a direction",
+            ));
             return self;
         };
         let (sin, cos) = sin_cos(angle * 0.5);
@@ -136,16 +155,15 @@ impl Transform {
         let has = expected.contains(&length);
         if !has {
             let expected: Vec<String> = expected.iter().map(|n| format!("[{n}]")).collect();
-            let expected = expected.join(" or ");
-            let mistake = format!("{part} of shape [{length}], expected {expected}");
+            let mistake =
+                Mistake::new(format!("{part} of shape [{length}]"), expected.join(" or "));
             self.mistake.get_or_insert(mistake);
         }
         has
     }
 
-    /// A description of the first mistake, if there was one.
-    pub(crate) fn mistake(&self) -> Option<&str> {
-        self.mistake.as_deref()
+    pub(super) fn mistake(&self) -> Option<&Mistake> {
+        self.mistake.as_ref()
     }
 
     /// Transforms points `[V, 3]`. Parts that had a wrong shape are left out.

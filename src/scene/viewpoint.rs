@@ -3,7 +3,8 @@
 use burn::tensor::{Tensor, TensorData};
 use glam::{DMat3, DVec3};
 
-use super::matrix::{Axis, Matrix};
+use super::matrix::Matrix;
+use super::parameter::Range;
 use super::{Camera, Parameter, Projection, Scene};
 use crate::error::{Error, Result};
 use crate::geometry::sin_cos;
@@ -36,23 +37,16 @@ impl Camera {
     pub fn from_matrix(camera_to_world: impl Into<Matrix<4>>) -> Result<Self> {
         let matrix = camera_to_world.into();
         let rows = matrix.rows("matrix")?;
-        let last = rows[3];
-        if last != [0.0, 0.0, 0.0, 1.0] {
+        if rows[3] != [0.0, 0.0, 0.0, 1.0] {
             let expected = "(0, 0, 0, 1): translation stands in the last column";
-            let shown = format!("{last:?}");
-            return Err(Error::invalid(
-                "camera",
-                "last row of the matrix",
-                shown,
-                expected,
-            ));
+            let (field, shown) = ("last row of the matrix", format!("{:?}", rows[3]));
+            return Err(Error::invalid("camera", field, shown, expected));
         }
         let axes = [0, 1, 2].map(|j| DVec3::from([0, 1, 2].map(|i| rows[i][j])));
         right_handed(axes, "matrix")?;
-        let eye = matrix.line(&rows, Axis::Column, 3, 1.0);
-        let forward = matrix.line(&rows, Axis::Column, 2, -1.0);
-        let target = added(&eye, &forward);
-        let up = matrix.line(&rows, Axis::Column, 1, 1.0);
+        let column = |j, factor| matrix.pick(&rows, [0, 1, 2].map(|i| [i, j]), factor);
+        let (eye, up) = (column(3, 1.0), column(1, 1.0));
+        let target = added(&eye, &column(2, -1.0));
         Ok(Self::look_at(eye, target).up(up))
     }
 
@@ -85,14 +79,8 @@ impl Camera {
             let expected = "[[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]";
             return Err(Error::invalid("camera", "K", format!("{rows:?}"), expected));
         }
-        let diagonal = |i: usize, j: usize| match &k {
-            Matrix::Constant(_) => Parameter::<1>::Constant([rows[i][j]]),
-            Matrix::Tensor(k) => {
-                Parameter::Tensor(k.clone().slice([i..i + 1, j..j + 1]).reshape([1]))
-            }
-        };
-        let focal = joined(diagonal(0, 0), diagonal(1, 1));
-        let principal = joined(diagonal(0, 2), diagonal(1, 2));
+        let focal = k.pick(&rows, [[0, 0], [1, 1]], 1.0);
+        let principal = k.pick(&rows, [[0, 2], [1, 2]], 1.0);
 
         let r = rotation.rows("R")?;
         right_handed(r.map(DVec3::from), "R")?;
@@ -102,40 +90,26 @@ impl Camera {
             let expected = "a rotation (R·Rᵀ = 1 to 1e-3)";
             return Err(Error::invalid("camera", "R", format!("{r:?}"), expected));
         }
-        translation.check("camera", "translation", "finite numbers", |_| true)?;
+        translation.check("camera", "translation", Range::Finite)?;
+        // −Rᵀ·t: the rows of R times the numbers of t.
         let eye = match (&rotation, &translation) {
             (Matrix::Constant(_), Parameter::Constant(t)) => {
                 Parameter::Constant((-(m * DVec3::from(*t))).to_array())
             }
-            _ => {
-                // −Rᵀ·t: the rows of R times the numbers of t.
-                let t = match (&translation, &rotation) {
-                    (Parameter::Tensor(t), _) => t.clone(),
-                    (Parameter::Constant(t), Matrix::Tensor(r)) => beside(t, r),
-                    (Parameter::Constant(t), Matrix::Constant(_)) => {
-                        unreachable!("{t:?} and R are constants")
-                    }
-                };
-                let r = match &rotation {
-                    Matrix::Tensor(r) => r.clone(),
-                    Matrix::Constant(r) => {
-                        let flat: Vec<f64> = r.iter().flatten().copied().collect();
-                        let data = TensorData::new(flat, [3, 3]);
-                        Tensor::from_data(data, (&t.device().inner(), t.dtype()))
-                    }
-                };
-                Parameter::Tensor((r * t.reshape([3, 1])).sum_dim(0).reshape([3]) * (-1.0))
+            (Matrix::Tensor(r), t) => turned_back(r.clone(), in_tensor(t, r)),
+            (Matrix::Constant(_), Parameter::Tensor(t)) => {
+                turned_back(beside(r.as_flattened(), t).reshape([3, 3]), t.clone())
             }
         };
-        let forward = rotation.line(&r, Axis::Row, 2, 1.0);
-        let target = added(&eye, &forward);
-        let mut camera = Self::look_at(eye, target).up(rotation.line(&r, Axis::Row, 1, -1.0));
+        let row = |i, factor| rotation.pick(&r, [0, 1, 2].map(|j| [i, j]), factor);
+        let target = added(&eye, &row(2, 1.0));
+        let mut camera = Self::look_at(eye, target).up(row(1, -1.0));
         camera.projection = Projection::Intrinsics {
             focal,
             principal,
             size,
         };
-        camera.check()?;
+        camera.check(None)?;
         Ok(camera)
     }
 
@@ -162,12 +136,10 @@ impl Camera {
     ) -> Result<Self> {
         let (target, distance) = (target.into(), distance.into());
         let (azimuth, elevation) = (azimuth.into(), elevation.into());
-        let center = target.check("camera", "target", "finite numbers", |_| true)?;
-        let [radius] = distance.check("camera", "distance", "a number > 0", |d| d > 0.0)?;
-        let [turn] = azimuth.check("camera", "azimuth", "a finite number", |_| true)?;
-        let inside = |e: f64| e.abs() < 90.0;
-        let expected = "degrees in (−90, 90)";
-        let [rise] = elevation.check("camera", "elevation", expected, inside)?;
+        let center = target.check("camera", "target", Range::Finite)?;
+        let [radius] = distance.check("camera", "distance", Range::Positive)?;
+        let [turn] = azimuth.check("camera", "azimuth", Range::Finite)?;
+        let [rise] = elevation.check("camera", "elevation", Range::Degrees(-90, 90))?;
         let tensors = [&distance, &azimuth, &elevation];
         let moving = tensors.iter().find_map(|p| p.tensor());
         let Some(like) = moving.or(target.tensor()).cloned() else {
@@ -203,7 +175,7 @@ impl Camera {
     /// If the scene has no vertices, or the direction is 0.
     pub fn framing(scene: &Scene, direction: impl Into<Parameter<3>>) -> Result<Self> {
         let direction = direction.into();
-        let towards = direction.check("camera", "direction", "finite numbers", |_| true)?;
+        let towards = direction.check("camera", "direction", Range::Finite)?;
         let towards = DVec3::from(towards);
         if towards == DVec3::ZERO {
             let expected = "a vector that is not 0";
@@ -275,13 +247,18 @@ fn right_handed([x, y, z]: [DVec3; 3], field: &str) -> Result<()> {
     Err(Error::invalid("camera", field, shown, expected))
 }
 
+/// −Rᵀ·t.
+fn turned_back(r: Tensor<2>, t: Tensor<1>) -> Parameter<3> {
+    Parameter::Tensor((r * t.reshape([3, 1])).sum_dim(0).reshape([3]) * (-1.0))
+}
+
 /// Constants as a tensor on the device and in the float type of another.
-fn beside<const C: usize, const D: usize>(values: &[f64; C], like: &Tensor<D>) -> Tensor<1> {
-    let data = TensorData::new(values.to_vec(), [C]);
+fn beside<const D: usize>(values: &[f64], like: &Tensor<D>) -> Tensor<1> {
+    let data = TensorData::new(values.to_vec(), [values.len()]);
     Tensor::from_data(data, (&like.device().inner(), like.dtype()))
 }
 
-fn in_tensor<const C: usize>(p: &Parameter<C>, like: &Tensor<1>) -> Tensor<1> {
+fn in_tensor<const C: usize, const D: usize>(p: &Parameter<C>, like: &Tensor<D>) -> Tensor<1> {
     match p {
         Parameter::Constant(v) => beside(v, like),
         Parameter::Tensor(t) => t.clone(),
@@ -295,20 +272,6 @@ fn added(a: &Parameter<3>, b: &Parameter<3>) -> Parameter<3> {
         }
         (Parameter::Tensor(t), _) | (_, Parameter::Tensor(t)) => {
             Parameter::Tensor(in_tensor(a, t) + in_tensor(b, t))
-        }
-    }
-}
-
-fn joined(a: Parameter<1>, b: Parameter<1>) -> Parameter<2> {
-    match (a, b) {
-        (Parameter::Constant([a]), Parameter::Constant([b])) => Parameter::Constant([a, b]),
-        (Parameter::Tensor(t), ref other) => {
-            let other = in_tensor(other, &t);
-            Parameter::Tensor(Tensor::cat(vec![t, other], 0))
-        }
-        (ref other, Parameter::Tensor(t)) => {
-            let other = in_tensor(other, &t);
-            Parameter::Tensor(Tensor::cat(vec![other, t], 0))
         }
     }
 }

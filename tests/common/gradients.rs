@@ -84,7 +84,9 @@ fn change(
     device: &Device,
     dtype: DType,
 ) -> Scene {
-    scene(objects(device, dtype)).map_object(name, f)
+    scene(objects(device, dtype))
+        .map_object(name, f)
+        .expect("the object")
 }
 
 /// Every class of parameter that the paper differentiates.

@@ -6,7 +6,7 @@ use super::BlurSchedule;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 use crate::render::{RenderOptions, render};
-use crate::scene::{Camera, Detach, Flattened, Scene, visit_tensors};
+use crate::scene::{Camera, Detach, HostScene, Normalization, Scene, visit_tensors};
 
 /// The angle at the start of [`BlurSchedule::auto`], as a share of the one that the smallest object has
 /// about the camera.
@@ -82,7 +82,9 @@ impl View {
         let (mut scene, mut camera) = (scene.clone(), camera.clone());
         visit_tensors(&mut scene, &mut camera, &mut Detach);
         camera.lens = None;
-        let radius = Flattened::new(&scene, &camera, None)?.normalization.radius;
+        let host = HostScene::new(&scene)?;
+        camera.check(Some(&host.context))?;
+        let radius = Normalization::new(&host).radius;
         let mut smallest = f64::INFINITY;
         for object in scene.objects.iter().filter(|o| !o.mesh.faces.is_empty()) {
             let vertices = object.mesh.host_vertices()?;

@@ -12,7 +12,7 @@ use crate::kernel::{EdgeSets, HostCamera, KernelScene, View, ViewSettings, Wante
 use crate::render::batch::{Batch, in_batch};
 use crate::render::options::RenderOptions;
 use crate::render::tiles::sampler;
-use crate::scene::{Collect, Detach, HostScene, check_camera, visit_camera, visit_scene};
+use crate::scene::{Collect, HostScene, visit_camera};
 use crate::visibility::Visibility;
 
 /// A batch, ready to be traced.
@@ -27,11 +27,8 @@ pub(super) struct Prepared {
 
 /// The scenes of a batch, on the host.
 fn read(batch: &Batch) -> Result<Vec<HostScene>> {
-    let read = |index: usize| {
-        let mut scene = batch.scene(index, false);
-        visit_scene(&mut scene, &mut Detach);
-        HostScene::new(&scene).map_err(in_batch("scene", index))
-    };
+    let read =
+        |index: usize| HostScene::new(&batch.scene(index, false)).map_err(in_batch("scene", index));
     if batch.scenes.len() == 1 {
         return Ok(vec![read(0)?]);
     }
@@ -70,7 +67,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let mut edge_sets: Vec<Option<Arc<EdgeSets>>> = vec![None; scenes.len()];
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
         let view_error = in_batch("view", index);
-        check_camera(camera, &context).map_err(view_error)?;
+        camera.check(Some(&context)).map_err(view_error)?;
         let mut collected = Collect::default();
         visit_camera(&mut camera.clone(), &mut collected);
         let places = Places {

@@ -91,16 +91,20 @@ impl RenderedView {
         let (mut still, mut still_camera) = (scene.clone(), camera.clone());
         visit_tensors(&mut still, &mut still_camera, &mut Detach);
         let hard = matches!(options.visibility, Visibility::Cone { .. });
-        let mut within = options.normalization();
-        if hard {
+        let host = HostScene::new(&still)?;
+        still_camera.check(Some(&host.context))?;
+        let normalization = if hard {
             // As the kernels have it.
-            let frame = SceneFrame::new(&HostScene::new(&still)?);
-            within = Some(Normalization {
+            let frame = SceneFrame::new(&host);
+            Normalization {
                 center: frame.centre.into(),
                 radius: frame.unit,
-            });
-        }
-        let flattened = Flattened::new(&still, &still_camera, within)?;
+            }
+        } else {
+            let given = options.normalization();
+            given.unwrap_or_else(|| Normalization::new(&host))
+        };
+        let flattened = Flattened::new(&still, &host, &still_camera, normalization)?;
         let rays = pixels.clone();
         let renderer = TensorRenderer::new(&flattened, &still_camera, options, rays, None)?;
         let (mut mean, found) = renderer.render()?;
@@ -111,7 +115,8 @@ impl RenderedView {
                 scene: scene.clone(),
                 camera: camera.clone(),
                 options: options.clone(),
-                normalization: flattened.normalization,
+                normalization,
+                host,
                 pixels,
                 parameters: detached(&parameters),
                 hierarchy: renderer.hierarchy(),

@@ -14,7 +14,7 @@ use crate::geometry::host_values;
 use crate::render::kernel;
 use crate::render::options::RenderOptions;
 use crate::render::tiles::{Tile, tiles};
-use crate::scene::{Camera, Flattened, Normalization, Replace, Scene, visit_tensors};
+use crate::scene::{Camera, Flattened, HostScene, Normalization, Replace, Scene, visit_tensors};
 
 /// Surfaces of the paths of a tile that keeps a tape.
 const REPLAYED_RAYS: usize = 1 << 14;
@@ -22,6 +22,7 @@ const REPLAYED_RAYS: usize = 1 << 14;
 /// The backward pass of a view.
 pub(super) struct Replay {
     pub scene: Scene,
+    pub host: HostScene,
     pub camera: Camera,
     pub options: RenderOptions,
     pub normalization: Normalization,
@@ -62,7 +63,7 @@ impl Replay {
         let per_sample = f64::from(self.options.samples).recip();
         let of_tile = |tile: &Tile| -> Result<Vec<f64>> {
             let (leaf, scene, camera) = self.anew();
-            let flattened = Flattened::new(&scene, &camera, Some(self.normalization))?;
+            let flattened = Flattened::new(&scene, &self.host, &camera, self.normalization)?;
             let (pixels_of, hierarchy) = (self.pixels.clone(), self.hierarchy.clone());
             let renderer =
                 TensorRenderer::new(&flattened, &camera, &self.options, pixels_of, hierarchy)?;

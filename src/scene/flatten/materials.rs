@@ -1,8 +1,11 @@
 //! Materials and environments as planes.
 
+use burn::tensor::Tensor;
+
 use crate::geometry::{Context, Vec3};
-use crate::scene::material::{CHANNELS, Channel, ChannelValue, MaterialKind};
-use crate::scene::{Albedo, Environment, Material, Parameter, Wrap};
+use crate::scene::material::{Channel, MaterialKind, Value};
+use crate::scene::parameter::without_tape;
+use crate::scene::{Environment, Material, Parameter, Wrap};
 
 /// The place of a texture in the atlas.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +40,19 @@ pub(crate) struct Materials {
 }
 
 impl Materials {
+    pub(super) fn new(mut materials: Vec<Material>, context: &Context) -> Self {
+        let kinds = materials.iter().map(Material::kind).collect();
+        let channels = Channel::ALL.map(|channel| {
+            let all = materials.iter_mut();
+            let values = all.filter_map(|m| m.channels().into_iter().nth(channel as usize));
+            planes(values.collect(), context)
+        });
+        Self {
+            channels: channels.into(),
+            kinds,
+        }
+    }
+
     pub fn channel(&self, channel: Channel) -> &ChannelPlanes {
         &self.channels[channel as usize]
     }
@@ -80,20 +96,11 @@ pub struct EnvironmentMap {
 impl SkyTensors {
     pub(super) fn new(environment: &Environment, context: &Context) -> Self {
         match environment {
-            Environment::Constant(p) => {
-                let [r, g, b] = p.planes(context);
-                Self::Constant(Vec3::new(r, g, b))
-            }
+            Environment::Constant(p) => Self::Constant(p.vector(context)),
             Environment::Map(texels) => {
                 let [height, width, _] = texels.dims();
-                let rows = texels.clone().reshape([height * width, 3]).transpose();
-                let rows = if rows.is_tracked() {
-                    rows
-                } else {
-                    rows.inner()
-                };
                 Self::Map(EnvironmentMap {
-                    texels: Vec3::from_rows(rows),
+                    texels: texel_rows(texels),
                     height,
                     width,
                 })
@@ -102,58 +109,39 @@ impl SkyTensors {
     }
 }
 
-pub(super) fn flatten_materials(materials: &[&Material], context: &Context) -> Materials {
-    let mut list: Vec<Material> = materials.iter().map(|&m| m.clone()).collect();
-    let mut by_channel: Vec<Vec<ChannelValue<'_>>> = Vec::new();
-    by_channel.resize_with(CHANNELS, Vec::new);
-    for material in &mut list {
-        for (values, value) in by_channel.iter_mut().zip(material.channels()) {
-            values.push(value);
-        }
-    }
-    let channels = by_channel.into_iter().map(|values| planes(values, context));
-    Materials {
-        channels: channels.collect(),
-        kinds: materials.iter().map(|m| m.kind()).collect(),
-    }
+/// The texels of an image as planes `[1, H·W]`.
+fn texel_rows(image: &Tensor<3>) -> Vec3 {
+    let [height, width, _] = image.dims();
+    let rows = image.clone().reshape([height * width, 3]).transpose();
+    Vec3::from_rows(without_tape(&rows))
 }
 
-fn planes(values: Vec<ChannelValue<'_>>, context: &Context) -> ChannelPlanes {
+fn planes(values: Vec<Value<'_>>, context: &Context) -> ChannelPlanes {
     let (mut constant, mut texture, mut atlas) = (Vec::new(), Vec::new(), Vec::new());
     let mut offset = 0;
-    let zero = || Parameter::Constant([0.0; 3]).planes(context);
+    let zero = || Parameter::Constant([0.0; 3]).vector(context);
     for value in values {
         let mut slot = None;
-        let [x, y, z] = match value {
-            ChannelValue::Colour(Albedo::Constant(p)) | ChannelValue::Numbers(p) => {
-                p.planes(context)
+        constant.push(match value {
+            Value::Colour(p) => p.vector(context),
+            Value::Scalar(p) => {
+                let [x] = p.planes(context);
+                Vec3 { x, ..zero() }
             }
-            ChannelValue::Scalar(p) => {
-                let ([x], [_, y, z]) = (p.planes(context), zero());
-                [x, y, z]
-            }
-            ChannelValue::Colour(Albedo::Texture { texels, wrap }) => {
+            Value::Image(texels, wrap) => {
                 let [height, width, _] = texels.dims();
                 slot = Some(TextureSlot {
                     offset,
                     height,
                     width,
-                    wrap: *wrap,
+                    wrap,
                 });
                 offset += height * width;
-                let texels = if texels.is_tracked() {
-                    texels.clone()
-                } else {
-                    texels.clone().inner()
-                };
-                atlas.push(Vec3::from_rows(
-                    texels.reshape([height * width, 3]).transpose(),
-                ));
+                atlas.push(texel_rows(texels));
                 zero()
             }
-        };
+        });
         texture.push(slot);
-        constant.push(Vec3::new(x, y, z));
     }
     ChannelPlanes {
         constant: Vec3::cat(&constant, 1),

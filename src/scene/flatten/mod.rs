@@ -1,15 +1,16 @@
 //! Flattens a scene into planes of triangles and materials.
 
-mod attached;
 mod materials;
 
-use burn::tensor::Tensor;
+use std::sync::Arc;
 
-use super::check::{check_camera, check_scene};
-use super::{Bounds, Camera, Scene};
+use burn::tensor::Tensor;
+use glam::DVec3;
+
+use super::mesh::take_rows;
+use super::{Bounds, Camera, CornerAttribute, HostScene, Mesh, Parameter, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
-use attached::Attached;
 pub(crate) use materials::{ChannelPlanes, EnvironmentMap, Materials, SkyTensors};
 
 /// A sphere around the scene that sets the scale of depths and tolerances; takes no gradient.
@@ -58,84 +59,54 @@ pub(crate) struct Flattened {
 }
 
 impl Flattened {
-    /// Checks the scene and the camera that sees it, and gathers the triangles. A normalization, where it is
-    /// given, sets the scale of depths and tolerances in place of the scene's vertices.
+    /// Gathers the triangles of a scene and reads their connectivity from its values on the host.
     ///
     /// # Errors
-    /// If the scene or the camera is not valid; the error names the mistake.
+    /// If the position of the camera can't be read.
     pub fn new(
         scene: &Scene,
+        host: &HostScene,
         camera: &Camera,
-        normalization: Option<Normalization>,
+        normalization: Normalization,
     ) -> Result<Self> {
-        let context = check_scene(scene)?;
-        let mut positions = Vec::with_capacity(scene.objects.len());
-        let mut shifts = Vec::with_capacity(scene.objects.len());
-        for object in &scene.objects {
-            positions.push(object.mesh.host_vertices()?);
-            shifts.push(match &object.velocity {
-                Some(v) => v.check(&object.name, "velocity", "finite numbers", |_| true)?,
-                None => [0.0; 3],
-            });
-        }
-        let normalization = normalization.unwrap_or_else(|| normalization_of(&positions, &shifts));
+        let context = host.context.clone();
         let unit = normalization.radius.log2().round().exp2();
         let centre = context.tensor(&normalization.center, [1, 3]);
-        let corner = |i| {
-            let parts = scene
-                .objects
-                .iter()
-                .filter(|o| !o.mesh.faces.is_empty())
-                .map(|o| o.mesh.corner(i))
-                .collect();
-            Vec3::from_columns((Tensor::cat(parts, 0) - centre.clone()) * unit.recip())
+        let relative = |p: Tensor<2>| (p - centre.clone()) * unit.recip();
+        let positions = corners(scene, &context, |m| Some((&m.vertices, &m.faces)));
+        let materials: Vec<_> = scene.objects.iter().flat_map(|o| &o.materials).collect();
+        let materials = Materials::new(materials.into_iter().cloned().collect(), &context);
+        let attribute = |of: fn(&Mesh) -> Option<&CornerAttribute>| {
+            vertex_data(corners(scene, &context, |m| {
+                of(m).map(|a| (&a.values, &a.faces))
+            }))
         };
-        let corners = VertexData {
-            a: corner(0),
-            b: corner(1),
-            c: corner(2),
-        };
-        let Attached {
-            velocity,
-            uvs,
-            normals,
-            materials,
-            environment,
-        } = Attached::new(scene, &context, unit);
-        let triangles = Triangles::new(&context, corners, velocity);
-        let mut topology = topology(scene, &positions);
-        let emitters: Vec<u32> = (0..topology.object.len() as u32)
-            .filter(|&t| materials.kinds[topology.material[t as usize] as usize].emits)
+        let smooth: Vec<bool> = scene
+            .objects
+            .iter()
+            .flat_map(|o| vec![o.mesh.normals.is_some(); o.mesh.faces.len()])
             .collect();
-        if emitters.is_empty() && environment.is_none() {
-            log::warn!(
-                "the scene has no light, so that its image is black: give it an environment \
-                 (Scene::environment), or an object a Material::emitter"
-            );
-        }
-        check_camera(camera, &context)?;
-        let eye = camera.eye.values()?;
-        let mut first = 0;
-        for (object, positions) in scene.objects.iter().zip(&positions) {
-            let faces = &object.mesh.faces;
-            let past = first + faces.len();
-            if !faces.is_empty() && topology.closed[first] {
-                let side = visible_side(positions, faces, eye);
-                topology.visible_side[first..past].fill(side);
-            }
-            first = past;
-        }
+        let normals = smooth.contains(&true);
+        let normals = normals.then(|| (attribute(|m| m.normals.as_ref()), smooth));
+        let sky = &scene.environment;
+        let topology = topology(host, camera.eye.values()?.into());
+        let emits = |t: u32| materials.kinds[topology.material[t as usize] as usize].emits;
+        let triangles = 0..topology.object.len() as u32;
         Ok(Self {
+            emitters: triangles.filter(|&t| emits(t)).collect(),
+            triangles: Triangles::new(
+                &context,
+                vertex_data(positions.map(relative)),
+                velocities(scene, host).map(|v| v.map(|x| x * unit.recip())),
+            ),
+            uvs: materials.textured().then(|| attribute(|m| m.uvs.as_ref())),
+            normals,
+            environment: sky.shines().then(|| SkyTensors::new(sky, &context)),
             context,
-            triangles,
             topology,
             materials,
-            emitters,
             normalization,
             unit,
-            uvs,
-            normals,
-            environment,
         })
     }
 
@@ -150,51 +121,99 @@ impl Flattened {
     }
 }
 
-/// Objects, materials and neighbours of all triangles.
-fn topology(scene: &Scene, positions: &[Vec<[f64; 3]>]) -> Topology {
-    let mut base = 0;
+/// Rows of a tensor at the corners of all faces, zero where a mesh has none or they have fewer than three columns.
+fn corners<'a>(
+    scene: &'a Scene,
+    context: &Context,
+    of: impl Fn(&'a Mesh) -> Option<(&'a Tensor<2>, &'a Arc<Vec<[u32; 3]>>)>,
+) -> [Tensor<2>; 3] {
+    let meshes = || {
+        let all = scene.objects.iter().map(|o| &o.mesh);
+        all.filter(|m| !m.faces.is_empty())
+    };
+    [0, 1, 2].map(|corner| {
+        let parts = meshes().map(|mesh| {
+            let n = mesh.faces.len();
+            let zero = |columns| context.tensor(&vec![0.0; n * columns], [n, columns]);
+            let Some((values, faces)) = of(mesh) else {
+                return zero(3);
+            };
+            let rows = take_rows(values, faces.iter().map(|f| f[corner]));
+            match rows.dims()[1] {
+                3 => rows,
+                width => Tensor::cat(vec![rows, zero(3 - width)], 1),
+            }
+        });
+        Tensor::cat(parts.collect(), 0)
+    })
+}
+
+fn vertex_data(corners: [Tensor<2>; 3]) -> VertexData {
+    let [a, b, c] = corners.map(Vec3::from_columns);
+    VertexData { a, b, c }
+}
+
+/// The velocity of each triangle, if any object moves or may come to.
+fn velocities(scene: &Scene, host: &HostScene) -> Option<Vec3> {
+    if host.objects.iter().all(|o| o.velocity.is_none()) {
+        return None;
+    }
+    let objects = scene.objects.iter().filter(|o| !o.mesh.faces.is_empty());
+    let parts = objects.map(|o| {
+        let still = Parameter::Constant([0.0; 3]);
+        let velocity = o.velocity.as_ref().unwrap_or(&still);
+        let n = o.mesh.faces.len();
+        velocity.vector(&host.context).map(|p| p.expand([n, 1]))
+    });
+    Some(Vec3::cat(&parts.collect::<Vec<_>>(), 0))
+}
+
+/// Objects, materials and neighbours of all triangles, and which side of them can be seen from `eye`.
+fn topology(host: &HostScene, eye: DVec3) -> Topology {
     let mut topology = Topology::default();
-    for (object, positions) in scene.objects.iter().zip(positions) {
-        let of_face: Vec<u32> = (0..object.mesh.faces.len())
+    for object in &host.objects {
+        let first = topology.object.len();
+        let base = object.first_material as u32;
+        let of_face: Vec<u32> = (0..object.faces.len())
             .map(|f| base + object.face_materials.get(f).copied().unwrap_or(0))
             .collect();
-        base += object.materials.len() as u32;
-        topology.push_object(&Weld::new(positions), &object.mesh.faces, &of_face);
+        topology.push_object(&Weld::new(&object.positions), &object.faces, &of_face);
+        if topology.closed.get(first) == Some(&true) {
+            let side = visible_side(&object.positions, &object.faces, eye);
+            topology.visible_side[first..].fill(side);
+        }
     }
     topology
 }
 
-fn normalization_of(objects: &[Vec<[f64; 3]>], shifts: &[[f64; 3]]) -> Normalization {
-    let all = || objects.iter().flatten();
-    let n = all().count() as f64;
-    let center: [f64; 3] = std::array::from_fn(|i| all().map(|v| v[i]).sum::<f64>() / n);
-    let distance = |v: &[f64; 3], u: &[f64; 3], time: f64| {
-        (0..3)
-            .map(|i| (v[i] + time * u[i] - center[i]).powi(2))
-            .sum::<f64>()
-            .sqrt()
-    };
-    let radius = objects
-        .iter()
-        .zip(shifts)
-        .flat_map(|(positions, u)| {
-            let far = |v| distance(v, u, 0.0).max(distance(v, u, 1.0));
-            positions.iter().map(far)
-        })
-        .fold(0.0, f64::max);
-    // A scene that is one point has no scale of its own.
-    let radius = if radius > 0.0 { radius } else { 1.0 };
-    Normalization { center, radius }
+impl Normalization {
+    pub fn new(host: &HostScene) -> Self {
+        let all = || host.objects.iter().flat_map(|o| &o.positions);
+        let n = all().count() as f64;
+        let center: [f64; 3] = std::array::from_fn(|i| all().map(|v| v[i]).sum::<f64>() / n);
+        let mut radius = 0.0f64;
+        for object in &host.objects {
+            let u = object.velocity.unwrap_or([0.0; 3]);
+            for v in &object.positions {
+                for time in [0.0, 1.0] {
+                    let square = |i: usize| (v[i] + time * u[i] - center[i]).powi(2);
+                    radius = radius.max((0..3).map(square).sum::<f64>().sqrt());
+                }
+            }
+        }
+        // A scene that is one point has no scale of its own.
+        let radius = if radius > 0.0 { radius } else { 1.0 };
+        Self { center, radius }
+    }
 }
 
 /// The side of a closed object that can be seen from `eye`: +1 those with n·d > 0, −1 those with
 /// n·d < 0. From outside a surface can only be entered, from inside only be left; nothing
 /// transmits light, so this holds for every ray of a path.
-fn visible_side(positions: &[[f64; 3]], faces: &[[u32; 3]], eye: [f64; 3]) -> f64 {
-    let eye = glam::DVec3::from(eye);
+fn visible_side(positions: &[[f64; 3]], faces: &[[u32; 3]], eye: DVec3) -> f64 {
     let (mut solid_angle, mut volume) = (0.0, 0.0);
     for f in faces {
-        let [a, b, c] = f.map(|i| glam::DVec3::from(positions[i as usize]) - eye);
+        let [a, b, c] = f.map(|i| DVec3::from(positions[i as usize]) - eye);
         let triple = a.dot(b.cross(c));
         let (la, lb, lc) = (a.length(), b.length(), c.length());
         // Van Oosterom and Strackee 1983.
