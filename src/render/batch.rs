@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result, one_of};
 use crate::geometry::detached;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Object, Scene};
 
 /// Scenes and the views to render of them.
 ///
@@ -39,12 +39,11 @@ impl Batch {
             (_, 1) => (0..s).map(|i| (i, cameras[0].clone())).collect(),
             _ if s == c => cameras.into_iter().enumerate().collect(),
             _ => {
-                return Err(Error::invalid(
-                    "batch",
-                    "cameras",
+                let (found, expected) = (
                     format!("{c} for {s} scenes"),
                     "as many as scenes, or one of either",
-                ));
+                );
+                return Err(Error::invalid("batch", "cameras", found, expected));
             }
         };
         Self::views(scenes, views)
@@ -72,12 +71,8 @@ impl Batch {
         }
         let count = scenes.len();
         if let Some((scene, _)) = views.iter().find(|(scene, _)| *scene >= count) {
-            return Err(Error::invalid(
-                "batch",
-                "scene of a view",
-                scene,
-                format!("a number under {count}"),
-            ));
+            let expected = format!("a number under {count}");
+            return Err(Error::invalid("batch", "scene of a view", scene, expected));
         }
         Ok(Self {
             scenes,
@@ -94,36 +89,35 @@ impl Batch {
     /// If the shape is another, or a scene has no object of that name or several.
     pub fn with_vertices(mut self, name: impl Into<String>, values: Tensor<3>) -> Result<Self> {
         let name = name.into();
-        for (index, scene) in self.scenes.iter().enumerate() {
-            let found = scene.names().filter(|n| *n == name).count();
-            let wrong = match found {
-                0 => (
-                    "the name given to with_vertices",
-                    format!("{name:?}"),
-                    one_of(scene.names()),
-                ),
-                1 => continue,
-                n => ("objects", format!("{n} of the name {name:?}"), "one".into()),
-            };
-            let source = Error::invalid("scene", wrong.0, wrong.1, wrong.2);
-            return Err(in_batch("scene", index)(source));
-        }
         let scenes = self.scenes.len();
         for (index, scene) in self.scenes.iter().enumerate() {
-            let object = scene.object(&name);
-            let count = object.map_or(0, |o| o.mesh.vertices.dims()[0]);
-            if values.dims() != [scenes, count, 3] || count == 0 {
-                let source = Error::invalid(
-                    name,
-                    "tensor given to with_vertices",
-                    format!("of shape {:?}", values.dims()),
-                    format!(
+            let named = |o: &&Object| o.name == name;
+            let error = match scene.objects.iter().filter(named).count() {
+                0 => {
+                    let field = "the name given to with_vertices";
+                    Error::invalid("scene", field, format!("{name:?}"), one_of(scene.names()))
+                }
+                1 => {
+                    let object = scene.object(&name);
+                    let count = object.map_or(0, |o| o.mesh.vertices.dims()[0]);
+                    if values.dims() == [scenes, count, 3] && count > 0 {
+                        continue;
+                    }
+                    let found = format!("of shape {:?}", values.dims());
+                    let expected = format!(
                         "shape [{scenes}, {count}, 3]: there are {scenes} scenes, and the mesh has \
                          {count} vertices"
-                    ),
-                );
-                return Err(in_batch("scene", index)(source));
-            }
+                    );
+                    Error::invalid(name, "tensor given to with_vertices", found, expected)
+                }
+                n => Error::invalid(
+                    "scene",
+                    "objects",
+                    format!("{n} of the name {name:?}"),
+                    "one",
+                ),
+            };
+            return Err(in_batch("scene", index)(error));
         }
         self.vertices.retain(|v| v.name != name);
         self.vertices.push(BatchVertices { name, values });

@@ -6,43 +6,33 @@ use super::batch::{Batch, BatchVertices};
 use super::film::{Image, ImageBatch};
 use crate::debug::{shape, tensor};
 
-/// Adds the outputs that an image and a batch of images have in common.
-macro_rules! outputs {
-    ($all:ident, $image:ident) => {
-        $all.field("radiance", &tensor(&$image.radiance));
-        for (name, plane) in [("opacity", &$image.opacity), ("depth", &$image.depth)] {
-            if let Some(plane) = plane {
-                $all.field(name, &tensor(plane));
+/// Images and batches of them, by the numbers of rays of all views.
+macro_rules! images {
+    ($($images:ident: |$image:ident| $rays:expr;)*) => {$(
+        impl Debug for $images {
+            fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+                let ($image, mut all) = (self, f.debug_struct(stringify!($images)));
+                all.field("radiance", &tensor(&$image.radiance));
+                for (name, plane) in [("opacity", &$image.opacity), ("depth", &$image.depth)] {
+                    if let Some(plane) = plane {
+                        all.field(name, &tensor(plane));
+                    }
+                }
+                if let Some(normals) = &$image.normals {
+                    all.field("normals", &tensor(normals));
+                }
+                if let Some(ids) = &$image.object_ids {
+                    all.field("object_ids", &shape(ids));
+                }
+                all.field("rays", &$rays).finish_non_exhaustive()
             }
         }
-        if let Some(normals) = &$image.normals {
-            $all.field("normals", &tensor(normals));
-        }
-        if let Some(ids) = &$image.object_ids {
-            $all.field("object_ids", &shape(ids));
-        }
-    };
+    )*};
 }
 
-impl Debug for Image {
-    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        let mut all = f.debug_struct("Image");
-        outputs!(all, self);
-        all.field("rays", &self.statistics.rays);
-        if let Some(diagnostics) = &self.diagnostics {
-            all.field("diagnostics", diagnostics);
-        }
-        all.finish_non_exhaustive()
-    }
-}
-
-impl Debug for ImageBatch {
-    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        let mut all = f.debug_struct("ImageBatch");
-        outputs!(all, self);
-        let rays: u64 = self.statistics.iter().map(|s| s.rays).sum();
-        all.field("rays", &rays).finish_non_exhaustive()
-    }
+images! {
+    Image: |image| image.statistics.rays;
+    ImageBatch: |images| images.statistics.iter().map(|s| s.rays).sum::<u64>();
 }
 
 impl Debug for BatchVertices {

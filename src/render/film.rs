@@ -6,7 +6,6 @@ use burn::tensor::{Int, Tensor};
 use super::options::Outputs;
 use crate::error::Result;
 use crate::geometry::{detached, host_values};
-use crate::kernel::RayCounts;
 use crate::transport::{Diagnostics, RayStatistics};
 
 /// The cost of a render.
@@ -36,32 +35,22 @@ pub struct SurfacesPerRay {
 }
 
 impl Statistics {
-    pub(super) fn of_rays(counts: RayCounts) -> Self {
-        Self {
-            rays: counts.rays,
-            bounces: counts.bounces,
-            ..Self::default()
-        }
-    }
-
     pub(super) fn new(rays: &RayStatistics) -> Self {
         let total: u64 = rays.surfaces.iter().sum();
         let pairs = rays.surfaces.iter().enumerate();
-        let sum: u64 = pairs.clone().map(|(k, n)| k as u64 * n).sum();
+        let sum: u64 = pairs.map(|(k, n)| k as u64 * n).sum();
         let mut below = 0;
-        let percentile = pairs
-            .map(|(k, n)| {
-                below += n;
-                (k, below)
-            })
-            .find(|&(_, below)| 100 * below >= 99 * total);
+        let percentile = rays.surfaces.iter().position(|n| {
+            below += n;
+            100 * below >= 99 * total
+        });
         let most = rays.surfaces.len().saturating_sub(1);
         Self {
             rays: rays.rays,
             tested: rays.tested,
             surfaces: SurfacesPerRay {
                 mean: sum as f64 / total.max(1) as f64,
-                percentile_99: percentile.map_or(0.0, |(k, _)| k as f64),
+                percentile_99: percentile.unwrap_or(0) as f64,
                 most: most as f64,
             },
             bounces: rays.bounces.clone(),
@@ -89,6 +78,20 @@ pub struct Image {
     pub statistics: Statistics,
     /// Counts of degenerate cases. On request.
     pub diagnostics: Option<Diagnostics>,
+}
+
+impl Image {
+    /// The mean radiance of each channel, on the host.
+    ///
+    /// # Errors
+    /// If the tensor can't be read back.
+    pub fn mean(&self) -> Result<[f64; 3]> {
+        let values = host_values(&self.radiance)?;
+        let n = (values.len() / 3) as f64;
+        Ok(std::array::from_fn(|c| {
+            values.iter().skip(c).step_by(3).sum::<f64>() / n
+        }))
+    }
 }
 
 /// Rendered images; tensors are in the graph where gradients can flow.
@@ -131,7 +134,11 @@ impl ImageBatch {
             t: &Tensor<D, K>,
             index: usize,
         ) -> Tensor<E, K> {
-            t.clone().slice([index..index + 1]).squeeze_dim(0)
+            match t.dims()[0] {
+                1 if index == 0 => t.clone(),
+                _ => t.clone().slice([index..index + 1]),
+            }
+            .squeeze_dim(0)
         }
         Image {
             radiance: one(&self.radiance, index),
@@ -141,19 +148,6 @@ impl ImageBatch {
             object_ids: self.object_ids.as_ref().map(|t| one(t, index)),
             statistics: self.statistics[index].clone(),
             diagnostics: self.diagnostics.get(index).cloned(),
-        }
-    }
-
-    /// The only view.
-    pub(super) fn single(mut self) -> Image {
-        Image {
-            radiance: self.radiance.squeeze_dim(0),
-            opacity: self.opacity.map(|t| t.squeeze_dim(0)),
-            depth: self.depth.map(|t| t.squeeze_dim(0)),
-            normals: self.normals.map(|t| t.squeeze_dim(0)),
-            object_ids: self.object_ids.map(|t| t.squeeze_dim(0)),
-            statistics: self.statistics.swap_remove(0),
-            diagnostics: self.diagnostics.pop(),
         }
     }
 }
@@ -171,28 +165,20 @@ pub(super) struct Means {
 impl Means {
     /// The images of width × height pixels.
     pub fn images(self, [width, height]: [usize; 2], outputs: Outputs) -> ImageBatch {
-        let [count, pixels, all] = self.mean.dims();
+        let [count, _, all] = self.mean.dims();
         let mut next = 0;
-        let mut rest = Some(self.mean);
-        let mut take = |channels: usize| -> Tensor<3> {
-            let from = next;
+        let mut take = |channels: usize| {
             next += channels;
-            // All that is left needs no copy.
-            let rows = if from == 0 && next == all {
-                rest.take()
-            } else {
-                rest.clone()
-            };
-            let rows = rows.expect("channels that are there");
-            if channels == all {
-                return rows;
+            match channels {
+                // All that is there needs no copy.
+                _ if channels == all => self.mean.clone(),
+                _ => self.mean.clone().narrow(2, next - channels, channels),
             }
-            rows.slice([0..count, 0..pixels, from..next])
         };
         let plane = |t: Tensor<3>| t.reshape([count, height, width]);
         let colour = |t: Tensor<3>| t.reshape([count, height, width, 3]);
         let radiance = colour(take(3));
-        let opacity = (outputs.opacity || outputs.depth || outputs.normals).then(|| take(1));
+        let opacity = outputs.need_opacity().then(|| take(1));
         let seen = opacity.as_ref().map(|o| {
             let nothing = detached(o).lower_elem(1e-12);
             (o.clone().mask_fill(nothing.clone(), 1.0), nothing)
@@ -222,19 +208,5 @@ impl Means {
             statistics: self.statistics,
             diagnostics: self.diagnostics,
         }
-    }
-}
-
-impl Image {
-    /// The mean radiance of each channel, on the host.
-    ///
-    /// # Errors
-    /// If the tensor can't be read back.
-    pub fn mean(&self) -> Result<[f64; 3]> {
-        let values = host_values(&self.radiance)?;
-        let n = (values.len() / 3) as f64;
-        Ok(std::array::from_fn(|c| {
-            values.iter().skip(c).step_by(3).sum::<f64>() / n
-        }))
     }
 }

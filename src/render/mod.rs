@@ -50,21 +50,13 @@ pub fn render_pixels(
     pixels: &[u32],
 ) -> Result<Image> {
     let count = options.width as u128 * options.height as u128;
+    let wrong =
+        |field, found: &str, expected: &str| Err(Error::invalid("pixels", field, found, expected));
     if let Some(p) = pixels.iter().find(|&&p| u128::from(p) >= count) {
-        return Err(Error::invalid(
-            "pixels",
-            "pixel",
-            p,
-            format!("a number under {count}"),
-        ));
+        return wrong("pixel", &p.to_string(), &format!("a number under {count}"));
     }
     if pixels.is_empty() {
-        return Err(Error::invalid(
-            "pixels",
-            "list",
-            "empty",
-            "at least one pixel",
-        ));
+        return wrong("list", "empty", "at least one pixel");
     }
     render_list(scene, camera, options, Some(Arc::new(pixels.to_vec())))
 }
@@ -112,13 +104,11 @@ fn render_list(
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Image> {
     let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
-    let images = render_views(&batch, options, pixels);
-    Ok(images
-        .map_err(|e| match e {
-            Error::InBatch { source, .. } => *source,
-            other => other,
-        })?
-        .single())
+    match render_views(&batch, options, pixels) {
+        Ok(images) => Ok(images.view(0)),
+        Err(Error::InBatch { source, .. }) => Err(*source),
+        Err(other) => Err(other),
+    }
 }
 
 /// Renders pixels of all views; all pixels, if there is no list.
@@ -159,11 +149,9 @@ fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
     for v in &batch.vertices {
         collected.visit(ParameterId::Vertices(0), &mut v.values.clone());
     }
+    let dtype = mean.dtype();
     match collected.tracked_zero() {
-        Some(nothing) => {
-            let nothing = nothing.cast(mean.dtype()).reshape([1, 1, 1]);
-            mean + nothing
-        }
+        Some(nothing) => mean + nothing.cast(dtype).reshape([1, 1, 1]),
         None => mean,
     }
 }

@@ -89,6 +89,13 @@ pub(super) struct Outputs {
     pub object_ids: bool,
 }
 
+impl Outputs {
+    /// Whether opacity is rendered: depth and normals are per opacity.
+    pub fn need_opacity(self) -> bool {
+        self.opacity || self.depth || self.normals
+    }
+}
+
 /// What is called after each tile.
 #[derive(Clone, Default)]
 pub(super) struct Progress(Option<Arc<dyn Fn(usize, usize) + Send + Sync>>);

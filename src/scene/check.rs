@@ -173,8 +173,8 @@ impl Object {
                 continue;
             }
             let mut material = material.clone();
-            let channels = Channel::ALL.into_iter().zip(material.channels());
-            for (channel, _) in channels.filter(|(_, v)| matches!(v, Value::Image(..))) {
+            let mut channels = Channel::ALL.into_iter().zip(material.channels());
+            if let Some((channel, _)) = channels.find(|(_, v)| matches!(v, Value::Image(..))) {
                 let expected =
                     "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them";
                 return Err(Error::invalid(name, channel.row().0, "a texture", expected));

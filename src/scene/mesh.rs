@@ -1,3 +1,4 @@
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
@@ -120,19 +121,11 @@ impl Mesh {
     pub fn subdivided(&self) -> Result<Self> {
         check_indices("mesh", "vertices", self.vertices.dims(), 3, &self.faces)?;
         let count = self.vertices.dims()[0] as u32;
-        let mut middles = std::collections::HashMap::new();
         let mut ends: Vec<(u32, u32)> = Vec::new();
-        let mut faces = Vec::with_capacity(4 * self.faces.len());
-        for &[a, b, c] in self.faces.iter() {
-            let mut middle = |i: u32, j: u32| {
-                *middles.entry((i.min(j), i.max(j))).or_insert_with(|| {
-                    ends.push((i, j));
-                    count + ends.len() as u32 - 1
-                })
-            };
-            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
-            faces.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-        }
+        let faces = split_in_four(&self.faces, |i, j| {
+            ends.push((i, j));
+            count + ends.len() as u32 - 1
+        });
         let at = |f: fn(&(u32, u32)) -> u32| {
             let rows: Vec<i32> = ends.iter().map(|e| f(e) as i32).collect();
             let rows = Tensor::from_ints(rows.as_slice(), &self.vertices.device().inner());
@@ -196,6 +189,23 @@ impl Mesh {
         }
         check_table(object, field, &a.values, width, &a.faces)
     }
+}
+
+/// Splits faces into four each; `middle` adds the vertex in the middle of an edge and returns its number.
+pub(super) fn split_in_four(
+    faces: &[[u32; 3]],
+    mut middle: impl FnMut(u32, u32) -> u32,
+) -> Vec<[u32; 3]> {
+    let mut middles = HashMap::new();
+    let mut of_edge = |i: u32, j: u32| {
+        let edge = middles.entry((i.min(j), i.max(j)));
+        *edge.or_insert_with(|| middle(i, j))
+    };
+    let split = |&[a, b, c]: &[u32; 3]| {
+        let (ab, bc, ca) = (of_edge(a, b), of_edge(b, c), of_edge(c, a));
+        [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+    };
+    faces.iter().flat_map(split).collect()
 }
 
 /// The rows of `values` of these numbers, `[N, C]`.

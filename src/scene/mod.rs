@@ -7,13 +7,11 @@ mod check;
 mod debug;
 mod environment;
 mod flatten;
-mod frame;
 mod host;
 mod material;
 mod matrix;
 mod mesh;
 mod normals;
-mod object;
 mod parameter;
 mod parameters;
 mod placement;
@@ -26,14 +24,12 @@ pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::check_scene;
 pub use environment::Environment;
 pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, Flattened, Normalization, SkyTensors};
-pub(crate) use frame::SceneFrame;
-pub(crate) use host::{HostAttribute, HostScene, HostTexture};
+pub(crate) use host::{HostAttribute, HostScene, HostTexture, SceneFrame};
 pub use material::{Albedo, Material, Wrap};
 pub(crate) use material::{CHANNELS, Channel, MaterialKind};
 pub use matrix::Matrix;
 pub(crate) use mesh::take_rows;
 pub use mesh::{CornerAttribute, Mesh};
-pub use object::Object;
 pub use parameter::Parameter;
 pub(crate) use parameter::Range;
 pub(crate) use parameters::{
@@ -41,6 +37,8 @@ pub(crate) use parameters::{
 };
 pub use placement::Scale;
 pub use transform::Transform;
+
+use std::sync::Arc;
 
 use crate::error::{Error, Result, one_of};
 
@@ -110,5 +108,58 @@ impl Scene {
         let changed = objects.map(|o| if o.name == name { f(o) } else { o });
         self.objects = changed.collect();
         Ok(self)
+    }
+}
+
+/// A mesh with its materials and its motion; an `o` or `g` of an OBJ file.
+#[derive(Clone)]
+pub struct Object {
+    /// The name in messages and for [`Scene::object`].
+    pub name: String,
+    /// The surface.
+    pub mesh: Mesh,
+    /// The materials that [`Self::face_materials`] refers to, at least one.
+    pub materials: Vec<Material>,
+    /// The material of each face; empty where all faces have the first.
+    pub face_materials: Arc<Vec<u32>>,
+    /// Linear velocity in scene units over the shutter [0, 1).
+    pub velocity: Option<Parameter<3>>,
+}
+
+impl Object {
+    /// An object of the material [`Material::default`].
+    pub fn new(mesh: Mesh) -> Self {
+        Self {
+            name: "object".into(),
+            mesh,
+            materials: vec![Material::default()],
+            face_materials: Arc::default(),
+            velocity: None,
+        }
+    }
+
+    /// Sets the name.
+    pub fn named(mut self, name: impl Into<String>) -> Self {
+        self.name = name.into();
+        self
+    }
+
+    /// Sets one material for all faces.
+    pub fn material(mut self, material: Material) -> Self {
+        self.materials = vec![material];
+        self.face_materials = Arc::default();
+        self
+    }
+
+    /// Sets a linear velocity `[3]`, in scene units over the shutter.
+    pub fn velocity(mut self, velocity: impl Into<Parameter<3>>) -> Self {
+        self.velocity = Some(velocity.into());
+        self
+    }
+
+    /// Changes the mesh by a function.
+    pub fn map_mesh(mut self, f: impl FnOnce(Mesh) -> Mesh) -> Self {
+        self.mesh = f(self.mesh);
+        self
     }
 }

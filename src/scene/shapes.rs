@@ -1,12 +1,11 @@
 //! Meshes by formula; all counter-clockwise seen from outside.
 
-use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use burn::tensor::Device;
 
-use super::mesh::host_tensor;
+use super::mesh::{host_tensor, split_in_four};
 use super::{CornerAttribute, Mesh};
 
 /// A mesh of one triangle with the front where its corners go counter-clockwise.
@@ -58,20 +57,11 @@ pub fn icosphere(subdivisions: u32, device: &Device) -> Mesh {
     }
     let mut faces = hull_of_icosahedron(&vertices);
     for _ in 0..subdivisions {
-        let mut middle = HashMap::new();
-        let mut finer = Vec::with_capacity(4 * faces.len());
-        for [a, b, c] in faces {
-            let mut split = |i: u32, j: u32| {
-                *middle.entry((i.min(j), i.max(j))).or_insert_with(|| {
-                    let (p, q) = (vertices[i as usize], vertices[j as usize]);
-                    vertices.push(unit([p[0] + q[0], p[1] + q[1], p[2] + q[2]]));
-                    vertices.len() as u32 - 1
-                })
-            };
-            let (ab, bc, ca) = (split(a, b), split(b, c), split(c, a));
-            finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-        }
-        faces = finer;
+        faces = split_in_four(&faces, |i, j| {
+            let (p, q) = (vertices[i as usize], vertices[j as usize]);
+            vertices.push(unit([p[0] + q[0], p[1] + q[1], p[2] + q[2]]));
+            vertices.len() as u32 - 1
+        });
     }
     Mesh::from_host(&vertices, faces, device)
 }
@@ -219,6 +209,8 @@ pub fn plane_grid(width: f64, depth: f64, columns: usize, rows: usize, device: &
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashMap;
+
     use super::*;
     use crate::geometry::host_values;
 

@@ -6,7 +6,7 @@ use burn::tensor::TensorData;
 use rayon::prelude::*;
 
 use super::forward::camera_tiles;
-use super::places::Places;
+use super::prepare::Places;
 use super::rows::Rows;
 use crate::kernel::{PixelGradients, Seen, Sums, View, Work};
 use crate::render::options::RenderOptions;

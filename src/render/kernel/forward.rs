@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicUsize;
 use burn::tensor::{Element, TensorData};
 use rayon::prelude::*;
 
-use super::places::Places;
+use super::prepare::Places;
 use super::rows::Rows;
 use crate::error::Result;
 use crate::kernel::{RayCounts, View, Work};

@@ -3,7 +3,6 @@
 
 mod backward;
 mod forward;
-mod places;
 mod prepare;
 mod rows;
 
@@ -20,7 +19,7 @@ use crate::error::Result;
 use crate::scene::{Camera, Scene};
 use crate::transport::Diagnostics;
 use backward::Backward;
-use forward::{Forward, Traced, camera_tiles};
+use forward::{Forward, camera_tiles};
 use prepare::{Prepared, prepare};
 use rows::Rows;
 
@@ -39,7 +38,7 @@ pub(super) fn jumps(
         return Ok(vec![0.0; size]);
     }
     let objects = prepared.views[0].0.scene.counted.len();
-    let rows = Rows::new(options, objects);
+    let rows = Rows::new(options.outputs, objects);
     let backward = Backward::new(prepared.views, size, rows, options, pixels);
     Ok(backward.gradient(upstream))
 }
@@ -58,7 +57,7 @@ pub(super) fn render(
     } = prepare(batch, options, true)?;
     let objects = views.iter().map(|(v, _)| v.scene.counted.len()).max();
     let objects = objects.unwrap_or(0);
-    let rows = Rows::new(options, objects);
+    let rows = Rows::new(options.outputs, objects);
     let count = match &pixels {
         Some(pixels) => pixels.len(),
         None => options.width * options.height,
@@ -78,18 +77,29 @@ pub(super) fn render(
         pass.views(&views, count, |value| value as f32)?
     };
     // Where scenes have no light that was told already.
-    if lit && pixels.is_none() {
-        warn_of_black(&traced);
+    if lit
+        && pixels.is_none()
+        && let Some(black) = traced.iter().position(|t| !t.lit)
+    {
+        log::warn!(
+            "the image of view {black} is black though its scene has light: does the camera look at \
+             something lit? Emitters shine from their front alone, and a closed object hides what is \
+             inside of it"
+        );
     }
-    let diagnostics = views.iter().zip(&traced).filter(|_| options.diagnostics);
-    let diagnostics = diagnostics.map(|((view, _), traced)| Diagnostics {
+    let asked = views.iter().zip(&traced).filter(|_| options.diagnostics);
+    let diagnostics = asked.map(|((view, _), traced)| Diagnostics {
         degenerate_triangles: view.scene.degenerate(),
         non_finite_light: traced.non_finite,
         effective_surfaces: 1.0,
         ..Diagnostics::default()
     });
     let diagnostics = diagnostics.collect();
-    let statistics = traced.into_iter().map(|t| Statistics::of_rays(t.counts));
+    let statistics = traced.into_iter().map(|t| Statistics {
+        rays: t.counts.rays,
+        bounces: t.counts.bounces,
+        ..Statistics::default()
+    });
     let statistics: Vec<Statistics> = statistics.collect();
     let mut mean = Tensor::from_data(means, (&context.device, context.dtype));
     if let Some(parent) = parent {
@@ -102,15 +112,4 @@ pub(super) fn render(
         statistics,
         diagnostics,
     })
-}
-
-/// Tells of a view whose image is black though its scene has light.
-fn warn_of_black(traced: &[Traced]) {
-    if let Some(black) = traced.iter().position(|t| !t.lit) {
-        log::warn!(
-            "the image of view {black} is black though its scene has light: does the camera look at \
-             something lit? Emitters shine from their front alone, and a closed object hides what is \
-             inside of it"
-        );
-    }
 }

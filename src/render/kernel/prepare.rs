@@ -1,18 +1,19 @@
-//! Scenes are read back and packed, and views made of them.
+//! Scenes are read back and packed, views made of them, and all tensors that are in a graph put into one row: the
+//! only parent of the images of a batch.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use super::places::{Parent, Places};
 use crate::error::Result;
-use crate::geometry::Context;
+use crate::geometry::{Context, detached};
 use crate::kernel::{EdgeSets, HostCamera, KernelScene, View, ViewSettings, Wanted};
 use crate::render::batch::{Batch, in_batch};
 use crate::render::options::RenderOptions;
 use crate::render::tiles::sampler;
-use crate::scene::{Collect, HostScene, visit_camera};
+use crate::scene::{Collect, HostScene, ParameterId, visit_camera, visit_scene};
 use crate::visibility::Visibility;
 
 /// A batch, ready to be traced.
@@ -103,8 +104,77 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     }
     Ok(Prepared {
         views,
-        parent: parent.row(),
+        parent: (!parent.rows.is_empty()).then(|| Tensor::cat(parent.rows, 0)),
         context,
         lit,
     })
+}
+
+/// The places of tensors in the row.
+pub(super) type TensorPlaces = Vec<(ParameterId, Range<usize>)>;
+
+/// The places of a view's derivatives in the row.
+#[derive(Clone, Default)]
+pub(super) struct Places {
+    pub scene: TensorPlaces,
+    pub camera: TensorPlaces,
+}
+
+/// Rows that become one.
+#[derive(Default)]
+struct Parent {
+    rows: Vec<Tensor<1>>,
+    size: usize,
+}
+
+impl Parent {
+    /// Adds rows, and returns the place at which they begin.
+    fn push(&mut self, rows: Vec<Tensor<1>>) -> usize {
+        let first = self.size;
+        self.size += rows.iter().map(|r| r.dims()[0]).sum::<usize>();
+        self.rows.extend(rows);
+        first
+    }
+
+    /// Adds the tensors that were collected, and returns their places.
+    fn collect(&mut self, collected: Collect) -> TensorPlaces {
+        let places = collected.places(self.size);
+        self.push(collected.rows);
+        places
+    }
+
+    /// Adds the tensors of the batch, then those of its scenes, and returns the places of each scene's.
+    fn collect_scenes(&mut self, batch: &Batch) -> Vec<TensorPlaces> {
+        let starts: Vec<Option<usize>> = batch
+            .vertices
+            .iter()
+            .map(|v| {
+                let [s, n, _] = v.values.dims();
+                let tracked = v.values.is_tracked();
+                tracked.then(|| self.push(vec![v.values.clone().reshape([3 * s * n])]))
+            })
+            .collect();
+        let mut all = Vec::with_capacity(batch.scenes.len());
+        for (index, scene) in batch.scenes.iter().enumerate() {
+            let mut rest = scene.clone();
+            let mut places = Vec::new();
+            for (v, start) in batch.vertices.iter().zip(&starts) {
+                let Some(i) = rest.objects.iter().position(|o| o.name == v.name) else {
+                    continue;
+                };
+                let mesh = &mut rest.objects[i].mesh;
+                mesh.vertices = detached(&mesh.vertices);
+                if let Some(start) = start {
+                    let length = 3 * v.values.dims()[1];
+                    let begin = start + index * length;
+                    places.push((ParameterId::Vertices(i), begin..begin + length));
+                }
+            }
+            let mut collected = Collect::default();
+            visit_scene(&mut rest, &mut collected);
+            places.extend(self.collect(collected));
+            all.push(places);
+        }
+        all
+    }
 }

@@ -1,42 +1,36 @@
 //! The rows of an image, to and from what kernels make of a pixel.
 
 use crate::kernel::Seen;
-use crate::model::V3;
-use crate::render::options::RenderOptions;
+use crate::render::options::Outputs;
 
 /// The rows of an image: radiance, opacity, depth, normal, share of each object and the background.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows {
-    opacity: bool,
-    depth: bool,
-    normals: bool,
+    outputs: Outputs,
     /// The number of objects, if their shares are asked for.
     pub objects: Option<usize>,
 }
 
 impl Rows {
-    pub fn new(options: &RenderOptions, objects: usize) -> Self {
-        let outputs = options.outputs;
+    pub fn new(outputs: Outputs, objects: usize) -> Self {
         Self {
-            opacity: outputs.opacity || outputs.depth || outputs.normals,
-            depth: outputs.depth,
-            normals: outputs.normals,
+            outputs,
             objects: outputs.object_ids.then_some(objects),
         }
     }
 
     /// The number of rows.
     pub fn count(&self) -> usize {
-        let normals = if self.normals { 3 } else { 0 };
-        let objects = self.objects.map_or(0, |n| n + 1);
-        3 + usize::from(self.opacity) + usize::from(self.depth) + normals + objects
+        let of_pixel = self.of(&Seen::default(), 1.0).count();
+        of_pixel + self.objects.map_or(0, |n| n + 1)
     }
 
     /// All but the shares of objects, in a scene whose distances are in so many scene units.
     pub fn of(&self, p: &Seen, unit: f64) -> impl Iterator<Item = f64> {
-        let opacity = self.opacity.then_some(f64::from(p.opacity));
-        let depth = self.depth.then_some(f64::from(p.depth) * unit);
-        let normal = self.normals.then_some(p.normal.to_f64());
+        let o = self.outputs;
+        let opacity = o.need_opacity().then_some(f64::from(p.opacity));
+        let depth = o.depth.then_some(f64::from(p.depth) * unit);
+        let normal = o.normals.then_some(p.normal.to_f64());
         let radiance = p.radiance.to_f64().into_iter();
         let rows = radiance.chain(opacity).chain(depth);
         rows.chain(normal.into_iter().flatten())
@@ -52,14 +46,12 @@ impl Rows {
             next += 1;
             row(next - 1)
         };
-        let radiance: V3 = [take(true), take(true), take(true)].into();
-        let opacity = take(self.opacity) as f32;
-        let depth = (take(self.depth) * unit) as f32;
-        let normals = self.normals;
+        let Outputs { depth, normals, .. } = self.outputs;
+        // In the order of the rows.
         Seen {
-            radiance,
-            opacity,
-            depth,
+            radiance: [take(true), take(true), take(true)].into(),
+            opacity: take(self.outputs.need_opacity()) as f32,
+            depth: (take(depth) * unit) as f32,
             normal: [take(normals), take(normals), take(normals)].into(),
         }
     }

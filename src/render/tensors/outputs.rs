@@ -18,7 +18,7 @@ pub(super) fn outputs(
     let Vec3 { x, y, z } = found.radiance;
     let mut rows = vec![x, y, z];
     let first = found.first;
-    if outputs.opacity || outputs.depth || outputs.normals {
+    if outputs.need_opacity() {
         rows.push(first.attached_background(&scene.context).neg() + 1.0);
     }
     let first = match first {

@@ -7,16 +7,18 @@ use burn::tensor::Tensor;
 use rayon::prelude::*;
 
 use super::outputs::outputs;
-use super::sight::HostSight;
 use crate::accel::Hierarchy;
 use crate::device::is_cpu;
 use crate::error::Result;
+use crate::model::filter::PixelFilter;
 use crate::render::options::RenderOptions;
 use crate::render::tiles::{Tile, sampler, tiles};
 use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Camera, Flattened};
-use crate::transport::{Diagnostics, Lights, PathSettings, RayStatistics, Sky, Transport, trace};
-use crate::visibility::Rays;
+use crate::transport::{
+    Cones, Diagnostics, Lights, PathSettings, RayStatistics, Sight, Sky, Transport, trace,
+};
+use crate::visibility::{Rays, Softmax, Sparse, Visibility, hierarchy_of};
 
 /// A view, ready to be traced.
 pub(super) struct TensorRenderer<'a> {
@@ -32,17 +34,11 @@ pub(super) struct TensorRenderer<'a> {
     pixels: Option<Arc<Vec<u32>>>,
 }
 
-/// Counts of a render.
-pub(super) struct Found {
+/// Radiance and what was asked for beside it, as rows of pixels `[C, P]`, and counts.
+pub(super) struct Traced {
+    pub rows: Tensor<2>,
     pub statistics: RayStatistics,
     pub diagnostics: Option<Diagnostics>,
-}
-
-/// Sums over the samples of a tile, one column a pixel `[C, P]`: radiance, and what was asked for.
-pub(super) struct TileSums {
-    pub sums: Tensor<2>,
-    statistics: RayStatistics,
-    diagnostics: Option<Diagnostics>,
 }
 
 impl<'a> TensorRenderer<'a> {
@@ -60,7 +56,12 @@ impl<'a> TensorRenderer<'a> {
             sampler: sampler(options),
             lights: Arc::new(Lights::new(scene, options.sampling.emitters)?),
             sky: Sky::new(scene)?,
-            settings: settings(options),
+            settings: PathSettings {
+                diagnostics: options.diagnostics,
+                bounces: options.bounces,
+                roulette_after: options.roulette_after,
+                sampling: options.sampling,
+            },
             sight: HostSight::new(scene, camera, options, hierarchy)?,
             pixels,
         })
@@ -71,8 +72,8 @@ impl<'a> TensorRenderer<'a> {
         self.sight.hierarchy()
     }
 
-    /// Means over samples `[C, pixels]`.
-    pub fn render(&self) -> Result<(Tensor<2>, Found)> {
+    /// Means over samples.
+    pub fn render(&self) -> Result<Traced> {
         let tiles = self.tiles();
         let done = AtomicUsize::new(0);
         let run = |tile: &Tile| {
@@ -86,28 +87,27 @@ impl<'a> TensorRenderer<'a> {
             tiles.iter().map(run).collect::<Result<_>>()?
         };
         let mut statistics = RayStatistics::default();
-        results.iter().for_each(|r| statistics.merge(&r.statistics));
         let mut diagnostics: Option<Diagnostics> = None;
-        for found in results.iter().filter_map(|r| r.diagnostics.as_ref()) {
-            diagnostics.get_or_insert_default().merge(found);
-        }
-
         // Tiles come in order of pixels, then samples.
         let mut columns: Vec<Tensor<2>> = Vec::new();
         for (tile, result) in tiles.iter().zip(results) {
+            statistics.merge(&result.statistics);
+            if let Some(found) = &result.diagnostics {
+                diagnostics.get_or_insert_default().merge(found);
+            }
             if tile.from == 0 {
-                columns.push(result.sums);
+                columns.push(result.rows);
             } else if let Some(sum) = columns.pop() {
-                columns.push(sum + result.sums);
+                columns.push(sum + result.rows);
             }
         }
         // Not a division: its backward pass rounds 1/n to f32.
-        let mean = Tensor::cat(columns, 1) * f64::from(self.options.samples).recip();
-        let found = Found {
+        let rows = Tensor::cat(columns, 1) * f64::from(self.options.samples).recip();
+        Ok(Traced {
+            rows,
             statistics,
             diagnostics,
-        };
-        Ok((mean, found))
+        })
     }
 
     fn tiles(&self) -> Vec<Tile> {
@@ -121,15 +121,13 @@ impl<'a> TensorRenderer<'a> {
             HostSight::Softmax(_, None) => (pairs / triangles).clamp(128, 1 << 17),
             _ => 1 << 13,
         };
-        let pixels = self.pixels.as_ref().map_or_else(
-            || self.options.width * self.options.height,
-            |pixels| pixels.len(),
-        );
+        let all = self.options.width * self.options.height;
+        let pixels = self.pixels.as_ref().map_or(all, |pixels| pixels.len());
         tiles(self.options, pixels, rays)
     }
 
     /// The sums over a tile.
-    pub fn tile(&self, tile: &Tile) -> Result<TileSums> {
+    pub fn tile(&self, tile: &Tile) -> Result<Traced> {
         let paths: Vec<(u32, u32)> = (tile.first..tile.first + tile.pixels)
             .map(|i| self.pixels.as_ref().map_or(i as u32, |pixels| pixels[i]))
             .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel, sample)))
@@ -149,12 +147,9 @@ impl<'a> TensorRenderer<'a> {
         let diagnostics = found.diagnostics.clone();
         let rows = Tensor::cat(outputs(self.scene, self.options.outputs, found)?, 0);
         let channels = rows.dims()[0];
-        let sums = rows
-            .reshape([channels * tile.pixels, samples])
-            .sum_dim(1)
-            .reshape([channels, tile.pixels]);
-        Ok(TileSums {
-            sums,
+        let rows = rows.reshape([channels * tile.pixels, samples]).sum_dim(1);
+        Ok(Traced {
+            rows: rows.reshape([channels, tile.pixels]),
             statistics,
             diagnostics,
         })
@@ -163,11 +158,11 @@ impl<'a> TensorRenderer<'a> {
     fn camera_rays(&self, paths: &[(u32, u32)]) -> Rays {
         let context = &self.scene.context;
         let (width, height) = (self.options.width, self.options.height);
-        let film = |coordinate: &dyn Fn(usize) -> usize, jitter: Vec<f64>, size: usize| {
-            let values: Vec<f64> = paths
-                .iter()
+        let film = |place: fn(usize, usize) -> usize, jitter: Vec<f64>, size: usize| {
+            let pixels = paths.iter().map(|p| place(p.0 as usize, width) as f64);
+            let values: Vec<f64> = pixels
                 .zip(jitter)
-                .map(|(&(pixel, _), j)| (coordinate(pixel as usize) as f64 + j) / size as f64)
+                .map(|(p, j)| (p + j) / size as f64)
                 .collect();
             context.row(&values)
         };
@@ -181,21 +176,18 @@ impl<'a> TensorRenderer<'a> {
             }),
         };
         let film = [
-            film(&|p| p % width, x, width),
-            film(&|p| p / width, y, height),
+            film(|pixel, width| pixel % width, x, width),
+            film(|pixel, width| pixel / width, y, height),
         ];
         let disk = self.camera.has_lens().then(|| {
             let dimensions = [Dimension::LensRadius, Dimension::LensAngle];
             let [radius, angle] = self.sampler.uniform(paths, 0, dimensions);
-            let polar: Vec<(f64, f64)> = radius
-                .iter()
-                .zip(angle)
-                .map(|(r, a)| (r.sqrt(), std::f64::consts::TAU * a))
-                .collect();
-            [
-                context.row(&polar.iter().map(|(r, a)| r * a.cos()).collect::<Vec<_>>()),
-                context.row(&polar.iter().map(|(r, a)| r * a.sin()).collect::<Vec<_>>()),
-            ]
+            let on_disk = |along: fn(f64) -> f64| {
+                let polar = radius.iter().zip(&angle);
+                let values = polar.map(|(r, a)| r.sqrt() * along(std::f64::consts::TAU * a));
+                context.row(&values.collect::<Vec<_>>())
+            };
+            [on_disk(f64::cos), on_disk(f64::sin)]
         });
         let moves = self.scene.triangles.velocity.is_some();
         let time = moves.then(|| {
@@ -220,12 +212,68 @@ impl<'a> TensorRenderer<'a> {
     }
 }
 
-/// The settings of paths.
-fn settings(options: &RenderOptions) -> PathSettings {
-    PathSettings {
-        diagnostics: options.diagnostics,
-        bounces: options.bounces,
-        roulette_after: options.roulette_after,
-        sampling: options.sampling,
+/// The visibility of a render, with the boxes that it needs.
+enum HostSight {
+    Cones(Cones, PixelFilter),
+    Softmax(Softmax, Option<Box<Sparse>>),
+}
+
+impl HostSight {
+    fn new(
+        scene: &Flattened,
+        camera: &Camera,
+        options: &RenderOptions,
+        hierarchy: Option<Arc<Hierarchy>>,
+    ) -> Result<Self> {
+        let hierarchy = || match hierarchy {
+            Some(hierarchy) => Ok(hierarchy),
+            None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
+        };
+        Ok(match options.visibility {
+            Visibility::Cone { angle, pixels } => {
+                let half_height = camera.half_height()?;
+                let least = options.blur.map_or(0.0, f64::tan);
+                let wide = least * 0.5 * options.height as f64 / half_height;
+                let cones = Cones::new(hierarchy()?, angle, &sampler(options));
+                Self::Cones(cones, PixelFilter::new(pixels.max(wide)))
+            }
+            Visibility::Softmax {
+                sigma,
+                gamma,
+                epsilon,
+            } => {
+                let form = Softmax {
+                    sigma: sigma / (scene.unit * scene.unit),
+                    gamma,
+                    epsilon,
+                };
+                // Diagnostics are there in tensors only, and GPUs do without the host.
+                let dense =
+                    options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
+                let sparse = if dense {
+                    None
+                } else {
+                    let sparse = Sparse::new(&scene.triangles, hierarchy()?, options.cutoff);
+                    Some(Box::new(sparse))
+                };
+                Self::Softmax(form, sparse)
+            }
+        })
+    }
+
+    /// The boxes, if there are any.
+    fn hierarchy(&self) -> Option<Arc<Hierarchy>> {
+        match self {
+            Self::Cones(cones, _) => Some(cones.hierarchy()),
+            Self::Softmax(_, sparse) => sparse.as_ref().map(|s| s.hierarchy()),
+        }
+    }
+
+    /// The same, borrowed.
+    fn get(&self) -> Sight<'_> {
+        match self {
+            Self::Cones(cones, _) => Sight::Cones(cones),
+            Self::Softmax(form, sparse) => Sight::Softmax(*form, sparse.as_deref()),
+        }
     }
 }

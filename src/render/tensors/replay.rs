@@ -67,7 +67,7 @@ impl Replay {
             let (pixels_of, hierarchy) = (self.pixels.clone(), self.hierarchy.clone());
             let renderer =
                 TensorRenderer::new(&flattened, &camera, &self.options, pixels_of, hierarchy)?;
-            let sums = renderer.tile(tile)?.sums;
+            let sums = renderer.tile(tile)?.rows;
             if !sums.is_tracked() {
                 return Ok(vec![0.0; count]);
             }
