@@ -1,7 +1,6 @@
 //! Shared by the examples: the log, progress bars, fits.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use softray::prelude::*;
 
 #[allow(dead_code)] // only those that fit something
 pub mod study;

@@ -116,6 +116,17 @@ impl fmt::Debug for Progress {
     }
 }
 
+/// Methods of options that set one field each: `name(argument) field = value`.
+macro_rules! setters {
+    ($($(#[$doc:meta])* $name:ident($($argument:ident: $type:ty)?) $($field:ident).+ = $value:expr;)*) => {$(
+        $(#[$doc])*
+        pub fn $name(mut self $(, $argument: $type)?) -> Self {
+            self.$($field).+ = $value;
+            self
+        }
+    )*};
+}
+
 impl RenderOptions {
     /// An image of width × height pixels: 16 samples, 3 bounces, cones without an angle,
     /// seed 0.
@@ -149,16 +160,50 @@ impl RenderOptions {
         Self::new(0, 0)
     }
 
-    /// Paths a pixel.
-    pub fn samples(mut self, samples: u32) -> Self {
-        self.samples = samples;
-        self
-    }
-
-    /// Bounces after the surface that the camera sees; 0 is direct light only.
-    pub fn bounces(mut self, bounces: u32) -> Self {
-        self.bounces = bounces;
-        self
+    setters! {
+        /// Paths a pixel.
+        samples(samples: u32) samples = samples;
+        /// Bounces after the surface that the camera sees; 0 is direct light only.
+        bounces(bounces: u32) bounces = bounces;
+        /// The program that computes the render.
+        engine(engine: Engine) engine = engine;
+        /// The choice of random numbers, surfaces and emitters.
+        sampling(sampling: Sampling) sampling = sampling;
+        /// Same seed, same image.
+        seed(seed: u64) seed = seed;
+        /// Ends paths at random, in proportion to their throughput, after the given bounce and every
+        /// later one (0: after the surface that the camera sees).
+        russian_roulette(after: u32) roulette_after = Some(after);
+        /// The most rays processed at once. Bounds the memory of a render without gradient; by
+        /// default chosen from the number of triangles.
+        rays_per_tile(rays: usize) rays_per_tile = Some(rays);
+        /// For the softmax: sets the scale of depths and tolerances by the sphere about the center of a box
+        /// through its corners, in place of one around the scene's vertices. Finite differences need the same
+        /// bounds on both sides; see [`Scene::bounds`](crate::scene::Scene::bounds).
+        bounds(bounds: Bounds) bounds = Some(bounds);
+        /// For the softmax: triangles that cover less of a ray than this, and what lies behind more than 1 − this, are
+        /// left out (1e-4 by default).
+        cutoff(cutoff: f64) cutoff = cutoff;
+        /// The most bytes that the images of a call may take, 4 GiB unless set: larger ones are an error
+        /// before anything is rendered.
+        memory_limit(bytes: u64) memory_limit = bytes;
+        /// Also returns the opacity `[H, W]`: the share of a pixel that surfaces cover, 0 to 1.
+        with_opacity() outputs.opacity = true;
+        /// Also returns the depth `[H, W]`: the mean distance along the camera rays to the surfaces that they
+        /// hit, in scene units; 0 where they hit none. It is not PyTorch3D's `zbuf`, which is measured along
+        /// the view axis: [`Camera::axial_depth`](crate::scene::Camera::axial_depth) converts it.
+        with_depth() outputs.depth = true;
+        /// Also returns normals `[H, W, 3]`: the mean geometric normal of the surfaces that camera rays hit, on
+        /// the side that faces the camera, in scene axes; 0 where they hit none.
+        with_normals() outputs.normals = true;
+        /// Also returns object ids `[H, W]`: the number of the object, in the scene's order, that covers most of a
+        /// pixel; −1 for the background. Ids have no gradient.
+        with_object_ids() outputs.object_ids = true;
+        /// Also counts what is degenerate ([`Diagnostics`](super::Diagnostics)); for the softmax that takes time.
+        with_diagnostics() diagnostics = true;
+        /// For the softmax: tests every triangle for every ray, in tensors, as it does on GPUs. Slow; it is the
+        /// specification of what is done by a hierarchy of boxes.
+        brute_force() brute_force = true;
     }
 
     /// One number for the blur of all rays, for a fit whose blur falls: the half-angle of cones in
@@ -182,24 +227,6 @@ impl RenderOptions {
         self
     }
 
-    /// The program that computes the render.
-    pub fn engine(mut self, engine: Engine) -> Self {
-        self.engine = engine;
-        self
-    }
-
-    /// The choice of random numbers, surfaces and emitters.
-    pub fn sampling(mut self, sampling: Sampling) -> Self {
-        self.sampling = sampling;
-        self
-    }
-
-    /// Same seed, same image.
-    pub fn seed(mut self, seed: u64) -> Self {
-        self.seed = seed;
-        self
-    }
-
     /// The options that [`render_batch`](super::render_batch) renders the view of that index with: the
     /// same but for the seed, so that views have random numbers of their own. View 0 has the seed that
     /// is set.
@@ -207,28 +234,6 @@ impl RenderOptions {
         let seed = self.seed;
         self.clone()
             .seed(seed.wrapping_add((index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
-    }
-
-    /// Ends paths at random, in proportion to their throughput, after the given bounce and every
-    /// later one (0: after the surface that the camera sees).
-    pub fn russian_roulette(mut self, after: u32) -> Self {
-        self.roulette_after = Some(after);
-        self
-    }
-
-    /// The most rays processed at once. Bounds the memory of a render without gradient; by
-    /// default chosen from the number of triangles.
-    pub fn rays_per_tile(mut self, rays: usize) -> Self {
-        self.rays_per_tile = Some(rays);
-        self
-    }
-
-    /// For the softmax: sets the scale of depths and tolerances by the sphere about the center of a box
-    /// through its corners, in place of one around the scene's vertices. Finite differences need the same
-    /// bounds on both sides; see [`Scene::bounds`](crate::scene::Scene::bounds).
-    pub fn bounds(mut self, bounds: Bounds) -> Self {
-        self.bounds = Some(bounds);
-        self
     }
 
     /// This where no bounds are set.
@@ -242,65 +247,10 @@ impl RenderOptions {
         self.bounds.map(Normalization::from).or(self.normalization)
     }
 
-    /// Also returns the opacity `[H, W]`: the share of a pixel that surfaces cover, 0 to 1.
-    pub fn with_opacity(mut self) -> Self {
-        self.outputs.opacity = true;
-        self
-    }
-
-    /// Also returns the depth `[H, W]`: the mean distance along the camera rays to the surfaces that they
-    /// hit, in scene units; 0 where they hit none. It is not PyTorch3D's `zbuf`, which is measured along
-    /// the view axis: [`Camera::axial_depth`](crate::scene::Camera::axial_depth) converts it.
-    pub fn with_depth(mut self) -> Self {
-        self.outputs.depth = true;
-        self
-    }
-
-    /// Also returns normals `[H, W, 3]`: the mean geometric normal of the surfaces that camera rays hit, on
-    /// the side that faces the camera, in scene axes; 0 where they hit none.
-    pub fn with_normals(mut self) -> Self {
-        self.outputs.normals = true;
-        self
-    }
-
-    /// Also returns object ids `[H, W]`: the number of the object, in the scene's order, that covers most of a
-    /// pixel; −1 for the background. Ids have no gradient.
-    pub fn with_object_ids(mut self) -> Self {
-        self.outputs.object_ids = true;
-        self
-    }
-
-    /// Also counts what is degenerate ([`Diagnostics`](super::Diagnostics)); for the softmax that takes time.
-    pub fn with_diagnostics(mut self) -> Self {
-        self.diagnostics = true;
-        self
-    }
-
-    /// For the softmax: tests every triangle for every ray, in tensors, as it does on GPUs. Slow; it is the
-    /// specification of what is done by a hierarchy of boxes.
-    pub fn brute_force(mut self) -> Self {
-        self.brute_force = true;
-        self
-    }
-
     /// Keeps the hierarchy of boxes from render to render: while the same triangles move a little it
     /// is fitted, not built.
     pub fn cache(mut self, cache: &HierarchyCache) -> Self {
         self.cache = Some(cache.clone());
-        self
-    }
-
-    /// For the softmax: triangles that cover less of a ray than this, and what lies behind more than 1 − this, are
-    /// left out (1e-4 by default).
-    pub fn cutoff(mut self, cutoff: f64) -> Self {
-        self.cutoff = cutoff;
-        self
-    }
-
-    /// The most bytes that the images of a call may take, 4 GiB unless set: larger ones are an error
-    /// before anything is rendered.
-    pub fn memory_limit(mut self, bytes: u64) -> Self {
-        self.memory_limit = bytes;
         self
     }
 

@@ -20,8 +20,6 @@ pub struct Camera {
     pub lens: Option<ThinLens>,
 }
 
-// A tensor is a handle of some words; boxing it would cost more than it saves.
-#[allow(clippy::large_enum_variant)]
 /// How a camera projects.
 #[derive(Clone, Debug)]
 pub enum Projection {

@@ -104,20 +104,14 @@ impl Debug for Object {
 
 impl Debug for Scene {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        struct Objects<'a>(&'a [Object]);
-        impl Debug for Objects<'_> {
-            fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-                let mut list = f.debug_list();
-                list.entries(self.0.iter().take(MOST));
-                if self.0.len() > MOST {
-                    let more = format!("and {} more objects", self.0.len() - MOST);
-                    list.entry(&Text(more));
-                }
-                list.finish()
-            }
+        let shown = self.objects.iter().take(MOST);
+        let mut objects: Vec<Text> = shown.map(|o| Text(format!("{o:?}"))).collect();
+        if self.objects.len() > MOST {
+            let more = self.objects.len() - MOST;
+            objects.push(Text(format!("and {more} more objects")));
         }
         f.debug_struct("Scene")
-            .field("objects", &Objects(&self.objects))
+            .field("objects", &objects)
             .field("environment", &self.environment)
             .finish()
     }

@@ -5,8 +5,6 @@ use super::material::{Value, Wrap};
 
 /// The radiance that arrives from infinity where rays miss all surfaces.
 #[derive(Clone)]
-// A tensor is a handle of some words; boxing it would cost more than it saves.
-#[allow(clippy::large_enum_variant)]
 pub enum Environment {
     /// The same radiance from all directions, RGB.
     Constant(Parameter<3>),

@@ -9,7 +9,6 @@ mod environment;
 mod flatten;
 mod host;
 mod material;
-mod matrix;
 mod mesh;
 mod normals;
 mod parameter;
@@ -27,7 +26,6 @@ pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, Flattened, Normalization
 pub(crate) use host::{HostAttribute, HostScene, HostTexture, SceneFrame};
 pub use material::{Albedo, Material, Wrap};
 pub(crate) use material::{CHANNELS, Channel, MaterialKind};
-pub use matrix::Matrix;
 pub(crate) use mesh::take_rows;
 pub use mesh::{CornerAttribute, Mesh};
 pub use parameter::Parameter;
@@ -37,6 +35,7 @@ pub(crate) use parameters::{
 };
 pub use placement::Scale;
 pub use transform::Transform;
+pub use viewpoint::Matrix;
 
 use std::sync::Arc;
 

@@ -1,11 +1,11 @@
 //! Shading normals from the faces.
 
-use burn::tensor::{DType, IndexingUpdateOp, Int, Tensor, TensorData};
+use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
 
 use super::Mesh;
 use super::mesh::check_indices;
 use super::parameter::without_tape;
-use crate::geometry::{Vec3, columns, gather_columns, length, split, unit_size};
+use crate::geometry::{Context, Vec3, columns, gather_columns, length, split, unit_size};
 
 impl Mesh {
     /// Sets smooth shading normals, computed from the vertices: at each vertex the unit vector along the sum
@@ -53,14 +53,14 @@ impl Mesh {
 fn vertex_normals(vertices: &Tensor<2>, faces: &[[u32; 3]]) -> Tensor<2> {
     let vertices = without_tape(vertices);
     let [count, _] = vertices.dims();
-    let (dtype, n) = (vertices.dtype(), faces.len());
-    let epsilon = match dtype {
-        DType::F64 => f64::EPSILON,
-        _ => f64::from(f32::EPSILON),
+    let n = faces.len();
+    let context = Context {
+        device: vertices.device().inner(),
+        dtype: vertices.dtype(),
     };
-    let device = vertices.device().inner();
+    let epsilon = context.epsilon();
     let index: Vec<i32> = columns(faces).iter().map(|&v| v as i32).collect();
-    let index = Tensor::<2, Int>::from_data(TensorData::new(index, [1, 3 * n]), &device);
+    let index = Tensor::<2, Int>::from_data(TensorData::new(index, [1, 3 * n]), &context.device);
 
     let planes = unit_size(vertices.swap_dims(0, 1));
     let corners = gather_columns(&planes, &index);
@@ -70,7 +70,7 @@ fn vertex_normals(vertices: &Tensor<2>, faces: &[[u32; 3]]) -> Tensor<2> {
     let turned = |i: usize| weighted_normal(&sides[i], &sides[(i + 2) % 3], epsilon).rows();
     let weighted = Tensor::cat(vec![turned(0), turned(1), turned(2)], 1);
 
-    let zeros = Tensor::zeros([3, count], (&device, dtype));
+    let zeros = Tensor::zeros([3, count], (&context.device, context.dtype));
     let index = index.expand([3, 3 * n]);
     let sums = zeros.scatter(1, index, weighted, IndexingUpdateOp::Add);
     let sums = split(&sums);

@@ -3,8 +3,6 @@ use burn::tensor::Tensor;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, host_values};
 
-// A tensor is a handle of some words; boxing it would cost more than it saves.
-#[allow(clippy::large_enum_variant)]
 /// A small vector that a user gives as numbers or as a tensor `[C]`: a constant, a leaf with
 /// `require_grad`, a module's parameter or the output of a network.
 #[derive(Clone)]
@@ -129,44 +127,24 @@ impl Range {
     }
 }
 
-impl<const C: usize> From<[f64; C]> for Parameter<C> {
-    fn from(v: [f64; C]) -> Self {
-        Self::Constant(v)
-    }
+/// What converts into a type, one a line: `[generics] source => type: |value| converted`.
+macro_rules! conversions {
+    ($([$($generics:tt)*] $source:ty => $target:ty: |$value:ident| $converted:expr;)*) => {$(
+        impl<$($generics)*> From<$source> for $target {
+            fn from($value: $source) -> Self {
+                $converted
+            }
+        }
+    )*};
 }
+pub(super) use conversions;
 
-impl<const C: usize> From<[f32; C]> for Parameter<C> {
-    fn from(v: [f32; C]) -> Self {
-        Self::Constant(v.map(f64::from))
-    }
-}
-
-impl<const C: usize> From<Tensor<1>> for Parameter<C> {
-    fn from(t: Tensor<1>) -> Self {
-        Self::Tensor(t)
-    }
-}
-
-impl From<f64> for Parameter<1> {
-    fn from(v: f64) -> Self {
-        Self::Constant([v])
-    }
-}
-
-impl From<f32> for Parameter<1> {
-    fn from(v: f32) -> Self {
-        Self::Constant([f64::from(v)])
-    }
-}
-
-impl From<glam::DVec3> for Parameter<3> {
-    fn from(v: glam::DVec3) -> Self {
-        Self::Constant(v.to_array())
-    }
-}
-
-impl From<glam::Vec3> for Parameter<3> {
-    fn from(v: glam::Vec3) -> Self {
-        v.to_array().into()
-    }
+conversions! {
+    [const C: usize] [f64; C] => Parameter<C>: |v| Self::Constant(v);
+    [const C: usize] [f32; C] => Parameter<C>: |v| Self::Constant(v.map(f64::from));
+    [const C: usize] Tensor<1> => Parameter<C>: |t| Self::Tensor(t);
+    [] f64 => Parameter<1>: |v| Self::Constant([v]);
+    [] f32 => Parameter<1>: |v| Self::Constant([v.into()]);
+    [] glam::DVec3 => Parameter<3>: |v| Self::Constant(v.to_array());
+    [] glam::Vec3 => Parameter<3>: |v| v.to_array().into();
 }

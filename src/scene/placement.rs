@@ -4,14 +4,12 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
-use super::parameter::{Range, without_tape};
+use super::parameter::{Range, conversions, without_tape};
 use super::transform::{Mistake, mirrors};
 use super::{Mesh, Parameter, Transform};
 use crate::error::Error;
 use crate::geometry::{Context, sin_cos};
 
-// A tensor is a handle of some words; boxing it would cost more than it saves.
-#[allow(clippy::large_enum_variant)]
 /// The factors of [`Mesh::scaled`], as numbers or as a tensor. Numbers, arrays of three and tensors convert
 /// into it.
 #[derive(Clone, Debug)]
@@ -24,46 +22,14 @@ pub enum Scale {
     Tensor(Tensor<1>),
 }
 
-impl From<f64> for Scale {
-    fn from(factor: f64) -> Self {
-        Self::Uniform(factor)
-    }
-}
-
-impl From<f32> for Scale {
-    fn from(factor: f32) -> Self {
-        Self::Uniform(factor.into())
-    }
-}
-
-impl From<[f64; 3]> for Scale {
-    fn from(factors: [f64; 3]) -> Self {
-        Self::Axes(factors)
-    }
-}
-
-impl From<[f32; 3]> for Scale {
-    fn from(factors: [f32; 3]) -> Self {
-        Self::Axes(factors.map(f64::from))
-    }
-}
-
-impl From<glam::DVec3> for Scale {
-    fn from(factors: glam::DVec3) -> Self {
-        Self::Axes(factors.to_array())
-    }
-}
-
-impl From<glam::Vec3> for Scale {
-    fn from(factors: glam::Vec3) -> Self {
-        factors.to_array().into()
-    }
-}
-
-impl From<Tensor<1>> for Scale {
-    fn from(factors: Tensor<1>) -> Self {
-        Self::Tensor(factors)
-    }
+conversions! {
+    [] f64 => Scale: |factor| Self::Uniform(factor);
+    [] f32 => Scale: |factor| Self::Uniform(factor.into());
+    [] [f64; 3] => Scale: |factors| Self::Axes(factors);
+    [] [f32; 3] => Scale: |factors| Self::Axes(factors.map(f64::from));
+    [] glam::DVec3 => Scale: |factors| Self::Axes(factors.to_array());
+    [] glam::Vec3 => Scale: |factors| factors.to_array().into();
+    [] Tensor<1> => Scale: |factors| Self::Tensor(factors);
 }
 
 impl Mesh {

@@ -1,16 +1,73 @@
 //! Cameras from what a user has: a matrix, a calibration, an orbit, a scene that is to be in view.
 
 use burn::tensor::{Tensor, TensorData};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DMat4, DVec3};
 
-use super::matrix::Matrix;
-use super::parameter::Range;
+use super::parameter::{Range, conversions};
 use super::{Camera, Parameter, Projection, Scene};
 use crate::error::{Error, Result};
-use crate::geometry::sin_cos;
+use crate::geometry::{host_values, sin_cos};
 
 /// The margin that [`Camera::framing`] leaves around a scene, as a share of the image.
 const MARGIN: f64 = 0.05;
+
+/// A square matrix that a user gives as numbers, row by row, or as a tensor `[N, N]`.
+#[derive(Clone, Debug)]
+pub enum Matrix<const N: usize> {
+    /// Rows of numbers.
+    Constant([[f64; N]; N]),
+    /// A tensor `[N, N]`.
+    Tensor(Tensor<2>),
+}
+
+conversions! {
+    [const N: usize] [[f64; N]; N] => Matrix<N>: |rows| Self::Constant(rows);
+    [const N: usize] [[f32; N]; N] => Matrix<N>: |rows| Self::Constant(rows.map(|r| r.map(f64::from)));
+    [const N: usize] Tensor<2> => Matrix<N>: |matrix| Self::Tensor(matrix);
+    [] DMat4 => Matrix<4>: |matrix| Self::Constant(matrix.transpose().to_cols_array_2d());
+    [] DMat3 => Matrix<3>: |matrix| Self::Constant(matrix.transpose().to_cols_array_2d());
+}
+
+impl<const N: usize> Matrix<N> {
+    /// The rows on the host.
+    fn rows(&self, field: &str) -> Result<[[f64; N]; N]> {
+        let rows = match self {
+            Self::Constant(rows) => *rows,
+            Self::Tensor(matrix) => {
+                if matrix.dims() != [N, N] {
+                    let found = format!("of shape {:?}", matrix.dims());
+                    let expected = format!("shape [{N}, {N}]");
+                    return Err(Error::invalid("camera", field, found, expected));
+                }
+                let values = host_values(matrix)?;
+                std::array::from_fn(|i| std::array::from_fn(|j| values[N * i + j]))
+            }
+        };
+        if rows.iter().flatten().any(|v| !v.is_finite()) {
+            let expected = "finite numbers";
+            let shown = format!("{rows:?}");
+            return Err(Error::invalid("camera", field, shown, expected));
+        }
+        Ok(rows)
+    }
+
+    /// The numbers at these rows and columns times a factor, in the graph of the matrix.
+    fn pick<const C: usize>(
+        &self,
+        rows: &[[f64; N]; N],
+        places: [[usize; 2]; C],
+        factor: f64,
+    ) -> Parameter<C> {
+        match self {
+            Self::Constant(_) => Parameter::Constant(places.map(|[i, j]| factor * rows[i][j])),
+            Self::Tensor(m) => {
+                let at = |[i, j]: [usize; 2]| m.clone().slice([i..i + 1, j..j + 1]).reshape([1]);
+                let picked = places.map(at).into_iter().collect();
+                Parameter::Tensor(Tensor::cat(picked, 0) * factor)
+            }
+        }
+    }
+}
 
 impl Camera {
     /// A camera by its pose, a matrix from camera to world as OpenGL, Blender and NeRF have it: its columns are
