@@ -16,15 +16,8 @@ use crate::scene::{Camera, Object, Scene};
 pub struct Batch {
     pub(super) scenes: Vec<Scene>,
     pub(super) views: Vec<(usize, Camera)>,
-    pub(super) vertices: Vec<BatchVertices>,
-}
-
-/// The vertices of the objects of one name, in all scenes.
-#[derive(Clone)]
-pub(super) struct BatchVertices {
-    pub name: String,
-    /// `[S, V, 3]`.
-    pub values: Tensor<3>,
+    /// The vertices `[S, V, 3]` of the objects of a name, in all scenes.
+    pub(super) vertices: Vec<(String, Tensor<3>)>,
 }
 
 impl Batch {
@@ -108,7 +101,8 @@ impl Batch {
                         "shape [{scenes}, {count}, 3]: there are {scenes} scenes, and the mesh has \
                          {count} vertices"
                     );
-                    Error::invalid(name, "tensor given to with_vertices", found, expected)
+                    let field = "tensor given to with_vertices";
+                    Error::invalid(name, field, found, expected)
                 }
                 n => Error::invalid(
                     "scene",
@@ -119,8 +113,8 @@ impl Batch {
             };
             return Err(in_batch("scene", index)(error));
         }
-        self.vertices.retain(|v| v.name != name);
-        self.vertices.push(BatchVertices { name, values });
+        self.vertices.retain(|v| v.0 != name);
+        self.vertices.push((name, values));
         Ok(self)
     }
 
@@ -137,15 +131,15 @@ impl Batch {
     /// A scene with its vertices of the batch, in the graph or out of it.
     pub(super) fn scene(&self, index: usize, tracked: bool) -> Scene {
         let mut scene = self.scenes[index].clone();
-        for v in &self.vertices {
+        for (name, values) in &self.vertices {
             let values = if tracked {
-                v.values.clone()
+                values.clone()
             } else {
-                detached(&v.values)
+                detached(values)
             };
             let [_, count, _] = values.dims();
             let rows = values.slice([index..index + 1]).reshape([count, 3]);
-            if let Some(object) = scene.objects.iter_mut().find(|o| o.name == v.name) {
+            if let Some(object) = scene.objects.iter_mut().find(|o| o.name == *name) {
                 object.mesh.vertices = rows;
             }
         }

@@ -2,9 +2,9 @@
 
 use std::fmt::{Debug, Formatter, Result};
 
-use super::batch::{Batch, BatchVertices};
+use super::batch::Batch;
 use super::film::{Image, ImageBatch};
-use crate::debug::{shape, tensor};
+use crate::debug::{Text, shape, tensor};
 
 /// Images and batches of them, by the numbers of rays of all views.
 macro_rules! images {
@@ -35,12 +35,6 @@ images! {
     ImageBatch: |images| images.statistics.iter().map(|s| s.rays).sum::<u64>();
 }
 
-impl Debug for BatchVertices {
-    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        write!(f, "{:?}: {:?}", self.name, tensor(&self.values))
-    }
-}
-
 impl Debug for Batch {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let mut all = f.debug_struct("Batch");
@@ -50,7 +44,10 @@ impl Debug for Batch {
             all.field("first_scene", first);
         }
         if !self.vertices.is_empty() {
-            all.field("vertices", &self.vertices);
+            let shown =
+                |(name, values): &(String, _)| Text(format!("{name:?}: {:?}", tensor(values)));
+            let vertices: Vec<Text> = self.vertices.iter().map(shown).collect();
+            all.field("vertices", &vertices);
         }
         all.finish()
     }

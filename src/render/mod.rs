@@ -8,7 +8,6 @@ mod node;
 mod options;
 mod overview;
 mod tensors;
-mod tiles;
 
 use std::sync::Arc;
 
@@ -146,8 +145,8 @@ fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
     for (_, camera) in &batch.views {
         visit_camera(&mut camera.clone(), &mut collected);
     }
-    for v in &batch.vertices {
-        collected.visit(ParameterId::Vertices(0), &mut v.values.clone());
+    for (_, values) in &batch.vertices {
+        collected.visit(ParameterId::Vertices(0), &mut values.clone());
     }
     let dtype = mean.dtype();
     match collected.tracked_zero() {

@@ -2,7 +2,7 @@ use burn::tensor::Tensor;
 
 use super::Parameter;
 use crate::error::{Error, Result};
-use crate::geometry::{Context, Vec3, sin_cos};
+use crate::geometry::{Context, Vec3, detached, sin_cos};
 
 /// A camera in right-handed coordinates. Pixel (0, 0) is at the upper left. By default it is a pinhole with a
 /// perspective projection.
@@ -53,22 +53,6 @@ pub struct ThinLens {
     pub aperture_radius: Parameter<1>,
     /// Distance of the plane in focus along the view axis, scene units.
     pub focus_distance: Parameter<1>,
-}
-
-/// A camera as `[1, 1]` planes. A film point (x, y) is in halves of the image's height, (0, 0) its middle, y up.
-pub(crate) struct CameraFrame {
-    pub eye: Vec3,
-    /// Unit vectors.
-    pub forward: Vec3,
-    pub right: Vec3,
-    pub up: Vec3,
-    /// A film point is seen along (x·scale[0] + shift[0])·right + (y·scale[1] + shift[1])·up + forward; or with
-    /// parallel rays from there, without `forward`.
-    pub scale: [Tensor<2>; 2],
-    pub shift: Option<[Tensor<2>; 2]>,
-    pub parallel: bool,
-    /// Aperture radius and focus distance.
-    pub lens: Option<[Tensor<2>; 2]>,
 }
 
 impl Camera {
@@ -158,19 +142,8 @@ impl Camera {
         Ok(())
     }
 
-    /// The camera of an image of `aspect` (width over height) as `[1, 1]` planes; lengths relative to `centre`,
-    /// in units of `unit`.
-    pub(super) fn frame(
-        &self,
-        context: &Context,
-        centre: [f64; 3],
-        unit: f64,
-        aspect: f64,
-    ) -> CameraFrame {
-        let per_unit = unit.recip();
-        let eye = self.eye.vector(context);
-        let eye = eye.sub(&Vec3::constant(context, centre));
-        let eye = eye.scale_by(per_unit);
+    /// Unit vectors forward, right and up, as `[1, 1]` planes.
+    fn axes(&self, context: &Context) -> [Vec3; 3] {
         // Their lengths may be too small or large for squares in the scene's float type.
         let host = |p: &Parameter<3>| glam::DVec3::from(p.values().unwrap_or([0.0; 3]));
         let length = (host(&self.target) - host(&self.eye)).length();
@@ -190,21 +163,7 @@ impl Camera {
             .scale_by(host(&self.up).length().recip());
         let right = forward.cross(&up.normalized()).normalized();
         let up = right.cross(&forward);
-        let (scale, shift) = self.projection.planes(context, unit, aspect);
-        CameraFrame {
-            eye,
-            forward,
-            right,
-            up,
-            scale,
-            shift,
-            parallel: self.projection.is_parallel(),
-            lens: self.lens.as_ref().map(|lens| {
-                let [aperture] = lens.aperture_radius.planes(context);
-                let [focus] = lens.focus_distance.planes(context);
-                [aperture * per_unit, focus * per_unit]
-            }),
-        }
+        [forward, right, up]
     }
 
     /// Rays through film points (rows `[1, N]` in units of the image, (0, 0) top left), from lens
@@ -218,16 +177,12 @@ impl Camera {
         film: &[Tensor<2>; 2],
         disk: Option<&[Tensor<2>; 2]>,
     ) -> (Vec3, Vec3) {
-        let CameraFrame {
-            eye,
-            forward,
-            right,
-            up,
-            scale: [wide, high],
-            shift,
-            parallel,
-            lens,
-        } = self.frame(context, centre, unit, aspect);
+        let per_unit = unit.recip();
+        let eye = self.eye.vector(context);
+        let eye = eye.sub(&Vec3::constant(context, centre));
+        let eye = eye.scale_by(per_unit);
+        let [forward, right, up] = self.axes(context);
+        let ([wide, high], shift) = self.projection.planes(context, unit, aspect);
         let mut sx = (film[0].clone() * 2.0 - 1.0) * (wide * aspect);
         let mut sy = (film[1].clone() * (-2.0) + 1.0) * high;
         if let Some([x, y]) = shift {
@@ -236,12 +191,14 @@ impl Camera {
         }
         let n = film[0].dims()[1];
         let beside = right.scale(&sx).add(&up.scale(&sy));
-        if parallel {
+        if self.projection.is_parallel() {
             return (eye.add(&beside), forward.map(|x| x.expand([1, n])));
         }
         let through = beside.add(&forward);
-        match (lens, disk) {
-            (Some([aperture, focus]), Some(disk)) => {
+        match (&self.lens, disk) {
+            (Some(lens), Some(disk)) => {
+                let [aperture] = lens.aperture_radius.planes(context).map(|a| a * per_unit);
+                let [focus] = lens.focus_distance.planes(context).map(|f| f * per_unit);
                 let on_lens = right
                     .scale(&(disk[0].clone() * aperture.clone()))
                     .add(&up.scale(&(disk[1].clone() * aperture)));
@@ -250,6 +207,34 @@ impl Camera {
             }
             _ => (eye.map(|x| x.expand([1, n])), through.normalized()),
         }
+    }
+
+    /// Returns the depths along the view axis (PyTorch3D's `zbuf`, a rasteriser's depth) for depths along the rays
+    /// (`Image::depth`), both `[H, W]` in scene units: each depth is multiplied by the cosine between its pixel's
+    /// ray and the axis. The result is in the graph of the depths, not of the camera.
+    ///
+    /// # Errors
+    /// If the camera is not valid.
+    pub fn axial_depth(&self, depth: Tensor<2>) -> Result<Tensor<2>> {
+        self.check(None)?;
+        let [height, width] = depth.dims();
+        if self.projection.is_parallel() || height == 0 || width == 0 {
+            return Ok(depth);
+        }
+        let context = Context {
+            device: depth.device().inner(),
+            dtype: depth.dtype(),
+        };
+        let middle = |i: usize, size: usize| (i as f64 + 0.5) / size as f64;
+        let pixels = 0..height * width;
+        let columns: Vec<f64> = pixels.clone().map(|i| middle(i % width, width)).collect();
+        let rows: Vec<f64> = pixels.map(|i| middle(i / width, height)).collect();
+        let film = [context.row(&columns), context.row(&rows)];
+        let aspect = width as f64 / height as f64;
+        let (_, direction) = self.rays(&context, [0.0; 3], 1.0, aspect, &film, None);
+        let [forward, ..] = self.axes(&context);
+        let cosine = forward.dot(&direction).reshape([height, width]);
+        Ok(depth * detached(&cosine))
     }
 
     /// Whether rays need a point on the lens. They need none if the aperture is a constant 0.
@@ -281,7 +266,9 @@ impl Projection {
         matches!(self, Self::Orthographic { .. })
     }
 
-    /// Scale and shift of a [`CameraFrame`], the lengths of parallel rays in units of `unit`.
+    /// Scale and shift of film points (x, y) in halves of the image's height, (0, 0) its middle, y up. One is seen along
+    /// (x·scale[0] + shift[0])·right + (y·scale[1] + shift[1])·up + forward; or with parallel rays, whose lengths are in
+    /// units of `unit`, from there, without `forward`.
     #[allow(clippy::type_complexity)]
     fn planes(
         &self,

@@ -1,11 +1,9 @@
 //! Scenes of tensors: meshes, materials, transforms, objects, environments and cameras.
 
-mod axial_depth;
 mod bounds;
 mod camera;
 mod check;
 mod debug;
-mod environment;
 mod flatten;
 mod host;
 mod material;
@@ -21,10 +19,9 @@ mod viewpoint;
 pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::check_scene;
-pub use environment::Environment;
 pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, Flattened, Normalization, SkyTensors};
 pub(crate) use host::{HostAttribute, HostScene, HostTexture, SceneFrame};
-pub use material::{Albedo, Material, Wrap};
+pub use material::{Albedo, Environment, Material, Wrap};
 pub(crate) use material::{CHANNELS, Channel, MaterialKind};
 pub(crate) use mesh::take_rows;
 pub use mesh::{CornerAttribute, Mesh};

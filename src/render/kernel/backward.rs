@@ -9,8 +9,7 @@ use super::forward::camera_tiles;
 use super::prepare::Places;
 use super::rows::Rows;
 use crate::kernel::{PixelGradients, Seen, Sums, View, Work};
-use crate::render::options::RenderOptions;
-use crate::render::tiles::Tile;
+use crate::render::options::{RenderOptions, Tile};
 
 /// Numbers in the sums of derivatives of all accumulators together.
 const ACCUMULATED: usize = 1 << 24;

@@ -9,8 +9,7 @@ use super::prepare::Places;
 use super::rows::Rows;
 use crate::error::Result;
 use crate::kernel::{RayCounts, View, Work};
-use crate::render::options::RenderOptions;
-use crate::render::tiles::{Tile, tiles};
+use crate::render::options::{RenderOptions, Tile, tiles};
 
 /// Camera rays of a tile.
 const RAYS: usize = 1 << 13;

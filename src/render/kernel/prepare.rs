@@ -11,8 +11,7 @@ use crate::error::Result;
 use crate::geometry::{Context, detached};
 use crate::kernel::{EdgeSets, HostCamera, KernelScene, View, ViewSettings, Wanted};
 use crate::render::batch::{Batch, in_batch};
-use crate::render::options::RenderOptions;
-use crate::render::tiles::sampler;
+use crate::render::options::{RenderOptions, sampler};
 use crate::scene::{Collect, HostScene, ParameterId, visit_camera, visit_scene};
 use crate::visibility::Visibility;
 
@@ -148,24 +147,24 @@ impl Parent {
         let starts: Vec<Option<usize>> = batch
             .vertices
             .iter()
-            .map(|v| {
-                let [s, n, _] = v.values.dims();
-                let tracked = v.values.is_tracked();
-                tracked.then(|| self.push(vec![v.values.clone().reshape([3 * s * n])]))
+            .map(|(_, values)| {
+                let [s, n, _] = values.dims();
+                let row = || values.clone().reshape([3 * s * n]);
+                values.is_tracked().then(|| self.push(vec![row()]))
             })
             .collect();
         let mut all = Vec::with_capacity(batch.scenes.len());
         for (index, scene) in batch.scenes.iter().enumerate() {
             let mut rest = scene.clone();
             let mut places = Vec::new();
-            for (v, start) in batch.vertices.iter().zip(&starts) {
-                let Some(i) = rest.objects.iter().position(|o| o.name == v.name) else {
+            for ((name, values), start) in batch.vertices.iter().zip(&starts) {
+                let Some(i) = rest.objects.iter().position(|o| o.name == *name) else {
                     continue;
                 };
                 let mesh = &mut rest.objects[i].mesh;
                 mesh.vertices = detached(&mesh.vertices);
                 if let Some(start) = start {
-                    let length = 3 * v.values.dims()[1];
+                    let length = 3 * values.dims()[1];
                     let begin = start + index * length;
                     places.push((ParameterId::Vertices(i), begin..begin + length));
                 }

@@ -68,10 +68,9 @@ fn render_view(
     visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
     let (mut still, mut still_camera) = (scene.clone(), camera.clone());
     visit_tensors(&mut still, &mut still_camera, &mut Detach);
-    let hard = matches!(options.visibility, Visibility::Cone { .. });
     let host = HostScene::new(&still)?;
     still_camera.check(Some(&host.context))?;
-    let normalization = if hard {
+    let normalization = if matches!(options.visibility, Visibility::Cone { .. }) {
         // As the kernels have it.
         let frame = SceneFrame::new(&host);
         Normalization {
@@ -98,7 +97,6 @@ fn render_view(
             pixels,
             parameters: detached(&parameters),
             hierarchy: renderer.hierarchy(),
-            hard,
         };
         let backward = move |upstream: &TensorData| replay.gradient(upstream);
         traced.rows = attach(parameters, traced.rows, backward);

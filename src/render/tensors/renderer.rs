@@ -11,8 +11,7 @@ use crate::accel::Hierarchy;
 use crate::device::is_cpu;
 use crate::error::Result;
 use crate::model::filter::PixelFilter;
-use crate::render::options::RenderOptions;
-use crate::render::tiles::{Tile, sampler, tiles};
+use crate::render::options::{RenderOptions, Tile, sampler, tiles};
 use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Camera, Flattened};
 use crate::transport::{

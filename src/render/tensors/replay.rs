@@ -12,9 +12,9 @@ use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::render::kernel;
-use crate::render::options::RenderOptions;
-use crate::render::tiles::{Tile, tiles};
+use crate::render::options::{RenderOptions, Tile, tiles};
 use crate::scene::{Camera, Flattened, HostScene, Normalization, Replace, Scene, visit_tensors};
+use crate::visibility::Visibility;
 
 /// Surfaces of the paths of a tile that keeps a tape.
 const REPLAYED_RAYS: usize = 1 << 14;
@@ -30,15 +30,13 @@ pub(super) struct Replay {
     /// Without tape.
     pub parameters: Tensor<1>,
     pub hierarchy: Option<Arc<Hierarchy>>,
-    /// Whether surfaces are hard, so that visibility jumps.
-    pub hard: bool,
 }
 
 impl Replay {
     /// The gradient of the parameters from that of the means `[C, P]`.
     pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let interior = self.interior(upstream);
-        if !self.hard {
+        if let Visibility::Softmax { .. } = self.options.visibility {
             return interior;
         }
         let (_, scene, camera) = self.anew();
