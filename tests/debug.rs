@@ -147,6 +147,6 @@ fn what_is_malformed_is_shown() {
     let wrong = Transform::new().scale(row([1.0, 2.0]));
     same(
         &wrong,
-        r#"Transform { mistake: "a scale of shape [2], expected [1] or [3]" }"#,
+        r#"Transform { mistake: Mistake { found: "a scale of shape [2]", expected: "[1] or [3]" } }"#,
     );
 }

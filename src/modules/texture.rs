@@ -127,6 +127,6 @@ fn check_map(object: &str, map: &Tensor<3>, range: Range) -> Result<()> {
         return Err(Error::invalid(object, "image", found, "shape [H, W, 3]"));
     }
     let all = host_values(map)?;
-    all.chunks(3)
-        .try_for_each(|texel| range.check(object, "texel", texel))
+    all.chunks(1)
+        .try_for_each(|number| range.check(object, "texel", number))
 }

@@ -228,7 +228,7 @@ fn visible_side(positions: &[[f64; 3]], faces: &[[u32; 3]], eye: DVec3) -> f64 {
 
 /// The place of a texture in the atlas.
 #[derive(Clone, Copy, Debug)]
-pub struct TextureSlot {
+pub(crate) struct TextureSlot {
     /// Its first texel.
     pub offset: usize,
     /// Rows.
@@ -294,7 +294,7 @@ impl Materials {
 
 /// An environment as planes.
 #[derive(Clone, Debug)]
-pub enum SkyTensors {
+pub(crate) enum SkyTensors {
     /// `[1, 1]`.
     Constant(Vec3),
     /// An equirectangular map.
@@ -303,7 +303,7 @@ pub enum SkyTensors {
 
 /// The texels of an equirectangular map.
 #[derive(Clone, Debug)]
-pub struct EnvironmentMap {
+pub(crate) struct EnvironmentMap {
     /// `[1, H·W]`, row by row.
     pub texels: Vec3,
     /// Rows.

@@ -145,11 +145,13 @@ pub(crate) fn visit_camera(camera: &mut Camera, visit: &mut impl Visit) {
     }
 }
 
-/// The tensors that are in a graph, flat, with their ids.
+/// The tensors that are in a graph, flat, and the range of each in a row that holds them all.
 #[derive(Default)]
 pub(crate) struct Collect {
-    pub ids: Vec<ParameterId>,
+    pub places: Vec<(ParameterId, Range<usize>)>,
     pub rows: Vec<Tensor<1>>,
+    /// The length of the row.
+    pub size: usize,
 }
 
 impl Collect {
@@ -158,26 +160,15 @@ impl Collect {
         let first = self.rows.into_iter().map(|t| t.slice([0..1]) * 0.0);
         first.reduce(|a, b| a + b)
     }
-
-    /// The range of each tensor's numbers in a row that holds them all and begins at `first`.
-    pub fn places(&self, first: usize) -> Vec<(ParameterId, Range<usize>)> {
-        let mut next = first;
-        let place = |(&id, row): (&ParameterId, &Tensor<1>)| {
-            let [length] = row.dims();
-            let range = next..next + length;
-            next += length;
-            (id, range)
-        };
-        self.ids.iter().zip(&self.rows).map(place).collect()
-    }
 }
 
 impl Visit for Collect {
     fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>) {
         if tensor.is_tracked() {
             let count: usize = tensor.dims().iter().product();
-            self.ids.push(id);
+            self.places.push((id, self.size..self.size + count));
             self.rows.push(tensor.clone().reshape([count]));
+            self.size += count;
         }
     }
 }

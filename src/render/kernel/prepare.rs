@@ -12,7 +12,7 @@ use crate::geometry::{Context, detached};
 use crate::kernel::{EdgeSets, HostCamera, KernelScene, View, ViewSettings, Wanted};
 use crate::render::batch::{Batch, in_batch};
 use crate::render::options::{RenderOptions, sampler};
-use crate::scene::{Collect, HostScene, ParameterId, visit_camera, visit_scene};
+use crate::scene::{Collect, HostScene, ParameterId, Visit, visit_camera, visit_scene};
 use crate::visibility::Visibility;
 
 /// A batch, ready to be traced.
@@ -61,18 +61,17 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let lit = hosts.iter().all(HostScene::has_light);
     let scenes = pack(&mut hosts, options);
 
-    let mut parent = Parent::default();
-    let scene_places = parent.collect_scenes(batch);
+    let mut row = Collect::default();
+    let scene_places = collect_scenes(&mut row, batch);
     let mut views = Vec::with_capacity(batch.views.len());
     let mut edge_sets: Vec<Option<Arc<EdgeSets>>> = vec![None; scenes.len()];
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
         let view_error = in_batch("view", index);
         camera.check(Some(&context)).map_err(view_error)?;
-        let mut collected = Collect::default();
-        visit_camera(&mut camera.clone(), &mut collected);
+        visit_camera(&mut camera.clone(), &mut row);
         let places = Places {
             scene: scene_places[*scene].clone(),
-            camera: parent.collect(collected),
+            camera: std::mem::take(&mut row.places),
         };
         let ids = places.scene.iter().chain(&places.camera).map(|p| p.0);
         let wanted = Wanted::new(&scenes[*scene], ids);
@@ -103,7 +102,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     }
     Ok(Prepared {
         views,
-        parent: (!parent.rows.is_empty()).then(|| Tensor::cat(parent.rows, 0)),
+        parent: (!row.rows.is_empty()).then(|| Tensor::cat(row.rows, 0)),
         context,
         lit,
     })
@@ -119,61 +118,32 @@ pub(super) struct Places {
     pub camera: TensorPlaces,
 }
 
-/// Rows that become one.
-#[derive(Default)]
-struct Parent {
-    rows: Vec<Tensor<1>>,
-    size: usize,
-}
-
-impl Parent {
-    /// Adds rows, and returns the place at which they begin.
-    fn push(&mut self, rows: Vec<Tensor<1>>) -> usize {
-        let first = self.size;
-        self.size += rows.iter().map(|r| r.dims()[0]).sum::<usize>();
-        self.rows.extend(rows);
-        first
+/// Adds the tensors of the batch to the row, then those of its scenes, and returns the places of each scene's.
+fn collect_scenes(row: &mut Collect, batch: &Batch) -> Vec<TensorPlaces> {
+    let mut starts = Vec::with_capacity(batch.vertices.len());
+    for (_, values) in &batch.vertices {
+        starts.push(row.size);
+        row.visit(ParameterId::Vertices(0), &mut values.clone());
     }
-
-    /// Adds the tensors that were collected, and returns their places.
-    fn collect(&mut self, collected: Collect) -> TensorPlaces {
-        let places = collected.places(self.size);
-        self.push(collected.rows);
-        places
-    }
-
-    /// Adds the tensors of the batch, then those of its scenes, and returns the places of each scene's.
-    fn collect_scenes(&mut self, batch: &Batch) -> Vec<TensorPlaces> {
-        let starts: Vec<Option<usize>> = batch
-            .vertices
-            .iter()
-            .map(|(_, values)| {
-                let [s, n, _] = values.dims();
-                let row = || values.clone().reshape([3 * s * n]);
-                values.is_tracked().then(|| self.push(vec![row()]))
-            })
-            .collect();
-        let mut all = Vec::with_capacity(batch.scenes.len());
-        for (index, scene) in batch.scenes.iter().enumerate() {
-            let mut rest = scene.clone();
-            let mut places = Vec::new();
-            for ((name, values), start) in batch.vertices.iter().zip(&starts) {
-                let Some(i) = rest.objects.iter().position(|o| o.name == *name) else {
-                    continue;
-                };
-                let mesh = &mut rest.objects[i].mesh;
-                mesh.vertices = detached(&mesh.vertices);
-                if let Some(start) = start {
-                    let length = 3 * values.dims()[1];
-                    let begin = start + index * length;
-                    places.push((ParameterId::Vertices(i), begin..begin + length));
-                }
+    row.places.clear();
+    let mut all = Vec::with_capacity(batch.scenes.len());
+    for (index, scene) in batch.scenes.iter().enumerate() {
+        let mut rest = scene.clone();
+        for ((name, values), start) in batch.vertices.iter().zip(&starts) {
+            let Some(i) = rest.objects.iter().position(|o| o.name == *name) else {
+                continue;
+            };
+            let mesh = &mut rest.objects[i].mesh;
+            mesh.vertices = detached(&mesh.vertices);
+            if values.is_tracked() {
+                let length = 3 * values.dims()[1];
+                let begin = start + index * length;
+                row.places
+                    .push((ParameterId::Vertices(i), begin..begin + length));
             }
-            let mut collected = Collect::default();
-            visit_scene(&mut rest, &mut collected);
-            places.extend(self.collect(collected));
-            all.push(places);
         }
-        all
+        visit_scene(&mut rest, row);
+        all.push(std::mem::take(&mut row.places));
     }
+    all
 }
