@@ -174,7 +174,7 @@ fn what_cannot_move_a_mesh_is_told() {
         ),
         (
             ball().scaled(f64::INFINITY),
-            "scaled by inf, expected finite numbers",
+            "scaled by inf, expected a finite number",
         ),
         (
             ball().scaled(two() / 0.0).scaled(2.0),
