@@ -6,11 +6,11 @@ use std::io::Write as _;
 use std::path::Path;
 
 use burn::tensor::DType;
-use image::ImageFormat;
 
 use super::HostImage;
-use super::whole::{Part, io};
-use crate::error::Result;
+use super::images::format_of;
+use super::whole::Part;
+use crate::error::{Error, Result};
 use crate::scene::{Albedo, Material, Parameter, Wrap};
 
 /// Characters of a material's name in a file's name.
@@ -144,18 +144,14 @@ impl<'a> Library<'a> {
         for (image, file) in &self.textures {
             let path = self.path.with_file_name(file);
             let size = image.check_size()?;
-            let format = match path.extension().is_some_and(|e| e == "png") {
-                true => ImageFormat::Png,
-                false => ImageFormat::OpenExr,
-            };
+            let format = format_of(&path)?;
             parts.push(Part::write(&path, |f| {
                 image.encode(size, format, &path, f)
             })?);
         }
         let path = self.path.with_file_name(self.file_name());
         parts.push(Part::write(&path, |f| {
-            let written = write!(f, "# softray\n{}", self.text);
-            written.map_err(|e| io(&path, e))
+            write!(f, "# softray\n{}", self.text).map_err(Error::io(&path))
         })?);
         if !self.names.renamed.is_empty() {
             log::info!("materials of {}: {}", path.display(), self.names.told());

@@ -6,7 +6,7 @@ use std::path::Path;
 use burn::tensor::Tensor;
 
 use super::mtl_write::{Library, Names, in_line, number};
-use super::whole::{Part, io, write_whole_by};
+use super::whole::{Part, ending, write_whole};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 use crate::scene::{CornerAttribute, Mesh, Object, Scene, check_scene};
@@ -22,13 +22,13 @@ impl Mesh {
     /// When the ending is not `.obj`, the mesh has no face or can't be rendered, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        check_ending(path)?;
+        ending(path, &["obj"])?;
         self.check("mesh")?;
         if self.faces.is_empty() {
             return Err(Error::invalid("mesh", "faces", "empty", "at least one"));
         }
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        write_whole_by(path, |file| {
+        write_whole(path, |file| {
             let mut obj = ObjFile::new(file, path);
             obj.line(format_args!("# softray"))?;
             obj.line(format_args!("o {}", in_line(&stem, "mesh")))?;
@@ -67,7 +67,7 @@ impl Scene {
     /// When the ending is not `.obj`, the scene is not valid, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        check_ending(path)?;
+        ending(path, &["obj"])?;
         check_scene(self)?;
         self.warn_of_losses(path)?;
         let (mut names, mut library) = (Names::default(), Library::new(path));
@@ -119,15 +119,6 @@ impl Scene {
     }
 }
 
-fn check_ending(path: &Path) -> Result<()> {
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-    if ending.eq_ignore_ascii_case("obj") {
-        return Ok(());
-    }
-    let message = format!("its ending is {ending:?}, expected .obj");
-    Err(Error::format(path, message))
-}
-
 /// An object with the names that it has in a file.
 struct Written<'a> {
     object: &'a Object,
@@ -165,7 +156,7 @@ impl<'a, W: Write> ObjFile<'a, W> {
     }
 
     fn line(&mut self, line: std::fmt::Arguments) -> Result<()> {
-        writeln!(self.file, "{line}").map_err(|e| io(self.path, e))
+        writeln!(self.file, "{line}").map_err(Error::io(self.path))
     }
 
     /// Writes vertices, texture coordinates and normals; returns how many there were before.

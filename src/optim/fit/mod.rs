@@ -187,7 +187,7 @@ impl<M: Module> Fit<M> {
     /// # fn main() -> softray::Result<()> {
     /// # let device = Device::flex();
     /// # let module = Colour { albedo: Param::from_tensor(Tensor::zeros([3], &device.clone().autodiff())) };
-    /// let target: Tensor<3> = HostImage::read("photo.png")?.to_tensor(&device);
+    /// let target: Tensor<3> = HostImage::read("photo.png")?.into_tensor(&device);
     /// let fitted = Fit::new(module, AdamConfig::new().init(), 200)
     ///     .pictures("out/pictures", 20)
     ///     .run(|module: &Colour, step: &_| {
