@@ -6,12 +6,11 @@ use std::time::Instant;
 use burn::module::Module;
 use burn::optim::GradientsParams;
 
-use super::check::{loss_of_step, no_gradient, not_finite};
+use super::check::{clip, loss_of_step, no_gradient, not_finite};
 use super::checkpoint::Checkpoints;
-use super::pictures::{Colours, Images};
 use super::progress::Progress;
-use super::{Evaluation, Fit, Fitted, History, Report, Row, Step, Stop, Warning, gradients};
-use crate::error::Result;
+use super::{Evaluation, Fit, Fitted, History, Report, Row, Step, Stop, Warning};
+use crate::error::{Error, Result};
 use crate::optim::schedule::Blur;
 
 /// A fit under way.
@@ -23,7 +22,6 @@ struct Run<M> {
     history: History,
     resumed: Option<usize>,
     progress: Progress,
-    colours: Colours,
     /// The steps over which a loss that does not fall is a plateau.
     window: usize,
     plateaus: Vec<usize>,
@@ -69,7 +67,8 @@ impl<M: Module> Run<M> {
     fn open(mut fit: Fit<M>) -> Result<Self> {
         fit.check()?;
         if let Some(pictures) = &fit.pictures {
-            pictures.open()?;
+            let folder = &pictures.folder;
+            std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
         }
         // Only checkpoints ask for them.
         let settings = match &fit.folder {
@@ -102,7 +101,6 @@ impl<M: Module> Run<M> {
             plateaus: history.plateaus(window),
             before: history.rows.last().map_or(0.0, |r| r.seconds),
             start: Instant::now(),
-            colours: Colours::default(),
             fit,
             settings,
             checkpoints,
@@ -125,8 +123,9 @@ impl<M: Module> Run<M> {
         let index = self.history.rows.len();
         let first = index == 0 || self.resumed == Some(index);
         let steps = self.fit.steps;
+        let due = |every: usize| index.is_multiple_of(every) || index + 1 == steps;
         let pictures = self.fit.pictures.as_ref();
-        let pictures = pictures.filter(|p| first || p.wants(index, steps));
+        let pictures = pictures.filter(|p| first || due(p.every));
         let step = Step {
             index,
             blur: self.fit.blur.as_ref().map(|b| b.value(index)),
@@ -138,15 +137,15 @@ impl<M: Module> Run<M> {
         let loss = loss_of_step(&evaluation.loss, index)?;
         let mut gradients =
             GradientsParams::from_grads(evaluation.loss.backward(), &self.fit.module);
-        let found = gradients::clip(&self.fit.module, &mut gradients, self.fit.clip)?;
-        let Some(norm) = found.norm else {
+        let (norm, missing) = clip(&self.fit.module, &mut gradients, self.fit.clip)?;
+        let Some(norm) = norm else {
             return Err(no_gradient(&self.fit.module, &evaluation.loss));
         };
         if !norm.is_finite() {
             return Err(not_finite("the gradient", norm, index));
         }
-        if !found.missing.is_empty() && first {
-            self.progress.warn(Warning::Unused(found.missing));
+        if !missing.is_empty() && first {
+            self.progress.warn(Warning::Unused(missing));
         }
         let rate = self.fit.rate.at(index, steps);
         let row = Row {
@@ -160,23 +159,19 @@ impl<M: Module> Run<M> {
         };
         self.history
             .push(std::mem::take(&mut evaluation.values), row)?;
-        let images = Images {
-            evaluation: &evaluation,
-            colours: &self.colours,
-        };
         if let (Some(pictures), Some(row)) = (pictures, self.history.rows.last()) {
-            pictures.write(&images, row, first)?;
+            pictures.write(&evaluation, row, first)?;
         }
         let mut wanted = true;
         if let Some((every, callback)) = &mut self.fit.callback
-            && (index.is_multiple_of(*every) || index + 1 == steps)
+            && due(*every)
         {
             wanted = callback(&Report {
                 module: &self.fit.module,
                 step: &step,
                 steps,
                 history: &self.history,
-                images: &images,
+                evaluation: &evaluation,
             })?;
         }
         drop(evaluation);
@@ -195,7 +190,8 @@ impl<M: Module> Run<M> {
     /// Whether a plateau ends at a step; warns if so.
     fn plateau(&mut self, step: usize) -> bool {
         let window = self.window;
-        let flat = self.history.is_flat(window, self.plateaus.last().copied());
+        let last = self.plateaus.last().copied();
+        let flat = self.history.is_flat(step + 1, window, last);
         if flat {
             self.plateaus.push(step);
             self.progress.warn(Warning::Plateau { step, window });
@@ -234,7 +230,7 @@ impl<M: Module> Run<M> {
             stop,
             resumed: self.resumed,
             plateaus: self.plateaus,
-            warnings: self.progress.into_warnings(),
+            warnings: self.progress.warnings,
         })
     }
 }

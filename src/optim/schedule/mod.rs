@@ -11,6 +11,8 @@ use crate::error::{Error, Result};
 
 pub use auto::pixel_angle;
 pub use plateau::PlateauBlur;
+#[cfg(feature = "fit")]
+pub(crate) use plateau::{TOLERANCE, stopped_falling};
 
 /// Blur over the steps of a fit: constant, or falling, by the same factor at every step or slowly at
 /// both ends.
@@ -92,14 +94,7 @@ impl BlurSchedule {
 
     fn falling(start: f64, end: f64, steps: usize, fall: Fall) -> Result<Self> {
         check_ends("blur schedule", start, end)?;
-        if steps == 0 {
-            return Err(Error::invalid(
-                "blur schedule",
-                "steps",
-                steps,
-                "at least 1",
-            ));
-        }
+        Error::unless(steps > 0, "blur schedule", "steps", steps, "at least 1")?;
         Ok(Self {
             start,
             end,
@@ -190,14 +185,8 @@ impl From<PlateauBlur> for Blur {
 
 /// Checks that a value can fall from start to end by factors.
 fn check_ends(object: &str, start: f64, end: f64) -> Result<()> {
-    for (field, value) in [("start", start), ("end", end)] {
-        if !(value.is_finite() && value > 0.0) {
-            return Err(Error::invalid(object, field, value, "a finite number > 0"));
-        }
-    }
-    if end > start {
-        let expected = format!("at most the start, {start}");
-        return Err(Error::invalid(object, "end", end, expected));
-    }
-    Ok(())
+    Error::unless_positive(object, "start", start)?;
+    Error::unless_positive(object, "end", end)?;
+    let expected = format!("at most the start, {start}");
+    Error::unless(end <= start, object, "end", end, &expected)
 }
