@@ -60,9 +60,7 @@ impl BlurSchedule {
 /// # Errors
 /// If the camera's projection is not valid, or `height` is 0.
 pub fn pixel_angle(camera: &Camera, height: usize) -> Result<f64> {
-    if height == 0 {
-        return Err(Error::invalid("image", "height", height, "at least 1"));
-    }
+    Error::unless(height > 0, "image", "height", height, "at least 1")?;
     Ok((2.0 * camera.half_height()? / height as f64).atan())
 }
 
