@@ -107,21 +107,16 @@ fn same_kind(
         return Ok(());
     };
     let (object, field) = place(id);
-    Err(if device == context.device {
-        Error::DtypeMismatch {
-            object,
-            field,
-            found: format!("{dtype:?}"),
-            expected: format!("{:?}", context.dtype),
-        }
+    let like = "like the scene's first object";
+    let (found, expected) = if device == context.device {
+        let expected = format!("{:?} {like}: Tensor::cast changes it", context.dtype);
+        (format!("of dtype {dtype:?}"), expected)
     } else {
-        Error::DeviceMismatch {
-            object,
-            field,
-            found: label(&device),
-            expected: label(&context.device),
-        }
-    })
+        let there = label(&context.device);
+        let expected = format!("{there} {like}: make it there, or move it by Tensor::to_device");
+        (format!("on the device {}", label(&device)), expected)
+    };
+    Err(Error::invalid(object, field, found, expected))
 }
 
 impl Scene {

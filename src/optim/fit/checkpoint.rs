@@ -60,10 +60,9 @@ impl Checkpoints {
 
     /// All checkpoints, ordered by the number of steps taken.
     fn all(&self) -> Result<Vec<(usize, PathBuf)>> {
-        let mut all: Vec<(usize, PathBuf)> = entries(&self.inside)?
-            .into_iter()
-            .filter_map(|(name, path)| Some((name.parse().ok()?, path)))
-            .collect();
+        let all = entries(&self.inside)?.into_iter();
+        let all = all.filter_map(|(name, path)| Some((name.parse().ok()?, path)));
+        let mut all: Vec<(usize, PathBuf)> = all.collect();
         all.sort();
         Ok(all)
     }
@@ -106,20 +105,13 @@ impl Checkpoints {
         }
         fs::create_dir(&part).map_err(Error::io(&part))?;
         let at = |file: &str| part.join(file);
-        let store = |file: &str, error: burn::store::RecordError| {
-            Error::format(at(file), error.to_string())
-        };
-        let saved = module.clone().save_file(at(MODULE));
-        saved.map_err(|e| store(MODULE, e))?;
-        let saved = optimizer.save(at(OPTIMIZER));
-        saved.map_err(|e| store(OPTIMIZER, e))?;
+        let failed = |e: burn::store::RecordError| Error::format(&part, e.to_string());
+        module.clone().save_file(at(MODULE)).map_err(failed)?;
+        optimizer.save(at(OPTIMIZER)).map_err(failed)?;
         fs::write(at(HISTORY), history.to_csv()).map_err(Error::io(&at(HISTORY)))?;
         fs::write(at(SETTINGS), settings).map_err(Error::io(&at(SETTINGS)))?;
-        let mut sums = String::new();
-        for file in FILES {
-            let (sum, length) = checksum(&at(file))?;
-            sums += &format!("{sum:08x} {length} {file}\n");
-        }
+        let sums = FILES.iter().map(|file| checksum(&part, file));
+        let sums = sums.collect::<Result<String>>()?;
         fs::write(at(CHECKSUMS), sums).map_err(Error::io(&at(CHECKSUMS)))?;
         for file in FILES.into_iter().chain([CHECKSUMS]) {
             sync(&at(file))?;
@@ -161,20 +153,17 @@ impl Checkpoint {
         };
         let sums = read(CHECKSUMS)?;
         for file in FILES {
-            let path = folder.join(file);
-            let (sum, length) = checksum(&path)?;
-            let line = format!("{sum:08x} {length} {file}");
-            if !sums.lines().any(|l| l == line) {
-                return Err(Error::format(path, "it is not what was written"));
+            let sum = checksum(folder, file)?;
+            if !sums.split_inclusive('\n').any(|line| line == sum) {
+                let message = "it is not what was written";
+                return Err(Error::format(folder.join(file), message));
             }
         }
         let wrong = |message| Error::format(folder.join(HISTORY), message);
         let history = History::from_csv(&read(HISTORY)?).map_err(wrong)?;
-        if history.rows.len() != steps {
-            return Err(wrong(format!(
-                "it has {} steps, expected {steps}",
-                history.rows.len()
-            )));
+        let found = history.rows.len();
+        if found != steps {
+            return Err(wrong(format!("it has {found} steps, expected {steps}")));
         }
         Ok(Self {
             folder: folder.into(),
@@ -201,28 +190,30 @@ impl Checkpoint {
         ))
     }
 
-    /// Loads its parameters into a module.
-    pub fn module<M: Module>(&self, module: M) -> Result<M> {
-        let path = self.folder.join(MODULE);
-        let found = module.try_load_file(&path);
-        found.map_err(|e| Error::format(path, e.to_string()))
-    }
-
-    /// Loads its state into an optimiser.
-    pub fn optimizer(&self, optimizer: ModuleOptimizer) -> Result<ModuleOptimizer> {
-        let path = self.folder.join(OPTIMIZER);
-        let found = optimizer.load(&path);
-        found.map_err(|e| Error::format(path, e.to_string()))
+    /// Loads its parameters into a module, and its state into an optimiser.
+    pub fn load<M: Module>(
+        &self,
+        module: M,
+        optimizer: ModuleOptimizer,
+    ) -> Result<(M, ModuleOptimizer)> {
+        let (at_module, at_optimizer) = (self.folder.join(MODULE), self.folder.join(OPTIMIZER));
+        let module = module.try_load_file(&at_module);
+        let module = module.map_err(|e| Error::format(at_module, e.to_string()))?;
+        let optimizer = optimizer.load(&at_optimizer);
+        let optimizer = optimizer.map_err(|e| Error::format(at_optimizer, e.to_string()))?;
+        Ok((module, optimizer))
     }
 }
 
 /// The files of a checkpoint but for their checksums.
 const FILES: [&str; 4] = [MODULE, OPTIMIZER, HISTORY, SETTINGS];
 
-/// The CRC-32 of a file, and its length.
-fn checksum(path: &Path) -> Result<(u32, usize)> {
-    let bytes = fs::read(path).map_err(Error::io(path))?;
-    Ok((crc32fast::hash(&bytes), bytes.len()))
+/// A line with the CRC-32 of a file, its length, and its name.
+fn checksum(folder: &Path, file: &str) -> Result<String> {
+    let path = folder.join(file);
+    let bytes = fs::read(&path).map_err(Error::io(&path))?;
+    let (sum, length) = (crc32fast::hash(&bytes), bytes.len());
+    Ok(format!("{sum:08x} {length} {file}\n"))
 }
 
 /// Locks a file for as long as it stays open; the system unlocks it where a process is killed.

@@ -85,8 +85,7 @@ impl<M: Module> Run<M> {
         let newest = checkpoints.as_ref();
         let newest = newest.map(|c| c.newest(&settings, &mut warn));
         if let Some(newest) = newest.transpose()?.flatten() {
-            fit.module = newest.module(fit.module)?;
-            fit.optimizer = newest.optimizer(fit.optimizer)?;
+            (fit.module, fit.optimizer) = newest.load(fit.module, fit.optimizer)?;
             history = newest.history;
             resumed = Some(history.rows.len());
         }
