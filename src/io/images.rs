@@ -166,19 +166,13 @@ impl HostImage {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         Self::check_path(path)?;
-        let format = format_of(path)?;
-        let [w, h] = self.check_size()?;
-        write_whole(path, |file| self.encode([w, h], format, path, file))
+        self.check_size()?;
+        write_whole(path, |file| self.encode(path, file))
     }
 
-    /// Encodes it in a format, PNG or EXR, for a file; its size has been checked.
-    pub(super) fn encode(
-        &self,
-        [w, h]: [u32; 2],
-        format: ImageFormat,
-        path: &Path,
-        file: &mut (impl Write + Seek),
-    ) -> Result<()> {
+    /// Encodes it for a file, in the format of its ending.
+    pub(super) fn encode(&self, path: &Path, file: &mut (impl Write + Seek)) -> Result<()> {
+        let ([w, h], format) = (self.check_size()?, format_of(path)?);
         let written = match format {
             ImageFormat::Png => {
                 RgbImage::from_raw(w, h, self.to_srgb()).map(|image| image.write_to(file, format))

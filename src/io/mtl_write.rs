@@ -8,7 +8,6 @@ use std::path::Path;
 use burn::tensor::DType;
 
 use super::HostImage;
-use super::images::format_of;
 use super::whole::Part;
 use crate::error::{Error, Result};
 use crate::scene::{Albedo, Material, Parameter, Wrap};
@@ -147,11 +146,7 @@ impl<'a> Library<'a> {
         let mut parts = Vec::with_capacity(self.textures.len() + 1);
         for (image, file) in &self.textures {
             let path = self.path.with_file_name(file);
-            let size = image.check_size()?;
-            let format = format_of(&path)?;
-            parts.push(Part::write(&path, |f| {
-                image.encode(size, format, &path, f)
-            })?);
+            parts.push(Part::write(&path, |f| image.encode(&path, f))?);
         }
         let path = self.path.with_file_name(self.file_name());
         parts.push(Part::write(&path, |f| {

@@ -206,16 +206,19 @@ impl LargeSteps {
         if let Some(columns) = columns {
             g = self.matrix.solve(&g, columns);
         }
+        let fresh = LargeStepsState {
+            time: 0,
+            moment_1: vec![0.0; n],
+            moment_2: vec![0.0; n],
+        };
         let mut state = match state {
             Some(s) if s.moment_1.len() == n && s.moment_2.len() == n => s.clone(),
             Some(s) => {
-                log::warn!(
-                    "{OBJECT}: the record has {} entries, expected {n}; starting anew",
-                    s.moment_1.len()
-                );
-                LargeStepsState::zeros(n)
+                let found = s.moment_1.len();
+                log::warn!("{OBJECT}: the record has {found} entries, expected {n}; starting anew");
+                fresh
             }
-            None => LargeStepsState::zeros(n),
+            None => fresh,
         };
         let scale = state.advance(&g, &self.config);
         let mut direction: Vec<f64> = state.moment_1.iter().map(|m| m * scale).collect();
@@ -227,14 +230,6 @@ impl LargeSteps {
 }
 
 impl LargeStepsState {
-    fn zeros(n: usize) -> Self {
-        Self {
-            time: 0,
-            moment_1: vec![0.0; n],
-            moment_2: vec![0.0; n],
-        }
-    }
-
     /// Takes in a gradient; returns d/m.
     fn advance(&mut self, gradient: &[f64], config: &LargeStepsConfig) -> f64 {
         let (b1, b2) = (config.beta_1, config.beta_2);

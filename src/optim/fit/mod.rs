@@ -196,7 +196,8 @@ impl<M: Module> Fit<M> {
     /// # }
     /// ```
     pub fn pictures(mut self, folder: impl AsRef<Path>, every: usize) -> Self {
-        self.pictures = Some(Pictures::new(folder.as_ref(), every));
+        let folder = folder.as_ref().into();
+        self.pictures = Some(Pictures { folder, every });
         self
     }
 

@@ -1,6 +1,6 @@
 //! Images of a step beside their targets.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::{Evaluation, Report, Row};
 use crate::error::{Error, Result};
@@ -14,13 +14,6 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    pub fn new(folder: &Path, every: usize) -> Self {
-        Self {
-            folder: folder.into(),
-            every,
-        }
-    }
-
     /// Writes the picture of a step; at the first one there has to be an image.
     pub fn write(&self, evaluation: &Evaluation, row: &Row, first: bool) -> Result<()> {
         if evaluation.images.is_empty() {
