@@ -1,11 +1,13 @@
 //! Files: OBJ with MTL, images, animations, and scenes with a camera as JSON.
 
 mod animation;
+mod counting;
 mod images;
 mod limits;
-mod mtl;
 mod mtl_write;
 mod obj;
+mod obj_names;
+mod obj_text;
 mod obj_write;
 mod polygon;
 mod renders;

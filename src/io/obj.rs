@@ -1,25 +1,13 @@
-//! OBJ files, read.
-
-use std::borrow::Cow;
 use std::collections::HashMap;
-use std::hash::Hash;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use glam::DVec3;
 
-use super::LoadLimits;
-use super::limits::read_text;
-use super::mtl::{Materials, keyword, words};
-use super::polygon;
+use super::obj_text::ObjText;
+use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result};
-use crate::scene::{CornerAttribute, Mesh, Object, Scene};
-
-/// The name of what comes before any `o` or `g`.
-const UNNAMED: &str = "unnamed_object";
-/// The tables of a file.
-const TABLES: [&str; 3] = ["v", "vt", "vn"];
+use crate::scene::{Albedo, CornerAttribute, Material, Mesh, Object, Scene, Wrap};
 
 impl Scene {
     /// Reads an OBJ file with its MTL files.
@@ -31,8 +19,7 @@ impl Scene {
     ///
     /// Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `map_Kd` and `map_Ks` (times `Ks`)
     /// count, and of the options of textures `-clamp on`. `map_Kd` counts instead of `Kd` on objects that
-    /// have texture coordinates. What has no `Kd` or no material is mid-grey like
-    /// [`Material::default`](crate::scene::Material::default).
+    /// have texture coordinates. What has no `Kd` or no material is mid-grey like [`Material::default`].
     /// Entries that would change the picture and are not read are named in a warning, once a file.
     ///
     /// # Errors
@@ -52,275 +39,259 @@ impl Scene {
         limits: &LoadLimits,
     ) -> Result<Scene> {
         let path = path.as_ref();
-        let text = read_text(path, limits)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let mut materials = Materials::new(folder, limits, device);
-        let mut file = ObjFile::default();
-        // Faces may name what only comes after them.
-        for (line, statement) in statements(&text) {
-            let fail = |message| Error::format(path, format!("line {line}: {message}"));
-            let (keyword, rest) = keyword(&statement);
-            if let Some(table) = TABLES.iter().position(|t| *t == keyword) {
-                file.tables[table].push(row(keyword, rest).map_err(fail)?);
+        let text = ObjText::read(path, limits)?;
+        let (models, described) = text.parse(path)?;
+        let mut pieces: Vec<(String, Pieces)> = Vec::new();
+        let mut index = HashMap::new();
+        for model in &models {
+            if model.mesh.indices.is_empty() {
+                continue;
             }
-        }
-        let mut current = Current::default();
-        for (line, statement) in statements(&text) {
-            let (keyword, rest) = keyword(&statement);
-            match keyword {
-                "mtllib" => {
-                    materials.read(rest, &format!("{}, line {line}", path.display()))?;
-                }
-                _ => file
-                    .read(keyword, rest, &mut current, limits.triangles)
-                    .map_err(|m| Error::format(path, format!("line {line}: {m}")))?,
+            let i = *index.entry(&model.name).or_insert(pieces.len());
+            if i == pieces.len() {
+                pieces.push((model.name.clone(), Pieces::default()));
             }
+            pieces[i].1.add(&model.mesh);
         }
-        for name in file.materials.all.iter().filter(|n| !materials.has(n)) {
-            let file = path.display();
-            log::warn!("{file}: no material is called {name:?}, taking the default");
-        }
-        if file.objects.is_empty() {
+        if pieces.is_empty() {
             return Err(Error::NoTriangles {
                 path: Some(path.into()),
                 objects: 0,
             });
         }
-        let named = file.names.all.iter().zip(&file.objects);
-        named.into_iter().try_fold(Scene::new(), |scene, (n, o)| {
-            Ok(scene.with(file.object(n, o, &mut materials, device)?))
-        })
+        let mut materials = Materials {
+            described: &described,
+            textures: &text.textures,
+            limits,
+            built: HashMap::new(),
+            read: HashMap::new(),
+            device,
+        };
+        let mut scene = Scene::new();
+        for (name, mut joined) in pieces {
+            if text.without_uvs.contains(&name) {
+                joined.uvs = Corners::default();
+            }
+            if text.without_normals.contains(&name) {
+                joined.normals = Corners::default();
+            }
+            scene = scene.with(joined.object(name, &mut materials, device)?);
+        }
+        Ok(scene)
     }
 }
 
-/// Keys in the order of their first use.
-struct Numbered<K> {
-    all: Vec<K>,
-    number: HashMap<K, u32>,
+/// Values of corners with their own index, as far as all faces have them.
+struct Corners<const C: usize> {
+    values: Vec<[f64; C]>,
+    faces: Vec<[u32; 3]>,
 }
 
-// Derived, it would ask for a default of `K`.
-impl<K> Default for Numbered<K> {
+// Derived, it would ask for a default of `[f64; C]`.
+impl<const C: usize> Default for Corners<C> {
     fn default() -> Self {
         Self {
-            all: Vec::new(),
-            number: HashMap::new(),
+            values: Vec::new(),
+            faces: Vec::new(),
         }
     }
 }
 
-impl<K: Hash + Eq + Clone> Numbered<K> {
-    fn of(&mut self, key: K) -> u32 {
-        let next = self.all.len() as u32;
-        *self.number.entry(key).or_insert_with_key(|key| {
-            self.all.push(key.clone());
-            next
+impl<const C: usize> Corners<C> {
+    fn add(&mut self, values: &[f64], indices: &[u32]) {
+        let base = self.values.len() as u32;
+        self.values.extend(rows(values));
+        let faces = rows::<u32, 3>(indices);
+        self.faces.extend(faces.map(|f| f.map(|i| base + i)));
+    }
+
+    /// The attribute, or None unless every face has it.
+    fn attribute(self, faces: usize, device: &Device) -> Option<CornerAttribute> {
+        if self.faces.is_empty() || self.faces.len() != faces {
+            return None;
+        }
+        let shape = [self.values.len(), C];
+        let flat: Vec<f64> = self.values.into_iter().flatten().collect();
+        Some(CornerAttribute {
+            values: Tensor::from_data(TensorData::new(flat, shape), device),
+            faces: Arc::new(self.faces),
         })
     }
 }
 
-/// What an OBJ file says.
+/// An object of the file, joined from the pieces that tobj makes where the material changes.
 #[derive(Default)]
-struct ObjFile {
-    /// Rows of `v`, `vt` and `vn`.
-    tables: [Vec<[f64; 3]>; 3],
-    triangles: u64,
-    /// The names of `usemtl`.
-    materials: Numbered<String>,
-    /// The names of objects with faces.
-    names: Numbered<String>,
-    objects: Vec<Faces>,
-}
-
-/// The state at a line.
-#[derive(Default)]
-struct Current {
-    /// Rows of each table so far.
-    found: [usize; 3],
-    name: String,
-    /// The number of its object, if it has faces.
-    object: Option<usize>,
-    material: Option<u32>,
-}
-
-/// The faces of an object.
-#[derive(Default)]
-struct Faces {
-    /// The rows of each table that they name.
-    rows: [Numbered<usize>; 3],
-    /// Faces by these, without those that lack an attribute at a corner.
-    faces: [Vec<[u32; 3]>; 3],
-    materials: Numbered<Option<u32>>,
+struct Pieces {
+    positions: Vec<[f64; 3]>,
+    /// The row of `positions` of each vertex of the file.
+    row_of_vertex: HashMap<u64, u32>,
+    faces: Vec<[u32; 3]>,
+    uvs: Corners<2>,
+    normals: Corners<3>,
+    materials: Vec<Option<usize>>,
     face_materials: Vec<u32>,
 }
 
-/// Rows of the three tables at a corner of a face.
-type Corner = [Option<usize>; 3];
-
-impl ObjFile {
-    /// Takes in a statement; the error is a message.
-    fn read(
-        &mut self,
-        keyword: &str,
-        rest: &str,
-        current: &mut Current,
-        most: u64,
-    ) -> Result<(), String> {
-        match keyword {
-            "o" | "g" => {
-                current.name = rest.into();
-                current.object = None;
+impl Pieces {
+    fn add(&mut self, mesh: &tobj::Mesh) {
+        let vertices = rows::<f64, 3>(&mesh.positions);
+        // The "colour" is the vertex's row in the file.
+        let in_file = mesh.vertex_color.chunks_exact(3).map(|c| c[0] as u64);
+        let mut row = Vec::with_capacity(mesh.positions.len() / 3);
+        for (position, vertex) in vertices.zip(in_file) {
+            let next = self.positions.len() as u32;
+            let at = *self.row_of_vertex.entry(vertex).or_insert(next);
+            if at == next {
+                self.positions.push(position);
             }
-            "usemtl" if rest.is_empty() => return Err("usemtl has no name".into()),
-            "usemtl" => current.material = Some(self.materials.of(rest.into())),
-            "f" => {
-                let corners = words(rest).map(|word| self.corner(word, current.found));
-                let corners: Vec<Corner> = corners.collect::<Result<_, _>>()?;
-                if corners.len() < 3 {
-                    let n = corners.len();
-                    return Err(format!("f has {n} corners, expected at least 3"));
-                }
-                self.triangles += corners.len() as u64 - 2;
-                if self.triangles > most {
-                    return Err(format!(
-                        "there are more than {most} triangles: LoadLimits::triangles raises the limit"
-                    ));
-                }
-                let places = corners.iter().filter_map(|c| c[0]);
-                let places: Vec<DVec3> = places.map(|r| self.tables[0][r].into()).collect();
-                let object = *current.object.get_or_insert_with(|| {
-                    let name = match current.name.as_str() {
-                        "" => UNNAMED,
-                        name => name,
-                    };
-                    self.names.of(name.into()) as usize
-                });
-                if object == self.objects.len() {
-                    self.objects.push(Faces::default());
-                }
-                for triangle in polygon::triangles(&places) {
-                    self.objects[object].add(triangle.map(|i| corners[i]), current.material);
-                }
-            }
-            _ => {
-                if let Some(table) = TABLES.iter().position(|t| *t == keyword) {
-                    current.found[table] += 1;
-                }
-            }
+            row.push(at);
         }
-        Ok(())
-    }
-
-    /// The rows of `v/vt/vn`, where `found` rows came before.
-    fn corner(&self, word: &str, found: [usize; 3]) -> Result<Corner, String> {
-        let malformed = || format!("f has the corner {word:?}, expected v, v/vt, v//vn or v/vt/vn");
-        let mut rows = [None; 3];
-        for (k, part) in word.split('/').enumerate() {
-            if k > 2 || (k == 0 && part.is_empty()) {
-                return Err(malformed());
-            }
-            if part.is_empty() {
-                continue;
-            }
-            let index: i64 = part.parse().map_err(|_| malformed())?;
-            let first = if index < 0 { found[k] as i64 } else { -1 };
-            let (total, kind) = (self.tables[k].len(), TABLES[k]);
-            let row = usize::try_from(first + index).ok().filter(|&r| r < total);
-            rows[k] = Some(row.ok_or_else(|| {
-                format!("f {word}: {kind} index {index} is out of range, there are {total}")
-            })?);
-        }
-        Ok(rows)
-    }
-
-    /// An object of a scene.
-    fn object(
-        &self,
-        name: &str,
-        faces: &Faces,
-        materials: &mut Materials,
-        device: &Device,
-    ) -> Result<Object> {
-        let [vertices, uvs, normals] = [0, 1, 2].map(|k| {
-            let rows = faces.rows[k].all.iter().map(|&r| self.tables[k][r]);
-            rows.collect::<Vec<_>>()
+        let faces = rows::<u32, 3>(&mesh.indices).map(|f| f.map(|i| row[i as usize]));
+        self.faces.extend(faces);
+        self.uvs.add(&mesh.texcoords, &mesh.texcoord_indices);
+        self.normals.add(&mesh.normals, &mesh.normal_indices);
+        let known = self.materials.iter().position(|&m| m == mesh.material_id);
+        let material = known.unwrap_or_else(|| {
+            self.materials.push(mesh.material_id);
+            self.materials.len() - 1
         });
-        let whole = |k: usize| faces.faces[k].len() == faces.faces[0].len();
-        let attribute = |k: usize, columns: usize, rows: &[[f64; 3]]| {
-            let flat: Vec<f64> = rows.iter().flat_map(|r| &r[..columns]).copied().collect();
-            CornerAttribute {
-                values: Tensor::from_data(TensorData::new(flat, [rows.len(), columns]), device),
-                faces: Arc::new(faces.faces[k].clone()),
-            }
-        };
-        let mut mesh = Mesh::from_host(&vertices, faces.faces[0].clone(), device);
-        mesh.uvs = whole(1).then(|| attribute(1, 2, &uvs));
-        if whole(2) && normals.contains(&[0.0; 3]) {
+        self.face_materials
+            .resize(self.faces.len(), material as u32);
+    }
+
+    fn object(mut self, name: String, all: &mut Materials, device: &Device) -> Result<Object> {
+        if self.normals.values.contains(&[0.0; 3]) {
             log::warn!("{name}: it has normals of zero length, using none of its normals");
-        } else {
-            mesh.normals = whole(2).then(|| attribute(2, 3, &normals));
+            self.normals = Corners::default();
         }
+        let n = self.faces.len();
+        let mut mesh = Mesh::from_host(&self.positions, self.faces, device);
+        mesh.uvs = self.uvs.attribute(n, device);
+        mesh.normals = self.normals.attribute(n, device);
         let mut object = Object::new(mesh).named(name);
-        let used = faces.materials.all.iter();
-        let used = used.map(|m| m.map(|m| self.materials.all[m as usize].as_str()));
-        let made = used.map(|m| materials.get(m, name, object.mesh.uvs.is_some()));
-        object.materials = made.collect::<Result<_>>()?;
+        let mut materials = Vec::with_capacity(self.materials.len());
+        for &m in &self.materials {
+            let mut material = all.get(m)?;
+            let textured = |a: &Albedo| matches!(a, Albedo::Texture { .. });
+            if (textured(&material.diffuse) || textured(&material.specular))
+                && object.mesh.uvs.is_none()
+            {
+                log::warn!(
+                    "{}: material {} has a texture, but not all corners have coordinates: taking its \
+                     colour",
+                    object.name,
+                    material.name
+                );
+                if textured(&material.diffuse) {
+                    material.diffuse = all.colour(m);
+                }
+                if textured(&material.specular) {
+                    material.specular = all.specular(m);
+                }
+            }
+            materials.push(material);
+        }
+        object.materials = materials;
         if object.materials.len() > 1 {
-            object.face_materials = Arc::new(faces.face_materials.clone());
+            object.face_materials = Arc::new(self.face_materials);
         }
         Ok(object)
     }
 }
 
-impl Faces {
-    fn add(&mut self, corners: [Corner; 3], material: Option<u32>) {
-        for k in 0..3 {
-            if let [Some(a), Some(b), Some(c)] = corners.map(|corner| corner[k]) {
-                self.faces[k].push([a, b, c].map(|row| self.rows[k].of(row)));
+/// Materials made when first used, so that objects share textures and unused ones aren't read.
+struct Materials<'a> {
+    described: &'a [tobj::Material],
+    textures: &'a [PathBuf],
+    limits: &'a LoadLimits,
+    built: HashMap<usize, Material>,
+    /// Textures that were read, by their number.
+    read: HashMap<usize, Tensor<3>>,
+    device: &'a Device,
+}
+
+impl Materials<'_> {
+    /// The diffuse colour of a material without its texture.
+    fn colour(&self, id: Option<usize>) -> Albedo {
+        let described = id.and_then(|i| self.described.get(i));
+        match described.and_then(|m| m.diffuse) {
+            Some(kd) => kd.into(),
+            None => Material::default().diffuse,
+        }
+    }
+
+    /// `Ks`, black where there is none.
+    fn specular(&self, id: Option<usize>) -> Albedo {
+        let described = id.and_then(|i| self.described.get(i));
+        described
+            .and_then(|m| m.specular)
+            .unwrap_or([0.0; 3])
+            .into()
+    }
+
+    fn get(&mut self, id: Option<usize>) -> Result<Material> {
+        let Some((id, source)) = id.and_then(|i| Some((i, self.described.get(i)?))) else {
+            return Ok(Material::default().named("default"));
+        };
+        if let Some(built) = self.built.get(&id) {
+            return Ok(built.clone());
+        }
+        let mut material = Material::default().named(source.name.clone());
+        material.diffuse = self.colour(Some(id));
+        if let Some((texels, wrap)) = self.texture(source.diffuse_texture.as_deref())? {
+            material.diffuse = Albedo::Texture { texels, wrap };
+            if source.diffuse.is_some_and(|kd| kd != [1.0; 3]) {
+                log::info!("material {}: map_Kd replaces Kd", source.name);
             }
         }
-        self.face_materials.push(self.materials.of(material));
+        if let Some(ks) = source.specular {
+            material.specular = ks.into();
+        }
+        // Where `Ks` is black, the map is multiplied by it.
+        if source.specular != Some([0.0; 3])
+            && let Some((mut texels, wrap)) = self.texture(source.specular_texture.as_deref())?
+        {
+            if let Some(ks) = source.specular.filter(|ks| *ks != [1.0; 3]) {
+                let ks = Tensor::<1>::from_data(TensorData::from(ks), self.device);
+                texels = texels * ks.reshape([1, 1, 3]);
+            }
+            material.specular = Albedo::Texture { texels, wrap };
+        }
+        if let Some(ns) = source.shininess {
+            material.shininess = ns.into();
+        }
+        if let Some(ke) = source.emissive {
+            material.emission = ke.into();
+        }
+        self.built.insert(id, material.clone());
+        Ok(material)
+    }
+
+    /// The texture that a statement of [`ObjText`] names.
+    fn texture(&mut self, statement: Option<&str>) -> Result<Option<(Tensor<3>, Wrap)>> {
+        let mut words = statement.unwrap_or("").split_whitespace();
+        let number = words.next().and_then(|w| w.parse::<usize>().ok());
+        let wrap = match words.next() {
+            Some(_) => Wrap::Clamp,
+            None => Wrap::Repeat,
+        };
+        let Some((number, file)) = number.and_then(|n| Some((n, self.textures.get(n)?))) else {
+            return Ok(None);
+        };
+        let texels = match self.read.get(&number) {
+            Some(texels) => texels.clone(),
+            None => {
+                let image = HostImage::read_within(file, self.limits)?;
+                let texels = image.into_tensor(self.device);
+                self.read.insert(number, texels.clone());
+                texels
+            }
+        };
+        Ok(Some((texels, wrap)))
     }
 }
 
-/// The statements of a file, with the numbers of their last lines: a backslash at a line's end joins it
-/// with the next one.
-fn statements(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
-    // The empty line ends a last one that goes on.
-    let mut lines = text.lines().chain([""]).enumerate();
-    std::iter::from_fn(move || {
-        let mut joined = String::new();
-        for (i, line) in lines.by_ref() {
-            match line.trim_end().strip_suffix('\\') {
-                Some(begun) if !line.starts_with('#') => {
-                    joined += begun;
-                    joined.push(' ');
-                }
-                _ if joined.is_empty() => return Some((i + 1, line.into())),
-                _ => return Some((i + 1, (joined + line).into())),
-            }
-        }
-        None
-    })
-}
-
-/// A row of a table; the third number of a `vt` is 0.
-fn row(keyword: &str, rest: &str) -> Result<[f64; 3], String> {
-    let words: Vec<&str> = words(rest).collect();
-    let numbers: Vec<f64> = words.iter().map_while(|w| w.parse().ok()).collect();
-    match (keyword, words.len(), &numbers[..]) {
-        // Homogeneous.
-        ("v", 4, &[x, y, z, w]) if w != 0.0 => Ok([x / w, y / w, z / w]),
-        ("v", 3 | 5.., &[x, y, z, ..]) | ("vn", _, &[x, y, z, ..]) => Ok([x, y, z]),
-        ("vt", 1, &[u]) => Ok([u, 0.0, 0.0]),
-        ("vt", _, &[u, v, ..]) => Ok([u, v, 0.0]),
-        _ => {
-            let expected = match keyword {
-                "v" => "a position: 3 numbers, or 4 of which the last is not 0",
-                "vt" => "texture coordinates: 1 or 2 numbers",
-                _ => "a normal: 3 numbers",
-            };
-            Err(format!("{keyword} is {rest:?}, expected {expected}"))
-        }
-    }
+/// Flat values as rows of N.
+fn rows<T: Copy, const N: usize>(flat: &[T]) -> impl Iterator<Item = [T; N]> {
+    flat.chunks_exact(N).map(|c| std::array::from_fn(|i| c[i]))
 }
