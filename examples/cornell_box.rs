@@ -144,7 +144,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     };
     let start = Instant::now();
     let target_image = show(0.0, &options.clone().samples(2048).seed(1_000_000))?;
-    let target = target_image.to_tensor(device).clamp(0.0, 1.0);
+    let target = target_image.clone().into_tensor(device).clamp(0.0, 1.0);
 
     let initial = [arguments.degrees.to_radians() as f32];
     let mut angle = Param::from_tensor(Tensor::<1>::from_floats(

@@ -30,36 +30,6 @@ pub enum Error {
         /// The number of objects of the scene.
         objects: usize,
     },
-    /// The tensors of one scene are on different devices.
-    #[error(
-        "{object}: {field} is on the device {found}, expected {expected} like the scene's first object: \
-         make it there, or move it by Tensor::to_device"
-    )]
-    DeviceMismatch {
-        /// The object at fault.
-        object: String,
-        /// The tensor at fault.
-        field: String,
-        /// The device that it is on.
-        found: String,
-        /// The device of the scene's first tensor.
-        expected: String,
-    },
-    /// The tensors of one scene have different float types.
-    #[error(
-        "{object}: {field} has dtype {found}, expected {expected} like the scene's first object: \
-         Tensor::cast changes it"
-    )]
-    DtypeMismatch {
-        /// The object at fault.
-        object: String,
-        /// The tensor at fault.
-        field: String,
-        /// The dtype that it has.
-        found: String,
-        /// The dtype of the scene's first tensor.
-        expected: String,
-    },
     /// A file can't be read or written.
     #[error("{}: {source}", path.display())]
     Io {

@@ -190,3 +190,44 @@ fn animations_have_frames_of_one_size() {
     says(message(wide.write(folder.path("a.gif"))), ["65535"]);
     assert!(folder.files().is_empty());
 }
+
+fn ramp(width: usize, height: usize) -> HostImage {
+    let n = width * height * 3;
+    let pixels = (0..n).map(|i| i as f32 / n as f32 * 1.5).collect();
+    HostImage::new(width, height, pixels).expect("size")
+}
+
+#[test]
+fn png_is_clipped_srgb() {
+    let folder = Folder::new("ramp");
+    let path = folder.path("ramp.png");
+    let image = ramp(5, 4);
+    image.write(&path).expect("write");
+    let read = HostImage::read(&path).expect("read");
+    assert!(read.rmse(&image, true).expect("size") < 3e-3);
+    assert!(read.pixels.iter().all(|v| (0.0..=1.0).contains(v)));
+}
+
+#[test]
+fn statistics() {
+    let image = HostImage::new(2, 1, vec![0.0, 1.0, 2.0, 2.0, 3.0, 4.0]).expect("size");
+    let black = HostImage::new(2, 1, vec![0.0; 6]).expect("size");
+    assert_eq!(image.mean(), [1.0, 2.0, 3.0]);
+    assert_eq!(image.mean_ratio(&image), 1.0);
+    let rmse = |clipped| image.rmse(&black, clipped).expect("size");
+    assert!((rmse(false) - (34f64 / 6.0).sqrt()).abs() < 1e-12);
+    assert!((rmse(true) - (5f64 / 6.0).sqrt()).abs() < 1e-12);
+    let error = image.rmse(&ramp(1, 1), false).expect_err("sizes differ");
+    assert!(error.to_string().contains("2 × 1"), "{error}");
+}
+
+#[test]
+fn side_by_side_has_white_gaps() {
+    let (a, b) = (ramp(2, 2), ramp(1, 1));
+    let row = HostImage::side_by_side(&[&a, &b]);
+    assert_eq!((row.width, row.height), (5, 2));
+    assert_eq!(row.pixels[..6], a.pixels[..6]);
+    assert_eq!(row.pixels[6..12], [1.0; 6]);
+    assert_eq!(row.pixels[12..15], b.pixels[..]);
+    assert_eq!(row.pixels[15..21], a.pixels[6..]);
+}

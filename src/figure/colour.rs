@@ -23,11 +23,8 @@ impl Diverging {
     /// # Errors
     /// If the scale is not finite and above 0.
     pub fn new(scale: f64) -> Result<Self> {
-        if scale.is_finite() && scale > 0.0 {
-            return Ok(Self { scale });
-        }
-        let expected = "a finite number > 0";
-        Err(Error::invalid("figure", "colour scale", scale, expected))
+        Error::unless_positive("figure", "colour scale", scale)?;
+        Ok(Self { scale })
     }
 
     /// A map for given numbers: the scale is the 99th percentile of the magnitudes of those that are
@@ -44,7 +41,7 @@ impl Diverging {
     }
 
     /// The magnitude from which on colours are the darkest.
-    pub fn scale(&self) -> f64 {
+    pub(crate) fn scale(&self) -> f64 {
         self.scale
     }
 
@@ -62,26 +59,19 @@ impl Diverging {
     }
 
     /// The colour of a number, linear RGB.
-    pub fn colour(&self, value: f64) -> [f32; 3] {
+    pub(super) fn colour(&self, value: f64) -> [f32; 3] {
         let linear = |byte| srgb_to_linear(f32::from(byte) / 255.0);
         self.encoded(value).map(linear)
     }
 
     /// The colours of height · width numbers, row by row from the top.
-    ///
-    /// # Errors
-    /// If there are more or fewer numbers.
-    pub fn image(&self, width: usize, height: usize, values: &[f64]) -> Result<HostImage> {
+    pub(super) fn image(&self, width: usize, height: usize, values: &[f64]) -> Result<HostImage> {
+        let whole = width.checked_mul(height) == Some(values.len());
+        let found = format!("of {} numbers", values.len());
+        let expected = format!("one for each of {width} × {height} pixels");
+        Error::unless(whole, "figure", "signed image", found, &expected)?;
         let pixels = values.iter().flat_map(|&v| self.colour(v));
-        if width.checked_mul(height) == Some(values.len()) {
-            return HostImage::new(width, height, pixels.collect());
-        }
-        Err(Error::invalid(
-            "figure",
-            "signed image",
-            format!("of {} numbers", values.len()),
-            format!("one for each of {width} × {height} pixels"),
-        ))
+        HostImage::new(width, height, pixels.collect())
     }
 }
 

@@ -25,18 +25,17 @@ const SCALE: (usize, usize, usize) = (8, 14, 5);
 #[derive(Clone, Debug)]
 pub struct Panel {
     caption: String,
+    /// Columns and rows.
+    size: [usize; 2],
     content: Content,
 }
 
 #[derive(Clone, Debug)]
 enum Content {
-    Radiance(HostImage),
-    Signed {
-        width: usize,
-        height: usize,
-        values: Vec<f64>,
-        colours: Option<Diverging>,
-    },
+    /// Three values a pixel.
+    Radiance(Vec<f32>),
+    /// One value a pixel, and their colours.
+    Signed(Vec<f64>, Diverging),
 }
 
 impl Panel {
@@ -44,7 +43,8 @@ impl Panel {
     pub fn new(caption: impl Into<String>, image: &HostImage) -> Self {
         Self {
             caption: caption.into(),
-            content: Content::Radiance(image.clone()),
+            size: [image.width, image.height],
+            content: Content::Radiance(image.pixels.clone()),
         }
     }
 
@@ -56,14 +56,12 @@ impl Panel {
         height: usize,
         values: impl Into<Vec<f64>>,
     ) -> Self {
+        let values = values.into();
+        let colours = Diverging::of(&values);
         Self {
             caption: caption.into(),
-            content: Content::Signed {
-                width,
-                height,
-                values: values.into(),
-                colours: None,
-            },
+            size: [width, height],
+            content: Content::Signed(values, colours),
         }
     }
 
@@ -75,14 +73,13 @@ impl Panel {
     pub fn difference(caption: impl Into<String>, a: &HostImage, b: &HostImage) -> Result<Self> {
         let caption = caption.into();
         let size = |image: &HostImage| format!("{} × {}", image.width, image.height);
-        if (a.width, a.height) != (b.width, b.height) {
-            return Err(Error::invalid(
-                "figure",
-                format!("size of the images of {caption:?}"),
-                format!("{} and {}", size(a), size(b)),
-                "the same size",
-            ));
-        }
+        Error::unless(
+            (a.width, a.height) == (b.width, b.height),
+            "figure",
+            &format!("size of the images of {caption:?}"),
+            format!("{} and {}", size(a), size(b)),
+            "the same size",
+        )?;
         check(&caption, a)?;
         check(&caption, b)?;
         let sum = |p: &[f32]| p.iter().map(|&v| f64::from(v)).sum::<f64>();
@@ -94,35 +91,32 @@ impl Panel {
     /// Sets the colours of a signed image, so that several images share a scale. An image of radiance
     /// does not change.
     pub fn colours(mut self, map: Diverging) -> Self {
-        if let Content::Signed { colours, .. } = &mut self.content {
-            *colours = Some(map);
+        if let Content::Signed(_, colours) = &mut self.content {
+            *colours = map;
         }
         self
     }
 
     /// The colours of a signed image.
-    pub(crate) fn map(&self) -> Option<Diverging> {
-        match &self.content {
-            Content::Signed {
-                values, colours, ..
-            } => Some(colours.unwrap_or_else(|| Diverging::of(values))),
+    fn map(&self) -> Option<Diverging> {
+        match self.content {
+            Content::Signed(_, colours) => Some(colours),
             Content::Radiance(_) => None,
         }
     }
 
     fn image(&self) -> Result<HostImage> {
-        match &self.content {
-            Content::Radiance(image) => Ok(image.clone()),
-            Content::Signed {
+        let [width, height] = self.size;
+        let image = match &self.content {
+            Content::Signed(values, colours) => colours.image(width, height, values)?,
+            Content::Radiance(pixels) => HostImage {
                 width,
                 height,
-                values,
-                ..
-            } => {
-                let map = self.map().unwrap_or_else(|| Diverging::of(values));
-                map.image(*width, *height, values)
-            }
-        }
+                pixels: pixels.clone(),
+            },
+        };
+        check(&self.caption, &image)?;
+        Ok(image)
     }
 }
 
@@ -133,22 +127,16 @@ impl From<(&str, &HostImage)> for Panel {
 }
 
 fn check(caption: &str, image: &HostImage) -> Result<()> {
-    let pixels = image.width.checked_mul(image.height);
+    let (width, height, found) = (image.width, image.height, image.pixels.len());
+    let pixels = width.checked_mul(height);
     let values = pixels.and_then(|n| n.checked_mul(3));
-    if pixels != Some(0) && values == Some(image.pixels.len()) {
-        return Ok(());
-    }
-    Err(Error::invalid(
+    Error::unless(
+        pixels != Some(0) && values == Some(found),
         "figure",
-        format!("image {caption:?}"),
-        format!(
-            "of {} values for {} × {} pixels",
-            image.pixels.len(),
-            image.width,
-            image.height
-        ),
+        &format!("image {caption:?}"),
+        format!("of {found} values for {width} × {height} pixels"),
         "at least one pixel, and three values a pixel",
-    ))
+    )
 }
 
 /// A panel as it is laid out.
@@ -157,6 +145,9 @@ pub(super) struct Cell {
     factor: usize,
     caption: Vec<String>,
     scale: Option<Scale>,
+    /// The widths of the image in its frame, of the scale beside it, and of all.
+    frame: usize,
+    beside: usize,
     pub width: usize,
 }
 
@@ -170,7 +161,6 @@ impl Cell {
     /// Lays a panel out with an image about `height` pixels high.
     pub fn new(panel: &Panel, height: usize, font: &Font) -> Result<Self> {
         let image = panel.image()?;
-        check(&panel.caption, &image)?;
         let factor = (height as f64 / image.height as f64).round().max(1.0) as usize;
         let shown = factor.saturating_mul(image.height);
         let scale = panel.map().map(|map| Scale::new(map, shown));
@@ -186,6 +176,8 @@ impl Cell {
             factor,
             caption,
             scale,
+            frame,
+            beside,
             width: frame.saturating_add(beside).max(widest),
         })
     }
@@ -207,23 +199,21 @@ impl Cell {
 
     /// Draws the cell: the image ends above `bottom`, the caption begins below.
     pub fn draw(&self, (left, bottom): (usize, usize), canvas: &mut Canvas) {
-        let frame = self.factor * self.image.width + 2;
-        let beside = self.scale.as_ref().map_or(0, |s| {
-            let numbers = s.axis.widest(&canvas.font, TICK).ceil() as usize;
-            SCALE.0 + SCALE.1 + SCALE.2 + numbers
-        });
-        let inset = (self.width - frame - beside) / 2;
+        let inset = (self.width - self.frame - self.beside) / 2;
         canvas.place((left + inset, bottom - self.image_height()));
         canvas.image(&self.image, self.factor, (0, 0));
         if let Some(scale) = &self.scale {
-            canvas.place((left + inset + frame + SCALE.0, bottom - self.image_height()));
+            canvas.place((
+                left + inset + self.frame + SCALE.0,
+                bottom - self.image_height(),
+            ));
             scale.draw(self.image_height(), canvas);
         }
         canvas.place((left, bottom));
         let widths = self.caption.iter().map(|l| canvas.font.width(l, CAPTION));
         let half = 0.5 * widths.fold(0.0, f64::max);
         // Below the image's middle, unless that is too near to an end.
-        let middle = inset as f64 + 0.5 * frame as f64;
+        let middle = inset as f64 + 0.5 * self.frame as f64;
         let middle = middle.min(self.width as f64 - half).max(half);
         for (i, line) in self.caption.iter().enumerate() {
             let at = (middle, (i * CAPTION_LINE) as f64 + 20.0);

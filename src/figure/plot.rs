@@ -39,15 +39,10 @@ pub struct Plot {
     x: String,
     y: String,
     log: bool,
-    curves: Vec<Curve>,
+    /// The curves, by their names and points.
+    curves: Vec<(String, Vec<(f64, f64)>)>,
     /// The dashed lines, by their names and values.
     lines: Vec<(String, f64)>,
-}
-
-#[derive(Clone, Debug, Default)]
-struct Curve {
-    name: String,
-    points: Vec<(f64, f64)>,
 }
 
 impl Plot {
@@ -75,10 +70,8 @@ impl Plot {
         name: impl Into<String>,
         points: impl IntoIterator<Item = (f64, f64)>,
     ) -> Self {
-        self.curves.push(Curve {
-            name: name.into(),
-            points: points.into_iter().collect(),
-        });
+        let points = points.into_iter().collect();
+        self.curves.push((name.into(), points));
         self
     }
 
@@ -90,15 +83,15 @@ impl Plot {
 
     fn names(&self) -> impl Iterator<Item = (&str, Stroke)> {
         let curves = self.curves.iter().enumerate();
-        let curves = curves.map(|(i, c)| (c.name.as_str(), curve_stroke(i)));
+        let curves = curves.map(|(i, c)| (c.0.as_str(), curve_stroke(i)));
         let lines = self.lines.iter().enumerate();
         curves.chain(lines.map(|(i, l)| (l.0.as_str(), line_stroke(i))))
     }
 
     /// The points that can be shown: x and y are finite, and y is positive where it must be.
-    fn shown(&self, curve: &Curve) -> Vec<(f64, f64)> {
+    fn shown(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         let shown = |p: &&(f64, f64)| p.0.is_finite() && self.shows(p.1);
-        curve.points.iter().filter(shown).copied().collect()
+        points.iter().filter(shown).copied().collect()
     }
 
     fn shows(&self, y: f64) -> bool {
@@ -151,10 +144,9 @@ impl<'a> Heading<'a> {
                 used = -SPACE.1;
             }
             used += SPACE.1 + width;
-            legend
-                .last_mut()
-                .into_iter()
-                .for_each(|l| l.push((name, stroke, width)));
+            if let Some(line) = legend.last_mut() {
+                line.push((name, stroke, width));
+            }
         }
         Self {
             title: font.wrapped(&plot.title, TITLE, room),
@@ -215,7 +207,7 @@ impl<'a> PlotRow<'a> {
 /// The axes and what is between them, from `top` to the end of the plot's height. Returns the
 /// frame's middle.
 fn draw_frame(plot: &Plot, top: f64, height: f64, pen: &mut Canvas) -> f64 {
-    let curves: Vec<_> = plot.curves.iter().map(|c| plot.shown(c)).collect();
+    let curves: Vec<_> = plot.curves.iter().map(|c| plot.shown(&c.1)).collect();
     let points = || curves.iter().flatten();
     let lines = plot.lines.iter().map(|l| l.1).filter(|&y| plot.shows(y));
     let y = Axis::around(points().map(|p| p.1).chain(lines), plot.log, 0.06).divide(8);

@@ -12,7 +12,7 @@ use crate::scene::{Camera, HostScene, Normalization, Scene};
 pub use parameter::{Checked, Point};
 pub use report::{Estimate, Report, Row, Verdict};
 use run::{Direction, Run, point};
-pub use settings::{GradCheck, Objective};
+pub use settings::GradCheck;
 
 /// Compares autodiff with central differences of renders. `build` makes scene and camera from the
 /// parameters; it is called for every render, from several threads on a CPU. The bounds of the scene
@@ -60,18 +60,17 @@ pub fn gradcheck(
         options: settings.options.clone().normalization_or(normalization),
         build: &build,
     };
-    let checked = parameters.iter().enumerate();
-    let checked = checked.filter(|(_, p)| settings.checks(p));
-    let directions: Vec<Direction> = checked
-        .flat_map(|(parameter, p)| {
-            let of = move |(name, vector)| Direction {
+    let mut directions = Vec::new();
+    for (parameter, p) in parameters.iter().enumerate() {
+        if settings.checks(p) {
+            let all = p.directions().into_iter();
+            directions.extend(all.map(|(name, vector)| Direction {
                 parameter,
                 name,
                 vector,
-            };
-            p.directions().into_iter().map(of)
-        })
-        .collect();
+            }));
+        }
+    }
     let differences = directions.iter().map(|d| run.difference(d));
     let differences = differences.collect::<Result<Vec<_>>>()?;
     let gradients = run.gradients(&directions, &differences)?;
@@ -91,42 +90,37 @@ pub fn gradcheck(
 
 /// Checks that there are parameters, under names that tell them apart.
 fn check_names(parameters: &[Checked], settings: &GradCheck) -> Result<()> {
-    let invalid = |field, value: &str, expected: String| {
-        Err(Error::invalid(
-            "gradcheck",
-            field,
-            format!("{value:?}"),
-            expected,
-        ))
+    let unless = |valid, field: &str, value: &str, expected: &str| {
+        Error::unless(valid, "gradcheck", field, value, expected)
     };
-    let names = || parameters.iter().map(|p| p.name.as_str());
-    if parameters.is_empty() {
-        return Err(Error::invalid(
-            "gradcheck",
-            "parameters",
-            "empty",
-            "at least one",
-        ));
-    }
-    if let Some((_, twice)) = names()
-        .enumerate()
-        .find(|&(i, n)| names().take(i).any(|m| m == n))
-    {
-        return invalid(
+    unless(
+        !parameters.is_empty(),
+        "parameters",
+        "empty",
+        "at least one",
+    )?;
+    let names: Vec<&str> = parameters.iter().map(|p| p.name.as_str()).collect();
+    for (i, name) in names.iter().enumerate() {
+        let (once, expected) = (!names[..i].contains(name), "a name of its own for each");
+        unless(
+            once,
             "name of two parameters",
-            twice,
-            "a name of its own for each".into(),
-        );
+            &format!("{name:?}"),
+            expected,
+        )?;
     }
-    let only = settings.only.as_deref().unwrap_or_default();
-    match only.iter().find(|n| names().all(|m| m != n.as_str())) {
-        Some(unknown) => invalid("a name given to only", unknown, one_of(names())),
-        None if settings.only.is_some() && only.is_empty() => Err(Error::invalid(
-            "gradcheck",
-            "only",
-            "empty",
-            one_of(names()),
-        )),
-        None => Ok(()),
-    }
+    let Some(only) = &settings.only else {
+        return Ok(());
+    };
+    let known = one_of(names.iter().copied());
+    unless(!only.is_empty(), "only", "empty", &known)?;
+    only.iter().try_for_each(|name| {
+        let found = format!("{name:?}");
+        unless(
+            names.contains(&name.as_str()),
+            "a name given to only",
+            &found,
+            &known,
+        )
+    })
 }

@@ -1,14 +1,11 @@
 //! The parameters whose gradients are checked.
 
-use std::fmt;
-
 use burn::tensor::{DType, Device, Tensor};
 
-use crate::debug::{numbers, tensor};
 use crate::error::{Error, Result, one_of};
 
 /// A parameter to check: a tensor `[C]`, component by component or along one direction.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Checked {
     pub(super) name: String,
     pub(super) values: Vec<f64>,
@@ -38,41 +35,38 @@ impl Checked {
     /// The directions to check, by name.
     pub(super) fn directions(&self) -> Vec<(String, Vec<f64>)> {
         let n = self.values.len();
-        match &self.direction {
-            Some(d) => vec![(self.name.clone(), d.clone())],
-            None if n == 1 => vec![(self.name.clone(), vec![1.0])],
-            None => (0..n)
-                .map(|i| {
-                    let axis = (0..n).map(|j| if i == j { 1.0 } else { 0.0 }).collect();
-                    (format!("{}[{i}]", self.name), axis)
-                })
-                .collect(),
+        if let Some(d) = &self.direction {
+            return vec![(self.name.clone(), d.clone())];
         }
+        let axis = |i: usize| {
+            let name = match n {
+                1 => self.name.clone(),
+                _ => format!("{}[{i}]", self.name),
+            };
+            let mut axis = vec![0.0; n];
+            axis[i] = 1.0;
+            (name, axis)
+        };
+        (0..n).map(axis).collect()
     }
 
     pub(super) fn check(&self) -> Result<()> {
-        let invalid = |field: &str, value: String, expected: &str| {
-            Err(Error::invalid(&self.name, field, value, expected))
-        };
-        if self.values.is_empty() || self.values.iter().any(|v| !v.is_finite()) {
-            return invalid("values", format!("{:?}", self.values), "finite numbers");
-        }
-        if !(self.step.is_finite() && self.step > 0.0) {
-            return invalid("step", self.step.to_string(), "a finite number > 0");
-        }
-        match &self.direction {
-            Some(d) if d.len() != self.values.len() || d.iter().any(|v| !v.is_finite()) => invalid(
-                "direction",
-                format!("{d:?}"),
-                "a finite number for each value",
-            ),
-            _ => Ok(()),
-        }
+        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        let (name, n) = (&self.name, self.values.len());
+        let valid = n > 0 && finite(&self.values);
+        let found = format!("{:?}", self.values);
+        Error::unless(valid, name, "values", found, "finite numbers")?;
+        Error::unless_positive(name, "step", self.step)?;
+        let direction = self.direction.as_deref().unwrap_or(&self.values);
+        let valid = direction.len() == n && finite(direction);
+        let found = format!("{direction:?}");
+        let expected = "a finite number for each value";
+        Error::unless(valid, name, "direction", found, expected)
     }
 }
 
 /// The parameters as tensors, handed to the closure that builds a scene.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Point {
     /// The device that the scene has to be on.
     pub device: Device,
@@ -92,25 +86,5 @@ impl Point {
             let names = one_of(self.tensors.iter().map(|(n, _)| n.as_str()));
             Error::invalid("gradcheck", "parameter", format!("{name:?}"), names)
         })
-    }
-}
-
-impl fmt::Debug for Checked {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut all = f.debug_struct("Checked");
-        all.field("name", &self.name)
-            .field("values", &numbers(self.values.iter().copied()))
-            .field("step", &self.step);
-        if let Some(direction) = &self.direction {
-            all.field("direction", &numbers(direction.iter().copied()));
-        }
-        all.finish()
-    }
-}
-
-impl fmt::Debug for Point {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let tensors = self.tensors.iter().map(|(name, t)| (name, tensor(t)));
-        f.debug_map().entries(tensors).finish()
     }
 }

@@ -57,7 +57,7 @@ impl Row {
     }
 
     /// |gradient − difference| in standard errors of both.
-    pub fn standard_errors(&self) -> f64 {
+    fn standard_errors(&self) -> f64 {
         let apart = (self.gradient.mean - self.difference.mean).abs();
         let error = self.gradient.error.hypot(self.difference.error);
         if apart == 0.0 { 0.0 } else { apart / error }
@@ -79,12 +79,8 @@ impl Report {
 
     /// The mean of |gradient/difference − 1| over derivatives that are not 0.
     pub fn mean_relative_error(&self) -> f64 {
-        let errors: Vec<f64> = self
-            .rows
-            .iter()
-            .filter(|r| r.difference.mean != 0.0)
-            .map(|r| r.relative().abs())
-            .collect();
+        let rows = self.rows.iter().filter(|r| r.difference.mean != 0.0);
+        let errors: Vec<f64> = rows.map(|r| r.relative().abs()).collect();
         errors.iter().sum::<f64>() / errors.len().max(1) as f64
     }
 }

@@ -22,12 +22,10 @@ pub(super) fn point(
     let tensors = parameters.iter().zip(values).map(|(p, v)| {
         let data = TensorData::new(v.clone(), [v.len()]);
         let t = Tensor::<1>::from_data(data, (&settings.device, settings.dtype));
-        let t = if track && settings.checks(p) {
-            t.autodiff().require_grad()
-        } else {
-            t
-        };
-        (p.name.clone(), t)
+        match track && settings.checks(p) {
+            true => (p.name.clone(), t.autodiff().require_grad()),
+            false => (p.name.clone(), t),
+        }
     });
     Point {
         device: settings.device.clone(),
@@ -66,19 +64,6 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
         self.parameters.iter().map(|p| p.values.clone()).collect()
     }
 
-    /// A function of some seeds, on all cores where that helps.
-    fn over<T: Send>(
-        &self,
-        seeds: std::ops::Range<u64>,
-        f: impl Fn(u64) -> Result<T> + Sync,
-    ) -> Result<Vec<T>> {
-        if is_cpu(&self.settings.device) {
-            seeds.into_par_iter().map(&f).collect()
-        } else {
-            seeds.map(f).collect()
-        }
-    }
-
     /// Estimates columns of values by seed, adding seeds until all are precise.
     fn estimate(
         &self,
@@ -91,7 +76,11 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
         let mut wanted = self.settings.least;
         loop {
             let seeds = first + found.len() as u64..first + wanted;
-            found.extend(self.over(seeds, &f)?);
+            let new: Result<Vec<_>> = match is_cpu(&self.settings.device) {
+                true => seeds.into_par_iter().map(&f).collect(),
+                false => seeds.map(&f).collect(),
+            };
+            found.extend(new?);
             let estimates: Vec<Estimate> = (0..columns)
                 .map(|c| Estimate::of(&found.iter().map(|v| v[c]).collect::<Vec<_>>()))
                 .collect();
@@ -103,7 +92,7 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
                 .filter(|(c, e)| !self.settings.precise(**e, value(*c, e)))
                 .map(|(c, e)| {
                     let goal = self.settings.precision * value(c, e).abs();
-                    (e.error / goal.max(self.settings.negligible)).powi(2)
+                    (e.error / goal).powi(2)
                 })
                 .fold(1.0f64, f64::max);
             if factor <= 1.0 || n >= self.settings.budget {
@@ -139,29 +128,19 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
         let one = |seed| -> Result<Vec<f64>> {
             let point = point(self.parameters, self.settings, &self.values(), true);
             let objective = self.objective(&point, seed)?;
-            if !objective.is_tracked() {
-                return Err(Error::invalid(
-                    "gradcheck",
-                    "objective",
-                    "a constant",
-                    "a scene that depends on the parameters",
-                ));
-            }
+            let tracked = objective.is_tracked();
+            let expected = "a scene that depends on the parameters";
+            Error::unless(tracked, "gradcheck", "objective", "a constant", expected)?;
             let gradients = objective.backward();
-            let found = point
-                .tensors
-                .iter()
-                .map(|(_, t)| match t.grad(&gradients) {
-                    Some(g) => host_values(&g),
-                    None => Ok(vec![0.0; t.dims()[0]]),
-                })
-                .collect::<Result<Vec<_>>>()?;
+            let of = |t: &Tensor<1>| match t.grad(&gradients) {
+                Some(g) => host_values(&g),
+                None => Ok(vec![0.0; t.dims()[0]]),
+            };
+            let found = point.tensors.iter().map(|(_, t)| of(t));
+            let found = found.collect::<Result<Vec<_>>>()?;
             let along = |d: &Direction| -> f64 {
-                found[d.parameter]
-                    .iter()
-                    .zip(&d.vector)
-                    .map(|(g, d)| g * d)
-                    .sum()
+                let pairs = found[d.parameter].iter().zip(&d.vector);
+                pairs.map(|(g, d)| g * d).sum()
             };
             Ok(directions.iter().map(along).collect())
         };

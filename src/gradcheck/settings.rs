@@ -9,8 +9,7 @@ use super::report::{Estimate, Verdict};
 use crate::device::is_cpu;
 use crate::render::RenderOptions;
 
-/// The function that is differentiated: a scalar `[1]` of the radiance `[H, W, 3]`.
-pub type Objective = Arc<dyn Fn(Tensor<3>) -> Tensor<1> + Send + Sync>;
+type Objective = Arc<dyn Fn(Tensor<3>) -> Tensor<1> + Send + Sync>;
 
 /// The settings of [`gradcheck`](super::gradcheck).
 #[derive(Clone)]
@@ -20,7 +19,6 @@ pub struct GradCheck {
     pub(super) dtype: DType,
     pub(super) precision: f64,
     pub(super) tolerance: f64,
-    pub(super) negligible: f64,
     pub(super) least: u64,
     pub(super) budget: u64,
     pub(super) objective: Objective,
@@ -33,10 +31,9 @@ impl GradCheck {
     /// no symmetry cancels.
     pub fn new(options: RenderOptions, device: &Device) -> Self {
         let device = device.clone().inner();
-        let dtype = if is_cpu(&device) {
-            DType::F64
-        } else {
-            DType::F32
+        let dtype = match is_cpu(&device) {
+            true => DType::F64,
+            false => DType::F32,
         };
         Self {
             options,
@@ -44,17 +41,15 @@ impl GradCheck {
             dtype,
             precision: 0.01,
             tolerance: 0.03,
-            negligible: 0.0,
             least: 32,
             budget: 4096,
             only: None,
             objective: Arc::new(|radiance| {
                 let [h, w, _] = radiance.dims();
-                let weights: Vec<f32> = (0..h * w)
-                    .map(|i| {
-                        0.5 + ((i % w) as f32 + 0.5) / w as f32 + 0.5 * (i / w) as f32 / h as f32
-                    })
-                    .collect();
+                let weight = |i: usize| {
+                    0.5 + ((i % w) as f32 + 0.5) / w as f32 + 0.5 * (i / w) as f32 / h as f32
+                };
+                let weights: Vec<f32> = (0..h * w).map(weight).collect();
                 let device = radiance.device().inner();
                 let weights = Tensor::<1>::from_floats(weights.as_slice(), &device)
                     .cast(radiance.dtype())
@@ -62,12 +57,6 @@ impl GradCheck {
                 (radiance * weights).mean()
             }),
         }
-    }
-
-    /// The float type of all tensors.
-    pub fn dtype(mut self, dtype: DType) -> Self {
-        self.dtype = dtype;
-        self
     }
 
     /// Renders are added until both standard errors are under this share of the difference
@@ -81,13 +70,6 @@ impl GradCheck {
     /// which is what steps of a finite size may be off by (3 % by default).
     pub fn tolerance(mut self, share: f64) -> Self {
         self.tolerance = share;
-        self
-    }
-
-    /// Derivatives whose standard errors are under this are precise enough, whatever their value:
-    /// for parameters that change nothing.
-    pub fn negligible(mut self, absolute: f64) -> Self {
-        self.negligible = absolute;
         self
     }
 
@@ -107,12 +89,11 @@ impl GradCheck {
 
     /// Whether a parameter is one to check.
     pub(super) fn checks(&self, p: &Checked) -> bool {
-        self.only
-            .as_ref()
-            .is_none_or(|names| names.contains(&p.name))
+        let only = self.only.as_ref();
+        only.is_none_or(|names| names.contains(&p.name))
     }
 
-    /// The function that is differentiated.
+    /// The function that is differentiated: a scalar `[1]` of the radiance `[H, W, 3]`.
     pub fn objective(mut self, f: impl Fn(Tensor<3>) -> Tensor<1> + Send + Sync + 'static) -> Self {
         self.objective = Arc::new(f);
         self
@@ -120,14 +101,12 @@ impl GradCheck {
 
     /// Whether a standard error is small enough beside a value.
     pub(super) fn precise(&self, e: Estimate, value: f64) -> bool {
-        e.error <= self.precision * value.abs() || e.error <= self.negligible
+        e.error <= self.precision * value.abs()
     }
 
     pub(super) fn verdict(&self, g: Estimate, d: Estimate) -> Verdict {
         let apart = (g.mean - d.mean).abs();
-        let error = g.error.hypot(d.error);
-        let tolerated = self.tolerance * d.mean.abs() + self.negligible;
-        if apart > 3.5 * error && apart > tolerated {
+        if apart > 3.5 * g.error.hypot(d.error) && apart > self.tolerance * d.mean.abs() {
             Verdict::Disagrees
         } else if self.precise(g, d.mean) && self.precise(d, d.mean) {
             Verdict::Agrees

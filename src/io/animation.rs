@@ -6,9 +6,9 @@ use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, RgbaImage};
 
 use super::HostImage;
-use super::whole::write_whole_by;
+use super::whole::{ending, write_whole};
 use crate::error::{Error, Result};
-use crate::render::{Batch, ImageBatch, RenderOptions, render_batch};
+use crate::render::{Batch, RenderOptions, render_batch};
 use crate::scene::{Camera, Detach, Scene, visit_camera, visit_scene};
 
 /// The effort of the search for the 256 colours of a frame, from 1 (best) to 30 (fastest).
@@ -46,12 +46,8 @@ impl Animation {
     /// When there is none, or one of another size than the first.
     pub fn new(frames: Vec<HostImage>) -> Result<Self> {
         let Some(first) = frames.first() else {
-            return Err(Error::invalid(
-                "animation",
-                "frames",
-                "empty",
-                "at least one",
-            ));
+            let expected = "at least one";
+            return Err(Error::invalid("animation", "frames", "empty", expected));
         };
         let size = |i: &HostImage| format!("{} × {}", i.width, i.height);
         for (k, frame) in frames.iter().enumerate() {
@@ -69,19 +65,6 @@ impl Animation {
             frames,
             frames_per_second: 25.0,
         })
-    }
-
-    /// The radiance of all views of a batch, in their order.
-    ///
-    /// # Errors
-    /// When a tensor can't be read back.
-    pub fn from_images(images: &ImageBatch) -> Result<Self> {
-        let radiance = images.radiance.clone().inner();
-        let frame = |index: usize| {
-            let one = radiance.clone().slice([index..index + 1]);
-            HostImage::take(one.squeeze_dim::<3>(0))
-        };
-        Self::new((0..images.len()).map(frame).collect::<Result<_>>()?)
     }
 
     /// Renders a scene as each camera sees it, such as a turntable. Nothing is recorded for
@@ -102,7 +85,10 @@ impl Animation {
             (0, camera)
         });
         let batch = Batch::views(vec![scene], detached.collect())?;
-        Self::from_images(&render_batch(&batch, options)?)
+        let radiance = render_batch(&batch, options)?.radiance;
+        let frames = radiance.iter_dim(0);
+        let frames = frames.map(|frame| HostImage::take(frame.squeeze_dim::<3>(0)));
+        Self::new(frames.collect::<Result<_>>()?)
     }
 
     /// Sets the number of frames a second, in (0, 50].
@@ -125,32 +111,19 @@ impl Animation {
     /// columns or rows, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-        if !ending.eq_ignore_ascii_case("gif") {
-            let message = format!("its ending is {ending:?}, expected .gif");
-            return Err(Error::format(path, message));
-        }
+        ending(path, &["gif"])?;
         let rate = self.frames_per_second;
         // Viewers show what lasts less than two hundredths for ten.
-        if !(rate > 0.0 && rate <= 50.0) {
-            return Err(Error::invalid(
-                "animation",
-                "frames_per_second",
-                rate,
-                "a number in (0, 50]",
-            ));
-        }
+        let valid = rate > 0.0 && rate <= 50.0;
+        let field = "frames_per_second";
+        Error::unless(valid, "animation", field, rate, "a number in (0, 50]")?;
         let [w, h] = self.frames[0].check_size()?;
-        if w.max(h) > u32::from(u16::MAX) {
-            return Err(Error::invalid(
-                "animation",
-                "size",
-                format!("{w} × {h}"),
-                "at most 65535 columns and rows",
-            ));
-        }
+        let valid = w.max(h) <= u32::from(u16::MAX);
+        let size = format!("{w} × {h}");
+        let expected = "at most 65535 columns and rows";
+        Error::unless(valid, "animation", "size", size, expected)?;
         let encoded = |e| Error::format(path, format!("it can't be written: {e}"));
-        write_whole_by(path, |file| {
+        write_whole(path, |file| {
             let mut encoder = GifEncoder::new_with_speed(file, QUANTISER_SPEED);
             encoder.set_repeat(Repeat::Infinite).map_err(encoded)?;
             for (index, image) in self.frames.iter().enumerate() {

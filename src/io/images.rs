@@ -8,7 +8,7 @@ use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, R
 use super::LoadLimits;
 use super::limits::open;
 use super::srgb::{decode_srgb, srgb_byte, srgb_table};
-use super::whole::write_whole_by;
+use super::whole::{ending, write_whole};
 use crate::debug::numbers;
 use crate::error::{Error, Result};
 
@@ -84,12 +84,6 @@ impl HostImage {
         Self::new(width, height, pixels)
     }
 
-    /// Copies the image to a tensor `[H, W, 3]` in the device's default float type.
-    pub fn to_tensor(&self, device: &Device) -> Tensor<3> {
-        let shape = [self.height, self.width, 3];
-        Tensor::from_data(TensorData::new(self.pixels.clone(), shape), device)
-    }
-
     /// Moves the image to a tensor `[H, W, 3]` in the device's default float type.
     pub fn into_tensor(self, device: &Device) -> Tensor<3> {
         let shape = [self.height, self.width, 3];
@@ -112,10 +106,6 @@ impl HostImage {
     /// As [`HostImage::read`].
     pub fn read_within(path: impl AsRef<Path>, limits: &LoadLimits) -> Result<Self> {
         let path = path.as_ref();
-        let io = |source| Error::Io {
-            path: path.into(),
-            source,
-        };
         let malformed = |e| Error::format(path, format!("it can't be decoded: {e}"));
         let (file, _) = open(path)?;
         // The contents say what a file is, its ending only where they don't.
@@ -123,7 +113,7 @@ impl HostImage {
         if let Ok(format) = ImageFormat::from_path(path) {
             reader.set_format(format);
         }
-        let mut reader = reader.with_guessed_format().map_err(io)?;
+        let mut reader = reader.with_guessed_format().map_err(Error::io(path))?;
         // What it may take is said by its size.
         reader.no_limits();
         let linear = matches!(
@@ -176,30 +166,22 @@ impl HostImage {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         Self::check_path(path)?;
-        let format = format_of(path)?;
-        let [w, h] = self.check_size()?;
-        write_whole_by(path, |file| self.encode([w, h], format, path, file))
+        self.check_size()?;
+        write_whole(path, |file| self.encode(path, file))
     }
 
-    /// Encodes it in a format, PNG or EXR, for a file.
-    pub(super) fn encode(
-        &self,
-        [w, h]: [u32; 2],
-        format: ImageFormat,
-        path: &Path,
-        file: &mut (impl Write + Seek),
-    ) -> Result<()> {
-        let size = || self.bad_size("as many pixels as values");
-        let encoded = |e| Error::format(path, format!("it can't be written: {e}"));
-        if format == ImageFormat::Png {
-            let srgb = self.to_srgb();
-            let image = RgbImage::from_raw(w, h, srgb).ok_or_else(size)?;
-            image.write_to(file, format).map_err(encoded)
-        } else {
-            type Borrowed<'a> = ImageBuffer<Rgb<f32>, &'a [f32]>;
-            let image = Borrowed::from_raw(w, h, &self.pixels).ok_or_else(size)?;
-            image.write_to(file, format).map_err(encoded)
-        }
+    /// Encodes it for a file, in the format of its ending.
+    pub(super) fn encode(&self, path: &Path, file: &mut (impl Write + Seek)) -> Result<()> {
+        let ([w, h], format) = (self.check_size()?, format_of(path)?);
+        let written = match format {
+            ImageFormat::Png => {
+                RgbImage::from_raw(w, h, self.to_srgb()).map(|image| image.write_to(file, format))
+            }
+            _ => ImageBuffer::<Rgb<f32>, _>::from_raw(w, h, self.pixels.as_slice())
+                .map(|image| image.write_to(file, format)),
+        };
+        let failed = |e| Error::format(path, format!("it can't be written: {e}"));
+        written.transpose().map_err(failed).map(|_| ())
     }
 
     /// Bytes in sRGB, clipped to [0, 1].
@@ -217,11 +199,7 @@ impl HostImage {
     /// Columns and rows for a file.
     pub(super) fn check_size(&self) -> Result<[u32; 2]> {
         self.check()?;
-        match (u32::try_from(self.width), u32::try_from(self.height)) {
-            (Ok(0), _) | (_, Ok(0)) => Err(self.bad_size("at least one column and row")),
-            (Ok(w), Ok(h)) => Ok([w, h]),
-            _ => Err(self.bad_size("at most 2³² − 1 columns and rows")),
-        }
+        sides(self.width, self.height)
     }
 
     /// The mean of each channel.
@@ -242,10 +220,12 @@ impl HostImage {
         self.check()?;
         other.check()?;
         if (self.width, self.height) != (other.width, other.height) {
-            return Err(self.bad_size(&format!(
-                "{} × {} like the other image",
-                other.width, other.height
-            )));
+            return Err(Error::invalid(
+                "image",
+                "size",
+                format!("{} × {}", self.width, self.height),
+                format!("{} × {} like the other image", other.width, other.height),
+            ));
         }
         let value = |&v: &f32| {
             let v = f64::from(v);
@@ -288,110 +268,37 @@ impl HostImage {
     fn check(&self) -> Result<()> {
         let expected = self.width.checked_mul(self.height);
         let expected = expected.and_then(|n| n.checked_mul(3));
-        if expected == Some(self.pixels.len()) {
-            return Ok(());
-        }
-        let expected = expected.map_or("more than there can be".into(), |n| n.to_string());
-        Err(Error::invalid(
+        let told = expected.map_or("more than there can be".into(), |n| n.to_string());
+        Error::unless(
+            expected == Some(self.pixels.len()),
             "image",
             "pixels",
             format!("{} values", self.pixels.len()),
-            format!("{expected} for {} × {} pixels", self.width, self.height),
-        ))
-    }
-
-    fn bad_size(&self, expected: &str) -> Error {
-        Error::invalid(
-            "image",
-            "size",
-            format!("{} × {}", self.width, self.height),
-            expected,
+            &format!("{told} for {} × {} pixels", self.width, self.height),
         )
     }
 }
 
 /// The format of an image to be written, by its ending.
 pub(super) fn format_of(path: &Path) -> Result<ImageFormat> {
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-    match ending.to_ascii_lowercase().as_str() {
-        "exr" => Ok(ImageFormat::OpenExr),
-        "png" => Ok(ImageFormat::Png),
-        _ => Err(Error::format(
-            path,
-            format!("its ending is {ending:?}, expected .exr or .png"),
-        )),
-    }
+    Ok(match ending(path, &["exr", "png"])? {
+        "exr" => ImageFormat::OpenExr,
+        _ => ImageFormat::Png,
+    })
 }
 
-#[cfg(test)]
-mod tests {
-    use std::fs;
-
-    use super::*;
-
-    fn ramp(width: usize, height: usize) -> HostImage {
-        let n = width * height * 3;
-        let pixels = (0..n).map(|i| i as f32 / n as f32 * 1.5).collect();
-        HostImage::new(width, height, pixels).expect("size")
-    }
-
-    fn temporary(name: &str) -> std::path::PathBuf {
-        std::env::temp_dir().join(format!("softray-images-{}-{name}", std::process::id()))
-    }
-
-    #[test]
-    fn exr_keeps_every_value() {
-        let path = temporary("ramp.exr");
-        let image = ramp(5, 4);
-        image.write(&path).expect("write");
-        assert_eq!(HostImage::read(&path).expect("read"), image);
-        fs::remove_file(path).expect("remove");
-    }
-
-    #[test]
-    fn png_is_clipped_srgb() {
-        let path = temporary("ramp.png");
-        let image = ramp(5, 4);
-        image.write(&path).expect("write");
-        let read = HostImage::read(&path).expect("read");
-        assert!(read.rmse(&image, true).expect("size") < 3e-3);
-        assert!(read.pixels.iter().all(|v| (0.0..=1.0).contains(v)));
-        fs::remove_file(path).expect("remove");
-    }
-
-    #[test]
-    fn statistics() {
-        let image = HostImage::new(2, 1, vec![0.0, 1.0, 2.0, 2.0, 3.0, 4.0]).expect("size");
-        let black = HostImage::new(2, 1, vec![0.0; 6]).expect("size");
-        assert_eq!(image.mean(), [1.0, 2.0, 3.0]);
-        assert_eq!(image.mean_ratio(&image), 1.0);
-        let rmse = |clipped| image.rmse(&black, clipped).expect("size");
-        assert!((rmse(false) - (34f64 / 6.0).sqrt()).abs() < 1e-12);
-        assert!((rmse(true) - (5f64 / 6.0).sqrt()).abs() < 1e-12);
-        let error = image.rmse(&ramp(1, 1), false).expect_err("sizes differ");
-        assert!(error.to_string().contains("2 × 1"), "{error}");
-    }
-
-    #[test]
-    fn side_by_side_has_white_gaps() {
-        let (a, b) = (ramp(2, 2), ramp(1, 1));
-        let row = HostImage::side_by_side(&[&a, &b]);
-        assert_eq!((row.width, row.height), (5, 2));
-        assert_eq!(row.pixels[..6], a.pixels[..6]);
-        assert_eq!(row.pixels[6..12], [1.0; 6]);
-        assert_eq!(row.pixels[12..15], b.pixels[..]);
-        assert_eq!(row.pixels[15..21], a.pixels[6..]);
-    }
-
-    #[test]
-    fn tensors_and_endings() {
-        let image = ramp(3, 2);
-        let tensor = image.to_tensor(&Device::flex());
-        assert_eq!(tensor.dims(), [2, 3, 3]);
-        assert_eq!(HostImage::from_tensor(&tensor).expect("values"), image);
-        let error = image.write("image.gif").expect_err("ending");
-        assert!(error.to_string().contains("image.gif"), "{error}");
-        let error = HostImage::read("nowhere/a.exr").expect_err("missing");
-        assert!(error.to_string().contains("nowhere/a.exr"), "{error}");
+/// Columns and rows for a file.
+pub(super) fn sides(width: usize, height: usize) -> Result<[u32; 2]> {
+    match (u32::try_from(width), u32::try_from(height)) {
+        (Ok(w @ 1..), Ok(h @ 1..)) => Ok([w, h]),
+        _ => {
+            let expected = "at least one and at most 2³² − 1 columns and rows";
+            Err(Error::invalid(
+                "image",
+                "size",
+                format!("{width} × {height}"),
+                expected,
+            ))
+        }
     }
 }

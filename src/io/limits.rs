@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::error::{Error, Result};
 
@@ -14,16 +14,11 @@ use crate::error::{Error, Result};
 /// # let _ = limits;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct LoadLimits {
-    /// The most pixels of an image, 2²⁷ (11,585²) by default.
-    pub pixels: u64,
-    /// The most bytes of a text (OBJ, MTL, JSON), 2³⁰ by default.
-    pub text_bytes: u64,
-    /// The most triangles of an OBJ file, 2²⁶ by default.
-    pub triangles: u64,
-    /// Whether a file may refer to files outside of its own folder; false by default.
-    pub outside: bool,
+    pub(super) pixels: u64,
+    text_bytes: u64,
+    pub(super) triangles: u64,
+    outside: bool,
 }
 
 impl Default for LoadLimits {
@@ -38,22 +33,22 @@ impl Default for LoadLimits {
 }
 
 impl LoadLimits {
-    /// Sets the most pixels of an image.
+    /// Sets the most pixels of an image, 2²⁷ (11,585²) by default.
     pub fn pixels(self, pixels: u64) -> Self {
         Self { pixels, ..self }
     }
 
-    /// Sets the most bytes of a text.
+    /// Sets the most bytes of a text (OBJ, MTL, JSON), 2³⁰ by default.
     pub fn text_bytes(self, text_bytes: u64) -> Self {
         Self { text_bytes, ..self }
     }
 
-    /// Sets the most triangles of an OBJ file.
+    /// Sets the most triangles of an OBJ file, 2²⁶ by default.
     pub fn triangles(self, triangles: u64) -> Self {
         Self { triangles, ..self }
     }
 
-    /// Sets whether a file may refer to files outside of its own folder.
+    /// Sets whether a file may refer to files outside of its own folder; false by default.
     pub fn outside(self, outside: bool) -> Self {
         Self { outside, ..self }
     }
@@ -63,10 +58,9 @@ impl LoadLimits {
         if self.outside {
             return Ok(());
         }
-        let folder = if folder.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            folder
+        let folder = match folder.as_os_str().is_empty() {
+            true => Path::new("."),
+            false => folder,
         };
         // Files that are not there are told of when they are read.
         let (Ok(file), Ok(folder)) = (file.canonicalize(), folder.canonicalize()) else {
@@ -88,17 +82,13 @@ impl LoadLimits {
 
 /// Opens a regular file, and returns its length in bytes too.
 pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
-    let io = |source| Error::Io {
-        path: path.into(),
-        source,
-    };
+    let io = Error::io(path);
     // Asked before it is opened: opening a pipe waits for its other end.
     let metadata = std::fs::metadata(path).map_err(io)?;
     if !metadata.is_file() {
-        let kind = if metadata.is_dir() {
-            "a folder"
-        } else {
-            "a device or a pipe"
+        let kind = match metadata.is_dir() {
+            true => "a folder",
+            false => "a device or a pipe",
         };
         let message = format!("it is {kind}, expected a regular file");
         return Err(Error::format(path, message));
@@ -106,51 +96,34 @@ pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     Ok((File::open(path).map_err(io)?, metadata.len()))
 }
 
-/// Reads a regular file of at most `most` bytes.
-fn read_file(path: &Path, most: u64) -> Result<Vec<u8>> {
-    let (file, length) = open(path)?;
-    let too_long = || {
-        let message = format!(
-            "it has more than {most} bytes, the limit of a text: LoadLimits::text_bytes raises it"
-        );
-        Err(Error::format(path, message))
-    };
-    if length > most {
-        return too_long();
-    }
-    let mut bytes = Vec::with_capacity(length as usize);
-    // What its length says is not what it has to hold.
-    let read = file.take(most + 1).read_to_end(&mut bytes);
-    read.map_err(|source| Error::Io {
-        path: PathBuf::from(path),
-        source,
-    })?;
-    if bytes.len() as u64 > most {
-        return too_long();
-    }
-    Ok(bytes)
-}
-
 /// Reads a text file without its byte-order mark; bytes that are not UTF-8 (old exporters' comments) are
 /// replaced.
 pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
-    let bytes = read_file(path, limits.text_bytes)?;
+    let most = limits.text_bytes;
+    let (file, length) = open(path)?;
+    let mut bytes = Vec::new();
+    if length <= most {
+        // What its length says is not what it has to hold.
+        let read = file.take(most.saturating_add(1)).read_to_end(&mut bytes);
+        read.map_err(Error::io(path))?;
+    }
+    if length.max(bytes.len() as u64) > most {
+        let message = format!(
+            "it has more than {most} bytes, the limit of a text: LoadLimits::text_bytes raises it"
+        );
+        return Err(Error::format(path, message));
+    }
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         let message = "it is UTF-16, expected UTF-8: save it as that";
         return Err(Error::format(path, message));
     }
-    let begin = if bytes.starts_with("\u{feff}".as_bytes()) {
-        3
-    } else {
-        0
+    let mut text = match String::from_utf8(bytes) {
+        Ok(text) => text,
+        Err(e) => String::from_utf8_lossy(e.as_bytes()).into_owned(),
     };
-    let text = match String::from_utf8(bytes) {
-        Ok(mut text) => {
-            text.drain(..begin);
-            text
-        }
-        Err(e) => String::from_utf8_lossy(&e.as_bytes()[begin..]).into_owned(),
-    };
+    if text.starts_with('\u{feff}') {
+        text.drain(..3);
+    }
     if text.contains('\r') && !text.contains('\n') {
         let message = "its lines end with a carriage return alone, expected line feeds";
         return Err(Error::format(path, message));

@@ -13,7 +13,6 @@ mod polygon;
 mod renders;
 mod scene_file;
 mod srgb;
-mod viridis;
 mod whole;
 
 pub use animation::Animation;

@@ -6,11 +6,10 @@ use std::io::Write as _;
 use std::path::Path;
 
 use burn::tensor::DType;
-use image::ImageFormat;
 
 use super::HostImage;
-use super::whole::{Part, io};
-use crate::error::Result;
+use super::whole::Part;
+use crate::error::{Error, Result};
 use crate::scene::{Albedo, Material, Parameter, Wrap};
 
 /// Characters of a material's name in a file's name.
@@ -76,20 +75,20 @@ impl<'a> Library<'a> {
         let diffuse = self.albedo(&material.diffuse, [&object, name, "diffuse"])?;
         let specular = self.albedo(&material.specular, [&object, name, "specular"])?;
         warn_of_range(&object, &diffuse, &specular);
-        let illumination = if material.specular.reflects() { 2 } else { 1 };
         let mut body = format!(
             "Kd {}\nKs {}\nNs {}\n",
-            diffuse.constant(),
-            specular.constant(),
+            diffuse.factor,
+            specular.factor,
             numbers(&material.shininess)?,
         );
         if material.emission.values()? != [0.0; 3] {
             body += &format!("Ke {}\n", numbers(&material.emission)?);
         }
+        let illumination = if material.specular.reflects() { 2 } else { 1 };
         body += &format!("illum {illumination}\n");
         for (keyword, albedo) in [("map_Kd", &diffuse), ("map_Ks", &specular)] {
-            if let Described::Texture { statement } = albedo {
-                body += &format!("{keyword} {statement}\n");
+            if let Some(texture) = &albedo.texture {
+                body += &format!("{keyword} {texture}\n");
             }
         }
         Ok(body)
@@ -102,23 +101,19 @@ impl<'a> Library<'a> {
     ) -> Result<Described> {
         let (texels, wrap) = match albedo {
             Albedo::Constant(p) => {
-                return Ok(Described::Constant {
+                return Ok(Described {
                     values: p.values()?,
-                    text: numbers(p)?,
+                    factor: numbers(p)?,
+                    texture: None,
                 });
             }
             Albedo::Texture { texels, wrap } => (HostImage::from_tensor(texels)?, *wrap),
         };
-        let option = match wrap {
-            Wrap::Repeat => "",
-            Wrap::Clamp => "-clamp on ",
-            Wrap::Mirror => {
-                log::warn!(
-                    "{object}: MTL has no mirrored textures, {field} is written as one that repeats"
-                );
-                ""
-            }
-        };
+        if wrap == Wrap::Mirror {
+            log::warn!(
+                "{object}: MTL has no mirrored textures, {field} is written as one that repeats"
+            );
+        }
         let known = self.textures.iter().find(|(image, _)| *image == texels);
         let file = match known {
             Some((_, file)) => file.clone(),
@@ -134,8 +129,16 @@ impl<'a> Library<'a> {
                 file
             }
         };
-        let statement = format!("{option}{file}");
-        Ok(Described::Texture { statement })
+        let option = if wrap == Wrap::Clamp {
+            "-clamp on "
+        } else {
+            ""
+        };
+        Ok(Described {
+            values: [0.0; 3],
+            factor: "1 1 1".into(),
+            texture: Some(format!("{option}{file}")),
+        })
     }
 
     /// Writes the textures and the MTL file, all to be published.
@@ -143,19 +146,11 @@ impl<'a> Library<'a> {
         let mut parts = Vec::with_capacity(self.textures.len() + 1);
         for (image, file) in &self.textures {
             let path = self.path.with_file_name(file);
-            let size = image.check_size()?;
-            let format = match path.extension().is_some_and(|e| e == "png") {
-                true => ImageFormat::Png,
-                false => ImageFormat::OpenExr,
-            };
-            parts.push(Part::write(&path, |f| {
-                image.encode(size, format, &path, f)
-            })?);
+            parts.push(Part::write(&path, |f| image.encode(&path, f))?);
         }
         let path = self.path.with_file_name(self.file_name());
         parts.push(Part::write(&path, |f| {
-            let written = write!(f, "# softray\n{}", self.text);
-            written.map_err(|e| io(&path, e))
+            write!(f, "# softray\n{}", self.text).map_err(Error::io(&path))
         })?);
         if !self.names.renamed.is_empty() {
             log::info!("materials of {}: {}", path.display(), self.names.told());
@@ -165,28 +160,18 @@ impl<'a> Library<'a> {
 }
 
 /// An albedo as MTL has it.
-enum Described {
-    Constant { values: [f64; 3], text: String },
-    Texture { statement: String },
-}
-
-impl Described {
-    /// The value of `Kd` or `Ks`: a texture is multiplied by it, so it is 1 beside one.
-    fn constant(&self) -> &str {
-        match self {
-            Self::Constant { text, .. } => text,
-            Self::Texture { .. } => "1 1 1",
-        }
-    }
+struct Described {
+    /// The values of a constant, 0 for a texture.
+    values: [f64; 3],
+    /// `Kd` or `Ks`: a texture is multiplied by it, so it is 1 beside one.
+    factor: String,
+    /// `map_Kd` or `map_Ks`.
+    texture: Option<String>,
 }
 
 /// Warns of values of tensors that are out of range, which a file holds but can't be rendered from.
 fn warn_of_range(object: &str, diffuse: &Described, specular: &Described) {
-    let of = |albedo: &Described| match albedo {
-        Described::Constant { values, .. } => *values,
-        Described::Texture { .. } => [0.0; 3],
-    };
-    let (d, s) = (of(diffuse), of(specular));
+    let (d, s) = (diffuse.values, specular.values);
     let outside = |i: usize| d[i] < 0.0 || s[i] < 0.0 || d[i] + s[i] > 1.0 + 1e-6;
     if (0..3).any(outside) {
         log::warn!(
@@ -268,10 +253,9 @@ impl Names {
         let some = self.renamed.iter().take(5);
         let some: Vec<String> = some.map(|(a, b)| format!("{a:?} is {b:?}")).collect();
         let rest = self.renamed.len().saturating_sub(some.len());
-        let more = if rest > 0 {
-            format!(", and {rest} more")
-        } else {
-            String::new()
+        let more = match rest {
+            0 => String::new(),
+            rest => format!(", and {rest} more"),
         };
         format!("names were taken, so {}{more}", some.join(", "))
     }

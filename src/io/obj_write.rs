@@ -6,10 +6,10 @@ use std::path::Path;
 use burn::tensor::Tensor;
 
 use super::mtl_write::{Library, Names, in_line, number};
-use super::whole::{Part, io, write_whole_by};
+use super::whole::{Part, ending, write_whole};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-use crate::scene::{CornerAttribute, Mesh, Object, Scene, check_scene};
+use crate::scene::{CornerAttribute, Mesh, Scene, check_scene};
 
 impl Mesh {
     /// Writes an OBJ file with vertices, texture coordinates and normals, as numbers that read back to
@@ -22,18 +22,16 @@ impl Mesh {
     /// When the ending is not `.obj`, the mesh has no face or can't be rendered, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        check_ending(path)?;
+        ending(path, &["obj"])?;
         self.check("mesh")?;
         if self.faces.is_empty() {
             return Err(Error::invalid("mesh", "faces", "empty", "at least one"));
         }
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        write_whole_by(path, |file| {
+        write_whole(path, |file| {
             let mut obj = ObjFile::new(file, path);
             obj.line(format_args!("# softray"))?;
-            obj.line(format_args!("o {}", in_line(&stem, "mesh")))?;
-            let before = obj.tables(self)?;
-            obj.faces(self, before, |_| None)
+            obj.object(&in_line(&stem, "mesh"), self, &[], &[])
         })
     }
 }
@@ -67,7 +65,7 @@ impl Scene {
     /// When the ending is not `.obj`, the scene is not valid, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        check_ending(path)?;
+        ending(path, &["obj"])?;
         check_scene(self)?;
         self.warn_of_losses(path)?;
         let (mut names, mut library) = (Names::default(), Library::new(path));
@@ -75,11 +73,12 @@ impl Scene {
         for object in self.objects.iter().filter(|o| !o.mesh.faces.is_empty()) {
             let materials = object.materials.iter();
             let materials = materials.map(|m| library.name_of(m, &object.name));
-            objects.push(Written {
+            let materials = materials.collect::<Result<Vec<String>>>()?;
+            objects.push((
                 object,
-                name: names.unique(in_line(&object.name, "object")),
-                materials: materials.collect::<Result<_>>()?,
-            });
+                names.unique(in_line(&object.name, "object")),
+                materials,
+            ));
         }
         if !names.renamed.is_empty() {
             log::warn!("objects of {}: {}", path.display(), names.told());
@@ -89,7 +88,9 @@ impl Scene {
         parts.push(Part::write(path, |file| {
             let mut obj = ObjFile::new(file, path);
             obj.line(format_args!("# softray\nmtllib {materials}"))?;
-            objects.iter().try_for_each(|o| o.write(&mut obj))
+            objects.iter().try_for_each(|(object, name, materials)| {
+                obj.object(name, &object.mesh, materials, &object.face_materials)
+            })
         })?);
         parts.into_iter().try_for_each(Part::publish)
     }
@@ -119,34 +120,6 @@ impl Scene {
     }
 }
 
-fn check_ending(path: &Path) -> Result<()> {
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-    if ending.eq_ignore_ascii_case("obj") {
-        return Ok(());
-    }
-    let message = format!("its ending is {ending:?}, expected .obj");
-    Err(Error::format(path, message))
-}
-
-/// An object with the names that it has in a file.
-struct Written<'a> {
-    object: &'a Object,
-    name: String,
-    materials: Vec<String>,
-}
-
-impl Written<'_> {
-    fn write(&self, obj: &mut ObjFile<impl Write>) -> Result<()> {
-        let (mesh, of_face) = (&self.object.mesh, &self.object.face_materials);
-        obj.line(format_args!("o {}", self.name))?;
-        let before = obj.tables(mesh)?;
-        obj.faces(mesh, before, |face| {
-            let material = of_face.get(face).map_or(0, |&m| m as usize);
-            self.materials.get(material).map(String::as_str)
-        })
-    }
-}
-
 /// An OBJ file that is being written.
 struct ObjFile<'a, W> {
     file: &'a mut W,
@@ -165,49 +138,26 @@ impl<'a, W: Write> ObjFile<'a, W> {
     }
 
     fn line(&mut self, line: std::fmt::Arguments) -> Result<()> {
-        writeln!(self.file, "{line}").map_err(|e| io(self.path, e))
+        writeln!(self.file, "{line}").map_err(Error::io(self.path))
     }
 
-    /// Writes vertices, texture coordinates and normals; returns how many there were before.
-    fn tables(&mut self, mesh: &Mesh) -> Result<[usize; 3]> {
-        let before = self.rows;
-        let of = |a: &Option<CornerAttribute>| a.as_ref().map(|a| a.values.clone());
-        let tables = [
-            ("v", Some(mesh.vertices.clone())),
-            ("vt", of(&mesh.uvs)),
-            ("vn", of(&mesh.normals)),
-        ];
-        for (kind, (keyword, table)) in tables.into_iter().enumerate() {
-            if let Some(table) = table {
-                self.rows[kind] += self.table(keyword, &table)?;
-            }
-        }
-        Ok(before)
-    }
-
-    fn table(&mut self, keyword: &str, table: &Tensor<2>) -> Result<usize> {
-        let [rows, columns] = table.dims();
-        let dtype = Some(table.dtype());
-        for row in host_values(table)?.chunks_exact(columns) {
-            let row: Vec<String> = row.iter().map(|&v| number(v, dtype)).collect();
-            self.line(format_args!("{keyword} {}", row.join(" ")))?;
-        }
-        Ok(rows)
-    }
-
-    /// Writes the faces of a mesh whose tables follow `before` other rows, with the material of
-    /// each.
-    fn faces<'m>(
+    /// Writes a mesh with the names of its materials, if it has any, and those of its faces.
+    fn object(
         &mut self,
+        name: &str,
         mesh: &Mesh,
-        before: [usize; 3],
-        material: impl Fn(usize) -> Option<&'m str>,
+        materials: &[String],
+        face_materials: &[u32],
     ) -> Result<()> {
-        let uvs = mesh.uvs.as_ref().map(|a| &a.faces);
-        let normals = mesh.normals.as_ref().map(|a| &a.faces);
+        self.line(format_args!("o {name}"))?;
+        let before = self.rows;
+        self.table(0, "v", Some(&mesh.vertices))?;
+        self.table(1, "vt", mesh.uvs.as_ref().map(|a| &a.values))?;
+        self.table(2, "vn", mesh.normals.as_ref().map(|a| &a.values))?;
+        let (uvs, normals) = (mesh.uvs.as_ref(), mesh.normals.as_ref());
         let mut current = None;
         for (i, face) in mesh.faces.iter().enumerate() {
-            let material = material(i);
+            let material = materials.get(face_materials.get(i).map_or(0, |&m| m as usize));
             if let Some(name) = material.filter(|_| material != current) {
                 self.line(format_args!("usemtl {name}"))?;
                 current = material;
@@ -215,11 +165,11 @@ impl<'a, W: Write> ObjFile<'a, W> {
             let corner = |c: usize| {
                 // Files count from 1.
                 let row = |kind: usize, index: u32| before[kind] + index as usize + 1;
+                let of = |kind: usize, attribute: Option<&CornerAttribute>| {
+                    attribute.map(|a| row(kind, a.faces[i][c]))
+                };
                 let v = row(0, face[c]);
-                match (
-                    uvs.map(|f| row(1, f[i][c])),
-                    normals.map(|f| row(2, f[i][c])),
-                ) {
+                match (of(1, uvs), of(2, normals)) {
                     (None, None) => format!("{v}"),
                     (Some(vt), None) => format!("{v}/{vt}"),
                     (None, Some(vn)) => format!("{v}//{vn}"),
@@ -228,6 +178,21 @@ impl<'a, W: Write> ObjFile<'a, W> {
             };
             self.line(format_args!("f {} {} {}", corner(0), corner(1), corner(2)))?;
         }
+        Ok(())
+    }
+
+    /// Writes a table, if there is one.
+    fn table(&mut self, kind: usize, keyword: &str, table: Option<&Tensor<2>>) -> Result<()> {
+        let Some(table) = table else {
+            return Ok(());
+        };
+        let [rows, columns] = table.dims();
+        let dtype = Some(table.dtype());
+        for row in host_values(table)?.chunks_exact(columns) {
+            let row: Vec<String> = row.iter().map(|&v| number(v, dtype)).collect();
+            self.line(format_args!("{keyword} {}", row.join(" ")))?;
+        }
+        self.rows[kind] += rows;
         Ok(())
     }
 }

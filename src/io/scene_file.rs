@@ -88,20 +88,17 @@ impl SceneFile {
         let text = read_text(path, limits)?;
         let mut json = serde_json::Deserializer::from_str(&text);
         let document: Document = serde_path_to_error::deserialize(&mut json).map_err(|e| {
-            let field = e.path().to_string();
-            let message = e.into_inner().to_string();
-            // At the top there is no field to name.
-            let field = if field == "." { "" } else { &field };
-            let between = if field.is_empty() { "" } else { ": " };
-            let is_obj = path
-                .extension()
-                .is_some_and(|e| e.eq_ignore_ascii_case("obj"));
-            let hint = if is_obj {
-                "; an OBJ file is read by Scene::from_obj"
-            } else {
-                ""
+            let field = match e.path().to_string() {
+                // At the top there is no field to name.
+                top if top == "." => String::new(),
+                field => field + ": ",
             };
-            Error::format(path, format!("{field}{between}{message}{hint}"))
+            let ending = path.extension().unwrap_or_default();
+            let hint = match ending.eq_ignore_ascii_case("obj") {
+                true => "; an OBJ file is read by Scene::from_obj",
+                false => "",
+            };
+            Error::format(path, format!("{field}{}{hint}", e.into_inner()))
         })?;
         json.end().map_err(|e| Error::format(path, e.to_string()))?;
         let camera = document.camera;
@@ -118,12 +115,7 @@ impl SceneFile {
         let mut scene = Scene::from_obj_within(obj, device, limits)?;
         if let Some(value) = document.environment {
             let map = value.as_str().map(|file| folder.join(file));
-            let constant = value.as_array().and_then(|list| {
-                let numbers: Vec<f64> = list.iter().filter_map(|v| v.as_f64()).collect();
-                <[f64; 3]>::try_from(numbers)
-                    .ok()
-                    .filter(|_| list.len() == 3)
-            });
+            let constant = serde_json::from_value::<[f64; 3]>(value.clone()).ok();
             scene = match (map, constant) {
                 (Some(file), _) => {
                     limits.check_place(&file, folder, &named_by)?;

@@ -1,34 +1,16 @@
 //! sRGB and linear values.
 
-use image::DynamicImage;
+use image::{ColorType, DynamicImage};
 
 /// Linear values of the three colours of an image in sRGB.
 pub(super) fn decode_srgb(image: DynamicImage) -> Vec<f32> {
-    let table = srgb_table();
-    // From bytes with so many channels, of which one or three are colours.
-    let of_bytes = |bytes: Vec<u8>, channels: usize| {
-        let mut pixels = Vec::with_capacity(bytes.len() / channels * 3);
-        for pixel in bytes.chunks_exact(channels) {
-            let colours = if channels < 3 {
-                [pixel[0]; 3]
-            } else {
-                [pixel[0], pixel[1], pixel[2]]
-            };
-            pixels.extend(colours.map(|c| table[usize::from(c)]));
-        }
-        pixels
-    };
-    match image {
-        DynamicImage::ImageLuma8(i) => of_bytes(i.into_raw(), 1),
-        DynamicImage::ImageLumaA8(i) => of_bytes(i.into_raw(), 2),
-        DynamicImage::ImageRgb8(i) => of_bytes(i.into_raw(), 3),
-        DynamicImage::ImageRgba8(i) => of_bytes(i.into_raw(), 4),
-        other => {
-            let mut pixels = other.into_rgb32f().into_raw();
-            pixels.iter_mut().for_each(|v| *v = srgb_to_linear(*v));
-            pixels
-        }
+    if let ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 = image.color() {
+        let (table, bytes) = (srgb_table(), image.into_rgb8().into_raw());
+        return bytes.iter().map(|&b| table[usize::from(b)]).collect();
     }
+    let mut pixels = image.into_rgb32f().into_raw();
+    pixels.iter_mut().for_each(|v| *v = srgb_to_linear(*v));
+    pixels
 }
 
 /// The linear value of each byte of sRGB.

@@ -14,10 +14,7 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// Writes a file's contents under another name in the same folder.
-    ///
-    /// # Errors
-    /// When the system or the function fails; nothing is left then.
+    /// Writes a file's contents under another name in the same folder. If it fails nothing is left.
     pub fn write(
         path: &Path,
         write: impl FnOnce(&mut BufWriter<fs::File>) -> Result<()>,
@@ -28,22 +25,19 @@ impl Part {
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
         name.push(format!(".{}-{count}.part", std::process::id()));
         let part = path.with_file_name(name);
-        let mut file = BufWriter::new(fs::File::create(&part).map_err(|e| io(path, e))?);
+        let mut file = BufWriter::new(fs::File::create(&part).map_err(Error::io(path))?);
         let this = Self {
             part,
             path: path.into(),
         };
         write(&mut file)?;
-        file.flush().map_err(|e| io(path, e))?;
+        file.flush().map_err(Error::io(path))?;
         Ok(this)
     }
 
     /// Gives it its name.
-    ///
-    /// # Errors
-    /// When the system fails.
     pub fn publish(self) -> Result<()> {
-        fs::rename(&self.part, &self.path).map_err(|e| io(&self.path, e))
+        fs::rename(&self.part, &self.path).map_err(Error::io(&self.path))
     }
 }
 
@@ -55,23 +49,22 @@ impl Drop for Part {
 }
 
 /// Writes a file under another name in its folder and renames it, so that it is never seen incomplete.
-#[cfg(feature = "fit")]
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    write_whole_by(path, |file| file.write_all(bytes).map_err(|e| io(path, e)))
-}
-
-/// As [`write_whole`], with a function that writes the contents.
-pub(super) fn write_whole_by(
+pub(crate) fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<fs::File>) -> Result<()>,
 ) -> Result<()> {
     Part::write(path, write)?.publish()
 }
 
-/// The error of a file operation.
-pub(super) fn io(path: &Path, source: std::io::Error) -> Error {
-    Error::Io {
-        path: path.into(),
-        source,
-    }
+/// The one of some endings that a path has, in letters of either case.
+pub(super) fn ending<'a>(path: &Path, known: &[&'a str]) -> Result<&'a str> {
+    let found = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+    let same = known.iter().find(|e| found.eq_ignore_ascii_case(e));
+    same.copied().ok_or_else(|| {
+        let expected = known.join(" or .");
+        Error::format(
+            path,
+            format!("its ending is {found:?}, expected .{expected}"),
+        )
+    })
 }

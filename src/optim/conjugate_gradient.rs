@@ -20,13 +20,6 @@ pub(super) struct Diffusion {
     starts: Vec<usize>,
 }
 
-/// A column that has been solved for.
-struct Solution {
-    x: Vec<f64>,
-    iterations: usize,
-    residual: f64,
-}
-
 impl Diffusion {
     pub fn new(connectivity: &Connectivity, vertices: usize, lambda: f64) -> Self {
         let degrees = connectivity.degrees(vertices);
@@ -60,22 +53,15 @@ impl Diffusion {
 
     /// A⁻¹b for each column of `b`, `[V, C]` in row-major order.
     pub fn solve(&self, b: &[f64], columns: usize) -> Vec<f64> {
-        let solutions: Vec<Solution> = (0..columns)
+        let column = |c: usize| b.iter().skip(c).step_by(columns).copied().collect();
+        let solutions: Vec<Vec<f64>> = (0..columns)
             .into_par_iter()
-            .map(|c| self.solve_column(b.iter().skip(c).step_by(columns).copied().collect()))
+            .map(|c| self.solve_column(column(c)))
             .collect();
         let mut x = vec![0.0; b.len()];
         for (c, solution) in solutions.iter().enumerate() {
-            if solution.residual > TOLERANCE {
-                log::warn!(
-                    "large steps: conjugate gradients stopped after {} iterations at a relative \
-                     residual of {:e}, expected {TOLERANCE:e}",
-                    solution.iterations,
-                    solution.residual,
-                );
-            }
             let places = x.iter_mut().skip(c).step_by(columns);
-            places.zip(&solution.x).for_each(|(to, from)| *to = *from);
+            places.zip(solution).for_each(|(to, from)| *to = *from);
         }
         x
     }
@@ -83,17 +69,12 @@ impl Diffusion {
     /// Conjugate gradients with the diagonal as preconditioner (Shewchuk 1994, *An Introduction to
     /// the Conjugate Gradient Method Without the Agonizing Pain*, B3), from x = 0: the result
     /// depends on `b` alone.
-    fn solve_column(&self, b: Vec<f64>) -> Solution {
+    fn solve_column(&self, b: Vec<f64>) -> Vec<f64> {
         let n = self.rows();
         let mut x = vec![0.0; n];
         let scale = dot(&b, &b).sqrt();
-        let found = |x, iterations, residual| Solution {
-            x,
-            iterations,
-            residual,
-        };
         if scale == 0.0 {
-            return found(x, 0, 0.0);
+            return x;
         }
         // In exact arithmetic n iterations are enough.
         let most = (4 * n + 100).min(20_000);
@@ -107,7 +88,7 @@ impl Diffusion {
         let mut image = vec![0.0; n];
         let mut rho = dot(&residual, &z);
         let mut relative = 1.0;
-        for iteration in 1..=most {
+        for _ in 0..most {
             self.apply(&direction, &mut image);
             let alpha = rho / dot(&direction, &image);
             for i in 0..n {
@@ -116,7 +97,7 @@ impl Diffusion {
             }
             relative = dot(&residual, &residual).sqrt() / scale;
             if relative <= TOLERANCE {
-                return found(x, iteration, relative);
+                return x;
             }
             z = precondition(&residual);
             let next = dot(&residual, &z);
@@ -126,7 +107,11 @@ impl Diffusion {
                 direction[i] = z[i] + beta * direction[i];
             }
         }
-        found(x, most, relative)
+        log::warn!(
+            "large steps: conjugate gradients stopped after {most} iterations at a relative residual of \
+             {relative:e}, expected {TOLERANCE:e}"
+        );
+        x
     }
 
     /// y = Ax.

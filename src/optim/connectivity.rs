@@ -24,28 +24,22 @@ impl Connectivity {
     /// # Errors
     /// If no face has three different vertices, or an index is out of range.
     pub fn new(object: &str, faces: &[[u32; 3]], vertices: usize) -> Result<Self> {
-        if let Some((i, f)) = faces
-            .iter()
-            .enumerate()
-            .find(|(_, f)| f.iter().any(|&v| v as usize >= vertices))
-        {
-            return Err(Error::invalid(
-                object,
+        let outside = |f: &[u32; 3]| f.iter().any(|&v| v as usize >= vertices);
+        if let Some(i) = faces.iter().position(outside) {
+            let (field, expected) = (
                 format!("vertices of face {i}"),
-                format!("{f:?}"),
                 format!("indices under {vertices}"),
-            ));
+            );
+            let found = format!("{:?}", faces[i]);
+            return Err(Error::invalid(object, field, found, expected));
         }
         let whole = |f: &&[u32; 3]| f[0] != f[1] && f[1] != f[2] && f[2] != f[0];
         let faces: Vec<[u32; 3]> = faces.iter().filter(whole).copied().collect();
-        if faces.is_empty() {
-            return Err(Error::invalid(
-                object,
-                "faces",
-                "without a triangle",
-                "at least one face of three different vertices",
-            ));
-        }
+        let (found, expected) = (
+            "without a triangle",
+            "at least one face of three different vertices",
+        );
+        Error::unless(!faces.is_empty(), object, "faces", found, expected)?;
 
         // The sides of the faces, sorted: those of one edge follow each other.
         let mut sides: Vec<([u32; 2], usize, usize)> = Vec::with_capacity(3 * faces.len());

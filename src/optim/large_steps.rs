@@ -66,29 +66,13 @@ impl LargeStepsConfig {
     }
 
     fn check(&self) -> Result<()> {
-        let share = |x: f64| (0.0..1.0).contains(&x);
-        let checks = [
-            (
-                "lambda",
-                self.lambda,
-                self.lambda >= 0.0 && self.lambda.is_finite(),
-                "a finite number >= 0",
-            ),
-            ("beta_1", self.beta_1, share(self.beta_1), "in [0, 1)"),
-            ("beta_2", self.beta_2, share(self.beta_2), "in [0, 1)"),
-            (
-                "epsilon",
-                self.epsilon,
-                self.epsilon > 0.0 && self.epsilon.is_finite(),
-                "a finite number > 0",
-            ),
-        ];
-        match checks.into_iter().find(|c| !c.2) {
-            Some((field, value, _, expected)) => {
-                Err(Error::invalid(OBJECT, field, value, expected))
-            }
-            None => Ok(()),
+        let valid = self.lambda >= 0.0 && self.lambda.is_finite();
+        Error::unless(valid, OBJECT, "lambda", self.lambda, "a finite number >= 0")?;
+        for (field, share) in [("beta_1", self.beta_1), ("beta_2", self.beta_2)] {
+            let valid = (0.0..1.0).contains(&share);
+            Error::unless(valid, OBJECT, field, share, "in [0, 1)")?;
         }
+        Error::unless_positive(OBJECT, "epsilon", self.epsilon)
     }
 }
 
@@ -200,14 +184,9 @@ impl LargeSteps {
     pub fn precondition(&self, values: Tensor<2>) -> Result<Tensor<2>> {
         let [rows, columns] = values.dims();
         let expected = self.matrix.rows();
-        if rows != expected {
-            return Err(Error::invalid(
-                OBJECT,
-                "values",
-                format!("of shape [{rows}, {columns}]"),
-                format!("shape [{expected}, _]"),
-            ));
-        }
+        let shape = format!("of shape [{rows}, {columns}]");
+        let wanted = format!("shape [{expected}, _]");
+        Error::unless(rows == expected, OBJECT, "values", shape, &wanted)?;
         let solved = self.matrix.solve(&finite(&values)?, columns);
         Ok(constant(&values, &solved))
     }
@@ -227,16 +206,19 @@ impl LargeSteps {
         if let Some(columns) = columns {
             g = self.matrix.solve(&g, columns);
         }
+        let fresh = LargeStepsState {
+            time: 0,
+            moment_1: vec![0.0; n],
+            moment_2: vec![0.0; n],
+        };
         let mut state = match state {
             Some(s) if s.moment_1.len() == n && s.moment_2.len() == n => s.clone(),
             Some(s) => {
-                log::warn!(
-                    "{OBJECT}: the record has {} entries, expected {n}; starting anew",
-                    s.moment_1.len()
-                );
-                LargeStepsState::zeros(n)
+                let found = s.moment_1.len();
+                log::warn!("{OBJECT}: the record has {found} entries, expected {n}; starting anew");
+                fresh
             }
-            None => LargeStepsState::zeros(n),
+            None => fresh,
         };
         let scale = state.advance(&g, &self.config);
         let mut direction: Vec<f64> = state.moment_1.iter().map(|m| m * scale).collect();
@@ -248,14 +230,6 @@ impl LargeSteps {
 }
 
 impl LargeStepsState {
-    fn zeros(n: usize) -> Self {
-        Self {
-            time: 0,
-            moment_1: vec![0.0; n],
-            moment_2: vec![0.0; n],
-        }
-    }
-
     /// Takes in a gradient; returns d/m.
     fn advance(&mut self, gradient: &[f64], config: &LargeStepsConfig) -> f64 {
         let (b1, b2) = (config.beta_1, config.beta_2);
@@ -327,12 +301,10 @@ impl RecordState for LargeStepsState {
 fn finite<const D: usize>(values: &Tensor<D>) -> Result<Vec<f64>> {
     let host = host_values(values)?;
     match host.iter().position(|v| !v.is_finite()) {
-        Some(i) => Err(Error::invalid(
-            OBJECT,
-            format!("entry {i}"),
-            host[i],
-            "a finite number",
-        )),
+        Some(i) => {
+            let entry = format!("entry {i}");
+            Err(Error::invalid(OBJECT, entry, host[i], "a finite number"))
+        }
         None => Ok(host),
     }
 }

@@ -61,9 +61,7 @@ struct Samples {
 
 impl Samples {
     fn new(mesh: &Mesh, count: usize, seed: u64) -> Result<Self> {
-        if count == 0 {
-            return Err(Error::invalid("samples", "count", count, "at least 1"));
-        }
+        Error::unless(count > 0, "samples", "count", count, "at least 1")?;
         let vertices = mesh.checked_vertices("mesh")?;
         let cross = |f: &[u32; 3]| {
             let [a, b, c] = f.map(|v| DVec3::from(vertices[v as usize]));
@@ -75,12 +73,11 @@ impl Samples {
         for i in 0..count as u64 {
             let root = number(seed, i, 1).sqrt();
             let v = number(seed, i, 2);
-            for (list, w) in weights
+            let all = [1.0 - root, root * (1.0 - v), root * v];
+            weights
                 .iter_mut()
-                .zip([1.0 - root, root * (1.0 - v), root * v])
-            {
-                list.push(w);
-            }
+                .zip(all)
+                .for_each(|(list, w)| list.push(w));
         }
         let corner = |i: usize| take_rows(&mesh.vertices, drawn.iter().map(|&f| mesh.faces[f][i]));
         Ok(Self {
@@ -105,12 +102,8 @@ impl Samples {
     fn normals(&self) -> Tensor<2> {
         let [a, b, c] = self.corners.each_ref();
         // Sides in units in which the cross product is about 1.
-        let scale: Vec<f64> = self
-            .crosses
-            .iter()
-            .map(|n| n.length().sqrt().recip())
-            .collect();
-        let scale = self.context.column(&scale);
+        let scale = self.crosses.iter().map(|n| n.length().sqrt().recip());
+        let scale = self.context.column(&scale.collect::<Vec<_>>());
         let side = |end: &Tensor<2>| Vec3::from_columns((end.clone() - a.clone()) * scale.clone());
         let normal = side(b).cross(&side(c));
         // In f32 the product of a slim face's sides may be lost.

@@ -73,25 +73,20 @@ impl Visit for Check<'_> {
             return;
         };
         let (device, dtype) = (tensor.device(), tensor.dtype());
-        if device != context.device {
-            self.add(id, |object, field| {
-                Err(Error::DeviceMismatch {
-                    object: object.into(),
-                    field: field.into(),
-                    found: label(&device),
-                    expected: label(&context.device),
-                })
-            });
+        let like = "like the scene's first object";
+        let (found, expected) = if device != context.device {
+            let there = label(&context.device);
+            let expected = format!("{there} {like}: make it there, or move it by Tensor::to_device");
+            (format!("on the device {}", label(&device)), expected)
         } else if dtype != context.dtype {
-            self.add(id, |object, field| {
-                Err(Error::DtypeMismatch {
-                    object: object.into(),
-                    field: field.into(),
-                    found: format!("{dtype:?}"),
-                    expected: format!("{:?}", context.dtype),
-                })
-            });
-        }
+            let expected = format!("{:?} {like}: Tensor::cast changes it", context.dtype);
+            (format!("of dtype {dtype:?}"), expected)
+        } else {
+            return;
+        };
+        self.add(id, |object, field| {
+            Err(Error::invalid(object, field, found, expected))
+        });
     }
 
     fn parameter<const C: usize>(&mut self, id: ParameterId, p: &mut Parameter<C>) {

@@ -1,4 +1,4 @@
-//! Checks of a fit before it begins, and of the loss of a step.
+//! Checks of a fit before it begins, and of the loss and the gradients of a step.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::{GradientsParams, ModuleOptimizer};
@@ -15,22 +15,16 @@ fn invalid(field: impl Into<String>, value: impl ToString, expected: &str) -> Er
 impl<M: Module> Fit<M> {
     /// Checks that settings are in their ranges, and that the module has parameters that can be fitted.
     pub(super) fn check(&self) -> Result<()> {
-        let at_least_one = |field: &str, value: usize| match value {
-            0 => Err(invalid(field, 0, "at least 1")),
-            _ => Ok(()),
-        };
-        if self.seed >= 1 << 24 {
-            return Err(invalid("seed", self.seed, "below 2²⁴"));
+        Error::unless(self.seed < 1 << 24, "fit", "seed", self.seed, "below 2²⁴")?;
+        for (field, value) in [
+            ("steps", self.steps),
+            ("checkpoint_every", self.every),
+            ("early_stop", self.patience.unwrap_or(1)),
+            ("pictures", self.pictures.as_ref().map_or(1, |p| p.every)),
+        ] {
+            Error::unless(value > 0, "fit", field, value, "at least 1")?;
         }
-        at_least_one("steps", self.steps)?;
-        at_least_one("checkpoint_every", self.every)?;
-        at_least_one("early_stop", self.patience.unwrap_or(1))?;
-        at_least_one("pictures", self.pictures.as_ref().map_or(1, |p| p.every))?;
-        if let Some(clip) = self.clip
-            && !(clip.is_finite() && clip > 0.0)
-        {
-            return Err(invalid("clip", clip, "a finite number > 0"));
-        }
+        Error::unless_positive("fit", "clip", self.clip.unwrap_or(1.0))?;
         self.rate.check()?;
         check_parameters(&self.module)
     }
@@ -54,38 +48,24 @@ impl<M: Module> Fit<M> {
     }
 }
 
-/// Checks that a module has a parameter which records gradients.
-fn check_parameters<M: Module>(module: &M) -> Result<()> {
-    let mut found = Parameters::default();
-    module.visit(&mut found);
-    if found.trained {
-        return Ok(());
-    }
-    Err(match (found.plain, found.frozen) {
-        (Some((path, device)), _) => invalid(
-            format!("device of the parameter {path}"),
-            format!("{device}, which records no gradients"),
-            "one with autodiff: make the module on device.autodiff()",
-        ),
-        (None, Some(path)) => invalid(
-            "module",
-            format!("frozen, {path} as all of its parameters"),
-            "a parameter that requires a gradient",
-        ),
-        (None, None) => invalid("module", "without parameters", "at least one of floats"),
-    })
+/// A parameter of a module.
+struct Found {
+    path: String,
+    /// The device, if it records no gradients.
+    plain: Option<Device>,
+    frozen: bool,
+    /// The sum of the squares of its gradient, if it has one.
+    square: Option<f64>,
 }
 
-/// The kinds of parameters that a module has, each with the first one's path.
-#[derive(Default)]
-struct Parameters {
+/// Visits the parameters of a module.
+struct Parameters<'a> {
+    gradients: &'a GradientsParams,
     path: Vec<String>,
-    trained: bool,
-    plain: Option<(String, String)>,
-    frozen: Option<String>,
+    found: Result<Vec<Found>>,
 }
 
-impl ModuleVisitor for Parameters {
+impl ModuleVisitor for Parameters<'_> {
     fn enter_module(&mut self, name: &str, _container_type: &str) {
         self.path.push(name.into());
     }
@@ -95,15 +75,89 @@ impl ModuleVisitor for Parameters {
     }
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        let tensor = param.base();
-        let path = || self.path.join(".");
-        if !tensor.is_autodiff() {
-            let device = format!("{:?}", tensor.device());
-            self.plain.get_or_insert((path(), device));
-        } else if tensor.is_require_grad() {
-            self.trained = true;
-        } else {
-            self.frozen.get_or_insert(path());
+        let Ok(found) = &mut self.found else {
+            return;
+        };
+        let gradient = self.gradients.get::<D>(param.id);
+        match gradient.map(|g| host_values(&g)).transpose() {
+            Ok(gradient) => {
+                let (tensor, path) = (param.base(), self.path.join("."));
+                let records = tensor.is_autodiff();
+                found.push(Found {
+                    path,
+                    plain: (!records).then(|| tensor.device()),
+                    frozen: records && !tensor.is_require_grad(),
+                    square: gradient.map(|g| g.iter().map(|x| x * x).sum()),
+                });
+            }
+            Err(error) => self.found = Err(error),
+        }
+    }
+}
+
+fn parameters<M: Module>(module: &M, gradients: &GradientsParams) -> Result<Vec<Found>> {
+    let mut visitor = Parameters {
+        gradients,
+        path: Vec::new(),
+        found: Ok(Vec::new()),
+    };
+    module.visit(&mut visitor);
+    visitor.found
+}
+
+/// Checks that a module has a parameter which records gradients.
+fn check_parameters<M: Module>(module: &M) -> Result<()> {
+    let found = parameters(module, &GradientsParams::new())?;
+    if found.iter().any(|p| p.plain.is_none() && !p.frozen) {
+        return Ok(());
+    }
+    let plain = found.iter().find_map(|p| Some((p, p.plain.as_ref()?)));
+    Err(match (plain, found.first()) {
+        (Some((p, device)), _) => invalid(
+            format!("device of the parameter {}", p.path),
+            format!("{device:?}, which records no gradients"),
+            "one with autodiff: make the module on device.autodiff()",
+        ),
+        (None, Some(p)) => invalid(
+            "module",
+            format!("frozen, {} as all of its parameters", p.path),
+            "a parameter that requires a gradient",
+        ),
+        (None, None) => invalid("module", "without parameters", "at least one of floats"),
+    })
+}
+
+/// Scales gradients so that their Euclidean norm is at most `most`. Returns the norm that they had, if
+/// there are any, and the paths of parameters without one that are not frozen.
+pub(super) fn clip<M: Module>(
+    module: &M,
+    gradients: &mut GradientsParams,
+    most: Option<f64>,
+) -> Result<(Option<f64>, Vec<String>)> {
+    let found = parameters(module, gradients)?;
+    let squares = found.iter().filter_map(|p| p.square);
+    let norm = squares.reduce(|a, b| a + b).map(f64::sqrt);
+    if let (Some(norm), Some(most)) = (norm, most)
+        && norm > most
+        && norm.is_finite()
+    {
+        let factor = most / norm;
+        module.visit(&mut Scale { gradients, factor });
+    }
+    let missing = found.into_iter();
+    let missing = missing.filter(|p| p.square.is_none() && !p.frozen);
+    Ok((norm, missing.map(|p| p.path).collect()))
+}
+
+struct Scale<'a> {
+    gradients: &'a mut GradientsParams,
+    factor: f64,
+}
+
+impl ModuleVisitor for Scale<'_> {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        if let Some(gradient) = self.gradients.remove::<D>(param.id) {
+            self.gradients.register(param.id, gradient * self.factor);
         }
     }
 }

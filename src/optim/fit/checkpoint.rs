@@ -1,5 +1,5 @@
 use std::fs::{self, File, TryLockError};
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use burn::module::Module;
@@ -43,12 +43,12 @@ impl Checkpoints {
     /// restart all checkpoints are.
     pub fn open(folder: &Path, restart: bool, warn: &mut impl FnMut(Warning)) -> Result<Self> {
         let inside = folder.join("checkpoints");
-        fs::create_dir_all(&inside).map_err(|e| io(&inside, e))?;
+        fs::create_dir_all(&inside).map_err(Error::io(&inside))?;
         let lock = lock(&folder.join(LOCK), folder, warn)?;
         for (name, path) in entries(&inside)? {
             let whole = name.parse::<usize>().is_ok();
             if name.starts_with(PART) || (restart && whole) {
-                fs::remove_dir_all(&path).map_err(|e| io(&path, e))?;
+                fs::remove_dir_all(&path).map_err(Error::io(&path))?;
             }
         }
         Ok(Self {
@@ -60,10 +60,9 @@ impl Checkpoints {
 
     /// All checkpoints, ordered by the number of steps taken.
     fn all(&self) -> Result<Vec<(usize, PathBuf)>> {
-        let mut all: Vec<(usize, PathBuf)> = entries(&self.inside)?
-            .into_iter()
-            .filter_map(|(name, path)| Some((name.parse().ok()?, path)))
-            .collect();
+        let all = entries(&self.inside)?.into_iter();
+        let all = all.filter_map(|(name, path)| Some((name.parse().ok()?, path)));
+        let mut all: Vec<(usize, PathBuf)> = all.collect();
         all.sort();
         Ok(all)
     }
@@ -102,43 +101,40 @@ impl Checkpoints {
         let name = format!("{:08}", history.rows.len());
         let part = self.inside.join(format!("{PART}{name}"));
         if part.exists() {
-            fs::remove_dir_all(&part).map_err(|e| io(&part, e))?;
+            fs::remove_dir_all(&part).map_err(Error::io(&part))?;
         }
-        fs::create_dir(&part).map_err(|e| io(&part, e))?;
+        fs::create_dir(&part).map_err(Error::io(&part))?;
         let at = |file: &str| part.join(file);
-        let store = |file: &str, error: burn::store::RecordError| {
-            Error::format(at(file), error.to_string())
-        };
-        let saved = module.clone().save_file(at(MODULE));
-        saved.map_err(|e| store(MODULE, e))?;
-        let saved = optimizer.save(at(OPTIMIZER));
-        saved.map_err(|e| store(OPTIMIZER, e))?;
-        fs::write(at(HISTORY), history.to_csv()).map_err(|e| io(&at(HISTORY), e))?;
-        fs::write(at(SETTINGS), settings).map_err(|e| io(&at(SETTINGS), e))?;
-        let mut sums = String::new();
-        for file in FILES {
-            let (sum, length) = checksum(&at(file))?;
-            sums += &format!("{sum:08x} {length} {file}\n");
-        }
-        fs::write(at(CHECKSUMS), sums).map_err(|e| io(&at(CHECKSUMS), e))?;
+        let failed = |e: burn::store::RecordError| Error::format(&part, e.to_string());
+        module.clone().save_file(at(MODULE)).map_err(failed)?;
+        optimizer.save(at(OPTIMIZER)).map_err(failed)?;
+        fs::write(at(HISTORY), history.to_csv()).map_err(Error::io(&at(HISTORY)))?;
+        fs::write(at(SETTINGS), settings).map_err(Error::io(&at(SETTINGS)))?;
+        let sums = FILES.iter().map(|file| checksum(&part, file));
+        let sums = sums.collect::<Result<String>>()?;
+        fs::write(at(CHECKSUMS), sums).map_err(Error::io(&at(CHECKSUMS)))?;
         for file in FILES.into_iter().chain([CHECKSUMS]) {
             sync(&at(file))?;
         }
         let whole = self.inside.join(name);
-        fs::rename(&part, &whole).map_err(|e| io(&whole, e))?;
+        fs::rename(&part, &whole).map_err(Error::io(&whole))?;
         sync(&self.inside)?;
         let all = self.all()?;
         for (_, old) in &all[..all.len().saturating_sub(KEPT)] {
             // Renamed first, so that a kill in between leaves nothing that looks whole.
             let gone = self.inside.join(format!("{PART}old"));
             let removed = fs::rename(old, &gone).and_then(|()| fs::remove_dir_all(&gone));
-            removed.map_err(|e| io(old, e))?;
+            removed.map_err(Error::io(old))?;
         }
         self.report(history)
     }
 
     fn report(&self, history: &History) -> Result<()> {
-        write_whole(&self.folder.join(HISTORY), history.to_csv().as_bytes())
+        let path = self.folder.join(HISTORY);
+        let csv = history.to_csv();
+        write_whole(&path, |file| {
+            file.write_all(csv.as_bytes()).map_err(Error::io(&path))
+        })
     }
 
     /// Writes the history, and plots of it.
@@ -153,24 +149,21 @@ impl Checkpoint {
     fn read(steps: usize, folder: &Path) -> Result<Self> {
         let read = |name: &str| {
             let path = folder.join(name);
-            fs::read_to_string(&path).map_err(|e| io(&path, e))
+            fs::read_to_string(&path).map_err(Error::io(&path))
         };
         let sums = read(CHECKSUMS)?;
         for file in FILES {
-            let path = folder.join(file);
-            let (sum, length) = checksum(&path)?;
-            let line = format!("{sum:08x} {length} {file}");
-            if !sums.lines().any(|l| l == line) {
-                return Err(Error::format(path, "it is not what was written"));
+            let sum = checksum(folder, file)?;
+            if !sums.split_inclusive('\n').any(|line| line == sum) {
+                let message = "it is not what was written";
+                return Err(Error::format(folder.join(file), message));
             }
         }
         let wrong = |message| Error::format(folder.join(HISTORY), message);
         let history = History::from_csv(&read(HISTORY)?).map_err(wrong)?;
-        if history.rows.len() != steps {
-            return Err(wrong(format!(
-                "it has {} steps, expected {steps}",
-                history.rows.len()
-            )));
+        let found = history.rows.len();
+        if found != steps {
+            return Err(wrong(format!("it has {found} steps, expected {steps}")));
         }
         Ok(Self {
             folder: folder.into(),
@@ -197,33 +190,35 @@ impl Checkpoint {
         ))
     }
 
-    /// Loads its parameters into a module.
-    pub fn module<M: Module>(&self, module: M) -> Result<M> {
-        let path = self.folder.join(MODULE);
-        let found = module.try_load_file(&path);
-        found.map_err(|e| Error::format(path, e.to_string()))
-    }
-
-    /// Loads its state into an optimiser.
-    pub fn optimizer(&self, optimizer: ModuleOptimizer) -> Result<ModuleOptimizer> {
-        let path = self.folder.join(OPTIMIZER);
-        let found = optimizer.load(&path);
-        found.map_err(|e| Error::format(path, e.to_string()))
+    /// Loads its parameters into a module, and its state into an optimiser.
+    pub fn load<M: Module>(
+        &self,
+        module: M,
+        optimizer: ModuleOptimizer,
+    ) -> Result<(M, ModuleOptimizer)> {
+        let (at_module, at_optimizer) = (self.folder.join(MODULE), self.folder.join(OPTIMIZER));
+        let module = module.try_load_file(&at_module);
+        let module = module.map_err(|e| Error::format(at_module, e.to_string()))?;
+        let optimizer = optimizer.load(&at_optimizer);
+        let optimizer = optimizer.map_err(|e| Error::format(at_optimizer, e.to_string()))?;
+        Ok((module, optimizer))
     }
 }
 
 /// The files of a checkpoint but for their checksums.
 const FILES: [&str; 4] = [MODULE, OPTIMIZER, HISTORY, SETTINGS];
 
-/// The CRC-32 of a file, and its length.
-fn checksum(path: &Path) -> Result<(u32, usize)> {
-    let bytes = fs::read(path).map_err(|e| io(path, e))?;
-    Ok((crc32fast::hash(&bytes), bytes.len()))
+/// A line with the CRC-32 of a file, its length, and its name.
+fn checksum(folder: &Path, file: &str) -> Result<String> {
+    let path = folder.join(file);
+    let bytes = fs::read(&path).map_err(Error::io(&path))?;
+    let (sum, length) = (crc32fast::hash(&bytes), bytes.len());
+    Ok(format!("{sum:08x} {length} {file}\n"))
 }
 
 /// Locks a file for as long as it stays open; the system unlocks it where a process is killed.
 fn lock(path: &Path, folder: &Path, warn: &mut impl FnMut(Warning)) -> Result<File> {
-    let file = File::create(path).map_err(|e| io(path, e))?;
+    let file = File::create(path).map_err(Error::io(path))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(Error::format(
@@ -234,21 +229,14 @@ fn lock(path: &Path, folder: &Path, warn: &mut impl FnMut(Warning)) -> Result<Fi
             warn(Warning::NoLock(path.into()));
             Ok(file)
         }
-        Err(TryLockError::Error(source)) => Err(io(path, source)),
-    }
-}
-
-fn io(path: &Path, source: std::io::Error) -> Error {
-    Error::Io {
-        path: path.into(),
-        source,
+        Err(TryLockError::Error(source)) => Err(Error::io(path)(source)),
     }
 }
 
 fn entries(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     let mut all = Vec::new();
-    for entry in fs::read_dir(folder).map_err(|e| io(folder, e))? {
-        let entry = entry.map_err(|e| io(folder, e))?;
+    for entry in fs::read_dir(folder).map_err(Error::io(folder))? {
+        let entry = entry.map_err(Error::io(folder))?;
         all.push((
             entry.file_name().to_string_lossy().into_owned(),
             entry.path(),
@@ -259,10 +247,10 @@ fn entries(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
 
 /// Waits until a file or folder has reached the disk.
 fn sync(path: &Path) -> Result<()> {
-    let file = File::open(path).map_err(|e| io(path, e))?;
+    let file = File::open(path).map_err(Error::io(path))?;
     match file.sync_all() {
         // Folders can't be opened for this everywhere.
-        Err(e) if path.is_file() => Err(io(path, e)),
+        Err(e) if path.is_file() => Err(Error::io(path)(e)),
         _ => Ok(()),
     }
 }

@@ -1,7 +1,8 @@
-use std::fmt::Write;
+use std::fmt;
 
 use crate::error::{Error, Result};
 use crate::figure::{Figure, Plot};
+use crate::optim::schedule::{TOLERANCE, stopped_falling};
 
 /// A step of a fit.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,21 +33,42 @@ pub struct History {
     pub rows: Vec<Row>,
 }
 
-const COLUMNS: [&str; 6] = ["step", "loss", "gradient_norm", "rate", "blur", "seconds"];
+type Column = (&'static str, fn(&Row) -> Option<f64>);
+
+const COLUMNS: [Column; 6] = [
+    ("step", |r| Some(r.step as f64)),
+    ("loss", |r| Some(r.loss)),
+    ("gradient_norm", |r| Some(r.gradient_norm)),
+    ("rate", |r| Some(r.rate)),
+    ("blur", |r| r.blur),
+    ("seconds", |r| Some(r.seconds)),
+];
+
+impl fmt::Debug for History {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut all = f.debug_struct("History");
+        all.field("steps", &self.rows.len());
+        if let (Some(first), Some(last)) = (self.rows.first(), self.rows.last()) {
+            all.field("first_loss", &first.loss)
+                .field("last_loss", &last.loss)
+                .field("seconds", &last.seconds);
+        }
+        if !self.names.is_empty() {
+            all.field("names", &self.names);
+        }
+        all.finish_non_exhaustive()
+    }
+}
 
 impl History {
     /// A number over the steps, as points (step, value): a number of the evaluations, or `loss`,
     /// `gradient_norm`, `rate`, `blur` or `seconds`. It is empty for any other name.
     pub fn curve(&self, name: &str) -> Vec<(f64, f64)> {
         let place = self.names.iter().position(|n| n == name);
-        let value = |r: &Row| match (name, place) {
-            (_, Some(k)) => r.values.get(k).copied(),
-            ("loss", _) => Some(r.loss),
-            ("gradient_norm", _) => Some(r.gradient_norm),
-            ("rate", _) => Some(r.rate),
-            ("blur", _) => r.blur,
-            ("seconds", _) => Some(r.seconds),
-            _ => None,
+        let column = COLUMNS.iter().find(|c| c.0 == name);
+        let value = |r: &Row| match place {
+            Some(k) => r.values.get(k).copied(),
+            None => column.and_then(|c| c.1(r)),
         };
         let point = |r: &Row| Some((r.step as f64, value(r)?));
         self.rows.iter().filter_map(point).collect()
@@ -57,13 +79,14 @@ impl History {
     /// # Errors
     /// If there are no numbers of a name.
     pub fn plot(&self, title: impl Into<String>, names: &[&str]) -> Result<Plot> {
-        let known = |name: &str| COLUMNS.contains(&name) || self.names.iter().any(|n| n == name);
+        let columns = COLUMNS.map(|c| c.0);
+        let known = |name: &str| columns.contains(&name) || self.names.iter().any(|n| n == name);
         if let Some(bad) = names.iter().find(|name| !known(name)) {
             return Err(Error::invalid(
                 "history",
                 "name of a curve",
                 format!("{bad:?}"),
-                format!("one of {:?} or {:?}", &COLUMNS[1..], self.names),
+                format!("one of {:?} or {:?}", &columns[1..], self.names),
             ));
         }
         let plot = Plot::new(title, "step", "");
@@ -96,19 +119,15 @@ impl History {
         figure.plot(over_steps("blur", "blur"))
     }
 
+    /// Adds a step with the numbers of its evaluation.
     pub(super) fn push(&mut self, values: Vec<(String, f64)>, mut row: Row) -> Result<()> {
-        let names: Vec<String> = values.iter().map(|v| v.0.clone()).collect();
+        let (names, values): (Vec<String>, _) = values.into_iter().unzip();
         if self.rows.is_empty() {
-            if let Some(bad) = names
-                .iter()
-                .find(|n| n.is_empty() || n.contains(['"', ',', '\n', '\r']))
-            {
-                return Err(Error::invalid(
-                    "fit",
-                    "name of a value",
-                    format!("{bad:?}"),
-                    "a name without quotes, commas and line breaks",
-                ));
+            let bad = |n: &&String| n.is_empty() || n.contains(['"', ',', '\n', '\r']);
+            if let Some(bad) = names.iter().find(bad) {
+                let expected = "a name without quotes, commas and line breaks";
+                let bad = format!("{bad:?}");
+                return Err(Error::invalid("fit", "name of a value", bad, expected));
             }
             self.names = names;
         } else if self.names != names {
@@ -119,22 +138,29 @@ impl History {
                 format!("{:?} like at the steps before", self.names),
             ));
         }
-        row.values = values.into_iter().map(|v| v.1).collect();
+        row.values = values;
         self.rows.push(row);
         Ok(())
     }
 
-    /// Whether after the last row the mean of the loss over the last steps is not 2 % less than over as
-    /// many before, all with the same blur, and the last time that was so is long enough ago.
-    pub(super) fn is_flat(&self, window: usize, last: Option<usize>) -> bool {
-        flat(&self.rows, window, last)
+    /// Whether after `steps` steps the loss has stopped falling over the last `window` of them, all with
+    /// the same blur, and the last time that was so is long enough ago.
+    pub(super) fn is_flat(&self, steps: usize, window: usize, last: Option<usize>) -> bool {
+        let Some(first) = steps.checked_sub(2 * window) else {
+            return false;
+        };
+        let rows = &self.rows[first..steps];
+        let losses: Vec<f64> = rows.iter().map(|r| r.loss).collect();
+        last.is_none_or(|last| steps > last + window)
+            && rows.iter().all(|r| r.blur == rows[0].blur)
+            && stopped_falling(&losses, TOLERANCE)
     }
 
     /// The steps at which [`History::is_flat`] held.
     pub(super) fn plateaus(&self, window: usize) -> Vec<usize> {
         let mut found = Vec::new();
         for n in 1..=self.rows.len() {
-            if flat(&self.rows[..n], window, found.last().copied()) {
+            if self.is_flat(n, window, found.last().copied()) {
                 found.push(n - 1);
             }
         }
@@ -143,78 +169,61 @@ impl History {
 
     /// Writes comma-separated values below a line of names; numbers read back exactly.
     pub fn to_csv(&self) -> String {
-        let mut text = COLUMNS.map(String::from).to_vec();
-        text.extend(self.names.iter().cloned());
-        let mut text = text.join(",") + "\n";
-        let optional = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
+        let names = COLUMNS.iter().map(|c| c.0);
+        let names = names.chain(self.names.iter().map(String::as_str));
+        let mut text = names.collect::<Vec<_>>().join(",") + "\n";
         for r in &self.rows {
-            let blur = optional(r.blur);
-            // Writing to a string can't fail.
-            let _ = write!(
-                text,
-                "{},{},{},{},{blur},{}",
-                r.step, r.loss, r.gradient_norm, r.rate, r.seconds
-            );
-            for value in &r.values {
-                let _ = write!(text, ",{value}");
-            }
-            text.push('\n');
+            let values = r.values.iter().copied().map(Some);
+            let cells = COLUMNS.iter().map(|c| c.1(r)).chain(values);
+            let cells = cells.map(|v| v.map_or(String::new(), |v| v.to_string()));
+            text += &(cells.collect::<Vec<_>>().join(",") + "\n");
         }
         text
     }
 
     /// Reads the text of [`History::to_csv`]; the error is the line at fault.
-    pub(super) fn from_csv(text: &str) -> std::result::Result<Self, String> {
+    pub(super) fn from_csv(text: &str) -> Result<Self, String> {
         let mut lines = text.lines();
         let head: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-        if !head.starts_with(&COLUMNS) {
+        let columns = COLUMNS.map(|c| c.0);
+        let Some(names) = head.strip_prefix(&columns) else {
             return Err(format!(
-                "its columns are {head:?}, expected {COLUMNS:?} first"
+                "its columns are {head:?}, expected {columns:?} first"
             ));
-        }
-        let names: Vec<String> = head[COLUMNS.len()..]
-            .iter()
-            .map(|n| n.to_string())
-            .collect();
+        };
         let row = |line: &str| -> Option<Row> {
-            let cells: Vec<&str> = line.split(',').collect();
-            if cells.len() != head.len() {
-                return None;
-            }
-            let number = |k: usize| cells[k].parse::<f64>().ok();
-            let optional = |k: usize| match cells[k] {
+            let cell = |cell: &str| match cell {
                 "" => Some(None),
-                cell => cell.parse().ok().map(Some),
+                cell => cell.parse::<f64>().ok().map(Some),
             };
+            let cells: Vec<_> = line.split(',').map(cell).collect::<Option<_>>()?;
+            let [
+                step,
+                loss,
+                gradient_norm,
+                rate,
+                blur,
+                seconds,
+                ref values @ ..,
+            ] = cells[..]
+            else {
+                return None;
+            };
+            (values.len() == names.len()).then_some(())?;
             Some(Row {
-                step: cells[0].parse().ok()?,
-                loss: number(1)?,
-                gradient_norm: number(2)?,
-                rate: number(3)?,
-                blur: optional(4)?,
-                seconds: number(5)?,
-                values: (COLUMNS.len()..cells.len())
-                    .map(number)
-                    .collect::<Option<_>>()?,
+                step: step? as usize,
+                loss: loss?,
+                gradient_norm: gradient_norm?,
+                rate: rate?,
+                blur,
+                seconds: seconds?,
+                values: values.iter().copied().collect::<Option<_>>()?,
             })
         };
-        let rows = lines
-            .map(|line| row(line).ok_or_else(|| format!("a malformed line: {line:?}")))
-            .collect::<std::result::Result<_, _>>()?;
-        Ok(Self { names, rows })
+        let rows = lines.map(|line| row(line).ok_or_else(|| format!("a malformed line: {line:?}")));
+        Ok(Self {
+            names: names.iter().map(|n| n.to_string()).collect(),
+            rows: rows.collect::<Result<_, _>>()?,
+        })
     }
-}
-
-fn flat(rows: &[Row], window: usize, last: Option<usize>) -> bool {
-    let Some(first) = rows.len().checked_sub(2 * window) else {
-        return false;
-    };
-    if last.is_some_and(|last| rows.len() <= last + window) {
-        return false;
-    }
-    let rows = &rows[first..];
-    let same = rows.iter().all(|r| r.blur == rows[0].blur);
-    let mean = |rows: &[Row]| rows.iter().map(|r| r.loss).sum::<f64>() / window as f64;
-    let (before, after) = (mean(&rows[..window]), mean(&rows[window..]));
-    same && after > before - 0.02 * before.abs()
 }

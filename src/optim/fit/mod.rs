@@ -4,16 +4,12 @@
 
 mod check;
 mod checkpoint;
-mod debug;
-mod evaluation;
-mod gradients;
 mod history;
 mod pictures;
 mod progress;
 mod rate;
 mod run;
 mod step;
-mod warning;
 
 use std::path::{Path, PathBuf};
 
@@ -22,12 +18,10 @@ use burn::optim::ModuleOptimizer;
 
 use super::schedule::Blur;
 use crate::error::Result;
-pub use evaluation::Evaluation;
 pub use history::{History, Row};
 use pictures::Pictures;
 pub use rate::Rate;
-pub use step::{Fitted, Report, Step, Stop};
-pub use warning::Warning;
+pub use step::{Evaluation, Fitted, Report, Step, Stop, Warning};
 
 type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 
@@ -171,8 +165,9 @@ impl<M: Module> Fit<M> {
 
     /// Writes the images of evaluations to a folder, as `step-000040.png`: at step 0, every so many
     /// steps and at the last one. Each image of [`Evaluation::image`] is a row, beside its target and
-    /// their difference where [`Evaluation::target`] has named one. The colours of a difference keep
-    /// the scale that they had at the first picture, so that pictures can be compared.
+    /// their difference where [`Evaluation::target`] has named one. The colours of a difference are
+    /// the same at every step: the darkest stand for the 99th percentile of the target, without pixels above
+    /// 1, which the picture clips.
     ///
     /// Images that are only for pictures need be rendered only where [`Step::pictured`] is set.
     ///
@@ -187,7 +182,7 @@ impl<M: Module> Fit<M> {
     /// # fn main() -> softray::Result<()> {
     /// # let device = Device::flex();
     /// # let module = Colour { albedo: Param::from_tensor(Tensor::zeros([3], &device.clone().autodiff())) };
-    /// let target: Tensor<3> = HostImage::read("photo.png")?.to_tensor(&device);
+    /// let target: Tensor<3> = HostImage::read("photo.png")?.into_tensor(&device);
     /// let fitted = Fit::new(module, AdamConfig::new().init(), 200)
     ///     .pictures("out/pictures", 20)
     ///     .run(|module: &Colour, step: &_| {
@@ -201,7 +196,8 @@ impl<M: Module> Fit<M> {
     /// # }
     /// ```
     pub fn pictures(mut self, folder: impl AsRef<Path>, every: usize) -> Self {
-        self.pictures = Some(Pictures::new(folder.as_ref(), every));
+        let folder = folder.as_ref().into();
+        self.pictures = Some(Pictures { folder, every });
         self
     }
 

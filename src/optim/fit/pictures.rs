@@ -1,18 +1,11 @@
 //! Images of a step beside their targets.
 
-use std::cell::RefCell;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use burn::tensor::Tensor;
-
-use super::{Evaluation, Row};
+use super::{Evaluation, Report, Row};
 use crate::error::{Error, Result};
 use crate::figure::{Diverging, Figure, Panel};
 use crate::io::HostImage;
-
-/// The colour scales of the differences, by the name of the image, from the first picture.
-pub(super) type Colours = RefCell<BTreeMap<String, Diverging>>;
 
 /// The folder and the interval of the pictures of a fit.
 pub(super) struct Pictures {
@@ -21,82 +14,78 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    pub fn new(folder: &Path, every: usize) -> Self {
-        Self {
-            folder: folder.into(),
-            every,
-        }
-    }
-
-    /// Makes the folder.
-    pub fn open(&self) -> Result<()> {
-        std::fs::create_dir_all(&self.folder).map_err(|source| Error::Io {
-            path: self.folder.clone(),
-            source,
-        })
-    }
-
-    pub fn wants(&self, step: usize, steps: usize) -> bool {
-        step.is_multiple_of(self.every) || step + 1 == steps
-    }
-
     /// Writes the picture of a step; at the first one there has to be an image.
-    pub fn write(&self, images: &Images, row: &Row, first: bool) -> Result<()> {
-        if images.evaluation.images.is_empty() {
-            if !first {
-                return Ok(());
-            }
-            return Err(Error::invalid(
-                "fit",
-                "evaluation",
-                "without an image",
-                "one for the pictures: Evaluation::image",
-            ));
+    pub fn write(&self, evaluation: &Evaluation, row: &Row, first: bool) -> Result<()> {
+        if evaluation.images.is_empty() {
+            let expected = "one for the pictures: Evaluation::image";
+            return Error::unless(!first, "fit", "evaluation", "without an image", expected);
         }
         let path = self.folder.join(format!("step-{:06}.png", row.step));
-        images.figure(row)?.write(path)
+        figure(evaluation, row)?.write(path)
     }
 }
 
-/// The images and targets of an evaluation.
-pub(super) struct Images<'a> {
-    pub evaluation: &'a Evaluation,
-    pub colours: &'a Colours,
-}
+impl<M> Report<'_, M> {
+    /// Reads back the images of the step's evaluation, with their names.
+    ///
+    /// # Errors
+    /// If one can't be read back from its device.
+    pub fn images(&self) -> Result<Vec<(String, HostImage)>> {
+        let images = self.evaluation.images.iter();
+        images
+            .map(|(n, i)| Ok((n.clone(), HostImage::from_tensor(i)?)))
+            .collect()
+    }
 
-impl Images<'_> {
-    /// A row for each image: the image, and if it has a target, that and their difference.
-    pub fn figure(&self, row: &Row) -> Result<Figure> {
-        let blur = row
-            .blur
-            .map_or(String::new(), |b| format!(", blur {b:.1e}"));
-        let title = format!("step {}, loss {:.2e}{blur}", row.step, row.loss);
-        let mut figure = Figure::new(title);
-        for (name, image) in &self.evaluation.images {
-            let image = read(image)?;
-            let mut panels = vec![Panel::new(name.as_str(), &image)];
-            let target = self.evaluation.targets.iter().find(|t| &t.0 == name);
-            if let Some((_, target)) = target {
-                let target = read(target)?;
-                let difference = Panel::difference(format!("{name} − target"), &image, &target)?;
-                let mut all = self.colours.borrow_mut();
-                let colours = match (all.get(name), difference.map()) {
-                    (Some(&colours), _) => colours,
-                    (None, found) => {
-                        let found = found.unwrap_or(Diverging::of(&[]));
-                        all.insert(name.clone(), found);
-                        found
-                    }
-                };
-                panels.push(Panel::new("target", &target));
-                panels.push(difference.colours(colours));
-            }
-            figure = figure.row(panels);
+    /// Draws the images beside their targets and differences, as [`Fit::pictures`](super::Fit::pictures)
+    /// writes them.
+    ///
+    /// # Errors
+    /// If one can't be read back from its device, or is not of three channels.
+    pub fn figure(&self) -> Result<Figure> {
+        match self.history.rows.last() {
+            Some(row) => figure(self.evaluation, row),
+            None => Ok(Figure::new("")),
         }
-        Ok(figure)
     }
 }
 
-pub(super) fn read(image: &Tensor<3>) -> Result<HostImage> {
-    HostImage::take(image.clone().inner())
+/// A row for each image: the image, and if it has a target, that and their difference.
+fn figure(evaluation: &Evaluation, row: &Row) -> Result<Figure> {
+    let blur = row.blur;
+    let blur = blur.map_or(String::new(), |b| format!(", blur {b:.1e}"));
+    let title = format!("step {}, loss {:.2e}{blur}", row.step, row.loss);
+    let mut figure = Figure::new(title);
+    for (name, image) in &evaluation.images {
+        let image = HostImage::from_tensor(image)?;
+        let mut panels = vec![Panel::new(name.as_str(), &image)];
+        if let Some((_, target)) = evaluation.targets.iter().find(|t| &t.0 == name) {
+            let target = HostImage::from_tensor(target)?;
+            let difference = Panel::difference(format!("{name} − target"), &image, &target)?;
+            panels.push(Panel::new("target", &target));
+            panels.push(difference.colours(scale(&target)));
+        }
+        figure = figure.row(panels);
+    }
+    Ok(figure)
+}
+
+/// The colours of differences from a target: the same at every step, and by what is not clipped in its
+/// picture, so that lights in view don't make the rest pale.
+fn scale(target: &HostImage) -> Diverging {
+    let pixels = target.pixels.chunks_exact(3);
+    let means = pixels.map(|p| p.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0);
+    Diverging::of(&means.filter(|&v| v <= 1.0).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lights_in_view_do_not_set_the_scale() {
+        let pixels = (0..300).map(|i| if i < 30 { 50.0 } else { 0.4 }).collect();
+        let target = HostImage::new(10, 10, pixels).expect("an image");
+        assert!((scale(&target).scale() - 0.4).abs() < 1e-6);
+    }
 }

@@ -19,7 +19,7 @@ pub(super) struct Progress {
     start: Instant,
     /// The last step of this run.
     latest: Option<Latest>,
-    warnings: Vec<Warning>,
+    pub warnings: Vec<Warning>,
 }
 
 enum Shown {
@@ -39,18 +39,14 @@ struct Latest {
 
 impl Progress {
     pub fn new(shown: bool, steps: usize) -> Self {
-        let shown = if shown {
-            let style = ProgressStyle::with_template(TEMPLATE);
-            let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-            let bar = ProgressBar::new(steps as u64).with_style(style);
+        let style = ProgressStyle::with_template(TEMPLATE);
+        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+        let bar = ProgressBar::new(steps as u64).with_style(style);
+        let shown = match (shown, bar.is_hidden()) {
+            (false, _) => Shown::Nothing,
             // It is where the standard error is no terminal.
-            if bar.is_hidden() {
-                Shown::Lines(None)
-            } else {
-                Shown::Bar(bar)
-            }
-        } else {
-            Shown::Nothing
+            (true, true) => Shown::Lines(None),
+            (true, false) => Shown::Bar(bar),
         };
         Self {
             shown,
@@ -85,10 +81,13 @@ impl Progress {
             Shown::Lines(Some((last, _))) if last.elapsed() < PAUSE => {}
             Shown::Lines(last) => {
                 *last = Some((Instant::now(), done));
-                let elapsed = self.start.elapsed();
-                write_line(&line(latest, (self.before, self.steps), elapsed));
+                write_line(&self.line(latest));
             }
         }
+    }
+
+    fn line(&self, latest: Latest) -> String {
+        line(latest, (self.before, self.steps), self.start.elapsed())
     }
 
     /// Ends the display. Where lines are written, the last one says why the fit ended.
@@ -103,9 +102,7 @@ impl Progress {
             (Shown::Lines(last), Some(latest)) => {
                 let written = last.is_some_and(|(_, done)| done == latest.done);
                 if !written || stop != Stop::Steps {
-                    let elapsed = self.start.elapsed();
-                    let line = line(latest, (self.before, self.steps), elapsed);
-                    write_line(&format!("{line}{why}"));
+                    write_line(&(self.line(latest) + why));
                 }
             }
             _ => {}
@@ -125,10 +122,6 @@ impl Progress {
             _ => log::warn!("{text}"),
         }
         self.warnings.push(warning);
-    }
-
-    pub fn into_warnings(self) -> Vec<Warning> {
-        self.warnings
     }
 }
 
@@ -201,13 +194,5 @@ mod tests {
             "fit: step 200/200, loss 1.200e-3, 2 h 1 min"
         );
         assert_eq!(time(Duration::from_millis(340)), "0.3 s");
-    }
-
-    #[test]
-    fn warnings_are_kept() {
-        let mut progress = Progress::new(false, 3);
-        let warning = Warning::Unused(vec!["a.b".into()]);
-        progress.warn(warning.clone());
-        assert_eq!(progress.into_warnings(), [warning]);
     }
 }

@@ -6,12 +6,11 @@ use std::time::Instant;
 use burn::module::Module;
 use burn::optim::GradientsParams;
 
-use super::check::{loss_of_step, no_gradient, not_finite};
+use super::check::{clip, loss_of_step, no_gradient, not_finite};
 use super::checkpoint::Checkpoints;
-use super::pictures::{Colours, Images};
 use super::progress::Progress;
-use super::{Evaluation, Fit, Fitted, History, Report, Row, Step, Stop, Warning, gradients};
-use crate::error::Result;
+use super::{Evaluation, Fit, Fitted, History, Report, Row, Step, Stop, Warning};
+use crate::error::{Error, Result};
 use crate::optim::schedule::Blur;
 
 /// A fit under way.
@@ -23,10 +22,11 @@ struct Run<M> {
     history: History,
     resumed: Option<usize>,
     progress: Progress,
-    colours: Colours,
     /// The steps over which a loss that does not fall is a plateau.
     window: usize,
     plateaus: Vec<usize>,
+    /// Why it ended before its last step, if it did.
+    stop: Option<Stop>,
     start: Instant,
     /// Seconds that a run before this one took.
     before: f64,
@@ -45,22 +45,13 @@ impl<M: Module> Fit<M> {
     /// another size than its target, or a file can't be written.
     pub fn run(self, mut f: impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Fitted<M>> {
         let mut run = Run::open(self)?;
-        let mut stop = Stop::Steps;
-        // A fit that had ended early stays so.
-        if run.fit.patience.is_some() && run.ended_flat() {
-            stop = Stop::Early;
-        } else {
-            while run.history.rows.len() < run.fit.steps {
-                let (next, end) = run.step(&mut f)?;
-                run = next;
-                if let Some(end) = end {
-                    stop = end;
-                    break;
-                }
+        while run.stop.is_none() && run.history.rows.len() < run.fit.steps {
+            run = run.step(&mut f)?;
+            if run.history.rows.len().is_multiple_of(run.fit.every) {
                 run.save()?;
             }
         }
-        run.finish(stop)
+        run.finish()
     }
 }
 
@@ -69,13 +60,12 @@ impl<M: Module> Run<M> {
     fn open(mut fit: Fit<M>) -> Result<Self> {
         fit.check()?;
         if let Some(pictures) = &fit.pictures {
-            pictures.open()?;
+            let folder = &pictures.folder;
+            std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
         }
         // Only checkpoints ask for them.
-        let settings = match &fit.folder {
-            Some(_) => fit.settings(),
-            None => String::new(),
-        };
+        let settings = fit.folder.as_ref().map(|_| fit.settings());
+        let settings = settings.unwrap_or_default();
         let mut progress = Progress::new(fit.progress, fit.steps);
         let mut warn = |warning| progress.warn(warning);
         let restart = fit.restart;
@@ -86,8 +76,7 @@ impl<M: Module> Run<M> {
         let newest = checkpoints.as_ref();
         let newest = newest.map(|c| c.newest(&settings, &mut warn));
         if let Some(newest) = newest.transpose()?.flatten() {
-            fit.module = newest.module(fit.module)?;
-            fit.optimizer = newest.optimizer(fit.optimizer)?;
+            (fit.module, fit.optimizer) = newest.load(fit.module, fit.optimizer)?;
             history = newest.history;
             resumed = Some(history.rows.len());
         }
@@ -97,12 +86,15 @@ impl<M: Module> Run<M> {
         }
         progress.begin(history.rows.len());
         let window = fit.patience.unwrap_or((fit.steps / 5).max(20));
+        let plateaus = history.plateaus(window);
+        // A fit that had ended early stays so.
+        let flat = plateaus.last().is_some_and(|p| p + 1 == history.rows.len());
         Ok(Self {
             window,
-            plateaus: history.plateaus(window),
+            plateaus,
+            stop: (flat && fit.patience.is_some()).then_some(Stop::Early),
             before: history.rows.last().map_or(0.0, |r| r.seconds),
             start: Instant::now(),
-            colours: Colours::default(),
             fit,
             settings,
             checkpoints,
@@ -112,21 +104,14 @@ impl<M: Module> Run<M> {
         })
     }
 
-    fn ended_flat(&self) -> bool {
-        let last = self.plateaus.last();
-        last.is_some_and(|last| last + 1 == self.history.rows.len())
-    }
-
-    /// Takes a step; returns why it was the last one, if it was.
-    fn step(
-        mut self,
-        f: &mut impl FnMut(&M, &Step) -> Result<Evaluation>,
-    ) -> Result<(Self, Option<Stop>)> {
+    /// Takes a step.
+    fn step(mut self, f: &mut impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Self> {
         let index = self.history.rows.len();
         let first = index == 0 || self.resumed == Some(index);
         let steps = self.fit.steps;
+        let due = |every: usize| index.is_multiple_of(every) || index + 1 == steps;
         let pictures = self.fit.pictures.as_ref();
-        let pictures = pictures.filter(|p| first || p.wants(index, steps));
+        let pictures = pictures.filter(|p| first || due(p.every));
         let step = Step {
             index,
             blur: self.fit.blur.as_ref().map(|b| b.value(index)),
@@ -138,15 +123,15 @@ impl<M: Module> Run<M> {
         let loss = loss_of_step(&evaluation.loss, index)?;
         let mut gradients =
             GradientsParams::from_grads(evaluation.loss.backward(), &self.fit.module);
-        let found = gradients::clip(&self.fit.module, &mut gradients, self.fit.clip)?;
-        let Some(norm) = found.norm else {
+        let (norm, missing) = clip(&self.fit.module, &mut gradients, self.fit.clip)?;
+        let Some(norm) = norm else {
             return Err(no_gradient(&self.fit.module, &evaluation.loss));
         };
         if !norm.is_finite() {
             return Err(not_finite("the gradient", norm, index));
         }
-        if !found.missing.is_empty() && first {
-            self.progress.warn(Warning::Unused(found.missing));
+        if !missing.is_empty() && first {
+            self.progress.warn(Warning::Unused(missing));
         }
         let rate = self.fit.rate.at(index, steps);
         let row = Row {
@@ -160,72 +145,51 @@ impl<M: Module> Run<M> {
         };
         self.history
             .push(std::mem::take(&mut evaluation.values), row)?;
-        let images = Images {
-            evaluation: &evaluation,
-            colours: &self.colours,
-        };
         if let (Some(pictures), Some(row)) = (pictures, self.history.rows.last()) {
-            pictures.write(&images, row, first)?;
+            pictures.write(&evaluation, row, first)?;
         }
-        let mut wanted = true;
         if let Some((every, callback)) = &mut self.fit.callback
-            && (index.is_multiple_of(*every) || index + 1 == steps)
+            && due(*every)
         {
-            wanted = callback(&Report {
+            let wanted = callback(&Report {
                 module: &self.fit.module,
                 step: &step,
                 steps,
                 history: &self.history,
-                images: &images,
+                evaluation: &evaluation,
             })?;
+            self.stop = (!wanted).then_some(Stop::Callback);
         }
         drop(evaluation);
         self.fit.module = self.fit.optimizer.step(rate, self.fit.module, gradients);
         observe(&mut self.fit.blur, loss);
         self.progress.step(index + 1, loss, step.blur);
-        let flat = self.plateau(index);
-        let end = match (flat && self.fit.patience.is_some(), wanted) {
-            (true, _) => Some(Stop::Early),
-            (false, false) => Some(Stop::Callback),
-            (false, true) => None,
-        };
-        Ok((self, end))
-    }
-
-    /// Whether a plateau ends at a step; warns if so.
-    fn plateau(&mut self, step: usize) -> bool {
-        let window = self.window;
-        let flat = self.history.is_flat(window, self.plateaus.last().copied());
-        if flat {
-            self.plateaus.push(step);
+        let (window, last) = (self.window, self.plateaus.last().copied());
+        if self.history.is_flat(index + 1, window, last) {
+            self.plateaus.push(index);
+            let step = index;
             self.progress.warn(Warning::Plateau { step, window });
+            self.stop = self.fit.patience.map(|_| Stop::Early).or(self.stop);
         }
-        flat
+        Ok(self)
     }
 
-    /// Writes a checkpoint where one is due.
+    /// Writes a checkpoint, if there are any.
     fn save(&self) -> Result<()> {
-        match &self.checkpoints {
-            Some(all) if self.history.rows.len().is_multiple_of(self.fit.every) => self.write(all),
-            _ => Ok(()),
-        }
+        self.checkpoints.as_ref().map_or(Ok(()), |checkpoints| {
+            let (module, optimizer) = (&self.fit.module, &self.fit.optimizer);
+            checkpoints.write(module, optimizer, &self.history, &self.settings)
+        })
     }
 
-    fn write(&self, checkpoints: &Checkpoints) -> Result<()> {
-        let Fit {
-            module, optimizer, ..
-        } = &self.fit;
-        checkpoints.write(module, optimizer, &self.history, &self.settings)
-    }
-
-    fn finish(mut self, stop: Stop) -> Result<Fitted<M>> {
+    fn finish(mut self) -> Result<Fitted<M>> {
+        let stop = self.stop.unwrap_or(Stop::Steps);
         self.progress.finish(stop);
+        let steps = self.history.rows.len();
+        if !steps.is_multiple_of(self.fit.every) && self.resumed != Some(steps) {
+            self.save()?;
+        }
         if let Some(checkpoints) = &self.checkpoints {
-            let steps = self.history.rows.len();
-            let saved = steps.is_multiple_of(self.fit.every) && stop == Stop::Steps;
-            if !saved && self.resumed != Some(steps) {
-                self.write(checkpoints)?;
-            }
             checkpoints.finish(&self.history)?;
         }
         Ok(Fitted {
@@ -234,7 +198,7 @@ impl<M: Module> Run<M> {
             stop,
             resumed: self.resumed,
             plateaus: self.plateaus,
-            warnings: self.progress.into_warnings(),
+            warnings: self.progress.warnings,
         })
     }
 }

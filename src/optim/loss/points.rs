@@ -61,10 +61,14 @@ pub fn chamfer(a: Tensor<2>, b: Tensor<2>) -> Result<Tensor<1>> {
 /// # Errors
 /// As [`chamfer`], or if the threshold is not a number of at least 0.
 pub fn f_score(a: &Tensor<2>, b: &Tensor<2>, threshold: f64) -> Result<f64> {
-    if threshold.is_nan() || threshold < 0.0 {
-        let expected = "a number of at least 0";
-        return Err(Error::invalid("f_score", "threshold", threshold, expected));
-    }
+    let expected = "a number of at least 0";
+    Error::unless(
+        threshold >= 0.0,
+        "f_score",
+        "threshold",
+        threshold,
+        expected,
+    )?;
     let share = |nearest: &Vec<Near>| {
         let close = |n: &&Near| n.square.sqrt() <= threshold;
         nearest.iter().filter(close).count() as f64 / nearest.len() as f64
@@ -81,14 +85,19 @@ pub fn f_score(a: &Tensor<2>, b: &Tensor<2>, threshold: f64) -> Result<f64> {
 fn nearest(a: &Tensor<2>, b: &Tensor<2>) -> Result<[Vec<Near>; 2]> {
     const B: &str = "points b";
     let (device, other) = (a.device().inner(), b.device().inner());
-    if other != device {
-        let expected = format!("{device:?} like points a");
-        return Err(Error::invalid(B, "device", format!("{other:?}"), expected));
-    }
-    if b.dtype() != a.dtype() {
-        let (found, expected) = (b.dtype(), format!("{:?} like points a", a.dtype()));
-        return Err(Error::invalid(B, "dtype", format!("{found:?}"), expected));
-    }
+    let expected = format!("{device:?} like points a");
+    Error::unless(
+        other == device,
+        B,
+        "device",
+        format!("{other:?}"),
+        &expected,
+    )?;
+    let (found, expected) = (
+        format!("{:?}", b.dtype()),
+        format!("{:?} like points a", a.dtype()),
+    );
+    Error::unless(a.dtype() == b.dtype(), B, "dtype", found, &expected)?;
     let (on_a, on_b) = (points("points a", a)?, points(B, b)?);
     let from_a = PointTree::new(&on_b).nearest_to(&on_a);
     let from_b = PointTree::new(&on_a).nearest_to(&on_b);
@@ -98,23 +107,14 @@ fn nearest(a: &Tensor<2>, b: &Tensor<2>) -> Result<[Vec<Near>; 2]> {
 /// A cloud on the host.
 fn points(name: &str, tensor: &Tensor<2>) -> Result<Vec<DVec3>> {
     let [count, axes] = tensor.dims();
-    if count == 0 || axes != 3 {
-        let expected = "[N, 3] with at least one point";
-        let found = format!("[{count}, {axes}]");
-        return Err(Error::invalid(name, "shape", found, expected));
-    }
+    let expected = "[N, 3] with at least one point";
+    let found = format!("[{count}, {axes}]");
+    Error::unless(count > 0 && axes == 3, name, "shape", found, expected)?;
     let values = host_values(tensor)?;
     let points: Vec<DVec3> = values.chunks_exact(3).map(DVec3::from_slice).collect();
-    match points.iter().position(|p| !p.is_finite()) {
-        Some(i) => {
-            let found = format!("{:?}", points[i].to_array());
-            Err(Error::invalid(
-                name,
-                format!("row {i}"),
-                found,
-                "finite numbers",
-            ))
-        }
-        None => Ok(points),
+    if let Some(i) = points.iter().position(|p| !p.is_finite()) {
+        let (row, found) = (format!("row {i}"), format!("{:?}", points[i].to_array()));
+        return Err(Error::invalid(name, row, found, "finite numbers"));
     }
+    Ok(points)
 }

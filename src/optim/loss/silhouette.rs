@@ -40,31 +40,29 @@ pub fn silhouette_iou_batch(opacity: Tensor<3>, target: Tensor<3>) -> Tensor<1> 
 /// # Errors
 /// If the shapes differ, the threshold is NaN, or a tensor can't be read.
 pub fn iou(opacity: &Tensor<2>, target: &Tensor<2>, threshold: f64) -> Result<f64> {
-    if opacity.dims() != target.dims() {
-        let (found, expected) = (opacity.dims(), target.dims());
-        return Err(Error::invalid(
-            "opacity",
-            "shape",
-            format!("{found:?}"),
-            format!("{expected:?} like the target"),
-        ));
-    }
-    if threshold.is_nan() {
-        return Err(Error::invalid("iou", "threshold", threshold, "a number"));
-    }
+    let (found, expected) = (opacity.dims(), target.dims());
+    let (shape, like) = (
+        format!("{found:?}"),
+        format!("{expected:?} like the target"),
+    );
+    Error::unless(found == expected, "opacity", "shape", shape, &like)?;
+    Error::unless(
+        !threshold.is_nan(),
+        "iou",
+        "threshold",
+        threshold,
+        "a number",
+    )?;
     let (a, b) = (host_values(opacity)?, host_values(target)?);
-    let covered = a
-        .iter()
-        .zip(&b)
-        .map(|(&a, &b)| (a > threshold, b > threshold));
+    let covered = a.iter().zip(&b);
+    let covered = covered.map(|(&a, &b)| (a > threshold, b > threshold));
     let (mut both, mut either) = (0_usize, 0_usize);
     for (a, b) in covered {
         both += usize::from(a && b);
         either += usize::from(a || b);
     }
-    Ok(if either == 0 {
-        1.0
-    } else {
-        both as f64 / either as f64
+    Ok(match either {
+        0 => 1.0,
+        _ => both as f64 / either as f64,
     })
 }

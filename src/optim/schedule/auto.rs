@@ -6,7 +6,7 @@ use super::BlurSchedule;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 use crate::render::{RenderOptions, render};
-use crate::scene::{Camera, Detach, HostScene, Normalization, Scene, visit_tensors};
+use crate::scene::{Bounds, Camera, Detach, HostScene, Normalization, Scene, visit_tensors};
 
 /// The angle at the start of [`BlurSchedule::auto`], as a share of the one that the smallest object has
 /// about the camera.
@@ -60,9 +60,7 @@ impl BlurSchedule {
 /// # Errors
 /// If the camera's projection is not valid, or `height` is 0.
 pub fn pixel_angle(camera: &Camera, height: usize) -> Result<f64> {
-    if height == 0 {
-        return Err(Error::invalid("image", "height", height, "at least 1"));
-    }
+    Error::unless(height > 0, "image", "height", height, "at least 1")?;
     Ok((2.0 * camera.half_height()? / height as f64).atan())
 }
 
@@ -87,13 +85,8 @@ impl View {
         let radius = Normalization::new(&host).radius;
         let mut smallest = f64::INFINITY;
         for object in scene.objects.iter().filter(|o| !o.mesh.faces.is_empty()) {
-            let vertices = object.mesh.host_vertices()?;
-            let corner = |pick: fn(glam::DVec3, glam::DVec3) -> glam::DVec3| {
-                vertices.iter().map(|&v| v.into()).reduce(pick)
-            };
-            if let (Some(low), Some(high)) = (corner(glam::DVec3::min), corner(glam::DVec3::max)) {
-                smallest = smallest.min(0.5 * low.distance(high));
-            }
+            let bounds = Bounds::of_points(object.mesh.host_vertices()?);
+            smallest = bounds.map_or(smallest, |b| smallest.min(b.radius()));
         }
         let half = camera.half_height()?;
         let options = RenderOptions::new(GRID, GRID)

@@ -11,6 +11,11 @@ use crate::error::{Error, Result};
 
 pub use auto::pixel_angle;
 pub use plateau::PlateauBlur;
+#[cfg(feature = "fit")]
+pub(crate) use plateau::{TOLERANCE, stopped_falling};
+
+/// The name of errors.
+const OBJECT: &str = "blur schedule";
 
 /// Blur over the steps of a fit: constant, or falling, by the same factor at every step or slowly at
 /// both ends.
@@ -39,16 +44,8 @@ pub struct BlurSchedule {
     end: f64,
     hold: usize,
     steps: usize,
-    fall: Fall,
-}
-
-/// The course of the logarithm of the value from start to end.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Fall {
-    /// It falls in equal steps.
-    Even,
-    /// It falls as half a period of the cosine.
-    Cosine,
+    /// Whether it falls as half a period of the cosine, instead of by equal factors.
+    cosine: bool,
 }
 
 impl BlurSchedule {
@@ -57,17 +54,9 @@ impl BlurSchedule {
     /// # Errors
     /// If it is not a finite number ≥ 0.
     pub fn constant(value: f64) -> Result<Self> {
-        if !(value.is_finite() && value >= 0.0) {
-            let expected = "a finite number ≥ 0";
-            return Err(Error::invalid("blur schedule", "value", value, expected));
-        }
-        Ok(Self {
-            start: value,
-            end: value,
-            hold: 0,
-            steps: 1,
-            fall: Fall::Even,
-        })
+        let valid = value.is_finite() && value >= 0.0;
+        Error::unless(valid, OBJECT, "value", value, "a finite number ≥ 0")?;
+        Ok(Self::new(value, value, 1))
     }
 
     /// A schedule from `start` at step 0 to `end` at step `steps` and after it: start·(end/start)^(step/steps);
@@ -77,7 +66,9 @@ impl BlurSchedule {
     /// If one of them is not a finite number > 0, `end` is larger than `start`, or there are no
     /// steps.
     pub fn decay(start: f64, end: f64, steps: usize) -> Result<Self> {
-        Self::falling(start, end, steps, Fall::Even)
+        check_ends(OBJECT, start, end)?;
+        Error::unless(steps > 0, OBJECT, "steps", steps, "at least 1")?;
+        Ok(Self::new(start, end, steps))
     }
 
     /// As [`BlurSchedule::decay`], but slow at both ends: start·(end/start)^((1 −
@@ -87,26 +78,18 @@ impl BlurSchedule {
     /// # Errors
     /// Like [`BlurSchedule::decay`].
     pub fn cosine(start: f64, end: f64, steps: usize) -> Result<Self> {
-        Self::falling(start, end, steps, Fall::Cosine)
+        let cosine = true;
+        Self::decay(start, end, steps).map(|even| Self { cosine, ..even })
     }
 
-    fn falling(start: f64, end: f64, steps: usize, fall: Fall) -> Result<Self> {
-        check_ends("blur schedule", start, end)?;
-        if steps == 0 {
-            return Err(Error::invalid(
-                "blur schedule",
-                "steps",
-                steps,
-                "at least 1",
-            ));
-        }
-        Ok(Self {
+    fn new(start: f64, end: f64, steps: usize) -> Self {
+        Self {
             start,
             end,
             hold: 0,
             steps,
-            fall,
-        })
+            cosine: false,
+        }
     }
 
     /// Sets the number of steps for which the value stays at the start.
@@ -124,9 +107,9 @@ impl BlurSchedule {
             self.end
         } else {
             let share = step as f64 / self.steps as f64;
-            let share = match self.fall {
-                Fall::Even => share,
-                Fall::Cosine => 0.5 - 0.5 * (PI * share).cos(),
+            let share = match self.cosine {
+                true => 0.5 - 0.5 * (PI * share).cos(),
+                false => share,
             };
             self.start * (self.end / self.start).powf(share)
         }
@@ -190,14 +173,8 @@ impl From<PlateauBlur> for Blur {
 
 /// Checks that a value can fall from start to end by factors.
 fn check_ends(object: &str, start: f64, end: f64) -> Result<()> {
-    for (field, value) in [("start", start), ("end", end)] {
-        if !(value.is_finite() && value > 0.0) {
-            return Err(Error::invalid(object, field, value, "a finite number > 0"));
-        }
-    }
-    if end > start {
-        let expected = format!("at most the start, {start}");
-        return Err(Error::invalid(object, "end", end, expected));
-    }
-    Ok(())
+    Error::unless_positive(object, "start", start)?;
+    Error::unless_positive(object, "end", end)?;
+    let expected = format!("at most the start, {start}");
+    Error::unless(end <= start, object, "end", end, &expected)
 }

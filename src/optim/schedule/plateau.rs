@@ -5,8 +5,10 @@ use std::collections::VecDeque;
 use super::check_ends;
 use crate::error::{Error, Result};
 
+/// The name of errors.
+const OBJECT: &str = "plateau blur";
 /// The relative fall of the loss up to which it counts as stopped, by default.
-const TOLERANCE: f64 = 0.02;
+pub(crate) const TOLERANCE: f64 = 0.02;
 
 /// Blur for a fit in which the number of steps for each width is unknown: it is multiplied by a
 /// factor whenever the loss has stopped falling, down to an end.
@@ -50,12 +52,9 @@ impl PlateauBlur {
     /// not between 0 and 1, or `patience` is 0.
     pub fn new(start: f64, end: f64, factor: f64, patience: usize) -> Result<Self> {
         check_ends(OBJECT, start, end)?;
-        if !(factor > 0.0 && factor < 1.0) {
-            return Err(Error::invalid(OBJECT, "factor", factor, "between 0 and 1"));
-        }
-        if patience == 0 {
-            return Err(Error::invalid(OBJECT, "patience", patience, "at least 1"));
-        }
+        let between = factor > 0.0 && factor < 1.0;
+        Error::unless(between, OBJECT, "factor", factor, "between 0 and 1")?;
+        Error::unless(patience > 0, OBJECT, "patience", patience, "at least 1")?;
         Ok(Self {
             value: start,
             end,
@@ -71,10 +70,9 @@ impl PlateauBlur {
     /// # Errors
     /// If it is not at least 0 and under 1.
     pub fn tolerance(mut self, tolerance: f64) -> Result<Self> {
-        if !(0.0..1.0).contains(&tolerance) {
-            let expected = "at least 0 and under 1";
-            return Err(Error::invalid(OBJECT, "tolerance", tolerance, expected));
-        }
+        let valid = (0.0..1.0).contains(&tolerance);
+        let expected = "at least 0 and under 1";
+        Error::unless(valid, OBJECT, "tolerance", tolerance, expected)?;
         self.tolerance = tolerance;
         Ok(self)
     }
@@ -97,21 +95,18 @@ impl PlateauBlur {
         if self.losses.len() < 2 * self.patience {
             return;
         }
-        let share = 1.0 / self.patience as f64;
-        let mean = |skip: usize| -> f64 {
-            let losses = self.losses.iter().skip(skip).take(self.patience);
-            losses.map(|loss| share * loss).sum()
-        };
-        let (earlier, later) = (mean(0), mean(self.patience));
-        if earlier - later <= self.tolerance * earlier.abs() {
-            self.change();
+        if stopped_falling(self.losses.make_contiguous(), self.tolerance) {
+            self.value = (self.value * self.factor).max(self.end);
+            self.losses.clear();
         }
-    }
-
-    fn change(&mut self) {
-        self.value = (self.value * self.factor).max(self.end);
-        self.losses.clear();
     }
 }
 
-const OBJECT: &str = "plateau blur";
+/// Whether the mean of the second half of some losses is less than that of the first half by no more than a
+/// share of it.
+pub(crate) fn stopped_falling(losses: &[f64], tolerance: f64) -> bool {
+    let (earlier, later) = losses.split_at(losses.len() / 2);
+    let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len() as f64;
+    let (earlier, later) = (mean(earlier), mean(later));
+    earlier - later <= tolerance * earlier.abs()
+}
