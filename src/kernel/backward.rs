@@ -80,7 +80,7 @@ impl View {
             }
             by_ray = scene.point_backward(&vertex.point, path.time, &by, by_t, &self.wanted, sums);
         }
-        if interior && vertices.is_empty() && (upstream.depth != 0.0 || !upstream.normal.is_zero())
+        if interior && vertices.is_empty() && (upstream.depth != 0.0 || upstream.normal != V3::ZERO)
         {
             let by = PointGradient {
                 geometric: upstream.normal,
@@ -165,15 +165,15 @@ impl View {
             let mut by_direction = by_leaving.direction;
             let mut by_after = by_next;
             if leave.escaped && self.interior {
-                let after = vertex.throughput.times(scatter.weight) * (1.0 / leave.survival);
-                by_after += g.times(self.scene.sky.at(leave.bend.direction));
+                let after = vertex.throughput * scatter.weight * (1.0 / leave.survival);
+                by_after += g * self.scene.sky.at(leave.bend.direction);
                 by_direction +=
                     self.scene
                         .sky
-                        .backward(leave.bend.direction, g.times(after), &mut sums.sky);
+                        .backward(leave.bend.direction, g * after, &mut sums.sky);
             }
             let by_after = by_after * (1.0 / leave.survival);
-            by_throughput += by_after.times(scatter.weight);
+            by_throughput += by_after * scatter.weight;
             let by_axis = bend_backward(
                 &leave.bend,
                 scatter.direction,
@@ -181,7 +181,7 @@ impl View {
                 by_direction,
                 &mut by.geometric,
             );
-            let by_weight = by_after.times(vertex.throughput);
+            let by_weight = by_after * vertex.throughput;
             point
                 .shading
                 .sample_backward(scatter, by_weight, by_axis, &mut by.shading);
@@ -214,14 +214,14 @@ impl View {
         let tri = &self.scene.triangles[k];
         let emission = self.scene.materials[tri.material as usize].emission();
         let scale = light.facing / light.squared * tri.area / light.density;
-        let carried = g.times(vertex.throughput);
-        let by_throughput = g.times(light.reflected).times(emission) * scale;
+        let carried = g * vertex.throughput;
+        let by_throughput = g * light.reflected * emission * scale;
         if self.wanted.emission {
-            let by_emission = carried.times(light.reflected) * scale;
+            let by_emission = carried * light.reflected * scale;
             let to = &mut sums.materials[tri.material as usize];
             to.channels[Channel::Emission as usize] += DVec3::from(by_emission);
         }
-        let by_reflected = carried.times(emission) * scale;
+        let by_reflected = carried * emission * scale;
         let shading = &vertex.point.shading;
         let mut by_direction =
             shading.evaluate_backward(light.direction, by_reflected, &mut by.shading);
@@ -229,13 +229,13 @@ impl View {
             return by_throughput;
         }
         // facing·area/r²
-        let by_scale = carried.times(light.reflected).dot(emission) / light.density;
+        let by_scale = (carried * light.reflected).dot(emission) / light.density;
         let by_facing = by_scale * tri.area / light.squared;
         by_direction -= tri.normal * by_facing;
         // The length that the direction was divided by, and r².
-        let mut by_to = by_direction.across(light.direction);
+        let mut by_to = by_direction.reject_from_normalized(light.direction);
         by_to -= light.direction * (2.0 * by_facing * light.facing);
-        by_to = by_to * (1.0 / light.distance);
+        by_to *= 1.0 / light.distance;
         if self.wanted.objects[tri.object as usize] {
             let to = &mut sums.triangles[k];
             to.area += f64::from(by_scale * light.facing / light.squared);
@@ -261,13 +261,13 @@ impl View {
         let reflected = shading.evaluate(sample.direction);
         let radiance = self.scene.sky.at(sample.direction);
         let scale = 1.0 / sample.density;
-        let carried = g.times(vertex.throughput) * scale;
+        let carried = g * vertex.throughput * scale;
         if self.wanted.sky {
             self.scene
                 .sky
-                .backward(sample.direction, carried.times(reflected), &mut sums.sky);
+                .backward(sample.direction, carried * reflected, &mut sums.sky);
         }
-        shading.evaluate_backward(sample.direction, carried.times(radiance), &mut by.shading);
-        g.times(reflected).times(radiance) * scale
+        shading.evaluate_backward(sample.direction, carried * radiance, &mut by.shading);
+        g * reflected * radiance * scale
     }
 }

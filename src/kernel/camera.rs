@@ -132,12 +132,12 @@ impl HostCamera {
             None => (0.0, 0.0),
         };
         Model {
-            eye: inner.inner(self.eye).into(),
-            across: across.into(),
-            upward: upward.into(),
-            forward: forward.into(),
-            dual: dual.map(Into::into),
-            lens: [f.right, f.up].map(|axis| (axis * aperture).into()),
+            eye: inner.inner(self.eye).as_vec3(),
+            across: across.as_vec3(),
+            upward: upward.as_vec3(),
+            forward: forward.as_vec3(),
+            dual: dual.map(|v| v.as_vec3()),
+            lens: [f.right, f.up].map(|axis| (axis * aperture).as_vec3()),
             aperture: aperture as f32,
             per_focus: per_focus as f32,
             parallel: matches!(self.projection, HostProjection::Orthographic { .. }),

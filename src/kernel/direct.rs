@@ -74,7 +74,7 @@ impl View {
             return;
         }
         let reflected = point.shading.evaluate(direction);
-        if reflected.is_zero() {
+        if reflected == V3::ZERO {
             return;
         }
         let bend = self.bend(direction, point.shading.geometric, cone_u, cone_v);
@@ -89,15 +89,11 @@ impl View {
             None => chance,
         };
         let emission = self.scene.materials[triangle.material as usize].emission();
-        work.rays.push(HitRay::new(
-            from.start.into(),
-            bend.direction.into(),
-            from.time,
-            limit,
-        ));
+        work.rays
+            .push(HitRay::new(from.start, bend.direction, from.time, limit));
         work.candidates.push(Candidate {
             walk: from.walk,
-            light: reflected.times(emission) * (per_area / density),
+            light: reflected * emission * (per_area / density),
             sample: Sample::Light(LightSample {
                 triangle: e.triangle,
                 weights,
@@ -129,21 +125,21 @@ impl View {
             (true, along, map.drawn.density(along)),
         ] {
             let reflected = shading.evaluate(direction);
-            if reflected.is_zero() {
+            if reflected == V3::ZERO {
                 continue;
             }
             let bend = self.bend(direction, shading.geometric, cone_u, cone_v);
             let other = shading.density(direction);
             let density = power_heuristic(chance, other, by_scattering);
             work.rays.push(HitRay::new(
-                from.start.into(),
-                bend.direction.into(),
+                from.start,
+                bend.direction,
                 from.time,
                 f32::INFINITY,
             ));
             work.candidates.push(Candidate {
                 walk: from.walk,
-                light: reflected.times(map.at(direction)) * (1.0 / density),
+                light: reflected * map.at(direction) * (1.0 / density),
                 sample: Sample::Sky(SkySample { direction, density }),
             });
         }

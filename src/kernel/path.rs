@@ -37,8 +37,8 @@ impl View {
             let (pixel, _) = path.numbers.path();
             let camera = self.camera_ray(&path.numbers, pixel);
             work.rays.push(HitRay::new(
-                camera.origin.into(),
-                camera.direction.into(),
+                camera.origin,
+                camera.direction,
                 path.time,
                 f32::INFINITY,
             ));
@@ -154,7 +154,7 @@ impl View {
                 continue;
             }
             let walk = &mut list[candidate.walk as usize];
-            walk.radiance += walk.throughput.times(candidate.light);
+            walk.radiance += walk.throughput * candidate.light;
             if KEEP {
                 let vertex = &mut work.vertices[walk.vertex];
                 match candidate.sample {
@@ -226,7 +226,7 @@ impl View {
             work.counts.add_bounce(bounce);
             if hit.triangle != NOTHING {
                 let time = paths[i as usize].time;
-                walk.arrive(scene.point(hit, ray.origin.into(), walk.bend.direction, time));
+                walk.arrive(scene.point(hit, ray.origin, walk.bend.direction, time));
                 walks.alive[count] = i;
                 count += 1;
             } else if self.sees_sky {
@@ -302,17 +302,17 @@ impl View {
         vertices: &mut [Vertex],
     ) -> Option<HitRay> {
         let scatter = walk.scatter;
-        if scatter.weight.is_zero() {
+        if scatter.weight == V3::ZERO {
             return None;
         }
-        walk.throughput = walk.throughput.times(scatter.weight);
+        walk.throughput *= scatter.weight;
         let mut survival = 1.0;
         if !last && self.roulette_after.is_some_and(|after| bounce >= after) {
-            survival = walk.throughput.max_component().clamp(0.05, 1.0);
+            survival = walk.throughput.max_element().clamp(0.05, 1.0);
             if path.numbers.roulette(bounce) >= survival {
                 return None;
             }
-            walk.throughput = walk.throughput * (1.0 / survival);
+            walk.throughput *= 1.0 / survival;
         }
         let [cone_u, cone_v, ..] = self.cone_numbers(path, bounce);
         let normal = walk.point.shading.geometric;
@@ -326,8 +326,8 @@ impl View {
             });
         }
         Some(HitRay::new(
-            walk.start.into(),
-            walk.bend.direction.into(),
+            walk.start,
+            walk.bend.direction,
             path.time,
             f32::INFINITY,
         ))
@@ -337,7 +337,7 @@ impl View {
     #[inline(always)]
     fn escape<const KEEP: bool>(&self, walk: &mut Walk, vertices: &mut [Vertex]) {
         let light = self.scene.sky.at(walk.bend.direction);
-        walk.radiance += walk.throughput.times(light);
+        walk.radiance += walk.throughput * light;
         if KEEP && let Some(leave) = &mut vertices[walk.vertex].leave {
             leave.escaped = true;
         }

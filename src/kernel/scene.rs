@@ -70,7 +70,9 @@ impl KernelScene {
         for (i, o) in scene.objects.iter().enumerate() {
             let velocity = DVec3::from(o.velocity.unwrap_or([0.0; 3])) / frame.unit;
             lists.add_object(scene, i, &frame, velocity);
-            velocities.iter_mut().for_each(|v| v.push(velocity.into()));
+            velocities
+                .iter_mut()
+                .for_each(|v| v.push(velocity.as_vec3()));
         }
         let Lists {
             triangles,
@@ -108,7 +110,11 @@ impl KernelScene {
             velocity: velocities
                 .as_ref()
                 .map_or(V3::ZERO, |v| v[t.object as usize]),
-            radiance: materials[t.material as usize].emission().sum_abs() / 3.0,
+            radiance: materials[t.material as usize]
+                .emission()
+                .abs()
+                .element_sum()
+                / 3.0,
             group: 0,
         });
         let emitters = Emitters::new(list.collect(), velocities.is_some(), sampling);
@@ -214,12 +220,12 @@ impl Lists {
         t.valid &= area > 1e-35 && area.is_finite();
         let (mut normal, mut plane, mut own) = (v3(0.0, 0.0, 1.0), 0.0, 0.0);
         if t.valid {
-            normal = t.normal.into();
+            normal = t.normal.as_vec3();
             plane = t.normal.dot(t.corners[0]) as f32;
             own = area;
         }
         self.triangles.push(Triangle {
-            corners: corners.map(V3::from),
+            corners: corners.map(|c| c.as_vec3()),
             normal,
             plane,
             area: own,
@@ -234,7 +240,7 @@ impl Lists {
 fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
     match colour {
         HostTexture::Constant(c) => Colour {
-            constant: (*c).into(),
+            constant: DVec3::from(*c).as_vec3(),
             texture: None,
         },
         HostTexture::Image {

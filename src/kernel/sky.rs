@@ -23,7 +23,7 @@ impl Sky {
     pub fn new(scene: &mut HostScene) -> Self {
         match &mut scene.environment {
             _ if !scene.shines => Self::Black,
-            HostTexture::Constant(c) => Self::Constant((*c).into()),
+            HostTexture::Constant(c) => Self::Constant(glam::DVec3::from(*c).as_vec3()),
             HostTexture::Image {
                 texels,
                 width,
@@ -86,7 +86,7 @@ impl Sky {
 impl SkyMap {
     fn new(list: Vec<f32>, w: usize, h: usize) -> Self {
         let texels = Texels::new(list);
-        let brightness = |i: usize| f64::from(texels.at(i).sum_abs()) / 3.0;
+        let brightness = |i: usize| f64::from(texels.at(i).abs().element_sum()) / 3.0;
         Self {
             width: w,
             height: h,

@@ -245,7 +245,7 @@ impl KernelScene {
             } else {
                 -1.0
             };
-            let by_sum = by_normal.across(unit) * (facing * inverse);
+            let by_sum = by_normal.reject_from_normalized(unit) * (facing * inverse);
             let [a, b, c] = self.normal_rows[k].map(|row| self.normals[row as usize]);
             by_b += by_sum.dot(b - a);
             by_c += by_sum.dot(c - a);

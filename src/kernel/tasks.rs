@@ -32,7 +32,7 @@ impl View {
     pub fn typical(pixels: &[(u32, Seen)]) -> f32 {
         let (mut sum, mut count) = (0.0, 0u32);
         for (_, g) in pixels {
-            let own = f64::from(g.radiance.sum_abs());
+            let own = f64::from(g.radiance.abs().element_sum());
             sum += own;
             count += u32::from(own > 0.0);
         }

@@ -115,8 +115,8 @@ impl Shading {
     pub fn gloss(&self) -> f32 {
         let mut share = 0.0;
         if self.glossy {
-            let specular = self.specular.sum().abs();
-            share = specular / (self.diffuse.sum().abs() + specular).max(IMPOSSIBLE);
+            let specular = self.specular.element_sum().abs();
+            share = specular / (self.diffuse.element_sum().abs() + specular).max(IMPOSSIBLE);
         }
         share
     }

@@ -90,7 +90,7 @@ impl Camera {
     /// Adds the derivatives of g_o·origin + g_d·direction.
     #[inline(always)]
     pub fn ray_backward(&self, ray: &CameraRay, g_o: V3, g_d: V3, gradient: &mut CameraGradient) {
-        let by_along = g_d.across(ray.direction) * (1.0 / ray.length);
+        let by_along = g_d.reject_from_normalized(ray.direction) * (1.0 / ray.length);
         let mut by_beside = g_o;
         if !self.parallel {
             by_beside = by_along;
@@ -230,8 +230,8 @@ mod tests {
 
     /// A camera with pixels that are not square and a principal point beside the middle.
     fn camera(aperture: f32, parallel: bool) -> Camera {
-        let forward = v3(0.1, -0.2, -1.0).normalized();
-        let right = forward.cross(v3(0.0, 1.0, 0.0)).normalized();
+        let forward = v3(0.1, -0.2, -1.0).normalize();
+        let right = forward.cross(v3(0.0, 1.0, 0.0)).normalize();
         let up = right.cross(forward);
         let mut shift = V3::ZERO;
         if !parallel {

@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn a_local_direction_and_its_derivative() {
         for axis in [v3(0.6, 0.0, 0.8), v3(0.3, -0.5, -0.2), v3(-0.1, 0.2, 1e-3)] {
-            let axis = axis.normalized();
+            let axis = axis.normalize();
             let local = v3(0.2, -0.4, 0.7);
             let back = to_local(axis, from_local(axis, local)) - local;
             assert!(back.length() < 1e-6);

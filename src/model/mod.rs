@@ -10,6 +10,5 @@ pub(crate) mod heuristic;
 pub(crate) mod segment;
 pub(crate) mod sky;
 pub(crate) mod triangle;
-mod vector;
 
-pub(crate) use vector::{V3, v3};
+pub(crate) use glam::{Vec3 as V3, vec3 as v3};

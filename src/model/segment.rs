@@ -112,7 +112,7 @@ mod tests {
             let u = (i as f32 + 0.5) / n as f32;
             let p = point_by_angle(a, e, [from, to], u).expect("seen from the side");
             mean += f64::from(p.per_density) / f64::from(n);
-            let ends = [a + e * from, a + e * p.lambda, a + e * to].map(V3::normalized);
+            let ends = [a + e * from, a + e * p.lambda, a + e * to].map(V3::normalize);
             let angle = |k: usize| ends[0].dot(ends[k]).min(1.0).acos();
             assert!((angle(1) - u * angle(2)).abs() < 2e-3, "{u}");
         }

@@ -77,7 +77,7 @@ impl SkyDensity {
         let polar = PI * (y as f32 + fy.clamp(0.0, 1.0)) / h as f32;
         let turn = TAU * ((x as f32 + fx.clamp(0.0, 1.0)) / w as f32 - 0.5);
         let sine = polar.sin().max(1e-6);
-        let d = v3(sine * turn.sin(), polar.cos(), -sine * turn.cos()).normalized();
+        let d = v3(sine * turn.sin(), polar.cos(), -sine * turn.cos()).normalize();
         (d, self.density(d))
     }
 
@@ -117,10 +117,10 @@ mod tests {
         let slopes = place_slopes(d, 16, 8);
         // Along the sphere: the row is that of a unit vector.
         for step in [v3(1.0, 0.0, 0.0), v3(0.0, 1.0, 0.0), v3(0.0, 0.0, 1.0)] {
-            let h = step.across(d) * 2e-3;
+            let h = step.reject_from_normalized(d) * 2e-3;
             let (up, down) = (
-                place((d + h).normalized(), 16, 8),
-                place((d - h).normalized(), 16, 8),
+                place((d + h).normalize(), 16, 8),
+                place((d - h).normalize(), 16, 8),
             );
             for k in 0..2 {
                 let wanted = (up[k] - down[k]) / 2.0;

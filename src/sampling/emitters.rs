@@ -78,7 +78,7 @@ impl Emitters {
         let apart = |e: &Emitter| {
             let (n, first) = (e.normal - list[0].normal, list[0].corners[0]);
             let offset = (e.corners[0] - first).dot(list[0].normal);
-            n.max_abs().max(offset.abs()) > 1e-5
+            n.abs().max_element().max(offset.abs()) > 1e-5
         };
         let spread = moves || list.iter().any(apart);
         let uniform = sampling == EmitterSampling::Uniform || total <= 0.0;

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
+use glam::DVec3;
 use pulp::Arch;
 
 use super::surface::SurfacePoints;
@@ -87,7 +88,7 @@ impl Cones {
 
     fn host(&self, rays: &Rays) -> Result<HostRays> {
         let vectors = |v: &Vec3| -> Result<Vec<V3>> {
-            Ok(host_vectors(v)?.into_iter().map(V3::from).collect())
+            Ok(host_vectors(v)?.into_iter().map(DVec3::as_vec3).collect())
         };
         Ok(HostRays {
             origin: vectors(&rays.origin)?,
@@ -99,7 +100,7 @@ impl Cones {
     /// The side's normal of the surface that a ray leaves, if it leaves one.
     fn normal(&self, rays: &Rays, host: &HostRays, i: usize) -> Option<V3> {
         let k = rays.departure.as_ref()?[i] as usize;
-        let normal = V3::from(self.hierarchy.triangles[k].normal);
+        let normal = self.hierarchy.triangles[k].normal.as_vec3();
         let side = if normal.dot(host.direction[i]) < 0.0 {
             -1.0
         } else {
@@ -111,8 +112,7 @@ impl Cones {
     /// A ray along a direction, which may be bent from its own.
     fn ray(&self, host: &HostRays, i: usize, start: V3, direction: V3, limit: f32) -> HitRay {
         let time = host.time.as_ref().map_or(0.0, |t| t[i]) as f32;
-        let glam = |v: V3| glam::Vec3::from(v.to_array());
-        HitRay::new(glam(start), glam(direction), time, limit)
+        HitRay::new(start, direction, time, limit)
     }
 
     /// The nearest surfaces.
@@ -134,7 +134,7 @@ impl Cones {
         let count = self.hierarchy.triangles.len() as u32;
         let is_front = |(hit, d): (&Hit, &V3)| {
             let triangle = self.hierarchy.triangles.get(hit.triangle as usize);
-            triangle.is_some_and(|t| V3::from(t.normal).dot(*d) < 0.0)
+            triangle.is_some_and(|t| t.normal.as_vec3().dot(*d) < 0.0)
         };
         Ok(Hits {
             triangle: hits.iter().map(|h| h.triangle.min(count)).collect(),
@@ -166,10 +166,10 @@ impl Cones {
         let bends: Vec<Bend> = (0..axes.len())
             .map(|i| {
                 let [u, v, ..] = self.numbers(at, i);
-                bend(axes[i].into(), normals[i].into(), self.tangent, u, v)
+                bend(axes[i].as_vec3(), normals[i].as_vec3(), self.tangent, u, v)
             })
             .collect();
-        let offsets: Vec<glam::DVec3> = bends.iter().map(|b| b.offset.into()).collect();
+        let offsets: Vec<DVec3> = bends.iter().map(|b| b.offset.into()).collect();
         let direction = axis.add(&Vec3::from_host(context, &offsets)).normalized();
         let mirrored = bends.iter().map(|b| if b.mirrored { 2.0 } else { 0.0 });
         let mirrored = context.row(&mirrored.collect::<Vec<_>>());
@@ -205,7 +205,7 @@ impl Cones {
                 (Some((emitters, _)), Some(distances)) => {
                     let light = host.origin[i] + axis * distances[i] as f32;
                     let emitter = &self.hierarchy.triangles[emitters[i] as usize];
-                    up_to_plane(start, direction, emitter.normal.into(), light)
+                    up_to_plane(start, direction, emitter.normal.as_vec3(), light)
                 }
                 _ => f32::INFINITY,
             };

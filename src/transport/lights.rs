@@ -22,7 +22,7 @@ pub(crate) struct Views {
 impl Views {
     fn at(&self, i: usize) -> (V3, f32) {
         let time = self.time.as_ref().map_or(0.0, |t| t[i] as f32);
-        (self.position[i].into(), time)
+        (self.position[i].as_vec3(), time)
     }
 }
 
@@ -69,10 +69,10 @@ impl Lights {
             Emitter {
                 triangle: k,
                 object: scene.topology.object[k as usize],
-                corners: [a[i], b[i], c[i]].map(V3::from),
-                normal: cross.normalize_or_zero().into(),
+                corners: [a[i], b[i], c[i]].map(|v| v.as_vec3()),
+                normal: cross.normalize_or_zero().as_vec3(),
                 area: if valid { 0.5 * cross.length() } else { 0.0 } as f32,
-                velocity: velocity.as_ref().map_or(V3::ZERO, |v| v[i].into()),
+                velocity: velocity.as_ref().map_or(V3::ZERO, |v| v[i].as_vec3()),
                 radiance: (emission[material].abs().element_sum() / 3.0) as f32,
                 group: 0,
             }
@@ -119,7 +119,7 @@ impl Lights {
         let one = |i: usize| {
             let mut hits = Vec::new();
             let (x, time) = views.at(i);
-            let direction = directions[i].into();
+            let direction = directions[i].as_vec3();
             self.0.each_hit(self.0.all(), x, time, direction, |hit| {
                 hits.push(PathHit {
                     path: i as u32,

@@ -156,7 +156,7 @@ impl SkyMap {
 
     /// The density per solid angle with which a direction is drawn.
     pub fn density(&self, d: DVec3) -> f64 {
-        self.drawn.density(d.into()).into()
+        self.drawn.density(d.as_vec3()).into()
     }
 }
 

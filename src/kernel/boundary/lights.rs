@@ -63,10 +63,10 @@ impl View {
         let Some(p) = self.edge_point(o, tree, &query, [u, v]) else {
             return;
         };
-        let view = p.to.normalized();
+        let view = p.to.normalize();
         let bend = self.bend(view, point.shading.geometric, cone_u, cone_v);
         let reflected = point.shading.evaluate(bend.direction);
-        if reflected.is_zero() {
+        if reflected == V3::ZERO {
             return;
         }
         let jump = direction_jump(&p, &bend, point.shading.geometric);
@@ -83,7 +83,7 @@ impl View {
             jump,
             axis: bend.direction,
             past: sides.past,
-            carried: carried.times(reflected),
+            carried: carried * reflected,
             sign,
         };
         emitters.each_hit(emitters.members(group), x, time, edge.axis, |hit| {
@@ -139,7 +139,7 @@ impl View {
         }
         let ray = HitRay {
             unseen: p.edge.faces,
-            ..HitRay::new(start.into(), edge.past.into(), time, limit)
+            ..HitRay::new(start, edge.past, time, limit)
         };
         let hierarchy = &self.scene.hierarchy;
         if hierarchy.hit_seen::<true>(self.arch, &ray).triangle != NOTHING {
@@ -151,7 +151,7 @@ impl View {
         let by_axis = edge.jump.edge.by_axis * scale;
         self.edge_point_backward(p, &edge.jump, scale, time, by, sums);
         // The axis points to a point of the light, which stays where it is on it.
-        let by_to = by_axis.across(axis) * (1.0 / hit.distance);
+        let by_to = by_axis.reject_from_normalized(axis) * (1.0 / hit.distance);
         by.position -= by_to;
         if self.wanted.objects[tri.object as usize] {
             let [b, c] = hit.weights;

@@ -63,14 +63,14 @@ impl View {
         let Some(p) = self.edge_point(o, tree, &query, [u, v]) else {
             return;
         };
-        let view = p.to.normalized();
+        let view = p.to.normalize();
         let bend = self.bend(view, shading.geometric, cone_u.clamp(0.0, 1.0), cone_v);
         let axis = bend.direction;
         let mut reflected = shading.evaluate(axis);
         if shading.glossy {
-            reflected = reflected * shading.share_of_lobe(axis, of_gloss);
+            reflected *= shading.share_of_lobe(axis, of_gloss);
         }
-        if reflected.is_zero() {
+        if reflected == V3::ZERO {
             return;
         }
         let jump = direction_jump(&p, &bend, shading.geometric);
@@ -82,7 +82,7 @@ impl View {
             return;
         };
         let light = self.light_beside(o, &p, &sides, behind, view, work);
-        let scale = carried.times(reflected) * (p.per_density / chance);
+        let scale = carried * reflected * (p.per_density / chance);
         let jumps = scale.dot(light.radiance[0] - light.radiance[1]);
         if jumps != 0.0 {
             self.edge_point_backward(&p, &jump, jumps, time, by, sums);
@@ -94,7 +94,7 @@ impl View {
         if self.gathers_map && minus != plus {
             // Directions to a map stay where they are.
             let radiance = self.scene.sky.at(axis);
-            let jumps = carried.times(reflected).dot(radiance) * (p.per_density / chance);
+            let jumps = (carried * reflected).dot(radiance) * (p.per_density / chance);
             self.edge_point_backward(&p, &jump, jumps * (minus - plus), time, by, sums);
         }
     }

@@ -63,18 +63,18 @@ impl View {
             [_, NOTHING] => 1.0,
             _ => 0.0,
         };
-        let step = BESIDE * (0.1 + p.position.max_abs()) * towards / across.length();
+        let step = BESIDE * (0.1 + p.position.abs().max_element()) * towards / across.length();
         Sides {
             faces,
-            past: (p.to + across * step).normalized(),
+            past: (p.to + across * step).normalize(),
         }
     }
 
     /// The hit behind an edge's point, seen from a point; None where something hides the edge.
     pub(super) fn behind(&self, p: &EdgePoint, start: V3, view: V3, time: f32) -> Option<Hit> {
         let ray = HitRay {
-            origin: start.into(),
-            direction: view.into(),
+            origin: start,
+            direction: view,
             time,
             from: 0.0,
             limit: f32::INFINITY,
@@ -85,7 +85,7 @@ impl View {
             let tri = &self.scene.triangles[hit.triangle as usize];
             let at_rest = p.position - self.scene.shift(hit.triangle, time);
             let off = tri.normal.dot(at_rest) - tri.plane;
-            if off.abs() > TOUCHING * (0.1 + p.position.max_abs()) {
+            if off.abs() > TOUCHING * (0.1 + p.position.abs().max_element()) {
                 return None;
             }
         }
@@ -128,7 +128,7 @@ impl View {
         let middle = (a + b + c) * (1.0 / 3.0) + self.scene.shift(face, time);
         let inward = middle - p.position;
         let distance = inward.length().max(f32::MIN_POSITIVE);
-        let step = (BESIDE * (0.1 + p.position.max_abs()) / distance).min(0.1);
+        let step = (BESIDE * (0.1 + p.position.abs().max_element()) / distance).min(0.1);
         let t = p.to.length();
         self.scene
             .point_at(face, p.position + inward * step, t, view, time)

@@ -29,8 +29,8 @@ impl View {
         let Some(sets) = &self.edge_sets else {
             return;
         };
-        let carried = g.times(vertex.throughput);
-        let counts = carried.sum_abs() / typical;
+        let carried = g * vertex.throughput;
+        let counts = carried.abs().element_sum() / typical;
         if counts.is_nan() || counts <= 0.0 {
             return;
         }

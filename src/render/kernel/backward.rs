@@ -126,10 +126,10 @@ impl Backward {
     ) {
         let samples = self.samples as f32;
         for (_, g) in &mut upstream {
-            g.radiance = g.radiance * samples;
+            g.radiance *= samples;
             g.opacity *= samples;
             g.depth *= samples;
-            g.normal = g.normal * samples;
+            g.normal *= samples;
         }
         let [width, height] = view.size();
         let asked = upstream.iter().filter(|p| p.1 != Seen::default()).count();

@@ -1,8 +1,8 @@
 //! The rows of an image, to and from what kernels make of a pixel.
 
 use crate::kernel::Seen;
-use crate::model::V3;
 use crate::render::options::RenderOptions;
+use glam::DVec3;
 
 /// The rows of an image: radiance, opacity, depth, normal, share of each object and the background.
 #[derive(Clone, Copy, Debug)]
@@ -36,8 +36,8 @@ impl Rows {
     pub fn of(&self, p: &Seen, unit: f64) -> impl Iterator<Item = f64> {
         let opacity = self.opacity.then_some(f64::from(p.opacity));
         let depth = self.depth.then_some(f64::from(p.depth) * unit);
-        let normal = self.normals.then_some(p.normal.to_f64());
-        let radiance = p.radiance.to_f64().into_iter();
+        let normal = self.normals.then_some(p.normal.as_dvec3().to_array());
+        let radiance = p.radiance.as_dvec3().to_array().into_iter();
         let rows = radiance.chain(opacity).chain(depth);
         rows.chain(normal.into_iter().flatten())
     }
@@ -52,7 +52,7 @@ impl Rows {
             next += 1;
             row(next - 1)
         };
-        let radiance: V3 = [take(true), take(true), take(true)].into();
+        let radiance = DVec3::new(take(true), take(true), take(true)).as_vec3();
         let opacity = take(self.opacity) as f32;
         let depth = (take(self.depth) * unit) as f32;
         let normals = self.normals;
@@ -60,7 +60,7 @@ impl Rows {
             radiance,
             opacity,
             depth,
-            normal: [take(normals), take(normals), take(normals)].into(),
+            normal: DVec3::new(take(normals), take(normals), take(normals)).as_vec3(),
         }
     }
 }

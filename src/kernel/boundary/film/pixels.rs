@@ -84,5 +84,5 @@ impl PixelGradients {
 }
 
 fn weight(g: &Seen) -> f32 {
-    g.radiance.sum_abs() + g.opacity.abs() + g.depth.abs() + g.normal.sum_abs()
+    g.radiance.abs().element_sum() + g.opacity.abs() + g.depth.abs() + g.normal.abs().element_sum()
 }

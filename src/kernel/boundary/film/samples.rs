@@ -61,7 +61,7 @@ impl FilmSamples<'_> {
         let Some(g) = self.pixels.get(x, y).filter(|g| **g != Seen::default()) else {
             return;
         };
-        let direction = point.to.normalized();
+        let direction = point.to.normalize();
         let [along_x, along_y] =
             view.camera
                 .project_along(point.position, point.edge.along, lens[0], lens[1]);

@@ -46,7 +46,7 @@ impl Bounds {
             jumps.closed = jumps.closed.min(Jumps::of(e).closed);
         }
         let axis = if sum.length() > 0.0 {
-            sum.normalized()
+            sum.normalize()
         } else {
             v3(0.0, 0.0, 1.0)
         };
