@@ -1,11 +1,13 @@
 //! Boxes over triangles: how they are built, and fitted to triangles that moved.
 
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
-
 use pulp::Arch;
 
 use super::hits::{Hit, HitRay};
@@ -220,6 +222,51 @@ fn swept(t: &HostTriangle) -> Swept {
         aabb.extend(Vec3A::from((corner + t.velocity).as_vec3()));
     }
     Swept(aabb)
+}
+
+/// A hierarchy kept from render to render: its boxes are fitted to triangles that moved, and built
+/// anew when they have grown by half, or there are other triangles.
+#[derive(Clone, Default)]
+pub struct HierarchyCache(Arc<Mutex<Cached>>);
+
+#[derive(Default)]
+struct Cached {
+    last: Option<Arc<Hierarchy>>,
+    builds: u64,
+    fits: u64,
+}
+
+impl HierarchyCache {
+    /// The numbers of times that boxes were built and fitted.
+    pub fn counts(&self) -> [u64; 2] {
+        let cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        [cached.builds, cached.fits]
+    }
+
+    /// A hierarchy of these triangles.
+    pub(crate) fn take(&self, triangles: Vec<HostTriangle>) -> Arc<Hierarchy> {
+        let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let fitted = cached.last.as_ref().and_then(|old| old.fit(&triangles));
+        let hierarchy = match fitted {
+            Some((nodes, cost)) => {
+                cached.fits += 1;
+                Hierarchy::of_nodes(triangles, nodes, cost)
+            }
+            None => {
+                cached.builds += 1;
+                Hierarchy::new(triangles)
+            }
+        };
+        let hierarchy = Arc::new(hierarchy);
+        cached.last = Some(hierarchy.clone());
+        hierarchy
+    }
+}
+
+impl fmt::Debug for HierarchyCache {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "HierarchyCache({:?})", self.counts())
+    }
 }
 
 #[cfg(test)]

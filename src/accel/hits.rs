@@ -5,8 +5,8 @@
 
 use glam::Vec3;
 
-use super::leaf::{Leaf, ROUNDING};
 use super::simd::{F8, LANES, Lanes, Machine};
+use super::wide::{Leaf, ROUNDING};
 use super::wide::{Node, Wide, safe_inverse};
 
 /// No triangle.

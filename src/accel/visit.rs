@@ -3,9 +3,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::leaf::{Ray, larger, smaller};
 use super::simd::{LANES, Lanes, Machine, bits};
 use super::wide::{FEW, Node, Wide, safe_inverse};
+use super::wide::{Ray, larger, smaller};
 
 /// The distance beside a ray within which triangles matter. `most` bounds the distance; and where
 /// `distance_penalty` is not 0 a hit counts as farther away by that times the squared distance between it

@@ -3,9 +3,9 @@
 use glam::DVec3;
 
 use super::gradient::Sums;
-use super::records::{LightSample, SkySample, Vertex, Work};
 use super::surface::{PointGradient, RayGradient};
 use super::view::View;
+use super::walk::{LightSample, SkySample, Vertex, Work};
 use super::walk::{Path, Seen, Walk};
 use crate::accel::NOTHING;
 use crate::model::V3;

@@ -1,9 +1,9 @@
 //! Direct light: connections of surface points to points of emitters and to directions of a map.
 
-use super::records::{Candidate, LightSample, Sample, SkySample, Work};
 use super::sky::SkyMap;
 use super::surface::Point;
 use super::view::View;
+use super::walk::{Candidate, LightSample, Sample, SkySample, Work};
 use crate::accel::HitRay;
 use crate::model::V3;
 use crate::model::cone::up_to_plane;

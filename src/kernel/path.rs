@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use super::direct::Receiver;
-use super::records::{Leave, Sample, Vertex, Work};
 use super::surface::Point;
 use super::view::View;
+use super::walk::{Leave, Sample, Vertex, Work};
 use super::walk::{Path, Walk, Walks};
 use crate::accel::{HitRay, NOTHING};
 use crate::model::V3;

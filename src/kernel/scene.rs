@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::parts::{Material, Triangle};
 use super::sky::Sky;
 use super::texture::{Colour, Texels, Texture};
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
 use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
-use crate::scene::{HostAttribute, HostScene, HostTexture, SceneFrame};
+use crate::scene::{
+    CHANNELS, Channel, HostAttribute, HostScene, HostTexture, MaterialKind, SceneFrame,
+};
 
 /// The place of an object's parts in the scene's lists.
 #[derive(Clone, Debug)]
@@ -261,5 +262,35 @@ fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
                 texture: Some(texture),
             }
         }
+    }
+}
+
+/// A triangle, in inner coordinates at the start of the shutter.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Triangle {
+    pub corners: [V3; 3],
+    /// Unit normal of the front.
+    pub normal: V3,
+    /// normal · corner.
+    pub plane: f32,
+    pub area: f32,
+    pub material: u32,
+    pub object: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Material {
+    /// In the order of [`Channel::ALL`].
+    pub channels: [Colour; CHANNELS],
+    pub kind: MaterialKind,
+}
+
+impl Material {
+    pub fn emission(&self) -> V3 {
+        self.channels[Channel::Emission as usize].constant
+    }
+
+    pub fn is_textured(&self) -> bool {
+        self.channels.iter().any(|c| c.texture.is_some())
     }
 }

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::gradient::Sums;
-use super::records::Work;
 use super::view::View;
+use super::walk::Work;
 use super::walk::{Path, Seen, Walks};
 use crate::accel::{Machine, Task, dispatch};
 use crate::sampling::{Numbers, RUN, Run};

@@ -7,11 +7,11 @@ use burn::tensor::{IndexingUpdateOp, Tensor};
 use super::bsdf::{self, Scatter};
 use super::cones::AtBounce;
 use super::diagnostics::Diagnostics;
+use super::lights::{Sky, SkyMap};
 use super::paths::{Contribution, PathBatch, is_identity, roulette, times, weighted};
-use super::sky::{Sky, SkyMap};
 use super::surface::SurfacePoints;
 use super::tracer::{RayStatistics, RayWeights, Sight, Tracer, Transport};
-use super::{emitters, environment, seen};
+use super::{direct, seen};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::sampling::Dimension;
@@ -217,9 +217,9 @@ impl<'a> Tracing<'a> {
         let direction = scatter.as_ref().map(|s| &s.direction);
         let along = direction.filter(|_| by_scattering);
         let along = along.map(|d| (d, glossy.as_slice()));
-        let mut lit = emitters::connect(tracer, points, rays, paths, bounce, along)?;
+        let mut lit = direct::connect(tracer, points, rays, paths, bounce, along)?;
         if let (Some(map), Some(direction)) = (self.map, direction) {
-            lit.extend(environment::from_map(
+            lit.extend(direct::from_map(
                 tracer, map, points, rays, paths, bounce, direction,
             )?);
         }

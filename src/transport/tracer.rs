@@ -7,7 +7,7 @@ use burn::tensor::Tensor;
 use super::cones::{AtBounce, Cones, Hits};
 use super::diagnostics::Diagnostics;
 use super::lights::Lights;
-use super::sky::Sky;
+use super::lights::Sky;
 use crate::error::Result;
 use crate::geometry::Context;
 use crate::sampling::Sampler;

@@ -1,6 +1,6 @@
 //! Eight numbers in a register of AVX2.
 
-use super::machine::{Lanes, Machine};
+use super::float8::{Lanes, Machine};
 
 /// Operations that are one instruction on registers.
 macro_rules! instructions {

@@ -1,6 +1,6 @@
 //! Eight numbers lane by lane, in code that the compiler makes vectors of on any machine.
 
-use super::machine::{LANES, Lanes, Machine, bits};
+use super::float8::{LANES, Lanes, Machine, bits};
 
 /// A machine without instructions of its own. `FUSED` says whether it has a·b + c as one.
 #[derive(Clone, Copy)]

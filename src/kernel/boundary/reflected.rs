@@ -2,16 +2,16 @@
 
 use std::f32::consts::TAU;
 
+use super::edge_point::Sides;
 use super::edge_point::{EdgePoint, direction_jump};
-use super::observer::Observer;
-use super::sides::Sides;
+use super::vertex::Observer;
 use crate::accel::{Hit, NOTHING};
 use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;
-use crate::kernel::records::Work;
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
 use crate::kernel::walk::Path;
+use crate::kernel::walk::Work;
 use crate::model::V3;
 use crate::model::bsdf::{Scatter, Shading};
 use crate::model::cone::widened;

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::edge::{Edge, FACES, Kind};
+use super::{Edge, FACES, Kind};
 use crate::geometry::Weld;
-use crate::kernel::parts::Triangle;
 use crate::kernel::scene::KernelScene;
+use crate::kernel::scene::Triangle;
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;

@@ -4,11 +4,8 @@
 //! folder is the specification.
 
 mod finder;
-mod lists;
 mod ray;
-mod softmax;
 mod terms;
-mod triangles;
 mod weights;
 
 use burn::tensor::Tensor;
@@ -18,12 +15,11 @@ use super::{CoverageSettings, DepthRange, Rays, Softmax};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, host_values};
 use finder::Finder;
-use lists::{Lists, pieces};
-use ray::{HostRays, Span, Surface};
-use softmax::passed;
+use ray::{HostRays, Lists, Span, Surface, pieces};
 use terms::Terms;
-pub(crate) use triangles::{Sparse, hierarchy_of};
+pub(crate) use terms::{Sparse, hierarchy_of};
 pub(crate) use weights::SparseWeights;
+use weights::passed;
 
 impl Sparse {
     fn finder<'a>(

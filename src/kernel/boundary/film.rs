@@ -1,16 +1,17 @@
-//! Samples of the jumps on the film.
+//! Jumps of the image that the camera sees.
+//!
+//! Edges are drawn on the film: where they are seen, in proportion to their length there, to how much may
+//! jump at them and to how much the loss depends on the pixels about. So no sample is spent where nothing
+//! is asked, and the noise does not depend on how wide the camera's cone is.
 
 use std::ops::Range;
 
-use super::pieces::FilmEdges;
-use super::pixels::PixelGradients;
+use super::edge_point::{EdgePoint, Sides};
+use super::pieces::{FilmEdges, PixelGradients};
 use crate::accel::{Hit, Machine, Task, dispatch};
-use crate::kernel::boundary::edge_point::EdgePoint;
-use crate::kernel::boundary::sides::Sides;
 use crate::kernel::gradient::Sums;
-use crate::kernel::records::Work;
 use crate::kernel::view::View;
-use crate::kernel::walk::{Path, Seen};
+use crate::kernel::walk::{Path, Seen, Work};
 use crate::model::V3;
 use crate::model::camera::CameraGradient;
 use crate::model::filter::film_kernel;
