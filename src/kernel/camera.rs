@@ -4,9 +4,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::gradient::CameraSums;
 use crate::error::Result;
-use crate::model::camera::Camera as Model;
+use crate::model::camera::{Camera as Model, CameraGradient};
 use crate::scene::{Camera, ParameterId, Projection, SceneFrame};
 
 /// A camera on the host.
@@ -150,7 +149,7 @@ impl HostCamera {
     /// image of `aspect` (width over height).
     pub fn backward(
         &self,
-        g: &CameraSums,
+        g: &CameraGradient,
         unit: f64,
         aspect: f64,
         places: &[(ParameterId, Range<usize>)],

@@ -90,29 +90,6 @@ pub(crate) struct MaterialSums {
     pub channels: [DVec3; CHANNELS],
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct CameraSums {
-    pub eye: DVec3,
-    pub across: DVec3,
-    pub upward: DVec3,
-    pub forward: DVec3,
-    pub lens: [DVec3; 2],
-    pub per_focus: f64,
-}
-
-impl CameraSums {
-    #[inline(always)]
-    pub fn add(&mut self, g: &CameraGradient) {
-        self.eye += DVec3::from(g.eye);
-        self.across += DVec3::from(g.across);
-        self.upward += DVec3::from(g.upward);
-        self.forward += DVec3::from(g.forward);
-        self.lens[0] += DVec3::from(g.lens[0]);
-        self.lens[1] += DVec3::from(g.lens[1]);
-        self.per_focus += f64::from(g.per_focus);
-    }
-}
-
 /// Sums of derivatives. What is not asked for may be empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sums {
@@ -125,7 +102,7 @@ pub(crate) struct Sums {
     pub materials: Vec<MaterialSums>,
     pub texels: Vec<DVec3>,
     pub sky: Vec<DVec3>,
-    pub camera: CameraSums,
+    pub camera: CameraGradient,
 }
 
 fn add_each<T: Copy + AddAssign>(to: &mut [T], from: &[T]) {
@@ -153,7 +130,7 @@ impl Sums {
             materials: vec![MaterialSums::default(); scene.materials.len()],
             texels: zeros(wanted.materials, scene.texels.len()),
             sky: zeros(wanted.sky, scene.sky.len()),
-            camera: CameraSums::default(),
+            camera: CameraGradient::default(),
         }
     }
 
@@ -184,14 +161,7 @@ impl Sums {
         }
         add_each(&mut self.texels, &o.texels);
         add_each(&mut self.sky, &o.sky);
-        let (a, b) = (&mut self.camera, &o.camera);
-        a.eye += b.eye;
-        a.across += b.across;
-        a.upward += b.upward;
-        a.forward += b.forward;
-        a.lens[0] += b.lens[0];
-        a.lens[1] += b.lens[1];
-        a.per_focus += b.per_focus;
+        self.camera += o.camera;
     }
 
     /// Turns derivatives by normals and areas into those by the vertices.

@@ -13,10 +13,8 @@ mod edges;
 mod gradient;
 mod path;
 mod scene;
-mod sky;
 mod surface;
 mod tasks;
-mod texture;
 mod view;
 mod walk;
 

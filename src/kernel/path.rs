@@ -17,8 +17,8 @@ impl View {
     #[inline(always)]
     fn camera_ray(&self, numbers: &Numbers, pixel: u32) -> CameraRay {
         let [u, v, ..] = numbers.film();
-        let x = (pixel % self.width) as f32 + 0.5 + self.filter.sample(u);
-        let y = (pixel / self.width) as f32 + 0.5 + self.filter.sample(v);
+        let x = (pixel % self.settings.width) as f32 + 0.5 + self.filter.sample(u);
+        let y = (pixel / self.settings.width) as f32 + 0.5 + self.filter.sample(v);
         let [lens_x, lens_y] = self.lens_point(numbers);
         self.camera.ray(x, y, lens_x, lens_y)
     }
@@ -71,8 +71,8 @@ impl View {
     #[inline(always)]
     pub(super) fn emission(&self, point: &Point) -> V3 {
         let m = self.scene.material(point.triangle);
-        if point.side > 0.0 && m.kind.emits {
-            m.emission()
+        if m.kind.emits {
+            m.emission().towards(point.side)
         } else {
             V3::ZERO
         }
@@ -102,7 +102,7 @@ impl View {
             }
         }
         while !walks.alive.is_empty() {
-            let last = bounce >= self.bounces;
+            let last = bounce >= self.settings.bounces;
             let goes_on = !last || self.sees_sky;
             self.gather_lights::<KEEP>(paths, walks, bounce, goes_on, work);
             if !goes_on {
@@ -307,7 +307,12 @@ impl View {
         }
         walk.throughput *= scatter.weight;
         let mut survival = 1.0;
-        if !last && self.roulette_after.is_some_and(|after| bounce >= after) {
+        if !last
+            && self
+                .settings
+                .roulette_after
+                .is_some_and(|after| bounce >= after)
+        {
             survival = walk.throughput.max_element().clamp(0.05, 1.0);
             if path.numbers.roulette(bounce) >= survival {
                 return None;

@@ -4,14 +4,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::sky::Sky;
-use super::texture::{Colour, Texels, Texture};
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
+use crate::model::emitter::Emission;
+use crate::model::sky::Sky;
+use crate::model::texture::{Colour, Texels, Texture};
 use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
-use crate::scene::{
-    CHANNELS, Channel, HostAttribute, HostScene, HostTexture, MaterialKind, SceneFrame,
-};
+use crate::scene::{CHANNELS, HostAttribute, HostScene, HostTexture, MaterialKind, SceneFrame};
 
 /// The place of an object's parts in the scene's lists.
 #[derive(Clone, Debug)]
@@ -111,11 +110,7 @@ impl KernelScene {
             velocity: velocities
                 .as_ref()
                 .map_or(V3::ZERO, |v| v[t.object as usize]),
-            radiance: materials[t.material as usize]
-                .emission()
-                .abs()
-                .element_sum()
-                / 3.0,
+            radiance: materials[t.material as usize].emission().mean(),
             group: 0,
         });
         let emitters = Emitters::new(list.collect(), velocities.is_some(), sampling);
@@ -286,8 +281,9 @@ pub(crate) struct Material {
 }
 
 impl Material {
-    pub fn emission(&self) -> V3 {
-        self.channels[Channel::Emission as usize].constant
+    #[inline(always)]
+    pub fn emission(&self) -> Emission {
+        Emission::of(|channel| self.channels[channel as usize].constant)
     }
 
     pub fn is_textured(&self) -> bool {

@@ -124,7 +124,8 @@ impl View {
         let first = sample - sample % RUN as u32;
         let mut runs = Vec::with_capacity(TOGETHER);
         for pixel in pixels {
-            runs.push(self.sampler.run(pixel, first..next_run(first), self.drawn));
+            let samples = first..next_run(first);
+            runs.push(self.settings.sampler.run(pixel, samples, self.drawn));
         }
         runs
     }

@@ -8,6 +8,7 @@ use crate::model::V3;
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
 use crate::model::cone::Bend;
+use crate::model::emitter::LightPoint;
 use crate::sampling::{EmitterHit, Numbers};
 
 /// The constants of a path.
@@ -150,12 +151,7 @@ pub(super) struct LightSample {
     /// The triangle of the scene.
     pub triangle: u32,
     pub weights: [f32; 3],
-    /// The unit vector from the surface point to the light.
-    pub direction: V3,
-    pub distance: f32,
-    pub squared: f32,
-    /// cos θ at the light.
-    pub facing: f32,
+    pub seen: LightPoint,
     /// f·cos θ at the surface.
     pub reflected: V3,
     /// The divisor of the sample, in units of the emitter's area.
@@ -225,6 +221,7 @@ pub(crate) struct Work {
     pub(super) chances: Vec<f32>,
     pub(super) emitter_hits: Vec<EmitterHit>,
     pub(super) side_walks: Walks,
+    pub(super) chain: Vec<usize>,
     pub(crate) counts: RayCounts,
 }
 

@@ -11,6 +11,9 @@ use super::frame::{from_local, from_local_backward, sin_cos_of_turns};
 use super::v3;
 use crate::scene::{CHANNELS, Channel, MaterialKind};
 
+#[cfg(test)]
+mod tests;
+
 /// A shaded point: directions, and what its material is there.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shading {

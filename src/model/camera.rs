@@ -6,6 +6,10 @@
 //! y·upward. The three vectors are any basis, so a field of view, a principal point and pixels that are not
 //! square are all in them, and a point is projected by the inverse of the basis.
 
+use std::ops::AddAssign;
+
+use glam::DVec3;
+
 use super::V3;
 
 /// A camera in a scene's inner units.
@@ -32,12 +36,24 @@ pub(crate) struct Camera {
 /// Derivatives by what a camera is made of.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CameraGradient {
-    pub eye: V3,
-    pub across: V3,
-    pub upward: V3,
-    pub forward: V3,
-    pub lens: [V3; 2],
-    pub per_focus: f32,
+    pub eye: DVec3,
+    pub across: DVec3,
+    pub upward: DVec3,
+    pub forward: DVec3,
+    pub lens: [DVec3; 2],
+    pub per_focus: f64,
+}
+
+impl AddAssign for CameraGradient {
+    fn add_assign(&mut self, o: Self) {
+        self.eye += o.eye;
+        self.across += o.across;
+        self.upward += o.upward;
+        self.forward += o.forward;
+        self.lens[0] += o.lens[0];
+        self.lens[1] += o.lens[1];
+        self.per_focus += o.per_focus;
+    }
 }
 
 /// A ray from a point of the lens (on the unit disk) through a point of the film.
@@ -95,14 +111,15 @@ impl Camera {
         if !self.parallel {
             by_beside = by_along;
             let by_lens = g_o - by_along * self.per_focus;
-            gradient.lens[0] += by_lens * ray.lens_x;
-            gradient.lens[1] += by_lens * ray.lens_y;
-            gradient.per_focus -= by_along.dot(self.lens_point(ray.lens_x, ray.lens_y));
+            gradient.lens[0] += DVec3::from(by_lens * ray.lens_x);
+            gradient.lens[1] += DVec3::from(by_lens * ray.lens_y);
+            let on_lens = self.lens_point(ray.lens_x, ray.lens_y);
+            gradient.per_focus -= f64::from(by_along.dot(on_lens));
         }
-        gradient.eye += g_o;
-        gradient.across += by_beside * ray.x;
-        gradient.upward += by_beside * ray.y;
-        gradient.forward += by_along;
+        gradient.eye += DVec3::from(g_o);
+        gradient.across += DVec3::from(by_beside * ray.x);
+        gradient.upward += DVec3::from(by_beside * ray.y);
+        gradient.forward += DVec3::from(by_along);
     }
 
     /// The point of the lens, relative to its middle.
@@ -198,14 +215,14 @@ impl Camera {
         let by_r = self.dual[0] * a + self.dual[1] * b + self.dual[2] * c;
         let by_shift = (self.dual[0] * g_x + self.dual[1] * g_y) * self.per_focus;
         let on_lens = self.local(lens);
-        gradient.across -= by_r * r[0] + by_shift * on_lens[0];
-        gradient.upward -= by_r * r[1] + by_shift * on_lens[1];
-        gradient.forward -= by_r * r[2] + by_shift * on_lens[2];
-        gradient.eye -= by_r;
+        gradient.across -= DVec3::from(by_r * r[0] + by_shift * on_lens[0]);
+        gradient.upward -= DVec3::from(by_r * r[1] + by_shift * on_lens[1]);
+        gradient.forward -= DVec3::from(by_r * r[2] + by_shift * on_lens[2]);
+        gradient.eye -= DVec3::from(by_r);
         let by_lens = by_shift - by_r;
-        gradient.lens[0] += by_lens * lens_x;
-        gradient.lens[1] += by_lens * lens_y;
-        gradient.per_focus += g_x * on_lens[0] + g_y * on_lens[1];
+        gradient.lens[0] += DVec3::from(by_lens * lens_x);
+        gradient.lens[1] += DVec3::from(by_lens * lens_y);
+        gradient.per_focus += f64::from(g_x * on_lens[0] + g_y * on_lens[1]);
         by_r
     }
 }
@@ -296,7 +313,7 @@ mod tests {
             c.ray_backward(&c.ray(13.0, 29.0, 0.4, -0.6), g_o, g_d, &mut by_ray);
             let mut by_film = CameraGradient::default();
             c.project_backward(p, 0.4, -0.6, g, &mut by_film);
-            type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f32);
+            type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f64);
             let numbers: [Number; 12] = [
                 (|c| &mut c.eye.x, |g| g.eye.x),
                 (|c| &mut c.eye.z, |g| g.eye.z),
@@ -325,7 +342,7 @@ mod tests {
                     *number(&mut a) += h;
                     *number(&mut b) -= h;
                     let wanted = (f(&a) - f(&b)) / (2.0 * f64::from(h));
-                    let got = f64::from(gradient(by));
+                    let got = gradient(by);
                     let scale = wanted.abs().max(0.1);
                     assert!(
                         (got - wanted).abs() < 1e-2 * scale,

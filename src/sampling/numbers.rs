@@ -132,7 +132,7 @@ impl Numbers<'_> {
     /// Film x and y, and for an emitter and a point on it, seen from the first surface.
     pub fn film(&self) -> [f32; 4] {
         use Dimension::{EmitterU, EmitterV, FilmX, FilmY};
-        self.whole([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
+        self.some([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
     }
 
     /// Lens radius and angle.
@@ -150,7 +150,7 @@ impl Numbers<'_> {
     pub fn direction(&self, bounce: u32) -> [f32; 4] {
         use Dimension::{DirectionU, DirectionV, EmitterU, EmitterV};
         let next = bounce + 1;
-        self.whole([
+        self.some([
             (DirectionU, bounce),
             (DirectionV, bounce),
             (EmitterU, next),
@@ -188,7 +188,7 @@ impl Numbers<'_> {
             Sequence::Sobol => self.four(set),
             Sequence::Independent => [0, 1, 2, 3].map(|d| {
                 let purpose = (u64::from(set) << 32) | (16 + d);
-                number(mix(self.sampler.seed ^ purpose), self.path) as f32
+                number(mix(self.sampler.seed ^ purpose), self.path)
             }),
         }
     }
@@ -196,7 +196,7 @@ impl Numbers<'_> {
     /// A set of four dimensions of the sequence of the path's block: Burley's shuffled and scrambled
     /// points. After 256 dimensions come other scrambles.
     #[inline(always)]
-    pub(super) fn four(&self, set: u32) -> [f32; 4] {
+    fn four(&self, set: u32) -> [f32; 4] {
         if set < 8 && self.drawn & (1 << set) != 0 {
             return self.fours[set as usize];
         }
@@ -217,17 +217,8 @@ impl Numbers<'_> {
         })
     }
 
-    /// Numbers of dimensions that are a whole set of the sequence, or independent ones.
+    /// Numbers of dimensions of one set of the sequence, or independent ones.
     #[inline(always)]
-    fn whole(&self, dimensions: [(Dimension, u32); 4]) -> [f32; 4] {
-        let (first, bounce) = dimensions[0];
-        match (self.sampler.sequence, first.of_sequence(bounce)) {
-            (Sequence::Sobol, Some(place)) => self.four(place / 4),
-            _ => self.independent(dimensions),
-        }
-    }
-
-    /// Numbers of some dimensions of one set of the sequence, or independent ones.
     fn some<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f32; N] {
         let places = dimensions.map(|(d, bounce)| d.of_sequence(bounce));
         match (self.sampler.sequence, places[0]) {
@@ -235,67 +226,31 @@ impl Numbers<'_> {
                 let four = self.four(first / 4);
                 places.map(|d| d.map_or(0.0, |d| four[d as usize % 4]))
             }
-            _ => self.independent(dimensions),
+            _ => dimensions.map(|d| self.independent(d)),
         }
     }
 
     #[inline(never)]
-    fn independent<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f32; N] {
-        dimensions.map(|(d, bounce)| {
-            let purpose = (u64::from(bounce) << 32) | d as u64;
-            number(mix(self.sampler.seed ^ purpose), self.path) as f32
-        })
+    fn independent(&self, (dimension, bounce): (Dimension, u32)) -> f32 {
+        let purpose = (u64::from(bounce) << 32) | dimension as u64;
+        number(mix(self.sampler.seed ^ purpose), self.path)
     }
 }
 
 impl Sampler {
-    /// Uniform numbers in [0, 1) for a list of paths, each (pixel, sample). They have 24 bits, so
-    /// that they are the same numbers in f32 and f64.
+    /// Uniform numbers in [0, 1) for a list of paths, each (pixel, sample), of dimensions of one set: those of
+    /// [`Numbers`]. They have 24 bits, so that they are the same numbers in f32 and f64.
     pub(crate) fn uniform<const N: usize>(
         &self,
         paths: &[(u32, u32)],
         bounce: u32,
         dimensions: [Dimension; N],
     ) -> [Vec<f64>; N] {
-        let of_sequence = dimensions.map(|d| d.of_sequence(bounce));
-        if self.sequence == Sequence::Sobol
-            && let Some(first) = of_sequence[0]
-            && of_sequence
-                .iter()
-                .all(|d| d.is_some_and(|d| d / 4 == first / 4))
-        {
-            let places = of_sequence.map(|d| d.map_or(0, |d| d as usize % 4));
-            return self.sobol(paths, first / 4, places);
-        }
-        dimensions.map(|d| match (self.sequence, d.of_sequence(bounce)) {
-            (Sequence::Sobol, Some(d)) => {
-                let [values] = self.sobol(paths, d / 4, [d as usize % 4]);
-                values
-            }
-            _ => self.independent(paths, (u64::from(bounce) << 32) | d as u64),
-        })
-    }
-
-    /// Independent uniform numbers, one a path, for a purpose of their own.
-    fn independent(&self, paths: &[(u32, u32)], purpose: u64) -> Vec<f64> {
-        let stage = mix(self.seed ^ purpose);
-        paths.iter().map(|&path| number(stage, path)).collect()
-    }
-
-    /// One sequence for a block of pixels in Morton order, each with a run of it: the numbers of a
-    /// pixel are stratified, and so are those of its block together (Ahmed and Wonka 2020). It ends
-    /// after 2¹⁶ numbers and 256 dimensions: past them come other scrambles.
-    fn sobol<const N: usize>(
-        &self,
-        paths: &[(u32, u32)],
-        set: u32,
-        places: [usize; N],
-    ) -> [Vec<f64>; N] {
         let mut found = [(); N].map(|()| Vec::with_capacity(paths.len()));
         for &path in paths {
-            let four = self.numbers(path).four(set);
-            for (values, &p) in found.iter_mut().zip(&places) {
-                values.push(f64::from(four[p]));
+            let numbers = self.numbers(path).some(dimensions.map(|d| (d, bounce)));
+            for (values, number) in found.iter_mut().zip(numbers) {
+                values.push(f64::from(number));
             }
         }
         found

@@ -165,9 +165,9 @@ pub(crate) fn mix(x: u64) -> u64 {
 }
 
 /// A uniform number of a path.
-pub(super) fn number(stage: u64, (pixel, sample): (u32, u32)) -> f64 {
+pub(super) fn number(stage: u64, (pixel, sample): (u32, u32)) -> f32 {
     let h = mix(stage ^ ((u64::from(pixel) << 32) | u64::from(sample)));
-    (h >> 40) as f64 / (1u64 << 24) as f64
+    (h >> 40) as f32 / (1u64 << 24) as f32
 }
 
 /// The bits of x and y in turn.

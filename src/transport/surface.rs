@@ -6,37 +6,8 @@ use crate::error::Result;
 use crate::geometry::{
     Context, Nearest, Vec3, VertexData, detached, gather_row, host_values, nearest_on_triangle,
 };
-use crate::scene::{Channel, ChannelPlanes, Flattened};
+use crate::scene::{Channel, ChannelPlanes, Flattened, MaterialKind};
 use crate::visibility::Rays;
-
-/// The parameters of a BSDF as planes, rows `[1, N]`.
-pub(crate) struct Lobes {
-    /// k_d.
-    pub diffuse: Vec3,
-    /// k_s and exponent, if any material of the scene is glossy.
-    pub specular: Option<(Vec3, Tensor<2>)>,
-}
-
-impl Lobes {
-    /// From the parameters of the materials at the points.
-    pub fn new(glossy: bool, mut at: impl FnMut(Channel) -> Result<Vec3>) -> Result<Self> {
-        Ok(Self {
-            diffuse: at(Channel::Diffuse)?,
-            specular: match glossy {
-                true => Some((at(Channel::Specular)?, at(Channel::Shininess)?.x)),
-                false => None,
-            },
-        })
-    }
-
-    pub fn map(&self, f: impl Fn(&Tensor<2>) -> Tensor<2>) -> Self {
-        let specular = self.specular.as_ref();
-        Self {
-            diffuse: self.diffuse.map(|x| f(&x)),
-            specular: specular.map(|(k, n)| (k.map(|x| f(&x)), f(n))),
-        }
-    }
-}
 
 /// Drawn surface points, rows `[1, N]`.
 pub(crate) struct SurfacePoints {
@@ -50,8 +21,8 @@ pub(crate) struct SurfacePoints {
     pub normal: Vec3,
     /// Whether the two may differ.
     pub smooth: bool,
-    /// The parameters of their BSDF.
-    pub lobes: Lobes,
+    /// The parameters of their BSDF, the first ones of [`Channel::ALL`].
+    pub parameters: Vec<Vec3>,
 }
 
 impl SurfacePoints {
@@ -75,7 +46,7 @@ impl SurfacePoints {
             geometric_normal: vector(&self.geometric_normal),
             normal: vector(&self.normal),
             smooth: self.smooth,
-            lobes: self.lobes.map(f),
+            parameters: self.parameters.iter().map(vector).collect(),
         }
     }
 
@@ -141,17 +112,24 @@ impl SurfacePoints {
             .map(|&k| scene.topology.material[k as usize])
             .collect();
         let material = context.index_row(&materials);
-        let lobes = Lobes::new(scene.materials.glossy(), |channel| {
+        let glossy = scene.materials.glossy();
+        let kind = MaterialKind {
+            glossy,
+            ..MaterialKind::default()
+        };
+        let channels = Channel::ALL.iter().take(kind.shading());
+        let parameters = channels.map(|&channel| {
             let channel = scene.materials.channel(channel);
             look_up(context, channel, &materials, &material, &uv)
-        })?;
+        });
+        let parameters = parameters.collect::<Result<_>>()?;
         Ok(Self {
             triangle,
             position,
             geometric_normal,
             normal,
             smooth: scene.normals.is_some(),
-            lobes,
+            parameters,
         })
     }
 }

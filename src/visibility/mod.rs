@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 pub(crate) use edge::{Coverage, CoverageSettings, coverage, grazing, transmittance};
 pub(crate) use rays::{DepthRange, Rays};
 pub(crate) use sparse::{Sparse, SparseWeights, hierarchy_of};
-pub(crate) use weights::{Softmax, Weights, weights};
+pub(crate) use weights::{Softmax, Span, Weights, weights};
 
 /// The form of visibility in a render. Its gradients are derivatives of the image in that form.
 ///

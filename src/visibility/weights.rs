@@ -132,7 +132,8 @@ fn one_hot(context: &Context, drawn: &[u32], rows: usize) -> Tensor<2> {
     hit.float().cast(context.dtype)
 }
 
-/// The parameters of the paper's form.
+/// The parameters of the paper's form, with its order by depth: the score of a surface is z/γ, z = (far −
+/// t)/(far − near), and that of the background ε/γ.
 #[derive(Clone, Copy, Debug)]
 pub struct Softmax {
     /// Blur of edges σ, a length squared.
@@ -143,11 +144,45 @@ pub struct Softmax {
     pub epsilon: f64,
 }
 
+/// From where to where a ray's triangles are of interest: near and far (Eq. 3).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Span {
+    pub near: f64,
+    pub far: f64,
+}
+
+impl Softmax {
+    /// The score of the background.
+    pub fn background(&self) -> f64 {
+        self.epsilon / self.gamma
+    }
+
+    /// The score of a surface at a distance.
+    pub(super) fn score(&self, span: Span, t: f64) -> f64 {
+        (span.far - t) / ((span.far - span.near) * self.gamma)
+    }
+
+    /// The distance along a ray that divides a weight by e, and the one at which a surface has the score of the
+    /// background: what lies far behind it can't matter.
+    pub(super) fn falloff(&self, span: Span) -> [f64; 2] {
+        let depth = span.far - span.near;
+        [self.gamma * depth, span.far - self.epsilon * depth]
+    }
+
+    /// The derivatives of a score by t and by far. Outside of the bounds only far − t depends on far; inside,
+    /// where near is 0, its divisor does too.
+    pub(super) fn slopes(&self, span: Span, t: f64) -> [f64; 2] {
+        let depth = span.far - span.near;
+        let per_depth = 1.0 / depth / self.gamma;
+        let kept = if span.near <= 0.0 { t / depth } else { 1.0 };
+        [-per_depth, kept * per_depth]
+    }
+}
+
 /// Weights of all surfaces of each ray: softmax over log p_k + z_k/γ and ε/γ for the background.
 pub fn weights(coverage: Coverage, range: DepthRange, form: Softmax) -> Weights {
-    let Softmax { gamma, epsilon, .. } = form;
     let DepthRange { near, far, change } = range;
-    let per_depth = (far.clone() - near.clone()).recip() / gamma;
+    let per_depth = (far.clone() - near.clone()).recip() / form.gamma;
     let score = (far.clone() - coverage.t.clone()) * per_depth.clone();
     let mut discounted = coverage.counted.clone().bool_not();
     if let Some((share, _)) = &coverage.begun {
@@ -169,7 +204,7 @@ pub fn weights(coverage: Coverage, range: DepthRange, form: Softmax) -> Weights 
         exponent = exponent + share.clone().mask_fill(discounted.clone(), 1.0).log();
     }
     let exponent = exponent.mask_fill(discounted.clone(), -1e30);
-    let background = epsilon / gamma;
+    let background = form.background();
     let largest = exponent.clone().max_dim(0).clamp_min(background);
     let one_plus = coverage.decay.clone() + 1.0;
     let weight = (exponent - largest.clone()).exp() / one_plus.clone();

@@ -10,15 +10,9 @@ pub(crate) type Lanes = [f32; LANES];
 
 /// The operations that a machine has as one instruction each.
 pub(crate) trait Machine: Copy {
-    /// Whether a·b + c is one.
-    const FUSED: bool;
-
     /// Eight numbers, and eight answers.
     type Floats: Copy;
     type Mask: Copy;
-
-    /// The lanes that are not less than 0, one bit each.
-    fn not_negative(self, lanes: &Lanes) -> u32;
 
     fn load(self, lanes: &Lanes) -> Self::Floats;
     fn store(self, a: Self::Floats) -> Lanes;
@@ -43,16 +37,6 @@ pub(crate) trait Machine: Copy {
     fn mask_bits(self, mask: Self::Mask) -> u32;
     /// The least of all lanes; none may be other than a number.
     fn least(self, a: Self::Floats) -> f32;
-}
-
-/// One bit for each lane.
-#[inline(always)]
-pub(in crate::accel) fn bits(of: [bool; LANES]) -> u32 {
-    let mut mask = 0;
-    for (i, &bit) in of.iter().enumerate() {
-        mask |= u32::from(bit) << i;
-    }
-    mask
 }
 
 /// Eight numbers of a machine, with the operators of numbers.

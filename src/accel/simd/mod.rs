@@ -7,7 +7,6 @@ mod plain;
 
 use pulp::Arch;
 
-pub(super) use float8::bits;
 pub(crate) use float8::{F8, LANES, Lanes, Machine, Mask8};
 use plain::Plain;
 

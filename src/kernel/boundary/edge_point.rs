@@ -141,8 +141,7 @@ impl View {
             let at_rest = p.position - self.scene.shift(k as u32, time);
             let weights = barycentric(t.corners, t.normal, t.area, at_rest);
             let by_plane = t.normal * g.dot(dual);
-            self.scene
-                .add_to_corners(k, weights, by_plane, time, &self.wanted, sums);
+            self.add_to_corners(k, weights, by_plane, time, sums);
         }
     }
 }
@@ -211,12 +210,8 @@ impl View {
     /// The hit behind an edge's point, seen from a point; None where something hides the edge.
     pub(super) fn behind(&self, p: &EdgePoint, start: V3, view: V3, time: f32) -> Option<Hit> {
         let ray = HitRay {
-            origin: start,
-            direction: view,
-            time,
-            from: 0.0,
-            limit: f32::INFINITY,
             unseen: p.edge.faces,
+            ..HitRay::new(start, view, time, f32::INFINITY)
         };
         let hit = self.scene.hierarchy.hit_seen::<false>(self.arch, &ray);
         if hit.triangle != NOTHING && hit.t < p.to.length() {

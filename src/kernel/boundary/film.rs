@@ -94,7 +94,7 @@ impl FilmSamples<'_> {
             view.camera
                 .project_backward(point.position, lens[0], lens[1], by_film, &mut camera);
         if view.wanted.camera {
-            self.sums.camera.add(&camera);
+            self.sums.camera += camera;
         }
         view.add_to_edge(&point, by_point, path.time, self.sums);
     }

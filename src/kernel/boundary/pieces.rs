@@ -309,9 +309,9 @@ pub(crate) struct PixelGradients {
 const CELL: u32 = 8;
 
 impl PixelGradients {
-    /// Takes the derivatives by pixels of a list. `reach` is the distance beyond a pixel that its filter
-    /// reaches, in pixels.
-    pub fn new(list: &[(u32, Seen)], width: u32, height: u32, reach: f32) -> Self {
+    /// Takes the derivatives by pixels of a view.
+    pub fn new(list: &[(u32, Seen)], view: &View) -> Self {
+        let (width, height) = (view.settings.width, view.settings.height);
         let all = list.len() == (width * height) as usize
             && list.iter().enumerate().all(|(i, p)| p.0 as usize == i);
         let columns = width.div_ceil(CELL) as usize;
@@ -322,7 +322,7 @@ impl PixelGradients {
             own[(y / CELL) as usize * columns + (x / CELL) as usize] += weight(g);
         }
         // The cells of pixels that see a point of a cell.
-        let around = 1 + (reach / CELL as f32).ceil() as usize;
+        let around = 1 + (view.filter.radius() / CELL as f32).ceil() as usize;
         let spread = |from: &[f32], along: usize, across: usize, step: usize, stride: usize| {
             let mut to = vec![0.0; from.len()];
             for j in 0..across {

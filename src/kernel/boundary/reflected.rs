@@ -37,7 +37,7 @@ impl View {
         by: &mut PointGradient,
         sums: &mut Sums,
     ) {
-        let last = o.bounce >= self.bounces;
+        let last = o.bounce >= self.settings.bounces;
         if last && !self.sees_sky && !self.gathers_map {
             return;
         }
@@ -137,7 +137,7 @@ impl View {
         let rays = (o.vertex.point.start(), view);
         let mut walks = std::mem::take(&mut work.side_walks);
         self.walks_beside(p, sides, behind, rays, o.path.time, &mut walks);
-        if o.bounce < self.bounces {
+        if o.bounce < self.settings.bounces {
             let path = Path {
                 numbers: self.sides.numbers(o.path.numbers.path()),
                 ..*o.path

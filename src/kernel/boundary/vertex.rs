@@ -202,6 +202,7 @@ impl View {
         }
         let tri = &self.scene.triangles[e.triangle as usize];
         let emission = self.scene.materials[tri.material as usize].emission();
+        let emission = emission.towards(-e.normal.dot(axis));
         let scale = edge.carried.dot(emission) * edge.sign * p.per_density;
         let by_axis = edge.jump.edge.by_axis * scale;
         self.edge_point_backward(p, &edge.jump, scale, time, by, sums);
@@ -211,8 +212,7 @@ impl View {
         if self.wanted.objects[tri.object as usize] {
             let [b, c] = hit.weights;
             let (k, weights) = (e.triangle as usize, [1.0 - b - c, b, c]);
-            self.scene
-                .add_to_corners(k, weights, by_to, time, &self.wanted, sums);
+            self.add_to_corners(k, weights, by_to, time, sums);
         }
     }
 }

@@ -108,7 +108,7 @@ impl Backward {
         let sums: Vec<Sums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
         let mut all = zero.clone();
         sums.iter().for_each(|s| all.add(s));
-        if view.has_edges() {
+        if view.has_edges {
             self.on_film(view, upstream, &zero, accumulators, &mut all);
         }
         all.resolve(&view.scene);
@@ -131,9 +131,8 @@ impl Backward {
             g.depth *= samples;
             g.normal *= samples;
         }
-        let [width, height] = view.size();
         let asked = upstream.iter().filter(|p| p.1 != Seen::default()).count();
-        let pixels = PixelGradients::new(&upstream, width, height, view.reach());
+        let pixels = PixelGradients::new(&upstream, view);
         let edges = view.film_edges(&pixels);
         if edges.is_empty() {
             return;

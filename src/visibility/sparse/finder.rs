@@ -2,11 +2,11 @@
 
 use pulp::Arch;
 
-use super::ray::{HostRay, Span, Surface};
+use super::ray::{HostRay, Surface};
 use crate::accel::{Hierarchy, Machine, PlaneHit, Reach, Task, dispatch};
 use crate::geometry::{Context, Topology};
 use crate::visibility::edge::grazing;
-use crate::visibility::{CoverageSettings, Softmax};
+use crate::visibility::{CoverageSettings, Softmax, Span};
 
 /// exp(−60) is nothing beside 1.
 const DEEP: f64 = 60.0;
@@ -26,7 +26,7 @@ struct Ends {
 struct Intersect<'a> {
     finder: &'a Finder<'a>,
     ray: &'a HostRay,
-    span: Span,
+    span: Option<Span>,
     found: &'a mut Vec<Surface>,
 }
 
@@ -35,13 +35,8 @@ impl Task for Intersect<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> u32 {
-        let Self {
-            finder,
-            ray,
-            span,
-            found,
-        } = self;
-        finder.intersect_on(machine, ray, span, found)
+        let finder = self.finder;
+        finder.intersect_on(machine, self.ray, self.span, self.found)
     }
 }
 
@@ -52,8 +47,6 @@ pub(crate) struct Finder<'a> {
     topology: &'a Topology,
     settings: CoverageSettings,
     pub(super) form: Softmax,
-    /// Shadow rays pass by products, whatever the depth.
-    shadow: bool,
     grazing: f64,
     /// The squared distance from a triangle up to which it matters, and its root: at its own depth
     /// in the softmax.
@@ -70,7 +63,6 @@ pub(crate) struct Finder<'a> {
 }
 
 impl<'a> Finder<'a> {
-    /// For camera and bounce rays.
     pub fn new(
         hierarchy: &'a Hierarchy,
         topology: &'a Topology,
@@ -86,7 +78,6 @@ impl<'a> Finder<'a> {
             topology,
             settings: *settings,
             form,
-            shadow: false,
             grazing: grazing(context.dtype),
             reach: settings.sigma * log_cutoff,
             root: (settings.sigma * log_cutoff).sqrt(),
@@ -97,17 +88,10 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// For shadow rays.
-    pub fn for_shadows(self) -> Self {
-        Self {
-            shadow: true,
-            ..self
-        }
-    }
-
-    /// The surfaces that a ray meets, unordered, and the number of triangles that were tested.
+    /// The surfaces that a ray meets, unordered, and the number of triangles that were tested. Shadow rays have
+    /// no span: light passes them by products, whatever the depth.
     #[inline]
-    pub fn intersect(&self, ray: &HostRay, span: Span, found: &mut Vec<Surface>) -> u32 {
+    pub fn intersect(&self, ray: &HostRay, span: Option<Span>, found: &mut Vec<Surface>) -> u32 {
         let task = Intersect {
             finder: self,
             ray,
@@ -122,7 +106,7 @@ impl<'a> Finder<'a> {
         &self,
         machine: M,
         ray: &HostRay,
-        span: Span,
+        span: Option<Span>,
         found: &mut Vec<Surface>,
     ) -> u32 {
         let ends = self.ends(ray, span);
@@ -141,7 +125,7 @@ impl<'a> Finder<'a> {
     }
 
     #[inline(always)]
-    fn ends(&self, ray: &HostRay, span: Span) -> Ends {
+    fn ends(&self, ray: &HostRay, span: Option<Span>) -> Ends {
         let near_end = ray.distance.map(|d| {
             let object = &self.topology.object;
             let same = matches!((ray.departure, ray.emitter), (Some(a), Some(b))
@@ -160,14 +144,13 @@ impl<'a> Finder<'a> {
                 distance_penalty: 0.0,
             },
         };
-        if !self.shadow {
-            let Softmax { gamma, epsilon, .. } = self.form;
+        if let Some(span) = span {
             // A weight is exp(−(t + penalty·squared distance)/falloff), at most, over that of the best
             // so far: the background, to begin with.
-            ends.depth_falloff = gamma * span.depth();
-            ends.depth_margin = ends.depth_falloff * self.log_cutoff;
-            let distance_penalty = ends.depth_falloff * self.inverse;
-            let background = span.far - epsilon * span.depth();
+            let [falloff, background] = self.form.falloff(span);
+            ends.depth_falloff = falloff;
+            ends.depth_margin = falloff * self.log_cutoff;
+            let distance_penalty = falloff * self.inverse;
             ends.limit = limit.min(background + ends.depth_margin);
             // A hit before near is as far from every triangle.
             let squared = ((ends.limit - span.near) / distance_penalty).max(0.0);

@@ -104,25 +104,6 @@ impl HostRays {
     }
 }
 
-/// From where to where a ray's triangles are of interest: near and far (Eq. 3).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Span {
-    pub near: f64,
-    pub far: f64,
-}
-
-impl Span {
-    /// For shadow rays, which have none.
-    pub const NONE: Self = Self {
-        near: 0.0,
-        far: 0.0,
-    };
-
-    pub fn depth(self) -> f64 {
-        self.far - self.near
-    }
-}
-
 /// A list for each ray.
 #[derive(Clone, Debug)]
 pub(super) struct Lists<T> {

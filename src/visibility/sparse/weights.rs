@@ -4,30 +4,25 @@ use burn::tensor::{IndexingUpdateOp, Tensor};
 use rayon::prelude::*;
 
 use super::finder::Finder;
-use super::ray::{HostRays, Lists, RAYS_A_PIECE, Span, Surface, pieces};
+use super::ray::{HostRays, Lists, RAYS_A_PIECE, Surface, pieces};
 use super::terms::{Sparse, Terms};
 use crate::geometry::Context;
-use crate::visibility::{DepthRange, Rays, Softmax};
+use crate::visibility::{DepthRange, Rays, Softmax, Span};
 
 impl Finder<'_> {
     /// Sorts the surfaces of a ray by depth, sets their weights and drops those that are nothing;
     /// returns that of the background.
     pub fn weigh(&self, span: Span, found: &mut Vec<Surface>) -> f64 {
-        let Softmax { gamma, epsilon, .. } = self.form;
-        let score = |s: &Surface| (span.far - s.t) / (span.depth() * gamma);
+        let score = |s: &Surface| self.form.score(span, s.t);
+        let background = self.form.background();
         // Most rays meet one surface.
         if let [s] = &mut found[..]
-            && s.log[0] + score(s) - epsilon / gamma > self.log_cutoff
+            && s.log[0] + score(s) - background > self.log_cutoff
         {
             s.weight = 1.0;
             return 0.0;
         }
-        let background = softmax(
-            found,
-            score,
-            epsilon / gamma,
-            (self.cutoff, self.log_cutoff),
-        );
+        let background = softmax(found, score, background, (self.cutoff, self.log_cutoff));
         found.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
         background
     }
@@ -82,11 +77,7 @@ pub(super) struct WeightGradient<'a> {
     pub surfaces: &'a [Surface],
     /// W of the background.
     pub background: f64,
-    /// far − near.
-    pub depth: f64,
-    /// Whether the ray starts inside of the bounds: near = max(|o| − ρ, 0) is 0 and
-    /// far = |o| + ρ.
-    pub inside: bool,
+    pub span: Span,
 }
 
 impl WeightGradient<'_> {
@@ -103,20 +94,17 @@ impl WeightGradient<'_> {
         let parts = surfaces.iter().zip(values);
         let parts = parts.map(|(s, v)| (s.weight * v).abs());
         let tiny = 1e-12 * parts.fold((self.background * background).abs(), f64::max);
-        let per_depth = 1.0 / self.depth / self.form.gamma;
         let weighted = surfaces.iter().zip(values).map(|(s, v)| s.weight * v);
         let mean = weighted.sum::<f64>() + self.background * background;
         let mut far = 0.0;
         for (s, v) in surfaces.iter().zip(values) {
             let share = (v - mean) * s.weight;
             let [_, by_logit, by_t] = s.log;
+            let [score_by_t, by_far] = self.form.slopes(self.span, s.t);
             if share.abs() > tiny {
-                emit(s, share * by_logit, share * (by_t - per_depth));
+                emit(s, share * by_logit, share * (by_t + score_by_t));
             }
-            // ∂z/∂far/γ: outside of the bounds only far − t depends on far, inside its divisor does
-            // too.
-            let kept = if self.inside { s.t / self.depth } else { 1.0 };
-            far += share * kept * per_depth;
+            far += share * by_far;
         }
         far
     }
@@ -132,8 +120,7 @@ pub(crate) struct SparseWeights<'a> {
     pub(super) background: Vec<f64>,
     pub(super) form: Softmax,
     pub(super) range: DepthRange,
-    /// far − near by ray.
-    pub(super) depth: Vec<f64>,
+    pub(super) spans: Vec<Span>,
     pub(super) triangles: u32,
     pub(super) tracked: bool,
     /// Candidates offered by the hierarchy.
@@ -260,13 +247,11 @@ impl SparseWeights<'_> {
     }
 
     fn gradient(&self, i: usize) -> WeightGradient<'_> {
-        let depth = self.depth[i];
         WeightGradient {
             form: self.form,
             surfaces: self.surfaces.of(i),
             background: self.background[i],
-            depth,
-            inside: 2.0 * self.host.origin[i].length() <= depth,
+            span: self.spans[i],
         }
     }
 
