@@ -108,13 +108,6 @@ impl Emitters {
         self.by_solid_angle
     }
 
-    /// The number of the emitter that a triangle of the scene is.
-    pub fn of_triangle(&self, triangle: u32) -> Option<usize> {
-        self.list
-            .binary_search_by_key(&triangle, |e| e.triangle)
-            .ok()
-    }
-
     pub fn get(&self, emitter: usize) -> &Emitter {
         &self.list[emitter]
     }

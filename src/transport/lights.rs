@@ -14,11 +14,13 @@ use crate::sampling::{Emitter, EmitterSampling, Emitters};
 use crate::scene::{EnvironmentMap, Flattened, SkyTensors};
 
 /// The emitters of a scene, for lists of points.
-pub(crate) struct Lights(Emitters);
+pub(crate) struct Lights {
+    pub(super) emitters: Emitters,
+}
 
 /// The points that emitters are chosen for.
 pub(crate) struct Views {
-    pub position: Vec<glam::DVec3>,
+    pub position: Vec<DVec3>,
     /// Time in the shutter, if anything moves.
     pub time: Option<Vec<f64>>,
 }
@@ -30,15 +32,15 @@ impl Views {
     }
 }
 
-/// A hit of a path on an emitter.
+/// A point of an emitter that a path is connected to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PathHit {
+pub(super) struct Chosen {
     pub path: u32,
-    /// The triangle of the scene.
+    /// The triangle of the scene, and the weights of its corners b and c.
     pub emitter: u32,
-    /// Weights of corners b and c.
-    pub b: f64,
-    pub c: f64,
+    pub weights: [f64; 2],
+    /// Probability of the emitter when emitters are chosen.
+    pub chance: f64,
 }
 
 /// Rays a piece of work.
@@ -53,16 +55,14 @@ impl Lights {
         let index = &scene.emitters;
         let moves = scene.triangles.velocity.is_some();
         if index.is_empty() {
-            return Ok(Self(Emitters::new(Vec::new(), moves, sampling)));
+            let emitters = Emitters::new(Vec::new(), moves, sampling);
+            return Ok(Self { emitters });
         }
         let row = scene.context.index_row(index);
         let vectors = |v: &Vec3| host_vectors(&v.gather(&row));
         let corners = &scene.triangles.corners;
-        let (a, b, c) = (
-            vectors(&corners.a)?,
-            vectors(&corners.b)?,
-            vectors(&corners.c)?,
-        );
+        let (a, b) = (vectors(&corners.a)?, vectors(&corners.b)?);
+        let c = vectors(&corners.c)?;
         let velocity = scene.triangles.velocity.as_ref().map(vectors).transpose()?;
         let valid = host_values(&scene.triangles.valid.clone().float())?;
         let emission = host_vectors(scene.materials.emission())?;
@@ -82,54 +82,39 @@ impl Lights {
             }
         };
         let list = index.iter().enumerate().map(one).collect();
-        Ok(Self(Emitters::new(list, moves, sampling)))
+        let emitters = Emitters::new(list, moves, sampling);
+        Ok(Self { emitters })
     }
 
-    /// Whether there is no emitter.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// Whether probabilities depend on the point.
-    pub fn depends_on_position(&self) -> bool {
-        self.0.depends_on_position()
-    }
-
-    /// An emitter for each random number: triangles of the scene with their probabilities, and
-    /// the rest of the number, uniform again.
-    pub fn choose(&self, views: Option<&Views>, random: &[f64]) -> Vec<(u32, f64, f64)> {
-        let pieces = random.par_iter().enumerate().with_min_len(PIECE);
-        let one = |room: &mut Vec<f32>, (i, &u): (usize, &f64)| {
+    /// A point of an emitter for each pair of random numbers.
+    pub(super) fn choose(&self, views: Option<&Views>, u: &[f64], v: &[f64]) -> Vec<Chosen> {
+        let pieces = u.par_iter().zip(v).enumerate().with_min_len(PIECE);
+        let one = |room: &mut Vec<f32>, (i, (&u, &v)): (usize, (&f64, &f64))| {
             let (x, time) = views.map_or((V3::ZERO, 0.0), |v| v.at(i));
-            let (k, chance, rest) = self.0.choose(x, time, u as f32, room);
-            (self.0.get(k).triangle, f64::from(chance), f64::from(rest))
+            let (k, chance, rest) = self.emitters.choose(x, time, u as f32, room);
+            let root = f64::from(rest).sqrt();
+            Chosen {
+                path: i as u32,
+                emitter: self.emitters.get(k).triangle,
+                weights: [root * (1.0 - v), root * v],
+                chance: chance.into(),
+            }
         };
         pieces.map_init(Vec::new, one).collect()
     }
 
-    /// The probability of the emitter of each hit.
-    pub fn chance(&self, views: &Views, hits: &[PathHit]) -> Vec<f64> {
-        let mut room = Vec::new();
-        let chance = |hit: &PathHit| {
-            let (x, time) = views.at(hit.path as usize);
-            let k = self.0.of_triangle(hit.emitter);
-            k.map_or(0.0, |k| f64::from(self.0.chance(x, time, k, &mut room)))
-        };
-        hits.iter().map(chance).collect()
-    }
-
     /// The points on the fronts of emitters that rays hit, were nothing in between.
-    pub fn intersect(&self, views: &Views, directions: &[glam::DVec3]) -> Vec<PathHit> {
+    pub(super) fn intersect(&self, views: &Views, directions: &[DVec3]) -> Vec<Chosen> {
+        let emitters = &self.emitters;
         let one = |i: usize| {
-            let mut hits = Vec::new();
+            let (mut hits, mut room) = (Vec::new(), Vec::new());
             let (x, time) = views.at(i);
-            let direction = directions[i].as_vec3();
-            self.0.each_hit(self.0.all(), x, time, direction, |hit| {
-                hits.push(PathHit {
+            emitters.each_hit(emitters.all(), x, time, directions[i].as_vec3(), |hit| {
+                hits.push(Chosen {
                     path: i as u32,
-                    emitter: self.0.get(hit.emitter).triangle,
-                    b: f64::from(hit.weights[0]),
-                    c: f64::from(hit.weights[1]),
+                    emitter: emitters.get(hit.emitter).triangle,
+                    weights: hit.weights.map(f64::from),
+                    chance: emitters.chance(x, time, hit.emitter, &mut room).into(),
                 });
             });
             hits

@@ -38,6 +38,17 @@ impl SurfacePoints {
         self.map(triangle, |v| gather_row(v.clone(), &index))
     }
 
+    /// Rays that leave them.
+    pub(crate) fn ray(&self, direction: Vec3, time: Option<Tensor<2>>) -> Rays {
+        Rays {
+            origin: self.position.clone(),
+            direction,
+            time,
+            departure: Some(self.triangle.clone()),
+            arrival: None,
+        }
+    }
+
     fn map(&self, triangle: Vec<u32>, f: impl Fn(&Tensor<2>) -> Tensor<2>) -> Self {
         let vector = |v: &Vec3| v.map(|x| f(&x));
         Self {

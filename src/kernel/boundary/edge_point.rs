@@ -3,18 +3,33 @@
 
 use glam::DVec3;
 
-use super::vertex::Observer;
 use crate::accel::{Hit, HitRay, NOTHING};
-use crate::kernel::edges::{Edge, EdgeTree, FACES, Kind, Query, TOUCHING};
+use crate::kernel::edges::{Edge, EdgeSets, EdgeTree, FACES, Kind, Query, TOUCHING};
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::{Point, PointGradient};
 use crate::kernel::view::View;
-use crate::kernel::walk::{Walk, Walks};
+use crate::kernel::walk::{Path, Vertex, Walk, Walks};
 use crate::model::V3;
 use crate::model::cone::Bend;
 use crate::model::edge::{DirectionEdge, direction_edge, half_plane};
 use crate::model::segment::{clip_to_cone, point_by_angle};
 use crate::model::triangle::barycentric;
+use crate::sampling::Numbers;
+
+/// A point of a path that looks at edges.
+pub(super) struct Observer<'a> {
+    pub path: &'a Path<'a>,
+    pub vertex: &'a Vertex,
+    pub bounce: u32,
+    /// Whether it moves, or the directions that it looks in turn.
+    pub moves: bool,
+    /// The derivative of the loss by the light that leaves it, times the path's throughput.
+    pub carried: V3,
+    /// The sum of the channels of that, over the average of camera rays.
+    pub counts: f32,
+    pub numbers: Numbers<'a>,
+    pub sets: &'a EdgeSets,
+}
 
 /// A point of an edge that is seen from a point.
 #[derive(Clone, Copy, Debug)]

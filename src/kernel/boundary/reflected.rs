@@ -3,8 +3,7 @@
 use std::f32::consts::TAU;
 
 use super::edge_point::Sides;
-use super::edge_point::{EdgePoint, direction_jump};
-use super::vertex::Observer;
+use super::edge_point::{EdgePoint, Observer, direction_jump};
 use crate::accel::{Hit, NOTHING};
 use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;

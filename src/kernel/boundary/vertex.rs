@@ -1,30 +1,15 @@
-//! Points of paths that look at edges.
+//! Jumps of the light that arrives at a point of a path, and those of the light of emitters: edges of shadows.
 
-use super::edge_point::{DirectionJump, EdgePoint, direction_jump};
+use super::edge_point::{DirectionJump, EdgePoint, Observer, direction_jump};
 use crate::accel::{HitRay, NOTHING};
-use crate::kernel::edges::{EdgeSets, Query};
+use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Vertex, Work};
 use crate::model::V3;
 use crate::model::cone::{up_to_plane, widened};
-use crate::sampling::{EmitterHit, Numbers};
-
-/// A point of a path that looks at edges.
-pub(super) struct Observer<'a> {
-    pub path: &'a Path<'a>,
-    pub vertex: &'a Vertex,
-    pub bounce: u32,
-    /// Whether it moves, or the directions that it looks in turn.
-    pub moves: bool,
-    /// The derivative of the loss by the light that leaves it, times the path's throughput.
-    pub carried: V3,
-    /// The sum of the channels of that, over the average of camera rays.
-    pub counts: f32,
-    pub numbers: Numbers<'a>,
-    pub sets: &'a EdgeSets,
-}
+use crate::sampling::EmitterHit;
 
 /// Points count at least for this share of an average camera ray.
 const LEAST: f32 = 0.05;
