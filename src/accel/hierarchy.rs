@@ -60,35 +60,29 @@ impl Hierarchy {
         }
     }
 
-    /// Boxes over triangles, fitted to them where those of another hierarchy, of triangles that are not
-    /// far from these, still serve.
-    pub(crate) fn like(triangles: Vec<HostTriangle>, other: &Self) -> Self {
-        match other.fit(&triangles) {
-            Some((nodes, cost)) => Self::of_nodes(triangles, nodes, cost),
-            None => Self::new(triangles),
-        }
-    }
-
-    pub(super) fn of_nodes(triangles: Vec<HostTriangle>, nodes: Bvh2, cost: [f64; 2]) -> Self {
-        Self {
-            wide: Wide::new(&triangles, Some(&nodes), extent(&triangles)),
-            triangles,
-            nodes: Some(nodes),
-            cost,
+    /// Boxes over triangles, and whether they are those of another hierarchy, of triangles that are not far from
+    /// these, fitted to them: as long as these have not grown by half.
+    pub(crate) fn like(triangles: Vec<HostTriangle>, other: Option<&Self>) -> (Self, bool) {
+        match other.and_then(|other| other.fit(&triangles)) {
+            Some((nodes, cost)) => {
+                let fitted = Self {
+                    wide: Wide::new(&triangles, Some(&nodes), extent(&triangles)),
+                    triangles,
+                    nodes: Some(nodes),
+                    cost,
+                };
+                (fitted, true)
+            }
+            None => (Self::new(triangles), false),
         }
     }
 
     /// The same tree with boxes about other triangles, and its cost, unless it has grown by half.
-    pub(super) fn fit(&self, triangles: &[HostTriangle]) -> Option<(Bvh2, [f64; 2])> {
-        if self.nodes.is_none() || self.triangles.len() != triangles.len() {
+    fn fit(&self, triangles: &[HostTriangle]) -> Option<(Bvh2, [f64; 2])> {
+        if self.triangles.len() != triangles.len() {
             return None;
         }
-        let (nodes, cost) = self.fitted(triangles);
-        (cost[0] <= 1.5 * cost[1]).then_some((nodes, cost))
-    }
-
-    fn fitted(&self, triangles: &[HostTriangle]) -> (Bvh2, [f64; 2]) {
-        let mut nodes = self.nodes.clone().unwrap_or_default();
+        let mut nodes = self.nodes.clone()?;
         let primitives = std::mem::take(&mut nodes.primitive_indices);
         for node in nodes.nodes.iter_mut().filter(|n| n.is_leaf()) {
             let first = node.first_index as usize;
@@ -98,8 +92,8 @@ impl Hierarchy {
         }
         nodes.primitive_indices = primitives;
         nodes.refit_all();
-        let now = cost(&nodes);
-        (nodes, [now, self.cost[1]])
+        let cost = [cost(&nodes), self.cost[1]];
+        (cost[0] <= 1.5 * cost[1]).then_some((nodes, cost))
     }
 
     /// Calls a function with the triangles whose boxes, swept over the shutter, overlap that of one: itself
@@ -178,17 +172,12 @@ impl HierarchyCache {
     /// A hierarchy of these triangles.
     pub(crate) fn take(&self, triangles: Vec<HostTriangle>) -> Arc<Hierarchy> {
         let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let fitted = cached.last.as_ref().and_then(|old| old.fit(&triangles));
-        let hierarchy = match fitted {
-            Some((nodes, cost)) => {
-                cached.fits += 1;
-                Hierarchy::of_nodes(triangles, nodes, cost)
-            }
-            None => {
-                cached.builds += 1;
-                Hierarchy::new(triangles)
-            }
-        };
+        let (hierarchy, fitted) = Hierarchy::like(triangles, cached.last.as_deref());
+        if fitted {
+            cached.fits += 1;
+        } else {
+            cached.builds += 1;
+        }
         let hierarchy = Arc::new(hierarchy);
         cached.last = Some(hierarchy.clone());
         hierarchy

@@ -18,7 +18,6 @@ pub(crate) const NOTHING: u32 = u32::MAX;
 pub(crate) struct HitRay {
     pub origin: Vec3,
     pub direction: Vec3,
-    /// Time in the shutter.
     pub time: f32,
     /// Hits count if they are farther than `from` and nearer than `limit`.
     pub from: f32,

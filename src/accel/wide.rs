@@ -19,7 +19,6 @@ pub(super) struct Node {
     pub count: u32,
 }
 
-/// The tree.
 pub(super) struct Wide {
     pub nodes: Vec<Node>,
     pub leaves: Vec<Leaf>,

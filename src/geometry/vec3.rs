@@ -12,11 +12,8 @@ use crate::error::Result;
 /// Three planes of one shape: `[1, N]` for rays, `[T, 1]` for triangles.
 #[derive(Clone)]
 pub struct Vec3 {
-    /// The x components.
     pub x: Tensor<2>,
-    /// The y components.
     pub y: Tensor<2>,
-    /// The z components.
     pub z: Tensor<2>,
 }
 
@@ -27,7 +24,6 @@ impl fmt::Debug for Vec3 {
 }
 
 impl Vec3 {
-    /// Three planes as a vector.
     pub fn new(x: Tensor<2>, y: Tensor<2>, z: Tensor<2>) -> Self {
         Self { x, y, z }
     }
@@ -83,12 +79,10 @@ impl Vec3 {
         Self::new(plane(|p| &p.x), plane(|p| &p.y), plane(|p| &p.z))
     }
 
-    /// A function of each plane.
     pub fn map(&self, f: impl Fn(Tensor<2>) -> Tensor<2>) -> Self {
         Self::new(f(self.x.clone()), f(self.y.clone()), f(self.z.clone()))
     }
 
-    /// Applies a function to each pair of planes.
     pub fn zip(&self, o: &Self, f: impl Fn(Tensor<2>, Tensor<2>) -> Tensor<2>) -> Self {
         Self::new(
             f(self.x.clone(), o.x.clone()),
@@ -97,7 +91,6 @@ impl Vec3 {
         )
     }
 
-    /// Without tape.
     pub fn detached(&self) -> Self {
         Self::new(detached(&self.x), detached(&self.y), detached(&self.z))
     }
@@ -107,12 +100,10 @@ impl Vec3 {
         self.x.is_tracked() || self.y.is_tracked() || self.z.is_tracked()
     }
 
-    /// The sum.
     pub fn add(&self, o: &Self) -> Self {
         self.zip(o, |a, b| a + b)
     }
 
-    /// The difference.
     pub fn sub(&self, o: &Self) -> Self {
         self.zip(o, |a, b| a - b)
     }
@@ -132,12 +123,10 @@ impl Vec3 {
         self.map(|a| a * s)
     }
 
-    /// Dot product.
     pub fn dot(&self, o: &Self) -> Tensor<2> {
         self.x.clone() * o.x.clone() + self.y.clone() * o.y.clone() + self.z.clone() * o.z.clone()
     }
 
-    /// Cross product.
     pub fn cross(&self, o: &Self) -> Self {
         let term = |a: &Tensor<2>, b: &Tensor<2>, c: &Tensor<2>, d: &Tensor<2>| {
             a.clone() * b.clone() - c.clone() * d.clone()

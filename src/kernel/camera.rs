@@ -8,7 +8,6 @@ use crate::error::Result;
 use crate::model::camera::{Camera as Model, CameraGradient};
 use crate::scene::{Camera, ParameterId, Projection, SceneFrame};
 
-/// A camera on the host.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HostCamera {
     eye: DVec3,
@@ -48,9 +47,6 @@ struct Frame {
 
 impl HostCamera {
     /// Reads a camera back that was checked.
-    ///
-    /// # Errors
-    /// If a tensor can't be read.
     pub fn new(camera: &Camera) -> Result<Self> {
         let lens = match &camera.lens {
             Some(lens) if camera.has_lens() => {

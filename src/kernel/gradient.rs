@@ -144,7 +144,6 @@ impl Sums {
             + 15
     }
 
-    /// Adds other sums.
     pub fn add(&mut self, o: &Self) {
         add_each(&mut self.vertices, &o.vertices);
         for (a, b) in self.triangles.iter_mut().zip(&o.triangles) {

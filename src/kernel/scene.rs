@@ -86,9 +86,8 @@ impl KernelScene {
             normals,
         } = lists;
         let hierarchy = match (like, cache) {
-            (Some(like), _) => Arc::new(Hierarchy::like(host, like)),
             (None, Some(cache)) => cache.take(host),
-            (None, None) => Arc::new(Hierarchy::new(host)),
+            _ => Arc::new(Hierarchy::like(host, like).0),
         };
         let mut texels = Texels::default();
         let materials: Vec<Material> = scene

@@ -17,7 +17,6 @@ pub(crate) struct Path<'a> {
     pub numbers: Numbers<'a>,
     /// Random numbers for the kernels of cones.
     pub cones: Option<Numbers<'a>>,
-    /// Time in the shutter.
     pub time: f32,
 }
 
@@ -179,7 +178,6 @@ pub(super) enum Sample {
     Sky(SkySample),
 }
 
-/// Counts of rays.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RayCounts {
     /// Camera, bounce and shadow rays.
@@ -189,7 +187,6 @@ pub(crate) struct RayCounts {
 }
 
 impl RayCounts {
-    /// Counts a path that looks for its next surface.
     #[inline(always)]
     pub(super) fn add_bounce(&mut self, bounce: u32) {
         if let Some(count) = self.bounces.get_mut(bounce as usize) {
@@ -197,7 +194,6 @@ impl RayCounts {
         }
     }
 
-    /// Adds other counts by bounce.
     pub fn add_bounces(&mut self, o: &Self) {
         let reached = o.bounces.iter().rposition(|&b| b > 0).map_or(0, |r| r + 1);
         if self.bounces.len() < reached {

@@ -94,7 +94,6 @@ impl Shading {
         }
     }
 
-    /// The mirror direction.
     #[inline(always)]
     pub fn mirror(&self) -> V3 {
         self.mirror_about(self.normal)
@@ -158,7 +157,6 @@ impl Shading {
         self.specular * (lobe * (self.exponent + 2.0) / TAU * self.cosine(outgoing))
     }
 
-    /// f·cos θ.
     #[inline(always)]
     pub fn evaluate(&self, outgoing: V3) -> V3 {
         let mut f = self.matt(outgoing);

@@ -14,7 +14,6 @@ pub(crate) enum Sky {
     Map(Box<SkyMap>),
 }
 
-/// An equirectangular map.
 pub(crate) struct SkyMap {
     width: usize,
     height: usize,
@@ -39,7 +38,6 @@ impl Sky {
         }
     }
 
-    /// Radiance along a direction.
     #[inline(always)]
     pub fn at(&self, direction: V3) -> V3 {
         match self {
@@ -75,7 +73,6 @@ impl Sky {
         matches!(self, Self::Black)
     }
 
-    /// The number of its colours.
     pub fn len(&self) -> usize {
         match self {
             Self::Black => 0,
@@ -108,7 +105,6 @@ impl SkyMap {
         })
     }
 
-    /// Radiance along a direction.
     #[inline(never)]
     pub fn at(&self, direction: V3) -> V3 {
         self.cell(direction).colour(&self.texels)

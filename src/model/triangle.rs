@@ -24,7 +24,6 @@ pub(crate) fn barycentric_slopes(corners: [V3; 3], normal: V3, area: f32) -> [V3
     [ac.cross(normal) * inverse, normal.cross(ab) * inverse]
 }
 
-/// The weighted sum of the corners.
 #[inline(always)]
 pub(crate) fn at(corners: [V3; 3], weights: [f32; 3]) -> V3 {
     corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]

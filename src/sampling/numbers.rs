@@ -135,12 +135,10 @@ impl Numbers<'_> {
         self.some([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
     }
 
-    /// Lens radius and angle.
     pub fn lens(&self) -> [f32; 2] {
         self.some([(Dimension::LensRadius, 0), (Dimension::LensAngle, 0)])
     }
 
-    /// Time in the shutter.
     pub fn time(&self) -> f32 {
         let [time] = self.some([(Dimension::Time, 0)]);
         time
@@ -158,24 +156,20 @@ impl Numbers<'_> {
         ])
     }
 
-    /// For the choice of a lobe.
     pub fn lobe(&self, bounce: u32) -> f32 {
         let [u] = self.some([(Dimension::Lobe, bounce)]);
         u
     }
 
-    /// For a direction to the environment.
     pub fn environment(&self, bounce: u32) -> [f32; 2] {
         use Dimension::{EnvironmentU, EnvironmentV};
         self.some([(EnvironmentU, bounce), (EnvironmentV, bounce)])
     }
 
-    /// Pixel and sample.
     pub fn path(&self) -> (u32, u32) {
         self.path
     }
 
-    /// For survival.
     pub fn roulette(&self, bounce: u32) -> f32 {
         let [u] = self.some([(Dimension::Roulette, bounce)]);
         u

@@ -66,7 +66,6 @@ fn share_of_gloss(points: &SurfacePoints, specular: &Vec3) -> Tensor<2> {
 
 /// A sampled direction and the throughput f·cos/pdf along it.
 pub(crate) struct Scatter {
-    /// Unit directions.
     pub direction: Vec3,
     /// RGB factor; zero where the direction falls below the surface.
     pub weight: Vec3,

@@ -32,7 +32,6 @@ pub(crate) struct Cones {
     sampler: Sampler,
 }
 
-/// Hits of rays.
 #[derive(Clone, Debug)]
 pub(crate) struct Hits {
     /// The triangle of each; the number of triangles stands for none.
@@ -55,7 +54,6 @@ impl Hits {
     }
 }
 
-/// Rays on the host.
 struct HostRays {
     origin: Vec<V3>,
     direction: Vec<V3>,
@@ -73,7 +71,6 @@ impl Cones {
         }
     }
 
-    /// The triangles and their boxes.
     pub fn hierarchy(&self) -> Arc<Hierarchy> {
         self.hierarchy.clone()
     }
@@ -115,10 +112,6 @@ impl Cones {
         HitRay::new(start, direction, time, limit)
     }
 
-    /// The nearest surfaces.
-    ///
-    /// # Errors
-    /// If the rays can't be read back.
     pub fn nearest(&self, rays: &Rays) -> Result<Hits> {
         let host = self.host(rays)?;
         let of = |i: usize| {
@@ -146,9 +139,6 @@ impl Cones {
 
     /// Directions of the cones about those that were drawn at surface points, in the graph: what is added
     /// to an axis stays as it is.
-    ///
-    /// # Errors
-    /// If they can't be read back.
     pub fn bend(
         &self,
         context: &Context,
@@ -180,9 +170,6 @@ impl Cones {
 
     /// 1 for shadow rays that nothing blocks, bent about their directions; 0 for the others and for those
     /// that aren't needed. Rays that arrive at an emitter end at its plane.
-    ///
-    /// # Errors
-    /// If the rays can't be read back.
     pub fn unblocked(
         &self,
         context: &Context,

@@ -48,9 +48,6 @@ const PIECE: usize = 512;
 
 impl Lights {
     /// Reads the emitters back.
-    ///
-    /// # Errors
-    /// If they can't be read.
     pub fn new(scene: &Flattened, sampling: EmitterSampling) -> Result<Self> {
         let index = &scene.emitters;
         let moves = scene.triangles.velocity.is_some();
@@ -131,7 +128,6 @@ pub(crate) enum Sky {
     Map(SkyMap),
 }
 
-/// A map.
 pub(crate) struct SkyMap {
     tensors: EnvironmentMap,
     /// RGB of each texel.
@@ -150,9 +146,6 @@ struct LookUp {
 
 impl Sky {
     /// Reads the map back, if there is one. None where nothing shines.
-    ///
-    /// # Errors
-    /// If it can't be read.
     pub fn new(scene: &Flattened) -> Result<Option<Self>> {
         match &scene.environment {
             None => Ok(None),
@@ -171,9 +164,6 @@ impl Sky {
 
     /// Radiance along directions: planes `[1, N]`, or `[1, 1]` where it is the same for all; in the
     /// graph for texels and directions.
-    ///
-    /// # Errors
-    /// If directions can't be read back.
     pub fn radiance(&self, context: &Context, direction: &Vec3) -> Result<Vec3> {
         match self {
             Self::Constant(radiance) => Ok(radiance.clone()),
@@ -221,9 +211,6 @@ impl SkyMap {
     }
 
     /// Radiance along directions `[1, N]`, in the graph for texels and directions.
-    ///
-    /// # Errors
-    /// If directions can't be read back.
     pub fn radiance(&self, context: &Context, direction: &Vec3) -> Result<Vec3> {
         let host = host_vectors(direction)?;
         let found: Vec<LookUp> = host.iter().map(|&d| self.look_up(d)).collect();

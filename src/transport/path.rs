@@ -231,7 +231,6 @@ impl<'a> Tracing<'a> {
         Ok(scatter.filter(|_| goes_on))
     }
 
-    /// Sends paths on from surface points.
     fn go_on(&mut self, points: SurfacePoints, scatter: Scatter, bounce: u32) -> Result<()> {
         let Self { tracer, batch, .. } = self;
         let direction = match tracer.transport.sight {
@@ -266,7 +265,6 @@ impl<'a> Tracing<'a> {
         Ok(())
     }
 
-    /// The light of all paths.
     fn finish(self, count: usize, per_pixel: usize) -> Result<Radiance<'a>> {
         let Self {
             tracer,

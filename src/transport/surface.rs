@@ -26,7 +26,6 @@ pub(crate) struct SurfacePoints {
 }
 
 impl SurfacePoints {
-    /// Without tape.
     pub(crate) fn detached(&self) -> Self {
         self.map(self.triangle.clone(), detached)
     }

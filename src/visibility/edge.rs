@@ -79,16 +79,13 @@ impl Coverage {
         }
     }
 
-    /// ∂p/∂t of `probability`; None where it is 0 everywhere.
-    pub(crate) fn slope_by_distance(&self) -> Option<Tensor<2>> {
-        let (_, slope) = self.begun.as_ref()?;
-        Some(self.edge_probability() * slope.clone())
-    }
-
     /// `linear` of derivatives with respect to `probability`.
     pub(crate) fn by_probability(&self, by: Tensor<2>) -> Option<Tensor<2>> {
         self.attached.as_ref()?;
-        let by_distance = self.slope_by_distance().map(|slope| by.clone() * slope);
+        // ∂p/∂t comes from the blurred start alone.
+        let begun = self.begun.as_ref();
+        let by_distance =
+            begun.map(|(_, slope)| by.clone() * (self.edge_probability() * slope.clone()));
         self.linear(by * self.slope(), by_distance)
     }
 

@@ -10,7 +10,6 @@ use crate::geometry::Vec3;
 pub struct Rays {
     /// Origins, at the positions that static objects have.
     pub origin: Vec3,
-    /// Unit directions.
     pub direction: Vec3,
     /// Time in the shutter, if anything moves.
     pub time: Option<Tensor<2>>,
@@ -21,7 +20,6 @@ pub struct Rays {
 }
 
 impl Rays {
-    /// The number of rays.
     pub fn len(&self) -> usize {
         self.direction.x.dims()[1]
     }

@@ -34,9 +34,6 @@ pub(super) struct Slopes {
 impl Weights {
     /// Draws one surface a ray with random numbers in [0, 1); the number of triangles stands for
     /// the background. A surface of weight 0 is never drawn.
-    ///
-    /// # Errors
-    /// If the drawn indices can't be read back.
     pub fn draw(&self, context: &Context, random: &[f64]) -> Result<Vec<u32>> {
         let cumulative = self.surfaces.clone().cumsum(0);
         let triangles = cumulative.dims()[0];
@@ -49,9 +46,6 @@ impl Weights {
     }
 
     /// W of one surface of each ray, or of the background, on the host.
-    ///
-    /// # Errors
-    /// If they can't be read back.
     pub fn of(&self, context: &Context, drawn: &[u32]) -> Result<Vec<f64>> {
         let all = Tensor::cat(vec![self.surfaces.clone(), self.background.clone()], 0);
         crate::geometry::host_values(&all.gather(0, context.index_row(drawn)))

@@ -12,7 +12,6 @@ use crate::model::segment::clip_linear;
 /// Edges are drawn in pieces of about so many pixels.
 const PIECE: f32 = 8.0;
 
-/// A piece of an edge.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     edge: u32,
@@ -145,7 +144,6 @@ impl View {
         }
     }
 
-    /// Finds the pieces of an edge.
     fn pieces_of(
         &self,
         index: u32,

@@ -151,7 +151,6 @@ impl Node {
     }
 }
 
-/// Eight edges.
 pub(super) struct Leaf {
     middle: [Lanes; 3],
     along: [Lanes; 3],

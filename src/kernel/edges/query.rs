@@ -95,7 +95,6 @@ pub(super) fn cross<M: Machine>(a: [F8<M>; 3], b: [F8<M>; 3]) -> [F8<M>; 3] {
     ]
 }
 
-/// Eight vectors.
 #[inline(always)]
 pub(super) fn load<M: Machine>(machine: M, lanes: &[Lanes; 3]) -> [F8<M>; 3] {
     let [x, y, z] = lanes;

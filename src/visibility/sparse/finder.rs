@@ -35,8 +35,20 @@ impl Task for Intersect<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> u32 {
-        let finder = self.finder;
-        finder.intersect_on(machine, self.ray, self.span, self.found)
+        let (finder, ray) = (self.finder, self.ray);
+        let ends = finder.ends(ray, self.span);
+        let mut limit = ends.limit;
+        finder.hierarchy.visit(
+            machine,
+            (ray.origin, ray.direction, ray.time),
+            ends.reach,
+            (finder.settings.t_min, limit),
+            #[inline(always)]
+            |k| {
+                limit = finder.test(ray, &ends, k, limit, self.found);
+                limit
+            },
+        )
     }
 }
 
@@ -99,29 +111,6 @@ impl<'a> Finder<'a> {
             found,
         };
         dispatch(self.arch, task)
-    }
-
-    #[inline(always)]
-    fn intersect_on<M: Machine>(
-        &self,
-        machine: M,
-        ray: &HostRay,
-        span: Option<Span>,
-        found: &mut Vec<Surface>,
-    ) -> u32 {
-        let ends = self.ends(ray, span);
-        let mut limit = ends.limit;
-        self.hierarchy.visit(
-            machine,
-            (ray.origin, ray.direction, ray.time),
-            ends.reach,
-            (self.settings.t_min, limit),
-            #[inline(always)]
-            |k| {
-                limit = self.test(ray, &ends, k, limit, found);
-                limit
-            },
-        )
     }
 
     #[inline(always)]

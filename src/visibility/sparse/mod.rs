@@ -40,9 +40,6 @@ impl Sparse {
     }
 
     /// The weights of all surfaces of each ray.
-    ///
-    /// # Errors
-    /// If rays can't be read back.
     pub fn weights(
         &self,
         context: &Context,
@@ -100,9 +97,6 @@ impl Sparse {
     /// The share of light that arrives along shadow rays `[1, N]`, in the graph if a gradient can
     /// flow; and how many candidates the hierarchy offered. Rays that are not needed are not traced:
     /// 0.
-    ///
-    /// # Errors
-    /// If rays can't be read back.
     pub fn transmittance(
         &self,
         context: &Context,

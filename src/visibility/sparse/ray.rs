@@ -58,7 +58,6 @@ impl Surface {
 pub(crate) struct HostRay {
     pub origin: DVec3,
     pub direction: DVec3,
-    /// Time in the shutter.
     pub time: f64,
     /// The triangle that it leaves.
     pub departure: Option<u32>,
@@ -67,7 +66,6 @@ pub(crate) struct HostRay {
     pub distance: Option<f64>,
 }
 
-/// Rays on the host.
 pub(super) struct HostRays {
     pub origin: Vec<DVec3>,
     pub direction: Vec<DVec3>,
@@ -76,7 +74,6 @@ pub(super) struct HostRays {
 }
 
 impl HostRays {
-    /// Reads rays back.
     pub fn new(rays: &Rays) -> Result<Self> {
         Ok(Self {
             origin: host_vectors(&rays.origin)?,
@@ -90,7 +87,6 @@ impl HostRays {
         })
     }
 
-    /// The i-th ray.
     pub fn ray(&self, rays: &Rays, i: usize) -> HostRay {
         let emitter = rays.arrival.as_ref().and_then(|(e, _)| e.get(i).copied());
         HostRay {

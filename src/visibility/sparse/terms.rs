@@ -39,7 +39,6 @@ impl Sparse {
         }
     }
 
-    /// The triangles and their boxes.
     pub(crate) fn hierarchy(&self) -> Arc<Hierarchy> {
         self.hierarchy.clone()
     }
@@ -53,10 +52,6 @@ impl Sparse {
     }
 }
 
-/// Reads triangles back.
-///
-/// # Errors
-/// If they can't be read.
 fn host_triangles(triangles: &Triangles) -> Result<Vec<HostTriangle>> {
     let (corners, velocity) = tables(triangles);
     let host = host_values(&corners)?;
@@ -72,9 +67,6 @@ fn host_triangles(triangles: &Triangles) -> Result<Vec<HostTriangle>> {
 }
 
 /// Boxes over triangles that are read back, or those of a cache fitted to them.
-///
-/// # Errors
-/// If they can't be read.
 pub(crate) fn hierarchy_of(
     triangles: &Triangles,
     cache: Option<&HierarchyCache>,
@@ -94,7 +86,6 @@ fn tables(triangles: &Triangles) -> (Tensor<2>, Option<Tensor<2>>) {
     (Tensor::cat(columns.to_vec(), 1), velocity)
 }
 
-/// Linear terms of rays: Σ over their surfaces.
 #[derive(Default)]
 pub(super) struct Terms {
     /// Ray, triangle, and the nine coefficients.

@@ -128,7 +128,6 @@ pub(crate) struct SparseWeights<'a> {
 }
 
 impl SparseWeights<'_> {
-    /// The number of rays.
     fn len(&self) -> usize {
         self.background.len()
     }
