@@ -108,11 +108,7 @@ impl View {
         let triangle = &self.scene.triangles[triangle as usize];
         let index = triangle.material as usize;
         if self.scene.materials[index].kind.emits {
-            Emission::backward(
-                triangle.normal.dot(seen),
-                g,
-                &mut sums.materials[index].channels,
-            );
+            Emission::backward(triangle.normal.dot(seen), g, &mut sums.materials[index]);
         }
     }
 
@@ -195,11 +191,7 @@ impl View {
         let by_throughput = g * light.reflected * emission * scale;
         if self.wanted.emission {
             let by_emission = carried * light.reflected * scale;
-            Emission::backward(
-                seen.facing,
-                by_emission,
-                &mut sums.materials[material].channels,
-            );
+            Emission::backward(seen.facing, by_emission, &mut sums.materials[material]);
         }
         let by_reflected = carried * emission * scale;
         let shading = &vertex.point.shading;

@@ -49,15 +49,8 @@ impl Wanted {
                     wanted.exponents |= channel.turns();
                 }
                 Id::Environment => wanted.sky = true,
-                Id::Eye
-                | Id::Target
-                | Id::Up
-                | Id::FieldOfView
-                | Id::FocalLength
-                | Id::PrincipalPoint
-                | Id::ViewHeight
-                | Id::Aperture
-                | Id::Focus => wanted.camera = true,
+                // Those of cameras.
+                _ => wanted.camera = true,
             }
         }
         // Normals and exponents turn the directions that are drawn.
@@ -84,12 +77,6 @@ pub(crate) struct TriangleSums {
     pub area: f64,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct MaterialSums {
-    /// In the order of [`Channel::ALL`].
-    pub channels: [DVec3; CHANNELS],
-}
-
 /// Sums of derivatives. What is not asked for may be empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sums {
@@ -99,7 +86,8 @@ pub(crate) struct Sums {
     pub velocities: Vec<DVec3>,
     pub uvs: Vec<[f64; 2]>,
     pub normals: Vec<DVec3>,
-    pub materials: Vec<MaterialSums>,
+    /// In the order of [`Channel::ALL`].
+    pub materials: Vec<[DVec3; CHANNELS]>,
     pub texels: Vec<DVec3>,
     pub sky: Vec<DVec3>,
     pub camera: CameraGradient,
@@ -127,7 +115,7 @@ impl Sums {
             velocities: zeros(wanted.velocities, scene.objects.len()),
             uvs: vec![[0.0; 2]; if wanted.uvs { scene.uvs.len() } else { 0 }],
             normals: zeros(wanted.normals, scene.normals.len()),
-            materials: vec![MaterialSums::default(); scene.materials.len()],
+            materials: vec![[DVec3::ZERO; CHANNELS]; scene.materials.len()],
             texels: zeros(wanted.materials, scene.texels.len()),
             sky: zeros(wanted.sky, scene.sky.len()),
             camera: CameraGradient::default(),
@@ -156,7 +144,7 @@ impl Sums {
         }
         add_each(&mut self.normals, &o.normals);
         for (a, b) in self.materials.iter_mut().zip(&o.materials) {
-            add_each(&mut a.channels, &b.channels);
+            add_each(a, b);
         }
         add_each(&mut self.texels, &o.texels);
         add_each(&mut self.sky, &o.sky);
@@ -221,7 +209,7 @@ impl Sums {
                 Id::Material(m, channel) => {
                     match &scene.materials[m].channels[channel as usize].texture {
                         None => {
-                            let by = self.materials[m].channels[channel as usize];
+                            let by = self.materials[m][channel as usize];
                             add_each(to, &by.to_array());
                         }
                         Some(t) => vectors(to, &self.texels[t.offset..], 1.0),

@@ -161,7 +161,7 @@ impl View {
             let channels = shade.channels();
             let mut i = 0;
             while i < m.kind.shading() {
-                let into = (&mut to.channels[i], &mut sums.texels[..]);
+                let into = (&mut to[i], &mut sums.texels[..]);
                 let more = m.channels[i].backward(&self.scene.texels, p.uv, channels[i], into);
                 by_uv = [by_uv[0] + more[0], by_uv[1] + more[1]];
                 i += 1;

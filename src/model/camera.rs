@@ -70,13 +70,6 @@ pub(crate) struct CameraRay {
     pub lens_y: f32,
 }
 
-/// A point of the film, in pixels.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct FilmPoint {
-    pub x: f32,
-    pub y: f32,
-}
-
 impl Camera {
     /// The ray through a film point in pixels.
     #[inline(always)]
@@ -158,18 +151,18 @@ impl Camera {
         inverse
     }
 
-    /// The film point that sees a point of space from a point of the lens. The depth has to be positive.
+    /// The film point, in pixels, that sees a point of space from a point of the lens. The depth has to be positive.
     #[inline(always)]
-    pub fn project(&self, point: V3, lens_x: f32, lens_y: f32) -> FilmPoint {
+    pub fn project(&self, point: V3, lens_x: f32, lens_y: f32) -> [f32; 2] {
         let lens = self.lens_point(lens_x, lens_y);
         let [u, v, depth] = self.local(point - self.eye - lens);
         let inverse = self.per_depth(depth);
         let x = u * inverse + self.dual[0].dot(lens) * self.per_focus;
         let y = v * inverse + self.dual[1].dot(lens) * self.per_focus;
-        FilmPoint {
-            x: 0.5 * (self.width + x * self.height),
-            y: 0.5 * (1.0 - y) * self.height,
-        }
+        [
+            0.5 * (self.width + x * self.height),
+            0.5 * (1.0 - y) * self.height,
+        ]
     }
 
     /// The vector by which the film point moves, in pixels, while the point of space moves along a vector.
@@ -279,7 +272,7 @@ mod tests {
             let ray = c.ray(13.0, 29.0, 0.4, -0.6);
             let point = ray.origin + ray.direction * 3.7;
             let found = c.project(point, 0.4, -0.6);
-            assert!((found.x - 13.0).abs() < 1e-3 && (found.y - 29.0).abs() < 1e-3);
+            assert!((found[0] - 13.0).abs() < 1e-3 && (found[1] - 29.0).abs() < 1e-3);
             let origin = c.origin_towards(point, 0.4, -0.6);
             assert!((origin - ray.origin).length() < 1e-5, "{origin:?}");
             let (p, along) = (v3(0.2, 0.1, -1.0), v3(0.3, -0.2, 0.5));
@@ -289,8 +282,8 @@ mod tests {
                 c.project(p - along * h, 0.4, -0.6),
             );
             let got = c.project_along(p, along, 0.4, -0.6);
-            assert!((got[0] - (a.x - b.x) / (2.0 * h)).abs() < 2e-2, "{got:?}");
-            assert!((got[1] - (a.y - b.y) / (2.0 * h)).abs() < 2e-2, "{got:?}");
+            assert!((got[0] - (a[0] - b[0]) / (2.0 * h)).abs() < 2e-2, "{got:?}");
+            assert!((got[1] - (a[1] - b[1]) / (2.0 * h)).abs() < 2e-2, "{got:?}");
         }
     }
 
@@ -307,7 +300,7 @@ mod tests {
             };
             let of_film = |c: &Camera| {
                 let f = c.inverted().project(p, 0.4, -0.6);
-                f64::from(g[0] * f.x + g[1] * f.y)
+                f64::from(g[0] * f[0] + g[1] * f[1])
             };
             let mut by_ray = CameraGradient::default();
             c.ray_backward(&c.ray(13.0, 29.0, 0.4, -0.6), g_o, g_d, &mut by_ray);

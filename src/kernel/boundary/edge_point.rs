@@ -89,12 +89,12 @@ impl View {
         let shift = self.scene.shift(edge.faces[0], query.time);
         let a = edge.a + shift - query.x;
         let part = clip_to_cone(a, edge.along, query.axis, query.cos)?;
-        let drawn = point_by_angle(a, edge.along, part, v)?;
-        let per_density = drawn.per_density * per_chance;
-        let to = a + edge.along * drawn.lambda;
+        let [lambda, per_length] = point_by_angle(a, edge.along, part, v)?;
+        let per_density = per_length * per_chance;
+        let to = a + edge.along * lambda;
         (per_density > 0.0).then_some(EdgePoint {
             edge,
-            lambda: drawn.lambda,
+            lambda,
             per_density,
             to,
             position: query.x + to,

@@ -54,11 +54,11 @@ impl FilmSamples<'_> {
             return;
         };
         // The pixel whose ray would come here.
-        let film = view.camera.project(point.position, lens[0], lens[1]);
+        let [film_x, film_y] = view.camera.project(point.position, lens[0], lens[1]);
         let [kernel_u, kernel_v, ..] = view.edges.numbers((u32::MAX, sample)).set(0);
         let radius = view.filter.radius();
-        let x = film.x - radius * film_kernel(kernel_u);
-        let y = film.y - radius * film_kernel(kernel_v);
+        let x = film_x - radius * film_kernel(kernel_u);
+        let y = film_y - radius * film_kernel(kernel_v);
         let Some(g) = self.pixels.get(x, y).filter(|g| **g != Seen::default()) else {
             return;
         };
