@@ -1,18 +1,16 @@
 //! Boxes over triangles: how they are built, and fitted to triangles that moved.
 
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::simd::LANES;
+use super::triangle::HostTriangle;
+use super::wide::{FEW, Wide};
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
-
-use pulp::Arch;
-
-use super::hits::{Hit, HitRay};
-use super::simd::{LANES, Machine, Task, dispatch};
-use super::triangle::HostTriangle;
-use super::visit::Reach;
-use super::wide::{FEW, Wide};
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
 /// testing each is faster.
@@ -20,7 +18,7 @@ pub(crate) struct Hierarchy {
     /// The triangles, in the scene's order.
     pub triangles: Vec<HostTriangle>,
     nodes: Option<Bvh2>,
-    wide: Wide,
+    pub(super) wide: Wide,
     /// Σ half areas of the boxes, now and when they were built.
     cost: [f64; 2],
 }
@@ -62,35 +60,29 @@ impl Hierarchy {
         }
     }
 
-    /// Boxes over triangles, fitted to them where those of another hierarchy, of triangles that are not
-    /// far from these, still serve.
-    pub(crate) fn like(triangles: Vec<HostTriangle>, other: &Self) -> Self {
-        match other.fit(&triangles) {
-            Some((nodes, cost)) => Self::of_nodes(triangles, nodes, cost),
-            None => Self::new(triangles),
-        }
-    }
-
-    pub(super) fn of_nodes(triangles: Vec<HostTriangle>, nodes: Bvh2, cost: [f64; 2]) -> Self {
-        Self {
-            wide: Wide::new(&triangles, Some(&nodes), extent(&triangles)),
-            triangles,
-            nodes: Some(nodes),
-            cost,
+    /// Boxes over triangles, and whether they are those of another hierarchy, of triangles that are not far from
+    /// these, fitted to them: as long as these have not grown by half.
+    pub(crate) fn like(triangles: Vec<HostTriangle>, other: Option<&Self>) -> (Self, bool) {
+        match other.and_then(|other| other.fit(&triangles)) {
+            Some((nodes, cost)) => {
+                let fitted = Self {
+                    wide: Wide::new(&triangles, Some(&nodes), extent(&triangles)),
+                    triangles,
+                    nodes: Some(nodes),
+                    cost,
+                };
+                (fitted, true)
+            }
+            None => (Self::new(triangles), false),
         }
     }
 
     /// The same tree with boxes about other triangles, and its cost, unless it has grown by half.
-    pub(super) fn fit(&self, triangles: &[HostTriangle]) -> Option<(Bvh2, [f64; 2])> {
-        if self.nodes.is_none() || self.triangles.len() != triangles.len() {
+    fn fit(&self, triangles: &[HostTriangle]) -> Option<(Bvh2, [f64; 2])> {
+        if self.triangles.len() != triangles.len() {
             return None;
         }
-        let (nodes, cost) = self.fitted(triangles);
-        (cost[0] <= 1.5 * cost[1]).then_some((nodes, cost))
-    }
-
-    fn fitted(&self, triangles: &[HostTriangle]) -> (Bvh2, [f64; 2]) {
-        let mut nodes = self.nodes.clone().unwrap_or_default();
+        let mut nodes = self.nodes.clone()?;
         let primitives = std::mem::take(&mut nodes.primitive_indices);
         for node in nodes.nodes.iter_mut().filter(|n| n.is_leaf()) {
             let first = node.first_index as usize;
@@ -100,8 +92,8 @@ impl Hierarchy {
         }
         nodes.primitive_indices = primitives;
         nodes.refit_all();
-        let now = cost(&nodes);
-        (nodes, [now, self.cost[1]])
+        let cost = [cost(&nodes), self.cost[1]];
+        (cost[0] <= 1.5 * cost[1]).then_some((nodes, cost))
     }
 
     /// Calls a function with the triangles whose boxes, swept over the shutter, overlap that of one: itself
@@ -118,70 +110,6 @@ impl Hierarchy {
             let list = &nodes.primitive_indices[first..first + leaf.prim_count as usize];
             list.iter().all(|&k| f(k))
         });
-    }
-
-    /// The hit of each ray: the nearest triangle, or with `ANY` any, which takes less time. All triangles
-    /// are seen.
-    pub(crate) fn hits<const ANY: bool>(&self, arch: Arch, rays: &[HitRay], hits: &mut Vec<Hit>) {
-        let wide = &self.wide;
-        dispatch(arch, Hits::<ANY> { wide, rays, hits });
-    }
-
-    /// The hit of a ray on all but its unseen triangles: the nearest, or with `ANY` any.
-    #[inline]
-    pub(crate) fn hit_seen<const ANY: bool>(&self, arch: Arch, ray: &HitRay) -> Hit {
-        let wide = &self.wide;
-        dispatch(arch, HitSeen::<ANY> { wide, ray })
-    }
-
-    /// Calls a function with every triangle that a ray (origin, direction, time in the shutter) may hit
-    /// within `reach` of it in a range from … limit; the function returns the limit from there on. Returns how
-    /// many triangles were offered.
-    #[inline(always)]
-    pub(crate) fn visit<M: Machine>(
-        &self,
-        machine: M,
-        ray: (DVec3, DVec3, f64),
-        reach: Reach,
-        range: (f64, f64),
-        f: impl FnMut(u32) -> f64,
-    ) -> u32 {
-        self.wide.visit(machine, ray, reach, range, f)
-    }
-}
-
-/// [`Hierarchy::hits`] as a task.
-struct Hits<'a, const ANY: bool> {
-    wide: &'a Wide,
-    rays: &'a [HitRay],
-    hits: &'a mut Vec<Hit>,
-}
-
-impl<const ANY: bool> Task for Hits<'_, ANY> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<M: Machine>(self, machine: M) {
-        self.hits.clear();
-        for ray in self.rays {
-            let hit = self.wide.hit::<M, ANY, false>(machine, ray);
-            self.hits.push(hit);
-        }
-    }
-}
-
-/// [`Hierarchy::hit_seen`] as a task.
-struct HitSeen<'a, const ANY: bool> {
-    wide: &'a Wide,
-    ray: &'a HitRay,
-}
-
-impl<const ANY: bool> Task for HitSeen<'_, ANY> {
-    type Output = Hit;
-
-    #[inline(always)]
-    fn run<M: Machine>(self, machine: M) -> Hit {
-        self.wide.hit::<M, ANY, true>(machine, self.ray)
     }
 }
 
@@ -222,57 +150,42 @@ fn swept(t: &HostTriangle) -> Swept {
     Swept(aabb)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::shapes;
+/// A hierarchy kept from render to render: its boxes are fitted to triangles that moved, and built
+/// anew when they have grown by half, or there are other triangles.
+#[derive(Clone, Default)]
+pub struct HierarchyCache(Arc<Mutex<Cached>>);
 
-    /// [`Hierarchy::visit`] of all that a ray may hit, as a task.
-    struct Visit<'a>(&'a Hierarchy, (DVec3, DVec3, f64));
+#[derive(Default)]
+struct Cached {
+    last: Option<Arc<Hierarchy>>,
+    builds: u64,
+    fits: u64,
+}
 
-    impl Task for Visit<'_> {
-        type Output = Vec<u32>;
-
-        fn run<M: Machine>(self, machine: M) -> Vec<u32> {
-            let reach = Reach {
-                most: 1e-6,
-                distance_penalty: 0.0,
-            };
-            let mut offered = Vec::new();
-            self.0
-                .visit(machine, self.1, reach, (0.0, f64::INFINITY), |k| {
-                    offered.push(k);
-                    f64::INFINITY
-                });
-            offered
-        }
+impl HierarchyCache {
+    /// The numbers of times that boxes were built and fitted.
+    pub fn counts(&self) -> [u64; 2] {
+        let cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        [cached.builds, cached.fits]
     }
 
-    /// Boxes offer every triangle that a ray hits, however far away it starts: boxes are in f32, and a
-    /// distant origin rounds by more than a face is large.
-    #[test]
-    fn boxes_offer_what_distant_rays_hit() {
-        let mesh = shapes::icosphere(5, &burn::tensor::Device::flex());
-        let vertices = mesh.host_vertices().expect("vertices");
-        let corner = |i: u32| DVec3::from(vertices[i as usize]);
-        let triangle = |f: &[u32; 3]| HostTriangle::new(f.map(corner), DVec3::ZERO, true);
-        let hierarchy = Hierarchy::new(mesh.faces.iter().map(triangle).collect());
-        for distance in [3.0, 1e2, 1e4, 1e6] {
-            for i in 0..200 {
-                let turn = f64::from(i) * 2.399_963;
-                let towards = DVec3::new(turn.cos(), (0.37 * turn).sin(), turn.sin()) * 0.7;
-                let origin = DVec3::new(0.6, 0.5, 0.62).normalize() * distance;
-                let direction = (towards - origin).normalize();
-                let is_hit = |k: u32| {
-                    let (range, reach) = ((0.0, f64::INFINITY), (1e-12, f64::INFINITY));
-                    let t = &hierarchy.triangles[k as usize];
-                    t.intersect(origin, direction, 1e-9, range, reach).is_some()
-                };
-                let offered = dispatch(Arch::new(), Visit(&hierarchy, (origin, direction, 0.0)));
-                for k in (0..mesh.faces.len() as u32).filter(|&k| is_hit(k)) {
-                    assert!(offered.contains(&k), "triangle {k} from {distance:e}");
-                }
-            }
+    /// A hierarchy of these triangles.
+    pub(crate) fn take(&self, triangles: Vec<HostTriangle>) -> Arc<Hierarchy> {
+        let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (hierarchy, fitted) = Hierarchy::like(triangles, cached.last.as_deref());
+        if fitted {
+            cached.fits += 1;
+        } else {
+            cached.builds += 1;
         }
+        let hierarchy = Arc::new(hierarchy);
+        cached.last = Some(hierarchy.clone());
+        hierarchy
+    }
+}
+
+impl fmt::Debug for HierarchyCache {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "HierarchyCache({:?})", self.counts())
     }
 }

@@ -1,17 +1,15 @@
 //! A hierarchy of boxes over triangles, on the host. For the softmax boxes grow by the reach of the blur while
 //! they are traversed, so that one hierarchy holds for any σ.
 
-mod cache;
 mod hierarchy;
 mod hits;
-mod leaf;
 mod simd;
 mod triangle;
 mod visit;
 mod wide;
 
-pub use cache::HierarchyCache;
 pub(crate) use hierarchy::Hierarchy;
+pub use hierarchy::HierarchyCache;
 pub(crate) use hits::{Hit, HitRay, NOTHING};
 pub(crate) use simd::{F8, LANES, Lanes, Machine, Mask8, Task, dispatch};
 pub(crate) use triangle::{HostTriangle, PlaneHit};

@@ -5,7 +5,6 @@ use glam::DVec3;
 /// A triangle with its frame: corner a at the origin, b at (base, 0), c at (apex_u, apex_v).
 #[derive(Clone, Debug)]
 pub struct HostTriangle {
-    /// Corners.
     pub corners: [DVec3; 3],
     /// Unit normal, counter-clockwise front.
     pub normal: DVec3,
@@ -42,7 +41,6 @@ pub struct PlaneHit {
 }
 
 impl HostTriangle {
-    /// From corners and displacement.
     pub fn new(corners: [DVec3; 3], velocity: DVec3, valid: bool) -> Self {
         let [a, b, c] = corners;
         let (ab, ac) = (b - a, c - a);
@@ -155,7 +153,6 @@ impl HostTriangle {
         })
     }
 
-    /// Area.
     pub fn area(&self) -> f64 {
         if self.valid {
             0.5 * self.base * self.apex_v

@@ -1,10 +1,9 @@
 //! A tree of nodes with eight boxes and leaves with eight triangles.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use obvhs::bvh2::Bvh2;
 
-use super::leaf::Leaf;
-use super::simd::{LANES, Lanes};
+use super::simd::{F8, LANES, Lanes, Machine};
 use super::triangle::HostTriangle;
 
 /// Up to so many triangles are tested without boxes.
@@ -20,7 +19,6 @@ pub(super) struct Node {
     pub count: u32,
 }
 
-/// The tree.
 pub(super) struct Wide {
     pub nodes: Vec<Node>,
     pub leaves: Vec<Leaf>,
@@ -125,7 +123,7 @@ impl Node {
     /// Puts some children (one bit each, at least one) on a stack with room for them: the nearest on top,
     /// the others below it in any order. Without jumps.
     #[inline(always)]
-    pub fn stack_children(
+    fn stack_children(
         &self,
         mut mask: u32,
         nears: &Lanes,
@@ -149,16 +147,6 @@ impl Node {
         stack[*len] = nearest;
         *len += 1;
     }
-}
-
-#[inline(always)]
-pub(super) fn safe_inverse(d: f64) -> f32 {
-    let d = if d.abs() < 1e-12 {
-        1e-12f64.copysign(d)
-    } else {
-        d
-    };
-    1.0 / d as f32
 }
 
 /// Triangles under each node.
@@ -189,5 +177,203 @@ fn gather(tree: &Bvh2, root: usize, list: &mut Vec<u32>) {
     } else {
         gather(tree, first, list);
         gather(tree, first + 1, list);
+    }
+}
+
+/// Up to eight triangles: planes, and in each the lines of the borders as distances, positive inside.
+pub(super) struct Leaf {
+    pub(super) normal: [Lanes; 3],
+    pub(super) plane: Lanes,
+    /// a → b, b → c, c → a: directions, and what is added.
+    pub(super) lines: [[Lanes; 3]; 3],
+    pub(super) offsets: [Lanes; 3],
+    pub triangle: [u32; LANES],
+    /// The rounding of the lines, beyond that of points.
+    pub(super) slack: Lanes,
+    /// The triangles that there are, one bit each.
+    pub(super) used: u32,
+}
+
+/// Triangles are grown by this share of the largest coordinate near the ray.
+pub(super) const ROUNDING: f32 = 4e-7;
+
+impl Leaf {
+    pub fn new(triangles: &[HostTriangle], list: &[u32]) -> Self {
+        let mut leaf = Self {
+            normal: [[0.0; LANES]; 3],
+            plane: [0.0; LANES],
+            lines: [[[0.0; LANES]; 3]; 3],
+            offsets: [[0.0; LANES]; 3],
+            triangle: [u32::MAX; LANES],
+            slack: [0.0; LANES],
+            used: (1 << list.len()) - 1,
+        };
+        for (i, &k) in list.iter().enumerate() {
+            let t = &triangles[k as usize];
+            leaf.plane[i] = t.normal.dot(t.corners[0]) as f32;
+            for (axis, lanes) in leaf.normal.iter_mut().enumerate() {
+                lanes[i] = t.normal[axis] as f32;
+            }
+            for (line, (across, offset)) in t.lines_in_space().into_iter().enumerate() {
+                leaf.offsets[line][i] = offset as f32;
+                leaf.slack[i] = leaf.slack[i].max(ROUNDING * offset.abs() as f32);
+                for (axis, lanes) in leaf.lines[line].iter_mut().enumerate() {
+                    lanes[i] = across[axis] as f32;
+                }
+            }
+            leaf.triangle[i] = k;
+        }
+        leaf
+    }
+
+    /// Where a ray meets the planes of the triangles.
+    #[inline(always)]
+    pub fn planes<M: Machine>(
+        &self,
+        machine: M,
+        velocity: Option<&[Lanes; 3]>,
+        ray: &Ray8<M>,
+    ) -> Planes8<M> {
+        let load = |lanes: &Lanes| F8::load(machine, lanes);
+        let dot = |n: &[Lanes; 3], v: &[F8<M>; 3], last: F8<M>| {
+            let [x, y, z] = n;
+            load(x).mul_add(v[0], load(y).mul_add(v[1], load(z).mul_add(v[2], last)))
+        };
+        let (mut o, d) = (ray.origin, ray.direction);
+        if let Some(velocity) = velocity {
+            for (o, v) in o.iter_mut().zip(velocity) {
+                *o = load(v).mul_add(ray.less_time, *o);
+            }
+        }
+        let zero = F8::splat(machine, 0.0);
+        let cosine = dot(&self.normal, &d, zero);
+        let above = load(&self.plane) - dot(&self.normal, &o, zero);
+        let t = above.div(cosine);
+        let p = [
+            t.mul_add(d[0], o[0]),
+            t.mul_add(d[1], o[1]),
+            t.mul_add(d[2], o[2]),
+        ];
+        let [ab, bc, ca] = &self.lines;
+        let [a, b, c] = &self.offsets;
+        let least = dot(ab, &p, load(a)).min(dot(bc, &p, load(b)).min(dot(ca, &p, load(c))));
+        Planes8 { t, cosine, least }
+    }
+}
+
+/// Where a ray meets the planes of eight triangles.
+pub(super) struct Planes8<M: Machine> {
+    pub t: F8<M>,
+    pub cosine: F8<M>,
+    /// The distance from the nearest border, positive inside.
+    pub least: F8<M>,
+}
+
+/// A ray, each of its numbers eight times.
+#[derive(Clone, Copy)]
+pub(super) struct Ray8<M: Machine> {
+    origin: [F8<M>; 3],
+    direction: [F8<M>; 3],
+    inverse: [F8<M>; 3],
+    less_time: F8<M>,
+    /// Where it begins.
+    pub from: F8<M>,
+}
+
+impl<M: Machine> Ray8<M> {
+    #[inline(always)]
+    pub fn new(machine: M, origin: Vec3, direction: Vec3, time: f32, from: f32) -> Self {
+        let splat = |x| F8::splat(machine, x);
+        // Finite, so that differences times it are numbers.
+        let inverse = |d: f32| {
+            1.0 / if d.abs() < 1e-12 {
+                1e-12f32.copysign(d)
+            } else {
+                d
+            }
+        };
+        Self {
+            origin: origin.to_array().map(splat),
+            direction: direction.to_array().map(splat),
+            inverse: direction.to_array().map(|d| splat(inverse(d))),
+            less_time: splat(-time),
+            from: splat(from),
+        }
+    }
+
+    /// The children of a node, their boxes grown, that it enters before a limit, one bit each; and where.
+    #[inline(always)]
+    fn enter(&self, machine: M, node: &Node, grown: f32, limit: f32) -> (u32, Lanes) {
+        let (mut near, mut far) = (self.from, F8::splat(machine, limit));
+        let grown = F8::splat(machine, grown);
+        for axis in 0..3 {
+            let (low, high) = (self.origin[axis] + grown, self.origin[axis] - grown);
+            let t0 = (F8::load(machine, &node.min[axis]) - low) * self.inverse[axis];
+            let t1 = (F8::load(machine, &node.max[axis]) - high) * self.inverse[axis];
+            near = near.max(t0.min(t1));
+            far = far.min(t0.max(t1));
+        }
+        let missed = far.less(near).bits();
+        (!missed & ((1 << node.count) - 1), near.lanes())
+    }
+}
+
+/// What is done on the way of a ray through the tree.
+pub(super) trait Visitor<M: Machine> {
+    /// The distance beyond which nothing matters.
+    fn limit(&self) -> f32;
+
+    /// How much boxes grow that are entered at a distance.
+    fn grown(&self, near: f32) -> f32;
+
+    /// Looks at the triangles of a leaf. Whether it goes on.
+    fn leaf(&mut self, index: usize) -> bool;
+}
+
+impl Wide {
+    /// Takes a visitor to all leaves that a ray may hit, the nearer child of a node first.
+    #[inline(always)]
+    pub fn traverse<M: Machine>(&self, machine: M, ray: &Ray8<M>, visitor: &mut impl Visitor<M>) {
+        let mut stack = [(0u32, 0f32); 64];
+        stack[0].1 = f32::NEG_INFINITY;
+        let mut spilled: Vec<(u32, f32)> = Vec::new();
+        let mut len = 1;
+        loop {
+            let (index, near) = if len > 0 {
+                len -= 1;
+                stack[len]
+            } else if let Some(top) = spilled.pop() {
+                top
+            } else {
+                return;
+            };
+            if near > visitor.limit() {
+                continue;
+            }
+            let at = index as usize / 2;
+            if index % 2 == 1 {
+                if !visitor.leaf(at) {
+                    return;
+                }
+                continue;
+            }
+            let node = &self.nodes[at];
+            let (mask, nears) = ray.enter(machine, node, visitor.grown(near), visitor.limit());
+            if mask == 0 {
+                continue;
+            }
+            if len + LANES > stack.len() {
+                // Deep trees go on in memory; what was on the stack is taken later.
+                spilled.extend_from_slice(&stack[..len]);
+                len = 0;
+            }
+            node.stack_children(mask, &nears, &mut stack, &mut len);
+        }
+    }
+
+    /// The displacements of the triangles of a leaf, if any moves.
+    #[inline(always)]
+    pub fn velocity(&self, leaf: usize) -> Option<&[Lanes; 3]> {
+        self.velocities.as_ref().map(|v| &v[leaf])
     }
 }

@@ -5,17 +5,15 @@
 //! contiguous.
 
 mod context;
-mod planes;
 mod topology;
 mod triangles;
-mod trigonometry;
 mod vec3;
 
-pub(crate) use context::{Context, by_rows, detached, first_not_finite, host_values};
-pub(crate) use planes::{columns, gather_columns, length, split, unit_size};
+pub(crate) use context::{Context, by_rows, detached, first_not_finite, host_values, sin_cos};
 #[cfg(test)]
 pub(crate) use topology::Neighbours;
 pub(crate) use topology::{Topology, Weld};
 pub(crate) use triangles::{Nearest, Triangles, VertexData, nearest_on_triangle};
-pub(crate) use trigonometry::sin_cos;
-pub(crate) use vec3::{Vec3, gather_row, host_vectors};
+pub(crate) use vec3::{
+    Vec3, columns, gather_columns, gather_row, host_vectors, length, split, unit_size,
+};

@@ -8,11 +8,8 @@ use super::vec3::Vec3;
 /// Per-corner data of the triangles: three vectors `[T, 1]` each.
 #[derive(Clone, Debug)]
 pub struct VertexData {
-    /// Values at the first corner.
     pub a: Vec3,
-    /// Values at the second corner.
     pub b: Vec3,
-    /// Values at the third corner.
     pub c: Vec3,
 }
 
@@ -102,7 +99,6 @@ impl Triangles {
         }
     }
 
-    /// The number of triangles.
     pub fn len(&self) -> usize {
         self.base.dims()[0]
     }
@@ -119,9 +115,7 @@ pub struct Nearest {
     pub squared_distance: Tensor<2>,
     /// Whether the point is inside of the triangle.
     pub inside: Tensor<2, Bool>,
-    /// Weight of corner b in the nearest point.
     pub weight_b: Tensor<2>,
-    /// Weight of corner c in the nearest point.
     pub weight_c: Tensor<2>,
 }
 

@@ -12,11 +12,8 @@ use crate::error::Result;
 /// Three planes of one shape: `[1, N]` for rays, `[T, 1]` for triangles.
 #[derive(Clone)]
 pub struct Vec3 {
-    /// The x components.
     pub x: Tensor<2>,
-    /// The y components.
     pub y: Tensor<2>,
-    /// The z components.
     pub z: Tensor<2>,
 }
 
@@ -27,7 +24,6 @@ impl fmt::Debug for Vec3 {
 }
 
 impl Vec3 {
-    /// Three planes as a vector.
     pub fn new(x: Tensor<2>, y: Tensor<2>, z: Tensor<2>) -> Self {
         Self { x, y, z }
     }
@@ -83,12 +79,10 @@ impl Vec3 {
         Self::new(plane(|p| &p.x), plane(|p| &p.y), plane(|p| &p.z))
     }
 
-    /// A function of each plane.
     pub fn map(&self, f: impl Fn(Tensor<2>) -> Tensor<2>) -> Self {
         Self::new(f(self.x.clone()), f(self.y.clone()), f(self.z.clone()))
     }
 
-    /// Applies a function to each pair of planes.
     pub fn zip(&self, o: &Self, f: impl Fn(Tensor<2>, Tensor<2>) -> Tensor<2>) -> Self {
         Self::new(
             f(self.x.clone(), o.x.clone()),
@@ -97,7 +91,6 @@ impl Vec3 {
         )
     }
 
-    /// Without tape.
     pub fn detached(&self) -> Self {
         Self::new(detached(&self.x), detached(&self.y), detached(&self.z))
     }
@@ -107,12 +100,10 @@ impl Vec3 {
         self.x.is_tracked() || self.y.is_tracked() || self.z.is_tracked()
     }
 
-    /// The sum.
     pub fn add(&self, o: &Self) -> Self {
         self.zip(o, |a, b| a + b)
     }
 
-    /// The difference.
     pub fn sub(&self, o: &Self) -> Self {
         self.zip(o, |a, b| a - b)
     }
@@ -132,12 +123,10 @@ impl Vec3 {
         self.map(|a| a * s)
     }
 
-    /// Dot product.
     pub fn dot(&self, o: &Self) -> Tensor<2> {
         self.x.clone() * o.x.clone() + self.y.clone() * o.y.clone() + self.z.clone() * o.z.clone()
     }
 
-    /// Cross product.
     pub fn cross(&self, o: &Self) -> Self {
         let term = |a: &Tensor<2>, b: &Tensor<2>, c: &Tensor<2>, d: &Tensor<2>| {
             a.clone() * b.clone() - c.clone() * d.clone()
@@ -173,4 +162,48 @@ pub(crate) fn host_vectors(v: &Vec3) -> Result<Vec<DVec3>> {
     let (x, y, z) = (host_values(&v.x)?, host_values(&v.y)?, host_values(&v.z)?);
     let vector = |i: usize| DVec3::new(x[i], y[i], z[i]);
     Ok((0..x.len()).map(vector).collect())
+}
+
+/// All first entries of the rows, then all second ones, and so on.
+pub(crate) fn columns<const N: usize>(rows: &[[u32; N]]) -> Vec<u32> {
+    (0..N)
+        .flat_map(|i| rows.iter().map(move |r| r[i]))
+        .collect()
+}
+
+/// The columns `[3B, n]` of these numbers `[1, n]`. It uses `gather`, whose backward pass is parallel on
+/// GPUs where that of `select` is serial.
+pub(crate) fn gather_columns(planes: &Tensor<2>, index: &Tensor<2, Int>) -> Tensor<2> {
+    let ([rows, _], [_, n]) = (planes.dims(), index.dims());
+    planes.clone().gather(1, index.clone().expand([rows, n]))
+}
+
+/// Splits planes `[3B, N]` into vectors `[B, N]`.
+pub(crate) fn split(planes: &Tensor<2>) -> Vec3 {
+    let batch = planes.dims()[0] / 3;
+    let axis = |i: usize| planes.clone().narrow(0, i * batch, batch);
+    Vec3::new(axis(0), axis(1), axis(2))
+}
+
+/// Planes `[3B, V]` in units of each mesh's extent, which is a constant to the gradient: for angles,
+/// so that powers of lengths stay within what floats hold.
+pub(crate) fn unit_size(planes: Tensor<2>) -> Tensor<2> {
+    let plain = planes.clone().detach();
+    let extent = plain.clone().max_dim(1) - plain.min_dim(1);
+    let axes = split(&extent);
+    let extent = axes.x.max_pair(axes.y).max_pair(axes.z);
+    // Smaller ones have no reciprocal in f32.
+    let none = extent.clone().lower_elem(f64::from(f32::MIN_POSITIVE));
+    let scale = extent.mask_fill(none, 1.0).recip();
+    planes * Tensor::cat(vec![scale; 3], 0)
+}
+
+/// Length of vectors; that of 0 has no gradient.
+pub(crate) fn length(v: &Vec3) -> Tensor<2> {
+    let square = v.dot(v);
+    let none = square.clone().lower_equal_elem(0.0);
+    square
+        .mask_fill(none.clone(), 1.0)
+        .sqrt()
+        .mask_fill(none, 0.0)
 }

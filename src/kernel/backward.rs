@@ -3,18 +3,15 @@
 use glam::DVec3;
 
 use super::gradient::Sums;
-use super::records::{LightSample, SkySample, Vertex, Work};
 use super::surface::{PointGradient, RayGradient};
 use super::view::View;
+use super::walk::{LightSample, SkySample, Vertex, Work};
 use super::walk::{Path, Seen, Walk};
 use crate::accel::NOTHING;
 use crate::model::V3;
-use crate::model::camera::{CameraGradient, CameraRay};
+use crate::model::camera::CameraRay;
 use crate::model::cone::bend_backward;
-use crate::scene::Channel;
-
-/// Paths of up to so many points need no memory of their own.
-const DEEP: usize = 16;
+use crate::model::emitter::Emission;
 
 impl View {
     /// Goes back along a path that was kept: adds the derivatives of the light that it brought, times
@@ -31,7 +28,7 @@ impl View {
         let scene = &*self.scene;
         let camera = &walk.camera;
         let g = upstream.radiance;
-        let interior = self.interior;
+        let interior = self.settings.interior;
         if walk.seen == NOTHING {
             if !interior {
                 return;
@@ -49,12 +46,17 @@ impl View {
             self.emission_backward(walk.seen, walk.first.1, g, sums);
         }
         let (mut by_throughput, mut by_ray) = (V3::ZERO, RayGradient::default());
-        let mut vertices = [0u32; DEEP];
-        let mut longer = Vec::new();
-        let vertices = self.vertices_of(walk, work, &mut vertices, &mut longer);
+        let mut vertices = std::mem::take(&mut work.chain);
+        vertices.clear();
+        let mut next = walk.vertex;
+        while next != usize::MAX {
+            vertices.push(next);
+            next = work.vertices[next].previous;
+        }
+        vertices.reverse();
         // The first point of the path that moves.
-        let moves = |v: &u32| {
-            let triangle = work.vertices[*v as usize].point.triangle;
+        let moves = |&v: &usize| {
+            let triangle = work.vertices[v].point.triangle;
             self.wanted.objects[scene.triangles[triangle as usize].object as usize]
         };
         let still = if self.wanted.camera {
@@ -64,7 +66,7 @@ impl View {
         };
         let turned = if self.wanted.turns() { 1 } else { usize::MAX };
         for (i, &v) in vertices.iter().enumerate().rev() {
-            let vertex = work.vertices[v as usize].clone();
+            let vertex = work.vertices[v].clone();
             let mut by = PointGradient::default();
             by_throughput =
                 self.vertex_backward(&vertex, path, g, by_throughput, by_ray, work, &mut by, sums);
@@ -78,58 +80,26 @@ impl View {
                 by_t = upstream.depth;
                 by.geometric += upstream.normal;
             }
-            by_ray = scene.point_backward(&vertex.point, path.time, &by, by_t, &self.wanted, sums);
+            by_ray = self.point_backward(&vertex.point, path.time, &by, by_t, sums);
         }
-        if interior && vertices.is_empty() && (upstream.depth != 0.0 || !upstream.normal.is_zero())
+        if interior && vertices.is_empty() && (upstream.depth != 0.0 || upstream.normal != V3::ZERO)
         {
             let by = PointGradient {
                 geometric: upstream.normal,
                 ..PointGradient::default()
             };
             let (time, by_t) = (path.time, upstream.depth);
-            by_ray = scene.point_backward(&walk.point, time, &by, by_t, &self.wanted, sums);
+            by_ray = self.point_backward(&walk.point, time, &by, by_t, sums);
         }
+        work.chain = vertices;
         self.camera_backward(camera, by_ray, sums);
-    }
-
-    /// The points of a path, the first one first.
-    #[inline(always)]
-    fn vertices_of<'a>(
-        &self,
-        walk: &Walk,
-        work: &Work,
-        room: &'a mut [u32; DEEP],
-        longer: &'a mut Vec<u32>,
-    ) -> &'a [u32] {
-        let (mut next, mut count) = (walk.vertex, 0);
-        while next != usize::MAX {
-            if count < DEEP {
-                room[count] = next as u32;
-            } else {
-                if count == DEEP {
-                    longer.extend_from_slice(room);
-                }
-                longer.push(next as u32);
-            }
-            count += 1;
-            next = work.vertices[next].previous;
-        }
-        let list = if count > DEEP {
-            &mut longer[..]
-        } else {
-            &mut room[..count]
-        };
-        list.reverse();
-        list
     }
 
     #[inline(always)]
     pub(super) fn camera_backward(&self, camera: &CameraRay, by: RayGradient, sums: &mut Sums) {
         if self.wanted.camera {
-            let mut gradient = CameraGradient::default();
             self.camera
-                .ray_backward(camera, by.origin, by.direction, &mut gradient);
-            sums.camera.add(&gradient);
+                .ray_backward(camera, by.origin, by.direction, &mut sums.camera);
         }
     }
 
@@ -137,8 +107,8 @@ impl View {
     fn emission_backward(&self, triangle: u32, seen: V3, g: V3, sums: &mut Sums) {
         let triangle = &self.scene.triangles[triangle as usize];
         let index = triangle.material as usize;
-        if triangle.normal.dot(seen) > 0.0 && self.scene.materials[index].kind.emits {
-            sums.materials[index].channels[Channel::Emission as usize] += DVec3::from(g);
+        if self.scene.materials[index].kind.emits {
+            Emission::backward(triangle.normal.dot(seen), g, &mut sums.materials[index]);
         }
     }
 
@@ -164,16 +134,16 @@ impl View {
             by.position += by_leaving.origin;
             let mut by_direction = by_leaving.direction;
             let mut by_after = by_next;
-            if leave.escaped && self.interior {
-                let after = vertex.throughput.times(scatter.weight) * (1.0 / leave.survival);
-                by_after += g.times(self.scene.sky.at(leave.bend.direction));
+            if leave.escaped && self.settings.interior {
+                let after = vertex.throughput * scatter.weight * (1.0 / leave.survival);
+                by_after += g * self.scene.sky.at(leave.bend.direction);
                 by_direction +=
                     self.scene
                         .sky
-                        .backward(leave.bend.direction, g.times(after), &mut sums.sky);
+                        .backward(leave.bend.direction, g * after, &mut sums.sky);
             }
             let by_after = by_after * (1.0 / leave.survival);
-            by_throughput += by_after.times(scatter.weight);
+            by_throughput += by_after * scatter.weight;
             let by_axis = bend_backward(
                 &leave.bend,
                 scatter.direction,
@@ -181,12 +151,12 @@ impl View {
                 by_direction,
                 &mut by.geometric,
             );
-            let by_weight = by_after.times(vertex.throughput);
+            let by_weight = by_after * vertex.throughput;
             point
                 .shading
                 .sample_backward(scatter, by_weight, by_axis, &mut by.shading);
         }
-        if !self.interior {
+        if !self.settings.interior {
             return by_throughput;
         }
         let (lights, skies) = (vertex.lights.clone(), vertex.skies.clone());
@@ -210,40 +180,34 @@ impl View {
         by: &mut PointGradient,
         sums: &mut Sums,
     ) -> V3 {
-        let k = light.triangle as usize;
+        let (k, seen) = (light.triangle as usize, &light.seen);
         let tri = &self.scene.triangles[k];
-        let emission = self.scene.materials[tri.material as usize].emission();
-        let scale = light.facing / light.squared * tri.area / light.density;
-        let carried = g.times(vertex.throughput);
-        let by_throughput = g.times(light.reflected).times(emission) * scale;
+        let material = tri.material as usize;
+        let emission = self.scene.materials[material]
+            .emission()
+            .towards(seen.facing);
+        let scale = seen.solid_angle(tri.area) / light.density;
+        let carried = g * vertex.throughput;
+        let by_throughput = g * light.reflected * emission * scale;
         if self.wanted.emission {
-            let by_emission = carried.times(light.reflected) * scale;
-            let to = &mut sums.materials[tri.material as usize];
-            to.channels[Channel::Emission as usize] += DVec3::from(by_emission);
+            let by_emission = carried * light.reflected * scale;
+            Emission::backward(seen.facing, by_emission, &mut sums.materials[material]);
         }
-        let by_reflected = carried.times(emission) * scale;
+        let by_reflected = carried * emission * scale;
         let shading = &vertex.point.shading;
-        let mut by_direction =
-            shading.evaluate_backward(light.direction, by_reflected, &mut by.shading);
+        let by_direction = shading.evaluate_backward(seen.direction, by_reflected, &mut by.shading);
         if !self.wanted.rays {
             return by_throughput;
         }
-        // facing·area/r²
-        let by_scale = carried.times(light.reflected).dot(emission) / light.density;
-        let by_facing = by_scale * tri.area / light.squared;
-        by_direction -= tri.normal * by_facing;
-        // The length that the direction was divided by, and r².
-        let mut by_to = by_direction.across(light.direction);
-        by_to -= light.direction * (2.0 * by_facing * light.facing);
-        by_to = by_to * (1.0 / light.distance);
+        let by_angle = (carried * light.reflected).dot(emission) / light.density;
+        let found = seen.backward(tri.normal, tri.area, by_angle, by_direction);
         if self.wanted.objects[tri.object as usize] {
             let to = &mut sums.triangles[k];
-            to.area += f64::from(by_scale * light.facing / light.squared);
-            to.normal -= DVec3::from(light.direction * by_facing);
-            self.scene
-                .add_to_corners(k, light.weights, by_to, path.time, &self.wanted, sums);
+            to.area += f64::from(found.area);
+            to.normal += DVec3::from(found.normal);
+            self.add_to_corners(k, light.weights, found.position, path.time, sums);
         }
-        by.position -= by_to;
+        by.position -= found.position;
         by_throughput
     }
 
@@ -261,13 +225,13 @@ impl View {
         let reflected = shading.evaluate(sample.direction);
         let radiance = self.scene.sky.at(sample.direction);
         let scale = 1.0 / sample.density;
-        let carried = g.times(vertex.throughput) * scale;
+        let carried = g * vertex.throughput * scale;
         if self.wanted.sky {
             self.scene
                 .sky
-                .backward(sample.direction, carried.times(reflected), &mut sums.sky);
+                .backward(sample.direction, carried * reflected, &mut sums.sky);
         }
-        shading.evaluate_backward(sample.direction, carried.times(radiance), &mut by.shading);
-        g.times(reflected).times(radiance) * scale
+        shading.evaluate_backward(sample.direction, carried * radiance, &mut by.shading);
+        g * reflected * radiance * scale
     }
 }

@@ -4,12 +4,10 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::gradient::CameraSums;
 use crate::error::Result;
-use crate::model::camera::Camera as Model;
+use crate::model::camera::{Camera as Model, CameraGradient};
 use crate::scene::{Camera, ParameterId, Projection, SceneFrame};
 
-/// A camera on the host.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HostCamera {
     eye: DVec3,
@@ -49,9 +47,6 @@ struct Frame {
 
 impl HostCamera {
     /// Reads a camera back that was checked.
-    ///
-    /// # Errors
-    /// If a tensor can't be read.
     pub fn new(camera: &Camera) -> Result<Self> {
         let lens = match &camera.lens {
             Some(lens) if camera.has_lens() => {
@@ -132,12 +127,12 @@ impl HostCamera {
             None => (0.0, 0.0),
         };
         Model {
-            eye: inner.inner(self.eye).into(),
-            across: across.into(),
-            upward: upward.into(),
-            forward: forward.into(),
-            dual: dual.map(Into::into),
-            lens: [f.right, f.up].map(|axis| (axis * aperture).into()),
+            eye: inner.inner(self.eye).as_vec3(),
+            across: across.as_vec3(),
+            upward: upward.as_vec3(),
+            forward: forward.as_vec3(),
+            dual: dual.map(|v| v.as_vec3()),
+            lens: [f.right, f.up].map(|axis| (axis * aperture).as_vec3()),
             aperture: aperture as f32,
             per_focus: per_focus as f32,
             parallel: matches!(self.projection, HostProjection::Orthographic { .. }),
@@ -150,7 +145,7 @@ impl HostCamera {
     /// image of `aspect` (width over height).
     pub fn backward(
         &self,
-        g: &CameraSums,
+        g: &CameraGradient,
         unit: f64,
         aspect: f64,
         places: &[(ParameterId, Range<usize>)],

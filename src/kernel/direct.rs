@@ -1,14 +1,14 @@
 //! Direct light: connections of surface points to points of emitters and to directions of a map.
 
-use super::records::{Candidate, LightSample, Sample, SkySample, Work};
-use super::sky::SkyMap;
 use super::surface::Point;
 use super::view::View;
+use super::walk::{Candidate, LightSample, Sample, SkySample, Work};
 use crate::accel::HitRay;
 use crate::model::V3;
 use crate::model::cone::up_to_plane;
-use crate::model::heuristic::power_heuristic;
-use crate::model::triangle::at;
+use crate::model::emitter::{LightPoint, power_heuristic};
+use crate::model::sky::SkyMap;
+use crate::model::triangle::{at, uniform_point};
 
 /// A point of a path that is connected to lights.
 pub(super) struct Receiver<'a> {
@@ -16,6 +16,20 @@ pub(super) struct Receiver<'a> {
     pub time: f32,
     pub point: &'a Point,
     pub start: V3,
+}
+
+impl Receiver<'_> {
+    /// Light that arrives along a direction if nothing is in between.
+    #[inline(always)]
+    fn propose(&self, direction: V3, limit: f32, light: V3, sample: Sample, work: &mut Work) {
+        let ray = HitRay::new(self.start, direction, self.time, limit);
+        work.rays.push(ray);
+        work.candidates.push(Candidate {
+            walk: self.walk,
+            light,
+            sample,
+        });
+    }
 }
 
 impl View {
@@ -32,9 +46,13 @@ impl View {
         let emitters = &self.scene.emitters;
         let x = from.point.position;
         let (k, chance, u) = emitters.choose(x, from.time, u, &mut work.chances);
-        let root = u.sqrt();
-        let bc = [root * (1.0 - v), root * v];
-        self.connect(from, (k, bc, chance), along.map(|_| false), cone, work);
+        self.connect(
+            from,
+            (k, uniform_point(u, v), chance),
+            along.map(|_| false),
+            cone,
+            work,
+        );
         if let Some(direction) = along {
             let mut hits = std::mem::take(&mut work.emitter_hits);
             hits.clear();
@@ -65,50 +83,37 @@ impl View {
         let e = self.scene.emitters.get(emitter);
         let weights = [1.0 - b - c, b, c];
         let light = at(e.corners, weights) + e.velocity * from.time;
-        let to = light - point.position;
-        let squared = to.length_squared().max(f32::MIN_POSITIVE);
-        let distance = squared.sqrt();
-        let direction = to * (1.0 / distance);
-        let facing = -e.normal.dot(direction);
-        if facing <= 0.0 {
+        let seen = LightPoint::new(light - point.position, e.normal);
+        if seen.facing <= 0.0 {
             return;
         }
+        let direction = seen.direction;
         let reflected = point.shading.evaluate(direction);
-        if reflected.is_zero() {
+        if reflected == V3::ZERO {
             return;
         }
         let bend = self.bend(direction, point.shading.geometric, cone_u, cone_v);
         let limit = up_to_plane(from.start, bend.direction, e.normal, light);
         let triangle = &self.scene.triangles[e.triangle as usize];
-        let per_area = facing / squared * triangle.area;
+        let angle = seen.solid_angle(triangle.area);
         let density = match combined {
             Some(by_scattering) => {
-                let other = point.shading.density(direction) * per_area;
+                let other = point.shading.density(direction) * angle;
                 power_heuristic(chance, other, by_scattering)
             }
             None => chance,
         };
         let emission = self.scene.materials[triangle.material as usize].emission();
-        work.rays.push(HitRay::new(
-            from.start.into(),
-            bend.direction.into(),
-            from.time,
-            limit,
-        ));
-        work.candidates.push(Candidate {
-            walk: from.walk,
-            light: reflected.times(emission) * (per_area / density),
-            sample: Sample::Light(LightSample {
-                triangle: e.triangle,
-                weights,
-                direction,
-                distance,
-                squared,
-                facing,
-                reflected,
-                density,
-            }),
+        let emission = emission.towards(seen.facing);
+        let sample = Sample::Light(LightSample {
+            triangle: e.triangle,
+            weights,
+            seen,
+            reflected,
+            density,
         });
+        let light = reflected * emission * (angle / density);
+        from.propose(bend.direction, limit, light, sample, work);
     }
 
     /// Light of a map along a direction drawn from it, and along that in which the path goes on.
@@ -129,23 +134,15 @@ impl View {
             (true, along, map.drawn.density(along)),
         ] {
             let reflected = shading.evaluate(direction);
-            if reflected.is_zero() {
+            if reflected == V3::ZERO {
                 continue;
             }
             let bend = self.bend(direction, shading.geometric, cone_u, cone_v);
             let other = shading.density(direction);
             let density = power_heuristic(chance, other, by_scattering);
-            work.rays.push(HitRay::new(
-                from.start.into(),
-                bend.direction.into(),
-                from.time,
-                f32::INFINITY,
-            ));
-            work.candidates.push(Candidate {
-                walk: from.walk,
-                light: reflected.times(map.at(direction)) * (1.0 / density),
-                sample: Sample::Sky(SkySample { direction, density }),
-            });
+            let light = reflected * map.at(direction) * (1.0 / density);
+            let sample = Sample::Sky(SkySample { direction, density });
+            from.propose(bend.direction, f32::INFINITY, light, sample, work);
         }
     }
 }

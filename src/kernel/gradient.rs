@@ -49,15 +49,8 @@ impl Wanted {
                     wanted.exponents |= channel.turns();
                 }
                 Id::Environment => wanted.sky = true,
-                Id::Eye
-                | Id::Target
-                | Id::Up
-                | Id::FieldOfView
-                | Id::FocalLength
-                | Id::PrincipalPoint
-                | Id::ViewHeight
-                | Id::Aperture
-                | Id::Focus => wanted.camera = true,
+                // Those of cameras.
+                _ => wanted.camera = true,
             }
         }
         // Normals and exponents turn the directions that are drawn.
@@ -84,35 +77,6 @@ pub(crate) struct TriangleSums {
     pub area: f64,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct MaterialSums {
-    /// In the order of [`Channel::ALL`].
-    pub channels: [DVec3; CHANNELS],
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct CameraSums {
-    pub eye: DVec3,
-    pub across: DVec3,
-    pub upward: DVec3,
-    pub forward: DVec3,
-    pub lens: [DVec3; 2],
-    pub per_focus: f64,
-}
-
-impl CameraSums {
-    #[inline(always)]
-    pub fn add(&mut self, g: &CameraGradient) {
-        self.eye += DVec3::from(g.eye);
-        self.across += DVec3::from(g.across);
-        self.upward += DVec3::from(g.upward);
-        self.forward += DVec3::from(g.forward);
-        self.lens[0] += DVec3::from(g.lens[0]);
-        self.lens[1] += DVec3::from(g.lens[1]);
-        self.per_focus += f64::from(g.per_focus);
-    }
-}
-
 /// Sums of derivatives. What is not asked for may be empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sums {
@@ -122,10 +86,11 @@ pub(crate) struct Sums {
     pub velocities: Vec<DVec3>,
     pub uvs: Vec<[f64; 2]>,
     pub normals: Vec<DVec3>,
-    pub materials: Vec<MaterialSums>,
+    /// In the order of [`Channel::ALL`].
+    pub materials: Vec<[DVec3; CHANNELS]>,
     pub texels: Vec<DVec3>,
     pub sky: Vec<DVec3>,
-    pub camera: CameraSums,
+    pub camera: CameraGradient,
 }
 
 fn add_each<T: Copy + AddAssign>(to: &mut [T], from: &[T]) {
@@ -150,10 +115,10 @@ impl Sums {
             velocities: zeros(wanted.velocities, scene.objects.len()),
             uvs: vec![[0.0; 2]; if wanted.uvs { scene.uvs.len() } else { 0 }],
             normals: zeros(wanted.normals, scene.normals.len()),
-            materials: vec![MaterialSums::default(); scene.materials.len()],
+            materials: vec![[DVec3::ZERO; CHANNELS]; scene.materials.len()],
             texels: zeros(wanted.materials, scene.texels.len()),
             sky: zeros(wanted.sky, scene.sky.len()),
-            camera: CameraSums::default(),
+            camera: CameraGradient::default(),
         }
     }
 
@@ -167,7 +132,6 @@ impl Sums {
             + 15
     }
 
-    /// Adds other sums.
     pub fn add(&mut self, o: &Self) {
         add_each(&mut self.vertices, &o.vertices);
         for (a, b) in self.triangles.iter_mut().zip(&o.triangles) {
@@ -180,18 +144,11 @@ impl Sums {
         }
         add_each(&mut self.normals, &o.normals);
         for (a, b) in self.materials.iter_mut().zip(&o.materials) {
-            add_each(&mut a.channels, &b.channels);
+            add_each(a, b);
         }
         add_each(&mut self.texels, &o.texels);
         add_each(&mut self.sky, &o.sky);
-        let (a, b) = (&mut self.camera, &o.camera);
-        a.eye += b.eye;
-        a.across += b.across;
-        a.upward += b.upward;
-        a.forward += b.forward;
-        a.lens[0] += b.lens[0];
-        a.lens[1] += b.lens[1];
-        a.per_focus += b.per_focus;
+        self.camera += o.camera;
     }
 
     /// Turns derivatives by normals and areas into those by the vertices.
@@ -252,7 +209,7 @@ impl Sums {
                 Id::Material(m, channel) => {
                     match &scene.materials[m].channels[channel as usize].texture {
                         None => {
-                            let by = self.materials[m].channels[channel as usize];
+                            let by = self.materials[m][channel as usize];
                             add_each(to, &by.to_array());
                         }
                         Some(t) => vectors(to, &self.texels[t.offset..], 1.0),

@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use super::direct::Receiver;
-use super::records::{Leave, Sample, Vertex, Work};
 use super::surface::Point;
 use super::view::View;
+use super::walk::{Leave, Sample, Vertex, Work};
 use super::walk::{Path, Walk, Walks};
 use crate::accel::{HitRay, NOTHING};
 use crate::model::V3;
@@ -17,8 +17,8 @@ impl View {
     #[inline(always)]
     fn camera_ray(&self, numbers: &Numbers, pixel: u32) -> CameraRay {
         let [u, v, ..] = numbers.film();
-        let x = (pixel % self.width) as f32 + 0.5 + self.filter.sample(u);
-        let y = (pixel / self.width) as f32 + 0.5 + self.filter.sample(v);
+        let x = (pixel % self.settings.width) as f32 + 0.5 + self.filter.sample(u);
+        let y = (pixel / self.settings.width) as f32 + 0.5 + self.filter.sample(v);
         let [lens_x, lens_y] = self.lens_point(numbers);
         self.camera.ray(x, y, lens_x, lens_y)
     }
@@ -37,8 +37,8 @@ impl View {
             let (pixel, _) = path.numbers.path();
             let camera = self.camera_ray(&path.numbers, pixel);
             work.rays.push(HitRay::new(
-                camera.origin.into(),
-                camera.direction.into(),
+                camera.origin,
+                camera.direction,
                 path.time,
                 f32::INFINITY,
             ));
@@ -71,8 +71,8 @@ impl View {
     #[inline(always)]
     pub(super) fn emission(&self, point: &Point) -> V3 {
         let m = self.scene.material(point.triangle);
-        if point.side > 0.0 && m.kind.emits {
-            m.emission()
+        if m.kind.emits {
+            m.emission().towards(point.side)
         } else {
             V3::ZERO
         }
@@ -102,7 +102,7 @@ impl View {
             }
         }
         while !walks.alive.is_empty() {
-            let last = bounce >= self.bounces;
+            let last = bounce >= self.settings.bounces;
             let goes_on = !last || self.sees_sky;
             self.gather_lights::<KEEP>(paths, walks, bounce, goes_on, work);
             if !goes_on {
@@ -154,7 +154,7 @@ impl View {
                 continue;
             }
             let walk = &mut list[candidate.walk as usize];
-            walk.radiance += walk.throughput.times(candidate.light);
+            walk.radiance += walk.throughput * candidate.light;
             if KEEP {
                 let vertex = &mut work.vertices[walk.vertex];
                 match candidate.sample {
@@ -226,7 +226,7 @@ impl View {
             work.counts.add_bounce(bounce);
             if hit.triangle != NOTHING {
                 let time = paths[i as usize].time;
-                walk.arrive(scene.point(hit, ray.origin.into(), walk.bend.direction, time));
+                walk.arrive(scene.point(hit, ray.origin, walk.bend.direction, time));
                 walks.alive[count] = i;
                 count += 1;
             } else if self.sees_sky {
@@ -302,17 +302,22 @@ impl View {
         vertices: &mut [Vertex],
     ) -> Option<HitRay> {
         let scatter = walk.scatter;
-        if scatter.weight.is_zero() {
+        if scatter.weight == V3::ZERO {
             return None;
         }
-        walk.throughput = walk.throughput.times(scatter.weight);
+        walk.throughput *= scatter.weight;
         let mut survival = 1.0;
-        if !last && self.roulette_after.is_some_and(|after| bounce >= after) {
-            survival = walk.throughput.max_component().clamp(0.05, 1.0);
+        if !last
+            && self
+                .settings
+                .roulette_after
+                .is_some_and(|after| bounce >= after)
+        {
+            survival = walk.throughput.max_element().clamp(0.05, 1.0);
             if path.numbers.roulette(bounce) >= survival {
                 return None;
             }
-            walk.throughput = walk.throughput * (1.0 / survival);
+            walk.throughput *= 1.0 / survival;
         }
         let [cone_u, cone_v, ..] = self.cone_numbers(path, bounce);
         let normal = walk.point.shading.geometric;
@@ -326,8 +331,8 @@ impl View {
             });
         }
         Some(HitRay::new(
-            walk.start.into(),
-            walk.bend.direction.into(),
+            walk.start,
+            walk.bend.direction,
             path.time,
             f32::INFINITY,
         ))
@@ -337,7 +342,7 @@ impl View {
     #[inline(always)]
     fn escape<const KEEP: bool>(&self, walk: &mut Walk, vertices: &mut [Vertex]) {
         let light = self.scene.sky.at(walk.bend.direction);
-        walk.radiance += walk.throughput.times(light);
+        walk.radiance += walk.throughput * light;
         if KEEP && let Some(leave) = &mut vertices[walk.vertex].leave {
             leave.escaped = true;
         }

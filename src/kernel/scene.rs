@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::parts::{Material, Triangle};
-use super::sky::Sky;
-use super::texture::{Colour, Texels, Texture};
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
+use crate::model::emitter::Emission;
+use crate::model::sky::Sky;
+use crate::model::texture::{Colour, Texels, Texture};
 use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
-use crate::scene::{HostAttribute, HostScene, HostTexture, SceneFrame};
+use crate::scene::{CHANNELS, HostAttribute, HostScene, HostTexture, MaterialKind, SceneFrame};
 
 /// The place of an object's parts in the scene's lists.
 #[derive(Clone, Debug)]
@@ -70,7 +70,9 @@ impl KernelScene {
         for (i, o) in scene.objects.iter().enumerate() {
             let velocity = DVec3::from(o.velocity.unwrap_or([0.0; 3])) / frame.unit;
             lists.add_object(scene, i, &frame, velocity);
-            velocities.iter_mut().for_each(|v| v.push(velocity.into()));
+            velocities
+                .iter_mut()
+                .for_each(|v| v.push(velocity.as_vec3()));
         }
         let Lists {
             triangles,
@@ -84,9 +86,8 @@ impl KernelScene {
             normals,
         } = lists;
         let hierarchy = match (like, cache) {
-            (Some(like), _) => Arc::new(Hierarchy::like(host, like)),
             (None, Some(cache)) => cache.take(host),
-            (None, None) => Arc::new(Hierarchy::new(host)),
+            _ => Arc::new(Hierarchy::like(host, like).0),
         };
         let mut texels = Texels::default();
         let materials: Vec<Material> = scene
@@ -108,7 +109,7 @@ impl KernelScene {
             velocity: velocities
                 .as_ref()
                 .map_or(V3::ZERO, |v| v[t.object as usize]),
-            radiance: materials[t.material as usize].emission().sum_abs() / 3.0,
+            radiance: materials[t.material as usize].emission().mean(),
             group: 0,
         });
         let emitters = Emitters::new(list.collect(), velocities.is_some(), sampling);
@@ -214,12 +215,12 @@ impl Lists {
         t.valid &= area > 1e-35 && area.is_finite();
         let (mut normal, mut plane, mut own) = (v3(0.0, 0.0, 1.0), 0.0, 0.0);
         if t.valid {
-            normal = t.normal.into();
+            normal = t.normal.as_vec3();
             plane = t.normal.dot(t.corners[0]) as f32;
             own = area;
         }
         self.triangles.push(Triangle {
-            corners: corners.map(V3::from),
+            corners: corners.map(|c| c.as_vec3()),
             normal,
             plane,
             area: own,
@@ -234,7 +235,7 @@ impl Lists {
 fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
     match colour {
         HostTexture::Constant(c) => Colour {
-            constant: (*c).into(),
+            constant: DVec3::from(*c).as_vec3(),
             texture: None,
         },
         HostTexture::Image {
@@ -255,5 +256,36 @@ fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
                 texture: Some(texture),
             }
         }
+    }
+}
+
+/// A triangle, in inner coordinates at the start of the shutter.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Triangle {
+    pub corners: [V3; 3],
+    /// Unit normal of the front.
+    pub normal: V3,
+    /// normal · corner.
+    pub plane: f32,
+    pub area: f32,
+    pub material: u32,
+    pub object: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Material {
+    /// In the order of [`Channel::ALL`].
+    pub channels: [Colour; CHANNELS],
+    pub kind: MaterialKind,
+}
+
+impl Material {
+    #[inline(always)]
+    pub fn emission(&self) -> Emission {
+        Emission::of(|channel| self.channels[channel as usize].constant)
+    }
+
+    pub fn is_textured(&self) -> bool {
+        self.channels.iter().any(|c| c.texture.is_some())
     }
 }

@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
-use super::gradient::{Sums, Wanted};
+use super::gradient::Sums;
 use super::scene::KernelScene;
+use super::view::View;
 use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
@@ -136,7 +137,9 @@ impl KernelScene {
         }
         sum
     }
+}
 
+impl View {
     /// Adds the derivatives by the scene's parts of a point that has derivatives by its position, geometric
     /// normal, distance and shading; returns those by the ray that hit it.
     #[inline(always)]
@@ -146,29 +149,28 @@ impl KernelScene {
         time: f32,
         by: &PointGradient,
         by_t: f32,
-        wanted: &Wanted,
         sums: &mut Sums,
     ) -> RayGradient {
         let (k, shade) = (p.triangle as usize, &by.shading);
-        let tri = &self.triangles[k];
+        let tri = &self.scene.triangles[k];
         let index = tri.material as usize;
-        let m = &self.materials[index];
+        let m = &self.scene.materials[index];
         let mut by_uv = [0.0; 2];
-        if wanted.materials || (wanted.rays && self.textured) {
+        if self.wanted.materials || (self.wanted.rays && self.scene.textured) {
             let to = &mut sums.materials[index];
             let channels = shade.channels();
             let mut i = 0;
             while i < m.kind.shading() {
-                let into = (&mut to.channels[i], &mut sums.texels[..]);
-                let more = m.channels[i].backward(&self.texels, p.uv, channels[i], into);
+                let into = (&mut to[i], &mut sums.texels[..]);
+                let more = m.channels[i].backward(&self.scene.texels, p.uv, channels[i], into);
                 by_uv = [by_uv[0] + more[0], by_uv[1] + more[1]];
                 i += 1;
             }
         }
-        if !wanted.rays {
+        if !self.wanted.rays {
             return RayGradient::default();
         }
-        let by_place = self.attributes_backward(p, by_uv, shade.normal, wanted, sums);
+        let by_place = self.attributes_backward(p, by_uv, shade.normal, sums);
         let flat = if p.shading.smooth {
             V3::ZERO
         } else {
@@ -179,10 +181,10 @@ impl KernelScene {
         // Barycentric coordinates see the point from the corners, which are where the triangle is.
         let by_point = by.position + by_place + direction * by_t;
         let with_plane = hit_backward(tri.normal, direction, by_point);
-        if wanted.objects[tri.object as usize] {
+        if self.wanted.objects[tri.object as usize] {
             sums.triangles[k].normal += DVec3::from(by_normal * p.side);
             let by_corners = with_plane - by_place;
-            self.add_to_corners(k, p.weights, by_corners, time, wanted, sums);
+            self.add_to_corners(k, p.weights, by_corners, time, sums);
         }
         let by_ray = by_point - with_plane;
         RayGradient {
@@ -193,20 +195,12 @@ impl KernelScene {
 
     /// Adds a derivative by a point of a triangle, which moves with its corners.
     #[inline(always)]
-    pub fn add_to_corners(
-        &self,
-        k: usize,
-        weights: [f32; 3],
-        g: V3,
-        time: f32,
-        wanted: &Wanted,
-        sums: &mut Sums,
-    ) {
-        for (&v, w) in self.vertex_rows[k].iter().zip(weights) {
+    pub fn add_to_corners(&self, k: usize, weights: [f32; 3], g: V3, time: f32, sums: &mut Sums) {
+        for (&v, w) in self.scene.vertex_rows[k].iter().zip(weights) {
             sums.vertices[v as usize] += DVec3::from(g * w);
         }
-        if wanted.velocities {
-            let object = self.triangles[k].object as usize;
+        if self.wanted.velocities {
+            let object = self.scene.triangles[k].object as usize;
             sums.velocities[object] += DVec3::from(g * time);
         }
     }
@@ -219,17 +213,16 @@ impl KernelScene {
         p: &Point,
         by_uv: [f32; 2],
         by_normal: V3,
-        wanted: &Wanted,
         sums: &mut Sums,
     ) -> V3 {
         let k = p.triangle as usize;
         let (mut by_b, mut by_c) = (0.0, 0.0);
-        if by_uv != [0.0; 2] && self.uv_rows[k][0] != u32::MAX {
-            let [a, b, c] = self.uv_rows[k].map(|row| self.uvs[row as usize]);
+        if by_uv != [0.0; 2] && self.scene.uv_rows[k][0] != u32::MAX {
+            let [a, b, c] = self.scene.uv_rows[k].map(|row| self.scene.uvs[row as usize]);
             by_b += by_uv[0] * (b[0] - a[0]) + by_uv[1] * (b[1] - a[1]);
             by_c += by_uv[0] * (c[0] - a[0]) + by_uv[1] * (c[1] - a[1]);
-            if wanted.uvs {
-                for (&row, w) in self.uv_rows[k].iter().zip(p.weights) {
+            if self.wanted.uvs {
+                for (&row, w) in self.scene.uv_rows[k].iter().zip(p.weights) {
                     let to = &mut sums.uvs[row as usize];
                     to[0] += f64::from(by_uv[0] * w);
                     to[1] += f64::from(by_uv[1] * w);
@@ -237,7 +230,7 @@ impl KernelScene {
             }
         }
         if p.shading.smooth {
-            let sum = self.sum_of_normals(k, p.weights);
+            let sum = self.scene.sum_of_normals(k, p.weights);
             let inverse = 1.0 / sum.length().max(TINY);
             let unit = sum * inverse;
             let facing = if sum.dot(p.shading.geometric) >= 0.0 {
@@ -245,12 +238,12 @@ impl KernelScene {
             } else {
                 -1.0
             };
-            let by_sum = by_normal.across(unit) * (facing * inverse);
-            let [a, b, c] = self.normal_rows[k].map(|row| self.normals[row as usize]);
+            let by_sum = by_normal.reject_from_normalized(unit) * (facing * inverse);
+            let [a, b, c] = self.scene.normal_rows[k].map(|row| self.scene.normals[row as usize]);
             by_b += by_sum.dot(b - a);
             by_c += by_sum.dot(c - a);
-            if wanted.normals {
-                for (&row, w) in self.normal_rows[k].iter().zip(p.weights) {
+            if self.wanted.normals {
+                for (&row, w) in self.scene.normal_rows[k].iter().zip(p.weights) {
                     sums.normals[row as usize] += DVec3::from(by_sum * w);
                 }
             }
@@ -258,7 +251,7 @@ impl KernelScene {
         if by_b == 0.0 && by_c == 0.0 {
             return V3::ZERO;
         }
-        let tri = &self.triangles[k];
+        let tri = &self.scene.triangles[k];
         let [slope_b, slope_c] = barycentric_slopes(tri.corners, tri.normal, tri.area);
         slope_b * by_b + slope_c * by_c
     }

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::gradient::Sums;
-use super::records::Work;
 use super::view::View;
+use super::walk::Work;
 use super::walk::{Path, Seen, Walks};
 use crate::accel::{Machine, Task, dispatch};
 use crate::sampling::{Numbers, RUN, Run};
@@ -32,7 +32,7 @@ impl View {
     pub fn typical(pixels: &[(u32, Seen)]) -> f32 {
         let (mut sum, mut count) = (0.0, 0u32);
         for (_, g) in pixels {
-            let own = f64::from(g.radiance.sum_abs());
+            let own = f64::from(g.radiance.abs().element_sum());
             sum += own;
             count += u32::from(own > 0.0);
         }
@@ -124,7 +124,8 @@ impl View {
         let first = sample - sample % RUN as u32;
         let mut runs = Vec::with_capacity(TOGETHER);
         for pixel in pixels {
-            runs.push(self.sampler.run(pixel, first..next_run(first), self.drawn));
+            let samples = first..next_run(first);
+            runs.push(self.settings.sampler.run(pixel, samples, self.drawn));
         }
         runs
     }

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use super::camera::HostCamera;
 use super::edges::EdgeSets;
-use super::gradient::{CameraSums, Wanted};
+use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
-use crate::model::camera::Camera;
+use crate::model::camera::{Camera, CameraGradient};
 use crate::model::cone::{Bend, bend};
 use crate::model::filter::PixelFilter;
 use crate::model::frame::sin_cos_of_turns;
@@ -18,12 +18,12 @@ use crate::scene::ParameterId;
 /// A scene as a camera sees it, with the settings of a render.
 pub(crate) struct View {
     pub scene: Arc<KernelScene>,
+    pub settings: ViewSettings,
     pub(super) host_camera: HostCamera,
     pub(super) camera: Camera,
     pub(super) filter: PixelFilter,
     /// The tangent of the half-angle of the cones of bounce and shadow rays.
     pub(super) cone: f32,
-    pub(super) sampler: Sampler,
     /// Random numbers for the kernels of cones.
     pub(super) cones: Sampler,
     /// Random numbers for edges.
@@ -32,10 +32,6 @@ pub(crate) struct View {
     pub(super) sides: Sampler,
     /// Random numbers for edges on the film.
     pub(super) film: Sampler,
-    pub(super) bounces: u32,
-    pub(super) roulette_after: Option<u32>,
-    pub(super) width: u32,
-    pub(super) height: u32,
     pub(super) arch: pulp::Arch,
     /// The sets of random numbers that most paths use (`Sampler::run`).
     pub(super) drawn: u8,
@@ -48,10 +44,9 @@ pub(crate) struct View {
     /// Whether points on emitters are chosen by the BSDF as well.
     pub(super) combined: bool,
     pub wanted: Wanted,
-    pub(super) interior: bool,
     /// Edges that something can jump at.
     pub(super) edge_sets: Option<Arc<EdgeSets>>,
-    pub(super) has_edges: bool,
+    pub has_edges: bool,
 }
 
 /// The settings that a view is made from beside scene and camera.
@@ -77,13 +72,14 @@ impl View {
     pub fn new(
         scene: Arc<KernelScene>,
         camera: HostCamera,
-        settings: &ViewSettings,
+        settings: ViewSettings,
         wanted: Wanted,
         edge_sets: Option<Arc<EdgeSets>>,
     ) -> Self {
         let frame = &scene.frame;
         let model = camera.model(frame, settings.width, settings.height);
         let pixels_per_tangent = 0.5 * f64::from(settings.height) / camera.half_height;
+        let wide = settings.camera_cone * pixels_per_tangent;
         let has_map = scene.sky.map().is_some();
         let gathers_map = has_map && settings.multiple_importance;
         let sees_sky = !scene.sky.is_black() && !gathers_map;
@@ -91,21 +87,12 @@ impl View {
         let mut view = Self {
             host_camera: camera,
             camera: model,
-            filter: PixelFilter::new(
-                settings
-                    .pixels
-                    .max(settings.camera_cone * pixels_per_tangent),
-            ),
+            filter: PixelFilter::new(settings.pixels.max(wide)),
             cone: settings.cone as f32,
             cones: settings.sampler.stream(1),
             edges: settings.sampler.stream(2),
             sides: settings.sampler.stream(3),
             film: settings.sampler.stream(4).of_one_pixel(),
-            sampler: settings.sampler,
-            bounces: settings.bounces,
-            roulette_after: settings.roulette_after,
-            width: settings.width,
-            height: settings.height,
             arch: pulp::Arch::new(),
             drawn: 0,
             dark: scene.emitters.is_empty() && scene.sky.is_black(),
@@ -114,9 +101,9 @@ impl View {
             combined,
             has_edges: edge_sets.as_ref().is_some_and(|e| !e.is_empty()),
             edge_sets,
-            interior: settings.interior,
             wanted,
             scene,
+            settings,
         };
         view.drawn = view.sets();
         view
@@ -125,31 +112,21 @@ impl View {
     /// Adds the derivatives by parameters of the camera at their places.
     pub fn write_camera(
         &self,
-        sums: &CameraSums,
+        sums: &CameraGradient,
         places: &[(ParameterId, Range<usize>)],
         all: &mut [f64],
     ) {
-        let aspect = f64::from(self.width) / f64::from(self.height);
+        let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
         let unit = self.scene.frame.unit;
         self.host_camera.backward(sums, unit, aspect, places, all);
-    }
-
-    /// The distance beyond a pixel that its filter reaches, in pixels.
-    pub fn reach(&self) -> f32 {
-        self.filter.radius()
-    }
-
-    /// Whether anything jumps on the film.
-    pub fn has_edges(&self) -> bool {
-        self.has_edges
     }
 
     /// The sets of random numbers that paths use at their first surfaces (`Dimension::of_sequence`).
     fn sets(&self) -> u8 {
         let glossy = self.scene.glossy;
         let to_the_end = self.sees_sky || self.gathers_map || (glossy && self.combined);
-        let directions = self.bounces.saturating_add(u32::from(to_the_end));
-        let more = glossy || self.gathers_map || self.roulette_after.is_some();
+        let directions = self.settings.bounces.saturating_add(u32::from(to_the_end));
+        let more = glossy || self.gathers_map || self.settings.roulette_after.is_some();
         let mut sets = 1;
         if self.camera.aperture > 0.0 || self.scene.velocities.is_some() {
             sets |= 2;
@@ -158,11 +135,6 @@ impl View {
             sets |= if more { 12 } else { 4 } << (2 * bounce);
         }
         sets
-    }
-
-    /// Width and height of the image.
-    pub fn size(&self) -> [u32; 2] {
-        [self.width, self.height]
     }
 
     /// A point of the lens, on the unit disk.

@@ -11,6 +11,9 @@ use super::frame::{from_local, from_local_backward, sin_cos_of_turns};
 use super::v3;
 use crate::scene::{CHANNELS, Channel, MaterialKind};
 
+#[cfg(test)]
+mod tests;
+
 /// A shaded point: directions, and what its material is there.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shading {
@@ -91,7 +94,6 @@ impl Shading {
         }
     }
 
-    /// The mirror direction.
     #[inline(always)]
     pub fn mirror(&self) -> V3 {
         self.mirror_about(self.normal)
@@ -115,8 +117,8 @@ impl Shading {
     pub fn gloss(&self) -> f32 {
         let mut share = 0.0;
         if self.glossy {
-            let specular = self.specular.sum().abs();
-            share = specular / (self.diffuse.sum().abs() + specular).max(IMPOSSIBLE);
+            let specular = self.specular.element_sum().abs();
+            share = specular / (self.diffuse.element_sum().abs() + specular).max(IMPOSSIBLE);
         }
         share
     }
@@ -155,7 +157,6 @@ impl Shading {
         self.specular * (lobe * (self.exponent + 2.0) / TAU * self.cosine(outgoing))
     }
 
-    /// f·cos θ.
     #[inline(always)]
     pub fn evaluate(&self, outgoing: V3) -> V3 {
         let mut f = self.matt(outgoing);
@@ -316,20 +317,21 @@ impl Shading {
     #[inline(always)]
     pub fn direction_backward(&self, s: &Scatter, g: V3, gradient: &mut ShadingGradient) {
         if s.of_gloss {
-            let by = from_local_backward(self.mirror(), s.local, g);
-            self.mirror_backward(by.axis, gradient);
+            let [by_axis, by_local] = from_local_backward(self.mirror(), s.local, g);
+            self.mirror_backward(by_axis, gradient);
             let [sin, cos] = sin_cos_of_turns(s.v);
             let log = s.u.clamp(LEAST, 1.0 - LEAST).ln() / (self.exponent + 1.0);
             let square = (2.0 * log).exp();
-            let mut by_log = by.local.z * log.exp();
+            let mut by_log = by_local.z * log.exp();
             let rest = -(2.0 * log).exp_m1();
             if rest > LEAST {
-                let by_sine = by.local.x * cos + by.local.y * sin;
+                let by_sine = by_local.x * cos + by_local.y * sin;
                 by_log -= by_sine * square / rest.sqrt();
             }
             gradient.exponent -= by_log * log / (self.exponent + 1.0);
         } else {
-            gradient.normal += from_local_backward(self.normal, s.local, g).axis;
+            let [by_axis, _] = from_local_backward(self.normal, s.local, g);
+            gradient.normal += by_axis;
         }
     }
 }

@@ -6,6 +6,10 @@
 //! y·upward. The three vectors are any basis, so a field of view, a principal point and pixels that are not
 //! square are all in them, and a point is projected by the inverse of the basis.
 
+use std::ops::AddAssign;
+
+use glam::DVec3;
+
 use super::V3;
 
 /// A camera in a scene's inner units.
@@ -32,12 +36,24 @@ pub(crate) struct Camera {
 /// Derivatives by what a camera is made of.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CameraGradient {
-    pub eye: V3,
-    pub across: V3,
-    pub upward: V3,
-    pub forward: V3,
-    pub lens: [V3; 2],
-    pub per_focus: f32,
+    pub eye: DVec3,
+    pub across: DVec3,
+    pub upward: DVec3,
+    pub forward: DVec3,
+    pub lens: [DVec3; 2],
+    pub per_focus: f64,
+}
+
+impl AddAssign for CameraGradient {
+    fn add_assign(&mut self, o: Self) {
+        self.eye += o.eye;
+        self.across += o.across;
+        self.upward += o.upward;
+        self.forward += o.forward;
+        self.lens[0] += o.lens[0];
+        self.lens[1] += o.lens[1];
+        self.per_focus += o.per_focus;
+    }
 }
 
 /// A ray from a point of the lens (on the unit disk) through a point of the film.
@@ -52,13 +68,6 @@ pub(crate) struct CameraRay {
     pub y: f32,
     pub lens_x: f32,
     pub lens_y: f32,
-}
-
-/// A point of the film, in pixels.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct FilmPoint {
-    pub x: f32,
-    pub y: f32,
 }
 
 impl Camera {
@@ -90,19 +99,20 @@ impl Camera {
     /// Adds the derivatives of g_o·origin + g_d·direction.
     #[inline(always)]
     pub fn ray_backward(&self, ray: &CameraRay, g_o: V3, g_d: V3, gradient: &mut CameraGradient) {
-        let by_along = g_d.across(ray.direction) * (1.0 / ray.length);
+        let by_along = g_d.reject_from_normalized(ray.direction) * (1.0 / ray.length);
         let mut by_beside = g_o;
         if !self.parallel {
             by_beside = by_along;
             let by_lens = g_o - by_along * self.per_focus;
-            gradient.lens[0] += by_lens * ray.lens_x;
-            gradient.lens[1] += by_lens * ray.lens_y;
-            gradient.per_focus -= by_along.dot(self.lens_point(ray.lens_x, ray.lens_y));
+            gradient.lens[0] += DVec3::from(by_lens * ray.lens_x);
+            gradient.lens[1] += DVec3::from(by_lens * ray.lens_y);
+            let on_lens = self.lens_point(ray.lens_x, ray.lens_y);
+            gradient.per_focus -= f64::from(by_along.dot(on_lens));
         }
-        gradient.eye += g_o;
-        gradient.across += by_beside * ray.x;
-        gradient.upward += by_beside * ray.y;
-        gradient.forward += by_along;
+        gradient.eye += DVec3::from(g_o);
+        gradient.across += DVec3::from(by_beside * ray.x);
+        gradient.upward += DVec3::from(by_beside * ray.y);
+        gradient.forward += DVec3::from(by_along);
     }
 
     /// The point of the lens, relative to its middle.
@@ -141,18 +151,18 @@ impl Camera {
         inverse
     }
 
-    /// The film point that sees a point of space from a point of the lens. The depth has to be positive.
+    /// The film point, in pixels, that sees a point of space from a point of the lens. The depth has to be positive.
     #[inline(always)]
-    pub fn project(&self, point: V3, lens_x: f32, lens_y: f32) -> FilmPoint {
+    pub fn project(&self, point: V3, lens_x: f32, lens_y: f32) -> [f32; 2] {
         let lens = self.lens_point(lens_x, lens_y);
         let [u, v, depth] = self.local(point - self.eye - lens);
         let inverse = self.per_depth(depth);
         let x = u * inverse + self.dual[0].dot(lens) * self.per_focus;
         let y = v * inverse + self.dual[1].dot(lens) * self.per_focus;
-        FilmPoint {
-            x: 0.5 * (self.width + x * self.height),
-            y: 0.5 * (1.0 - y) * self.height,
-        }
+        [
+            0.5 * (self.width + x * self.height),
+            0.5 * (1.0 - y) * self.height,
+        ]
     }
 
     /// The vector by which the film point moves, in pixels, while the point of space moves along a vector.
@@ -198,14 +208,14 @@ impl Camera {
         let by_r = self.dual[0] * a + self.dual[1] * b + self.dual[2] * c;
         let by_shift = (self.dual[0] * g_x + self.dual[1] * g_y) * self.per_focus;
         let on_lens = self.local(lens);
-        gradient.across -= by_r * r[0] + by_shift * on_lens[0];
-        gradient.upward -= by_r * r[1] + by_shift * on_lens[1];
-        gradient.forward -= by_r * r[2] + by_shift * on_lens[2];
-        gradient.eye -= by_r;
+        gradient.across -= DVec3::from(by_r * r[0] + by_shift * on_lens[0]);
+        gradient.upward -= DVec3::from(by_r * r[1] + by_shift * on_lens[1]);
+        gradient.forward -= DVec3::from(by_r * r[2] + by_shift * on_lens[2]);
+        gradient.eye -= DVec3::from(by_r);
         let by_lens = by_shift - by_r;
-        gradient.lens[0] += by_lens * lens_x;
-        gradient.lens[1] += by_lens * lens_y;
-        gradient.per_focus += g_x * on_lens[0] + g_y * on_lens[1];
+        gradient.lens[0] += DVec3::from(by_lens * lens_x);
+        gradient.lens[1] += DVec3::from(by_lens * lens_y);
+        gradient.per_focus += f64::from(g_x * on_lens[0] + g_y * on_lens[1]);
         by_r
     }
 }
@@ -230,8 +240,8 @@ mod tests {
 
     /// A camera with pixels that are not square and a principal point beside the middle.
     fn camera(aperture: f32, parallel: bool) -> Camera {
-        let forward = v3(0.1, -0.2, -1.0).normalized();
-        let right = forward.cross(v3(0.0, 1.0, 0.0)).normalized();
+        let forward = v3(0.1, -0.2, -1.0).normalize();
+        let right = forward.cross(v3(0.0, 1.0, 0.0)).normalize();
         let up = right.cross(forward);
         let mut shift = V3::ZERO;
         if !parallel {
@@ -262,7 +272,7 @@ mod tests {
             let ray = c.ray(13.0, 29.0, 0.4, -0.6);
             let point = ray.origin + ray.direction * 3.7;
             let found = c.project(point, 0.4, -0.6);
-            assert!((found.x - 13.0).abs() < 1e-3 && (found.y - 29.0).abs() < 1e-3);
+            assert!((found[0] - 13.0).abs() < 1e-3 && (found[1] - 29.0).abs() < 1e-3);
             let origin = c.origin_towards(point, 0.4, -0.6);
             assert!((origin - ray.origin).length() < 1e-5, "{origin:?}");
             let (p, along) = (v3(0.2, 0.1, -1.0), v3(0.3, -0.2, 0.5));
@@ -272,8 +282,8 @@ mod tests {
                 c.project(p - along * h, 0.4, -0.6),
             );
             let got = c.project_along(p, along, 0.4, -0.6);
-            assert!((got[0] - (a.x - b.x) / (2.0 * h)).abs() < 2e-2, "{got:?}");
-            assert!((got[1] - (a.y - b.y) / (2.0 * h)).abs() < 2e-2, "{got:?}");
+            assert!((got[0] - (a[0] - b[0]) / (2.0 * h)).abs() < 2e-2, "{got:?}");
+            assert!((got[1] - (a[1] - b[1]) / (2.0 * h)).abs() < 2e-2, "{got:?}");
         }
     }
 
@@ -290,13 +300,13 @@ mod tests {
             };
             let of_film = |c: &Camera| {
                 let f = c.inverted().project(p, 0.4, -0.6);
-                f64::from(g[0] * f.x + g[1] * f.y)
+                f64::from(g[0] * f[0] + g[1] * f[1])
             };
             let mut by_ray = CameraGradient::default();
             c.ray_backward(&c.ray(13.0, 29.0, 0.4, -0.6), g_o, g_d, &mut by_ray);
             let mut by_film = CameraGradient::default();
             c.project_backward(p, 0.4, -0.6, g, &mut by_film);
-            type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f32);
+            type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f64);
             let numbers: [Number; 12] = [
                 (|c| &mut c.eye.x, |g| g.eye.x),
                 (|c| &mut c.eye.z, |g| g.eye.z),
@@ -325,7 +335,7 @@ mod tests {
                     *number(&mut a) += h;
                     *number(&mut b) -= h;
                     let wanted = (f(&a) - f(&b)) / (2.0 * f64::from(h));
-                    let got = f64::from(gradient(by));
+                    let got = gradient(by);
                     let scale = wanted.abs().max(0.1);
                     assert!(
                         (got - wanted).abs() < 1e-2 * scale,

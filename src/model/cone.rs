@@ -34,7 +34,7 @@ pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
         };
     }
     let offset = cone_offset(axis, tangent, u, v);
-    let direction = (axis + offset).normalized();
+    let direction = (axis + offset).normalize();
     let along = direction.dot(normal);
     let mirrored = along < 0.0;
     Bend {
@@ -51,7 +51,7 @@ pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
 /// Turns derivatives by a ray of a cone into those by the cone's axis; the offset across it stays as it is.
 #[inline(always)]
 pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal: &mut V3) -> V3 {
-    if bend.offset.is_zero() {
+    if bend.offset == V3::ZERO {
         return g;
     }
     let bent = axis + bend.offset;
@@ -63,7 +63,7 @@ pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal:
         *by_normal -= g * (2.0 * along) + direction * (2.0 * g.dot(normal));
         g -= normal * (2.0 * g.dot(normal));
     }
-    g.across(direction) * inverse
+    g.reject_from_normalized(direction) * inverse
 }
 
 /// Cosine and sine of the half-angle of a cone, less wide than 180°, that is widened by an angle given by
@@ -82,7 +82,7 @@ const END: f32 = 2e-6;
 /// The start of rays that leave a surface point on the side of a normal.
 #[inline(always)]
 pub(crate) fn lifted(position: V3, normal: V3) -> V3 {
-    position + normal * (LIFT * (0.1 + position.max_abs()))
+    position + normal * (LIFT * (0.1 + position.abs().max_element()))
 }
 
 /// The distance after which a ray comes to the plane of a light through a point, but for rounding.
@@ -93,7 +93,7 @@ pub(crate) fn up_to_plane(start: V3, direction: V3, normal: V3, light: V3) -> f3
         return f32::INFINITY;
     }
     let distance = normal.dot(light - start) / cosine;
-    let size = 1.0 + light.max_abs() + start.max_abs();
+    let size = 1.0 + light.abs().max_element() + start.abs().max_element();
     distance - END * size / (-cosine)
 }
 
@@ -123,17 +123,17 @@ mod tests {
     /// The derivative of a ray, mirrored or not, by its axis and by the normal, at a fixed offset.
     #[test]
     fn derivatives_of_bent_rays() {
-        let normal = v3(0.1, 0.2, 1.0).normalized();
+        let normal = v3(0.1, 0.2, 1.0).normalize();
         let g = v3(0.3, -0.7, 0.5);
         let mut mirrored = 0;
         // From 1: without an offset a ray is its axis, which stays of unit length.
         for i in 1..16 {
-            let axis = v3(0.9, -0.3, 0.02 * i as f32).normalized();
+            let axis = v3(0.9, -0.3, 0.02 * i as f32).normalize();
             let (u, v) = ((0.618 * i as f32).fract(), (0.37 * i as f32).fract());
             let bent = bend(axis, normal, 0.8, u, v);
             mirrored += u32::from(bent.mirrored);
             let value = |axis: V3, normal: V3| {
-                let d = (axis + bent.offset).normalized();
+                let d = (axis + bent.offset).normalize();
                 let along = if bent.mirrored { d.dot(normal) } else { 0.0 };
                 g.dot(d - normal * (2.0 * along))
             };

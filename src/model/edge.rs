@@ -45,7 +45,7 @@ pub(crate) fn direction_edge(r: V3, edge: V3, axis: V3) -> DirectionEdge {
 /// towards `side`; the depth that it gains along `view` for each unit of that).
 #[inline(always)]
 pub(crate) fn half_plane(inward: V3, edge: V3, view: V3, side: V3) -> [f32; 2] {
-    let across = edge.across(view);
+    let across = edge.reject_from_normalized(view);
     let g = inward - edge * (inward.dot(across) / across.length_squared());
     let lateral = g.dot(side);
     [lateral, g.dot(view) / lateral.abs()]
@@ -59,7 +59,7 @@ mod tests {
     /// The swept area in the plane of the disk q, (P − x) ∝ ω + κq, against its derivative by hand.
     #[test]
     fn swept_area() {
-        let axis = v3(0.1, 0.2, 1.0).normalized();
+        let axis = v3(0.1, 0.2, 1.0).normalize();
         let x = v3(0.3, -0.2, 0.1);
         let (a, b) = (v3(0.5, 0.2, 2.4), v3(0.9, 0.8, 2.9));
         let (w, v) = (frame(axis).tangent, frame(axis).bitangent);
@@ -91,7 +91,7 @@ mod tests {
             );
             let by_origin = area(slope(&|h| q(p, x + d * h, axis)));
             assert!((found.by_point.dot(d) + by_origin).abs() < 1e-3);
-            let d = d.across(axis);
+            let d = d.reject_from_normalized(axis);
             let by_axis = area(slope(&|h| q(p, x, axis + d * h)));
             assert!((found.by_axis.dot(d) - by_axis).abs() < 1e-3, "{by_axis}");
         }

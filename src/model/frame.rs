@@ -42,16 +42,9 @@ pub(crate) fn to_local(axis: V3, direction: V3) -> V3 {
     )
 }
 
-/// Derivatives by axis and local direction.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct FromLocalGradient {
-    pub axis: V3,
-    pub local: V3,
-}
-
-/// The backward pass of [`from_local`].
+/// The backward pass of [`from_local`]: derivatives by axis and local direction.
 #[inline(always)]
-pub(crate) fn from_local_backward(axis: V3, local: V3, g: V3) -> FromLocalGradient {
+pub(crate) fn from_local_backward(axis: V3, local: V3, g: V3) -> [V3; 2] {
     let sign = sign_of(axis.z);
     let a = -1.0 / (axis.z + sign);
     let t = g * local.x;
@@ -63,10 +56,7 @@ pub(crate) fn from_local_backward(axis: V3, local: V3, g: V3) -> FromLocalGradie
         b.y * 2.0 * axis.y * a - b.z + by_b * axis.x * a,
         by_a * a * a,
     );
-    FromLocalGradient {
-        axis: by_axis + g * local.z,
-        local: to_local(axis, g),
-    }
+    [by_axis + g * local.z, to_local(axis, g)]
 }
 
 /// Sine and cosine of a number of turns in [0, 1].
@@ -113,23 +103,23 @@ mod tests {
     #[test]
     fn a_local_direction_and_its_derivative() {
         for axis in [v3(0.6, 0.0, 0.8), v3(0.3, -0.5, -0.2), v3(-0.1, 0.2, 1e-3)] {
-            let axis = axis.normalized();
+            let axis = axis.normalize();
             let local = v3(0.2, -0.4, 0.7);
             let back = to_local(axis, from_local(axis, local)) - local;
             assert!(back.length() < 1e-6);
             let g = v3(0.3, 0.9, -0.5);
-            let found = from_local_backward(axis, local, g);
+            let [by_axis, by_local] = from_local_backward(axis, local, g);
             let along = v3(0.4, -0.7, 0.2);
             let step = 1e-2;
             // The formula holds off the unit sphere as well.
             let f = |h: f32| g.dot(from_local(axis + along * h, local));
             let wanted = (f(step) - f(-step)) / (2.0 * step);
-            let got = found.axis.dot(along);
+            let got = by_axis.dot(along);
             assert!(
                 (got - wanted).abs() < 5e-3 * (1.0 + wanted.abs()),
                 "{got} {wanted}"
             );
-            assert!((found.local - to_local(axis, g)).length() < 1e-6);
+            assert!((by_local - to_local(axis, g)).length() < 1e-6);
         }
     }
 }

@@ -1,15 +1,15 @@
-//! Physics as small pure functions of numbers, each with its derivative beside it.
+//! Physics as small pure functions of numbers, each with its derivative beside it and a test of it.
 
 pub(crate) mod bsdf;
 pub(crate) mod camera;
 pub(crate) mod cone;
 pub(crate) mod edge;
+pub(crate) mod emitter;
 pub(crate) mod filter;
 pub(crate) mod frame;
-pub(crate) mod heuristic;
 pub(crate) mod segment;
 pub(crate) mod sky;
+pub(crate) mod texture;
 pub(crate) mod triangle;
-mod vector;
 
-pub(crate) use vector::{V3, v3};
+pub(crate) use glam::{Vec3 as V3, vec3 as v3};

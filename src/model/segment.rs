@@ -60,17 +60,9 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Option<[f32; 2]>
     (from < to).then_some([from, to])
 }
 
-/// A point of a segment as the origin sees it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SegmentPoint {
-    pub lambda: f32,
-    /// 1 over the density of λ.
-    pub per_density: f32,
-}
-
 /// The point of a part of a segment, not seen end-on, for a uniform number: by the angle under which the
-/// origin sees it.
-pub(crate) fn point_by_angle(a: V3, e: V3, [from, to]: [f32; 2], u: f32) -> Option<SegmentPoint> {
+/// origin sees it. Returns λ and 1 over its density.
+pub(crate) fn point_by_angle(a: V3, e: V3, [from, to]: [f32; 2], u: f32) -> Option<[f32; 2]> {
     let squared = e.length_squared();
     let length = squared.sqrt();
     let nearest = -a.dot(e) / squared;
@@ -81,10 +73,10 @@ pub(crate) fn point_by_angle(a: V3, e: V3, [from, to]: [f32; 2], u: f32) -> Opti
     let angle = |lambda: f32| ((lambda - nearest) * length / away).atan();
     let (first, last) = (angle(from), angle(to));
     let tangent = (first + (last - first) * u).tan();
-    Some(SegmentPoint {
-        lambda: (nearest + tangent * away / length).clamp(from, to),
-        per_density: (1.0 + tangent * tangent) * away / length * (last - first),
-    })
+    Some([
+        (nearest + tangent * away / length).clamp(from, to),
+        (1.0 + tangent * tangent) * away / length * (last - first),
+    ])
 }
 
 #[cfg(test)]
@@ -110,9 +102,10 @@ mod tests {
         let mut mean = 0.0;
         for i in 0..n {
             let u = (i as f32 + 0.5) / n as f32;
-            let p = point_by_angle(a, e, [from, to], u).expect("seen from the side");
-            mean += f64::from(p.per_density) / f64::from(n);
-            let ends = [a + e * from, a + e * p.lambda, a + e * to].map(V3::normalized);
+            let [lambda, per_density] =
+                point_by_angle(a, e, [from, to], u).expect("seen from the side");
+            mean += f64::from(per_density) / f64::from(n);
+            let ends = [a + e * from, a + e * lambda, a + e * to].map(V3::normalize);
             let angle = |k: usize| ends[0].dot(ends[k]).min(1.0).acos();
             assert!((angle(1) - u * angle(2)).abs() < 2e-3, "{u}");
         }

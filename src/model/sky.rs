@@ -1,8 +1,123 @@
-//! Directions drawn from an environment map.
+//! The environment: its radiance along directions, and directions drawn from a map of it.
 
 use std::f32::consts::{PI, TAU};
 
+use glam::DVec3;
+
+use super::texture::{Cell, Texels};
 use super::{V3, v3};
+use crate::scene::{HostScene, HostTexture};
+
+pub(crate) enum Sky {
+    Black,
+    Constant(V3),
+    Map(Box<SkyMap>),
+}
+
+pub(crate) struct SkyMap {
+    width: usize,
+    height: usize,
+    texels: Texels,
+    pub drawn: SkyDensity,
+}
+
+impl Sky {
+    pub fn new(scene: &mut HostScene) -> Self {
+        match &mut scene.environment {
+            _ if !scene.shines => Self::Black,
+            HostTexture::Constant(c) => Self::Constant(DVec3::from(*c).as_vec3()),
+            HostTexture::Image {
+                texels,
+                width,
+                height,
+                ..
+            } => {
+                let texels = std::mem::take(texels);
+                Self::Map(Box::new(SkyMap::new(texels, *width, *height)))
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub fn at(&self, direction: V3) -> V3 {
+        match self {
+            Self::Black => V3::ZERO,
+            Self::Constant(radiance) => *radiance,
+            Self::Map(map) => map.at(direction),
+        }
+    }
+
+    /// Adds the derivatives of g·radiance by texels, where they are asked for; returns those by the direction.
+    #[inline(always)]
+    pub fn backward(&self, direction: V3, g: V3, texels: &mut [DVec3]) -> V3 {
+        match self {
+            Self::Black => V3::ZERO,
+            Self::Constant(_) => {
+                if let Some(sum) = texels.first_mut() {
+                    *sum += DVec3::from(g);
+                }
+                V3::ZERO
+            }
+            Self::Map(map) => map.backward(direction, g, texels),
+        }
+    }
+
+    pub fn map(&self) -> Option<&SkyMap> {
+        match self {
+            Self::Map(map) => Some(map),
+            _ => None,
+        }
+    }
+
+    pub fn is_black(&self) -> bool {
+        matches!(self, Self::Black)
+    }
+
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Black => 0,
+            Self::Constant(_) => 1,
+            Self::Map(map) => map.texels.len(),
+        }
+    }
+}
+
+impl SkyMap {
+    fn new(list: Vec<f32>, w: usize, h: usize) -> Self {
+        let texels = Texels(list);
+        let brightness = |i: usize| f64::from(texels.at(i).abs().element_sum()) / 3.0;
+        Self {
+            width: w,
+            height: h,
+            drawn: SkyDensity::new(w, h, brightness),
+            texels,
+        }
+    }
+
+    /// The texels about a direction: columns wrap, rows end at the poles.
+    fn cell(&self, d: V3) -> Cell {
+        let (w, h) = (self.width, self.height);
+        let [x, y] = place(d, w, h);
+        Cell::new(x - 0.5, y - 0.5, |i, j| {
+            let column = i.rem_euclid(w as i64) as usize;
+            let row = j.clamp(0, h as i64 - 1) as usize;
+            row * w + column
+        })
+    }
+
+    #[inline(never)]
+    pub fn at(&self, direction: V3) -> V3 {
+        self.cell(direction).colour(&self.texels)
+    }
+
+    /// Adds the derivatives of g·radiance by texels, where they are asked for; returns those by the direction.
+    #[inline(never)]
+    pub fn backward(&self, direction: V3, g: V3, texels: &mut [DVec3]) -> V3 {
+        let [by_x, by_y] = self.cell(direction).backward(&self.texels, g, texels);
+        let [slope_x, slope_y] = place_slopes(direction, self.width, self.height);
+        slope_x * by_x + slope_y * by_y
+    }
+}
 
 /// The density with which directions to an equirectangular map are drawn: by texel, in proportion to the
 /// mean radiance about it times the solid angle.
@@ -77,7 +192,7 @@ impl SkyDensity {
         let polar = PI * (y as f32 + fy.clamp(0.0, 1.0)) / h as f32;
         let turn = TAU * ((x as f32 + fx.clamp(0.0, 1.0)) / w as f32 - 0.5);
         let sine = polar.sin().max(1e-6);
-        let d = v3(sine * turn.sin(), polar.cos(), -sine * turn.cos()).normalized();
+        let d = v3(sine * turn.sin(), polar.cos(), -sine * turn.cos()).normalize();
         (d, self.density(d))
     }
 
@@ -117,15 +232,44 @@ mod tests {
         let slopes = place_slopes(d, 16, 8);
         // Along the sphere: the row is that of a unit vector.
         for step in [v3(1.0, 0.0, 0.0), v3(0.0, 1.0, 0.0), v3(0.0, 0.0, 1.0)] {
-            let h = step.across(d) * 2e-3;
+            let h = step.reject_from_normalized(d) * 2e-3;
             let (up, down) = (
-                place((d + h).normalized(), 16, 8),
-                place((d - h).normalized(), 16, 8),
+                place((d + h).normalize(), 16, 8),
+                place((d - h).normalize(), 16, 8),
             );
             for k in 0..2 {
                 let wanted = (up[k] - down[k]) / 2.0;
                 assert!((slopes[k].dot(h) - wanted).abs() < 2e-5, "{k}");
             }
+        }
+    }
+
+    /// Light of a map, by texels and by the direction along the sphere.
+    #[test]
+    fn derivatives_of_light() {
+        let texels: Vec<f32> = (0..96).map(|i| (0.7 * i as f32).sin()).collect();
+        let map = SkyMap::new(texels, 8, 4);
+        let g = v3(0.3, -0.8, 0.5);
+        for d in [
+            v3(0.48, -0.6, 0.64),
+            v3(-0.1, 0.7, 0.7),
+            v3(0.02, 0.1, 0.99),
+        ] {
+            let d = d.normalize();
+            let mut by_texel = vec![DVec3::ZERO; map.texels.len()];
+            let by_direction = map.backward(d, g, &mut by_texel);
+            for step in [V3::X, V3::Y, V3::Z] {
+                let h = step.reject_from_normalized(d) * 1e-3;
+                let at = |d: V3| g.dot(map.at(d.normalize()));
+                let wanted = (at(d + h) - at(d - h)) / 2.0;
+                assert!((by_direction.dot(h) - wanted).abs() < 2e-5, "{d}: {wanted}");
+            }
+            // The colour is linear in the texels.
+            let mut sum = 0.0;
+            for (t, by) in by_texel.iter().enumerate() {
+                sum += by.dot(map.texels.at(t).into());
+            }
+            assert!((sum - f64::from(g.dot(map.at(d)))).abs() < 1e-5, "{d}");
         }
     }
 

@@ -78,7 +78,7 @@ impl Emitters {
         let apart = |e: &Emitter| {
             let (n, first) = (e.normal - list[0].normal, list[0].corners[0]);
             let offset = (e.corners[0] - first).dot(list[0].normal);
-            n.max_abs().max(offset.abs()) > 1e-5
+            n.abs().max_element().max(offset.abs()) > 1e-5
         };
         let spread = moves || list.iter().any(apart);
         let uniform = sampling == EmitterSampling::Uniform || total <= 0.0;
@@ -106,13 +106,6 @@ impl Emitters {
     /// Whether probabilities depend on the point.
     pub fn depends_on_position(&self) -> bool {
         self.by_solid_angle
-    }
-
-    /// The number of the emitter that a triangle of the scene is.
-    pub fn of_triangle(&self, triangle: u32) -> Option<usize> {
-        self.list
-            .binary_search_by_key(&triangle, |e| e.triangle)
-            .ok()
     }
 
     pub fn get(&self, emitter: usize) -> &Emitter {
@@ -266,4 +259,50 @@ fn group(list: &mut [Emitter]) -> Vec<EmitterGroup> {
         g.radius = radius * (1.0 + 1e-5);
     }
     groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::v3;
+
+    /// Emitters are drawn as often as their probabilities say, which add up to 1; what is left of the number is
+    /// uniform.
+    #[test]
+    fn emitters_are_drawn_with_their_probabilities() {
+        let emitter = |k: u32| Emitter {
+            triangle: k,
+            object: 0,
+            corners: [V3::X, V3::Z, V3::Y].map(|c| c * (1.0 + k as f32)),
+            normal: V3::ONE * -(1.0f32 / 3.0).sqrt(),
+            area: 0.5 * 3f32.sqrt() * (1.0 + k as f32).powi(2),
+            velocity: V3::ZERO,
+            radiance: 1.0 + 2.0 * k as f32,
+            group: 0,
+        };
+        for sampling in [
+            EmitterSampling::Uniform,
+            EmitterSampling::Power,
+            EmitterSampling::SolidAngle,
+        ] {
+            let all = Emitters::new((0..3).map(emitter).collect(), false, sampling);
+            let (x, mut room, n) = (v3(0.1, -0.2, 0.05), Vec::new(), 30_000);
+            let (mut counts, mut rest) = ([0.0; 3], 0.0);
+            for i in 0..n {
+                let u = (i as f32 + 0.5) / n as f32;
+                let (k, chance, left) = all.choose(x, 0.0, u, &mut room);
+                assert_eq!(chance, all.chance(x, 0.0, k, &mut room));
+                counts[k] += 1.0 / f64::from(n);
+                rest += f64::from(left) / f64::from(n);
+            }
+            for (k, count) in counts.into_iter().enumerate() {
+                let chance = f64::from(all.chance(x, 0.0, k, &mut room));
+                assert!(
+                    (count - chance).abs() < 1e-3,
+                    "{sampling:?} {k}: {count} {chance}"
+                );
+            }
+            assert!((rest - 0.5).abs() < 1e-3);
+        }
+    }
 }

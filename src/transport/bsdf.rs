@@ -8,17 +8,25 @@ use super::surface::SurfacePoints;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::HORIZON;
 use crate::sampling::{Dimension, Sampler};
+use crate::scene::Channel;
 
 /// f(wi, wo)·cos θ_i as planes; zero below the surface. `incoming` is the ray's direction.
 pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Vec3 {
     let cosine = cosine(points, outgoing);
-    let mut f = points.lobes.diffuse.scale_by(1.0 / PI);
-    if let Some((specular, exponent)) = &points.lobes.specular {
+    let mut f = points.parameters[Channel::Diffuse as usize].scale_by(1.0 / PI);
+    if let Some((specular, exponent)) = gloss(points) {
         let lobe = phong(exponent, &mirror_cosine(points, incoming, outgoing));
         let norm = (exponent.clone() + 2.0) * (1.0 / TAU);
         f = f.add(&specular.scale(&(lobe * norm)));
     }
     f.scale(&cosine)
+}
+
+/// k_s and exponent, if any material of the scene is glossy.
+fn gloss(points: &SurfacePoints) -> Option<(&Vec3, &Tensor<2>)> {
+    let specular = points.parameters.get(Channel::Specular as usize)?;
+    let exponent = &points.parameters[Channel::Shininess as usize].x;
+    Some((specular, exponent))
 }
 
 /// cos θ to the shading normal, but at most four times that to the geometric normal
@@ -37,7 +45,7 @@ pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) 
     let points = points.detached();
     let (incoming, outgoing) = (incoming.detached(), outgoing.detached());
     let cosine = points.normal.dot(&outgoing).clamp_min(0.0) * (1.0 / PI);
-    let Some((specular, exponent)) = &points.lobes.specular else {
+    let Some((specular, exponent)) = gloss(&points) else {
         return cosine;
     };
     let p_specular = share_of_gloss(&points, specular);
@@ -49,13 +57,15 @@ pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) 
 /// The probability of the specular lobe: its share of the albedo, without tape.
 fn share_of_gloss(points: &SurfacePoints, specular: &Vec3) -> Tensor<2> {
     let sum = |k: &Vec3| detached(&(k.x.clone() + k.y.clone() + k.z.clone())).abs();
-    let (kd, ks) = (sum(&points.lobes.diffuse), sum(specular));
+    let (kd, ks) = (
+        sum(&points.parameters[Channel::Diffuse as usize]),
+        sum(specular),
+    );
     ks.clone() / (kd + ks).clamp_min(1e-20)
 }
 
 /// A sampled direction and the throughput f·cos/pdf along it.
 pub(crate) struct Scatter {
-    /// Unit directions.
     pub direction: Vec3,
     /// RGB factor; zero where the direction falls below the surface.
     pub weight: Vec3,
@@ -71,12 +81,9 @@ pub(crate) fn sample(
     paths: &[(u32, u32)],
     bounce: u32,
 ) -> Scatter {
-    let dimensions = [
-        Dimension::DirectionU,
-        Dimension::DirectionV,
-        Dimension::Lobe,
-    ];
-    let [u, v, lobe] = sampler.uniform(paths, bounce, dimensions);
+    let dimensions = [Dimension::DirectionU, Dimension::DirectionV];
+    let [u, v] = sampler.uniform(paths, bounce, dimensions);
+    let [lobe] = sampler.uniform(paths, bounce, [Dimension::Lobe]);
     let list = |f: &dyn Fn(usize) -> f64| -> Tensor<2> {
         context.row(&(0..u.len()).map(f).collect::<Vec<_>>())
     };
@@ -87,9 +94,9 @@ pub(crate) fn sample(
         list(&|i| (1.0 - u[i]).sqrt()),
     ];
     let diffuse = from_frame(&points.normal, &local);
-    let Some((specular, exponent)) = &points.lobes.specular else {
+    let Some((specular, exponent)) = gloss(points) else {
         // f·cos/pdf is k_d, whatever the direction, but near the horizon of a smooth surface.
-        let mut weight = points.lobes.diffuse.clone();
+        let mut weight = points.parameters[Channel::Diffuse as usize].clone();
         if points.smooth {
             let drawn_by = points.normal.dot(&diffuse).clamp_min(1e-7);
             weight = weight.scale(&(cosine(points, &diffuse) / drawn_by));

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
+use glam::DVec3;
 use pulp::Arch;
 
 use super::surface::SurfacePoints;
@@ -31,7 +32,6 @@ pub(crate) struct Cones {
     sampler: Sampler,
 }
 
-/// Hits of rays.
 #[derive(Clone, Debug)]
 pub(crate) struct Hits {
     /// The triangle of each; the number of triangles stands for none.
@@ -54,7 +54,6 @@ impl Hits {
     }
 }
 
-/// Rays on the host.
 struct HostRays {
     origin: Vec<V3>,
     direction: Vec<V3>,
@@ -72,7 +71,6 @@ impl Cones {
         }
     }
 
-    /// The triangles and their boxes.
     pub fn hierarchy(&self) -> Arc<Hierarchy> {
         self.hierarchy.clone()
     }
@@ -87,7 +85,7 @@ impl Cones {
 
     fn host(&self, rays: &Rays) -> Result<HostRays> {
         let vectors = |v: &Vec3| -> Result<Vec<V3>> {
-            Ok(host_vectors(v)?.into_iter().map(V3::from).collect())
+            Ok(host_vectors(v)?.into_iter().map(DVec3::as_vec3).collect())
         };
         Ok(HostRays {
             origin: vectors(&rays.origin)?,
@@ -99,7 +97,7 @@ impl Cones {
     /// The side's normal of the surface that a ray leaves, if it leaves one.
     fn normal(&self, rays: &Rays, host: &HostRays, i: usize) -> Option<V3> {
         let k = rays.departure.as_ref()?[i] as usize;
-        let normal = V3::from(self.hierarchy.triangles[k].normal);
+        let normal = self.hierarchy.triangles[k].normal.as_vec3();
         let side = if normal.dot(host.direction[i]) < 0.0 {
             -1.0
         } else {
@@ -111,14 +109,9 @@ impl Cones {
     /// A ray along a direction, which may be bent from its own.
     fn ray(&self, host: &HostRays, i: usize, start: V3, direction: V3, limit: f32) -> HitRay {
         let time = host.time.as_ref().map_or(0.0, |t| t[i]) as f32;
-        let glam = |v: V3| glam::Vec3::from(v.to_array());
-        HitRay::new(glam(start), glam(direction), time, limit)
+        HitRay::new(start, direction, time, limit)
     }
 
-    /// The nearest surfaces.
-    ///
-    /// # Errors
-    /// If the rays can't be read back.
     pub fn nearest(&self, rays: &Rays) -> Result<Hits> {
         let host = self.host(rays)?;
         let of = |i: usize| {
@@ -134,7 +127,7 @@ impl Cones {
         let count = self.hierarchy.triangles.len() as u32;
         let is_front = |(hit, d): (&Hit, &V3)| {
             let triangle = self.hierarchy.triangles.get(hit.triangle as usize);
-            triangle.is_some_and(|t| V3::from(t.normal).dot(*d) < 0.0)
+            triangle.is_some_and(|t| t.normal.as_vec3().dot(*d) < 0.0)
         };
         Ok(Hits {
             triangle: hits.iter().map(|h| h.triangle.min(count)).collect(),
@@ -146,9 +139,6 @@ impl Cones {
 
     /// Directions of the cones about those that were drawn at surface points, in the graph: what is added
     /// to an axis stays as it is.
-    ///
-    /// # Errors
-    /// If they can't be read back.
     pub fn bend(
         &self,
         context: &Context,
@@ -166,10 +156,10 @@ impl Cones {
         let bends: Vec<Bend> = (0..axes.len())
             .map(|i| {
                 let [u, v, ..] = self.numbers(at, i);
-                bend(axes[i].into(), normals[i].into(), self.tangent, u, v)
+                bend(axes[i].as_vec3(), normals[i].as_vec3(), self.tangent, u, v)
             })
             .collect();
-        let offsets: Vec<glam::DVec3> = bends.iter().map(|b| b.offset.into()).collect();
+        let offsets: Vec<DVec3> = bends.iter().map(|b| b.offset.into()).collect();
         let direction = axis.add(&Vec3::from_host(context, &offsets)).normalized();
         let mirrored = bends.iter().map(|b| if b.mirrored { 2.0 } else { 0.0 });
         let mirrored = context.row(&mirrored.collect::<Vec<_>>());
@@ -180,9 +170,6 @@ impl Cones {
 
     /// 1 for shadow rays that nothing blocks, bent about their directions; 0 for the others and for those
     /// that aren't needed. Rays that arrive at an emitter end at its plane.
-    ///
-    /// # Errors
-    /// If the rays can't be read back.
     pub fn unblocked(
         &self,
         context: &Context,
@@ -205,7 +192,7 @@ impl Cones {
                 (Some((emitters, _)), Some(distances)) => {
                     let light = host.origin[i] + axis * distances[i] as f32;
                     let emitter = &self.hierarchy.triangles[emitters[i] as usize];
-                    up_to_plane(start, direction, emitter.normal.into(), light)
+                    up_to_plane(start, direction, emitter.normal.as_vec3(), light)
                 }
                 _ => f32::INFINITY,
             };

@@ -1,20 +1,26 @@
 //! Emitters of the tensor program: the choice of the one that a surface point is connected to is the kernels' own,
 //! on the host, and carries no gradient.
 
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::geometry::{Vec3, host_values, host_vectors};
+use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
 use crate::model::V3;
+use crate::model::sky::SkyDensity;
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
-use crate::scene::Flattened;
+use crate::scene::{EnvironmentMap, Flattened, SkyTensors};
 
 /// The emitters of a scene, for lists of points.
-pub(crate) struct Lights(Emitters);
+pub(crate) struct Lights {
+    pub(super) emitters: Emitters,
+}
 
 /// The points that emitters are chosen for.
 pub(crate) struct Views {
-    pub position: Vec<glam::DVec3>,
+    pub position: Vec<DVec3>,
     /// Time in the shutter, if anything moves.
     pub time: Option<Vec<f64>>,
 }
@@ -22,19 +28,19 @@ pub(crate) struct Views {
 impl Views {
     fn at(&self, i: usize) -> (V3, f32) {
         let time = self.time.as_ref().map_or(0.0, |t| t[i] as f32);
-        (self.position[i].into(), time)
+        (self.position[i].as_vec3(), time)
     }
 }
 
-/// A hit of a path on an emitter.
+/// A point of an emitter that a path is connected to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PathHit {
+pub(super) struct Chosen {
     pub path: u32,
-    /// The triangle of the scene.
+    /// The triangle of the scene, and the weights of its corners b and c.
     pub emitter: u32,
-    /// Weights of corners b and c.
-    pub b: f64,
-    pub c: f64,
+    pub weights: [f64; 2],
+    /// Probability of the emitter when emitters are chosen.
+    pub chance: f64,
 }
 
 /// Rays a piece of work.
@@ -42,23 +48,18 @@ const PIECE: usize = 512;
 
 impl Lights {
     /// Reads the emitters back.
-    ///
-    /// # Errors
-    /// If they can't be read.
     pub fn new(scene: &Flattened, sampling: EmitterSampling) -> Result<Self> {
         let index = &scene.emitters;
         let moves = scene.triangles.velocity.is_some();
         if index.is_empty() {
-            return Ok(Self(Emitters::new(Vec::new(), moves, sampling)));
+            let emitters = Emitters::new(Vec::new(), moves, sampling);
+            return Ok(Self { emitters });
         }
         let row = scene.context.index_row(index);
         let vectors = |v: &Vec3| host_vectors(&v.gather(&row));
         let corners = &scene.triangles.corners;
-        let (a, b, c) = (
-            vectors(&corners.a)?,
-            vectors(&corners.b)?,
-            vectors(&corners.c)?,
-        );
+        let (a, b) = (vectors(&corners.a)?, vectors(&corners.b)?);
+        let c = vectors(&corners.c)?;
         let velocity = scene.triangles.velocity.as_ref().map(vectors).transpose()?;
         let valid = host_values(&scene.triangles.valid.clone().float())?;
         let emission = host_vectors(scene.materials.emission())?;
@@ -69,63 +70,48 @@ impl Lights {
             Emitter {
                 triangle: k,
                 object: scene.topology.object[k as usize],
-                corners: [a[i], b[i], c[i]].map(V3::from),
-                normal: cross.normalize_or_zero().into(),
+                corners: [a[i], b[i], c[i]].map(|v| v.as_vec3()),
+                normal: cross.normalize_or_zero().as_vec3(),
                 area: if valid { 0.5 * cross.length() } else { 0.0 } as f32,
-                velocity: velocity.as_ref().map_or(V3::ZERO, |v| v[i].into()),
+                velocity: velocity.as_ref().map_or(V3::ZERO, |v| v[i].as_vec3()),
                 radiance: (emission[material].abs().element_sum() / 3.0) as f32,
                 group: 0,
             }
         };
         let list = index.iter().enumerate().map(one).collect();
-        Ok(Self(Emitters::new(list, moves, sampling)))
+        let emitters = Emitters::new(list, moves, sampling);
+        Ok(Self { emitters })
     }
 
-    /// Whether there is no emitter.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// Whether probabilities depend on the point.
-    pub fn depends_on_position(&self) -> bool {
-        self.0.depends_on_position()
-    }
-
-    /// An emitter for each random number: triangles of the scene with their probabilities, and
-    /// the rest of the number, uniform again.
-    pub fn choose(&self, views: Option<&Views>, random: &[f64]) -> Vec<(u32, f64, f64)> {
-        let pieces = random.par_iter().enumerate().with_min_len(PIECE);
-        let one = |room: &mut Vec<f32>, (i, &u): (usize, &f64)| {
+    /// A point of an emitter for each pair of random numbers.
+    pub(super) fn choose(&self, views: Option<&Views>, u: &[f64], v: &[f64]) -> Vec<Chosen> {
+        let pieces = u.par_iter().zip(v).enumerate().with_min_len(PIECE);
+        let one = |room: &mut Vec<f32>, (i, (&u, &v)): (usize, (&f64, &f64))| {
             let (x, time) = views.map_or((V3::ZERO, 0.0), |v| v.at(i));
-            let (k, chance, rest) = self.0.choose(x, time, u as f32, room);
-            (self.0.get(k).triangle, f64::from(chance), f64::from(rest))
+            let (k, chance, rest) = self.emitters.choose(x, time, u as f32, room);
+            let root = f64::from(rest).sqrt();
+            Chosen {
+                path: i as u32,
+                emitter: self.emitters.get(k).triangle,
+                weights: [root * (1.0 - v), root * v],
+                chance: chance.into(),
+            }
         };
         pieces.map_init(Vec::new, one).collect()
     }
 
-    /// The probability of the emitter of each hit.
-    pub fn chance(&self, views: &Views, hits: &[PathHit]) -> Vec<f64> {
-        let mut room = Vec::new();
-        let chance = |hit: &PathHit| {
-            let (x, time) = views.at(hit.path as usize);
-            let k = self.0.of_triangle(hit.emitter);
-            k.map_or(0.0, |k| f64::from(self.0.chance(x, time, k, &mut room)))
-        };
-        hits.iter().map(chance).collect()
-    }
-
     /// The points on the fronts of emitters that rays hit, were nothing in between.
-    pub fn intersect(&self, views: &Views, directions: &[glam::DVec3]) -> Vec<PathHit> {
+    pub(super) fn intersect(&self, views: &Views, directions: &[DVec3]) -> Vec<Chosen> {
+        let emitters = &self.emitters;
         let one = |i: usize| {
-            let mut hits = Vec::new();
+            let (mut hits, mut room) = (Vec::new(), Vec::new());
             let (x, time) = views.at(i);
-            let direction = directions[i].into();
-            self.0.each_hit(self.0.all(), x, time, direction, |hit| {
-                hits.push(PathHit {
+            emitters.each_hit(emitters.all(), x, time, directions[i].as_vec3(), |hit| {
+                hits.push(Chosen {
                     path: i as u32,
-                    emitter: self.0.get(hit.emitter).triangle,
-                    b: f64::from(hit.weights[0]),
-                    c: f64::from(hit.weights[1]),
+                    emitter: emitters.get(hit.emitter).triangle,
+                    weights: hit.weights.map(f64::from),
+                    chance: emitters.chance(x, time, hit.emitter, &mut room).into(),
                 });
             });
             hits
@@ -133,4 +119,154 @@ impl Lights {
         let paths = (0..directions.len()).into_par_iter().with_min_len(PIECE);
         paths.flat_map_iter(one).collect()
     }
+}
+
+/// An environment, with the host-side tables of a map.
+pub(crate) enum Sky {
+    /// `[1, 1]` planes.
+    Constant(Vec3),
+    Map(SkyMap),
+}
+
+pub(crate) struct SkyMap {
+    tensors: EnvironmentMap,
+    /// RGB of each texel.
+    values: Vec<DVec3>,
+    drawn: SkyDensity,
+}
+
+/// The place of a direction in a map: texels, bilinear weights, and their derivatives by it.
+struct LookUp {
+    texels: [usize; 4],
+    weights: [f64; 4],
+    /// ∂(column, row)/∂direction, in texels.
+    slope: [DVec3; 2],
+    at: [f64; 2],
+}
+
+impl Sky {
+    /// Reads the map back, if there is one. None where nothing shines.
+    pub fn new(scene: &Flattened) -> Result<Option<Self>> {
+        match &scene.environment {
+            None => Ok(None),
+            Some(SkyTensors::Constant(radiance)) => Ok(Some(Self::Constant(radiance.clone()))),
+            Some(SkyTensors::Map(map)) => Ok(Some(Self::Map(SkyMap::new(map)?))),
+        }
+    }
+
+    /// The map, if it is one.
+    pub fn map(&self) -> Option<&SkyMap> {
+        match self {
+            Self::Constant(_) => None,
+            Self::Map(map) => Some(map),
+        }
+    }
+
+    /// Radiance along directions: planes `[1, N]`, or `[1, 1]` where it is the same for all; in the
+    /// graph for texels and directions.
+    pub fn radiance(&self, context: &Context, direction: &Vec3) -> Result<Vec3> {
+        match self {
+            Self::Constant(radiance) => Ok(radiance.clone()),
+            Self::Map(map) => map.radiance(context, direction),
+        }
+    }
+}
+
+impl SkyMap {
+    fn new(map: &EnvironmentMap) -> Result<Self> {
+        let values = host_vectors(&map.texels)?;
+        let (w, h) = (map.width, map.height);
+        let drawn = SkyDensity::new(w, h, |i| values[i].abs().element_sum() / 3.0);
+        Ok(Self {
+            tensors: map.clone(),
+            values,
+            drawn,
+        })
+    }
+
+    fn look_up(&self, d: DVec3) -> LookUp {
+        let (w, h) = (self.tensors.width, self.tensors.height);
+        let around = (d.x * d.x + d.z * d.z).max(1e-12);
+        let x = (0.5 + d.x.atan2(-d.z) / TAU) * w as f64 - 0.5;
+        let y = d.y.clamp(-1.0, 1.0).acos() / PI * h as f64 - 0.5;
+        let (left, top) = (x.floor(), y.floor());
+        let (fx, fy) = (x - left, y - top);
+        let column = |i: i64| i.rem_euclid(w as i64) as usize;
+        let row = |j: i64| j.clamp(0, h as i64 - 1) as usize;
+        let texel = |i: i64, j: i64| row(top as i64 + j) * w + column(left as i64 + i);
+        LookUp {
+            texels: [texel(0, 0), texel(1, 0), texel(0, 1), texel(1, 1)],
+            weights: [
+                (1.0 - fx) * (1.0 - fy),
+                fx * (1.0 - fy),
+                (1.0 - fx) * fy,
+                fx * fy,
+            ],
+            slope: [
+                DVec3::new(-d.z, 0.0, d.x) * (w as f64 / TAU / around),
+                DVec3::new(0.0, -(h as f64) / PI / around.sqrt(), 0.0),
+            ],
+            at: [fx, fy],
+        }
+    }
+
+    /// Radiance along directions `[1, N]`, in the graph for texels and directions.
+    pub fn radiance(&self, context: &Context, direction: &Vec3) -> Result<Vec3> {
+        let host = host_vectors(direction)?;
+        let found: Vec<LookUp> = host.iter().map(|&d| self.look_up(d)).collect();
+        let texels = &self.tensors.texels;
+        let mut radiance = if texels.is_tracked() {
+            let corner = |c: usize| {
+                let index: Vec<u32> = found.iter().map(|l| l.texels[c] as u32).collect();
+                let weights: Vec<f64> = found.iter().map(|l| l.weights[c]).collect();
+                let (index, weights) = (context.index_row(&index), context.row(&weights));
+                texels.map(|t| gather_row(t, &index) * weights.clone())
+            };
+            (1..4).fold(corner(0), |sum, c| sum.add(&corner(c)))
+        } else {
+            let sum = |l: &LookUp| -> DVec3 {
+                let corners = l.texels.iter().zip(l.weights);
+                corners.map(|(&t, w)| self.values[t] * w).sum()
+            };
+            Vec3::from_host(context, &found.iter().map(sum).collect::<Vec<_>>())
+        };
+        if direction.is_tracked() {
+            let change = direction.sub(&direction.detached());
+            let plane = |c: usize| {
+                let slope = |l: &LookUp| {
+                    let [a, b, p, q] = l.texels.map(|t| self.values[t][c]);
+                    let by_x = (1.0 - l.at[1]) * (b - a) + l.at[1] * (q - p);
+                    let by_y = (1.0 - l.at[0]) * (p - a) + l.at[0] * (q - b);
+                    l.slope[0] * by_x + l.slope[1] * by_y
+                };
+                let slopes: Vec<DVec3> = found.iter().map(slope).collect();
+                change.dot(&Vec3::from_host(context, &slopes))
+            };
+            radiance = radiance.add(&Vec3::new(plane(0), plane(1), plane(2)));
+        }
+        Ok(radiance)
+    }
+
+    /// Directions for pairs of random numbers, with their densities per solid angle.
+    pub fn choose(&self, u: &[f64], v: &[f64]) -> (Vec<DVec3>, Vec<f64>) {
+        let one = |(&u, &v): (&f64, &f64)| {
+            let (d, density) = self.drawn.choose(u as f32, v as f32);
+            (DVec3::from(d).normalize(), f64::from(density))
+        };
+        u.iter().zip(v).map(one).unzip()
+    }
+
+    /// The density per solid angle with which a direction is drawn.
+    pub fn density(&self, d: DVec3) -> f64 {
+        self.drawn.density(d.as_vec3()).into()
+    }
+}
+
+/// The indices of light that is not black.
+pub(crate) fn nonzero(light: &Vec3) -> Result<Vec<u32>> {
+    let sum = detached(&light.x).abs() + detached(&light.y).abs() + detached(&light.z).abs();
+    let values = host_values(&sum)?;
+    Ok((0..values.len() as u32)
+        .filter(|&i| values[i as usize] != 0.0)
+        .collect())
 }

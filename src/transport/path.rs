@@ -7,11 +7,12 @@ use burn::tensor::{IndexingUpdateOp, Tensor};
 use super::bsdf::{self, Scatter};
 use super::cones::AtBounce;
 use super::diagnostics::Diagnostics;
+use super::direct::{self, Shaded};
+use super::lights::{Sky, SkyMap};
 use super::paths::{Contribution, PathBatch, is_identity, roulette, times, weighted};
-use super::sky::{Sky, SkyMap};
+use super::seen;
 use super::surface::SurfacePoints;
 use super::tracer::{RayStatistics, RayWeights, Sight, Tracer, Transport};
-use super::{emitters, environment, seen};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::sampling::Dimension;
@@ -217,11 +218,11 @@ impl<'a> Tracing<'a> {
         let direction = scatter.as_ref().map(|s| &s.direction);
         let along = direction.filter(|_| by_scattering);
         let along = along.map(|d| (d, glossy.as_slice()));
-        let mut lit = emitters::connect(tracer, points, rays, paths, bounce, along)?;
+        let at = AtBounce { paths, bounce };
+        let shaded = Shaded { points, rays, at };
+        let mut lit = direct::connect(tracer, shaded, along)?;
         if let (Some(map), Some(direction)) = (self.map, direction) {
-            lit.extend(environment::from_map(
-                tracer, map, points, rays, paths, bounce, direction,
-            )?);
+            lit.extend(direct::from_map(tracer, map, shaded, direction)?);
         }
         for (which, light) in lit {
             let light = batch.contribution(context, bounce, which.as_deref(), light);
@@ -230,7 +231,6 @@ impl<'a> Tracing<'a> {
         Ok(scatter.filter(|_| goes_on))
     }
 
-    /// Sends paths on from surface points.
     fn go_on(&mut self, points: SurfacePoints, scatter: Scatter, bounce: u32) -> Result<()> {
         let Self { tracer, batch, .. } = self;
         let direction = match tracer.transport.sight {
@@ -243,13 +243,7 @@ impl<'a> Tracing<'a> {
             }
             Sight::Softmax(..) => scatter.direction,
         };
-        batch.rays = Rays {
-            origin: points.position,
-            direction,
-            time: batch.rays.time.take(),
-            departure: Some(points.triangle),
-            arrival: None,
-        };
+        batch.rays = points.ray(direction, batch.rays.time.take());
         let next = weighted(scatter.weight, batch.throughput.take());
         if let Some(d) = tracer.diagnostics.borrow_mut().as_mut() {
             d.throughput(&next)?;
@@ -271,7 +265,6 @@ impl<'a> Tracing<'a> {
         Ok(())
     }
 
-    /// The light of all paths.
     fn finish(self, count: usize, per_pixel: usize) -> Result<Radiance<'a>> {
         let Self {
             tracer,

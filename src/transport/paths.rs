@@ -170,7 +170,7 @@ fn pick_row(context: &Context, row: Tensor<2>, which: &[u32], count: usize) -> T
     gather_row(row, &context.index_row(which))
 }
 
-fn pick_rays(context: &Context, rays: &Rays, which: &[u32]) -> Rays {
+pub(super) fn pick_rays(context: &Context, rays: &Rays, which: &[u32]) -> Rays {
     let index = context.index_row(which);
     let departure = rays.departure.as_ref();
     Rays {

@@ -2,42 +2,12 @@
 
 use burn::tensor::{Int, Tensor};
 
-use super::texture::look_up;
 use crate::error::Result;
 use crate::geometry::{
-    Context, Nearest, Vec3, VertexData, detached, gather_row, nearest_on_triangle,
+    Context, Nearest, Vec3, VertexData, detached, gather_row, host_values, nearest_on_triangle,
 };
-use crate::scene::{Channel, Flattened};
+use crate::scene::{Channel, ChannelPlanes, Flattened, MaterialKind};
 use crate::visibility::Rays;
-
-/// The parameters of a BSDF as planes, rows `[1, N]`.
-pub(crate) struct Lobes {
-    /// k_d.
-    pub diffuse: Vec3,
-    /// k_s and exponent, if any material of the scene is glossy.
-    pub specular: Option<(Vec3, Tensor<2>)>,
-}
-
-impl Lobes {
-    /// From the parameters of the materials at the points.
-    pub fn new(glossy: bool, mut at: impl FnMut(Channel) -> Result<Vec3>) -> Result<Self> {
-        Ok(Self {
-            diffuse: at(Channel::Diffuse)?,
-            specular: match glossy {
-                true => Some((at(Channel::Specular)?, at(Channel::Shininess)?.x)),
-                false => None,
-            },
-        })
-    }
-
-    pub fn map(&self, f: impl Fn(&Tensor<2>) -> Tensor<2>) -> Self {
-        let specular = self.specular.as_ref();
-        Self {
-            diffuse: self.diffuse.map(|x| f(&x)),
-            specular: specular.map(|(k, n)| (k.map(|x| f(&x)), f(n))),
-        }
-    }
-}
 
 /// Drawn surface points, rows `[1, N]`.
 pub(crate) struct SurfacePoints {
@@ -51,12 +21,11 @@ pub(crate) struct SurfacePoints {
     pub normal: Vec3,
     /// Whether the two may differ.
     pub smooth: bool,
-    /// The parameters of their BSDF.
-    pub lobes: Lobes,
+    /// The parameters of their BSDF, the first ones of [`Channel::ALL`].
+    pub parameters: Vec<Vec3>,
 }
 
 impl SurfacePoints {
-    /// Without tape.
     pub(crate) fn detached(&self) -> Self {
         self.map(self.triangle.clone(), detached)
     }
@@ -68,6 +37,17 @@ impl SurfacePoints {
         self.map(triangle, |v| gather_row(v.clone(), &index))
     }
 
+    /// Rays that leave them.
+    pub(crate) fn ray(&self, direction: Vec3, time: Option<Tensor<2>>) -> Rays {
+        Rays {
+            origin: self.position.clone(),
+            direction,
+            time,
+            departure: Some(self.triangle.clone()),
+            arrival: None,
+        }
+    }
+
     fn map(&self, triangle: Vec<u32>, f: impl Fn(&Tensor<2>) -> Tensor<2>) -> Self {
         let vector = |v: &Vec3| v.map(|x| f(&x));
         Self {
@@ -76,7 +56,7 @@ impl SurfacePoints {
             geometric_normal: vector(&self.geometric_normal),
             normal: vector(&self.normal),
             smooth: self.smooth,
-            lobes: self.lobes.map(f),
+            parameters: self.parameters.iter().map(vector).collect(),
         }
     }
 
@@ -142,17 +122,24 @@ impl SurfacePoints {
             .map(|&k| scene.topology.material[k as usize])
             .collect();
         let material = context.index_row(&materials);
-        let lobes = Lobes::new(scene.materials.glossy(), |channel| {
+        let glossy = scene.materials.glossy();
+        let kind = MaterialKind {
+            glossy,
+            ..MaterialKind::default()
+        };
+        let channels = Channel::ALL.iter().take(kind.shading());
+        let parameters = channels.map(|&channel| {
             let channel = scene.materials.channel(channel);
             look_up(context, channel, &materials, &material, &uv)
-        })?;
+        });
+        let parameters = parameters.collect::<Result<_>>()?;
         Ok(Self {
             triangle,
             position,
             geometric_normal,
             normal,
             smooth: scene.normals.is_some(),
-            lobes,
+            parameters,
         })
     }
 }
@@ -188,4 +175,59 @@ fn shading_normals(
     let facing = detached(&shading.dot(geometric_normal));
     let flip = facing.greater_equal_elem(0.0).float().cast(context.dtype) * 2.0 - 1.0;
     shading.normalized().scale(&flip)
+}
+
+/// A parameter of materials at surface points `[1, N]`: the constant of each material, or its texture at the
+/// coordinates `uv`, in the graph for texels and coordinates.
+pub(crate) fn look_up(
+    context: &Context,
+    channel: &ChannelPlanes,
+    materials: &[u32],
+    index: &Tensor<2, Int>,
+    uv: &Option<[Tensor<2>; 2]>,
+) -> Result<Vec3> {
+    let constant = channel.constant.gather(index);
+    let (Some(atlas), Some([u, v])) = (&channel.atlas, uv) else {
+        return Ok(constant);
+    };
+    let slots: Vec<_> = materials
+        .iter()
+        .map(|&m| channel.texture[m as usize])
+        .collect();
+    if slots.iter().all(Option::is_none) {
+        return Ok(constant);
+    }
+    let n = slots.len();
+    let size = |f: &dyn Fn(usize) -> usize| -> Vec<f64> { (0..n).map(|i| f(i) as f64).collect() };
+    let width = size(&|i| slots[i].map_or(1, |s| s.width));
+    let height = size(&|i| slots[i].map_or(1, |s| s.height));
+    // Texel centres at half-integers, row 0 at the top (v = 1).
+    let x = u.clone() * context.row(&width) - 0.5;
+    let y = (v.clone().neg() + 1.0) * context.row(&height) - 0.5;
+    let (left, top) = (detached(&x).floor(), detached(&y).floor());
+    let (host_left, host_top) = (host_values(&left)?, host_values(&top)?);
+    let (fx, fy) = (x - left, y - top);
+    let texel = |dx: i64, dy: i64| -> Vec3 {
+        let at: Vec<u32> = (0..n)
+            .map(|i| {
+                slots[i].map_or(0, |s| {
+                    let column = s.wrap.texel(host_left[i] as i64 + dx, s.width);
+                    let row = s.wrap.texel(host_top[i] as i64 + dy, s.height);
+                    (s.offset + row * s.width + column) as u32
+                })
+            })
+            .collect();
+        atlas.gather(&context.index_row(&at))
+    };
+    let mix = |a: Vec3, b: Vec3, f: &Tensor<2>| a.add(&b.sub(&a).scale(f));
+    let upper = mix(texel(0, 0), texel(1, 0), &fx);
+    let lower = mix(texel(0, 1), texel(1, 1), &fx);
+    let textured: Vec<f64> = slots
+        .iter()
+        .map(|s| if s.is_some() { 1.0 } else { 0.0 })
+        .collect();
+    let textured = context.row(&textured).greater_elem(0.5);
+    Ok(constant.zip(&mix(upper, lower, &fy), |c, t| {
+        c.mask_where(textured.clone(), t)
+    }))
 }

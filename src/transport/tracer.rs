@@ -7,7 +7,7 @@ use burn::tensor::Tensor;
 use super::cones::{AtBounce, Cones, Hits};
 use super::diagnostics::Diagnostics;
 use super::lights::Lights;
-use super::sky::Sky;
+use super::lights::Sky;
 use crate::error::Result;
 use crate::geometry::Context;
 use crate::sampling::Sampler;
@@ -18,7 +18,6 @@ use crate::visibility::{
     coverage, transmittance, weights,
 };
 
-/// The settings of paths.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {
     /// Bounces after the surface that the camera sees; 0 is direct light only.
@@ -144,7 +143,6 @@ pub(crate) struct RayStatistics {
 }
 
 impl RayStatistics {
-    /// Both together.
     pub fn merge(&mut self, other: &Self) {
         self.rays += other.rays;
         self.tested += other.tested;
@@ -159,7 +157,6 @@ impl RayStatistics {
 }
 
 impl<'a> Tracer<'a> {
-    /// The scene.
     pub(crate) fn scene(&self) -> &'a Flattened {
         self.transport.scene
     }

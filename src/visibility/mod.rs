@@ -6,14 +6,11 @@
 //! pairs is known in closed form, so only those two enter the graph, multiplied by coefficients that
 //! carry no tape.
 
-mod depth;
 mod edge;
 mod rays;
-mod softmax;
 mod sparse;
 #[cfg(test)]
 mod tests;
-mod transmittance;
 mod weights;
 
 use std::fmt;
@@ -22,13 +19,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-pub(crate) use depth::DepthRange;
-pub(crate) use edge::{Coverage, CoverageSettings, coverage, grazing};
-pub(crate) use rays::Rays;
-pub(crate) use softmax::{Softmax, weights};
+pub(crate) use edge::{Coverage, CoverageSettings, coverage, grazing, transmittance};
+pub(crate) use rays::{DepthRange, Rays};
 pub(crate) use sparse::{Sparse, SparseWeights, hierarchy_of};
-pub(crate) use transmittance::transmittance;
-pub(crate) use weights::Weights;
+pub(crate) use weights::{Softmax, Span, Weights, weights};
 
 /// The form of visibility in a render. Its gradients are derivatives of the image in that form.
 ///

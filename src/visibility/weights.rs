@@ -1,8 +1,10 @@
-//! The shares of surfaces in their rays, and the derivatives of these.
+//! The paper's softmax over depth (Eq. 3, corrected): the shares of surfaces in their rays, and the derivatives
+//! of these.
 
 use burn::tensor::Tensor;
 
 use super::edge::Coverage;
+use super::rays::DepthRange;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, detached};
 
@@ -32,9 +34,6 @@ pub(super) struct Slopes {
 impl Weights {
     /// Draws one surface a ray with random numbers in [0, 1); the number of triangles stands for
     /// the background. A surface of weight 0 is never drawn.
-    ///
-    /// # Errors
-    /// If the drawn indices can't be read back.
     pub fn draw(&self, context: &Context, random: &[f64]) -> Result<Vec<u32>> {
         let cumulative = self.surfaces.clone().cumsum(0);
         let triangles = cumulative.dims()[0];
@@ -47,9 +46,6 @@ impl Weights {
     }
 
     /// W of one surface of each ray, or of the background, on the host.
-    ///
-    /// # Errors
-    /// If they can't be read back.
     pub fn of(&self, context: &Context, drawn: &[u32]) -> Result<Vec<f64>> {
         let all = Tensor::cat(vec![self.surfaces.clone(), self.background.clone()], 0);
         crate::geometry::host_values(&all.gather(0, context.index_row(drawn)))
@@ -128,4 +124,124 @@ fn one_hot(context: &Context, drawn: &[u32], rows: usize) -> Tensor<2> {
     let row: Vec<f64> = drawn.iter().map(|&k| f64::from(k)).collect();
     let hit = context.column(&numbers).equal(context.row(&row));
     hit.float().cast(context.dtype)
+}
+
+/// The parameters of the paper's form, with its order by depth: the score of a surface is z/γ, z = (far −
+/// t)/(far − near), and that of the background ε/γ.
+#[derive(Clone, Copy, Debug)]
+pub struct Softmax {
+    /// Blur of edges σ, a length squared.
+    pub sigma: f64,
+    /// Blur in depth γ, in units of the scene's depth.
+    pub gamma: f64,
+    /// ε, the score of the background.
+    pub epsilon: f64,
+}
+
+/// From where to where a ray's triangles are of interest: near and far (Eq. 3).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Span {
+    pub near: f64,
+    pub far: f64,
+}
+
+impl Softmax {
+    /// The score of the background.
+    pub fn background(&self) -> f64 {
+        self.epsilon / self.gamma
+    }
+
+    /// The score of a surface at a distance.
+    pub(super) fn score(&self, span: Span, t: f64) -> f64 {
+        (span.far - t) / ((span.far - span.near) * self.gamma)
+    }
+
+    /// The distance along a ray that divides a weight by e, and the one at which a surface has the score of the
+    /// background: what lies far behind it can't matter.
+    pub(super) fn falloff(&self, span: Span) -> [f64; 2] {
+        let depth = span.far - span.near;
+        [self.gamma * depth, span.far - self.epsilon * depth]
+    }
+
+    /// The derivatives of a score by t and by far. Outside of the bounds only far − t depends on far; inside,
+    /// where near is 0, its divisor does too.
+    pub(super) fn slopes(&self, span: Span, t: f64) -> [f64; 2] {
+        let depth = span.far - span.near;
+        let per_depth = 1.0 / depth / self.gamma;
+        let kept = if span.near <= 0.0 { t / depth } else { 1.0 };
+        [-per_depth, kept * per_depth]
+    }
+}
+
+/// Weights of all surfaces of each ray: softmax over log p_k + z_k/γ and ε/γ for the background.
+pub fn weights(coverage: Coverage, range: DepthRange, form: Softmax) -> Weights {
+    let DepthRange { near, far, change } = range;
+    let per_depth = (far.clone() - near.clone()).recip() / form.gamma;
+    let score = (far.clone() - coverage.t.clone()) * per_depth.clone();
+    let mut discounted = coverage.counted.clone().bool_not();
+    if let Some((share, _)) = &coverage.begun {
+        discounted = discounted.bool_or(share.clone().lower_elem(1e-30));
+    }
+    // log p = min(logit, 0) − log(1 + exp(−|logit|)): the exponent is shifted by its largest
+    // piecewise linear part, so that nothing overflows and no logarithm is needed.
+    let mut exponent = score + coverage.logit.clone().clamp_max(0.0);
+    if let Some(softened) = &coverage.softened {
+        // max(0, 2p − 1) = tanh(logit/2) = (1 − e)/(1 + e) with e = exp(−logit).
+        let soft = (coverage.decay.clone().neg() + 1.0)
+            .mask_fill(discounted.clone(), 1.0)
+            .log();
+        exponent = exponent
+            .clone()
+            .mask_where(softened.clone(), exponent + soft);
+    }
+    if let Some((share, _)) = &coverage.begun {
+        exponent = exponent + share.clone().mask_fill(discounted.clone(), 1.0).log();
+    }
+    let exponent = exponent.mask_fill(discounted.clone(), -1e30);
+    let background = form.background();
+    let largest = exponent.clone().max_dim(0).clamp_min(background);
+    let one_plus = coverage.decay.clone() + 1.0;
+    let weight = (exponent - largest.clone()).exp() / one_plus.clone();
+    let weight = weight.mask_fill(discounted.clone(), 0.0);
+    let rest = (largest.neg() + background).exp();
+    let total = weight.clone().sum_dim(0) + rest.clone();
+    let slopes = coverage.attached.is_some().then(|| {
+        let mut slope = coverage
+            .decay
+            .clone()
+            .mask_fill(coverage.inside().bool_not(), 1.0)
+            / one_plus;
+        if let Some(softened) = &coverage.softened {
+            // d log tanh(x/2)/dx = 2e/(1 − e²)
+            let e = coverage.decay.clone();
+            let soft = e.clone() * 2.0 / (e.clone() * e).neg().add_scalar(1.0).clamp_min(1e-6);
+            slope = slope.mask_where(softened.clone(), soft);
+        }
+        // Outside of the bounds only (far − t) depends on far; inside its divisor does too.
+        let far = change.map(|change| {
+            let inside = near.lower_equal_elem(0.0);
+            let kept = coverage.t.clone() / far;
+            let ones = kept.ones_like();
+            let kept = ones.mask_where(inside.expand(kept.dims()), kept);
+            let kept = kept.mask_fill(discounted.clone(), 0.0);
+            (kept * per_depth.clone(), change)
+        });
+        Slopes {
+            logit: slope.mask_fill(discounted.clone(), 0.0),
+            distance: match &coverage.begun {
+                Some((share, slope)) => {
+                    let share = share.clone().mask_fill(discounted.clone(), 1.0);
+                    (slope.clone() / share - per_depth.clone()).mask_fill(discounted, 0.0)
+                }
+                None => per_depth.clone().neg(),
+            },
+            far,
+        }
+    });
+    Weights {
+        surfaces: weight / total.clone(),
+        background: rest / total,
+        coverage,
+        slopes: slopes.map(Box::new),
+    }
 }

@@ -1,6 +1,6 @@
 //! Eight numbers in a register of AVX2.
 
-use super::machine::{Lanes, Machine};
+use super::float8::{Lanes, Machine};
 
 /// Operations that are one instruction on registers.
 macro_rules! instructions {
@@ -15,8 +15,6 @@ macro_rules! instructions {
 }
 
 impl Machine for pulp::x86::V3 {
-    const FUSED: bool = true;
-
     type Floats = std::arch::x86_64::__m256;
     type Mask = std::arch::x86_64::__m256;
 
@@ -31,15 +29,6 @@ impl Machine for pulp::x86::V3 {
         sqrt(a) = avx._mm256_sqrt_ps;
         and(a, b) = avx._mm256_and_ps;
         or(a, b) = avx._mm256_or_ps;
-    }
-
-    #[inline(always)]
-    fn not_negative(self, lanes: &Lanes) -> u32 {
-        use std::arch::x86_64::_CMP_NLT_UQ;
-        let zero = self.avx._mm256_setzero_ps();
-        let lanes = pulp::cast(*lanes);
-        let mask = self.avx._mm256_cmp_ps::<_CMP_NLT_UQ>(lanes, zero);
-        self.avx._mm256_movemask_ps(mask) as u32
     }
 
     #[inline(always)]

@@ -3,14 +3,11 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod float8;
-mod machine;
 mod plain;
 
 use pulp::Arch;
 
-pub(crate) use float8::{F8, Mask8};
-pub(super) use machine::bits;
-pub(crate) use machine::{LANES, Lanes, Machine};
+pub(crate) use float8::{F8, LANES, Lanes, Machine, Mask8};
 use plain::Plain;
 
 /// Something to do in code for what the machine has. Not a closure: those that only borrow go through a

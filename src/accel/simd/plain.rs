@@ -1,6 +1,6 @@
 //! Eight numbers lane by lane, in code that the compiler makes vectors of on any machine.
 
-use super::machine::{LANES, Lanes, Machine, bits};
+use super::float8::{LANES, Lanes, Machine};
 
 /// A machine without instructions of its own. `FUSED` says whether it has a·b + c as one.
 #[derive(Clone, Copy)]
@@ -8,8 +8,8 @@ pub(crate) struct Plain<const FUSED: bool>;
 
 /// The value of each lane.
 #[inline(always)]
-fn each(f: impl Fn(usize) -> f32) -> Lanes {
-    let mut lanes = [0.0; LANES];
+fn each<T: Copy + Default>(f: impl Fn(usize) -> T) -> [T; LANES] {
+    let mut lanes = [T::default(); LANES];
     for (i, lane) in lanes.iter_mut().enumerate() {
         *lane = f(i);
     }
@@ -18,10 +18,10 @@ fn each(f: impl Fn(usize) -> f32) -> Lanes {
 
 /// Operations on each lane by itself.
 macro_rules! by_lane {
-    ($($name:ident($($a:ident),*) = |$i:ident| $value:expr;)*) => {
+    ($($name:ident($($a:ident: $of:ident),*) -> $to:ident = |$i:ident| $value:expr;)*) => {
         $(
             #[inline(always)]
-            fn $name(self, $($a: Lanes),*) -> Lanes {
+            fn $name(self, $($a: Self::$of),*) -> Self::$to {
                 each(|$i| $value)
             }
         )*
@@ -29,29 +29,23 @@ macro_rules! by_lane {
 }
 
 impl<const FUSED: bool> Machine for Plain<FUSED> {
-    const FUSED: bool = FUSED;
-
     type Floats = Lanes;
     type Mask = [bool; LANES];
 
     by_lane! {
-        add(a, b) = |i| a[i] + b[i];
-        sub(a, b) = |i| a[i] - b[i];
-        mul(a, b) = |i| a[i] * b[i];
-        div(a, b) = |i| a[i] / b[i];
-        min(a, b) = |i| if a[i] < b[i] { a[i] } else { b[i] };
-        max(a, b) = |i| if a[i] > b[i] { a[i] } else { b[i] };
-        sqrt(a) = |i| a[i].sqrt();
-        abs(a) = |i| a[i].abs();
-    }
-
-    #[inline(always)]
-    fn not_negative(self, lanes: &Lanes) -> u32 {
-        let mut negative = [false; LANES];
-        for i in 0..LANES {
-            negative[i] = lanes[i] < 0.0;
-        }
-        bits(negative) ^ ((1 << LANES) - 1)
+        add(a: Floats, b: Floats) -> Floats = |i| a[i] + b[i];
+        sub(a: Floats, b: Floats) -> Floats = |i| a[i] - b[i];
+        mul(a: Floats, b: Floats) -> Floats = |i| a[i] * b[i];
+        div(a: Floats, b: Floats) -> Floats = |i| a[i] / b[i];
+        min(a: Floats, b: Floats) -> Floats = |i| if a[i] < b[i] { a[i] } else { b[i] };
+        max(a: Floats, b: Floats) -> Floats = |i| if a[i] > b[i] { a[i] } else { b[i] };
+        sqrt(a: Floats) -> Floats = |i| a[i].sqrt();
+        abs(a: Floats) -> Floats = |i| a[i].abs();
+        less(a: Floats, b: Floats) -> Mask = |i| a[i] < b[i];
+        and(a: Mask, b: Mask) -> Mask = |i| a[i] & b[i];
+        or(a: Mask, b: Mask) -> Mask = |i| a[i] | b[i];
+        not(a: Mask) -> Mask = |i| !a[i];
+        select(mask: Mask, a: Floats, b: Floats) -> Floats = |i| if mask[i] { a[i] } else { b[i] };
     }
 
     #[inline(always)]
@@ -79,45 +73,12 @@ impl<const FUSED: bool> Machine for Plain<FUSED> {
     }
 
     #[inline(always)]
-    fn less(self, a: Lanes, b: Lanes) -> Self::Mask {
-        let mut mask = [false; LANES];
-        for i in 0..LANES {
-            mask[i] = a[i] < b[i];
-        }
-        mask
-    }
-
-    #[inline(always)]
-    fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask {
-        let mut mask = a;
-        for i in 0..LANES {
-            mask[i] &= b[i];
-        }
-        mask
-    }
-
-    #[inline(always)]
-    fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask {
-        let mut mask = a;
-        for i in 0..LANES {
-            mask[i] |= b[i];
-        }
-        mask
-    }
-
-    #[inline(always)]
-    fn not(self, a: Self::Mask) -> Self::Mask {
-        a.map(|a| !a)
-    }
-
-    #[inline(always)]
-    fn select(self, mask: Self::Mask, a: Lanes, b: Lanes) -> Lanes {
-        each(|i| if mask[i] { a[i] } else { b[i] })
-    }
-
-    #[inline(always)]
     fn mask_bits(self, mask: Self::Mask) -> u32 {
-        bits(mask)
+        let mut bits = 0;
+        for (i, &bit) in mask.iter().enumerate() {
+            bits |= u32::from(bit) << i;
+        }
+        bits
     }
 
     #[inline(always)]

@@ -2,16 +2,15 @@
 
 use std::f32::consts::TAU;
 
-use super::edge_point::{EdgePoint, direction_jump};
-use super::observer::Observer;
-use super::sides::Sides;
+use super::edge_point::Sides;
+use super::edge_point::{EdgePoint, Observer, direction_jump};
 use crate::accel::{Hit, NOTHING};
 use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;
-use crate::kernel::records::Work;
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
 use crate::kernel::walk::Path;
+use crate::kernel::walk::Work;
 use crate::model::V3;
 use crate::model::bsdf::{Scatter, Shading};
 use crate::model::cone::widened;
@@ -37,7 +36,7 @@ impl View {
         by: &mut PointGradient,
         sums: &mut Sums,
     ) {
-        let last = o.bounce >= self.bounces;
+        let last = o.bounce >= self.settings.bounces;
         if last && !self.sees_sky && !self.gathers_map {
             return;
         }
@@ -63,14 +62,14 @@ impl View {
         let Some(p) = self.edge_point(o, tree, &query, [u, v]) else {
             return;
         };
-        let view = p.to.normalized();
+        let view = p.to.normalize();
         let bend = self.bend(view, shading.geometric, cone_u.clamp(0.0, 1.0), cone_v);
         let axis = bend.direction;
         let mut reflected = shading.evaluate(axis);
         if shading.glossy {
-            reflected = reflected * shading.share_of_lobe(axis, of_gloss);
+            reflected *= shading.share_of_lobe(axis, of_gloss);
         }
-        if reflected.is_zero() {
+        if reflected == V3::ZERO {
             return;
         }
         let jump = direction_jump(&p, &bend, shading.geometric);
@@ -82,7 +81,7 @@ impl View {
             return;
         };
         let light = self.light_beside(o, &p, &sides, behind, view, work);
-        let scale = carried.times(reflected) * (p.per_density / chance);
+        let scale = carried * reflected * (p.per_density / chance);
         let jumps = scale.dot(light.radiance[0] - light.radiance[1]);
         if jumps != 0.0 {
             self.edge_point_backward(&p, &jump, jumps, time, by, sums);
@@ -94,7 +93,7 @@ impl View {
         if self.gathers_map && minus != plus {
             // Directions to a map stay where they are.
             let radiance = self.scene.sky.at(axis);
-            let jumps = carried.times(reflected).dot(radiance) * (p.per_density / chance);
+            let jumps = (carried * reflected).dot(radiance) * (p.per_density / chance);
             self.edge_point_backward(&p, &jump, jumps * (minus - plus), time, by, sums);
         }
     }
@@ -137,7 +136,7 @@ impl View {
         let rays = (o.vertex.point.start(), view);
         let mut walks = std::mem::take(&mut work.side_walks);
         self.walks_beside(p, sides, behind, rays, o.path.time, &mut walks);
-        if o.bounce < self.bounces {
+        if o.bounce < self.settings.bounces {
             let path = Path {
                 numbers: self.sides.numbers(o.path.numbers.path()),
                 ..*o.path

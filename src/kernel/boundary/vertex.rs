@@ -1,12 +1,15 @@
-//! Jumps of the light that arrives at a point of a path.
+//! Jumps of the light that arrives at a point of a path, and those of the light of emitters: edges of shadows.
 
-use super::observer::Observer;
+use super::edge_point::{DirectionJump, EdgePoint, Observer, direction_jump};
+use crate::accel::{HitRay, NOTHING};
+use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;
-use crate::kernel::records::{Vertex, Work};
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
-use crate::kernel::walk::Path;
+use crate::kernel::walk::{Path, Vertex, Work};
 use crate::model::V3;
+use crate::model::cone::{up_to_plane, widened};
+use crate::sampling::EmitterHit;
 
 /// Points count at least for this share of an average camera ray.
 const LEAST: f32 = 0.05;
@@ -29,8 +32,8 @@ impl View {
         let Some(sets) = &self.edge_sets else {
             return;
         };
-        let carried = g.times(vertex.throughput);
-        let counts = carried.sum_abs() / typical;
+        let carried = g * vertex.throughput;
+        let counts = carried.abs().element_sum() / typical;
         if counts.is_nan() || counts <= 0.0 {
             return;
         }
@@ -46,5 +49,155 @@ impl View {
         };
         self.light_edges(&observer, work, by, sums);
         self.reflected_edges(&observer, work, by, sums);
+    }
+}
+
+/// The probability with which edges of the lights' shadows are looked for at a point of a path that counts
+/// as much as a camera ray does on average; those that count for less are asked less often.
+const RATE: f32 = 0.25;
+
+/// A point of a shadow's edge, seen along the axis of a shadow ray.
+struct ShadowEdge<'a> {
+    point: &'a EdgePoint,
+    jump: DirectionJump,
+    axis: V3,
+    /// The direction of a ray that passes the edge.
+    past: V3,
+    /// The derivative of the loss by the light that arrives, and 1 where it arrives on the − side, else −1.
+    carried: V3,
+    sign: f32,
+}
+
+impl View {
+    /// Adds the derivatives by jumps of the light of a group of emitters.
+    pub(super) fn light_edges(
+        &self,
+        o: &Observer,
+        work: &mut Work,
+        by: &mut PointGradient,
+        sums: &mut Sums,
+    ) {
+        let emitters = &self.scene.emitters;
+        if emitters.is_empty() {
+            return;
+        }
+        let [choice, u, v, cone_u] = o.numbers.set(3 * o.bounce);
+        let [cone_v, pick, ..] = o.numbers.set(3 * o.bounce + 1);
+        let rate = (RATE * o.counts).min(1.0);
+        if pick >= rate {
+            return;
+        }
+        let point = &o.vertex.point;
+        let (x, time) = (point.position, o.path.time);
+        let (group, chance) = emitters.choose_group(x, time, choice, &mut work.chances);
+        let light_moves = emitters.members(group).any(|k| {
+            let k = emitters.get(k).triangle as usize;
+            self.wanted.objects[self.scene.triangles[k].object as usize]
+        });
+        let tree = o.sets.seen_by(o.moves || light_moves);
+        if tree.is_empty() {
+            return;
+        }
+        let carried = o.carried * (1.0 / rate) * (1.0 / chance);
+        let query = self.group_query(o, group);
+        let Some(p) = self.edge_point(o, tree, &query, [u, v]) else {
+            return;
+        };
+        let view = p.to.normalize();
+        let bend = self.bend(view, point.shading.geometric, cone_u, cone_v);
+        let reflected = point.shading.evaluate(bend.direction);
+        if reflected == V3::ZERO {
+            return;
+        }
+        let jump = direction_jump(&p, &bend, point.shading.geometric);
+        let sides = self.sides(&p, view, jump.side);
+        // Light passes on one side or on none.
+        let [minus, plus] = sides.faces;
+        let sign = match (minus == NOTHING, plus == NOTHING) {
+            (true, false) => 1.0,
+            (false, true) => -1.0,
+            _ => return,
+        };
+        let edge = ShadowEdge {
+            point: &p,
+            jump,
+            axis: bend.direction,
+            past: sides.past,
+            carried: carried * reflected,
+            sign,
+        };
+        emitters.each_hit(emitters.members(group), x, time, edge.axis, |hit| {
+            self.shadow_edge_backward(o, &edge, hit, by, sums);
+        });
+    }
+
+    /// The cone that a group of emitters fills, widened by that of the rays; the hemisphere if it is wider.
+    fn group_query(&self, o: &Observer, group: usize) -> Query {
+        let point = &o.vertex.point;
+        let seen = &self.scene.emitters.groups[group];
+        let to = seen.centre + seen.velocity * o.path.time - point.position;
+        let distance = to.length();
+        let sin = seen.radius / distance.max(seen.radius);
+        let cos = (1.0 - sin * sin).max(0.0).sqrt();
+        let [cos, sin] = widened([cos, sin], self.cone);
+        let mut query = Query {
+            x: point.position,
+            time: o.path.time,
+            axis: to * (1.0 / distance),
+            cos,
+            sin,
+            exponent: 0.0,
+            shadows: true,
+        };
+        if cos.is_nan() || cos <= 0.0 {
+            query.axis = point.shading.geometric;
+            (query.cos, query.sin) = (0.0, 1.0);
+        }
+        query
+    }
+
+    /// Adds the derivatives by the jump of one emitter's light, if nothing else hides it at the edge.
+    fn shadow_edge_backward(
+        &self,
+        o: &Observer,
+        edge: &ShadowEdge,
+        hit: EmitterHit,
+        by: &mut PointGradient,
+        sums: &mut Sums,
+    ) {
+        let (p, axis, time) = (edge.point, edge.axis, o.path.time);
+        let e = self.scene.emitters.get(hit.emitter);
+        if p.edge.faces.contains(&e.triangle) {
+            return;
+        }
+        let point = &o.vertex.point;
+        let start = point.start();
+        let light = point.position + axis * hit.distance;
+        let limit = up_to_plane(start, edge.past, e.normal, light);
+        if p.to.length() >= limit {
+            return;
+        }
+        let ray = HitRay {
+            unseen: p.edge.faces,
+            ..HitRay::new(start, edge.past, time, limit)
+        };
+        let hierarchy = &self.scene.hierarchy;
+        if hierarchy.hit_seen::<true>(self.arch, &ray).triangle != NOTHING {
+            return;
+        }
+        let tri = &self.scene.triangles[e.triangle as usize];
+        let emission = self.scene.materials[tri.material as usize].emission();
+        let emission = emission.towards(-e.normal.dot(axis));
+        let scale = edge.carried.dot(emission) * edge.sign * p.per_density;
+        let by_axis = edge.jump.edge.by_axis * scale;
+        self.edge_point_backward(p, &edge.jump, scale, time, by, sums);
+        // The axis points to a point of the light, which stays where it is on it.
+        let by_to = by_axis.reject_from_normalized(axis) * (1.0 / hit.distance);
+        by.position -= by_to;
+        if self.wanted.objects[tri.object as usize] {
+            let [b, c] = hit.weights;
+            let (k, weights) = (e.triangle as usize, [1.0 - b - c, b, c]);
+            self.add_to_corners(k, weights, by_to, time, sums);
+        }
     }
 }

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::edge::{Edge, FACES, Kind};
+use super::{Edge, FACES, Kind};
 use crate::geometry::Weld;
-use crate::kernel::parts::Triangle;
 use crate::kernel::scene::KernelScene;
+use crate::kernel::scene::Triangle;
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;
@@ -119,7 +119,7 @@ fn crease(
     for (c, c2) in ends.into_iter().zip(ends2) {
         let normal = |k: usize, t: &Triangle, c: usize| match scene.normal_rows[k][c] {
             u32::MAX => t.normal,
-            row => scene.normals[row as usize].normalized(),
+            row => scene.normals[row as usize].normalize(),
         };
         jump = jump.max((normal(k, t, c) - normal(k2, t2, c2)).length());
         if textured {

@@ -107,7 +107,7 @@ impl Backward {
         let sums: Vec<Sums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
         let mut all = zero.clone();
         sums.iter().for_each(|s| all.add(s));
-        if view.has_edges() {
+        if view.has_edges {
             self.on_film(view, upstream, &zero, accumulators, &mut all);
         }
         all.resolve(&view.scene);
@@ -125,14 +125,13 @@ impl Backward {
     ) {
         let samples = self.samples as f32;
         for (_, g) in &mut upstream {
-            g.radiance = g.radiance * samples;
+            g.radiance *= samples;
             g.opacity *= samples;
             g.depth *= samples;
-            g.normal = g.normal * samples;
+            g.normal *= samples;
         }
-        let [width, height] = view.size();
         let asked = upstream.iter().filter(|p| p.1 != Seen::default()).count();
-        let pixels = PixelGradients::new(&upstream, width, height, view.reach());
+        let pixels = PixelGradients::new(&upstream, view);
         let edges = view.film_edges(&pixels);
         if edges.is_empty() {
             return;

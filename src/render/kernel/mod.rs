@@ -34,7 +34,7 @@ pub(super) fn jumps(
     let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
     let prepared = prepare(&batch, options, false)?;
     let size = prepared.parent.map_or(0, |p| p.dims()[0]);
-    if !prepared.views.iter().any(|(view, _)| view.has_edges()) {
+    if !prepared.views.iter().any(|(view, _)| view.has_edges) {
         return Ok(vec![0.0; size]);
     }
     let objects = prepared.views[0].0.scene.counted.len();

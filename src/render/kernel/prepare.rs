@@ -97,7 +97,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
         };
         let host = HostCamera::new(camera)?;
         let scene = scenes[*scene].clone();
-        let view = View::new(scene, host, &settings, wanted, edges);
+        let view = View::new(scene, host, settings, wanted, edges);
         views.push((view, places));
     }
     Ok(Prepared {

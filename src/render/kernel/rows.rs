@@ -1,5 +1,7 @@
 //! The rows of an image, to and from what kernels make of a pixel.
 
+use glam::DVec3;
+
 use crate::kernel::Seen;
 use crate::render::options::Outputs;
 
@@ -30,8 +32,8 @@ impl Rows {
         let o = self.outputs;
         let opacity = o.need_opacity().then_some(f64::from(p.opacity));
         let depth = o.depth.then_some(f64::from(p.depth) * unit);
-        let normal = o.normals.then_some(p.normal.to_f64());
-        let radiance = p.radiance.to_f64().into_iter();
+        let normal = o.normals.then_some(p.normal.as_dvec3().to_array());
+        let radiance = p.radiance.as_dvec3().to_array().into_iter();
         let rows = radiance.chain(opacity).chain(depth);
         rows.chain(normal.into_iter().flatten())
     }
@@ -49,10 +51,10 @@ impl Rows {
         let Outputs { depth, normals, .. } = self.outputs;
         // In the order of the rows.
         Seen {
-            radiance: [take(true), take(true), take(true)].into(),
+            radiance: DVec3::new(take(true), take(true), take(true)).as_vec3(),
             opacity: take(self.outputs.need_opacity()) as f32,
             depth: (take(depth) * unit) as f32,
-            normal: [take(normals), take(normals), take(normals)].into(),
+            normal: DVec3::new(take(normals), take(normals), take(normals)).as_vec3(),
         }
     }
 }

@@ -2,11 +2,11 @@
 
 use pulp::Arch;
 
-use super::ray::{HostRay, Span, Surface};
+use super::ray::{HostRay, Surface};
 use crate::accel::{Hierarchy, Machine, PlaneHit, Reach, Task, dispatch};
 use crate::geometry::{Context, Topology};
 use crate::visibility::edge::grazing;
-use crate::visibility::{CoverageSettings, Softmax};
+use crate::visibility::{CoverageSettings, Softmax, Span};
 
 /// exp(−60) is nothing beside 1.
 const DEEP: f64 = 60.0;
@@ -26,7 +26,7 @@ struct Ends {
 struct Intersect<'a> {
     finder: &'a Finder<'a>,
     ray: &'a HostRay,
-    span: Span,
+    span: Option<Span>,
     found: &'a mut Vec<Surface>,
 }
 
@@ -35,13 +35,20 @@ impl Task for Intersect<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> u32 {
-        let Self {
-            finder,
-            ray,
-            span,
-            found,
-        } = self;
-        finder.intersect_on(machine, ray, span, found)
+        let (finder, ray) = (self.finder, self.ray);
+        let ends = finder.ends(ray, self.span);
+        let mut limit = ends.limit;
+        finder.hierarchy.visit(
+            machine,
+            (ray.origin, ray.direction, ray.time),
+            ends.reach,
+            (finder.settings.t_min, limit),
+            #[inline(always)]
+            |k| {
+                limit = finder.test(ray, &ends, k, limit, self.found);
+                limit
+            },
+        )
     }
 }
 
@@ -52,8 +59,6 @@ pub(crate) struct Finder<'a> {
     topology: &'a Topology,
     settings: CoverageSettings,
     pub(super) form: Softmax,
-    /// Shadow rays pass by products, whatever the depth.
-    shadow: bool,
     grazing: f64,
     /// The squared distance from a triangle up to which it matters, and its root: at its own depth
     /// in the softmax.
@@ -70,7 +75,6 @@ pub(crate) struct Finder<'a> {
 }
 
 impl<'a> Finder<'a> {
-    /// For camera and bounce rays.
     pub fn new(
         hierarchy: &'a Hierarchy,
         topology: &'a Topology,
@@ -86,7 +90,6 @@ impl<'a> Finder<'a> {
             topology,
             settings: *settings,
             form,
-            shadow: false,
             grazing: grazing(context.dtype),
             reach: settings.sigma * log_cutoff,
             root: (settings.sigma * log_cutoff).sqrt(),
@@ -97,17 +100,10 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// For shadow rays.
-    pub fn for_shadows(self) -> Self {
-        Self {
-            shadow: true,
-            ..self
-        }
-    }
-
-    /// The surfaces that a ray meets, unordered, and the number of triangles that were tested.
+    /// The surfaces that a ray meets, unordered, and the number of triangles that were tested. Shadow rays have
+    /// no span: light passes them by products, whatever the depth.
     #[inline]
-    pub fn intersect(&self, ray: &HostRay, span: Span, found: &mut Vec<Surface>) -> u32 {
+    pub fn intersect(&self, ray: &HostRay, span: Option<Span>, found: &mut Vec<Surface>) -> u32 {
         let task = Intersect {
             finder: self,
             ray,
@@ -118,30 +114,7 @@ impl<'a> Finder<'a> {
     }
 
     #[inline(always)]
-    fn intersect_on<M: Machine>(
-        &self,
-        machine: M,
-        ray: &HostRay,
-        span: Span,
-        found: &mut Vec<Surface>,
-    ) -> u32 {
-        let ends = self.ends(ray, span);
-        let mut limit = ends.limit;
-        self.hierarchy.visit(
-            machine,
-            (ray.origin, ray.direction, ray.time),
-            ends.reach,
-            (self.settings.t_min, limit),
-            #[inline(always)]
-            |k| {
-                limit = self.test(ray, &ends, k, limit, found);
-                limit
-            },
-        )
-    }
-
-    #[inline(always)]
-    fn ends(&self, ray: &HostRay, span: Span) -> Ends {
+    fn ends(&self, ray: &HostRay, span: Option<Span>) -> Ends {
         let near_end = ray.distance.map(|d| {
             let object = &self.topology.object;
             let same = matches!((ray.departure, ray.emitter), (Some(a), Some(b))
@@ -160,14 +133,13 @@ impl<'a> Finder<'a> {
                 distance_penalty: 0.0,
             },
         };
-        if !self.shadow {
-            let Softmax { gamma, epsilon, .. } = self.form;
+        if let Some(span) = span {
             // A weight is exp(−(t + penalty·squared distance)/falloff), at most, over that of the best
             // so far: the background, to begin with.
-            ends.depth_falloff = gamma * span.depth();
-            ends.depth_margin = ends.depth_falloff * self.log_cutoff;
-            let distance_penalty = ends.depth_falloff * self.inverse;
-            let background = span.far - epsilon * span.depth();
+            let [falloff, background] = self.form.falloff(span);
+            ends.depth_falloff = falloff;
+            ends.depth_margin = falloff * self.log_cutoff;
+            let distance_penalty = falloff * self.inverse;
             ends.limit = limit.min(background + ends.depth_margin);
             // A hit before near is as far from every triangle.
             let squared = ((ends.limit - span.near) / distance_penalty).max(0.0);

@@ -4,26 +4,22 @@
 //! folder is the specification.
 
 mod finder;
-mod lists;
 mod ray;
-mod softmax;
 mod terms;
-mod triangles;
 mod weights;
 
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use super::{CoverageSettings, DepthRange, Rays, Softmax};
+use super::{CoverageSettings, DepthRange, Rays, Softmax, Span};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, host_values};
 use finder::Finder;
-use lists::{Lists, pieces};
-use ray::{HostRays, Span, Surface};
-use softmax::passed;
+use ray::{HostRays, Lists, Surface, pieces};
 use terms::Terms;
-pub(crate) use triangles::{Sparse, hierarchy_of};
+pub(crate) use terms::{Sparse, hierarchy_of};
 pub(crate) use weights::SparseWeights;
+use weights::passed;
 
 impl Sparse {
     fn finder<'a>(
@@ -44,9 +40,6 @@ impl Sparse {
     }
 
     /// The weights of all surfaces of each ray.
-    ///
-    /// # Errors
-    /// If rays can't be read back.
     pub fn weights(
         &self,
         context: &Context,
@@ -57,8 +50,9 @@ impl Sparse {
         range: DepthRange,
     ) -> Result<SparseWeights<'_>> {
         let host = HostRays::new(rays)?;
-        let near = host_values(&range.near)?;
-        let far = host_values(&range.far)?;
+        let (near, far) = (host_values(&range.near)?, host_values(&range.far)?);
+        let spans = near.iter().zip(&far);
+        let spans: Vec<Span> = spans.map(|(&near, &far)| Span { near, far }).collect();
         let finder = self.finder(context, topology, settings, form);
         let n = host.origin.len();
         let parts: Vec<(Lists<Surface>, Vec<f64>, u64)> = pieces(n)
@@ -70,12 +64,8 @@ impl Sparse {
                 for i in range {
                     found.clear();
                     let ray = host.ray(rays, i);
-                    let span = Span {
-                        near: near[i],
-                        far: far[i],
-                    };
-                    offered += u64::from(finder.intersect(&ray, span, &mut found));
-                    background.push(finder.weigh(span, &mut found));
+                    offered += u64::from(finder.intersect(&ray, Some(spans[i]), &mut found));
+                    background.push(finder.weigh(spans[i], &mut found));
                     lists.push(&found);
                 }
                 (lists, background, offered)
@@ -88,7 +78,6 @@ impl Sparse {
             background.extend(b);
             offered += o;
         }
-        let depth = far.iter().zip(&near).map(|(f, n)| f - n).collect();
         Ok(SparseWeights {
             sparse: self,
             context: context.clone(),
@@ -99,7 +88,7 @@ impl Sparse {
             background,
             form,
             range,
-            depth,
+            spans,
             triangles: topology.object.len() as u32,
             offered,
         })
@@ -108,9 +97,6 @@ impl Sparse {
     /// The share of light that arrives along shadow rays `[1, N]`, in the graph if a gradient can
     /// flow; and how many candidates the hierarchy offered. Rays that are not needed are not traced:
     /// 0.
-    ///
-    /// # Errors
-    /// If rays can't be read back.
     pub fn transmittance(
         &self,
         context: &Context,
@@ -123,7 +109,7 @@ impl Sparse {
         let host = HostRays::new(rays)?;
         let n = host.origin.len();
         let tracked = self.is_tracked(rays);
-        let finder = self.finder(context, topology, settings, form).for_shadows();
+        let finder = self.finder(context, topology, settings, form);
         let parts: Vec<(Vec<f64>, Terms, u64)> = pieces(n)
             .into_par_iter()
             .map(|range| {
@@ -140,7 +126,7 @@ impl Sparse {
                         continue;
                     }
                     let ray = host.ray(rays, i);
-                    offered += u64::from(finder.intersect(&ray, Span::NONE, &mut found));
+                    offered += u64::from(finder.intersect(&ray, None, &mut found));
                     let value = passed(&found, &mut by_p);
                     values.push(value);
                     if tracked {

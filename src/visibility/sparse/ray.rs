@@ -58,7 +58,6 @@ impl Surface {
 pub(crate) struct HostRay {
     pub origin: DVec3,
     pub direction: DVec3,
-    /// Time in the shutter.
     pub time: f64,
     /// The triangle that it leaves.
     pub departure: Option<u32>,
@@ -67,7 +66,6 @@ pub(crate) struct HostRay {
     pub distance: Option<f64>,
 }
 
-/// Rays on the host.
 pub(super) struct HostRays {
     pub origin: Vec<DVec3>,
     pub direction: Vec<DVec3>,
@@ -76,7 +74,6 @@ pub(super) struct HostRays {
 }
 
 impl HostRays {
-    /// Reads rays back.
     pub fn new(rays: &Rays) -> Result<Self> {
         Ok(Self {
             origin: host_vectors(&rays.origin)?,
@@ -90,7 +87,6 @@ impl HostRays {
         })
     }
 
-    /// The i-th ray.
     pub fn ray(&self, rays: &Rays, i: usize) -> HostRay {
         let emitter = rays.arrival.as_ref().and_then(|(e, _)| e.get(i).copied());
         HostRay {
@@ -104,21 +100,53 @@ impl HostRays {
     }
 }
 
-/// From where to where a ray's triangles are of interest: near and far (Eq. 3).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Span {
-    pub near: f64,
-    pub far: f64,
+/// A list for each ray.
+#[derive(Clone, Debug)]
+pub(super) struct Lists<T> {
+    items: Vec<T>,
+    /// The beginnings of the lists, and the end.
+    starts: Vec<usize>,
 }
 
-impl Span {
-    /// For shadow rays, which have none.
-    pub const NONE: Self = Self {
-        near: 0.0,
-        far: 0.0,
-    };
-
-    pub fn depth(self) -> f64 {
-        self.far - self.near
+impl<T> Default for Lists<T> {
+    fn default() -> Self {
+        Self {
+            items: Vec::new(),
+            starts: vec![0],
+        }
     }
+}
+
+impl<T: Copy> Lists<T> {
+    /// Adds the list of one more ray.
+    pub fn push(&mut self, items: &[T]) {
+        self.items.extend_from_slice(items);
+        self.starts.push(self.items.len());
+    }
+
+    /// Adds the lists of more rays.
+    pub fn join(&mut self, other: Self) {
+        let base = self.items.len();
+        self.items.extend(other.items);
+        let starts = other.starts[1..].iter().map(|s| base + s);
+        self.starts.extend(starts);
+    }
+
+    pub fn of(&self, ray: usize) -> &[T] {
+        &self.items[self.starts[ray]..self.starts[ray + 1]]
+    }
+
+    pub fn rays(&self) -> usize {
+        self.starts.len() - 1
+    }
+}
+
+/// Rays of a piece.
+pub(super) const RAYS_A_PIECE: usize = 512;
+
+/// Rays in pieces for the cores: as many whatever the machine, so that sums come out the same.
+pub(super) fn pieces(n: usize) -> Vec<std::ops::Range<usize>> {
+    (0..n.div_ceil(RAYS_A_PIECE))
+        .map(|i| i * RAYS_A_PIECE..((i + 1) * RAYS_A_PIECE).min(n))
+        .collect()
 }

@@ -2,19 +2,14 @@
 
 use glam::DVec3;
 
-use crate::model::{V3, v3};
+use super::{V3, v3};
 use crate::scene::Wrap;
 
 /// The colours of textures, three numbers each.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Texels(Vec<f32>);
+pub(crate) struct Texels(pub Vec<f32>);
 
 impl Texels {
-    /// The colours of a list, which is moved.
-    pub fn new(numbers: Vec<f32>) -> Self {
-        Self(numbers)
-    }
-
     pub fn len(&self) -> usize {
         self.0.len() / 3
     }
@@ -159,6 +154,60 @@ impl Colour {
                 [0.0; 2]
             }
             Some(texture) => texture.backward(texels, uv, g, by_texel),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A texture of 3 × 2 texels, each channel another, after one that is not looked at.
+    fn textures() -> (Texels, Texture) {
+        let texels = Texels((0..21).map(|i| (0.7 * i as f32).sin()).collect());
+        let texture = Texture {
+            offset: 1,
+            width: 3,
+            height: 2,
+            wrap: Wrap::Mirror,
+        };
+        (texels, texture)
+    }
+
+    #[test]
+    fn the_middle_of_a_texel_has_its_colour() {
+        let (texels, texture) = textures();
+        assert_eq!(texture.look_up(&texels, [0.5, 0.75]), texels.at(2));
+        assert_eq!(texture.look_up(&texels, [0.5, 0.25]), texels.at(5));
+    }
+
+    #[test]
+    fn derivatives_by_texels_and_coordinates() {
+        let (mut texels, texture) = textures();
+        let g = v3(0.3, -0.8, 0.5);
+        for uv in [[0.4, 0.55], [0.95, 0.1], [-0.3, 1.4]] {
+            let mut by_texel = vec![DVec3::ZERO; texels.len()];
+            let by_uv = texture.backward(&texels, uv, g, &mut by_texel);
+            let h = 1e-3;
+            for k in 0..2 {
+                let at = |h: f32| {
+                    let mut uv = uv;
+                    uv[k] += h;
+                    g.dot(texture.look_up(&texels, uv))
+                };
+                let wanted = (at(h) - at(-h)) / (2.0 * h);
+                assert!(
+                    (by_uv[k] - wanted).abs() < 1e-3,
+                    "{uv:?}: {by_uv:?} {wanted}"
+                );
+            }
+            for (t, by) in by_texel.iter().enumerate() {
+                let before = g.dot(texture.look_up(&texels, uv));
+                texels.0[3 * t + 1] += 1.0;
+                let wanted = g.dot(texture.look_up(&texels, uv)) - before;
+                texels.0[3 * t + 1] -= 1.0;
+                assert!((by.y - f64::from(wanted)).abs() < 1e-5, "{t}");
+            }
         }
     }
 }

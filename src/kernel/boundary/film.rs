@@ -1,16 +1,17 @@
-//! Samples of the jumps on the film.
+//! Jumps of the image that the camera sees.
+//!
+//! Edges are drawn on the film: where they are seen, in proportion to their length there, to how much may
+//! jump at them and to how much the loss depends on the pixels about. So no sample is spent where nothing
+//! is asked, and the noise does not depend on how wide the camera's cone is.
 
 use std::ops::Range;
 
-use super::pieces::FilmEdges;
-use super::pixels::PixelGradients;
+use super::edge_point::{EdgePoint, Sides};
+use super::pieces::{FilmEdges, PixelGradients};
 use crate::accel::{Hit, Machine, Task, dispatch};
-use crate::kernel::boundary::edge_point::EdgePoint;
-use crate::kernel::boundary::sides::Sides;
 use crate::kernel::gradient::Sums;
-use crate::kernel::records::Work;
 use crate::kernel::view::View;
-use crate::kernel::walk::{Path, Seen};
+use crate::kernel::walk::{Path, Seen, Work};
 use crate::model::V3;
 use crate::model::camera::CameraGradient;
 use crate::model::filter::film_kernel;
@@ -53,15 +54,15 @@ impl FilmSamples<'_> {
             return;
         };
         // The pixel whose ray would come here.
-        let film = view.camera.project(point.position, lens[0], lens[1]);
+        let [film_x, film_y] = view.camera.project(point.position, lens[0], lens[1]);
         let [kernel_u, kernel_v, ..] = view.edges.numbers((u32::MAX, sample)).set(0);
         let radius = view.filter.radius();
-        let x = film.x - radius * film_kernel(kernel_u);
-        let y = film.y - radius * film_kernel(kernel_v);
+        let x = film_x - radius * film_kernel(kernel_u);
+        let y = film_y - radius * film_kernel(kernel_v);
         let Some(g) = self.pixels.get(x, y).filter(|g| **g != Seen::default()) else {
             return;
         };
-        let direction = point.to.normalized();
+        let direction = point.to.normalize();
         let [along_x, along_y] =
             view.camera
                 .project_along(point.position, point.edge.along, lens[0], lens[1]);
@@ -93,7 +94,7 @@ impl FilmSamples<'_> {
             view.camera
                 .project_backward(point.position, lens[0], lens[1], by_film, &mut camera);
         if view.wanted.camera {
-            self.sums.camera.add(&camera);
+            self.sums.camera += camera;
         }
         view.add_to_edge(&point, by_point, path.time, self.sums);
     }

@@ -1,6 +1,8 @@
-//! Queries of a tree over edges.
+//! Queries of a tree over edges, and what jumps at the edges.
 
+use super::{Edge, Kind};
 use crate::accel::{F8, Lanes, Machine, Mask8};
+use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 
 /// A search for an edge: a point, a cone of directions seen from it, and a purpose.
@@ -93,7 +95,6 @@ pub(super) fn cross<M: Machine>(a: [F8<M>; 3], b: [F8<M>; 3]) -> [F8<M>; 3] {
     ]
 }
 
-/// Eight vectors.
 #[inline(always)]
 pub(super) fn load<M: Machine>(machine: M, lanes: &[Lanes; 3]) -> [F8<M>; 3] {
     let [x, y, z] = lanes;
@@ -102,4 +103,83 @@ pub(super) fn load<M: Machine>(machine: M, lanes: &[Lanes; 3]) -> [F8<M>; 3] {
         F8::load(machine, y),
         F8::load(machine, z),
     ]
+}
+
+/// The most that may jump at edges, by what makes it jump; of one edge between 0 and 1.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Jumps<T = f32> {
+    /// Colours that always jump, and jumps of whether light passes.
+    pub seen_always: T,
+    pub passes_always: T,
+    /// Jumps of folds that are silhouettes.
+    pub fold: T,
+    /// Jumps where both faces of a fold are seen.
+    pub crease: T,
+    /// 1 where all folds are of closed objects.
+    pub closed: T,
+}
+
+impl Jumps {
+    pub fn of(e: &Edge) -> Self {
+        let mut jumps = Self {
+            closed: f32::from(u8::from(e.closed)),
+            ..Self::default()
+        };
+        match e.kind {
+            Kind::Fold => {
+                jumps.fold = 1.0;
+                jumps.crease = e.crease;
+            }
+            Kind::Border => {
+                jumps.seen_always = 1.0;
+                jumps.passes_always = 1.0;
+            }
+            Kind::Crossing => jumps.seen_always = 1.0,
+        }
+        jumps
+    }
+}
+
+impl Jumps<Lanes> {
+    pub fn set(&mut self, i: usize, of: &Jumps) {
+        self.seen_always[i] = of.seen_always;
+        self.passes_always[i] = of.passes_always;
+        self.fold[i] = of.fold;
+        self.crease[i] = of.crease;
+        self.closed[i] = of.closed;
+    }
+
+    /// The jumps that are there wherever the edge is seen from.
+    #[inline(always)]
+    pub fn always<M: Machine>(&self, machine: M, q: &Query8<M>) -> F8<M> {
+        let load = |lanes: &Lanes| F8::load(machine, lanes);
+        q.shadows
+            .select(load(&self.passes_always), load(&self.seen_always))
+    }
+}
+
+/// Edges with the triangles that they belong to.
+pub(super) struct EdgeList<'a> {
+    pub edges: &'a [Edge],
+    pub scene: &'a KernelScene,
+}
+
+impl EdgeList<'_> {
+    /// The way of an edge over the shutter.
+    pub fn velocity(&self, e: &Edge) -> V3 {
+        let all = &self.scene.velocities;
+        all.as_ref().map_or(V3::ZERO, |v| v[e.object as usize])
+    }
+
+    pub fn middle(&self, index: u32) -> V3 {
+        let e = &self.edges[index as usize];
+        e.a + e.along * 0.5
+    }
+
+    /// The normals of the first two faces; twice that of the only one.
+    pub fn normals(&self, e: &Edge) -> [V3; 2] {
+        let [first, second, ..] = e.faces;
+        let second = if second == u32::MAX { first } else { second };
+        [first, second].map(|k| self.scene.triangles[k as usize].normal)
+    }
 }

@@ -1,0 +1,189 @@
+//! Light of emitters: what they radiate, what arrives from a point of one, and two sampling strategies combined.
+
+use glam::DVec3;
+
+use super::V3;
+use crate::scene::{CHANNELS, Channel};
+
+/// The emission of a surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Emission {
+    radiance: V3,
+}
+
+impl Emission {
+    /// That of a material with these parameters, in the order of [`Channel::ALL`].
+    #[inline(always)]
+    pub fn of(values: impl Fn(Channel) -> V3) -> Self {
+        Self {
+            radiance: values(Channel::Emission),
+        }
+    }
+
+    /// Mean radiance of the front, for the choice of emitters.
+    pub fn mean(&self) -> f32 {
+        self.radiance.abs().element_sum() / 3.0
+    }
+
+    /// Radiance in a direction by its cosine to the front's normal.
+    #[inline(always)]
+    pub fn towards(&self, cosine: f32) -> V3 {
+        let mut radiance = V3::ZERO;
+        if cosine > 0.0 {
+            radiance = self.radiance;
+        }
+        radiance
+    }
+
+    /// Adds the derivatives of g·radiance by the material's parameters.
+    #[inline(always)]
+    pub fn backward(cosine: f32, g: V3, channels: &mut [DVec3; CHANNELS]) {
+        if cosine > 0.0 {
+            channels[Channel::Emission as usize] += DVec3::from(g);
+        }
+    }
+}
+
+/// A point of an emitter as a surface point sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LightPoint {
+    /// The unit vector from the surface point to it.
+    pub direction: V3,
+    pub distance: f32,
+    squared: f32,
+    /// cos θ at the light.
+    pub facing: f32,
+}
+
+/// Derivatives by a point of an emitter, less those by the point that sees it; by its normal and area.
+pub(crate) struct LightGradient {
+    pub position: V3,
+    pub normal: V3,
+    pub area: f32,
+}
+
+impl LightPoint {
+    /// For the vector to it and the normal of its front.
+    #[inline(always)]
+    pub fn new(to: V3, normal: V3) -> Self {
+        let squared = to.length_squared().max(f32::MIN_POSITIVE);
+        let distance = squared.sqrt();
+        let direction = to * (1.0 / distance);
+        Self {
+            direction,
+            distance,
+            squared,
+            facing: -normal.dot(direction),
+        }
+    }
+
+    /// cos θ·area/r²: the solid angle of an area whose points are all seen like this one.
+    #[inline(always)]
+    pub fn solid_angle(&self, area: f32) -> f32 {
+        self.facing / self.squared * area
+    }
+
+    /// From derivatives by the solid angle and the direction.
+    #[inline(always)]
+    pub fn backward(
+        &self,
+        normal: V3,
+        area: f32,
+        by_angle: f32,
+        by_direction: V3,
+    ) -> LightGradient {
+        let by_facing = by_angle * area / self.squared;
+        let by_direction = by_direction - normal * by_facing;
+        // The length that the direction was divided by, and r².
+        let mut by_to = by_direction.reject_from_normalized(self.direction);
+        by_to -= self.direction * (2.0 * by_facing * self.facing);
+        LightGradient {
+            position: by_to * (1.0 / self.distance),
+            normal: -self.direction * by_facing,
+            area: by_angle * self.facing / self.squared,
+        }
+    }
+}
+
+/// The divisor of a sample where two strategies with densities a and b are combined: w₁ = p₁²/(p₁² + p₂²)
+/// makes it (p₁² + p₂²)/p₁ (the power heuristic, Veach and Guibas 1995).
+#[inline(always)]
+pub(crate) fn power_heuristic(a: f32, b: f32, is_b: bool) -> f32 {
+    let own = if is_b { b } else { a };
+    (a * a + b * b) / own.max(1e-20)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::triangle::{at, solid_angle, uniform_point};
+    use crate::model::v3;
+
+    /// The weights of both strategies, density over divisor, add up to 1.
+    #[test]
+    fn weights_of_both_strategies() {
+        for (a, b) in [(0.3, 0.7), (2.0, 0.0), (1e-3, 5.0)] {
+            let sum = a / power_heuristic(a, b, false) + b / power_heuristic(a, b, true);
+            assert!((sum - 1.0).abs() < 1e-6, "{a} {b}: {sum}");
+        }
+    }
+
+    const CORNERS: [V3; 3] = [v3(0.2, -0.3, 1.2), v3(0.4, 1.1, 1.5), v3(1.3, -0.2, 2.1)];
+
+    /// Points of an emitter have the density 1/area: the mean of what each stands for is the angle of all.
+    #[test]
+    fn solid_angle_by_sampled_points() {
+        let [a, b, c] = CORNERS;
+        let cross = (b - a).cross(c - a);
+        let (n, mut mean) = (200, 0.0);
+        for i in 0..n * n {
+            let [u, v] = [i % n, i / n].map(|i| (i as f32 + 0.5) / n as f32);
+            let [b, c] = uniform_point(u, v);
+            let point = at(CORNERS, [1.0 - b - c, b, c]);
+            let seen = LightPoint::new(point, cross.normalize());
+            mean += f64::from(seen.solid_angle(0.5 * cross.length())) / f64::from(n * n);
+        }
+        let wanted = f64::from(solid_angle(CORNERS, V3::ZERO));
+        assert!((mean / wanted - 1.0).abs() < 1e-3, "{mean} {wanted}");
+    }
+
+    #[test]
+    fn derivatives_of_a_point() {
+        let (to, normal, area) = (v3(0.5, 0.2, 1.4), v3(0.2, -0.1, -1.0).normalize(), 0.7);
+        let (by_angle, by_direction) = (0.8, v3(-0.3, 0.6, 0.2));
+        let value = |to: V3, normal: V3, area: f32| {
+            let seen = LightPoint::new(to, normal);
+            by_angle * seen.solid_angle(area) + by_direction.dot(seen.direction)
+        };
+        let seen = LightPoint::new(to, normal);
+        let found = seen.backward(normal, area, by_angle, by_direction);
+        let h = 1e-2;
+        for step in [V3::X, V3::Y, V3::Z] {
+            let d = step * h;
+            let by_to = (value(to + d, normal, area) - value(to - d, normal, area)) / (2.0 * h);
+            assert!((found.position.dot(step) - by_to).abs() < 1e-3, "{by_to}");
+            let by_normal = (value(to, normal + d, area) - value(to, normal - d, area)) / (2.0 * h);
+            assert!(
+                (found.normal.dot(step) - by_normal).abs() < 1e-3,
+                "{by_normal}"
+            );
+        }
+        let by_area = (value(to, normal, area + h) - value(to, normal, area - h)) / (2.0 * h);
+        assert!((found.area - by_area).abs() < 1e-3, "{by_area}");
+    }
+
+    #[test]
+    fn only_the_front_radiates() {
+        let g = v3(0.1, -0.4, 0.7);
+        for cosine in [0.6, -0.6] {
+            let value = |e: V3| g.dot(Emission { radiance: e }.towards(cosine));
+            let mut by = [DVec3::ZERO; CHANNELS];
+            Emission::backward(cosine, g, &mut by);
+            for step in [V3::X, V3::Y, V3::Z] {
+                let slope = (value(V3::ONE + step) - value(V3::ONE - step)) / 2.0;
+                let found = by[Channel::Emission as usize].dot(step.into());
+                assert!((found - f64::from(slope)).abs() < 1e-6);
+            }
+        }
+    }
+}

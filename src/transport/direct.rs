@@ -1,0 +1,216 @@
+//! Light from points of emitters and from an environment map at surface points.
+
+use burn::tensor::Tensor;
+
+use super::bsdf::{density as density_of_scattering, scattered};
+use super::cones::AtBounce;
+use super::lights::{Chosen, SkyMap, Views, nonzero};
+use super::paths::pick_rays;
+use super::surface::SurfacePoints;
+use super::tracer::{Sight, Tracer};
+use crate::error::Result;
+use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
+use crate::sampling::Dimension;
+use crate::visibility::Rays;
+
+/// Surface points, the rays that came to them, and their paths.
+#[derive(Clone, Copy)]
+pub(super) struct Shaded<'a> {
+    pub points: &'a SurfacePoints,
+    pub rays: &'a Rays,
+    pub at: AtBounce<'a>,
+}
+
+impl Shaded<'_> {
+    /// What a function makes of some of them.
+    fn of_some<T>(&self, context: &Context, which: &[u32], f: impl FnOnce(Shaded) -> T) -> T {
+        let paths: Vec<_> = which.iter().map(|&i| self.at.paths[i as usize]).collect();
+        f(Shaded {
+            points: &self.points.pick(context, which),
+            rays: &pick_rays(context, self.rays, which),
+            at: AtBounce {
+                paths: &paths,
+                ..self.at
+            },
+        })
+    }
+}
+
+/// Light from one point of one emitter triangle at each surface point: planes of
+/// f·cos θ·cos θ_e/r²·L_e·T over the density. With `scattered`, the direction in which each path goes
+/// on and whether it is to be used, also from the emitters that lie there (the power heuristic), as
+/// rows of some paths. Empty where the scene has no emitter.
+pub(super) fn connect(
+    tracer: &Tracer,
+    shaded: Shaded,
+    scattered: Option<(&Vec3, &[bool])>,
+) -> Result<Vec<(Option<Vec<u32>>, Vec3)>> {
+    let lights = tracer.transport.lights;
+    if lights.emitters.is_empty() {
+        return Ok(Vec::new());
+    }
+    let scene = tracer.scene();
+    let time = shaded.rays.time.as_ref();
+    let time = time.filter(|_| scene.triangles.velocity.is_some());
+    let looks = lights.emitters.depends_on_position() || scattered.is_some();
+    let views = match looks {
+        true => Some(Views {
+            position: host_vectors(&shaded.points.position)?,
+            time: time.map(host_values).transpose()?,
+        }),
+        false => None,
+    };
+    let dimensions = [Dimension::EmitterU, Dimension::EmitterV];
+    let AtBounce { paths, bounce } = shaded.at;
+    let [u, v] = tracer.transport.sampler.uniform(paths, bounce, dimensions);
+    let chosen = lights.choose(views.as_ref(), &u, &v);
+    let combined = scattered.map(|(_, used)| (false, used));
+    let mut found = vec![(None, arriving(tracer, shaded, &chosen, combined)?)];
+    if let (Some((direction, used)), Some(views)) = (scattered, &views) {
+        let mut hits = lights.intersect(views, &host_vectors(direction)?);
+        hits.retain(|h| used[h.path as usize]);
+        if !hits.is_empty() {
+            let which: Vec<u32> = hits.iter().map(|h| h.path).collect();
+            let all = vec![true; which.len()];
+            let light = shaded.of_some(&scene.context, &which, |shaded| {
+                arriving(tracer, shaded, &hits, Some((true, &all)))
+            })?;
+            found.push((Some(which), light));
+        }
+    }
+    Ok(found)
+}
+
+/// The divisor of a sample under the power heuristic of two strategies: w₁ = p₁²/(p₁² + p₂²)
+/// makes that (p₁² + p₂²)/p₁ (Veach and Guibas 1995, β = 2).
+fn power_heuristic(a: Tensor<2>, b: Tensor<2>, is_b: bool) -> Tensor<2> {
+    let own = if is_b { b.clone() } else { a.clone() };
+    (a.clone() * a + b.clone() * b) / own.clamp_min(1e-30)
+}
+
+/// Light from a point of an emitter at each surface point, over its density. With two strategies for points,
+/// `combined` says whether these were found by the second, scattering, and for which paths that is used.
+///
+/// Densities carry no gradient: what they estimate is an integral over the emitters' own area, in which the
+/// points are fixed and move with the geometry.
+fn arriving(
+    tracer: &Tracer,
+    shaded: Shaded,
+    chosen: &[Chosen],
+    combined: Option<(bool, &[bool])>,
+) -> Result<Vec3> {
+    let scene = tracer.scene();
+    let context = &scene.context;
+    let Shaded { points, rays, at } = shaded;
+    let (incoming, time) = (&rays.direction, &rays.time);
+    let row = |f: fn(&Chosen) -> f64| context.row(&chosen.iter().map(f).collect::<Vec<_>>());
+    let emitter: Vec<u32> = chosen.iter().map(|c| c.emitter).collect();
+    let index = context.index_row(&emitter);
+    // The points, at the times of the paths.
+    let (b, c) = (row(|c| c.weights[0]), row(|c| c.weights[1]));
+    let a = (b.clone() + c.clone()).neg() + 1.0;
+    let corners = &scene.triangles.corners;
+    let mut light = (corners.a.gather(&index).scale(&a))
+        .add(&corners.b.gather(&index).scale(&b))
+        .add(&corners.c.gather(&index).scale(&c));
+    if let (Some(time), Some(velocity)) = (time, &scene.triangles.velocity) {
+        light = light.add(&velocity.gather(&index).scale(time));
+    }
+    let to_light = light.sub(&points.position);
+    // A light that touches the receiver is held off by the distance under which hits don't count.
+    let squared = to_light
+        .dot(&to_light)
+        .clamp_min((tracer.t_min() * tracer.t_min()).max(1e-37));
+    let distance = squared.clone().sqrt();
+    let direction = to_light.map(|x| x / distance.clone());
+    let cosine = scene.triangles.normal.gather(&index).dot(&direction).neg();
+    let facing = cosine.clamp_min(0.0);
+    let area = gather_row(scene.triangles.area.clone(), &index);
+    let material = |&k: &u32| scene.topology.material[k as usize];
+    let materials: Vec<u32> = emitter.iter().map(material).collect();
+    let emission = scene.materials.emission();
+    let emission = emission.gather(&context.index_row(&materials));
+    let mut shadow = points.ray(direction, time.clone());
+    shadow.arrival = Some((emitter, detached(&distance)));
+    // Where the light or the surface faces away, or the surface reflects nothing there, nothing
+    // arrives whatever is in between.
+    let reflected = scattered(points, incoming, &shadow.direction);
+    let dense = matches!(tracer.transport.sight, Sight::Softmax(_, None));
+    let needed = if !dense {
+        let sum = detached(&reflected.x) + detached(&reflected.y) + detached(&reflected.z);
+        let needed = host_values(&(sum.abs() * detached(&facing)))?;
+        needed.iter().map(|&v| v != 0.0).collect()
+    } else {
+        vec![true; chosen.len()]
+    };
+    let passed = tracer.transmittance(&shadow, &needed, at)?;
+    let per_area = facing / squared * area;
+    // In units of the emitter's area, without gradient: the points stay where they are on it.
+    let mut density = row(|c| c.chance);
+    if let Some((by_scattering, used)) = combined {
+        let used: Vec<f64> = used.iter().map(|&u| f64::from(u8::from(u))).collect();
+        let along = density_of_scattering(points, incoming, &shadow.direction) * context.row(&used);
+        density = power_heuristic(density, along * detached(&per_area), by_scattering);
+    }
+    let light = emission.scale(&(per_area * passed / density));
+    Ok(reflected.mul(&light))
+}
+
+/// Light from an environment map at each surface point along two directions, one drawn from the map
+/// and the one in which the path goes on (the power heuristic), as rows of some paths. Directions
+/// carry no gradient: the integral is over a fixed sphere.
+pub(super) fn from_map(
+    tracer: &Tracer,
+    map: &SkyMap,
+    shaded: Shaded,
+    scattered: &Vec3,
+) -> Result<Vec<(Option<Vec<u32>>, Vec3)>> {
+    let dimensions = [Dimension::EnvironmentU, Dimension::EnvironmentV];
+    let AtBounce { paths, bounce } = shaded.at;
+    let [u, v] = tracer.transport.sampler.uniform(paths, bounce, dimensions);
+    let drawn = map.choose(&u, &v);
+    let scattered = host_vectors(scattered)?;
+    let densities = scattered.iter().map(|&d| map.density(d)).collect();
+    let mut found = Vec::new();
+    for (by_scattering, (directions, density)) in [(false, drawn), (true, (scattered, densities))] {
+        found.extend(along(
+            tracer,
+            map,
+            shaded,
+            (&directions, &density),
+            by_scattering,
+        )?);
+    }
+    Ok(found)
+}
+
+fn along(
+    tracer: &Tracer,
+    map: &SkyMap,
+    shaded: Shaded,
+    (directions, density): (&[glam::DVec3], &[f64]),
+    by_scattering: bool,
+) -> Result<Option<(Option<Vec<u32>>, Vec3)>> {
+    let context = &tracer.scene().context;
+    let towards = Vec3::from_host(context, directions);
+    // Where nothing is reflected no ray is traced.
+    let incoming = shaded.rays.direction.detached();
+    let which = nonzero(&scattered(&shaded.points.detached(), &incoming, &towards))?;
+    if which.is_empty() {
+        return Ok(None);
+    }
+    let density: Vec<f64> = which.iter().map(|&i| density[i as usize]).collect();
+    let towards = towards.gather(&context.index_row(&which));
+    let light = shaded.of_some(context, &which, |Shaded { points, rays, at }| {
+        let next = points.ray(towards.clone(), rays.time.clone());
+        let passed = match tracer.transport.sight {
+            Sight::Cones(_) => tracer.transmittance(&next, &vec![true; which.len()], at)?,
+            Sight::Softmax(..) => tracer.weights(&next)?.attached_background(context),
+        };
+        let by_bsdf = density_of_scattering(points, &rays.direction, &towards);
+        let density = power_heuristic(context.row(&density), by_bsdf, by_scattering);
+        let light = map.radiance(context, &towards)?.scale(&(passed / density));
+        Ok(scattered(points, &rays.direction, &towards).mul(&light))
+    })?;
+    Ok(Some((Some(which), light)))
+}
