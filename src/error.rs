@@ -86,6 +86,34 @@ impl Error {
         }
     }
 
+    /// Nothing, or else an [`Error::Invalid`].
+    pub(crate) fn unless(
+        valid: bool,
+        object: &str,
+        field: &str,
+        value: impl ToString,
+        expected: &str,
+    ) -> Result<()> {
+        if valid {
+            return Ok(());
+        }
+        Err(Self::invalid(object, field, value, expected))
+    }
+
+    /// An [`Error::Invalid`] unless a number is finite and above 0.
+    pub(crate) fn unless_positive(object: &str, field: &str, value: f64) -> Result<()> {
+        let valid = value.is_finite() && value > 0.0;
+        Self::unless(valid, object, field, value, "a finite number > 0")
+    }
+
+    /// An [`Error::Io`] of an operation on a file, for `map_err`.
+    pub(crate) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self + Copy {
+        |source| Self::Io {
+            path: path.into(),
+            source,
+        }
+    }
+
     /// An [`Error::Read`] of an error of burn. It is no `From`: with a second one the compiler can't infer the
     /// error type of closures that use `?`.
     pub(crate) fn read(source: impl Into<TensorReadError>) -> Self {

@@ -8,7 +8,7 @@ use pulp::Arch;
 
 use super::hierarchy::Hierarchy;
 use super::simd::{F8, LANES, Lanes, Machine, Task, dispatch};
-use super::wide::{Leaf, Planes8, ROUNDING, Ray8, Visitor, Wide};
+use super::wide::{Grown, Leaf, Planes8, ROUNDING, Ray8, Visitor, Wide};
 
 /// No triangle.
 pub(crate) const NOTHING: u32 = u32::MAX;
@@ -33,10 +33,10 @@ impl HitRay {
 
     /// From its origin to a limit, seeing all triangles.
     #[inline(always)]
-    pub fn new(origin: Vec3, direction: Vec3, time: f32, limit: f32) -> Self {
+    pub fn new(origin: impl Into<Vec3>, direction: impl Into<Vec3>, time: f32, limit: f32) -> Self {
         Self {
-            origin,
-            direction,
+            origin: origin.into(),
+            direction: direction.into(),
             time,
             from: 0.0,
             limit,
@@ -66,19 +66,19 @@ const SIZE: f32 = 1.0;
 const LANE: Lanes = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 impl Leaf {
-    /// Distances at which a ray hits the triangles, grown by a margin, before a limit; the limit where it does
-    /// not.
+    /// Distances at which a ray hits the triangles before a limit; the limit where it does not. Triangles grow by
+    /// a margin, less than which is `below`.
     #[inline(always)]
     fn distances<M: Machine, const SELECT: bool>(
         &self,
         machine: M,
         velocity: Option<&[Lanes; 3]>,
-        (ray, ray8, margin): (&HitRay, &Ray8<M>, f32),
+        (ray, ray8, below): (&HitRay, &Ray8<M>, F8<M>),
         limit: F8<M>,
     ) -> F8<M> {
         let Planes8 { t, least, .. } = self.planes(machine, velocity, ray8);
         // Not a number counts as no hit: all comparisons with it are false.
-        let outside = F8::splat(machine, -margin) - F8::load(machine, &self.slack);
+        let outside = below - F8::load(machine, &self.slack);
         let mut hit = outside
             .less(least)
             .and(ray8.from.less(t))
@@ -137,6 +137,7 @@ impl Wide {
         margin: f32,
     ) -> Hit {
         let ray8 = ray.eight(machine);
+        let below = F8::splat(machine, -margin);
         // Numbers of triangles as floats, so that they are chosen by the same masks as distances.
         let mut best = F8::splat(machine, ray.limit);
         let mut which = F8::splat(machine, -1.0);
@@ -147,7 +148,7 @@ impl Wide {
                 Some(velocities) if MOVES => Some(&velocities[slot]),
                 _ => None,
             };
-            let found = leaf.distances::<M, SELECT>(machine, velocity, (ray, &ray8, margin), best);
+            let found = leaf.distances::<M, SELECT>(machine, velocity, (ray, &ray8, below), best);
             which = found.less(best).select(number, which);
             best = found;
             number = number + step;
@@ -179,7 +180,8 @@ impl Wide {
             machine,
             ray,
             ray8: &ray8,
-            margin,
+            grown: ray8.grown(machine, margin),
+            below: F8::splat(machine, -margin),
             hit: Hit {
                 t: ray.limit,
                 triangle: NOTHING,
@@ -196,7 +198,9 @@ struct Nearest<'a, M: Machine, const ANY: bool, const SELECT: bool> {
     machine: M,
     ray: &'a HitRay,
     ray8: &'a Ray8<M>,
-    margin: f32,
+    grown: Grown<M>,
+    /// Less than 0: how far outside of a triangle a hit may lie.
+    below: F8<M>,
     hit: Hit,
 }
 
@@ -207,8 +211,8 @@ impl<M: Machine, const ANY: bool, const SELECT: bool> Visitor<M> for Nearest<'_,
     }
 
     #[inline(always)]
-    fn grown(&self, _near: f32) -> f32 {
-        self.margin
+    fn grown(&self, _near: f32) -> Grown<M> {
+        self.grown
     }
 
     #[inline(always)]
@@ -216,7 +220,7 @@ impl<M: Machine, const ANY: bool, const SELECT: bool> Visitor<M> for Nearest<'_,
         let (leaf, hit) = (&self.wide.leaves[index], &mut self.hit);
         let velocity = self.wide.velocity(index);
         let limit = F8::splat(self.machine, hit.t);
-        let of_ray = (self.ray, self.ray8, self.margin);
+        let of_ray = (self.ray, self.ray8, self.below);
         let found = leaf.distances::<M, SELECT>(self.machine, velocity, of_ray, limit);
         let mut mask = found.less(limit).bits();
         let found = found.lanes();

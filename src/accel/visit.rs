@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::hierarchy::Hierarchy;
 use super::simd::{F8, LANES, Lanes, Machine};
-use super::wide::{FEW, Leaf, Planes8, Ray8, Visitor, Wide};
+use super::wide::{FEW, Grown, Leaf, Planes8, Ray8, Visitor, Wide};
 
 /// The distance beside a ray within which triangles matter. `most` bounds the distance; and where
 /// `distance_penalty` is not 0 a hit counts as farther away by that times the squared distance between it
@@ -138,9 +138,10 @@ impl<M: Machine, F: FnMut(u32) -> f64> Visitor<M> for Offers<'_, M, F> {
     }
 
     #[inline(always)]
-    fn grown(&self, near: f32) -> f32 {
+    fn grown(&self, near: f32) -> Grown<M> {
         let left = self.limit - self.ray.skipped - f64::from(near.max(0.0)) + self.margin;
-        (self.ray.reach.within(left) + self.margin) as f32
+        let margin = (self.ray.reach.within(left) + self.margin) as f32;
+        self.ray.eight.grown(self.ray.machine, margin)
     }
 
     #[inline(always)]

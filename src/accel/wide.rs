@@ -301,15 +301,24 @@ impl<M: Machine> Ray8<M> {
         }
     }
 
+    /// Its origin as boxes see it that grow by a margin on both sides.
+    #[inline(always)]
+    pub fn grown(&self, machine: M, margin: f32) -> Grown<M> {
+        let margin = F8::splat(machine, margin);
+        let [x, y, z] = self.origin;
+        Grown {
+            low: [x + margin, y + margin, z + margin],
+            high: [x - margin, y - margin, z - margin],
+        }
+    }
+
     /// The children of a node, their boxes grown, that it enters before a limit, one bit each; and where.
     #[inline(always)]
-    fn enter(&self, machine: M, node: &Node, grown: f32, limit: f32) -> (u32, Lanes) {
+    fn enter(&self, machine: M, node: &Node, grown: &Grown<M>, limit: f32) -> (u32, Lanes) {
         let (mut near, mut far) = (self.from, F8::splat(machine, limit));
-        let grown = F8::splat(machine, grown);
         for axis in 0..3 {
-            let (low, high) = (self.origin[axis] + grown, self.origin[axis] - grown);
-            let t0 = (F8::load(machine, &node.min[axis]) - low) * self.inverse[axis];
-            let t1 = (F8::load(machine, &node.max[axis]) - high) * self.inverse[axis];
+            let t0 = (F8::load(machine, &node.min[axis]) - grown.low[axis]) * self.inverse[axis];
+            let t1 = (F8::load(machine, &node.max[axis]) - grown.high[axis]) * self.inverse[axis];
             near = near.max(t0.min(t1));
             far = far.min(t0.max(t1));
         }
@@ -318,13 +327,20 @@ impl<M: Machine> Ray8<M> {
     }
 }
 
+/// A ray's origin for the lower and the upper corners of boxes.
+#[derive(Clone, Copy)]
+pub(super) struct Grown<M: Machine> {
+    low: [F8<M>; 3],
+    high: [F8<M>; 3],
+}
+
 /// What is done on the way of a ray through the tree.
 pub(super) trait Visitor<M: Machine> {
     /// The distance beyond which nothing matters.
     fn limit(&self) -> f32;
 
-    /// How much boxes grow that are entered at a distance.
-    fn grown(&self, near: f32) -> f32;
+    /// The ray's origin for boxes that are entered at a distance.
+    fn grown(&self, near: f32) -> Grown<M>;
 
     /// Looks at the triangles of a leaf. Whether it goes on.
     fn leaf(&mut self, index: usize) -> bool;
@@ -358,7 +374,7 @@ impl Wide {
                 continue;
             }
             let node = &self.nodes[at];
-            let (mask, nears) = ray.enter(machine, node, visitor.grown(near), visitor.limit());
+            let (mask, nears) = ray.enter(machine, node, &visitor.grown(near), visitor.limit());
             if mask == 0 {
                 continue;
             }

@@ -9,7 +9,7 @@ use super::walk::{LightSample, SkySample, Vertex, Work};
 use super::walk::{Path, Seen, Walk};
 use crate::accel::NOTHING;
 use crate::model::V3;
-use crate::model::camera::CameraRay;
+use crate::model::camera::{CameraGradient, CameraRay};
 use crate::model::cone::bend_backward;
 use crate::model::emitter::Emission;
 
@@ -98,8 +98,10 @@ impl View {
     #[inline(always)]
     pub(super) fn camera_backward(&self, camera: &CameraRay, by: RayGradient, sums: &mut Sums) {
         if self.wanted.camera {
+            let mut gradient = CameraGradient::default();
             self.camera
-                .ray_backward(camera, by.origin, by.direction, &mut sums.camera);
+                .ray_backward(camera, by.origin, by.direction, &mut gradient);
+            sums.camera += gradient.into();
         }
     }
 

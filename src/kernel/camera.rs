@@ -4,8 +4,10 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::gradient::CameraSums;
 use crate::error::Result;
-use crate::model::camera::{Camera as Model, CameraGradient};
+use crate::model::Pair;
+use crate::model::camera::{Camera as Model, Dual};
 use crate::scene::{Camera, ParameterId, Projection, SceneFrame};
 
 #[derive(Clone, Copy, Debug)]
@@ -117,7 +119,7 @@ impl HostCamera {
         let [across, upward] = [f.right * f.scale[0], f.up * f.scale[1]];
         let forward = f.forward + f.right * f.shift[0] + f.up * f.shift[1];
         // The unit vectors are at right angles, so the inverse is this.
-        let dual = [
+        let [x, y, z] = [
             (f.right - f.forward * f.shift[0]) / f.scale[0],
             (f.up - f.forward * f.shift[1]) / f.scale[1],
             f.forward,
@@ -127,12 +129,19 @@ impl HostCamera {
             None => (0.0, 0.0),
         };
         Model {
-            eye: inner.inner(self.eye).as_vec3(),
-            across: across.as_vec3(),
-            upward: upward.as_vec3(),
-            forward: forward.as_vec3(),
-            dual: dual.map(|v| v.as_vec3()),
-            lens: [f.right, f.up].map(|axis| (axis * aperture).as_vec3()),
+            eye: inner.inner(self.eye).into(),
+            across: across.into(),
+            upward: upward.into(),
+            forward: forward.into(),
+            dual: Dual {
+                x: x.into(),
+                y: y.into(),
+                z: z.into(),
+            },
+            lens: Pair {
+                first: (f.right * aperture).into(),
+                second: (f.up * aperture).into(),
+            },
             aperture: aperture as f32,
             per_focus: per_focus as f32,
             parallel: matches!(self.projection, HostProjection::Orthographic { .. }),
@@ -145,7 +154,7 @@ impl HostCamera {
     /// image of `aspect` (width over height).
     pub fn backward(
         &self,
-        g: &CameraGradient,
+        g: &CameraSums,
         unit: f64,
         aspect: f64,
         places: &[(ParameterId, Range<usize>)],

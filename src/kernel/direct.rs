@@ -46,9 +46,10 @@ impl View {
         let emitters = &self.scene.emitters;
         let x = from.point.position;
         let (k, chance, u) = emitters.choose(x, from.time, u, &mut work.chances);
+        let on = uniform_point(u, v);
         self.connect(
             from,
-            (k, uniform_point(u, v), chance),
+            (k, [on.x, on.y], chance),
             along.map(|_| false),
             cone,
             work,

@@ -77,6 +77,43 @@ pub(crate) struct TriangleSums {
     pub area: f64,
 }
 
+/// Derivatives by what a camera is made of ([`CameraGradient`]).
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct CameraSums {
+    pub eye: DVec3,
+    pub across: DVec3,
+    pub upward: DVec3,
+    pub forward: DVec3,
+    pub lens: [DVec3; 2],
+    pub per_focus: f64,
+}
+
+impl AddAssign for CameraSums {
+    fn add_assign(&mut self, o: Self) {
+        self.eye += o.eye;
+        self.across += o.across;
+        self.upward += o.upward;
+        self.forward += o.forward;
+        self.lens[0] += o.lens[0];
+        self.lens[1] += o.lens[1];
+        self.per_focus += o.per_focus;
+    }
+}
+
+impl From<CameraGradient> for CameraSums {
+    #[inline(always)]
+    fn from(g: CameraGradient) -> Self {
+        Self {
+            eye: g.eye.into(),
+            across: g.across.into(),
+            upward: g.upward.into(),
+            forward: g.forward.into(),
+            lens: [g.lens.first.into(), g.lens.second.into()],
+            per_focus: g.per_focus.into(),
+        }
+    }
+}
+
 /// Sums of derivatives. What is not asked for may be empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sums {
@@ -90,7 +127,7 @@ pub(crate) struct Sums {
     pub materials: Vec<[DVec3; CHANNELS]>,
     pub texels: Vec<DVec3>,
     pub sky: Vec<DVec3>,
-    pub camera: CameraGradient,
+    pub camera: CameraSums,
 }
 
 fn add_each<T: Copy + AddAssign>(to: &mut [T], from: &[T]) {
@@ -118,7 +155,7 @@ impl Sums {
             materials: vec![[DVec3::ZERO; CHANNELS]; scene.materials.len()],
             texels: zeros(wanted.materials, scene.texels.len()),
             sky: zeros(wanted.sky, scene.sky.len()),
-            camera: CameraGradient::default(),
+            camera: CameraSums::default(),
         }
     }
 

@@ -226,7 +226,7 @@ impl View {
             work.counts.add_bounce(bounce);
             if hit.triangle != NOTHING {
                 let time = paths[i as usize].time;
-                walk.arrive(scene.point(hit, ray.origin, walk.bend.direction, time));
+                walk.arrive(scene.point(hit, ray.origin.into(), walk.bend.direction, time));
                 walks.alive[count] = i;
                 count += 1;
             } else if self.sees_sky {
@@ -305,7 +305,7 @@ impl View {
         if scatter.weight == V3::ZERO {
             return None;
         }
-        walk.throughput *= scatter.weight;
+        walk.throughput = walk.throughput * scatter.weight;
         let mut survival = 1.0;
         if !last
             && self

@@ -70,9 +70,7 @@ impl KernelScene {
         for (i, o) in scene.objects.iter().enumerate() {
             let velocity = DVec3::from(o.velocity.unwrap_or([0.0; 3])) / frame.unit;
             lists.add_object(scene, i, &frame, velocity);
-            velocities
-                .iter_mut()
-                .for_each(|v| v.push(velocity.as_vec3()));
+            velocities.iter_mut().for_each(|v| v.push(velocity.into()));
         }
         let Lists {
             triangles,
@@ -215,12 +213,12 @@ impl Lists {
         t.valid &= area > 1e-35 && area.is_finite();
         let (mut normal, mut plane, mut own) = (v3(0.0, 0.0, 1.0), 0.0, 0.0);
         if t.valid {
-            normal = t.normal.as_vec3();
+            normal = t.normal.into();
             plane = t.normal.dot(t.corners[0]) as f32;
             own = area;
         }
         self.triangles.push(Triangle {
-            corners: corners.map(|c| c.as_vec3()),
+            corners: corners.map(|c| c.into()),
             normal,
             plane,
             area: own,
@@ -235,7 +233,7 @@ impl Lists {
 fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
     match colour {
         HostTexture::Constant(c) => Colour {
-            constant: DVec3::from(*c).as_vec3(),
+            constant: DVec3::from(*c).into(),
             texture: None,
         },
         HostTexture::Image {

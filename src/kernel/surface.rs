@@ -252,7 +252,8 @@ impl View {
             return V3::ZERO;
         }
         let tri = &self.scene.triangles[k];
-        let [slope_b, slope_c] = barycentric_slopes(tri.corners, tri.normal, tri.area);
-        slope_b * by_b + slope_c * by_c
+        let [a, b, c] = tri.corners;
+        let slopes = barycentric_slopes(a, b, c, tri.normal, tri.area);
+        slopes.first * by_b + slopes.second * by_c
     }
 }

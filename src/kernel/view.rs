@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use super::camera::HostCamera;
 use super::edges::EdgeSets;
+use super::gradient::CameraSums;
 use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
-use crate::model::camera::{Camera, CameraGradient};
+use crate::model::camera::Camera;
 use crate::model::cone::{Bend, bend};
 use crate::model::filter::PixelFilter;
-use crate::model::frame::sin_cos_of_turns;
+use crate::model::frame::{SinCos, sin_cos_of_turns};
 use crate::sampling::{Numbers, Sampler};
 use crate::scene::ParameterId;
 
@@ -112,7 +113,7 @@ impl View {
     /// Adds the derivatives by parameters of the camera at their places.
     pub fn write_camera(
         &self,
-        sums: &CameraGradient,
+        sums: &CameraSums,
         places: &[(ParameterId, Range<usize>)],
         all: &mut [f64],
     ) {
@@ -144,7 +145,7 @@ impl View {
             return [0.0; 2];
         }
         let [radius, angle] = numbers.lens();
-        let [sin, cos] = sin_cos_of_turns(angle);
+        let SinCos { sin, cos } = sin_cos_of_turns(angle);
         [radius.sqrt() * cos, radius.sqrt() * sin]
     }
 

@@ -6,15 +6,21 @@
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
-use super::V3;
 use super::frame::{from_local, from_local_backward, sin_cos_of_turns};
-use super::v3;
+use super::{Pair, V3, splat, v3};
 use crate::scene::{CHANNELS, Channel, MaterialKind};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
 
 #[cfg(test)]
 mod tests;
 
 /// A shaded point: directions, and what its material is there.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shading {
     /// Unit normals on the side that the ray came from.
@@ -33,11 +39,16 @@ pub(crate) struct Shading {
     /// Two normals, about one of which directions are drawn in place of its own: those of both faces of a
     /// crease, so that a path on either side goes the same way and their difference is as small as the
     /// crease is flat.
-    pub pair: [V3; 2],
+    pub pair: Pair,
     pub paired: bool,
 }
 
 /// Derivatives by what a shaded point is made of.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ShadingGradient {
     pub geometric: V3,
@@ -61,6 +72,11 @@ impl ShadingGradient {
 }
 
 /// A direction drawn from the BSDF.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Scatter {
     pub direction: V3,
@@ -93,7 +109,11 @@ impl Shading {
             ..Self::default()
         }
     }
+}
 
+#[cfg_attr(feature = "wgpu", cube)]
+impl Shading {
+    /// The mirror direction.
     #[inline(always)]
     pub fn mirror(&self) -> V3 {
         self.mirror_about(self.normal)
@@ -157,6 +177,7 @@ impl Shading {
         self.specular * (lobe * (self.exponent + 2.0) / TAU * self.cosine(outgoing))
     }
 
+    /// f·cos θ.
     #[inline(always)]
     pub fn evaluate(&self, outgoing: V3) -> V3 {
         let mut f = self.matt(outgoing);
@@ -170,7 +191,7 @@ impl Shading {
     #[inline(always)]
     pub fn evaluate_backward(&self, outgoing: V3, g: V3, gradient: &mut ShadingGradient) -> V3 {
         let cosine = self.cosine(outgoing);
-        let mut by_outgoing = V3::ZERO;
+        let mut by_outgoing = splat(0.0);
         if cosine > 0.0 {
             gradient.diffuse += g * (cosine * FRAC_1_PI);
             let mut by_cosine = g.dot(self.diffuse) * FRAC_1_PI;
@@ -193,7 +214,7 @@ impl Shading {
     fn lobe_backward(&self, outgoing: V3, lobe: f32, g: f32, gradient: &mut ShadingGradient) -> V3 {
         let mirror = self.mirror();
         let c = mirror.dot(outgoing);
-        let mut by_outgoing = V3::ZERO;
+        let mut by_outgoing = splat(0.0);
         if c > LEAST && c <= 1.0 {
             gradient.exponent += g * lobe * c.ln();
             let by_c = g * lobe * self.exponent / c;
@@ -206,15 +227,12 @@ impl Shading {
     /// The density per solid angle with which [`Shading::sample`] draws a direction.
     #[inline(always)]
     pub fn density(&self, outgoing: V3) -> f32 {
-        let mut density = 0.0;
         if self.paired {
-            for normal in self.pair {
-                density += 0.5 * self.density_about(normal, outgoing);
-            }
+            0.5 * self.density_about(self.pair.first, outgoing)
+                + 0.5 * self.density_about(self.pair.second, outgoing)
         } else {
-            density = self.density_about(self.normal, outgoing);
+            self.density_about(self.normal, outgoing)
         }
-        density
     }
 
     #[inline(always)]
@@ -235,37 +253,44 @@ impl Shading {
         let lobe = phong(self.exponent, self.mirror().dot(outgoing));
         let specular = lobe * (self.exponent + 1.0) / TAU * gloss;
         let matt = self.normal.dot(outgoing).max(0.0) * FRAC_1_PI * (1.0 - gloss);
-        let own = if of_gloss { specular } else { matt };
+        let mut own = matt;
+        if of_gloss {
+            own = specular;
+        }
         own / (specular + matt).max(IMPOSSIBLE)
     }
 
     /// Draws a lobe in proportion to its albedo, and a direction from it.
     #[inline(always)]
     pub fn sample(&self, u: f32, v: f32, lobe: f32) -> Scatter {
-        let [sin, cos] = sin_cos_of_turns(v);
+        let turn = sin_cos_of_turns(v);
         let of_gloss = self.glossy && lobe < self.gloss();
-        let (mut u, mut normal) = (u, self.normal);
+        let mut height = u;
+        let mut normal = self.normal;
         if self.paired {
-            let first = u < 0.5;
-            normal = self.pair[usize::from(!first)];
-            u = 2.0 * u - if first { 0.0 } else { 1.0 };
+            normal = self.pair.first;
+            height = 2.0 * u;
+            if u >= 0.5 {
+                normal = self.pair.second;
+                height -= 1.0;
+            }
         }
         let mut axis = normal;
-        let mut sine = u.sqrt();
-        let mut cosine = (1.0 - u).max(0.0).sqrt();
+        let mut sine = height.sqrt();
+        let mut cosine = (1.0 - height).max(0.0).sqrt();
         if of_gloss {
             axis = self.mirror_about(normal);
-            let log = u.clamp(LEAST, 1.0 - LEAST).ln() / (self.exponent + 1.0);
+            let log = height.clamp(LEAST, 1.0 - LEAST).ln() / (self.exponent + 1.0);
             cosine = log.exp();
             sine = (-(2.0 * log).exp_m1()).max(LEAST).sqrt();
         }
-        let local = v3(sine * cos, sine * sin, cosine);
+        let local = v3(sine * turn.cos, sine * turn.sin, cosine);
         let direction = from_local(axis, local);
         // Without gloss, on a flat surface, f·cos θ over the density is k_d, whatever the direction.
         let mut weight = self.diffuse;
         if self.glossy || self.smooth || self.paired {
             let density = self.density(direction);
-            weight = V3::ZERO;
+            weight = splat(0.0);
             if density > IMPOSSIBLE {
                 weight = self.evaluate(direction) * (1.0 / density);
             }
@@ -275,7 +300,7 @@ impl Shading {
             weight,
             local,
             of_gloss,
-            u,
+            u: height,
             v,
         }
     }
@@ -290,53 +315,53 @@ impl Shading {
         gradient: &mut ShadingGradient,
     ) {
         let direction = s.direction;
-        let mut by_direction = by_direction;
+        let mut by_drawn = by_direction;
         if !self.glossy && !self.smooth {
             gradient.diffuse += g;
         } else {
             let density = self.density(direction);
             if density > IMPOSSIBLE {
-                by_direction += self.evaluate_backward(direction, g * (1.0 / density), gradient);
+                by_drawn += self.evaluate_backward(direction, g * (1.0 / density), gradient);
                 let by_density = -g.dot(s.weight) / density;
                 let gloss = self.gloss();
                 if self.normal.dot(direction) > 0.0 {
                     let by_cosine = by_density * (1.0 - gloss) * FRAC_1_PI;
                     gradient.normal += direction * by_cosine;
-                    by_direction += self.normal * by_cosine;
+                    by_drawn += self.normal * by_cosine;
                 }
                 let lobe = phong(self.exponent, self.mirror().dot(direction));
                 gradient.exponent += by_density * lobe * gloss / TAU;
                 let by_lobe = by_density * (self.exponent + 1.0) / TAU * gloss;
-                by_direction += self.lobe_backward(direction, lobe, by_lobe, gradient);
+                by_drawn += self.lobe_backward(direction, lobe, by_lobe, gradient);
             }
         }
-        self.direction_backward(s, by_direction, gradient);
+        self.direction_backward(s, by_drawn, gradient);
     }
 
     /// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
     #[inline(always)]
     pub fn direction_backward(&self, s: &Scatter, g: V3, gradient: &mut ShadingGradient) {
         if s.of_gloss {
-            let [by_axis, by_local] = from_local_backward(self.mirror(), s.local, g);
-            self.mirror_backward(by_axis, gradient);
-            let [sin, cos] = sin_cos_of_turns(s.v);
+            let by = from_local_backward(self.mirror(), s.local, g);
+            self.mirror_backward(by.axis, gradient);
+            let turn = sin_cos_of_turns(s.v);
             let log = s.u.clamp(LEAST, 1.0 - LEAST).ln() / (self.exponent + 1.0);
             let square = (2.0 * log).exp();
-            let mut by_log = by_local.z * log.exp();
+            let mut by_log = by.local.z * log.exp();
             let rest = -(2.0 * log).exp_m1();
             if rest > LEAST {
-                let by_sine = by_local.x * cos + by_local.y * sin;
+                let by_sine = by.local.x * turn.cos + by.local.y * turn.sin;
                 by_log -= by_sine * square / rest.sqrt();
             }
             gradient.exponent -= by_log * log / (self.exponent + 1.0);
         } else {
-            let [by_axis, _] = from_local_backward(self.normal, s.local, g);
-            gradient.normal += by_axis;
+            gradient.normal += from_local_backward(self.normal, s.local, g).axis;
         }
     }
 }
 
 /// cosⁿα, 0 for α over 90°.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn phong(exponent: f32, cosine: f32) -> f32 {
     let mut lobe = 0.0;

@@ -6,13 +6,16 @@
 //! y·upward. The three vectors are any basis, so a field of view, a principal point and pixels that are not
 //! square are all in them, and a point is projected by the inverse of the basis.
 
-use std::ops::AddAssign;
-
-use glam::DVec3;
-
-use super::V3;
+use super::{Pair, V2, V3};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
 
 /// A camera in a scene's inner units.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Camera {
     pub eye: V3,
@@ -20,9 +23,9 @@ pub(crate) struct Camera {
     pub upward: V3,
     pub forward: V3,
     /// The rows of the inverse of (across, upward, forward).
-    pub dual: [V3; 3],
+    pub dual: Dual,
     /// The lens's axes, as long as its radius; 0 for a pinhole.
-    pub lens: [V3; 2],
+    pub lens: Pair,
     /// Radius of the lens.
     pub aperture: f32,
     /// 1 over the distance of the focus plane, 0 for a pinhole.
@@ -33,30 +36,41 @@ pub(crate) struct Camera {
     pub height: f32,
 }
 
-/// Derivatives by what a camera is made of.
+/// Rows of the inverse of a basis.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct CameraGradient {
-    pub eye: DVec3,
-    pub across: DVec3,
-    pub upward: DVec3,
-    pub forward: DVec3,
-    pub lens: [DVec3; 2],
-    pub per_focus: f64,
+pub(crate) struct Dual {
+    pub x: V3,
+    pub y: V3,
+    pub z: V3,
 }
 
-impl AddAssign for CameraGradient {
-    fn add_assign(&mut self, o: Self) {
-        self.eye += o.eye;
-        self.across += o.across;
-        self.upward += o.upward;
-        self.forward += o.forward;
-        self.lens[0] += o.lens[0];
-        self.lens[1] += o.lens[1];
-        self.per_focus += o.per_focus;
-    }
+/// Derivatives by what a camera is made of.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct CameraGradient {
+    pub eye: V3,
+    pub across: V3,
+    pub upward: V3,
+    pub forward: V3,
+    pub lens: Pair,
+    pub per_focus: f32,
 }
 
 /// A ray from a point of the lens (on the unit disk) through a point of the film.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CameraRay {
     pub origin: V3,
@@ -70,13 +84,14 @@ pub(crate) struct CameraRay {
     pub lens_y: f32,
 }
 
+#[cfg_attr(feature = "wgpu", cube)]
 impl Camera {
     /// The ray through a film point in pixels.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32, lens_x: f32, lens_y: f32) -> CameraRay {
-        let x = (2.0 * x - self.width) / self.height;
-        let y = 1.0 - 2.0 * y / self.height;
-        let beside = self.across * x + self.upward * y;
+        let film_x = (2.0 * x - self.width) / self.height;
+        let film_y = 1.0 - 2.0 * y / self.height;
+        let beside = self.across * film_x + self.upward * film_y;
         let mut origin = self.eye + beside;
         let mut along = self.forward;
         if !self.parallel {
@@ -89,11 +104,17 @@ impl Camera {
             origin,
             direction: along * (1.0 / length),
             length,
-            x,
-            y,
+            x: film_x,
+            y: film_y,
             lens_x,
             lens_y,
         }
+    }
+
+    /// The point of the lens, relative to its middle.
+    #[inline(always)]
+    pub fn lens_point(&self, lens_x: f32, lens_y: f32) -> V3 {
+        self.lens.first * lens_x + self.lens.second * lens_y
     }
 
     /// Adds the derivatives of g_o·origin + g_d·direction.
@@ -104,31 +125,22 @@ impl Camera {
         if !self.parallel {
             by_beside = by_along;
             let by_lens = g_o - by_along * self.per_focus;
-            gradient.lens[0] += DVec3::from(by_lens * ray.lens_x);
-            gradient.lens[1] += DVec3::from(by_lens * ray.lens_y);
-            let on_lens = self.lens_point(ray.lens_x, ray.lens_y);
-            gradient.per_focus -= f64::from(by_along.dot(on_lens));
+            gradient.lens.first += by_lens * ray.lens_x;
+            gradient.lens.second += by_lens * ray.lens_y;
+            gradient.per_focus -= by_along.dot(self.lens_point(ray.lens_x, ray.lens_y));
         }
-        gradient.eye += DVec3::from(g_o);
-        gradient.across += DVec3::from(by_beside * ray.x);
-        gradient.upward += DVec3::from(by_beside * ray.y);
-        gradient.forward += DVec3::from(by_along);
+        gradient.eye += g_o;
+        gradient.across += by_beside * ray.x;
+        gradient.upward += by_beside * ray.y;
+        gradient.forward += by_along;
     }
+}
 
-    /// The point of the lens, relative to its middle.
-    #[inline(always)]
-    pub fn lens_point(&self, lens_x: f32, lens_y: f32) -> V3 {
-        self.lens[0] * lens_x + self.lens[1] * lens_y
-    }
-
+impl Camera {
     /// Coordinates of a vector in the camera's basis; the third is the depth.
     #[inline(always)]
     pub fn local(&self, r: V3) -> [f32; 3] {
-        [
-            self.dual[0].dot(r),
-            self.dual[1].dot(r),
-            self.dual[2].dot(r),
-        ]
+        [self.dual.x.dot(r), self.dual.y.dot(r), self.dual.z.dot(r)]
     }
 
     /// The start of the ray from a point of the lens to a point of space.
@@ -136,7 +148,7 @@ impl Camera {
     pub fn origin_towards(&self, point: V3, lens_x: f32, lens_y: f32) -> V3 {
         let mut origin = self.eye + self.lens_point(lens_x, lens_y);
         if self.parallel {
-            origin = point - self.forward * self.dual[2].dot(point - self.eye);
+            origin = point - self.forward * self.dual.z.dot(point - self.eye);
         }
         origin
     }
@@ -153,16 +165,16 @@ impl Camera {
 
     /// The film point, in pixels, that sees a point of space from a point of the lens. The depth has to be positive.
     #[inline(always)]
-    pub fn project(&self, point: V3, lens_x: f32, lens_y: f32) -> [f32; 2] {
+    pub fn project(&self, point: V3, lens_x: f32, lens_y: f32) -> V2 {
         let lens = self.lens_point(lens_x, lens_y);
         let [u, v, depth] = self.local(point - self.eye - lens);
         let inverse = self.per_depth(depth);
-        let x = u * inverse + self.dual[0].dot(lens) * self.per_focus;
-        let y = v * inverse + self.dual[1].dot(lens) * self.per_focus;
-        [
-            0.5 * (self.width + x * self.height),
-            0.5 * (1.0 - y) * self.height,
-        ]
+        let x = u * inverse + self.dual.x.dot(lens) * self.per_focus;
+        let y = v * inverse + self.dual.y.dot(lens) * self.per_focus;
+        V2 {
+            x: 0.5 * (self.width + x * self.height),
+            y: 0.5 * (1.0 - y) * self.height,
+        }
     }
 
     /// The vector by which the film point moves, in pixels, while the point of space moves along a vector.
@@ -205,17 +217,17 @@ impl Camera {
         }
         // Coordinates are the inverse of the basis times a vector: their change by a vector of the basis
         // is −the inverse times it, times the coordinate.
-        let by_r = self.dual[0] * a + self.dual[1] * b + self.dual[2] * c;
-        let by_shift = (self.dual[0] * g_x + self.dual[1] * g_y) * self.per_focus;
+        let by_r = self.dual.x * a + self.dual.y * b + self.dual.z * c;
+        let by_shift = (self.dual.x * g_x + self.dual.y * g_y) * self.per_focus;
         let on_lens = self.local(lens);
-        gradient.across -= DVec3::from(by_r * r[0] + by_shift * on_lens[0]);
-        gradient.upward -= DVec3::from(by_r * r[1] + by_shift * on_lens[1]);
-        gradient.forward -= DVec3::from(by_r * r[2] + by_shift * on_lens[2]);
-        gradient.eye -= DVec3::from(by_r);
+        gradient.across -= by_r * r[0] + by_shift * on_lens[0];
+        gradient.upward -= by_r * r[1] + by_shift * on_lens[1];
+        gradient.forward -= by_r * r[2] + by_shift * on_lens[2];
+        gradient.eye -= by_r;
         let by_lens = by_shift - by_r;
-        gradient.lens[0] += DVec3::from(by_lens * lens_x);
-        gradient.lens[1] += DVec3::from(by_lens * lens_y);
-        gradient.per_focus += f64::from(g_x * on_lens[0] + g_y * on_lens[1]);
+        gradient.lens.first += by_lens * lens_x;
+        gradient.lens.second += by_lens * lens_y;
+        gradient.per_focus += g_x * on_lens[0] + g_y * on_lens[1];
         by_r
     }
 }
@@ -229,11 +241,11 @@ mod tests {
         /// The inverse of its basis.
         fn inverted(mut self) -> Self {
             let volume = 1.0 / self.across.dot(self.upward.cross(self.forward));
-            self.dual = [
-                self.upward.cross(self.forward) * volume,
-                self.forward.cross(self.across) * volume,
-                self.across.cross(self.upward) * volume,
-            ];
+            self.dual = Dual {
+                x: self.upward.cross(self.forward) * volume,
+                y: self.forward.cross(self.across) * volume,
+                z: self.across.cross(self.upward) * volume,
+            };
             self
         }
     }
@@ -252,13 +264,16 @@ mod tests {
             across: right * 0.5,
             upward: up * 0.4,
             forward: forward + shift,
-            lens: [right * aperture, up * aperture],
+            lens: Pair {
+                first: right * aperture,
+                second: up * aperture,
+            },
             aperture,
             per_focus: if aperture > 0.0 { 0.4 } else { 0.0 },
             parallel,
             width: 60.0,
             height: 40.0,
-            dual: [V3::ZERO; 3],
+            dual: Dual::default(),
         }
         .inverted()
     }
@@ -272,7 +287,7 @@ mod tests {
             let ray = c.ray(13.0, 29.0, 0.4, -0.6);
             let point = ray.origin + ray.direction * 3.7;
             let found = c.project(point, 0.4, -0.6);
-            assert!((found[0] - 13.0).abs() < 1e-3 && (found[1] - 29.0).abs() < 1e-3);
+            assert!((found.x - 13.0).abs() < 1e-3 && (found.y - 29.0).abs() < 1e-3);
             let origin = c.origin_towards(point, 0.4, -0.6);
             assert!((origin - ray.origin).length() < 1e-5, "{origin:?}");
             let (p, along) = (v3(0.2, 0.1, -1.0), v3(0.3, -0.2, 0.5));
@@ -282,8 +297,8 @@ mod tests {
                 c.project(p - along * h, 0.4, -0.6),
             );
             let got = c.project_along(p, along, 0.4, -0.6);
-            assert!((got[0] - (a[0] - b[0]) / (2.0 * h)).abs() < 2e-2, "{got:?}");
-            assert!((got[1] - (a[1] - b[1]) / (2.0 * h)).abs() < 2e-2, "{got:?}");
+            assert!((got[0] - (a.x - b.x) / (2.0 * h)).abs() < 2e-2, "{got:?}");
+            assert!((got[1] - (a.y - b.y) / (2.0 * h)).abs() < 2e-2, "{got:?}");
         }
     }
 
@@ -300,13 +315,13 @@ mod tests {
             };
             let of_film = |c: &Camera| {
                 let f = c.inverted().project(p, 0.4, -0.6);
-                f64::from(g[0] * f[0] + g[1] * f[1])
+                f64::from(g[0] * f.x + g[1] * f.y)
             };
             let mut by_ray = CameraGradient::default();
             c.ray_backward(&c.ray(13.0, 29.0, 0.4, -0.6), g_o, g_d, &mut by_ray);
             let mut by_film = CameraGradient::default();
             c.project_backward(p, 0.4, -0.6, g, &mut by_film);
-            type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f64);
+            type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f32);
             let numbers: [Number; 12] = [
                 (|c| &mut c.eye.x, |g| g.eye.x),
                 (|c| &mut c.eye.z, |g| g.eye.z),
@@ -316,9 +331,9 @@ mod tests {
                 (|c| &mut c.across.z, |g| g.across.z),
                 (|c| &mut c.upward.y, |g| g.upward.y),
                 (|c| &mut c.upward.z, |g| g.upward.z),
-                (|c| &mut c.lens[0].x, |g| g.lens[0].x),
-                (|c| &mut c.lens[0].z, |g| g.lens[0].z),
-                (|c| &mut c.lens[1].y, |g| g.lens[1].y),
+                (|c| &mut c.lens.first.x, |g| g.lens.first.x),
+                (|c| &mut c.lens.first.z, |g| g.lens.first.z),
+                (|c| &mut c.lens.second.y, |g| g.lens.second.y),
                 (|c| &mut c.per_focus, |g| g.per_focus),
             ];
             for (i, (number, gradient)) in numbers.into_iter().enumerate() {
@@ -335,7 +350,7 @@ mod tests {
                     *number(&mut a) += h;
                     *number(&mut b) -= h;
                     let wanted = (f(&a) - f(&b)) / (2.0 * f64::from(h));
-                    let got = gradient(by);
+                    let got = f64::from(gradient(by));
                     let scale = wanted.abs().max(0.1);
                     assert!(
                         (got - wanted).abs() < 1e-2 * scale,

@@ -1,10 +1,17 @@
 //! Rays of a cone about an axis, and where rays start and end.
 
-use super::V3;
 use super::filter::disk_kernel;
 use super::frame::frame;
+use super::{V3, splat};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
 
 /// A ray of a cone, and how it follows from the axis.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Bend {
     /// The vector that was added to the axis, across it.
@@ -17,53 +24,53 @@ pub(crate) struct Bend {
 
 /// A direction of the cone of a half-angle (given by its tangent) about a unit axis: the axis plus an
 /// offset across it, not yet of unit length.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn cone_offset(axis: V3, tangent: f32, u: f32, v: f32) -> V3 {
-    let [x, y] = disk_kernel(u, v);
+    let p = disk_kernel(u, v);
     let f = frame(axis);
-    (f.tangent * x + f.bitangent * y) * tangent
+    (f.tangent * p.x + f.bitangent * p.y) * tangent
 }
 
 /// A ray of a cone, on the outer side of the surface with a normal that it leaves.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
-    if tangent == 0.0 {
-        return Bend {
-            direction: axis,
-            ..Bend::default()
-        };
+    let mut offset = splat(0.0);
+    let mut mirrored = false;
+    let mut direction = axis;
+    if tangent != 0.0 {
+        offset = cone_offset(axis, tangent, u, v);
+        direction = (axis + offset).normalize();
+        let along = direction.dot(normal);
+        mirrored = along < 0.0;
+        direction -= normal * (2.0 * along.min(0.0));
     }
-    let offset = cone_offset(axis, tangent, u, v);
-    let direction = (axis + offset).normalize();
-    let along = direction.dot(normal);
-    let mirrored = along < 0.0;
     Bend {
         offset,
         mirrored,
-        direction: if mirrored {
-            direction - normal * (2.0 * along)
-        } else {
-            direction
-        },
+        direction,
     }
 }
 
 /// Turns derivatives by a ray of a cone into those by the cone's axis; the offset across it stays as it is.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal: &mut V3) -> V3 {
-    if bend.offset == V3::ZERO {
-        return g;
+    let mut by_axis = g;
+    if !bend.offset.is_zero() {
+        let bent = axis + bend.offset;
+        let inverse = 1.0 / bent.length();
+        let direction = bent * inverse;
+        if bend.mirrored {
+            let along = direction.dot(normal);
+            let through = g.dot(normal);
+            *by_normal -= g * (2.0 * along) + direction * (2.0 * through);
+            by_axis -= normal * (2.0 * through);
+        }
+        by_axis = by_axis.reject_from_normalized(direction) * inverse;
     }
-    let bent = axis + bend.offset;
-    let inverse = 1.0 / bent.length();
-    let direction = bent * inverse;
-    let mut g = g;
-    if bend.mirrored {
-        let along = direction.dot(normal);
-        *by_normal -= g * (2.0 * along) + direction * (2.0 * g.dot(normal));
-        g -= normal * (2.0 * g.dot(normal));
-    }
-    g.reject_from_normalized(direction) * inverse
+    by_axis
 }
 
 /// Cosine and sine of the half-angle of a cone, less wide than 180°, that is widened by an angle given by
@@ -79,22 +86,27 @@ const LIFT: f32 = 1e-6;
 /// Shadow rays end this much before the light's plane, over the largest coordinate.
 const END: f32 = 2e-6;
 
+/// Rays whose cosine with a plane's normal is greater do not come to it.
+const GRAZING: f32 = -1e-6;
+
 /// The start of rays that leave a surface point on the side of a normal.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn lifted(position: V3, normal: V3) -> V3 {
     position + normal * (LIFT * (0.1 + position.abs().max_element()))
 }
 
 /// The distance after which a ray comes to the plane of a light through a point, but for rounding.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn up_to_plane(start: V3, direction: V3, normal: V3, light: V3) -> f32 {
     let cosine = normal.dot(direction);
-    if cosine > -1e-6 {
-        return f32::INFINITY;
+    if cosine <= GRAZING {
+        let size = 1.0 + light.abs().max_element() + start.abs().max_element();
+        (normal.dot(light - start) + END * size) / cosine
+    } else {
+        f32::MAX
     }
-    let distance = normal.dot(light - start) / cosine;
-    let size = 1.0 + light.abs().max_element() + start.abs().max_element();
-    distance - END * size / (-cosine)
 }
 
 #[cfg(test)]

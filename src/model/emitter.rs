@@ -4,6 +4,8 @@ use glam::DVec3;
 
 use super::V3;
 use crate::scene::{CHANNELS, Channel};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
 
 /// The emission of a surface.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +47,11 @@ impl Emission {
 }
 
 /// A point of an emitter as a surface point sees it.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightPoint {
     /// The unit vector from the surface point to it.
@@ -56,20 +63,27 @@ pub(crate) struct LightPoint {
 }
 
 /// Derivatives by a point of an emitter, less those by the point that sees it; by its normal and area.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct LightGradient {
     pub position: V3,
     pub normal: V3,
     pub area: f32,
 }
 
+#[cfg_attr(feature = "wgpu", cube)]
 impl LightPoint {
     /// For the vector to it and the normal of its front.
     #[inline(always)]
-    pub fn new(to: V3, normal: V3) -> Self {
-        let squared = to.length_squared().max(f32::MIN_POSITIVE);
+    pub fn new(to: V3, normal: V3) -> LightPoint {
+        let squared = to.length_squared().max(1e-37);
         let distance = squared.sqrt();
         let direction = to * (1.0 / distance);
-        Self {
+        LightPoint {
             direction,
             distance,
             squared,
@@ -93,13 +107,13 @@ impl LightPoint {
         by_direction: V3,
     ) -> LightGradient {
         let by_facing = by_angle * area / self.squared;
-        let by_direction = by_direction - normal * by_facing;
+        let towards = by_direction - normal * by_facing;
         // The length that the direction was divided by, and r².
-        let mut by_to = by_direction.reject_from_normalized(self.direction);
+        let mut by_to = towards.reject_from_normalized(self.direction);
         by_to -= self.direction * (2.0 * by_facing * self.facing);
         LightGradient {
             position: by_to * (1.0 / self.distance),
-            normal: -self.direction * by_facing,
+            normal: self.direction * (-by_facing),
             area: by_angle * self.facing / self.squared,
         }
     }
@@ -107,9 +121,13 @@ impl LightPoint {
 
 /// The divisor of a sample where two strategies with densities a and b are combined: w₁ = p₁²/(p₁² + p₂²)
 /// makes it (p₁² + p₂²)/p₁ (the power heuristic, Veach and Guibas 1995).
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn power_heuristic(a: f32, b: f32, is_b: bool) -> f32 {
-    let own = if is_b { b } else { a };
+    let mut own = a;
+    if is_b {
+        own = b;
+    }
     (a * a + b * b) / own.max(1e-20)
 }
 
@@ -138,12 +156,13 @@ mod tests {
         let (n, mut mean) = (200, 0.0);
         for i in 0..n * n {
             let [u, v] = [i % n, i / n].map(|i| (i as f32 + 0.5) / n as f32);
-            let [b, c] = uniform_point(u, v);
+            let on = uniform_point(u, v);
+            let (b, c) = (on.x, on.y);
             let point = at(CORNERS, [1.0 - b - c, b, c]);
             let seen = LightPoint::new(point, cross.normalize());
             mean += f64::from(seen.solid_angle(0.5 * cross.length())) / f64::from(n * n);
         }
-        let wanted = f64::from(solid_angle(CORNERS, V3::ZERO));
+        let wanted = f64::from(solid_angle(CORNERS[0], CORNERS[1], CORNERS[2], V3::ZERO));
         assert!((mean / wanted - 1.0).abs() < 1e-3, "{mean} {wanted}");
     }
 
@@ -158,7 +177,7 @@ mod tests {
         let seen = LightPoint::new(to, normal);
         let found = seen.backward(normal, area, by_angle, by_direction);
         let h = 1e-2;
-        for step in [V3::X, V3::Y, V3::Z] {
+        for step in V3::AXES {
             let d = step * h;
             let by_to = (value(to + d, normal, area) - value(to - d, normal, area)) / (2.0 * h);
             assert!((found.position.dot(step) - by_to).abs() < 1e-3, "{by_to}");
@@ -179,7 +198,7 @@ mod tests {
             let value = |e: V3| g.dot(Emission { radiance: e }.towards(cosine));
             let mut by = [DVec3::ZERO; CHANNELS];
             Emission::backward(cosine, g, &mut by);
-            for step in [V3::X, V3::Y, V3::Z] {
+            for step in V3::AXES {
                 let slope = (value(V3::ONE + step) - value(V3::ONE - step)) / 2.0;
                 let found = by[Channel::Emission as usize].dot(step.into());
                 assert!((found - f64::from(slope)).abs() < 1e-6);

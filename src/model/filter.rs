@@ -1,18 +1,39 @@
 //! The kernels that blur: of the film and of cones.
 
 use super::frame::sin_cos_of_turns;
+use super::{V2, v2};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
 
 /// A point of the unit disk with density 3/π·(1 − r²)², the kernel of a ray's cone.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn disk_kernel(u: f32, v: f32) -> [f32; 2] {
+pub(crate) fn disk_kernel(u: f32, v: f32) -> V2 {
     // The share within r is 1 − (1 − r²)³.
-    let rest = (1.0 - u).max(0.0).cbrt();
+    let rest = cube_root((1.0 - u).max(0.0));
     let r = (1.0 - rest).max(0.0).sqrt();
-    let [sin, cos] = sin_cos_of_turns(v);
-    [r * cos, r * sin]
+    let turn = sin_cos_of_turns(v);
+    v2(r * turn.cos, r * turn.sin)
+}
+
+/// The cube root of a number that is not negative: a first guess from its bits, and two steps of Halley's
+/// method.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn cube_root(x: f32) -> f32 {
+    let least = x.max(1e-30);
+    let mut y = f32::from_bits(least.to_bits() / 3 + 0x2a51_37a0);
+    let mut i = 0;
+    while i < 2 {
+        let cube = y * y * y;
+        y *= (cube + 2.0 * least) / (2.0 * cube + least);
+        i += 1;
+    }
+    y * (x / least)
 }
 
 /// A number in [−1, 1] with density 15/16·(1 − x²)², the kernel of the film along each axis.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn film_kernel(u: f32) -> f32 {
     // Newton's method for y = 1 − |x| with y³ (20 − 15 y + 3 y²)/16 = min(u, 1 − u), in the cube root of
@@ -22,13 +43,13 @@ pub(crate) fn film_kernel(u: f32) -> f32 {
     if upper {
         half = 1.0 - u;
     }
-    let root = (0.8 * half).cbrt();
+    let root = cube_root(0.8 * half);
     let mut y = root * (1.0 + 0.22 * root);
     let mut i = 0;
     while i < 3 {
         let factor = 1.0 - y * (0.75 - 0.15 * y);
-        let value = y * factor.cbrt();
-        let slope = factor.cbrt() * (1.0 - y * (0.25 - 0.1 * y) / factor);
+        let value = y * cube_root(factor);
+        let slope = cube_root(factor) * (1.0 - y * (0.25 - 0.1 * y) / factor);
         y = (y - (value - root) / slope).clamp(0.0, 1.0);
         i += 1;
     }
@@ -77,17 +98,36 @@ impl PixelFilter {
         self.radius
     }
 
+    /// One half of its inverse cumulative distribution.
+    #[cfg(feature = "wgpu")]
+    pub fn table(&self) -> &[f32] {
+        &self.table
+    }
+
     /// A point of the filter about the middle of a pixel, in pixels, for a uniform number.
     #[inline(always)]
     pub fn sample(&self, u: f32) -> f32 {
-        let upper = u > 0.5;
-        let half = if upper { 1.0 - u } else { u };
-        let place = (2.0 * half).sqrt().sqrt() * ENTRIES as f32;
-        let i = (place as usize).min(ENTRIES - 1);
-        let (a, b) = (self.table[i], self.table[i + 1]);
-        let x = a + (b - a) * (place - i as f32);
-        if upper { -x } else { x }
+        sample_filter(&self.table, 0, u)
     }
+}
+
+/// [`PixelFilter::sample`] from its table, which begins at some place of a list.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn sample_filter(list: &[f32], table: usize, u: f32) -> f32 {
+    let upper = u > 0.5;
+    let mut half = u;
+    if upper {
+        half = 1.0 - u;
+    }
+    let place = (2.0 * half).sqrt().sqrt() * ENTRIES as f32;
+    let i = (place as usize).min(ENTRIES - 1);
+    let a = list[table + i];
+    let mut x = a + (list[table + i + 1] - a) * (place - i as f32);
+    if upper {
+        x = -x;
+    }
+    x
 }
 
 /// The share of a pixel's filter that lies below a point x ≤ 0.
@@ -115,6 +155,15 @@ fn share_below(x: f64, radius: f64) -> f64 {
 mod tests {
     use super::*;
 
+    #[test]
+    fn cube_roots_to_rounding() {
+        assert_eq!(cube_root(0.0), 0.0);
+        for i in 0..400 {
+            let x = 1e-12 * 1.1f32.powi(i);
+            assert!((cube_root(x) / x.cbrt() - 1.0).abs() < 4e-7, "{x}");
+        }
+    }
+
     /// Moments of the kernels against closed forms.
     #[test]
     fn kernels_have_their_moments() {
@@ -133,8 +182,8 @@ mod tests {
         }
         // E r² = 1/4 under 3/π (1 − r²)².
         let r = |u: f32| {
-            let [x, y] = disk_kernel(u, 0.3);
-            x.hypot(y)
+            let p = disk_kernel(u, 0.3);
+            p.x.hypot(p.y)
         };
         assert!((mean(&|u| square(r(u))) - 0.25).abs() < 1e-4);
         for radius in [0.0, 0.25, 0.5, 1.0, 4.0] {

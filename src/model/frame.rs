@@ -1,22 +1,35 @@
 //! Directions about an axis.
 
+use std::f32::consts::TAU;
+
 use super::{V3, v3};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
 
 /// Two unit vectors across a unit axis, and across each other (Duff et al. 2017).
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
     pub tangent: V3,
     pub bitangent: V3,
 }
 
+/// 1 with the sign of a number.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
 fn sign_of(z: f32) -> f32 {
-    1f32.copysign(z)
+    f32::from_bits((z.to_bits() & 0x8000_0000) | 0x3f80_0000)
 }
 
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn frame(axis: V3) -> Frame {
     let sign = sign_of(axis.z);
-    let a = -1.0 / (axis.z + sign);
+    let a = -1.0f32 / (axis.z + sign);
     let b = axis.x * axis.y * a;
     Frame {
         tangent: v3(1.0 + sign * axis.x * axis.x * a, sign * b, -sign * axis.x),
@@ -25,6 +38,7 @@ pub(crate) fn frame(axis: V3) -> Frame {
 }
 
 /// A local direction, turned so that z lies along a unit axis.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn from_local(axis: V3, local: V3) -> V3 {
     let f = frame(axis);
@@ -32,6 +46,7 @@ pub(crate) fn from_local(axis: V3, local: V3) -> V3 {
 }
 
 /// A direction in the frame of a unit axis.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn to_local(axis: V3, direction: V3) -> V3 {
     let f = frame(axis);
@@ -42,11 +57,24 @@ pub(crate) fn to_local(axis: V3, direction: V3) -> V3 {
     )
 }
 
-/// The backward pass of [`from_local`]: derivatives by axis and local direction.
+/// Derivatives by axis and local direction.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FromLocalGradient {
+    pub axis: V3,
+    pub local: V3,
+}
+
+/// The backward pass of [`from_local`].
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn from_local_backward(axis: V3, local: V3, g: V3) -> [V3; 2] {
+pub(crate) fn from_local_backward(axis: V3, local: V3, g: V3) -> FromLocalGradient {
     let sign = sign_of(axis.z);
-    let a = -1.0 / (axis.z + sign);
+    let a = -1.0f32 / (axis.z + sign);
     let t = g * local.x;
     let b = g * local.y;
     let by_b = t.y * sign + b.x;
@@ -56,30 +84,56 @@ pub(crate) fn from_local_backward(axis: V3, local: V3, g: V3) -> [V3; 2] {
         b.y * 2.0 * axis.y * a - b.z + by_b * axis.x * a,
         by_a * a * a,
     );
-    [by_axis + g * local.z, to_local(axis, g)]
+    FromLocalGradient {
+        axis: by_axis + g * local.z,
+        local: to_local(axis, g),
+    }
 }
 
+/// Sine and cosine.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SinCos {
+    pub sin: f32,
+    pub cos: f32,
+}
+
+const SIN_3: f32 = -1.0 / 6.0;
+const SIN_5: f32 = 1.0 / 120.0;
+const SIN_7: f32 = -1.0 / 5040.0;
+const SIN_9: f32 = 1.0 / 362_880.0;
+const COS_2: f32 = -0.5;
+const COS_4: f32 = 1.0 / 24.0;
+const COS_6: f32 = -1.0 / 720.0;
+const COS_8: f32 = 1.0 / 40320.0;
+const COS_10: f32 = -1.0 / 3_628_800.0;
+
 /// Sine and cosine of a number of turns in [0, 1].
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn sin_cos_of_turns(v: f32) -> [f32; 2] {
+pub(crate) fn sin_cos_of_turns(v: f32) -> SinCos {
     // Of the nearest quarter turn, and series for the at most 45° that are left, to rounding.
     let quarter = (4.0 * v + 0.5).floor();
-    let x = (v - 0.25 * quarter) * std::f32::consts::TAU;
+    let x = (v - 0.25 * quarter) * TAU;
     let y = x * x;
-    let sin =
-        x * (1.0 + y * (-1.0 / 6.0 + y * (1.0 / 120.0 + y * (-1.0 / 5040.0 + y / 362_880.0))));
-    let cos = 1.0
-        + y * (-0.5
-            + y * (1.0 / 24.0 + y * (-1.0 / 720.0 + y * (1.0 / 40320.0 - y / 3_628_800.0))));
+    let sin = x * (1.0 + y * (SIN_3 + y * (SIN_5 + y * (SIN_7 + y * SIN_9))));
+    let cos = 1.0 + y * (COS_2 + y * (COS_4 + y * (COS_6 + y * (COS_8 + y * COS_10))));
     // By bits: jumps would be guessed wrong as often as not.
     let quarter = quarter as i32;
-    let odd = ((quarter & 1) as u32).wrapping_neg();
+    let odd = (-(quarter & 1)) as u32;
     let changed = (sin.to_bits() ^ cos.to_bits()) & odd;
     let first = f32::from_bits(sin.to_bits() ^ changed);
     let second = f32::from_bits(cos.to_bits() ^ changed);
     let below = (1 - (quarter & 2)) as f32;
     let behind = (1 - ((quarter + 1) & 2)) as f32;
-    [first * below, second * behind]
+    SinCos {
+        sin: first * below,
+        cos: second * behind,
+    }
 }
 
 #[cfg(test)]
@@ -91,7 +145,7 @@ mod tests {
     fn sines_to_rounding() {
         for i in 0..=4096 {
             let v = i as f32 / 4096.0;
-            let [sin, cos] = sin_cos_of_turns(v);
+            let SinCos { sin, cos } = sin_cos_of_turns(v);
             let wanted = (TAU * f64::from(v)).sin_cos();
             let error = (f64::from(sin) - wanted.0)
                 .abs()
@@ -108,7 +162,10 @@ mod tests {
             let back = to_local(axis, from_local(axis, local)) - local;
             assert!(back.length() < 1e-6);
             let g = v3(0.3, 0.9, -0.5);
-            let [by_axis, by_local] = from_local_backward(axis, local, g);
+            let FromLocalGradient {
+                axis: by_axis,
+                local: by_local,
+            } = from_local_backward(axis, local, g);
             let along = v3(0.4, -0.7, 0.2);
             let step = 1e-2;
             // The formula holds off the unit sphere as well.

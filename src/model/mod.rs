@@ -12,4 +12,6 @@ pub(crate) mod sky;
 pub(crate) mod texture;
 pub(crate) mod triangle;
 
-pub(crate) use glam::{Vec3 as V3, vec3 as v3};
+mod vector;
+
+pub(crate) use vector::{Pair, V2, V3, splat, v2, v3};

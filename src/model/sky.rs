@@ -25,7 +25,7 @@ impl Sky {
     pub fn new(scene: &mut HostScene) -> Self {
         match &mut scene.environment {
             _ if !scene.shines => Self::Black,
-            HostTexture::Constant(c) => Self::Constant(DVec3::from(*c).as_vec3()),
+            HostTexture::Constant(c) => Self::Constant(DVec3::from(*c).into()),
             HostTexture::Image {
                 texels,
                 width,
@@ -258,18 +258,21 @@ mod tests {
             let d = d.normalize();
             let mut by_texel = vec![DVec3::ZERO; map.texels.len()];
             let by_direction = map.backward(d, g, &mut by_texel);
-            for step in [V3::X, V3::Y, V3::Z] {
+            for step in V3::AXES {
                 let h = step.reject_from_normalized(d) * 1e-3;
                 let at = |d: V3| g.dot(map.at(d.normalize()));
                 let wanted = (at(d + h) - at(d - h)) / 2.0;
-                assert!((by_direction.dot(h) - wanted).abs() < 2e-5, "{d}: {wanted}");
+                assert!(
+                    (by_direction.dot(h) - wanted).abs() < 2e-5,
+                    "{d:?}: {wanted}"
+                );
             }
             // The colour is linear in the texels.
             let mut sum = 0.0;
             for (t, by) in by_texel.iter().enumerate() {
                 sum += by.dot(map.texels.at(t).into());
             }
-            assert!((sum - f64::from(g.dot(map.at(d)))).abs() < 1e-5, "{d}");
+            assert!((sum - f64::from(g.dot(map.at(d)))).abs() < 1e-5, "{d:?}");
         }
     }
 

@@ -1,61 +1,78 @@
 //! Points of triangles that rays hit, and how they move.
 
-use super::V3;
+use super::{Pair, V2, V3, v2, v3};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
 
 /// Weights of a triangle's corners in a point of its plane. No length is squared, so that triangles may be
 /// tiny and huge.
 #[inline(always)]
 pub(crate) fn barycentric(corners: [V3; 3], normal: V3, area: f32, point: V3) -> [f32; 3] {
-    let ab = corners[1] - corners[0];
-    let ac = corners[2] - corners[0];
-    let from_a = point - corners[0];
+    let [a, b, c] = corners;
+    weights_at(a, b, c, normal, area, point).to_array()
+}
+
+/// [`barycentric`], the weights as components.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn weights_at(a: V3, b: V3, c: V3, normal: V3, area: f32, point: V3) -> V3 {
+    let ab = b - a;
+    let ac = c - a;
+    let from_a = point - a;
     let inverse = 0.5 / area;
-    let b = from_a.cross(ac).dot(normal) * inverse;
-    let c = ab.cross(from_a).dot(normal) * inverse;
-    [1.0 - b - c, b, c]
+    let second = from_a.cross(ac).dot(normal) * inverse;
+    let third = ab.cross(from_a).dot(normal) * inverse;
+    v3(1.0 - second - third, second, third)
 }
 
 /// ∂/∂point of the weights of the second and third corner.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn barycentric_slopes(corners: [V3; 3], normal: V3, area: f32) -> [V3; 2] {
-    let ab = corners[1] - corners[0];
-    let ac = corners[2] - corners[0];
+pub(crate) fn barycentric_slopes(a: V3, b: V3, c: V3, normal: V3, area: f32) -> Pair {
     let inverse = 0.5 / area;
-    [ac.cross(normal) * inverse, normal.cross(ab) * inverse]
+    Pair {
+        first: (c - a).cross(normal) * inverse,
+        second: normal.cross(b - a) * inverse,
+    }
 }
 
+/// The weighted sum of the corners.
 #[inline(always)]
 pub(crate) fn at(corners: [V3; 3], weights: [f32; 3]) -> V3 {
     corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
 }
 
-/// Weights of the second and third corner in a point of a triangle, for two uniform numbers: with the density
-/// 1/area.
-#[inline(always)]
-pub(crate) fn uniform_point(u: f32, v: f32) -> [f32; 2] {
-    let root = u.sqrt();
-    [root * (1.0 - v), root * v]
-}
-
 /// The solid angle under which a point sees a triangle, negative from behind (Van Oosterom and Strackee
 /// 1983).
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn solid_angle(corners: [V3; 3], from: V3) -> f32 {
-    let a = corners[0] - from;
-    let b = corners[1] - from;
-    let c = corners[2] - from;
-    let (la, lb, lc) = (a.length(), b.length(), c.length());
+pub(crate) fn solid_angle(first: V3, second: V3, third: V3, from: V3) -> f32 {
+    let a = first - from;
+    let b = second - from;
+    let c = third - from;
+    let la = a.length();
+    let lb = b.length();
+    let lc = c.length();
     let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
     // Seen from the front corners run counter-clockwise, and the triple product is negative.
-    -2.0 * a.dot(b.cross(c)).atan2(below)
+    -2.0f32 * a.dot(b.cross(c)).atan2(below)
 }
 
 /// The derivative of the hit point o + t·d of a ray with a plane, at fixed weights of the corners: the
 /// part of g that moves with the plane. n·d dt = n·(Σ wᵢ dvᵢ − do − t dd), so corner i takes wᵢ times
 /// it, the ray's origin g less it, and its direction t times the same.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn hit_backward(normal: V3, direction: V3, g: V3) -> V3 {
     normal * (g.dot(direction) / normal.dot(direction))
+}
+/// Weights of the second and third corner in a point of a triangle, for two uniform numbers: with the density
+/// 1/area.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn uniform_point(u: f32, v: f32) -> V2 {
+    let root = u.sqrt();
+    v2(root * (1.0 - v), root * v)
 }
 
 #[cfg(test)]
@@ -64,7 +81,7 @@ mod tests {
     use crate::model::v3;
 
     const CORNERS: [V3; 3] = [v3(0.2, -0.3, 1.2), v3(1.3, -0.2, 2.1), v3(0.4, 1.1, 1.5)];
-    const STEPS: [V3; 3] = [V3::X, V3::Y, V3::Z];
+    const STEPS: [V3; 3] = V3::AXES;
 
     fn normal_and_area() -> (V3, f32) {
         let cross = (CORNERS[1] - CORNERS[0]).cross(CORNERS[2] - CORNERS[0]);
@@ -80,7 +97,9 @@ mod tests {
         for (found, wanted) in found.into_iter().zip([0.2, 0.5, 0.3]) {
             assert!((found - wanted).abs() < 1e-6);
         }
-        let slopes = barycentric_slopes(CORNERS, normal, area);
+        let [a, b, c] = CORNERS;
+        let slopes = barycentric_slopes(a, b, c, normal, area);
+        let slopes = [slopes.first, slopes.second];
         for step in STEPS {
             let (up, down) = (weights(p + step * 0.1), weights(p - step * 0.1));
             for k in 0..2 {
@@ -94,8 +113,9 @@ mod tests {
     #[test]
     fn solid_angles() {
         let eighth = std::f32::consts::FRAC_PI_2;
-        assert!((solid_angle([V3::X, V3::Y, V3::Z], V3::ZERO) + eighth).abs() < 1e-6);
-        assert!((solid_angle([V3::X, V3::Z, V3::Y], V3::ZERO) - eighth).abs() < 1e-6);
+        let [x, y, z] = V3::AXES;
+        assert!((solid_angle(x, y, z, V3::ZERO) + eighth).abs() < 1e-6);
+        assert!((solid_angle(x, z, y, V3::ZERO) - eighth).abs() < 1e-6);
     }
 
     /// The point where a ray hits, by the plane's corners, the ray's origin and its direction.

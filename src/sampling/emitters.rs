@@ -127,7 +127,8 @@ impl Emitters {
         room.clear();
         let mut total = 0.0;
         for e in &self.list {
-            let p = e.radiance * solid_angle(e.corners, x - e.velocity * time).max(0.0);
+            let [a, b, c] = e.corners;
+            let p = e.radiance * solid_angle(a, b, c, x - e.velocity * time).max(0.0);
             total += p;
             room.push(p);
         }
@@ -273,7 +274,7 @@ mod tests {
         let emitter = |k: u32| Emitter {
             triangle: k,
             object: 0,
-            corners: [V3::X, V3::Z, V3::Y].map(|c| c * (1.0 + k as f32)),
+            corners: [V3::AXES[0], V3::AXES[2], V3::AXES[1]].map(|c| c * (1.0 + k as f32)),
             normal: V3::ONE * -(1.0f32 / 3.0).sqrt(),
             area: 0.5 * 3f32.sqrt() * (1.0 + k as f32).powi(2),
             velocity: V3::ZERO,

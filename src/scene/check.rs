@@ -76,7 +76,8 @@ impl Visit for Check<'_> {
         let like = "like the scene's first object";
         let (found, expected) = if device != context.device {
             let there = label(&context.device);
-            let expected = format!("{there} {like}: make it there, or move it by Tensor::to_device");
+            let expected =
+                format!("{there} {like}: make it there, or move it by Tensor::to_device");
             (format!("on the device {}", label(&device)), expected)
         } else if dtype != context.dtype {
             let expected = format!("{:?} {like}: Tensor::cast changes it", context.dtype);

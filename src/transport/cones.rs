@@ -85,7 +85,7 @@ impl Cones {
 
     fn host(&self, rays: &Rays) -> Result<HostRays> {
         let vectors = |v: &Vec3| -> Result<Vec<V3>> {
-            Ok(host_vectors(v)?.into_iter().map(DVec3::as_vec3).collect())
+            Ok(host_vectors(v)?.into_iter().map(V3::from).collect())
         };
         Ok(HostRays {
             origin: vectors(&rays.origin)?,
@@ -97,7 +97,7 @@ impl Cones {
     /// The side's normal of the surface that a ray leaves, if it leaves one.
     fn normal(&self, rays: &Rays, host: &HostRays, i: usize) -> Option<V3> {
         let k = rays.departure.as_ref()?[i] as usize;
-        let normal = self.hierarchy.triangles[k].normal.as_vec3();
+        let normal = V3::from(self.hierarchy.triangles[k].normal);
         let side = if normal.dot(host.direction[i]) < 0.0 {
             -1.0
         } else {
@@ -127,7 +127,7 @@ impl Cones {
         let count = self.hierarchy.triangles.len() as u32;
         let is_front = |(hit, d): (&Hit, &V3)| {
             let triangle = self.hierarchy.triangles.get(hit.triangle as usize);
-            triangle.is_some_and(|t| t.normal.as_vec3().dot(*d) < 0.0)
+            triangle.is_some_and(|t| V3::from(t.normal).dot(*d) < 0.0)
         };
         Ok(Hits {
             triangle: hits.iter().map(|h| h.triangle.min(count)).collect(),
@@ -156,7 +156,7 @@ impl Cones {
         let bends: Vec<Bend> = (0..axes.len())
             .map(|i| {
                 let [u, v, ..] = self.numbers(at, i);
-                bend(axes[i].as_vec3(), normals[i].as_vec3(), self.tangent, u, v)
+                bend(axes[i].into(), normals[i].into(), self.tangent, u, v)
             })
             .collect();
         let offsets: Vec<DVec3> = bends.iter().map(|b| b.offset.into()).collect();
@@ -192,7 +192,7 @@ impl Cones {
                 (Some((emitters, _)), Some(distances)) => {
                     let light = host.origin[i] + axis * distances[i] as f32;
                     let emitter = &self.hierarchy.triangles[emitters[i] as usize];
-                    up_to_plane(start, direction, emitter.normal.as_vec3(), light)
+                    up_to_plane(start, direction, emitter.normal.into(), light)
                 }
                 _ => f32::INFINITY,
             };

@@ -28,7 +28,7 @@ pub(crate) struct Views {
 impl Views {
     fn at(&self, i: usize) -> (V3, f32) {
         let time = self.time.as_ref().map_or(0.0, |t| t[i] as f32);
-        (self.position[i].as_vec3(), time)
+        (self.position[i].into(), time)
     }
 }
 
@@ -70,10 +70,10 @@ impl Lights {
             Emitter {
                 triangle: k,
                 object: scene.topology.object[k as usize],
-                corners: [a[i], b[i], c[i]].map(|v| v.as_vec3()),
-                normal: cross.normalize_or_zero().as_vec3(),
+                corners: [a[i], b[i], c[i]].map(|v| v.into()),
+                normal: cross.normalize_or_zero().into(),
                 area: if valid { 0.5 * cross.length() } else { 0.0 } as f32,
-                velocity: velocity.as_ref().map_or(V3::ZERO, |v| v[i].as_vec3()),
+                velocity: velocity.as_ref().map_or(V3::ZERO, |v| v[i].into()),
                 radiance: (emission[material].abs().element_sum() / 3.0) as f32,
                 group: 0,
             }
@@ -106,7 +106,7 @@ impl Lights {
         let one = |i: usize| {
             let (mut hits, mut room) = (Vec::new(), Vec::new());
             let (x, time) = views.at(i);
-            emitters.each_hit(emitters.all(), x, time, directions[i].as_vec3(), |hit| {
+            emitters.each_hit(emitters.all(), x, time, directions[i].into(), |hit| {
                 hits.push(Chosen {
                     path: i as u32,
                     emitter: emitters.get(hit.emitter).triangle,
@@ -258,7 +258,7 @@ impl SkyMap {
 
     /// The density per solid angle with which a direction is drawn.
     pub fn density(&self, d: DVec3) -> f64 {
-        self.drawn.density(d.as_vec3()).into()
+        self.drawn.density(d.into()).into()
     }
 }
 

@@ -9,11 +9,11 @@ use crate::kernel::gradient::Sums;
 use crate::kernel::surface::{Point, PointGradient};
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Vertex, Walk, Walks};
-use crate::model::V3;
 use crate::model::cone::Bend;
 use crate::model::edge::{DirectionEdge, direction_edge, half_plane};
 use crate::model::segment::{clip_to_cone, point_by_angle};
 use crate::model::triangle::barycentric;
+use crate::model::{Pair, V3};
 use crate::sampling::Numbers;
 
 /// A point of a path that looks at edges.
@@ -289,7 +289,10 @@ impl View {
         if !(minus.on_surface && plus.on_surface) || material(minus) != material(plus) {
             return;
         }
-        let pair = [minus.point.shading.normal, plus.point.shading.normal];
+        let pair = Pair {
+            first: minus.point.shading.normal,
+            second: plus.point.shading.normal,
+        };
         for walk in [minus, plus] {
             walk.point.shading.pair = pair;
             walk.point.shading.paired = true;

@@ -12,6 +12,7 @@ use crate::accel::{Hit, Machine, Task, dispatch};
 use crate::kernel::gradient::Sums;
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Seen, Work};
+use crate::model::V2;
 use crate::model::V3;
 use crate::model::camera::CameraGradient;
 use crate::model::filter::film_kernel;
@@ -54,7 +55,10 @@ impl FilmSamples<'_> {
             return;
         };
         // The pixel whose ray would come here.
-        let [film_x, film_y] = view.camera.project(point.position, lens[0], lens[1]);
+        let V2 {
+            x: film_x,
+            y: film_y,
+        } = view.camera.project(point.position, lens[0], lens[1]);
         let [kernel_u, kernel_v, ..] = view.edges.numbers((u32::MAX, sample)).set(0);
         let radius = view.filter.radius();
         let x = film_x - radius * film_kernel(kernel_u);
@@ -94,7 +98,7 @@ impl FilmSamples<'_> {
             view.camera
                 .project_backward(point.position, lens[0], lens[1], by_film, &mut camera);
         if view.wanted.camera {
-            self.sums.camera += camera;
+            self.sums.camera += camera.into();
         }
         view.add_to_edge(&point, by_point, path.time, self.sums);
     }
@@ -147,7 +151,7 @@ impl View {
             to: position - origin,
             position,
         };
-        let before = point.to.dot(self.camera.dual[2]) > 0.0;
+        let before = point.to.dot(self.camera.dual.z) > 0.0;
         before.then_some((point, origin))
     }
 

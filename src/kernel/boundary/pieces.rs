@@ -213,7 +213,7 @@ impl View {
         // Coordinates are divided by this; by depth in a perspective.
         let divisor = |p: [f32; 3]| if c.parallel { 1.0 } else { p[2] };
         // The film with the reach of its filter, and what a lens and a shutter move points by.
-        let stretch = c.dual[0].length().max(c.dual[1].length());
+        let stretch = c.dual.x.length().max(c.dual.y.length());
         let margin = |p: [f32; 3]| {
             let lens = c.aperture * stretch * (1.0 / p[2] - c.per_focus).abs();
             let per = 1.0 / divisor(p);

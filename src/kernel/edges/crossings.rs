@@ -66,7 +66,7 @@ fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<[V3; 2]> {
         second[1]
     };
     let [a, b] = [from.1, to.1];
-    (from.0 < to.0 && a.distance(b) > tolerance).then(|| [a.as_vec3(), b.as_vec3()])
+    (from.0 < to.0 && a.distance(b) > tolerance).then(|| [a.into(), b.into()])
 }
 
 /// Triangles that share a number of pairs to look at, so that the time is linear in the triangles however

@@ -1,6 +1,7 @@
 //! The BSDF as a density and as physics, and its derivatives against central differences.
 
 use super::*;
+use crate::model::frame::SinCos;
 
 /// A gloss and a matt surface, flat and smooth.
 fn surfaces() -> Vec<Shading> {
@@ -8,7 +9,7 @@ fn surfaces() -> Vec<Shading> {
     for (glossy, exponent) in [(false, 1.0), (true, 3.0), (true, 40.0)] {
         for tilt in [0.0, 0.3] {
             all.push(Shading {
-                geometric: V3::Z,
+                geometric: V3::AXES[2],
                 normal: v3(tilt, 0.5 * tilt, 1.0).normalize(),
                 incoming: v3(0.5, -0.3, -0.7).normalize(),
                 diffuse: v3(0.5, 0.3, 0.1),
@@ -31,7 +32,7 @@ fn over_sphere(f: impl Fn(V3) -> f32) -> f64 {
         let z = (2 * i + 1) as f32 / rows as f32 - 1.0;
         let sine = (1.0 - z * z).sqrt();
         for j in 0..columns {
-            let [sin, cos] = sin_cos_of_turns((j as f32 + 0.5) / columns as f32);
+            let SinCos { sin, cos } = sin_cos_of_turns((j as f32 + 0.5) / columns as f32);
             sum += f64::from(f(v3(sine * cos, sine * sin, z)));
         }
     }
@@ -63,12 +64,12 @@ fn the_density_integrates_to_one() {
 #[test]
 fn the_albedo_is_at_most_one() {
     for mut s in surfaces().into_iter().filter(|s| !s.smooth) {
-        for incoming in [-V3::Z, s.incoming, v3(0.99, 0.0, -0.1).normalize()] {
+        for incoming in [-V3::AXES[2], s.incoming, v3(0.99, 0.0, -0.1).normalize()] {
             s.incoming = incoming;
             let albedo = over_sphere(|d| s.evaluate(d).x);
             let most = f64::from(s.diffuse.x + s.specular.x);
             assert!(albedo <= most + 2e-3, "{s:?}: {albedo}");
-            assert!(albedo <= 1.0 && (incoming != -V3::Z || albedo > 0.99 * most));
+            assert!(albedo <= 1.0 && (incoming != -V3::AXES[2] || albedo > 0.99 * most));
         }
     }
 }
@@ -84,7 +85,7 @@ fn reciprocity() {
         };
         let f = s.evaluate(outgoing) * (1.0 / outgoing.z);
         let back = other.evaluate(-s.incoming) * (1.0 / -s.incoming.z);
-        assert!((f - back).length() < 1e-5, "{f} {back}");
+        assert!((f - back).length() < 1e-5, "{f:?} {back:?}");
     }
 }
 
@@ -152,11 +153,11 @@ fn derivatives_of_the_value() {
             let by_outgoing = s.evaluate_backward(outgoing, g, &mut found);
             let value = |s: &Shading| g.dot(s.evaluate(outgoing));
             compare(&s, &found, value, |i| s.glossy || !(10..12).contains(&i));
-            for step in [V3::X, V3::Y, V3::Z] {
+            for step in V3::AXES {
                 let at = |h: f32| g.dot(s.evaluate(outgoing + step * h));
                 let wanted = (at(2e-3) - at(-2e-3)) / 4e-3;
                 let close = (by_outgoing.dot(step) - wanted).abs() < 1e-2 * wanted.abs().max(0.2);
-                assert!(close, "{s:?}: {by_outgoing} {wanted}");
+                assert!(close, "{s:?}: {by_outgoing:?} {wanted}");
             }
         }
     }

@@ -51,10 +51,10 @@ impl Rows {
         let Outputs { depth, normals, .. } = self.outputs;
         // In the order of the rows.
         Seen {
-            radiance: DVec3::new(take(true), take(true), take(true)).as_vec3(),
+            radiance: DVec3::new(take(true), take(true), take(true)).into(),
             opacity: take(self.outputs.need_opacity()) as f32,
             depth: (take(depth) * unit) as f32,
-            normal: DVec3::new(take(normals), take(normals), take(normals)).as_vec3(),
+            normal: DVec3::new(take(normals), take(normals), take(normals)).into(),
         }
     }
 }

@@ -1,0 +1,285 @@
+//! Three numbers. Formulas of `model` are written in a subset of Rust that a kernel language takes:
+//! plain structs, no early returns, no closures.
+
+use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use glam::DVec3;
+
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
+
+/// A point, direction or colour.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct V3 {
+    pub x: f32,
+    pub y: f32,
+    pub z: f32,
+}
+
+/// A point or direction in a plane.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct V2 {
+    pub x: f32,
+    pub y: f32,
+}
+
+/// Two vectors.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Pair {
+    pub first: V3,
+    pub second: V3,
+}
+
+/// A vector of its components.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) const fn v2(x: f32, y: f32) -> V2 {
+    V2 { x, y }
+}
+
+/// A vector of its components.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) const fn v3(x: f32, y: f32, z: f32) -> V3 {
+    V3 { x, y, z }
+}
+
+/// The same number three times.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) const fn splat(x: f32) -> V3 {
+    V3 { x, y: x, z: x }
+}
+
+impl V3 {
+    pub const ZERO: Self = splat(0.0);
+    pub const ONE: Self = splat(1.0);
+
+    #[cfg(test)]
+    pub const AXES: [Self; 3] = [v3(1.0, 0.0, 0.0), v3(0.0, 1.0, 0.0), v3(0.0, 0.0, 1.0)];
+
+    pub fn to_array(self) -> [f32; 3] {
+        [self.x, self.y, self.z]
+    }
+
+    pub fn as_dvec3(self) -> DVec3 {
+        DVec3::new(self.x.into(), self.y.into(), self.z.into())
+    }
+}
+
+// A kernel language finds operators by the names of these methods.
+#[cfg_attr(feature = "wgpu", cube)]
+#[allow(clippy::should_implement_trait)]
+impl V3 {
+    #[inline(always)]
+    pub fn add(self, o: V3) -> V3 {
+        v3(self.x + o.x, self.y + o.y, self.z + o.z)
+    }
+
+    #[inline(always)]
+    pub fn sub(self, o: V3) -> V3 {
+        v3(self.x - o.x, self.y - o.y, self.z - o.z)
+    }
+
+    #[inline(always)]
+    pub fn mul(self, s: f32) -> V3 {
+        v3(self.x * s, self.y * s, self.z * s)
+    }
+
+    #[inline(always)]
+    pub fn neg(self) -> V3 {
+        v3(-self.x, -self.y, -self.z)
+    }
+
+    #[inline(always)]
+    pub fn add_assign(&mut self, o: V3) {
+        self.x += o.x;
+        self.y += o.y;
+        self.z += o.z;
+    }
+
+    #[inline(always)]
+    pub fn sub_assign(&mut self, o: V3) {
+        self.x -= o.x;
+        self.y -= o.y;
+        self.z -= o.z;
+    }
+
+    #[inline(always)]
+    pub fn dot(self, o: V3) -> f32 {
+        self.x * o.x + self.y * o.y + self.z * o.z
+    }
+
+    #[inline(always)]
+    pub fn cross(self, o: V3) -> V3 {
+        v3(
+            self.y * o.z - self.z * o.y,
+            self.z * o.x - self.x * o.z,
+            self.x * o.y - self.y * o.x,
+        )
+    }
+
+    /// Component by component.
+    #[inline(always)]
+    pub fn times(self, o: V3) -> V3 {
+        v3(self.x * o.x, self.y * o.y, self.z * o.z)
+    }
+
+    #[inline(always)]
+    pub fn length_squared(self) -> f32 {
+        self.x * self.x + self.y * self.y + self.z * self.z
+    }
+
+    #[inline(always)]
+    pub fn length(self) -> f32 {
+        self.length_squared().sqrt()
+    }
+
+    /// The unit vector of its direction; not finite for a vector of length 0.
+    #[inline(always)]
+    pub fn normalize(self) -> V3 {
+        self * (1.0 / self.length())
+    }
+
+    /// Its part at right angles to a unit vector.
+    #[inline(always)]
+    pub fn reject_from_normalized(self, unit: V3) -> V3 {
+        self - unit * self.dot(unit)
+    }
+
+    /// The smaller of each component.
+    #[inline(always)]
+    pub fn min(self, o: V3) -> V3 {
+        v3(self.x.min(o.x), self.y.min(o.y), self.z.min(o.z))
+    }
+
+    /// The larger of each component.
+    #[inline(always)]
+    pub fn max(self, o: V3) -> V3 {
+        v3(self.x.max(o.x), self.y.max(o.y), self.z.max(o.z))
+    }
+
+    /// The sum of the components.
+    #[inline(always)]
+    pub fn element_sum(self) -> f32 {
+        self.x + self.y + self.z
+    }
+
+    /// The largest component.
+    #[inline(always)]
+    pub fn max_element(self) -> f32 {
+        self.x.max(self.y).max(self.z)
+    }
+
+    #[inline(always)]
+    pub fn abs(self) -> V3 {
+        v3(self.x.abs(), self.y.abs(), self.z.abs())
+    }
+
+    #[inline(always)]
+    pub fn is_zero(self) -> bool {
+        self.x == 0.0 && self.y == 0.0 && self.z == 0.0
+    }
+}
+
+impl From<DVec3> for V3 {
+    fn from(v: DVec3) -> Self {
+        v.as_vec3().into()
+    }
+}
+
+impl From<V3> for DVec3 {
+    fn from(v: V3) -> Self {
+        v.as_dvec3()
+    }
+}
+
+impl From<glam::Vec3> for V3 {
+    #[inline(always)]
+    fn from(v: glam::Vec3) -> Self {
+        v3(v.x, v.y, v.z)
+    }
+}
+
+impl From<V3> for glam::Vec3 {
+    #[inline(always)]
+    fn from(v: V3) -> Self {
+        Self::new(v.x, v.y, v.z)
+    }
+}
+
+impl Add for V3 {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        V3::add(self, o)
+    }
+}
+
+impl Sub for V3 {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, o: Self) -> Self {
+        V3::sub(self, o)
+    }
+}
+
+impl Mul<f32> for V3 {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, s: f32) -> Self {
+        V3::mul(self, s)
+    }
+}
+
+impl Mul for V3 {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, o: Self) -> Self {
+        self.times(o)
+    }
+}
+
+impl MulAssign<f32> for V3 {
+    #[inline(always)]
+    fn mul_assign(&mut self, s: f32) {
+        *self = *self * s;
+    }
+}
+
+impl Neg for V3 {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        V3::neg(self)
+    }
+}
+
+impl AddAssign for V3 {
+    #[inline(always)]
+    fn add_assign(&mut self, o: Self) {
+        V3::add_assign(self, o);
+    }
+}
+
+impl SubAssign for V3 {
+    #[inline(always)]
+    fn sub_assign(&mut self, o: Self) {
+        V3::sub_assign(self, o);
+    }
+}
