@@ -132,7 +132,7 @@ impl Numbers<'_> {
     /// Film x and y, and for an emitter and a point on it, seen from the first surface.
     pub fn film(&self) -> [f32; 4] {
         use Dimension::{EmitterU, EmitterV, FilmX, FilmY};
-        self.some([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
+        self.whole([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
     }
 
     pub fn lens(&self) -> [f32; 2] {
@@ -148,7 +148,7 @@ impl Numbers<'_> {
     pub fn direction(&self, bounce: u32) -> [f32; 4] {
         use Dimension::{DirectionU, DirectionV, EmitterU, EmitterV};
         let next = bounce + 1;
-        self.some([
+        self.whole([
             (DirectionU, bounce),
             (DirectionV, bounce),
             (EmitterU, next),
@@ -211,8 +211,17 @@ impl Numbers<'_> {
         })
     }
 
-    /// Numbers of dimensions of one set of the sequence, or independent ones.
+    /// Numbers of dimensions that are a whole set of the sequence, or independent ones.
     #[inline(always)]
+    fn whole(&self, dimensions: [(Dimension, u32); 4]) -> [f32; 4] {
+        let (first, bounce) = dimensions[0];
+        match (self.sampler.sequence, first.of_sequence(bounce)) {
+            (Sequence::Sobol, Some(place)) => self.four(place / 4),
+            _ => self.independent(dimensions),
+        }
+    }
+
+    /// Numbers of some dimensions of one set of the sequence, or independent ones.
     fn some<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f32; N] {
         let places = dimensions.map(|(d, bounce)| d.of_sequence(bounce));
         match (self.sampler.sequence, places[0]) {
@@ -220,14 +229,16 @@ impl Numbers<'_> {
                 let four = self.four(first / 4);
                 places.map(|d| d.map_or(0.0, |d| four[d as usize % 4]))
             }
-            _ => dimensions.map(|d| self.independent(d)),
+            _ => self.independent(dimensions),
         }
     }
 
     #[inline(never)]
-    fn independent(&self, (dimension, bounce): (Dimension, u32)) -> f32 {
-        let purpose = (u64::from(bounce) << 32) | dimension as u64;
-        number(mix(self.sampler.seed ^ purpose), self.path)
+    fn independent<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f32; N] {
+        dimensions.map(|(d, bounce)| {
+            let purpose = (u64::from(bounce) << 32) | d as u64;
+            number(mix(self.sampler.seed ^ purpose), self.path)
+        })
     }
 }
 
