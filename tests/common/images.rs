@@ -28,6 +28,29 @@ pub const REFERENCES: [(&str, u32); 9] = [
     ("motion", 1),
 ];
 
+/// The image of an independent renderer.
+pub fn target(name: &str, bounces: u32) -> HostImage {
+    HostImage::read(reference(&format!("{name}/bounces-{bounces}.exr"))).expect("a reference")
+}
+
+/// A render of the scene of a reference, with samples and a seed.
+pub fn image(
+    name: &str,
+    bounces: u32,
+    (samples, seed): (u32, u64),
+    visibility: Visibility,
+    device: &Device,
+) -> HostImage {
+    let file = scene_file(name, device);
+    let options = RenderOptions::new(file.width, file.height)
+        .samples(samples)
+        .bounces(bounces)
+        .visibility(visibility)
+        .seed(seed);
+    let image = render(&file.scene, &file.camera, &options).expect("an image");
+    HostImage::from_tensor(&image.radiance).expect("values")
+}
+
 /// Renders a reference scene and compares.
 pub fn compare(
     name: &str,
@@ -36,16 +59,8 @@ pub fn compare(
     visibility: Visibility,
     device: &Device,
 ) -> Comparison {
-    let file = scene_file(name, device);
-    let target =
-        HostImage::read(reference(&format!("{name}/bounces-{bounces}.exr"))).expect("a reference");
-    let options = RenderOptions::new(file.width, file.height)
-        .samples(samples)
-        .bounces(bounces)
-        .visibility(visibility)
-        .seed(5);
-    let image = render(&file.scene, &file.camera, &options).expect("an image");
-    let image = HostImage::from_tensor(&image.radiance).expect("values");
+    let target = target(name, bounces);
+    let image = image(name, bounces, (samples, 5), visibility, device);
     let found = Comparison {
         mean_ratio: image.mean_ratio(&target),
         rmse_clipped: image.rmse(&target, true).expect("the same size"),
