@@ -281,9 +281,9 @@ impl Materials {
         &self.channel(Channel::Emission).constant
     }
 
-    /// Whether any is glossy.
-    pub fn glossy(&self) -> bool {
-        self.kinds.iter().any(|k| k.glossy)
+    /// The parts that any has.
+    pub fn kind(&self) -> MaterialKind {
+        self.kinds.iter().fold(MaterialKind::default(), |a, b| a.or(*b))
     }
 
     /// Whether any has a texture.

@@ -135,6 +135,15 @@ pub(crate) struct MaterialKind {
 }
 
 impl MaterialKind {
+    /// The parts that either has.
+    pub fn or(self, o: Self) -> Self {
+        Self {
+            reflects: self.reflects || o.reflects,
+            glossy: self.glossy || o.glossy,
+            emits: self.emits || o.emits,
+        }
+    }
+
     /// The number of parameters of its BSDF, which are the first ones of [`Channel::ALL`].
     #[inline(always)]
     pub fn shading(self) -> usize {

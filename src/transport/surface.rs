@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::geometry::{
     Context, Nearest, Vec3, VertexData, detached, gather_row, host_values, nearest_on_triangle,
 };
-use crate::scene::{Channel, ChannelPlanes, Flattened, MaterialKind};
+use crate::scene::{Channel, ChannelPlanes, Flattened};
 use crate::visibility::Rays;
 
 /// Drawn surface points, rows `[1, N]`.
@@ -122,11 +122,7 @@ impl SurfacePoints {
             .map(|&k| scene.topology.material[k as usize])
             .collect();
         let material = context.index_row(&materials);
-        let glossy = scene.materials.glossy();
-        let kind = MaterialKind {
-            glossy,
-            ..MaterialKind::default()
-        };
+        let kind = scene.materials.kind();
         let channels = Channel::ALL.iter().take(kind.shading());
         let parameters = channels.map(|&channel| {
             let channel = scene.materials.channel(channel);
