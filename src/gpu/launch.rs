@@ -1,0 +1,239 @@
+//! Kernels on burn's devices: what they are launched with, in pieces that are not long.
+
+use std::sync::Arc;
+
+use burn::backend::tensor::{FloatTensor, IntTensor};
+use burn::backend::wgpu::{CubeBackend, CubeTensor};
+use burn::backend::{Backend, Dispatch, backend_extension};
+use burn::cubecl::prelude::*;
+use burn::cubecl::server::Handle;
+use burn::tensor::{DType, Device, Int, Shape, Tensor, TensorData};
+
+use super::path::RECORD;
+use super::sums::{FIRST_SUM, LOST, PARTS, Places};
+use super::{Derivatives, Outputs, Packed, render_pixels, render_pixels_backward};
+use crate::kernel::{Sums, View};
+
+/// A view, and what of it is rendered.
+#[derive(Clone)]
+pub(crate) struct Job {
+    pub view: Arc<Packed>,
+    /// All pixels if there is no list.
+    pub pixels: Option<Arc<Vec<u32>>>,
+    pub count: usize,
+    pub samples: u32,
+    pub outputs: Outputs,
+}
+
+/// What a backward pass adds up.
+#[derive(Clone)]
+pub(crate) struct Sought {
+    derivatives: Derivatives,
+    numbers: usize,
+    scales: Vec<f32>,
+    /// Looks at one sample of every so many pixels.
+    stride: usize,
+}
+
+#[backend_extension(Cube)]
+pub(crate) trait GpuBackend: Backend {
+    /// The image `[P, C]`, on the device of a tensor.
+    fn trace(like: FloatTensor<Self>, job: Job) -> FloatTensor<Self>;
+
+    /// The sums of derivatives ([`Places`]), from those by the image's rows.
+    fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self>;
+}
+
+/// Paths of a launch at most, so that no launch is long.
+const PATHS: usize = 1 << 20;
+/// Words of a launch's records at most.
+const RECORDS: usize = 1 << 24;
+/// Threads of a workgroup.
+const GROUP: u32 = 64;
+
+/// A list on a device.
+struct List {
+    handle: Handle,
+    length: usize,
+}
+
+impl List {
+    fn new<T: CubeElement>(client: &Client, list: &[T]) -> Self {
+        Self {
+            handle: client.create_from_slice(T::as_bytes(list)),
+            length: list.len(),
+        }
+    }
+
+    fn room(client: &Client, length: usize) -> Self {
+        Self {
+            handle: client.empty(4 * length),
+            length,
+        }
+    }
+
+    #[allow(unsafe_code)]
+    fn argument(&self) -> BufferArg {
+        // The handle was made with this length.
+        unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
+    }
+
+    fn into_tensor(self, like: CubeTensor, shape: Vec<usize>, dtype: DType) -> CubeTensor {
+        let (client, device) = (like.client.clone(), like.device.clone());
+        CubeTensor::new_contiguous(client, device, Shape::from(shape), self.handle, dtype)
+    }
+}
+
+impl Job {
+    /// The pieces of the job: first pixel, number of pixels, first sample and the one past the last.
+    fn pieces(&self, pixels_at_once: usize) -> Vec<[u32; 4]> {
+        let at_once = pixels_at_once.clamp(1, self.count.max(1));
+        let samples_at_once = (PATHS / at_once).max(1) as u32;
+        let mut pieces = Vec::new();
+        for first in (0..self.count).step_by(at_once) {
+            let count = at_once.min(self.count - first);
+            let mut from = 0;
+            while from < self.samples {
+                let past = self.samples.min(from.saturating_add(samples_at_once));
+                pieces.push([first as u32, count as u32, from, past]);
+                from = past;
+            }
+        }
+        pieces
+    }
+
+    fn lists(&self, client: &Client) -> [List; 3] {
+        let none = vec![0];
+        let pixels = self.pixels.as_deref().unwrap_or(&none);
+        [
+            List::new(client, &self.view.floats),
+            List::new(client, &self.view.words),
+            List::new(client, pixels),
+        ]
+    }
+}
+
+impl GpuBackend for CubeBackend {
+    fn trace(like: FloatTensor<Self>, job: Job) -> FloatTensor<Self> {
+        let client = like.client.clone();
+        let [floats, words, pixels] = job.lists(&client);
+        let rows = job.outputs.rows();
+        let image = List::new(&client, &vec![0.0f32; job.count * rows]);
+        for [first, count, from, past] in job.pieces(PATHS) {
+            render_pixels::launch(
+                &client,
+                CubeCount::Static(count.div_ceil(GROUP), 1, 1),
+                CubeDim::new_1d(GROUP),
+                floats.argument(),
+                words.argument(),
+                pixels.argument(),
+                image.argument(),
+                first,
+                count,
+                from,
+                past,
+                1.0 / job.samples as f32,
+                job.pixels.is_some(),
+                job.outputs,
+                job.view.features,
+            );
+        }
+        image.into_tensor(like, vec![job.count, rows], DType::F32)
+    }
+
+    fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self> {
+        let client = upstream.client.clone();
+        let [floats, words, pixels] = job.lists(&client);
+        let numbers = if sought.derivatives.measure {
+            0
+        } else {
+            sought.numbers
+        };
+        let totals = List::new(&client, &vec![0u32; FIRST_SUM + 2 * numbers.max(1)]);
+        let scales = List::new(&client, &sought.scales);
+        let gradient = List {
+            handle: upstream.handle.clone(),
+            length: job.count * job.outputs.rows(),
+        };
+        let of_path = RECORD as usize * (job.view.words[super::layout::BOUNCES] as usize + 1);
+        let at_once = (RECORDS / of_path).clamp(1, job.count.max(1));
+        let records = List::room(&client, of_path * at_once);
+        let pieces = if sought.stride > 1 {
+            let some = job.count.div_ceil(sought.stride).min(at_once);
+            vec![[0, some as u32, 0, 1]]
+        } else {
+            job.pieces(at_once)
+        };
+        for [first, count, from, past] in pieces {
+            render_pixels_backward::launch(
+                &client,
+                CubeCount::Static(count.div_ceil(GROUP), 1, 1),
+                CubeDim::new_1d(GROUP),
+                floats.argument(),
+                words.argument(),
+                pixels.argument(),
+                gradient.argument(),
+                records.argument(),
+                totals.argument(),
+                scales.argument(),
+                first,
+                sought.stride as u32,
+                count,
+                from,
+                past,
+                1.0 / job.samples as f32,
+                job.pixels.is_some(),
+                job.outputs,
+                job.view.features,
+                sought.derivatives,
+            );
+        }
+        let length = totals.length;
+        totals.into_tensor(upstream, vec![length], DType::I32)
+    }
+}
+
+/// Renders on a device: an image `[P, C]`.
+pub(crate) fn trace(device: &Device, job: Job) -> Tensor<2> {
+    // The device is known by a tensor that lies there.
+    let like = Tensor::<1>::zeros([1], (device, DType::F32));
+    let image = <Dispatch as GpuBackend>::trace(like.into_dispatch(), job);
+    Tensor::from_dispatch(image)
+}
+
+/// Pixels that are looked at for the sizes of derivatives, at least.
+const MEASURED: usize = 4096;
+
+/// The sums of the derivatives of a view's light along paths, from derivatives by the rows of its image.
+pub(crate) fn sums_of(device: &Device, view: &View, job: &Job, upstream: &[f32]) -> Sums {
+    let places = Places::new(&view.scene, &view.wanted);
+    let data = TensorData::new(upstream.to_vec(), [upstream.len()]);
+    let upstream = Tensor::<1>::from_data(data, (device, DType::F32));
+    let derivatives = Derivatives::of(&view.wanted);
+    let words = |measured: Option<usize>, scales: &[f32]| -> Vec<u32> {
+        let sought = Sought {
+            derivatives: Derivatives {
+                measure: measured.is_some(),
+                ..derivatives
+            },
+            numbers: places.count,
+            scales: scales.to_vec(),
+            stride: measured.unwrap_or(1),
+        };
+        let (upstream, job) = (upstream.clone().into_dispatch(), job.clone());
+        let totals = <Dispatch as GpuBackend>::trace_backward(upstream, job, sought);
+        let totals = Tensor::<1, Int>::from_dispatch(totals).into_data();
+        totals.iter::<i32>().map(|w| w as u32).collect()
+    };
+    // One sample of some pixels tells how large derivatives are.
+    let paths = job.count.saturating_mul(job.samples as usize);
+    let stride = job.count.div_ceil((paths / 16).max(MEASURED)).max(1);
+    let mut scales = Places::scales(&words(Some(stride), &[1.0; PARTS]), 40.0);
+    let mut found = words(None, &scales);
+    if found[LOST] > 0 {
+        // Some are much larger than those: all are looked at.
+        scales = Places::scales(&words(Some(1), &[1.0; PARTS]), 30.0);
+        found = words(None, &scales);
+    }
+    places.read(&found, &scales, &view.scene, &view.wanted)
+}

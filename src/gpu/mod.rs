@@ -1,0 +1,278 @@
+//! Kernels on GPUs: whole paths, one thread a pixel, in the language of CubeCL. Formulas are those of
+//! `model`, so that the host and GPUs share them; what is here finds what they are applied to.
+
+mod backward;
+mod hit;
+mod integers;
+mod launch;
+mod layout;
+mod light;
+mod numbers;
+mod path;
+mod sums;
+mod surface;
+
+use burn::cubecl::{self, prelude::*};
+
+use crate::accel::GpuTree;
+use crate::kernel::{View, Wanted};
+use crate::model::sky::Sky;
+use crate::model::{splat, v3};
+use crate::sampling::Sequence;
+use backward::{Upstream, add_camera, no_camera_gradient, path_backward};
+pub(crate) use launch::{Job, sums_of, trace};
+pub(crate) use layout::Packed;
+use layout::{COUNTED, NONE, UNIT};
+use path::{Room, begin, path_light};
+
+/// What a kernel is compiled for: what a scene does not need is not in it.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(crate) struct Features {
+    /// Room for nodes, of a tree that has any.
+    pub boxes: bool,
+    pub stack: usize,
+    pub moves: bool,
+    pub lens: bool,
+    pub parallel: bool,
+    pub smooth: bool,
+    pub textured: bool,
+    pub glossy: bool,
+    pub emitters: bool,
+    pub by_solid_angle: bool,
+    pub combined: bool,
+    pub sky_constant: bool,
+    pub sky_map: bool,
+    pub sees_sky: bool,
+    pub gathers_map: bool,
+    pub dark: bool,
+    pub cones: bool,
+    pub roulette: bool,
+    pub sobol: bool,
+}
+
+impl Features {
+    fn of(view: &View, tree: &GpuTree) -> Self {
+        let scene = &view.scene;
+        Self {
+            boxes: !tree.boxes.is_empty(),
+            stack: tree.depth.next_multiple_of(16).max(16),
+            moves: scene.velocities.is_some(),
+            lens: view.camera.aperture > 0.0,
+            parallel: view.camera.parallel,
+            smooth: scene.smooth,
+            textured: scene.textured,
+            glossy: scene.glossy,
+            emitters: !scene.emitters.is_empty(),
+            by_solid_angle: scene.emitters.depends_on_position(),
+            combined: view.combined,
+            sky_constant: matches!(scene.sky, Sky::Constant(_)),
+            sky_map: scene.sky.map().is_some(),
+            sees_sky: view.sees_sky,
+            gathers_map: view.gathers_map,
+            dark: view.dark,
+            cones: view.cone > 0.0,
+            roulette: view.settings.roulette_after.is_some(),
+            sobol: view.settings.sampler.sequence == Sequence::Sobol,
+        }
+    }
+}
+
+/// The derivatives that are asked for ([`Wanted`](crate::kernel::Wanted)).
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(crate) struct Derivatives {
+    pub rays: bool,
+    pub objects: bool,
+    pub velocities: bool,
+    pub uvs: bool,
+    pub normals: bool,
+    pub materials: bool,
+    pub emission: bool,
+    pub sky: bool,
+    pub camera: bool,
+    /// Whether only the sizes of derivatives are looked at.
+    pub measure: bool,
+}
+
+impl Derivatives {
+    fn of(wanted: &Wanted) -> Self {
+        Self {
+            rays: wanted.rays,
+            objects: wanted.objects.contains(&true),
+            velocities: wanted.velocities,
+            uvs: wanted.uvs,
+            normals: wanted.normals,
+            materials: wanted.materials,
+            emission: wanted.emission,
+            sky: wanted.sky,
+            camera: wanted.camera,
+            measure: false,
+        }
+    }
+}
+
+/// The rows of an image that are asked for beside radiance.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(crate) struct Outputs {
+    pub opacity: bool,
+    pub depth: bool,
+    pub normals: bool,
+    /// Rows of shares of objects, the background's with them; 0 if they are not asked for.
+    pub objects: usize,
+}
+
+impl Outputs {
+    fn rows(self) -> usize {
+        3 + usize::from(self.opacity)
+            + usize::from(self.depth)
+            + if self.normals { 3 } else { 0 }
+            + self.objects
+    }
+}
+
+/// Adds the means over some samples of pixels from a first one on to their rows.
+#[cube(launch)]
+fn render_pixels(
+    floats: &[f32],
+    words: &[u32],
+    pixels: &[u32],
+    image: &mut [f32],
+    first: u32,
+    count: u32,
+    from: u32,
+    past: u32,
+    scale: f32,
+    #[comptime] listed: bool,
+    #[comptime] outputs: Outputs,
+    #[comptime] features: Features,
+) {
+    if ABSOLUTE_POS < count as usize {
+        let i = first + ABSOLUTE_POS as u32;
+        let mut pixel = i;
+        if listed {
+            pixel = pixels[i as usize];
+        }
+        let mut room = Array::<u32>::new(features.stack);
+        let stack = room.as_mut_slice();
+        let rows = comptime!(outputs.rows());
+        let own = i as usize * rows;
+        let mut sample = from;
+        while sample < past {
+            let path = begin(floats, words, pixel, sample, features);
+            // Nothing is kept.
+            let mut records = Array::<u32>::new(1usize);
+            let room = Room {
+                thread: 0u32,
+                threads: 1u32,
+            };
+            let none = records.as_mut_slice();
+            let seen = path_light(floats, words, stack, none, room, path, false, features);
+            image[own] += seen.radiance.x * scale;
+            image[own + 1] += seen.radiance.y * scale;
+            image[own + 2] += seen.radiance.z * scale;
+            let mut at = own + 3;
+            if comptime!(outputs.opacity) {
+                image[at] += seen.opacity * scale;
+                at += 1;
+            }
+            if comptime!(outputs.depth) {
+                image[at] += seen.depth * scale * floats[UNIT];
+                at += 1;
+            }
+            if comptime!(outputs.normals) {
+                image[at] += seen.normal.x * scale;
+                image[at + 1] += seen.normal.y * scale;
+                image[at + 2] += seen.normal.z * scale;
+                at += 3;
+            }
+            if comptime!(outputs.objects > 0) {
+                let mut object = comptime!(outputs.objects as u32 - 1).runtime();
+                if seen.object != NONE {
+                    object = words[(words[COUNTED] + seen.object) as usize];
+                }
+                image[at + object as usize] += scale;
+            }
+            sample += 1;
+        }
+    }
+}
+
+/// Adds the derivatives of some samples of pixels, every `stride`-th from a first one on, times those of a loss by the pixels'
+/// rows, to sums.
+#[cube(launch)]
+fn render_pixels_backward(
+    floats: &[f32],
+    words: &[u32],
+    pixels: &[u32],
+    upstream: &[f32],
+    records: &mut [u32],
+    totals: &[Atomic<u32>],
+    scales: &[f32],
+    first: u32,
+    stride: u32,
+    count: u32,
+    from: u32,
+    past: u32,
+    scale: f32,
+    #[comptime] listed: bool,
+    #[comptime] outputs: Outputs,
+    #[comptime] features: Features,
+    #[comptime] derivatives: Derivatives,
+) {
+    if ABSOLUTE_POS < count as usize {
+        let thread = ABSOLUTE_POS as u32;
+        let i = first + thread * stride;
+        let mut pixel = i;
+        if listed {
+            pixel = pixels[i as usize];
+        }
+        let own = i as usize * comptime!(outputs.rows());
+        let mut g = Upstream {
+            radiance: v3(upstream[own], upstream[own + 1], upstream[own + 2]) * scale,
+            depth: 0.0f32,
+            normal: splat(0.0),
+        };
+        let depth = comptime!(3 + usize::from(outputs.opacity));
+        if comptime!(outputs.depth) {
+            g.depth = upstream[own + depth] * scale * floats[UNIT];
+        }
+        if comptime!(outputs.normals) {
+            let at = own + comptime!(depth + usize::from(outputs.depth));
+            g.normal = v3(upstream[at], upstream[at + 1], upstream[at + 2]) * scale;
+        }
+        let asked = g.radiance.abs().element_sum() + g.depth.abs() + g.normal.abs().element_sum();
+        if asked != 0.0 {
+            let mut room = Array::<u32>::new(features.stack);
+            let stack = room.as_mut_slice();
+            let records_of = Room {
+                thread,
+                threads: count,
+            };
+            let mut by_camera = no_camera_gradient();
+            let mut sample = from;
+            while sample < past {
+                let path = begin(floats, words, pixel, sample, features);
+                let seen = path_light(
+                    floats, words, stack, records, records_of, path, true, features,
+                );
+                path_backward(
+                    floats,
+                    words,
+                    records,
+                    totals,
+                    scales,
+                    records_of,
+                    path,
+                    &seen,
+                    g,
+                    &mut by_camera,
+                    features,
+                    derivatives,
+                );
+                sample += 1;
+            }
+            if comptime!(derivatives.camera) {
+                add_camera(words, totals, scales, &by_camera, derivatives.measure);
+            }
+        }
+    }
+}
