@@ -2,7 +2,10 @@
 
 use burn::cubecl::{self, prelude::*};
 
+use super::edge_point::object_of;
+use super::edge_search::Observer;
 use super::hit::vector;
+use super::jumps::{Loss, jumps_seen_from};
 use super::layout::{
     CONE, EMITS, FIRST_SUMS, NONE, NORMALS as NORMAL_VALUES, OF_MATERIAL, OF_MATERIALS,
     OF_TRIANGLE, OF_TRIANGLES, SKY as SKY_TEXELS, SKY_HEIGHT, SKY_WIDTH, SURFACE_STRIDE, SURFACES,
@@ -41,10 +44,10 @@ pub(super) struct Upstream {
 /// Derivatives by a surface point, but for those that its incoming ray takes part in.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
 #[expand(derive(Clone, Copy))]
-struct PointGradient {
-    position: V3,
-    geometric: V3,
-    shading: ShadingGradient,
+pub(super) struct PointGradient {
+    pub position: V3,
+    pub geometric: V3,
+    pub shading: ShadingGradient,
 }
 
 /// Derivatives by a ray.
@@ -192,7 +195,7 @@ fn sky_backward(
 
 /// Adds a derivative by a point of a triangle, which moves with its corners.
 #[cube]
-fn add_to_corners(
+pub(super) fn add_to_corners(
     words: &[u32],
     totals: &[Atomic<u32>],
     scales: &[f32],
@@ -237,7 +240,7 @@ fn add_to_corners(
 }
 
 #[cube]
-fn is_wanted(words: &[u32], object: u32) -> bool {
+pub(super) fn is_wanted(words: &[u32], object: u32) -> bool {
     words[(words[WANTED_OBJECTS] + object) as usize] != 0
 }
 
@@ -622,17 +625,20 @@ fn map_backward(
 pub(super) fn path_backward(
     floats: &[f32],
     words: &[u32],
+    stack: &mut [u32],
+    edge_room: &mut [u32],
     records: &mut [u32],
     totals: &[Atomic<u32>],
     scales: &[f32],
     room: Room,
     path: Beginning,
     seen: &PathLight,
-    upstream: Upstream,
+    loss: Loss,
     by_camera: &mut CameraGradient,
     #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) {
+    let upstream = loss.by;
     let g = upstream.radiance;
     let numbers = path.numbers;
     let time = path.time;
@@ -650,6 +656,25 @@ pub(super) fn path_backward(
             features,
             of,
         );
+    }
+    // The first point of the path that moves, or where directions turn.
+    let mut still = seen.points;
+    if comptime!(of.jumps) {
+        if comptime!(of.camera) {
+            still = 0u32;
+        } else {
+            if comptime!(of.turns) {
+                still = still.min(1);
+            }
+            let mut i = 0u32;
+            while i < still {
+                let triangle = records[record_at(room, i, 0u32)];
+                if is_wanted(words, object_of(words, triangle)) {
+                    still = i;
+                }
+                i += 1;
+            }
+        }
     }
     let mut left = seen.points;
     while left > 0 {
@@ -809,6 +834,25 @@ pub(super) fn path_backward(
             }
         }
         by_throughput = by_before;
+        if comptime!(of.jumps && !features.dark) {
+            if point.reflects {
+                let carried = g.times(throughput);
+                let counts = carried.abs().element_sum() / loss.typical.max(f32::MIN_POSITIVE);
+                if counts > 0.0 {
+                    let at = Observer {
+                        point,
+                        bounce: i,
+                        moves: i >= still,
+                        carried,
+                        counts,
+                    };
+                    jumps_seen_from(
+                        floats, words, stack, edge_room, totals, scales, &path, &at, &mut by,
+                        features, of,
+                    );
+                }
+            }
+        }
         let mut by_t = 0.0f32;
         if i == 0 {
             by_t = upstream.depth;

@@ -29,6 +29,34 @@ pub(super) struct Hit {
     pub triangle: u32,
 }
 
+/// Up to four triangles that a ray does not see.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Unseen {
+    pub a: u32,
+    pub b: u32,
+    pub c: u32,
+    pub d: u32,
+}
+
+#[cube]
+impl Unseen {
+    pub fn contains(self, triangle: u32) -> bool {
+        triangle == self.a || triangle == self.b || triangle == self.c || triangle == self.d
+    }
+}
+
+/// All triangles are seen.
+#[cube]
+pub(super) fn see_all() -> Unseen {
+    Unseen {
+        a: NONE,
+        b: NONE,
+        c: NONE,
+        d: NONE,
+    }
+}
+
 /// Triangles are grown by this share of the largest coordinate near the ray.
 const ROUNDING: f32 = 4e-7;
 
@@ -105,14 +133,16 @@ fn safe_inverse(d: f32) -> f32 {
     1.0 / divisor
 }
 
-/// The nearest triangle that a ray hits; with `any` any, which takes less time.
+/// The nearest triangle that a ray hits; with `any` any, which takes less time. With `select` some are left out.
 #[cube]
 pub(super) fn trace(
     floats: &[f32],
     words: &[u32],
     stack: &mut [u32],
     asked: Ray,
+    unseen: Unseen,
     any: bool,
+    #[comptime] select: bool,
     #[comptime] features: Features,
 ) -> Hit {
     // A distant origin would round by more than triangles are large: begin where the ray is nearest to the
@@ -148,8 +178,11 @@ pub(super) fn trace(
                     let at = words[HITS] + k * HIT_STRIDE as u32;
                     let found = meet(floats, at, ray, margin, t, features.moves);
                     if found < t {
-                        t = found;
-                        triangle = words[(words[HIT_NUMBERS] + k) as usize];
+                        let number = words[(words[HIT_NUMBERS] + k) as usize];
+                        if !select || !unseen.contains(number) {
+                            t = found;
+                            triangle = number;
+                        }
                     }
                     k += 1;
                 }
@@ -190,7 +223,7 @@ pub(super) fn trace(
         while k < words[HIT_COUNT] {
             let at = words[HITS] + k * HIT_STRIDE as u32;
             let found = meet(floats, at, ray, margin, t, features.moves);
-            if found < t {
+            if found < t && (!select || !unseen.contains(k)) {
                 t = found;
                 triangle = k;
                 if any {

@@ -33,6 +33,8 @@ pub(crate) struct Sought {
     scales: Vec<f32>,
     /// Looks at one sample of every so many pixels.
     stride: usize,
+    /// How much the loss depends on the radiance of a pixel, on average.
+    typical: f32,
 }
 
 #[backend_extension(Cube)]
@@ -182,6 +184,7 @@ impl GpuBackend for CubeBackend {
                 from,
                 past,
                 1.0 / job.samples as f32,
+                sought.typical,
                 job.pixels.is_some(),
                 job.outputs,
                 job.view.features,
@@ -201,6 +204,14 @@ pub(crate) fn trace(device: &Device, job: Job) -> Tensor<2> {
     Tensor::from_dispatch(image)
 }
 
+/// The mean of how much a loss depends on the radiance of a pixel, over those that it depends on.
+fn typical(upstream: &[f32], rows: usize) -> f32 {
+    let pixels = upstream.chunks_exact(rows);
+    let own = pixels.map(|row| row[..3].iter().map(|g| f64::from(g.abs())).sum::<f64>());
+    let asked: Vec<f64> = own.filter(|&g| g > 0.0).collect();
+    (asked.iter().sum::<f64>() / asked.len().max(1) as f64) as f32
+}
+
 /// Pixels that are looked at for the sizes of derivatives, at least.
 const MEASURED: usize = 4096;
 
@@ -208,8 +219,9 @@ const MEASURED: usize = 4096;
 pub(crate) fn sums_of(device: &Device, view: &View, job: &Job, upstream: &[f32]) -> Sums {
     let places = Places::new(&view.scene, &view.wanted);
     let data = TensorData::new(upstream.to_vec(), [upstream.len()]);
-    let upstream = Tensor::<1>::from_data(data, (device, DType::F32));
-    let derivatives = Derivatives::of(&view.wanted);
+    let on_device = Tensor::<1>::from_data(data, (device, DType::F32));
+    let derivatives = Derivatives::of(view, &job.view.words);
+    let typical = typical(&upstream, job.outputs.rows());
     let words = |measured: Option<usize>, scales: &[f32]| -> Vec<u32> {
         let sought = Sought {
             derivatives: Derivatives {
@@ -219,8 +231,9 @@ pub(crate) fn sums_of(device: &Device, view: &View, job: &Job, upstream: &[f32])
             numbers: places.count,
             scales: scales.to_vec(),
             stride: measured.unwrap_or(1),
+            typical,
         };
-        let (upstream, job) = (upstream.clone().into_dispatch(), job.clone());
+        let (upstream, job) = (on_device.clone().into_dispatch(), job.clone());
         let totals = <Dispatch as GpuBackend>::trace_backward(upstream, job, sought);
         let totals = Tensor::<1, Int>::from_dispatch(totals).into_data();
         totals.iter::<i32>().map(|w| w as u32).collect()

@@ -70,7 +70,7 @@ pub(super) const VERTEX_ROWS: usize = 37;
 pub(super) const WANTED_OBJECTS: usize = 38;
 /// The first sum of each part ([`sums`](super::sums)).
 pub(super) const FIRST_SUMS: usize = 40;
-const HEADER: usize = 56;
+const HEADER: usize = 80;
 
 /// Floats of the header: the camera, then the tangent of cones.
 pub(super) const CAMERA: usize = 0;
@@ -113,19 +113,20 @@ impl Packed {
         packed.add_materials(view);
         packed.add_emitters(view);
         packed.add_sky(view);
+        packed.add_edges(view);
         packed
     }
 
     /// Begins a list of floats at a place of the header.
-    fn floats_at(&mut self, place: usize) {
+    pub(super) fn floats_at(&mut self, place: usize) {
         self.words[place] = self.floats.len() as u32;
     }
 
-    fn words_at(&mut self, place: usize) {
+    pub(super) fn words_at(&mut self, place: usize) {
         self.words[place] = self.words.len() as u32;
     }
 
-    fn vector(&mut self, v: V3) {
+    pub(super) fn vector(&mut self, v: V3) {
         self.floats.extend(v.to_array());
     }
 

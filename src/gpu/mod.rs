@@ -2,28 +2,38 @@
 //! `model`, so that the host and GPUs share them; what is here finds what they are applied to.
 
 mod backward;
+mod edge_layout;
+mod edge_point;
+mod edge_search;
+mod edge_tree;
+mod edge_weights;
 mod hit;
 mod integers;
+mod jumps;
 mod launch;
 mod layout;
 mod light;
 mod numbers;
 mod path;
+mod side_light;
 mod sums;
 mod surface;
 
 use burn::cubecl::{self, prelude::*};
 
 use crate::accel::GpuTree;
-use crate::kernel::{View, Wanted};
+use crate::kernel::View;
 use crate::model::sky::Sky;
 use crate::model::{splat, v3};
 use crate::sampling::Sequence;
 use backward::{Upstream, add_camera, no_camera_gradient, path_backward};
+use edge_layout::{EDGE_TREES, NODE_COUNT};
+use edge_tree::ROOM;
+use jumps::Loss;
 pub(crate) use launch::{Job, sums_of, trace};
 pub(crate) use layout::Packed;
 use layout::{COUNTED, NONE, UNIT};
-use path::{Room, begin, path_light};
+use path::{Room, begin, from_camera, path_light};
 
 /// What a kernel is compiled for: what a scene does not need is not in it.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
@@ -89,13 +99,28 @@ pub(crate) struct Derivatives {
     pub emission: bool,
     pub sky: bool,
     pub camera: bool,
+    /// Whether directions that are drawn turn while surfaces stand still.
+    pub turns: bool,
+    /// Whether jumps at edges that points of paths see are added, whether trees over edges have nodes, whether
+    /// emitters are in several groups, and room for drawing an edge.
+    pub jumps: bool,
+    pub edge_nodes: bool,
+    pub grouped: bool,
+    pub edge_room: usize,
     /// Whether only the sizes of derivatives are looked at.
     pub measure: bool,
 }
 
 impl Derivatives {
-    fn of(wanted: &Wanted) -> Self {
+    fn of(view: &View, words: &[u32]) -> Self {
+        let wanted = &view.wanted;
+        let jumps = adds_jumps(view);
         Self {
+            turns: wanted.turns(),
+            jumps,
+            edge_nodes: words[EDGE_TREES + NODE_COUNT] > 0,
+            grouped: view.scene.emitters.groups.len() > 1,
+            edge_room: if jumps { ROOM } else { 1 },
             rays: wanted.rays,
             objects: wanted.objects.contains(&true),
             velocities: wanted.velocities,
@@ -108,6 +133,12 @@ impl Derivatives {
             measure: false,
         }
     }
+}
+
+/// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the
+/// shutter is open are found anew at each time, which takes f64: these are for the host.
+pub(crate) fn adds_jumps(view: &View) -> bool {
+    view.has_edges && view.edge_sets.as_ref().is_some_and(|e| !e.any_apart())
 }
 
 /// The rows of an image that are asked for beside radiance.
@@ -165,7 +196,18 @@ fn render_pixels(
                 threads: 1u32,
             };
             let none = records.as_mut_slice();
-            let seen = path_light(floats, words, stack, none, room, path, false, features);
+            let seen = path_light(
+                floats,
+                words,
+                stack,
+                none,
+                room,
+                path,
+                from_camera(),
+                false,
+                false,
+                features,
+            );
             image[own] += seen.radiance.x * scale;
             image[own + 1] += seen.radiance.y * scale;
             image[own + 2] += seen.radiance.z * scale;
@@ -213,6 +255,7 @@ fn render_pixels_backward(
     from: u32,
     past: u32,
     scale: f32,
+    typical: f32,
     #[comptime] listed: bool,
     #[comptime] outputs: Outputs,
     #[comptime] features: Features,
@@ -243,6 +286,8 @@ fn render_pixels_backward(
         if asked != 0.0 {
             let mut room = Array::<u32>::new(features.stack);
             let stack = room.as_mut_slice();
+            let mut room = Array::<u32>::new(derivatives.edge_room);
+            let edge_room = room.as_mut_slice();
             let records_of = Room {
                 thread,
                 threads: count,
@@ -252,18 +297,32 @@ fn render_pixels_backward(
             while sample < past {
                 let path = begin(floats, words, pixel, sample, features);
                 let seen = path_light(
-                    floats, words, stack, records, records_of, path, true, features,
+                    floats,
+                    words,
+                    stack,
+                    records,
+                    records_of,
+                    path,
+                    from_camera(),
+                    false,
+                    true,
+                    features,
                 );
                 path_backward(
                     floats,
                     words,
+                    stack,
+                    edge_room,
                     records,
                     totals,
                     scales,
                     records_of,
                     path,
                     &seen,
-                    g,
+                    Loss {
+                        by: g,
+                        typical: typical * scale,
+                    },
                     &mut by_camera,
                     features,
                     derivatives,

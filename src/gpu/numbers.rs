@@ -21,8 +21,8 @@ pub(super) struct Four {
 #[expand(derive(Clone, Copy))]
 pub(super) struct Stream {
     seed: Wide,
-    pixel: u32,
-    sample: u32,
+    pub pixel: u32,
+    pub sample: u32,
     index: u32,
     block: Wide,
     shuffled: u32,
@@ -108,6 +108,18 @@ pub(super) fn numbers_of_cones(
 ) -> Stream {
     let seed = wide(words[SEED_OF_CONES], words[SEED_OF_CONES + 1]);
     stream(words, seed, pixel, sample, sobol)
+}
+
+/// Those of a stream for another purpose, whose seed is at a place of the header.
+#[cube]
+pub(super) fn numbers_of_purpose(
+    words: &[u32],
+    seed: usize,
+    path: &Stream,
+    #[comptime] sobol: bool,
+) -> Stream {
+    let seed = wide(words[seed], words[seed + 1]);
+    stream(words, seed, path.pixel, path.sample, sobol)
 }
 
 #[cube]

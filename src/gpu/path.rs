@@ -6,7 +6,7 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
-use super::hit::{Hit, Ray, trace, vector};
+use super::hit::{Hit, Ray, see_all, trace, vector};
 use super::layout::{BOUNCES, CAMERA, CONE, FILTER, NONE, ROULETTE_AFTER, WIDTH};
 use super::light::{
     Choice, Emitter, all_seen_from, chance, choose, choose_direction, density_of_direction,
@@ -299,8 +299,44 @@ fn keep_vector(records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
     records[record_at(room, point, word + 2)] = v.z.to_bits();
 }
 
-/// Traces a path from its beginning. `stack` is room for nodes of the tree; with `keep` the path's points are
-/// left in `records`.
+/// A surface point that a path starts from in place of the camera.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Start {
+    pub triangle: u32,
+    /// A place about there, and the direction in which it is seen.
+    pub near: V3,
+    pub direction: V3,
+    pub distance: f32,
+    pub bounce: u32,
+    /// Normals about which directions are drawn, if it is paired ([`Shading`](crate::model::bsdf::Shading)).
+    pub pair: Pair,
+    pub paired: bool,
+    /// Whether what it emits counts.
+    pub emits: bool,
+}
+
+/// The camera.
+#[cube]
+pub(super) fn from_camera() -> Start {
+    let zero = splat(0.0f32.runtime());
+    Start {
+        triangle: NONE,
+        near: zero,
+        direction: zero,
+        distance: 0.0f32,
+        bounce: 0u32,
+        pair: Pair {
+            first: zero,
+            second: zero,
+        },
+        paired: false,
+        emits: true,
+    }
+}
+
+/// Traces a path from its beginning, or with `beside` from a point. `stack` is room for nodes of the tree; with
+/// `keep` the path's points are left in `records`.
 #[cube]
 pub(super) fn path_light(
     floats: &[f32],
@@ -309,6 +345,8 @@ pub(super) fn path_light(
     records: &mut [u32],
     room: Room,
     path: Beginning,
+    start: Start,
+    #[comptime] beside: bool,
     #[comptime] keep: bool,
     #[comptime] features: Features,
 ) -> PathLight {
@@ -358,11 +396,24 @@ pub(super) fn path_light(
     let mut limit = f32::MAX.runtime();
     let mut light = splat(0.0);
     let bounces = words[BOUNCES];
+    let mut begins = true;
+    if beside {
+        bounce = start.bounce;
+        origin = start.near;
+        direction = start.direction;
+        limit = -1.0f32;
+    }
     while purpose != ENDED {
         let mut hit = Hit {
             t: 0.0f32,
             triangle: NONE,
         };
+        if beside {
+            if begins {
+                hit.triangle = start.triangle;
+                begins = false;
+            }
+        }
         if limit > 0.0 {
             let last = bounce >= bounces;
             let any = purpose != OF_CAMERA && (purpose != ONWARDS || last);
@@ -373,7 +424,7 @@ pub(super) fn path_light(
                 from: 0.0f32,
                 limit,
             };
-            hit = trace(floats, words, stack, ray, any, features);
+            hit = trace(floats, words, stack, ray, see_all(), any, false, features);
             seen.rays += 1;
         }
         let missed = hit.triangle == NONE;
@@ -390,8 +441,17 @@ pub(super) fn path_light(
                 purpose = ENDED;
             } else {
                 let near = origin + direction * hit.t;
-                let point = point_at(floats, words, hit.triangle, near, direction, time, features);
+                let mut point =
+                    point_at(floats, words, hit.triangle, near, direction, time, features);
                 if purpose == OF_CAMERA {
+                    if beside {
+                        hit.t = start.distance;
+                        point.shading.pair = start.pair;
+                        point.shading.paired = start.paired;
+                        if !start.emits {
+                            point.emission = splat(0.0);
+                        }
+                    }
                     seen.radiance += point.emission;
                     seen.opacity = 1.0;
                     seen.depth = hit.t;

@@ -95,6 +95,17 @@ impl Backward {
         None
     }
 
+    /// Whether the jumps at edges that points of paths see come from a GPU.
+    fn jumps_on_gpu(&self, view: &View) -> bool {
+        #[cfg(feature = "wgpu")]
+        return self.gpu.is_some() && crate::gpu::adds_jumps(view);
+        #[cfg(not(feature = "wgpu"))]
+        {
+            let _ = view;
+            false
+        }
+    }
+
     /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
     pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let upstream: Vec<f64> = upstream.iter::<f64>().collect();
@@ -153,7 +164,7 @@ impl Backward {
             sums
         };
         let mut sums = Vec::new();
-        if view.settings.interior || view.has_edges {
+        if view.settings.interior || (view.has_edges && !self.jumps_on_gpu(view)) {
             sums = self.tiles.par_chunks(each).map(of_accumulator).collect();
         }
         let mut all = along_paths.unwrap_or_else(|| zero.clone());
