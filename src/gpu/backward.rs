@@ -81,16 +81,15 @@ pub(super) fn add_camera(
     totals: &[Atomic<u32>],
     scales: &[f32],
     g: &CameraGradient,
-    #[comptime] measure: bool,
 ) {
     let first = words[FIRST_SUMS + CAMERA];
-    add_vector(totals, scales, first, g.eye, CAMERA, measure);
-    add_vector(totals, scales, first + 3, g.across, CAMERA, measure);
-    add_vector(totals, scales, first + 6, g.upward, CAMERA, measure);
-    add_vector(totals, scales, first + 9, g.forward, CAMERA, measure);
-    add_vector(totals, scales, first + 12, g.lens.first, CAMERA, measure);
-    add_vector(totals, scales, first + 15, g.lens.second, CAMERA, measure);
-    add(totals, scales, first + 18, g.per_focus, CAMERA, measure);
+    add_vector(totals, scales, first, g.eye, CAMERA);
+    add_vector(totals, scales, first + 3, g.across, CAMERA);
+    add_vector(totals, scales, first + 6, g.upward, CAMERA);
+    add_vector(totals, scales, first + 9, g.forward, CAMERA);
+    add_vector(totals, scales, first + 12, g.lens.first, CAMERA);
+    add_vector(totals, scales, first + 15, g.lens.second, CAMERA);
+    add(totals, scales, first + 18, g.per_focus, CAMERA);
 }
 
 #[cube]
@@ -119,36 +118,27 @@ fn cell_backward(
     g: V3,
     #[comptime] part: usize,
     #[comptime] wanted: bool,
-    #[comptime] measure: bool,
 ) -> V2 {
     let x = cell.x;
     let y = cell.y;
     if wanted {
-        add_vector(
-            totals,
-            scales,
-            sums + cell.a,
-            g * ((1.0 - x) * (1.0 - y)),
-            part,
-            measure,
-        );
-        add_vector(
-            totals,
-            scales,
-            sums + cell.b,
-            g * (x * (1.0 - y)),
-            part,
-            measure,
-        );
-        add_vector(
-            totals,
-            scales,
-            sums + cell.c,
-            g * ((1.0 - x) * y),
-            part,
-            measure,
-        );
-        add_vector(totals, scales, sums + cell.d, g * (x * y), part, measure);
+        let mut k = 0u32;
+        while k < 4 {
+            let mut texel = cell.a;
+            let mut weight = (1.0 - x) * (1.0 - y);
+            if k == 1 {
+                texel = cell.b;
+                weight = x * (1.0 - y);
+            } else if k == 2 {
+                texel = cell.c;
+                weight = (1.0 - x) * y;
+            } else if k == 3 {
+                texel = cell.d;
+                weight = x * y;
+            }
+            add_vector(totals, scales, sums + texel, g * weight, part);
+            k += 1;
+        }
     }
     let a = vector(floats, texels + cell.a).dot(g);
     let b = vector(floats, texels + cell.b).dot(g);
@@ -175,14 +165,12 @@ fn sky_backward(
     let mut by_direction = splat(0.0);
     let first = words[FIRST_SUMS + SKY];
     if comptime!(features.sky_constant && of.sky) {
-        add_vector(totals, scales, first, g, SKY, of.measure);
+        add_vector(totals, scales, first, g, SKY);
     }
     if comptime!(features.sky_map) {
         let cell = cell_of_map(words, direction);
         let texels = words[SKY_TEXELS];
-        let by = cell_backward(
-            floats, totals, scales, texels, cell, first, g, SKY, of.sky, of.measure,
-        );
+        let by = cell_backward(floats, totals, scales, texels, cell, first, g, SKY, of.sky);
         let d = direction;
         let around = (d.x * d.x + d.z * d.z).max(1e-12);
         let columns = words[SKY_WIDTH] as f32 / std::f32::consts::TAU;
@@ -206,36 +194,23 @@ pub(super) fn add_to_corners(
     time: f32,
     #[comptime] of: Derivatives,
 ) {
-    let row = (words[VERTEX_ROWS] + 3 * triangle) as usize;
+    let row = words[VERTEX_ROWS] + 3 * triangle;
     let first = words[FIRST_SUMS + VERTICES];
-    let measure = comptime!(of.measure);
-    add_vector(
-        totals,
-        scales,
-        first + 3 * words[row],
-        g * weights.x,
-        VERTICES,
-        measure,
-    );
-    add_vector(
-        totals,
-        scales,
-        first + 3 * words[row + 1],
-        g * weights.y,
-        VERTICES,
-        measure,
-    );
-    add_vector(
-        totals,
-        scales,
-        first + 3 * words[row + 2],
-        g * weights.z,
-        VERTICES,
-        measure,
-    );
+    let mut k = 0u32;
+    while k < 3 {
+        let mut weight = weights.x;
+        if k == 1 {
+            weight = weights.y;
+        } else if k == 2 {
+            weight = weights.z;
+        }
+        let at = first + 3 * words[(row + k) as usize];
+        add_vector(totals, scales, at, g * weight, VERTICES);
+        k += 1;
+    }
     if comptime!(of.velocities) {
         let at = words[FIRST_SUMS + VELOCITIES] + 3 * object;
-        add_vector(totals, scales, at, g * time, VELOCITIES, measure);
+        add_vector(totals, scales, at, g * time, VELOCITIES);
     }
 }
 
@@ -277,7 +252,6 @@ fn colour_backward(
                 g,
                 TEXELS,
                 of.materials,
-                of.measure,
             );
             by_uv = v2(
                 by.x * words[texture + 1] as f32,
@@ -288,7 +262,7 @@ fn colour_backward(
     if comptime!(of.materials) {
         if constant {
             let at = words[FIRST_SUMS + MATERIALS] + 12 * point.material + 3 * channel;
-            add_vector(totals, scales, at, g, MATERIALS, of.measure);
+            add_vector(totals, scales, at, g, MATERIALS);
         }
     }
     by_uv
@@ -324,33 +298,12 @@ fn attributes_backward(
                 let i = first + 2 * words[row + 2];
                 let j = first + 2 * words[row + 3];
                 let k = first + 2 * words[row + 4];
-                add(totals, scales, i, by_uv.x * p.weights.x, UVS, of.measure);
-                add(
-                    totals,
-                    scales,
-                    i + 1,
-                    by_uv.y * p.weights.x,
-                    UVS,
-                    of.measure,
-                );
-                add(totals, scales, j, by_uv.x * p.weights.y, UVS, of.measure);
-                add(
-                    totals,
-                    scales,
-                    j + 1,
-                    by_uv.y * p.weights.y,
-                    UVS,
-                    of.measure,
-                );
-                add(totals, scales, k, by_uv.x * p.weights.z, UVS, of.measure);
-                add(
-                    totals,
-                    scales,
-                    k + 1,
-                    by_uv.y * p.weights.z,
-                    UVS,
-                    of.measure,
-                );
+                add(totals, scales, i, by_uv.x * p.weights.x, UVS);
+                add(totals, scales, i + 1, by_uv.y * p.weights.x, UVS);
+                add(totals, scales, j, by_uv.x * p.weights.y, UVS);
+                add(totals, scales, j + 1, by_uv.y * p.weights.y, UVS);
+                add(totals, scales, k, by_uv.x * p.weights.z, UVS);
+                add(totals, scales, k + 1, by_uv.y * p.weights.z, UVS);
             }
         }
     }
@@ -374,9 +327,9 @@ fn attributes_backward(
                 let i = first + 3 * words[row + 5];
                 let j = first + 3 * words[row + 6];
                 let k = first + 3 * words[row + 7];
-                add_vector(totals, scales, i, by_sum * p.weights.x, NORMALS, of.measure);
-                add_vector(totals, scales, j, by_sum * p.weights.y, NORMALS, of.measure);
-                add_vector(totals, scales, k, by_sum * p.weights.z, NORMALS, of.measure);
+                add_vector(totals, scales, i, by_sum * p.weights.x, NORMALS);
+                add_vector(totals, scales, j, by_sum * p.weights.y, NORMALS);
+                add_vector(totals, scales, k, by_sum * p.weights.z, NORMALS);
             }
         }
     }
@@ -479,14 +432,7 @@ fn point_backward(
         if comptime!(of.objects) {
             if is_wanted(words, p.object) {
                 let at = words[FIRST_SUMS + TRIANGLES] + 3 * p.triangle;
-                add_vector(
-                    totals,
-                    scales,
-                    at,
-                    by_normal * p.side,
-                    TRIANGLES,
-                    of.measure,
-                );
+                add_vector(totals, scales, at, by_normal * p.side, TRIANGLES);
                 let g = with_plane - by_place;
                 add_to_corners(
                     words, totals, scales, p.triangle, p.object, p.weights, g, time, of,
@@ -541,7 +487,7 @@ fn light_backward(
     if comptime!(of.emission) {
         let at = words[FIRST_SUMS + MATERIALS] + 12 * e.material + 9;
         let by_emission = carried.times(reflected) * scale;
-        add_vector(totals, scales, at, by_emission, MATERIALS, of.measure);
+        add_vector(totals, scales, at, by_emission, MATERIALS);
     }
     let by_reflected = carried.times(e.emission) * scale;
     let mut by_direction =
@@ -560,23 +506,9 @@ fn light_backward(
         if comptime!(of.objects) {
             if is_wanted(words, e.object) {
                 let at = words[FIRST_SUMS + AREAS] + e.triangle;
-                add(
-                    totals,
-                    scales,
-                    at,
-                    by_scale * facing / squared,
-                    AREAS,
-                    of.measure,
-                );
+                add(totals, scales, at, by_scale * facing / squared, AREAS);
                 let at = words[FIRST_SUMS + TRIANGLES] + 3 * e.triangle;
-                add_vector(
-                    totals,
-                    scales,
-                    at,
-                    -(direction * by_facing),
-                    TRIANGLES,
-                    of.measure,
-                );
+                add_vector(totals, scales, at, -(direction * by_facing), TRIANGLES);
                 add_to_corners(
                     words, totals, scales, e.triangle, e.object, corners, by_to, time, of,
                 );
@@ -861,7 +793,7 @@ pub(super) fn path_backward(
                 let row = words[OF_MATERIALS] + OF_MATERIAL as u32 * point.material;
                 if point.side > 0.0 && words[row as usize] & EMITS != 0 {
                     let at = words[FIRST_SUMS + MATERIALS] + 12 * point.material + 9;
-                    add_vector(totals, scales, at, g, MATERIALS, of.measure);
+                    add_vector(totals, scales, at, g, MATERIALS);
                 }
             }
         }

@@ -270,12 +270,12 @@ pub(super) fn add_to_edge(
                     weight = 0.5 * p.lambda;
                 }
                 let at = first + 3 * row;
-                add_vector(totals, scales, at, g * weight, VERTICES, of.measure);
+                add_vector(totals, scales, at, g * weight, VERTICES);
                 k += 1;
             }
             if comptime!(of.velocities) {
                 let at = words[FIRST_SUMS + VELOCITIES] + 3 * object;
-                add_vector(totals, scales, at, g * time, VELOCITIES, of.measure);
+                add_vector(totals, scales, at, g * time, VELOCITIES);
             }
         }
     }

@@ -10,7 +10,7 @@ use burn::cubecl::server::Handle;
 use burn::tensor::{DType, Device, Int, Shape, Tensor, TensorData};
 
 use super::path::RECORD;
-use super::sums::{FIRST_SUM, LOST, PARTS, Places};
+use super::sums::{FIRST_SUM, LOST, MEASURE, PARTS, Places};
 use super::{Derivatives, Outputs, Packed, render_pixels, render_pixels_backward};
 use crate::kernel::{Sums, View};
 
@@ -146,7 +146,7 @@ impl GpuBackend for CubeBackend {
     fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self> {
         let client = upstream.client.clone();
         let [floats, words, pixels] = job.lists(&client);
-        let numbers = if sought.derivatives.measure {
+        let numbers = if sought.scales[0] == MEASURE {
             0
         } else {
             sought.numbers
@@ -224,10 +224,7 @@ pub(crate) fn sums_of(device: &Device, view: &View, job: &Job, upstream: &[f32])
     let typical = typical(&upstream, job.outputs.rows());
     let words = |measured: Option<usize>, scales: &[f32]| -> Vec<u32> {
         let sought = Sought {
-            derivatives: Derivatives {
-                measure: measured.is_some(),
-                ..derivatives
-            },
+            derivatives,
             numbers: places.count,
             scales: scales.to_vec(),
             stride: measured.unwrap_or(1),
@@ -241,11 +238,11 @@ pub(crate) fn sums_of(device: &Device, view: &View, job: &Job, upstream: &[f32])
     // One sample of some pixels tells how large derivatives are.
     let paths = job.count.saturating_mul(job.samples as usize);
     let stride = job.count.div_ceil((paths / 16).max(MEASURED)).max(1);
-    let mut scales = Places::scales(&words(Some(stride), &[1.0; PARTS]), 40.0);
+    let mut scales = Places::scales(&words(Some(stride), &[MEASURE; PARTS]), 40.0);
     let mut found = words(None, &scales);
     if found[LOST] > 0 {
         // Some are much larger than those: all are looked at.
-        scales = Places::scales(&words(Some(1), &[1.0; PARTS]), 30.0);
+        scales = Places::scales(&words(Some(1), &[MEASURE; PARTS]), 30.0);
         found = words(None, &scales);
     }
     places.read(&found, &scales, &view.scene, &view.wanted)

@@ -107,8 +107,6 @@ pub(crate) struct Derivatives {
     pub edge_nodes: bool,
     pub grouped: bool,
     pub edge_room: usize,
-    /// Whether only the sizes of derivatives are looked at.
-    pub measure: bool,
 }
 
 impl Derivatives {
@@ -130,7 +128,6 @@ impl Derivatives {
             emission: wanted.emission,
             sky: wanted.sky,
             camera: wanted.camera,
-            measure: false,
         }
     }
 }
@@ -330,7 +327,7 @@ fn render_pixels_backward(
                 sample += 1;
             }
             if comptime!(derivatives.camera) {
-                add_camera(words, totals, scales, &by_camera, derivatives.measure);
+                add_camera(words, totals, scales, &by_camera);
             }
         }
     }

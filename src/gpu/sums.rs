@@ -128,7 +128,10 @@ impl Places {
     }
 }
 
-/// Adds a derivative to a sum of a part. `measure` looks at its size alone.
+/// The scale of parts of whose derivatives only the sizes are looked at.
+pub(super) const MEASURE: f32 = 0.0;
+
+/// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
 #[cube]
 pub(super) fn add(
     totals: &[Atomic<u32>],
@@ -136,13 +139,13 @@ pub(super) fn add(
     at: u32,
     value: f32,
     #[comptime] part: usize,
-    #[comptime] measure: bool,
 ) {
     if value != 0.0 {
-        if measure {
+        let scale = scales[part];
+        if scale == MEASURE {
             totals[part].fetch_max(value.abs().to_bits());
         } else {
-            let scaled = value * scales[part];
+            let scaled = value * scale;
             let size = scaled.abs();
             if size < 4.0e18 {
                 let rounded = size.floor();
@@ -180,9 +183,16 @@ pub(super) fn add_vector(
     at: u32,
     value: V3,
     #[comptime] part: usize,
-    #[comptime] measure: bool,
 ) {
-    add(totals, scales, at, value.x, part, measure);
-    add(totals, scales, at + 1, value.y, part, measure);
-    add(totals, scales, at + 2, value.z, part, measure);
+    let mut k = 0u32;
+    while k < 3 {
+        let mut component = value.x;
+        if k == 1 {
+            component = value.y;
+        } else if k == 2 {
+            component = value.z;
+        }
+        add(totals, scales, at + k, component, part);
+        k += 1;
+    }
 }
