@@ -2,10 +2,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::edge_point::object_of;
-use super::edge_search::Observer;
 use super::hit::vector;
-use super::jumps::{Loss, jumps_seen_from};
 use super::layout::{
     CONE, EMITS, FIRST_SUMS, NONE, NORMALS as NORMAL_VALUES, OF_MATERIAL, OF_MATERIALS,
     OF_TRIANGLE, OF_TRIANGLES, SKY as SKY_TEXELS, SKY_HEIGHT, SKY_WIDTH, SURFACE_STRIDE, SURFACES,
@@ -15,9 +12,10 @@ use super::light::{
     all_seen_from, cell_of_map, chance, choose, choose_direction, density_of_direction, emitter,
     next_emitter_hit, sky,
 };
+use super::passes::jumped;
 use super::path::{
-    Beginning, ESCAPED, MOST_ALONG, PathLight, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
-    SAW_MAP_ALONG, WENT_ON, camera, record_at,
+    Beginning, ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
+    camera, kept, kept_vector, record_at,
 };
 use super::sums::{
     AREAS, CAMERA, MATERIALS, NORMALS, SKY, TEXELS, TRIANGLES, UVS, VELOCITIES, VERTICES, add,
@@ -48,6 +46,23 @@ pub(super) struct PointGradient {
     pub position: V3,
     pub geometric: V3,
     pub shading: ShadingGradient,
+}
+
+#[cube]
+pub(super) fn no_point_gradient() -> PointGradient {
+    let zero = splat(0.0f32.runtime());
+    PointGradient {
+        position: zero,
+        geometric: zero,
+        shading: ShadingGradient {
+            geometric: zero,
+            normal: zero,
+            incoming: zero,
+            diffuse: zero,
+            specular: zero,
+            exponent: 0.0f32.runtime(),
+        },
+    }
 }
 
 /// Derivatives by a ray.
@@ -90,20 +105,6 @@ pub(super) fn add_camera(
     add_vector(totals, scales, first + 12, g.lens.first, CAMERA);
     add_vector(totals, scales, first + 15, g.lens.second, CAMERA);
     add(totals, scales, first + 18, g.per_focus, CAMERA);
-}
-
-#[cube]
-fn kept(records: &mut [u32], room: Room, point: u32, word: u32) -> f32 {
-    f32::from_bits(records[record_at(room, point, word)])
-}
-
-#[cube]
-fn kept_vector(records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
-    v3(
-        kept(records, room, point, word),
-        kept(records, room, point, word + 1),
-        kept(records, room, point, word + 2),
-    )
 }
 
 /// Adds the derivatives of g·colour by the texels of a cell; returns those by the point, in texels.
@@ -557,27 +558,24 @@ fn map_backward(
 pub(super) fn path_backward(
     floats: &[f32],
     words: &[u32],
-    stack: &mut [u32],
-    edge_room: &mut [u32],
     records: &mut [u32],
     totals: &[Atomic<u32>],
     scales: &[f32],
     room: Room,
     path: Beginning,
-    seen: &PathLight,
-    loss: Loss,
+    points: u32,
+    upstream: Upstream,
     by_camera: &mut CameraGradient,
     #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) {
-    let upstream = loss.by;
     let g = upstream.radiance;
     let numbers = path.numbers;
     let time = path.time;
     let mut by_throughput = splat(0.0);
     let mut by_origin = splat(0.0);
     let mut by_direction = splat(0.0);
-    if seen.points == 0 {
+    if points == 0 {
         by_direction = sky_backward(
             floats,
             words,
@@ -589,26 +587,7 @@ pub(super) fn path_backward(
             of,
         );
     }
-    // The first point of the path that moves, or where directions turn.
-    let mut still = seen.points;
-    if comptime!(of.jumps) {
-        if comptime!(of.camera) {
-            still = 0u32;
-        } else {
-            if comptime!(of.turns) {
-                still = still.min(1);
-            }
-            let mut i = 0u32;
-            while i < still {
-                let triangle = records[record_at(room, i, 0u32)];
-                if is_wanted(words, object_of(words, triangle)) {
-                    still = i;
-                }
-                i += 1;
-            }
-        }
-    }
-    let mut left = seen.points;
+    let mut left = points;
     while left > 0 {
         left -= 1;
         let i = left;
@@ -620,19 +599,7 @@ pub(super) fn path_backward(
         let bits = records[record_at(room, i, 11u32)];
         let near = origin + incoming * distance;
         let point = point_at(floats, words, triangle, near, incoming, time, features);
-        let zero = splat(0.0);
-        let mut by = PointGradient {
-            position: zero,
-            geometric: zero,
-            shading: ShadingGradient {
-                geometric: zero,
-                normal: zero,
-                incoming: zero,
-                diffuse: zero,
-                specular: zero,
-                exponent: 0.0f32,
-            },
-        };
+        let mut by = no_point_gradient();
         let mut by_before = splat(0.0);
         // The way on, and the light that it ended in.
         let mut drawn = path.film;
@@ -766,24 +733,8 @@ pub(super) fn path_backward(
             }
         }
         by_throughput = by_before;
-        if comptime!(of.jumps && !features.dark) {
-            if point.reflects {
-                let carried = g.times(throughput);
-                let counts = carried.abs().element_sum() / loss.typical.max(f32::MIN_POSITIVE);
-                if counts > 0.0 {
-                    let at = Observer {
-                        point,
-                        bounce: i,
-                        moves: i >= still,
-                        carried,
-                        counts,
-                    };
-                    jumps_seen_from(
-                        floats, words, stack, edge_room, totals, scales, &path, &at, &mut by,
-                        features, of,
-                    );
-                }
-            }
+        if comptime!(of.jumps) {
+            jumped(words, records, room, i, &mut by);
         }
         let mut by_t = 0.0f32;
         if i == 0 {

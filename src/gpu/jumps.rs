@@ -4,7 +4,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::backward::{PointGradient, Upstream, add_to_corners, is_wanted};
+use super::backward::{PointGradient, add_to_corners, is_wanted};
 use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES};
 use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
 use super::edge_search::{Observer, search};
@@ -20,15 +20,6 @@ use crate::model::cone::{bend, lifted, up_to_plane};
 use crate::model::edge::direction_jump;
 use crate::model::splat;
 use crate::model::triangle::weights_at;
-
-/// Derivatives of a loss by what a pixel's rays bring back, and how much it depends on a camera ray's light on
-/// average.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-pub(super) struct Loss {
-    pub by: Upstream,
-    pub typical: f32,
-}
 
 /// Rays that are more parallel to an emitter than this don't meet it.
 const GRAZING: f32 = 1e-6;

@@ -9,9 +9,10 @@ use burn::cubecl::prelude::*;
 use burn::cubecl::server::Handle;
 use burn::tensor::{DType, Device, Int, Shape, Tensor, TensorData};
 
+use super::passes::{JUMPED, add_jumps, go_back, keep_paths};
 use super::path::RECORD;
 use super::sums::{FIRST_SUM, LOST, MEASURE, PARTS, Places};
-use super::{Derivatives, Outputs, Packed, render_pixels, render_pixels_backward};
+use super::{Derivatives, Outputs, Packed, render_pixels};
 use crate::kernel::{Sums, View};
 
 /// A view, and what of it is rendered.
@@ -88,9 +89,9 @@ impl List {
 
 impl Job {
     /// The pieces of the job: first pixel, number of pixels, first sample and the one past the last.
-    fn pieces(&self, pixels_at_once: usize) -> Vec<[u32; 4]> {
-        let at_once = pixels_at_once.clamp(1, self.count.max(1));
-        let samples_at_once = (PATHS / at_once).max(1) as u32;
+    fn pieces(&self, paths: usize) -> Vec<[u32; 4]> {
+        let at_once = paths.clamp(1, self.count.max(1));
+        let samples_at_once = (paths / at_once).max(1) as u32;
         let mut pieces = Vec::new();
         for first in (0..self.count).step_by(at_once) {
             let count = at_once.min(self.count - first);
@@ -157,19 +158,73 @@ impl GpuBackend for CubeBackend {
             handle: upstream.handle.clone(),
             length: job.count * job.outputs.rows(),
         };
-        let of_path = RECORD as usize * (job.view.words[super::layout::BOUNCES] as usize + 1);
-        let at_once = (RECORDS / of_path).clamp(1, job.count.max(1));
-        let records = List::room(&client, of_path * at_once);
+        let of = sought.derivatives;
+        let points = job.view.words[super::layout::BOUNCES] + 1;
+        let of_point = if of.jumps { RECORD + JUMPED } else { RECORD };
+        let of_path = (of_point * points + 1) as usize;
+        let at_once = (RECORDS / of_path).max(1);
         let pieces = if sought.stride > 1 {
             let some = job.count.div_ceil(sought.stride).min(at_once);
             vec![[0, some as u32, 0, 1]]
         } else {
             job.pieces(at_once)
         };
+        let paths = |piece: &[u32; 4]| piece[1] * (piece[3] - piece[2]);
+        let most = pieces.iter().map(paths).max().unwrap_or(1) as usize;
+        let records = List::room(&client, of_path * most);
+        let (stride, listed) = (sought.stride as u32, job.pixels.is_some());
+        let (outputs, features) = (job.outputs, job.view.features);
+        let scale = 1.0 / job.samples as f32;
+        let groups = |threads: u32| CubeCount::Static(threads.div_ceil(GROUP), 1, 1);
         for [first, count, from, past] in pieces {
-            render_pixels_backward::launch(
+            let samples = past - from;
+            keep_paths::launch(
                 &client,
-                CubeCount::Static(count.div_ceil(GROUP), 1, 1),
+                groups(count * samples),
+                CubeDim::new_1d(GROUP),
+                floats.argument(),
+                words.argument(),
+                pixels.argument(),
+                gradient.argument(),
+                records.argument(),
+                first,
+                stride,
+                count,
+                from,
+                samples,
+                scale,
+                listed,
+                outputs,
+                features,
+            );
+            if of.jumps {
+                add_jumps::launch(
+                    &client,
+                    groups(count * samples * points),
+                    CubeDim::new_1d(GROUP),
+                    floats.argument(),
+                    words.argument(),
+                    pixels.argument(),
+                    gradient.argument(),
+                    records.argument(),
+                    totals.argument(),
+                    scales.argument(),
+                    first,
+                    stride,
+                    count,
+                    from,
+                    samples,
+                    scale,
+                    sought.typical,
+                    listed,
+                    outputs,
+                    features,
+                    of,
+                );
+            }
+            go_back::launch(
+                &client,
+                groups(count),
                 CubeDim::new_1d(GROUP),
                 floats.argument(),
                 words.argument(),
@@ -179,16 +234,15 @@ impl GpuBackend for CubeBackend {
                 totals.argument(),
                 scales.argument(),
                 first,
-                sought.stride as u32,
+                stride,
                 count,
                 from,
-                past,
-                1.0 / job.samples as f32,
-                sought.typical,
-                job.pixels.is_some(),
-                job.outputs,
-                job.view.features,
-                sought.derivatives,
+                samples,
+                scale,
+                listed,
+                outputs,
+                features,
+                of,
             );
         }
         let length = totals.length;

@@ -14,6 +14,7 @@ mod launch;
 mod layout;
 mod light;
 mod numbers;
+mod passes;
 mod path;
 mod side_light;
 mod sums;
@@ -24,12 +25,9 @@ use burn::cubecl::{self, prelude::*};
 use crate::accel::GpuTree;
 use crate::kernel::View;
 use crate::model::sky::Sky;
-use crate::model::{splat, v3};
 use crate::sampling::Sequence;
-use backward::{Upstream, add_camera, no_camera_gradient, path_backward};
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
-use jumps::Loss;
 pub(crate) use launch::{Job, sums_of, trace};
 pub(crate) use layout::Packed;
 use layout::{COUNTED, NONE, UNIT};
@@ -112,7 +110,7 @@ pub(crate) struct Derivatives {
 impl Derivatives {
     fn of(view: &View, words: &[u32]) -> Self {
         let wanted = &view.wanted;
-        let jumps = adds_jumps(view);
+        let jumps = adds_jumps(view) && !view.dark;
         Self {
             turns: wanted.turns(),
             jumps,
@@ -231,104 +229,6 @@ fn render_pixels(
                 image[at + object as usize] += scale;
             }
             sample += 1;
-        }
-    }
-}
-
-/// Adds the derivatives of some samples of pixels, every `stride`-th from a first one on, times those of a loss by the pixels'
-/// rows, to sums.
-#[cube(launch)]
-fn render_pixels_backward(
-    floats: &[f32],
-    words: &[u32],
-    pixels: &[u32],
-    upstream: &[f32],
-    records: &mut [u32],
-    totals: &[Atomic<u32>],
-    scales: &[f32],
-    first: u32,
-    stride: u32,
-    count: u32,
-    from: u32,
-    past: u32,
-    scale: f32,
-    typical: f32,
-    #[comptime] listed: bool,
-    #[comptime] outputs: Outputs,
-    #[comptime] features: Features,
-    #[comptime] derivatives: Derivatives,
-) {
-    if ABSOLUTE_POS < count as usize {
-        let thread = ABSOLUTE_POS as u32;
-        let i = first + thread * stride;
-        let mut pixel = i;
-        if listed {
-            pixel = pixels[i as usize];
-        }
-        let own = i as usize * comptime!(outputs.rows());
-        let mut g = Upstream {
-            radiance: v3(upstream[own], upstream[own + 1], upstream[own + 2]) * scale,
-            depth: 0.0f32,
-            normal: splat(0.0),
-        };
-        let depth = comptime!(3 + usize::from(outputs.opacity));
-        if comptime!(outputs.depth) {
-            g.depth = upstream[own + depth] * scale * floats[UNIT];
-        }
-        if comptime!(outputs.normals) {
-            let at = own + comptime!(depth + usize::from(outputs.depth));
-            g.normal = v3(upstream[at], upstream[at + 1], upstream[at + 2]) * scale;
-        }
-        let asked = g.radiance.abs().element_sum() + g.depth.abs() + g.normal.abs().element_sum();
-        if asked != 0.0 {
-            let mut room = Array::<u32>::new(features.stack);
-            let stack = room.as_mut_slice();
-            let mut room = Array::<u32>::new(derivatives.edge_room);
-            let edge_room = room.as_mut_slice();
-            let records_of = Room {
-                thread,
-                threads: count,
-            };
-            let mut by_camera = no_camera_gradient();
-            let mut sample = from;
-            while sample < past {
-                let path = begin(floats, words, pixel, sample, features);
-                let seen = path_light(
-                    floats,
-                    words,
-                    stack,
-                    records,
-                    records_of,
-                    path,
-                    from_camera(),
-                    false,
-                    true,
-                    features,
-                );
-                path_backward(
-                    floats,
-                    words,
-                    stack,
-                    edge_room,
-                    records,
-                    totals,
-                    scales,
-                    records_of,
-                    path,
-                    &seen,
-                    Loss {
-                        by: g,
-                        typical: typical * scale,
-                    },
-                    &mut by_camera,
-                    features,
-                    derivatives,
-                );
-                sample += 1;
-            }
-            if comptime!(derivatives.camera) {
-                add_camera(words, totals, scales, &by_camera);
-            }
         }
     }
 }

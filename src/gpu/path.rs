@@ -19,7 +19,7 @@ use crate::model::camera::{Camera, CameraRay, Dual};
 use crate::model::cone::{bend, lifted, up_to_plane};
 use crate::model::emitter::power_heuristic;
 use crate::model::filter::sample_filter;
-use crate::model::{Pair, V3, splat, v2};
+use crate::model::{Pair, V3, splat, v2, v3};
 
 /// The surface that a camera ray sees, and the light that its path brings back.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
@@ -297,6 +297,20 @@ fn keep_vector(records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
     records[record_at(room, point, word)] = v.x.to_bits();
     records[record_at(room, point, word + 1)] = v.y.to_bits();
     records[record_at(room, point, word + 2)] = v.z.to_bits();
+}
+
+#[cube]
+pub(super) fn kept(records: &mut [u32], room: Room, point: u32, word: u32) -> f32 {
+    f32::from_bits(records[record_at(room, point, word)])
+}
+
+#[cube]
+pub(super) fn kept_vector(records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
+    v3(
+        kept(records, room, point, word),
+        kept(records, room, point, word + 1),
+        kept(records, room, point, word + 2),
+    )
 }
 
 /// A surface point that a path starts from in place of the camera.
