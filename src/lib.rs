@@ -36,6 +36,8 @@ pub mod error;
 #[cfg(feature = "fit")]
 pub mod figure;
 mod geometry;
+#[cfg(feature = "wgpu")]
+mod gpu;
 pub mod gradcheck;
 pub mod io;
 mod kernel;

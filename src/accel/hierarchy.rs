@@ -17,7 +17,7 @@ use obvhs::{Boundable, BvhBuildParams};
 pub(crate) struct Hierarchy {
     /// The triangles, in the scene's order.
     pub triangles: Vec<HostTriangle>,
-    nodes: Option<Bvh2>,
+    pub(super) nodes: Option<Bvh2>,
     pub(super) wide: Wide,
     /// Σ half areas of the boxes, now and when they were built.
     cost: [f64; 2],

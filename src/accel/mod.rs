@@ -1,6 +1,8 @@
 //! A hierarchy of boxes over triangles, on the host. For the softmax boxes grow by the reach of the blur while
 //! they are traversed, so that one hierarchy holds for any σ.
 
+#[cfg(feature = "wgpu")]
+mod gpu;
 mod hierarchy;
 mod hits;
 mod simd;
@@ -8,6 +10,8 @@ mod triangle;
 mod visit;
 mod wide;
 
+#[cfg(feature = "wgpu")]
+pub(crate) use gpu::GpuTree;
 pub(crate) use hierarchy::Hierarchy;
 pub use hierarchy::HierarchyCache;
 pub(crate) use hits::{Hit, HitRay, NOTHING};

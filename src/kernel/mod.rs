@@ -21,6 +21,8 @@ mod walk;
 pub(crate) use boundary::PixelGradients;
 pub(crate) use camera::HostCamera;
 pub(crate) use edges::EdgeSets;
+#[cfg(feature = "wgpu")]
+pub(crate) use edges::FlatTree;
 pub(crate) use gradient::{Sums, Wanted};
 pub(crate) use scene::KernelScene;
 pub(crate) use view::{View, ViewSettings};

@@ -20,33 +20,33 @@ use crate::scene::ParameterId;
 pub(crate) struct View {
     pub scene: Arc<KernelScene>,
     pub settings: ViewSettings,
-    pub(super) host_camera: HostCamera,
-    pub(super) camera: Camera,
-    pub(super) filter: PixelFilter,
+    pub host_camera: HostCamera,
+    pub camera: Camera,
+    pub filter: PixelFilter,
     /// The tangent of the half-angle of the cones of bounce and shadow rays.
-    pub(super) cone: f32,
+    pub cone: f32,
     /// Random numbers for the kernels of cones.
-    pub(super) cones: Sampler,
+    pub cones: Sampler,
     /// Random numbers for edges.
-    pub(super) edges: Sampler,
+    pub edges: Sampler,
     /// Random numbers for paths on both sides of edges.
-    pub(super) sides: Sampler,
+    pub sides: Sampler,
     /// Random numbers for edges on the film.
-    pub(super) film: Sampler,
-    pub(super) arch: pulp::Arch,
+    pub film: Sampler,
+    pub arch: pulp::Arch,
     /// The sets of random numbers that most paths use (`Sampler::run`).
-    pub(super) drawn: u8,
+    pub drawn: u8,
     /// Whether there is no light at all.
-    pub(super) dark: bool,
+    pub dark: bool,
     /// Whether bounce rays that miss bring light of the environment; that of a map is gathered at
     /// surfaces instead, if strategies are combined.
-    pub(super) sees_sky: bool,
-    pub(super) gathers_map: bool,
+    pub sees_sky: bool,
+    pub gathers_map: bool,
     /// Whether points on emitters are chosen by the BSDF as well.
-    pub(super) combined: bool,
+    pub combined: bool,
     pub wanted: Wanted,
     /// Edges that something can jump at.
-    pub(super) edge_sets: Option<Arc<EdgeSets>>,
+    pub edge_sets: Option<Arc<EdgeSets>>,
     pub has_edges: bool,
 }
 
@@ -140,7 +140,7 @@ impl View {
 
     /// A point of the lens, on the unit disk.
     #[inline(always)]
-    pub(super) fn lens_point(&self, numbers: &Numbers) -> [f32; 2] {
+    pub fn lens_point(&self, numbers: &Numbers) -> [f32; 2] {
         if self.camera.aperture == 0.0 {
             return [0.0; 2];
         }
@@ -151,7 +151,7 @@ impl View {
 
     /// The time of a path in the shutter.
     #[inline(always)]
-    pub(super) fn time(&self, numbers: &Numbers) -> f32 {
+    pub fn time(&self, numbers: &Numbers) -> f32 {
         if self.scene.velocities.is_some() {
             numbers.time()
         } else {
@@ -161,7 +161,7 @@ impl View {
 
     /// A ray of the cone about an axis, on the outer side of a surface.
     #[inline(always)]
-    pub(super) fn bend(&self, axis: V3, normal: V3, u: f32, v: f32) -> Bend {
+    pub fn bend(&self, axis: V3, normal: V3, u: f32, v: f32) -> Bend {
         bend(axis, normal, self.cone, u, v)
     }
 }

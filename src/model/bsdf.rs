@@ -6,7 +6,7 @@
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
-use super::frame::{from_local, from_local_backward, sin_cos_of_turns};
+use super::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
 use super::{Pair, V3, splat, v3};
 use crate::scene::{CHANNELS, Channel, MaterialKind};
 #[cfg(feature = "wgpu")]
@@ -336,6 +336,31 @@ impl Shading {
             }
         }
         self.direction_backward(s, by_drawn, gradient);
+    }
+
+    /// A direction as if it had been drawn from a lobe.
+    #[inline(always)]
+    pub fn as_drawn(&self, direction: V3, of_gloss: bool) -> Scatter {
+        let mut axis = self.normal;
+        let mut height = 0.0f32;
+        if of_gloss {
+            axis = self.mirror();
+        }
+        let local = to_local(axis, direction);
+        let mut turn = 0.0f32;
+        if of_gloss {
+            height = phong(self.exponent + 1.0, local.z);
+            turn = local.y.atan2(local.x) / TAU;
+            turn -= turn.floor();
+        }
+        Scatter {
+            direction,
+            weight: splat(0.0),
+            local,
+            of_gloss,
+            u: height,
+            v: turn,
+        }
     }
 
     /// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.

@@ -1,7 +1,7 @@
 //! Rays of a cone about an axis, and where rays start and end.
 
 use super::filter::disk_kernel;
-use super::frame::frame;
+use super::frame::{SinCos, frame};
 use super::{V3, splat};
 #[cfg(feature = "wgpu")]
 use burn::cubecl::{self, prelude::*};
@@ -75,10 +75,14 @@ pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal:
 
 /// Cosine and sine of the half-angle of a cone, less wide than 180°, that is widened by an angle given by
 /// its tangent.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn widened([cos, sin]: [f32; 2], tangent: f32) -> [f32; 2] {
+pub(crate) fn widened(half: SinCos, tangent: f32) -> SinCos {
     let wide = (1.0 + tangent * tangent).sqrt();
-    [(cos - sin * tangent) / wide, (sin + cos * tangent) / wide]
+    SinCos {
+        sin: (half.sin + half.cos * tangent) / wide,
+        cos: (half.cos - half.sin * tangent) / wide,
+    }
 }
 
 /// Rays leave a surface this much above it, over the largest coordinate: what points are rounded by.
@@ -117,7 +121,11 @@ mod tests {
     #[test]
     fn angles_of_widened_cones_add_up() {
         for (angle, by) in [(0.0f32, 0.3f32), (0.7, 0.0), (1.2, 0.6)] {
-            let [cos, sin] = widened([angle.cos(), angle.sin()], by.tan());
+            let half = SinCos {
+                sin: angle.sin(),
+                cos: angle.cos(),
+            };
+            let SinCos { sin, cos } = widened(half, by.tan());
             assert!((sin.atan2(cos) - angle - by).abs() < 3e-6);
         }
     }

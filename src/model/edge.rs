@@ -5,9 +5,17 @@
 //! of f⁻ to that of f⁺ (Reynolds). dl is that of the
 //! edge's parameter λ ∈ [0, 1] here, so that n·dl is a vector linear in the edge.
 
-use super::V3;
+use super::cone::Bend;
+use super::{V2, V3, v2};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
 
 /// An edge seen from a point, beside an axis ω of a blurred direction.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct DirectionEdge {
     /// n·dl/dλ in the plane across ω: the + side lies towards it.
@@ -22,6 +30,7 @@ pub(crate) struct DirectionEdge {
 /// exchanged: the edge's point P is seen along u = r/|r|, and ω is drawn about u with the density that
 /// K(q) has about ω. What is left of the densities is cos³ of the angle between them. `r` is P − x,
 /// `edge` dP/dλ. Both offsets across ω are held in its frame. With ω = u there is no blur.
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn direction_edge(r: V3, edge: V3, axis: V3) -> DirectionEdge {
     let s = r.dot(axis);
@@ -33,7 +42,65 @@ pub(crate) fn direction_edge(r: V3, edge: V3, axis: V3) -> DirectionEdge {
     DirectionEdge {
         across,
         by_point: (across - axis * (r.dot(across) * inverse)) * (inverse * scale),
-        by_axis: across * -scale,
+        by_axis: -(across * scale),
+    }
+}
+
+/// The motion of an edge's image across an axis, about which rays were bent, perhaps mirrored at a surface.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DirectionJump {
+    pub edge: DirectionEdge,
+    /// The direction towards the + side, at the edge itself.
+    pub side: V3,
+    mirrored: bool,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn mirrored(v: V3, normal: V3) -> V3 {
+    v - normal * (2.0 * v.dot(normal))
+}
+
+/// The jump at an edge's point r from the one that sees it, on a surface with a normal.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn direction_jump(r: V3, along: V3, bend: &Bend, normal: V3) -> DirectionJump {
+    // A mirrored axis sees the edge's mirror image.
+    let mut image = r;
+    let mut image_along = along;
+    if bend.mirrored {
+        image = mirrored(r, normal);
+        image_along = mirrored(along, normal);
+    }
+    let edge = direction_edge(image, image_along, bend.direction);
+    let mut side = edge.across;
+    if bend.mirrored {
+        side = mirrored(side, normal);
+    }
+    DirectionJump {
+        edge,
+        side,
+        mirrored: bend.mirrored,
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl DirectionJump {
+    /// The derivative by r, times a jump; adds that by the normal.
+    #[inline(always)]
+    pub fn by_point(&self, r: V3, normal: V3, scale: f32, by_normal: &mut V3) -> V3 {
+        let mut by_r = self.edge.by_point * scale;
+        if self.mirrored {
+            // r̃ = r − 2 (r·n) n.
+            *by_normal -= by_r * (2.0 * r.dot(normal)) + r * (2.0 * by_r.dot(normal));
+            by_r = mirrored(by_r, normal);
+        }
+        by_r
     }
 }
 
@@ -43,12 +110,13 @@ pub(crate) fn direction_edge(r: V3, edge: V3, axis: V3) -> DirectionEdge {
 /// `inward` points from the edge into the triangle, in its plane; `view` is the direction in which the
 /// edge's point is seen, `side` points across the edge's image. Returns (on which side the half lies, > 0
 /// towards `side`; the depth that it gains along `view` for each unit of that).
+#[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn half_plane(inward: V3, edge: V3, view: V3, side: V3) -> [f32; 2] {
+pub(crate) fn half_plane(inward: V3, edge: V3, view: V3, side: V3) -> V2 {
     let across = edge.reject_from_normalized(view);
     let g = inward - edge * (inward.dot(across) / across.length_squared());
     let lateral = g.dot(side);
-    [lateral, g.dot(view) / lateral.abs()]
+    v2(lateral, g.dot(view) / lateral.abs())
 }
 
 #[cfg(test)]
@@ -104,7 +172,7 @@ mod tests {
         let side = v3(1.0, 0.0, 0.0);
         let right = half_plane(v3(1.0, -0.5, 0.3), edge, view, side);
         let left = half_plane(v3(-1.0, -2.0, 0.1), edge, view, side);
-        assert!((right[0] - 1.0).abs() < 1e-6 && (right[1] - 0.5).abs() < 1e-6);
-        assert!((left[0] + 1.0).abs() < 1e-6 && (left[1] - 2.0).abs() < 1e-6);
+        assert!((right.x - 1.0).abs() < 1e-6 && (right.y - 0.5).abs() < 1e-6);
+        assert!((left.x + 1.0).abs() < 1e-6 && (left.y - 2.0).abs() < 1e-6);
     }
 }

@@ -66,7 +66,7 @@ pub(crate) fn film_kernel(u: f32) -> f32 {
 #[derive(Clone, Debug)]
 pub(crate) struct PixelFilter {
     radius: f32,
-    table: Vec<f32>,
+    pub table: Vec<f32>,
 }
 
 const ENTRIES: usize = 512;
@@ -96,12 +96,6 @@ impl PixelFilter {
     /// The radius of the kernel that smooths the box, in pixels.
     pub fn radius(&self) -> f32 {
         self.radius
-    }
-
-    /// One half of its inverse cumulative distribution.
-    #[cfg(feature = "wgpu")]
-    pub fn table(&self) -> &[f32] {
-        &self.table
     }
 
     /// A point of the filter about the middle of a pixel, in pixels, for a uniform number.

@@ -1,6 +1,6 @@
 //! Directions about an axis.
 
-use std::f32::consts::TAU;
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2, TAU};
 
 use super::{V3, v3};
 #[cfg(feature = "wgpu")]
@@ -136,10 +136,49 @@ pub(crate) fn sin_cos_of_turns(v: f32) -> SinCos {
     }
 }
 
+/// The angle of a tangent, to rounding (Cephes).
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn arc_tangent(tangent: f32) -> f32 {
+    let size = tangent.abs();
+    let mut angle = 0.0f32;
+    let mut x = size;
+    if size > TAN_3 {
+        angle = FRAC_PI_2;
+        x = -1.0f32 / size;
+    } else if size > TAN_1 {
+        angle = FRAC_PI_4;
+        x = (size - 1.0) / (size + 1.0);
+    }
+    let y = x * x;
+    angle += x + x * y * (ATAN_3 + y * (ATAN_5 + y * (ATAN_7 + y * ATAN_9)));
+    if tangent < 0.0 {
+        angle = -angle;
+    }
+    angle
+}
+
+/// The tangents of one and three eighths of 180°.
+const TAN_1: f32 = SQRT_2 - 1.0;
+const TAN_3: f32 = SQRT_2 + 1.0;
+const ATAN_3: f32 = -0.333_329_5;
+const ATAN_5: f32 = 0.199_777_11;
+const ATAN_7: f32 = -0.138_776_86;
+const ATAN_9: f32 = 0.080_537_444;
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::f64::consts::TAU;
+
+    #[test]
+    fn angles_of_tangents() {
+        for i in -2000..2000 {
+            let angle = f64::from(i) * std::f64::consts::FRAC_PI_2 / 2000.5;
+            let found = f64::from(arc_tangent(angle.tan() as f32));
+            assert!((found - angle).abs() < 2e-7, "{found} {angle}");
+        }
+    }
 
     #[test]
     fn sines_to_rounding() {

@@ -1,6 +1,33 @@
 //! Parts of segments a + λe, λ ∈ [0, 1], and points drawn on them.
 
 use super::V3;
+use super::frame::{arc_tangent, sin_cos_of_turns};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
+
+/// A part of a segment, from one λ to another; empty unless the second is larger.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Part {
+    pub from: f32,
+    pub to: f32,
+}
+
+/// A point drawn on a segment, and 1 over the density of its λ; 0 where there is none.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OnSegment {
+    pub lambda: f32,
+    pub per_density: f32,
+}
 
 /// The part of a range of λ on which a linear quantity, f at λ = 0 and g at λ = 1, is not negative. It ends
 /// before it starts where there is none.
@@ -17,16 +44,20 @@ pub(crate) fn clip_linear([from, to]: [f32; 2], f: f32, g: f32) -> [f32; 2] {
 }
 
 /// The part of a segment a + λe that lies in a cone about an axis of a half-angle of at most 90°.
-pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Option<[f32; 2]> {
-    let (p, q) = (a.dot(axis), e.dot(axis));
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
+    let p = a.dot(axis);
+    let q = e.dot(axis);
     // Before the plane across the axis through the apex.
-    let (mut from, mut to) = (0.0f32, 1.0f32);
+    let mut from = 0.0f32;
+    let mut to = 1.0f32;
     if q > 0.0 {
-        from = from.max(-p / q);
+        from = (-p / q).max(0.0);
     } else if q < 0.0 {
-        to = to.min(-p / q);
+        to = (-p / q).min(1.0);
     } else if p <= 0.0 {
-        return None;
+        to = -1.0f32;
     }
     if cos > 0.0 {
         let square = cos * cos;
@@ -37,16 +68,17 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Option<[f32; 2]>
         if discriminant <= 0.0 {
             // All of the line or nothing.
             if second < 0.0 || zeroth < 0.0 {
-                return None;
+                to = -1.0f32;
             }
         } else {
-            let root = discriminant.sqrt();
-            // The two roots without cancellation.
-            let sum = -(first + root.copysign(first));
-            let (mut low, mut high) = (sum / second, zeroth / sum);
-            if low > high {
-                std::mem::swap(&mut low, &mut high);
+            let mut root = discriminant.sqrt();
+            if first < 0.0 {
+                root = -root;
             }
+            // The two roots without cancellation.
+            let sum = -(first + root);
+            let low = (sum / second).min(zeroth / sum);
+            let high = (sum / second).max(zeroth / sum);
             if second < 0.0 {
                 from = from.max(low);
                 to = to.min(high);
@@ -57,27 +89,39 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Option<[f32; 2]>
             }
         }
     }
-    (from < to).then_some([from, to])
+    Part { from, to }
 }
 
 /// The point of a part of a segment, not seen end-on, for a uniform number: by the angle under which the
-/// origin sees it. Returns λ and 1 over its density.
-pub(crate) fn point_by_angle(a: V3, e: V3, [from, to]: [f32; 2], u: f32) -> Option<[f32; 2]> {
+/// origin sees it.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn point_by_angle(a: V3, e: V3, part: Part, u: f32) -> OnSegment {
     let squared = e.length_squared();
     let length = squared.sqrt();
     let nearest = -a.dot(e) / squared;
     let away = (a + e * nearest).length();
-    if away <= 1e-7 * (a.length() + length) {
-        return None;
+    let mut lambda = part.from;
+    let mut per_density = 0.0f32;
+    if away > 1e-7 * (a.length() + length) {
+        let first = arc_tangent((part.from - nearest) * length / away);
+        let last = arc_tangent((part.to - nearest) * length / away);
+        let turn = (first + (last - first) * u) * PER_TURN;
+        let at = sin_cos_of_turns(turn - turn.floor());
+        let tangent = at.sin / at.cos.max(1e-8);
+        lambda = (nearest + tangent * away / length)
+            .max(part.from)
+            .min(part.to);
+        per_density = (1.0 + tangent * tangent) * away / length * (last - first);
     }
-    let angle = |lambda: f32| ((lambda - nearest) * length / away).atan();
-    let (first, last) = (angle(from), angle(to));
-    let tangent = (first + (last - first) * u).tan();
-    Some([
-        (nearest + tangent * away / length).clamp(from, to),
-        (1.0 + tangent * tangent) * away / length * (last - first),
-    ])
+    OnSegment {
+        lambda,
+        per_density,
+    }
 }
+
+/// Turns in a radian.
+const PER_TURN: f32 = 1.0 / std::f32::consts::TAU;
 
 #[cfg(test)]
 mod tests {
@@ -102,15 +146,18 @@ mod tests {
         let mut mean = 0.0;
         for i in 0..n {
             let u = (i as f32 + 0.5) / n as f32;
-            let [lambda, per_density] =
-                point_by_angle(a, e, [from, to], u).expect("seen from the side");
+            let OnSegment {
+                lambda,
+                per_density,
+            } = point_by_angle(a, e, Part { from, to }, u);
             mean += f64::from(per_density) / f64::from(n);
             let ends = [a + e * from, a + e * lambda, a + e * to].map(V3::normalize);
             let angle = |k: usize| ends[0].dot(ends[k]).min(1.0).acos();
             assert!((angle(1) - u * angle(2)).abs() < 2e-3, "{u}");
         }
         assert!((mean - f64::from(to - from)).abs() < 1e-4, "{mean}");
-        assert!(point_by_angle(e, e, [0.0, 1.0], 0.5).is_none());
+        let whole = Part { from: 0.0, to: 1.0 };
+        assert_eq!(point_by_angle(e, e, whole, 0.5).per_density, 0.0);
     }
 
     #[test]
@@ -132,9 +179,8 @@ mod tests {
             let found = clip_to_cone(a, e, axis, cos);
             for j in 0..200 {
                 let l = (j as f32 + 0.5) / 200.0;
-                let is = found.is_some_and(|[from, to]| from < l && l < to);
-                let near =
-                    found.is_some_and(|[from, to]| (l - from).abs().min((l - to).abs()) < 1e-3);
+                let is = found.from < l && l < found.to;
+                let near = (l - found.from).abs().min((l - found.to).abs()) < 1e-3;
                 assert!(
                     near || is == inside(a, e, cos, l),
                     "{a:?} {e:?} {cos} {l} {found:?}"

@@ -15,9 +15,9 @@ pub(crate) enum Sky {
 }
 
 pub(crate) struct SkyMap {
-    width: usize,
-    height: usize,
-    texels: Texels,
+    pub width: usize,
+    pub height: usize,
+    pub texels: Texels,
     pub drawn: SkyDensity,
 }
 
@@ -125,10 +125,10 @@ pub(crate) struct SkyDensity {
     width: usize,
     height: usize,
     /// Probability of each texel.
-    chance: Vec<f32>,
+    pub chance: Vec<f32>,
     /// Sums over rows so far, and within each row.
-    rows: Vec<f32>,
-    columns: Vec<f32>,
+    pub rows: Vec<f32>,
+    pub columns: Vec<f32>,
 }
 
 /// The share of directions that are drawn uniformly: a black part may still have a gradient.

@@ -8,7 +8,7 @@ use crate::model::triangle::{barycentric, solid_angle};
 pub(crate) struct Emitters {
     list: Vec<Emitter>,
     /// Probabilities that do not depend on the point.
-    fixed: Vec<f32>,
+    pub fixed: Vec<f32>,
     by_solid_angle: bool,
     /// Emitters of one object and velocity, whose shadows are sampled together.
     pub groups: Vec<EmitterGroup>,

@@ -8,5 +8,7 @@ mod strategies;
 
 pub(crate) use emitters::{Emitter, EmitterHit, Emitters};
 pub(crate) use numbers::{Numbers, RUN, Run};
+#[cfg(feature = "wgpu")]
+pub(crate) use sampler::points;
 pub(crate) use sampler::{Dimension, Sampler, mix};
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};

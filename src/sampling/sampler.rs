@@ -11,13 +11,13 @@ use super::strategies::Sequence;
 /// dimension), the same on every backend and whatever the tiles and threads.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sampler {
-    pub(super) seed: u64,
-    pub(super) sequence: Sequence,
+    pub(crate) seed: u64,
+    pub(crate) sequence: Sequence,
     /// Pixels of a row of the image.
     width: u32,
     /// log₂ of the samples of a pixel, rounded up, and of the pixels that share a sequence.
-    samples: u32,
-    pixels: u32,
+    pub(crate) samples: u32,
+    pub(crate) pixels: u32,
 }
 
 /// A sequence has 2¹⁶ numbers.
@@ -129,10 +129,10 @@ pub(super) fn scrambles(stage: u64, set: u32) -> [u32; 4] {
 
 /// Points of the Sobol sequence of four dimensions by four bits of the index at a time: a point is the
 /// sum, without carry, of those of the parts of its index.
-pub(super) type Points = [[[u32; 4]; 16]; 4];
+pub(crate) type Points = [[[u32; 4]; 16]; 4];
 
 /// For each set of four dimensions.
-pub(super) fn points() -> &'static [Points] {
+pub(crate) fn points() -> &'static [Points] {
     static POINTS: OnceLock<Vec<Points>> = OnceLock::new();
     POINTS.get_or_init(|| {
         let of_bits = |set: u32, part: u32, bits: u32| {

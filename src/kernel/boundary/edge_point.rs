@@ -9,11 +9,10 @@ use crate::kernel::gradient::Sums;
 use crate::kernel::surface::{Point, PointGradient};
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Vertex, Walk, Walks};
-use crate::model::cone::Bend;
-use crate::model::edge::{DirectionEdge, direction_edge, half_plane};
-use crate::model::segment::{clip_to_cone, point_by_angle};
+use crate::model::edge::{DirectionJump, half_plane};
+use crate::model::segment::{OnSegment, clip_to_cone, point_by_angle};
 use crate::model::triangle::barycentric;
-use crate::model::{Pair, V3};
+use crate::model::{Pair, V2, V3};
 use crate::sampling::Numbers;
 
 /// A point of a path that looks at edges.
@@ -43,35 +42,6 @@ pub(super) struct EdgePoint {
     pub position: V3,
 }
 
-/// The motion of an edge's image across an axis.
-pub(super) struct DirectionJump {
-    pub edge: DirectionEdge,
-    /// The direction towards the + side, at the edge itself.
-    pub side: V3,
-    /// The normal of the surface at which the rays of the cone were mirrored.
-    mirror: Option<V3>,
-}
-
-pub(super) fn direction_jump(p: &EdgePoint, bend: &Bend, normal: V3) -> DirectionJump {
-    let axis = bend.direction;
-    if !bend.mirrored {
-        let edge = direction_edge(p.to, p.edge.along, axis);
-        return DirectionJump {
-            edge,
-            side: edge.across,
-            mirror: None,
-        };
-    }
-    // The axis sees the edge's mirror image.
-    let mirror = |v: V3| v - normal * (2.0 * v.dot(normal));
-    let edge = direction_edge(mirror(p.to), mirror(p.edge.along), axis);
-    DirectionJump {
-        edge,
-        side: mirror(edge.across),
-        mirror: Some(normal),
-    }
-}
-
 impl View {
     /// Draws a point of an edge in a cone of directions.
     pub(super) fn edge_point(
@@ -88,9 +58,15 @@ impl View {
         }
         let shift = self.scene.shift(edge.faces[0], query.time);
         let a = edge.a + shift - query.x;
-        let part = clip_to_cone(a, edge.along, query.axis, query.cos)?;
-        let [lambda, per_length] = point_by_angle(a, edge.along, part, v)?;
-        let per_density = per_length * per_chance;
+        let part = clip_to_cone(a, edge.along, query.axis, query.cos);
+        if part.from >= part.to {
+            return None;
+        }
+        let OnSegment {
+            lambda,
+            per_density,
+        } = point_by_angle(a, edge.along, part, v);
+        let per_density = per_density * per_chance;
         let to = a + edge.along * lambda;
         (per_density > 0.0).then_some(EdgePoint {
             edge,
@@ -106,17 +82,13 @@ impl View {
         &self,
         p: &EdgePoint,
         jump: &DirectionJump,
+        (point, time): (&Point, f32),
         scale: f32,
-        time: f32,
         by: &mut PointGradient,
         sums: &mut Sums,
     ) {
-        let mut by_to = jump.edge.by_point * scale;
-        if let Some(normal) = jump.mirror {
-            // r̃ = r − 2 (r·n) n.
-            by.geometric -= by_to * (2.0 * p.to.dot(normal)) + p.to * (2.0 * by_to.dot(normal));
-            by_to -= normal * (2.0 * by_to.dot(normal));
-        }
+        let normal = point.shading.geometric;
+        let by_to = jump.by_point(p.to, normal, scale, &mut by.geometric);
         by.position -= by_to;
         self.add_to_edge(p, by_to, time, sums);
     }
@@ -202,7 +174,10 @@ impl View {
         for &(face, inward) in halves.iter().filter(|h| h.0 != NOTHING) {
             let both = if p.edge.kind == Kind::Crossing { 2 } else { 1 };
             for inward in [inward, -inward].into_iter().take(both) {
-                let [lateral, depth] = half_plane(inward, p.edge.along, view, across);
+                let V2 {
+                    x: lateral,
+                    y: depth,
+                } = half_plane(inward, p.edge.along, view, across);
                 let to = usize::from(lateral > 0.0);
                 if depth < least[to] {
                     least[to] = depth;

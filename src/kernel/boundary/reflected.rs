@@ -1,9 +1,7 @@
 //! Edges that surfaces reflect: jumps of the light of other surfaces and of the environment.
 
-use std::f32::consts::TAU;
-
 use super::edge_point::Sides;
-use super::edge_point::{EdgePoint, Observer, direction_jump};
+use super::edge_point::{EdgePoint, Observer};
 use crate::accel::{Hit, NOTHING};
 use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;
@@ -12,9 +10,9 @@ use crate::kernel::view::View;
 use crate::kernel::walk::Path;
 use crate::kernel::walk::Work;
 use crate::model::V3;
-use crate::model::bsdf::{Scatter, Shading};
 use crate::model::cone::widened;
-use crate::model::frame::to_local;
+use crate::model::edge::direction_jump;
+use crate::model::frame::SinCos;
 
 /// The probability with which edges of reflected light are looked for at a point of a path that counts as
 /// much as a camera ray does on average: half that of the lights' shadows, since it takes two more paths.
@@ -72,7 +70,7 @@ impl View {
         if reflected == V3::ZERO {
             return;
         }
-        let jump = direction_jump(&p, &bend, shading.geometric);
+        let jump = direction_jump(p.to, p.edge.along, &bend, shading.geometric);
         let sides = self.sides(&p, view, jump.side);
         if last && !sides.faces.contains(&NOTHING) {
             return;
@@ -84,9 +82,9 @@ impl View {
         let scale = carried * reflected * (p.per_density / chance);
         let jumps = scale.dot(light.radiance[0] - light.radiance[1]);
         if jumps != 0.0 {
-            self.edge_point_backward(&p, &jump, jumps, time, by, sums);
+            self.edge_point_backward(&p, &jump, (point, time), jumps, by, sums);
             // Directions turn with the frame of the lobe.
-            let scatter = scatter_along(shading, axis, of_gloss);
+            let scatter = shading.as_drawn(axis, of_gloss);
             shading.direction_backward(&scatter, jump.edge.by_axis * jumps, &mut by.shading);
         }
         let [minus, plus] = light.sky;
@@ -94,7 +92,7 @@ impl View {
             // Directions to a map stay where they are.
             let radiance = self.scene.sky.at(axis);
             let jumps = (carried * reflected).dot(radiance) * (p.per_density / chance);
-            self.edge_point_backward(&p, &jump, jumps * (minus - plus), time, by, sums);
+            self.edge_point_backward(&p, &jump, (point, time), jumps * (minus - plus), by, sums);
         }
     }
 
@@ -116,8 +114,11 @@ impl View {
             query.exponent = shading.exponent;
             // The lobe has fallen to 1e-4 there.
             let cos = (-9.2 / shading.exponent.max(1e-3)).exp();
-            let [cos, _] = widened([cos, (1.0 - cos * cos).sqrt()], self.cone);
-            query.cos = cos.max(0.0);
+            let half = SinCos {
+                sin: (1.0 - cos * cos).sqrt(),
+                cos,
+            };
+            query.cos = widened(half, self.cone).cos.max(0.0);
             query.sin = (1.0 - query.cos * query.cos).sqrt();
         }
         query
@@ -158,24 +159,5 @@ impl View {
         }
         work.side_walks = walks;
         light
-    }
-}
-
-/// A direction as if it had been drawn from a lobe.
-fn scatter_along(shading: &Shading, direction: V3, of_gloss: bool) -> Scatter {
-    let axis = if of_gloss {
-        shading.mirror()
-    } else {
-        shading.normal
-    };
-    let local = to_local(axis, direction);
-    let turn = local.y.atan2(local.x) / TAU;
-    Scatter {
-        direction,
-        local,
-        of_gloss,
-        u: local.z.max(0.0).powf(shading.exponent + 1.0),
-        v: if turn < 0.0 { turn + 1.0 } else { turn },
-        ..Scatter::default()
     }
 }

@@ -1,6 +1,6 @@
 //! Jumps of the light that arrives at a point of a path, and those of the light of emitters: edges of shadows.
 
-use super::edge_point::{DirectionJump, EdgePoint, Observer, direction_jump};
+use super::edge_point::{EdgePoint, Observer};
 use crate::accel::{HitRay, NOTHING};
 use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;
@@ -9,6 +9,8 @@ use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Vertex, Work};
 use crate::model::V3;
 use crate::model::cone::{up_to_plane, widened};
+use crate::model::edge::{DirectionJump, direction_jump};
+use crate::model::frame::SinCos;
 use crate::sampling::EmitterHit;
 
 /// Points count at least for this share of an average camera ray.
@@ -109,7 +111,7 @@ impl View {
         if reflected == V3::ZERO {
             return;
         }
-        let jump = direction_jump(&p, &bend, point.shading.geometric);
+        let jump = direction_jump(p.to, p.edge.along, &bend, point.shading.geometric);
         let sides = self.sides(&p, view, jump.side);
         // Light passes on one side or on none.
         let [minus, plus] = sides.faces;
@@ -139,7 +141,7 @@ impl View {
         let distance = to.length();
         let sin = seen.radius / distance.max(seen.radius);
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
-        let [cos, sin] = widened([cos, sin], self.cone);
+        let SinCos { sin, cos } = widened(SinCos { sin, cos }, self.cone);
         let mut query = Query {
             x: point.position,
             time: o.path.time,
@@ -190,7 +192,7 @@ impl View {
         let emission = emission.towards(-e.normal.dot(axis));
         let scale = edge.carried.dot(emission) * edge.sign * p.per_density;
         let by_axis = edge.jump.edge.by_axis * scale;
-        self.edge_point_backward(p, &edge.jump, scale, time, by, sums);
+        self.edge_point_backward(p, &edge.jump, (point, time), scale, by, sums);
         // The axis points to a point of the light, which stays where it is on it.
         let by_to = by_axis.reject_from_normalized(axis) * (1.0 / hit.distance);
         by.position -= by_to;

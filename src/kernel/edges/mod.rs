@@ -4,6 +4,8 @@
 //! draws one.
 
 mod crossings;
+#[cfg(feature = "wgpu")]
+mod flat;
 mod meshes;
 mod node;
 mod query;
@@ -13,6 +15,8 @@ use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
 use crate::scene::HostScene;
+#[cfg(feature = "wgpu")]
+pub(crate) use flat::FlatTree;
 pub(super) use query::Query;
 pub(super) use tree::EdgeTree;
 

@@ -151,6 +151,58 @@ impl Node {
     }
 }
 
+/// Numbers of a lane of a node and of a leaf.
+#[cfg(feature = "wgpu")]
+pub(super) const NODE_NUMBERS: usize = 14;
+#[cfg(feature = "wgpu")]
+pub(super) const LEAF_NUMBERS: usize = 21;
+
+#[cfg(feature = "wgpu")]
+impl Jumps<Lanes> {
+    fn lane(&self, i: usize) -> [f32; 5] {
+        [
+            self.seen_always[i],
+            self.passes_always[i],
+            self.fold[i],
+            self.crease[i],
+            self.closed[i],
+        ]
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl Node {
+    /// The numbers of a lane: centre, radius, axis, cosine, sine, jumps.
+    pub fn lane(&self, i: usize) -> [f32; NODE_NUMBERS] {
+        let mut all = [0.0; NODE_NUMBERS];
+        for k in 0..3 {
+            all[k] = self.centre[k][i];
+            all[4 + k] = self.axis[k][i];
+        }
+        (all[3], all[7], all[8]) = (self.radius[i], self.cos[i], self.sin[i]);
+        all[9..].copy_from_slice(&self.jumps.lane(i));
+        all
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl Leaf {
+    /// The numbers of a lane: middle, vector along, both normals, velocity, half the length, jumps.
+    pub fn lane(&self, i: usize) -> [f32; LEAF_NUMBERS] {
+        let mut all = [0.0; LEAF_NUMBERS];
+        for k in 0..3 {
+            all[k] = self.middle[k][i];
+            all[3 + k] = self.along[k][i];
+            all[6 + k] = self.normal[0][k][i];
+            all[9 + k] = self.normal[1][k][i];
+            all[12 + k] = self.velocity.as_ref().map_or(0.0, |v| v[k][i]);
+        }
+        all[15] = self.half[i];
+        all[16..].copy_from_slice(&self.jumps.lane(i));
+        all
+    }
+}
+
 pub(super) struct Leaf {
     middle: [Lanes; 3],
     along: [Lanes; 3],

@@ -23,8 +23,21 @@ const FILM_SAMPLES: f64 = 0.125;
 /// So many samples of edges on the film take no time.
 const FEW: f64 = 1024.0;
 
+/// The views of a batch on a GPU.
+#[cfg(feature = "wgpu")]
+pub(super) struct Gpu {
+    pub device: burn::tensor::Device,
+    pub jobs: Vec<crate::gpu::Job>,
+}
+
+/// Without GPUs there are none.
+#[cfg(not(feature = "wgpu"))]
+pub(super) enum Gpu {}
+
 /// The backward pass of a batch.
 pub(super) struct Backward {
+    /// Where paths go back on a GPU; the host adds the jumps.
+    gpu: Option<Gpu>,
     views: Vec<(View, Places)>,
     pixels: Arc<Vec<u32>>,
     tiles: Vec<Tile>,
@@ -46,6 +59,7 @@ impl Backward {
         let all = || Arc::new((0..(options.width * options.height) as u32).collect());
         let pixels = pixels.unwrap_or_else(all);
         Self {
+            gpu: None,
             views,
             tiles: camera_tiles(options, pixels.len()),
             pixels,
@@ -55,17 +69,61 @@ impl Backward {
         }
     }
 
+    /// The same where the image came from a GPU.
+    pub fn on(mut self, gpu: Option<Gpu>) -> Self {
+        for (view, _) in &mut self.views {
+            view.settings.interior &= gpu.is_none();
+        }
+        self.gpu = gpu;
+        self
+    }
+
+    /// The sums of derivatives along a view's paths from a GPU, if they are computed there.
+    fn on_gpu(&self, index: usize, upstream: &[f64]) -> Option<Sums> {
+        #[cfg(feature = "wgpu")]
+        if let Some(gpu) = &self.gpu {
+            let upstream: Vec<f32> = upstream.iter().map(|&g| g as f32).collect();
+            let (view, _) = &self.views[index];
+            return Some(crate::gpu::sums_of(
+                &gpu.device,
+                view,
+                &gpu.jobs[index],
+                &upstream,
+            ));
+        }
+        let _ = (index, upstream, &self.gpu);
+        None
+    }
+
+    /// Whether the jumps at edges that points of paths see come from a GPU.
+    fn jumps_on_gpu(&self, view: &View) -> bool {
+        #[cfg(feature = "wgpu")]
+        return self.gpu.is_some() && crate::gpu::adds_jumps(view);
+        #[cfg(not(feature = "wgpu"))]
+        {
+            let _ = view;
+            false
+        }
+    }
+
     /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
     pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let upstream: Vec<f64> = upstream.iter::<f64>().collect();
         let of_view = self.rows.count() * self.pixels.len();
         let mut all = vec![0.0; self.size];
         let pieces = self.views.chunks(VIEWS_AT_ONCE);
-        for (views, upstream) in pieces.zip(upstream.chunks(VIEWS_AT_ONCE * of_view)) {
+        for (piece, (views, upstream)) in pieces
+            .zip(upstream.chunks(VIEWS_AT_ONCE * of_view))
+            .enumerate()
+        {
             let gradients: Vec<Sums> = views
                 .par_iter()
                 .zip(upstream.par_chunks(of_view))
-                .map(|((view, _), upstream)| self.of_view(view, upstream))
+                .enumerate()
+                .map(|(i, ((view, _), upstream))| {
+                    let along_paths = self.on_gpu(VIEWS_AT_ONCE * piece + i, upstream);
+                    self.of_view(view, upstream, along_paths)
+                })
                 .collect();
             for ((view, places), sums) in views.iter().zip(&gradients) {
                 sums.write(&view.scene, &places.scene, &mut all);
@@ -75,8 +133,8 @@ impl Backward {
         all
     }
 
-    /// The sums of derivatives of a view.
-    fn of_view(&self, view: &View, upstream: &[f64]) -> Sums {
+    /// The sums of derivatives of a view, and those along paths if they are known.
+    fn of_view(&self, view: &View, upstream: &[f64], along_paths: Option<Sums>) -> Sums {
         let channels = self.rows.count();
         let per_sample = f64::from(self.samples).recip();
         let unit = view.scene.frame.unit;
@@ -100,12 +158,16 @@ impl Backward {
             let mut work = Work::new(0);
             for tile in tiles {
                 let pixels = &upstream[tile.first..tile.first + tile.pixels];
-                view.backward(pixels, typical, tile.from..tile.to, &mut work, &mut sums);
+                let samples = tile.from..tile.to;
+                view.backward(pixels, typical, samples, &mut work, &mut sums);
             }
             sums
         };
-        let sums: Vec<Sums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
-        let mut all = zero.clone();
+        let mut sums = Vec::new();
+        if view.settings.interior || (view.has_edges && !self.jumps_on_gpu(view)) {
+            sums = self.tiles.par_chunks(each).map(of_accumulator).collect();
+        }
+        let mut all = along_paths.unwrap_or_else(|| zero.clone());
         sums.iter().for_each(|s| all.add(s));
         if view.has_edges {
             self.on_film(view, upstream, &zero, accumulators, &mut all);

@@ -16,11 +16,15 @@ use super::film::{Means, Statistics};
 use super::node::attach;
 use super::options::RenderOptions;
 use crate::error::Result;
+use crate::geometry::Context;
+#[cfg(feature = "wgpu")]
+use crate::gpu::{Job, Packed};
+use crate::kernel::View;
 use crate::scene::{Camera, Scene};
 use crate::transport::Diagnostics;
-use backward::Backward;
-use forward::{Forward, camera_tiles};
-use prepare::{Prepared, prepare};
+use backward::{Backward, Gpu};
+use forward::{Forward, Traced, camera_tiles};
+use prepare::{Places, Prepared, prepare};
 use rows::Rows;
 
 /// The jumps of visibility in the gradient of a view's tensors (as one row), from the gradient of its rows
@@ -62,20 +66,7 @@ pub(super) fn render(
         Some(pixels) => pixels.len(),
         None => options.width * options.height,
     };
-    let tiles = camera_tiles(options, count);
-    let pass = Forward {
-        options,
-        pixels: pixels.as_deref(),
-        tiles: &tiles,
-        rows: &rows,
-        all: tiles.len() * views.len(),
-        done: &AtomicUsize::new(0),
-    };
-    let (means, traced) = if context.dtype == DType::F64 {
-        pass.views(&views, count, |value| value)?
-    } else {
-        pass.views(&views, count, |value| value as f32)?
-    };
+    let (mut mean, traced, gpu) = trace(options, &views, &context, pixels.clone(), count, &rows)?;
     // Where scenes have no light that was told already.
     if lit
         && pixels.is_none()
@@ -101,9 +92,8 @@ pub(super) fn render(
         ..Statistics::default()
     });
     let statistics: Vec<Statistics> = statistics.collect();
-    let mut mean = Tensor::from_data(means, (&context.device, context.dtype));
     if let Some(parent) = parent {
-        let backward = Backward::new(views, parent.dims()[0], rows, options, pixels);
+        let backward = Backward::new(views, parent.dims()[0], rows, options, pixels).on(gpu);
         mean = attach(parent, mean, move |upstream| backward.gradient(upstream));
     }
     Ok(Means {
@@ -112,4 +102,54 @@ pub(super) fn render(
         statistics,
         diagnostics,
     })
+}
+
+/// The rows of all pixels of all views `[B·P, C]`, and what was counted: by kernels on the device where it is a GPU,
+/// else on the host.
+fn trace(
+    options: &RenderOptions,
+    views: &[(View, Places)],
+    context: &Context,
+    pixels: Option<Arc<Vec<u32>>>,
+    count: usize,
+    rows: &Rows,
+) -> Result<(Tensor<2>, Vec<Traced>, Option<Gpu>)> {
+    #[cfg(feature = "wgpu")]
+    if context.dtype == DType::F32 && !crate::device::is_cpu(&context.device) {
+        let of_view = |(view, _): &(View, Places)| Job {
+            view: Arc::new(Packed::new(view)),
+            pixels: pixels.clone(),
+            count,
+            samples: options.samples,
+            outputs: rows.for_gpu(),
+        };
+        let jobs: Vec<Job> = views.iter().map(of_view).collect();
+        let device = context.device.clone();
+        let images = jobs
+            .iter()
+            .map(|job| crate::gpu::trace(&device, job.clone()));
+        let image = Tensor::cat(images.collect(), 0);
+        // Light that is not black is not known before the image is read.
+        let traced = views.iter().map(|_| Traced {
+            lit: true,
+            ..Traced::default()
+        });
+        return Ok((image, traced.collect(), Some(Gpu { device, jobs })));
+    }
+    let tiles = camera_tiles(options, count);
+    let pass = Forward {
+        options,
+        pixels: pixels.as_deref(),
+        tiles: &tiles,
+        rows,
+        all: tiles.len() * views.len(),
+        done: &AtomicUsize::new(0),
+    };
+    let (means, traced) = if context.dtype == DType::F64 {
+        pass.views(views, count, |value| value)?
+    } else {
+        pass.views(views, count, |value| value as f32)?
+    };
+    let means = Tensor::from_data(means, (&context.device, context.dtype));
+    Ok((means, traced, None))
 }

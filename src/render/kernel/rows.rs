@@ -21,6 +21,18 @@ impl Rows {
         }
     }
 
+    /// The rows as kernels of GPUs know them.
+    #[cfg(feature = "wgpu")]
+    pub fn for_gpu(&self) -> crate::gpu::Outputs {
+        let o = self.outputs;
+        crate::gpu::Outputs {
+            opacity: o.need_opacity(),
+            depth: o.depth,
+            normals: o.normals,
+            objects: self.objects.map_or(0, |n| n + 1),
+        }
+    }
+
     /// The number of rows.
     pub fn count(&self) -> usize {
         let of_pixel = self.of(&Seen::default(), 1.0).count();

@@ -1,0 +1,282 @@
+//! Points of edges drawn as a point sees them, the faces on their two sides, and their derivatives:
+//! `kernel/boundary/edge_point` in a kernel of a GPU.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::backward::{add_to_corners, is_wanted};
+use super::edge_layout::{EDGES, IS_CROSSING, OBJECT_OF_EDGE, OF_EDGE, OF_EDGES, ROWS_OF_EDGE};
+use super::edge_tree::draw_edge;
+use super::edge_weights::Query;
+use super::hit::{Unseen, vector};
+use super::layout::{FIRST_SUMS, NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
+use super::sums::{VELOCITIES, VERTICES, add_vector};
+use super::surface::displacement;
+use super::{Derivatives, Features};
+use crate::model::edge::half_plane;
+use crate::model::segment::{clip_to_cone, point_by_angle};
+use crate::model::triangle::weights_at;
+use crate::model::{V3, splat};
+
+/// A point of an edge that is seen from a point.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct EdgePoint {
+    /// Where its words begin.
+    pub edge: u32,
+    pub a: V3,
+    pub along: V3,
+    pub crossing: bool,
+    pub faces: Unseen,
+    /// Its place on the edge, from a to b, and 1 over the density with which it was drawn; 0 if there is none.
+    pub lambda: f32,
+    pub per_density: f32,
+    /// The vector from the point that sees it.
+    pub to: V3,
+    pub position: V3,
+}
+
+/// The object of a triangle.
+#[cube]
+pub(super) fn object_of(words: &[u32], triangle: u32) -> u32 {
+    words[(words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize + 1]
+}
+
+/// The vector by which a triangle has moved at a time.
+#[cube]
+pub(super) fn shift_of(
+    floats: &[f32],
+    words: &[u32],
+    triangle: u32,
+    time: f32,
+    #[comptime] moves: bool,
+) -> V3 {
+    let mut shift = splat(0.0);
+    if moves {
+        shift = displacement(floats, words, object_of(words, triangle), time, moves);
+    }
+    shift
+}
+
+/// An edge, not yet a point of it.
+#[cube]
+pub(super) fn edge_of(floats: &[f32], words: &[u32], index: u32) -> EdgePoint {
+    let at = words[EDGES] + 6 * index;
+    let edge = words[OF_EDGES] + OF_EDGE * index;
+    let i = edge as usize;
+    EdgePoint {
+        edge,
+        a: vector(floats, at),
+        along: vector(floats, at + 3),
+        crossing: words[(edge + IS_CROSSING) as usize] != 0,
+        faces: Unseen {
+            a: words[i],
+            b: words[i + 1],
+            c: words[i + 2],
+            d: words[i + 3],
+        },
+        lambda: 0.0f32,
+        per_density: 0.0f32,
+        to: splat(0.0),
+        position: splat(0.0),
+    }
+}
+
+/// Draws a point of an edge in a cone of directions, that is not of a triangle.
+#[cube]
+pub(super) fn edge_point(
+    floats: &[f32],
+    words: &[u32],
+    room: &mut [u32],
+    tree: usize,
+    query: &Query,
+    triangle: u32,
+    u: f32,
+    v: f32,
+    #[comptime] features: Features,
+    #[comptime] of: Derivatives,
+) -> EdgePoint {
+    let moves = comptime!(features.moves);
+    let nodes = comptime!(of.edge_nodes);
+    let drawn = draw_edge(floats, words, room, tree, query, u, moves, nodes);
+    let mut index = 0u32;
+    if drawn.edge != NONE {
+        index = drawn.edge;
+    }
+    let mut p = edge_of(floats, words, index);
+    if drawn.edge != NONE && !p.faces.contains(triangle) {
+        let a = p.a + shift_of(floats, words, p.faces.a, query.time, moves) - query.x;
+        let part = clip_to_cone(a, p.along, query.axis, query.cos);
+        if part.from < part.to {
+            let on = point_by_angle(a, p.along, part, v);
+            p.lambda = on.lambda;
+            p.per_density = on.per_density * drawn.per_chance;
+            p.to = a + p.along * on.lambda;
+            p.position = query.x + p.to;
+        }
+    }
+    p
+}
+
+/// The faces of an edge that are seen on its two sides, or [`NONE`] where one sees past it, and the direction of
+/// a ray that passes the edge right beside it, on that side if there is one.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Sides {
+    pub minus: u32,
+    pub plus: u32,
+    pub past: V3,
+}
+
+/// Points beside an edge are this far from it, over the largest coordinate.
+const BESIDE: f32 = 2e-5;
+
+/// How far a point beside an edge's point is from it.
+#[cube]
+pub(super) fn beside(position: V3) -> f32 {
+    BESIDE * (0.1 + position.abs().max_element())
+}
+
+/// The vector from an edge's end to that corner of a face that is farthest from the edge's line.
+#[cube]
+fn into_face(floats: &[f32], words: &[u32], face: u32, p: &EdgePoint) -> V3 {
+    let at = words[SURFACES] + SURFACE_STRIDE as u32 * face;
+    let a = vector(floats, at) - p.a;
+    let b = vector(floats, at + 3) - p.a;
+    let c = vector(floats, at + 6) - p.a;
+    let far_a = a.cross(p.along).length_squared();
+    let far_b = b.cross(p.along).length_squared();
+    let far_c = c.cross(p.along).length_squared();
+    let mut inward = c;
+    if far_a >= far_b && far_a >= far_c {
+        inward = a;
+    } else if far_b >= far_c {
+        inward = b;
+    }
+    inward
+}
+
+/// The faces of an edge that are seen on its two sides, the second towards `side`.
+#[cube]
+pub(super) fn sides(floats: &[f32], words: &[u32], p: &EdgePoint, view: V3, side: V3) -> Sides {
+    // Across the plane of the edge and the view, so that lateral places are comparable.
+    let mut across = p.along.cross(view);
+    if across.dot(side) < 0.0 {
+        across = -across;
+    }
+    let mut minus = NONE.runtime();
+    let mut plus = NONE.runtime();
+    let mut least_minus = f32::MAX.runtime();
+    let mut least_plus = f32::MAX.runtime();
+    // Of a crossing both halves of each face.
+    let mut halves = 4u32;
+    if p.crossing {
+        halves = 8;
+    }
+    let mut i = 0u32;
+    while i < halves {
+        let mut k = i;
+        if p.crossing {
+            k = i / 2;
+        }
+        let face = words[(p.edge + k) as usize];
+        if face != NONE {
+            let mut inward = into_face(floats, words, face, p);
+            if p.crossing && i & 1 == 1 {
+                inward = -inward;
+            }
+            let half = half_plane(inward, p.along, view, across);
+            if half.x > 0.0 {
+                if half.y < least_plus {
+                    least_plus = half.y;
+                    plus = face;
+                }
+            } else if half.y < least_minus {
+                least_minus = half.y;
+                minus = face;
+            }
+        }
+        i += 1;
+    }
+    let mut step = beside(p.position) / across.length();
+    if minus == NONE {
+        step = -step;
+    } else if plus != NONE {
+        step = 0.0f32;
+    }
+    Sides {
+        minus,
+        plus,
+        past: (p.to + across * step).normalize(),
+    }
+}
+
+/// Adds a derivative by an edge's point, to what the edge moves with.
+#[cube]
+pub(super) fn add_to_edge(
+    floats: &[f32],
+    words: &[u32],
+    totals: &[Atomic<u32>],
+    scales: &[f32],
+    p: &EdgePoint,
+    g: V3,
+    time: f32,
+    #[comptime] features: Features,
+    #[comptime] of: Derivatives,
+) {
+    if p.crossing {
+        // A point of a line in which two planes cross moves with both: n₁·dP and n₂·dP are those of the planes.
+        let mut k = 0u32;
+        while k < 2 {
+            let mut face = p.faces.a;
+            let mut other = p.faces.b;
+            if k == 1 {
+                face = p.faces.b;
+                other = p.faces.a;
+            }
+            let object = object_of(words, face);
+            if is_wanted(words, object) {
+                let at = words[SURFACES] + SURFACE_STRIDE as u32 * face;
+                let beyond = words[SURFACES] + SURFACE_STRIDE as u32 * other;
+                let normal = vector(floats, at + 9);
+                let crossed = vector(floats, beyond + 9);
+                let cosine = normal.dot(crossed);
+                let inverse = 1.0 / (1.0 - cosine * cosine).max(1e-12);
+                let dual = (normal - crossed * cosine) * inverse;
+                let at_rest = p.position - shift_of(floats, words, face, time, features.moves);
+                let weights = weights_at(
+                    vector(floats, at),
+                    vector(floats, at + 3),
+                    vector(floats, at + 6),
+                    normal,
+                    floats[at as usize + 13],
+                    at_rest,
+                );
+                let by_plane = normal * g.dot(dual);
+                add_to_corners(
+                    words, totals, scales, face, object, weights, by_plane, time, of,
+                );
+            }
+            k += 1;
+        }
+    } else {
+        let object = words[(p.edge + OBJECT_OF_EDGE) as usize];
+        if is_wanted(words, object) {
+            let first = words[FIRST_SUMS + VERTICES];
+            let mut k = 0u32;
+            while k < 4 {
+                let row = words[(p.edge + ROWS_OF_EDGE + k) as usize];
+                let mut weight = 0.5 * (1.0 - p.lambda);
+                if k & 1 == 1 {
+                    weight = 0.5 * p.lambda;
+                }
+                let at = first + 3 * row;
+                add_vector(totals, scales, at, g * weight, VERTICES);
+                k += 1;
+            }
+            if comptime!(of.velocities) {
+                let at = words[FIRST_SUMS + VELOCITIES] + 3 * object;
+                add_vector(totals, scales, at, g * time, VELOCITIES);
+            }
+        }
+    }
+}

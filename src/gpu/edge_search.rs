@@ -1,0 +1,201 @@
+//! Where points of a path look for edges: those of the shadows of emitters, and those that surfaces reflect.
+//! `kernel/boundary/vertex` and `kernel/boundary/reflected` in a kernel of a GPU.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::edge_layout::{GROUP_OF_EMITTERS, GROUP_STRIDE, GROUPS, OF_GROUP, OF_GROUPS};
+use super::edge_weights::Query;
+use super::hit::vector;
+use super::layout::{BOUNCES, CONE};
+use super::light::{all_seen_from, chance, choose};
+use super::numbers::Stream;
+use super::surface::Point;
+use super::{Derivatives, Features};
+use crate::model::V3;
+use crate::model::bsdf::Shading;
+use crate::model::cone::widened;
+use crate::model::frame::SinCos;
+
+/// A point of a path that looks at edges.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Observer {
+    pub point: Point,
+    pub bounce: u32,
+    /// Whether it moves, or the directions that it looks in turn.
+    pub moves: bool,
+    /// The derivative of the loss by the light that leaves it, times the path's throughput.
+    pub carried: V3,
+    /// The sum of the channels of that, over the average of camera rays.
+    pub counts: f32,
+}
+
+/// Points count at least for this share of an average camera ray.
+const LEAST: f32 = 0.05;
+/// The probabilities with which edges of the lights' shadows and of reflected light are looked for at a point of a
+/// path that counts as much as a camera ray does on average.
+const RATE_OF_LIGHT: f32 = 0.25;
+const RATE: f32 = 0.125;
+/// A search for an edge, and what is done with it.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Search {
+    pub query: Query,
+    pub asked: bool,
+    pub moves: bool,
+    /// For a point of the edge, and for the kernel of the cone.
+    pub u: f32,
+    pub v: f32,
+    pub cone_u: f32,
+    pub cone_v: f32,
+    /// What the light's derivative is multiplied by.
+    pub scale: f32,
+    pub of_gloss: bool,
+    /// Emitters whose shadow it is of.
+    pub first: u32,
+    pub past: u32,
+}
+
+/// The cone that a group of emitters fills, widened by that of the rays; the hemisphere if it is wider.
+#[cube]
+fn towards_group(floats: &[f32], words: &[u32], group: u32, point: &Point, time: f32) -> Query {
+    let at = words[GROUPS] + GROUP_STRIDE * group;
+    let to = vector(floats, at) + vector(floats, at + 4) * time - point.position;
+    let distance = to.length();
+    let radius = floats[at as usize + 3];
+    let sin = radius / distance.max(radius);
+    let cos = (1.0 - sin * sin).max(0.0).sqrt();
+    let half = widened(SinCos { sin, cos }, floats[CONE]);
+    let mut query = Query {
+        x: point.position,
+        time,
+        axis: point.shading.geometric,
+        cos: 0.0f32,
+        sin: 1.0f32,
+        exponent: 0.0f32,
+        shadows: true,
+    };
+    if half.cos > 0.0 {
+        query.axis = to * (1.0 / distance);
+        query.cos = half.cos;
+        query.sin = half.sin;
+    }
+    query
+}
+
+/// The hemisphere over a point, or the cone of its glossy lobe, widened by that of the rays.
+#[cube]
+fn within_lobe(floats: &[f32], shading: &Shading, x: V3, time: f32, of_gloss: bool) -> Query {
+    let mut query = Query {
+        x,
+        time,
+        axis: shading.normal,
+        cos: 0.0f32,
+        sin: 1.0f32,
+        exponent: 1.0f32,
+        shadows: false,
+    };
+    if of_gloss {
+        query.axis = shading.mirror();
+        query.exponent = shading.exponent;
+        // The lobe has fallen to 1e-4 there.
+        let cos = (-9.2f32 / shading.exponent.max(1e-3)).exp();
+        let half = SinCos {
+            sin: (1.0 - cos * cos).max(0.0).sqrt(),
+            cos,
+        };
+        query.cos = widened(half, floats[CONE]).cos.max(0.0);
+        query.sin = (1.0 - query.cos * query.cos).max(0.0).sqrt();
+    }
+    query
+}
+
+/// A search for an edge of the light of emitters, or of reflected light.
+#[cube]
+pub(super) fn search(
+    floats: &[f32],
+    words: &[u32],
+    numbers: &Stream,
+    o: &Observer,
+    of_light: bool,
+    time: f32,
+    #[comptime] features: Features,
+    #[comptime] of: Derivatives,
+) -> Search {
+    let x = o.point.position;
+    let shading = o.point.shading;
+    let counts = o.counts.max(LEAST);
+    let last = o.bounce >= words[BOUNCES];
+    let mut turn = 2u32;
+    if of_light {
+        turn = 0u32;
+    }
+    let drawn = numbers.set(words, 3 * o.bounce + turn, features.sobol);
+    let mut s = Search {
+        query: within_lobe(floats, &shading, x, time, false),
+        asked: false,
+        moves: o.moves,
+        u: drawn.y,
+        v: drawn.z,
+        cone_u: drawn.w,
+        cone_v: drawn.w,
+        scale: 1.0f32,
+        of_gloss: false,
+        first: 0u32,
+        past: 1u32,
+    };
+    if of_light {
+        if comptime!(features.emitters) {
+            let more = numbers.set(words, 3 * o.bounce + 1, features.sobol);
+            let rate = (RATE_OF_LIGHT * counts).min(1.0);
+            s.asked = more.y < rate;
+            s.cone_v = more.x;
+            if s.asked {
+                let mut group = 0u32;
+                let mut p = 1.0f32;
+                if comptime!(of.grouped) {
+                    let sum = all_seen_from(floats, words, x, time, features);
+                    let choice = choose(floats, words, drawn.x, x, time, sum, features);
+                    group = words[(words[GROUP_OF_EMITTERS] + choice.emitter) as usize];
+                    let row = (words[OF_GROUPS] + OF_GROUP * group) as usize;
+                    let mut k = words[row];
+                    let past = k + words[row + 1];
+                    p = 0.0f32;
+                    while k < past {
+                        p += chance(floats, words, k, x, time, sum, features);
+                        k += 1;
+                    }
+                }
+                let row = (words[OF_GROUPS] + OF_GROUP * group) as usize;
+                s.first = words[row];
+                s.past = s.first + words[row + 1];
+                if words[row + 2] != 0 {
+                    s.moves = true;
+                }
+                s.scale = 1.0 / rate * (1.0 / p);
+                s.query = towards_group(floats, words, group, &o.point, time);
+            }
+        }
+    } else {
+        let rate = (RATE * counts).min(1.0);
+        let sees = comptime!(features.sees_sky || features.gathers_map);
+        s.asked = drawn.x < rate && (!last || sees);
+        if comptime!(of.turns) {
+            s.moves = true;
+        }
+        let lobe = drawn.x / rate;
+        let gloss = shading.gloss();
+        // Beside the lobe's probability, the rest of the first number, uniform again.
+        if lobe < gloss {
+            s.of_gloss = true;
+            s.scale = 1.0 / rate / gloss;
+            s.cone_u = (lobe / gloss).max(0.0).min(1.0);
+            s.query = within_lobe(floats, &shading, x, time, true);
+        } else {
+            let rest = (1.0 - gloss).max(1e-20);
+            s.scale = 1.0 / rate / rest;
+            s.cone_u = ((lobe - gloss) / rest).max(0.0).min(1.0);
+        }
+    }
+    s
+}

@@ -1,0 +1,240 @@
+//! Rays through the tree of boxes: the nearest triangle, or whether there is any. The same tests as
+//! `accel/hits`, one triangle at a time.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::Features;
+use super::layout::{
+    BOXES, CHILDREN, HIT_COUNT, HIT_NUMBERS, HIT_STRIDE, HITS, LEAF, LEAVES, NONE, ROOT,
+};
+use crate::model::{V3, v3};
+
+/// A ray, and where hits count.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Ray {
+    pub origin: V3,
+    pub direction: V3,
+    pub time: f32,
+    /// Hits count if they are farther than `from` and nearer than `limit`.
+    pub from: f32,
+    pub limit: f32,
+}
+
+/// A hit: a distance, and a triangle or [`NONE`].
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Hit {
+    pub t: f32,
+    pub triangle: u32,
+}
+
+/// Up to four triangles that a ray does not see.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Unseen {
+    pub a: u32,
+    pub b: u32,
+    pub c: u32,
+    pub d: u32,
+}
+
+#[cube]
+impl Unseen {
+    pub fn contains(self, triangle: u32) -> bool {
+        triangle == self.a || triangle == self.b || triangle == self.c || triangle == self.d
+    }
+}
+
+/// All triangles are seen.
+#[cube]
+pub(super) fn see_all() -> Unseen {
+    Unseen {
+        a: NONE,
+        b: NONE,
+        c: NONE,
+        d: NONE,
+    }
+}
+
+/// Triangles are grown by this share of the largest coordinate near the ray.
+const ROUNDING: f32 = 4e-7;
+
+/// A vector of a list of floats.
+#[cube]
+pub(super) fn vector(floats: &[f32], at: u32) -> V3 {
+    let i = at as usize;
+    v3(floats[i], floats[i + 1], floats[i + 2])
+}
+
+/// The distance at which a ray hits a triangle, its limit if it does not.
+#[cube]
+fn meet(
+    floats: &[f32],
+    at: u32,
+    ray: Ray,
+    margin: f32,
+    limit: f32,
+    #[comptime] moves: bool,
+) -> f32 {
+    let mut origin = ray.origin;
+    if moves {
+        origin -= vector(floats, at + 17) * ray.time;
+    }
+    let i = at as usize;
+    let normal = vector(floats, at);
+    let cosine = normal.dot(ray.direction);
+    let mut t = limit;
+    if cosine.abs() > 1e-30 {
+        let distance = (floats[i + 3] - normal.dot(origin)) / cosine;
+        if distance > ray.from && distance < limit {
+            let p = origin + ray.direction * distance;
+            let ab = vector(floats, at + 4).dot(p) + floats[i + 7];
+            let bc = vector(floats, at + 8).dot(p) + floats[i + 11];
+            let ca = vector(floats, at + 12).dot(p) + floats[i + 15];
+            if ab.min(bc.min(ca)) > -margin - floats[i + 16] {
+                t = distance;
+            }
+        }
+    }
+    t
+}
+
+/// The distance at which a ray enters a box, a number over its limit if it does not.
+#[cube]
+fn enter(floats: &[f32], at: u32, ray: Ray, inverse: V3, margin: f32, limit: f32) -> f32 {
+    let low = vector(floats, at) - ray.origin;
+    let high = vector(floats, at + 3) - ray.origin;
+    let ax = (low.x - margin) * inverse.x;
+    let bx = (high.x + margin) * inverse.x;
+    let ay = (low.y - margin) * inverse.y;
+    let by = (high.y + margin) * inverse.y;
+    let az = (low.z - margin) * inverse.z;
+    let bz = (high.z + margin) * inverse.z;
+    let near = ray.from.max(ax.min(bx)).max(ay.min(by)).max(az.min(bz));
+    let far = limit.min(ax.max(bx)).min(ay.max(by)).min(az.max(bz));
+    let mut t = f32::MAX.runtime();
+    if near <= far {
+        t = near;
+    }
+    t
+}
+
+/// 1/d, of a number that is not too small.
+#[cube]
+fn safe_inverse(d: f32) -> f32 {
+    let mut divisor = d;
+    if d.abs() < 1e-12 {
+        divisor = 1e-12f32;
+        if d < 0.0 {
+            divisor = -1e-12f32;
+        }
+    }
+    1.0 / divisor
+}
+
+/// The nearest triangle that a ray hits; with `any` any, which takes less time. With `select` some are left out.
+#[cube]
+pub(super) fn trace(
+    floats: &[f32],
+    words: &[u32],
+    stack: &mut [u32],
+    asked: Ray,
+    unseen: Unseen,
+    any: bool,
+    #[comptime] select: bool,
+    #[comptime] features: Features,
+) -> Hit {
+    // A distant origin would round by more than triangles are large: begin where the ray is nearest to the
+    // origin of coordinates.
+    let along = -asked.origin.dot(asked.direction);
+    let mut skipped = 0.0f32;
+    if along * along > 256.0 {
+        skipped = along;
+    }
+    let mut ray = asked;
+    ray.origin += asked.direction * skipped;
+    ray.from -= skipped;
+    ray.limit = (asked.limit - skipped).min(f32::MAX);
+    let margin = ROUNDING * (1.0 + ray.origin.abs().max_element());
+    let mut t = ray.limit;
+    let mut triangle = NONE.runtime();
+    if comptime!(features.boxes) {
+        let inverse = v3(
+            safe_inverse(ray.direction.x),
+            safe_inverse(ray.direction.y),
+            safe_inverse(ray.direction.z),
+        );
+        let mut top = 0u32;
+        let mut node = words[ROOT];
+        let mut going = true;
+        while going {
+            let mut popped = true;
+            if node >= LEAF {
+                let leaf = (words[LEAVES] + 2 * (node - LEAF)) as usize;
+                let mut k = words[leaf];
+                let past = k + words[leaf + 1];
+                while k < past {
+                    let at = words[HITS] + k * HIT_STRIDE as u32;
+                    let found = meet(floats, at, ray, margin, t, features.moves);
+                    if found < t {
+                        let number = words[(words[HIT_NUMBERS] + k) as usize];
+                        if !select || !unseen.contains(number) {
+                            t = found;
+                            triangle = number;
+                        }
+                    }
+                    k += 1;
+                }
+                if any && triangle != NONE {
+                    top = 0;
+                }
+            } else {
+                let at = words[BOXES] + 12 * node;
+                let first = enter(floats, at, ray, inverse, margin, t);
+                let second = enter(floats, at + 6, ray, inverse, margin, t);
+                let children = (words[CHILDREN] + 2 * node) as usize;
+                let mut near = words[children];
+                let mut far = words[children + 1];
+                if second < first {
+                    near = words[children + 1];
+                    far = words[children];
+                }
+                if first.min(second) < f32::MAX {
+                    node = near;
+                    popped = false;
+                    if first.max(second) < f32::MAX {
+                        stack[top as usize] = far;
+                        top += 1;
+                    }
+                }
+            }
+            if popped {
+                if top == 0 {
+                    going = false;
+                } else {
+                    top -= 1;
+                    node = stack[top as usize];
+                }
+            }
+        }
+    } else {
+        let mut k = 0u32;
+        while k < words[HIT_COUNT] {
+            let at = words[HITS] + k * HIT_STRIDE as u32;
+            let found = meet(floats, at, ray, margin, t, features.moves);
+            if found < t && (!select || !unseen.contains(k)) {
+                t = found;
+                triangle = k;
+                if any {
+                    k = words[HIT_COUNT] - 1;
+                }
+            }
+            k += 1;
+        }
+    }
+    Hit {
+        t: t + skipped,
+        triangle,
+    }
+}

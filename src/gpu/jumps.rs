@@ -1,0 +1,268 @@
+//! Jumps of the light that arrives at a point of a path: `kernel/boundary` in a kernel of a GPU.
+//!
+//! Calls are inlined in a kernel, so shadows of emitters and reflected light take turns in one loop.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::backward::{PointGradient, add_to_corners, is_wanted};
+use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES};
+use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
+use super::edge_search::{Observer, search};
+use super::hit::{Hit, Ray, trace, vector};
+use super::layout::{BOUNCES, CONE, NONE, SURFACE_STRIDE, SURFACES};
+use super::light::{emitter, sky};
+use super::numbers::numbers_of_purpose;
+use super::path::Beginning;
+use super::side_light::{Behind, light_beside};
+use super::{Derivatives, Features};
+use crate::model::V3;
+use crate::model::cone::{bend, lifted, up_to_plane};
+use crate::model::edge::direction_jump;
+use crate::model::splat;
+use crate::model::triangle::weights_at;
+
+/// Rays that are more parallel to an emitter than this don't meet it.
+const GRAZING: f32 = 1e-6;
+/// Surfaces that lie within this share of the coordinates of an edge touch it.
+const TOUCHING: f32 = 4e-6;
+
+/// An emitter that lies along an axis behind an edge's point.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+struct LightBehind {
+    /// The limit of a ray to it that passes the edge; less than 0 if there is none.
+    limit: f32,
+    distance: f32,
+    weights: V3,
+    emission: V3,
+    triangle: u32,
+    object: u32,
+}
+
+#[cube]
+fn light_behind(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    p: &EdgePoint,
+    past: V3,
+    x: V3,
+    start: V3,
+    axis: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> LightBehind {
+    let e = emitter(floats, words, k, time, features);
+    let mut found = LightBehind {
+        limit: (-1.0f32).runtime(),
+        distance: 1.0f32,
+        weights: splat(0.0),
+        emission: e.emission,
+        triangle: e.triangle,
+        object: e.object,
+    };
+    let cosine = e.normal.dot(axis);
+    if cosine < -GRAZING && !p.faces.contains(e.triangle) {
+        let t = e.normal.dot(e.a - x) / cosine;
+        let light = x + axis * t;
+        let w = weights_at(e.a, e.b, e.c, e.normal, e.area, light);
+        if t > 0.0 && w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 {
+            let limit = up_to_plane(start, past, e.normal, light);
+            if p.to.length() < limit {
+                found.limit = limit;
+            }
+            found.distance = t;
+            found.weights = w;
+        }
+    }
+    found
+}
+
+/// Whether what a ray hit hides an edge's point, and does not touch it.
+#[cube]
+fn hides(
+    floats: &[f32],
+    words: &[u32],
+    hit: Hit,
+    p: &EdgePoint,
+    time: f32,
+    #[comptime] features: Features,
+) -> bool {
+    let mut hidden = false;
+    if hit.triangle != NONE && hit.t < p.to.length() {
+        let at = words[SURFACES] + SURFACE_STRIDE as u32 * hit.triangle;
+        let at_rest = p.position - shift_of(floats, words, hit.triangle, time, features.moves);
+        let off = vector(floats, at + 9).dot(at_rest) - floats[at as usize + 12];
+        hidden = off.abs() > TOUCHING * (0.1 + p.position.abs().max_element());
+    }
+    hidden
+}
+
+/// Adds the derivatives by jumps at edges seen from a point of a path.
+#[cube]
+pub(super) fn jumps_seen_from(
+    floats: &[f32],
+    words: &[u32],
+    stack: &mut [u32],
+    edge_room: &mut [u32],
+    totals: &[Atomic<u32>],
+    scales: &[f32],
+    path: &Beginning,
+    o: &Observer,
+    by: &mut PointGradient,
+    #[comptime] features: Features,
+    #[comptime] of: Derivatives,
+) {
+    let numbers = numbers_of_purpose(words, SEED_OF_EDGES, &path.numbers, features.sobol);
+    let time = path.time;
+    let x = o.point.position;
+    let shading = o.point.shading;
+    let geometric = shading.geometric;
+    let start = lifted(x, geometric);
+    let last = o.bounce >= words[BOUNCES];
+    let mut turn = 1u32;
+    if comptime!(features.emitters) {
+        turn = 0u32;
+    }
+    while turn < 2 {
+        let of_light = turn == 0;
+        turn += 1;
+        let s = search(floats, words, &numbers, o, of_light, time, features, of);
+        let mut tree = EDGE_TREES.runtime();
+        if !s.moves {
+            tree = EDGE_TREES + OF_TREE;
+        }
+        if s.asked && words[tree + LEAF_COUNT] > 0 {
+            let own = o.point.triangle;
+            let p = edge_point(
+                floats, words, edge_room, tree, &s.query, own, s.u, s.v, features, of,
+            );
+            let view = p.to.normalize();
+            let bent = bend(view, geometric, floats[CONE], s.cone_u, s.cone_v);
+            let axis = bent.direction;
+            let mut reflected = splat(0.0);
+            if p.per_density > 0.0 {
+                reflected = shading.evaluate(axis);
+                if !of_light && shading.glossy {
+                    reflected = reflected * shading.share_of_lobe(axis, s.of_gloss);
+                }
+            }
+            if !reflected.is_zero() {
+                let carried = o.carried.times(reflected) * (s.scale * p.per_density);
+                let jump = direction_jump(p.to, p.along, &bent, geometric);
+                let beside: Sides = sides(floats, words, &p, view, jump.side);
+                let on_minus = beside.minus != NONE;
+                let on_plus = beside.plus != NONE;
+                let mut sign = 1.0f32;
+                if on_minus {
+                    sign = -1.0f32;
+                }
+                let mut k = s.first;
+                // Light passes on one side or on none; at the end of a path only the environment is seen.
+                if of_light && ((on_minus && on_plus) || (!on_minus && !on_plus)) {
+                    k = s.past;
+                }
+                if !of_light && last && on_minus && on_plus {
+                    k = s.past;
+                }
+                let mut scale = 0.0f32;
+                while k < s.past {
+                    let mut light = LightBehind {
+                        limit: f32::MAX.runtime(),
+                        distance: 1.0f32,
+                        weights: splat(0.0),
+                        emission: splat(0.0),
+                        triangle: 0u32,
+                        object: 0u32,
+                    };
+                    if comptime!(features.emitters) {
+                        if of_light {
+                            light = light_behind(
+                                floats,
+                                words,
+                                k,
+                                &p,
+                                beside.past,
+                                x,
+                                start,
+                                axis,
+                                time,
+                                features,
+                            );
+                        }
+                    }
+                    let mut hit = Hit {
+                        t: 0.0f32,
+                        triangle: 0u32,
+                    };
+                    if light.limit > 0.0 {
+                        let ray = Ray {
+                            origin: start,
+                            direction: beside.past,
+                            time,
+                            from: 0.0f32,
+                            limit: light.limit,
+                        };
+                        hit = trace(floats, words, stack, ray, p.faces, of_light, true, features);
+                    }
+                    if of_light {
+                        if light.limit > 0.0 && hit.triangle == NONE {
+                            let jumps = carried.dot(light.emission) * sign;
+                            scale += jumps;
+                            // The axis points to a point of the light, which stays where it is on it.
+                            let by_axis = jump.edge.by_axis * jumps;
+                            let by_to =
+                                by_axis.reject_from_normalized(axis) * (1.0 / light.distance);
+                            by.position -= by_to;
+                            if is_wanted(words, light.object) {
+                                add_to_corners(
+                                    words,
+                                    totals,
+                                    scales,
+                                    light.triangle,
+                                    light.object,
+                                    light.weights,
+                                    by_to,
+                                    time,
+                                    of,
+                                );
+                            }
+                        }
+                    } else if !hides(floats, words, hit, &p, time, features) {
+                        let behind = Behind {
+                            hit,
+                            start,
+                            view,
+                            past: beside.past,
+                            minus: beside.minus,
+                            plus: beside.plus,
+                        };
+                        let light = light_beside(
+                            floats, words, stack, path, o.bounce, &p, &behind, features,
+                        );
+                        let jumps = carried.dot(light.radiance);
+                        scale += jumps;
+                        // Directions turn with the frame of the lobe.
+                        let drawn = shading.as_drawn(axis, s.of_gloss);
+                        shading.direction_backward(
+                            &drawn,
+                            jump.edge.by_axis * jumps,
+                            &mut by.shading,
+                        );
+                        if comptime!(features.gathers_map) {
+                            // Directions to a map stay where they are.
+                            let radiance = sky(floats, words, axis, features);
+                            scale += carried.dot(radiance) * light.sky;
+                        }
+                    }
+                    k += 1;
+                }
+                if scale != 0.0 {
+                    let by_to = jump.by_point(p.to, geometric, scale, &mut by.geometric);
+                    by.position -= by_to;
+                    add_to_edge(floats, words, totals, scales, &p, by_to, time, features, of);
+                }
+            }
+        }
+    }
+}

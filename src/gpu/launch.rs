@@ -1,0 +1,303 @@
+//! Kernels on burn's devices: what they are launched with, in pieces that are not long.
+
+use std::sync::Arc;
+
+use burn::backend::tensor::{FloatTensor, IntTensor};
+use burn::backend::wgpu::{CubeBackend, CubeTensor};
+use burn::backend::{Backend, Dispatch, backend_extension};
+use burn::cubecl::prelude::*;
+use burn::cubecl::server::Handle;
+use burn::tensor::{DType, Device, Int, Shape, Tensor, TensorData};
+
+use super::passes::{JUMPED, add_jumps, go_back, keep_paths};
+use super::path::RECORD;
+use super::sums::{FIRST_SUM, LOST, MEASURE, PARTS, Places};
+use super::{Derivatives, Outputs, Packed, render_pixels};
+use crate::kernel::{Sums, View};
+
+/// A view, and what of it is rendered.
+#[derive(Clone)]
+pub(crate) struct Job {
+    pub view: Arc<Packed>,
+    /// All pixels if there is no list.
+    pub pixels: Option<Arc<Vec<u32>>>,
+    pub count: usize,
+    pub samples: u32,
+    pub outputs: Outputs,
+}
+
+/// What a backward pass adds up.
+#[derive(Clone)]
+pub(crate) struct Sought {
+    derivatives: Derivatives,
+    numbers: usize,
+    scales: Vec<f32>,
+    /// Looks at one sample of every so many pixels.
+    stride: usize,
+    /// How much the loss depends on the radiance of a pixel, on average.
+    typical: f32,
+}
+
+#[backend_extension(Cube)]
+pub(crate) trait GpuBackend: Backend {
+    /// The image `[P, C]`, on the device of a tensor.
+    fn trace(like: FloatTensor<Self>, job: Job) -> FloatTensor<Self>;
+
+    /// The sums of derivatives ([`Places`]), from those by the image's rows.
+    fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self>;
+}
+
+/// Paths of a launch at most, so that no launch is long.
+const PATHS: usize = 1 << 20;
+/// Words of a launch's records at most.
+const RECORDS: usize = 1 << 24;
+/// Threads of a workgroup.
+const GROUP: u32 = 64;
+
+/// A list on a device.
+struct List {
+    handle: Handle,
+    length: usize,
+}
+
+impl List {
+    fn new<T: CubeElement>(client: &Client, list: &[T]) -> Self {
+        Self {
+            handle: client.create_from_slice(T::as_bytes(list)),
+            length: list.len(),
+        }
+    }
+
+    fn room(client: &Client, length: usize) -> Self {
+        Self {
+            handle: client.empty(4 * length),
+            length,
+        }
+    }
+
+    #[allow(unsafe_code)]
+    fn argument(&self) -> BufferArg {
+        // The handle was made with this length.
+        unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
+    }
+
+    fn into_tensor(self, like: CubeTensor, shape: Vec<usize>, dtype: DType) -> CubeTensor {
+        let (client, device) = (like.client.clone(), like.device.clone());
+        CubeTensor::new_contiguous(client, device, Shape::from(shape), self.handle, dtype)
+    }
+}
+
+impl Job {
+    /// The pieces of the job: first pixel, number of pixels, first sample and the one past the last.
+    fn pieces(&self, paths: usize) -> Vec<[u32; 4]> {
+        let at_once = paths.clamp(1, self.count.max(1));
+        let samples_at_once = (paths / at_once).max(1) as u32;
+        let mut pieces = Vec::new();
+        for first in (0..self.count).step_by(at_once) {
+            let count = at_once.min(self.count - first);
+            let mut from = 0;
+            while from < self.samples {
+                let past = self.samples.min(from.saturating_add(samples_at_once));
+                pieces.push([first as u32, count as u32, from, past]);
+                from = past;
+            }
+        }
+        pieces
+    }
+
+    fn lists(&self, client: &Client) -> [List; 3] {
+        let none = vec![0];
+        let pixels = self.pixels.as_deref().unwrap_or(&none);
+        [
+            List::new(client, &self.view.floats),
+            List::new(client, &self.view.words),
+            List::new(client, pixels),
+        ]
+    }
+}
+
+impl GpuBackend for CubeBackend {
+    fn trace(like: FloatTensor<Self>, job: Job) -> FloatTensor<Self> {
+        let client = like.client.clone();
+        let [floats, words, pixels] = job.lists(&client);
+        let rows = job.outputs.rows();
+        let image = List::new(&client, &vec![0.0f32; job.count * rows]);
+        for [first, count, from, past] in job.pieces(PATHS) {
+            render_pixels::launch(
+                &client,
+                CubeCount::Static(count.div_ceil(GROUP), 1, 1),
+                CubeDim::new_1d(GROUP),
+                floats.argument(),
+                words.argument(),
+                pixels.argument(),
+                image.argument(),
+                first,
+                count,
+                from,
+                past,
+                1.0 / job.samples as f32,
+                job.pixels.is_some(),
+                job.outputs,
+                job.view.features,
+            );
+        }
+        image.into_tensor(like, vec![job.count, rows], DType::F32)
+    }
+
+    fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self> {
+        let client = upstream.client.clone();
+        let [floats, words, pixels] = job.lists(&client);
+        let numbers = if sought.scales[0] == MEASURE {
+            0
+        } else {
+            sought.numbers
+        };
+        let totals = List::new(&client, &vec![0u32; FIRST_SUM + 2 * numbers.max(1)]);
+        let scales = List::new(&client, &sought.scales);
+        let gradient = List {
+            handle: upstream.handle.clone(),
+            length: job.count * job.outputs.rows(),
+        };
+        let of = sought.derivatives;
+        let points = job.view.words[super::layout::BOUNCES] + 1;
+        let of_point = if of.jumps { RECORD + JUMPED } else { RECORD };
+        let of_path = (of_point * points + 1) as usize;
+        let at_once = (RECORDS / of_path).max(1);
+        let pieces = if sought.stride > 1 {
+            let some = job.count.div_ceil(sought.stride).min(at_once);
+            vec![[0, some as u32, 0, 1]]
+        } else {
+            job.pieces(at_once)
+        };
+        let paths = |piece: &[u32; 4]| piece[1] * (piece[3] - piece[2]);
+        let most = pieces.iter().map(paths).max().unwrap_or(1) as usize;
+        let records = List::room(&client, of_path * most);
+        let (stride, listed) = (sought.stride as u32, job.pixels.is_some());
+        let (outputs, features) = (job.outputs, job.view.features);
+        let scale = 1.0 / job.samples as f32;
+        let groups = |threads: u32| CubeCount::Static(threads.div_ceil(GROUP), 1, 1);
+        for [first, count, from, past] in pieces {
+            let samples = past - from;
+            keep_paths::launch(
+                &client,
+                groups(count * samples),
+                CubeDim::new_1d(GROUP),
+                floats.argument(),
+                words.argument(),
+                pixels.argument(),
+                gradient.argument(),
+                records.argument(),
+                first,
+                stride,
+                count,
+                from,
+                samples,
+                scale,
+                listed,
+                outputs,
+                features,
+            );
+            if of.jumps {
+                add_jumps::launch(
+                    &client,
+                    groups(count * samples * points),
+                    CubeDim::new_1d(GROUP),
+                    floats.argument(),
+                    words.argument(),
+                    pixels.argument(),
+                    gradient.argument(),
+                    records.argument(),
+                    totals.argument(),
+                    scales.argument(),
+                    first,
+                    stride,
+                    count,
+                    from,
+                    samples,
+                    scale,
+                    sought.typical,
+                    listed,
+                    outputs,
+                    features,
+                    of,
+                );
+            }
+            go_back::launch(
+                &client,
+                groups(count),
+                CubeDim::new_1d(GROUP),
+                floats.argument(),
+                words.argument(),
+                pixels.argument(),
+                gradient.argument(),
+                records.argument(),
+                totals.argument(),
+                scales.argument(),
+                first,
+                stride,
+                count,
+                from,
+                samples,
+                scale,
+                listed,
+                outputs,
+                features,
+                of,
+            );
+        }
+        let length = totals.length;
+        totals.into_tensor(upstream, vec![length], DType::I32)
+    }
+}
+
+/// Renders on a device: an image `[P, C]`.
+pub(crate) fn trace(device: &Device, job: Job) -> Tensor<2> {
+    // The device is known by a tensor that lies there.
+    let like = Tensor::<1>::zeros([1], (device, DType::F32));
+    let image = <Dispatch as GpuBackend>::trace(like.into_dispatch(), job);
+    Tensor::from_dispatch(image)
+}
+
+/// The mean of how much a loss depends on the radiance of a pixel, over those that it depends on.
+fn typical(upstream: &[f32], rows: usize) -> f32 {
+    let pixels = upstream.chunks_exact(rows);
+    let own = pixels.map(|row| row[..3].iter().map(|g| f64::from(g.abs())).sum::<f64>());
+    let asked: Vec<f64> = own.filter(|&g| g > 0.0).collect();
+    (asked.iter().sum::<f64>() / asked.len().max(1) as f64) as f32
+}
+
+/// Pixels that are looked at for the sizes of derivatives, at least.
+const MEASURED: usize = 4096;
+
+/// The sums of the derivatives of a view's light along paths, from derivatives by the rows of its image.
+pub(crate) fn sums_of(device: &Device, view: &View, job: &Job, upstream: &[f32]) -> Sums {
+    let places = Places::new(&view.scene, &view.wanted);
+    let data = TensorData::new(upstream.to_vec(), [upstream.len()]);
+    let on_device = Tensor::<1>::from_data(data, (device, DType::F32));
+    let derivatives = Derivatives::of(view, &job.view.words);
+    let typical = typical(&upstream, job.outputs.rows());
+    let words = |measured: Option<usize>, scales: &[f32]| -> Vec<u32> {
+        let sought = Sought {
+            derivatives,
+            numbers: places.count,
+            scales: scales.to_vec(),
+            stride: measured.unwrap_or(1),
+            typical,
+        };
+        let (upstream, job) = (on_device.clone().into_dispatch(), job.clone());
+        let totals = <Dispatch as GpuBackend>::trace_backward(upstream, job, sought);
+        let totals = Tensor::<1, Int>::from_dispatch(totals).into_data();
+        totals.iter::<i32>().map(|w| w as u32).collect()
+    };
+    // One sample of some pixels tells how large derivatives are.
+    let paths = job.count.saturating_mul(job.samples as usize);
+    let stride = job.count.div_ceil((paths / 16).max(MEASURED)).max(1);
+    let mut scales = Places::scales(&words(Some(stride), &[MEASURE; PARTS]), 40.0);
+    let mut found = words(None, &scales);
+    if found[LOST] > 0 {
+        // Some are much larger than those: all are looked at.
+        scales = Places::scales(&words(Some(1), &[MEASURE; PARTS]), 30.0);
+        found = words(None, &scales);
+    }
+    places.read(&found, &scales, &view.scene, &view.wanted)
+}

@@ -1,0 +1,325 @@
+//! Emitters and the environment: `sampling/emitters` and `kernel/sky` in a kernel of a GPU.
+
+use std::f32::consts::{PI, TAU};
+
+use burn::cubecl::{self, prelude::*};
+
+use super::Features;
+use super::hit::vector;
+use super::layout::{
+    EMITTER_COUNT, EMITTERS, NONE, OF_EMITTERS, OF_TRIANGLE, OF_TRIANGLES, SKY, SKY_CHANCES,
+    SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SURFACE_STRIDE, SURFACES,
+};
+use super::surface::{Cell, displacement, emission_of, in_cell};
+use crate::model::frame::sin_cos_of_turns;
+use crate::model::triangle::{solid_angle, weights_at};
+use crate::model::{V2, V3, splat, v2, v3};
+
+/// A triangle that emits, at a time in the shutter.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Emitter {
+    pub a: V3,
+    pub b: V3,
+    pub c: V3,
+    pub normal: V3,
+    pub area: f32,
+    pub emission: V3,
+    pub triangle: u32,
+    pub material: u32,
+    pub object: u32,
+}
+
+#[cube]
+pub(super) fn emitter(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    time: f32,
+    #[comptime] features: Features,
+) -> Emitter {
+    let triangle = words[(words[OF_EMITTERS] + k) as usize];
+    let row = (words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize;
+    let at = words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+    let material = words[row];
+    let object = words[row + 1];
+    let shift = displacement(floats, words, object, time, features.moves);
+    Emitter {
+        a: vector(floats, at) + shift,
+        b: vector(floats, at + 3) + shift,
+        c: vector(floats, at + 6) + shift,
+        normal: vector(floats, at + 9),
+        area: floats[at as usize + 13],
+        emission: emission_of(floats, words, material),
+        triangle,
+        material,
+        object,
+    }
+}
+
+/// Emitters under a glancing angle are chosen with at least this share of their power's probability.
+const BY_POWER: f32 = 0.1;
+
+/// Radiance times the solid angle under which a point sees an emitter.
+#[cube]
+fn seen_from(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    x: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> f32 {
+    let e = emitter(floats, words, k, time, features);
+    let radiance = floats[(words[EMITTERS] + 2 * k) as usize];
+    radiance * solid_angle(e.a, e.b, e.c, x).max(0.0)
+}
+
+/// The sum over emitters of [`seen_from`], by which probabilities are divided.
+#[cube]
+pub(super) fn all_seen_from(
+    floats: &[f32],
+    words: &[u32],
+    x: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> f32 {
+    let mut sum = 0.0f32;
+    if comptime!(features.by_solid_angle) {
+        let mut k = 0u32;
+        while k < words[EMITTER_COUNT] {
+            sum += seen_from(floats, words, k, x, time, features);
+            k += 1;
+        }
+    }
+    sum
+}
+
+/// The probability of an emitter at a point where the sum of all is `sum`.
+#[cube]
+pub(super) fn chance(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    x: V3,
+    time: f32,
+    sum: f32,
+    #[comptime] features: Features,
+) -> f32 {
+    let fixed = floats[(words[EMITTERS] + 2 * k + 1) as usize];
+    let mut p = fixed;
+    if comptime!(features.by_solid_angle) {
+        if sum > 0.0 && sum <= f32::MAX {
+            let own = seen_from(floats, words, k, x, time, features);
+            p = (1.0 - BY_POWER) * own / sum + BY_POWER * fixed;
+        }
+    }
+    p
+}
+
+/// An emitter that was chosen, its probability, and what is left of the random number.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Choice {
+    pub emitter: u32,
+    pub chance: f32,
+    pub rest: f32,
+}
+
+/// Chooses an emitter at a point where the sum of all is `sum`.
+#[cube]
+pub(super) fn choose(
+    floats: &[f32],
+    words: &[u32],
+    u: f32,
+    x: V3,
+    time: f32,
+    sum: f32,
+    #[comptime] features: Features,
+) -> Choice {
+    let count = words[EMITTER_COUNT];
+    let mut k = 0u32;
+    let mut passed = 0.0f32;
+    // Rounding may leave the sum a little under 1: then the last that can be is taken.
+    let mut emitter = 0u32;
+    let mut own = 1.0f32;
+    let mut before = 0.0f32;
+    while k < count {
+        let p = chance(floats, words, k, x, time, sum, features);
+        if p > 0.0 {
+            emitter = k;
+            own = p;
+            before = passed;
+            if u < passed + p {
+                k = count;
+            }
+        }
+        passed += p;
+        k += 1;
+    }
+    Choice {
+        emitter,
+        chance: own,
+        rest: ((u - before) / own).max(0.0).min(0.999_999_9),
+    }
+}
+
+/// Rays that are more parallel to an emitter than this don't meet it.
+const GRAZING: f32 = 1e-6;
+
+/// An emitter whose front a ray hits, as if nothing were in between, or [`NONE`], and the point's weights
+/// of the corners b and c.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct EmitterHit {
+    pub emitter: u32,
+    pub weights: V2,
+}
+
+/// The first such emitter from a number on.
+#[cube]
+pub(super) fn next_emitter_hit(
+    floats: &[f32],
+    words: &[u32],
+    from: u32,
+    x: V3,
+    direction: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> EmitterHit {
+    let count = words[EMITTER_COUNT];
+    let mut found = NONE.runtime();
+    let mut weights = v2(0.0, 0.0);
+    let mut k = from;
+    while k < count {
+        let e = emitter(floats, words, k, time, features);
+        let cosine = e.normal.dot(direction);
+        if cosine < -GRAZING {
+            let t = e.normal.dot(e.a - x) / cosine;
+            if t > 0.0 {
+                let w = weights_at(e.a, e.b, e.c, e.normal, e.area, x + direction * t);
+                if w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 {
+                    found = k;
+                    weights = v2(w.y, w.z);
+                    k = count;
+                }
+            }
+        }
+        k += 1;
+    }
+    EmitterHit {
+        emitter: found,
+        weights,
+    }
+}
+
+/// Radiance of the environment along a direction.
+#[cube]
+pub(super) fn sky(
+    floats: &[f32],
+    words: &[u32],
+    direction: V3,
+    #[comptime] features: Features,
+) -> V3 {
+    let mut radiance = splat(0.0);
+    if comptime!(features.sky_constant) {
+        radiance = vector(floats, words[SKY]);
+    }
+    if comptime!(features.sky_map) {
+        radiance = in_cell(floats, words[SKY], cell_of_map(words, direction));
+    }
+    radiance
+}
+
+/// The texels about a direction: columns wrap, rows end at the poles.
+#[cube]
+pub(super) fn cell_of_map(words: &[u32], direction: V3) -> Cell {
+    let place = place_in_map(words, direction);
+    let x = place.x - 0.5;
+    let y = place.y - 0.5;
+    let left = x.floor();
+    let top = y.floor();
+    let width = words[SKY_WIDTH] as i32;
+    let last = words[SKY_HEIGHT] as i32 - 1;
+    let i = ((left as i32 + width) % width) as u32;
+    let j = ((left as i32 + 1 + width) % width) as u32;
+    let above = (top as i32).max(0).min(last) as u32 * words[SKY_WIDTH];
+    let below = (top as i32 + 1).max(0).min(last) as u32 * words[SKY_WIDTH];
+    Cell {
+        a: 3 * (above + i),
+        b: 3 * (above + j),
+        c: 3 * (below + i),
+        d: 3 * (below + j),
+        x: x - left,
+        y: y - top,
+    }
+}
+
+/// Column and row of a direction in the map, in texels.
+#[cube]
+fn place_in_map(words: &[u32], d: V3) -> V2 {
+    let around = (d.x * d.x + d.z * d.z).sqrt();
+    v2(
+        (0.5 + d.x.atan2(-d.z) / TAU) * words[SKY_WIDTH] as f32,
+        around.atan2(d.y) / PI * words[SKY_HEIGHT] as f32,
+    )
+}
+
+/// The density per solid angle with which [`choose_direction`] draws a direction.
+#[cube]
+pub(super) fn density_of_direction(floats: &[f32], words: &[u32], d: V3) -> f32 {
+    let width = words[SKY_WIDTH];
+    let height = words[SKY_HEIGHT];
+    let place = place_in_map(words, d);
+    let x = (place.x.max(0.0) as u32).min(width - 1);
+    let y = (place.y.max(0.0) as u32).min(height - 1);
+    let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
+    let p = floats[(words[SKY_CHANCES] + y * width + x) as usize];
+    p * (width * height) as f32 / (TAU * PI * sine)
+}
+
+/// The first of some numbers, which grow, that is over a number; the last if none is.
+#[cube]
+fn first_over(floats: &[f32], first: u32, count: u32, value: f32) -> u32 {
+    let mut low = 0u32;
+    let mut high = count - 1;
+    while low < high {
+        let middle = (low + high) / 2;
+        if floats[(first + middle) as usize] <= value {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+/// A direction to the map for a pair of random numbers.
+#[cube]
+pub(super) fn choose_direction(floats: &[f32], words: &[u32], u: f32, v: f32) -> V3 {
+    let width = words[SKY_WIDTH];
+    let height = words[SKY_HEIGHT];
+    let rows = words[SKY_ROWS];
+    let wanted = v * floats[(rows + height - 1) as usize];
+    let y = first_over(floats, rows, height, wanted);
+    let row = words[SKY_COLUMNS] + y * width;
+    let along = u * floats[(row + width - 1) as usize];
+    let x = first_over(floats, row, width, along);
+    let turn = (x as f32 + inside(floats, row, x, along)) / width as f32 - 0.5;
+    let polar = (y as f32 + inside(floats, rows, y, wanted)) / height as f32;
+    let around = sin_cos_of_turns(turn - turn.floor());
+    let down = sin_cos_of_turns(0.5 * polar);
+    let sine = down.sin.max(1e-6);
+    v3(sine * around.sin, down.cos, -sine * around.cos).normalize()
+}
+
+/// The place of a number between two of a list, 0 … 1.
+#[cube]
+fn inside(floats: &[f32], first: u32, k: u32, value: f32) -> f32 {
+    let mut before = 0.0f32;
+    if k > 0 {
+        before = floats[(first + k - 1) as usize];
+    }
+    let past = floats[(first + k) as usize];
+    ((value - before) / (past - before)).max(0.0).min(1.0)
+}

@@ -1,0 +1,307 @@
+//! The kernels of a backward pass: paths are traced again and leave records, then jumps are added at each of their
+//! points, then each path is gone back along. In three kernels each is small, and points of a path are apart.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::backward::is_wanted;
+use super::backward::{
+    PointGradient, Upstream, add_camera, no_camera_gradient, no_point_gradient, path_backward,
+};
+use super::edge_point::object_of;
+use super::edge_search::Observer;
+use super::jumps::jumps_seen_from;
+use super::layout::{BOUNCES, UNIT};
+use super::path::{RECORD, Room, begin, from_camera, kept, kept_vector, path_light, record_at};
+use super::surface::point_at;
+use super::{Derivatives, Features, Outputs};
+use crate::model::{V3, splat, v3};
+
+/// Words that a path leaves beside its records: the number of its points, and for each what jumps add.
+pub(super) const JUMPED: u32 = 13;
+
+/// The place of the number of a path's points.
+#[cube]
+fn points_at(words: &[u32], room: Room) -> usize {
+    ((words[BOUNCES] + 1) * RECORD * room.threads + room.thread) as usize
+}
+
+/// The place of a word of what jumps add at a point.
+#[cube]
+fn jumped_at(words: &[u32], room: Room, point: u32, word: u32) -> usize {
+    let before = (words[BOUNCES] + 1) * RECORD + 1;
+    ((before + point * JUMPED + word) * room.threads + room.thread) as usize
+}
+
+/// Derivatives by the rows of a pixel, of one of its samples.
+#[cube]
+fn upstream_of(
+    floats: &[f32],
+    upstream: &[f32],
+    i: u32,
+    scale: f32,
+    #[comptime] outputs: Outputs,
+) -> Upstream {
+    let own = i as usize * comptime!(outputs.rows());
+    let mut g = Upstream {
+        radiance: v3(upstream[own], upstream[own + 1], upstream[own + 2]) * scale,
+        depth: 0.0f32,
+        normal: splat(0.0),
+    };
+    let depth = comptime!(3 + usize::from(outputs.opacity));
+    if comptime!(outputs.depth) {
+        g.depth = upstream[own + depth] * scale * floats[UNIT];
+    }
+    if comptime!(outputs.normals) {
+        let at = own + comptime!(depth + usize::from(outputs.depth));
+        g.normal = v3(upstream[at], upstream[at + 1], upstream[at + 2]) * scale;
+    }
+    g
+}
+
+#[cube]
+fn is_asked(g: &Upstream) -> bool {
+    !(g.radiance.is_zero() && g.depth == 0.0 && g.normal.is_zero())
+}
+
+/// Traces paths, `samples` of each of some pixels, of which those of the first sample come first, and leaves records.
+/// Pixels are every `stride`-th from a first one on.
+#[cube(launch)]
+pub(super) fn keep_paths(
+    floats: &[f32],
+    words: &[u32],
+    pixels: &[u32],
+    upstream: &[f32],
+    records: &mut [u32],
+    first: u32,
+    stride: u32,
+    count: u32,
+    from: u32,
+    samples: u32,
+    scale: f32,
+    #[comptime] listed: bool,
+    #[comptime] outputs: Outputs,
+    #[comptime] features: Features,
+) {
+    if ABSOLUTE_POS < (count * samples) as usize {
+        let thread = ABSOLUTE_POS as u32;
+        let i = first + (thread % count) * stride;
+        let mut pixel = i;
+        if listed {
+            pixel = pixels[i as usize];
+        }
+        let g = upstream_of(floats, upstream, i, scale, outputs);
+        if is_asked(&g) {
+            let mut room = Array::<u32>::new(features.stack);
+            let stack = room.as_mut_slice();
+            let room = Room {
+                thread,
+                threads: count * samples,
+            };
+            let path = begin(floats, words, pixel, from + thread / count, features);
+            let seen = path_light(
+                floats,
+                words,
+                stack,
+                records,
+                room,
+                path,
+                from_camera(),
+                false,
+                true,
+                features,
+            );
+            records[points_at(words, room)] = seen.points;
+        }
+    }
+}
+
+/// Whether a point of a path moves, or the directions that it looks in turn.
+#[cube]
+fn moves_at(
+    words: &[u32],
+    records: &mut [u32],
+    room: Room,
+    point: u32,
+    #[comptime] of: Derivatives,
+) -> bool {
+    let mut moves = comptime!(of.camera).runtime();
+    if comptime!(of.turns) {
+        if point > 0 {
+            moves = true;
+        }
+    }
+    let mut k = 0u32;
+    while k <= point && !moves {
+        let triangle = records[record_at(room, k, 0u32)];
+        moves = is_wanted(words, object_of(words, triangle));
+        k += 1;
+    }
+    moves
+}
+
+#[cube]
+fn put(words: &[u32], records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
+    records[jumped_at(words, room, point, word)] = v.x.to_bits();
+    records[jumped_at(words, room, point, word + 1)] = v.y.to_bits();
+    records[jumped_at(words, room, point, word + 2)] = v.z.to_bits();
+}
+
+#[cube]
+fn get(words: &[u32], records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
+    v3(
+        f32::from_bits(records[jumped_at(words, room, point, word)]),
+        f32::from_bits(records[jumped_at(words, room, point, word + 1)]),
+        f32::from_bits(records[jumped_at(words, room, point, word + 2)]),
+    )
+}
+
+/// What jumps added at a point of a path.
+#[cube]
+pub(super) fn jumped(
+    words: &[u32],
+    records: &mut [u32],
+    room: Room,
+    point: u32,
+    by: &mut PointGradient,
+) {
+    by.position += get(words, records, room, point, 0u32);
+    by.geometric += get(words, records, room, point, 3u32);
+    by.shading.normal += get(words, records, room, point, 6u32);
+    by.shading.incoming += get(words, records, room, point, 9u32);
+    by.shading.exponent += f32::from_bits(records[jumped_at(words, room, point, 12u32)]);
+}
+
+/// Adds the derivatives by jumps at edges that points of paths see, one thread a point.
+#[cube(launch)]
+pub(super) fn add_jumps(
+    floats: &[f32],
+    words: &[u32],
+    pixels: &[u32],
+    upstream: &[f32],
+    records: &mut [u32],
+    totals: &[Atomic<u32>],
+    scales: &[f32],
+    first: u32,
+    stride: u32,
+    count: u32,
+    from: u32,
+    samples: u32,
+    scale: f32,
+    typical: f32,
+    #[comptime] listed: bool,
+    #[comptime] outputs: Outputs,
+    #[comptime] features: Features,
+    #[comptime] of: Derivatives,
+) {
+    let threads = count * samples;
+    if ABSOLUTE_POS < (threads * (words[BOUNCES] + 1)) as usize {
+        let thread = ABSOLUTE_POS as u32 % threads;
+        let k = ABSOLUTE_POS as u32 / threads;
+        let i = first + (thread % count) * stride;
+        let mut pixel = i;
+        if listed {
+            pixel = pixels[i as usize];
+        }
+        let room = Room { thread, threads };
+        let g = upstream_of(floats, upstream, i, scale, outputs);
+        let mut points = 0u32;
+        if is_asked(&g) {
+            points = records[points_at(words, room)];
+        }
+        if k < points {
+            let mut by = no_point_gradient();
+            let triangle = records[record_at(room, k, 0u32)];
+            let distance = kept(records, room, k, 1u32);
+            let origin = kept_vector(records, room, k, 2u32);
+            let incoming = kept_vector(records, room, k, 5u32);
+            let carried = g.radiance.times(kept_vector(records, room, k, 8u32));
+            let counts = carried.abs().element_sum() / (typical * scale).max(1e-37);
+            let path = begin(floats, words, pixel, from + thread / count, features);
+            let near = origin + incoming * distance;
+            let point = point_at(floats, words, triangle, near, incoming, path.time, features);
+            if counts > 0.0 && point.reflects {
+                let at = Observer {
+                    point,
+                    bounce: k,
+                    moves: moves_at(words, records, room, k, of),
+                    carried,
+                    counts,
+                };
+                let mut stack_room = Array::<u32>::new(features.stack);
+                let stack = stack_room.as_mut_slice();
+                let mut edge_room = Array::<u32>::new(of.edge_room);
+                let edges = edge_room.as_mut_slice();
+                jumps_seen_from(
+                    floats, words, stack, edges, totals, scales, &path, &at, &mut by, features, of,
+                );
+            }
+            put(words, records, room, k, 0u32, by.position);
+            put(words, records, room, k, 3u32, by.geometric);
+            put(words, records, room, k, 6u32, by.shading.normal);
+            put(words, records, room, k, 9u32, by.shading.incoming);
+            records[jumped_at(words, room, k, 12u32)] = by.shading.exponent.to_bits();
+        }
+    }
+}
+
+/// Adds the derivatives along paths that left records, times those of a loss by the pixels' rows, to sums.
+#[cube(launch)]
+pub(super) fn go_back(
+    floats: &[f32],
+    words: &[u32],
+    pixels: &[u32],
+    upstream: &[f32],
+    records: &mut [u32],
+    totals: &[Atomic<u32>],
+    scales: &[f32],
+    first: u32,
+    stride: u32,
+    count: u32,
+    from: u32,
+    samples: u32,
+    scale: f32,
+    #[comptime] listed: bool,
+    #[comptime] outputs: Outputs,
+    #[comptime] features: Features,
+    #[comptime] of: Derivatives,
+) {
+    if ABSOLUTE_POS < count as usize {
+        let slot = ABSOLUTE_POS as u32;
+        let i = first + slot * stride;
+        let mut pixel = i;
+        if listed {
+            pixel = pixels[i as usize];
+        }
+        let g = upstream_of(floats, upstream, i, scale, outputs);
+        if is_asked(&g) {
+            let mut by_camera = no_camera_gradient();
+            let mut sample = 0u32;
+            while sample < samples {
+                let room = Room {
+                    thread: sample * count + slot,
+                    threads: count * samples,
+                };
+                let path = begin(floats, words, pixel, from + sample, features);
+                let points = records[points_at(words, room)];
+                path_backward(
+                    floats,
+                    words,
+                    records,
+                    totals,
+                    scales,
+                    room,
+                    path,
+                    points,
+                    g,
+                    &mut by_camera,
+                    features,
+                    of,
+                );
+                sample += 1;
+            }
+            if comptime!(of.camera) {
+                add_camera(words, totals, scales, &by_camera);
+            }
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! The light beside an edge's point, on both of its sides: paths that start from the faces there, or from the
+//! surface behind.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::Features;
+use super::edge_layout::SEED_OF_SIDES;
+use super::edge_point::{EdgePoint, beside, shift_of};
+use super::hit::{Hit, vector};
+use super::layout::{BOUNCES, NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
+use super::light::sky;
+use super::numbers::numbers_of_purpose;
+use super::path::{Beginning, Room, Start, path_light};
+use super::surface::point_at;
+use crate::model::{Pair, V3, splat};
+
+/// What is seen beside an edge's point from a ray's origin: faces on its sides, or [`NONE`], and the hit behind.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Behind {
+    pub hit: Hit,
+    pub start: V3,
+    /// The direction to the edge's point, and that of a ray that passes it.
+    pub view: V3,
+    pub past: V3,
+    pub minus: u32,
+    pub plus: u32,
+}
+
+/// The light on the − side of an edge less that on the + side.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct SideLight {
+    pub radiance: V3,
+    /// The same of the environment, where it is 1.
+    pub sky: f32,
+}
+
+/// The point that is seen on a side. That of a face lies so far inside that no ray from it meets the other faces
+/// of the edge by rounding.
+#[cube]
+fn start_beside(
+    floats: &[f32],
+    words: &[u32],
+    p: &EdgePoint,
+    behind: &Behind,
+    on_plus: bool,
+    time: f32,
+    #[comptime] features: Features,
+) -> Start {
+    let mut face = behind.minus;
+    if on_plus {
+        face = behind.plus;
+    }
+    let hit = behind.hit;
+    let mut start = Start {
+        triangle: hit.triangle,
+        near: behind.start + behind.past * hit.t,
+        direction: behind.past,
+        distance: hit.t,
+        bounce: 0u32,
+        pair: Pair {
+            first: behind.past,
+            second: behind.past,
+        },
+        paired: false,
+        emits: false,
+    };
+    if face != NONE {
+        let at = words[SURFACES] + SURFACE_STRIDE as u32 * face;
+        let sum = vector(floats, at) + vector(floats, at + 3) + vector(floats, at + 6);
+        let middle = sum * (1.0f32 / 3.0f32) + shift_of(floats, words, face, time, features.moves);
+        let inward = middle - p.position;
+        let step = (beside(p.position) / inward.length().max(1e-37)).min(0.1);
+        start.triangle = face;
+        start.near = p.position + inward * step;
+        start.direction = behind.view;
+        start.distance = p.to.length();
+    }
+    start
+}
+
+/// The normals on both sides, if these are of one material: paths on both sides of a crease go the same ways.
+#[cube]
+fn normals_beside(
+    floats: &[f32],
+    words: &[u32],
+    p: &EdgePoint,
+    behind: &Behind,
+    time: f32,
+    #[comptime] features: Features,
+) -> Pair {
+    let mut pair = Pair {
+        first: splat(0.0f32.runtime()),
+        second: splat(0.0f32.runtime()),
+    };
+    let mut side = 0u32;
+    while side < 2 {
+        let on_plus = side == 1;
+        let s = start_beside(floats, words, p, behind, on_plus, time, features);
+        let point = point_at(
+            floats,
+            words,
+            s.triangle,
+            s.near,
+            s.direction,
+            time,
+            features,
+        );
+        if on_plus {
+            pair.second = point.shading.normal;
+        } else {
+            pair.first = point.shading.normal;
+        }
+        side += 1;
+    }
+    pair
+}
+
+#[cube]
+fn material_of(words: &[u32], triangle: u32) -> u32 {
+    words[(words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize]
+}
+
+/// The light that arrives beside an edge's point, seen from a point of a path at a bounce.
+#[cube]
+pub(super) fn light_beside(
+    floats: &[f32],
+    words: &[u32],
+    stack: &mut [u32],
+    path: &Beginning,
+    bounce: u32,
+    p: &EdgePoint,
+    behind: &Behind,
+    #[comptime] features: Features,
+) -> SideLight {
+    let time = path.time;
+    let mut light = SideLight {
+        radiance: splat(0.0),
+        sky: 0.0f32,
+    };
+    let goes_on = bounce < words[BOUNCES];
+    let mut pair = Pair {
+        first: behind.view,
+        second: behind.view,
+    };
+    let mut paired = false;
+    if goes_on && behind.minus != NONE && behind.plus != NONE {
+        if material_of(words, behind.minus) == material_of(words, behind.plus) {
+            pair = normals_beside(floats, words, p, behind, time, features);
+            paired = true;
+        }
+    }
+    let numbers = numbers_of_purpose(words, SEED_OF_SIDES, &path.numbers, features.sobol);
+    let beginning = Beginning {
+        numbers,
+        cones: path.cones,
+        film: numbers.direction(words, bounce, features.sobol),
+        time,
+        ray: path.ray,
+    };
+    let mut sign = 1.0f32;
+    while sign > -2.0f32 {
+        let on_plus = sign < 0.0;
+        let mut start = start_beside(floats, words, p, behind, on_plus, time, features);
+        if start.triangle == NONE {
+            light.sky += sign;
+            if comptime!(features.sees_sky) {
+                light.radiance += sky(floats, words, behind.view, features) * sign;
+            }
+        } else if goes_on {
+            start.bounce = bounce + 1;
+            start.pair = pair;
+            start.paired = paired;
+            // Nothing is kept.
+            let mut records = Array::<u32>::new(1usize);
+            let none = records.as_mut_slice();
+            let room = Room {
+                thread: 0u32,
+                threads: 1u32,
+            };
+            let seen = path_light(
+                floats, words, stack, none, room, beginning, start, true, false, features,
+            );
+            light.radiance += seen.radiance * sign;
+        }
+        sign -= 2.0f32;
+    }
+    light
+}

@@ -1,0 +1,165 @@
+//! Kernels on a GPU beside those of the host.
+#![cfg(feature = "wgpu")]
+
+mod common;
+
+use std::time::Instant;
+
+use burn::tensor::{DType, Device, DeviceKind};
+use common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
+use common::tensors::{gradient, leaf, radiance, tensor, with_leaves};
+use softray::prelude::*;
+
+fn device() -> Device {
+    let kind = match std::env::var("SOFTRAY_WGPU_KIND").as_deref() {
+        Ok("cpu") => DeviceKind::Cpu,
+        _ => DeviceKind::DefaultDevice,
+    };
+    match std::env::var("SOFTRAY_WGSL") {
+        #[cfg(feature = "vulkan")]
+        Err(_) => Device::vulkan(kind),
+        _ => Device::wgpu(kind),
+    }
+}
+
+#[test]
+fn cornell() {
+    let at = |device: &Device, bounces: u32| {
+        let file = scene_file("cornell", device);
+        let options = RenderOptions::new(64, 64)
+            .samples(64)
+            .bounces(bounces)
+            .seed(2);
+        let start = Instant::now();
+        let image = radiance(&file.scene, &file.camera, &options);
+        println!("{device:?} {bounces} {:?}", start.elapsed());
+        image
+    };
+    for bounces in [0, 3] {
+        let gpu = at(&device(), bounces);
+        let again = at(&device(), bounces);
+        assert_eq!(gpu, again);
+        let cpu = at(&Device::flex(), bounces);
+        let worst = gpu
+            .iter()
+            .zip(&cpu)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        println!("largest {worst:e}");
+    }
+}
+
+/// A scene for a device, and how it is rendered.
+struct Case {
+    name: &'static str,
+    scene: fn(&Device) -> (Scene, Camera),
+    options: fn(RenderOptions) -> RenderOptions,
+}
+
+/// Derivatives of a weighted sum of an image by all vertices and velocities.
+fn by_vertices(case: &Case, device: &Device) -> Vec<f64> {
+    let (scene, camera) = (case.scene)(device);
+    let mut scene = with_leaves(scene);
+    let velocity = leaf(&[0.3, 0.1, 0.0], device);
+    let flies = scene.objects.iter().any(|o| o.velocity.is_some());
+    for object in &mut scene.objects {
+        let flies = object.velocity.is_some();
+        object.velocity = flies.then(|| velocity.clone().into());
+    }
+    let options = (case.options)(RenderOptions::new(12, 12).samples(8).seed(3));
+    let start = Instant::now();
+    let image = render(&scene, &camera, &options)
+        .expect("an image")
+        .radiance;
+    let weights: Vec<f64> = (0..432)
+        .map(|i| 0.3 + (0.37 * f64::from(i)).sin())
+        .collect();
+    let weights = tensor(&weights, [12, 12, 3], device, DType::F32);
+    let gradients = (image * weights).sum().backward();
+    let mut all = Vec::new();
+    for object in &scene.objects {
+        all.extend(gradient(&object.mesh.vertices, &gradients));
+    }
+    if flies {
+        all.extend(gradient(&velocity, &gradients));
+    }
+    println!("{} on {device:?}: {:?}", case.name, start.elapsed());
+    all
+}
+
+/// A ball that flies over a floor under two lights.
+fn flying(device: &Device) -> (Scene, Camera) {
+    let ball = shapes::icosahedron(device)
+        .scaled([0.4; 3])
+        .translated([0.2, 0.7, 0.1]);
+    let sheet = shapes::triangle(
+        [-1.1, 0.8, 0.3],
+        [-0.2, 0.9, 0.6],
+        [-0.5, 1.3, -0.3],
+        device,
+    );
+    let scene = Scene::new()
+        .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]).named("floor"))
+        .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device).named("lamp"))
+        .with(emitting(
+            facing_front([-1.6, -1.2], [0.2, 0.9], -1.0, device),
+            [3.0, 3.0, 4.0],
+        ))
+        .with(diffuse(ball, [0.3, 0.5, 0.6]).velocity([0.3, 0.1, 0.0]))
+        .with(diffuse(sheet, [0.6, 0.3, 0.2]));
+    let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.6, 0.0]).thin_lens(0.1, 3.8);
+    (scene, camera)
+}
+
+fn cases() -> Vec<Case> {
+    vec![
+        Case {
+            name: "shadow",
+            scene: |device| {
+                let file = scene_file("shadow", device);
+                (file.scene, file.camera)
+            },
+            options: |o| o.bounces(0),
+        },
+        Case {
+            name: "cornell",
+            scene: |device| {
+                let file = scene_file("cornell", device);
+                (file.scene, file.camera)
+            },
+            options: |o| o.bounces(2),
+        },
+        Case {
+            name: "flying",
+            scene: flying,
+            options: |o| o.bounces(1),
+        },
+        Case {
+            name: "gloss",
+            scene: |device| {
+                let (scene, camera) = flying(device);
+                let gloss = Material::diffuse([0.3, 0.2, 0.2]).specular([0.5; 3], 20.0);
+                let scene = scene
+                    .map_object("floor", |o| o.material(gloss.clone()))
+                    .expect("the floor")
+                    .environment([0.3, 0.4, 0.5]);
+                (scene, camera)
+            },
+            options: |o| o.bounces(1).visibility(Visibility::cone(0.05)),
+        },
+    ]
+}
+
+#[test]
+fn derivatives_by_vertices() {
+    for case in cases() {
+        let found = by_vertices(&case, &device());
+        let again = by_vertices(&case, &device());
+        let wanted = by_vertices(&case, &Device::flex());
+        let norm = wanted.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let apart = found.iter().zip(&wanted).map(|(a, b)| (a - b).powi(2));
+        let apart = apart.sum::<f64>().sqrt() / norm;
+        println!("{}: {apart:e} of {norm}", case.name);
+        assert_eq!(found, again);
+    }
+}
