@@ -85,5 +85,9 @@ fn data(name: &str) -> PathBuf {
 }
 
 fn load(name: &str) -> SceneFile {
-    SceneFile::load(data(name).join("scene.json"), &Device::flex()).expect("a scene")
+    load_to(name, &Device::flex())
+}
+
+fn load_to(name: &str, device: &Device) -> SceneFile {
+    SceneFile::load(data(name).join("scene.json"), device).expect("a scene")
 }

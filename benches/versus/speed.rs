@@ -3,7 +3,7 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use softray::prelude::*;
 
-use crate::load;
+use crate::load_to;
 
 #[derive(Args)]
 pub struct Speed {
@@ -25,6 +25,12 @@ pub struct Speed {
     /// Forward alone.
     #[arg(long)]
     forward: bool,
+    /// The device, such as `flex` or `vulkan`; of GPUs the time of the first render, with compilation, is told.
+    #[arg(long, default_value = "flex")]
+    device: String,
+    /// The program of tensor operations in place of kernels.
+    #[arg(long)]
+    tensors: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -45,12 +51,12 @@ impl Speed {
     }
 
     fn of(&self, which: Which, visibility: Visibility) {
+        let device = softray::device::named(Some(&self.device)).expect("a device");
         let (mut file, bounces) = match which {
-            Which::Cornell => (load("cornell"), 2),
-            Which::Ball => (load("sphere"), 1),
+            Which::Cornell => (load_to("cornell", &device), 2),
+            Which::Ball => (load_to("sphere", &device), 1),
         };
         if which == Which::Ball {
-            let device = Device::flex();
             let ball = shapes::icosphere(self.subdivisions, &device)
                 .scaled(Tensor::from_floats([0.8], &device))
                 .translated(Tensor::from_floats([0.0, 0.8, 0.0], &device));
@@ -64,10 +70,16 @@ impl Speed {
             .samples(self.spp)
             .bounces(bounces)
             .visibility(visibility)
+            .engine(if self.tensors {
+                Engine::Tensors
+            } else {
+                Engine::Auto
+            })
             .cache(&cache);
         let faces: usize = file.scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
         let forward = self.time(|| {
-            render(&file.scene, &file.camera, &options).expect("an image");
+            let image = render(&file.scene, &file.camera, &options).expect("an image");
+            let _ = image.radiance.into_data();
         });
         let paths = (self.size * self.size) as f64 * f64::from(self.spp);
         print!(
@@ -84,7 +96,8 @@ impl Speed {
                 let image = render(&scene, &file.camera, &options).expect("an image");
                 let gradients = image.radiance.powf_scalar(2.0).sum().backward();
                 for object in &scene.objects {
-                    assert!(object.mesh.vertices.grad(&gradients).is_some());
+                    let gradient = object.mesh.vertices.grad(&gradients);
+                    let _ = gradient.expect("a gradient").into_data();
                 }
             });
             print!(
@@ -96,7 +109,11 @@ impl Speed {
     }
 
     fn time(&self, f: impl Fn()) -> f64 {
+        let start = Instant::now();
         f();
+        if self.device != "flex" {
+            eprintln!("first: {:.2} s", start.elapsed().as_secs_f64());
+        }
         let mut times: Vec<f64> = (0..self.runs)
             .map(|_| {
                 let start = Instant::now();
