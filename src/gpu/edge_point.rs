@@ -3,7 +3,6 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::backward::{add_to_corners, is_wanted};
 use super::edge_layout::{EDGES, IS_CROSSING, OBJECT_OF_EDGE, OF_EDGE, OF_EDGES, ROWS_OF_EDGE};
 use super::edge_tree::draw_edge;
 use super::edge_weights::Query;
@@ -11,6 +10,7 @@ use super::hit::{Unseen, vector};
 use super::layout::{FIRST_SUMS, NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
 use super::sums::{VELOCITIES, VERTICES, add_vector};
 use super::surface::displacement;
+use super::surface_backward::{add_to_corners, is_wanted};
 use super::{Derivatives, Features};
 use crate::model::edge::half_plane;
 use crate::model::segment::{clip_to_cone, point_by_angle};

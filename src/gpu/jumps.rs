@@ -4,7 +4,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::backward::{PointGradient, add_to_corners, is_wanted};
+use super::camera::Beginning;
 use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES};
 use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
 use super::edge_search::{Observer, search};
@@ -12,8 +12,8 @@ use super::hit::{Hit, Ray, trace, vector};
 use super::layout::{BOUNCES, CONE, NONE, SURFACE_STRIDE, SURFACES};
 use super::light::{emitter, sky};
 use super::numbers::numbers_of_purpose;
-use super::path::Beginning;
 use super::side_light::{Behind, light_beside};
+use super::surface_backward::{PointGradient, add_to_corners, is_wanted};
 use super::{Derivatives, Features};
 use crate::model::V3;
 use crate::model::cone::{bend, lifted, up_to_plane};

@@ -9,8 +9,9 @@ use burn::cubecl::prelude::*;
 use burn::cubecl::server::Handle;
 use burn::tensor::{DType, Device, Int, Shape, Tensor, TensorData};
 
-use super::passes::{JUMPED, add_jumps, go_back, keep_paths};
-use super::path::RECORD;
+use super::passes::{add_jumps, go_back, keep_paths};
+use super::records::JUMPED;
+use super::records::RECORD;
 use super::sums::{FIRST_SUM, LOST, MEASURE, PARTS, Places};
 use super::{Derivatives, Outputs, Packed, render_pixels};
 use crate::kernel::{Sums, View};

@@ -1,7 +1,15 @@
 //! Kernels on GPUs: whole paths, one thread a pixel, in the language of CubeCL. Formulas are those of
 //! `model`, so that the host and GPUs share them; what is here finds what they are applied to.
 
+#![allow(unused_assignments)] // Variables of a kernel need a first value.
+#![allow(clippy::too_many_arguments)] // Kernels have no globals.
+#![allow(
+    clippy::too_many_lines,
+    reason = "calls are inlined, so a loop has one place for each"
+)]
+
 mod backward;
+mod camera;
 mod edge_layout;
 mod edge_point;
 mod edge_search;
@@ -16,9 +24,12 @@ mod light;
 mod numbers;
 mod passes;
 mod path;
+mod records;
+mod shadow_rays;
 mod side_light;
 mod sums;
 mod surface;
+mod surface_backward;
 
 use burn::cubecl::{self, prelude::*};
 
@@ -26,12 +37,14 @@ use crate::accel::GpuTree;
 use crate::kernel::View;
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
+use camera::begin;
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
 pub(crate) use launch::{Job, sums_of, trace};
 pub(crate) use layout::Packed;
 use layout::{COUNTED, NONE, UNIT};
-use path::{Room, begin, from_camera, path_light};
+use path::{from_camera, path_light};
+use records::Room;
 
 /// What a kernel is compiled for: what a scene does not need is not in it.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]

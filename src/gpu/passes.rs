@@ -3,34 +3,20 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::backward::is_wanted;
-use super::backward::{
-    PointGradient, Upstream, add_camera, no_camera_gradient, no_point_gradient, path_backward,
-};
+use super::backward::{Upstream, add_camera, no_camera_gradient, path_backward};
+use super::camera::begin;
 use super::edge_point::object_of;
 use super::edge_search::Observer;
 use super::jumps::jumps_seen_from;
 use super::layout::{BOUNCES, UNIT};
-use super::path::{RECORD, Room, begin, from_camera, kept, kept_vector, path_light, record_at};
+use super::path::{from_camera, path_light};
+use super::records::{Room, kept, kept_vector, record_at};
+use super::records::{jumped_at, points_at, put};
 use super::surface::point_at;
+use super::surface_backward::is_wanted;
+use super::surface_backward::no_point_gradient;
 use super::{Derivatives, Features, Outputs};
-use crate::model::{V3, splat, v3};
-
-/// Words that a path leaves beside its records: the number of its points, and for each what jumps add.
-pub(super) const JUMPED: u32 = 13;
-
-/// The place of the number of a path's points.
-#[cube]
-fn points_at(words: &[u32], room: Room) -> usize {
-    ((words[BOUNCES] + 1) * RECORD * room.threads + room.thread) as usize
-}
-
-/// The place of a word of what jumps add at a point.
-#[cube]
-fn jumped_at(words: &[u32], room: Room, point: u32, word: u32) -> usize {
-    let before = (words[BOUNCES] + 1) * RECORD + 1;
-    ((before + point * JUMPED + word) * room.threads + room.thread) as usize
-}
+use crate::model::{splat, v3};
 
 /// Derivatives by the rows of a pixel, of one of its samples.
 #[cube]
@@ -137,38 +123,6 @@ fn moves_at(
         k += 1;
     }
     moves
-}
-
-#[cube]
-fn put(words: &[u32], records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
-    records[jumped_at(words, room, point, word)] = v.x.to_bits();
-    records[jumped_at(words, room, point, word + 1)] = v.y.to_bits();
-    records[jumped_at(words, room, point, word + 2)] = v.z.to_bits();
-}
-
-#[cube]
-fn get(words: &[u32], records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
-    v3(
-        f32::from_bits(records[jumped_at(words, room, point, word)]),
-        f32::from_bits(records[jumped_at(words, room, point, word + 1)]),
-        f32::from_bits(records[jumped_at(words, room, point, word + 2)]),
-    )
-}
-
-/// What jumps added at a point of a path.
-#[cube]
-pub(super) fn jumped(
-    words: &[u32],
-    records: &mut [u32],
-    room: Room,
-    point: u32,
-    by: &mut PointGradient,
-) {
-    by.position += get(words, records, room, point, 0u32);
-    by.geometric += get(words, records, room, point, 3u32);
-    by.shading.normal += get(words, records, room, point, 6u32);
-    by.shading.incoming += get(words, records, room, point, 9u32);
-    by.shading.exponent += f32::from_bits(records[jumped_at(words, room, point, 12u32)]);
 }
 
 /// Adds the derivatives by jumps at edges that points of paths see, one thread a point.

@@ -6,20 +6,21 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
-use super::hit::{Hit, Ray, see_all, trace, vector};
-use super::layout::{BOUNCES, CAMERA, CONE, FILTER, NONE, ROULETTE_AFTER, WIDTH};
+use super::camera::Beginning;
+use super::hit::{Hit, Ray, see_all, trace};
+use super::layout::{BOUNCES, CONE, NONE, ROULETTE_AFTER};
 use super::light::{
-    Choice, Emitter, all_seen_from, chance, choose, choose_direction, density_of_direction,
-    emitter, next_emitter_hit, sky,
+    Choice, all_seen_from, chance, choose, choose_direction, emitter, next_emitter_hit, sky,
 };
-use super::numbers::{Four, Stream, numbers_of, numbers_of_cones, on_disk};
-use super::surface::{Point, point_at};
+use super::records::{
+    ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
+    keep_vector, record_at,
+};
+use super::shadow_rays::{Receiver, ShadowRay, no_point, towards_emitter, towards_map};
+use super::surface::point_at;
 use crate::model::bsdf::Scatter;
-use crate::model::camera::{Camera, CameraRay, Dual};
-use crate::model::cone::{bend, lifted, up_to_plane};
-use crate::model::emitter::power_heuristic;
-use crate::model::filter::sample_filter;
-use crate::model::{Pair, V3, splat, v2, v3};
+use crate::model::cone::{bend, lifted};
+use crate::model::{Pair, V3, splat};
 
 /// The surface that a camera ray sees, and the light that its path brings back.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
@@ -37,281 +38,14 @@ pub(super) struct PathLight {
     pub points: u32,
 }
 
-#[cube]
-pub(super) fn camera(floats: &[f32], #[comptime] parallel: bool) -> Camera {
-    let zero = splat(0.0);
-    Camera {
-        eye: vector(floats, CAMERA as u32),
-        across: vector(floats, CAMERA as u32 + 3),
-        upward: vector(floats, CAMERA as u32 + 6),
-        forward: vector(floats, CAMERA as u32 + 9),
-        dual: Dual {
-            x: zero,
-            y: zero,
-            z: zero,
-        },
-        lens: Pair {
-            first: vector(floats, CAMERA as u32 + 12),
-            second: vector(floats, CAMERA as u32 + 15),
-        },
-        aperture: 0.0f32.runtime(),
-        per_focus: floats[CAMERA + 18],
-        parallel: parallel.runtime(),
-        width: floats[CAMERA + 19],
-        height: floats[CAMERA + 20],
-    }
-}
-
 /// What the next ray of a path is for.
-const OF_CAMERA: u32 = 0;
-const TO_EMITTER: u32 = 1;
-const TO_EMITTERS_ALONG: u32 = 2;
-const TO_MAP: u32 = 3;
-const TO_MAP_ALONG: u32 = 4;
-const ONWARDS: u32 = 5;
-const ENDED: u32 = 6;
-
-/// A ray to a light, and the light that it brings if nothing is in between. Its limit is less than 0 if there
-/// is none.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-struct ShadowRay {
-    direction: V3,
-    limit: f32,
-    light: V3,
-}
-
-/// A surface point of a path, and its random numbers there.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-struct Receiver {
-    point: Point,
-    start: V3,
-    cone_u: f32,
-    cone_v: f32,
-    /// What the probabilities of emitters there are divided by.
-    sum: f32,
-}
-
-/// A ray to a point of an emitter. `by_scattering` says by which of two strategies the point was found, if
-/// `combined`.
-#[cube]
-fn towards_emitter(
-    floats: &[f32],
-    from: &Receiver,
-    e: Emitter,
-    b: f32,
-    c: f32,
-    chance: f32,
-    combined: bool,
-    by_scattering: bool,
-) -> ShadowRay {
-    let light = e.a * (1.0 - b - c) + e.b * b + e.c * c;
-    let to = light - from.point.position;
-    let squared = to.length_squared().max(1e-37);
-    let direction = to * (1.0 / squared.sqrt());
-    let facing = -e.normal.dot(direction);
-    let reflected = from.point.shading.evaluate(direction);
-    let mut ray = ShadowRay {
-        direction,
-        limit: (-1.0f32).runtime(),
-        light: splat(0.0),
-    };
-    if facing > 0.0 && !reflected.is_zero() {
-        let bent = bend(
-            direction,
-            from.point.shading.geometric,
-            floats[CONE],
-            from.cone_u,
-            from.cone_v,
-        );
-        ray.direction = bent.direction;
-        ray.limit = up_to_plane(from.start, bent.direction, e.normal, light);
-        let per_area = facing / squared * e.area;
-        let mut density = chance;
-        if combined {
-            let other = from.point.shading.density(direction) * per_area;
-            density = power_heuristic(chance, other, by_scattering);
-        }
-        ray.light = reflected.times(e.emission) * (per_area / density);
-    }
-    ray
-}
-
-/// A ray to the map along a direction, which was found by one of two strategies.
-#[cube]
-fn towards_map(
-    floats: &[f32],
-    words: &[u32],
-    from: &Receiver,
-    direction: V3,
-    by_scattering: bool,
-    #[comptime] features: Features,
-) -> ShadowRay {
-    let shading = from.point.shading;
-    let reflected = shading.evaluate(direction);
-    let mut ray = ShadowRay {
-        direction,
-        limit: (-1.0f32).runtime(),
-        light: splat(0.0),
-    };
-    if !reflected.is_zero() {
-        let bent = bend(
-            direction,
-            shading.geometric,
-            floats[CONE],
-            from.cone_u,
-            from.cone_v,
-        );
-        let chance = density_of_direction(floats, words, direction);
-        let density = power_heuristic(chance, shading.density(direction), by_scattering);
-        ray.direction = bent.direction;
-        ray.limit = f32::MAX.runtime();
-        ray.light = reflected.times(sky(floats, words, direction, features)) * (1.0 / density);
-    }
-    ray
-}
-
-/// A surface point that is not there yet.
-#[cube]
-fn no_point() -> Point {
-    let zero = splat(0.0f32.runtime());
-    Point {
-        position: zero,
-        shading: crate::model::bsdf::Shading {
-            geometric: zero,
-            normal: zero,
-            incoming: zero,
-            diffuse: zero,
-            specular: zero,
-            exponent: 0.0f32.runtime(),
-            glossy: false.runtime(),
-            smooth: false.runtime(),
-            pair: Pair {
-                first: zero,
-                second: zero,
-            },
-            paired: false.runtime(),
-        },
-        emission: zero,
-        reflects: false.runtime(),
-        triangle: NONE.runtime(),
-        material: 0u32.runtime(),
-        object: 0u32.runtime(),
-        side: 1.0f32.runtime(),
-        weights: zero,
-        uv: v2(0.0, 0.0),
-    }
-}
-
-#[cube]
-fn camera_ray(
-    floats: &[f32],
-    words: &[u32],
-    film: Four,
-    more: Four,
-    pixel: u32,
-    #[comptime] features: Features,
-) -> CameraRay {
-    let table = words[FILTER] as usize;
-    let width = words[WIDTH];
-    let x = (pixel % width) as f32 + 0.5 + sample_filter(floats, table, film.x);
-    let y = (pixel / width) as f32 + 0.5 + sample_filter(floats, table, film.y);
-    let mut on_lens = v2(0.0, 0.0);
-    if comptime!(features.lens) {
-        on_lens = on_disk(more.x, more.y);
-    }
-    camera(floats, features.parallel).ray(x, y, on_lens.x, on_lens.y)
-}
-
-/// A path's random numbers, and its camera ray.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-pub(super) struct Beginning {
-    pub numbers: Stream,
-    pub cones: Stream,
-    pub film: Four,
-    pub time: f32,
-    pub ray: CameraRay,
-}
-
-/// The beginning of a path of a pixel.
-#[cube]
-pub(super) fn begin(
-    floats: &[f32],
-    words: &[u32],
-    pixel: u32,
-    sample: u32,
-    #[comptime] features: Features,
-) -> Beginning {
-    let numbers = numbers_of(words, pixel, sample, features.sobol);
-    let cones = numbers_of_cones(words, pixel, sample, features.sobol);
-    let film = numbers.film(words, features.sobol);
-    let mut more = film;
-    if comptime!(features.lens || features.moves) {
-        more = numbers.lens_and_time(words, features.sobol);
-    }
-    let mut time = 0.0f32;
-    if comptime!(features.moves) {
-        time = more.z;
-    }
-    Beginning {
-        numbers,
-        cones,
-        film,
-        time,
-        ray: camera_ray(floats, words, film, more, pixel, features),
-    }
-}
-
-/// Words of a record of a path's point: its triangle, what it was hit by (distance, origin, direction), the
-/// throughput that arrives, what was seen from it, and the probability with which the path went on.
-pub(super) const RECORD: u32 = 13;
-/// What was seen from a point, bit by bit: the emitter that was drawn, those along the way on (one bit each, as
-/// many as there is room for), the map in the direction that was drawn and in that of the way on; whether the
-/// path went on, and whether it ended in the environment.
-pub(super) const SAW_EMITTER: u32 = 1;
-pub(super) const SAW_ALONG: u32 = 2;
-pub(super) const MOST_ALONG: u32 = 26;
-pub(super) const SAW_MAP: u32 = 1 << 28;
-pub(super) const SAW_MAP_ALONG: u32 = 1 << 29;
-pub(super) const WENT_ON: u32 = 1 << 30;
-pub(super) const ESCAPED: u32 = 1 << 31;
-
-/// Words that a path keeps for its way back, one word of all threads after another.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-pub(super) struct Room {
-    pub thread: u32,
-    pub threads: u32,
-}
-
-/// The place of a word of a point's record.
-#[cube]
-pub(super) fn record_at(room: Room, point: u32, word: u32) -> usize {
-    ((point * RECORD + word) * room.threads + room.thread) as usize
-}
-
-#[cube]
-fn keep_vector(records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
-    records[record_at(room, point, word)] = v.x.to_bits();
-    records[record_at(room, point, word + 1)] = v.y.to_bits();
-    records[record_at(room, point, word + 2)] = v.z.to_bits();
-}
-
-#[cube]
-pub(super) fn kept(records: &mut [u32], room: Room, point: u32, word: u32) -> f32 {
-    f32::from_bits(records[record_at(room, point, word)])
-}
-
-#[cube]
-pub(super) fn kept_vector(records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
-    v3(
-        kept(records, room, point, word),
-        kept(records, room, point, word + 1),
-        kept(records, room, point, word + 2),
-    )
-}
+pub(super) const OF_CAMERA: u32 = 0;
+pub(super) const TO_EMITTER: u32 = 1;
+pub(super) const TO_EMITTERS_ALONG: u32 = 2;
+pub(super) const TO_MAP: u32 = 3;
+pub(super) const TO_MAP_ALONG: u32 = 4;
+pub(super) const ONWARDS: u32 = 5;
+pub(super) const ENDED: u32 = 6;
 
 /// A surface point that a path starts from in place of the camera.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]

@@ -4,13 +4,15 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
+use super::camera::Beginning;
 use super::edge_layout::SEED_OF_SIDES;
 use super::edge_point::{EdgePoint, beside, shift_of};
 use super::hit::{Hit, vector};
 use super::layout::{BOUNCES, NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
 use super::light::sky;
 use super::numbers::numbers_of_purpose;
-use super::path::{Beginning, Room, Start, path_light};
+use super::path::{Start, path_light};
+use super::records::Room;
 use super::surface::point_at;
 use crate::model::{Pair, V3, splat};
 

@@ -283,7 +283,9 @@ impl Materials {
 
     /// The parts that any has.
     pub fn kind(&self) -> MaterialKind {
-        self.kinds.iter().fold(MaterialKind::default(), |a, b| a.or(*b))
+        self.kinds
+            .iter()
+            .fold(MaterialKind::default(), |a, b| a.or(*b))
     }
 
     /// Whether any has a texture.

@@ -1,0 +1,104 @@
+//! Records that a path leaves for its way back.
+
+use super::layout::BOUNCES;
+use super::surface_backward::PointGradient;
+use burn::cubecl::{self, prelude::*};
+
+use crate::model::{V3, v3};
+
+/// Words of a record of a path's point: its triangle, what it was hit by (distance, origin, direction), the
+/// throughput that arrives, what was seen from it, and the probability with which the path went on.
+pub(super) const RECORD: u32 = 13;
+/// What was seen from a point, bit by bit: the emitter that was drawn, those along the way on (one bit each, as
+/// many as there is room for), the map in the direction that was drawn and in that of the way on; whether the
+/// path went on, and whether it ended in the environment.
+pub(super) const SAW_EMITTER: u32 = 1;
+pub(super) const SAW_ALONG: u32 = 2;
+pub(super) const MOST_ALONG: u32 = 26;
+pub(super) const SAW_MAP: u32 = 1 << 28;
+pub(super) const SAW_MAP_ALONG: u32 = 1 << 29;
+pub(super) const WENT_ON: u32 = 1 << 30;
+pub(super) const ESCAPED: u32 = 1 << 31;
+
+/// Words that a path keeps for its way back, one word of all threads after another.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Room {
+    pub thread: u32,
+    pub threads: u32,
+}
+
+/// The place of a word of a point's record.
+#[cube]
+pub(super) fn record_at(room: Room, point: u32, word: u32) -> usize {
+    ((point * RECORD + word) * room.threads + room.thread) as usize
+}
+
+#[cube]
+pub(super) fn keep_vector(records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
+    records[record_at(room, point, word)] = v.x.to_bits();
+    records[record_at(room, point, word + 1)] = v.y.to_bits();
+    records[record_at(room, point, word + 2)] = v.z.to_bits();
+}
+
+#[cube]
+pub(super) fn kept(records: &mut [u32], room: Room, point: u32, word: u32) -> f32 {
+    f32::from_bits(records[record_at(room, point, word)])
+}
+
+#[cube]
+pub(super) fn kept_vector(records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
+    v3(
+        kept(records, room, point, word),
+        kept(records, room, point, word + 1),
+        kept(records, room, point, word + 2),
+    )
+}
+
+/// Words that a path leaves beside its records: the number of its points, and for each what jumps add.
+pub(super) const JUMPED: u32 = 13;
+
+/// The place of the number of a path's points.
+#[cube]
+pub(super) fn points_at(words: &[u32], room: Room) -> usize {
+    ((words[BOUNCES] + 1) * RECORD * room.threads + room.thread) as usize
+}
+
+/// The place of a word of what jumps add at a point.
+#[cube]
+pub(super) fn jumped_at(words: &[u32], room: Room, point: u32, word: u32) -> usize {
+    let before = (words[BOUNCES] + 1) * RECORD + 1;
+    ((before + point * JUMPED + word) * room.threads + room.thread) as usize
+}
+
+#[cube]
+pub(super) fn get(words: &[u32], records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
+    v3(
+        f32::from_bits(records[jumped_at(words, room, point, word)]),
+        f32::from_bits(records[jumped_at(words, room, point, word + 1)]),
+        f32::from_bits(records[jumped_at(words, room, point, word + 2)]),
+    )
+}
+
+/// What jumps added at a point of a path.
+#[cube]
+pub(super) fn jumped(
+    words: &[u32],
+    records: &mut [u32],
+    room: Room,
+    point: u32,
+    by: &mut PointGradient,
+) {
+    by.position += get(words, records, room, point, 0u32);
+    by.geometric += get(words, records, room, point, 3u32);
+    by.shading.normal += get(words, records, room, point, 6u32);
+    by.shading.incoming += get(words, records, room, point, 9u32);
+    by.shading.exponent += f32::from_bits(records[jumped_at(words, room, point, 12u32)]);
+}
+
+#[cube]
+pub(super) fn put(words: &[u32], records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
+    records[jumped_at(words, room, point, word)] = v.x.to_bits();
+    records[jumped_at(words, room, point, word + 1)] = v.y.to_bits();
+    records[jumped_at(words, room, point, word + 2)] = v.z.to_bits();
+}
