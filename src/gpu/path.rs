@@ -7,7 +7,7 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::hit::{Hit, Ray, see_all, trace, vector};
-use super::layout::{BOUNCES, CAMERA, CONE, FILTER, NONE, ROULETTE_AFTER, WIDTH};
+use super::layout::{BOUNCES, CAMERA, CONE, DUAL, FILTER, NONE, ROULETTE_AFTER, WIDTH};
 use super::light::{
     Choice, Emitter, all_seen_from, chance, choose, choose_direction, density_of_direction,
     emitter, next_emitter_hit, sky,
@@ -39,16 +39,15 @@ pub(super) struct PathLight {
 
 #[cube]
 pub(super) fn camera(floats: &[f32], #[comptime] parallel: bool) -> Camera {
-    let zero = splat(0.0);
     Camera {
         eye: vector(floats, CAMERA as u32),
         across: vector(floats, CAMERA as u32 + 3),
         upward: vector(floats, CAMERA as u32 + 6),
         forward: vector(floats, CAMERA as u32 + 9),
         dual: Dual {
-            x: zero,
-            y: zero,
-            z: zero,
+            x: vector(floats, DUAL as u32),
+            y: vector(floats, DUAL as u32 + 3),
+            z: vector(floats, DUAL as u32 + 6),
         },
         lens: Pair {
             first: vector(floats, CAMERA as u32 + 12),

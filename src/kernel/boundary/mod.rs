@@ -12,4 +12,6 @@ mod pieces;
 mod reflected;
 mod vertex;
 
+#[cfg(feature = "wgpu")]
+pub(crate) use pieces::FilmEdges;
 pub(crate) use pieces::PixelGradients;
