@@ -42,7 +42,7 @@ pub(crate) struct Sought {
 /// Edges on the film of a view.
 #[derive(Clone)]
 pub(crate) struct FilmJob {
-    /// [`FilmEdges::flat`](crate::kernel::FilmEdges::flat).
+    /// `FilmEdges::flat`.
     pub pieces: Arc<(Vec<f32>, f32)>,
     /// The row of each pixel, if not all pixels are asked for.
     pub places: Option<Arc<Vec<u32>>>,

@@ -18,8 +18,6 @@ mod tasks;
 mod view;
 mod walk;
 
-#[cfg(feature = "wgpu")]
-pub(crate) use boundary::FilmEdges;
 pub(crate) use boundary::PixelGradients;
 pub(crate) use camera::HostCamera;
 pub(crate) use edges::EdgeSets;

@@ -12,6 +12,4 @@ mod pieces;
 mod reflected;
 mod vertex;
 
-#[cfg(feature = "wgpu")]
-pub(crate) use pieces::FilmEdges;
 pub(crate) use pieces::PixelGradients;
