@@ -6,6 +6,7 @@ mod common;
 use std::time::Instant;
 
 use burn::tensor::{DType, Device, DeviceKind};
+use common::gradients::{CONES, Effort, Setup, agreement};
 use common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
 use common::tensors::{gradient, leaf, radiance, tensor, with_leaves};
 use softray::prelude::*;
@@ -54,6 +55,8 @@ struct Case {
     name: &'static str,
     scene: fn(&Device) -> (Scene, Camera),
     options: fn(RenderOptions) -> RenderOptions,
+    /// All if there is no list.
+    pixels: Option<&'static [u32]>,
 }
 
 /// Derivatives of a weighted sum of an image by all vertices and velocities.
@@ -120,6 +123,7 @@ fn cases() -> Vec<Case> {
                 (file.scene, file.camera)
             },
             options: |o| o.bounces(0),
+            pixels: None,
         },
         Case {
             name: "cornell",
@@ -128,11 +132,13 @@ fn cases() -> Vec<Case> {
                 (file.scene, file.camera)
             },
             options: |o| o.bounces(2),
+            pixels: None,
         },
         Case {
             name: "flying",
             scene: flying,
             options: |o| o.bounces(1),
+            pixels: None,
         },
         Case {
             name: "gloss",
@@ -146,8 +152,44 @@ fn cases() -> Vec<Case> {
                 (scene, camera)
             },
             options: |o| o.bounces(1).visibility(Visibility::cone(0.05)),
+            pixels: None,
+        },
+        Case {
+            name: "map",
+            scene: |device| {
+                let (scene, camera) = flying(device);
+                let texels: Vec<f64> = (0..384).map(|i| 0.5 + 0.5 * f64::from(i).sin()).collect();
+                let map = tensor(&texels, [8, 16, 3], device, DType::F32);
+                let mut scene = scene.environment(Environment::map(map));
+                for object in &mut scene.objects {
+                    object.mesh = object.mesh.clone().smooth_normals();
+                }
+                (scene, camera)
+            },
+            options: |o| o.bounces(1).with_depth().with_normals().with_opacity(),
+            pixels: None,
+        },
+        Case {
+            name: "pixels",
+            scene: flying,
+            options: |o| o.bounces(1),
+            pixels: Some(&[7, 30, 31, 66, 67, 68, 79, 90, 100, 143]),
         },
     ]
+}
+
+/// Every class of parameter, at one seed.
+#[test]
+fn derivatives_of_all_classes() {
+    let (gpu, cpu) = (device(), Device::flex());
+    let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
+    let effort = Effort {
+        samples: 8,
+        ..CONES
+    };
+    for (name, apart) in agreement(setups, DType::F32, effort) {
+        assert!(apart < 1e-4, "{name}: {apart}");
+    }
 }
 
 #[test]
@@ -161,5 +203,6 @@ fn derivatives_by_vertices() {
         let apart = apart.sum::<f64>().sqrt() / norm;
         println!("{}: {apart:e} of {norm}", case.name);
         assert_eq!(found, again);
+        assert!(apart < 1e-5);
     }
 }

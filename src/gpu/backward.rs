@@ -30,6 +30,7 @@ use crate::model::{Pair, V2, V3, splat, v2, v3};
 #[expand(derive(Clone, Copy))]
 pub(super) struct Upstream {
     pub radiance: V3,
+    pub opacity: f32,
     pub depth: f32,
     pub normal: V3,
 }

@@ -4,24 +4,23 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::hit::vector;
-use super::layout::{CAMERA, FILTER, WIDTH};
+use super::layout::{CAMERA, DUAL, FILTER, WIDTH};
 use super::numbers::{Four, Stream, numbers_of, numbers_of_cones, on_disk};
 use crate::model::camera::{Camera, CameraRay, Dual};
 use crate::model::filter::sample_filter;
-use crate::model::{Pair, splat, v2};
+use crate::model::{Pair, v2};
 
 #[cube]
 pub(super) fn camera(floats: &[f32], #[comptime] parallel: bool) -> Camera {
-    let zero = splat(0.0);
     Camera {
         eye: vector(floats, CAMERA as u32),
         across: vector(floats, CAMERA as u32 + 3),
         upward: vector(floats, CAMERA as u32 + 6),
         forward: vector(floats, CAMERA as u32 + 9),
         dual: Dual {
-            x: zero,
-            y: zero,
-            z: zero,
+            x: vector(floats, DUAL as u32),
+            y: vector(floats, DUAL as u32 + 3),
+            z: vector(floats, DUAL as u32 + 6),
         },
         lens: Pair {
             first: vector(floats, CAMERA as u32 + 12),

@@ -27,6 +27,9 @@ pub(super) const OF_GROUPS: usize = 75;
 /// Words: the group of each emitter.
 pub(super) const GROUP_OF_EMITTERS: usize = 76;
 
+/// The seed of the random numbers of samples on the film.
+pub(super) const SEED_OF_FILM: usize = 78;
+
 pub(super) const NODE_STRIDE: u32 = 14;
 pub(super) const LEAF_STRIDE: u32 = 21;
 pub(super) const OF_EDGE: u32 = 10;
@@ -43,6 +46,7 @@ impl Packed {
         let seeds = [
             (SEED_OF_EDGES, view.edges.seed),
             (SEED_OF_SIDES, view.sides.seed),
+            (SEED_OF_FILM, view.film.seed),
         ];
         for (place, seed) in seeds {
             self.words[place] = seed as u32;

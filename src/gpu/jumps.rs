@@ -5,7 +5,7 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::camera::Beginning;
-use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES};
+use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES, SEED_OF_SIDES};
 use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
 use super::edge_search::{Observer, search};
 use super::hit::{Hit, Ray, trace, vector};
@@ -80,7 +80,7 @@ fn light_behind(
 
 /// Whether what a ray hit hides an edge's point, and does not touch it.
 #[cube]
-fn hides(
+pub(super) fn hides(
     floats: &[f32],
     words: &[u32],
     hit: Hit,
@@ -113,7 +113,13 @@ pub(super) fn jumps_seen_from(
     #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) {
-    let numbers = numbers_of_purpose(words, SEED_OF_EDGES, &path.numbers, features.sobol);
+    let numbers = numbers_of_purpose(
+        words,
+        SEED_OF_EDGES,
+        path.numbers.pixel,
+        path.numbers.sample,
+        features.sobol,
+    );
     let time = path.time;
     let x = o.point.position;
     let shading = o.point.shading;
@@ -237,8 +243,24 @@ pub(super) fn jumps_seen_from(
                             minus: beside.minus,
                             plus: beside.plus,
                         };
+                        let numbers = numbers_of_purpose(
+                            words,
+                            SEED_OF_SIDES,
+                            path.numbers.pixel,
+                            path.numbers.sample,
+                            features.sobol,
+                        );
+                        let beginning = Beginning {
+                            numbers,
+                            cones: path.cones,
+                            film: numbers.direction(words, o.bounce, features.sobol),
+                            time,
+                            ray: path.ray,
+                        };
+                        let next = o.bounce + 1;
                         let light = light_beside(
-                            floats, words, stack, path, o.bounce, &p, &behind, features,
+                            floats, words, stack, beginning, next, !last, &p, &behind, false,
+                            features,
                         );
                         let jumps = carried.dot(light.radiance);
                         scale += jumps;

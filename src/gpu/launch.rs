@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
-use burn::backend::wgpu::{CubeBackend, CubeTensor};
+use burn::backend::wgpu::CubeBackend;
 use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::cubecl::prelude::*;
-use burn::cubecl::server::Handle;
-use burn::tensor::{DType, Device, Int, Shape, Tensor, TensorData};
+use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
+use super::film::film_jumps;
+use super::list::List;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::JUMPED;
 use super::records::RECORD;
@@ -39,6 +40,18 @@ pub(crate) struct Sought {
     typical: f32,
 }
 
+/// Edges on the film of a view.
+#[derive(Clone)]
+pub(crate) struct FilmJob {
+    /// `FilmEdges::flat`.
+    pub pieces: Arc<(Vec<f32>, f32)>,
+    /// The row of each pixel, if not all pixels are asked for.
+    pub places: Option<Arc<Vec<u32>>>,
+    /// The radius of the pixel filter.
+    pub radius: f32,
+    pub samples: u32,
+}
+
 #[backend_extension(Cube)]
 pub(crate) trait GpuBackend: Backend {
     /// The image `[P, C]`, on the device of a tensor.
@@ -46,6 +59,14 @@ pub(crate) trait GpuBackend: Backend {
 
     /// The sums of derivatives ([`Places`]), from those by the image's rows.
     fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self>;
+
+    /// The same of jumps on the film.
+    fn trace_film(
+        upstream: FloatTensor<Self>,
+        job: Job,
+        film: FilmJob,
+        sought: Sought,
+    ) -> IntTensor<Self>;
 }
 
 /// Paths of a launch at most, so that no launch is long.
@@ -54,39 +75,6 @@ const PATHS: usize = 1 << 20;
 const RECORDS: usize = 1 << 24;
 /// Threads of a workgroup.
 const GROUP: u32 = 64;
-
-/// A list on a device.
-struct List {
-    handle: Handle,
-    length: usize,
-}
-
-impl List {
-    fn new<T: CubeElement>(client: &Client, list: &[T]) -> Self {
-        Self {
-            handle: client.create_from_slice(T::as_bytes(list)),
-            length: list.len(),
-        }
-    }
-
-    fn room(client: &Client, length: usize) -> Self {
-        Self {
-            handle: client.empty(4 * length),
-            length,
-        }
-    }
-
-    #[allow(unsafe_code)]
-    fn argument(&self) -> BufferArg {
-        // The handle was made with this length.
-        unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
-    }
-
-    fn into_tensor(self, like: CubeTensor, shape: Vec<usize>, dtype: DType) -> CubeTensor {
-        let (client, device) = (like.client.clone(), like.device.clone());
-        CubeTensor::new_contiguous(client, device, Shape::from(shape), self.handle, dtype)
-    }
-}
 
 impl Job {
     /// The pieces of the job: first pixel, number of pixels, first sample and the one past the last.
@@ -113,6 +101,18 @@ impl Job {
             List::new(client, &self.view.floats),
             List::new(client, &self.view.words),
             List::new(client, pixels),
+        ]
+    }
+}
+
+impl Sought {
+    /// Room for sums, and the parts' scales.
+    fn lists(&self, client: &Client) -> [List; 2] {
+        let measures = self.scales[0] == MEASURE;
+        let numbers = if measures { 1 } else { self.numbers.max(1) };
+        [
+            List::new(client, &vec![0u32; FIRST_SUM + 2 * numbers]),
+            List::new(client, &self.scales),
         ]
     }
 }
@@ -148,13 +148,7 @@ impl GpuBackend for CubeBackend {
     fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self> {
         let client = upstream.client.clone();
         let [floats, words, pixels] = job.lists(&client);
-        let numbers = if sought.scales[0] == MEASURE {
-            0
-        } else {
-            sought.numbers
-        };
-        let totals = List::new(&client, &vec![0u32; FIRST_SUM + 2 * numbers.max(1)]);
-        let scales = List::new(&client, &sought.scales);
+        let [totals, scales] = sought.lists(&client);
         let gradient = List {
             handle: upstream.handle.clone(),
             length: job.count * job.outputs.rows(),
@@ -249,6 +243,57 @@ impl GpuBackend for CubeBackend {
         let length = totals.length;
         totals.into_tensor(upstream, vec![length], DType::I32)
     }
+
+    fn trace_film(
+        upstream: FloatTensor<Self>,
+        job: Job,
+        film: FilmJob,
+        sought: Sought,
+    ) -> IntTensor<Self> {
+        let client = upstream.client.clone();
+        let [floats, words, _] = job.lists(&client);
+        let (list, total) = &*film.pieces;
+        let pieces = List::new(&client, list);
+        let none = vec![0];
+        let places = List::new(&client, film.places.as_deref().unwrap_or(&none));
+        let [totals, scales] = sought.lists(&client);
+        let gradient = List {
+            handle: upstream.handle.clone(),
+            length: job.count * job.outputs.rows(),
+        };
+        let samples = if sought.stride > 1 {
+            film.samples.min(MEASURED as u32)
+        } else {
+            film.samples
+        };
+        for first in (0..samples).step_by(PATHS) {
+            let count = (samples - first).min(PATHS as u32);
+            film_jumps::launch(
+                &client,
+                CubeCount::Static(count.div_ceil(GROUP), 1, 1),
+                CubeDim::new_1d(GROUP),
+                floats.argument(),
+                words.argument(),
+                pieces.argument(),
+                places.argument(),
+                gradient.argument(),
+                totals.argument(),
+                scales.argument(),
+                first,
+                count,
+                film.samples,
+                (list.len() / 4) as u32,
+                *total,
+                film.radius,
+                film.places.is_some(),
+                job.outputs,
+                job.view.features,
+                sought.derivatives,
+            );
+        }
+        let length = totals.length;
+        totals.into_tensor(upstream, vec![length], DType::I32)
+    }
 }
 
 /// Renders on a device: an image `[P, C]`.
@@ -270,35 +315,62 @@ fn typical(upstream: &[f32], rows: usize) -> f32 {
 /// Pixels that are looked at for the sizes of derivatives, at least.
 const MEASURED: usize = 4096;
 
-/// The sums of the derivatives of a view's light along paths, from derivatives by the rows of its image.
+/// The sums of the derivatives of a view's light along paths and by jumps at their points, from derivatives by the
+/// rows of its image.
 pub(crate) fn sums_of(device: &Device, view: &View, job: &Job, upstream: &[f32]) -> Sums {
+    // One sample of some pixels tells how large derivatives are.
+    let paths = job.count.saturating_mul(job.samples as usize);
+    let stride = job.count.div_ceil((paths / 16).max(MEASURED)).max(1);
+    summed(device, view, job, upstream, stride, |upstream, sought| {
+        <Dispatch as GpuBackend>::trace_backward(upstream, job.clone(), sought)
+    })
+}
+
+/// Those by jumps on the film.
+pub(crate) fn sums_of_film(
+    device: &Device,
+    view: &View,
+    job: &Job,
+    film: &FilmJob,
+    upstream: &[f32],
+) -> Sums {
+    summed(device, view, job, upstream, 2, |upstream, sought| {
+        <Dispatch as GpuBackend>::trace_film(upstream, job.clone(), film.clone(), sought)
+    })
+}
+
+/// Sums of derivatives, whose sizes are looked at first, every `stride`-th.
+fn summed(
+    device: &Device,
+    view: &View,
+    job: &Job,
+    upstream: &[f32],
+    stride: usize,
+    run: impl Fn(FloatTensor<Dispatch>, Sought) -> IntTensor<Dispatch>,
+) -> Sums {
     let places = Places::new(&view.scene, &view.wanted);
     let data = TensorData::new(upstream.to_vec(), [upstream.len()]);
     let on_device = Tensor::<1>::from_data(data, (device, DType::F32));
     let derivatives = Derivatives::of(view, &job.view.words);
-    let typical = typical(&upstream, job.outputs.rows());
-    let words = |measured: Option<usize>, scales: &[f32]| -> Vec<u32> {
+    let typical = typical(upstream, job.outputs.rows());
+    let words = |stride: usize, scales: &[f32]| -> Vec<u32> {
         let sought = Sought {
             derivatives,
             numbers: places.count,
             scales: scales.to_vec(),
-            stride: measured.unwrap_or(1),
+            stride,
             typical,
         };
-        let (upstream, job) = (on_device.clone().into_dispatch(), job.clone());
-        let totals = <Dispatch as GpuBackend>::trace_backward(upstream, job, sought);
+        let totals = run(on_device.clone().into_dispatch(), sought);
         let totals = Tensor::<1, Int>::from_dispatch(totals).into_data();
         totals.iter::<i32>().map(|w| w as u32).collect()
     };
-    // One sample of some pixels tells how large derivatives are.
-    let paths = job.count.saturating_mul(job.samples as usize);
-    let stride = job.count.div_ceil((paths / 16).max(MEASURED)).max(1);
-    let mut scales = Places::scales(&words(Some(stride), &[MEASURE; PARTS]), 40.0);
-    let mut found = words(None, &scales);
+    let mut scales = Places::scales(&words(stride, &[MEASURE; PARTS]), 40.0);
+    let mut found = words(1, &scales);
     if found[LOST] > 0 {
         // Some are much larger than those: all are looked at.
-        scales = Places::scales(&words(Some(1), &[MEASURE; PARTS]), 30.0);
-        found = words(None, &scales);
+        scales = Places::scales(&words(1, &[MEASURE; PARTS]), 30.0);
+        found = words(1, &scales);
     }
     places.read(&found, &scales, &view.scene, &view.wanted)
 }

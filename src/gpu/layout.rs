@@ -77,7 +77,9 @@ pub(super) const CAMERA: usize = 0;
 pub(super) const CONE: usize = 24;
 /// Scene units in a unit of the kernels.
 pub(super) const UNIT: usize = 25;
-const FLOAT_HEADER: usize = 32;
+/// The rows of the inverse of the camera's basis.
+pub(super) const DUAL: usize = 32;
+const FLOAT_HEADER: usize = 48;
 
 pub(super) const HIT_STRIDE: usize = 20;
 pub(super) const SURFACE_STRIDE: usize = 16;
@@ -165,6 +167,9 @@ impl Packed {
         for number in [c.per_focus, c.width, c.height] {
             self.floats[at] = number;
             at += 1;
+        }
+        for (i, row) in [c.dual.x, c.dual.y, c.dual.z].into_iter().enumerate() {
+            self.floats[DUAL + 3 * i..][..3].copy_from_slice(&row.to_array());
         }
         self.floats[CONE] = view.cone;
         self.floats[UNIT] = view.scene.frame.unit as f32;

@@ -2,6 +2,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
+use super::edge_layout::SEED_OF_FILM;
 use super::integers::{Wide, mix, product, total, wide};
 use super::layout::{BLOCKS, HEIGHT_OF_TABLE, SAMPLES_LOG, SEED, SEED_OF_CONES, TABLES, WIDTH};
 use crate::model::{V2, v2};
@@ -55,7 +56,15 @@ fn spread(v: u32) -> u32 {
 
 /// The stream of the seed at a place of the header.
 #[cube]
-fn stream(words: &[u32], seed: Wide, pixel: u32, sample: u32, #[comptime] sobol: bool) -> Stream {
+fn stream(
+    words: &[u32],
+    seed: Wide,
+    pixel: u32,
+    sample: u32,
+    samples: u32,
+    pixels: u32,
+    #[comptime] sobol: bool,
+) -> Stream {
     let mut index = 0u32;
     let mut block = wide(0u32, 0u32);
     let mut shuffled = 0u32;
@@ -67,8 +76,6 @@ fn stream(words: &[u32], seed: Wide, pixel: u32, sample: u32, #[comptime] sobol:
             spread(x & 0xffff) | (spread(y & 0xffff) << 1),
             spread(x >> 16) | (spread(y >> 16) << 1),
         );
-        let samples = words[SAMPLES_LOG];
-        let pixels = words[BLOCKS];
         let run = place.low & ((1u32 << pixels) - 1);
         index = (run << samples) | (sample & ((1u32 << samples) - 1));
         block = mix(seed.xor(place.shifted(pixels))).xor(wide(sample >> samples, 0u32));
@@ -95,7 +102,15 @@ pub(super) fn numbers_of(
     #[comptime] sobol: bool,
 ) -> Stream {
     let seed = wide(words[SEED], words[SEED + 1]);
-    stream(words, seed, pixel, sample, sobol)
+    stream(
+        words,
+        seed,
+        pixel,
+        sample,
+        words[SAMPLES_LOG],
+        words[BLOCKS],
+        sobol,
+    )
 }
 
 /// Those for the kernels of its cones.
@@ -107,7 +122,15 @@ pub(super) fn numbers_of_cones(
     #[comptime] sobol: bool,
 ) -> Stream {
     let seed = wide(words[SEED_OF_CONES], words[SEED_OF_CONES + 1]);
-    stream(words, seed, pixel, sample, sobol)
+    stream(
+        words,
+        seed,
+        pixel,
+        sample,
+        words[SAMPLES_LOG],
+        words[BLOCKS],
+        sobol,
+    )
 }
 
 /// Those of a stream for another purpose, whose seed is at a place of the header.
@@ -115,11 +138,28 @@ pub(super) fn numbers_of_cones(
 pub(super) fn numbers_of_purpose(
     words: &[u32],
     seed: usize,
-    path: &Stream,
+    pixel: u32,
+    sample: u32,
     #[comptime] sobol: bool,
 ) -> Stream {
     let seed = wide(words[seed], words[seed + 1]);
-    stream(words, seed, path.pixel, path.sample, sobol)
+    stream(
+        words,
+        seed,
+        pixel,
+        sample,
+        words[SAMPLES_LOG],
+        words[BLOCKS],
+        sobol,
+    )
+}
+
+/// Those of samples of the film: a sequence as long as there is for one pixel.
+#[cube]
+pub(super) fn numbers_of_film(words: &[u32], sample: u32, #[comptime] sobol: bool) -> Stream {
+    let seed = wide(words[SEED_OF_FILM], words[SEED_OF_FILM + 1]);
+    let pixel = 0u32.runtime();
+    stream(words, seed, pixel, sample, 16u32.runtime(), pixel, sobol)
 }
 
 #[cube]

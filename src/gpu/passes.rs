@@ -20,7 +20,7 @@ use crate::model::{splat, v3};
 
 /// Derivatives by the rows of a pixel, of one of its samples.
 #[cube]
-fn upstream_of(
+pub(super) fn upstream_of(
     floats: &[f32],
     upstream: &[f32],
     i: u32,
@@ -30,9 +30,13 @@ fn upstream_of(
     let own = i as usize * comptime!(outputs.rows());
     let mut g = Upstream {
         radiance: v3(upstream[own], upstream[own + 1], upstream[own + 2]) * scale,
+        opacity: 0.0f32,
         depth: 0.0f32,
         normal: splat(0.0),
     };
+    if comptime!(outputs.opacity) {
+        g.opacity = upstream[own + 3] * scale;
+    }
     let depth = comptime!(3 + usize::from(outputs.opacity));
     if comptime!(outputs.depth) {
         g.depth = upstream[own + depth] * scale * floats[UNIT];
@@ -45,8 +49,9 @@ fn upstream_of(
 }
 
 #[cube]
-fn is_asked(g: &Upstream) -> bool {
-    !(g.radiance.is_zero() && g.depth == 0.0 && g.normal.is_zero())
+pub(super) fn is_asked(g: &Upstream) -> bool {
+    let more = g.opacity.abs() + g.depth.abs() + g.normal.abs().element_sum();
+    !g.radiance.is_zero() || more != 0.0
 }
 
 /// Traces paths, `samples` of each of some pixels, of which those of the first sample come first, and leaves records.

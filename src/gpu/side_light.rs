@@ -5,12 +5,10 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::camera::Beginning;
-use super::edge_layout::SEED_OF_SIDES;
 use super::edge_point::{EdgePoint, beside, shift_of};
 use super::hit::{Hit, vector};
-use super::layout::{BOUNCES, NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
+use super::layout::{NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
 use super::light::sky;
-use super::numbers::numbers_of_purpose;
 use super::path::{Start, path_light};
 use super::records::Room;
 use super::surface::point_at;
@@ -36,6 +34,9 @@ pub(super) struct SideLight {
     pub radiance: V3,
     /// The same of the environment, where it is 1.
     pub sky: f32,
+    /// The same of the distance of the surface that is seen and of its normal.
+    pub depth: f32,
+    pub normal: V3,
 }
 
 /// The point that is seen on a side. That of a face lies so far inside that no ray from it meets the other faces
@@ -124,24 +125,28 @@ fn material_of(words: &[u32], triangle: u32) -> u32 {
     words[(words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize]
 }
 
-/// The light that arrives beside an edge's point, seen from a point of a path at a bounce.
+/// The light that arrives beside an edge's point, of paths that begin there at a bounce, if they go on; with `film`
+/// what the camera sees of it.
 #[cube]
 pub(super) fn light_beside(
     floats: &[f32],
     words: &[u32],
     stack: &mut [u32],
-    path: &Beginning,
+    beginning: Beginning,
     bounce: u32,
+    goes_on: bool,
     p: &EdgePoint,
     behind: &Behind,
+    #[comptime] film: bool,
     #[comptime] features: Features,
 ) -> SideLight {
-    let time = path.time;
+    let time = beginning.time;
     let mut light = SideLight {
         radiance: splat(0.0),
         sky: 0.0f32,
+        depth: 0.0f32,
+        normal: splat(0.0),
     };
-    let goes_on = bounce < words[BOUNCES];
     let mut pair = Pair {
         first: behind.view,
         second: behind.view,
@@ -153,27 +158,20 @@ pub(super) fn light_beside(
             paired = true;
         }
     }
-    let numbers = numbers_of_purpose(words, SEED_OF_SIDES, &path.numbers, features.sobol);
-    let beginning = Beginning {
-        numbers,
-        cones: path.cones,
-        film: numbers.direction(words, bounce, features.sobol),
-        time,
-        ray: path.ray,
-    };
     let mut sign = 1.0f32;
     while sign > -2.0f32 {
         let on_plus = sign < 0.0;
         let mut start = start_beside(floats, words, p, behind, on_plus, time, features);
         if start.triangle == NONE {
             light.sky += sign;
-            if comptime!(features.sees_sky) {
+            if comptime!(film || features.sees_sky) {
                 light.radiance += sky(floats, words, behind.view, features) * sign;
             }
         } else if goes_on {
-            start.bounce = bounce + 1;
+            start.bounce = bounce;
             start.pair = pair;
             start.paired = paired;
+            start.emits = film.runtime();
             // Nothing is kept.
             let mut records = Array::<u32>::new(1usize);
             let none = records.as_mut_slice();
@@ -185,6 +183,8 @@ pub(super) fn light_beside(
                 floats, words, stack, none, room, beginning, start, true, false, features,
             );
             light.radiance += seen.radiance * sign;
+            light.depth += seen.depth * sign;
+            light.normal += seen.normal * sign;
         }
         sign -= 2.0f32;
     }

@@ -6,7 +6,7 @@
 //! y·upward. The three vectors are any basis, so a field of view, a principal point and pixels that are not
 //! square are all in them, and a point is projected by the inverse of the basis.
 
-use super::{Pair, V2, V3};
+use super::{Pair, V2, V3, v2, v3};
 #[cfg(feature = "wgpu")]
 use burn::cubecl::{self, prelude::*};
 
@@ -136,11 +136,12 @@ impl Camera {
     }
 }
 
+#[cfg_attr(feature = "wgpu", cube)]
 impl Camera {
     /// Coordinates of a vector in the camera's basis; the third is the depth.
     #[inline(always)]
-    pub fn local(&self, r: V3) -> [f32; 3] {
-        [self.dual.x.dot(r), self.dual.y.dot(r), self.dual.z.dot(r)]
+    pub fn local(&self, r: V3) -> V3 {
+        v3(self.dual.x.dot(r), self.dual.y.dot(r), self.dual.z.dot(r))
     }
 
     /// The start of the ray from a point of the lens to a point of space.
@@ -156,7 +157,7 @@ impl Camera {
     /// 1 over what a point's coordinates are divided by.
     #[inline(always)]
     fn per_depth(&self, depth: f32) -> f32 {
-        let mut inverse = 1.0;
+        let mut inverse = 1.0f32;
         if !self.parallel {
             inverse = 1.0 / depth;
         }
@@ -167,10 +168,10 @@ impl Camera {
     #[inline(always)]
     pub fn project(&self, point: V3, lens_x: f32, lens_y: f32) -> V2 {
         let lens = self.lens_point(lens_x, lens_y);
-        let [u, v, depth] = self.local(point - self.eye - lens);
-        let inverse = self.per_depth(depth);
-        let x = u * inverse + self.dual.x.dot(lens) * self.per_focus;
-        let y = v * inverse + self.dual.y.dot(lens) * self.per_focus;
+        let r = self.local(point - self.eye - lens);
+        let inverse = self.per_depth(r.z);
+        let x = r.x * inverse + self.dual.x.dot(lens) * self.per_focus;
+        let y = r.y * inverse + self.dual.y.dot(lens) * self.per_focus;
         V2 {
             x: 0.5 * (self.width + x * self.height),
             y: 0.5 * (1.0 - y) * self.height,
@@ -179,19 +180,19 @@ impl Camera {
 
     /// The vector by which the film point moves, in pixels, while the point of space moves along a vector.
     #[inline(always)]
-    pub fn project_along(&self, point: V3, along: V3, lens_x: f32, lens_y: f32) -> [f32; 2] {
+    pub fn project_along(&self, point: V3, along: V3, lens_x: f32, lens_y: f32) -> V2 {
         let r = self.local(point - self.eye - self.lens_point(lens_x, lens_y));
-        let inverse = self.per_depth(r[2]);
-        let along = self.local(along);
-        let mut nearer = 0.0;
+        let inverse = self.per_depth(r.z);
+        let moved = self.local(along);
+        let mut nearer = 0.0f32;
         if !self.parallel {
-            nearer = along[2] * inverse;
+            nearer = moved.z * inverse;
         }
         let scale = 0.5 * self.height * inverse;
-        [
-            (along[0] - r[0] * nearer) * scale,
-            -(along[1] - r[1] * nearer) * scale,
-        ]
+        v2(
+            (moved.x - r.x * nearer) * scale,
+            -(moved.y - r.y * nearer) * scale,
+        )
     }
 
     /// Adds the derivatives of g·(film point, in pixels); returns that by the point of space.
@@ -201,33 +202,33 @@ impl Camera {
         point: V3,
         lens_x: f32,
         lens_y: f32,
-        g: [f32; 2],
+        g: V2,
         gradient: &mut CameraGradient,
     ) -> V3 {
         let lens = self.lens_point(lens_x, lens_y);
         let r = self.local(point - self.eye - lens);
-        let inverse = self.per_depth(r[2]);
-        let g_x = 0.5 * self.height * g[0];
-        let g_y = -0.5 * self.height * g[1];
+        let inverse = self.per_depth(r.z);
+        let g_x = 0.5 * self.height * g.x;
+        let g_y = -0.5f32 * self.height * g.y;
         let a = g_x * inverse;
         let b = g_y * inverse;
-        let mut c = 0.0;
+        let mut c = 0.0f32;
         if !self.parallel {
-            c = -(a * r[0] + b * r[1]) * inverse;
+            c = -(a * r.x + b * r.y) * inverse;
         }
         // Coordinates are the inverse of the basis times a vector: their change by a vector of the basis
         // is −the inverse times it, times the coordinate.
         let by_r = self.dual.x * a + self.dual.y * b + self.dual.z * c;
         let by_shift = (self.dual.x * g_x + self.dual.y * g_y) * self.per_focus;
         let on_lens = self.local(lens);
-        gradient.across -= by_r * r[0] + by_shift * on_lens[0];
-        gradient.upward -= by_r * r[1] + by_shift * on_lens[1];
-        gradient.forward -= by_r * r[2] + by_shift * on_lens[2];
+        gradient.across -= by_r * r.x + by_shift * on_lens.x;
+        gradient.upward -= by_r * r.y + by_shift * on_lens.y;
+        gradient.forward -= by_r * r.z + by_shift * on_lens.z;
         gradient.eye -= by_r;
         let by_lens = by_shift - by_r;
         gradient.lens.first += by_lens * lens_x;
         gradient.lens.second += by_lens * lens_y;
-        gradient.per_focus += g_x * on_lens[0] + g_y * on_lens[1];
+        gradient.per_focus += g_x * on_lens.x + g_y * on_lens.y;
         by_r
     }
 }
@@ -235,7 +236,6 @@ impl Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::v3;
 
     impl Camera {
         /// The inverse of its basis.
@@ -297,15 +297,15 @@ mod tests {
                 c.project(p - along * h, 0.4, -0.6),
             );
             let got = c.project_along(p, along, 0.4, -0.6);
-            assert!((got[0] - (a.x - b.x) / (2.0 * h)).abs() < 2e-2, "{got:?}");
-            assert!((got[1] - (a.y - b.y) / (2.0 * h)).abs() < 2e-2, "{got:?}");
+            assert!((got.x - (a.x - b.x) / (2.0 * h)).abs() < 2e-2, "{got:?}");
+            assert!((got.y - (a.y - b.y) / (2.0 * h)).abs() < 2e-2, "{got:?}");
         }
     }
 
     /// Both backward passes against central differences, in every vector of a camera.
     #[test]
     fn derivatives() {
-        let (p, g) = (v3(0.2, 0.1, -1.0), [0.7, -0.4]);
+        let (p, g) = (v3(0.2, 0.1, -1.0), v2(0.7, -0.4));
         let (g_o, g_d) = (v3(0.3, -0.8, 0.4), v3(-0.5, 0.2, 0.9));
         for (aperture, parallel) in KINDS {
             let c = camera(aperture, parallel);
@@ -315,7 +315,7 @@ mod tests {
             };
             let of_film = |c: &Camera| {
                 let f = c.inverted().project(p, 0.4, -0.6);
-                f64::from(g[0] * f.x + g[1] * f.y)
+                f64::from(g.x * f.x + g.y * f.y)
             };
             let mut by_ray = CameraGradient::default();
             c.ray_backward(&c.ray(13.0, 29.0, 0.4, -0.6), g_o, g_d, &mut by_ray);

@@ -12,10 +12,9 @@ use crate::accel::{Hit, Machine, Task, dispatch};
 use crate::kernel::gradient::Sums;
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Seen, Work};
-use crate::model::V2;
-use crate::model::V3;
 use crate::model::camera::CameraGradient;
 use crate::model::filter::film_kernel;
+use crate::model::{V2, V3, v2};
 
 /// [`View::film_backward`] as a task.
 struct FilmSamples<'a> {
@@ -67,9 +66,12 @@ impl FilmSamples<'_> {
             return;
         };
         let direction = point.to.normalize();
-        let [along_x, along_y] =
-            view.camera
-                .project_along(point.position, point.edge.along, lens[0], lens[1]);
+        let V2 {
+            x: along_x,
+            y: along_y,
+        } = view
+            .camera
+            .project_along(point.position, point.edge.along, lens[0], lens[1]);
         // To the right of the edge's image, on a film whose y points down.
         let side = view.camera.across * along_y + view.camera.upward * along_x;
         let sides = view.sides(&point, direction, side);
@@ -92,7 +94,7 @@ impl FilmSamples<'_> {
         if !scale.is_finite() || scale == 0.0 {
             return;
         }
-        let by_film = [along_y * scale, -along_x * scale];
+        let by_film = v2(along_y * scale, -along_x * scale);
         let mut camera = CameraGradient::default();
         let by_point =
             view.camera

@@ -35,6 +35,14 @@ impl FilmEdges {
         self.pieces.is_empty()
     }
 
+    /// The pieces one after another: first and last λ, the sum of the weights so far, and the edge's number, by its
+    /// bits; and the sum of all weights.
+    #[cfg(feature = "wgpu")]
+    pub fn flat(&self) -> (Vec<f32>, f32) {
+        let of = |p: &Piece| [p.from, p.to, p.total, f32::from_bits(p.edge)];
+        (self.pieces.iter().flat_map(of).collect(), self.total as f32)
+    }
+
     /// Draws a point of an edge for two uniform numbers.
     #[inline(always)]
     pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
@@ -161,8 +169,8 @@ impl View {
             return;
         }
         // In the camera's basis, at the middle of the shutter.
-        let a = c.local(e.a + velocity * 0.5 - c.eye);
-        let b = c.local(e.a + e.along + velocity * 0.5 - c.eye);
+        let a = c.local(e.a + velocity * 0.5 - c.eye).to_array();
+        let b = c.local(e.a + e.along + velocity * 0.5 - c.eye).to_array();
         let near = 1e-4 * (a[2].abs().max(b[2].abs()) + c.aperture + moved);
         let [from, to] = clip_linear([0.0, 1.0], a[2] - near, b[2] - near);
         if from >= to {
@@ -360,6 +368,17 @@ impl PixelGradients {
             Some(which) => *which.get(&pixel)?,
         };
         Some(&self.values[i as usize])
+    }
+
+    /// The place of each pixel in the list, `u32::MAX` for those that are not in it; none if all are, in order.
+    #[cfg(feature = "wgpu")]
+    pub fn places(&self) -> Option<Vec<u32>> {
+        let which = self.which.as_ref()?;
+        let mut all = vec![u32::MAX; (self.width * self.height) as usize];
+        for (&pixel, &i) in which {
+            all[pixel as usize] = i;
+        }
+        Some(all)
     }
 
     /// The sum of how much the loss depends on the pixels about a point.

@@ -122,7 +122,8 @@ impl Backward {
                 .enumerate()
                 .map(|(i, ((view, _), upstream))| {
                     let along_paths = self.on_gpu(VIEWS_AT_ONCE * piece + i, upstream);
-                    self.of_view(view, upstream, along_paths)
+                    let index = VIEWS_AT_ONCE * piece + i;
+                    self.of_view(view, index, upstream, along_paths)
                 })
                 .collect();
             for ((view, places), sums) in views.iter().zip(&gradients) {
@@ -134,7 +135,7 @@ impl Backward {
     }
 
     /// The sums of derivatives of a view, and those along paths if they are known.
-    fn of_view(&self, view: &View, upstream: &[f64], along_paths: Option<Sums>) -> Sums {
+    fn of_view(&self, view: &View, index: usize, rows: &[f64], along_paths: Option<Sums>) -> Sums {
         let channels = self.rows.count();
         let per_sample = f64::from(self.samples).recip();
         let unit = view.scene.frame.unit;
@@ -143,7 +144,7 @@ impl Backward {
             .iter()
             .enumerate()
             .map(|(i, &pixel)| {
-                let row = |row: usize| upstream[i * channels + row] * per_sample;
+                let row = |row: usize| rows[i * channels + row] * per_sample;
                 (pixel, self.rows.upstream(row, unit))
             })
             .collect();
@@ -170,7 +171,7 @@ impl Backward {
         let mut all = along_paths.unwrap_or_else(|| zero.clone());
         sums.iter().for_each(|s| all.add(s));
         if view.has_edges {
-            self.on_film(view, upstream, &zero, accumulators, &mut all);
+            self.on_film(view, (index, rows), upstream, &zero, accumulators, &mut all);
         }
         all.resolve(&view.scene);
         all
@@ -180,6 +181,7 @@ impl Backward {
     fn on_film(
         &self,
         view: &View,
+        (index, rows): (usize, &[f64]),
         mut upstream: Vec<(u32, Seen)>,
         zero: &Sums,
         accumulators: usize,
@@ -201,6 +203,22 @@ impl Backward {
         let paths = asked as f64 * f64::from(self.samples);
         let count = (FILM_SAMPLES * paths).max(FEW.min(8.0 * paths)).ceil();
         let count = count.clamp(1.0, 1e9) as u32;
+        #[cfg(feature = "wgpu")]
+        if let Some(gpu) = &self.gpu
+            && crate::gpu::adds_jumps(view)
+        {
+            let film = crate::gpu::FilmJob {
+                pieces: Arc::new(edges.flat()),
+                places: pixels.places().map(Arc::new),
+                radius: view.filter.radius(),
+                samples: count,
+            };
+            let rows: Vec<f32> = rows.iter().map(|&g| g as f32).collect();
+            let (device, job) = (&gpu.device, &gpu.jobs[index]);
+            all.add(&crate::gpu::sums_of_film(device, view, job, &film, &rows));
+            return;
+        }
+        let _ = (index, rows);
         let each = count.div_ceil(accumulators as u32).max(256);
         let sums: Vec<Sums> = (0..count.div_ceil(each))
             .into_par_iter()

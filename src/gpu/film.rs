@@ -1,0 +1,180 @@
+//! Jumps of the image that the camera sees, one thread a sample: `kernel/boundary/film` in a kernel of a GPU.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::backward::{add_camera, no_camera_gradient};
+use super::camera::{Beginning, camera};
+use super::edge_layout::SEED_OF_EDGES;
+use super::edge_point::{add_to_edge, edge_of, shift_of, sides};
+use super::hit::{Ray, trace};
+use super::jumps::hides;
+use super::layout::{HEIGHT, NONE, WIDTH};
+use super::numbers::{numbers_of_cones, numbers_of_film, numbers_of_purpose, on_disk};
+use super::passes::{is_asked, upstream_of};
+use super::side_light::{Behind, light_beside};
+use super::{Derivatives, Features, Outputs};
+use crate::model::camera::CameraRay;
+use crate::model::filter::film_kernel;
+use crate::model::v2;
+
+/// The pixel of random numbers that are of no pixel.
+const NO_PIXEL: u32 = u32::MAX;
+
+/// The first piece whose sum of weights so far is over a number; the last if none is.
+#[cube]
+fn piece_over(pieces: &[f32], count: u32, value: f32) -> u32 {
+    let mut low = 0u32;
+    let mut high = count - 1;
+    while low < high {
+        let middle = (low + high) / 2;
+        if pieces[(4 * middle + 2) as usize] <= value {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+/// The place of a pixel of the film in the image's rows, or [`NONE`].
+#[cube]
+fn row_of(words: &[u32], places: &[u32], x: f32, y: f32, #[comptime] listed: bool) -> u32 {
+    let mut row = NONE.runtime();
+    if x >= 0.0 && y >= 0.0 && x < words[WIDTH] as f32 && y < words[HEIGHT] as f32 {
+        row = y as u32 * words[WIDTH] + x as u32;
+        if listed {
+            row = places[row as usize];
+        }
+    }
+    row
+}
+
+/// Adds the derivatives by jumps on the film: some samples of `all`, from a first one on. A piece of an edge has its
+/// first and last λ, the sum of the weights so far, and the edge; `total` is the sum of all weights.
+#[cube(launch)]
+pub(super) fn film_jumps(
+    floats: &[f32],
+    words: &[u32],
+    pieces: &[f32],
+    places: &[u32],
+    upstream: &[f32],
+    totals: &[Atomic<u32>],
+    scales: &[f32],
+    first: u32,
+    count: u32,
+    all: u32,
+    piece_count: u32,
+    total: f32,
+    radius: f32,
+    #[comptime] listed: bool,
+    #[comptime] outputs: Outputs,
+    #[comptime] features: Features,
+    #[comptime] of: Derivatives,
+) {
+    if ABSOLUTE_POS < count as usize {
+        let sample = first + ABSOLUTE_POS as u32;
+        let numbers = numbers_of_film(words, sample, features.sobol);
+        let film = numbers.film(words, features.sobol);
+        let mut more = film;
+        if comptime!(features.lens || features.moves) {
+            more = numbers.lens_and_time(words, features.sobol);
+        }
+        let mut lens = v2(0.0, 0.0);
+        if comptime!(features.lens) {
+            lens = on_disk(more.x, more.y);
+        }
+        let mut time = 0.0f32;
+        if comptime!(features.moves) {
+            time = more.z;
+        }
+        let piece = 4 * piece_over(pieces, piece_count, film.x * total) as usize;
+        let mut before = 0.0f32;
+        if piece > 0 {
+            before = pieces[piece - 2];
+        }
+        let share = pieces[piece + 2] - before;
+        let length = pieces[piece + 1] - pieces[piece];
+        let mut p = edge_of(floats, words, pieces[piece + 3].to_bits());
+        p.lambda = pieces[piece] + length * film.y;
+        p.per_density = length * (total / share.max(1e-37)) / all as f32;
+        p.position =
+            p.a + p.along * p.lambda + shift_of(floats, words, p.faces.a, time, features.moves);
+        let c = camera(floats, features.parallel);
+        let origin = c.origin_towards(p.position, lens.x, lens.y);
+        p.to = p.position - origin;
+        let mut row = NONE.runtime();
+        if share > 0.0 && p.to.dot(c.dual.z) > 0.0 {
+            // The pixel whose ray would come here.
+            let at = c.project(p.position, lens.x, lens.y);
+            let kernel = numbers_of_purpose(words, SEED_OF_EDGES, NO_PIXEL, sample, features.sobol);
+            let drawn = kernel.set(words, 0u32, features.sobol);
+            let x = at.x - radius * film_kernel(drawn.x);
+            let y = at.y - radius * film_kernel(drawn.y);
+            row = row_of(words, places, x, y, listed);
+        }
+        if row != NONE {
+            let g = upstream_of(floats, upstream, row, 1.0f32.runtime(), outputs);
+            if is_asked(&g) {
+                let mut stack_room = Array::<u32>::new(features.stack);
+                let stack = stack_room.as_mut_slice();
+                let view = p.to.normalize();
+                let along = c.project_along(p.position, p.along, lens.x, lens.y);
+                // To the right of the edge's image, on a film whose y points down.
+                let side = c.across * along.y + c.upward * along.x;
+                let beside = sides(floats, words, &p, view, side);
+                let ray = Ray {
+                    origin,
+                    direction: beside.past,
+                    time,
+                    from: 0.0f32,
+                    limit: f32::MAX,
+                };
+                let hit = trace(floats, words, stack, ray, p.faces, false, true, features);
+                if !hides(floats, words, hit, &p, time, features) {
+                    let behind = Behind {
+                        hit,
+                        start: origin,
+                        view,
+                        past: beside.past,
+                        minus: beside.minus,
+                        plus: beside.plus,
+                    };
+                    let beginning = Beginning {
+                        numbers,
+                        cones: numbers_of_cones(words, NO_PIXEL, sample, features.sobol),
+                        film,
+                        time,
+                        ray: CameraRay {
+                            origin,
+                            direction: view,
+                            length: 1.0f32,
+                            x: 0.0f32,
+                            y: 0.0f32,
+                            lens_x: lens.x,
+                            lens_y: lens.y,
+                        },
+                    };
+                    let light = light_beside(
+                        floats, words, stack, beginning, 0u32, true, &p, &behind, true, features,
+                    );
+                    let jump = g.radiance.dot(light.radiance) - g.opacity * light.sky
+                        + g.depth * light.depth
+                        + g.normal.dot(light.normal);
+                    let scale = jump * p.per_density;
+                    if scale != 0.0 && scale.abs() <= f32::MAX {
+                        let mut by_camera = no_camera_gradient();
+                        let by_film = v2(along.y * scale, -along.x * scale);
+                        let by_point =
+                            c.project_backward(p.position, lens.x, lens.y, by_film, &mut by_camera);
+                        if comptime!(of.camera) {
+                            add_camera(words, totals, scales, &by_camera);
+                        }
+                        add_to_edge(
+                            floats, words, totals, scales, &p, by_point, time, features, of,
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
