@@ -71,14 +71,25 @@ fn by_vertices(case: &Case, device: &Device) -> Vec<f64> {
     }
     let options = (case.options)(RenderOptions::new(12, 12).samples(8).seed(3));
     let start = Instant::now();
-    let image = render(&scene, &camera, &options)
-        .expect("an image")
-        .radiance;
-    let weights: Vec<f64> = (0..432)
-        .map(|i| 0.3 + (0.37 * f64::from(i)).sin())
-        .collect();
-    let weights = tensor(&weights, [12, 12, 3], device, DType::F32);
-    let gradients = (image * weights).sum().backward();
+    let (rows, image) = match case.pixels {
+        None => (12, render(&scene, &camera, &options)),
+        Some(pixels) => (1, render_pixels(&scene, &camera, &options, pixels)),
+    };
+    let image = image.expect("an image");
+    let columns = image.radiance.dims()[1];
+    let weights = |channels: usize| -> Tensor<3> {
+        let count = rows * columns * channels;
+        let list: Vec<f64> = (0..count).map(|i| 0.3 + (0.37 * i as f64).sin()).collect();
+        tensor(&list, [rows, columns, channels], device, DType::F32)
+    };
+    let mut loss = (image.radiance * weights(3)).sum();
+    if let Some(normals) = image.normals {
+        loss = loss + (normals * weights(3)).sum() * 0.1;
+    }
+    for plane in [image.depth, image.opacity].into_iter().flatten() {
+        loss = loss + (plane * weights(1).squeeze_dim::<2>(2)).sum() * 0.1;
+    }
+    let gradients = loss.backward();
     let mut all = Vec::new();
     for object in &scene.objects {
         all.extend(gradient(&object.mesh.vertices, &gradients));
@@ -167,6 +178,23 @@ fn cases() -> Vec<Case> {
                 (scene, camera)
             },
             options: |o| o.bounces(1).with_depth().with_normals().with_opacity(),
+            pixels: None,
+        },
+        // Lines in which triangles pass through each other, and so many edges that trees have nodes.
+        Case {
+            name: "crossings",
+            scene: |device| {
+                let ball = shapes::icosphere(2, device).scaled([0.6; 3]);
+                let ball = ball.translated([0.1, 0.2, 0.1]);
+                let scene = Scene::new()
+                    .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
+                    .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
+                    .with(diffuse(ball, [0.3, 0.5, 0.6]))
+                    .environment([0.2, 0.3, 0.4]);
+                let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.3, 0.0]);
+                (scene, camera.orthographic(3.0))
+            },
+            options: |o| o.bounces(2).roulette_after(1),
             pixels: None,
         },
         Case {
