@@ -180,11 +180,11 @@ fn cases() -> Vec<Case> {
             options: |o| o.bounces(1).with_depth().with_normals().with_opacity(),
             pixels: None,
         },
-        // Lines in which triangles pass through each other, and so many edges that trees have nodes.
+        // Lines in which triangles pass through each other.
         Case {
             name: "crossings",
             scene: |device| {
-                let ball = shapes::icosphere(2, device).scaled([0.6; 3]);
+                let ball = shapes::icosahedron(device).scaled([0.6; 3]);
                 let ball = ball.translated([0.1, 0.2, 0.1]);
                 let scene = Scene::new()
                     .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
@@ -194,7 +194,7 @@ fn cases() -> Vec<Case> {
                 let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.3, 0.0]);
                 (scene, camera.orthographic(3.0))
             },
-            options: |o| o.bounces(2).roulette_after(1),
+            options: |o| o.bounces(2),
             pixels: None,
         },
         Case {
