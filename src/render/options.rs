@@ -23,7 +23,8 @@ pub enum Engine {
     /// Kernels for cones, tensors for the softmax.
     #[default]
     Auto,
-    /// Kernels on the host, with derivatives by hand. They know cones, not the softmax.
+    /// Kernels with derivatives by hand, on a GPU if the tensors lie on one and are f32, else on the host. They
+    /// know cones, not the softmax.
     Kernels,
     /// A program of tensor operations on the scene's device, with burn's derivatives: much slower, the
     /// specification of what the kernels do. Which triangle a ray of a cone hits is asked of the host, and
