@@ -22,7 +22,7 @@ use super::{Derivatives, Features};
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraGradient;
 use crate::model::cone::{bend, bend_backward};
-use crate::model::emitter::power_heuristic;
+use crate::model::emitter::{LightPoint, power_heuristic};
 use crate::model::{Pair, V2, V3, splat, v2, v3};
 
 /// Derivatives of a loss by what a pixel's rays bring back.
@@ -93,19 +93,16 @@ pub(super) fn light_backward(
     let e = emitter(floats, words, k, time, features);
     let corners = v3(1.0 - weights.x - weights.y, weights.x, weights.y);
     let light = e.a * corners.x + e.b * corners.y + e.c * corners.z;
-    let to = light - point.position;
-    let squared = to.length_squared().max(1e-37);
-    let inverse = 1.0 / squared.sqrt();
-    let direction = to * inverse;
-    let facing = -e.normal.dot(direction);
-    let per_area = facing / squared * e.area;
+    let seen = LightPoint::new(light - point.position, e.normal);
+    let direction = seen.direction;
+    let angle = seen.solid_angle(e.area);
     let reflected = point.shading.evaluate(direction);
     let mut density = chance;
     if combined {
-        let other = point.shading.density(direction) * per_area;
+        let other = point.shading.density(direction) * angle;
         density = power_heuristic(chance, other, by_scattering);
     }
-    let scale = per_area / density;
+    let scale = angle / density;
     let carried = g.times(throughput);
     if comptime!(of.emission) {
         let at = words[FIRST_SUMS + MATERIALS] + 12 * e.material + 9;
@@ -113,31 +110,32 @@ pub(super) fn light_backward(
         add_vector(totals, scales, at, by_emission, MATERIALS);
     }
     let by_reflected = carried.times(e.emission) * scale;
-    let mut by_direction =
-        point
-            .shading
-            .evaluate_backward(direction, by_reflected, &mut by.shading);
+    let by_direction = point
+        .shading
+        .evaluate_backward(direction, by_reflected, &mut by.shading);
     if comptime!(of.rays) {
-        // facing·area/r²
-        let by_scale = carried.times(reflected).dot(e.emission) / density;
-        let by_facing = by_scale * e.area / squared;
-        by_direction -= e.normal * by_facing;
-        // The length that the direction was divided by, and r².
-        let by_to = (by_direction.reject_from_normalized(direction)
-            - direction * (2.0 * by_facing * facing))
-            * inverse;
+        let by_angle = carried.times(reflected).dot(e.emission) / density;
+        let by_light = seen.backward(e.normal, e.area, by_angle, by_direction);
         if comptime!(of.objects) {
             if is_wanted(words, e.object) {
                 let at = words[FIRST_SUMS + AREAS] + e.triangle;
-                add(totals, scales, at, by_scale * facing / squared, AREAS);
+                add(totals, scales, at, by_light.area, AREAS);
                 let at = words[FIRST_SUMS + TRIANGLES] + 3 * e.triangle;
-                add_vector(totals, scales, at, -(direction * by_facing), TRIANGLES);
+                add_vector(totals, scales, at, by_light.normal, TRIANGLES);
                 add_to_corners(
-                    words, totals, scales, e.triangle, e.object, corners, by_to, time, of,
+                    words,
+                    totals,
+                    scales,
+                    e.triangle,
+                    e.object,
+                    corners,
+                    by_light.position,
+                    time,
+                    of,
                 );
             }
         }
-        by.position -= by_to;
+        by.position -= by_light.position;
     }
     g.times(reflected).times(e.emission) * scale
 }

@@ -4,8 +4,8 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::hit::vector;
-use super::layout::{CAMERA, DUAL, FILTER, WIDTH};
-use super::numbers::{Four, Stream, numbers_of, numbers_of_cones, on_disk};
+use super::layout::{CAMERA, DUAL, FILTER, SEED, SEED_OF_CONES, WIDTH};
+use super::numbers::{Four, Stream, numbers_of, on_disk};
 use crate::model::camera::{Camera, CameraRay, Dual};
 use crate::model::filter::sample_filter;
 use crate::model::{Pair, v2};
@@ -74,8 +74,8 @@ pub(super) fn begin(
     sample: u32,
     #[comptime] features: Features,
 ) -> Beginning {
-    let numbers = numbers_of(words, pixel, sample, features.sobol);
-    let cones = numbers_of_cones(words, pixel, sample, features.sobol);
+    let numbers = numbers_of(words, SEED, pixel, sample, features.sobol);
+    let cones = numbers_of(words, SEED_OF_CONES, pixel, sample, features.sobol);
     let film = numbers.film(words, features.sobol);
     let mut more = film;
     if comptime!(features.lens || features.moves) {

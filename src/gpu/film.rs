@@ -8,8 +8,8 @@ use super::edge_layout::SEED_OF_EDGES;
 use super::edge_point::{add_to_edge, edge_of, shift_of, sides};
 use super::hit::{Ray, trace};
 use super::jumps::hides;
-use super::layout::{HEIGHT, NONE, WIDTH};
-use super::numbers::{numbers_of_cones, numbers_of_film, numbers_of_purpose, on_disk};
+use super::layout::{HEIGHT, NONE, SEED_OF_CONES, WIDTH};
+use super::numbers::{numbers_of, numbers_of_film, on_disk};
 use super::passes::{is_asked, upstream_of};
 use super::side_light::{Behind, light_beside};
 use super::{Derivatives, Features, Outputs};
@@ -106,7 +106,7 @@ pub(super) fn film_jumps(
         if share > 0.0 && p.to.dot(c.dual.z) > 0.0 {
             // The pixel whose ray would come here.
             let at = c.project(p.position, lens.x, lens.y);
-            let kernel = numbers_of_purpose(words, SEED_OF_EDGES, NO_PIXEL, sample, features.sobol);
+            let kernel = numbers_of(words, SEED_OF_EDGES, NO_PIXEL, sample, features.sobol);
             let drawn = kernel.set(words, 0u32, features.sobol);
             let x = at.x - radius * film_kernel(drawn.x);
             let y = at.y - radius * film_kernel(drawn.y);
@@ -141,7 +141,7 @@ pub(super) fn film_jumps(
                     };
                     let beginning = Beginning {
                         numbers,
-                        cones: numbers_of_cones(words, NO_PIXEL, sample, features.sobol),
+                        cones: numbers_of(words, SEED_OF_CONES, NO_PIXEL, sample, features.sobol),
                         film,
                         time,
                         ray: CameraRay {

@@ -11,7 +11,7 @@ use super::edge_search::{Observer, search};
 use super::hit::{Hit, Ray, trace, vector};
 use super::layout::{BOUNCES, CONE, NONE, SURFACE_STRIDE, SURFACES};
 use super::light::{emitter, sky};
-use super::numbers::numbers_of_purpose;
+use super::numbers::numbers_of;
 use super::side_light::{Behind, light_beside};
 use super::surface_backward::{PointGradient, add_to_corners, is_wanted};
 use super::{Derivatives, Features};
@@ -113,7 +113,7 @@ pub(super) fn jumps_seen_from(
     #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) {
-    let numbers = numbers_of_purpose(
+    let numbers = numbers_of(
         words,
         SEED_OF_EDGES,
         path.numbers.pixel,
@@ -243,7 +243,7 @@ pub(super) fn jumps_seen_from(
                             minus: beside.minus,
                             plus: beside.plus,
                         };
-                        let numbers = numbers_of_purpose(
+                        let numbers = numbers_of(
                             words,
                             SEED_OF_SIDES,
                             path.numbers.pixel,

@@ -97,11 +97,8 @@ impl Job {
     fn lists(&self, client: &Client) -> [List; 3] {
         let none = vec![0];
         let pixels = self.pixels.as_deref().unwrap_or(&none);
-        [
-            List::new(client, &self.view.floats),
-            List::new(client, &self.view.words),
-            List::new(client, pixels),
-        ]
+        let [floats, words] = self.view.on_device(client);
+        [floats, words, List::new(client, pixels)]
     }
 }
 

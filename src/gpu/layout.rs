@@ -2,7 +2,12 @@
 //!
 //! Both begin with a header; places in the header's words are where lists begin.
 
+use std::sync::OnceLock;
+
+use burn::cubecl::prelude::Client;
+
 use super::Features;
+use super::list::List;
 use super::sums::{PARTS, Places};
 use crate::accel::GpuTree;
 use crate::kernel::View;
@@ -98,6 +103,8 @@ pub(crate) struct Packed {
     pub floats: Vec<f32>,
     pub words: Vec<u32>,
     pub features: Features,
+    /// The buffers on the device, once they were sent there.
+    sent: OnceLock<[List; 2]>,
 }
 
 impl Packed {
@@ -108,6 +115,7 @@ impl Packed {
             floats: vec![0.0; FLOAT_HEADER],
             words: vec![0; HEADER],
             features: Features::of(view, &tree),
+            sent: OnceLock::new(),
         };
         packed.add_settings(view);
         packed.add_tree(view, &tree);
@@ -117,6 +125,17 @@ impl Packed {
         packed.add_sky(view);
         packed.add_edges(view);
         packed
+    }
+
+    /// The buffers on the device, which are sent there once.
+    pub(super) fn on_device(&self, client: &Client) -> [List; 2] {
+        let send = || {
+            [
+                List::new(client, &self.floats),
+                List::new(client, &self.words),
+            ]
+        };
+        self.sent.get_or_init(send).clone()
     }
 
     /// Begins a list of floats at a place of the header.

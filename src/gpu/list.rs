@@ -6,7 +6,8 @@ use burn::cubecl::server::Handle;
 use burn::tensor::{DType, Shape};
 
 /// A list on a device.
-pub(super) struct List {
+#[derive(Clone)]
+pub(crate) struct List {
     pub handle: Handle,
     pub length: usize,
 }

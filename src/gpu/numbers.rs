@@ -4,7 +4,7 @@ use burn::cubecl::{self, prelude::*};
 
 use super::edge_layout::SEED_OF_FILM;
 use super::integers::{Wide, mix, product, total, wide};
-use super::layout::{BLOCKS, HEIGHT_OF_TABLE, SAMPLES_LOG, SEED, SEED_OF_CONES, TABLES, WIDTH};
+use super::layout::{BLOCKS, HEIGHT_OF_TABLE, SAMPLES_LOG, TABLES, WIDTH};
 use crate::model::{V2, v2};
 
 /// Four random numbers.
@@ -93,49 +93,9 @@ fn stream(
     }
 }
 
-/// The random numbers of a path.
+/// The random numbers of a path, of the stream whose seed is at a place of the header.
 #[cube]
 pub(super) fn numbers_of(
-    words: &[u32],
-    pixel: u32,
-    sample: u32,
-    #[comptime] sobol: bool,
-) -> Stream {
-    let seed = wide(words[SEED], words[SEED + 1]);
-    stream(
-        words,
-        seed,
-        pixel,
-        sample,
-        words[SAMPLES_LOG],
-        words[BLOCKS],
-        sobol,
-    )
-}
-
-/// Those for the kernels of its cones.
-#[cube]
-pub(super) fn numbers_of_cones(
-    words: &[u32],
-    pixel: u32,
-    sample: u32,
-    #[comptime] sobol: bool,
-) -> Stream {
-    let seed = wide(words[SEED_OF_CONES], words[SEED_OF_CONES + 1]);
-    stream(
-        words,
-        seed,
-        pixel,
-        sample,
-        words[SAMPLES_LOG],
-        words[BLOCKS],
-        sobol,
-    )
-}
-
-/// Those of a stream for another purpose, whose seed is at a place of the header.
-#[cube]
-pub(super) fn numbers_of_purpose(
     words: &[u32],
     seed: usize,
     pixel: u32,

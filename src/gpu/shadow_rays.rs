@@ -7,7 +7,7 @@ use super::layout::{CONE, NONE};
 use super::light::{Emitter, density_of_direction, sky};
 use super::surface::Point;
 use crate::model::cone::{bend, up_to_plane};
-use crate::model::emitter::power_heuristic;
+use crate::model::emitter::{LightPoint, power_heuristic};
 use crate::model::{Pair, V3, splat, v2};
 
 /// A ray to a light, and the light that it brings if nothing is in between. Its limit is less than 0 if there
@@ -46,17 +46,15 @@ pub(super) fn towards_emitter(
     by_scattering: bool,
 ) -> ShadowRay {
     let light = e.a * (1.0 - b - c) + e.b * b + e.c * c;
-    let to = light - from.point.position;
-    let squared = to.length_squared().max(1e-37);
-    let direction = to * (1.0 / squared.sqrt());
-    let facing = -e.normal.dot(direction);
+    let seen = LightPoint::new(light - from.point.position, e.normal);
+    let direction = seen.direction;
     let reflected = from.point.shading.evaluate(direction);
     let mut ray = ShadowRay {
         direction,
         limit: (-1.0f32).runtime(),
         light: splat(0.0),
     };
-    if facing > 0.0 && !reflected.is_zero() {
+    if seen.facing > 0.0 && !reflected.is_zero() {
         let bent = bend(
             direction,
             from.point.shading.geometric,
@@ -66,13 +64,13 @@ pub(super) fn towards_emitter(
         );
         ray.direction = bent.direction;
         ray.limit = up_to_plane(from.start, bent.direction, e.normal, light);
-        let per_area = facing / squared * e.area;
+        let angle = seen.solid_angle(e.area);
         let mut density = chance;
         if combined {
-            let other = from.point.shading.density(direction) * per_area;
+            let other = from.point.shading.density(direction) * angle;
             density = power_heuristic(chance, other, by_scattering);
         }
-        ray.light = reflected.times(e.emission) * (per_area / density);
+        ray.light = reflected.times(e.emission) * (angle / density);
     }
     ray
 }

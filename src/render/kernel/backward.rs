@@ -36,7 +36,7 @@ pub(super) enum Gpu {}
 
 /// The backward pass of a batch.
 pub(super) struct Backward {
-    /// Where paths go back on a GPU; the host adds the jumps.
+    /// Where paths go back on a GPU.
     gpu: Option<Gpu>,
     views: Vec<(View, Places)>,
     pixels: Arc<Vec<u32>>,
@@ -95,7 +95,7 @@ impl Backward {
         None
     }
 
-    /// Whether the jumps at edges that points of paths see come from a GPU.
+    /// Whether jumps come from a GPU.
     fn jumps_on_gpu(&self, view: &View) -> bool {
         #[cfg(feature = "wgpu")]
         return self.gpu.is_some() && crate::gpu::adds_jumps(view);
@@ -121,8 +121,8 @@ impl Backward {
                 .zip(upstream.par_chunks(of_view))
                 .enumerate()
                 .map(|(i, ((view, _), upstream))| {
-                    let along_paths = self.on_gpu(VIEWS_AT_ONCE * piece + i, upstream);
                     let index = VIEWS_AT_ONCE * piece + i;
+                    let along_paths = self.on_gpu(index, upstream);
                     self.of_view(view, index, upstream, along_paths)
                 })
                 .collect();
@@ -205,7 +205,7 @@ impl Backward {
         let count = count.clamp(1.0, 1e9) as u32;
         #[cfg(feature = "wgpu")]
         if let Some(gpu) = &self.gpu
-            && crate::gpu::adds_jumps(view)
+            && self.jumps_on_gpu(view)
         {
             let film = crate::gpu::FilmJob {
                 pieces: Arc::new(edges.flat()),
