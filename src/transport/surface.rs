@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::geometry::{
     Context, Nearest, Vec3, VertexData, detached, gather_row, host_values, nearest_on_triangle,
 };
-use crate::scene::{Channel, ChannelPlanes, Flattened};
+use crate::scene::{ChannelPlanes, Flattened};
 use crate::visibility::Rays;
 
 /// Drawn surface points, rows `[1, N]`.
@@ -21,7 +21,7 @@ pub(crate) struct SurfacePoints {
     pub normal: Vec3,
     /// Whether the two may differ.
     pub smooth: bool,
-    /// The parameters of their BSDF, the first ones of [`Channel::ALL`].
+    /// The parameters of their BSDF, each at its place ([`Channel::place`](crate::scene::Channel::place)).
     pub parameters: Vec<Vec3>,
 }
 
@@ -123,9 +123,8 @@ impl SurfacePoints {
             .collect();
         let material = context.index_row(&materials);
         let kind = scene.materials.kind();
-        let channels = Channel::ALL.iter().take(kind.shading());
-        let parameters = channels.map(|&channel| {
-            let channel = scene.materials.channel(channel);
+        let parameters = (0..kind.shading()).map(|place| {
+            let channel = scene.materials.channel(place);
             look_up(context, channel, &materials, &material, &uv)
         });
         let parameters = parameters.collect::<Result<_>>()?;

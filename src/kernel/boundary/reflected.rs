@@ -61,7 +61,8 @@ impl View {
             return;
         };
         let view = p.to.normalize();
-        let bend = self.bend(view, shading.geometric, cone_u.clamp(0.0, 1.0), cone_v);
+        let outer = shading.outer(view);
+        let bend = self.bend(view, outer, cone_u.clamp(0.0, 1.0), cone_v);
         let axis = bend.direction;
         let mut reflected = shading.evaluate(axis);
         if shading.glossy {
@@ -75,7 +76,7 @@ impl View {
         if last && !sides.faces.contains(&NOTHING) {
             return;
         }
-        let Some(behind) = self.behind(&p, point.start(), sides.past, time) else {
+        let Some(behind) = self.behind(&p, point.start(view), sides.past, time) else {
             return;
         };
         let light = self.light_beside(o, &p, &sides, behind, view, work);
@@ -134,7 +135,7 @@ impl View {
         view: V3,
         work: &mut Work,
     ) -> SideLight {
-        let rays = (o.vertex.point.start(), view);
+        let rays = (o.vertex.point.start(view), view);
         let mut walks = std::mem::take(&mut work.side_walks);
         self.walks_beside(p, sides, behind, rays, o.path.time, &mut walks);
         if o.bounce < self.settings.bounces {

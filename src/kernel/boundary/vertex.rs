@@ -106,7 +106,7 @@ impl View {
             return;
         };
         let view = p.to.normalize();
-        let bend = self.bend(view, point.shading.geometric, cone_u, cone_v);
+        let bend = self.bend(view, point.shading.outer(view), cone_u, cone_v);
         let reflected = point.shading.evaluate(bend.direction);
         if reflected == V3::ZERO {
             return;
@@ -173,7 +173,7 @@ impl View {
             return;
         }
         let point = &o.vertex.point;
-        let start = point.start();
+        let start = point.start(axis);
         let light = point.position + axis * hit.distance;
         let limit = up_to_plane(start, edge.past, e.normal, light);
         if p.to.length() >= limit {
