@@ -152,7 +152,7 @@ impl View {
             shadows: true,
         };
         if cos.is_nan() || cos <= 0.0 {
-            query.axis = point.shading.geometric;
+            query.axis = point.shading.outer(to);
             (query.cos, query.sin) = (0.0, 1.0);
         }
         query

@@ -70,6 +70,12 @@ impl Shading {
         eta
     }
 
+    /// How far a refracted direction turns when its facet does, along the normal.
+    #[inline(always)]
+    pub(super) fn bending(&self) -> f32 {
+        (1.0 - 1.0 / self.eta()).abs()
+    }
+
     #[inline(always)]
     fn eta_backward(&self, g: f32, gradient: &mut ShadingGradient) {
         let mut by = g;
