@@ -23,7 +23,7 @@ fn cubic(x: f32, a: f32, b: f32, c: f32, d: f32) -> V2 {
     expand(derive(Clone, Copy))
 )]
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Fit {
+pub(crate) struct Fit {
     pub value: f32,
     pub by_cosine: f32,
     pub by_alpha: f32,
@@ -33,7 +33,7 @@ pub(super) struct Fit {
 /// other: by at most 1.8 % of E too little, by 0.4 % too much.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(super) fn lost(cosine: f32, alpha: f32) -> Fit {
+pub(crate) fn lost(cosine: f32, alpha: f32) -> Fit {
     let sum = 1.0 / (cosine + alpha);
     let t = cosine * sum;
     let root = alpha.sqrt();
@@ -60,7 +60,7 @@ pub(super) fn lost(cosine: f32, alpha: f32) -> Fit {
 /// The albedo of facets of F₀ = 0.04, with what is given back: by at most 0.026 too much, by 0.004 too little.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(super) fn dielectric_facets(cosine: f32, alpha: f32) -> Fit {
+pub(crate) fn dielectric_facets(cosine: f32, alpha: f32) -> Fit {
     let square = alpha * alpha;
     let slant = (square + (1.0 - square) * cosine * cosine).sqrt();
     let x = 1.0 - slant;
@@ -83,7 +83,7 @@ pub(super) fn dielectric_facets(cosine: f32, alpha: f32) -> Fit {
 /// The mean of [`dielectric_facets`] over the hemisphere, weighed by the cosine, and its derivative by α.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(super) fn mean_of_dielectric_facets(alpha: f32) -> V2 {
+pub(crate) fn mean_of_dielectric_facets(alpha: f32) -> V2 {
     cubic(alpha, 0.094336, -0.171464f32, 0.220745, -0.121166f32)
 }
 

@@ -21,6 +21,9 @@ use crate::scene::{Bsdf, CHANNELS, MaterialKind};
 #[cfg(feature = "wgpu")]
 use burn::cubecl::{self, prelude::*};
 
+pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
+pub(crate) use metal::DIELECTRIC_F0;
+
 /// Models of [`Shading::model`].
 pub(crate) const PHONG: u32 = 0;
 pub(crate) const METALLIC: u32 = 1;
