@@ -99,7 +99,7 @@ impl Facets<'_> {
         if self.is(Bsdf::Conductor) {
             return self.nv.ones_like().detach();
         }
-        let sum = |v: &Vec3| (detached(&v.x).abs() + detached(&v.y).abs() + detached(&v.z).abs());
+        let sum = |v: &Vec3| detached(&v.x).abs() + detached(&v.y).abs() + detached(&v.z).abs();
         let metal = detached(&self.second.x).clamp(0.0, 1.0);
         let reflected = sum(&self.fresnel(&self.nv));
         let below = (metal.neg() + 1.0) * sum(&self.first);
