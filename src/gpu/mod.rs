@@ -39,6 +39,7 @@ use crate::accel::GpuTree;
 use crate::kernel::View;
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
+use crate::scene::Bsdf;
 use camera::begin;
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
@@ -143,6 +144,12 @@ impl Derivatives {
             camera: wanted.camera,
         }
     }
+}
+
+/// Whether kernels of a GPU know the BSDFs of a view; other views are for the host.
+pub(crate) fn knows(view: &View) -> bool {
+    let mut materials = view.scene.materials.iter();
+    materials.all(|m| m.kind.bsdf == Bsdf::Phong)
 }
 
 /// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the

@@ -6,6 +6,7 @@ use super::Features;
 use super::layout::{CONE, NONE};
 use super::light::{Emitter, density_of_direction, sky};
 use super::surface::Point;
+use crate::model::bsdf::{PHONG, Shading};
 use crate::model::cone::{bend, up_to_plane};
 use crate::model::emitter::{LightPoint, power_heuristic};
 use crate::model::{Pair, V3, splat, v2};
@@ -115,7 +116,7 @@ pub(super) fn no_point() -> Point {
     let zero = splat(0.0f32.runtime());
     Point {
         position: zero,
-        shading: crate::model::bsdf::Shading {
+        shading: Shading {
             geometric: zero,
             normal: zero,
             incoming: zero,
@@ -124,6 +125,10 @@ pub(super) fn no_point() -> Point {
             exponent: 0.0f32.runtime(),
             glossy: false.runtime(),
             smooth: false.runtime(),
+            model: PHONG.runtime(),
+            compensated: false.runtime(),
+            inside: false.runtime(),
+            facets: false,
             pair: Pair {
                 first: zero,
                 second: zero,

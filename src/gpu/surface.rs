@@ -8,7 +8,7 @@ use super::layout::{
     EMITS, GLOSSY, MATERIALS, NONE, NORMALS, OF_MATERIAL, OF_MATERIALS, OF_TRIANGLE, OF_TRIANGLES,
     REFLECTS, SURFACE_STRIDE, SURFACES, TEXELS, UVS, VELOCITIES,
 };
-use crate::model::bsdf::Shading;
+use crate::model::bsdf::{PHONG, Shading};
 use crate::model::triangle::weights_at;
 use crate::model::{Pair, V2, V3, splat, v2};
 
@@ -169,6 +169,10 @@ pub(super) fn point_at(
             exponent,
             glossy,
             smooth,
+            model: PHONG.runtime(),
+            compensated: false.runtime(),
+            inside: false.runtime(),
+            facets: false,
             pair: Pair {
                 first: normal,
                 second: normal,
