@@ -6,9 +6,7 @@ mod common;
 use burn::tensor::{DType, Device};
 use common::errors::{message, says};
 use common::facets::facet_cases;
-use common::gradients::{
-    CONES, Effort, SHARP, Setup, agreement, agreement_of, floor_and_light,
-};
+use common::gradients::{CONES, Effort, SHARP, Setup, agreement, agreement_of, floor_and_light};
 use common::numbers::apart;
 use common::tensors::{gradient, leaf, values};
 use softray::prelude::*;

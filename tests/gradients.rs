@@ -5,9 +5,7 @@ mod common;
 use burn::tensor::{DType, Device};
 use common::errors::{message, says};
 use common::facets::facet_cases;
-use common::gradients::{
-    CONES, Case, Effort, SHARP, SOFTMAX, Setup, agreement, cases, check,
-};
+use common::gradients::{CONES, Case, Effort, SHARP, SOFTMAX, Setup, agreement, cases, check};
 use common::numbers::mean_and_error;
 use common::scenes::{facing_down, floor, scene_file};
 use common::tensors::gradient;

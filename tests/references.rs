@@ -108,6 +108,7 @@ fn bsdfs_of_facets() {
     let device = Device::flex();
     let path = |file: &str| common::reference(&format!("bsdf/{file}"));
     let samples = if common::long() { 2048 } else { 256 };
+    let mut failures = Vec::new();
     for name in [
         "conductor",
         "conductor-rough",
@@ -131,7 +132,9 @@ fn bsdfs_of_facets() {
         let ratio = image.mean_ratio(&target);
         let rmse = image.rmse(&target, true).expect("the same size");
         println!("{name}: {ratio:.4} of the mean, {rmse:.4} clipped RMSE");
-        assert!((ratio - 1.0).abs() < 0.01, "{name}: {ratio}");
-        assert!(rmse < 0.01, "{name}: {rmse}");
+        if (ratio - 1.0).abs() > 0.01 || rmse > 0.01 {
+            failures.push(name);
+        }
     }
+    assert!(failures.is_empty(), "{failures:?}");
 }

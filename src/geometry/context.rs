@@ -57,10 +57,7 @@ pub(crate) fn detached<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
 
 /// Calls a function with the values of an image `[H, W, C]`, some rows at a time: reading it back in one
 /// piece takes its memory twice more.
-pub(crate) fn by_rows<const D: usize>(
-    tensor: &Tensor<D>,
-    mut f: impl FnMut(&[f32]),
-) -> Result<()> {
+pub(crate) fn by_rows<const D: usize>(tensor: &Tensor<D>, mut f: impl FnMut(&[f32])) -> Result<()> {
     const NUMBERS: usize = 1 << 20;
     let dims = tensor.dims();
     let height = dims[0];
@@ -75,9 +72,7 @@ pub(crate) fn by_rows<const D: usize>(
 }
 
 /// The first value of an image that is not finite in f32, in row-major order, and where it is.
-pub(crate) fn first_not_finite<const D: usize>(
-    tensor: &Tensor<D>,
-) -> Result<Option<(usize, f64)>> {
+pub(crate) fn first_not_finite<const D: usize>(tensor: &Tensor<D>) -> Result<Option<(usize, f64)>> {
     let (mut found, mut passed) = (None, 0);
     by_rows(tensor, |values| {
         if found.is_none() {

@@ -20,7 +20,14 @@ pub(super) struct Receiver<'a> {
 impl Receiver<'_> {
     /// Light that arrives along a direction if nothing is in between.
     #[inline(always)]
-    fn propose(&self, (start, direction): (V3, V3), limit: f32, light: V3, sample: Sample, work: &mut Work) {
+    fn propose(
+        &self,
+        (start, direction): (V3, V3),
+        limit: f32,
+        light: V3,
+        sample: Sample,
+        work: &mut Work,
+    ) {
         let ray = HitRay::new(start, direction, self.time, limit);
         work.rays.push(ray);
         work.candidates.push(Candidate {

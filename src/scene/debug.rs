@@ -4,7 +4,8 @@
 use std::fmt::{Debug, Formatter, Result};
 
 use super::{
-    Albedo, Bsdf, CornerAttribute, Environment, Material, Mesh, Object, Parameter, ScalarTexture, Scene,
+    Albedo, Bsdf, CornerAttribute, Environment, Material, Mesh, Object, Parameter, ScalarTexture,
+    Scene,
 };
 use crate::debug::{Text, graph, place, tensor};
 

@@ -60,10 +60,7 @@ impl Material {
     /// distribution GGX with α = roughness² reflect and refract by Fresnel's equations (Walter et al. 2007). With a
     /// roughness of 0 it is as good as smooth: α is 0.001. Light lost between facets is not given back. Shadow rays
     /// do not pass: light behind it is found by refracted rays, so it takes bounces, two for a solid body.
-    pub fn dielectric(
-        ior: impl Into<ScalarTexture>,
-        roughness: impl Into<ScalarTexture>,
-    ) -> Self {
+    pub fn dielectric(ior: impl Into<ScalarTexture>, roughness: impl Into<ScalarTexture>) -> Self {
         Self {
             bsdf: Bsdf::Dielectric,
             ior: ior.into(),

@@ -233,11 +233,7 @@ impl Facets {
     pub fn slant_slopes(&self) -> V3 {
         let rest = 1.0 - self.alpha * self.alpha;
         let by_nv = 1.0 + rest * self.nv / self.rv;
-        v3(
-            by_nv,
-            self.alpha * (1.0 - self.nv * self.nv) / self.rv,
-            0.0,
-        )
+        v3(by_nv, self.alpha * (1.0 - self.nv * self.nv) / self.rv, 0.0)
     }
 
     /// Adds a derivative by n·v.

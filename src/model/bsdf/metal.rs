@@ -173,12 +173,7 @@ impl Shading {
 
     /// Adds the derivatives of g·f·cos θ; returns that by the outgoing direction.
     #[inline(never)]
-    pub(super) fn metal_backward(
-        &self,
-        outgoing: V3,
-        g: V3,
-        gradient: &mut ShadingGradient,
-    ) -> V3 {
+    pub(super) fn metal_backward(&self, outgoing: V3, g: V3, gradient: &mut ShadingGradient) -> V3 {
         let cosine = self.cosine(outgoing);
         let mut by_outgoing = splat(0.0);
         if cosine > 0.0 {
@@ -218,7 +213,8 @@ impl Shading {
         let along = g.x.dot(r);
         let slopes = f.visibility_slopes(nl) * (along * cosine);
         let mut by_cosine = along * v;
-        let by_vh = self.reflectance_backward(f, 0.5 * length, g.x * (v * cosine), &mut by, gradient);
+        let by_vh =
+            self.reflectance_backward(f, 0.5 * length, g.x * (v * cosine), &mut by, gradient);
         // D.
         let mut by_half = f.distribution_backward(half, g.d, &mut by);
         by_half += half * (0.5 * by_vh / length.max(IMPOSSIBLE));
@@ -245,8 +241,7 @@ impl Shading {
             let by_through = along * share * cosine * rest;
             by_nv -= by_through * b * seen.by_cosine;
             by_nl -= by_through * a * lit.by_cosine;
-            by.alpha += by_through
-                * (a * b * rest * mean.y - b * seen.by_alpha - a * lit.by_alpha);
+            by.alpha += by_through * (a * b * rest * mean.y - b * seen.by_alpha - a * lit.by_alpha);
         }
         by.view += by_half;
         f.nv_backward(by_nv, &mut by);

@@ -176,7 +176,12 @@ impl Shading {
 
     /// Adds the derivatives of g·cos θ where it is not 0; returns that by the outgoing direction.
     #[inline(always)]
-    pub(super) fn cosine_backward(&self, outgoing: V3, g: f32, gradient: &mut ShadingGradient) -> V3 {
+    pub(super) fn cosine_backward(
+        &self,
+        outgoing: V3,
+        g: f32,
+        gradient: &mut ShadingGradient,
+    ) -> V3 {
         let horizon = HORIZON * self.geometric.dot(outgoing);
         let mut by_outgoing = self.normal * g;
         if self.normal.dot(outgoing) <= horizon {
@@ -490,9 +495,5 @@ impl Shading {
 fn matt_local(u: f32, v: f32) -> V3 {
     let turn = sin_cos_of_turns(v);
     let sine = u.sqrt();
-    v3(
-        sine * turn.cos,
-        sine * turn.sin,
-        (1.0 - u).max(0.0).sqrt(),
-    )
+    v3(sine * turn.cos, sine * turn.sin, (1.0 - u).max(0.0).sqrt())
 }

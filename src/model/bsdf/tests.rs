@@ -171,7 +171,10 @@ fn white_furnaces() {
                 ..white
             });
             println!("{roughness} {z}: {lossy:.4} {metal:.4} {mirror:.4} {base:.4}");
-            assert!(lossy <= 1.001 && (roughness < 0.6 || lossy < 0.98), "{lossy}");
+            assert!(
+                lossy <= 1.001 && (roughness < 0.6 || lossy < 0.98),
+                "{lossy}"
+            );
             assert!((0.975..1.006).contains(&metal), "{roughness} {z}: {metal}");
             assert!((0.97..1.006).contains(&mirror), "{roughness} {z}: {mirror}");
             assert!((0.965..1.006).contains(&base), "{roughness} {z}: {base}");
@@ -349,8 +352,13 @@ fn derivatives_of_samples() {
             // or the part of light that goes this way at the facet that was drawn.
             let part = |s: &Shading, d: &Scatter| {
                 let f = s.facets_about(s.normal);
-                let reflected = s.part_reflected(&f, s.half_of(&f, d.direction, d.of_gloss).normalize());
-                if d.of_gloss { reflected } else { 1.0 - reflected }
+                let reflected =
+                    s.part_reflected(&f, s.half_of(&f, d.direction, d.of_gloss).normalize());
+                if d.of_gloss {
+                    reflected
+                } else {
+                    1.0 - reflected
+                }
             };
             let value = |moved: &Shading| {
                 let found = moved.sample(u, v, lobe);
@@ -360,7 +368,11 @@ fn derivatives_of_samples() {
                     _ => {
                         let by = moved.metal_densities(moved.normal, found.direction);
                         let (old, new) = (s.gloss(), moved.gloss());
-                        let below = if new < 1.0 { (1.0 - old) / (1.0 - new) } else { 1.0 };
+                        let below = if new < 1.0 {
+                            (1.0 - old) / (1.0 - new)
+                        } else {
+                            1.0
+                        };
                         by.element_sum() / (by.x * old / new + by.y * below)
                     }
                 };

@@ -17,8 +17,8 @@ fn reflected_part(cosine: &Tensor<2>, eta: &Tensor<2>) -> Tensor<2> {
     let passed = (square.neg() + 1.0).clamp_min(1e-12).sqrt();
     let p = (eta.clone() * cosine.clone() - passed.clone())
         / (eta.clone() * cosine.clone() + passed.clone());
-    let s = (cosine.clone() - eta.clone() * passed.clone())
-        / (cosine.clone() + eta.clone() * passed);
+    let s =
+        (cosine.clone() - eta.clone() * passed.clone()) / (cosine.clone() + eta.clone() * passed);
     ((p.clone() * p + s.clone() * s) * 0.5).mask_fill(total, 1.0)
 }
 
@@ -45,7 +45,9 @@ impl Facets<'_> {
         let above = detached(&self.points.normal.dot(outgoing)).greater_elem(0.0);
         let eta = self.eta();
         let ones = eta.ones_like().detach();
-        let half = self.view.add(&outgoing.scale(&eta.clone().mask_where(above.clone(), ones)));
+        let half = self
+            .view
+            .add(&outgoing.scale(&eta.clone().mask_where(above.clone(), ones)));
         let down = detached(&half.dot(&self.points.normal)).lower_elem(0.0);
         let half = half.map(|x| x.clone().mask_where(down.clone(), x.neg()));
         let square = half.dot(&half).clamp_min(1e-24);

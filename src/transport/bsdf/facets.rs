@@ -99,13 +99,12 @@ impl<'a> Facets<'a> {
         let axes = frame(&self.points.normal);
         let [x, y] = axes.map(|axis| axis.dot(&self.view));
         let z = self.points.normal.dot(&self.view);
-        let row = |f: &dyn Fn(usize) -> f64| {
-            context.row(&(0..u.len()).map(f).collect::<Vec<_>>())
-        };
-        let stretched =
-            Vec3::new(x * self.alpha.clone(), y * self.alpha.clone(), z).normalized();
+        let row = |f: &dyn Fn(usize) -> f64| context.row(&(0..u.len()).map(f).collect::<Vec<_>>());
+        let stretched = Vec3::new(x * self.alpha.clone(), y * self.alpha.clone(), z).normalized();
         let height = row(&|i| 1.0 - u[i]) - row(&|i| u[i]) * stretched.z.clone();
-        let sine = ((height.clone() * height.clone()).neg() + 1.0).clamp_min(1e-7).sqrt();
+        let sine = ((height.clone() * height.clone()).neg() + 1.0)
+            .clamp_min(1e-7)
+            .sqrt();
         let cap = Vec3::new(
             sine.clone() * row(&|i| (TAU * v[i]).cos()),
             sine * row(&|i| (TAU * v[i]).sin()),
@@ -135,10 +134,16 @@ pub(super) fn fitted(
     alpha: &Tensor<2>,
 ) -> crate::Result<Tensor<2>> {
     let (c, a) = (host_values(cosine)?, host_values(alpha)?);
-    let found: Vec<Fit> = c.iter().zip(&a).map(|(&c, &a)| fit(c as f32, a as f32)).collect();
+    let found: Vec<Fit> = c
+        .iter()
+        .zip(&a)
+        .map(|(&c, &a)| fit(c as f32, a as f32))
+        .collect();
     let row = |f: fn(&Fit) -> f32| {
         context.row(&found.iter().map(|x| f64::from(f(x))).collect::<Vec<_>>())
     };
     let change = |t: &Tensor<2>| t.clone() - detached(t);
-    Ok(row(|f| f.value) + row(|f| f.by_cosine) * change(cosine) + row(|f| f.by_alpha) * change(alpha))
+    Ok(row(|f| f.value)
+        + row(|f| f.by_cosine) * change(cosine)
+        + row(|f| f.by_alpha) * change(alpha))
 }

@@ -8,9 +8,7 @@ use super::cosine;
 use super::facets::{Facets, fitted};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
-use crate::model::bsdf::{
-    DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_dielectric_facets,
-};
+use crate::model::bsdf::{DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 use crate::scene::Bsdf;
 
 /// The least probability of each of two lobes that there are.
@@ -22,7 +20,9 @@ fn conductor(cosine: &Tensor<2>, eta: Tensor<2>, k: Tensor<2>) -> Tensor<2> {
     let rest = square.clone().neg() + 1.0;
     let (eta2, k2) = (eta.clone() * eta, k.clone() * k);
     let t0 = eta2.clone() - k2.clone() - rest.clone();
-    let sum = (t0.clone() * t0.clone() + eta2 * k2 * 4.0).clamp_min(1e-24).sqrt();
+    let sum = (t0.clone() * t0.clone() + eta2 * k2 * 4.0)
+        .clamp_min(1e-24)
+        .sqrt();
     let a = ((sum.clone() + t0) * 0.5).clamp_min(1e-24).sqrt();
     let (t1, t2) = (sum.clone() + square.clone(), a * cosine.clone() * 2.0);
     let (t3, t4) = (
@@ -44,7 +44,9 @@ impl Facets<'_> {
 
     fn fresnel(&self, cosine: &Tensor<2>) -> Vec3 {
         if self.is(Bsdf::Conductor) {
-            return self.first.zip(&self.second, |eta, k| conductor(cosine, eta, k));
+            return self
+                .first
+                .zip(&self.second, |eta, k| conductor(cosine, eta, k));
         }
         let x = (cosine.clone().neg() + 1.0).clamp_min(0.0);
         let schlick = x.powi_scalar(5);
@@ -105,7 +107,9 @@ impl Facets<'_> {
         let below = (metal.neg() + 1.0) * sum(&self.first);
         let all = below.clone().lower_equal_elem(0.0);
         let share = reflected.clone() / (reflected + below);
-        share.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE).mask_fill(all, 1.0)
+        share
+            .clamp(LEAST_SHARE, 1.0 - LEAST_SHARE)
+            .mask_fill(all, 1.0)
     }
 
     /// The density of directions; its probabilities of lobes have no tape.

@@ -104,10 +104,7 @@ fn phong_density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Te
 /// The probability of the specular lobe: its share of the albedo, without tape.
 fn share_of_gloss(points: &SurfacePoints, specular: &Vec3) -> Tensor<2> {
     let sum = |k: &Vec3| detached(&(k.x.clone() + k.y.clone() + k.z.clone())).abs();
-    let (kd, ks) = (
-        sum(&points.parameters[0]),
-        sum(specular),
-    );
+    let (kd, ks) = (sum(&points.parameters[0]), sum(specular));
     ks.clone() / (kd + ks).clamp_min(1e-20)
 }
 
