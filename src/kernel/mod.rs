@@ -18,7 +18,7 @@ mod tasks;
 mod view;
 mod walk;
 
-pub(crate) use boundary::PixelGradients;
+pub(crate) use boundary::{FilmEdges, PixelGradients};
 pub(crate) use camera::HostCamera;
 pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]

@@ -105,6 +105,15 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
+    pub fn times(&self, factor: f32) -> Self {
+        Self {
+            radiance: self.radiance * factor,
+            opacity: self.opacity * factor,
+            depth: self.depth * factor,
+            normal: self.normal * factor,
+        }
+    }
+
     /// Adds the surface that a path's camera ray saw and the light that it brought back.
     #[inline(always)]
     pub fn add(&mut self, walk: &Walk) {

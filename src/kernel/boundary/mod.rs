@@ -12,4 +12,4 @@ mod pieces;
 mod reflected;
 mod vertex;
 
-pub(crate) use pieces::PixelGradients;
+pub(crate) use pieces::{FilmEdges, PixelGradients};

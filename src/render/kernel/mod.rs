@@ -18,7 +18,7 @@ use super::options::RenderOptions;
 use crate::error::Result;
 use crate::geometry::Context;
 #[cfg(feature = "wgpu")]
-use crate::gpu::{Job, Packed};
+use crate::gpu::{Job, pack};
 use crate::kernel::View;
 use crate::scene::{Camera, Scene};
 use crate::transport::Diagnostics;
@@ -116,18 +116,22 @@ fn trace(
 ) -> Result<(Tensor<2>, Vec<Traced>, Option<Gpu>)> {
     #[cfg(feature = "wgpu")]
     if context.dtype == DType::F32 && !crate::device::is_cpu(&context.device) {
-        let of_view = |(view, _): &(View, Places)| Job {
-            view: Arc::new(Packed::new(view)),
-            pixels: pixels.clone(),
-            count,
-            samples: options.samples,
-            outputs: rows.for_gpu(),
+        let all: Vec<&View> = views.iter().map(|v| &v.0).collect();
+        let job = |(range, packed)| {
+            let job = Job {
+                views: Arc::new(packed),
+                pixels: pixels.clone(),
+                of_view: count,
+                samples: options.samples,
+                outputs: rows.for_gpu(),
+            };
+            (range, job)
         };
-        let jobs: Vec<Job> = views.iter().map(of_view).collect();
+        let jobs: Vec<_> = pack(&all).into_iter().map(job).collect();
         let device = context.device.clone();
         let images = jobs
             .iter()
-            .map(|job| crate::gpu::trace(&device, job.clone()));
+            .map(|(_, job)| crate::gpu::trace(&device, job.clone()));
         let image = Tensor::cat(images.collect(), 0);
         // Light that is not black is not known before the image is read.
         let traced = views.iter().map(|_| Traced {
