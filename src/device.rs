@@ -1,5 +1,7 @@
 //! Devices by name, so that one program runs on CPU and GPU.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use burn::backend::DispatchDevice;
 use burn::tensor::Device;
 
@@ -97,6 +99,22 @@ fn cpu(device: &Device) -> Option<&'static str> {
 /// Whether a device is a CPU, so that tiles of rays gain from several host threads.
 pub(crate) fn is_cpu(device: &Device) -> bool {
     cpu(device).is_some()
+}
+
+/// How often this crate has read a tensor back from a GPU since the program began, for profiles: once a render, for
+/// its scenes and cameras, and twice a backward pass, for the derivatives by the pixels and the sums of those by the
+/// scenes. A user's own read-backs don't count.
+pub fn read_backs() -> u64 {
+    READ_BACKS.load(Ordering::Relaxed)
+}
+
+static READ_BACKS: AtomicU64 = AtomicU64::new(0);
+
+/// Counts a read-back, where the device is not a CPU.
+pub(crate) fn count_read_back(device: &Device) {
+    if !is_cpu(device) {
+        READ_BACKS.fetch_add(1, Ordering::Relaxed);
+    }
 }
 
 /// A device by the name that [`named`] knows it by, where it has one. Devices with autodiff are called

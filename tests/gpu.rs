@@ -5,23 +5,12 @@ mod common;
 
 use std::time::Instant;
 
-use burn::tensor::{DType, Device, DeviceKind};
+use burn::tensor::{DType, Device};
+use common::gpu::device;
 use common::gradients::{CONES, Effort, Setup, agreement};
 use common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
 use common::tensors::{gradient, leaf, radiance, tensor, with_leaves};
 use softray::prelude::*;
-
-fn device() -> Device {
-    let kind = match std::env::var("SOFTRAY_WGPU_KIND").as_deref() {
-        Ok("cpu") => DeviceKind::Cpu,
-        _ => DeviceKind::DefaultDevice,
-    };
-    match std::env::var("SOFTRAY_WGSL") {
-        #[cfg(feature = "vulkan")]
-        Err(_) => Device::vulkan(kind),
-        _ => Device::wgpu(kind),
-    }
-}
 
 /// The same random numbers and formulas: images differ by rounding, and repeat to the bit.
 #[test]

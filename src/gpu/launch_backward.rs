@@ -13,6 +13,7 @@ use super::list::List;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::sums::{FIRST_SUM, LOST, MEASURE, PARTS, add_replicas, choose_scales, clear};
+use crate::device::count_read_back;
 use crate::kernel::{FilmEdges, Sums, View};
 
 /// Edges on the films of views.
@@ -342,6 +343,7 @@ pub(crate) fn sums_of(
     let sums = |sought: Sought| -> Vec<u32> {
         let upstream = on_device.clone().into_dispatch();
         let sums = <Dispatch as GpuBackend>::trace_backward(upstream, job.clone(), sought);
+        count_read_back(device);
         let sums = Tensor::<1, Int>::from_dispatch(sums).into_data();
         sums.iter::<i32>().map(|w| w as u32).collect()
     };

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::check::check_scene;
+use super::check::{check_devices, check_values};
 use super::material::{Channel, MaterialKind, Value};
+use super::transfer::to_host;
 use super::{CornerAttribute, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, by_rows, host_values};
@@ -75,7 +76,18 @@ impl HostScene {
     /// # Errors
     /// If the scene is not valid.
     pub fn new(scene: &Scene) -> Result<Self> {
-        let context = check_scene(scene)?;
+        let context = check_devices(scene)?;
+        let mut scene = scene.clone();
+        to_host(std::slice::from_mut(&mut scene), &mut [], &context)?;
+        Self::read(&scene, context)
+    }
+
+    /// Checks the values of a scene and reads them; `context` is that of its renders.
+    ///
+    /// # Errors
+    /// If a value is not valid.
+    pub fn read(scene: &Scene, context: Context) -> Result<Self> {
+        check_values(scene)?;
         let mut objects = Vec::with_capacity(scene.objects.len());
         let mut materials = Vec::new();
         for object in &scene.objects {

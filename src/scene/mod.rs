@@ -13,12 +13,13 @@ mod parameter;
 mod parameters;
 mod placement;
 pub mod shapes;
+mod transfer;
 mod transform;
 mod viewpoint;
 
 pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
-pub(crate) use check::check_scene;
+pub(crate) use check::{check_devices, check_scene};
 pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, Flattened, Normalization, SkyTensors};
 pub(crate) use host::{HostAttribute, HostScene, HostTexture, SceneFrame};
 pub use material::{Albedo, Environment, Material, Wrap};
@@ -31,6 +32,7 @@ pub(crate) use parameters::{
     Collect, Detach, ParameterId, Replace, Visit, visit_camera, visit_scene, visit_tensors,
 };
 pub use placement::Scale;
+pub(crate) use transfer::to_host;
 pub use transform::Transform;
 pub use viewpoint::Matrix;
 

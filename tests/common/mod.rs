@@ -3,6 +3,7 @@
 
 pub mod errors;
 pub mod folder;
+pub mod gpu;
 pub mod gradients;
 pub mod images;
 pub mod jumps;
