@@ -64,8 +64,8 @@ pub fn render_pixels(
 /// ([`RenderOptions::of_view`]): what [`render`] returns for a scene and camera with
 /// the options of its view, and with the same gradients.
 ///
-/// On the CPU the images are one node of the graph, and views and tiles share all cores in both
-/// passes. On GPUs views are rendered one after another.
+/// The images are one node of the graph. On the CPU views and tiles share all cores in both passes; on GPUs kernels
+/// trace all views at once.
 ///
 /// ```
 /// use softray::prelude::*;
