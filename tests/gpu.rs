@@ -292,8 +292,40 @@ fn scenes_of_few_and_of_many_faces() {
         );
         assert!(100 * differing <= wanted.0.len(), "{faces}: {differing}");
         assert!(
-            places < 0.01 && vertices < 0.01,
+            places < 1e-4 && vertices < 1e-4,
             "{faces}: {places} {vertices}"
         );
+    }
+}
+
+/// What a render on a GPU counts on request is what the host counts.
+#[test]
+fn rays_are_counted_on_request() {
+    let counted = ["cornell", "map", "pixels"];
+    for case in cases().iter().filter(|c| counted.contains(&c.name)) {
+        let at = |device: &Device, counted: bool| {
+            let (scene, camera) = (case.scene)(device);
+            let options = (case.options)(RenderOptions::new(12, 12).samples(8).seed(3));
+            let options = options.bounces(3).russian_roulette(1);
+            let options = if counted {
+                options.with_statistics().with_diagnostics()
+            } else {
+                options
+            };
+            let image = match case.pixels {
+                None => render(&scene, &camera, &options),
+                Some(pixels) => render_pixels(&scene, &camera, &options, pixels),
+            };
+            let image = image.expect("an image");
+            (image.statistics, image.diagnostics)
+        };
+        let gpu = device();
+        let (found, wanted) = (at(&gpu, true), at(&Device::flex(), true));
+        println!("{}: {:?}", case.name, found.0);
+        assert!(found.0.bounces.len() > 1, "{}", case.name);
+        assert_eq!(found, wanted, "{}", case.name);
+        if case.name == "pixels" {
+            assert_eq!(at(&gpu, false), (Statistics::default(), None));
+        }
     }
 }

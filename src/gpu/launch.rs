@@ -70,15 +70,15 @@ pub(crate) trait GpuBackend: Backend {
 }
 
 /// Paths of a launch at most, so that no launch is long.
-const PATHS: usize = 1 << 20;
+pub(super) const PATHS: usize = 1 << 20;
 /// Words of a launch's records at most.
 const RECORDS: usize = 1 << 24;
 /// Threads of a workgroup.
-const GROUP: u32 = 64;
+pub(super) const GROUP: u32 = 64;
 
 impl Job {
     /// The pieces of the job: first pixel, number of pixels, first sample and the one past the last.
-    fn pieces(&self, paths: usize) -> Vec<[u32; 4]> {
+    pub(super) fn pieces(&self, paths: usize) -> Vec<[u32; 4]> {
         let at_once = paths.clamp(1, self.count.max(1));
         let samples_at_once = (paths / at_once).max(1) as u32;
         let mut pieces = Vec::new();
@@ -94,7 +94,7 @@ impl Job {
         pieces
     }
 
-    fn lists(&self, client: &Client) -> [List; 3] {
+    pub(super) fn lists(&self, client: &Client) -> [List; 3] {
         let none = vec![0];
         let pixels = self.pixels.as_deref().unwrap_or(&none);
         let [floats, words] = self.view.on_device(client);

@@ -18,6 +18,8 @@ use super::options::RenderOptions;
 use crate::error::Result;
 use crate::geometry::Context;
 #[cfg(feature = "wgpu")]
+use crate::geometry::host_values;
+#[cfg(feature = "wgpu")]
 use crate::gpu::{Job, Packed};
 use crate::kernel::View;
 use crate::scene::{Camera, Scene};
@@ -130,11 +132,25 @@ fn trace(
             .map(|job| crate::gpu::trace(&device, job.clone()));
         let image = Tensor::cat(images.collect(), 0);
         // Light that is not black is not known before the image is read.
-        let traced = views.iter().map(|_| Traced {
-            lit: true,
-            ..Traced::default()
-        });
-        return Ok((image, traced.collect(), Some(Gpu { device, jobs })));
+        let mut traced = Vec::with_capacity(jobs.len());
+        for (index, job) in jobs.iter().enumerate() {
+            let mut of_view = Traced {
+                lit: true,
+                ..Traced::default()
+            };
+            if options.statistics {
+                of_view.counts = crate::gpu::counts_of(&device, job)?;
+            }
+            if options.diagnostics {
+                let light = image
+                    .clone()
+                    .slice([index * count..(index + 1) * count, 0..3]);
+                let values = host_values(&light)?;
+                of_view.non_finite = values.iter().filter(|v| !v.is_finite()).count() as u64;
+            }
+            traced.push(of_view);
+        }
+        return Ok((image, traced, Some(Gpu { device, jobs })));
     }
     let tiles = camera_tiles(options, count);
     let pass = Forward {
