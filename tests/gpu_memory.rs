@@ -50,24 +50,19 @@ fn memory_is_flat_over_steps_and_samples() {
         sizes.push(bytes(&device));
     }
     println!("bytes in use and reserved by steps: {sizes:?}");
-    assert!(sizes[2][1] > 0);
-    // Pools keep what a few steps needed.
-    assert!(
-        sizes[3..]
-            .iter()
-            .all(|s| s[0] <= sizes[2][0] && s[1] <= sizes[2][1])
-    );
-    // So many surfaces a path that the records of four samples are all that is kept at once.
+    let ([used, reserved], [used_later, reserved_later]) = (sizes[2], sizes[29]);
+    // CubeCL keeps the numbers that some hundred launches were given. An image of a step has 3 KiB, its records 200.
+    assert!(used > 0 && used_later <= used + 27 * 1024);
+    assert!(10 * reserved_later <= 11 * reserved);
+    device.memory_cleanup();
+    assert_eq!(bytes(&device)[0], 0);
+    // A path may have so many surfaces that the records of three samples are all that is kept at once.
     let mut long = Vec::new();
-    for samples in [4, 4, 64] {
-        let options = options(samples).bounces(2500);
-        step(&device, &options);
-        long.push(bytes(&device));
+    for samples in [4, 64] {
+        step(&device, &options(samples).bounces(700));
+        long.push(bytes(&device)[1]);
     }
-    println!("with 4, 4 and 64 samples: {long:?}");
-    assert!(long[0][1] > sizes[29][1]);
-    assert!(
-        long[2][0] <= long[1][0] && long[2][1] <= long[1][1],
-        "{long:?}"
-    );
+    println!("bytes reserved with 4 and 64 samples: {long:?}");
+    assert!(long[0] > 4 * reserved_later);
+    assert!(10 * long[1] <= 11 * long[0]);
 }
