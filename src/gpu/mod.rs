@@ -10,6 +10,7 @@
 
 mod backward;
 mod camera;
+mod counts;
 mod edge_layout;
 mod edge_point;
 mod edge_search;
@@ -41,6 +42,7 @@ use crate::kernel::View;
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
 use camera::begin;
+pub(crate) use counts::counts_of;
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
 pub(crate) use launch::{Job, trace};

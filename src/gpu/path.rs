@@ -34,6 +34,8 @@ pub(super) struct PathLight {
     /// The object that is seen, or [`NONE`].
     pub object: u32,
     pub rays: u32,
+    /// How often it looked for its next surface.
+    pub looked: u32,
     /// Points of surfaces that it came to.
     pub points: u32,
 }
@@ -109,6 +111,7 @@ pub(super) fn path_light(
         normal: splat(0.0),
         object: NONE,
         rays: 0u32,
+        looked: 0u32,
         points: 0u32,
     };
     let mut from = Receiver {
@@ -174,6 +177,9 @@ pub(super) fn path_light(
             };
             hit = trace(floats, words, stack, ray, see_all(), any, false, features);
             seen.rays += 1;
+            if !any {
+                seen.looked += 1;
+            }
         }
         let missed = hit.triangle == NONE;
         let arrives = purpose == OF_CAMERA || purpose == ONWARDS;

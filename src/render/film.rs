@@ -8,7 +8,8 @@ use crate::error::Result;
 use crate::geometry::{detached, host_values};
 use crate::transport::{Diagnostics, RayStatistics};
 
-/// The cost of a render.
+/// The cost of a render. A GPU counts it on request
+/// ([`with_statistics`](super::RenderOptions::with_statistics)), and all is 0 there without.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Statistics {

@@ -18,6 +18,8 @@ use super::options::RenderOptions;
 use crate::error::Result;
 use crate::geometry::Context;
 #[cfg(feature = "wgpu")]
+use crate::geometry::host_values;
+#[cfg(feature = "wgpu")]
 use crate::gpu::{Job, pack};
 use crate::kernel::View;
 use crate::scene::{Camera, Scene};
@@ -134,11 +136,29 @@ fn trace(
             .map(|(_, job)| crate::gpu::trace(&device, job.clone()));
         let image = Tensor::cat(images.collect(), 0);
         // Light that is not black is not known before the image is read.
-        let traced = views.iter().map(|_| Traced {
-            lit: true,
-            ..Traced::default()
-        });
-        return Ok((image, traced.collect(), Some(Gpu { device, jobs })));
+        let mut traced = vec![
+            Traced {
+                lit: true,
+                ..Traced::default()
+            };
+            views.len()
+        ];
+        if options.statistics {
+            for (range, job) in &jobs {
+                let counts = crate::gpu::counts_of(&device, job)?;
+                for (traced, counts) in traced[range.clone()].iter_mut().zip(counts) {
+                    traced.counts = counts;
+                }
+            }
+        }
+        if options.diagnostics {
+            let light = image.clone().slice([0..views.len() * count, 0..3]);
+            let values = host_values(&light)?;
+            for (traced, values) in traced.iter_mut().zip(values.chunks_exact(3 * count)) {
+                traced.non_finite = values.iter().filter(|v| !v.is_finite()).count() as u64;
+            }
+        }
+        return Ok((image, traced, Some(Gpu { device, jobs })));
     }
     let tiles = camera_tiles(options, count);
     let pass = Forward {
