@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
-use burn::backend::wgpu::CubeBackend;
-use burn::backend::{Backend, Dispatch, backend_extension};
+use burn::backend::{Backend, Cube, Dispatch, backend_extension};
 use burn::cubecl::prelude::*;
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
+use super::device::{floats, int_zeros, zeros};
 use super::film::film_jumps;
 use super::list::List;
 use super::passes::{add_jumps, go_back, keep_paths};
@@ -15,6 +15,8 @@ use super::records::JUMPED;
 use super::records::RECORD;
 use super::sums::{FIRST_SUM, LOST, MEASURE, PARTS, Places};
 use super::{Derivatives, Outputs, Packed, render_pixels};
+use crate::device::label;
+use crate::error::{Error, Result};
 use crate::kernel::{Sums, View};
 
 /// A view, and what of it is rendered.
@@ -54,8 +56,8 @@ pub(crate) struct FilmJob {
 
 #[backend_extension(Cube)]
 pub(crate) trait GpuBackend: Backend {
-    /// The image `[P, C]`, on the device of a tensor.
-    fn trace(like: FloatTensor<Self>, job: Job) -> FloatTensor<Self>;
+    /// The image `[P, C]`, on the device of a tensor, and why it could not be launched if so.
+    fn trace(like: FloatTensor<Self>, job: Job, failed: &mut Option<String>) -> FloatTensor<Self>;
 
     /// The sums of derivatives ([`Places`]), from those by the image's rows.
     fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self>;
@@ -103,23 +105,19 @@ impl Job {
 }
 
 impl Sought {
-    /// Room for sums, and the parts' scales.
-    fn lists(&self, client: &Client) -> [List; 2] {
+    /// The length of the list of sums.
+    fn length(&self) -> usize {
         let measures = self.scales[0] == MEASURE;
         let numbers = if measures { 1 } else { self.numbers.max(1) };
-        [
-            List::new(client, &vec![0u32; FIRST_SUM + 2 * numbers]),
-            List::new(client, &self.scales),
-        ]
+        FIRST_SUM + 2 * numbers
     }
 }
 
-impl GpuBackend for CubeBackend {
-    fn trace(like: FloatTensor<Self>, job: Job) -> FloatTensor<Self> {
-        let client = like.client.clone();
+impl GpuBackend for Cube {
+    fn trace(like: FloatTensor<Self>, job: Job, failed: &mut Option<String>) -> FloatTensor<Self> {
+        let (tensor, image) = zeros(&like, [job.count, job.outputs.rows()]);
+        let (client, _) = floats(like);
         let [floats, words, pixels] = job.lists(&client);
-        let rows = job.outputs.rows();
-        let image = List::new(&client, &vec![0.0f32; job.count * rows]);
         for [first, count, from, past] in job.pieces(PATHS) {
             render_pixels::launch(
                 &client,
@@ -139,17 +137,16 @@ impl GpuBackend for CubeBackend {
                 job.view.features,
             );
         }
-        image.into_tensor(like, vec![job.count, rows], DType::F32)
+        // Buffers that could not be had and kernels that could not be compiled are known now.
+        *failed = client.check([&image.handle]).err().map(without_backtrace);
+        tensor
     }
 
     fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self> {
-        let client = upstream.client.clone();
+        let (tensor, totals) = int_zeros(&upstream, sought.length());
+        let (client, gradient) = floats(upstream);
         let [floats, words, pixels] = job.lists(&client);
-        let [totals, scales] = sought.lists(&client);
-        let gradient = List {
-            handle: upstream.handle.clone(),
-            length: job.count * job.outputs.rows(),
-        };
+        let scales = List::new(&client, &sought.scales);
         let of = sought.derivatives;
         let points = job.view.words[super::layout::BOUNCES] + 1;
         let of_point = if of.jumps { RECORD + JUMPED } else { RECORD };
@@ -237,8 +234,7 @@ impl GpuBackend for CubeBackend {
                 of,
             );
         }
-        let length = totals.length;
-        totals.into_tensor(upstream, vec![length], DType::I32)
+        tensor
     }
 
     fn trace_film(
@@ -247,17 +243,14 @@ impl GpuBackend for CubeBackend {
         film: FilmJob,
         sought: Sought,
     ) -> IntTensor<Self> {
-        let client = upstream.client.clone();
+        let (tensor, totals) = int_zeros(&upstream, sought.length());
+        let (client, gradient) = floats(upstream);
         let [floats, words, _] = job.lists(&client);
         let (list, total) = &*film.pieces;
         let pieces = List::new(&client, list);
         let none = vec![0];
         let places = List::new(&client, film.places.as_deref().unwrap_or(&none));
-        let [totals, scales] = sought.lists(&client);
-        let gradient = List {
-            handle: upstream.handle.clone(),
-            length: job.count * job.outputs.rows(),
-        };
+        let scales = List::new(&client, &sought.scales);
         let samples = if sought.stride > 1 {
             film.samples.min(MEASURED as u32)
         } else {
@@ -288,17 +281,31 @@ impl GpuBackend for CubeBackend {
                 sought.derivatives,
             );
         }
-        let length = totals.length;
-        totals.into_tensor(upstream, vec![length], DType::I32)
+        tensor
     }
 }
 
+/// An error's text, without the part for those who mend CubeCL.
+fn without_backtrace(error: impl ToString) -> String {
+    let text = error.to_string();
+    let lines = text.lines().map(str::trim);
+    let told = lines.take_while(|line| !line.starts_with("Backtrace"));
+    told.collect::<Vec<_>>().join(" ")
+}
+
 /// Renders on a device: an image `[P, C]`.
-pub(crate) fn trace(device: &Device, job: Job) -> Tensor<2> {
+///
+/// # Errors
+/// If its memory does not suffice, or a kernel can't be compiled.
+pub(crate) fn trace(device: &Device, job: Job) -> Result<Tensor<2>> {
     // The device is known by a tensor that lies there.
     let like = Tensor::<1>::zeros([1], (device, DType::F32));
-    let image = <Dispatch as GpuBackend>::trace(like.into_dispatch(), job);
-    Tensor::from_dispatch(image)
+    let mut failed = None;
+    let image = <Dispatch as GpuBackend>::trace(like.into_dispatch(), job, &mut failed);
+    match failed {
+        None => Ok(Tensor::from_dispatch(image)),
+        Some(why) => Err(Error::device(label(device), why)),
+    }
 }
 
 /// The mean of how much a loss depends on the radiance of a pixel, over those that it depends on.
@@ -359,7 +366,9 @@ fn summed(
             typical,
         };
         let totals = run(on_device.clone().into_dispatch(), sought);
-        let totals = Tensor::<1, Int>::from_dispatch(totals).into_data();
+        let totals = Tensor::<1, Int>::from_dispatch(totals).try_into_data();
+        let totals = totals
+            .unwrap_or_else(|why| panic!("device {}: {}", label(device), without_backtrace(why)));
         totals.iter::<i32>().map(|w| w as u32).collect()
     };
     let mut scales = Places::scales(&words(stride, &[MEASURE; PARTS]), 40.0);

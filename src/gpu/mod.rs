@@ -10,6 +10,7 @@
 
 mod backward;
 mod camera;
+mod device;
 mod edge_layout;
 mod edge_point;
 mod edge_search;
@@ -40,6 +41,7 @@ use crate::kernel::View;
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
 use camera::begin;
+pub(crate) use device::check;
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
 pub(crate) use launch::{FilmJob, Job, sums_of, sums_of_film, trace};

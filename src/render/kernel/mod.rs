@@ -12,7 +12,7 @@ use std::sync::atomic::AtomicUsize;
 use burn::tensor::{DType, Tensor, TensorData};
 
 use super::batch::Batch;
-use super::film::{Means, Statistics};
+use super::film::{Means, Program, Statistics};
 use super::node::attach;
 use super::options::RenderOptions;
 use crate::error::Result;
@@ -66,7 +66,12 @@ pub(super) fn render(
         Some(pixels) => pixels.len(),
         None => options.width * options.height,
     };
-    let (mut mean, traced, gpu) = trace(options, &views, &context, pixels.clone(), count, &rows)?;
+    let pass = (pixels.clone(), count);
+    let (mut mean, traced, gpu) = trace(options, &views, &context, pass, &rows, parent.is_some())?;
+    let program = match gpu {
+        Some(_) => Program::DeviceKernels,
+        None => Program::HostKernels,
+    };
     // Where scenes have no light that was told already.
     if lit
         && pixels.is_none()
@@ -87,6 +92,7 @@ pub(super) fn render(
     });
     let diagnostics = diagnostics.collect();
     let statistics = traced.into_iter().map(|t| Statistics {
+        program,
         rays: t.counts.rays,
         bounces: t.counts.bounces,
         ..Statistics::default()
@@ -110,9 +116,9 @@ fn trace(
     options: &RenderOptions,
     views: &[(View, Places)],
     context: &Context,
-    pixels: Option<Arc<Vec<u32>>>,
-    count: usize,
+    (pixels, count): (Option<Arc<Vec<u32>>>, usize),
     rows: &Rows,
+    with_gradient: bool,
 ) -> Result<(Tensor<2>, Vec<Traced>, Option<Gpu>)> {
     #[cfg(feature = "wgpu")]
     if context.dtype == DType::F32 && !crate::device::is_cpu(&context.device) {
@@ -125,10 +131,13 @@ fn trace(
         };
         let jobs: Vec<Job> = views.iter().map(of_view).collect();
         let device = context.device.clone();
+        let both = views.iter().map(|(view, _)| view).zip(&jobs);
+        crate::gpu::check(&device, both, with_gradient)?;
         let images = jobs
             .iter()
-            .map(|job| crate::gpu::trace(&device, job.clone()));
-        let image = Tensor::cat(images.collect(), 0);
+            .map(|job| crate::gpu::trace(&device, job.clone()))
+            .collect::<Result<_>>()?;
+        let image = Tensor::cat(images, 0);
         // Light that is not black is not known before the image is read.
         let traced = views.iter().map(|_| Traced {
             lit: true,
