@@ -56,6 +56,14 @@ pub enum Error {
         /// A description of the mistake.
         source: Box<Error>,
     },
+    /// A device is not there, or can't do what a render takes.
+    #[error("device {device}: {message}")]
+    Device {
+        /// The device, as it was named.
+        device: String,
+        /// A description of what it lacks, and what to do.
+        message: String,
+    },
     /// A tensor can't be read back from its device.
     #[error("reading a tensor back from its device failed: {source}")]
     Read {
@@ -119,6 +127,15 @@ impl Error {
     pub(crate) fn read(source: impl Into<TensorReadError>) -> Self {
         let source = source.into();
         Self::Read { source }
+    }
+
+    /// An [`Error::Device`].
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn device(device: impl Into<String>, message: impl Into<String>) -> Self {
+        Self::Device {
+            device: device.into(),
+            message: message.into(),
+        }
     }
 
     /// An [`Error::Format`] for a file.

@@ -67,7 +67,7 @@ pub mod prelude {
     };
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{
-        Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch,
+        Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch, Program,
         RenderOptions, Sampling, Sequence, Statistics, SurfaceSampling, Visibility, overview,
         render, render_batch, render_pixels,
     };

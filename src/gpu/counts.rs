@@ -2,17 +2,16 @@
 //! nobody asks.
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
-use burn::backend::wgpu::CubeBackend;
-use burn::backend::{Backend, Dispatch, backend_extension};
+use burn::backend::{Backend, Cube, Dispatch, backend_extension};
 use burn::cubecl::{self, prelude::*};
 use burn::tensor::{DType, Device, Int, Tensor};
 
 use super::Features;
 use super::camera::begin;
+use super::device::{floats, int_zeros};
 use super::integers::total;
 use super::launch::{GROUP, Job, PATHS, groups};
 use super::layout::BOUNCES;
-use super::list::List;
 use super::path::{from_camera, path_light};
 use super::pieces::{Piece, pixel_at};
 use super::records::Room;
@@ -84,13 +83,13 @@ pub(crate) trait CountBackend: Backend {
     fn count(like: FloatTensor<Self>, job: Job) -> IntTensor<Self>;
 }
 
-impl CountBackend for CubeBackend {
+impl CountBackend for Cube {
     fn count(like: FloatTensor<Self>, job: Job) -> IntTensor<Self> {
-        let client = like.client.clone();
-        let [floats, words, pixels] = job.lists(&client);
         let of_view = job.views.words[BOUNCES] + 2;
         let length = 2 * job.views.views * of_view as usize;
-        let counts = List::new(&client, &vec![0u32; length]);
+        let (tensor, counts) = int_zeros(&like, length);
+        let (client, _) = floats(like);
+        let [floats, words, pixels] = job.lists(&client);
         for piece in job.pieces(PATHS) {
             count_rays::launch(
                 &client,
@@ -106,7 +105,7 @@ impl CountBackend for CubeBackend {
                 job.views.features,
             );
         }
-        counts.into_tensor(like, vec![length], DType::I32)
+        tensor
     }
 }
 

@@ -3,15 +3,18 @@
 use std::sync::Arc;
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
-use burn::backend::wgpu::CubeBackend;
-use burn::backend::{Backend, Dispatch, backend_extension};
+use burn::backend::{Backend, Cube, Dispatch, backend_extension};
 use burn::cubecl::prelude::*;
 use burn::tensor::{DType, Device, Tensor};
 
+use super::device::{floats, int_zeros, zeros};
 use super::launch_backward::{Pass, Sought};
 use super::list::List;
 use super::pieces::PieceLaunch;
+use super::sums::FIRST_SUM;
 use super::{Outputs, Packed, add_chunks, render_pixels};
+use crate::device::label;
+use crate::error::{Error, Result};
 
 /// Views, and what of them is rendered.
 #[derive(Clone)]
@@ -27,8 +30,8 @@ pub(crate) struct Job {
 
 #[backend_extension(Cube)]
 pub(crate) trait GpuBackend: Backend {
-    /// The rows of all views `[B·P, C]`, on the device of a tensor.
-    fn trace(like: FloatTensor<Self>, job: Job) -> FloatTensor<Self>;
+    /// The rows of all views `[B·P, C]`, on the device of a tensor, and why they could not be computed if so.
+    fn trace(like: FloatTensor<Self>, job: Job, failed: &mut Option<String>) -> FloatTensor<Self>;
 
     /// The sums of derivatives ([`Places`](super::sums::Places)), from those by the rows.
     fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self>;
@@ -112,12 +115,12 @@ impl Job {
     }
 }
 
-impl GpuBackend for CubeBackend {
-    fn trace(like: FloatTensor<Self>, job: Job) -> FloatTensor<Self> {
-        let client = like.client.clone();
-        let [floats, words, pixels] = job.lists(&client);
+impl GpuBackend for Cube {
+    fn trace(like: FloatTensor<Self>, job: Job, failed: &mut Option<String>) -> FloatTensor<Self> {
         let rows = job.outputs.rows();
-        let image = List::room(&client, job.count() * rows);
+        let (tensor, image) = zeros(&like, [job.count(), rows]);
+        let (client, _) = floats(like);
+        let [floats, words, pixels] = job.lists(&client);
         for piece in job.pieces(PATHS) {
             let samples = piece.past - piece.from;
             // A pixel's samples are shared by threads where pixels are few.
@@ -161,20 +164,37 @@ impl GpuBackend for CubeBackend {
                 );
             }
         }
-        image.into_tensor(like, vec![job.count(), rows], DType::F32)
+        // Buffers that could not be had and kernels that could not be compiled are known now.
+        *failed = client.check([&image.handle]).err().map(without_backtrace);
+        tensor
     }
 
     fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self> {
-        let sums = Pass::new(&upstream, &job, &sought).run();
-        let length = sums.length;
-        sums.into_tensor(upstream, vec![length], DType::I32)
+        let (tensor, sums) = int_zeros(&upstream, FIRST_SUM + 2 * job.views.sums.count);
+        Pass::new(upstream, &job, &sought).run(&sums);
+        tensor
     }
 }
 
 /// Renders on a device: rows `[B·P, C]`.
-pub(crate) fn trace(device: &Device, job: Job) -> Tensor<2> {
+///
+/// # Errors
+/// If buffers can't be had, or kernels can't be compiled.
+pub(crate) fn trace(device: &Device, job: Job) -> Result<Tensor<2>> {
     // The device is known by a tensor that lies there.
     let like = Tensor::<1>::zeros([1], (device, DType::F32));
-    let image = <Dispatch as GpuBackend>::trace(like.into_dispatch(), job);
-    Tensor::from_dispatch(image)
+    let mut failed = None;
+    let image = <Dispatch as GpuBackend>::trace(like.into_dispatch(), job, &mut failed);
+    match failed {
+        None => Ok(Tensor::from_dispatch(image)),
+        Some(why) => Err(Error::device(label(device), why)),
+    }
+}
+
+/// An error's text, without the part for those who mend CubeCL.
+pub(super) fn without_backtrace(error: impl ToString) -> String {
+    let text = error.to_string();
+    let lines = text.lines().map(str::trim);
+    let told = lines.take_while(|line| !line.starts_with("Backtrace"));
+    told.collect::<Vec<_>>().join(" ")
 }

@@ -2,18 +2,19 @@
 
 use std::sync::Arc;
 
-use burn::backend::Dispatch;
-use burn::backend::wgpu::CubeTensor;
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Cube, Dispatch};
 use burn::cubecl::prelude::*;
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
+use super::device::floats;
 use super::film::film_jumps;
-use super::launch::{GROUP, GpuBackend, Job, PATHS, Samples, groups};
+use super::launch::{GROUP, GpuBackend, Job, PATHS, Samples, groups, without_backtrace};
 use super::list::List;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::sums::{FIRST_SUM, LOST, MEASURE, PARTS, add_replicas, choose_scales, clear};
-use crate::device::count_read_back;
+use crate::device::{count_read_back, label};
 use crate::kernel::{FilmEdges, Sums, View};
 
 /// Edges on the films of views.
@@ -92,8 +93,8 @@ pub(super) struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    pub fn new(upstream: &CubeTensor, job: &'a Job, sought: &'a Sought) -> Self {
-        let client = upstream.client.clone();
+    pub fn new(upstream: FloatTensor<Cube>, job: &'a Job, sought: &'a Sought) -> Self {
+        let (client, gradient) = floats(upstream);
         let of_path = of_path(job);
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
         let films = &sought.films;
@@ -101,10 +102,7 @@ impl<'a> Pass<'a> {
         scales.extend(&sought.typical);
         Self {
             scene: job.lists(&client),
-            gradient: List {
-                handle: upstream.handle.clone(),
-                length: job.count() * job.outputs.rows(),
-            },
+            gradient,
             records: List::room(&client, of_path * at_once),
             films: [
                 List::new(
@@ -126,8 +124,8 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Measures derivatives, then adds them up.
-    pub fn run(self) -> List {
+    /// Measures derivatives, then adds them up to sums.
+    pub fn run(self, sums: &List) {
         let numbers = self.job.views.sums.count;
         let all = self.sought.measures_all;
         // One sample of some pixels tells how large derivatives are.
@@ -158,7 +156,6 @@ impl<'a> Pass<'a> {
         );
         let totals = self.totals(numbers);
         self.add(&all_pieces, 1, &totals);
-        let sums = List::room(&self.client, FIRST_SUM + 2 * numbers);
         add_replicas::launch(
             &self.client,
             groups(numbers.max(FIRST_SUM)),
@@ -170,7 +167,6 @@ impl<'a> Pass<'a> {
             region(numbers),
             numbers as u32,
         );
-        sums
     }
 
     /// Room for sums, all 0.
@@ -344,7 +340,9 @@ pub(crate) fn sums_of(
         let upstream = on_device.clone().into_dispatch();
         let sums = <Dispatch as GpuBackend>::trace_backward(upstream, job.clone(), sought);
         count_read_back(device);
-        let sums = Tensor::<1, Int>::from_dispatch(sums).into_data();
+        let sums = Tensor::<1, Int>::from_dispatch(sums).try_into_data();
+        let sums = sums
+            .unwrap_or_else(|why| panic!("device {}: {}", label(device), without_backtrace(why)));
         sums.iter::<i32>().map(|w| w as u32).collect()
     };
     let mut found = sums(sought.clone());

@@ -11,6 +11,7 @@
 mod backward;
 mod camera;
 mod counts;
+mod device;
 mod edge_layout;
 mod edge_point;
 mod edge_search;
@@ -43,6 +44,7 @@ use crate::model::sky::Sky;
 use crate::sampling::Sequence;
 use camera::begin;
 pub(crate) use counts::counts_of;
+pub(crate) use device::check;
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
 pub(crate) use launch::{Job, trace};

@@ -21,7 +21,7 @@ pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use crate::transport::Diagnostics;
 pub use crate::visibility::Visibility;
 pub use batch::Batch;
-pub use film::{Image, ImageBatch, Statistics, SurfacesPerRay};
+pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
 pub use overview::overview;
 

@@ -12,7 +12,7 @@ use std::sync::atomic::AtomicUsize;
 use burn::tensor::{DType, Tensor, TensorData};
 
 use super::batch::Batch;
-use super::film::{Means, Statistics};
+use super::film::{Means, Program, Statistics};
 use super::node::attach;
 use super::options::RenderOptions;
 use crate::error::Result;
@@ -68,7 +68,12 @@ pub(super) fn render(
         Some(pixels) => pixels.len(),
         None => options.width * options.height,
     };
-    let (mut mean, traced, gpu) = trace(options, &views, &context, pixels.clone(), count, &rows)?;
+    let pass = (pixels.clone(), count);
+    let (mut mean, traced, gpu) = trace(options, &views, &context, pass, &rows, parent.is_some())?;
+    let program = match gpu {
+        Some(_) => Program::DeviceKernels,
+        None => Program::HostKernels,
+    };
     // Where scenes have no light that was told already.
     if lit
         && pixels.is_none()
@@ -89,6 +94,7 @@ pub(super) fn render(
     });
     let diagnostics = diagnostics.collect();
     let statistics = traced.into_iter().map(|t| Statistics {
+        program,
         rays: t.counts.rays,
         bounces: t.counts.bounces,
         ..Statistics::default()
@@ -112,9 +118,9 @@ fn trace(
     options: &RenderOptions,
     views: &[(View, Places)],
     context: &Context,
-    pixels: Option<Arc<Vec<u32>>>,
-    count: usize,
+    (pixels, count): (Option<Arc<Vec<u32>>>, usize),
     rows: &Rows,
+    with_gradient: bool,
 ) -> Result<(Tensor<2>, Vec<Traced>, Option<Gpu>)> {
     #[cfg(feature = "wgpu")]
     if context.dtype == DType::F32 && !crate::device::is_cpu(&context.device) {
@@ -131,10 +137,12 @@ fn trace(
         };
         let jobs: Vec<_> = pack(&all).into_iter().map(job).collect();
         let device = context.device.clone();
+        crate::gpu::check(&device, jobs.iter().map(|j| &j.1), with_gradient)?;
         let images = jobs
             .iter()
-            .map(|(_, job)| crate::gpu::trace(&device, job.clone()));
-        let image = Tensor::cat(images.collect(), 0);
+            .map(|(_, job)| crate::gpu::trace(&device, job.clone()))
+            .collect::<Result<_>>()?;
+        let image = Tensor::cat(images, 0);
         // Light that is not black is not known before the image is read.
         let mut traced = vec![
             Traced {
