@@ -72,6 +72,17 @@ pub(crate) struct Sought {
     measures_all: bool,
 }
 
+impl Sought {
+    /// Jumps on the films, and of each view [`View::typical`].
+    pub fn new(films: Films, typical: Vec<f32>) -> Self {
+        Self {
+            films: Arc::new(films),
+            typical,
+            measures_all: false,
+        }
+    }
+}
+
 /// Words of a launch's records at most.
 const RECORDS: usize = 1 << 24;
 /// Pixels, and samples of films, that are looked at for the sizes of derivatives, at least.
@@ -310,29 +321,14 @@ fn of_path(job: &Job) -> usize {
     (RECORD + jumped) as usize * points(job) + 1
 }
 
-/// The mean of how much a loss depends on the radiance of a pixel, over those that it depends on.
-fn typical(upstream: &[f32], rows: usize) -> f32 {
-    let pixels = upstream.chunks_exact(rows);
-    let own = pixels.map(|row| row[..3].iter().map(|g| f64::from(g.abs())).sum::<f64>());
-    let asked: Vec<f64> = own.filter(|&g| g > 0.0).collect();
-    (asked.iter().sum::<f64>() / asked.len().max(1) as f64) as f32
-}
-
 /// The sums of derivatives of each view, along paths and by jumps, from derivatives by the rows of all.
 pub(crate) fn sums_of(
     device: &Device,
     views: &[&View],
     job: &Job,
-    films: Films,
+    mut sought: Sought,
     upstream: Vec<f32>,
 ) -> Vec<Sums> {
-    let rows = job.outputs.rows();
-    let of_views = upstream.chunks_exact(job.of_view * rows);
-    let mut sought = Sought {
-        films: Arc::new(films),
-        typical: of_views.map(|own| typical(own, rows)).collect(),
-        measures_all: false,
-    };
     let length = upstream.len();
     let on_device =
         Tensor::<1>::from_data(TensorData::new(upstream, [length]), (device, DType::F32));

@@ -48,7 +48,7 @@ pub(crate) use device::check;
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
 pub(crate) use launch::{Job, trace};
-pub(crate) use launch_backward::{Films, sums_of};
+pub(crate) use launch_backward::{Films, Sought, sums_of};
 use layout::{COUNTED, NONE, PackedScene, UNIT};
 pub(crate) use layout::{Packed, pack};
 use path::{from_camera, path_light};

@@ -170,10 +170,11 @@ impl Backward {
             Some((view.filter.radius(), &film.edges, film.samples))
         });
         let places = asked.iter().find_map(|a| a.film.as_ref()?.pixels.places());
-        let films = crate::gpu::Films::new(films, places);
+        let typical = asked.iter().map(|a| View::typical(&a.upstream)).collect();
+        let sought = crate::gpu::Sought::new(crate::gpu::Films::new(films, places), typical);
         let views: Vec<&View> = views.iter().map(|v| &v.0).collect();
         let rows = rows.iter().map(|&g| g as f32).collect();
-        Some(crate::gpu::sums_of(&gpu.device, &views, job, films, rows))
+        Some(crate::gpu::sums_of(&gpu.device, &views, job, sought, rows))
     }
 
     #[cfg(not(feature = "wgpu"))]
