@@ -18,6 +18,7 @@ use super::{Derivatives, Features};
 use crate::accel::GpuTree;
 use crate::kernel::View;
 use crate::model::V3;
+use crate::model::bsdf::model_of;
 use crate::model::sky::Sky;
 use crate::model::texture::Texture;
 use crate::sampling::points;
@@ -103,6 +104,9 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) const EMITS: u32 = 1;
 pub(super) const REFLECTS: u32 = 2;
 pub(super) const GLOSSY: u32 = 4;
+pub(super) const COMPENSATED: u32 = 8;
+/// What the number of its BSDF is multiplied by.
+pub(super) const MODEL: u32 = 16;
 
 /// Views of a group at most.
 const VIEWS: usize = 64;
@@ -402,7 +406,9 @@ impl PackedScene {
             let bit = |is: bool, bit: u32| if is { bit } else { 0 };
             let bits = bit(m.kind.emits, EMITS)
                 | bit(m.kind.reflects, REFLECTS)
-                | bit(m.kind.glossy, GLOSSY);
+                | bit(m.kind.glossy, GLOSSY)
+                | bit(m.kind.compensated, COMPENSATED)
+                | MODEL * model_of(m.kind.bsdf);
             let end = self.words.len() + OF_MATERIAL;
             self.words.push(bits);
             for c in &m.channels {

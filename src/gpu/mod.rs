@@ -42,6 +42,7 @@ use burn::cubecl::{self, prelude::*};
 use crate::kernel::View;
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
+use crate::scene::Bsdf;
 use camera::begin;
 pub(crate) use counts::counts_of;
 pub(crate) use device::check;
@@ -67,6 +68,7 @@ pub(crate) struct Features {
     pub smooth: bool,
     pub textured: bool,
     pub glossy: bool,
+    pub facets: bool,
     pub emitters: bool,
     pub by_solid_angle: bool,
     pub combined: bool,
@@ -92,6 +94,7 @@ impl Features {
             smooth: scene.smooth,
             textured: scene.textured,
             glossy: scene.glossy,
+            facets: scene.materials.iter().any(|m| m.kind.bsdf != Bsdf::Phong),
             emitters: !scene.emitters.is_empty(),
             by_solid_angle: scene.emitters.depends_on_position(),
             combined: view.combined,

@@ -115,8 +115,7 @@ pub(super) fn path_light(
         points: 0u32,
     };
     let mut from = Receiver {
-        point: no_point(),
-        start: splat(0.0),
+        point: no_point(features),
         cone_u: 0.0f32,
         cone_v: 0.0f32,
         sum: 0.0f32,
@@ -233,7 +232,6 @@ pub(super) fn path_light(
                 let goes_on = bounce < bounces || comptime!(features.sees_sky);
                 let by_scattering = comptime!(features.combined) && point.shading.glossy;
                 from.point = point;
-                from.start = lifted(point.position, point.shading.geometric);
                 purpose = TO_EMITTER;
                 if !point.reflects || comptime!(features.dark) {
                     purpose = ENDED;
@@ -284,6 +282,7 @@ pub(super) fn path_light(
         }
         // The next ray.
         let mut chosen = ShadowRay {
+            start: splat(0.0),
             direction: splat(0.0),
             limit: (-1.0f32).runtime(),
             light: splat(0.0),
@@ -381,13 +380,14 @@ pub(super) fn path_light(
                     u = set.x;
                     v = set.y;
                 }
-                let geometric = from.point.shading.geometric;
-                let bent = bend(scatter.direction, geometric, floats[CONE], u, v);
+                let outer = from.point.shading.outer(scatter.direction);
+                let bent = bend(scatter.direction, outer, floats[CONE], u, v);
+                chosen.start = lifted(from.point.position, outer);
                 chosen.direction = bent.direction;
                 chosen.limit = f32::MAX;
             }
         }
-        origin = from.start;
+        origin = chosen.start;
         direction = chosen.direction;
         limit = chosen.limit;
         light = chosen.light;

@@ -5,7 +5,7 @@ use super::view::View;
 use super::walk::{Candidate, LightSample, Sample, SkySample, Work};
 use crate::accel::HitRay;
 use crate::model::V3;
-use crate::model::cone::up_to_plane;
+use crate::model::cone::{lifted, up_to_plane};
 use crate::model::emitter::{LightPoint, power_heuristic};
 use crate::model::sky::SkyMap;
 use crate::model::triangle::{at, uniform_point};
@@ -15,14 +15,20 @@ pub(super) struct Receiver<'a> {
     pub walk: u32,
     pub time: f32,
     pub point: &'a Point,
-    pub start: V3,
 }
 
 impl Receiver<'_> {
     /// Light that arrives along a direction if nothing is in between.
     #[inline(always)]
-    fn propose(&self, direction: V3, limit: f32, light: V3, sample: Sample, work: &mut Work) {
-        let ray = HitRay::new(self.start, direction, self.time, limit);
+    fn propose(
+        &self,
+        (start, direction): (V3, V3),
+        limit: f32,
+        light: V3,
+        sample: Sample,
+        work: &mut Work,
+    ) {
+        let ray = HitRay::new(start, direction, self.time, limit);
         work.rays.push(ray);
         work.candidates.push(Candidate {
             walk: self.walk,
@@ -93,8 +99,10 @@ impl View {
         if reflected == V3::ZERO {
             return;
         }
-        let bend = self.bend(direction, point.shading.geometric, cone_u, cone_v);
-        let limit = up_to_plane(from.start, bend.direction, e.normal, light);
+        let outer = point.shading.outer(direction);
+        let start = lifted(point.position, outer);
+        let bend = self.bend(direction, outer, cone_u, cone_v);
+        let limit = up_to_plane(start, bend.direction, e.normal, light);
         let triangle = &self.scene.triangles[e.triangle as usize];
         let angle = seen.solid_angle(triangle.area);
         let density = match combined {
@@ -114,7 +122,7 @@ impl View {
             density,
         });
         let light = reflected * emission * (angle / density);
-        from.propose(bend.direction, limit, light, sample, work);
+        from.propose((start, bend.direction), limit, light, sample, work);
     }
 
     /// Light of a map along a direction drawn from it, and along that in which the path goes on.
@@ -138,12 +146,14 @@ impl View {
             if reflected == V3::ZERO {
                 continue;
             }
-            let bend = self.bend(direction, shading.geometric, cone_u, cone_v);
+            let outer = shading.outer(direction);
+            let start = lifted(from.point.position, outer);
+            let bend = self.bend(direction, outer, cone_u, cone_v);
             let other = shading.density(direction);
             let density = power_heuristic(chance, other, by_scattering);
             let light = reflected * map.at(direction) * (1.0 / density);
             let sample = Sample::Sky(SkySample { direction, density });
-            from.propose(bend.direction, f32::INFINITY, light, sample, work);
+            from.propose((start, bend.direction), f32::INFINITY, light, sample, work);
         }
     }
 }

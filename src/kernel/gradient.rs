@@ -123,7 +123,7 @@ pub(crate) struct Sums {
     pub velocities: Vec<DVec3>,
     pub uvs: Vec<[f64; 2]>,
     pub normals: Vec<DVec3>,
-    /// In the order of [`Channel::ALL`].
+    /// Each at its place ([`Channel::place`]).
     pub materials: Vec<[DVec3; CHANNELS]>,
     pub texels: Vec<DVec3>,
     pub sky: Vec<DVec3>,
@@ -244,10 +244,12 @@ impl Sums {
                 }
                 Id::Velocity(i) => vectors(to, &self.velocities[i..=i], per_unit),
                 Id::Material(m, channel) => {
-                    match &scene.materials[m].channels[channel as usize].texture {
-                        None => {
-                            let by = self.materials[m][channel as usize];
-                            add_each(to, &by.to_array());
+                    let place = channel.place();
+                    match &scene.materials[m].channels[place].texture {
+                        None => add_each(to, &self.materials[m][place].to_array()),
+                        Some(t) if to.len() == t.width * t.height => {
+                            let texels = &self.texels[t.offset..];
+                            to.iter_mut().zip(texels).for_each(|(a, b)| *a += b.x);
                         }
                         Some(t) => vectors(to, &self.texels[t.offset..], 1.0),
                     }

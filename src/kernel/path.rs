@@ -10,6 +10,7 @@ use super::walk::{Path, Walk, Walks};
 use crate::accel::{HitRay, NOTHING};
 use crate::model::V3;
 use crate::model::camera::CameraRay;
+use crate::model::cone::lifted;
 use crate::sampling::Numbers;
 
 impl View {
@@ -226,7 +227,7 @@ impl View {
             work.counts.add_bounce(bounce);
             if hit.triangle != NOTHING {
                 let time = paths[i as usize].time;
-                walk.arrive(scene.point(hit, ray.origin.into(), walk.bend.direction, time));
+                walk.point = scene.point(hit, ray.origin.into(), walk.bend.direction, time);
                 walks.alive[count] = i;
                 count += 1;
             } else if self.sees_sky {
@@ -278,7 +279,6 @@ impl View {
             walk: i,
             time: path.time,
             point,
-            start: walk.start,
         };
         if !scene.emitters.is_empty() {
             let along = by_scattering.then_some(walk.scatter.direction);
@@ -320,7 +320,7 @@ impl View {
             walk.throughput *= 1.0 / survival;
         }
         let [cone_u, cone_v, ..] = self.cone_numbers(path, bounce);
-        let normal = walk.point.shading.geometric;
+        let normal = walk.point.shading.outer(scatter.direction);
         walk.bend = self.bend(scatter.direction, normal, cone_u, cone_v);
         if KEEP {
             vertices[walk.vertex].leave = Some(Leave {
@@ -331,7 +331,7 @@ impl View {
             });
         }
         Some(HitRay::new(
-            walk.start,
+            lifted(walk.point.position, normal),
             walk.bend.direction,
             path.time,
             f32::INFINITY,

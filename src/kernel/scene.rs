@@ -272,7 +272,7 @@ pub(crate) struct Triangle {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Material {
-    /// In the order of [`Channel::ALL`].
+    /// Each at its place ([`Channel::place`](crate::scene::Channel::place)).
     pub channels: [Colour; CHANNELS],
     pub kind: MaterialKind,
 }
@@ -280,7 +280,7 @@ pub(crate) struct Material {
 impl Material {
     #[inline(always)]
     pub fn emission(&self) -> Emission {
-        Emission::of(|channel| self.channels[channel as usize].constant)
+        Emission::of(|channel| self.channels[channel.place()].constant)
     }
 
     pub fn is_textured(&self) -> bool {

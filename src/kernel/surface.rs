@@ -32,10 +32,10 @@ pub(crate) struct Point {
 }
 
 impl Point {
-    /// The start of rays that leave it: above it by what it may be off by.
+    /// The start of rays that leave it along a direction: above it by what it may be off by.
     #[inline(always)]
-    pub fn start(&self) -> V3 {
-        lifted(self.position, self.shading.geometric)
+    pub fn start(&self, direction: V3) -> V3 {
+        lifted(self.position, self.shading.outer(direction))
     }
 }
 
@@ -116,6 +116,7 @@ impl KernelScene {
             normal,
             incoming: direction,
             smooth,
+            inside: side < 0.0,
             ..Shading::of(values, m.kind)
         };
         Point {

@@ -28,8 +28,6 @@ pub(crate) struct Walk {
     pub seen: u32,
     /// The surface point that the path came to, if it did.
     pub point: Point,
-    /// The start of rays from there.
-    pub start: V3,
     pub on_surface: bool,
     /// Distance and geometric normal of the first surface.
     pub first: (f32, V3),
@@ -50,7 +48,6 @@ impl Walk {
             camera: CameraRay::default(),
             seen: NOTHING,
             point: Point::default(),
-            start: V3::ZERO,
             on_surface: false,
             first: (0.0, V3::ZERO),
             throughput: V3::ONE,
@@ -62,18 +59,11 @@ impl Walk {
         }
     }
 
-    /// The path comes to a surface point.
-    #[inline(always)]
-    pub fn arrive(&mut self, point: Point) {
-        self.start = point.start();
-        self.point = point;
-    }
-
     /// The path comes to its first surface point.
     #[inline(always)]
     pub fn begin_at(&mut self, point: Point) {
         self.first = (point.t, point.shading.geometric);
-        self.arrive(point);
+        self.point = point;
         self.on_surface = true;
     }
 }

@@ -14,7 +14,7 @@ pub(crate) struct Emission {
 }
 
 impl Emission {
-    /// That of a material with these parameters, in the order of [`Channel::ALL`].
+    /// That of a material with these parameters.
     #[inline(always)]
     pub fn of(values: impl Fn(Channel) -> V3) -> Self {
         Self {
@@ -41,7 +41,7 @@ impl Emission {
     #[inline(always)]
     pub fn backward(cosine: f32, g: V3, channels: &mut [DVec3; CHANNELS]) {
         if cosine > 0.0 {
-            channels[Channel::Emission as usize] += DVec3::from(g);
+            channels[Channel::Emission.place()] += DVec3::from(g);
         }
     }
 }
@@ -200,7 +200,7 @@ mod tests {
             Emission::backward(cosine, g, &mut by);
             for step in V3::AXES {
                 let slope = (value(V3::ONE + step) - value(V3::ONE - step)) / 2.0;
-                let found = by[Channel::Emission as usize].dot(step.into());
+                let found = by[Channel::Emission.place()].dot(step.into());
                 assert!((found - f64::from(slope)).abs() < 1e-6);
             }
         }

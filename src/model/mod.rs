@@ -1,5 +1,13 @@
 //! Physics as small pure functions of numbers, each with its derivative beside it and a test of it.
 
+/// Kernels know it as a constant; elsewhere it is a condition like others.
+#[cfg(not(feature = "wgpu"))]
+macro_rules! comptime {
+    ($condition:expr) => {
+        $condition
+    };
+}
+
 pub(crate) mod bsdf;
 pub(crate) mod camera;
 pub(crate) mod choice;

@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 
-use super::material::{Channel, Value};
+use super::material::Value;
 use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
 use super::{Camera, Object, Parameter, Scene};
 use crate::device::label;
@@ -132,17 +132,23 @@ impl Visit for Values<'_> {
         });
     }
 
-    fn image(&mut self, id: ParameterId, texels: &mut Tensor<3>) {
+    fn image<const D: usize>(&mut self, id: ParameterId, texels: &mut Tensor<D>) {
         self.add(id, |object, field| {
-            let [h, w, c] = texels.dims();
-            if h == 0 || w == 0 || c != 3 {
-                let found = format!("of shape [{h}, {w}, {c}]");
-                return Err(Error::invalid(object, field, found, "shape [H, W, 3]"));
+            let dims = texels.dims();
+            let (h, w) = (dims[0], dims[1]);
+            let (channels, expected) = match D {
+                2 => (1, "shape [H, W]"),
+                _ => (3, "shape [H, W, 3]"),
+            };
+            if h == 0 || w == 0 || dims[2..].iter().any(|&c| c != channels) {
+                let found = format!("of shape {dims:?}");
+                return Err(Error::invalid(object, field, found, expected));
             }
             let Some((i, value)) = first_not_finite(texels)? else {
                 return Ok(());
             };
-            let field = format!("{field} texel ({}, {})", i / 3 / w, i / 3 % w);
+            let texel = i / channels;
+            let field = format!("{field} texel ({}, {})", texel / w, texel % w);
             Err(Error::invalid(object, field, value, "finite numbers"))
         });
     }
@@ -201,8 +207,9 @@ impl Object {
                 continue;
             }
             let mut material = material.clone();
-            let mut channels = Channel::ALL.into_iter().zip(material.channels());
-            if let Some((channel, _)) = channels.find(|(_, v)| matches!(v, Value::Image(..))) {
+            let is_image = |v: &Value| matches!(v, Value::Image(..) | Value::ScalarImage(..));
+            let mut channels = material.channels().into_iter();
+            if let Some((channel, _)) = channels.find(|(_, v)| is_image(v)) {
                 let expected =
                     "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them";
                 return Err(Error::invalid(name, channel.row().0, "a texture", expected));

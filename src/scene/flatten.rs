@@ -5,7 +5,7 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use glam::DVec3;
 
-use super::material::{Channel, MaterialKind, Value};
+use super::material::{CHANNELS, Channel, MaterialKind, Value};
 use super::mesh::take_rows;
 use super::parameter::without_tape;
 use super::{
@@ -253,7 +253,7 @@ pub(crate) struct ChannelPlanes {
 /// All materials of a scene.
 #[derive(Clone, Debug)]
 pub(crate) struct Materials {
-    /// The parameters, in the order of [`Channel::ALL`].
+    /// The parameters, each at its place ([`Channel::place`]).
     channels: Vec<ChannelPlanes>,
     pub kinds: Vec<MaterialKind>,
 }
@@ -261,24 +261,25 @@ pub(crate) struct Materials {
 impl Materials {
     fn new(mut materials: Vec<Material>, context: &Context) -> Self {
         let kinds = materials.iter().map(Material::kind).collect();
-        let channels = Channel::ALL.map(|channel| {
+        let channels = (0..CHANNELS).map(|place| {
             let all = materials.iter_mut();
-            let values = all.filter_map(|m| m.channels().into_iter().nth(channel as usize));
+            let values = all.filter_map(|m| Some(m.channels().into_iter().nth(place)?.1));
             planes(values.collect(), context)
         });
         Self {
-            channels: channels.into(),
+            channels: channels.collect(),
             kinds,
         }
     }
 
-    pub fn channel(&self, channel: Channel) -> &ChannelPlanes {
-        &self.channels[channel as usize]
+    /// The parameters of a place.
+    pub fn channel(&self, place: usize) -> &ChannelPlanes {
+        &self.channels[place]
     }
 
     /// Emitted radiance, `[1, M]`.
     pub fn emission(&self) -> &Vec3 {
-        &self.channel(Channel::Emission).constant
+        &self.channel(Channel::Emission.place()).constant
     }
 
     /// The parts that any has.
@@ -330,6 +331,14 @@ impl SkyTensors {
     }
 }
 
+/// Numbers of texels as planes `[1, H·W]` of which the first holds them.
+fn scalar_rows(image: &Tensor<2>) -> Vec3 {
+    let [height, width] = image.dims();
+    let x = without_tape(image).reshape([1, height * width]);
+    let zero = x.zeros_like().detach();
+    Vec3::new(x, zero.clone(), zero)
+}
+
 /// The texels of an image as planes `[1, H·W]`.
 fn texel_rows(image: &Tensor<3>) -> Vec3 {
     let [height, width, _] = image.dims();
@@ -343,6 +352,17 @@ fn planes(values: Vec<Value<'_>>, context: &Context) -> ChannelPlanes {
     let zero = || Parameter::Constant([0.0; 3]).vector(context);
     for value in values {
         let mut slot = None;
+        let mut add_texture = |[height, width]: [usize; 2], wrap, texels| {
+            slot = Some(TextureSlot {
+                offset,
+                height,
+                width,
+                wrap,
+            });
+            offset += height * width;
+            atlas.push(texels);
+            zero()
+        };
         constant.push(match value {
             Value::Colour(p) => p.vector(context),
             Value::Scalar(p) => {
@@ -351,15 +371,10 @@ fn planes(values: Vec<Value<'_>>, context: &Context) -> ChannelPlanes {
             }
             Value::Image(texels, wrap) => {
                 let [height, width, _] = texels.dims();
-                slot = Some(TextureSlot {
-                    offset,
-                    height,
-                    width,
-                    wrap,
-                });
-                offset += height * width;
-                atlas.push(texel_rows(texels));
-                zero()
+                add_texture([height, width], wrap, texel_rows(texels))
+            }
+            Value::ScalarImage(texels, wrap) => {
+                add_texture(texels.dims(), wrap, scalar_rows(texels))
             }
         });
         texture.push(slot);

@@ -45,7 +45,7 @@ pub(crate) struct HostAttribute<const C: usize> {
 
 /// A material on the host.
 pub(crate) struct HostMaterial {
-    /// The parameters, in the order of [`Channel::ALL`](super::material::Channel::ALL).
+    /// The parameters, each at its place ([`Channel::place`]).
     pub channels: Vec<HostTexture>,
     pub kind: MaterialKind,
 }
@@ -53,7 +53,7 @@ pub(crate) struct HostMaterial {
 impl HostMaterial {
     /// Whether its radiance is other than 0.
     fn shines(&self) -> bool {
-        let emission = &self.channels[Channel::Emission as usize];
+        let emission = &self.channels[Channel::Emission.place()];
         !matches!(emission, HostTexture::Constant([0.0, 0.0, 0.0]))
     }
 }
@@ -106,7 +106,7 @@ impl HostScene {
             });
             for m in &object.materials {
                 let kind = m.kind();
-                let channels = m.clone().channels().map(texture);
+                let channels = m.clone().channels().map(|(_, value)| texture(value));
                 materials.push(HostMaterial {
                     kind,
                     channels: channels.into_iter().collect::<Result<_>>()?,
@@ -208,6 +208,19 @@ fn texture(value: Value<'_>) -> Result<HostTexture> {
             let [height, width, channels] = image.dims();
             let mut texels = Vec::with_capacity(height * width * channels);
             by_rows(image, |values| texels.extend_from_slice(values))?;
+            HostTexture::Image {
+                texels,
+                width,
+                height,
+                wrap,
+            }
+        }
+        Value::ScalarImage(image, wrap) => {
+            let [height, width] = image.dims();
+            let mut texels = Vec::with_capacity(3 * height * width);
+            by_rows(image, |values| {
+                texels.extend(values.iter().flat_map(|&v| [v, 0.0, 0.0]));
+            })?;
             HostTexture::Image {
                 texels,
                 width,

@@ -19,7 +19,7 @@ pub(crate) enum ParameterId {
     Normals(usize),
     /// `[3]`, scene units over the shutter.
     Velocity(usize),
-    /// `[3]` or `[H, W, 3]`, or `[1]`.
+    /// `[3]` or `[H, W, 3]`, or `[1]` or `[H, W]`.
     Material(usize, Channel),
     /// `[3]` or `[H, W, 3]`.
     Environment,
@@ -79,7 +79,7 @@ pub(crate) trait Visit {
     }
 
     /// Called with every image.
-    fn image(&mut self, id: ParameterId, texels: &mut Tensor<3>) {
+    fn image<const D: usize>(&mut self, id: ParameterId, texels: &mut Tensor<D>) {
         self.visit(id, texels);
     }
 
@@ -88,6 +88,7 @@ pub(crate) trait Visit {
             Value::Colour(p) => self.parameter(id, p),
             Value::Image(texels, _) => self.image(id, texels),
             Value::Scalar(p) => self.parameter(id, p),
+            Value::ScalarImage(texels, _) => self.image(id, texels),
         }
     }
 }
@@ -112,7 +113,7 @@ pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
             visit.visit(Normals(i), &mut normals.values);
         }
         for m in &mut object.materials {
-            for (channel, value) in Channel::ALL.into_iter().zip(m.channels()) {
+            for (channel, value) in m.channels() {
                 visit.value(Material(material, channel), value);
             }
             material += 1;

@@ -153,10 +153,14 @@ impl Cones {
             host_vectors(&axis)?,
             host_vectors(&points.geometric_normal)?,
         );
+        let clear = points.clear()?;
         let bends: Vec<Bend> = (0..axes.len())
             .map(|i| {
                 let [u, v, ..] = self.numbers(at, i);
-                bend(axes[i].into(), normals[i].into(), self.tangent, u, v)
+                // A refracted ray leaves on the other side.
+                let refracted = clear.get(i) == Some(&true) && axes[i].dot(normals[i]) < 0.0;
+                let outer = normals[i] * if refracted { -1.0 } else { 1.0 };
+                bend(axes[i].into(), outer.into(), self.tangent, u, v)
             })
             .collect();
         let offsets: Vec<DVec3> = bends.iter().map(|b| b.offset.into()).collect();

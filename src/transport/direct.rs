@@ -134,7 +134,7 @@ fn arriving(
     shadow.arrival = Some((emitter, detached(&distance)));
     // Where the light or the surface faces away, or the surface reflects nothing there, nothing
     // arrives whatever is in between.
-    let reflected = scattered(points, incoming, &shadow.direction);
+    let reflected = scattered(context, points, incoming, &shadow.direction)?;
     let dense = matches!(tracer.transport.sight, Sight::Softmax(_, None));
     let needed = if !dense {
         let sum = detached(&reflected.x) + detached(&reflected.y) + detached(&reflected.z);
@@ -195,7 +195,8 @@ fn along(
     let towards = Vec3::from_host(context, directions);
     // Where nothing is reflected no ray is traced.
     let incoming = shaded.rays.direction.detached();
-    let which = nonzero(&scattered(&shaded.points.detached(), &incoming, &towards))?;
+    let points = shaded.points.detached();
+    let which = nonzero(&scattered(context, &points, &incoming, &towards)?)?;
     if which.is_empty() {
         return Ok(None);
     }
@@ -210,7 +211,7 @@ fn along(
         let by_bsdf = density_of_scattering(points, &rays.direction, &towards);
         let density = power_heuristic(context.row(&density), by_bsdf, by_scattering);
         let light = map.radiance(context, &towards)?.scale(&(passed / density));
-        Ok(scattered(points, &rays.direction, &towards).mul(&light))
+        Ok(scattered(context, points, &rays.direction, &towards)?.mul(&light))
     })?;
     Ok(Some((Some(which), light)))
 }

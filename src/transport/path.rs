@@ -215,6 +215,7 @@ impl<'a> Tracing<'a> {
         let goes_on = bounce < settings.bounces || self.sky.is_some();
         let scatter = (goes_on || by_scattering || self.map.is_some())
             .then(|| bsdf::sample(context, points, &rays.direction, sampler, paths, bounce));
+        let scatter = scatter.transpose()?;
         let direction = scatter.as_ref().map(|s| &s.direction);
         let along = direction.filter(|_| by_scattering);
         let along = along.map(|d| (d, glossy.as_slice()));

@@ -2,6 +2,7 @@
 #![allow(dead_code)] // each test binary uses a part
 
 pub mod errors;
+pub mod facets;
 pub mod folder;
 pub mod gpu;
 pub mod gradients;

@@ -106,7 +106,7 @@ impl View {
             return;
         };
         let view = p.to.normalize();
-        let bend = self.bend(view, point.shading.geometric, cone_u, cone_v);
+        let bend = self.bend(view, point.shading.outer(view), cone_u, cone_v);
         let reflected = point.shading.evaluate(bend.direction);
         if reflected == V3::ZERO {
             return;
@@ -152,7 +152,7 @@ impl View {
             shadows: true,
         };
         if cos.is_nan() || cos <= 0.0 {
-            query.axis = point.shading.geometric;
+            query.axis = point.shading.outer(to);
             (query.cos, query.sin) = (0.0, 1.0);
         }
         query
@@ -173,7 +173,7 @@ impl View {
             return;
         }
         let point = &o.vertex.point;
-        let start = point.start();
+        let start = point.start(axis);
         let light = point.position + axis * hit.distance;
         let limit = up_to_plane(start, edge.past, e.normal, light);
         if p.to.length() >= limit {

@@ -6,6 +6,7 @@ use super::{Edge, FACES, Kind};
 use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
 use crate::kernel::scene::Triangle;
+use crate::scene::Bsdf;
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;
@@ -38,7 +39,11 @@ pub(super) fn of_object(
         .collect();
     all.par_sort_unstable();
     let groups: Vec<&[(u64, u32)]> = all.chunk_by(|a, b| a.0 == b.0).collect();
+    let transparent = |k: usize| scene.material(k as u32).kind.bsdf == Bsdf::Dielectric;
+    let triangles = part.first_triangle..part.first_triangle + faces.len();
     let closed = !groups.is_empty() && groups.iter().all(|g| g.len() == 2);
+    // One sees into what is clear.
+    let closed = closed && !triangles.into_iter().any(transparent);
     groups
         .par_iter()
         .filter_map(|group| edge_of(scene, object, &weld, faces, group, closed))
