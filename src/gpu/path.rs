@@ -165,8 +165,7 @@ pub(super) fn path_light(
             }
         }
         if limit > 0.0 {
-            let last = bounce >= bounces;
-            let any = purpose != OF_CAMERA && (purpose != ONWARDS || last);
+            let any = purpose != OF_CAMERA && (purpose != ONWARDS || bounce >= bounces);
             let ray = Ray {
                 origin,
                 direction,

@@ -62,7 +62,7 @@ impl Uniform {
             from = 0.0f32;
             share = chance;
         }
-        let mut number = ((self.number - from) / share.max(1e-30)).max(0.0).min(MOST);
+        let mut number = ((self.number - from) / share.max(1e-30)).min(MOST);
         let mut left = self.left * share;
         let mut key = self.key;
         if left < LEAST {
