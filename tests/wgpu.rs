@@ -227,6 +227,7 @@ fn images_and_gradients_are_finite() {
     use common::stress::{Failures, cases::cases};
     let mut failures = Failures::default();
     for (name, world) in cases().into_iter().step_by(23) {
+        println!("{name}");
         failures.note(&name, world.run(&device(), DType::F32));
     }
     failures.assert_none();

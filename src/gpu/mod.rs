@@ -4,6 +4,15 @@
 #![allow(unused_assignments)] // Variables of a kernel need a first value.
 #![allow(clippy::too_many_arguments)] // Kernels have no globals.
 #![allow(
+    clippy::collapsible_if,
+    clippy::collapsible_else_if,
+    clippy::manual_clamp,
+    clippy::implicit_saturating_sub,
+    clippy::assign_op_pattern,
+    clippy::eq_op, // size / size is NaN where size is 0 or infinite
+    reason = "the language of kernels has no other form, or conditions of compilation are nested so"
+)]
+#![allow(
     clippy::too_many_lines,
     reason = "calls are inlined, so a loop has one place for each"
 )]
