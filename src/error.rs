@@ -145,6 +145,10 @@ fn no_triangles(path: Option<&Path>, objects: usize) -> String {
     let hint = match ending.to_str() {
         Some("obj") => "",
         Some("json") => ": a scene file is read by SceneFile::load",
+        Some("gltf" | "glb") => {
+            let path = path.display();
+            return format!("{path}: no node of its scene has a mesh with triangles");
+        }
         _ => ": is it an OBJ file?",
     };
     let path = path.display();

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
 
+use super::description::Corners;
 use super::obj_text::ObjText;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result};
-use crate::scene::{Albedo, CornerAttribute, Material, Mesh, Object, Scene, Wrap};
+use crate::scene::{Albedo, Material, Mesh, Object, Scene, Wrap};
 
 impl Scene {
     /// Reads an OBJ file with its MTL files.
@@ -81,41 +82,12 @@ impl Scene {
     }
 }
 
-/// Values of corners with their own index, as far as all faces have them.
-struct Corners<const C: usize> {
-    values: Vec<[f64; C]>,
-    faces: Vec<[u32; 3]>,
-}
-
-// Derived, it would ask for a default of `[f64; C]`.
-impl<const C: usize> Default for Corners<C> {
-    fn default() -> Self {
-        Self {
-            values: Vec::new(),
-            faces: Vec::new(),
-        }
-    }
-}
-
 impl<const C: usize> Corners<C> {
     fn add(&mut self, values: &[f64], indices: &[u32]) {
         let base = self.values.len() as u32;
         self.values.extend(rows(values));
         let faces = rows::<u32, 3>(indices);
         self.faces.extend(faces.map(|f| f.map(|i| base + i)));
-    }
-
-    /// The attribute, or None unless every face has it.
-    fn attribute(self, faces: usize, device: &Device) -> Option<CornerAttribute> {
-        if self.faces.is_empty() || self.faces.len() != faces {
-            return None;
-        }
-        let shape = [self.values.len(), C];
-        let flat: Vec<f64> = self.values.into_iter().flatten().collect();
-        Some(CornerAttribute {
-            values: Tensor::from_data(TensorData::new(flat, shape), device),
-            faces: Arc::new(self.faces),
-        })
     }
 }
 

@@ -3,6 +3,7 @@
 
 pub mod errors;
 pub mod folder;
+pub mod gltf;
 pub mod gradients;
 pub mod images;
 pub mod jumps;
