@@ -165,7 +165,7 @@ fn load(arguments: &Arguments, device: &Device) -> Result<Loaded, Box<dyn Error>
         let file = SceneFile::load_within(&arguments.scene, device, &limits)?;
         return Ok((file.scene, file.camera, (file.width, file.height)));
     }
-    let mut scene = Scene::from_obj_within(&arguments.scene, device, &limits)?;
+    let mut scene = Scene::load_within(&arguments.scene, device, &limits)?;
     if !scene.has_light() {
         println!("no light in the file: a white environment (--environment r,g,b sets another)");
         scene = scene.environment([1.0; 3]);

@@ -18,7 +18,7 @@ fn load(folder: &Path, obj: &[u8], mtl: &[u8]) -> Result<(), String> {
     std::fs::write(folder.join("a.obj"), obj).expect("a file");
     std::fs::write(folder.join("a.mtl"), mtl).expect("a file");
     let device = Device::flex();
-    let scene = Scene::from_obj(folder.join("a.obj"), &device).map_err(|e| e.to_string())?;
+    let scene = Scene::load(folder.join("a.obj"), &device).map_err(|e| e.to_string())?;
     let triangles: usize = scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
     if triangles > 500 {
         return Ok(());

@@ -5,7 +5,7 @@ use std::path::Path;
 use burn::tensor::Device;
 
 use super::whole::ending;
-use super::{LoadLimits, build, gltf, ply};
+use super::{LoadLimits, build, gltf, obj, ply};
 use crate::error::Result;
 use crate::scene::{Camera, Scene};
 
@@ -23,7 +23,7 @@ pub(super) fn load(path: &Path, device: &Device, limits: &LoadLimits) -> Result<
     let description = match ending(path, &SCENES)? {
         "obj" => {
             return Ok(Loaded {
-                scene: Scene::from_obj_within(path, device, limits)?,
+                scene: obj::read(path, device, limits)?,
                 cameras: Vec::new(),
             });
         }

@@ -90,14 +90,19 @@ fn y_axis() -> [f64; 3] {
 impl Scene {
     /// Reads a scene by its file's ending.
     ///
-    /// - `.obj`: as [`Scene::from_obj`].
-    /// - `.gltf`, `.glb`: every node with a mesh becomes an [`Object`](crate::scene::Object), in world space, with a
-    ///   material for each face. Vertices at one place, which glTF splits where a normal or texture coordinate has a
+    /// - `.obj`, with its MTL files: every `o` or `g` becomes an [`Object`](crate::scene::Object); pieces of equal name
+    ///   are one object, with a material for each face. Vertices that faces share in the file stay shared. Normals and
+    ///   texture coordinates count for objects that have them at every corner. Of a material, `Kd`, `Ks`, `Ns`, `Ke`
+    ///   (radiance of the front side), `map_Kd` and `map_Ks` (times `Ks`) count, and of the options of textures
+    ///   `-clamp on`. `map_Kd` counts instead of `Kd` on objects that have texture coordinates. What has no `Kd` or no
+    ///   material is mid-grey like [`Material::default`](crate::scene::Material::default).
+    /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face. Vertices at one place, which glTF splits where a normal or texture coordinate has a
     ///   seam, are joined again. Buffers and images may be in the file or beside it.
-    /// - `.ply`: one object, named like the file.
+    /// - `.ply`: one object, named like the file, with the texture of a comment `TextureFile`.
     /// - `.json`: as [`SceneFile`].
     ///
-    /// Colours are sRGB in images and linear elsewhere, as glTF has it. What would change the picture and is not
+    /// Polygons become triangles: fans where those fill them, else by ear clipping. Colours are sRGB in images and in
+    /// bytes of PLY, and linear elsewhere. What would change the picture and is not
     /// rendered is named in a warning, once a file.
     ///
     /// # Errors
