@@ -237,8 +237,8 @@ fn nothing_is_left_of_what_fails() {
     let before = folder.files();
     let cube = shapes::cube(&Device::flex());
     says(
-        message(cube.write(folder.path("cube.ply"))),
-        ["expected .obj"],
+        message(cube.write(folder.path("cube.stl"))),
+        ["expected .obj", ".ply"],
     );
     says(
         message(room().write(folder.path("room"))),

@@ -21,7 +21,7 @@ pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
 pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
     let (mut parts, mut lost) = (Vec::new(), false);
     let objects = || scene.objects.iter().filter(|o| !o.mesh.faces.is_empty());
-    let plain = Material::default().diffuse.constant();
+    let plain = colour(&Material::default())?;
     for object in objects() {
         let split = Split::of(&object.mesh)?;
         for (m, material) in object.materials.iter().enumerate() {
@@ -31,10 +31,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
             if part.faces.is_empty() {
                 continue;
             }
-            let colour = match &material.diffuse {
-                Albedo::Constant(p) => Some(p.values()?),
-                Albedo::Texture { .. } => None,
-            };
+            let colour = colour(material)?;
             lost |= colour.is_none() || material.specular.reflects() || material.emits();
             parts.push((part, colour));
         }
@@ -48,6 +45,14 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
     }
     let double = objects().any(|o| o.mesh.vertices.dtype() == DType::F64);
     write(path, double, &parts)
+}
+
+/// A material's albedo, None for a texture.
+fn colour(material: &Material) -> Result<Option<[f64; 3]>> {
+    match &material.diffuse {
+        Albedo::Constant(p) => Ok(Some(p.values()?)),
+        Albedo::Texture { .. } => Ok(None),
+    }
 }
 
 /// A mesh, and its colour if it has one.
