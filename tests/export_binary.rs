@@ -62,9 +62,15 @@ fn room() -> Scene {
     let smooth = image_of(3, 2, |i| 0.05 + i as f32 / 50.0);
     let glossy = textured(image_of(2, 3, |i| 0.05 + i as f32 / 60.0), Wrap::Mirror);
     let glossy = glossy.specular(Albedo::texture(smooth), 7.5);
-    let ball = shapes::icosphere(1, &device).scaled(0.6).translated([-0.6, 0.8, 0.1]);
+    let ball = shapes::icosphere(1, &device)
+        .scaled(0.6)
+        .translated([-0.6, 0.8, 0.1]);
     let ball = ball.clone().smooth_normals();
-    let cube = faceted(shapes::cube(&device).scaled(0.3).translated([0.8, 0.4, 0.2]));
+    let cube = faceted(
+        shapes::cube(&device)
+            .scaled(0.3)
+            .translated([0.8, 0.4, 0.2]),
+    );
     let back = facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device);
     let mut back = Object::new(back.with_uvs(uvs())).named("back \"\n");
     back.materials = vec![glossy, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])];
@@ -122,14 +128,21 @@ fn a_scene_reads_back_from_ply_to_the_same_image() {
     let folder = Folder::new("ply-scene");
     let device = Device::flex();
     let ball = shapes::icosphere(1, &device).smooth_normals();
-    let cube = faceted(shapes::cube(&device).scaled(0.4).translated([0.9, 0.6, 0.8]));
+    let cube = faceted(
+        shapes::cube(&device)
+            .scaled(0.4)
+            .translated([0.9, 0.6, 0.8]),
+    );
     let scene = Scene::new()
         .with(Object::new(ball))
         .with(Object::new(cube).named("cube"))
         .environment([1.0, 0.5, 0.25]);
     let path = folder.path("two.ply");
     let told = warnings(|| scene.write(&path).expect("a file"));
-    assert!(told.len() == 1 && told[0].contains("environment"), "{told:?}");
+    assert!(
+        told.len() == 1 && told[0].contains("environment"),
+        "{told:?}"
+    );
     let read = Scene::load(&path, &device).expect("a scene");
     assert_eq!(read.objects.len(), 1);
     let read = read.environment([1.0, 0.5, 0.25]);
@@ -168,9 +181,14 @@ fn meshes_keep_every_bit() {
     let end = b"end_header\n";
     let start = bytes.windows(end.len()).position(|w| w == end);
     let body = &bytes[start.expect("a header") + end.len()..];
-    let numbers = body.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("8")));
+    let numbers = body
+        .chunks_exact(8)
+        .map(|b| f64::from_le_bytes(b.try_into().expect("8")));
     let count = 3 * double.vertices.dims()[0];
-    assert_eq!(numbers.take(count).collect::<Vec<_>>(), values(&double.vertices));
+    assert_eq!(
+        numbers.take(count).collect::<Vec<_>>(),
+        values(&double.vertices)
+    );
 }
 
 #[test]
@@ -185,7 +203,11 @@ fn what_is_lost_is_told() {
     let scene = Scene::new()
         .with(cube("still").material(Material::diffuse(wandered)))
         .with(cube("moving").velocity([0.5, 0.0, 0.0]))
-        .with(cube("bright").map_mesh(tiled).material(Material::diffuse(Albedo::texture(bright))))
+        .with(
+            cube("bright")
+                .map_mesh(tiled)
+                .material(Material::diffuse(Albedo::texture(bright))),
+        )
         .with(Object::new(nothing).named("empty"));
     let told = warnings(|| scene.write(folder.path("a.glb")).expect("a file"));
     for (part, of) in [
@@ -199,5 +221,8 @@ fn what_is_lost_is_told() {
     }
     assert_eq!(told.len(), 4, "{told:?}");
     let told = warnings(|| scene.write(folder.path("a.ply")).expect("a file"));
-    assert!(told.iter().any(|w| w.contains("textures, gloss")), "{told:?}");
+    assert!(
+        told.iter().any(|w| w.contains("textures, gloss")),
+        "{told:?}"
+    );
 }

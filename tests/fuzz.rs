@@ -262,7 +262,7 @@ fn gltf() -> Gltf {
 /// All places of a JSON value below which there are none.
 fn leaves<'a>(value: &'a mut Value, found: &mut Vec<&'a mut Value>) {
     match value {
-        Value::Array(list) if !list.is_empty() => list.iter_mut().for_each(|v| leaves(v, found)),
+        Value::Array(list) => list.iter_mut().for_each(|v| leaves(v, found)),
         Value::Object(map) => map.values_mut().for_each(|v| leaves(v, found)),
         leaf => found.push(leaf),
     }
@@ -319,18 +319,17 @@ fn any_bytes_are_ply_or_an_error() {
     let ball = shapes::icosahedron(&device).smooth_normals();
     ball.write(&path).expect("a file");
     let binary = std::fs::read(&path).expect("bytes");
-    let (first, second) = ("ply\nformat binary_".len(), "ply\nformat binary_little".len());
+    let (first, second) = (
+        "ply\nformat binary_".len(),
+        "ply\nformat binary_little".len(),
+    );
     let big = [&binary[..first], b"big", &binary[second..]].concat();
     let ascii = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
                  property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
                  element face 2\nproperty list uchar int vertex_indices\n\
                  property list uchar float texcoord\nend_header\n0 0 0 1 2 3\n1 0 0 4 5 6\n\
                  1 1 0 7 8 9\n0 1 0 0 0 0\n4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 0 1 3 6 0 0 0 0 1 1\n";
-    let strategy = prop_oneof![
-        damaged(binary),
-        damaged(big),
-        damaged(ascii.into()),
-    ];
+    let strategy = prop_oneof![damaged(binary), damaged(big), damaged(ascii.into()),];
     fuzz("ply", time(5), strategy, |bytes| {
         std::fs::write(&path, bytes).expect("a file");
         seen(&Scene::load(&path, &device).map_err(|e| e.to_string())?)

@@ -12,7 +12,10 @@ use softray::prelude::*;
 
 fn load(file: &Gltf) -> softray::Result<Scene> {
     let folder = Folder::new("gltf");
-    let path = folder.write(&format!("{:?}.glb", std::thread::current().id()), file.glb());
+    let path = folder.write(
+        &format!("{:?}.glb", std::thread::current().id()),
+        file.glb(),
+    );
     Scene::load(path, &Device::flex())
 }
 
@@ -148,7 +151,10 @@ fn vertices_at_one_place_are_one() {
     // Normals point to the outside of the mirror image, too.
     let normals = mesh.normals.as_ref().expect("normals");
     let values = common::tensors::points(&normals.values);
-    for (corners, rows) in triangles(&scene.objects[0]).iter().zip(normals.faces.iter()) {
+    for (corners, rows) in triangles(&scene.objects[0])
+        .iter()
+        .zip(normals.faces.iter())
+    {
         let [a, b, c] = corners.map(DVec3::from);
         let across = (b - a).cross(c - a);
         assert!(across.dot(a + b + c) > 0.0);
@@ -185,7 +191,10 @@ fn materials_and_textures() {
                 "KHR_materials_emissive_strength": {"emissiveStrength": 8}
             }
         }));
-        let path = folder.write("scene.gltf", file.gltf(&data_uri("application/octet-stream", &file.buffer)));
+        let path = folder.write(
+            "scene.gltf",
+            file.gltf(&data_uri("application/octet-stream", &file.buffer)),
+        );
         let mut loaded = None;
         let told = warnings(|| loaded = Some(Scene::load(&path, &Device::flex())));
         assert!(told.is_empty(), "{told:?}");
@@ -225,7 +234,10 @@ fn what_is_not_rendered_is_told() {
     let told = warnings(|| load(&file).expect("a scene"));
     assert_eq!(told.len(), 2, "{told:?}");
     says(&told[0], ["not read: KHR_materials_clearcoat, animations"]);
-    says(&told[1], ["not rendered", "alpha", "transmission", "normal maps"]);
+    says(
+        &told[1],
+        ["not rendered", "alpha", "transmission", "normal maps"],
+    );
 }
 
 #[test]
@@ -283,7 +295,10 @@ fn sparse_arrays_change_some_rows() {
     // Without a base all other rows are 0.
     let accessor = file.json["accessors"][0].as_object_mut().expect("it");
     accessor.remove("bufferView");
-    assert_eq!(vertices(&file), [[0.0; 3], [5.0, 0.0, 0.0], [0.0, 7.0, 0.0]]);
+    assert_eq!(
+        vertices(&file),
+        [[0.0; 3], [5.0, 0.0, 0.0], [0.0, 7.0, 0.0]]
+    );
 }
 
 #[test]
@@ -315,7 +330,10 @@ fn cameras() {
     assert_eq!(names, ["eye", "camera 2"]);
     assert_eq!((found.width, found.height), (512, 256));
     let place = |c: &Camera| {
-        let (eye, target) = (c.eye.values().expect("values"), c.target.values().expect("values"));
+        let (eye, target) = (
+            c.eye.values().expect("values"),
+            c.target.values().expect("values"),
+        );
         (DVec3::from(eye), DVec3::from(target) - DVec3::from(eye))
     };
     let (eye, forward) = place(&found.camera);

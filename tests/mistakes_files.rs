@@ -29,9 +29,11 @@ fn files() {
     told.expect("an OBJ file without faces", &["points.obj", "face"], || {
         obj(folder.write("points.obj", TRIANGLE))
     });
-    told.expect("a glTF file without meshes", &["scene.gltf", "no node"], || {
-        obj(folder.write("scene.gltf", "{\"asset\": {\"version\": \"2.0\"}}"))
-    });
+    told.expect(
+        "a glTF file without meshes",
+        &["scene.gltf", "no node"],
+        || obj(folder.write("scene.gltf", "{\"asset\": {\"version\": \"2.0\"}}")),
+    );
     told.expect("a file of another kind", &["a.fbx", ".gltf"], || {
         obj(folder.write("a.fbx", "Kaydara"))
     });

@@ -158,7 +158,10 @@ fn textures_of_scans() {
     };
     let path = folder.write("inner/scan.ply", text("../a b.png"));
     let device = Device::flex();
-    says(message(Scene::load(&path, &device)), ["lies outside", "a b.png"]);
+    says(
+        message(Scene::load(&path, &device)),
+        ["lies outside", "a b.png"],
+    );
     let path = folder.write("scan.ply", text("a b.png"));
     let scene = Scene::load(path, &device).expect("a scene");
     let object = &scene.objects[0];
@@ -177,7 +180,10 @@ fn vertex_colours_are_told() {
                 element face 1\nproperty list uchar int vertex_indices\nend_header\n\
                 0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n";
     let told = warnings(|| load("colours", text).expect("a scene"));
-    assert!(told.len() == 1 && told[0].contains("vertex colours"), "{told:?}");
+    assert!(
+        told.len() == 1 && told[0].contains("vertex colours"),
+        "{told:?}"
+    );
 }
 
 #[test]
@@ -195,21 +201,48 @@ fn mistakes_are_named() {
         ("plain\n".into(), ["line 1", "no PLY file"]),
         ("ply\nformat ascii 1.0\n".into(), ["end_header", ""]),
         ("ply\nend_header\n".into(), ["no format", ""]),
-        ("ply\nformat utf8 1.0\nend_header\n".into(), ["line 2", "utf8"]),
+        (
+            "ply\nformat utf8 1.0\nend_header\n".into(),
+            ["line 2", "utf8"],
+        ),
         (head("property float x\n"), ["line 3", "before any element"]),
         (head("element vertex many\n"), ["line 3", "many"]),
-        (head("element vertex 1\nproperty half x\n"), ["line 4", "half"]),
-        (head("element vertex 0\nproperty float x\n"), ["vertex", "x, y and z"]),
-        (format!("{points}0 0 0\n1 1 1\n"), ["2 vertices", "no faces"]),
-        (format!("{points}0 0 0\n1 1\n"), ["element vertex", "claims 2 rows"]),
-        (format!("{points}0.12345 0 0\n1 1\n"), ["vertex 1, property z", "ends"]),
-        (format!("{points}0 0 0\n1 x 1\n"), ["vertex 1, property y", "\"x\""]),
+        (
+            head("element vertex 1\nproperty half x\n"),
+            ["line 4", "half"],
+        ),
+        (
+            head("element vertex 0\nproperty float x\n"),
+            ["vertex", "x, y and z"],
+        ),
+        (
+            format!("{points}0 0 0\n1 1 1\n"),
+            ["2 vertices", "no faces"],
+        ),
+        (
+            format!("{points}0 0 0\n1 1\n"),
+            ["element vertex", "claims 2 rows"],
+        ),
+        (
+            format!("{points}0.12345 0 0\n1 1\n"),
+            ["vertex 1, property z", "ends"],
+        ),
+        (
+            format!("{points}0 0 0\n1 x 1\n"),
+            ["vertex 1, property y", "\"x\""],
+        ),
         (mesh("2 0 1"), ["face 0", "2 corners"]),
         (mesh("3 0 1 3"), ["face 0", "index 3 is out of range"]),
         (mesh("3 0 1 -1"), ["face 0", "index -1"]),
         (mesh("3 0 1 0.5"), ["face 0", "index 0.5"]),
-        (mesh("-3 0 1 2"), ["face 0, property vertex_indices", "length is -3"]),
-        (mesh("99 0 1 2"), ["face 0, property vertex_indices", "length is 99"]),
+        (
+            mesh("-3 0 1 2"),
+            ["face 0, property vertex_indices", "length is -3"],
+        ),
+        (
+            mesh("99 0 1 2"),
+            ["face 0, property vertex_indices", "length is 99"],
+        ),
     ] {
         let error = message(load("mistakes", &text));
         says(&error, parts);
@@ -217,6 +250,7 @@ fn mistakes_are_named() {
     // A claim is not believed.
     let huge = head(&format!("element vertex 4000000000000\n{xyz}"));
     says(message(load("huge", huge)), ["claims 4000000000000 rows"]);
-    let no_values = head("element vertex 3\nproperty float x\nelement nothing 18446744073709551615\n");
+    let no_values =
+        head("element vertex 3\nproperty float x\nelement nothing 18446744073709551615\n");
     assert!(load("nothing", no_values).is_err());
 }

@@ -175,9 +175,8 @@ impl File {
             let count = indices.len() / 4;
             let indices = self.accessor(view, UNSIGNED_INT, count, "SCALAR");
             let material = materials.number(material, &object.name)?;
-            primitives.push(
-                json!({"attributes": attributes, "indices": indices, "material": material}),
-            );
+            primitives
+                .push(json!({"attributes": attributes, "indices": indices, "material": material}));
         }
         Ok(json!({"name": object.name, "primitives": primitives}))
     }

@@ -69,8 +69,9 @@ fn write(path: &Path, double: bool, parts: &[Part]) -> Result<()> {
     let byte = |v: f64| srgb_byte(v as f32);
     let bytes = colours().all(|v| table[usize::from(byte(v))] == v as f32);
     let float = if double { "double" } else { "float" };
-    let mut header =
-        format!("ply\nformat binary_little_endian 1.0\ncomment softray\nelement vertex {vertices}\n");
+    let mut header = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment softray\nelement vertex {vertices}\n"
+    );
     let mut properties = |kind: &str, names: &[&str]| {
         for name in names {
             header += &format!("property {kind} {name}\n");
@@ -88,7 +89,8 @@ fn write(path: &Path, double: bool, parts: &[Part]) -> Result<()> {
         let kind = if bytes { "uchar" } else { "float" };
         properties(kind, &["red", "green", "blue"]);
     }
-    header += &format!("element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n");
+    header +=
+        &format!("element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n");
     write_whole(path, |file| {
         let mut put = |bytes: &[u8]| file.write_all(bytes).map_err(Error::io(path));
         let put_number = |put: &mut dyn FnMut(&[u8]) -> Result<()>, v: f64| match double {
@@ -100,9 +102,15 @@ fn write(path: &Path, double: bool, parts: &[Part]) -> Result<()> {
             // A part without a colour among others that have one: a texture, of which there is none.
             let colour = colour.unwrap_or([1.0; 3]);
             for i in 0..part.positions.len() {
-                let normal = part.normals.iter().filter(|_| has_normals).map(|n| &n[i][..]);
+                let normal = part
+                    .normals
+                    .iter()
+                    .filter(|_| has_normals)
+                    .map(|n| &n[i][..]);
                 let uv = part.uvs.iter().filter(|_| has_uvs).map(|u| &u[i][..]);
-                let rows = std::iter::once(&part.positions[i][..]).chain(normal).chain(uv);
+                let rows = std::iter::once(&part.positions[i][..])
+                    .chain(normal)
+                    .chain(uv);
                 for &v in rows.flatten() {
                     put_number(&mut put, v)?;
                 }

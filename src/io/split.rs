@@ -30,7 +30,8 @@ impl Split {
         let mut faces = mesh.faces.to_vec();
         for (f, face) in faces.iter_mut().enumerate() {
             for (c, vertex) in face.iter_mut().enumerate() {
-                let row = |a: Option<&crate::scene::CornerAttribute>| a.map_or(0, |a| a.faces[f][c]);
+                let row =
+                    |a: Option<&crate::scene::CornerAttribute>| a.map_or(0, |a| a.faces[f][c]);
                 let wanted = [row(uvs), row(normals)];
                 if *known[*vertex as usize].get_or_insert(wanted) == wanted {
                     continue;
@@ -77,8 +78,14 @@ impl Split {
         let faces = faces.collect();
         Self {
             positions: used.iter().map(|&v| self.positions[v]).collect(),
-            uvs: self.uvs.as_ref().map(|all| used.iter().map(|&v| all[v]).collect()),
-            normals: self.normals.as_ref().map(|all| used.iter().map(|&v| all[v]).collect()),
+            uvs: self
+                .uvs
+                .as_ref()
+                .map(|all| used.iter().map(|&v| all[v]).collect()),
+            normals: self
+                .normals
+                .as_ref()
+                .map(|all| used.iter().map(|&v| all[v]).collect()),
             faces,
         }
     }
@@ -86,6 +93,8 @@ impl Split {
 
 fn rows<const C: usize>(values: &Tensor<2>) -> Result<Vec<[f64; C]>> {
     let flat = host_values(values)?;
-    let rows = flat.chunks_exact(C).map(|row| std::array::from_fn(|i| row[i]));
+    let rows = flat
+        .chunks_exact(C)
+        .map(|row| std::array::from_fn(|i| row[i]));
     Ok(rows.collect())
 }

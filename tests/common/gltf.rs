@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 /// A file in the making: its JSON and its only buffer.
+#[derive(Debug)]
 pub struct Gltf {
     pub json: Value,
     pub buffer: Vec<u8>,
@@ -60,7 +61,11 @@ impl Gltf {
 
     /// Adds an array of rows of floats.
     pub fn floats<const N: usize>(&mut self, kind: &str, rows: &[[f32; N]]) -> usize {
-        let bytes: Vec<u8> = rows.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+        let bytes: Vec<u8> = rows
+            .iter()
+            .flatten()
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
         let view = self.view(&bytes);
         self.push(
             "accessors",

@@ -233,7 +233,8 @@ impl Accessor<'_> {
 
     /// A row's first number as it is.
     pub fn index(&self, row: usize) -> u32 {
-        self.place(row).map_or(0, |bytes| whole(bytes, self.component))
+        self.place(row)
+            .map_or(0, |bytes| whole(bytes, self.component))
     }
 
     /// Whether its numbers may be indices.

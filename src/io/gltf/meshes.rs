@@ -159,7 +159,10 @@ impl<'a> Builder<'a> {
                 // Strips go on by triangles without area.
                 continue;
             }
-            if let Some(c) = vertices.iter().position(|&v| v as usize >= arrays.positions.count) {
+            if let Some(c) = vertices
+                .iter()
+                .position(|&v| v as usize >= arrays.positions.count)
+            {
                 let message = format!(
                     "has the index {} at {}, but there are {} positions",
                     vertices[c], corners[c], arrays.positions.count
@@ -257,8 +260,16 @@ impl<'a> Builder<'a> {
             place,
             normal: normal.map_or(0, |n| mesh.normals.push(n)),
             // Those of a primitive that has none count for nothing.
-            uv: if self.uvs { mesh.uvs.push(uv.unwrap_or([0.0; 2])) } else { 0 },
-            colour: if self.colours { mesh.colours.push(colour.unwrap_or([1.0; 3])) } else { 0 },
+            uv: if self.uvs {
+                mesh.uvs.push(uv.unwrap_or([0.0; 2]))
+            } else {
+                0
+            },
+            colour: if self.colours {
+                mesh.colours.push(colour.unwrap_or([1.0; 3]))
+            } else {
+                0
+            },
         }
     }
 

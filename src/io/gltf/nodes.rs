@@ -32,25 +32,31 @@ pub(super) fn walk(document: &Document) -> Result<Description> {
     let mut seen = vec![false; root.nodes.len()];
     // The last one is next.
     let mut next: Vec<(usize, DAffine3)> = Vec::new();
-    for (i, place) in roots(document)?.into_iter().rev() {
+    for (i, place) in roots(document)? {
         enter(document, &mut seen, i, &place)?;
         next.push((i, DAffine3::IDENTITY));
     }
+    next.reverse();
     while let Some((i, parent)) = next.pop() {
         let node = &root.nodes[i];
         let to_world = parent * local(document, node, i)?;
-        if !to_world.is_finite() {
-            let message = "has a transform whose numbers are not finite";
+        if !to_world
+            .to_cols_array()
+            .iter()
+            .all(|&v| (v as f32).is_finite())
+        {
+            let message = "has a transform whose numbers are not finite in f32";
             return Err(document.fail(format!("nodes[{i}]"), message));
         }
         walk.node(node, i, to_world)?;
-        let children = node.children.iter().enumerate();
-        for (k, &child) in children.rev() {
+        let first = next.len();
+        for (k, &child) in node.children.iter().enumerate() {
             let place = format!("nodes[{i}].children[{k}]");
             document.get(&root.nodes, child, &place, "nodes")?;
             enter(document, &mut seen, child, &place)?;
             next.push((child, to_world));
         }
+        next[first..].reverse();
     }
     let mut found = walk.found;
     found.materials = materials.into_iter().map(|m| m.description).collect();
@@ -182,15 +188,16 @@ impl Walk<'_> {
         self.triangles = self.triangles.saturating_add(more);
         let most = document.limits.triangles;
         if self.triangles > most {
-            let message = format!(
-                "makes more than {most} triangles: LoadLimits::triangles raises the limit"
-            );
+            let message =
+                format!("makes more than {most} triangles: LoadLimits::triangles raises the limit");
             return Err(document.fail(place, message));
         }
         let known = match self.meshes.get(&index) {
             Some(&known) => known,
             None => {
-                self.found.meshes.push(mesh(document, index, self.materials)?);
+                self.found
+                    .meshes
+                    .push(mesh(document, index, self.materials)?);
                 self.meshes.insert(index, self.found.meshes.len() - 1);
                 self.found.meshes.len() - 1
             }
@@ -244,7 +251,10 @@ impl Walk<'_> {
                 }
                 let aspect = p.aspect_ratio;
                 let aspect = aspect.map(|a| positive(a, "perspective.aspectRatio"));
-                (ProjectionDescription::Perspective { fov_y }, aspect.transpose()?)
+                (
+                    ProjectionDescription::Perspective { fov_y },
+                    aspect.transpose()?,
+                )
             }
             CameraType::Orthographic => {
                 let o = json.orthographic.as_ref();
@@ -253,7 +263,10 @@ impl Walk<'_> {
                 let high = positive(o.ymag.abs(), "orthographic.ymag")?;
                 let wide = positive(o.xmag.abs(), "orthographic.xmag")?;
                 let height = 2.0 * high;
-                (ProjectionDescription::Orthographic { height }, Some(wide / high))
+                (
+                    ProjectionDescription::Orthographic { height },
+                    Some(wide / high),
+                )
             }
         };
         Ok(CameraDescription {

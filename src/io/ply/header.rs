@@ -132,7 +132,9 @@ impl Header {
             let words: Vec<&str> = line.split_whitespace().collect();
             match words.as_slice() {
                 ["ply"] if number == 1 => {}
-                _ if number == 1 => return fail("it is no PLY file, which begins with \"ply\"".into()),
+                _ if number == 1 => {
+                    return fail("it is no PLY file, which begins with \"ply\"".into());
+                }
                 ["end_header"] => break,
                 ["format", name, _version] => {
                     format = Some(match *name {

@@ -66,7 +66,9 @@ impl Values<'_> {
             return Err(format!("its length is {length}"));
         }
         if length > most as f64 {
-            return Err(format!("its length is {length}, but the file has {most} more at most"));
+            return Err(format!(
+                "its length is {length}, but the file has {most} more at most"
+            ));
         }
         Ok(length as usize)
     }
