@@ -132,13 +132,15 @@ fn files_that_are_no_files() {
             ["regular file"],
         );
     }
-    let pipe = folder.0.join("pipe");
+    let pipe = folder.0.join("pipe.obj");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status();
     if made.is_ok_and(|s| s.success()) {
         says(message(Scene::load(&pipe, &device)), ["regular file"]);
         says(message(HostImage::read(&pipe)), ["regular file"]);
     }
-    says(message(Scene::load(&folder.0, &device)), ["a folder"]);
+    let inner = folder.0.join("folder.obj");
+    std::fs::create_dir_all(&inner).expect("a folder");
+    says(message(Scene::load(&inner, &device)), ["a folder"]);
 }
 
 #[test]

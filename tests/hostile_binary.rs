@@ -14,6 +14,7 @@ fn load(folder: &Folder, file: &Gltf) -> softray::Result<Scene> {
 }
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "a line for each mistake")]
 fn mistakes_of_gltf_are_named() {
     let folder = Folder::new("gltf-mistakes");
     let cases = [
