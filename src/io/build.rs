@@ -8,13 +8,13 @@ use std::sync::Arc;
 use burn::tensor::{Device, Tensor, TensorData};
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::LoadLimits;
 use super::decode::Decoded;
 use super::description::{
     Alpha, CameraDescription, Corners, Description, ImageSource, LightDescription,
     MaterialDescription, MeshDescription, ObjectDescription, ProjectionDescription, TextureUse,
 };
 use super::limits::open;
+use super::{HostImage, LoadLimits};
 use crate::error::Result;
 use crate::scene::{Albedo, Camera, Material, Mesh, Object, Scene};
 
@@ -196,7 +196,8 @@ impl Builder<'_> {
         let mut texels = match self.images.get(&image) {
             Some(texels) => texels.clone(),
             None => {
-                let texels = self.decode(image)?.colour()?.into_tensor(self.device);
+                let texels = HostImage::of_colours(self.decode(image)?)?;
+                let texels = texels.into_tensor(self.device);
                 self.images.insert(image, texels.clone());
                 texels
             }

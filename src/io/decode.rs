@@ -5,8 +5,8 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
+use super::LoadLimits;
 use super::srgb::decode_srgb;
-use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result};
 
 /// An image as a file has it.
@@ -47,13 +47,17 @@ impl Decoded {
         Ok(Self { image, linear })
     }
 
-    /// Linear RGB: numbers that are not linear are decoded from sRGB. Grey becomes RGB and alpha is dropped.
-    pub fn colour(self) -> Result<HostImage> {
-        let (width, height) = (self.image.width() as usize, self.image.height() as usize);
-        let pixels = match self.linear {
+    /// Columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        [self.image.width() as usize, self.image.height() as usize]
+    }
+
+    /// Linear RGB, row by row: numbers that are not linear are decoded from sRGB. Grey becomes RGB and alpha is
+    /// dropped.
+    pub fn colours(self) -> Vec<f32> {
+        match self.linear {
             true => self.image.into_rgb32f().into_raw(),
             false => decode_srgb(self.image),
-        };
-        HostImage::new(width, height, pixels)
+        }
     }
 }

@@ -108,7 +108,13 @@ impl HostImage {
     pub fn read_within(path: impl AsRef<Path>, limits: &LoadLimits) -> Result<Self> {
         let path = path.as_ref();
         let (file, _) = open(path)?;
-        Decoded::read(BufReader::new(file), path, limits)?.colour()
+        Self::of_colours(Decoded::read(BufReader::new(file), path, limits)?)
+    }
+
+    /// The colours of an image that was decoded.
+    pub(super) fn of_colours(decoded: Decoded) -> Result<Self> {
+        let [width, height] = decoded.size();
+        Self::new(width, height, decoded.colours())
     }
 
     /// Checks that an image can be written to a path: its ending is known, and its folder exists. Called before a
