@@ -158,14 +158,12 @@ fn no_triangles(path: Option<&Path>, objects: usize) -> String {
             }
         };
     };
-    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
-    let hint = match ending.to_str() {
-        Some("obj") => "",
-        Some("json") => ": a scene file is read by SceneFile::load",
-        _ => ": is it an OBJ file?",
+    let ending = path.extension().unwrap_or_default();
+    let missing = match ending.eq_ignore_ascii_case("obj") {
+        true => "it has no faces (lines that begin with \"f\"), expected at least one",
+        false => "no node of its scene has a mesh with triangles",
     };
-    let path = path.display();
-    format!("{path}: it has no faces (lines that begin with \"f\"), expected at least one{hint}")
+    format!("{}: {missing}", path.display())
 }
 
 /// A list of names to choose from, for messages.

@@ -237,7 +237,7 @@ fn shared_vertices_stay_shared() {
 #[test]
 fn errors_name_file_and_field() {
     let folder = Folder::new("errors");
-    let missing = Scene::from_obj(folder.path("none.obj"), &Device::flex());
+    let missing = Scene::load(folder.path("none.obj"), &Device::flex());
     says(message(missing), ["none.obj"]);
 
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";

@@ -5,6 +5,7 @@ pub mod errors;
 pub mod facets;
 pub mod folder;
 pub mod gpu;
+pub mod gltf;
 pub mod gradients;
 pub mod images;
 pub mod jumps;
