@@ -123,6 +123,12 @@ fn render_views(
     };
     let all = size[0] as u128 * size[1] as u128 * batch.views.len() as u128;
     options.check_memory(all)?;
+    let is_softmax = matches!(options.visibility, Visibility::Softmax { .. });
+    if is_softmax && batch.scenes.iter().any(Scene::refracts) {
+        let expected = "Visibility::Cone, since the scene has a dielectric: the softmax's surfaces of closed objects \
+                        are seen from outside alone";
+        return Err(Error::invalid("render options", "visibility", "Softmax", expected));
+    }
     let mut means = match options.visibility {
         Visibility::Cone { .. } if options.engine != Engine::Tensors => {
             kernel::render(batch, options, pixels)?

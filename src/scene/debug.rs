@@ -3,7 +3,9 @@
 
 use std::fmt::{Debug, Formatter, Result};
 
-use super::{Albedo, CornerAttribute, Environment, Material, Mesh, Object, Parameter, Scene};
+use super::{
+    Albedo, Bsdf, CornerAttribute, Environment, Material, Mesh, Object, Parameter, ScalarTexture, Scene,
+};
 use crate::debug::{Text, graph, place, tensor};
 
 /// The most objects of a scene, and materials of an object, that are shown.
@@ -23,6 +25,17 @@ impl<const C: usize> Debug for Parameter<C> {
 }
 
 impl Debug for Albedo {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        match self {
+            Self::Constant(p) => p.fmt(f),
+            Self::Texture { texels, wrap } => {
+                write!(f, "texture {:?}, {wrap:?}", tensor(texels))
+            }
+        }
+    }
+}
+
+impl Debug for ScalarTexture {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         match self {
             Self::Constant(p) => p.fmt(f),
@@ -73,8 +86,28 @@ impl Debug for Material {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let name = format!("Material {:?}", self.name);
         let mut all = f.debug_struct(&name);
-        all.field("diffuse", &self.diffuse);
-        if self.specular.reflects() {
+        let facets = self.bsdf != Bsdf::Phong;
+        if facets {
+            all.field("bsdf", &self.bsdf);
+        }
+        match self.bsdf {
+            Bsdf::Conductor => {
+                all.field("eta", &self.eta);
+                all.field("extinction", &self.extinction);
+            }
+            Bsdf::Dielectric => {
+                all.field("ior", &self.ior);
+            }
+            _ => {
+                all.field("diffuse", &self.diffuse);
+            }
+        }
+        if self.bsdf == Bsdf::MetallicRoughness {
+            all.field("metallic", &self.metallic);
+        }
+        if facets {
+            all.field("roughness", &self.roughness);
+        } else if self.specular.reflects() {
             all.field("specular", &self.specular);
             all.field("shininess", &self.shininess);
         }

@@ -1,11 +1,20 @@
 //! Materials of facets, and what constants of a BSDF may be.
 
+use super::Scene;
 use super::material::{Albedo, Bsdf, Material, ScalarTexture};
 use super::parameter::{Parameter, Range};
 use crate::error::{Error, Result};
 
 /// Indices of refraction that are nearer to 1 count as this far from it: without a difference nothing is refracted.
 pub(crate) const LEAST_CONTRAST: f64 = 1e-3;
+
+impl Scene {
+    /// Whether any material refracts.
+    pub(crate) fn refracts(&self) -> bool {
+        let mut all = self.objects.iter().flat_map(|o| &o.materials);
+        all.any(|m| m.bsdf == Bsdf::Dielectric)
+    }
+}
 
 impl Material {
     /// The model of glTF 2.0: facets of the distribution GGX with α = roughness², Smith's masking, and a share of
