@@ -72,7 +72,7 @@ pub mod prelude {
         render, render_batch, render_pixels,
     };
     pub use crate::scene::{
-        Albedo, Bounds, Camera, Environment, Material, Mesh, Object, Parameter, Projection, Scene,
-        Transform, Wrap, shapes,
+        Albedo, Bounds, Camera, Environment, Light, Material, Mesh, Object, Parameter, Projection,
+        Scene, Transform, Wrap, shapes,
     };
 }

@@ -21,7 +21,14 @@ pub(super) struct Receiver<'a> {
 impl Receiver<'_> {
     /// Light that arrives along a direction if nothing is in between.
     #[inline(always)]
-    fn propose(&self, direction: V3, limit: f32, light: V3, sample: Sample, work: &mut Work) {
+    pub(super) fn propose(
+        &self,
+        direction: V3,
+        limit: f32,
+        light: V3,
+        sample: Sample,
+        work: &mut Work,
+    ) {
         let ray = HitRay::new(self.start, direction, self.time, limit);
         work.rays.push(ray);
         work.candidates.push(Candidate {
@@ -46,14 +53,13 @@ impl View {
         let emitters = &self.scene.emitters;
         let x = from.point.position;
         let (k, chance, u) = emitters.choose(x, from.time, u, &mut work.chances);
-        let on = uniform_point(u, v);
-        self.connect(
-            from,
-            (k, [on.x, on.y], chance),
-            along.map(|_| false),
-            cone,
-            work,
-        );
+        if let Some(light) = emitters.light(k) {
+            self.connect_delta(from, (light, chance), cone, work);
+        } else {
+            let on = uniform_point(u, v);
+            let place = (k, [on.x, on.y], chance);
+            self.connect(from, place, along.map(|_| false), cone, work);
+        }
         if let Some(direction) = along {
             let mut hits = std::mem::take(&mut work.emitter_hits);
             hits.clear();

@@ -159,6 +159,7 @@ impl View {
                 let vertex = &mut work.vertices[walk.vertex];
                 match candidate.sample {
                     Sample::Light(sample) => keep(&mut vertex.lights, &mut work.lights, sample),
+                    Sample::Delta(sample) => keep(&mut vertex.deltas, &mut work.deltas, sample),
                     Sample::Sky(sample) => keep(&mut vertex.skies, &mut work.skies, sample),
                 }
             }
@@ -255,6 +256,7 @@ impl View {
                 point: *point,
                 throughput: walk.throughput,
                 lights: 0..0,
+                deltas: 0..0,
                 skies: 0..0,
                 leave: None,
                 previous,

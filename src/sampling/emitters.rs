@@ -2,11 +2,13 @@
 
 use super::strategies::EmitterSampling;
 use crate::model::V3;
+use crate::model::delta_light::DeltaLight;
 use crate::model::triangle::{barycentric, solid_angle};
 
-/// The emitter triangles of a scene.
+/// The emitters of a scene: triangles, then lights without extent, in one count.
 pub(crate) struct Emitters {
     list: Vec<Emitter>,
+    lights: Vec<DeltaLight>,
     /// Probabilities that do not depend on the point.
     pub fixed: Vec<f32>,
     by_solid_angle: bool,
@@ -61,18 +63,27 @@ const TOGETHER: usize = 8;
 const GRAZING: f32 = 1e-6;
 
 impl Emitters {
-    /// Of a list in the order of the scene's triangles; `moves` says whether any velocity counts.
-    pub fn new(mut list: Vec<Emitter>, moves: bool, sampling: EmitterSampling) -> Self {
+    /// Of a list in the order of the scene's triangles; `moves` says whether any velocity counts. `size` is the typical
+    /// size of the scene, in the unit of coordinates.
+    pub fn new(
+        mut list: Vec<Emitter>,
+        lights: Vec<DeltaLight>,
+        (moves, size): (bool, f64),
+        sampling: EmitterSampling,
+    ) -> Self {
         let largest = list.iter().map(|e| e.radiance).fold(0.0, f32::max);
         let least = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
         list.iter_mut()
             .for_each(|e| e.radiance = e.radiance.max(least));
-        let count = list.len();
-        let power: Vec<f64> = list
+        let count = list.len() + lights.len();
+        let of_triangles = list
             .iter()
-            .map(|e| f64::from(e.area) * f64::from(e.radiance))
-            .map(|p| if p.is_finite() { p } else { 0.0 })
-            .collect();
+            .map(|e| f64::from(e.area) * f64::from(e.radiance));
+        let mut power: Vec<f64> = of_triangles.collect();
+        power.extend(powers_of_lights(&lights, size));
+        for p in &mut power {
+            *p = if p.is_finite() { *p } else { 0.0 };
+        }
         let total: f64 = power.iter().sum();
         // From anywhere, emitters of one plane are seen about as their areas are.
         let apart = |e: &Emitter| {
@@ -80,27 +91,49 @@ impl Emitters {
             let offset = (e.corners[0] - first).dot(list[0].normal);
             n.abs().max_element().max(offset.abs()) > 1e-5
         };
-        let spread = moves || list.iter().any(apart);
+        let spread = moves || !lights.is_empty() || list.iter().any(apart);
         let uniform = sampling == EmitterSampling::Uniform || total <= 0.0;
         let fixed = if uniform {
             vec![1.0 / count.max(1) as f32; count]
         } else {
             power.iter().map(|p| (p / total) as f32).collect()
         };
-        let groups = group(&mut list);
+        let mut groups = group(&mut list);
+        groups.extend((list.len()..count).map(|k| EmitterGroup {
+            members: vec![k as u32],
+            centre: V3::ZERO,
+            radius: 0.0,
+            velocity: V3::ZERO,
+        }));
         Self {
             by_solid_angle: sampling == EmitterSampling::SolidAngle
                 && (2..=FEW).contains(&count)
                 && spread
                 && !uniform,
             list,
+            lights,
             fixed,
             groups,
         }
     }
 
     pub fn is_empty(&self) -> bool {
-        self.list.is_empty()
+        self.list.is_empty() && self.lights.is_empty()
+    }
+
+    /// The light without extent that an emitter is, by its place among those.
+    #[inline(always)]
+    pub fn light(&self, emitter: usize) -> Option<usize> {
+        emitter.checked_sub(self.list.len())
+    }
+
+    /// The light without extent that a group is.
+    pub fn light_of_group(&self, group: usize) -> Option<usize> {
+        (group + self.lights.len()).checked_sub(self.groups.len())
+    }
+
+    pub fn lights(&self) -> &[DeltaLight] {
+        &self.lights
     }
 
     /// Whether probabilities depend on the point.
@@ -129,6 +162,11 @@ impl Emitters {
         for e in &self.list {
             let [a, b, c] = e.corners;
             let p = e.radiance * solid_angle(a, b, c, x - e.velocity * time).max(0.0);
+            total += p;
+            room.push(p);
+        }
+        for light in &self.lights {
+            let p = mean(light.strength).max(1e-30) * light.seen_from(x).scale;
             total += p;
             room.push(p);
         }
@@ -175,7 +213,10 @@ impl Emitters {
             return (0, 1.0);
         }
         let (k, _, _) = self.choose(x, time, u, room);
-        let group = self.list[k].group as usize;
+        let group = match self.light(k) {
+            None => self.list[k].group as usize,
+            Some(light) => self.groups.len() - self.lights.len() + light,
+        };
         let p = self.probabilities(x, time, room);
         let chance: f32 = self.groups[group]
             .members
@@ -218,6 +259,7 @@ impl Emitters {
         }
     }
 
+    /// All triangles.
     pub fn all(&self) -> std::ops::Range<usize> {
         0..self.list.len()
     }
@@ -225,6 +267,29 @@ impl Emitters {
     pub fn members(&self, group: usize) -> impl Iterator<Item = usize> + '_ {
         self.groups[group].members.iter().map(|&k| k as usize)
     }
+}
+
+/// The mean of a colour's channels.
+fn mean(colour: V3) -> f32 {
+    colour.abs().element_sum() / 3.0
+}
+
+/// Powers of lights over π, which for a triangle is area times radiance; those that are black for now count a little.
+fn powers_of_lights(lights: &[DeltaLight], size: f64) -> impl Iterator<Item = f64> {
+    let power = move |l: &DeltaLight| {
+        let per_strength = if l.directional {
+            size * size
+        } else if l.spot {
+            // Of the solid angle about half-way between both angles.
+            2.0 - f64::from(l.cos_inner + l.cos_outer)
+        } else {
+            4.0
+        };
+        f64::from(mean(l.strength)) * per_strength
+    };
+    let largest = lights.iter().map(power).fold(0.0, f64::max);
+    let least = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
+    lights.iter().map(move |l| power(l).max(least))
 }
 
 /// Emitters of one object and velocity together, few at a time.
@@ -286,9 +351,19 @@ mod tests {
             EmitterSampling::Power,
             EmitterSampling::SolidAngle,
         ] {
-            let all = Emitters::new((0..3).map(emitter).collect(), false, sampling);
+            let light = DeltaLight {
+                position: v3(0.5, 0.7, 2.0),
+                axis: v3(0.0, 0.0, -1.0),
+                strength: V3::ONE * 2.0,
+                directional: false,
+                spot: true,
+                cos_inner: 0.9,
+                cos_outer: 0.3,
+            };
+            let list = (0..3).map(emitter).collect();
+            let all = Emitters::new(list, vec![light], (false, 1.0), sampling);
             let (x, mut room, n) = (v3(0.1, -0.2, 0.05), Vec::new(), 30_000);
-            let (mut counts, mut rest) = ([0.0; 3], 0.0);
+            let (mut counts, mut rest) = ([0.0; 4], 0.0);
             for i in 0..n {
                 let u = (i as f32 + 0.5) / n as f32;
                 let (k, chance, left) = all.choose(x, 0.0, u, &mut room);

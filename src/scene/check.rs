@@ -33,6 +33,9 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
     for object in &scene.objects {
         object.check()?;
     }
+    for (i, light) in scene.lights.iter().enumerate() {
+        light.host(&light_name(i))?;
+    }
     Ok(context)
 }
 
@@ -116,10 +119,15 @@ impl Visit for Check<'_> {
     }
 }
 
+/// The name of a light in messages.
+fn light_name(index: usize) -> String {
+    format!("light {index}")
+}
+
 impl Scene {
     /// The name of the object of a tensor, for messages.
     fn place_of(&self, id: ParameterId) -> String {
-        use ParameterId::{Material, Normals, Uvs, Velocity, Vertices};
+        use ParameterId::{Light, Material, Normals, Uvs, Velocity, Vertices};
         match id {
             Vertices(i) | Uvs(i) | Normals(i) | Velocity(i) => self.objects[i].name.clone(),
             Material(m, _) => {
@@ -127,6 +135,7 @@ impl Scene {
                 let mut all = all.flat_map(|o| (0..o.materials.len()).map(|i| o.material_name(i)));
                 all.nth(m).unwrap_or_default()
             }
+            Light(i, _) => light_name(i),
             _ => "scene".into(),
         }
     }

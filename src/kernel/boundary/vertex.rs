@@ -92,6 +92,11 @@ impl View {
         let point = &o.vertex.point;
         let (x, time) = (point.position, o.path.time);
         let (group, chance) = emitters.choose_group(x, time, choice, &mut work.chances);
+        if let Some(light) = emitters.light_of_group(group) {
+            let carried = o.carried * (1.0 / rate) * (1.0 / chance);
+            self.delta_edges(o, (light, carried), [u, v], by, sums);
+            return;
+        }
         let light_moves = emitters.members(group).any(|k| {
             let k = emitters.get(k).triangle as usize;
             self.wanted.objects[self.scene.triangles[k].object as usize]

@@ -98,6 +98,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
         let host = HostCamera::new(camera)?;
         let scene = scenes[*scene].clone();
         let view = View::new(scene, host, settings, wanted, edges);
+        view.warn_of_hard_shadows();
         views.push((view, places));
     }
     Ok(Prepared {
