@@ -5,7 +5,7 @@ use std::sync::Once;
 
 use glam::DVec3;
 
-use super::direct::Receiver;
+use super::direct::Shaded;
 use super::gradient::Sums;
 use super::scene::KernelScene;
 use super::surface::PointGradient;
@@ -92,7 +92,7 @@ impl View {
     #[inline(never)]
     pub(super) fn connect_delta(
         &self,
-        from: &Receiver,
+        from: &Shaded,
         (light, chance): (usize, f32),
         [cone_u, cone_v]: [f32; 2],
         work: &mut Work,

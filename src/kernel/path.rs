@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::direct::Receiver;
+use super::direct::Shaded;
 use super::surface::Point;
 use super::view::View;
 use super::walk::{Leave, Sample, Vertex, Work};
@@ -276,7 +276,7 @@ impl View {
         }
         let [_, _, cone_u, cone_v] = self.cone_numbers(path, bounce);
         let cone = [cone_u, cone_v];
-        let from = Receiver {
+        let from = Shaded {
             walk: i,
             time: path.time,
             point,

@@ -101,7 +101,8 @@ impl KernelScene {
                 kind: m.kind,
             })
             .collect();
-        let emits = |t: &(usize, &Triangle)| materials[t.1.material as usize].kind.emits;
+        let emits =
+            |t: &(usize, &Triangle)| t.1.area > 0.0 && materials[t.1.material as usize].kind.emits;
         let list = triangles.iter().enumerate().filter(emits);
         let list = list.map(|(k, t)| Emitter {
             triangle: k as u32,

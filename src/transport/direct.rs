@@ -57,6 +57,7 @@ pub(super) fn connect(
     let views = match looks {
         true => Some(Views {
             position: host_vectors(&shaded.points.position)?,
+            normal: host_vectors(&shaded.points.geometric_normal)?,
             time: time.map(host_values).transpose()?,
         }),
         false => None,

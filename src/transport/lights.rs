@@ -12,7 +12,7 @@ use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vec
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 use crate::model::sky::SkyDensity;
-use crate::sampling::{Emitter, EmitterSampling, Emitters};
+use crate::sampling::{Emitter, EmitterSampling, Emitters, Receiver};
 use crate::scene::{EnvironmentMap, Flattened, LightPlanes, SkyTensors};
 
 /// The emitters of a scene, for lists of points.
@@ -23,14 +23,19 @@ pub(crate) struct Lights {
 /// The points that emitters are chosen for.
 pub(crate) struct Views {
     pub position: Vec<DVec3>,
+    /// The side's normal.
+    pub normal: Vec<DVec3>,
     /// Time in the shutter, if anything moves.
     pub time: Option<Vec<f64>>,
 }
 
 impl Views {
-    fn at(&self, i: usize) -> (V3, f32) {
-        let time = self.time.as_ref().map_or(0.0, |t| t[i] as f32);
-        (self.position[i].into(), time)
+    fn at(&self, i: usize) -> Receiver {
+        Receiver {
+            position: self.position[i].into(),
+            normal: self.normal[i].into(),
+            time: self.time.as_ref().map_or(0.0, |t| t[i] as f32),
+        }
     }
 }
 
@@ -77,8 +82,13 @@ impl Lights {
     ) -> (Vec<Chosen>, Vec<ChosenLight>) {
         let pieces = u.par_iter().zip(v).enumerate().with_min_len(PIECE);
         let one = |room: &mut Vec<f32>, (i, (&u, &v)): (usize, (&f64, &f64))| {
-            let (x, time) = views.map_or((V3::ZERO, 0.0), |v| v.at(i));
-            let (k, chance, rest) = self.emitters.choose(x, time, u as f32, room);
+            let nowhere = Receiver {
+                position: V3::ZERO,
+                normal: V3::ZERO,
+                time: 0.0,
+            };
+            let at = views.map_or(nowhere, |v| v.at(i));
+            let (k, chance, rest) = self.emitters.choose(&at, u as f32, room);
             if let Some(light) = self.emitters.light(k) {
                 return Either::Right(ChosenLight {
                     path: i as u32,
@@ -104,13 +114,13 @@ impl Lights {
         let emitters = &self.emitters;
         let one = |i: usize| {
             let (mut hits, mut room) = (Vec::new(), Vec::new());
-            let (x, time) = views.at(i);
-            emitters.each_hit(emitters.all(), x, time, directions[i].into(), |hit| {
+            let at = views.at(i);
+            emitters.each_hit_of_all(&at, directions[i].into(), |hit| {
                 hits.push(Chosen {
                     path: i as u32,
                     emitter: emitters.get(hit.emitter).triangle,
                     weights: hit.weights.map(f64::from),
-                    chance: emitters.chance(x, time, hit.emitter, &mut room).into(),
+                    chance: emitters.chance(&at, hit.emitter, &mut room).into(),
                 });
             });
             hits
@@ -149,7 +159,8 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
             group: 0,
         }
     };
-    Ok(index.iter().enumerate().map(one).collect())
+    let all = index.iter().enumerate().map(one);
+    Ok(all.filter(|e| e.area > 0.0).collect())
 }
 
 /// The lights without extent, read back.

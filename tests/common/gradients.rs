@@ -1,5 +1,7 @@
 //! Gradients against central differences of renders of the same blurred scene.
 
+pub mod lights;
+
 use burn::tensor::{DType, Device, Tensor};
 use softray::gradcheck::{Checked, GradCheck, Row, gradcheck};
 use softray::prelude::*;
@@ -377,7 +379,9 @@ pub fn agreement(setups: [Setup; 2], dtype: DType, effort: Effort) -> Vec<(&'sta
         let [x, y] = setups.map(|e| of_seed(case, e, dtype, effort, 5));
         (x - y).abs() / x.abs().max(y.abs())
     };
-    let found: Vec<_> = cases().iter().map(|c| (c.name, apart(c))).collect();
+    let lights = lights::still().into_iter().chain(lights::moving());
+    let all = cases().into_iter().chain(lights);
+    let found: Vec<_> = all.map(|c| (c.name, apart(&c))).collect();
     println!("{found:?}");
     found
 }

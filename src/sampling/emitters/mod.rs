@@ -1,9 +1,18 @@
 //! Emitters, and the choice of one that a surface point is connected to; it carries no gradient.
 
+mod groups;
+mod many;
+#[cfg(test)]
+mod tests;
+mod tree;
+
 use super::strategies::EmitterSampling;
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 use crate::model::triangle::{barycentric, solid_angle};
+pub(crate) use groups::EmitterGroup;
+use groups::group;
+use many::ManyEmitters;
 
 /// The emitters of a scene: triangles, then lights without extent, in one count.
 pub(crate) struct Emitters {
@@ -11,9 +20,33 @@ pub(crate) struct Emitters {
     lights: Vec<DeltaLight>,
     /// Probabilities that do not depend on the point.
     pub fixed: Vec<f32>,
-    by_solid_angle: bool,
-    /// Emitters of one object and velocity, whose shadows are sampled together.
+    /// Sums of these up to each emitter.
+    sums: Vec<f32>,
+    by: Choice,
+    /// Emitters that are near to each other, whose shadows are sampled together; then lights without extent, one by one.
     pub groups: Vec<EmitterGroup>,
+    /// The group of each light without extent.
+    group_of_light: Vec<u32>,
+}
+
+/// The choice of an emitter.
+enum Choice {
+    /// With probabilities that do not depend on the point.
+    Fixed,
+    /// By the solid angles of all.
+    SolidAngle,
+    /// By a tree.
+    Tree(ManyEmitters),
+}
+
+/// A surface point that emitters are chosen for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Receiver {
+    pub position: V3,
+    /// The side's normal.
+    pub normal: V3,
+    /// Time in the shutter.
+    pub time: f32,
 }
 
 /// A triangle that emits from its front, in inner coordinates at the start of the shutter.
@@ -41,23 +74,11 @@ pub(crate) struct EmitterHit {
     pub weights: [f32; 2],
 }
 
-/// Emitters in a sphere, at the start of the shutter.
-#[derive(Clone, Debug)]
-pub(crate) struct EmitterGroup {
-    pub members: Vec<u32>,
-    pub centre: V3,
-    pub radius: f32,
-    /// The velocity of each of them.
-    pub velocity: V3,
-}
-
 /// Up to so many emitters have their solid angles computed at every point.
 const FEW: usize = 64;
 /// Emitters under a glancing angle are chosen with at least this share of their power's probability:
 /// their light is small there, but its derivative is not.
 const BY_POWER: f32 = 0.1;
-/// Emitters of one group at most.
-const TOGETHER: usize = 8;
 
 /// Rays that are more parallel to an emitter than this don't meet it.
 const GRAZING: f32 = 1e-6;
@@ -98,23 +119,41 @@ impl Emitters {
         } else {
             power.iter().map(|p| (p / total) as f32).collect()
         };
-        let mut groups = group(&mut list);
-        groups.extend((list.len()..count).map(|k| EmitterGroup {
-            members: vec![k as u32],
-            centre: V3::ZERO,
-            radius: 0.0,
-            velocity: V3::ZERO,
-        }));
-        Self {
-            by_solid_angle: sampling == EmitterSampling::SolidAngle
-                && (2..=FEW).contains(&count)
-                && spread
-                && !uniform,
+        let by_place = sampling == EmitterSampling::SolidAngle && !uniform;
+        let mut this = Self {
+            group_of_light: vec![0; lights.len()],
+            sums: Vec::new(),
+            by: Choice::Fixed,
+            groups: Vec::new(),
             list,
             lights,
             fixed,
-            groups,
+        };
+        if by_place && count > FEW {
+            let (many, groups) = ManyEmitters::new(&mut this);
+            this.groups = groups;
+            this.by = Choice::Tree(many);
+        } else {
+            this.groups = group(&this.list);
+            let lights = this.list.len()..count;
+            this.groups.extend(lights.map(|k| EmitterGroup {
+                members: vec![k as u32],
+                ..EmitterGroup::default()
+            }));
+            if by_place && count > 1 && spread {
+                this.by = Choice::SolidAngle;
+            }
         }
+        for (g, group) in this.groups.iter().enumerate() {
+            for &k in &group.members {
+                match (k as usize).checked_sub(this.list.len()) {
+                    None => this.list[k as usize].group = g as u32,
+                    Some(light) => this.group_of_light[light] = g as u32,
+                }
+            }
+        }
+        this.sums = running_sums(this.fixed.iter().copied());
+        this
     }
 
     pub fn is_empty(&self) -> bool {
@@ -129,7 +168,14 @@ impl Emitters {
 
     /// The light without extent that a group is.
     pub fn light_of_group(&self, group: usize) -> Option<usize> {
-        (group + self.lights.len()).checked_sub(self.groups.len())
+        self.light(*self.groups[group].members.first()? as usize)
+    }
+
+    fn group_of(&self, emitter: usize) -> usize {
+        match self.light(emitter) {
+            None => self.list[emitter].group as usize,
+            Some(light) => self.group_of_light[light] as usize,
+        }
     }
 
     pub fn lights(&self) -> &[DeltaLight] {
@@ -138,35 +184,25 @@ impl Emitters {
 
     /// Whether probabilities depend on the point.
     pub fn depends_on_position(&self) -> bool {
-        self.by_solid_angle
+        !matches!(self.by, Choice::Fixed)
     }
 
     pub fn get(&self, emitter: usize) -> &Emitter {
         &self.list[emitter]
     }
 
-    /// Probabilities of the emitters at a point and time; `room` is room for them.
-    #[inline(always)]
-    fn probabilities<'a>(&'a self, x: V3, time: f32, room: &'a mut Vec<f32>) -> &'a [f32] {
-        if self.by_solid_angle {
-            self.seen_from(x, time, room)
-        } else {
-            &self.fixed
-        }
-    }
-
+    /// Probabilities of few emitters at a point; `room` is room for them.
     #[inline(never)]
-    fn seen_from<'a>(&'a self, x: V3, time: f32, room: &'a mut Vec<f32>) -> &'a [f32] {
+    fn seen_from<'a>(&'a self, at: &Receiver, room: &'a mut Vec<f32>) -> &'a [f32] {
         room.clear();
         let mut total = 0.0;
         for e in &self.list {
-            let [a, b, c] = e.corners;
-            let p = e.radiance * solid_angle(a, b, c, x - e.velocity * time).max(0.0);
+            let p = e.brings(at);
             total += p;
             room.push(p);
         }
         for light in &self.lights {
-            let p = mean(light.strength).max(1e-30) * light.seen_from(x).scale;
+            let p = brings(light, at);
             total += p;
             room.push(p);
         }
@@ -181,49 +217,67 @@ impl Emitters {
 
     /// An emitter for a random number, its probability, and what is left of the number, uniform again.
     #[inline(always)]
-    pub fn choose(&self, x: V3, time: f32, u: f32, room: &mut Vec<f32>) -> (usize, f32, f32) {
-        let p = self.probabilities(x, time, room);
-        let (mut k, mut passed) = (0, 0.0);
-        // Rounding may leave the sum a little under 1: then the last that can be is taken.
-        let mut taken = (0, 0.0);
-        while k < p.len() {
-            if p[k] > 0.0 {
-                taken = (k, passed);
-                if u < passed + p[k] {
-                    break;
-                }
-            }
-            passed += p[k];
-            k += 1;
+    pub fn choose(&self, at: &Receiver, u: f32, room: &mut Vec<f32>) -> (usize, f32, f32) {
+        match &self.by {
+            Choice::Fixed if self.fixed.len() > FEW => self.by_sums(u),
+            Choice::Fixed => one_of(&self.fixed, u),
+            Choice::SolidAngle => one_of(self.seen_from(at, room), u),
+            Choice::Tree(many) => many.choose(self, at, u),
         }
-        let (k, before) = taken;
-        let rest = (u - before) / p[k];
-        (k, p[k], rest.clamp(0.0, 1.0 - f32::EPSILON))
+    }
+
+    /// One of many, with probabilities that do not depend on the point.
+    #[inline(never)]
+    fn by_sums(&self, u: f32) -> (usize, f32, f32) {
+        let mut k = self.sums.partition_point(|&sum| sum <= u);
+        if k >= self.fixed.len() {
+            k = self.fixed.iter().rposition(|&p| p > 0.0).unwrap_or(0);
+        }
+        let p = self.fixed[k];
+        let before = if k == 0 { 0.0 } else { self.sums[k - 1] };
+        (k, p, ((u - before) / p).clamp(0.0, 1.0 - f32::EPSILON))
     }
 
     /// The probability of an emitter at a point.
     #[inline(always)]
-    pub fn chance(&self, x: V3, time: f32, emitter: usize, room: &mut Vec<f32>) -> f32 {
-        self.probabilities(x, time, room)[emitter]
+    pub fn chance(&self, at: &Receiver, emitter: usize, room: &mut Vec<f32>) -> f32 {
+        match &self.by {
+            Choice::Fixed => self.fixed[emitter],
+            Choice::SolidAngle => self.seen_from(at, room)[emitter],
+            Choice::Tree(many) => many.chance(self, at, emitter),
+        }
     }
 
-    /// A group for a random number, its probability, and what is left of the number.
-    pub fn choose_group(&self, x: V3, time: f32, u: f32, room: &mut Vec<f32>) -> (usize, f32) {
+    /// A group for a random number, and its probability.
+    pub fn choose_group(&self, at: &Receiver, u: f32, room: &mut Vec<f32>) -> (usize, f32) {
         if self.groups.len() == 1 {
             return (0, 1.0);
         }
-        let (k, _, _) = self.choose(x, time, u, room);
-        let group = match self.light(k) {
-            None => self.list[k].group as usize,
-            Some(light) => self.groups.len() - self.lights.len() + light,
+        let (k, _, _) = self.choose(at, u, room);
+        let group = self.group_of(k);
+        let members = self.groups[group].members.iter().map(|&k| k as usize);
+        let chance = match &self.by {
+            Choice::Fixed => members.map(|k| self.fixed[k]).sum(),
+            Choice::SolidAngle => {
+                let p = self.seen_from(at, room);
+                members.map(|k| p[k]).sum()
+            }
+            Choice::Tree(many) => many.chance_of_group(self, at, group),
         };
-        let p = self.probabilities(x, time, room);
-        let chance: f32 = self.groups[group]
-            .members
-            .iter()
-            .map(|&k| p[k as usize])
-            .sum();
         (group, chance)
+    }
+
+    /// Visits all emitters whose front a ray hits, as if nothing were in between.
+    #[inline(always)]
+    pub fn each_hit_of_all(&self, at: &Receiver, direction: V3, mut visit: impl FnMut(EmitterHit)) {
+        match &self.by {
+            Choice::Tree(many) => many.each_on(at.position, direction, |group| {
+                if self.light_of_group(group).is_none() {
+                    self.each_hit(self.members(group), at, direction, &mut visit);
+                }
+            }),
+            _ => self.each_hit(self.all(), at, direction, visit),
+        }
     }
 
     /// Visits the emitters among some whose front a ray hits, as if nothing were in between.
@@ -231,8 +285,7 @@ impl Emitters {
     pub fn each_hit(
         &self,
         members: impl Iterator<Item = usize>,
-        x: V3,
-        time: f32,
+        at: &Receiver,
         direction: V3,
         mut visit: impl FnMut(EmitterHit),
     ) {
@@ -242,13 +295,13 @@ impl Emitters {
             if cosine >= -GRAZING {
                 continue;
             }
-            let from_a = x - e.velocity * time - e.corners[0];
+            let from_a = at.position - e.velocity * at.time - e.corners[0];
             let t = -e.normal.dot(from_a) / cosine;
             if t <= 0.0 {
                 continue;
             }
-            let at = e.corners[0] + from_a + direction * t;
-            let [a, b, c] = barycentric(e.corners, e.normal, e.area, at);
+            let point = e.corners[0] + from_a + direction * t;
+            let [a, b, c] = barycentric(e.corners, e.normal, e.area, point);
             if a >= 0.0 && b >= 0.0 && c >= 0.0 {
                 visit(EmitterHit {
                     emitter: k,
@@ -267,6 +320,52 @@ impl Emitters {
     pub fn members(&self, group: usize) -> impl Iterator<Item = usize> + '_ {
         self.groups[group].members.iter().map(|&k| k as usize)
     }
+}
+
+impl Emitter {
+    /// About the irradiance of a point that faces it.
+    #[inline(always)]
+    fn brings(&self, at: &Receiver) -> f32 {
+        let [a, b, c] = self.corners;
+        let x = at.position - self.velocity * at.time;
+        self.radiance * solid_angle(a, b, c, x).max(0.0)
+    }
+}
+
+/// About the irradiance of a point that faces a light.
+#[inline(always)]
+fn brings(light: &DeltaLight, at: &Receiver) -> f32 {
+    mean(light.strength).max(1e-30) * light.seen_from(at.position).scale
+}
+
+/// An index drawn with its probability, that, and what is left of the number.
+#[inline(always)]
+fn one_of(p: &[f32], u: f32) -> (usize, f32, f32) {
+    let (mut k, mut passed) = (0, 0.0);
+    // Rounding may leave the sum a little under 1: then the last that can be is taken.
+    let mut taken = (0, 0.0);
+    while k < p.len() {
+        if p[k] > 0.0 {
+            taken = (k, passed);
+            if u < passed + p[k] {
+                break;
+            }
+        }
+        passed += p[k];
+        k += 1;
+    }
+    let (k, before) = taken;
+    let rest = (u - before) / p[k];
+    (k, p[k], rest.clamp(0.0, 1.0 - f32::EPSILON))
+}
+
+/// The sums of numbers up to each.
+fn running_sums(numbers: impl Iterator<Item = f32>) -> Vec<f32> {
+    let sums = numbers.scan(0.0, |sum, p| {
+        *sum += p;
+        Some(*sum)
+    });
+    sums.collect()
 }
 
 /// The mean of a colour's channels.
@@ -290,95 +389,4 @@ fn powers_of_lights(lights: &[DeltaLight], size: f64) -> impl Iterator<Item = f6
     let largest = lights.iter().map(power).fold(0.0, f64::max);
     let least = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
     lights.iter().map(move |l| power(l).max(least))
-}
-
-/// Emitters of one object and velocity together, few at a time.
-fn group(list: &mut [Emitter]) -> Vec<EmitterGroup> {
-    let mut groups: Vec<EmitterGroup> = Vec::new();
-    let mut last = None;
-    for (k, e) in list.iter_mut().enumerate() {
-        let object = e.object;
-        match groups.last_mut() {
-            Some(g) if last == Some(object) && g.members.len() < TOGETHER => {
-                g.members.push(k as u32);
-            }
-            _ => groups.push(EmitterGroup {
-                members: vec![k as u32],
-                centre: V3::ZERO,
-                radius: 0.0,
-                velocity: e.velocity,
-            }),
-        }
-        last = Some(object);
-        e.group = groups.len() as u32 - 1;
-    }
-    for g in &mut groups {
-        let corners = || g.members.iter().flat_map(|&k| list[k as usize].corners);
-        let (mut low, mut high) = (V3::ONE * f32::MAX, V3::ONE * f32::MIN);
-        for c in corners() {
-            low = low.min(c);
-            high = high.max(c);
-        }
-        let centre = (low + high) * 0.5;
-        let radius = corners().map(|c| (c - centre).length()).fold(0.0, f32::max);
-        g.centre = centre;
-        g.radius = radius * (1.0 + 1e-5);
-    }
-    groups
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::v3;
-
-    /// Emitters are drawn as often as their probabilities say, which add up to 1; what is left of the number is
-    /// uniform.
-    #[test]
-    fn emitters_are_drawn_with_their_probabilities() {
-        let emitter = |k: u32| Emitter {
-            triangle: k,
-            object: 0,
-            corners: [V3::AXES[0], V3::AXES[2], V3::AXES[1]].map(|c| c * (1.0 + k as f32)),
-            normal: V3::ONE * -(1.0f32 / 3.0).sqrt(),
-            area: 0.5 * 3f32.sqrt() * (1.0 + k as f32).powi(2),
-            velocity: V3::ZERO,
-            radiance: 1.0 + 2.0 * k as f32,
-            group: 0,
-        };
-        for sampling in [
-            EmitterSampling::Uniform,
-            EmitterSampling::Power,
-            EmitterSampling::SolidAngle,
-        ] {
-            let light = DeltaLight {
-                position: v3(0.5, 0.7, 2.0),
-                axis: v3(0.0, 0.0, -1.0),
-                strength: V3::ONE * 2.0,
-                directional: false,
-                spot: true,
-                cos_inner: 0.9,
-                cos_outer: 0.3,
-            };
-            let list = (0..3).map(emitter).collect();
-            let all = Emitters::new(list, vec![light], (false, 1.0), sampling);
-            let (x, mut room, n) = (v3(0.1, -0.2, 0.05), Vec::new(), 30_000);
-            let (mut counts, mut rest) = ([0.0; 4], 0.0);
-            for i in 0..n {
-                let u = (i as f32 + 0.5) / n as f32;
-                let (k, chance, left) = all.choose(x, 0.0, u, &mut room);
-                assert_eq!(chance, all.chance(x, 0.0, k, &mut room));
-                counts[k] += 1.0 / f64::from(n);
-                rest += f64::from(left) / f64::from(n);
-            }
-            for (k, count) in counts.into_iter().enumerate() {
-                let chance = f64::from(all.chance(x, 0.0, k, &mut room));
-                assert!(
-                    (count - chance).abs() < 1e-3,
-                    "{sampling:?} {k}: {count} {chance}"
-                );
-            }
-            assert!((rest - 0.5).abs() < 1e-3);
-        }
-    }
 }
