@@ -115,7 +115,10 @@ fn trace(
     rows: &Rows,
 ) -> Result<(Tensor<2>, Vec<Traced>, Option<Gpu>)> {
     #[cfg(feature = "wgpu")]
-    if context.dtype == DType::F32 && !crate::device::is_cpu(&context.device) {
+    if context.dtype == DType::F32
+        && !crate::device::is_cpu(&context.device)
+        && views.iter().all(|(view, _)| crate::gpu::knows(view))
+    {
         let of_view = |(view, _): &(View, Places)| Job {
             view: Arc::new(Packed::new(view)),
             pixels: pixels.clone(),

@@ -187,6 +187,12 @@ impl Emitters {
         !matches!(self.by, Choice::Fixed)
     }
 
+    /// Whether they are chosen by a tree.
+    #[cfg(feature = "wgpu")]
+    pub fn are_many(&self) -> bool {
+        matches!(self.by, Choice::Tree(_))
+    }
+
     pub fn get(&self, emitter: usize) -> &Emitter {
         &self.list[emitter]
     }
