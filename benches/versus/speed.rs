@@ -185,7 +185,8 @@ impl Speed {
     }
 }
 
-/// A floor and a ball, with the number of emissive triangles: those of one lamp, or of 125 balls of 80 in the air.
+/// A floor and a ball under 125 small balls of 80 triangles, with the number of emissive triangles: all of these, or two of
+/// a lamp. The camera sees neither.
 fn lit_by_lamps(many: bool, device: &Device) -> (Scene, usize) {
     let quad = |half: f64, y: f64| {
         let [a, b, c, d] = [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]]
@@ -200,16 +201,20 @@ fn lit_by_lamps(many: bool, device: &Device) -> (Scene, usize) {
     let mut scene = Scene::new()
         .with(Object::new(ball).material(Material::diffuse([0.6, 0.5, 0.4])))
         .with(Object::new(quad(4.0, 0.0)).material(Material::diffuse([0.5; 3])));
+    for i in 0..125 {
+        let [x, y, z] = [i % 5, i / 5 % 5, i / 25].map(|k| k as f32);
+        let place = [1.3 * (x - 2.0), 4.0 + 0.5 * y, 1.3 * (z - 2.0)];
+        let lamp = at(shapes::icosphere(1, device), 0.03, place);
+        let material = match many {
+            true => Material::emitter([80.0; 3]),
+            false => Material::diffuse([0.0; 3]),
+        };
+        scene = scene.with(Object::new(lamp).material(material));
+    }
     if !many {
         let lamp = quad(0.5, -3.0).scaled(Tensor::from_floats([1.0, -1.0, 1.0], device));
         let lamp = Object::new(lamp).material(Material::emitter([12.0; 3]));
         return (scene.with(lamp), 2);
-    }
-    for i in 0..125 {
-        let [x, y, z] = [i % 5, i / 5 % 5, i / 25].map(|k| k as f32);
-        let place = [1.3 * (x - 2.0), 1.5 + 0.5 * y, 1.3 * (z - 2.0)];
-        let lamp = at(shapes::icosphere(1, device), 0.03, place);
-        scene = scene.with(Object::new(lamp).material(Material::emitter([8.0; 3])));
     }
     (scene, 10_000)
 }

@@ -4,7 +4,7 @@ use std::ops::{AddAssign, Range};
 
 use glam::DVec3;
 
-use super::delta_lights::DeltaSums;
+use super::delta_sums::DeltaSums;
 use super::scene::KernelScene;
 use crate::model::camera::CameraGradient;
 use crate::scene::{CHANNELS, Channel, LightPart, ParameterId};

@@ -9,6 +9,7 @@ mod backward;
 mod boundary;
 mod camera;
 mod delta_lights;
+mod delta_sums;
 mod direct;
 mod edges;
 mod gradient;

@@ -1,7 +1,8 @@
 //! The choice of one of many emitters, by a tree over those that are somewhere, beside directional lights.
 
-use super::tree::{Item, LEAF, LightTree};
-use super::{BY_POWER, EmitterGroup, Emitters, Receiver, mean, one_of, running_sums};
+use super::branches::Item;
+use super::tree::LightTree;
+use super::{BY_POWER, EmitterGroup, Emitters, Receiver, mean, running_sums};
 use crate::model::V3;
 
 /// A tree over emitters, and directional lights. A share of [`BY_POWER`] is chosen by power, whatever the point.
@@ -55,16 +56,18 @@ impl ManyEmitters {
                 alone: true,
             });
         }
-        let (tree, leaves) = match items.is_empty() {
+        let count = triangles + all.lights.len();
+        let (mut tree, leaves) = match items.is_empty() {
             true => (None, Vec::new()),
             false => {
-                let (tree, leaves) = LightTree::new(&mut items);
+                let (tree, leaves) = LightTree::new(&mut items, count);
                 (Some(tree), leaves)
             }
         };
         let old = all.list.clone();
         let old_chances = all.fixed.clone();
         let mut next = 0;
+        let mut new: Vec<u32> = (0..count as u32).collect();
         let mut groups = Vec::with_capacity(leaves.len() + distant.len());
         for leaf in leaves {
             let mut group = EmitterGroup {
@@ -77,12 +80,16 @@ impl ManyEmitters {
                     all.list[next] = old[k as usize];
                     all.fixed[next] = old_chances[k as usize];
                     group.members.push(next as u32);
+                    new[k as usize] = next as u32;
                     next += 1;
                 } else {
                     group.members.push(k);
                 }
             }
             groups.push(group);
+        }
+        if let Some(tree) = &mut tree {
+            tree.rename(&new);
         }
         groups.extend(distant.iter().map(|&k| EmitterGroup {
             members: vec![k],
@@ -104,9 +111,7 @@ impl ManyEmitters {
         match (&self.tree, self.sums.last()) {
             (None, _) => 1.0,
             (_, None) => 0.0,
-            (Some(tree), Some(&distant)) => {
-                distant / (distant + tree.all(at.position, at.normal).min(f32::MAX))
-            }
+            (Some(tree), Some(&distant)) => distant / (distant + tree.all(at.position)),
         }
     }
 
@@ -129,14 +134,9 @@ impl ManyEmitters {
         let (k, chance, rest) = match &self.tree {
             Some(tree) if u >= distant => {
                 let u = ((u - distant) / (1.0 - distant)).min(MOST);
-                let (group, chance, u) = tree.choose(at.position, at.normal, u);
-                let members = &all.groups[group].members;
-                let (i, within, rest) = match members.len() {
-                    1 => (0, 1.0, u),
-                    count => one_of(&within(all, at, members)[..count], u),
-                };
-                let chance = (1.0 - distant) * chance * within;
-                (members[i] as usize, chance, rest)
+                let chosen = tree.choose(at.position, at.normal, u);
+                let chance = (1.0 - distant) * chosen.chance;
+                (chosen.emitter as usize, chance, chosen.rest)
             }
             _ => {
                 let total = self.sums[self.sums.len() - 1];
@@ -153,62 +153,39 @@ impl ManyEmitters {
     /// The probability of an emitter.
     #[inline(never)]
     pub fn chance(&self, all: &Emitters, at: &Receiver, emitter: usize) -> f32 {
-        let group = all.group_of(emitter);
-        let mut chance = self.of_group(all, at, group);
-        let members = &all.groups[group].members;
-        if members.len() > 1 {
-            let i = members.iter().position(|&k| k as usize == emitter);
-            chance *= within(all, at, members)[i.unwrap_or(0)];
-        }
+        let distant = self.of_distant(at);
+        let chance = match &self.tree {
+            Some(tree) if !self.is_distant(emitter) => {
+                (1.0 - distant) * tree.chance(emitter, at.position, at.normal)
+            }
+            _ => distant * self.among_distant(emitter),
+        };
         (1.0 - BY_POWER) * chance + BY_POWER * all.fixed[emitter]
+    }
+
+    fn is_distant(&self, emitter: usize) -> bool {
+        self.distant.binary_search(&(emitter as u32)).is_ok()
     }
 
     /// The probability of a group.
     pub fn chance_of_group(&self, all: &Emitters, at: &Receiver, group: usize) -> f32 {
         let fixed: f32 = all.members(group).map(|k| all.fixed[k]).sum();
-        (1.0 - BY_POWER) * self.of_group(all, at, group) + BY_POWER * fixed
-    }
-
-    /// The probability of a group, where none is chosen by power.
-    fn of_group(&self, all: &Emitters, at: &Receiver, group: usize) -> f32 {
         let leaves = all.groups.len() - self.distant.len();
         let distant = self.of_distant(at);
-        match &self.tree {
+        let chance = match &self.tree {
             Some(tree) if group < leaves => {
-                (1.0 - distant) * tree.chance(group, at.position, at.normal)
+                (1.0 - distant) * tree.chance_of_leaf(group, at.position, at.normal)
             }
             _ => distant * self.among_distant(all.groups[group].members[0] as usize),
-        }
+        };
+        (1.0 - BY_POWER) * chance + BY_POWER * fixed
     }
 
-    /// Visits the groups of emitters that are somewhere whose spheres a ray meets.
+    /// Visits the emitters that are somewhere whose spheres a ray meets.
     #[inline(always)]
     pub fn each_on(&self, x: V3, direction: V3, visit: impl FnMut(usize)) {
         if let Some(tree) = &self.tree {
             tree.each_on(x, direction, visit);
         }
     }
-}
-
-/// The probabilities of the triangles of a leaf: by solid angle, or by power where none is seen.
-#[inline(always)]
-fn within(all: &Emitters, at: &Receiver, members: &[u32]) -> [f32; LEAF] {
-    let mut p = [0.0; LEAF];
-    let mut total = 0.0;
-    for (p, &k) in p.iter_mut().zip(members) {
-        *p = all.list[k as usize].brings(at);
-        total += *p;
-    }
-    if !(total > 0.0 && total.is_finite()) {
-        total = 0.0;
-        for (p, &k) in p.iter_mut().zip(members) {
-            let e = &all.list[k as usize];
-            *p = (e.area * e.radiance).clamp(1e-30, 1e30);
-            total += *p;
-        }
-    }
-    for p in &mut p {
-        *p /= total;
-    }
-    p
 }

@@ -1,5 +1,6 @@
 //! Emitters, and the choice of one that a surface point is connected to; it carries no gradient.
 
+mod branches;
 mod groups;
 mod many;
 #[cfg(test)]
@@ -277,9 +278,9 @@ impl Emitters {
     #[inline(always)]
     pub fn each_hit_of_all(&self, at: &Receiver, direction: V3, mut visit: impl FnMut(EmitterHit)) {
         match &self.by {
-            Choice::Tree(many) => many.each_on(at.position, direction, |group| {
-                if self.light_of_group(group).is_none() {
-                    self.each_hit(self.members(group), at, direction, &mut visit);
+            Choice::Tree(many) => many.each_on(at.position, direction, |k| {
+                if k < self.list.len() {
+                    self.each_hit(k..k + 1, at, direction, &mut visit);
                 }
             }),
             _ => self.each_hit(self.all(), at, direction, visit),

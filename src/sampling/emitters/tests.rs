@@ -121,9 +121,8 @@ fn many_emitters_are_drawn_with_their_probabilities() {
         let chances: Vec<f32> = (0..count).map(|k| all.chance(&at, k, &mut room)).collect();
         let sum: f64 = chances.iter().map(|&p| f64::from(p)).sum();
         assert!((sum - 1.0).abs() < 1e-4, "{sum}");
-        let n = 200_000;
+        let n = 40_000;
         let mut counts = vec![0u32; count];
-        let mut of_groups = vec![0u32; all.groups.len()];
         for i in 0..n {
             let u = (i as f32 + 0.5) / n as f32;
             let (k, chance, rest) = all.choose(&at, u, &mut room);
@@ -134,10 +133,11 @@ fn many_emitters_are_drawn_with_their_probabilities() {
             );
             assert!((0.0..1.0).contains(&rest));
             counts[k] += 1;
-            let (group, chance) = all.choose_group(&at, u, &mut room);
-            let members: f32 = all.members(group).map(|k| chances[k]).sum();
-            assert!((chance / members - 1.0).abs() < 1e-3, "{chance} {members}");
-            of_groups[group] += 1;
+            if i % 16 == 0 {
+                let (group, chance) = all.choose_group(&at, u, &mut room);
+                let members: f32 = all.members(group).map(|k| chances[k]).sum();
+                assert!((chance / members - 1.0).abs() < 1e-3, "{chance} {members}");
+            }
         }
         for (k, &found) in counts.iter().enumerate() {
             let wanted = n as f32 * chances[k];

@@ -1,52 +1,58 @@
-//! A binary tree over many emitters, from which one is drawn in about the proportion of the light that it brings to a
-//! point (Conty Estevez and Kulla 2018): where a branch divides, by bounds of its halves' power, place and orientation.
+//! A tree over many emitters, from which one is drawn in about the proportion of the light that it brings to a point
+//! (Conty Estevez and Kulla 2018): where a branch divides in eight, by bounds of their power, place and orientation.
 
-use crate::model::V3;
+use pulp::Arch;
 
-/// What a tree knows of an emitter.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Item {
-    pub emitter: u32,
-    /// A box around it, over the shutter.
-    pub low: V3,
-    pub high: V3,
-    /// Its normal or direction; light goes up to 90° from there, or in all directions.
-    pub axis: V3,
-    pub all_round: bool,
-    pub power: f32,
-    /// Whether it is a leaf of its own.
-    pub alone: bool,
-}
+use super::branches::{Item, Sphere, parts};
+use crate::accel::{F8, LANES, Lanes, Machine, Task, dispatch};
+use crate::model::{V3, v3};
 
-/// Emitters of a leaf at most.
-pub(super) const LEAF: usize = 8;
 const NONE: u32 = u32::MAX;
 /// Emitters around a point bring about as much light as from this share of their sphere's squared radius: a mean of 1/r²
 /// over a box is six times that at the corners.
 const INSIDE: f32 = 0.125;
 
-/// Emitters in a sphere.
-#[derive(Clone, Copy, Debug)]
+/// Bounds of up to eight emitters, or of as many branches.
 struct Node {
-    centre: V3,
-    radius: f32,
-    /// A cone of their axes.
-    axis: V3,
-    cos: f32,
-    sin: f32,
-    power: f32,
-    parent: u32,
-    /// The first of two children, which lie side by side; [`NONE`] for a leaf.
-    child: u32,
-    /// Of a leaf.
-    group: u32,
+    centre: [Lanes; 3],
+    radius: Lanes,
+    /// Cones of axes.
+    axis: [Lanes; 3],
+    cos: Lanes,
+    sin: Lanes,
+    /// 0 where there is nothing.
+    power: Lanes,
+    /// Nodes, or emitters of a leaf.
+    child: [u32; LANES],
+    parent: Place,
+    /// The number of a leaf.
+    group: Option<u32>,
 }
 
-/// Nodes; the children of one lie side by side, the first at an even place.
+/// A node and one of its eight.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    node: u32,
+    lane: u32,
+}
+
+impl Place {
+    const NONE: Self = Self {
+        node: u32::MAX,
+        lane: 0,
+    };
+}
+
+/// A tree whose nodes have eight branches. What is called is compiled for the machine.
 pub(super) struct LightTree {
+    arch: Arch,
     nodes: Vec<Node>,
-    /// The node of each group.
+    /// The node of each leaf.
     leaves: Vec<u32>,
+    /// The places of emitters.
+    places: Vec<Place>,
+    /// The power of all.
+    root: Sphere,
 }
 
 /// The emitters of a leaf, and the sphere around them.
@@ -56,292 +62,316 @@ pub(super) struct LeafItems {
     pub radius: f32,
 }
 
+/// A choice that was made.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chosen {
+    pub emitter: u32,
+    pub chance: f32,
+    /// What is left of the random number.
+    pub rest: f32,
+}
+
 impl LightTree {
-    /// Of at least one emitter; with the leaves, by the numbers of their groups.
-    pub fn new(items: &mut [Item]) -> (Self, Vec<LeafItems>) {
+    /// Of at least one emitter, counted up to `count`; with the leaves, by the numbers of their groups.
+    pub fn new(items: &mut [Item], count: usize) -> (Self, Vec<LeafItems>) {
         let mut tree = Self {
+            arch: Arch::new(),
             nodes: Vec::new(),
             leaves: Vec::new(),
+            places: vec![Place::NONE; count],
+            root: Sphere::new(items),
         };
         let mut leaves = Vec::new();
-        tree.nodes.push(Node::new(items, NONE));
-        // Keeps pairs of children at even places.
-        tree.nodes.push(Node::new(items, NONE));
-        let mut open = vec![(0usize, items)];
-        while let Some((at, items)) = open.pop() {
-            let small = items.len() <= LEAF && !items.iter().any(|i| i.alone);
+        let mut open = vec![(Place::NONE, items)];
+        while let Some((parent, items)) = open.pop() {
+            let at = tree.nodes.len() as u32;
+            if let Some(node) = tree.nodes.get_mut(parent.node as usize) {
+                node.child[parent.lane as usize] = at;
+            }
+            let mut node = Node::empty(parent);
+            let small = items.len() <= LANES && !items.iter().any(|i| i.alone);
             if items.len() == 1 || small {
-                let node = &mut tree.nodes[at];
-                node.group = tree.leaves.len() as u32;
-                tree.leaves.push(at as u32);
+                let sphere = Sphere::new(items);
                 leaves.push(LeafItems {
                     emitters: items.iter().map(|i| i.emitter).collect(),
-                    centre: node.centre,
-                    radius: node.radius,
+                    centre: sphere.centre,
+                    radius: sphere.radius,
                 });
-                continue;
+                for (lane, item) in items.iter().enumerate() {
+                    node.set(lane, &Sphere::new(std::slice::from_ref(item)));
+                    node.child[lane] = item.emitter;
+                    tree.places[item.emitter as usize] = Place {
+                        node: at,
+                        lane: lane as u32,
+                    };
+                }
+                node.group = Some(tree.leaves.len() as u32);
+                tree.leaves.push(at);
+            } else {
+                for (lane, part) in parts(items).into_iter().enumerate() {
+                    node.set(lane, &Sphere::new(part));
+                    let lane = lane as u32;
+                    open.push((Place { node: at, lane }, part));
+                }
             }
-            let child = tree.nodes.len();
-            tree.nodes[at].child = child as u32;
-            let (left, right) = split(items);
-            tree.nodes.push(Node::new(left, at as u32));
-            tree.nodes.push(Node::new(right, at as u32));
-            open.push((child + 1, right));
-            open.push((child, left));
+            tree.nodes.push(node);
         }
         (tree, leaves)
     }
 
+    /// Renames emitters.
+    pub fn rename(&mut self, new: &[u32]) {
+        let old = self.places.clone();
+        for (emitter, place) in old.into_iter().enumerate() {
+            self.places[new[emitter] as usize] = place;
+        }
+        for &leaf in &self.leaves {
+            let node = &mut self.nodes[leaf as usize];
+            for child in node.child.iter_mut().filter(|c| **c != NONE) {
+                *child = new[*child as usize];
+            }
+        }
+    }
+
     /// About the irradiance of a point with a normal by all of them.
     #[inline(always)]
-    pub fn all(&self, x: V3, normal: V3) -> f32 {
-        self.nodes[0].importance(x, normal)
+    pub fn all(&self, x: V3) -> f32 {
+        let far = (self.root.centre - x).length_squared();
+        self.root.power
+            / far
+                .max(INSIDE * self.root.radius * self.root.radius)
+                .max(1e-30)
     }
 
-    /// The probability of the first of two children.
-    #[inline(always)]
-    fn first(&self, child: usize, x: V3, normal: V3) -> f32 {
-        let (a, b) = (&self.nodes[child], &self.nodes[child + 1]);
-        let (mut first, mut second) = (a.importance(x, normal), b.importance(x, normal));
-        let sum = first + second;
-        if !(sum > 0.0 && sum.is_finite()) {
-            (first, second) = (a.power, b.power);
-        }
-        first / (first + second)
+    /// An emitter for a random number.
+    pub fn choose(&self, x: V3, normal: V3, u: f32) -> Chosen {
+        dispatch(
+            self.arch,
+            Choose {
+                tree: self,
+                x,
+                normal,
+                u,
+            },
+        )
     }
 
-    /// A group for a random number, its probability, and what is left of the number.
-    #[inline(always)]
-    pub fn choose(&self, x: V3, normal: V3, mut u: f32) -> (usize, f32, f32) {
-        let (mut at, mut chance) = (0, 1.0);
-        while self.nodes[at].child != NONE {
-            let child = self.nodes[at].child as usize;
-            let first = self.first(child, x, normal);
-            if u < first {
-                (at, u) = (child, u / first);
-                chance *= first;
-            } else {
-                (at, u) = (child + 1, (u - first) / (1.0 - first));
-                chance *= 1.0 - first;
-            }
-            u = u.min(1.0 - f32::EPSILON);
-        }
-        (self.nodes[at].group as usize, chance, u)
+    /// The probability of an emitter.
+    pub fn chance(&self, emitter: usize, x: V3, normal: V3) -> f32 {
+        self.chance_at(self.places[emitter], x, normal)
     }
 
-    /// The probability of a group.
-    #[inline(always)]
-    pub fn chance(&self, group: usize, x: V3, normal: V3) -> f32 {
-        let (mut at, mut chance) = (self.leaves[group] as usize, 1.0);
-        while self.nodes[at].parent != NONE {
-            let first = self.first(at & !1, x, normal);
-            chance *= if at & 1 == 0 { first } else { 1.0 - first };
-            at = self.nodes[at].parent as usize;
-        }
-        chance
+    /// The probability of a leaf.
+    pub fn chance_of_leaf(&self, leaf: usize, x: V3, normal: V3) -> f32 {
+        self.chance_at(self.nodes[self.leaves[leaf] as usize].parent, x, normal)
     }
 
-    /// Visits the groups whose spheres a ray meets.
-    #[inline(always)]
+    fn chance_at(&self, place: Place, x: V3, normal: V3) -> f32 {
+        dispatch(
+            self.arch,
+            Chance {
+                tree: self,
+                place,
+                x,
+                normal,
+            },
+        )
+    }
+
+    /// Visits the emitters whose spheres a ray meets.
     pub fn each_on(&self, x: V3, direction: V3, mut visit: impl FnMut(usize)) {
-        // A branch is at most as deep as its emitters are many; those that are left wait here.
         let mut open = vec![0u32];
         while let Some(at) = open.pop() {
             let node = &self.nodes[at as usize];
-            let to = node.centre - x;
-            let along = to.dot(direction);
-            let across = to.length_squared() - along * along;
-            if along < -node.radius || across > node.radius * node.radius {
-                continue;
-            }
-            if node.child == NONE {
-                visit(node.group as usize);
-            } else {
-                open.extend([node.child, node.child + 1]);
+            for lane in 0..LANES {
+                if node.power[lane] <= 0.0 {
+                    continue;
+                }
+                let [cx, cy, cz] = node.centre.each_ref().map(|c| c[lane]);
+                let (to, radius) = (v3(cx, cy, cz) - x, node.radius[lane]);
+                let along = to.dot(direction);
+                let across = (to - direction * along).length_squared();
+                if along < -radius || across > radius * radius {
+                    continue;
+                }
+                match node.group {
+                    Some(_) => visit(node.child[lane] as usize),
+                    None => open.push(node.child[lane]),
+                }
             }
         }
     }
 }
 
-/// The cosine of an angle less another, both given by cosine and sine; 1 where that is negative.
-#[inline(always)]
-fn less(cos: f32, sin: f32, by_cos: f32, by_sin: f32) -> f32 {
-    if cos > by_cos {
-        1.0
-    } else {
-        cos * by_cos + sin * by_sin
+/// [`LightTree::choose`] as a task.
+struct Choose<'a> {
+    tree: &'a LightTree,
+    x: V3,
+    normal: V3,
+    u: f32,
+}
+
+impl Task for Choose<'_> {
+    type Output = Chosen;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> Chosen {
+        let query = Query::new(machine, self.x, self.normal);
+        let (mut at, mut chance, mut u) = (0, 1.0, self.u);
+        loop {
+            let node = &self.tree.nodes[at];
+            let (weights, total) = node.weights(machine, &query);
+            let target = u * total;
+            let (mut lane, mut before, mut passed) = (0, 0.0, 0.0);
+            let mut i = 0;
+            while i < LANES {
+                if weights[i] > 0.0 {
+                    (lane, before) = (i, passed);
+                    passed += weights[i];
+                    if target < passed {
+                        break;
+                    }
+                }
+                i += 1;
+            }
+            chance *= weights[lane] / total;
+            u = ((target - before) / weights[lane]).clamp(0.0, 1.0 - f32::EPSILON);
+            if node.group.is_some() {
+                return Chosen {
+                    emitter: node.child[lane],
+                    chance,
+                    rest: u,
+                };
+            }
+            at = node.child[lane] as usize;
+        }
+    }
+}
+
+/// [`LightTree::chance`] as a task.
+struct Chance<'a> {
+    tree: &'a LightTree,
+    place: Place,
+    x: V3,
+    normal: V3,
+}
+
+impl Task for Chance<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> f32 {
+        let query = Query::new(machine, self.x, self.normal);
+        let (mut place, mut chance) = (self.place, 1.0);
+        while place.node != u32::MAX {
+            let node = &self.tree.nodes[place.node as usize];
+            let (weights, total) = node.weights(machine, &query);
+            chance *= weights[place.lane as usize] / total;
+            place = node.parent;
+        }
+        chance
+    }
+}
+
+/// A point and a normal, each of their numbers eight times.
+struct Query<M: Machine> {
+    x: [F8<M>; 3],
+    normal: [F8<M>; 3],
+}
+
+impl<M: Machine> Query<M> {
+    #[inline(always)]
+    fn new(machine: M, x: V3, normal: V3) -> Self {
+        let splat = |v: V3| {
+            [
+                F8::splat(machine, v.x),
+                F8::splat(machine, v.y),
+                F8::splat(machine, v.z),
+            ]
+        };
+        Self {
+            x: splat(x),
+            normal: splat(normal),
+        }
     }
 }
 
 #[inline(always)]
-fn sine(cos: f32) -> f32 {
-    (1.0 - cos * cos).max(0.0).sqrt()
+fn dot<M: Machine>(a: [F8<M>; 3], b: [F8<M>; 3]) -> F8<M> {
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
+}
+
+#[inline(always)]
+fn sine8<M: Machine>(one: F8<M>, cos: F8<M>) -> F8<M> {
+    (one - cos * cos).max(one - one).sqrt()
+}
+
+/// The cosine of an angle, given by its own, less another; 1 where that is negative.
+#[inline(always)]
+fn less<M: Machine>(one: F8<M>, cos: F8<M>, by: (F8<M>, F8<M>)) -> F8<M> {
+    let rest = cos.mul_add(by.0, sine8(one, cos) * by.1);
+    by.0.less(cos).select(one, rest)
 }
 
 impl Node {
-    fn new(items: &[Item], parent: u32) -> Self {
-        let (low, high) = bounds(items);
-        let sum = items.iter().fold(V3::ZERO, |sum, i| sum + i.axis * i.power);
-        let axis = sum * (1.0 / sum.length().max(f32::MIN_POSITIVE));
-        let mut cos: f32 = 1.0;
-        for item in items {
-            cos = cos.min(if item.all_round {
-                -1.0
-            } else {
-                item.axis.dot(axis)
-            });
-        }
-        // With a margin for rounding.
-        let cos = (cos - 1e-5).max(-1.0);
+    fn empty(parent: Place) -> Self {
+        let zero = [0.0; LANES];
         Self {
-            centre: (low + high) * 0.5,
-            radius: (high - low).length() * (0.5 * (1.0 + 1e-5)),
-            axis,
-            cos,
-            sin: sine(cos),
-            power: items.iter().map(|i| i.power).sum(),
+            centre: [zero; 3],
+            radius: zero,
+            axis: [zero; 3],
+            cos: zero,
+            sin: zero,
+            power: zero,
+            child: [NONE; LANES],
             parent,
-            child: NONE,
-            group: NONE,
+            group: None,
         }
     }
 
-    /// About the irradiance of a point with a normal; 0 only if there is none.
+    fn set(&mut self, lane: usize, sphere: &Sphere) {
+        for (to, x) in self.centre.iter_mut().zip(sphere.centre.to_array()) {
+            to[lane] = x;
+        }
+        for (to, x) in self.axis.iter_mut().zip(sphere.axis.to_array()) {
+            to[lane] = x;
+        }
+        self.radius[lane] = sphere.radius;
+        self.cos[lane] = sphere.cos;
+        self.sin[lane] = (1.0 - sphere.cos * sphere.cos).max(0.0).sqrt();
+        self.power[lane] = sphere.power;
+    }
+
+    /// About the irradiance of a point by each, 0 only if there is none; power where all are 0. With their sum.
     #[inline(always)]
-    fn importance(&self, x: V3, normal: V3) -> f32 {
-        let to = self.centre - x;
-        let squared = to.length_squared();
-        let of_radius = self.radius * self.radius;
-        if squared <= of_radius {
-            return self.power / squared.max(INSIDE * of_radius).max(1e-37);
-        }
-        let inverse = 1.0 / squared.sqrt();
+    fn weights<M: Machine>(&self, machine: M, query: &Query<M>) -> (Lanes, f32) {
+        let load = |lanes: &Lanes| F8::load(machine, lanes);
+        let number = |x: f32| F8::splat(machine, x);
+        let (zero, one) = (number(0.0), number(1.0));
+        let vector = |v: &[Lanes; 3]| [load(&v[0]), load(&v[1]), load(&v[2])];
+        let [cx, cy, cz] = vector(&self.centre);
+        let to = [cx - query.x[0], cy - query.x[1], cz - query.x[2]];
+        let (radius, power) = (load(&self.radius), load(&self.power));
+        let squared = dot(to, to).max(number(1e-30));
+        let inverse = one.div(squared.sqrt());
         // The angle under which the sphere is seen.
-        let sin_seen = self.radius * inverse;
-        let cos_seen = sine(sin_seen);
-        let from_axis = -to.dot(self.axis) * inverse;
-        let off = less(from_axis, sine(from_axis), self.cos, self.sin);
-        let emits = less(off, sine(off), cos_seen, sin_seen);
-        let incident = to.dot(normal) * inverse;
-        let receives = less(incident, sine(incident), cos_seen, sin_seen);
-        self.power * emits.max(0.0) * receives.max(0.0) / squared
-    }
-}
-
-fn bounds(items: &[Item]) -> (V3, V3) {
-    let (mut low, mut high) = (V3::ONE * f32::MAX, V3::ONE * f32::MIN);
-    for item in items {
-        low = low.min(item.low);
-        high = high.max(item.high);
-    }
-    (low, high)
-}
-
-/// Parts that a branch may be divided between.
-const BINS: usize = 12;
-
-/// Some emitters: a box, their power, and the sum of their axes times it.
-#[derive(Clone, Copy, Debug)]
-struct Bin {
-    low: V3,
-    high: V3,
-    axis: V3,
-    power: f32,
-}
-
-impl Bin {
-    const EMPTY: Self = Self {
-        low: V3 {
-            x: f32::MAX,
-            y: f32::MAX,
-            z: f32::MAX,
-        },
-        high: V3 {
-            x: f32::MIN,
-            y: f32::MIN,
-            z: f32::MIN,
-        },
-        axis: V3::ZERO,
-        power: 0.0,
-    };
-
-    fn and(&self, o: &Self) -> Self {
-        Self {
-            low: self.low.min(o.low),
-            high: self.high.max(o.high),
-            axis: self.axis + o.axis,
-            power: self.power + o.power,
+        let sin_seen = (radius * inverse).min(one);
+        let seen = (sine8(one, sin_seen), sin_seen);
+        let from_axis = zero - dot(to, vector(&self.axis)) * inverse;
+        let off = less(one, from_axis, (load(&self.cos), load(&self.sin)));
+        let emits = less(one, off, seen).max(zero);
+        let incident = dot(to, query.normal) * inverse;
+        let receives = less(one, incident, seen).max(zero);
+        let outside = power * emits * receives * inverse * inverse;
+        let of_radius = radius * radius;
+        let inside = power.div(squared.max(number(INSIDE) * of_radius));
+        let weight = squared.less(of_radius).select(inside, outside);
+        let weight = zero.less(power).select(weight, zero);
+        let total = weight.sum();
+        if total > 0.0 && total.is_finite() {
+            (weight.lanes(), total)
+        } else {
+            (self.power, power.sum())
         }
     }
-
-    /// Power times surface times a measure of how much axes spread: what makes estimates wrong.
-    fn cost(&self) -> f32 {
-        if self.power <= 0.0 {
-            return 0.0;
-        }
-        let size = (self.high - self.low).max(V3::ZERO);
-        let surface = size.x * size.y + size.y * size.z + size.z * size.x;
-        let spread = 1.0 - self.axis.length() / self.power;
-        self.power * surface * (0.25 + spread)
-    }
-}
-
-/// Divides emitters in two where estimates of both halves are best.
-fn split(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
-    let middle = |item: &Item| ((item.low + item.high) * 0.5).to_array();
-    let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
-    for item in items.iter() {
-        for (axis, m) in middle(item).into_iter().enumerate() {
-            low[axis] = low[axis].min(m);
-            high[axis] = high[axis].max(m);
-        }
-    }
-    let bin_of = |item: &Item, axis: usize| {
-        let place = (middle(item)[axis] - low[axis]) / (high[axis] - low[axis]);
-        ((place * BINS as f32) as usize).min(BINS - 1)
-    };
-    let mut best = (f32::INFINITY, 0, 0);
-    for axis in 0..3 {
-        if high[axis] <= low[axis] {
-            continue;
-        }
-        let mut bins = [Bin::EMPTY; BINS];
-        for item in items.iter() {
-            let bin = &mut bins[bin_of(item, axis)];
-            *bin = bin.and(&Bin {
-                low: item.low,
-                high: item.high,
-                axis: if item.all_round {
-                    V3::ZERO
-                } else {
-                    item.axis * item.power
-                },
-                power: item.power,
-            });
-        }
-        let mut after = [0.0; BINS];
-        let mut sum = Bin::EMPTY;
-        for i in (1..BINS).rev() {
-            sum = sum.and(&bins[i]);
-            after[i] = sum.cost();
-        }
-        let mut sum = Bin::EMPTY;
-        for i in 1..BINS {
-            sum = sum.and(&bins[i - 1]);
-            let cost = sum.cost() + after[i];
-            if cost < best.0 {
-                best = (cost, axis, i);
-            }
-        }
-    }
-    let (_, axis, bin) = best;
-    let mut count = 0;
-    if bin > 0 {
-        items.sort_by_key(|item| bin_of(item, axis) >= bin);
-        count = items.iter().filter(|item| bin_of(item, axis) < bin).count();
-    }
-    if count == 0 || count == items.len() {
-        count = items.len() / 2;
-    }
-    items.split_at_mut(count)
 }
