@@ -72,7 +72,7 @@ pub mod prelude {
         render, render_batch, render_pixels,
     };
     pub use crate::scene::{
-        Albedo, Bounds, Bsdf, Camera, Environment, Material, Mesh, Object, Parameter, Projection,
-        ScalarTexture, Scene, Transform, Wrap, shapes,
+        Albedo, Bounds, Bsdf, Camera, Environment, Light, Material, Mesh, Object, Parameter,
+        Projection, ScalarTexture, Scene, Transform, Wrap, shapes,
     };
 }

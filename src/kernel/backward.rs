@@ -161,9 +161,13 @@ impl View {
         if !self.settings.interior {
             return by_throughput;
         }
-        let (lights, skies) = (vertex.lights.clone(), vertex.skies.clone());
+        let (lights, deltas) = (vertex.lights.clone(), vertex.deltas.clone());
+        let skies = vertex.skies.clone();
         for light in &work.lights[lights.start as usize..lights.end as usize] {
             by_throughput += self.light_backward(vertex, path, light, g, by, sums);
+        }
+        for delta in &work.deltas[deltas.start as usize..deltas.end as usize] {
+            by_throughput += self.delta_backward(vertex, delta, g, by, sums);
         }
         for sky in &work.skies[skies.start as usize..skies.end as usize] {
             by_throughput += self.sky_backward(vertex, sky, g, by, sums);

@@ -5,12 +5,15 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
+use crate::model::delta_light::DeltaLight;
 use crate::model::emitter::Emission;
 use crate::model::sky::Sky;
 use crate::model::texture::{Colour, Texels, Texture};
 use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
-use crate::scene::{CHANNELS, HostAttribute, HostScene, HostTexture, MaterialKind, SceneFrame};
+use crate::scene::{
+    CHANNELS, HostAttribute, HostLight, HostScene, HostTexture, MaterialKind, SceneFrame,
+};
 
 /// The place of an object's parts in the scene's lists.
 #[derive(Clone, Debug)]
@@ -43,6 +46,8 @@ pub(crate) struct KernelScene {
     pub materials: Vec<Material>,
     pub texels: Texels,
     pub emitters: Emitters,
+    /// Lengths of the directions of lights, as they are given.
+    pub lengths_of_axes: Vec<f64>,
     pub sky: Sky,
     /// Whether any material has a texture, any object shading normals, any material a gloss.
     pub textured: bool,
@@ -96,7 +101,8 @@ impl KernelScene {
                 kind: m.kind,
             })
             .collect();
-        let emits = |t: &(usize, &Triangle)| materials[t.1.material as usize].kind.emits;
+        let emits =
+            |t: &(usize, &Triangle)| t.1.area > 0.0 && materials[t.1.material as usize].kind.emits;
         let list = triangles.iter().enumerate().filter(emits);
         let list = list.map(|(k, t)| Emitter {
             triangle: k as u32,
@@ -110,9 +116,18 @@ impl KernelScene {
             radiance: materials[t.material as usize].emission().mean(),
             group: 0,
         });
-        let emitters = Emitters::new(list.collect(), velocities.is_some(), sampling);
+        let lights = scene.lights.iter().map(|l| pack_light(l, &frame)).collect();
+        let emitters = Emitters::new(
+            list.collect(),
+            lights,
+            (velocities.is_some(), 1.0),
+            sampling,
+        );
         Self {
             textured: materials.iter().any(|m| m.is_textured()),
+            lengths_of_axes: (scene.lights.iter())
+                .map(|l| DVec3::from(l.direction).length())
+                .collect(),
             smooth: objects.iter().any(|o| o.smooth),
             glossy: materials.iter().any(|m| m.kind.glossy),
             sky: Sky::new(scene),
@@ -227,6 +242,24 @@ impl Lists {
         });
         self.host.push(t);
     }
+}
+
+fn pack_light(light: &HostLight, frame: &SceneFrame) -> DeltaLight {
+    let [inner, outer] = light.angles;
+    let mut packed = DeltaLight {
+        position: V3::ZERO,
+        axis: DVec3::from(light.direction).normalize().into(),
+        strength: DVec3::from(light.strength).into(),
+        directional: light.directional,
+        spot: light.spot,
+        cos_inner: inner.cos() as f32,
+        cos_outer: outer.cos() as f32,
+    };
+    if !light.directional {
+        packed.position = frame.inner(light.position.into()).into();
+        packed.strength = (DVec3::from(light.strength) / (frame.unit * frame.unit)).into();
+    }
+    packed
 }
 
 /// Packs a colour; the texels of a texture move to the others.

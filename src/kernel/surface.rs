@@ -10,6 +10,7 @@ use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::cone::lifted;
 use crate::model::triangle::{barycentric, barycentric_slopes, hit_backward};
+use crate::sampling::Receiver;
 use crate::scene::CHANNELS;
 
 /// Normals of corners may cancel where they are interpolated.
@@ -36,6 +37,16 @@ impl Point {
     #[inline(always)]
     pub fn start(&self, direction: V3) -> V3 {
         lifted(self.position, self.shading.outer(direction))
+    }
+
+    /// As a point that emitters are chosen for.
+    #[inline(always)]
+    pub fn receiver(&self, time: f32) -> Receiver {
+        Receiver {
+            position: self.position,
+            normal: self.shading.geometric,
+            time,
+        }
     }
 }
 

@@ -127,7 +127,12 @@ fn render_views(
     if is_softmax && batch.scenes.iter().any(Scene::refracts) {
         let expected = "Visibility::Cone, since the scene has a dielectric: the softmax's surfaces of closed objects \
                         are seen from outside alone";
-        return Err(Error::invalid("render options", "visibility", "Softmax", expected));
+        return Err(Error::invalid(
+            "render options",
+            "visibility",
+            "Softmax",
+            expected,
+        ));
     }
     let mut means = match options.visibility {
         Visibility::Cone { .. } if options.engine != Engine::Tensors => {

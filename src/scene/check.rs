@@ -47,7 +47,9 @@ pub(super) fn check_values(scene: &Scene) -> Result<()> {
     };
     visit_scene(&mut scene.clone(), &mut check);
     check.found?;
-    scene.objects.iter().try_for_each(Object::check)
+    scene.objects.iter().try_for_each(Object::check)?;
+    let mut lights = scene.lights.iter().enumerate();
+    lights.try_for_each(|(i, light)| light.host(&light_name(i)).map(drop))
 }
 
 impl Camera {
@@ -154,10 +156,15 @@ impl Visit for Values<'_> {
     }
 }
 
+/// The name of a light in messages.
+fn light_name(index: usize) -> String {
+    format!("light {index}")
+}
+
 impl Scene {
     /// The name of the object of a tensor, for messages.
     fn place_of(&self, id: ParameterId) -> String {
-        use ParameterId::{Material, Normals, Uvs, Velocity, Vertices};
+        use ParameterId::{Light, Material, Normals, Uvs, Velocity, Vertices};
         match id {
             Vertices(i) | Uvs(i) | Normals(i) | Velocity(i) => self.objects[i].name.clone(),
             Material(m, _) => {
@@ -165,6 +172,7 @@ impl Scene {
                 let mut all = all.flat_map(|o| (0..o.materials.len()).map(|i| o.material_name(i)));
                 all.nth(m).unwrap_or_default()
             }
+            Light(i, _) => light_name(i),
             _ => "scene".into(),
         }
     }

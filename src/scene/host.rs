@@ -17,6 +17,7 @@ pub(crate) struct HostScene {
     pub objects: Vec<HostObject>,
     /// The materials of all objects, one object after the other.
     pub materials: Vec<HostMaterial>,
+    pub lights: Vec<HostLight>,
     pub environment: HostTexture,
     /// False only for an environment that is a constant black.
     pub shines: bool,
@@ -41,6 +42,20 @@ pub(crate) struct HostObject {
 pub(crate) struct HostAttribute<const C: usize> {
     pub values: Vec<[f32; C]>,
     pub faces: Arc<Vec<[u32; 3]>>,
+}
+
+/// A light on the host.
+pub(crate) struct HostLight {
+    pub directional: bool,
+    pub spot: bool,
+    /// Scene units.
+    pub position: [f64; 3],
+    /// Of any length but 0.
+    pub direction: [f64; 3],
+    /// Intensity, or irradiance.
+    pub strength: [f64; 3],
+    /// The inner and outer angle of a spot.
+    pub angles: [f64; 2],
 }
 
 /// A material on the host.
@@ -117,13 +132,16 @@ impl HostScene {
             context,
             objects,
             materials,
+            lights: (scene.lights.iter())
+                .map(|light| light.host("light"))
+                .collect::<Result<_>>()?,
             environment: texture(scene.environment.clone().value())?,
             shines: scene.environment.shines(),
         };
         if !this.has_light() {
             log::warn!(
                 "the scene has no light, so that its image is black: give it an environment \
-                 (Scene::environment), or an object a Material::emitter"
+                 (Scene::environment), a Light (Scene::light), or an object a Material::emitter"
             );
         }
         Ok(this)
@@ -135,7 +153,8 @@ impl HostScene {
             HostTexture::Constant(c) => *c != [0.0; 3],
             HostTexture::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
         };
-        sky || self.materials.iter().any(|m| m.shines())
+        let lights = self.lights.iter().any(|l| l.strength != [0.0; 3]);
+        sky || lights || self.materials.iter().any(|m| m.shines())
     }
 }
 

@@ -4,6 +4,7 @@ use burn::tensor::Tensor;
 
 use super::bsdf::{density as density_of_scattering, scattered};
 use super::cones::AtBounce;
+use super::delta_lights::from_delta_lights;
 use super::lights::{Chosen, SkyMap, Views, nonzero};
 use super::paths::pick_rays;
 use super::surface::SurfacePoints;
@@ -56,6 +57,7 @@ pub(super) fn connect(
     let views = match looks {
         true => Some(Views {
             position: host_vectors(&shaded.points.position)?,
+            normal: host_vectors(&shaded.points.geometric_normal)?,
             time: time.map(host_values).transpose()?,
         }),
         false => None,
@@ -63,9 +65,29 @@ pub(super) fn connect(
     let dimensions = [Dimension::EmitterU, Dimension::EmitterV];
     let AtBounce { paths, bounce } = shaded.at;
     let [u, v] = tracer.transport.sampler.uniform(paths, bounce, dimensions);
-    let chosen = lights.choose(views.as_ref(), &u, &v);
-    let combined = scattered.map(|(_, used)| (false, used));
-    let mut found = vec![(None, arriving(tracer, shaded, &chosen, combined)?)];
+    let (chosen, of_lights) = lights.choose(views.as_ref(), &u, &v);
+    let mut found = Vec::new();
+    if of_lights.is_empty() {
+        let combined = scattered.map(|(_, used)| (false, used));
+        found.push((None, arriving(tracer, shaded, &chosen, combined)?));
+    } else {
+        let which: Vec<u32> = chosen.iter().map(|c| c.path).collect();
+        if !which.is_empty() {
+            let used = scattered.map(|(_, used)| {
+                let some = which.iter().map(|&i| used[i as usize]);
+                some.collect::<Vec<_>>()
+            });
+            let light = shaded.of_some(&scene.context, &which, |shaded| {
+                arriving(tracer, shaded, &chosen, used.as_deref().map(|u| (false, u)))
+            })?;
+            found.push((Some(which), light));
+        }
+        let which: Vec<u32> = of_lights.iter().map(|c| c.path).collect();
+        let light = shaded.of_some(&scene.context, &which, |shaded| {
+            from_delta_lights(tracer, shaded, &of_lights)
+        })?;
+        found.push((Some(which), light));
+    }
     if let (Some((direction, used)), Some(views)) = (scattered, &views) {
         let mut hits = lights.intersect(views, &host_vectors(direction)?);
         hits.retain(|h| used[h.path as usize]);

@@ -2,6 +2,7 @@
 
 mod bsdf;
 mod cones;
+mod delta_lights;
 mod diagnostics;
 mod direct;
 mod lights;

@@ -90,7 +90,7 @@ pub(crate) fn trace<'a>(
         first: None,
         seen: None,
     };
-    let dark = scene.emitters.is_empty() && sky.is_none();
+    let dark = transport.lights.emitters.is_empty() && sky.is_none();
     for bounce in 0..=settings.bounces {
         let drawn = tracing.draw(bounce, dark)?;
         if dark || drawn.is_empty() {

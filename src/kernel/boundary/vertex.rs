@@ -90,8 +90,13 @@ impl View {
             return;
         }
         let point = &o.vertex.point;
-        let (x, time) = (point.position, o.path.time);
-        let (group, chance) = emitters.choose_group(x, time, choice, &mut work.chances);
+        let at = point.receiver(o.path.time);
+        let (group, chance) = emitters.choose_group(&at, choice, &mut work.chances);
+        if let Some(light) = emitters.light_of_group(group) {
+            let carried = o.carried * (1.0 / rate) * (1.0 / chance);
+            self.delta_edges(o, (light, carried), [u, v], by, sums);
+            return;
+        }
         let light_moves = emitters.members(group).any(|k| {
             let k = emitters.get(k).triangle as usize;
             self.wanted.objects[self.scene.triangles[k].object as usize]
@@ -128,7 +133,7 @@ impl View {
             carried: carried * reflected,
             sign,
         };
-        emitters.each_hit(emitters.members(group), x, time, edge.axis, |hit| {
+        emitters.each_hit(emitters.members(group), &at, edge.axis, |hit| {
             self.shadow_edge_backward(o, &edge, hit, by, sums);
         });
     }

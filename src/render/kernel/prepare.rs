@@ -125,6 +125,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
         };
         let scene = scenes[*scene].clone();
         let view = View::new(scene, cameras[index], settings, wanted, edges);
+        view.warn_of_hard_shadows();
         views.push((view, places));
     }
     Ok(Prepared {
