@@ -14,7 +14,9 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Collect, ParameterId, Scene, Visit, visit_camera, visit_scene};
+use crate::scene::{
+    Camera, Collect, Material, ParameterId, Scene, Visit, visit_camera, visit_scene,
+};
 
 pub use crate::accel::HierarchyCache;
 pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
@@ -123,6 +125,21 @@ fn render_views(
     };
     let all = size[0] as u128 * size[1] as u128 * batch.views.len() as u128;
     options.check_memory(all)?;
+    let glows = |s: &Scene| {
+        s.objects
+            .iter()
+            .flat_map(|o| &o.materials)
+            .any(Material::glows)
+    };
+    if matches!(options.visibility, Visibility::Softmax { .. }) && batch.scenes.iter().any(glows) {
+        let expected = "Visibility::Cone, since a material's emission is a texture";
+        return Err(Error::invalid(
+            "render options",
+            "visibility",
+            "Softmax",
+            expected,
+        ));
+    }
     let mut means = match options.visibility {
         Visibility::Cone { .. } if options.engine != Engine::Tensors => {
             kernel::render(batch, options, pixels)?

@@ -38,7 +38,7 @@ pub(crate) enum Value<'a> {
     Scalar(&'a mut Parameter<1>),
 }
 
-/// An albedo: a constant RGB, or a texture.
+/// An albedo, or the radiance of an emitter: a constant RGB, or a texture.
 #[derive(Clone)]
 pub enum Albedo {
     /// RGB.
@@ -163,8 +163,8 @@ pub struct Material {
     pub specular: Albedo,
     /// The exponent n ≥ 0.
     pub shininess: Parameter<1>,
-    /// Radiance of the front side, RGB.
-    pub emission: Parameter<3>,
+    /// Radiance of the front side, RGB; a texture is for cones.
+    pub emission: Albedo,
 }
 
 impl Default for Material {
@@ -181,12 +181,12 @@ impl Material {
             diffuse: albedo.into(),
             specular: Albedo::Constant(Parameter::Constant([0.0; 3])),
             shininess: Parameter::Constant([1.0]),
-            emission: Parameter::Constant([0.0; 3]),
+            emission: [0.0; 3].into(),
         }
     }
 
     /// A black surface that emits radiance from its front side.
-    pub fn emitter(radiance: impl Into<Parameter<3>>) -> Self {
+    pub fn emitter(radiance: impl Into<Albedo>) -> Self {
         Self::diffuse([0.0; 3]).emission(radiance)
     }
 
@@ -208,7 +208,7 @@ impl Material {
     }
 
     /// Sets the radiance that the front side emits, RGB.
-    pub fn emission(mut self, radiance: impl Into<Parameter<3>>) -> Self {
+    pub fn emission(mut self, radiance: impl Into<Albedo>) -> Self {
         self.emission = radiance.into();
         self
     }
@@ -220,7 +220,7 @@ impl Material {
             self.diffuse.value(),
             self.specular.value(),
             Value::Scalar(&mut self.shininess),
-            Value::Colour(&mut self.emission),
+            self.emission.value(),
         ]
     }
 
@@ -236,7 +236,12 @@ impl Material {
 
     /// Whether its emission may be other than 0: false only for a constant 0.
     pub(crate) fn emits(&self) -> bool {
-        !matches!(self.emission, Parameter::Constant(v) if v.iter().all(|&x| x == 0.0))
+        self.emission.reflects()
+    }
+
+    /// Whether its emission is a texture.
+    pub(crate) fn glows(&self) -> bool {
+        matches!(self.emission, Albedo::Texture { .. })
     }
 
     /// That constants make no energy. Tensors may wander outside for a step of a fit.

@@ -23,6 +23,8 @@ pub(crate) struct SurfacePoints {
     pub smooth: bool,
     /// The parameters of their BSDF, the first ones of [`Channel::ALL`].
     pub parameters: Vec<Vec3>,
+    /// Texture coordinates, where any material has a texture.
+    pub uv: Option<[Tensor<2>; 2]>,
 }
 
 impl SurfacePoints {
@@ -57,6 +59,7 @@ impl SurfacePoints {
             normal: vector(&self.normal),
             smooth: self.smooth,
             parameters: self.parameters.iter().map(vector).collect(),
+            uv: self.uv.as_ref().map(|uv| uv.each_ref().map(&f)),
         }
     }
 
@@ -136,6 +139,7 @@ impl SurfacePoints {
             normal,
             smooth: scene.normals.is_some(),
             parameters,
+            uv,
         })
     }
 }
