@@ -65,7 +65,7 @@ fn objects_and_materials() {
         [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]]
     );
     let lamp = &second.materials[0];
-    assert_eq!(lamp.emission.values().expect("values"), [17.0, 12.0, 4.0]);
+    assert_eq!(constant(&lamp.emission), [17.0, 12.0, 4.0]);
     assert_eq!(constant(&lamp.diffuse), [0.0; 3]);
     assert_eq!(constant(&second.materials[1].diffuse), grey);
 }

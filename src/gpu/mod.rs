@@ -167,7 +167,8 @@ impl Derivatives {
 /// Whether kernels of a GPU know all that a scene has; a scene with more is rendered by those of the host.
 pub(crate) fn knows(view: &View) -> bool {
     let emitters = &view.scene.emitters;
-    emitters.lights().is_empty() && !emitters.are_many()
+    let mut materials = view.scene.materials.iter();
+    !materials.any(|m| m.glows()) && emitters.lights().is_empty() && !emitters.are_many()
 }
 
 /// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the

@@ -50,8 +50,8 @@ impl<'a> Materials<'a> {
         if let Some(texture) = texture {
             pbr["baseColorTexture"] = json!({"index": texture});
         }
-        let emission = material.emission.values()?;
-        let emits = emission.iter().any(|&v| v > 0.0);
+        let radiance = self.radiance(&material.emission, &place)?;
+        let emits = radiance.most > 0.0;
         // Both sides reflect; what emits does so in front.
         let mut json = json!({"name": material.name, "doubleSided": !emits});
         let mut extensions = serde_json::Map::new();
@@ -70,17 +70,13 @@ impl<'a> Materials<'a> {
             extensions.insert("KHR_materials_specular".into(), none);
             self.extensions.insert("KHR_materials_specular");
         }
-        if emission.iter().any(|&v| v < 0.0) {
-            let file = self.path.display();
-            log::warn!("{file}: {place} emits {emission:?}, of which no less than 0 is written");
-        }
         if emits {
-            // A power of two leaves all digits as they are.
-            let most = emission.iter().copied().fold(1.0, f64::max);
-            let strength = most.log2().ceil().exp2();
-            json["emissiveFactor"] = json!(emission.map(|v| v.max(0.0) / strength));
-            if strength > 1.0 {
-                let strength = json!({"emissiveStrength": strength});
+            json["emissiveFactor"] = json!(radiance.factor);
+            if let Some(texture) = radiance.texture {
+                json["emissiveTexture"] = json!({"index": texture});
+            }
+            if radiance.strength > 1.0 {
+                let strength = json!({"emissiveStrength": radiance.strength});
                 extensions.insert("KHR_materials_emissive_strength".into(), strength);
                 self.extensions.insert("KHR_materials_emissive_strength");
             }
@@ -90,6 +86,44 @@ impl<'a> Materials<'a> {
             json["extensions"] = Value::Object(extensions);
         }
         Ok(json)
+    }
+
+    /// The radiance of an emitter, by a factor or a texture that are at most 1, and a strength.
+    fn radiance(&mut self, emission: &Albedo, place: &str) -> Result<Radiance> {
+        let values: Vec<f64> = match emission {
+            Albedo::Constant(p) => p.values()?.to_vec(),
+            Albedo::Texture { texels, .. } => {
+                let image = HostImage::from_tensor(texels)?;
+                image.pixels.iter().map(|&v| f64::from(v)).collect()
+            }
+        };
+        if let Some(v) = values.iter().find(|&&v| v < 0.0) {
+            let file = self.path.display();
+            log::warn!("{file}: {place} emits {v}, of which no less than 0 is written");
+        }
+        let most = values.iter().copied().fold(0.0, f64::max);
+        // A power of two leaves all digits as they are.
+        let strength = most.max(1.0).log2().ceil().exp2();
+        let (factor, texture) = match emission {
+            Albedo::Constant(_) => {
+                let factor: Vec<f64> = values.iter().map(|v| v.max(0.0) / strength).collect();
+                (factor, None)
+            }
+            Albedo::Texture { texels, wrap } => {
+                let texels = texels.clone().clamp_min(0.0) / strength;
+                let scaled = Albedo::Texture {
+                    texels,
+                    wrap: *wrap,
+                };
+                (vec![1.0; 3], self.albedo(&scaled, place)?.1)
+            }
+        };
+        Ok(Radiance {
+            most,
+            factor,
+            texture,
+            strength,
+        })
     }
 
     /// The factor of an albedo, and its texture.
@@ -144,6 +178,15 @@ impl<'a> Materials<'a> {
         };
         self.images.iter().map(encode).collect()
     }
+}
+
+/// What an emitter's radiance is written as.
+struct Radiance {
+    /// The largest of its numbers.
+    most: f64,
+    factor: Vec<f64>,
+    texture: Option<usize>,
+    strength: f64,
 }
 
 /// Where a value stands in a list, at whose end it is added if it is not there.

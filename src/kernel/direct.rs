@@ -109,7 +109,7 @@ impl View {
             }
             None => chance,
         };
-        let emission = self.scene.materials[triangle.material as usize].emission();
+        let emission = self.scene.emission(e.triangle as usize, weights);
         let emission = emission.towards(seen.facing);
         let sample = Sample::Light(LightSample {
             triangle: e.triangle,

@@ -166,7 +166,7 @@ impl Sums {
             uvs: vec![[0.0; 2]; if wanted.uvs { scene.uvs.len() } else { 0 }],
             normals: zeros(wanted.normals, scene.normals.len()),
             materials: vec![[DVec3::ZERO; CHANNELS]; scene.materials.len()],
-            texels: zeros(wanted.materials, scene.texels.len()),
+            texels: zeros(wanted.materials || wanted.emission, scene.texels.len()),
             lights: vec![DeltaSums::default(); wanted.lights.len()],
             sky: zeros(wanted.sky, scene.sky.len()),
             camera: CameraSums::default(),

@@ -73,7 +73,8 @@ impl View {
     pub(super) fn emission(&self, point: &Point) -> V3 {
         let m = self.scene.material(point.triangle);
         if m.kind.emits {
-            m.emission().towards(point.side)
+            let emission = m.emission(&self.scene.texels, point.uv);
+            emission.towards(point.side)
         } else {
             V3::ZERO
         }

@@ -12,7 +12,7 @@ use crate::model::texture::{Colour, Texels, Texture};
 use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
 use crate::scene::{
-    CHANNELS, HostAttribute, HostLight, HostScene, HostTexture, MaterialKind, SceneFrame,
+    CHANNELS, Channel, HostAttribute, HostLight, HostScene, HostTexture, MaterialKind, SceneFrame,
 };
 
 /// The place of an object's parts in the scene's lists.
@@ -113,7 +113,11 @@ impl KernelScene {
             velocity: velocities
                 .as_ref()
                 .map_or(V3::ZERO, |v| v[t.object as usize]),
-            radiance: materials[t.material as usize].emission().mean(),
+            radiance: {
+                let emission = &materials[t.material as usize].channels[Channel::Emission.place()];
+                let uv = |row: u32| uvs.get(row as usize).copied().unwrap_or_default();
+                emission.mean_over(&texels, uv_rows[k].map(uv))
+            },
             group: 0,
         });
         let lights = scene.lights.iter().map(|l| pack_light(l, &frame)).collect();
@@ -155,6 +159,13 @@ impl KernelScene {
             Some(v) => v[self.triangles[triangle as usize].object as usize] * time,
             None => V3::ZERO,
         }
+    }
+
+    /// The emission of a triangle at a point given by weights of its corners.
+    #[inline(always)]
+    pub fn emission(&self, triangle: usize, weights: [f32; 3]) -> Emission {
+        let uv = self.uv_at(triangle, weights);
+        self.material(triangle as u32).emission(&self.texels, uv)
     }
 
     pub fn material(&self, triangle: u32) -> &Material {
@@ -312,8 +323,14 @@ pub(crate) struct Material {
 
 impl Material {
     #[inline(always)]
-    pub fn emission(&self) -> Emission {
-        Emission::of(|channel| self.channels[channel.place()].constant)
+    pub fn emission(&self, texels: &Texels, uv: [f32; 2]) -> Emission {
+        Emission::of(|channel| self.channels[channel.place()].at(texels, uv))
+    }
+
+    /// Whether its emission is a texture.
+    #[inline(always)]
+    pub fn glows(&self) -> bool {
+        self.channels[Channel::Emission.place()].texture.is_some()
     }
 
     pub fn is_textured(&self) -> bool {

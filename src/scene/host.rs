@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::check::{check_devices, check_values};
+use super::light::HostLight;
 use super::material::{Channel, MaterialKind, Value};
 use super::transfer::to_host;
 use super::{CornerAttribute, Parameter, Scene, Wrap};
@@ -42,20 +43,6 @@ pub(crate) struct HostObject {
 pub(crate) struct HostAttribute<const C: usize> {
     pub values: Vec<[f32; C]>,
     pub faces: Arc<Vec<[u32; 3]>>,
-}
-
-/// A light on the host.
-pub(crate) struct HostLight {
-    pub directional: bool,
-    pub spot: bool,
-    /// Scene units.
-    pub position: [f64; 3],
-    /// Of any length but 0.
-    pub direction: [f64; 3],
-    /// Intensity, or irradiance.
-    pub strength: [f64; 3],
-    /// The inner and outer angle of a spot.
-    pub angles: [f64; 2],
 }
 
 /// A material on the host.

@@ -3,9 +3,8 @@
 use burn::tensor::Tensor;
 
 use super::Parameter;
-use super::host::HostLight;
+use super::material::Value;
 use super::parameter::Range;
-use super::parameters::{ParameterId, Visit};
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
 
@@ -143,37 +142,37 @@ impl Light {
         !matches!(self.strength(), Parameter::Constant(v) if *v == [0.0; 3])
     }
 
-    /// Visits its parameters.
-    pub(super) fn visit(&mut self, index: usize, visit: &mut impl Visit) {
-        let id = |part| ParameterId::Light(index, part);
+    /// Its parameters.
+    pub(super) fn parts(&mut self) -> Vec<(LightPart, Value<'_>)> {
+        use LightPart::{Direction, Inner, Intensity, Irradiance, Outer, Position};
         match self {
             Self::Point {
                 position,
                 intensity,
-            } => {
-                visit.parameter(id(LightPart::Position), position);
-                visit.parameter(id(LightPart::Intensity), intensity);
-            }
+            } => vec![
+                (Position, Value::Colour(position)),
+                (Intensity, Value::Colour(intensity)),
+            ],
             Self::Spot {
                 position,
                 direction,
                 intensity,
                 inner,
                 outer,
-            } => {
-                visit.parameter(id(LightPart::Position), position);
-                visit.parameter(id(LightPart::Direction), direction);
-                visit.parameter(id(LightPart::Intensity), intensity);
-                visit.parameter(id(LightPart::Inner), inner);
-                visit.parameter(id(LightPart::Outer), outer);
-            }
+            } => vec![
+                (Position, Value::Colour(position)),
+                (Direction, Value::Colour(direction)),
+                (Intensity, Value::Colour(intensity)),
+                (Inner, Value::Scalar(inner)),
+                (Outer, Value::Scalar(outer)),
+            ],
             Self::Directional {
                 direction,
                 irradiance,
-            } => {
-                visit.parameter(id(LightPart::Direction), direction);
-                visit.parameter(id(LightPart::Irradiance), irradiance);
-            }
+            } => vec![
+                (Direction, Value::Colour(direction)),
+                (Irradiance, Value::Colour(irradiance)),
+            ],
         }
     }
 
@@ -220,6 +219,20 @@ impl Light {
         }
         Ok(host)
     }
+}
+
+/// A light on the host.
+pub(crate) struct HostLight {
+    pub directional: bool,
+    pub spot: bool,
+    /// Scene units.
+    pub position: [f64; 3],
+    /// Of any length but 0.
+    pub direction: [f64; 3],
+    /// Intensity, or irradiance.
+    pub strength: [f64; 3],
+    /// The inner and outer angle of a spot.
+    pub angles: [f64; 2],
 }
 
 /// The lights of a scene as planes `[1, L]`, in the coordinates of its triangles.

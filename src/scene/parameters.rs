@@ -127,7 +127,9 @@ pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
         }
     }
     for (i, light) in scene.lights.iter_mut().enumerate() {
-        light.visit(i, visit);
+        for (part, value) in light.parts() {
+            visit.value(ParameterId::Light(i, part), value);
+        }
     }
     visit.value(ParameterId::Environment, scene.environment.value());
 }

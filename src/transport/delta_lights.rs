@@ -1,8 +1,8 @@
 //! Light of lights without extent at surface points.
 
 use super::bsdf::scattered;
-use super::direct::Shaded;
 use super::lights::ChosenLight;
+use super::shaded::Shaded;
 use super::tracer::Tracer;
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, gather_row, host_values};

@@ -6,36 +6,13 @@ use super::bsdf::{density as density_of_scattering, scattered};
 use super::cones::AtBounce;
 use super::delta_lights::from_delta_lights;
 use super::lights::{Chosen, SkyMap, Views, nonzero};
-use super::paths::pick_rays;
-use super::surface::SurfacePoints;
+use super::shaded::Shaded;
+use super::surface::look_up;
 use super::tracer::{Sight, Tracer};
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
+use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
 use crate::sampling::Dimension;
-use crate::visibility::Rays;
-
-/// Surface points, the rays that came to them, and their paths.
-#[derive(Clone, Copy)]
-pub(super) struct Shaded<'a> {
-    pub points: &'a SurfacePoints,
-    pub rays: &'a Rays,
-    pub at: AtBounce<'a>,
-}
-
-impl Shaded<'_> {
-    /// What a function makes of some of them.
-    fn of_some<T>(&self, context: &Context, which: &[u32], f: impl FnOnce(Shaded) -> T) -> T {
-        let paths: Vec<_> = which.iter().map(|&i| self.at.paths[i as usize]).collect();
-        f(Shaded {
-            points: &self.points.pick(context, which),
-            rays: &pick_rays(context, self.rays, which),
-            at: AtBounce {
-                paths: &paths,
-                ..self.at
-            },
-        })
-    }
-}
+use crate::scene::Channel;
 
 /// Light from one point of one emitter triangle at each surface point: planes of
 /// f·cos θ·cos θ_e/r²·L_e·T over the density. With `scattered`, the direction in which each path goes
@@ -150,8 +127,17 @@ fn arriving(
     let area = gather_row(scene.triangles.area.clone(), &index);
     let material = |&k: &u32| scene.topology.material[k as usize];
     let materials: Vec<u32> = emitter.iter().map(material).collect();
-    let emission = scene.materials.emission();
-    let emission = emission.gather(&context.index_row(&materials));
+    let uv = scene.uvs.as_ref().map(|corners| {
+        let at = |f: fn(&Vec3) -> &Tensor<2>| {
+            let of =
+                |corner: &Vec3, w: &Tensor<2>| gather_row(f(corner).clone(), &index) * w.clone();
+            of(&corners.a, &a) + of(&corners.b, &b) + of(&corners.c, &c)
+        };
+        [at(|v| &v.x), at(|v| &v.y)]
+    });
+    let emission = scene.materials.channel(Channel::Emission.place());
+    let of_material = context.index_row(&materials);
+    let emission = look_up(context, emission, &materials, &of_material, &uv)?;
     let mut shadow = points.ray(direction, time.clone());
     shadow.arrival = Some((emitter, detached(&distance)));
     // Where the light or the surface faces away, or the surface reflects nothing there, nothing

@@ -12,8 +12,9 @@ use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vec
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 use crate::model::sky::SkyDensity;
+use crate::model::texture::{Colour, Texels, Texture};
 use crate::sampling::{Emitter, EmitterSampling, Emitters, Receiver};
-use crate::scene::{EnvironmentMap, Flattened, LightPlanes, SkyTensors};
+use crate::scene::{Channel, EnvironmentMap, Flattened, LightPlanes, SkyTensors};
 
 /// The emitters of a scene, for lists of points.
 pub(crate) struct Lights {
@@ -143,7 +144,42 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
     let c = vectors(&corners.c)?;
     let velocity = scene.triangles.velocity.as_ref().map(vectors).transpose()?;
     let valid = host_values(&scene.triangles.valid.clone().float())?;
-    let emission = host_vectors(scene.materials.emission())?;
+    let channel = scene.materials.channel(Channel::Emission.place());
+    let emission = host_vectors(&channel.constant)?;
+    let mut texels = Texels::default();
+    let mut uvs = None;
+    if let (Some(atlas), Some(corners)) = (&channel.atlas, &scene.uvs) {
+        let atlas = host_vectors(atlas)?;
+        texels.push(
+            atlas
+                .iter()
+                .flat_map(|t| t.to_array())
+                .map(|v| v as f32)
+                .collect(),
+        );
+        uvs = Some([
+            vectors(&corners.a)?,
+            vectors(&corners.b)?,
+            vectors(&corners.c)?,
+        ]);
+    }
+    let radiance = |i: usize, material: usize| {
+        let slot = channel.texture[material].as_ref();
+        let colour = Colour {
+            constant: emission[material].into(),
+            texture: slot.map(|s| Texture {
+                offset: s.offset,
+                width: s.width,
+                height: s.height,
+                wrap: s.wrap,
+            }),
+        };
+        let uv = |v: DVec3| [v.x as f32, v.y as f32];
+        let uvs = uvs
+            .as_ref()
+            .map(|uvs: &[Vec<DVec3>; 3]| uvs.each_ref().map(|c| uv(c[i])));
+        colour.mean_over(&texels, uvs.unwrap_or_default())
+    };
     let one = |(i, &k): (usize, &u32)| {
         let cross = (b[i] - a[i]).cross(c[i] - a[i]);
         let material = scene.topology.material[k as usize] as usize;
@@ -155,7 +191,7 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
             normal: cross.normalize_or_zero().into(),
             area: if valid { 0.5 * cross.length() } else { 0.0 } as f32,
             velocity: velocity.as_ref().map_or(V3::ZERO, |v| v[i].into()),
-            radiance: (emission[material].abs().element_sum() / 3.0) as f32,
+            radiance: radiance(i, material),
             group: 0,
         }
     };

@@ -9,6 +9,7 @@ mod lights;
 mod path;
 mod paths;
 mod seen;
+mod shaded;
 mod surface;
 mod tracer;
 

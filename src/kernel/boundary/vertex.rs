@@ -193,7 +193,9 @@ impl View {
             return;
         }
         let tri = &self.scene.triangles[e.triangle as usize];
-        let emission = self.scene.materials[tri.material as usize].emission();
+        let [b, c] = hit.weights;
+        let weights = [1.0 - b - c, b, c];
+        let emission = self.scene.emission(e.triangle as usize, weights);
         let emission = emission.towards(-e.normal.dot(axis));
         let scale = edge.carried.dot(emission) * edge.sign * p.per_density;
         let by_axis = edge.jump.edge.by_axis * scale;
@@ -202,8 +204,7 @@ impl View {
         let by_to = by_axis.reject_from_normalized(axis) * (1.0 / hit.distance);
         by.position -= by_to;
         if self.wanted.objects[tri.object as usize] {
-            let [b, c] = hit.weights;
-            let (k, weights) = (e.triangle as usize, [1.0 - b - c, b, c]);
+            let k = e.triangle as usize;
             self.add_to_corners(k, weights, by_to, time, sums);
         }
     }
