@@ -2,6 +2,7 @@
 
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
+use crate::device::count_read_back;
 use crate::error::{Error, Result};
 
 /// The device and the float type of a render: those of the scene's tensors.
@@ -65,6 +66,7 @@ pub(crate) fn by_rows<const D: usize>(tensor: &Tensor<D>, mut f: impl FnMut(&[f3
     let tensor = detached(tensor);
     for from in (0..height).step_by(rows) {
         let some = tensor.clone().slice([from..(from + rows).min(height)]);
+        count_read_back(&some.device());
         let data = some.try_into_data_as::<f32>().map_err(Error::read)?;
         f(data.as_slice::<f32>().map_err(Error::read)?);
     }
@@ -86,6 +88,7 @@ pub(crate) fn first_not_finite<const D: usize>(tensor: &Tensor<D>) -> Result<Opt
 
 /// Reads the values of a float tensor back to the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
+    count_read_back(&tensor.device());
     let data = detached(tensor).try_into_data();
     let data = data.map_err(Error::read)?;
     Ok(data.iter::<f64>().collect())

@@ -11,16 +11,16 @@ use crate::model::sky::SkyMap;
 use crate::model::triangle::{at, uniform_point};
 
 /// A point of a path that is connected to lights.
-pub(super) struct Receiver<'a> {
+pub(super) struct Shaded<'a> {
     pub walk: u32,
     pub time: f32,
     pub point: &'a Point,
 }
 
-impl Receiver<'_> {
+impl Shaded<'_> {
     /// Light that arrives along a direction if nothing is in between.
     #[inline(always)]
-    fn propose(
+    pub(super) fn propose(
         &self,
         (start, direction): (V3, V3),
         limit: f32,
@@ -43,32 +43,29 @@ impl View {
     #[inline(always)]
     pub(super) fn direct_from_emitters(
         &self,
-        from: &Receiver,
+        from: &Shaded,
         [u, v]: [f32; 2],
         cone: [f32; 2],
         along: Option<V3>,
         work: &mut Work,
     ) {
         let emitters = &self.scene.emitters;
-        let x = from.point.position;
-        let (k, chance, u) = emitters.choose(x, from.time, u, &mut work.chances);
-        let on = uniform_point(u, v);
-        self.connect(
-            from,
-            (k, [on.x, on.y], chance),
-            along.map(|_| false),
-            cone,
-            work,
-        );
+        let at = from.point.receiver(from.time);
+        let (k, chance, u) = emitters.choose(&at, u, &mut work.chances);
+        if let Some(light) = emitters.light(k) {
+            self.connect_delta(from, (light, chance), cone, work);
+        } else {
+            let on = uniform_point(u, v);
+            let place = (k, [on.x, on.y], chance);
+            self.connect(from, place, along.map(|_| false), cone, work);
+        }
         if let Some(direction) = along {
             let mut hits = std::mem::take(&mut work.emitter_hits);
             hits.clear();
-            emitters.each_hit(emitters.all(), x, from.time, direction, |hit| {
-                hits.push(hit);
-            });
+            emitters.each_hit_of_all(&at, direction, |hit| hits.push(hit));
             for hit in &hits {
                 let k = hit.emitter;
-                let chance = emitters.chance(x, from.time, k, &mut work.chances);
+                let chance = emitters.chance(&at, k, &mut work.chances);
                 self.connect(from, (k, hit.weights, chance), Some(true), cone, work);
             }
             work.emitter_hits = hits;
@@ -80,7 +77,7 @@ impl View {
     #[inline(always)]
     fn connect(
         &self,
-        from: &Receiver,
+        from: &Shaded,
         (emitter, [b, c], chance): (usize, [f32; 2], f32),
         combined: Option<bool>,
         [cone_u, cone_v]: [f32; 2],
@@ -112,7 +109,7 @@ impl View {
             }
             None => chance,
         };
-        let emission = self.scene.materials[triangle.material as usize].emission();
+        let emission = self.scene.emission(e.triangle as usize, weights);
         let emission = emission.towards(seen.facing);
         let sample = Sample::Light(LightSample {
             triangle: e.triangle,
@@ -129,7 +126,7 @@ impl View {
     #[inline(never)]
     pub(super) fn direct_from_map(
         &self,
-        from: &Receiver,
+        from: &Shaded,
         map: &SkyMap,
         [u, v]: [f32; 2],
         [cone_u, cone_v]: [f32; 2],

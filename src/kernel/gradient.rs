@@ -4,9 +4,10 @@ use std::ops::{AddAssign, Range};
 
 use glam::DVec3;
 
+use super::delta_sums::DeltaSums;
 use super::scene::KernelScene;
 use crate::model::camera::CameraGradient;
-use crate::scene::{CHANNELS, Channel, ParameterId};
+use crate::scene::{CHANNELS, Channel, LightPart, ParameterId};
 
 /// Which derivatives are asked for.
 #[derive(Clone, Debug, Default)]
@@ -22,6 +23,9 @@ pub(crate) struct Wanted {
     pub materials: bool,
     pub exponents: bool,
     pub emission: bool,
+    /// Whether each light without extent has any, and whether it moves or turns.
+    pub lights: Vec<bool>,
+    pub moving_lights: Vec<bool>,
     pub sky: bool,
     pub camera: bool,
 }
@@ -32,6 +36,8 @@ impl Wanted {
         use ParameterId as Id;
         let mut wanted = Self {
             objects: vec![false; scene.objects.len()],
+            lights: vec![false; scene.emitters.lights().len()],
+            moving_lights: vec![false; scene.emitters.lights().len()],
             ..Self::default()
         };
         for id in ids {
@@ -48,6 +54,11 @@ impl Wanted {
                     wanted.materials = true;
                     wanted.exponents |= channel.turns();
                 }
+                Id::Light(i, part) => {
+                    wanted.lights[i] = true;
+                    wanted.moving_lights[i] |=
+                        matches!(part, LightPart::Position | LightPart::Direction);
+                }
                 Id::Environment => wanted.sky = true,
                 // Those of cameras.
                 _ => wanted.camera = true,
@@ -61,7 +72,8 @@ impl Wanted {
 
     /// Whether anything moves: geometry, or rays.
     pub fn moves(&self) -> bool {
-        self.camera || self.turns() || self.objects.contains(&true)
+        let lights = self.moving_lights.contains(&true);
+        self.camera || lights || self.turns() || self.objects.contains(&true)
     }
 
     /// Whether directions that are drawn at a surface turn while it stands still.
@@ -126,6 +138,7 @@ pub(crate) struct Sums {
     /// Each at its place ([`Channel::place`]).
     pub materials: Vec<[DVec3; CHANNELS]>,
     pub texels: Vec<DVec3>,
+    pub lights: Vec<DeltaSums>,
     pub sky: Vec<DVec3>,
     pub camera: CameraSums,
 }
@@ -153,7 +166,8 @@ impl Sums {
             uvs: vec![[0.0; 2]; if wanted.uvs { scene.uvs.len() } else { 0 }],
             normals: zeros(wanted.normals, scene.normals.len()),
             materials: vec![[DVec3::ZERO; CHANNELS]; scene.materials.len()],
-            texels: zeros(wanted.materials, scene.texels.len()),
+            texels: zeros(wanted.materials || wanted.emission, scene.texels.len()),
+            lights: vec![DeltaSums::default(); wanted.lights.len()],
             sky: zeros(wanted.sky, scene.sky.len()),
             camera: CameraSums::default(),
         }
@@ -164,6 +178,7 @@ impl Sums {
         3 * (self.vertices.len() + self.velocities.len() + self.normals.len())
             + 3 * (self.texels.len() + self.sky.len())
             + 4 * self.triangles.len()
+            + 11 * self.lights.len()
             + 2 * self.uvs.len()
             + 3 * CHANNELS * self.materials.len()
             + 15
@@ -184,6 +199,7 @@ impl Sums {
             add_each(a, b);
         }
         add_each(&mut self.texels, &o.texels);
+        add_each(&mut self.lights, &o.lights);
         add_each(&mut self.sky, &o.sky);
         self.camera += o.camera;
     }
@@ -254,6 +270,7 @@ impl Sums {
                         Some(t) => vectors(to, &self.texels[t.offset..], 1.0),
                     }
                 }
+                Id::Light(i, part) => self.lights[i].write(scene, i, part, to),
                 Id::Environment => vectors(to, &self.sky, 1.0),
                 // Those of cameras are written by `HostCamera::backward`.
                 _ => {}

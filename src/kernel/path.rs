@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::direct::Receiver;
+use super::direct::Shaded;
 use super::surface::Point;
 use super::view::View;
 use super::walk::{Leave, Sample, Vertex, Work};
@@ -73,7 +73,8 @@ impl View {
     pub(super) fn emission(&self, point: &Point) -> V3 {
         let m = self.scene.material(point.triangle);
         if m.kind.emits {
-            m.emission().towards(point.side)
+            let emission = m.emission(&self.scene.texels, point.uv);
+            emission.towards(point.side)
         } else {
             V3::ZERO
         }
@@ -160,6 +161,7 @@ impl View {
                 let vertex = &mut work.vertices[walk.vertex];
                 match candidate.sample {
                     Sample::Light(sample) => keep(&mut vertex.lights, &mut work.lights, sample),
+                    Sample::Delta(sample) => keep(&mut vertex.deltas, &mut work.deltas, sample),
                     Sample::Sky(sample) => keep(&mut vertex.skies, &mut work.skies, sample),
                 }
             }
@@ -256,6 +258,7 @@ impl View {
                 point: *point,
                 throughput: walk.throughput,
                 lights: 0..0,
+                deltas: 0..0,
                 skies: 0..0,
                 leave: None,
                 previous,
@@ -275,7 +278,7 @@ impl View {
         }
         let [_, _, cone_u, cone_v] = self.cone_numbers(path, bounce);
         let cone = [cone_u, cone_v];
-        let from = Receiver {
+        let from = Shaded {
             walk: i,
             time: path.time,
             point,

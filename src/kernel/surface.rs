@@ -9,8 +9,10 @@ use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::cone::lifted;
+use crate::model::emitter::Emission;
 use crate::model::triangle::{barycentric, barycentric_slopes, hit_backward};
-use crate::scene::CHANNELS;
+use crate::sampling::Receiver;
+use crate::scene::{CHANNELS, Channel};
 
 /// Normals of corners may cancel where they are interpolated.
 const TINY: f32 = 1e-15;
@@ -37,6 +39,16 @@ impl Point {
     pub fn start(&self, direction: V3) -> V3 {
         lifted(self.position, self.shading.outer(direction))
     }
+
+    /// As a point that emitters are chosen for.
+    #[inline(always)]
+    pub fn receiver(&self, time: f32) -> Receiver {
+        Receiver {
+            position: self.position,
+            normal: self.shading.geometric,
+            time,
+        }
+    }
 }
 
 /// Derivatives by a surface point, but for those that its incoming ray takes part in.
@@ -45,6 +57,8 @@ pub(crate) struct PointGradient {
     pub position: V3,
     pub geometric: V3,
     pub shading: ShadingGradient,
+    /// By the radiance that it emits, where that is a texture.
+    pub emission: V3,
 }
 
 /// Derivatives by a ray.
@@ -84,15 +98,7 @@ impl KernelScene {
         };
         let weights = barycentric(tri.corners, tri.normal, tri.area, at_rest);
         let geometric = tri.normal * side;
-        let mut uv = [0.0; 2];
-        let uv_rows = self.uv_rows[k];
-        if self.textured && uv_rows[0] != u32::MAX {
-            for (&row, w) in uv_rows.iter().zip(weights) {
-                let [u, v] = self.uvs[row as usize];
-                uv[0] += u * w;
-                uv[1] += v * w;
-            }
-        }
+        let uv = self.uv_at(k, weights);
         let smooth = self.smooth && self.normal_rows[k][0] != u32::MAX;
         let mut normal = geometric;
         if smooth {
@@ -128,6 +134,21 @@ impl KernelScene {
             uv,
             shading,
         }
+    }
+
+    /// Texture coordinates at a point of a triangle; 0 where nothing has a texture.
+    #[inline(always)]
+    pub fn uv_at(&self, k: usize, weights: [f32; 3]) -> [f32; 2] {
+        let mut uv = [0.0; 2];
+        let uv_rows = self.uv_rows[k];
+        if self.textured && uv_rows[0] != u32::MAX {
+            for (&row, w) in uv_rows.iter().zip(weights) {
+                let [u, v] = self.uvs[row as usize];
+                uv[0] += u * w;
+                uv[1] += v * w;
+            }
+        }
+        uv
     }
 
     #[inline(always)]
@@ -168,6 +189,10 @@ impl View {
                 i += 1;
             }
         }
+        if by.emission != V3::ZERO {
+            let more = self.emission_backward(k, p.uv, p.side, by.emission, sums);
+            by_uv = [by_uv[0] + more[0], by_uv[1] + more[1]];
+        }
         if !self.wanted.rays {
             return RayGradient::default();
         }
@@ -206,6 +231,37 @@ impl View {
         }
     }
 
+    /// Adds a derivative by the texture coordinates at a point of a triangle, which has some.
+    #[inline(always)]
+    pub fn add_to_uvs(&self, k: usize, weights: [f32; 3], by_uv: [f32; 2], sums: &mut Sums) {
+        if self.wanted.uvs {
+            for (&row, w) in self.scene.uv_rows[k].iter().zip(weights) {
+                let to = &mut sums.uvs[row as usize];
+                to[0] += f64::from(by_uv[0] * w);
+                to[1] += f64::from(by_uv[1] * w);
+            }
+        }
+    }
+
+    /// Adds the derivatives of g times the radiance that a triangle emits in a direction, given by its cosine; returns
+    /// that by the texture coordinates.
+    #[inline(always)]
+    pub fn emission_backward(
+        &self,
+        k: usize,
+        uv: [f32; 2],
+        cosine: f32,
+        g: V3,
+        sums: &mut Sums,
+    ) -> [f32; 2] {
+        let index = self.scene.triangles[k].material as usize;
+        let channel = Channel::Emission.place();
+        let colour = &self.scene.materials[index].channels[channel];
+        let into = (&mut sums.materials[index][channel], &mut sums.texels[..]);
+        let g = Emission::backward(cosine, g);
+        colour.backward(&self.scene.texels, uv, g, into)
+    }
+
     /// Adds the derivatives by texture coordinates and shading normals; returns that by the point, which
     /// each corner takes less by its weight.
     #[inline(always)]
@@ -222,13 +278,7 @@ impl View {
             let [a, b, c] = self.scene.uv_rows[k].map(|row| self.scene.uvs[row as usize]);
             by_b += by_uv[0] * (b[0] - a[0]) + by_uv[1] * (b[1] - a[1]);
             by_c += by_uv[0] * (c[0] - a[0]) + by_uv[1] * (c[1] - a[1]);
-            if self.wanted.uvs {
-                for (&row, w) in self.scene.uv_rows[k].iter().zip(p.weights) {
-                    let to = &mut sums.uvs[row as usize];
-                    to[0] += f64::from(by_uv[0] * w);
-                    to[1] += f64::from(by_uv[1] * w);
-                }
-            }
+            self.add_to_uvs(k, p.weights, by_uv, sums);
         }
         if p.shading.smooth {
             let sum = self.scene.sum_of_normals(k, p.weights);

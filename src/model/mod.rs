@@ -10,11 +10,14 @@ macro_rules! comptime {
 
 pub(crate) mod bsdf;
 pub(crate) mod camera;
+pub(crate) mod choice;
 pub(crate) mod cone;
+pub(crate) mod delta_light;
 pub(crate) mod edge;
 pub(crate) mod emitter;
 pub(crate) mod filter;
 pub(crate) mod frame;
+pub(crate) mod integers;
 pub(crate) mod segment;
 pub(crate) mod sky;
 pub(crate) mod texture;

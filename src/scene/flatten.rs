@@ -9,7 +9,8 @@ use super::material::{CHANNELS, Channel, MaterialKind, Value};
 use super::mesh::take_rows;
 use super::parameter::without_tape;
 use super::{
-    Bounds, Camera, CornerAttribute, Environment, HostScene, Material, Mesh, Parameter, Scene, Wrap,
+    Bounds, Camera, CornerAttribute, Environment, HostScene, LightPlanes, Material, Mesh,
+    Parameter, Scene, SceneFrame, Wrap,
 };
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
@@ -55,6 +56,8 @@ pub(crate) struct Flattened {
     pub uvs: Option<VertexData>,
     /// Shading normals of the corners, if any mesh has them, and for which triangles.
     pub normals: Option<(VertexData, Vec<bool>)>,
+    /// Lights without a surface, if there are any.
+    pub(crate) lights: Option<LightPlanes>,
     /// The environment, if it is not a constant black.
     pub environment: Option<SkyTensors>,
 }
@@ -90,6 +93,8 @@ impl Flattened {
         let normals = smooth.contains(&true);
         let normals = normals.then(|| (attribute(|m| m.normals.as_ref()), smooth));
         let sky = &scene.environment;
+        let place = (Vec3::constant(&context, normalization.center), unit);
+        let size = SceneFrame::new(host).unit / unit;
         let topology = topology(host, camera.eye.values()?.into());
         let emits = |t: u32| materials.kinds[topology.material[t as usize] as usize].emits;
         let triangles = 0..topology.object.len() as u32;
@@ -102,6 +107,7 @@ impl Flattened {
             ),
             uvs: materials.textured().then(|| attribute(|m| m.uvs.as_ref())),
             normals,
+            lights: LightPlanes::new(&scene.lights, &context, place, size),
             environment: sky.shines().then(|| SkyTensors::new(sky, &context)),
             context,
             topology,

@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::check::check_scene;
+use super::check::{check_devices, check_values};
+use super::light::HostLight;
 use super::material::{Channel, MaterialKind, Value};
+use super::transfer::to_host;
 use super::{CornerAttribute, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, by_rows, host_values};
@@ -16,6 +18,7 @@ pub(crate) struct HostScene {
     pub objects: Vec<HostObject>,
     /// The materials of all objects, one object after the other.
     pub materials: Vec<HostMaterial>,
+    pub lights: Vec<HostLight>,
     pub environment: HostTexture,
     /// False only for an environment that is a constant black.
     pub shines: bool,
@@ -75,7 +78,18 @@ impl HostScene {
     /// # Errors
     /// If the scene is not valid.
     pub fn new(scene: &Scene) -> Result<Self> {
-        let context = check_scene(scene)?;
+        let context = check_devices(scene)?;
+        let mut scene = scene.clone();
+        to_host(std::slice::from_mut(&mut scene), &mut [], &context)?;
+        Self::read(&scene, context)
+    }
+
+    /// Checks the values of a scene and reads them; `context` is that of its renders.
+    ///
+    /// # Errors
+    /// If a value is not valid.
+    pub fn read(scene: &Scene, context: Context) -> Result<Self> {
+        check_values(scene)?;
         let mut objects = Vec::with_capacity(scene.objects.len());
         let mut materials = Vec::new();
         for object in &scene.objects {
@@ -105,13 +119,16 @@ impl HostScene {
             context,
             objects,
             materials,
+            lights: (scene.lights.iter())
+                .map(|light| light.host("light"))
+                .collect::<Result<_>>()?,
             environment: texture(scene.environment.clone().value())?,
             shines: scene.environment.shines(),
         };
         if !this.has_light() {
             log::warn!(
                 "the scene has no light, so that its image is black: give it an environment \
-                 (Scene::environment), or an object a Material::emitter"
+                 (Scene::environment), a Light (Scene::light), or an object a Material::emitter"
             );
         }
         Ok(this)
@@ -123,7 +140,8 @@ impl HostScene {
             HostTexture::Constant(c) => *c != [0.0; 3],
             HostTexture::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
         };
-        sky || self.materials.iter().any(|m| m.shines())
+        let lights = self.lights.iter().any(|l| l.strength != [0.0; 3]);
+        sky || lights || self.materials.iter().any(|m| m.shines())
     }
 }
 

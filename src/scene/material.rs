@@ -39,7 +39,7 @@ pub(crate) enum Value<'a> {
     ScalarImage(&'a mut Tensor<2>, Wrap),
 }
 
-/// An albedo: a constant RGB, or a texture.
+/// An albedo, or the radiance of an emitter: a constant RGB, or a texture.
 #[derive(Clone)]
 pub enum Albedo {
     /// RGB.
@@ -247,8 +247,8 @@ pub struct Material {
     pub ior: ScalarTexture,
     /// Whether light that is lost between the facets of metal is given back.
     pub compensated: bool,
-    /// Radiance of the front side, RGB.
-    pub emission: Parameter<3>,
+    /// Radiance of the front side, RGB; a texture is for cones.
+    pub emission: Albedo,
 }
 
 impl Default for Material {
@@ -272,12 +272,12 @@ impl Material {
             extinction: Parameter::Constant([1.0; 3]),
             ior: 1.5.into(),
             compensated: true,
-            emission: Parameter::Constant([0.0; 3]),
+            emission: [0.0; 3].into(),
         }
     }
 
     /// A black surface that emits radiance from its front side.
-    pub fn emitter(radiance: impl Into<Parameter<3>>) -> Self {
+    pub fn emitter(radiance: impl Into<Albedo>) -> Self {
         Self::diffuse([0.0; 3]).emission(radiance)
     }
 
@@ -299,7 +299,7 @@ impl Material {
     }
 
     /// Sets the radiance that the front side emits, RGB.
-    pub fn emission(mut self, radiance: impl Into<Parameter<3>>) -> Self {
+    pub fn emission(mut self, radiance: impl Into<Albedo>) -> Self {
         self.emission = radiance.into();
         self
     }
@@ -327,7 +327,7 @@ impl Material {
             ],
             Bsdf::Dielectric => [(Diffuse, self.diffuse.value()), (Ior, self.ior.value())],
         };
-        let emission = (Emission, Value::Colour(&mut self.emission));
+        let emission = (Emission, self.emission.value());
         [first, second, number, emission]
     }
 
@@ -346,7 +346,12 @@ impl Material {
 
     /// Whether its emission may be other than 0: false only for a constant 0.
     pub(crate) fn emits(&self) -> bool {
-        !matches!(self.emission, Parameter::Constant(v) if v.iter().all(|&x| x == 0.0))
+        self.emission.reflects()
+    }
+
+    /// Whether its emission is a texture.
+    pub(crate) fn glows(&self) -> bool {
+        matches!(self.emission, Albedo::Texture { .. })
     }
 }
 

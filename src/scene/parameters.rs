@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use burn::tensor::Tensor;
 
+use super::light::LightPart;
 use super::material::{Channel, Value};
 use super::parameter::Range as Values;
 use super::{Camera, Parameter, Projection, Scene};
@@ -21,6 +22,8 @@ pub(crate) enum ParameterId {
     Velocity(usize),
     /// `[3]` or `[H, W, 3]`, or `[1]` or `[H, W]`.
     Material(usize, Channel),
+    /// `[3]` or `[1]`, of a light by its place in the scene.
+    Light(usize, LightPart),
     /// `[3]` or `[H, W, 3]`.
     Environment,
     /// `[3]`, scene units.
@@ -52,6 +55,7 @@ impl ParameterId {
             Self::Normals(_) => ("normals", Values::Finite),
             Self::Velocity(_) => ("velocity", Values::Finite),
             Self::Material(_, channel) => channel.row(),
+            Self::Light(_, part) => part.row(),
             Self::Environment => ("environment", Values::Finite),
             Self::Eye => ("eye", Values::Finite),
             Self::Target => ("target", Values::Finite),
@@ -120,6 +124,11 @@ pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
         }
         if let Some(velocity) = &mut object.velocity {
             visit.parameter(Velocity(i), velocity);
+        }
+    }
+    for (i, light) in scene.lights.iter_mut().enumerate() {
+        for (part, value) in light.parts() {
+            visit.value(ParameterId::Light(i, part), value);
         }
     }
     visit.value(ParameterId::Environment, scene.environment.value());

@@ -195,8 +195,10 @@ impl Cones {
             let limit = match (&rays.arrival, &distances) {
                 (Some((emitters, _)), Some(distances)) => {
                     let light = host.origin[i] + axis * distances[i] as f32;
-                    let emitter = &self.hierarchy.triangles[emitters[i] as usize];
-                    up_to_plane(start, direction, emitter.normal.into(), light)
+                    let emitter = self.hierarchy.triangles.get(emitters[i] as usize);
+                    // A light without a surface has its plane across the direction to it.
+                    let normal = emitter.map_or(-axis, |e| e.normal.into());
+                    up_to_plane(start, direction, normal, light)
                 }
                 _ => f32::INFINITY,
             };

@@ -27,6 +27,8 @@ pub(crate) struct SurfacePoints {
     pub models: Vec<Model>,
     /// 1 where a ray came from behind the front, which is inside of a dielectric.
     pub inside: Tensor<2>,
+    /// Texture coordinates, where any material has a texture.
+    pub uv: Option<[Tensor<2>; 2]>,
 }
 
 /// A model of facets that some surface points have.
@@ -84,6 +86,7 @@ impl SurfacePoints {
                 })
                 .collect(),
             inside: f(&self.inside),
+            uv: self.uv.as_ref().map(|uv| uv.each_ref().map(&f)),
         }
     }
 
@@ -164,6 +167,7 @@ impl SurfacePoints {
             parameters,
             models: models(scene, &materials),
             inside: (side.neg() + 1.0) * 0.5,
+            uv,
         })
     }
 }

@@ -1,5 +1,7 @@
 //! Gradients against central differences of renders of the same blurred scene.
 
+pub mod lights;
+
 use burn::tensor::{DType, Device, Tensor};
 use softray::gradcheck::{Checked, GradCheck, Row, gradcheck};
 use softray::prelude::*;
@@ -373,7 +375,9 @@ pub type Setup<'a> = (&'a Device, fn(RenderOptions) -> RenderOptions);
 
 /// How far the gradients of one seed are apart in two setups, relative to the larger, by case.
 pub fn agreement(setups: [Setup; 2], dtype: DType, effort: Effort) -> Vec<(&'static str, f64)> {
-    agreement_of(&cases(), setups, dtype, effort)
+    let lights = lights::still().into_iter().chain(lights::moving());
+    let all: Vec<Case> = cases().into_iter().chain(lights).collect();
+    agreement_of(&all, setups, dtype, effort)
 }
 
 /// The same of some cases.

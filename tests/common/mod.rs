@@ -4,6 +4,8 @@
 pub mod errors;
 pub mod facets;
 pub mod folder;
+pub mod gltf;
+pub mod gpu;
 pub mod gradients;
 pub mod images;
 pub mod jumps;

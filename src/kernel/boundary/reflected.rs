@@ -10,45 +10,11 @@ use crate::kernel::view::View;
 use crate::kernel::walk::Path;
 use crate::kernel::walk::Work;
 use crate::model::V3;
-use crate::model::cone::widened;
 use crate::model::edge::direction_jump;
-use crate::model::frame::SinCos;
 
 /// The probability with which edges of reflected light are looked for at a point of a path that counts as
 /// much as a camera ray does on average: half that of the lights' shadows, since it takes two more paths.
 const RATE: f32 = 0.125;
-
-/// Lobes of a greater half-angle are looked for over the whole hemisphere.
-const WIDEST: f32 = 1.2;
-/// The probability of the inner part of a lobe that is split.
-const INNER: f32 = 0.75;
-
-/// Directions within a cone or outside of it: lobes of facets have long tails.
-struct Region {
-    axis: V3,
-    cos: f32,
-    inside: bool,
-    /// The probability with which it was chosen, and a uniform number that is left.
-    chance: f32,
-    rest: f32,
-}
-
-impl Region {
-    /// Chooses a cone or what is outside of it.
-    fn split(&mut self, axis: V3, cos: f32) {
-        (self.axis, self.cos) = (axis, cos);
-        self.inside = self.rest < INNER;
-        (self.chance, self.rest) = if self.inside {
-            (INNER, self.rest / INNER)
-        } else {
-            (1.0 - INNER, (self.rest - INNER) / (1.0 - INNER))
-        };
-    }
-
-    fn holds(&self, direction: V3) -> bool {
-        (direction.dot(self.axis) >= self.cos) == self.inside
-    }
-}
 
 /// The light beside an edge, on its − and + side.
 struct SideLight {
@@ -88,8 +54,17 @@ impl View {
         } else {
             (1.0 - gloss, (lobe - gloss) / (1.0 - gloss))
         };
-        let (query, region) = self.lobe_query(o, of_gloss, cone_u);
-        let (chance, cone_u) = (chance * region.chance, region.rest);
+        let lobe = shading.lobe(of_gloss, cone_u, self.cone);
+        let (chance, cone_u) = (chance * lobe.chance, lobe.rest);
+        let query = Query {
+            x: point.position,
+            time,
+            axis: lobe.axis,
+            cos: lobe.cos,
+            sin: lobe.sin,
+            exponent: lobe.exponent,
+            shadows: false,
+        };
         let Some(p) = self.edge_point(o, tree, &query, [u, v]) else {
             return;
         };
@@ -101,7 +76,7 @@ impl View {
         if shading.glossy {
             reflected *= shading.share_of_lobe(axis, of_gloss);
         }
-        if reflected == V3::ZERO || !region.holds(axis) {
+        if reflected == V3::ZERO || !lobe.holds(axis) {
             return;
         }
         let jump = direction_jump(p.to, p.edge.along, &bend, shading.geometric);
@@ -128,57 +103,6 @@ impl View {
             let jumps = (carried * reflected).dot(radiance) * (p.per_density / chance);
             self.edge_point_backward(&p, &jump, (point, time), jumps * (minus - plus), by, sums);
         }
-    }
-
-    /// The hemisphere over a point, or the cone of its glossy lobe, widened by that of the rays; and the part of
-    /// directions that are looked for there, chosen by a uniform number.
-    fn lobe_query(&self, o: &Observer, of_gloss: bool, choice: f32) -> (Query, Region) {
-        let point = &o.vertex.point;
-        let shading = &point.shading;
-        let mut region = Region {
-            axis: V3::ZERO,
-            cos: f32::MIN,
-            inside: true,
-            chance: 1.0,
-            rest: choice,
-        };
-        let mut query = Query {
-            x: point.position,
-            time: o.path.time,
-            axis: shading.normal,
-            cos: 0.0,
-            sin: 1.0,
-            exponent: 1.0,
-            shadows: false,
-        };
-        if let Some(lobe) = shading.lobe_of_facets(of_gloss) {
-            query.axis = lobe.side;
-            let cos = lobe.half_angle.cos();
-            if lobe.half_angle < WIDEST {
-                region.split(lobe.axis, cos);
-                if region.inside {
-                    query.axis = lobe.axis;
-                    query.exponent = lobe.exponent;
-                    self.narrow(&mut query, cos);
-                }
-            }
-        } else if of_gloss && !shading.facets {
-            query.axis = shading.mirror();
-            query.exponent = shading.exponent;
-            // The lobe has fallen to 1e-4 there.
-            self.narrow(&mut query, (-9.2 / shading.exponent.max(1e-3)).exp());
-        }
-        (query, region)
-    }
-
-    /// Narrows a query to a cone, widened by that of the rays.
-    fn narrow(&self, query: &mut Query, cos: f32) {
-        let half = SinCos {
-            sin: (1.0 - cos * cos).sqrt(),
-            cos,
-        };
-        query.cos = widened(half, self.cone).cos.max(0.0);
-        query.sin = (1.0 - query.cos * query.cos).sqrt();
     }
 
     /// The light that arrives beside an edge's point.

@@ -90,8 +90,13 @@ impl View {
             return;
         }
         let point = &o.vertex.point;
-        let (x, time) = (point.position, o.path.time);
-        let (group, chance) = emitters.choose_group(x, time, choice, &mut work.chances);
+        let at = point.receiver(o.path.time);
+        let (group, chance) = emitters.choose_group(&at, choice, &mut work.chances);
+        if let Some(light) = emitters.light_of_group(group) {
+            let carried = o.carried * (1.0 / rate) * (1.0 / chance);
+            self.delta_edges(o, (light, carried), [u, v], by, sums);
+            return;
+        }
         let light_moves = emitters.members(group).any(|k| {
             let k = emitters.get(k).triangle as usize;
             self.wanted.objects[self.scene.triangles[k].object as usize]
@@ -128,7 +133,7 @@ impl View {
             carried: carried * reflected,
             sign,
         };
-        emitters.each_hit(emitters.members(group), x, time, edge.axis, |hit| {
+        emitters.each_hit(emitters.members(group), &at, edge.axis, |hit| {
             self.shadow_edge_backward(o, &edge, hit, by, sums);
         });
     }
@@ -188,7 +193,9 @@ impl View {
             return;
         }
         let tri = &self.scene.triangles[e.triangle as usize];
-        let emission = self.scene.materials[tri.material as usize].emission();
+        let [b, c] = hit.weights;
+        let weights = [1.0 - b - c, b, c];
+        let emission = self.scene.emission(e.triangle as usize, weights);
         let emission = emission.towards(-e.normal.dot(axis));
         let scale = edge.carried.dot(emission) * edge.sign * p.per_density;
         let by_axis = edge.jump.edge.by_axis * scale;
@@ -197,8 +204,7 @@ impl View {
         let by_to = by_axis.reject_from_normalized(axis) * (1.0 / hit.distance);
         by.position -= by_to;
         if self.wanted.objects[tri.object as usize] {
-            let [b, c] = hit.weights;
-            let (k, weights) = (e.triangle as usize, [1.0 - b - c, b, c]);
+            let k = e.triangle as usize;
             self.add_to_corners(k, weights, by_to, time, sums);
         }
     }

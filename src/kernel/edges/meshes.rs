@@ -115,7 +115,7 @@ fn crease(
         return 1.0;
     }
     let material = &scene.materials[t.material as usize];
-    if !material.kind.reflects {
+    if !material.kind.reflects && !material.glows() {
         return 0.0;
     }
     let textured = material.is_textured();

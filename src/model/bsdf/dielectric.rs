@@ -5,6 +5,8 @@
 //! counts, which is less by η² where it is spread over as much more directions. What is reflected downwards or
 //! refracted upwards by a slanted facet is lost.
 
+#[cfg(feature = "wgpu")]
+use super::ShadingExpand;
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::dielectric;
 use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient};
@@ -62,7 +64,7 @@ impl Shading {
     fn eta(&self) -> f32 {
         let mut eta = self.specular.x;
         if (eta - 1.0).abs() < LEAST_CONTRAST {
-            eta = 1.0 + LEAST_CONTRAST;
+            eta = const { 1.0 + LEAST_CONTRAST };
         }
         if self.inside {
             eta = 1.0 / eta;
@@ -175,7 +177,8 @@ impl Shading {
         if cosine > 0.0 && t.k > 0.0 {
             let v = f.visibility(nl.abs());
             let d = f.distribution(t.half);
-            let (p, k) = (t.part.x, t.k);
+            let p = t.part.x;
+            let k = t.k;
             if !t.above {
                 gradient.diffuse += g * (p * d * v * k * cosine);
             }
@@ -209,7 +212,7 @@ impl Shading {
         let per = 1.0 / t.length;
         let by_vh = g.part * t.part.y;
         let mut by_a = by_vh * per;
-        let mut by_square = -0.5 * by_vh * t.cosine * per * per;
+        let mut by_square = -0.5f32 * by_vh * t.cosine * per * per;
         let mut by_eta = g.part * t.part.z;
         let mut by_outgoing = splat(0.0);
         if t.above {
@@ -266,7 +269,7 @@ impl Shading {
     /// The part of light that a facet with a half vector reflects.
     #[inline(always)]
     pub(super) fn part_reflected(&self, f: &Facets, half: V3) -> f32 {
-        dielectric(f.view.dot(half).clamp(0.0, 1.0), self.eta()).x
+        dielectric(f.view.dot(half).max(0.0).min(1.0), self.eta()).x
     }
 
     /// The direction in which a facet with a half vector refracts the view.
@@ -293,14 +296,15 @@ impl Shading {
             let t = self.turn(&f, outgoing);
             let nl = self.normal.dot(outgoing).abs();
             let cosine = self.cosine_on_side(outgoing, t.above);
-            let (v, sum) = (f.visibility(nl), f.nv + f.rv);
+            let v = f.visibility(nl);
+            let sum = f.nv + f.rv;
             let mut scale = 2.0f32;
             if !t.above {
                 let eta = self.eta();
                 scale = 2.0 / (eta * eta);
                 let weight = scale * v * sum * cosine;
                 gradient.diffuse += g * weight;
-                self.eta_backward(-2.0 * g.dot(self.diffuse) * weight / eta, gradient);
+                self.eta_backward(-2.0f32 * g.dot(self.diffuse) * weight / eta, gradient);
             }
             let g = g.dot(self.tint(t.above)) * scale;
             let by = FactorsGradient {

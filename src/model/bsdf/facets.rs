@@ -6,7 +6,6 @@
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
-use super::{DIELECTRIC, PHONG, Shading};
 use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
 #[cfg(feature = "wgpu")]
@@ -18,43 +17,6 @@ const LEAST_ALPHA: f32 = 1e-3;
 const TINY: f32 = 1e-12;
 /// Squared sines of caps are at least this, where their square root has a derivative.
 const LEAST_SQUARE: f32 = 1e-7;
-
-/// Where most of a lobe's light goes.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct FacetLobe {
-    /// The direction of smooth facets, and the normal on that side.
-    pub axis: V3,
-    pub side: V3,
-    /// The half-angle of a cone that holds 94 % of facets' light.
-    pub half_angle: f32,
-    /// The lobe falls about as 1/(1 + (1 − cos) (n − 1))² from its axis.
-    pub exponent: f32,
-}
-
-impl Shading {
-    /// The lobe of reflected light, or of light that passes; none where there are no facets.
-    pub fn lobe_of_facets(&self, of_gloss: bool) -> Option<FacetLobe> {
-        let is_interface = self.model == DIELECTRIC;
-        if self.model == PHONG || !(of_gloss || is_interface) {
-            return None;
-        }
-        let f = self.facets_about(self.normal);
-        // How far a direction turns when its facet does.
-        let (axis, side, turns) = if of_gloss {
-            (self.reflected_at(&f, self.normal), self.normal, 2.0)
-        } else {
-            let axis = self.refracted_at(&f, self.normal).normalize();
-            (axis, -self.normal, self.bending())
-        };
-        let width = turns * f.alpha;
-        Some(FacetLobe {
-            axis,
-            side,
-            half_angle: turns * (4.0 * f.alpha).atan(),
-            exponent: 1.0 + 2.0 / (width * width),
-        })
-    }
-}
 
 /// Facets about a normal, and the direction that they are seen from.
 #[cfg_attr(
@@ -197,7 +159,7 @@ impl Facets {
             let share = across.length_squared() * inverse;
             let e = square + (1.0 - square) * share;
             let d = square * FRAC_1_PI / (e * e);
-            let by_e = -2.0 * g * d / e;
+            let by_e = -2.0f32 * g * d / e;
             by.alpha += 2.0 * self.alpha * (g * d / square + by_e * (1.0 - share));
             let by_share = by_e * (1.0 - square);
             by_half = (across - half * share) * (2.0 * by_share * inverse);
@@ -217,7 +179,8 @@ impl Facets {
     #[inline(always)]
     pub fn visibility_slopes(&self, nl: f32) -> V3 {
         let square = self.alpha * self.alpha;
-        let (rv, nv) = (self.rv, self.nv);
+        let rv = self.rv;
+        let nv = self.nv;
         let rl = slant(square, nl);
         let sum = nl * rv + nv * rl;
         let scale = -0.5f32 / (sum * sum);
@@ -340,7 +303,7 @@ impl Facets {
         let cap = sum * (2.0 * sum.dot(stretched)) - stretched;
         let mut turn = cap.y.atan2(cap.x) / TAU;
         turn -= turn.floor();
-        let u = ((1.0 - cap.z) / (1.0 + stretched.z)).clamp(0.0, 1.0);
+        let u = ((1.0 - cap.z) / (1.0 + stretched.z)).max(0.0).min(1.0);
         v3(u, turn, 0.0)
     }
 }

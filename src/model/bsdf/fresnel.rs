@@ -32,8 +32,10 @@ pub(super) fn conductor(cosine: f32, eta: f32, k: f32) -> f32 {
     let t0 = eta * eta - k * k - rest;
     let sum = (t0 * t0 + 4.0 * eta * eta * k * k).sqrt();
     let a = (0.5 * (sum + t0)).max(0.0).sqrt();
-    let (t1, t2) = (sum + square, 2.0 * a * cosine);
-    let (t3, t4) = (square * sum + rest * rest, t2 * rest);
+    let t1 = sum + square;
+    let t2 = 2.0 * a * cosine;
+    let t3 = square * sum + rest * rest;
+    let t4 = t2 * rest;
     let across = (t1 - t2) / (t1 + t2).max(TINY);
     let ratio = (t3 - t4) / (t3 + t4).max(TINY);
     0.5 * across * (1.0 + ratio)
@@ -48,9 +50,12 @@ pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
     let t0 = eta * eta - k * k - rest;
     let sum = (t0 * t0 + 4.0 * eta * eta * k * k).sqrt();
     let a = (0.5 * (sum + t0)).max(0.0).sqrt();
-    let (t1, t2) = (sum + square, 2.0 * a * cosine);
-    let (t3, t4) = (square * sum + rest * rest, t2 * rest);
-    let (of_across, of_ratio) = ((t1 + t2).max(TINY), (t3 + t4).max(TINY));
+    let t1 = sum + square;
+    let t2 = 2.0 * a * cosine;
+    let t3 = square * sum + rest * rest;
+    let t4 = t2 * rest;
+    let of_across = (t1 + t2).max(TINY);
+    let of_ratio = (t3 + t4).max(TINY);
     let across = (t1 - t2) / of_across;
     let by_across = 0.5 * (1.0 + (t3 - t4) / of_ratio);
     let by_t3 = across * t4 / (of_ratio * of_ratio);
@@ -80,11 +85,13 @@ pub(super) fn dielectric(cosine: f32, eta: f32) -> V3 {
     let mut r = v3(1.0, 0.0, 0.0);
     if square < 1.0 {
         let passed = (1.0 - square).max(TINY).sqrt();
-        let (of_p, of_s) = (eta * cosine + passed, cosine + eta * passed);
+        let of_p = eta * cosine + passed;
+        let of_s = cosine + eta * passed;
         let p = (eta * cosine - passed) / of_p;
         let s = (cosine - eta * passed) / of_s;
         // Of the reflectance by both amplitudes times those of the amplitudes.
-        let (by_p, by_s) = (2.0 * p / (of_p * of_p), 2.0 * s / (of_s * of_s));
+        let by_p = 2.0 * p / (of_p * of_p);
+        let by_s = 2.0 * s / (of_s * of_s);
         let by_passed = -(by_p + by_s) * eta * cosine;
         let by_cosine = by_passed * cosine * inverse / passed + (by_p + by_s) * eta * passed;
         let by_eta = by_passed * square / (eta * passed) + (by_p - by_s) * cosine * passed;

@@ -6,6 +6,8 @@
 
 use std::f32::consts::FRAC_1_PI;
 
+#[cfg(feature = "wgpu")]
+use super::ShadingExpand;
 use super::albedo::{dielectric_facets, lost, mean_of_dielectric_facets};
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::{conductor, conductor_slopes, schlick, schlick_slope};
@@ -65,7 +67,8 @@ impl Shading {
     fn fresnel(&self, cosine: f32) -> V3 {
         let mut f = splat(0.0);
         if self.model == CONDUCTOR {
-            let (eta, k) = (self.diffuse, self.specular);
+            let eta = self.diffuse;
+            let k = self.specular;
             f = v3(
                 conductor(cosine, eta.x, k.x),
                 conductor(cosine, eta.y, k.y),
@@ -83,7 +86,8 @@ impl Shading {
     fn fresnel_backward(&self, cosine: f32, g: V3, gradient: &mut ShadingGradient) -> f32 {
         let mut by_cosine = 0.0f32;
         if self.model == CONDUCTOR {
-            let (eta, k) = (self.diffuse, self.specular);
+            let eta = self.diffuse;
+            let k = self.specular;
             let red = conductor_slopes(cosine, eta.x, k.x);
             let green = conductor_slopes(cosine, eta.y, k.y);
             let blue = conductor_slopes(cosine, eta.z, k.z);
@@ -127,7 +131,8 @@ impl Shading {
     ) -> f32 {
         let mut by_fresnel = g;
         if self.compensated {
-            let (fresnel, f0) = (self.fresnel(cosine), self.along_normal());
+            let fresnel = self.fresnel(cosine);
+            let f0 = self.along_normal();
             let lost = lost(f.nv, f.alpha);
             by_fresnel = g.times(splat(1.0) + f0 * lost.value);
             let by_f0 = g.times(fresnel);
@@ -221,7 +226,7 @@ impl Shading {
         // S and T.
         let gloss = self.metal_gloss();
         let sum = f.nv + f.rv;
-        let by_sum = f.slant_slopes() * (-0.5 * g.s * gloss / (sum * sum));
+        let by_sum = f.slant_slopes() * (-0.5f32 * g.s * gloss / (sum * sum));
         let mut by_nv = slopes.x + by_sum.x;
         let mut by_nl = slopes.y + g.t * (1.0 - gloss) * FRAC_1_PI;
         by.alpha += slopes.z + by_sum.y;
@@ -231,7 +236,8 @@ impl Shading {
             let lit = dielectric_facets(nl, f.alpha);
             let mean = mean_of_dielectric_facets(f.alpha);
             let rest = 1.0 / (1.0 - mean.x);
-            let (a, b) = (1.0 - seen.value, 1.0 - lit.value);
+            let a = 1.0 - seen.value;
+            let b = 1.0 - lit.value;
             let through = a * b * rest;
             let share = (1.0 - self.specular.x) * FRAC_1_PI;
             let along = g.y.dot(self.diffuse);
@@ -270,12 +276,14 @@ impl Shading {
     pub(super) fn metal_gloss(&self) -> f32 {
         let mut share = 1.0f32;
         if self.model == METALLIC {
-            let metal = self.specular.x.clamp(0.0, 1.0);
+            let metal = self.specular.x.max(0.0).min(1.0);
             let nv = self.normal.dot(self.incoming).abs();
             let reflected = self.fresnel(nv).abs().element_sum();
             let below = (1.0 - metal) * self.diffuse.abs().element_sum();
             if below > 0.0 {
-                share = (reflected / (reflected + below)).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
+                share = (reflected / (reflected + below))
+                    .max(LEAST_SHARE)
+                    .min(const { 1.0 - LEAST_SHARE });
             }
         }
         share

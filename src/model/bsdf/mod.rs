@@ -10,6 +10,7 @@ mod albedo;
 mod dielectric;
 mod facets;
 mod fresnel;
+mod lobe;
 mod metal;
 mod phong;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use crate::scene::{Bsdf, CHANNELS, MaterialKind};
 use burn::cubecl::{self, prelude::*};
 
 pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
+pub(crate) use lobe::Lobe;
 pub(crate) use metal::DIELECTRIC_F0;
 
 /// Models of [`Shading::model`].
@@ -29,6 +31,45 @@ pub(crate) const PHONG: u32 = 0;
 pub(crate) const METALLIC: u32 = 1;
 pub(crate) const CONDUCTOR: u32 = 2;
 pub(crate) const DIELECTRIC: u32 = 3;
+
+/// What is known when a kernel is compiled.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Known(pub bool);
+
+/// In the language of kernels it stays what it is.
+#[cfg(feature = "wgpu")]
+impl IntoExpand for Known {
+    type Expand = Self;
+
+    fn into_expand(self, _: &Scope) -> Self {
+        self
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl Assign for Known {
+    fn __expand_assign_method(&mut self, _: &Scope, value: Self) {
+        *self = value;
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl RuntimeAssign for Known {
+    fn init_mut(&self, _: &Scope) -> Self {
+        *self
+    }
+}
+
+/// The number of a BSDF.
+#[inline(always)]
+pub(crate) fn model_of(bsdf: Bsdf) -> u32 {
+    match bsdf {
+        Bsdf::Phong => PHONG,
+        Bsdf::MetallicRoughness => METALLIC,
+        Bsdf::Conductor => CONDUCTOR,
+        Bsdf::Dielectric => DIELECTRIC,
+    }
+}
 
 /// A shaded point: directions, and what its material is there.
 #[cfg_attr(
@@ -60,7 +101,7 @@ pub(crate) struct Shading {
     /// Whether the model may be one of facets. Of kernels on GPUs it is a constant, so that they need not hold what
     /// a scene does not have.
     #[cfg_attr(feature = "wgpu", cube(comptime))]
-    pub facets: bool,
+    pub facets: Known,
     /// Two normals, about one of which directions are drawn in place of its own: those of both faces of a
     /// crease, so that a path on either side goes the same way and their difference is as small as the
     /// crease is flat.
@@ -133,14 +174,9 @@ impl Shading {
             specular: values[1],
             exponent: values[2].x,
             glossy: kind.glossy,
-            model: match kind.bsdf {
-                Bsdf::Phong => PHONG,
-                Bsdf::MetallicRoughness => METALLIC,
-                Bsdf::Conductor => CONDUCTOR,
-                Bsdf::Dielectric => DIELECTRIC,
-            },
+            model: model_of(kind.bsdf),
             compensated: kind.compensated,
-            facets: kind.bsdf != Bsdf::Phong,
+            facets: Known(kind.bsdf != Bsdf::Phong),
             ..Self::default()
         }
     }
@@ -197,7 +233,7 @@ impl Shading {
     #[inline(always)]
     pub fn gloss(&self) -> f32 {
         let mut found = 0.0f32;
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == DIELECTRIC {
                 found = self.interface_gloss();
             } else if self.model == PHONG {
@@ -215,7 +251,7 @@ impl Shading {
     #[inline(always)]
     pub fn evaluate(&self, outgoing: V3) -> V3 {
         let mut found = splat(0.0);
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == DIELECTRIC {
                 found = self.interface(outgoing);
             } else if self.model == PHONG {
@@ -233,7 +269,7 @@ impl Shading {
     #[inline(always)]
     pub fn evaluate_backward(&self, outgoing: V3, g: V3, gradient: &mut ShadingGradient) -> V3 {
         let mut found = splat(0.0);
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == DIELECTRIC {
                 found = self.interface_backward(outgoing, g, gradient);
             } else if self.model == PHONG {
@@ -262,7 +298,7 @@ impl Shading {
     #[inline(always)]
     fn density_about(&self, normal: V3, outgoing: V3) -> f32 {
         let mut found = 0.0f32;
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == DIELECTRIC {
                 found = self.interface_density(normal, outgoing);
             } else if self.model == PHONG {
@@ -281,7 +317,7 @@ impl Shading {
     pub fn share_of_lobe(&self, outgoing: V3, of_gloss: bool) -> f32 {
         let above = self.normal.dot(outgoing) > 0.0;
         let mut densities = splat(0.0);
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == DIELECTRIC {
                 // Light is reflected above and refracted below.
                 densities.y = 1.0;
@@ -324,7 +360,7 @@ impl Shading {
             u: height,
             v,
         };
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == PHONG {
                 drawn = self.sample_phong(&drawn, normal, lobe);
             } else {
@@ -415,7 +451,7 @@ impl Shading {
         gradient: &mut ShadingGradient,
     ) {
         let mut by_drawn = by_direction;
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == DIELECTRIC {
                 by_drawn += self.interface_weight_backward(s, g, gradient);
             } else if self.model == PHONG {
@@ -434,7 +470,7 @@ impl Shading {
     pub fn as_drawn(&self, direction: V3, of_gloss: bool) -> Scatter {
         let mut local = to_local(self.normal, direction);
         let mut numbers = splat(0.0);
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == PHONG {
                 if of_gloss {
                     local = to_local(self.mirror(), direction);
@@ -461,7 +497,7 @@ impl Shading {
     /// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
     #[inline(always)]
     pub fn direction_backward(&self, s: &Scatter, g: V3, gradient: &mut ShadingGradient) {
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == PHONG {
                 self.phong_direction_backward(s, g, gradient);
             } else if s.of_gloss {
@@ -480,7 +516,7 @@ impl Shading {
     #[inline(always)]
     pub fn outer(&self, direction: V3) -> V3 {
         let mut normal = self.geometric;
-        if comptime!(self.facets) {
+        if comptime!(self.facets.0) {
             if self.model == DIELECTRIC && self.geometric.dot(direction) < 0.0 {
                 normal = -normal;
             }

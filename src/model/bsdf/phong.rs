@@ -2,6 +2,8 @@
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
+#[cfg(feature = "wgpu")]
+use super::ShadingExpand;
 use super::{IMPOSSIBLE, LEAST, Scatter, Shading, ShadingGradient};
 use crate::model::frame::{from_local_backward, sin_cos_of_turns};
 use crate::model::{V3, splat, v3};
