@@ -1,16 +1,16 @@
 //! Materials of glTF files to come, their textures as PNG images.
 
 use std::collections::BTreeSet;
-use std::io::Cursor;
 use std::path::Path;
 
-use image::{ImageBuffer, ImageFormat, Rgb, RgbImage};
 use serde_json::{Value, json};
 
 use super::HostImage;
-use super::srgb::srgb_word;
-use crate::error::{Error, Result};
-use crate::scene::{Albedo, Material, Wrap};
+use super::gltf_images::Picture;
+use super::gltf_lights::scale_above;
+use crate::error::Result;
+use crate::geometry::host_values;
+use crate::scene::{Albedo, Bsdf, Material, ScalarTexture, Wrap};
 
 /// The lists of a file that its materials are in.
 pub(super) struct Materials<'a> {
@@ -20,7 +20,7 @@ pub(super) struct Materials<'a> {
     pub samplers: Vec<Value>,
     pub extensions: BTreeSet<&'static str>,
     /// The images, each once.
-    images: Vec<HostImage>,
+    pictures: Vec<Picture>,
 }
 
 impl<'a> Materials<'a> {
@@ -31,7 +31,7 @@ impl<'a> Materials<'a> {
             textures: Vec::new(),
             samplers: Vec::new(),
             extensions: BTreeSet::new(),
-            images: Vec::new(),
+            pictures: Vec::new(),
         }
     }
 
@@ -43,33 +43,25 @@ impl<'a> Materials<'a> {
 
     fn describe(&mut self, material: &Material, object: &str) -> Result<Value> {
         let place = format!("{object}, material {}", material.name);
-        let (factor, texture) = self.albedo(&material.diffuse, &place)?;
-        let mut pbr = json!({"metallicFactor": 0});
-        let [r, g, b] = factor;
-        pbr["baseColorFactor"] = json!([r, g, b, 1.0]);
-        if let Some(texture) = texture {
-            pbr["baseColorTexture"] = json!({"index": texture});
+        let mut json = match material.bsdf {
+            Bsdf::Phong => self.phong(material, &place)?,
+            Bsdf::MetallicRoughness => {
+                let mut json = self.base(&material.diffuse, &place)?;
+                let numbers = (Some(&material.metallic), &material.roughness);
+                self.facets(&mut json, numbers, &place)?;
+                json
+            }
+            Bsdf::Conductor => self.conductor(material, &place)?,
+            Bsdf::Dielectric => self.dielectric(material, &place)?,
+        };
+        if !material.compensated {
+            json["extras"]["softray"]["compensated"] = json!(false);
         }
+        json["name"] = json!(material.name);
         let radiance = self.radiance(&material.emission, &place)?;
         let emits = radiance.most > 0.0;
         // Both sides reflect; what emits does so in front.
-        let mut json = json!({"name": material.name, "doubleSided": !emits});
-        let mut extensions = serde_json::Map::new();
-        if material.specular.reflects() {
-            let (factor, texture) = self.albedo(&material.specular, &place)?;
-            let [shininess] = material.shininess.values()?;
-            let mut phong = json!({"specularFactor": factor, "shininess": shininess});
-            if let Some(texture) = texture {
-                phong["specularTexture"] = json!({"index": texture});
-            }
-            json["extras"] = json!({"softray": phong});
-            // The facets that spread a reflection as far.
-            pbr["roughnessFactor"] = json!((2.0 / (shininess + 2.0)).powf(0.25));
-        } else {
-            let none = json!({"specularFactor": 0});
-            extensions.insert("KHR_materials_specular".into(), none);
-            self.extensions.insert("KHR_materials_specular");
-        }
+        json["doubleSided"] = json!(!emits);
         if emits {
             json["emissiveFactor"] = json!(radiance.factor);
             if let Some(texture) = radiance.texture {
@@ -77,15 +69,139 @@ impl<'a> Materials<'a> {
             }
             if radiance.strength > 1.0 {
                 let strength = json!({"emissiveStrength": radiance.strength});
-                extensions.insert("KHR_materials_emissive_strength".into(), strength);
-                self.extensions.insert("KHR_materials_emissive_strength");
+                self.extend(&mut json, "KHR_materials_emissive_strength", strength);
             }
         }
-        json["pbrMetallicRoughness"] = pbr;
-        if !extensions.is_empty() {
-            json["extensions"] = Value::Object(extensions);
-        }
         Ok(json)
+    }
+
+    fn extend(&mut self, json: &mut Value, name: &'static str, extension: Value) {
+        json["extensions"][name] = extension;
+        self.extensions.insert(name);
+    }
+
+    /// A material of a base colour that is no metal.
+    fn base(&mut self, albedo: &Albedo, place: &str) -> Result<Value> {
+        let ([r, g, b], texture) = self.albedo(albedo, place)?;
+        let mut pbr = json!({"baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0});
+        if let Some(texture) = texture {
+            pbr["baseColorTexture"] = json!({"index": texture});
+        }
+        Ok(json!({"pbrMetallicRoughness": pbr}))
+    }
+
+    fn phong(&mut self, material: &Material, place: &str) -> Result<Value> {
+        let mut json = self.base(&material.diffuse, place)?;
+        if !material.specular.reflects() {
+            let none = json!({"specularFactor": 0});
+            self.extend(&mut json, "KHR_materials_specular", none);
+            return Ok(json);
+        }
+        let (factor, texture) = self.albedo(&material.specular, place)?;
+        let [shininess] = material.shininess.values()?;
+        let mut phong = json!({"specularFactor": factor, "shininess": shininess});
+        if let Some(texture) = texture {
+            phong["specularTexture"] = json!({"index": texture});
+        }
+        json["extras"]["softray"]["phong"] = phong;
+        // The facets that spread a reflection as far.
+        let roughness = (2.0 / (shininess + 2.0)).powf(0.25);
+        json["pbrMetallicRoughness"]["roughnessFactor"] = json!(roughness);
+        Ok(json)
+    }
+
+    /// For other readers, a metal of the same colour along the normal.
+    fn conductor(&mut self, material: &Material, place: &str) -> Result<Value> {
+        let (eta, k) = (material.eta.values()?, material.extinction.values()?);
+        let reflectance = |i: usize| {
+            let (n, k2) = (eta[i], k[i] * k[i]);
+            ((n - 1.0).powi(2) + k2) / ((n + 1.0).powi(2) + k2)
+        };
+        let colour: [f64; 3] = std::array::from_fn(reflectance);
+        let mut json = self.base(&colour.into(), place)?;
+        self.facets(&mut json, (None, &material.roughness), place)?;
+        json["pbrMetallicRoughness"]["metallicFactor"] = json!(1);
+        json["extras"]["softray"]["conductor"] = json!({"eta": eta, "extinction": k});
+        Ok(json)
+    }
+
+    fn dielectric(&mut self, material: &Material, place: &str) -> Result<Value> {
+        let mut json = self.base(&material.diffuse, place)?;
+        self.facets(&mut json, (None, &material.roughness), place)?;
+        let ior = match Number::of(&material.ior)? {
+            Number::Constant(ior) => ior,
+            Number::Texture(image) => image.mean("index of refraction", place),
+        };
+        self.extend(&mut json, "KHR_materials_ior", json!({"ior": ior}));
+        let all = json!({"transmissionFactor": 1});
+        self.extend(&mut json, "KHR_materials_transmission", all);
+        // Without a thickness it would not refract.
+        let solid = json!({"thicknessFactor": 1});
+        self.extend(&mut json, "KHR_materials_volume", solid);
+        Ok(json)
+    }
+
+    /// The metal, if there may be some, and the roughness.
+    fn facets(
+        &mut self,
+        json: &mut Value,
+        (metallic, roughness): (Option<&ScalarTexture>, &ScalarTexture),
+        place: &str,
+    ) -> Result<()> {
+        let of = |number: Option<&ScalarTexture>| number.map(Number::of).transpose();
+        let (mut metallic, roughness) = (of(metallic)?, Number::of(roughness)?);
+        if let (Some(Number::Texture(m)), Number::Texture(r)) = (&metallic, &roughness)
+            && (m.size, m.wrap) != (r.size, r.wrap)
+        {
+            // One image holds both.
+            metallic = Some(Number::Constant(
+                m.mean("metal beside another image", place),
+            ));
+        }
+        let images = metallic.iter().chain([&roughness]);
+        let mut images = images.filter_map(|number| match number {
+            Number::Texture(image) => Some(([image.size[0], image.size[1]], image.wrap)),
+            Number::Constant(_) => None,
+        });
+        let pbr = &mut json["pbrMetallicRoughness"];
+        let texture = images.next();
+        for (number, name) in [
+            (metallic.as_ref(), "metallicFactor"),
+            (Some(&roughness), "roughnessFactor"),
+        ] {
+            match number {
+                Some(Number::Constant(v)) => pbr[name] = json!(self.share(*v, name, place)),
+                Some(Number::Texture(_)) => pbr[name] = json!(1),
+                None => {}
+            }
+        }
+        let Some(([height, width], wrap)) = texture else {
+            return Ok(());
+        };
+        let at = |number: Option<&Number>, i: usize| match number {
+            Some(Number::Texture(image)) => image.values[i],
+            _ => 1.0,
+        };
+        let pixel = |i: usize| [1.0, at(Some(&roughness), i), at(metallic.as_ref(), i)];
+        let pixels = (0..height * width).flat_map(pixel).collect();
+        let picture = Picture {
+            texels: HostImage::new(width, height, pixels)?,
+            colours: false,
+            alpha: None,
+        };
+        let texture = self.texture(picture, wrap, place);
+        json["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({"index": texture});
+        Ok(())
+    }
+
+    /// A number that is clipped to [0, 1].
+    fn share(&self, value: f64, name: &str, place: &str) -> f64 {
+        let share = value.clamp(0.0, 1.0);
+        if share != value {
+            let file = self.path.display();
+            log::warn!("{file}: {place} has {name} {value}, written as {share}");
+        }
+        share
     }
 
     /// The radiance of an emitter, by a factor or a texture that are at most 1, and a strength.
@@ -102,8 +218,7 @@ impl<'a> Materials<'a> {
             log::warn!("{file}: {place} emits {v}, of which no less than 0 is written");
         }
         let most = values.iter().copied().fold(0.0, f64::max);
-        // A power of two leaves all digits as they are.
-        let strength = most.max(1.0).log2().ceil().exp2();
+        let strength = scale_above(values.iter().copied());
         let (factor, texture) = match emission {
             Albedo::Constant(_) => {
                 let factor: Vec<f64> = values.iter().map(|v| v.max(0.0) / strength).collect();
@@ -140,13 +255,25 @@ impl<'a> Materials<'a> {
             }
             Albedo::Texture { texels, wrap } => (HostImage::from_tensor(texels)?, *wrap),
         };
-        if texels.pixels.iter().any(|v| !(0.0..=1.0).contains(v)) {
+        let picture = Picture {
+            texels,
+            colours: true,
+            alpha: None,
+        };
+        Ok(([1.0; 3], Some(self.texture(picture, wrap, place))))
+    }
+
+    /// The number of a texture in the file.
+    fn texture(&mut self, picture: Picture, wrap: Wrap, place: &str) -> usize {
+        let outside = |v: &f32| !(0.0..=1.0).contains(v);
+        if picture.texels.pixels.iter().any(outside) {
+            let file = self.path.display();
             log::warn!("{file}: {place} has texels outside of [0, 1], which are clipped");
         }
-        let known = self.images.iter().position(|image| *image == texels);
+        let known = self.pictures.iter().position(|known| *known == picture);
         let image = known.unwrap_or_else(|| {
-            self.images.push(texels);
-            self.images.len() - 1
+            self.pictures.push(picture);
+            self.pictures.len() - 1
         });
         let wrap = match wrap {
             Wrap::Repeat => 10497,
@@ -155,28 +282,51 @@ impl<'a> Materials<'a> {
         };
         let sampler = position(&mut self.samplers, json!({"wrapS": wrap, "wrapT": wrap}));
         let texture = json!({"source": image, "sampler": sampler});
-        Ok(([1.0; 3], Some(position(&mut self.textures, texture))))
+        position(&mut self.textures, texture)
     }
 
-    /// The images as PNG files: 8 bits a channel where they hold all texels, else 16.
+    /// The images as PNG files.
     pub fn images(&self) -> Result<Vec<Vec<u8>>> {
-        let encode = |image: &HostImage| {
-            let [w, h] = image.check_size()?;
-            let mut bytes = Cursor::new(Vec::new());
-            let written = match image.fits_srgb() {
-                true => RgbImage::from_raw(w, h, image.to_srgb())
-                    .map(|image| image.write_to(&mut bytes, ImageFormat::Png)),
-                false => {
-                    let words = image.pixels.iter().map(|&v| srgb_word(v)).collect();
-                    ImageBuffer::<Rgb<u16>, Vec<u16>>::from_raw(w, h, words)
-                        .map(|image| image.write_to(&mut bytes, ImageFormat::Png))
-                }
-            };
-            let failed = |e| Error::format(self.path, format!("a texture can't be written: {e}"));
-            written.transpose().map_err(failed)?;
-            Ok(bytes.into_inner())
-        };
-        self.images.iter().map(encode).collect()
+        self.pictures.iter().map(|p| p.png(self.path)).collect()
+    }
+}
+
+/// A number of a material on the host.
+enum Number {
+    Constant(f64),
+    Texture(Numbers),
+}
+
+/// Numbers of an image.
+struct Numbers {
+    values: Vec<f32>,
+    /// Rows and columns.
+    size: [usize; 2],
+    wrap: Wrap,
+}
+
+impl Number {
+    fn of(number: &ScalarTexture) -> Result<Self> {
+        Ok(match number {
+            ScalarTexture::Constant(p) => Self::Constant(p.values()?[0]),
+            ScalarTexture::Texture { texels, wrap } => {
+                let values = host_values(texels)?.into_iter();
+                Self::Texture(Numbers {
+                    values: values.map(|v| v as f32).collect(),
+                    size: texels.dims(),
+                    wrap: *wrap,
+                })
+            }
+        })
+    }
+}
+
+impl Numbers {
+    /// The mean, which is told to be written instead.
+    fn mean(&self, name: &str, place: &str) -> f64 {
+        log::warn!("{place}: glTF has no texture of {name}, written as its mean");
+        let sum: f64 = self.values.iter().map(|&v| f64::from(v)).sum();
+        sum / self.values.len() as f64
     }
 }
 

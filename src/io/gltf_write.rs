@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use super::gltf_lights::light;
 use super::gltf_materials::Materials;
 use super::mtl_write::in_line;
 use super::split::Split;
@@ -37,6 +38,13 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
         let mesh = file.meshes.len() - 1;
         file.nodes.push(json!({"name": object.name, "mesh": mesh}));
     }
+    let mut lights = Vec::new();
+    for (i, from) in scene.lights.iter().enumerate() {
+        let [light, mut node] = light(from, &format!("light {i}"), path)?;
+        node["extensions"] = json!({"KHR_lights_punctual": {"light": i}});
+        lights.push(light);
+        file.nodes.push(node);
+    }
     let images = materials.images()?;
     let images = images.iter().map(|png| {
         let view = file.buffer.view(png, None);
@@ -50,9 +58,13 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
         "accessors": file.accessors, "bufferViews": file.buffer.views,
         "materials": materials.described, "textures": materials.textures,
         "samplers": materials.samplers, "images": images,
-        "extensionsUsed": materials.extensions,
         "buffers": [{"byteLength": file.buffer.bytes.len()}],
     });
+    if !lights.is_empty() {
+        materials.extensions.insert("KHR_lights_punctual");
+        json["extensions"] = json!({"KHR_lights_punctual": {"lights": lights}});
+    }
+    json["extensionsUsed"] = json!(materials.extensions);
     // Lists of glTF are not empty.
     if let Some(lists) = json.as_object_mut() {
         lists.retain(|_, value| value.as_array().is_none_or(|list| !list.is_empty()));

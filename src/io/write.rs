@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{gltf_write, obj_write, ply_write, whole::ending};
 use crate::error::{Error, Result};
-use crate::scene::{Mesh, Scene, check_scene};
+use crate::scene::{Bsdf, Material, Mesh, Scene, check_scene};
 
 /// The endings of files that are written.
 const WRITTEN: [&str; 4] = ["obj", "gltf", "glb", "ply"];
@@ -71,10 +71,31 @@ impl Scene {
         let kind = ending(path, &WRITTEN)?;
         check_scene(self)?;
         self.warn_of_losses(path)?;
+        if matches!(kind, "obj" | "ply") {
+            self.warn_of_old_formats(path);
+        }
         match kind {
             "obj" => obj_write::scene(self, path),
             "ply" => ply_write::scene(self, path),
             _ => gltf_write::scene(self, path),
+        }
+    }
+
+    /// Tells by name what only glTF can hold.
+    fn warn_of_old_formats(&self, path: &Path) {
+        let file = path.display();
+        if !self.lights.is_empty() {
+            log::warn!("{file}: lights without a surface are not written, only glTF has them");
+        }
+        for object in &self.objects {
+            let facets = |m: &&Material| m.bsdf != Bsdf::Phong;
+            if let Some(material) = object.materials.iter().find(facets) {
+                let (name, material) = (&object.name, &material.name);
+                log::warn!(
+                    "{file}: {name}, material {material} reflects by facets, which only glTF has: only \
+                     its diffuse colour is written"
+                );
+            }
         }
     }
 
