@@ -8,6 +8,7 @@
 mod backward;
 mod boundary;
 mod camera;
+mod corners;
 mod direct;
 mod edges;
 mod gradient;

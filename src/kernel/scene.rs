@@ -20,6 +20,8 @@ pub(crate) struct ObjectPart {
     pub vertices: usize,
     pub first_uv: usize,
     pub first_normal: usize,
+    pub first_colour: usize,
+    pub first_tangent: usize,
     /// Whether it has shading normals.
     pub smooth: bool,
 }
@@ -40,6 +42,10 @@ pub(crate) struct KernelScene {
     pub normal_rows: Vec<[u32; 3]>,
     pub uvs: Vec<[f32; 2]>,
     pub normals: Vec<V3>,
+    pub colours: Corners,
+    pub tangents: Corners,
+    /// The sides of the bitangents of all tangents, 1 or −1.
+    pub tangent_sides: Vec<f32>,
     pub materials: Vec<Material>,
     pub texels: Texels,
     pub emitters: Emitters,
@@ -48,6 +54,36 @@ pub(crate) struct KernelScene {
     pub textured: bool,
     pub smooth: bool,
     pub glossy: bool,
+    /// Whether any material has a normal map.
+    pub tilted: bool,
+}
+
+/// Values at the corners of triangles that few scenes have; empty in the others.
+#[derive(Default)]
+pub(crate) struct Corners {
+    /// Rows of the values at the corners of each triangle, `u32::MAX` where it has none.
+    pub rows: Vec<[u32; 3]>,
+    pub values: Vec<V3>,
+}
+
+impl Corners {
+    /// Adds those of an object with so many faces, unless no object of the scene has any; takes the first three
+    /// numbers of each row.
+    fn add<const C: usize>(&mut self, of: Option<&HostAttribute<C>>, faces: usize, any: bool) {
+        if !any {
+            return;
+        }
+        let first = self.values.len() as u32;
+        match of {
+            None => self.rows.resize(self.rows.len() + faces, [u32::MAX; 3]),
+            Some(a) => {
+                let rows = a.faces.iter().map(|f| f.map(|row| row + first));
+                self.rows.extend(rows);
+                self.values
+                    .extend(a.values.iter().map(|v| v3(v[0], v[1], v[2])));
+            }
+        }
+    }
 }
 
 impl KernelScene {
@@ -82,6 +118,9 @@ impl KernelScene {
             normal_rows,
             uvs,
             normals,
+            colours,
+            tangents,
+            tangent_sides,
         } = lists;
         let hierarchy = match (like, cache) {
             (None, Some(cache)) => cache.take(host),
@@ -94,6 +133,10 @@ impl KernelScene {
             .map(|m| Material {
                 channels: std::array::from_fn(|i| pack_colour(&mut m.channels[i], &mut texels)),
                 kind: m.kind,
+                normal_map: m
+                    .normal_map
+                    .as_mut()
+                    .and_then(|map| pack_colour(map, &mut texels).texture),
             })
             .collect();
         let emits = |t: &(usize, &Triangle)| materials[t.1.material as usize].kind.emits;
@@ -114,6 +157,7 @@ impl KernelScene {
         Self {
             textured: materials.iter().any(|m| m.is_textured()),
             smooth: objects.iter().any(|o| o.smooth),
+            tilted: materials.iter().any(|m| m.normal_map.is_some()),
             glossy: materials.iter().any(|m| m.kind.glossy),
             sky: Sky::new(scene),
             frame,
@@ -127,6 +171,9 @@ impl KernelScene {
             normal_rows,
             uvs,
             normals,
+            colours,
+            tangents,
+            tangent_sides,
             materials,
             texels,
             emitters,
@@ -159,6 +206,9 @@ struct Lists {
     normal_rows: Vec<[u32; 3]>,
     uvs: Vec<[f32; 2]>,
     normals: Vec<V3>,
+    colours: Corners,
+    tangents: Corners,
+    tangent_sides: Vec<f32>,
 }
 
 impl Lists {
@@ -173,6 +223,8 @@ impl Lists {
             vertices: o.positions.len(),
             first_uv: self.uvs.len(),
             first_normal: self.normals.len(),
+            first_colour: self.colours.values.len(),
+            first_tangent: self.tangents.values.len(),
             smooth: o.normals.is_some(),
         };
         if !o.faces.is_empty() {
@@ -203,6 +255,12 @@ impl Lists {
             self.normals
                 .extend(values.iter().map(|n| v3(n[0], n[1], n[2])));
         }
+        let any = scene.objects.iter().any(|o| o.colours.is_some());
+        self.colours.add(o.colours.as_ref(), o.faces.len(), any);
+        let any = scene.objects.iter().any(|o| o.tangents.is_some());
+        self.tangents.add(o.tangents.as_ref(), o.faces.len(), any);
+        let tangents = o.tangents.iter().flat_map(|t| &t.values);
+        self.tangent_sides.extend(tangents.map(|t| t[3]));
         self.objects.push(part);
     }
 
@@ -275,6 +333,7 @@ pub(crate) struct Material {
     /// In the order of [`Channel::ALL`].
     pub channels: [Colour; CHANNELS],
     pub kind: MaterialKind,
+    pub normal_map: Option<Texture>,
 }
 
 impl Material {
@@ -284,6 +343,6 @@ impl Material {
     }
 
     pub fn is_textured(&self) -> bool {
-        self.channels.iter().any(|c| c.texture.is_some())
+        self.normal_map.is_some() || self.channels.iter().any(|c| c.texture.is_some())
     }
 }

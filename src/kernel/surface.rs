@@ -9,11 +9,8 @@ use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::cone::lifted;
-use crate::model::triangle::{barycentric, barycentric_slopes, hit_backward};
-use crate::scene::CHANNELS;
-
-/// Normals of corners may cancel where they are interpolated.
-const TINY: f32 = 1e-15;
+use crate::model::triangle::{barycentric, hit_backward};
+use crate::scene::{CHANNELS, Channel};
 
 /// A point that a ray hit.
 #[derive(Clone, Copy, Debug, Default)]
@@ -84,21 +81,11 @@ impl KernelScene {
         };
         let weights = barycentric(tri.corners, tri.normal, tri.area, at_rest);
         let geometric = tri.normal * side;
-        let mut uv = [0.0; 2];
-        let uv_rows = self.uv_rows[k];
-        if self.textured && uv_rows[0] != u32::MAX {
-            for (&row, w) in uv_rows.iter().zip(weights) {
-                let [u, v] = self.uvs[row as usize];
-                uv[0] += u * w;
-                uv[1] += v * w;
-            }
-        }
-        let smooth = self.smooth && self.normal_rows[k][0] != u32::MAX;
+        let uv = self.uv_at(k, weights);
+        let mut smooth = self.has_normals(k);
         let mut normal = geometric;
         if smooth {
-            let sum = self.sum_of_normals(k, weights);
-            let facing = if sum.dot(geometric) >= 0.0 { 1.0 } else { -1.0 };
-            normal = sum * (facing / sum.length().max(TINY));
+            normal = self.normal_at(k, weights, geometric);
         }
         let m = &self.materials[tri.material as usize];
         let mut values = [V3::ZERO; CHANNELS];
@@ -110,6 +97,16 @@ impl KernelScene {
                 values[i] = m.channels[i].at(&self.texels, uv);
             }
             i += 1;
+        }
+        if let Some(colour) = self.colour_at(k, weights) {
+            values[Channel::Diffuse as usize] = values[Channel::Diffuse as usize] * colour;
+        }
+        if self.tilted
+            && let Some(map) = &m.normal_map
+            && let Some(tilt) = self.tilt_at(map, k, (weights, uv), normal * side)
+        {
+            normal = tilt.tilted() * side;
+            smooth = true;
         }
         let shading = Shading {
             geometric,
@@ -127,15 +124,6 @@ impl KernelScene {
             uv,
             shading,
         }
-    }
-
-    #[inline(always)]
-    fn sum_of_normals(&self, k: usize, weights: [f32; 3]) -> V3 {
-        let mut sum = V3::ZERO;
-        for (&row, w) in self.normal_rows[k].iter().zip(weights) {
-            sum += self.normals[row as usize] * w;
-        }
-        sum
     }
 }
 
@@ -156,9 +144,17 @@ impl View {
         let index = tri.material as usize;
         let m = &self.scene.materials[index];
         let mut by_uv = [0.0; 2];
+        let mut channels = shade.channels();
+        let mut by_colour = V3::ZERO;
+        if let Some(colour) = self.scene.colour_at(k, p.weights) {
+            let diffuse = Channel::Diffuse as usize;
+            let albedo = m.channels[diffuse].at(&self.scene.texels, p.uv);
+            by_colour = channels[diffuse] * albedo;
+            channels[diffuse] = channels[diffuse] * colour;
+            self.colours_backward(p, by_colour, sums);
+        }
         if self.wanted.materials || (self.wanted.rays && self.scene.textured) {
             let to = &mut sums.materials[index];
-            let channels = shade.channels();
             let mut i = 0;
             while i < m.kind.shading() {
                 let into = (&mut to[i], &mut sums.texels[..]);
@@ -170,12 +166,7 @@ impl View {
         if !self.wanted.rays {
             return RayGradient::default();
         }
-        let by_place = self.attributes_backward(p, by_uv, shade.normal, sums);
-        let flat = if p.shading.smooth {
-            V3::ZERO
-        } else {
-            shade.normal
-        };
+        let (by_place, flat) = self.corners_backward(p, (by_uv, by_colour), shade.normal, sums);
         let by_normal = flat + shade.geometric + by.geometric;
         let direction = p.shading.incoming;
         // Barycentric coordinates see the point from the corners, which are where the triangle is.
@@ -203,57 +194,5 @@ impl View {
             let object = self.scene.triangles[k].object as usize;
             sums.velocities[object] += DVec3::from(g * time);
         }
-    }
-
-    /// Adds the derivatives by texture coordinates and shading normals; returns that by the point, which
-    /// each corner takes less by its weight.
-    #[inline(always)]
-    fn attributes_backward(
-        &self,
-        p: &Point,
-        by_uv: [f32; 2],
-        by_normal: V3,
-        sums: &mut Sums,
-    ) -> V3 {
-        let k = p.triangle as usize;
-        let (mut by_b, mut by_c) = (0.0, 0.0);
-        if by_uv != [0.0; 2] && self.scene.uv_rows[k][0] != u32::MAX {
-            let [a, b, c] = self.scene.uv_rows[k].map(|row| self.scene.uvs[row as usize]);
-            by_b += by_uv[0] * (b[0] - a[0]) + by_uv[1] * (b[1] - a[1]);
-            by_c += by_uv[0] * (c[0] - a[0]) + by_uv[1] * (c[1] - a[1]);
-            if self.wanted.uvs {
-                for (&row, w) in self.scene.uv_rows[k].iter().zip(p.weights) {
-                    let to = &mut sums.uvs[row as usize];
-                    to[0] += f64::from(by_uv[0] * w);
-                    to[1] += f64::from(by_uv[1] * w);
-                }
-            }
-        }
-        if p.shading.smooth {
-            let sum = self.scene.sum_of_normals(k, p.weights);
-            let inverse = 1.0 / sum.length().max(TINY);
-            let unit = sum * inverse;
-            let facing = if sum.dot(p.shading.geometric) >= 0.0 {
-                1.0
-            } else {
-                -1.0
-            };
-            let by_sum = by_normal.reject_from_normalized(unit) * (facing * inverse);
-            let [a, b, c] = self.scene.normal_rows[k].map(|row| self.scene.normals[row as usize]);
-            by_b += by_sum.dot(b - a);
-            by_c += by_sum.dot(c - a);
-            if self.wanted.normals {
-                for (&row, w) in self.scene.normal_rows[k].iter().zip(p.weights) {
-                    sums.normals[row as usize] += DVec3::from(by_sum * w);
-                }
-            }
-        }
-        if by_b == 0.0 && by_c == 0.0 {
-            return V3::ZERO;
-        }
-        let tri = &self.scene.triangles[k];
-        let [a, b, c] = tri.corners;
-        let slopes = barycentric_slopes(a, b, c, tri.normal, tri.area);
-        slopes.first * by_b + slopes.second * by_c
     }
 }

@@ -119,10 +119,15 @@ impl Visit for Check<'_> {
 impl Scene {
     /// The name of the object of a tensor, for messages.
     fn place_of(&self, id: ParameterId) -> String {
-        use ParameterId::{Material, Normals, Uvs, Velocity, Vertices};
+        use ParameterId as Id;
         match id {
-            Vertices(i) | Uvs(i) | Normals(i) | Velocity(i) => self.objects[i].name.clone(),
-            Material(m, _) => {
+            Id::Vertices(i)
+            | Id::Uvs(i)
+            | Id::Normals(i)
+            | Id::Colours(i)
+            | Id::Tangents(i)
+            | Id::Velocity(i) => self.objects[i].name.clone(),
+            Id::Material(m, _) | Id::NormalMap(m) => {
                 let all = self.objects.iter();
                 let mut all = all.flat_map(|o| (0..o.materials.len()).map(|i| o.material_name(i)));
                 all.nth(m).unwrap_or_default()
@@ -133,7 +138,7 @@ impl Scene {
 }
 
 impl Object {
-    fn material_name(&self, index: usize) -> String {
+    pub(super) fn material_name(&self, index: usize) -> String {
         format!("{}, material {}", self.name, self.materials[index].name)
     }
 
@@ -169,6 +174,16 @@ impl Object {
                 continue;
             }
             let mut material = material.clone();
+            for (field, has) in [
+                ("normal map", material.normal_map.is_some()),
+                ("alpha mask", material.alpha_mask.is_some()),
+            ] {
+                if has {
+                    let expected = "none, since the mesh has no texture coordinates: \
+                                    Mesh::with_uvs adds them";
+                    return Err(Error::invalid(name, field, "an image", expected));
+                }
+            }
             let mut channels = Channel::ALL.into_iter().zip(material.channels());
             if let Some((channel, _)) = channels.find(|(_, v)| matches!(v, Value::Image(..))) {
                 let expected =

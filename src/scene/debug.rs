@@ -60,7 +60,7 @@ impl Debug for Mesh {
             _ => write!(f, "Mesh {{ vertices of shape [{count}, {width}]")?,
         }
         write!(f, "{}, {} faces", graph(vertices), self.faces.len())?;
-        for (name, attribute) in [("uvs", &self.uvs), ("normals", &self.normals)] {
+        for (name, _, attribute) in self.attributes() {
             if let Some(a) = attribute {
                 write!(f, ", {name}{}", graph(&a.values))?;
             }

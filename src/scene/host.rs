@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::check::check_scene;
 use super::material::{Channel, MaterialKind, Value};
-use super::{CornerAttribute, Parameter, Scene, Wrap};
+use super::{AlphaMask, CornerAttribute, NormalMap, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, by_rows, host_values};
 
@@ -28,6 +28,8 @@ pub(crate) struct HostObject {
     pub faces: Arc<Vec<[u32; 3]>>,
     pub uvs: Option<HostAttribute<2>>,
     pub normals: Option<HostAttribute<3>>,
+    pub colours: Option<HostAttribute<3>>,
+    pub tangents: Option<HostAttribute<4>>,
     /// Scene units over the shutter, where it moves or may come to.
     pub velocity: Option<[f64; 3]>,
     /// The first of its materials in the scene, and which of them each face has (the first, if the list
@@ -47,6 +49,18 @@ pub(crate) struct HostMaterial {
     /// The parameters, in the order of [`Channel::ALL`](super::material::Channel::ALL).
     pub channels: Vec<HostTexture>,
     pub kind: MaterialKind,
+    pub normal_map: Option<HostTexture>,
+    pub alpha_mask: Option<HostMask>,
+}
+
+/// A mask on the host.
+pub(crate) struct HostMask {
+    /// Row after row.
+    pub alpha: Vec<f32>,
+    pub width: usize,
+    pub height: usize,
+    pub wrap: Wrap,
+    pub cutoff: f32,
 }
 
 impl HostMaterial {
@@ -88,15 +102,30 @@ impl HostScene {
                 faces: object.mesh.faces.clone(),
                 uvs: object.mesh.uvs.as_ref().map(attribute).transpose()?,
                 normals: object.mesh.normals.as_ref().map(attribute).transpose()?,
+                colours: object.mesh.colours.as_ref().map(attribute).transpose()?,
+                tangents: object.mesh.tangents.as_ref().map(attribute).transpose()?,
                 velocity,
                 first_material: materials.len(),
                 face_materials: object.face_materials.clone(),
             });
-            for m in &object.materials {
+            for (i, m) in object.materials.iter().enumerate() {
                 let kind = m.kind();
                 let channels = m.clone().channels().map(texture);
+                let of_map = |mut map: NormalMap| texture(Value::Image(&mut map.texels, map.wrap));
+                let mask = |mask: &AlphaMask| -> Result<HostMask> {
+                    let [height, width] = mask.alpha.dims();
+                    Ok(HostMask {
+                        alpha: mask.check(&object.material_name(i))?,
+                        width,
+                        height,
+                        wrap: mask.wrap,
+                        cutoff: mask.cutoff as f32,
+                    })
+                };
                 materials.push(HostMaterial {
                     kind,
+                    normal_map: m.normal_map.clone().map(of_map).transpose()?,
+                    alpha_mask: m.alpha_mask.as_ref().map(mask).transpose()?,
                     channels: channels.into_iter().collect::<Result<_>>()?,
                 });
             }

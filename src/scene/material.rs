@@ -1,7 +1,7 @@
 use burn::tensor::Tensor;
 
-use super::Parameter;
 use super::parameter::Range;
+use super::{AlphaMask, NormalMap, Parameter};
 use crate::error::{Error, Result};
 
 /// How texture coordinates outside of [0, 1] are mapped into the image.
@@ -165,6 +165,10 @@ pub struct Material {
     pub shininess: Parameter<1>,
     /// Radiance of the front side, RGB.
     pub emission: Parameter<3>,
+    /// Tilts of the shading normal.
+    pub normal_map: Option<NormalMap>,
+    /// Holes.
+    pub alpha_mask: Option<AlphaMask>,
 }
 
 impl Default for Material {
@@ -182,6 +186,8 @@ impl Material {
             specular: Albedo::Constant(Parameter::Constant([0.0; 3])),
             shininess: Parameter::Constant([1.0]),
             emission: Parameter::Constant([0.0; 3]),
+            normal_map: None,
+            alpha_mask: None,
         }
     }
 

@@ -3,9 +3,11 @@
 mod bounds;
 mod camera;
 mod check;
+mod corners;
 mod debug;
 mod flatten;
 mod host;
+mod maps;
 mod material;
 mod mesh;
 mod normals;
@@ -13,18 +15,21 @@ mod parameter;
 mod parameters;
 mod placement;
 pub mod shapes;
+mod tangents;
 mod transform;
 mod viewpoint;
 
 pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::check_scene;
+pub use corners::CornerAttribute;
 pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, Flattened, Normalization, SkyTensors};
 pub(crate) use host::{HostAttribute, HostScene, HostTexture, SceneFrame};
+pub use maps::{AlphaMask, NormalMap};
 pub use material::{Albedo, Environment, Material, Wrap};
 pub(crate) use material::{CHANNELS, Channel, MaterialKind};
+pub use mesh::Mesh;
 pub(crate) use mesh::take_rows;
-pub use mesh::{CornerAttribute, Mesh};
 pub use parameter::Parameter;
 pub(crate) use parameter::Range;
 pub(crate) use parameters::{

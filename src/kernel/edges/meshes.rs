@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use super::{Edge, FACES, Kind};
 use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
-use crate::kernel::scene::Triangle;
+use crate::kernel::scene::{Corners, Triangle};
+use crate::model::V3;
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;
@@ -131,6 +132,17 @@ fn crease(
             if (p[0] - q[0]).abs() + (p[1] - q[1]).abs() > 1e-6 {
                 return 1.0;
             }
+        }
+        let apart = |corners: &Corners, without: V3| {
+            let at = |k: usize, c: usize| match corners.rows.get(k).map(|rows| rows[c]) {
+                None | Some(u32::MAX) => without,
+                Some(row) => corners.values[row as usize],
+            };
+            (at(k, c) - at(k2, c2)).length()
+        };
+        jump = jump.max(apart(&scene.colours, V3::ONE) / CREASE);
+        if material.normal_map.is_some() {
+            jump = jump.max(apart(&scene.tangents, V3::ZERO));
         }
     }
     if jump < FLAT {
