@@ -145,6 +145,13 @@ impl Derivatives {
     }
 }
 
+/// Whether kernels of a GPU know all that a scene has; one with colours at corners, normal maps or holes is rendered
+/// by those of the host.
+pub(crate) fn knows(view: &View) -> bool {
+    let scene = &view.scene;
+    scene.colours.values.is_empty() && !scene.tilted && scene.holes.is_none()
+}
+
 /// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the
 /// shutter is open are found anew at each time, which takes f64: these are for the host.
 pub(crate) fn adds_jumps(view: &View) -> bool {

@@ -10,7 +10,9 @@ use crate::model::sky::Sky;
 use crate::model::texture::{Colour, Texels, Texture};
 use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
-use crate::scene::{CHANNELS, HostAttribute, HostScene, HostTexture, MaterialKind, SceneFrame};
+use crate::scene::{
+    CHANNELS, Holes, HostAttribute, HostScene, HostTexture, MaterialKind, SceneFrame,
+};
 
 /// The place of an object's parts in the scene's lists.
 #[derive(Clone, Debug)]
@@ -33,6 +35,8 @@ pub(crate) struct KernelScene {
     pub hierarchy: Arc<Hierarchy>,
     /// The way of each object over the shutter, if any moves.
     pub velocities: Option<Vec<V3>>,
+    /// Holes, if any surface has any.
+    pub holes: Option<Arc<Holes>>,
     pub objects: Vec<ObjectPart>,
     /// The object of the scene that each object with triangles is, in order.
     pub counted: Vec<usize>,
@@ -164,6 +168,7 @@ impl KernelScene {
             triangles,
             hierarchy,
             velocities,
+            holes: scene.holes.clone(),
             objects,
             counted,
             vertex_rows,
@@ -187,6 +192,13 @@ impl KernelScene {
             Some(v) => v[self.triangles[triangle as usize].object as usize] * time,
             None => V3::ZERO,
         }
+    }
+
+    /// Whether a triangle has a hole at the point with these weights of its corners.
+    #[inline(always)]
+    pub fn is_open(&self, triangle: u32, weights: [f32; 3]) -> bool {
+        let holes = self.holes.as_ref();
+        holes.is_some_and(|holes| holes.open(triangle, || weights))
     }
 
     pub fn material(&self, triangle: u32) -> &Material {

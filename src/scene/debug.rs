@@ -81,6 +81,12 @@ impl Debug for Material {
         if self.emits() {
             all.field("emission", &self.emission);
         }
+        if let Some(map) = &self.normal_map {
+            all.field("normal_map", &Text(tensor(&map.texels).to_string()));
+        }
+        if let Some(mask) = &self.alpha_mask {
+            all.field("alpha_mask", &Text(tensor(&mask.alpha).to_string()));
+        }
         all.finish()
     }
 }

@@ -10,7 +10,8 @@ use super::material::{Channel, MaterialKind, Value};
 use super::mesh::take_rows;
 use super::parameter::without_tape;
 use super::{
-    Bounds, Camera, CornerAttribute, Environment, HostScene, Material, Mesh, Parameter, Scene, Wrap,
+    Bounds, Camera, CornerAttribute, Environment, Holes, HostScene, Material, Mesh, Parameter,
+    Scene, Wrap,
 };
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
@@ -60,6 +61,8 @@ pub(crate) struct Flattened {
     pub colours: Option<VertexData>,
     /// Normal maps, if any material has one.
     pub tilts: Option<Tilts>,
+    /// Holes, if any surface has any.
+    pub holes: Option<Arc<Holes>>,
     /// The environment, if it is not a constant black.
     pub environment: Option<SkyTensors>,
 }
@@ -121,6 +124,7 @@ impl Flattened {
             normals,
             colours,
             tilts,
+            holes: host.holes.clone(),
             environment: sky.shines().then(|| SkyTensors::new(sky, &context)),
             context,
             topology,

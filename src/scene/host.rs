@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::check::check_scene;
 use super::material::{Channel, MaterialKind, Value};
-use super::{AlphaMask, CornerAttribute, NormalMap, Parameter, Scene, Wrap};
+use super::{CornerAttribute, Holes, NormalMap, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, by_rows, host_values};
 
@@ -17,6 +17,8 @@ pub(crate) struct HostScene {
     /// The materials of all objects, one object after the other.
     pub materials: Vec<HostMaterial>,
     pub environment: HostTexture,
+    /// If any surface has any.
+    pub holes: Option<Arc<Holes>>,
     /// False only for an environment that is a constant black.
     pub shines: bool,
 }
@@ -50,17 +52,6 @@ pub(crate) struct HostMaterial {
     pub channels: Vec<HostTexture>,
     pub kind: MaterialKind,
     pub normal_map: Option<HostTexture>,
-    pub alpha_mask: Option<HostMask>,
-}
-
-/// A mask on the host.
-pub(crate) struct HostMask {
-    /// Row after row.
-    pub alpha: Vec<f32>,
-    pub width: usize,
-    pub height: usize,
-    pub wrap: Wrap,
-    pub cutoff: f32,
 }
 
 impl HostMaterial {
@@ -91,7 +82,7 @@ impl HostScene {
     pub fn new(scene: &Scene) -> Result<Self> {
         let context = check_scene(scene)?;
         let mut objects = Vec::with_capacity(scene.objects.len());
-        let mut materials = Vec::new();
+        let (mut materials, mut masks) = (Vec::new(), Vec::new());
         for object in &scene.objects {
             let velocity = match &object.velocity {
                 Some(Parameter::Constant([0.0, 0.0, 0.0])) | None => None,
@@ -112,26 +103,19 @@ impl HostScene {
                 let kind = m.kind();
                 let channels = m.clone().channels().map(texture);
                 let of_map = |mut map: NormalMap| texture(Value::Image(&mut map.texels, map.wrap));
-                let mask = |mask: &AlphaMask| -> Result<HostMask> {
-                    let [height, width] = mask.alpha.dims();
-                    Ok(HostMask {
-                        alpha: mask.check(&object.material_name(i))?,
-                        width,
-                        height,
-                        wrap: mask.wrap,
-                        cutoff: mask.cutoff as f32,
-                    })
-                };
+                let mask = m.alpha_mask.as_ref();
+                let mask = mask.map(|mask| mask.on_host(&object.material_name(i)));
+                masks.push(mask.transpose()?);
                 materials.push(HostMaterial {
                     kind,
                     normal_map: m.normal_map.clone().map(of_map).transpose()?,
-                    alpha_mask: m.alpha_mask.as_ref().map(mask).transpose()?,
                     channels: channels.into_iter().collect::<Result<_>>()?,
                 });
             }
         }
         let this = Self {
             context,
+            holes: Holes::new(&objects, masks).map(Arc::new),
             objects,
             materials,
             environment: texture(scene.environment.clone().value())?,

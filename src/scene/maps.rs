@@ -2,6 +2,7 @@
 
 use burn::tensor::Tensor;
 
+use super::holes::Mask;
 use super::{Material, Object, Wrap};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
@@ -75,11 +76,11 @@ impl Object {
 }
 
 impl AlphaMask {
-    /// Its values on the host, row after row.
+    /// The mask on the host.
     ///
     /// # Errors
-    /// If there is none, or a number is not finite.
-    pub(super) fn check(&self, material: &str) -> Result<Vec<f32>> {
+    /// If it is empty, or a number is not finite.
+    pub(super) fn on_host(&self, material: &str) -> Result<Mask> {
         let [h, w] = self.alpha.dims();
         let wrong = |field: &str, found: String, expected: &str| {
             Err(Error::invalid(material, field, found, expected))
@@ -92,14 +93,18 @@ impl AlphaMask {
         if !(cutoff as f32).is_finite() {
             return wrong("alpha cutoff", cutoff.to_string(), "a finite number");
         }
-        let all: Vec<f32> = host_values(&self.alpha)?
-            .into_iter()
-            .map(|a| a as f32)
-            .collect();
-        if let Some(i) = all.iter().position(|a| !a.is_finite()) {
+        let values = host_values(&self.alpha)?.into_iter();
+        let alpha: Vec<f32> = values.map(|a| a as f32).collect();
+        if let Some(i) = alpha.iter().position(|a| !a.is_finite()) {
             let field = format!("alpha mask texel ({}, {})", i / w, i % w);
-            return wrong(&field, all[i].to_string(), "finite numbers");
+            return wrong(&field, alpha[i].to_string(), "finite numbers");
         }
-        Ok(all)
+        Ok(Mask {
+            alpha,
+            width: w,
+            height: h,
+            wrap: self.wrap,
+            cutoff: cutoff as f32,
+        })
     }
 }

@@ -112,7 +112,7 @@ impl View {
             return;
         }
         let jump = direction_jump(p.to, p.edge.along, &bend, point.shading.geometric);
-        let sides = self.sides(&p, view, jump.side);
+        let sides = self.sides(&p, view, jump.side, time);
         // Light passes on one side or on none.
         let [minus, plus] = sides.faces;
         let sign = match (minus == NOTHING, plus == NOTHING) {
@@ -169,7 +169,9 @@ impl View {
     ) {
         let (p, axis, time) = (edge.point, edge.axis, o.path.time);
         let e = self.scene.emitters.get(hit.emitter);
-        if p.edge.faces.contains(&e.triangle) {
+        let [b, c] = hit.weights;
+        let weights = [1.0 - b - c, b, c];
+        if p.edge.faces.contains(&e.triangle) || self.scene.is_open(e.triangle, weights) {
             return;
         }
         let point = &o.vertex.point;
@@ -183,8 +185,7 @@ impl View {
             unseen: p.edge.faces,
             ..HitRay::new(start, edge.past, time, limit)
         };
-        let hierarchy = &self.scene.hierarchy;
-        if hierarchy.hit_seen::<true>(self.arch, &ray).triangle != NOTHING {
+        if self.hit_seen::<true>(&ray).triangle != NOTHING {
             return;
         }
         let tri = &self.scene.triangles[e.triangle as usize];
@@ -197,9 +198,7 @@ impl View {
         let by_to = by_axis.reject_from_normalized(axis) * (1.0 / hit.distance);
         by.position -= by_to;
         if self.wanted.objects[tri.object as usize] {
-            let [b, c] = hit.weights;
-            let (k, weights) = (e.triangle as usize, [1.0 - b - c, b, c]);
-            self.add_to_corners(k, weights, by_to, time, sums);
+            self.add_to_corners(e.triangle as usize, weights, by_to, time, sums);
         }
     }
 }

@@ -104,8 +104,8 @@ pub(super) fn render(
     })
 }
 
-/// The rows of all pixels of all views `[B·P, C]`, and what was counted: by kernels on the device where it is a GPU,
-/// else on the host.
+/// The rows of all pixels of all views `[B·P, C]`, and what was counted: by kernels on the device where it is a GPU
+/// and they know all that the scenes have, else on the host.
 fn trace(
     options: &RenderOptions,
     views: &[(View, Places)],
@@ -115,7 +115,10 @@ fn trace(
     rows: &Rows,
 ) -> Result<(Tensor<2>, Vec<Traced>, Option<Gpu>)> {
     #[cfg(feature = "wgpu")]
-    if context.dtype == DType::F32 && !crate::device::is_cpu(&context.device) {
+    if context.dtype == DType::F32
+        && !crate::device::is_cpu(&context.device)
+        && views.iter().all(|(view, _)| crate::gpu::knows(view))
+    {
         let of_view = |(view, _): &(View, Places)| Job {
             view: Arc::new(Packed::new(view)),
             pixels: pixels.clone(),
