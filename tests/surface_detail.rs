@@ -423,7 +423,9 @@ fn engines_agree_on_all_of_it() {
     let device = Device::flex();
     let gradients = |engine: Engine, masked: bool| {
         let place = leaf(&[0.1, 0.2, 0.3], &device);
-        let texels = [0.2, 0.1, 0.9, -0.3, 0.2, 1.0, 0.1, -0.3, 1.1, -0.1, -0.2, 0.8];
+        let texels = [
+            0.2, 0.1, 0.9, -0.3, 0.2, 1.0, 0.1, -0.3, 1.1, -0.1, -0.2, 0.8,
+        ];
         let texels = leaf(&texels, &device);
         let paint = leaf(&[0.5, 0.7, 0.9, 0.8, 0.4, 0.6], &device);
         let mut mesh = ball().translated(place.clone());
@@ -435,8 +437,12 @@ fn engines_agree_on_all_of_it() {
         }
         material = material.normal_map(texels.clone().reshape([2, 2, 3]), 0.7);
         let (scene, camera) = lit(Object::new(mesh).material(material));
-        let options = options(engine).bounces(2).visibility(Visibility::cone(0.05));
-        let image = render(&scene, &camera, &options).expect("an image").radiance;
+        let options = options(engine)
+            .bounces(2)
+            .visibility(Visibility::cone(0.05));
+        let image = render(&scene, &camera, &options)
+            .expect("an image")
+            .radiance;
         let by = image.powf_scalar(2.0).sum().backward();
         [&place, &texels, &paint].map(|p| gradient(p, &by))
     };

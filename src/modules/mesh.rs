@@ -105,10 +105,14 @@ impl Template {
     fn mesh(&self, vertices: Tensor<2>) -> Mesh {
         let dtype = vertices.dtype();
         let [faces, of_attributes @ ..] = &self.faces;
-        let mut attributes = self.attributes.iter().zip(of_attributes).map(|(values, faces)| {
-            let values = values.clone()?.cast(dtype);
-            Some(CornerAttribute::new(values, faces.clone()))
-        });
+        let mut attributes = self
+            .attributes
+            .iter()
+            .zip(of_attributes)
+            .map(|(values, faces)| {
+                let values = values.clone()?.cast(dtype);
+                Some(CornerAttribute::new(values, faces.clone()))
+            });
         let mut next = || attributes.next().flatten();
         Mesh {
             uvs: next(),

@@ -82,10 +82,10 @@ impl Debug for Material {
             all.field("emission", &self.emission);
         }
         if let Some(map) = &self.normal_map {
-            all.field("normal_map", &Text(tensor(&map.texels).to_string()));
+            all.field("normal_map", &tensor(&map.texels));
         }
         if let Some(mask) = &self.alpha_mask {
-            all.field("alpha_mask", &Text(tensor(&mask.alpha).to_string()));
+            all.field("alpha_mask", &tensor(&mask.alpha));
         }
         all.finish()
     }
