@@ -123,6 +123,16 @@ fn bumpy(texels: Tensor<3>, f: impl Fn(Mesh) -> Mesh, device: &Device, dtype: DT
     change("floor", with_map, device, dtype)
 }
 
+/// The scene with a gloss on the floor, in the light of the lamp.
+fn shiny(scene: Scene) -> Scene {
+    let gloss = |mut o: Object| {
+        o.materials[0] = o.materials[0].clone().specular([0.4; 3], 8.0);
+        o
+    };
+    let scene = scene.map_object("floor", gloss).expect("a floor");
+    scene.environment([0.1; 3])
+}
+
 /// Every class of parameter that the paper differentiates.
 #[expect(clippy::too_many_lines, reason = "a list of scenes")]
 pub fn cases() -> Vec<Case> {
@@ -298,21 +308,20 @@ pub fn cases() -> Vec<Case> {
         case("glossy normal map", 0.3, 0.03, 0, |d, t, p| {
             let one = constant(&[0.0, 0.0, 0.0, 1.0, -0.6, 0.3].repeat(2), [2, 2, 3], d, t);
             let texels = normals_of_map(d, t) + one * p.reshape([1, 1, 1]);
-            let scene = bumpy(texels, |m| m, d, t).map_object("floor", |mut o| {
-                o.materials[0] = o.materials[0].clone().specular([0.4; 3], 8.0);
-                o
-            });
-            (scene.expect("a floor").environment([0.1; 3]), camera())
+            (shiny(bumpy(texels, |m| m, d, t)), camera())
         }),
-        case("uvs of a normal map", 0.0, 0.02, 1, |d, t, p| {
-            let shift = move |mut m: Mesh| {
-                let turn = constant(&[0.3, 0.0, 0.0, 0.2, 0.1, 0.4, 0.2, 0.3], [4, 2], d, t);
+        case("uvs of a normal map", 0.0, 0.01, 0, |d, t, p| {
+            let stretch = constant(&[0.0, 0.0, 0.4, 0.0, 0.4, 0.5, 0.0, 0.5], [4, 2], d, t);
+            let stretched = move |mut m: Mesh| {
                 if let Some(uvs) = &mut m.uvs {
-                    uvs.values = uvs.values.clone() + turn * p.clone().reshape([1, 1]);
+                    uvs.values = uvs.values.clone() + stretch.clone() * p.clone().reshape([1, 1]);
                 }
                 m
             };
-            (bumpy(normals_of_map(d, t), shift, d, t), camera())
+            (
+                shiny(bumpy(normals_of_map(d, t), stretched, d, t)),
+                camera(),
+            )
         }),
         case("turn under a normal map", 0.2, 0.03, 1, |d, t, p| {
             let turn = Transform::new().axis_angle([0.1, 1.0, 0.2], p);
