@@ -300,11 +300,17 @@ pub fn cases() -> Vec<Case> {
         case("vertex colour", 0.5, 0.05, 1, |d, t, p| {
             (coloured(p, d, t), camera())
         }),
-        case("normal map", 0.3, 0.03, 1, |d, t, p| {
-            let one = constant(&[0.0, 0.0, 0.0, 1.0, -0.6, 0.3].repeat(2), [2, 2, 3], d, t);
+        shift(case("normal map", 0.3, 0.03, 1, |d, t, p| {
+            let one = constant(&[1.0, 0.2, 0.0, 0.8, 0.3, -0.2].repeat(2), [2, 2, 3], d, t);
             let texels = normals_of_map(d, t) + one * p.reshape([1, 1, 1]);
-            (bumpy(texels, |m| m, d, t), camera())
-        }),
+            // White, in the light of the lamp alone.
+            let white = |mut o: Object| {
+                o.materials[0].diffuse = [0.9; 3].into();
+                o
+            };
+            let scene = bumpy(texels, |m| m, d, t).map_object("floor", white);
+            (scene.expect("a floor").environment([0.0; 3]), camera())
+        })),
         case("glossy normal map", 0.3, 0.03, 0, |d, t, p| {
             let one = constant(&[0.0, 0.0, 0.0, 1.0, -0.6, 0.3].repeat(2), [2, 2, 3], d, t);
             let texels = normals_of_map(d, t) + one * p.reshape([1, 1, 1]);
