@@ -1,4 +1,4 @@
-//! Renders an OBJ file, or a scene.json with its camera, to a PNG or EXR.
+//! Renders a file of a scene (OBJ, glTF, PLY, or a scene.json that adds a camera) to a PNG or EXR.
 
 mod common;
 
@@ -12,12 +12,15 @@ use softray::prelude::*;
 /// Renders a scene.
 #[derive(Parser)]
 struct Arguments {
-    /// An .obj, or a .json that names one with a camera.
+    /// An .obj, .gltf, .glb or .ply, or a .json that names one with a camera.
     scene: PathBuf,
     /// The picture, .png or .exr.
     #[arg(short, long)]
     out: PathBuf,
-    /// Camera position x,y,z; without it one from which the scene is in view.
+    /// The name of one of the file's cameras; without it the first, or one from which the scene is in view.
+    #[arg(long)]
+    camera: Option<String>,
+    /// Camera position x,y,z.
     #[arg(long, value_parser = triple, allow_hyphen_values = true)]
     eye: Option<[f64; 3]>,
     /// The point looked at x,y,z.
@@ -161,15 +164,21 @@ type Loaded = (Scene, Camera, (usize, usize));
 
 fn load(arguments: &Arguments, device: &Device) -> Result<Loaded, Box<dyn Error>> {
     let limits = LoadLimits::default().outside(arguments.outside);
-    if arguments.scene.extension().is_some_and(|e| e == "json") {
-        let file = SceneFile::load_within(&arguments.scene, device, &limits)?;
-        return Ok((file.scene, file.camera, (file.width, file.height)));
-    }
-    let mut scene = Scene::from_obj_within(&arguments.scene, device, &limits)?;
-    if !scene.has_light() {
+    let mut file = SceneFile::load_within(&arguments.scene, device, &limits)?;
+    if !file.scene.has_light() {
         println!("no light in the file: a white environment (--environment r,g,b sets another)");
-        scene = scene.environment([1.0; 3]);
+        file.scene = file.scene.environment([1.0; 3]);
     }
-    let camera = overview(&scene)?;
-    Ok((scene, camera, (256, 256)))
+    let camera = match &arguments.camera {
+        Some(name) => {
+            let mut all = file.cameras.iter();
+            let names = || file.cameras.iter().map(|c| &c.0).collect::<Vec<_>>();
+            let found = all.find(|c| c.0 == *name);
+            let (_, camera) = found.ok_or_else(|| format!("--camera is none of {:?}", names()))?;
+            camera.clone()
+        }
+        None if file.cameras.is_empty() => overview(&file.scene)?,
+        None => file.camera,
+    };
+    Ok((file.scene, camera, (file.width, file.height)))
 }

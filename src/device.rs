@@ -1,7 +1,11 @@
 //! Devices by name, so that one program runs on CPU and GPU.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use burn::backend::DispatchDevice;
 use burn::tensor::Device;
+#[cfg(feature = "wgpu")]
+use burn::tensor::wgpu::{WgpuBackend, WgpuInitError};
 
 use crate::error::{Error, Result};
 
@@ -22,7 +26,8 @@ pub const VARIABLE: &str = "BURN_DEVICE";
 /// ```
 ///
 /// # Errors
-/// If there is no device of that name, or this program was built without its feature.
+/// If there is no device of that name, this program was built without its feature, or this machine has no such
+/// GPU or no driver for it. burn's own `Device::vulkan` does not ask, and panics at the first tensor.
 pub fn named(name: Option<&str>) -> Result<Device> {
     let variable = std::env::var(VARIABLE).ok();
     match (name, &variable) {
@@ -47,9 +52,9 @@ fn parse(field: &str, name: &str) -> Result<Device> {
         #[cfg(feature = "ndarray")]
         ("ndarray", None) => Ok(Device::ndarray()),
         #[cfg(feature = "wgpu")]
-        ("wgpu", kind) => Ok(Device::wgpu(gpu(kind).ok_or_else(unknown)?)),
+        ("wgpu", kind) => on_gpu(&lower, gpu(kind).ok_or_else(unknown)?, WgpuBackend::Auto),
         #[cfg(feature = "vulkan")]
-        ("vulkan", kind) => Ok(Device::vulkan(gpu(kind).ok_or_else(unknown)?)),
+        ("vulkan", kind) => on_gpu(&lower, gpu(kind).ok_or_else(unknown)?, WgpuBackend::Vulkan),
         ("flex" | "ndarray", None) | ("wgpu" | "vulkan", _) => Err(Error::invalid(
             "device",
             field,
@@ -99,11 +104,80 @@ pub(crate) fn is_cpu(device: &Device) -> bool {
     cpu(device).is_some()
 }
 
+/// How often this crate has read a tensor back from a GPU since the program began, for profiles: once a render, for
+/// its scenes and cameras, and twice a backward pass, for the derivatives by the pixels and the sums of those by the
+/// scenes. A user's own read-backs don't count.
+pub fn read_backs() -> u64 {
+    READ_BACKS.load(Ordering::Relaxed)
+}
+
+static READ_BACKS: AtomicU64 = AtomicU64::new(0);
+
+/// Counts a read-back, where the device is not a CPU.
+pub(crate) fn count_read_back(device: &Device) {
+    if !is_cpu(device) {
+        READ_BACKS.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
 /// A device by the name that [`named`] knows it by, where it has one. Devices with autodiff are called
 /// like those without.
 pub(crate) fn label(device: &Device) -> String {
+    #[cfg(feature = "wgpu")]
+    if let DispatchDevice::Cube(burn::cubecl::Device::Wgpu(gpu)) =
+        device.clone().inner().as_dispatch()
+    {
+        use burn::cubecl::device::WgpuDeviceKind::*;
+        let backend = match gpu.backend {
+            burn::cubecl::device::WgpuBackend::Auto => "wgpu".to_owned(),
+            pinned => format!("{pinned:?}").to_lowercase(),
+        };
+        return match &gpu.kind {
+            DiscreteGpu(n) => format!("{backend}:discrete:{n}"),
+            IntegratedGpu(n) => format!("{backend}:integrated:{n}"),
+            VirtualGpu(n) => format!("{backend}:virtual:{n}"),
+            Cpu => format!("{backend}:cpu"),
+            DefaultDevice => backend,
+            other => format!("{backend}, {other:?}"),
+        };
+    }
     let inner = || format!("{:?}", device.clone().inner().as_dispatch());
     cpu(device).map_or_else(inner, str::to_owned)
+}
+
+/// A device of wgpu, started.
+#[cfg(feature = "wgpu")]
+fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Result<Device> {
+    use std::sync::{Mutex, PoisonError};
+    static STARTED: Mutex<Vec<Device>> = Mutex::new(Vec::new());
+    let device = match api {
+        #[cfg(feature = "vulkan")]
+        WgpuBackend::Vulkan => Device::vulkan(kind.clone()),
+        _ => Device::wgpu(kind.clone()),
+    };
+    let mut started = STARTED.lock().unwrap_or_else(PoisonError::into_inner);
+    if started.contains(&device) {
+        return Ok(device);
+    }
+    let options = Device::wgpu_options().device_kind(kind).graphics_api(api);
+    match options.init() {
+        // Who has a tensor there has started it.
+        Ok(_) | Err(WgpuInitError::Registration { .. }) => {
+            started.push(device.clone());
+            Ok(device)
+        }
+        Err(WgpuInitError::AdapterUnavailable { message, .. }) => {
+            // What follows describes all adapters at length.
+            let found = message.split(", adapters [").next().unwrap_or_default();
+            let message = format!(
+                "no such adapter was found ({found}). Is its driver installed? `vulkaninfo --summary` lists those \
+                 of Vulkan, VK_DRIVER_FILES names one, wgpu:cpu takes a software driver; \"flex\" renders on the \
+                 CPU without one"
+            );
+            Err(Error::device(name, message))
+        }
+        Err(other) => Err(Error::device(name, other.to_string())),
+    }
 }
 
 #[cfg(feature = "wgpu")]
@@ -161,6 +235,15 @@ mod tests {
     fn what_is_not_built_in_says_so() {
         let said = parse("name", "wgpu").expect_err("no wgpu").to_string();
         assert!(said.contains("--features wgpu"), "{said}");
+    }
+
+    #[cfg(feature = "wgpu")]
+    #[test]
+    fn labels_of_gpus_are_names() {
+        let of = |kind| label(&Device::wgpu(gpu(kind).expect("a kind")));
+        assert_eq!(of(None), "wgpu");
+        assert_eq!(of(Some("cpu")), "wgpu:cpu");
+        assert_eq!(of(Some("discrete:2")), "wgpu:discrete:2");
     }
 
     #[cfg(feature = "wgpu")]

@@ -56,6 +56,14 @@ pub enum Error {
         /// A description of the mistake.
         source: Box<Error>,
     },
+    /// A device is not there, or can't do what a render takes.
+    #[error("device {device}: {message}")]
+    Device {
+        /// The device, as it was named.
+        device: String,
+        /// A description of what it lacks, and what to do.
+        message: String,
+    },
     /// A tensor can't be read back from its device.
     #[error("reading a tensor back from its device failed: {source}")]
     Read {
@@ -121,6 +129,15 @@ impl Error {
         Self::Read { source }
     }
 
+    /// An [`Error::Device`].
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn device(device: impl Into<String>, message: impl Into<String>) -> Self {
+        Self::Device {
+            device: device.into(),
+            message: message.into(),
+        }
+    }
+
     /// An [`Error::Format`] for a file.
     pub(crate) fn format(path: impl Into<PathBuf>, message: impl Into<String>) -> Self {
         Self::Format {
@@ -141,14 +158,12 @@ fn no_triangles(path: Option<&Path>, objects: usize) -> String {
             }
         };
     };
-    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
-    let hint = match ending.to_str() {
-        Some("obj") => "",
-        Some("json") => ": a scene file is read by SceneFile::load",
-        _ => ": is it an OBJ file?",
+    let ending = path.extension().unwrap_or_default();
+    let missing = match ending.eq_ignore_ascii_case("obj") {
+        true => "it has no faces (lines that begin with \"f\"), expected at least one",
+        false => "no node of its scene has a mesh with triangles",
     };
-    let path = path.display();
-    format!("{path}: it has no faces (lines that begin with \"f\"), expected at least one{hint}")
+    format!("{}: {missing}", path.display())
 }
 
 /// A list of names to choose from, for messages.

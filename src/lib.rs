@@ -67,12 +67,12 @@ pub mod prelude {
     };
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{
-        Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch,
+        Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch, Program,
         RenderOptions, Sampling, Sequence, Statistics, SurfaceSampling, Visibility, overview,
         render, render_batch, render_pixels,
     };
     pub use crate::scene::{
-        Albedo, Bounds, Camera, Environment, Material, Mesh, Object, Parameter, Projection, Scene,
-        Transform, Wrap, shapes,
+        Albedo, Bounds, Bsdf, Camera, Environment, Light, Material, Mesh, Object, Parameter,
+        Projection, ScalarTexture, Scene, Transform, Wrap, shapes,
     };
 }

@@ -226,7 +226,7 @@ fn framing_has_all_in_view_and_no_more() {
 #[test]
 fn an_overview_looks_in_where_a_scene_is_open() {
     let device = Device::flex();
-    let cornell = Scene::from_obj(reference("cornell/cornell.obj"), &device).expect("a scene");
+    let cornell = Scene::load(reference("cornell/cornell.obj"), &device).expect("a scene");
     let camera = overview(&cornell).expect("a camera");
     let eye = camera.eye.values().expect("numbers");
     assert!(eye[2] < -1.0, "{eye:?}");

@@ -5,7 +5,8 @@ mod common;
 
 use burn::tensor::{DType, Device};
 use common::errors::{message, says};
-use common::gradients::{CONES, Effort, SHARP, Setup, agreement, floor_and_light};
+use common::facets::facet_cases;
+use common::gradients::{CONES, Effort, SHARP, Setup, agreement, agreement_of, floor_and_light};
 use common::numbers::apart;
 use common::tensors::{gradient, leaf, values};
 use softray::prelude::*;
@@ -22,6 +23,22 @@ fn gradients_of_every_class() {
             samples,
         };
         for (case, apart) in agreement(setups, DType::F64, effort) {
+            assert!(apart < 1e-3, "{case}: {apart:e}");
+        }
+    }
+}
+
+/// Every parameter of BSDFs of facets.
+#[test]
+fn gradients_of_facets() {
+    let flex = Device::flex();
+    let setups: [Setup; 2] = [(&flex, |o| o), (&flex, |o| o.engine(Engine::Tensors))];
+    for visibility in [SHARP, CONES.visibility] {
+        let effort = Effort {
+            visibility,
+            samples: 16,
+        };
+        for (case, apart) in agreement_of(&facet_cases(), setups, DType::F64, effort) {
             assert!(apart < 1e-3, "{case}: {apart:e}");
         }
     }

@@ -7,10 +7,12 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use common::folder::Folder;
+use common::gltf::{Gltf, data_uri};
 use common::memory::peak;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
+use serde_json::{Value, json};
 use softray::prelude::*;
 
 /// Files of a scene and what came of loading it: rendered, or a message.
@@ -18,14 +20,19 @@ fn load(folder: &Path, obj: &[u8], mtl: &[u8]) -> Result<(), String> {
     std::fs::write(folder.join("a.obj"), obj).expect("a file");
     std::fs::write(folder.join("a.mtl"), mtl).expect("a file");
     let device = Device::flex();
-    let scene = Scene::from_obj(folder.join("a.obj"), &device).map_err(|e| e.to_string())?;
+    let scene = Scene::load(folder.join("a.obj"), &device).map_err(|e| e.to_string())?;
+    seen(&scene)
+}
+
+/// Renders a scene unless it is large.
+fn seen(scene: &Scene) -> Result<(), String> {
     let triangles: usize = scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
     if triangles > 500 {
         return Ok(());
     }
     let camera = Camera::look_at([0.1, 0.2, 3.0], [0.0; 3]);
     let options = RenderOptions::new(2, 2).samples(1).bounces(1);
-    let image = render(&scene, &camera, &options).map_err(|e| e.to_string())?;
+    let image = render(scene, &camera, &options).map_err(|e| e.to_string())?;
     assert_eq!(image.radiance.dims(), [2, 2, 3]);
     Ok(())
 }
@@ -219,6 +226,113 @@ fn any_bytes_load_or_are_an_error() {
     ];
     fuzz("obj", time(10), strategy, |(obj, mtl)| {
         load(&folder.0, &obj, &mtl)
+    });
+}
+
+/// A file with a bit of everything.
+fn gltf() -> Gltf {
+    let mut file = Gltf::square();
+    let picture = data_uri("image/png", &picture(image::ImageFormat::Png));
+    file.push("images", json!({"uri": picture}));
+    file.push("samplers", json!({"wrapS": 33648}));
+    file.push("textures", json!({"source": 0, "sampler": 0}));
+    let texture = json!({"index": 0, "extensions": {"KHR_texture_transform": {"rotation": 1}}});
+    file.material(json!({
+        "pbrMetallicRoughness": {"baseColorTexture": texture, "metallicFactor": 0},
+        "emissiveFactor": [1, 1, 1], "alphaMode": "MASK", "normalTexture": texture,
+        "extensions": {"KHR_materials_specular": {"specularFactor": 0.5}}
+    }));
+    let (indices, values) = (file.view(&[1, 2]), file.view(&[0; 24]));
+    file.json["accessors"][0]["sparse"] = json!({
+        "count": 2, "indices": {"bufferView": indices, "componentType": 5121},
+        "values": {"bufferView": values}
+    });
+    file.push(
+        "cameras",
+        json!({"type": "perspective", "perspective": {"yfov": 0.5, "znear": 1}}),
+    );
+    file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "spot"}]}});
+    file.json["nodes"] = json!([
+        {"mesh": 0, "children": [1, 2], "scale": [1, -1, 1]}, {"camera": 0, "translation": [0, 0, 4]},
+        {"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}, "rotation": [0, 0, 1, 0]}
+    ]);
+    file
+}
+
+/// All places of a JSON value below which there are none.
+fn leaves<'a>(value: &'a mut Value, found: &mut Vec<&'a mut Value>) {
+    match value {
+        Value::Array(list) => list.iter_mut().for_each(|v| leaves(v, found)),
+        Value::Object(map) => map.values_mut().for_each(|v| leaves(v, found)),
+        leaf => found.push(leaf),
+    }
+}
+
+/// A good file some of whose numbers and names are others.
+fn changed() -> impl Strategy<Value = Gltf> {
+    let value = prop_oneof![
+        4 => (0u64..9).prop_map(Value::from),
+        2 => (5120u64..5127).prop_map(Value::from),
+        1 => any::<u64>().prop_map(Value::from),
+        1 => any::<i32>().prop_map(Value::from),
+        1 => any::<f64>().prop_map(Value::from),
+        1 => prop_oneof![Just("VEC3"), Just("SCALAR"), Just("data:,"), Just("../x"), Just("")]
+            .prop_map(Value::from),
+        1 => prop_oneof![Just(json!(null)), Just(json!([])), Just(json!({})), Just(json!([0]))],
+    ];
+    let edit = (any::<prop::sample::Index>(), value);
+    prop::collection::vec(edit, 0..4).prop_map(|edits| {
+        let mut file = gltf();
+        let mut all = Vec::new();
+        leaves(&mut file.json, &mut all);
+        for (at, value) in edits {
+            let i = at.index(all.len());
+            *all[i] = value;
+        }
+        file
+    })
+}
+
+#[test]
+fn any_bytes_are_gltf_or_an_error() {
+    let folder = Folder::new("gltf-fuzz");
+    let path = folder.0.join("a.glb");
+    // Whole numbers of instances: not the renderer is tested.
+    let limits = LoadLimits::default().pixels(1 << 20).triangles(1 << 16);
+    let strategy = prop_oneof![
+        changed().prop_map(|file| file.glb()),
+        damaged(gltf().glb()),
+        damaged(gltf().gltf(&data_uri("", &gltf().buffer)).into_bytes()),
+    ];
+    fuzz("gltf", time(5), strategy, |bytes| {
+        std::fs::write(&path, bytes).expect("a file");
+        let scene = Scene::load_within(&path, &Device::flex(), &limits);
+        seen(&scene.map_err(|e| e.to_string())?)
+    });
+}
+
+#[test]
+fn any_bytes_are_ply_or_an_error() {
+    let folder = Folder::new("ply-fuzz");
+    let path = folder.0.join("a.ply");
+    let device = Device::flex();
+    let ball = shapes::icosahedron(&device).smooth_normals();
+    ball.write(&path).expect("a file");
+    let binary = std::fs::read(&path).expect("bytes");
+    let (first, second) = (
+        "ply\nformat binary_".len(),
+        "ply\nformat binary_little".len(),
+    );
+    let big = [&binary[..first], b"big", &binary[second..]].concat();
+    let ascii = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+                 property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
+                 element face 2\nproperty list uchar int vertex_indices\n\
+                 property list uchar float texcoord\nend_header\n0 0 0 1 2 3\n1 0 0 4 5 6\n\
+                 1 1 0 7 8 9\n0 1 0 0 0 0\n4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 0 1 3 6 0 0 0 0 1 1\n";
+    let strategy = prop_oneof![damaged(binary), damaged(big), damaged(ascii.into()),];
+    fuzz("ply", time(5), strategy, |bytes| {
+        std::fs::write(&path, bytes).expect("a file");
+        seen(&Scene::load(&path, &device).map_err(|e| e.to_string())?)
     });
 }
 

@@ -4,7 +4,10 @@ mod common;
 
 use burn::tensor::{DType, Device};
 use common::errors::{message, says};
-use common::gradients::{CONES, Effort, SHARP, SOFTMAX, Setup, agreement, cases, check};
+use common::facets::facet_cases;
+use common::gradients::{
+    CONES, Case, Effort, SHARP, SOFTMAX, Setup, agreement, cases, check, lights,
+};
 use common::numbers::mean_and_error;
 use common::scenes::{facing_down, floor, scene_file};
 use common::tensors::gradient;
@@ -14,7 +17,7 @@ use softray::prelude::*;
 /// The short tier asks for agreement within 3.5 standard errors, and for errors small enough that
 /// a wrong factor of two shows in every class. The long tier asks for standard errors of 1 % of
 /// the reference, and agreement within 3.5 of them and 3 %.
-fn agree_with_central_differences(effort: Effort) {
+fn agree_with_central_differences(effort: Effort, cases: Vec<Case>) {
     let device = Device::flex();
     let long = common::long();
     let (precision, seeds) = if long {
@@ -23,7 +26,7 @@ fn agree_with_central_differences(effort: Effort) {
         (0.08, [32, 240])
     };
     let mut failures = Vec::new();
-    for case in cases() {
+    for case in cases {
         let row = check(&case, &device, effort, precision, seeds);
         let value = row.difference.mean.abs();
         let error = row.gradient.error.hypot(row.difference.error);
@@ -41,21 +44,41 @@ fn agree_with_central_differences(effort: Effort) {
 
 #[test]
 fn softmax_agrees_with_central_differences() {
-    agree_with_central_differences(SOFTMAX);
+    agree_with_central_differences(SOFTMAX, cases());
 }
 
 #[test]
 fn cones_agree_with_central_differences() {
-    agree_with_central_differences(CONES);
+    agree_with_central_differences(CONES, cases());
 }
 
 #[test]
 fn cones_without_an_angle_agree_with_central_differences() {
     let visibility = SHARP;
-    agree_with_central_differences(Effort {
+    let effort = Effort {
         visibility,
         ..CONES
-    });
+    };
+    agree_with_central_differences(effort, cases());
+}
+
+/// Shadows of lights without a surface have derivatives where a blur makes them soft.
+#[test]
+fn lights_agree_with_central_differences() {
+    agree_with_central_differences(CONES, lights::still());
+    agree_with_central_differences(CONES, lights::moving());
+    agree_with_central_differences(SOFTMAX, lights::still());
+    let visibility = SHARP;
+    let effort = Effort {
+        visibility,
+        ..CONES
+    };
+    agree_with_central_differences(effort, lights::still());
+}
+
+#[test]
+fn facets_agree_with_central_differences() {
+    agree_with_central_differences(CONES, facet_cases());
 }
 
 /// The same seed gives the same gradient on the other CPU backend.

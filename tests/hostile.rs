@@ -128,24 +128,26 @@ fn files_that_are_no_files() {
     for library in ["/dev/zero", "/dev/null"] {
         let path = folder.write("scene.obj", format!("mtllib {library}\n{SQUARE}f 1 2 3\n"));
         says(
-            message(Scene::from_obj_within(&path, &device, &limits)),
+            message(Scene::load_within(&path, &device, &limits)),
             ["regular file"],
         );
     }
-    let pipe = folder.0.join("pipe");
+    let pipe = folder.0.join("pipe.obj");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status();
     if made.is_ok_and(|s| s.success()) {
-        says(message(Scene::from_obj(&pipe, &device)), ["regular file"]);
+        says(message(Scene::load(&pipe, &device)), ["regular file"]);
         says(message(HostImage::read(&pipe)), ["regular file"]);
     }
-    says(message(Scene::from_obj(&folder.0, &device)), ["a folder"]);
+    let inner = folder.0.join("folder.obj");
+    std::fs::create_dir_all(&inner).expect("a folder");
+    says(message(Scene::load(&inner, &device)), ["a folder"]);
 }
 
 #[test]
 fn texts_and_meshes_larger_than_the_limits() {
     let folder = Folder::new("limits");
     let path = folder.write("scene.obj", format!("{SQUARE}f 1 2 3 4\n"));
-    let load = |limits| Scene::from_obj_within(&path, &Device::flex(), &limits);
+    let load = |limits| Scene::load_within(&path, &Device::flex(), &limits);
     says(
         message(load(LoadLimits::default().text_bytes(20))),
         ["LoadLimits::text_bytes"],
@@ -167,10 +169,10 @@ fn files_outside_of_the_folder() {
     for library in ["../secret.mtl", "scene.mtl"] {
         let text = format!("mtllib {library}\n{SQUARE}usemtl a\nf 1 2 3\n");
         let path = folder.write("inner/scene.obj", text);
-        let error = message(Scene::from_obj(&path, &device));
+        let error = message(Scene::load(&path, &device));
         says(&error, ["lies outside", "secret"]);
         says(&error, ["scene.", "LoadLimits::outside"]);
-        assert!(Scene::from_obj_within(&path, &device, &outside).is_ok());
+        assert!(Scene::load_within(&path, &device, &outside).is_ok());
     }
     let json = |environment: &str, obj: &str| {
         format!(

@@ -22,26 +22,21 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 fn files() {
     let mut told = Told::default();
     let folder = Folder::new("files");
-    let obj = |path: PathBuf| Scene::from_obj(path, &flex());
+    let obj = |path: PathBuf| Scene::load(path, &flex());
     told.expect("no OBJ file", &["nowhere.obj", "No such file"], || {
         obj(folder.path("nowhere.obj"))
     });
     told.expect("an OBJ file without faces", &["points.obj", "face"], || {
         obj(folder.write("points.obj", TRIANGLE))
     });
-    told.expect("a glTF file", &["scene.gltf", "OBJ"], || {
-        obj(folder.write("scene.gltf", "{\"asset\": {\"version\": \"2.0\"}}"))
+    told.expect(
+        "a glTF file without meshes",
+        &["scene.gltf", "no node"],
+        || obj(folder.write("scene.gltf", "{\"asset\": {\"version\": \"2.0\"}}")),
+    );
+    told.expect("a file of another kind", &["a.fbx", ".gltf"], || {
+        obj(folder.write("a.fbx", "Kaydara"))
     });
-    told.expect(
-        "a scene file as OBJ",
-        &["scene.json", "SceneFile::load"],
-        || obj(folder.write("scene.json", "{\"obj\": \"scene.obj\"}")),
-    );
-    told.expect(
-        "an OBJ file as a scene",
-        &["a.obj", "Scene::from_obj"],
-        || SceneFile::load(folder.write("a.obj", TRIANGLE), &flex()),
-    );
     told.expect(
         "a texture that is not there",
         &["wood.png", "No such"],
@@ -197,7 +192,7 @@ fn losses() {
 #[test]
 fn errors_keep_their_source() {
     use std::error::Error as _;
-    let error = Scene::from_obj("nowhere.obj", &flex()).expect_err("no file");
+    let error = Scene::load("nowhere.obj", &flex()).expect_err("no file");
     let source = error.source().expect("a source");
     assert!(source.is::<std::io::Error>(), "{source}");
     let bad = ball().velocity([f64::NAN, 0.0, 0.0]);
@@ -220,7 +215,7 @@ fn what_files_hold_and_is_not_read() {
     folder.write("a.mtl", mtl);
     let text = format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\n");
     let path = folder.write("a.obj", &text);
-    let told = warnings(|| Scene::from_obj(&path, &flex()).expect("a scene"));
+    let told = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
     let whole = told.len() == 1 && told[0].contains("a.mtl");
     assert!(
         whole && told[0].ends_with("not read: d, Pr, map_Bump, Pm"),
@@ -231,7 +226,7 @@ fn what_files_hold_and_is_not_read() {
     image.write(folder.path("black.png")).expect("a file");
     folder.write("a.mtl", "newmtl a\nKd 1 0 0\nmap_Kd black.png\n");
     let mut scene = Scene::new();
-    let told = warnings(|| scene = Scene::from_obj(&path, &flex()).expect("a scene"));
+    let told = warnings(|| scene = Scene::load(&path, &flex()).expect("a scene"));
     let one = told.len() == 1 && told[0].contains("material a has a texture");
     assert!(one, "{told:?}");
     let shown = format!("{:?}", scene.objects[0].materials[0]);

@@ -54,7 +54,7 @@ fn values_come_back() {
     near(&colour(&back.diffuse), &[0.6, 0.3, 0.1]);
     near(&colour(&back.specular), &[0.2, 0.1, 0.3]);
     near(&back.shininess.values().expect("shininess"), &[25.0]);
-    near(&back.emission.values().expect("emission"), &[1.0, 2.0, 3.0]);
+    near(&colour(&back.emission), &[1.0, 2.0, 3.0]);
     let plain = MaterialParams::from_material(&Material::diffuse([0.4; 3]), &device);
     assert_eq!(plain.expect("a material").num_params(), 6);
 
@@ -260,8 +260,11 @@ fn large_steps_stay_in_range() {
         assert!((1.0..=170.0).contains(&fov), "{fov}");
         let lens = camera.lens.clone().expect("a lens");
         let material = surface.material();
-        let [Albedo::Constant(diffuse), Albedo::Constant(specular)] =
-            [&material.diffuse, &material.specular]
+        let [
+            Albedo::Constant(diffuse),
+            Albedo::Constant(specular),
+            Albedo::Constant(emission),
+        ] = [&material.diffuse, &material.specular, &material.emission]
         else {
             panic!("textures");
         };
@@ -273,7 +276,7 @@ fn large_steps_stay_in_range() {
             assert!(d >= 0.0 && s >= 0.0 && d + s <= 1.0 + 1e-6, "{d} {s}");
         }
         let one = |p: &Parameter<1>| p.values().expect("values").to_vec();
-        let emission = material.emission.values().expect("values").to_vec();
+        let emission = emission.values().expect("values").to_vec();
         for v in [
             one(&lens.aperture_radius),
             one(&lens.focus_distance),

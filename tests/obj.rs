@@ -65,7 +65,7 @@ fn objects_and_materials() {
         [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]]
     );
     let lamp = &second.materials[0];
-    assert_eq!(lamp.emission.values().expect("values"), [17.0, 12.0, 4.0]);
+    assert_eq!(constant(&lamp.emission), [17.0, 12.0, 4.0]);
     assert_eq!(constant(&lamp.diffuse), [0.0; 3]);
     assert_eq!(constant(&second.materials[1].diffuse), grey);
 }
@@ -237,7 +237,7 @@ fn shared_vertices_stay_shared() {
 #[test]
 fn errors_name_file_and_field() {
     let folder = Folder::new("errors");
-    let missing = Scene::from_obj(folder.path("none.obj"), &Device::flex());
+    let missing = Scene::load(folder.path("none.obj"), &Device::flex());
     says(message(missing), ["none.obj"]);
 
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";

@@ -84,3 +84,57 @@ fn only_noise_is_left() {
         );
     }
 }
+
+/// The ball of a reference by Mitsuba (`tests/data/bsdf/make.py`) in its material. Roughness is √α.
+fn ball(name: &str) -> Material {
+    let (eta, k) = ([0.143, 0.375, 1.442], [3.983, 2.386, 1.603]);
+    // Mitsuba does not give back what is lost between facets.
+    let of = |m: Material| m.compensated(false);
+    match name {
+        "conductor" => of(Material::conductor(eta, k, 0.3)),
+        "conductor-rough" => of(Material::conductor(eta, k, 0.5)),
+        "metal" => of(Material::metallic_roughness([0.9, 0.6, 0.3], 1.0, 0.4)),
+        "black" => of(Material::metallic_roughness([0.0; 3], 0.0, 0.3)),
+        "glass" => Material::dielectric(1.5, 0.0),
+        "glass-rough" => Material::dielectric(1.5, 0.4),
+        other => panic!("{other}"),
+    }
+}
+
+/// Metal and glass are those of Mitsuba: conductors, its principled BSDF as metal and as what is black below clear
+/// facets, smooth and rough dielectrics, four bounces.
+#[test]
+fn bsdfs_of_facets() {
+    let device = Device::flex();
+    let path = |file: &str| common::reference(&format!("bsdf/{file}"));
+    let samples = if common::long() { 2048 } else { 256 };
+    let mut failures = Vec::new();
+    for name in [
+        "conductor",
+        "conductor-rough",
+        "metal",
+        "black",
+        "glass",
+        "glass-rough",
+    ] {
+        let target = HostImage::read(path(&format!("{name}.exr"))).expect("a reference");
+        let scene = Scene::from_obj(path("scene.obj"), &device).expect("a scene");
+        let scene = scene.map_object("ball", |o| o.material(ball(name)));
+        let scene = scene.expect("a ball").environment([0.3, 0.35, 0.4]);
+        let camera = Camera::look_at([0.4, 1.5, 5.2], [0.0, 0.95, 0.0]).fov_y(36.0);
+        let options = RenderOptions::new(64, 64)
+            .samples(samples)
+            .bounces(4)
+            .visibility(SHARP)
+            .seed(5);
+        let image = render(&scene, &camera, &options).expect("an image");
+        let image = HostImage::from_tensor(&image.radiance).expect("values");
+        let ratio = image.mean_ratio(&target);
+        let rmse = image.rmse(&target, true).expect("the same size");
+        println!("{name}: {ratio:.4} of the mean, {rmse:.4} clipped RMSE");
+        if (ratio - 1.0).abs() > 0.01 || rmse > 0.01 {
+            failures.push(name);
+        }
+    }
+    assert!(failures.is_empty(), "{failures:?}");
+}

@@ -131,3 +131,71 @@ fn paths_are_split_only_where_surfaces_share_a_ray() {
     assert!(sharp < 1.02 && sharp > 0.98, "{sharp}");
     assert!(blurred > 1.02 && blurred < 2.0, "{blurred}");
 }
+
+/// A glossy ball on a floor among 240 emissive triangles, with two lights without a surface.
+fn many_lamps(offset: &Tensor<1>, device: &Device) -> Scene {
+    let at = |mesh: Mesh, size: f32, place: Tensor<1>| {
+        mesh.scaled(Tensor::from_floats([size], device))
+            .translated(place)
+    };
+    let ball = at(
+        shapes::icosphere(1, device),
+        0.4,
+        row(&[0.1, 0.5, 0.2], device) + offset.clone(),
+    );
+    let gloss = Material::diffuse([0.3, 0.25, 0.2]).specular([0.5; 3], 40.0);
+    let mut scene = Scene::new()
+        .with(diffuse(
+            facing_up([-2.0, 2.0], [-2.0, 2.0], 0.0, device),
+            [0.5; 3],
+        ))
+        .with(Object::new(ball).material(gloss))
+        .light(Light::point([1.4, 0.9, 0.9], [0.5; 3]))
+        .light(Light::directional([0.5, -1.0, -0.4], [0.2; 3]));
+    for place in [[-1.0, 0.7, 0.9], [1.2, 1.2, -0.7], [-0.6, 1.9, -0.8]] {
+        let lamp = at(shapes::icosphere(1, device), 0.12, row(&place, device));
+        scene = scene.with(emitting(lamp, [9.0; 3]));
+    }
+    scene
+}
+
+/// A tree over many emitters changes neither mean nor gradients, and takes noise away.
+#[test]
+fn many_emitters_by_a_tree() {
+    let device = Device::flex();
+    let of = |emitters, seed: u64| {
+        let mut sampling = Sampling::default();
+        sampling.emitters = emitters;
+        let offset = leaf(&[0.0; 3], &device);
+        let options = RenderOptions::new(12, 12)
+            .samples(16)
+            .bounces(1)
+            .visibility(Visibility::cone(0.05))
+            .sampling(sampling)
+            .seed(seed);
+        let camera = Camera::look_at([0.0, 1.2, 4.0], [0.0, 0.5, 0.0]).fov_y(40.0);
+        let scene = many_lamps(&offset, &device);
+        let mean = render(&scene, &camera, &options)
+            .expect("an image")
+            .radiance
+            .mean();
+        let along = gradient(&offset, &mean.backward());
+        [values(&mean)[0], along[0] + 0.5 * along[1] - along[2]]
+    };
+    let seeds = if common::long() { 1024 } else { 96 };
+    let run = |emitters| -> Vec<[f64; 2]> { (0..seeds).map(|seed| of(emitters, seed)).collect() };
+    let tree = run(EmitterSampling::SolidAngle);
+    for emitters in [EmitterSampling::Uniform, EmitterSampling::Power] {
+        let other = run(emitters);
+        for (i, what) in ["mean", "ball"].iter().enumerate() {
+            let of_one = |all: &[[f64; 2]]| {
+                let values: Vec<f64> = all.iter().map(|v| v[i]).collect();
+                mean_and_error(&values)
+            };
+            let ((a, ea), (b, eb)) = (of_one(&tree), of_one(&other));
+            println!("{emitters:?}, {what}: {a:.4e} ± {ea:.1e} by the tree, {b:.4e} ± {eb:.1e}");
+            assert!((a - b).abs() < 4.0 * ea.hypot(eb), "{what}: {a} and {b}");
+            assert!(ea < eb, "{what}: noise {ea} and {eb}");
+        }
+    }
+}

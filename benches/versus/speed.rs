@@ -39,13 +39,18 @@ enum Which {
     Cornell,
     /// A ball on a floor under a lamp, two surfaces a path.
     Ball,
+    /// A ball on a floor, lit by 2 emissive triangles and by 10,000: time and noise of each.
+    Lamps,
 }
 
 impl Speed {
     pub fn run(&self, visibility: Visibility) {
-        for which in [Which::Cornell, Which::Ball] {
+        for which in [Which::Cornell, Which::Ball, Which::Lamps] {
             if self.scenes.is_empty() || self.scenes.contains(&which) {
-                self.of(which, visibility);
+                match which {
+                    Which::Lamps => self.lamps(visibility),
+                    _ => self.of(which, visibility),
+                }
             }
         }
     }
@@ -54,7 +59,7 @@ impl Speed {
         let device = softray::device::named(Some(&self.device)).expect("a device");
         let (mut file, bounces) = match which {
             Which::Cornell => (load_to("cornell", &device), 2),
-            Which::Ball => (load_to("sphere", &device), 1),
+            Which::Ball | Which::Lamps => (load_to("sphere", &device), 1),
         };
         if which == Which::Ball {
             let ball = shapes::icosphere(self.subdivisions, &device)
@@ -108,6 +113,60 @@ impl Speed {
         println!();
     }
 
+    /// Time and noise with 2 emissive triangles and with 10,000 of the same power, by each choice of emitters.
+    fn lamps(&self, visibility: Visibility) {
+        let device = softray::device::named(Some(&self.device)).expect("a device");
+        let camera = Camera::look_at([0.0, 2.0, 5.0], [0.0, 0.8, 0.0]).fov_y(45.0);
+        let options = RenderOptions::new(self.size, self.size)
+            .samples(self.spp)
+            .bounces(1)
+            .visibility(visibility);
+        let paths = (self.size * self.size) as f64 * f64::from(self.spp);
+        let mut first = None;
+        for many in [false, true] {
+            let (scene, count) = lit_by_lamps(many, &device);
+            let converged = render(
+                &scene,
+                &camera,
+                &options.clone().samples(64 * self.spp).seed(9),
+            );
+            let converged = converged.expect("an image").radiance;
+            for emitters in [EmitterSampling::SolidAngle, EmitterSampling::Power] {
+                let mut sampling = Sampling::default();
+                sampling.emitters = emitters;
+                let options = options.clone().sampling(sampling);
+                let cache = HierarchyCache::default();
+                let options = options.cache(&cache);
+                let image = || {
+                    render(&scene, &camera, &options)
+                        .expect("an image")
+                        .radiance
+                };
+                let square = (image() - converged.clone()).powf_scalar(2.0).mean();
+                let noise = square.sqrt() / converged.clone().mean();
+                let noise: Vec<f32> = noise.into_data().iter::<f32>().collect();
+                let forward = self.time(|| drop(image().into_data()));
+                let leaves = with_leaves(&scene);
+                let both = self.time(|| {
+                    let image = render(&leaves, &camera, &options).expect("an image");
+                    let gradients = image.radiance.powf_scalar(2.0).sum().backward();
+                    let gradient = leaves.objects[0].mesh.vertices.grad(&gradients);
+                    drop(gradient.expect("a gradient").into_data());
+                });
+                let (forward_of_two, both_of_two) = *first.get_or_insert((forward, both));
+                println!(
+                    "{count} emissive triangles, {emitters:?}: forward {:.2} M paths/s ({:.2} × the time of the \
+                     first), with gradients {:.2} M ({:.2} ×), relative noise {:.4}",
+                    paths / forward / 1e6,
+                    forward / forward_of_two,
+                    paths / both / 1e6,
+                    both / both_of_two,
+                    noise[0],
+                );
+            }
+        }
+    }
+
     fn time(&self, f: impl Fn()) -> f64 {
         let start = Instant::now();
         f();
@@ -124,4 +183,47 @@ impl Speed {
         times.sort_by(f64::total_cmp);
         times[times.len() / 2]
     }
+}
+
+/// A floor and a ball under 125 small balls of 80 triangles, with the number of emissive triangles: all of these, or two of
+/// a lamp. The camera sees neither.
+fn lit_by_lamps(many: bool, device: &Device) -> (Scene, usize) {
+    let quad = |half: f64, y: f64| {
+        let [a, b, c, d] = [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]]
+            .map(|[x, z]| [half * x, y, half * z]);
+        shapes::quad(a, b, c, d, device)
+    };
+    let at = |mesh: Mesh, size: f32, place: [f32; 3]| {
+        mesh.scaled(Tensor::from_floats([size], device))
+            .translated(Tensor::from_floats(place, device))
+    };
+    let ball = at(shapes::icosphere(3, device), 0.7, [0.0, 0.7, 0.0]);
+    let mut scene = Scene::new()
+        .with(Object::new(ball).material(Material::diffuse([0.6, 0.5, 0.4])))
+        .with(Object::new(quad(4.0, 0.0)).material(Material::diffuse([0.5; 3])));
+    for i in 0..125 {
+        let [x, y, z] = [i % 5, i / 5 % 5, i / 25].map(|k| k as f32);
+        let place = [1.3 * (x - 2.0), 4.0 + 0.5 * y, 1.3 * (z - 2.0)];
+        let lamp = at(shapes::icosphere(1, device), 0.03, place);
+        let material = match many {
+            true => Material::emitter([80.0; 3]),
+            false => Material::diffuse([0.0; 3]),
+        };
+        scene = scene.with(Object::new(lamp).material(material));
+    }
+    if !many {
+        let lamp = quad(0.5, -3.0).scaled(Tensor::from_floats([1.0, -1.0, 1.0], device));
+        let lamp = Object::new(lamp).material(Material::emitter([12.0; 3]));
+        return (scene.with(lamp), 2);
+    }
+    (scene, 10_000)
+}
+
+/// The scene with the vertices of its first object as a leaf.
+fn with_leaves(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    let mesh = &mut scene.objects[0].mesh;
+    let vertices = mesh.vertices.clone().autodiff().require_grad();
+    *mesh = mesh.clone().with_vertices(vertices);
+    scene
 }

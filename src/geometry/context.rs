@@ -2,6 +2,7 @@
 
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
+use crate::device::count_read_back;
 use crate::error::{Error, Result};
 
 /// The device and the float type of a render: those of the scene's tensors.
@@ -57,13 +58,15 @@ pub(crate) fn detached<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
 
 /// Calls a function with the values of an image `[H, W, C]`, some rows at a time: reading it back in one
 /// piece takes its memory twice more.
-pub(crate) fn by_rows(tensor: &Tensor<3>, mut f: impl FnMut(&[f32])) -> Result<()> {
+pub(crate) fn by_rows<const D: usize>(tensor: &Tensor<D>, mut f: impl FnMut(&[f32])) -> Result<()> {
     const NUMBERS: usize = 1 << 20;
-    let [height, width, channels] = tensor.dims();
-    let rows = (NUMBERS / (width * channels).max(1)).max(1);
+    let dims = tensor.dims();
+    let height = dims[0];
+    let rows = (NUMBERS / dims[1..].iter().product::<usize>().max(1)).max(1);
     let tensor = detached(tensor);
     for from in (0..height).step_by(rows) {
         let some = tensor.clone().slice([from..(from + rows).min(height)]);
+        count_read_back(&some.device());
         let data = some.try_into_data_as::<f32>().map_err(Error::read)?;
         f(data.as_slice::<f32>().map_err(Error::read)?);
     }
@@ -71,7 +74,7 @@ pub(crate) fn by_rows(tensor: &Tensor<3>, mut f: impl FnMut(&[f32])) -> Result<(
 }
 
 /// The first value of an image that is not finite in f32, in row-major order, and where it is.
-pub(crate) fn first_not_finite(tensor: &Tensor<3>) -> Result<Option<(usize, f64)>> {
+pub(crate) fn first_not_finite<const D: usize>(tensor: &Tensor<D>) -> Result<Option<(usize, f64)>> {
     let (mut found, mut passed) = (None, 0);
     by_rows(tensor, |values| {
         if found.is_none() {
@@ -85,6 +88,7 @@ pub(crate) fn first_not_finite(tensor: &Tensor<3>) -> Result<Option<(usize, f64)
 
 /// Reads the values of a float tensor back to the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
+    count_read_back(&tensor.device());
     let data = detached(tensor).try_into_data();
     let data = data.map_err(Error::read)?;
     Ok(data.iter::<f64>().collect())

@@ -250,7 +250,8 @@ pub(super) fn path_backward(
             }
             let tangent = floats[CONE];
             let geometric = point.shading.geometric;
-            let bent = bend(scatter.direction, geometric, tangent, cone_u, cone_v);
+            let outer = point.shading.outer(scatter.direction);
+            let bent = bend(scatter.direction, outer, tangent, cone_u, cone_v);
             by.position += by_origin;
             let mut by_leaving = by_direction;
             let mut by_after = by_throughput;

@@ -1,6 +1,6 @@
 //! Edges at which something may jump, and what draws them, in the buffers of a view ([`layout`](super::layout)).
 
-use super::layout::Packed;
+use super::layout::PackedScene;
 use crate::kernel::{FlatTree, View};
 
 /// The tree over all edges, then that over those that move, [`OF_TREE`] words each.
@@ -41,17 +41,8 @@ pub(super) const ROWS_OF_EDGE: u32 = 4;
 pub(super) const OBJECT_OF_EDGE: u32 = 8;
 pub(super) const IS_CROSSING: u32 = 9;
 
-impl Packed {
+impl PackedScene {
     pub(super) fn add_edges(&mut self, view: &View) {
-        let seeds = [
-            (SEED_OF_EDGES, view.edges.seed),
-            (SEED_OF_SIDES, view.sides.seed),
-            (SEED_OF_FILM, view.film.seed),
-        ];
-        for (place, seed) in seeds {
-            self.words[place] = seed as u32;
-            self.words[place + 1] = (seed >> 32) as u32;
-        }
         let Some(sets) = &view.edge_sets else {
             return;
         };
@@ -64,8 +55,7 @@ impl Packed {
             self.add_edge_tree(EDGE_TREES + OF_TREE * i, tree);
         }
         if flat.trees.len() == 1 {
-            let all = EDGE_TREES..EDGE_TREES + OF_TREE;
-            self.words.copy_within(all, EDGE_TREES + OF_TREE);
+            self.repeat(EDGE_TREES..EDGE_TREES + OF_TREE);
         }
         self.add_groups(view);
     }
@@ -79,8 +69,8 @@ impl Packed {
         self.floats.extend(tree.leaves.iter().flatten());
         self.words_at(at + LEAF_EDGES);
         self.words.extend(&tree.edges);
-        self.words[at + NODE_COUNT] = tree.children.len() as u32 / 8;
-        self.words[at + LEAF_COUNT] = tree.edges.len() as u32 / 8;
+        self.header[at + NODE_COUNT] = tree.children.len() as u32 / 8;
+        self.header[at + LEAF_COUNT] = tree.edges.len() as u32 / 8;
     }
 
     fn add_groups(&mut self, view: &View) {

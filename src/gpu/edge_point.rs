@@ -97,7 +97,7 @@ pub(super) fn edge_point(
 ) -> EdgePoint {
     let moves = comptime!(features.moves);
     let nodes = comptime!(of.edge_nodes);
-    let drawn = draw_edge(floats, words, room, tree, query, u, moves, nodes);
+    let drawn = draw_edge(floats, words, room, tree, query, u, v, moves, nodes);
     let mut index = 0u32;
     if drawn.edge != NONE {
         index = drawn.edge;

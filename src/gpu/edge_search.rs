@@ -12,7 +12,7 @@ use super::numbers::Stream;
 use super::surface::Point;
 use super::{Derivatives, Features};
 use crate::model::V3;
-use crate::model::bsdf::Shading;
+use crate::model::bsdf::Lobe;
 use crate::model::cone::widened;
 use crate::model::frame::SinCos;
 
@@ -41,6 +41,7 @@ const RATE: f32 = 0.125;
 #[expand(derive(Clone, Copy))]
 pub(super) struct Search {
     pub query: Query,
+    pub lobe: Lobe,
     pub asked: bool,
     pub moves: bool,
     /// For a point of the edge, and for the kernel of the cone.
@@ -69,7 +70,7 @@ fn towards_group(floats: &[f32], words: &[u32], group: u32, point: &Point, time:
     let mut query = Query {
         x: point.position,
         time,
-        axis: point.shading.geometric,
+        axis: point.shading.outer(to),
         cos: 0.0f32,
         sin: 1.0f32,
         exponent: 0.0f32,
@@ -83,31 +84,18 @@ fn towards_group(floats: &[f32], words: &[u32], group: u32, point: &Point, time:
     query
 }
 
-/// The hemisphere over a point, or the cone of its glossy lobe, widened by that of the rays.
+/// A query of a lobe.
 #[cube]
-fn within_lobe(floats: &[f32], shading: &Shading, x: V3, time: f32, of_gloss: bool) -> Query {
-    let mut query = Query {
+fn within(lobe: &Lobe, x: V3, time: f32) -> Query {
+    Query {
         x,
         time,
-        axis: shading.normal,
-        cos: 0.0f32,
-        sin: 1.0f32,
-        exponent: 1.0f32,
+        axis: lobe.axis,
+        cos: lobe.cos,
+        sin: lobe.sin,
+        exponent: lobe.exponent,
         shadows: false,
-    };
-    if of_gloss {
-        query.axis = shading.mirror();
-        query.exponent = shading.exponent;
-        // The lobe has fallen to 1e-4 there.
-        let cos = (-9.2f32 / shading.exponent.max(1e-3)).exp();
-        let half = SinCos {
-            sin: (1.0 - cos * cos).max(0.0).sqrt(),
-            cos,
-        };
-        query.cos = widened(half, floats[CONE]).cos.max(0.0);
-        query.sin = (1.0 - query.cos * query.cos).max(0.0).sqrt();
     }
-    query
 }
 
 /// A search for an edge of the light of emitters, or of reflected light.
@@ -131,8 +119,11 @@ pub(super) fn search(
         turn = 0u32;
     }
     let drawn = numbers.set(words, 3 * o.bounce + turn, features.sobol);
+    // All directions, where it is of light.
+    let mut lobe = shading.lobe(false, drawn.x, floats[CONE]);
     let mut s = Search {
-        query: within_lobe(floats, &shading, x, time, false),
+        query: within(&lobe, x, time),
+        lobe,
         asked: false,
         moves: o.moves,
         u: drawn.y,
@@ -183,19 +174,21 @@ pub(super) fn search(
         if comptime!(of.turns) {
             s.moves = true;
         }
-        let lobe = drawn.x / rate;
+        let choice = drawn.x / rate;
         let gloss = shading.gloss();
         // Beside the lobe's probability, the rest of the first number, uniform again.
-        if lobe < gloss {
+        let mut chance = (1.0 - gloss).max(1e-20);
+        let mut rest = (choice - gloss) / chance;
+        if choice < gloss {
             s.of_gloss = true;
-            s.scale = 1.0 / rate / gloss;
-            s.cone_u = (lobe / gloss).max(0.0).min(1.0);
-            s.query = within_lobe(floats, &shading, x, time, true);
-        } else {
-            let rest = (1.0 - gloss).max(1e-20);
-            s.scale = 1.0 / rate / rest;
-            s.cone_u = ((lobe - gloss) / rest).max(0.0).min(1.0);
+            chance = gloss;
+            rest = choice / gloss;
         }
+        lobe = shading.lobe(s.of_gloss, rest, floats[CONE]);
+        s.lobe = lobe;
+        s.query = within(&lobe, x, time);
+        s.scale = 1.0 / rate / (chance * lobe.chance);
+        s.cone_u = lobe.rest.max(0.0).min(1.0);
     }
     s
 }

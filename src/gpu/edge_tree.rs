@@ -7,6 +7,7 @@ use super::edge_layout::{
 };
 use super::edge_weights::{Query, subtree, weight_of_edge};
 use super::layout::NONE;
+use crate::model::choice::decided_by;
 
 /// An edge that was drawn, or [`NONE`], and 1 over its probability.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
@@ -15,30 +16,6 @@ pub(super) struct DrawnEdge {
     pub edge: u32,
     pub per_chance: f32,
 }
-
-/// A decision, and what is left of the number that made it, uniform again.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-struct Decision {
-    happens: bool,
-    rest: f32,
-}
-
-/// Decides whether something happens that has a probability.
-#[cube]
-fn decide(number: f32, chance: f32) -> Decision {
-    let happens = number < chance;
-    let mut rest = (number - chance) / (1.0 - chance).max(1e-30);
-    if happens {
-        rest = number / chance;
-    }
-    Decision {
-        happens,
-        rest: rest.max(0.0).min(MOST),
-    }
-}
-
-const MOST: f32 = 1.0 - f32::EPSILON;
 
 /// Nodes whose children are all entered, at most, and subtrees that are: those seen under a larger angle (its
 /// sine); for reflected light, and for that of emitters.
@@ -74,10 +51,11 @@ pub(super) fn draw_edge(
     tree: usize,
     q: &Query,
     u: f32,
+    other: f32,
     #[comptime] moves: bool,
     #[comptime] nodes: bool,
 ) -> DrawnEdge {
-    let mut random = u;
+    let mut random = decided_by(u, other);
     let mut total = 0.0f32;
     let mut leaf = 0u32;
     let leaves = words[tree + LEAF_COUNT];
@@ -122,7 +100,7 @@ pub(super) fn draw_edge(
             if sum > 0.0 {
                 let share = sum * inverse;
                 total += share;
-                let decision = decide(random, share / total);
+                let decision = random.decide(share / total);
                 random = decision.rest;
                 if decision.happens {
                     leaf = lanes;
@@ -155,7 +133,7 @@ pub(super) fn draw_edge(
                             length += 1;
                         } else {
                             far += found.weight;
-                            let decision = decide(random, found.weight / far);
+                            let decision = random.decide(found.weight / far);
                             random = decision.rest;
                             if decision.happens {
                                 taken = child;
@@ -185,7 +163,7 @@ pub(super) fn draw_edge(
             sum += f32::from_bits(room[KEPT + k]);
             k += 1;
         }
-        let target = random * sum;
+        let target = random.number * sum;
         let mut passed = 0.0f32;
         let mut lane = 0u32;
         while lane < 8 {

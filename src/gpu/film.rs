@@ -8,10 +8,11 @@ use super::edge_layout::SEED_OF_EDGES;
 use super::edge_point::{add_to_edge, edge_of, shift_of, sides};
 use super::hit::{Ray, trace};
 use super::jumps::hides;
-use super::layout::{HEIGHT, NONE, SEED_OF_CONES, WIDTH};
+use super::layout::{FLOAT_HEADER, HEADER, HEIGHT, NONE, SEED_OF_CONES, WIDTH};
 use super::numbers::{numbers_of, numbers_of_film, on_disk};
 use super::passes::{is_asked, upstream_of};
 use super::side_light::{Behind, light_beside};
+use super::sums::replica_of;
 use super::{Derivatives, Features, Outputs};
 use crate::model::camera::CameraRay;
 use crate::model::filter::film_kernel;
@@ -20,11 +21,31 @@ use crate::model::v2;
 /// The pixel of random numbers that are of no pixel.
 const NO_PIXEL: u32 = u32::MAX;
 
-/// The first piece whose sum of weights so far is over a number; the last if none is.
+/// Words of the table of films, for each view: the number of samples of all views so far, the number of its own, its
+/// first piece, the one past the last, and by their bits the sum of all weights and the radius of the pixel filter.
+pub(super) const OF_FILM: u32 = 6;
+
+/// The first view whose samples and those before it are more than a number.
 #[cube]
-fn piece_over(pieces: &[f32], count: u32, value: f32) -> u32 {
+fn view_of(table: &[u32], views: u32, sample: u32) -> u32 {
     let mut low = 0u32;
-    let mut high = count - 1;
+    let mut high = views - 1;
+    while low < high {
+        let middle = (low + high) / 2;
+        if table[(OF_FILM * middle) as usize] <= sample {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+/// The first piece of a range whose sum of weights so far is over a number; the last if none is.
+#[cube]
+fn piece_over(pieces: &[f32], first: u32, past: u32, value: f32) -> u32 {
+    let mut low = first;
+    let mut high = past - 1;
     while low < high {
         let middle = (low + high) / 2;
         if pieces[(4 * middle + 2) as usize] <= value {
@@ -36,7 +57,7 @@ fn piece_over(pieces: &[f32], count: u32, value: f32) -> u32 {
     low
 }
 
-/// The place of a pixel of the film in the image's rows, or [`NONE`].
+/// The place of a pixel of the film in the rows of a view's image, or [`NONE`].
 #[cube]
 fn row_of(words: &[u32], places: &[u32], x: f32, y: f32, #[comptime] listed: bool) -> u32 {
     let mut row = NONE.runtime();
@@ -49,30 +70,42 @@ fn row_of(words: &[u32], places: &[u32], x: f32, y: f32, #[comptime] listed: boo
     row
 }
 
-/// Adds the derivatives by jumps on the film: some samples of `all`, from a first one on. A piece of an edge has its
-/// first and last λ, the sum of the weights so far, and the edge; `total` is the sum of all weights.
+/// Adds the derivatives by jumps on the film: every `stride`-th of the samples of all views, from a first one on. A
+/// piece of an edge has its first and last λ, the sum of the weights so far, and the edge. `films` is the table
+/// ([`OF_FILM`]), then the row of each pixel if not all are asked for.
 #[cube(launch)]
 pub(super) fn film_jumps(
     floats: &[f32],
     words: &[u32],
     pieces: &[f32],
-    places: &[u32],
+    films: &[u32],
     upstream: &[f32],
     totals: &[Atomic<u32>],
     scales: &[f32],
+    replicas: u32,
+    region: u32,
     first: u32,
+    stride: u32,
     count: u32,
-    all: u32,
-    piece_count: u32,
-    total: f32,
-    radius: f32,
+    views: u32,
+    of_view: u32,
     #[comptime] listed: bool,
     #[comptime] outputs: Outputs,
     #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) {
     if ABSOLUTE_POS < count as usize {
-        let sample = first + ABSOLUTE_POS as u32;
+        let thread = first + ABSOLUTE_POS as u32 * stride;
+        let which = view_of(films, views, thread);
+        let floats = &floats[which as usize * FLOAT_HEADER..];
+        let words = &words[which as usize * HEADER..];
+        let totals = &totals[replica_of(thread, replicas, region)..];
+        let places = &films[(OF_FILM * views) as usize..];
+        let film_of = (OF_FILM * which) as usize;
+        let all = films[film_of + 1];
+        let sample = thread - (films[film_of] - all);
+        let total = f32::from_bits(films[film_of + 4]);
+        let radius = f32::from_bits(films[film_of + 5]);
         let numbers = numbers_of_film(words, sample, features.sobol);
         let film = numbers.film(words, features.sobol);
         let mut more = film;
@@ -87,9 +120,11 @@ pub(super) fn film_jumps(
         if comptime!(features.moves) {
             time = more.z;
         }
-        let piece = 4 * piece_over(pieces, piece_count, film.x * total) as usize;
+        let first_piece = films[film_of + 2];
+        let number = piece_over(pieces, first_piece, films[film_of + 3], film.x * total);
+        let piece = 4 * number as usize;
         let mut before = 0.0f32;
-        if piece > 0 {
+        if number > first_piece {
             before = pieces[piece - 2];
         }
         let share = pieces[piece + 2] - before;
@@ -113,7 +148,13 @@ pub(super) fn film_jumps(
             row = row_of(words, places, x, y, listed);
         }
         if row != NONE {
-            let g = upstream_of(floats, upstream, row, 1.0f32.runtime(), outputs);
+            let g = upstream_of(
+                floats,
+                upstream,
+                which * of_view + row,
+                1.0f32.runtime(),
+                outputs,
+            );
             if is_asked(&g) {
                 let mut stack_room = Array::<u32>::new(features.stack);
                 let stack = stack_room.as_mut_slice();

@@ -1,44 +1,8 @@
-//! Integers in kernels: products that wrap, and numbers of 64 bits as two words, which few GPUs have.
+//! Integers in kernels: numbers of 64 bits as two words, which few GPUs have.
 
 use burn::cubecl::{self, prelude::*};
 
-/// a·b modulo 2³².
-#[inline(always)]
-pub(super) fn product(a: u32, b: u32) -> u32 {
-    a.wrapping_mul(b)
-}
-
-/// In a kernel.
-pub(super) mod product {
-    use super::*;
-
-    pub(in crate::gpu) fn expand(
-        scope: &Scope,
-        a: NativeExpand<u32>,
-        b: NativeExpand<u32>,
-    ) -> NativeExpand<u32> {
-        a.__expand_mul_method(scope, b)
-    }
-}
-
-/// a + b modulo 2³².
-#[inline(always)]
-pub(super) fn total(a: u32, b: u32) -> u32 {
-    a.wrapping_add(b)
-}
-
-/// In a kernel.
-pub(super) mod total {
-    use super::*;
-
-    pub(in crate::gpu) fn expand(
-        scope: &Scope,
-        a: NativeExpand<u32>,
-        b: NativeExpand<u32>,
-    ) -> NativeExpand<u32> {
-        a.__expand_add_method(scope, b)
-    }
-}
+pub(super) use crate::model::integers::{product, total};
 
 /// A number of 64 bits.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug, PartialEq)]

@@ -124,7 +124,6 @@ pub(super) fn jumps_seen_from(
     let x = o.point.position;
     let shading = o.point.shading;
     let geometric = shading.geometric;
-    let start = lifted(x, geometric);
     let last = o.bounce >= words[BOUNCES];
     let mut turn = 1u32;
     if comptime!(features.emitters) {
@@ -144,13 +143,20 @@ pub(super) fn jumps_seen_from(
                 floats, words, edge_room, tree, &s.query, own, s.u, s.v, features, of,
             );
             let view = p.to.normalize();
-            let bent = bend(view, geometric, floats[CONE], s.cone_u, s.cone_v);
+            let outer = shading.outer(view);
+            let start = lifted(x, outer);
+            let bent = bend(view, outer, floats[CONE], s.cone_u, s.cone_v);
             let axis = bent.direction;
             let mut reflected = splat(0.0);
             if p.per_density > 0.0 {
                 reflected = shading.evaluate(axis);
                 if !of_light && shading.glossy {
                     reflected = reflected * shading.share_of_lobe(axis, s.of_gloss);
+                    if comptime!(features.facets) {
+                        if !s.lobe.holds(axis) {
+                            reflected = splat(0.0);
+                        }
+                    }
                 }
             }
             if !reflected.is_zero() {

@@ -1,17 +1,24 @@
-//! A view as two buffers: floats, and words that say where they lie.
+//! Views as two buffers: floats, and words that say where they lie.
 //!
-//! Both begin with a header; places in the header's words are where lists begin.
+//! Both begin with a header for each view; lists of scenes follow, which views of a scene share. Places in a header's
+//! words are where lists begin, counted from that header: so a kernel looks at both buffers from its view's header
+//! on, and knows nothing of others.
 
-use std::sync::OnceLock;
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
 use burn::cubecl::prelude::Client;
+use rayon::prelude::*;
 
-use super::Features;
+use super::edge_layout::{SEED_OF_EDGES, SEED_OF_FILM, SEED_OF_SIDES};
 use super::list::List;
 use super::sums::{PARTS, Places};
+use super::{Derivatives, Features};
 use crate::accel::GpuTree;
 use crate::kernel::View;
 use crate::model::V3;
+use crate::model::bsdf::model_of;
 use crate::model::sky::Sky;
 use crate::model::texture::Texture;
 use crate::sampling::points;
@@ -75,7 +82,7 @@ pub(super) const VERTEX_ROWS: usize = 37;
 pub(super) const WANTED_OBJECTS: usize = 38;
 /// The first sum of each part ([`sums`](super::sums)).
 pub(super) const FIRST_SUMS: usize = 40;
-const HEADER: usize = 80;
+pub(super) const HEADER: usize = 80;
 
 /// Floats of the header: the camera, then the tangent of cones.
 pub(super) const CAMERA: usize = 0;
@@ -84,7 +91,7 @@ pub(super) const CONE: usize = 24;
 pub(super) const UNIT: usize = 25;
 /// The rows of the inverse of the camera's basis.
 pub(super) const DUAL: usize = 32;
-const FLOAT_HEADER: usize = 48;
+pub(super) const FLOAT_HEADER: usize = 48;
 
 pub(super) const HIT_STRIDE: usize = 20;
 pub(super) const SURFACE_STRIDE: usize = 16;
@@ -97,33 +104,128 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) const EMITS: u32 = 1;
 pub(super) const REFLECTS: u32 = 2;
 pub(super) const GLOSSY: u32 = 4;
+pub(super) const COMPENSATED: u32 = 8;
+/// What the number of its BSDF is multiplied by.
+pub(super) const MODEL: u32 = 16;
 
-/// A view as buffers.
+/// Views of a group at most.
+const VIEWS: usize = 64;
+/// Numbers of a group's scenes, about, where it has several.
+const NUMBERS: usize = 1 << 24;
+
+/// Views that kernels trace together, as buffers.
 pub(crate) struct Packed {
     pub floats: Vec<f32>,
     pub words: Vec<u32>,
+    pub views: usize,
     pub features: Features,
+    pub derivatives: Derivatives,
+    pub sums: Places,
     /// The buffers on the device, once they were sent there.
     sent: OnceLock<[List; 2]>,
 }
 
+/// A scene as lists, and its part of a header.
+pub(super) struct PackedScene {
+    pub floats: Vec<f32>,
+    pub words: Vec<u32>,
+    pub header: [u32; HEADER],
+    /// Words of the header that are places in floats, and those that are places in words.
+    in_floats: Vec<usize>,
+    in_words: Vec<usize>,
+    /// Whether there are boxes, and room for a stack of them.
+    pub boxes: bool,
+    pub stack: usize,
+}
+
+/// Views in groups of such as follow each other and have the same kernels.
+pub(crate) fn pack(views: &[&View]) -> Vec<(Range<usize>, Packed)> {
+    // Views of one scene share its lists: those of the first.
+    let mut known = HashMap::new();
+    let of_view: Vec<usize> = (0..views.len())
+        .map(|v| {
+            let edges = views[v].edge_sets.as_ref().map(Arc::as_ptr);
+            *known
+                .entry((Arc::as_ptr(&views[v].scene), edges))
+                .or_insert(v)
+        })
+        .collect();
+    let pack = |v: usize| (of_view[v] == v).then(|| PackedScene::new(views[v]));
+    let scenes: Vec<Option<PackedScene>> = (0..views.len()).into_par_iter().map(pack).collect();
+    let scene = |v: usize| {
+        scenes[of_view[v]]
+            .as_ref()
+            .expect("the first view packs it")
+    };
+    let kernels = |v: usize| {
+        let features = Features::of(views[v], scene(v));
+        (features, Derivatives::of(views[v], scene(v)))
+    };
+    let mut groups = Vec::new();
+    let mut first = 0;
+    while first < views.len() {
+        let (mut past, mut numbers) = (first, 0);
+        while past < views.len() && past - first < VIEWS && kernels(past) == kernels(first) {
+            if !of_view[first..past].contains(&of_view[past]) {
+                numbers += scene(past).floats.len();
+            }
+            if past > first && numbers > NUMBERS {
+                break;
+            }
+            past += 1;
+        }
+        let (features, derivatives) = kernels(first);
+        let of_group = (first..past).map(|v| (views[v], of_view[v], scene(v)));
+        let packed = Packed::new(of_group.collect(), features, derivatives);
+        groups.push((first..past, packed));
+        first = past;
+    }
+    groups
+}
+
 impl Packed {
-    pub fn new(view: &View) -> Self {
-        let scene = &view.scene;
-        let tree = scene.hierarchy.for_gpu();
+    /// Packs views, each with the number of its scene.
+    fn new(
+        views: Vec<(&View, usize, &PackedScene)>,
+        features: Features,
+        derivatives: Derivatives,
+    ) -> Self {
         let mut packed = Self {
-            floats: vec![0.0; FLOAT_HEADER],
-            words: vec![0; HEADER],
-            features: Features::of(view, &tree),
+            floats: vec![0.0; views.len() * FLOAT_HEADER],
+            words: vec![0; views.len() * HEADER],
+            views: views.len(),
+            features,
+            derivatives,
+            sums: Places::new(views.iter().map(|&(view, scene, _)| (view, scene))),
             sent: OnceLock::new(),
         };
-        packed.add_settings(view);
-        packed.add_tree(view, &tree);
-        packed.add_surfaces(view);
-        packed.add_materials(view);
-        packed.add_emitters(view);
-        packed.add_sky(view);
-        packed.add_edges(view);
+        let table = &points()[..HEIGHT_OF_TABLE as usize];
+        let tables = packed.words.len();
+        let of_table = table.iter().flatten().flatten().flatten();
+        packed.words.extend(of_table);
+        let mut begins = HashMap::new();
+        for (v, &(view, number, scene)) in views.iter().enumerate() {
+            let [floats, words] = *begins.entry(number).or_insert_with(|| {
+                let begin = [packed.floats.len(), packed.words.len()];
+                packed.floats.extend(&scene.floats);
+                packed.words.extend(&scene.words);
+                begin
+            });
+            let mut header = scene.header;
+            for &place in &scene.in_floats {
+                header[place] += (floats - v * FLOAT_HEADER) as u32;
+            }
+            for &place in &scene.in_words {
+                header[place] += (words - v * HEADER) as u32;
+            }
+            header[TABLES] = (tables - v * HEADER) as u32;
+            header[FILTER] = (packed.floats.len() - v * FLOAT_HEADER) as u32;
+            packed.floats.extend(&view.filter.table);
+            header[FIRST_SUMS..FIRST_SUMS + PARTS].copy_from_slice(&packed.sums.first[v]);
+            add_settings(view, &mut header);
+            packed.words[v * HEADER..][..HEADER].copy_from_slice(&header);
+            add_camera(view, &mut packed.floats[v * FLOAT_HEADER..][..FLOAT_HEADER]);
+        }
         packed
     }
 
@@ -137,67 +239,107 @@ impl Packed {
         };
         self.sent.get_or_init(send).clone()
     }
+}
+
+fn add_settings(view: &View, words: &mut [u32]) {
+    let settings = &view.settings;
+    let sampler = &settings.sampler;
+    words[WIDTH] = settings.width;
+    words[HEIGHT] = settings.height;
+    words[BOUNCES] = settings.bounces;
+    words[ROULETTE_AFTER] = settings.roulette_after.unwrap_or(NONE);
+    words[SAMPLES_LOG] = sampler.samples;
+    words[BLOCKS] = sampler.pixels;
+    let seeds = [
+        (SEED, sampler.seed),
+        (SEED_OF_CONES, view.cones.seed),
+        (SEED_OF_EDGES, view.edges.seed),
+        (SEED_OF_SIDES, view.sides.seed),
+        (SEED_OF_FILM, view.film.seed),
+    ];
+    for (place, seed) in seeds {
+        words[place] = seed as u32;
+        words[place + 1] = (seed >> 32) as u32;
+    }
+}
+
+fn add_camera(view: &View, floats: &mut [f32]) {
+    let c = &view.camera;
+    let (lens, dual) = (c.lens, c.dual);
+    let vectors = [
+        c.eye,
+        c.across,
+        c.upward,
+        c.forward,
+        lens.first,
+        lens.second,
+    ];
+    let numbers = vectors.into_iter().flat_map(V3::to_array);
+    let numbers = numbers.chain([c.per_focus, c.width, c.height]);
+    floats[CAMERA..]
+        .iter_mut()
+        .zip(numbers)
+        .for_each(|(to, n)| *to = n);
+    let rows = [dual.x, dual.y, dual.z].into_iter().flat_map(V3::to_array);
+    floats[DUAL..]
+        .iter_mut()
+        .zip(rows)
+        .for_each(|(to, n)| *to = n);
+    floats[CONE] = view.cone;
+    floats[UNIT] = view.scene.frame.unit as f32;
+}
+
+impl PackedScene {
+    fn new(view: &View) -> Self {
+        let tree = view.scene.hierarchy.for_gpu();
+        let mut packed = Self {
+            floats: Vec::new(),
+            words: Vec::new(),
+            header: [0; HEADER],
+            in_floats: Vec::new(),
+            in_words: Vec::new(),
+            boxes: !tree.boxes.is_empty(),
+            stack: tree.depth.next_multiple_of(16).max(16),
+        };
+        packed.add_tree(view, &tree);
+        packed.add_surfaces(view);
+        packed.add_materials(view);
+        packed.add_emitters(view);
+        packed.add_sky(view);
+        packed.add_edges(view);
+        packed
+    }
 
     /// Begins a list of floats at a place of the header.
     pub(super) fn floats_at(&mut self, place: usize) {
-        self.words[place] = self.floats.len() as u32;
+        self.header[place] = self.floats.len() as u32;
+        self.in_floats.push(place);
     }
 
     pub(super) fn words_at(&mut self, place: usize) {
-        self.words[place] = self.words.len() as u32;
+        self.header[place] = self.words.len() as u32;
+        self.in_words.push(place);
+    }
+
+    /// Repeats words of the header behind them.
+    pub(super) fn repeat(&mut self, of: Range<usize>) {
+        for places in [&mut self.in_floats, &mut self.in_words] {
+            let again: Vec<usize> = places
+                .iter()
+                .filter(|p| of.contains(p))
+                .map(|p| p + of.len())
+                .collect();
+            places.extend(again);
+        }
+        self.header.copy_within(of.clone(), of.end);
     }
 
     pub(super) fn vector(&mut self, v: V3) {
         self.floats.extend(v.to_array());
     }
 
-    fn add_settings(&mut self, view: &View) {
-        let sampler = &view.settings.sampler;
-        let settings = &view.settings;
-        let words = &mut self.words;
-        words[WIDTH] = settings.width;
-        words[HEIGHT] = settings.height;
-        words[BOUNCES] = settings.bounces;
-        words[ROULETTE_AFTER] = settings.roulette_after.unwrap_or(NONE);
-        words[SAMPLES_LOG] = sampler.samples;
-        words[BLOCKS] = sampler.pixels;
-        for (place, seed) in [(SEED, sampler.seed), (SEED_OF_CONES, view.cones.seed)] {
-            words[place] = seed as u32;
-            words[place + 1] = (seed >> 32) as u32;
-        }
-        self.words_at(TABLES);
-        let table = &points()[..HEIGHT_OF_TABLE as usize];
-        self.words
-            .extend(table.iter().flatten().flatten().flatten());
-        let c = &view.camera;
-        let vectors = [
-            c.eye,
-            c.across,
-            c.upward,
-            c.forward,
-            c.lens.first,
-            c.lens.second,
-        ];
-        let mut at = CAMERA;
-        for number in vectors.into_iter().flat_map(V3::to_array) {
-            self.floats[at] = number;
-            at += 1;
-        }
-        for number in [c.per_focus, c.width, c.height] {
-            self.floats[at] = number;
-            at += 1;
-        }
-        for (i, row) in [c.dual.x, c.dual.y, c.dual.z].into_iter().enumerate() {
-            self.floats[DUAL + 3 * i..][..3].copy_from_slice(&row.to_array());
-        }
-        self.floats[CONE] = view.cone;
-        self.floats[UNIT] = view.scene.frame.unit as f32;
-        self.floats_at(FILTER);
-        self.floats.extend(&view.filter.table);
-    }
-
     fn add_tree(&mut self, view: &View, tree: &GpuTree) {
-        self.words[ROOT] = tree.root;
+        self.header[ROOT] = tree.root;
         self.floats_at(BOXES);
         self.floats.extend(tree.boxes.iter().flatten());
         self.words_at(CHILDREN);
@@ -206,7 +348,7 @@ impl Packed {
         self.words.extend(tree.leaves.iter().flatten());
         self.words_at(HIT_NUMBERS);
         self.words.extend(&tree.triangles);
-        self.words[HIT_COUNT] = tree.triangles.len() as u32;
+        self.header[HIT_COUNT] = tree.triangles.len() as u32;
         self.floats_at(HITS);
         for &k in &tree.triangles {
             let triangle = &view.scene.hierarchy.triangles[k as usize];
@@ -234,8 +376,6 @@ impl Packed {
         self.words_at(WANTED_OBJECTS);
         let wanted = view.wanted.objects.iter().map(|&w| u32::from(w));
         self.words.extend(wanted);
-        let places = Places::new(scene, &view.wanted);
-        self.words[FIRST_SUMS..FIRST_SUMS + PARTS].copy_from_slice(&places.first);
         self.floats_at(VELOCITIES);
         for v in scene.velocities.iter().flatten() {
             self.vector(*v);
@@ -266,7 +406,9 @@ impl Packed {
             let bit = |is: bool, bit: u32| if is { bit } else { 0 };
             let bits = bit(m.kind.emits, EMITS)
                 | bit(m.kind.reflects, REFLECTS)
-                | bit(m.kind.glossy, GLOSSY);
+                | bit(m.kind.glossy, GLOSSY)
+                | bit(m.kind.compensated, COMPENSATED)
+                | MODEL * model_of(m.kind.bsdf);
             let end = self.words.len() + OF_MATERIAL;
             self.words.push(bits);
             for c in &m.channels {
@@ -288,7 +430,7 @@ impl Packed {
 
     fn add_emitters(&mut self, view: &View) {
         let emitters = &view.scene.emitters;
-        self.words[EMITTER_COUNT] = emitters.all().len() as u32;
+        self.header[EMITTER_COUNT] = emitters.all().len() as u32;
         self.words_at(OF_EMITTERS);
         let triangles = emitters.all().map(|k| emitters.get(k).triangle);
         self.words.extend(triangles);
@@ -306,8 +448,8 @@ impl Packed {
             Sky::Constant(radiance) => self.vector(*radiance),
             Sky::Map(map) => {
                 let (width, height) = (map.width, map.height);
-                self.words[SKY_WIDTH] = width as u32;
-                self.words[SKY_HEIGHT] = height as u32;
+                self.header[SKY_WIDTH] = width as u32;
+                self.header[SKY_HEIGHT] = height as u32;
                 self.floats.extend(&map.texels.0);
                 let (rows, columns, chances) =
                     (&map.drawn.rows, &map.drawn.columns, &map.drawn.chance);

@@ -1,9 +1,7 @@
 //! Lists on a device.
 
-use burn::backend::wgpu::CubeTensor;
 use burn::cubecl::prelude::*;
 use burn::cubecl::server::Handle;
-use burn::tensor::{DType, Shape};
 
 /// A list on a device.
 #[derive(Clone)]
@@ -31,10 +29,5 @@ impl List {
     pub fn argument(&self) -> BufferArg {
         // The handle was made with this length.
         unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
-    }
-
-    pub fn into_tensor(self, like: CubeTensor, shape: Vec<usize>, dtype: DType) -> CubeTensor {
-        let (client, device) = (like.client.clone(), like.device.clone());
-        CubeTensor::new_contiguous(client, device, Shape::from(shape), self.handle, dtype)
     }
 }

@@ -4,12 +4,23 @@
 #![allow(unused_assignments)] // Variables of a kernel need a first value.
 #![allow(clippy::too_many_arguments)] // Kernels have no globals.
 #![allow(
+    clippy::collapsible_if,
+    clippy::collapsible_else_if,
+    clippy::manual_clamp,
+    clippy::implicit_saturating_sub,
+    clippy::assign_op_pattern,
+    clippy::eq_op, // size / size is NaN where size is 0 or infinite
+    reason = "the language of kernels has no other form, or conditions of compilation are nested so"
+)]
+#![allow(
     clippy::too_many_lines,
     reason = "calls are inlined, so a loop has one place for each"
 )]
 
 mod backward;
 mod camera;
+mod counts;
+mod device;
 mod edge_layout;
 mod edge_point;
 mod edge_search;
@@ -20,12 +31,14 @@ mod hit;
 mod integers;
 mod jumps;
 mod launch;
+mod launch_backward;
 mod layout;
 mod light;
 mod list;
 mod numbers;
 mod passes;
 mod path;
+mod pieces;
 mod records;
 mod shadow_rays;
 mod side_light;
@@ -35,17 +48,21 @@ mod surface_backward;
 
 use burn::cubecl::{self, prelude::*};
 
-use crate::accel::GpuTree;
 use crate::kernel::View;
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
+use crate::scene::Bsdf;
 use camera::begin;
+pub(crate) use counts::counts_of;
+pub(crate) use device::check;
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
-pub(crate) use launch::{FilmJob, Job, sums_of, sums_of_film, trace};
-pub(crate) use layout::Packed;
-use layout::{COUNTED, NONE, UNIT};
+pub(crate) use launch::{Job, trace};
+pub(crate) use launch_backward::{Films, Sought, sums_of};
+use layout::{COUNTED, NONE, PackedScene, UNIT};
+pub(crate) use layout::{Packed, pack};
 use path::{from_camera, path_light};
+use pieces::{Piece, pixel_at};
 use records::Room;
 
 /// What a kernel is compiled for: what a scene does not need is not in it.
@@ -60,6 +77,7 @@ pub(crate) struct Features {
     pub smooth: bool,
     pub textured: bool,
     pub glossy: bool,
+    pub facets: bool,
     pub emitters: bool,
     pub by_solid_angle: bool,
     pub combined: bool,
@@ -74,17 +92,18 @@ pub(crate) struct Features {
 }
 
 impl Features {
-    fn of(view: &View, tree: &GpuTree) -> Self {
+    fn of(view: &View, packed: &PackedScene) -> Self {
         let scene = &view.scene;
         Self {
-            boxes: !tree.boxes.is_empty(),
-            stack: tree.depth.next_multiple_of(16).max(16),
+            boxes: packed.boxes,
+            stack: packed.stack,
             moves: scene.velocities.is_some(),
             lens: view.camera.aperture > 0.0,
             parallel: view.camera.parallel,
             smooth: scene.smooth,
             textured: scene.textured,
             glossy: scene.glossy,
+            facets: scene.materials.iter().any(|m| m.kind.bsdf != Bsdf::Phong),
             emitters: !scene.emitters.is_empty(),
             by_solid_angle: scene.emitters.depends_on_position(),
             combined: view.combined,
@@ -123,13 +142,13 @@ pub(crate) struct Derivatives {
 }
 
 impl Derivatives {
-    fn of(view: &View, words: &[u32]) -> Self {
+    fn of(view: &View, packed: &PackedScene) -> Self {
         let wanted = &view.wanted;
         let jumps = adds_jumps(view) && !view.dark;
         Self {
             turns: wanted.turns(),
             jumps,
-            edge_nodes: words[EDGE_TREES + NODE_COUNT] > 0,
+            edge_nodes: packed.header[EDGE_TREES + NODE_COUNT] > 0,
             grouped: view.scene.emitters.groups.len() > 1,
             edge_room: if jumps { ROOM } else { 1 },
             rays: wanted.rays,
@@ -145,11 +164,14 @@ impl Derivatives {
     }
 }
 
-/// Whether kernels of a GPU know all that a scene has; one with colours at corners, normal maps or holes is rendered
-/// by those of the host.
+/// Whether kernels of a GPU know all that a scene has; one with more, such as colours at corners, normal maps or holes,
+/// is rendered by those of the host.
 pub(crate) fn knows(view: &View) -> bool {
     let scene = &view.scene;
-    scene.colours.values.is_empty() && !scene.tilted && scene.holes.is_none()
+    let plain = scene.colours.values.is_empty() && !scene.tilted && scene.holes.is_none();
+    let lights = &scene.emitters;
+    let glows = scene.materials.iter().any(|m| m.glows());
+    plain && !glows && lights.lights().is_empty() && !lights.are_many()
 }
 
 /// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the
@@ -177,35 +199,44 @@ impl Outputs {
     }
 }
 
-/// Adds the means over some samples of pixels from a first one on to their rows.
+/// Adds the means over some samples of pixels to rows, from a first row on; or sets rows to them, where they are
+/// `fresh`. Threads of a pixel have `each` of its samples, in rows of their own.
 #[cube(launch)]
 fn render_pixels(
     floats: &[f32],
     words: &[u32],
     pixels: &[u32],
     image: &mut [f32],
-    first: u32,
-    count: u32,
-    from: u32,
-    past: u32,
+    piece: Piece,
+    row: u32,
+    each: u32,
+    fresh: u32,
     scale: f32,
     #[comptime] listed: bool,
     #[comptime] outputs: Outputs,
     #[comptime] features: Features,
 ) {
-    if ABSOLUTE_POS < count as usize {
-        let i = first + ABSOLUTE_POS as u32;
-        let mut pixel = i;
-        if listed {
-            pixel = pixels[i as usize];
-        }
+    let chunks = (piece.past - piece.from).div_ceil(each);
+    if ABSOLUTE_POS < (piece.count * chunks) as usize {
+        let thread = ABSOLUTE_POS as u32;
+        let which = pixel_at(pixels, piece, thread % piece.count, listed);
+        let floats = &floats[which.floats()..];
+        let words = &words[which.words()..];
         let mut room = Array::<u32>::new(features.stack);
         let stack = room.as_mut_slice();
         let rows = comptime!(outputs.rows());
-        let own = i as usize * rows;
-        let mut sample = from;
+        let own = (row + thread) as usize * rows;
+        if fresh == 1 {
+            let mut k = 0usize;
+            while k < rows {
+                image[own + k] = 0.0;
+                k += 1;
+            }
+        }
+        let mut sample = piece.from + thread / piece.count * each;
+        let past = (sample + each).min(piece.past);
         while sample < past {
-            let path = begin(floats, words, pixel, sample, features);
+            let path = begin(floats, words, which.pixel, sample, features);
             // Nothing is kept.
             let mut records = Array::<u32>::new(1usize);
             let room = Room {
@@ -252,5 +283,31 @@ fn render_pixels(
             }
             sample += 1;
         }
+    }
+}
+
+/// Adds rows of chunks of samples to those of an image, in order, or sets these to them.
+#[cube(launch)]
+fn add_chunks(
+    partial: &[f32],
+    image: &mut [f32],
+    first: u32,
+    length: u32,
+    chunks: u32,
+    fresh: u32,
+) {
+    if ABSOLUTE_POS < length as usize {
+        let thread = ABSOLUTE_POS as u32;
+        let own = (first + thread) as usize;
+        let mut sum = 0.0f32;
+        if fresh == 0 {
+            sum = image[own];
+        }
+        let mut chunk = 0u32;
+        while chunk < chunks {
+            sum += partial[(chunk * length + thread) as usize];
+            chunk += 1;
+        }
+        image[own] = sum;
     }
 }

@@ -10,8 +10,10 @@ use super::edge_search::Observer;
 use super::jumps::jumps_seen_from;
 use super::layout::{BOUNCES, UNIT};
 use super::path::{from_camera, path_light};
+use super::pieces::{Piece, pixel_at};
 use super::records::{Room, kept, kept_vector, record_at};
 use super::records::{jumped_at, points_at, put};
+use super::sums::{PARTS, replica_of};
 use super::surface::point_at;
 use super::surface_backward::is_wanted;
 use super::surface_backward::no_point_gradient;
@@ -54,8 +56,7 @@ pub(super) fn is_asked(g: &Upstream) -> bool {
     !g.radiance.is_zero() || more != 0.0
 }
 
-/// Traces paths, `samples` of each of some pixels, of which those of the first sample come first, and leaves records.
-/// Pixels are every `stride`-th from a first one on.
+/// Traces the paths of a piece, those of the first sample before those of the next, and leaves records.
 #[cube(launch)]
 pub(super) fn keep_paths(
     floats: &[f32],
@@ -63,32 +64,25 @@ pub(super) fn keep_paths(
     pixels: &[u32],
     upstream: &[f32],
     records: &mut [u32],
-    first: u32,
-    stride: u32,
-    count: u32,
-    from: u32,
-    samples: u32,
+    piece: Piece,
     scale: f32,
     #[comptime] listed: bool,
     #[comptime] outputs: Outputs,
     #[comptime] features: Features,
 ) {
-    if ABSOLUTE_POS < (count * samples) as usize {
+    let threads = piece.paths();
+    if ABSOLUTE_POS < threads as usize {
         let thread = ABSOLUTE_POS as u32;
-        let i = first + (thread % count) * stride;
-        let mut pixel = i;
-        if listed {
-            pixel = pixels[i as usize];
-        }
-        let g = upstream_of(floats, upstream, i, scale, outputs);
+        let which = pixel_at(pixels, piece, thread % piece.count, listed);
+        let floats = &floats[which.floats()..];
+        let words = &words[which.words()..];
+        let g = upstream_of(floats, upstream, which.row, scale, outputs);
         if is_asked(&g) {
             let mut room = Array::<u32>::new(features.stack);
             let stack = room.as_mut_slice();
-            let room = Room {
-                thread,
-                threads: count * samples,
-            };
-            let path = begin(floats, words, pixel, from + thread / count, features);
+            let room = Room { thread, threads };
+            let sample = piece.from + thread / piece.count;
+            let path = begin(floats, words, which.pixel, sample, features);
             let seen = path_light(
                 floats,
                 words,
@@ -140,29 +134,26 @@ pub(super) fn add_jumps(
     records: &mut [u32],
     totals: &[Atomic<u32>],
     scales: &[f32],
-    first: u32,
-    stride: u32,
-    count: u32,
-    from: u32,
-    samples: u32,
+    replicas: u32,
+    region: u32,
+    piece: Piece,
     scale: f32,
-    typical: f32,
     #[comptime] listed: bool,
     #[comptime] outputs: Outputs,
     #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) {
-    let threads = count * samples;
+    let threads = piece.paths();
     if ABSOLUTE_POS < (threads * (words[BOUNCES] + 1)) as usize {
         let thread = ABSOLUTE_POS as u32 % threads;
         let k = ABSOLUTE_POS as u32 / threads;
-        let i = first + (thread % count) * stride;
-        let mut pixel = i;
-        if listed {
-            pixel = pixels[i as usize];
-        }
+        let which = pixel_at(pixels, piece, thread % piece.count, listed);
+        let floats = &floats[which.floats()..];
+        let words = &words[which.words()..];
+        let totals = &totals[replica_of(thread, replicas, region)..];
+        let typical = scales[PARTS + which.view as usize];
         let room = Room { thread, threads };
-        let g = upstream_of(floats, upstream, i, scale, outputs);
+        let g = upstream_of(floats, upstream, which.row, scale, outputs);
         let mut points = 0u32;
         if is_asked(&g) {
             points = records[points_at(words, room)];
@@ -175,7 +166,8 @@ pub(super) fn add_jumps(
             let incoming = kept_vector(records, room, k, 5u32);
             let carried = g.radiance.times(kept_vector(records, room, k, 8u32));
             let counts = carried.abs().element_sum() / (typical * scale).max(1e-37);
-            let path = begin(floats, words, pixel, from + thread / count, features);
+            let sample = piece.from + thread / piece.count;
+            let path = begin(floats, words, which.pixel, sample, features);
             let near = origin + incoming * distance;
             let point = point_at(floats, words, triangle, near, incoming, path.time, features);
             if counts > 0.0 && point.reflects {
@@ -213,51 +205,43 @@ pub(super) fn go_back(
     records: &mut [u32],
     totals: &[Atomic<u32>],
     scales: &[f32],
-    first: u32,
-    stride: u32,
-    count: u32,
-    from: u32,
-    samples: u32,
+    replicas: u32,
+    region: u32,
+    piece: Piece,
     scale: f32,
     #[comptime] listed: bool,
     #[comptime] outputs: Outputs,
     #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) {
-    if ABSOLUTE_POS < count as usize {
-        let slot = ABSOLUTE_POS as u32;
-        let i = first + slot * stride;
-        let mut pixel = i;
-        if listed {
-            pixel = pixels[i as usize];
-        }
-        let g = upstream_of(floats, upstream, i, scale, outputs);
+    let threads = piece.paths();
+    if ABSOLUTE_POS < threads as usize {
+        let thread = ABSOLUTE_POS as u32;
+        let which = pixel_at(pixels, piece, thread % piece.count, listed);
+        let floats = &floats[which.floats()..];
+        let words = &words[which.words()..];
+        let totals = &totals[replica_of(thread, replicas, region)..];
+        let g = upstream_of(floats, upstream, which.row, scale, outputs);
         if is_asked(&g) {
             let mut by_camera = no_camera_gradient();
-            let mut sample = 0u32;
-            while sample < samples {
-                let room = Room {
-                    thread: sample * count + slot,
-                    threads: count * samples,
-                };
-                let path = begin(floats, words, pixel, from + sample, features);
-                let points = records[points_at(words, room)];
-                path_backward(
-                    floats,
-                    words,
-                    records,
-                    totals,
-                    scales,
-                    room,
-                    path,
-                    points,
-                    g,
-                    &mut by_camera,
-                    features,
-                    of,
-                );
-                sample += 1;
-            }
+            let room = Room { thread, threads };
+            let sample = piece.from + thread / piece.count;
+            let path = begin(floats, words, which.pixel, sample, features);
+            let points = records[points_at(words, room)];
+            path_backward(
+                floats,
+                words,
+                records,
+                totals,
+                scales,
+                room,
+                path,
+                points,
+                g,
+                &mut by_camera,
+                features,
+                of,
+            );
             if comptime!(of.camera) {
                 add_camera(words, totals, scales, &by_camera);
             }

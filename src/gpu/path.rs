@@ -34,6 +34,8 @@ pub(super) struct PathLight {
     /// The object that is seen, or [`NONE`].
     pub object: u32,
     pub rays: u32,
+    /// How often it looked for its next surface.
+    pub looked: u32,
     /// Points of surfaces that it came to.
     pub points: u32,
 }
@@ -109,11 +111,11 @@ pub(super) fn path_light(
         normal: splat(0.0),
         object: NONE,
         rays: 0u32,
+        looked: 0u32,
         points: 0u32,
     };
     let mut from = Receiver {
-        point: no_point(),
-        start: splat(0.0),
+        point: no_point(features),
         cone_u: 0.0f32,
         cone_v: 0.0f32,
         sum: 0.0f32,
@@ -163,8 +165,7 @@ pub(super) fn path_light(
             }
         }
         if limit > 0.0 {
-            let last = bounce >= bounces;
-            let any = purpose != OF_CAMERA && (purpose != ONWARDS || last);
+            let any = purpose != OF_CAMERA && (purpose != ONWARDS || bounce >= bounces);
             let ray = Ray {
                 origin,
                 direction,
@@ -174,6 +175,9 @@ pub(super) fn path_light(
             };
             hit = trace(floats, words, stack, ray, see_all(), any, false, features);
             seen.rays += 1;
+            if !any {
+                seen.looked += 1;
+            }
         }
         let missed = hit.triangle == NONE;
         let arrives = purpose == OF_CAMERA || purpose == ONWARDS;
@@ -227,7 +231,6 @@ pub(super) fn path_light(
                 let goes_on = bounce < bounces || comptime!(features.sees_sky);
                 let by_scattering = comptime!(features.combined) && point.shading.glossy;
                 from.point = point;
-                from.start = lifted(point.position, point.shading.geometric);
                 purpose = TO_EMITTER;
                 if !point.reflects || comptime!(features.dark) {
                     purpose = ENDED;
@@ -278,6 +281,7 @@ pub(super) fn path_light(
         }
         // The next ray.
         let mut chosen = ShadowRay {
+            start: splat(0.0),
             direction: splat(0.0),
             limit: (-1.0f32).runtime(),
             light: splat(0.0),
@@ -375,13 +379,14 @@ pub(super) fn path_light(
                     u = set.x;
                     v = set.y;
                 }
-                let geometric = from.point.shading.geometric;
-                let bent = bend(scatter.direction, geometric, floats[CONE], u, v);
+                let outer = from.point.shading.outer(scatter.direction);
+                let bent = bend(scatter.direction, outer, floats[CONE], u, v);
+                chosen.start = lifted(from.point.position, outer);
                 chosen.direction = bent.direction;
                 chosen.limit = f32::MAX;
             }
         }
-        origin = from.start;
+        origin = chosen.start;
         direction = chosen.direction;
         limit = chosen.limit;
         light = chosen.light;

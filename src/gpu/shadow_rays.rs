@@ -6,7 +6,8 @@ use super::Features;
 use super::layout::{CONE, NONE};
 use super::light::{Emitter, density_of_direction, sky};
 use super::surface::Point;
-use crate::model::cone::{bend, up_to_plane};
+use crate::model::bsdf::Known;
+use crate::model::cone::{bend, lifted, up_to_plane};
 use crate::model::emitter::{LightPoint, power_heuristic};
 use crate::model::{Pair, V3, splat, v2};
 
@@ -15,6 +16,7 @@ use crate::model::{Pair, V3, splat, v2};
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
 #[expand(derive(Clone, Copy))]
 pub(super) struct ShadowRay {
+    pub start: V3,
     pub direction: V3,
     pub limit: f32,
     pub light: V3,
@@ -25,7 +27,6 @@ pub(super) struct ShadowRay {
 #[expand(derive(Clone, Copy))]
 pub(super) struct Receiver {
     pub point: Point,
-    pub start: V3,
     pub cone_u: f32,
     pub cone_v: f32,
     /// What the probabilities of emitters there are divided by.
@@ -49,21 +50,18 @@ pub(super) fn towards_emitter(
     let seen = LightPoint::new(light - from.point.position, e.normal);
     let direction = seen.direction;
     let reflected = from.point.shading.evaluate(direction);
+    let outer = from.point.shading.outer(direction);
+    let start = lifted(from.point.position, outer);
     let mut ray = ShadowRay {
+        start,
         direction,
         limit: (-1.0f32).runtime(),
         light: splat(0.0),
     };
     if seen.facing > 0.0 && !reflected.is_zero() {
-        let bent = bend(
-            direction,
-            from.point.shading.geometric,
-            floats[CONE],
-            from.cone_u,
-            from.cone_v,
-        );
+        let bent = bend(direction, outer, floats[CONE], from.cone_u, from.cone_v);
         ray.direction = bent.direction;
-        ray.limit = up_to_plane(from.start, bent.direction, e.normal, light);
+        ray.limit = up_to_plane(start, bent.direction, e.normal, light);
         let angle = seen.solid_angle(e.area);
         let mut density = chance;
         if combined {
@@ -87,19 +85,15 @@ pub(super) fn towards_map(
 ) -> ShadowRay {
     let shading = from.point.shading;
     let reflected = shading.evaluate(direction);
+    let outer = shading.outer(direction);
     let mut ray = ShadowRay {
+        start: lifted(from.point.position, outer),
         direction,
         limit: (-1.0f32).runtime(),
         light: splat(0.0),
     };
     if !reflected.is_zero() {
-        let bent = bend(
-            direction,
-            shading.geometric,
-            floats[CONE],
-            from.cone_u,
-            from.cone_v,
-        );
+        let bent = bend(direction, outer, floats[CONE], from.cone_u, from.cone_v);
         let chance = density_of_direction(floats, words, direction);
         let density = power_heuristic(chance, shading.density(direction), by_scattering);
         ray.direction = bent.direction;
@@ -111,7 +105,7 @@ pub(super) fn towards_map(
 
 /// A surface point that is not there yet.
 #[cube]
-pub(super) fn no_point() -> Point {
+pub(super) fn no_point(#[comptime] features: Features) -> Point {
     let zero = splat(0.0f32.runtime());
     Point {
         position: zero,
@@ -124,6 +118,10 @@ pub(super) fn no_point() -> Point {
             exponent: 0.0f32.runtime(),
             glossy: false.runtime(),
             smooth: false.runtime(),
+            model: 0u32.runtime(),
+            compensated: false.runtime(),
+            inside: false.runtime(),
+            facets: comptime!(Known(features.facets)),
             pair: Pair {
                 first: zero,
                 second: zero,

@@ -4,11 +4,14 @@
 //! A derivative is multiplied by a power of two and rounded. The powers are one for each part of a scene, and
 //! come from the largest derivatives of some of the paths.
 
+use std::collections::HashMap;
+
 use burn::cubecl::{self, prelude::*};
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::integers::total;
-use crate::kernel::{KernelScene, Sums, Wanted};
+use crate::kernel::{Sums, View};
 use crate::model::V3;
 
 /// Parts of a scene, each with a power of two of its own.
@@ -24,54 +27,85 @@ pub(super) const SKY: usize = 8;
 pub(super) const CAMERA: usize = 9;
 pub(super) const PARTS: usize = 10;
 
-/// Words before the sums: the largest derivative of each part, by its bits, then the number of those that
-/// no sum holds.
+/// Words before the sums of a replica: the largest derivative of each part, by its bits, then the number of those
+/// that no sum holds.
 pub(super) const FIRST_SUM: usize = 16;
 pub(super) const LOST: usize = 15;
 
-/// Where the sums of each part begin, in numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Numbers of the sums of all replicas together, about.
+const REPLICATED: usize = 1 << 16;
+/// Replicas at most: as many as threads of a warp.
+const REPLICAS: usize = 32;
+
+/// Where the sums of each part of views begin, in numbers. Views of one scene share them, but for the camera's.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Places {
-    pub first: [u32; PARTS],
+    /// Of each view.
+    pub first: Vec<[u32; PARTS]>,
+    /// For each view, the first view of its scene.
+    owner: Vec<usize>,
     pub count: usize,
 }
 
 impl Places {
-    pub fn new(scene: &KernelScene, wanted: &Wanted) -> Self {
-        let sums = Sums::new(scene, wanted);
-        let counts = [
-            3 * sums.vertices.len(),
-            3 * sums.triangles.len(),
-            sums.triangles.len(),
-            3 * sums.velocities.len(),
-            2 * sums.uvs.len(),
-            3 * sums.normals.len(),
-            12 * sums.materials.len(),
-            3 * sums.texels.len(),
-            3 * sums.sky.len(),
-            19,
-        ];
-        let mut count = 0;
-        let first = counts.map(|n| {
-            count += n;
-            (count - n) as u32
-        });
-        Self { first, count }
+    /// For views, each with the number of its scene.
+    pub fn new<'a>(views: impl Iterator<Item = (&'a View, usize)>) -> Self {
+        let mut places = Self::default();
+        let mut known = HashMap::new();
+        for (v, (view, scene)) in views.enumerate() {
+            let owner = *known.entry(scene).or_insert(v);
+            let mut first = [0; PARTS];
+            if owner == v {
+                let sums = Sums::new(&view.scene, &view.wanted);
+                let counts = [
+                    3 * sums.vertices.len(),
+                    3 * sums.triangles.len(),
+                    sums.triangles.len(),
+                    3 * sums.velocities.len(),
+                    2 * sums.uvs.len(),
+                    3 * sums.normals.len(),
+                    12 * sums.materials.len(),
+                    3 * sums.texels.len(),
+                    3 * sums.sky.len(),
+                ];
+                for (first, n) in first.iter_mut().zip(counts) {
+                    *first = places.count as u32;
+                    places.count += n;
+                }
+            } else {
+                first = places.first[owner];
+            }
+            first[CAMERA] = places.count as u32;
+            places.count += 19;
+            places.first.push(first);
+            places.owner.push(owner);
+        }
+        places
     }
 
-    /// Sums from what a kernel left: words, and powers of two.
-    pub fn read(
-        &self,
-        words: &[u32],
-        scales: &[f32],
-        scene: &KernelScene,
-        wanted: &Wanted,
-    ) -> Sums {
-        let mut sums = Sums::new(scene, wanted);
+    /// Copies of all sums that kernels add to, so that threads of a warp don't wait for each other.
+    pub fn replicas(&self) -> usize {
+        (REPLICATED / self.count.max(1)).clamp(1, REPLICAS)
+    }
+
+    /// Sums of each view from what kernels left: the powers of two of the parts, and the words of the sums. What views
+    /// of a scene share is in the first one's.
+    pub fn read(&self, words: &[u32], views: &[&View]) -> Vec<Sums> {
+        let scale = |&bits: &u32| {
+            let scale = f64::from(f32::from_bits(bits));
+            if scale > 0.0 { scale } else { f64::NAN }
+        };
+        let scales: Vec<f64> = words[..PARTS].iter().map(scale).collect();
+        let read = |(v, view): (usize, &&View)| self.of_view(words, &scales, v, view);
+        views.par_iter().enumerate().map(read).collect()
+    }
+
+    fn of_view(&self, words: &[u32], scales: &[f64], v: usize, view: &View) -> Sums {
+        let mut sums = Sums::new(&view.scene, &view.wanted);
         let number = |part: usize, i: usize| {
-            let at = FIRST_SUM + 2 * (self.first[part] as usize + i);
+            let at = FIRST_SUM + 2 * (self.first[v][part] as usize + i);
             let bits = (u64::from(words[at + 1]) << 32) | u64::from(words[at]);
-            (bits as i64) as f64 / f64::from(scales[part])
+            (bits as i64) as f64 / scales[part]
         };
         let vector = |part: usize, i: usize| {
             DVec3::new(
@@ -80,6 +114,16 @@ impl Places {
                 number(part, 3 * i + 2),
             )
         };
+        let c = &mut sums.camera;
+        c.eye = vector(CAMERA, 0);
+        c.across = vector(CAMERA, 1);
+        c.upward = vector(CAMERA, 2);
+        c.forward = vector(CAMERA, 3);
+        c.lens = [vector(CAMERA, 4), vector(CAMERA, 5)];
+        c.per_focus = number(CAMERA, 18);
+        if self.owner[v] != v {
+            return sums;
+        }
         let fill = |list: &mut [DVec3], part: usize| {
             for (i, v) in list.iter_mut().enumerate() {
                 *v = vector(part, i);
@@ -102,30 +146,127 @@ impl Places {
                 *channel = vector(MATERIALS, 4 * i + c);
             }
         }
-        let c = &mut sums.camera;
-        c.eye = vector(CAMERA, 0);
-        c.across = vector(CAMERA, 1);
-        c.upward = vector(CAMERA, 2);
-        c.forward = vector(CAMERA, 3);
-        c.lens = [vector(CAMERA, 4), vector(CAMERA, 5)];
-        c.per_focus = number(CAMERA, 18);
         sums
     }
+}
 
-    /// Powers of two for the parts, from the largest derivatives of some paths, in steps of 2 to the power of −`bits`
-    /// of which sums are: the rest of 63 bits is room. Not a number for a part with derivatives that are not finite.
-    pub fn scales(words: &[u32], bits: f32) -> Vec<f32> {
-        let sizes = words[..PARTS].iter().map(|&bits| f32::from_bits(bits));
-        let reached = |size: &f32| *size > 0.0 && size.is_finite();
-        // A part that those paths do not reach has the scale of the others.
-        let most = sizes.clone().filter(reached).fold(0.0, f32::max);
-        let most = if most > 0.0 { most } else { 1.0 };
-        let scale = |size: f32| {
-            let size = if size == 0.0 { most } else { size };
-            (bits - size.log2().ceil()).clamp(-80.0, 120.0).exp2() * (size / size)
-        };
-        sizes.map(scale).collect()
+/// The scale of a part with derivatives that are not finite.
+const NO_SCALE: f32 = -1.0;
+
+/// A power of two for a part, from the bits of its largest derivative and of the largest of all parts: steps of the
+/// sums are 2 to the power of −`keep` of it, the rest of 63 bits is room.
+#[cube]
+pub(super) fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
+    let mut bits = largest;
+    if bits == 0 {
+        // A part that was not reached has the scale of the others.
+        bits = of_all;
     }
+    let mut scale = NO_SCALE.runtime();
+    if bits < INFINITY {
+        // The power of two that is not less.
+        let mut exponent = (bits >> 23) as i32 - 127;
+        if bits & 0x007f_ffff != 0 {
+            exponent += 1;
+        }
+        if bits == 0 {
+            exponent = 0;
+        }
+        let power = (keep - exponent).max(-80).min(120);
+        scale = f32::from_bits(((power + 127) as u32) << 23);
+    }
+    scale
+}
+
+/// The bits of an infinite number.
+const INFINITY: u32 = 0x7f80_0000;
+
+/// Chooses the scales of parts from the largest derivatives that a measuring launch left in all replicas.
+#[cube(launch)]
+pub(super) fn choose_scales(
+    totals: &[u32],
+    scales: &mut [f32],
+    replicas: u32,
+    region: u32,
+    keep: i32,
+) {
+    if ABSOLUTE_POS < PARTS {
+        let mut own = 0u32;
+        let mut most = 0u32;
+        let mut part = 0usize;
+        while part < PARTS {
+            let mut largest = 0u32;
+            let mut replica = 0u32;
+            while replica < replicas {
+                largest = largest.max(totals[(replica * region) as usize + part]);
+                replica += 1;
+            }
+            if part == ABSOLUTE_POS {
+                own = largest;
+            }
+            if largest < INFINITY {
+                most = most.max(largest);
+            }
+            part += 1;
+        }
+        scales[ABSOLUTE_POS] = scale_of(own, most, keep);
+    }
+}
+
+/// Adds up replicas: the scales of all parts by their bits, the number of derivatives that no sum holds, the sums.
+#[cube(launch)]
+pub(super) fn add_replicas(
+    totals: &[u32],
+    scales: &[f32],
+    sums: &mut [u32],
+    replicas: u32,
+    region: u32,
+    numbers: u32,
+) {
+    if ABSOLUTE_POS < numbers as usize {
+        let at = FIRST_SUM + 2 * ABSOLUTE_POS;
+        let mut low = 0u32;
+        let mut high = 0u32;
+        let mut replica = 0u32;
+        while replica < replicas {
+            let from = (replica * region) as usize + at;
+            let own = totals[from];
+            low = total(low, own);
+            high = total(high, totals[from + 1]);
+            if low < own {
+                high = total(high, 1u32);
+            }
+            replica += 1;
+        }
+        sums[at] = low;
+        sums[at + 1] = high;
+    }
+    if ABSOLUTE_POS < PARTS {
+        sums[ABSOLUTE_POS] = scales[ABSOLUTE_POS].to_bits();
+    }
+    if ABSOLUTE_POS == LOST {
+        let mut lost = 0u32;
+        let mut replica = 0u32;
+        while replica < replicas {
+            lost = lost.max(totals[(replica * region) as usize + LOST]);
+            replica += 1;
+        }
+        sums[LOST] = lost;
+    }
+}
+
+/// Sets all words to 0.
+#[cube(launch)]
+pub(super) fn clear(words: &mut [u32]) {
+    if ABSOLUTE_POS < words.len() {
+        words[ABSOLUTE_POS] = 0;
+    }
+}
+
+/// Where the words of a thread's replica begin.
+#[cube]
+pub(super) fn replica_of(thread: u32, replicas: u32, region: u32) -> usize {
+    (thread % replicas * region) as usize
 }
 
 /// The scale of parts of whose derivatives only the sizes are looked at.

@@ -5,10 +5,10 @@ use burn::cubecl::{self, prelude::*};
 use super::Features;
 use super::hit::vector;
 use super::layout::{
-    EMITS, GLOSSY, MATERIALS, NONE, NORMALS, OF_MATERIAL, OF_MATERIALS, OF_TRIANGLE, OF_TRIANGLES,
-    REFLECTS, SURFACE_STRIDE, SURFACES, TEXELS, UVS, VELOCITIES,
+    COMPENSATED, EMITS, GLOSSY, MATERIALS, MODEL, NONE, NORMALS, OF_MATERIAL, OF_MATERIALS,
+    OF_TRIANGLE, OF_TRIANGLES, REFLECTS, SURFACE_STRIDE, SURFACES, TEXELS, UVS, VELOCITIES,
 };
-use crate::model::bsdf::Shading;
+use crate::model::bsdf::{Known, Shading};
 use crate::model::triangle::weights_at;
 use crate::model::{Pair, V2, V3, splat, v2};
 
@@ -154,6 +154,12 @@ pub(super) fn point_at(
             .x;
         }
     }
+    let mut model = 0u32;
+    let mut compensated = false;
+    if comptime!(features.facets) {
+        model = (bits / MODEL) % 8;
+        compensated = bits & COMPENSATED != 0;
+    }
     let mut emission = splat(0.0);
     if side > 0.0 && bits & EMITS != 0 {
         emission = emission_of(floats, words, material);
@@ -169,6 +175,10 @@ pub(super) fn point_at(
             exponent,
             glossy,
             smooth,
+            model,
+            compensated,
+            inside: side < 0.0,
+            facets: comptime!(Known(features.facets)),
             pair: Pair {
                 first: normal,
                 second: normal,

@@ -3,11 +3,12 @@ use std::io::{BufReader, Seek, Write};
 use std::path::Path;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Rgb, RgbImage};
+use image::{ImageBuffer, ImageFormat, Rgb, RgbImage};
 
 use super::LoadLimits;
+use super::decode::Decoded;
 use super::limits::open;
-use super::srgb::{decode_srgb, srgb_byte, srgb_table};
+use super::srgb::{srgb_byte, srgb_table};
 use super::whole::{ending, write_whole};
 use crate::debug::numbers;
 use crate::error::{Error, Result};
@@ -106,38 +107,14 @@ impl HostImage {
     /// As [`HostImage::read`].
     pub fn read_within(path: impl AsRef<Path>, limits: &LoadLimits) -> Result<Self> {
         let path = path.as_ref();
-        let malformed = |e| Error::format(path, format!("it can't be decoded: {e}"));
         let (file, _) = open(path)?;
-        // The contents say what a file is, its ending only where they don't.
-        let mut reader = ImageReader::new(BufReader::new(file));
-        if let Ok(format) = ImageFormat::from_path(path) {
-            reader.set_format(format);
-        }
-        let mut reader = reader.with_guessed_format().map_err(Error::io(path))?;
-        // What it may take is said by its size.
-        reader.no_limits();
-        let linear = matches!(
-            reader.format(),
-            Some(ImageFormat::OpenExr | ImageFormat::Hdr)
-        );
-        let decoder = reader.into_decoder().map_err(malformed)?;
-        let (width, height) = decoder.dimensions();
-        if u64::from(width) * u64::from(height) > limits.pixels {
-            return Err(Error::format(
-                path,
-                format!(
-                    "it has {width} × {height} pixels, more than {}: LoadLimits::pixels raises the limit",
-                    limits.pixels
-                ),
-            ));
-        }
-        let decoded = DynamicImage::from_decoder(decoder).map_err(malformed)?;
-        let pixels = if linear {
-            decoded.into_rgb32f().into_raw()
-        } else {
-            decode_srgb(decoded)
-        };
-        Self::new(width as usize, height as usize, pixels)
+        Self::of_colours(Decoded::read(BufReader::new(file), path, limits)?)
+    }
+
+    /// The colours of an image that was decoded.
+    pub(super) fn of_colours(decoded: Decoded) -> Result<Self> {
+        let [width, height] = decoded.size();
+        Self::new(width, height, decoded.colours())
     }
 
     /// Checks that an image can be written to a path: its ending is known, and its folder exists. Called before a

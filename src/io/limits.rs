@@ -38,12 +38,13 @@ impl LoadLimits {
         Self { pixels, ..self }
     }
 
-    /// Sets the most bytes of a text (OBJ, MTL, JSON), 2³⁰ by default.
+    /// Sets the most bytes of a text or of a file of numbers (OBJ, MTL, JSON, glTF and its buffers, PLY), 2³⁰ by
+    /// default.
     pub fn text_bytes(self, text_bytes: u64) -> Self {
         Self { text_bytes, ..self }
     }
 
-    /// Sets the most triangles of an OBJ file, 2²⁶ by default.
+    /// Sets the most triangles of an OBJ, glTF or PLY file, each instance of a mesh counted, 2²⁶ by default.
     pub fn triangles(self, triangles: u64) -> Self {
         Self { triangles, ..self }
     }
@@ -96,9 +97,8 @@ pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     Ok((File::open(path).map_err(io)?, metadata.len()))
 }
 
-/// Reads a text file without its byte-order mark; bytes that are not UTF-8 (old exporters' comments) are
-/// replaced.
-pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
+/// Reads a file of at most as many bytes as a text may have.
+pub(crate) fn read_bytes(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
     let most = limits.text_bytes;
     let (file, length) = open(path)?;
     let mut bytes = Vec::new();
@@ -108,11 +108,17 @@ pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
         read.map_err(Error::io(path))?;
     }
     if length.max(bytes.len() as u64) > most {
-        let message = format!(
-            "it has more than {most} bytes, the limit of a text: LoadLimits::text_bytes raises it"
-        );
+        let message =
+            format!("it has more than {most} bytes, the limit: LoadLimits::text_bytes raises it");
         return Err(Error::format(path, message));
     }
+    Ok(bytes)
+}
+
+/// Reads a text file without its byte-order mark; bytes that are not UTF-8 (old exporters' comments) are
+/// replaced.
+pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
+    let bytes = read_bytes(path, limits)?;
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         let message = "it is UTF-16, expected UTF-8: save it as that";
         return Err(Error::format(path, message));

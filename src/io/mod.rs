@@ -1,19 +1,30 @@
-//! Files: OBJ with MTL, images, animations, and scenes with a camera as JSON.
+//! Files: OBJ with MTL, glTF, PLY, images, animations, and scenes with a camera as JSON.
 
 mod animation;
+mod build;
 mod counting;
+mod decode;
+mod description;
+mod gltf;
+mod gltf_materials;
+mod gltf_write;
 mod images;
 mod limits;
+mod load;
 mod mtl_write;
 mod obj;
 mod obj_names;
 mod obj_text;
 mod obj_write;
+mod ply;
+mod ply_write;
 mod polygon;
 mod renders;
 mod scene_file;
+mod split;
 mod srgb;
 mod whole;
+mod write;
 
 pub use animation::Animation;
 pub use images::HostImage;

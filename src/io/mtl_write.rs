@@ -81,12 +81,17 @@ impl<'a> Library<'a> {
             specular.factor,
             numbers(&material.shininess)?,
         );
-        if material.emission.values()? != [0.0; 3] {
-            body += &format!("Ke {}\n", numbers(&material.emission)?);
+        let emission = self.albedo(&material.emission, [&object, name, "emission"])?;
+        if emission.values != [0.0; 3] {
+            body += &format!("Ke {}\n", emission.factor);
         }
         let illumination = if material.specular.reflects() { 2 } else { 1 };
         body += &format!("illum {illumination}\n");
-        for (keyword, albedo) in [("map_Kd", &diffuse), ("map_Ks", &specular)] {
+        for (keyword, albedo) in [
+            ("map_Kd", &diffuse),
+            ("map_Ks", &specular),
+            ("map_Ke", &emission),
+        ] {
             if let Some(texture) = &albedo.texture {
                 body += &format!("{keyword} {texture}\n");
             }

@@ -4,97 +4,53 @@ use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
 
+use super::description::Corners;
 use super::obj_text::ObjText;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result};
-use crate::scene::{Albedo, CornerAttribute, Material, Mesh, Object, Scene, Wrap};
+use crate::scene::{Albedo, Material, Mesh, Object, Scene, Wrap};
 
-impl Scene {
-    /// Reads an OBJ file with its MTL files.
-    ///
-    /// Every `o` or `g` becomes an [`Object`]; pieces of equal name are one object, with a
-    /// material for each face. Vertices that faces share in the file stay shared. Polygons become
-    /// triangles: fans where those fill them, else by ear clipping. Normals and texture coordinates count for objects that have them at every
-    /// corner.
-    ///
-    /// Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `map_Kd` and `map_Ks` (times `Ks`)
-    /// count, and of the options of textures `-clamp on`. `map_Kd` counts instead of `Kd` on objects that
-    /// have texture coordinates. What has no `Kd` or no material is mid-grey like [`Material::default`].
-    /// Entries that would change the picture and are not read are named in a warning, once a file.
-    ///
-    /// # Errors
-    /// When a file is missing, malformed, too large, or outside of the OBJ file's folder
-    /// ([`LoadLimits`]), an index is out of range, or there is no face.
-    pub fn from_obj(path: impl AsRef<Path>, device: &Device) -> Result<Scene> {
-        Self::from_obj_within(path, device, &LoadLimits::default())
+/// Reads an OBJ file with its MTL files; see [`Scene::load`].
+pub(super) fn read(path: &Path, device: &Device, limits: &LoadLimits) -> Result<Scene> {
+    let text = ObjText::read(path, limits)?;
+    let (models, described) = text.parse(path)?;
+    let mut pieces: Vec<(String, Pieces)> = Vec::new();
+    let mut index = HashMap::new();
+    for model in &models {
+        if model.mesh.indices.is_empty() {
+            continue;
+        }
+        let i = *index.entry(&model.name).or_insert(pieces.len());
+        if i == pieces.len() {
+            pieces.push((model.name.clone(), Pieces::default()));
+        }
+        pieces[i].1.add(&model.mesh);
     }
-
-    /// As [`Scene::from_obj`] with given limits.
-    ///
-    /// # Errors
-    /// As [`Scene::from_obj`].
-    pub fn from_obj_within(
-        path: impl AsRef<Path>,
-        device: &Device,
-        limits: &LoadLimits,
-    ) -> Result<Scene> {
-        let path = path.as_ref();
-        let text = ObjText::read(path, limits)?;
-        let (models, described) = text.parse(path)?;
-        let mut pieces: Vec<(String, Pieces)> = Vec::new();
-        let mut index = HashMap::new();
-        for model in &models {
-            if model.mesh.indices.is_empty() {
-                continue;
-            }
-            let i = *index.entry(&model.name).or_insert(pieces.len());
-            if i == pieces.len() {
-                pieces.push((model.name.clone(), Pieces::default()));
-            }
-            pieces[i].1.add(&model.mesh);
-        }
-        if pieces.is_empty() {
-            return Err(Error::NoTriangles {
-                path: Some(path.into()),
-                objects: 0,
-            });
-        }
-        let mut materials = Materials {
-            described: &described,
-            textures: &text.textures,
-            limits,
-            built: HashMap::new(),
-            read: HashMap::new(),
-            device,
-        };
-        let mut scene = Scene::new();
-        for (name, mut joined) in pieces {
-            if text.without_uvs.contains(&name) {
-                joined.uvs = Corners::default();
-            }
-            if text.without_normals.contains(&name) {
-                joined.normals = Corners::default();
-            }
-            scene = scene.with(joined.object(name, &mut materials, device)?);
-        }
-        Ok(scene)
+    if pieces.is_empty() {
+        return Err(Error::NoTriangles {
+            path: Some(path.into()),
+            objects: 0,
+        });
     }
-}
-
-/// Values of corners with their own index, as far as all faces have them.
-struct Corners<const C: usize> {
-    values: Vec<[f64; C]>,
-    faces: Vec<[u32; 3]>,
-}
-
-// Derived, it would ask for a default of `[f64; C]`.
-impl<const C: usize> Default for Corners<C> {
-    fn default() -> Self {
-        Self {
-            values: Vec::new(),
-            faces: Vec::new(),
+    let mut materials = Materials {
+        described: &described,
+        textures: &text.textures,
+        limits,
+        built: HashMap::new(),
+        read: HashMap::new(),
+        device,
+    };
+    let mut scene = Scene::new();
+    for (name, mut joined) in pieces {
+        if text.without_uvs.contains(&name) {
+            joined.uvs = Corners::default();
         }
+        if text.without_normals.contains(&name) {
+            joined.normals = Corners::default();
+        }
+        scene = scene.with(joined.object(name, &mut materials, device)?);
     }
+    Ok(scene)
 }
 
 impl<const C: usize> Corners<C> {
@@ -103,19 +59,6 @@ impl<const C: usize> Corners<C> {
         self.values.extend(rows(values));
         let faces = rows::<u32, 3>(indices);
         self.faces.extend(faces.map(|f| f.map(|i| base + i)));
-    }
-
-    /// The attribute, or None unless every face has it.
-    fn attribute(self, faces: usize, device: &Device) -> Option<CornerAttribute> {
-        if self.faces.is_empty() || self.faces.len() != faces {
-            return None;
-        }
-        let shape = [self.values.len(), C];
-        let flat: Vec<f64> = self.values.into_iter().flatten().collect();
-        Some(CornerAttribute {
-            values: Tensor::from_data(TensorData::new(flat, shape), device),
-            faces: Arc::new(self.faces),
-        })
     }
 }
 

@@ -5,15 +5,21 @@ use burn::tensor::Device;
 use serde::Deserialize;
 
 use super::limits::read_text;
+use super::load::{Loaded, SCENES, load};
+use super::whole::ending;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result, one_of};
 use crate::scene::{Camera, Environment, Scene};
 
-/// A scene with a camera and an image size, from a JSON file that names an OBJ file:
+/// A scene with a camera and an image size, from any file of a scene.
+///
+/// - glTF (`.gltf`, `.glb`): the first camera, and 256 rows of an image of its ratio.
+/// - OBJ and PLY, or a glTF file without a camera: [`Camera::framing`] from the front, and 256 × 256 pixels.
+/// - JSON that names a file of these with a camera:
 ///
 /// ```json
 /// {
-///   "obj": "scene.obj",
+///   "scene": "scene.obj",
 ///   "camera": {
 ///     "eye": [0, 1, 4], "target": [0, 0, 0], "up": [0, 1, 0],
 ///     "fov_y_degrees": 40, "width": 64, "height": 64,
@@ -26,22 +32,38 @@ use crate::scene::{Camera, Environment, Scene};
 ///
 /// `environment` is a constant radiance, or the file of an equirectangular map (`"sky.hdr"`). `up`
 /// (y), the lens (a pinhole), `environment` (black) and `velocities` (none) may be left out;
-/// other fields are ignored. A lens without a focus distance focuses on the target.
+/// other fields are ignored. A lens without a focus distance focuses on the target. `obj` is another name of
+/// `scene`.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
     /// The scene.
     pub scene: Scene,
     /// The camera.
     pub camera: Camera,
+    /// All cameras of the file with their names; none if `camera` was made for it.
+    pub cameras: Vec<(String, Camera)>,
     /// Columns of the image.
     pub width: usize,
     /// Rows of the image.
     pub height: usize,
 }
 
+/// Rows of the image of a file that says nothing of them.
+const ROWS: usize = 256;
+
+/// Columns of the widest such image.
+const MOST_COLUMNS: f64 = 4096.0;
+
+/// Whether a file is JSON that names one of a scene; an error where it is neither.
+fn is_json(path: &Path) -> Result<bool> {
+    let known = [&SCENES[..], &["json"]].concat();
+    Ok(ending(path, &known)? == "json")
+}
+
 #[derive(Deserialize)]
 struct Document {
-    obj: String,
+    #[serde(alias = "obj")]
+    scene: String,
     camera: CameraDocument,
     environment: Option<serde_json::Value>,
     #[serde(default)]
@@ -65,11 +87,53 @@ fn y_axis() -> [f64; 3] {
     [0.0, 1.0, 0.0]
 }
 
-impl SceneFile {
-    /// Reads the JSON file and the OBJ file that it names, relative to its own folder.
+impl Scene {
+    /// Reads a scene by its file's ending.
+    ///
+    /// - `.obj`, with its MTL files: every `o` or `g` becomes an [`Object`](crate::scene::Object); pieces of equal name
+    ///   are one object, with a material for each face. Vertices that faces share in the file stay shared. Normals and
+    ///   texture coordinates count for objects that have them at every corner. Of a material, `Kd`, `Ks`, `Ns`, `Ke`
+    ///   (radiance of the front side), `map_Kd` and `map_Ks` (times `Ks`) count, and of the options of textures
+    ///   `-clamp on`. `map_Kd` counts instead of `Kd` on objects that have texture coordinates. What has no `Kd` or no
+    ///   material is mid-grey like [`Material::default`](crate::scene::Material::default).
+    /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face. Vertices at one place, which glTF splits where a normal or texture coordinate has a
+    ///   seam, are joined again. Buffers and images may be in the file or beside it.
+    /// - `.ply`: one object, named like the file, with the texture of a comment `TextureFile`.
+    /// - `.json`: as [`SceneFile`].
+    ///
+    /// Polygons become triangles: fans where those fill them, else by ear clipping. Colours are sRGB in images and in
+    /// bytes of PLY, and linear elsewhere. What would change the picture and is not
+    /// rendered is named in a warning, once a file.
     ///
     /// # Errors
-    /// When a file is missing, malformed, too large, or outside of the JSON file's folder
+    /// When a file is missing, malformed, too large, or outside of the scene's folder ([`LoadLimits`]), or there is
+    /// no face. The message says where in the file the mistake is.
+    pub fn load(path: impl AsRef<Path>, device: &Device) -> Result<Self> {
+        Self::load_within(path, device, &LoadLimits::default())
+    }
+
+    /// As [`Scene::load`] with given limits.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn load_within(
+        path: impl AsRef<Path>,
+        device: &Device,
+        limits: &LoadLimits,
+    ) -> Result<Self> {
+        let path = path.as_ref();
+        match is_json(path)? {
+            true => Ok(SceneFile::from_json(path, device, limits)?.scene),
+            false => Ok(load(path, device, limits)?.scene),
+        }
+    }
+}
+
+impl SceneFile {
+    /// Reads a file of a scene; see [`SceneFile`] and [`Scene::load`].
+    ///
+    /// # Errors
+    /// When a file is missing, malformed, too large, or outside of the first file's folder
     /// ([`LoadLimits`]), or a velocity names no object.
     pub fn load(path: impl AsRef<Path>, device: &Device) -> Result<Self> {
         Self::load_within(path, device, &LoadLimits::default())
@@ -85,6 +149,25 @@ impl SceneFile {
         limits: &LoadLimits,
     ) -> Result<Self> {
         let path = path.as_ref();
+        if is_json(path)? {
+            return Self::from_json(path, device, limits);
+        }
+        let Loaded { scene, cameras } = load(path, device, limits)?;
+        let (camera, aspect) = match cameras.first() {
+            Some((_, camera, aspect)) => (camera.clone(), aspect.unwrap_or(1.0)),
+            None => (Camera::framing(&scene, [0.4, 0.4, 1.0])?, 1.0),
+        };
+        let width = (ROWS as f64 * aspect).round().clamp(1.0, MOST_COLUMNS);
+        Ok(Self {
+            scene,
+            camera,
+            cameras: cameras.into_iter().map(|(name, c, _)| (name, c)).collect(),
+            width: width as usize,
+            height: ROWS,
+        })
+    }
+
+    fn from_json(path: &Path, device: &Device, limits: &LoadLimits) -> Result<Self> {
         let text = read_text(path, limits)?;
         let mut json = serde_json::Deserializer::from_str(&text);
         let document: Document = serde_path_to_error::deserialize(&mut json).map_err(|e| {
@@ -93,12 +176,7 @@ impl SceneFile {
                 top if top == "." => String::new(),
                 field => field + ": ",
             };
-            let ending = path.extension().unwrap_or_default();
-            let hint = match ending.eq_ignore_ascii_case("obj") {
-                true => "; an OBJ file is read by Scene::from_obj",
-                false => "",
-            };
-            Error::format(path, format!("{field}{}{hint}", e.into_inner()))
+            Error::format(path, format!("{field}{}", e.into_inner()))
         })?;
         json.end().map_err(|e| Error::format(path, e.to_string()))?;
         let camera = document.camera;
@@ -110,9 +188,9 @@ impl SceneFile {
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         let named_by = path.display().to_string();
-        let obj = folder.join(&document.obj);
-        limits.check_place(&obj, folder, &named_by)?;
-        let mut scene = Scene::from_obj_within(obj, device, limits)?;
+        let file = folder.join(&document.scene);
+        limits.check_place(&file, folder, &named_by)?;
+        let mut scene = load(&file, device, limits)?.scene;
         if let Some(value) = document.environment {
             let map = value.as_str().map(|file| folder.join(file));
             let constant = serde_json::from_value::<[f64; 3]>(value.clone()).ok();
@@ -139,11 +217,14 @@ impl SceneFile {
             }
             scene = scene.map_object(&name, |o| o.velocity(velocity))?;
         }
+        let (width, height) = (camera.width, camera.height);
+        let camera = camera.build();
         Ok(Self {
             scene,
-            width: camera.width,
-            height: camera.height,
-            camera: camera.build(),
+            cameras: vec![("camera".into(), camera.clone())],
+            camera,
+            width,
+            height,
         })
     }
 }

@@ -28,13 +28,21 @@ pub(crate) fn srgb_to_linear(v: f32) -> f32 {
 
 /// The byte of sRGB for a linear value, clipped to [0, 1].
 pub(crate) fn srgb_byte(linear: f32) -> u8 {
+    (linear_to_srgb(linear) * 255.0).round() as u8
+}
+
+/// The 16 bits of sRGB for a linear value, clipped to [0, 1].
+pub(super) fn srgb_word(linear: f32) -> u16 {
+    (linear_to_srgb(linear) * 65535.0).round() as u16
+}
+
+fn linear_to_srgb(linear: f32) -> f32 {
     let v = linear.clamp(0.0, 1.0);
-    let encoded = if v <= 0.003_130_8 {
+    if v <= 0.003_130_8 {
         v * 12.92
     } else {
         1.055 * v.powf(1.0 / 2.4) - 0.055
-    };
-    (encoded * 255.0).round() as u8
+    }
 }
 
 #[cfg(test)]

@@ -11,7 +11,6 @@ use crate::accel::NOTHING;
 use crate::model::V3;
 use crate::model::camera::{CameraGradient, CameraRay};
 use crate::model::cone::bend_backward;
-use crate::model::emitter::Emission;
 
 impl View {
     /// Goes back along a path that was kept: adds the derivatives of the light that it brought, times
@@ -42,9 +41,11 @@ impl View {
             }
             return;
         }
-        if interior {
-            self.emission_backward(walk.seen, walk.first.1, g, sums);
-        }
+        let by_emission = if interior {
+            self.seen_backward(walk, g, sums)
+        } else {
+            V3::ZERO
+        };
         let (mut by_throughput, mut by_ray) = (V3::ZERO, RayGradient::default());
         let mut vertices = std::mem::take(&mut work.chain);
         vertices.clear();
@@ -79,13 +80,15 @@ impl View {
             if i == 0 && interior {
                 by_t = upstream.depth;
                 by.geometric += upstream.normal;
+                by.emission = by_emission;
             }
             by_ray = self.point_backward(&vertex.point, path.time, &by, by_t, sums);
         }
-        if interior && vertices.is_empty() && (upstream.depth != 0.0 || upstream.normal != V3::ZERO)
-        {
+        let more = upstream.depth != 0.0 || upstream.normal != V3::ZERO || by_emission != V3::ZERO;
+        if interior && vertices.is_empty() && more {
             let by = PointGradient {
                 geometric: upstream.normal,
+                emission: by_emission,
                 ..PointGradient::default()
             };
             let (time, by_t) = (path.time, upstream.depth);
@@ -105,13 +108,21 @@ impl View {
         }
     }
 
+    /// Adds the derivatives of g times the light that a camera ray sees of an emitter; where that is a texture, returns
+    /// g, since there the point's place counts.
     #[inline(always)]
-    fn emission_backward(&self, triangle: u32, seen: V3, g: V3, sums: &mut Sums) {
-        let triangle = &self.scene.triangles[triangle as usize];
-        let index = triangle.material as usize;
-        if self.scene.materials[index].kind.emits {
-            Emission::backward(triangle.normal.dot(seen), g, &mut sums.materials[index]);
+    fn seen_backward(&self, walk: &Walk, g: V3, sums: &mut Sums) -> V3 {
+        let k = walk.seen as usize;
+        let material = self.scene.material(walk.seen);
+        if !material.kind.emits {
+            return V3::ZERO;
         }
+        if material.glows() {
+            return g;
+        }
+        let cosine = self.scene.triangles[k].normal.dot(walk.first.1);
+        self.emission_backward(k, [0.0; 2], cosine, g, sums);
+        V3::ZERO
     }
 
     /// Back over a surface point: from derivatives by the throughput after it and the ray that leaves it
@@ -161,9 +172,13 @@ impl View {
         if !self.settings.interior {
             return by_throughput;
         }
-        let (lights, skies) = (vertex.lights.clone(), vertex.skies.clone());
+        let (lights, deltas) = (vertex.lights.clone(), vertex.deltas.clone());
+        let skies = vertex.skies.clone();
         for light in &work.lights[lights.start as usize..lights.end as usize] {
             by_throughput += self.light_backward(vertex, path, light, g, by, sums);
+        }
+        for delta in &work.deltas[deltas.start as usize..deltas.end as usize] {
+            by_throughput += self.delta_backward(vertex, delta, g, by, sums);
         }
         for sky in &work.skies[skies.start as usize..skies.end as usize] {
             by_throughput += self.sky_backward(vertex, sky, g, by, sums);
@@ -184,16 +199,19 @@ impl View {
     ) -> V3 {
         let (k, seen) = (light.triangle as usize, &light.seen);
         let tri = &self.scene.triangles[k];
-        let material = tri.material as usize;
-        let emission = self.scene.materials[material]
-            .emission()
-            .towards(seen.facing);
+        let uv = self.scene.uv_at(k, light.weights);
+        let material = self.scene.material(light.triangle);
+        let emission = material.emission(&self.scene.texels, uv);
+        let emission = emission.towards(seen.facing);
         let scale = seen.solid_angle(tri.area) / light.density;
         let carried = g * vertex.throughput;
         let by_throughput = g * light.reflected * emission * scale;
-        if self.wanted.emission {
+        if self.wanted.emission || (self.wanted.uvs && material.glows()) {
             let by_emission = carried * light.reflected * scale;
-            Emission::backward(seen.facing, by_emission, &mut sums.materials[material]);
+            let by_uv = self.emission_backward(k, uv, seen.facing, by_emission, sums);
+            if material.glows() {
+                self.add_to_uvs(k, light.weights, by_uv, sums);
+            }
         }
         let by_reflected = carried * emission * scale;
         let shading = &vertex.point.shading;

@@ -60,8 +60,9 @@ impl ByWeights {
 }
 
 impl KernelScene {
+    /// Texture coordinates at a point of a triangle; 0 where nothing has a texture.
     #[inline(always)]
-    pub(super) fn uv_at(&self, k: usize, weights: [f32; 3]) -> [f32; 2] {
+    pub fn uv_at(&self, k: usize, weights: [f32; 3]) -> [f32; 2] {
         let mut uv = [0.0; 2];
         let uv_rows = self.uv_rows[k];
         if self.textured && uv_rows[0] != u32::MAX {
@@ -77,7 +78,8 @@ impl KernelScene {
     /// The colour that the diffuse albedo is multiplied by, if the triangle has colours.
     #[inline(always)]
     pub(super) fn colour_at(&self, k: usize, weights: [f32; 3]) -> Option<V3> {
-        self.colours.has(k).then(|| self.colours.at(k, weights))
+        let tinted = || self.material(k as u32).kind.bsdf.is_tinted();
+        (self.colours.has(k) && tinted()).then(|| self.colours.at(k, weights))
     }
 
     #[inline(always)]
@@ -157,13 +159,7 @@ impl View {
             let [a, b, c] = scene.uv_rows[k].map(|row| scene.uvs[row as usize]);
             by.b += by_uv[0] * (b[0] - a[0]) + by_uv[1] * (b[1] - a[1]);
             by.c += by_uv[0] * (c[0] - a[0]) + by_uv[1] * (c[1] - a[1]);
-            if self.wanted.uvs {
-                for (&row, w) in scene.uv_rows[k].iter().zip(p.weights) {
-                    let to = &mut sums.uvs[row as usize];
-                    to[0] += f64::from(by_uv[0] * w);
-                    to[1] += f64::from(by_uv[1] * w);
-                }
-            }
+            self.add_to_uvs(k, p.weights, by_uv, sums);
         }
         let mut by_geometric = by_normal;
         if scene.has_normals(k) {
@@ -190,6 +186,18 @@ impl View {
         let [a, b, c] = tri.corners;
         let slopes = barycentric_slopes(a, b, c, tri.normal, tri.area);
         (slopes.first * by.b + slopes.second * by.c, by_geometric)
+    }
+
+    /// Adds a derivative by the texture coordinates at a point of a triangle, which has some.
+    #[inline(always)]
+    pub fn add_to_uvs(&self, k: usize, weights: [f32; 3], by_uv: [f32; 2], sums: &mut Sums) {
+        if self.wanted.uvs {
+            for (&row, w) in self.scene.uv_rows[k].iter().zip(weights) {
+                let to = &mut sums.uvs[row as usize];
+                to[0] += f64::from(by_uv[0] * w);
+                to[1] += f64::from(by_uv[1] * w);
+            }
+        }
     }
 
     /// Adds the derivatives by the colours at a point's corners.

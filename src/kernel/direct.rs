@@ -5,24 +5,30 @@ use super::view::View;
 use super::walk::{Candidate, LightSample, Sample, SkySample, Work};
 use crate::accel::HitRay;
 use crate::model::V3;
-use crate::model::cone::up_to_plane;
+use crate::model::cone::{lifted, up_to_plane};
 use crate::model::emitter::{LightPoint, power_heuristic};
 use crate::model::sky::SkyMap;
 use crate::model::triangle::{at, uniform_point};
 
 /// A point of a path that is connected to lights.
-pub(super) struct Receiver<'a> {
+pub(super) struct Shaded<'a> {
     pub walk: u32,
     pub time: f32,
     pub point: &'a Point,
-    pub start: V3,
 }
 
-impl Receiver<'_> {
+impl Shaded<'_> {
     /// Light that arrives along a direction if nothing is in between.
     #[inline(always)]
-    fn propose(&self, direction: V3, limit: f32, light: V3, sample: Sample, work: &mut Work) {
-        let ray = HitRay::new(self.start, direction, self.time, limit);
+    pub(super) fn propose(
+        &self,
+        (start, direction): (V3, V3),
+        limit: f32,
+        light: V3,
+        sample: Sample,
+        work: &mut Work,
+    ) {
+        let ray = HitRay::new(start, direction, self.time, limit);
         work.rays.push(ray);
         work.candidates.push(Candidate {
             walk: self.walk,
@@ -37,32 +43,29 @@ impl View {
     #[inline(always)]
     pub(super) fn direct_from_emitters(
         &self,
-        from: &Receiver,
+        from: &Shaded,
         [u, v]: [f32; 2],
         cone: [f32; 2],
         along: Option<V3>,
         work: &mut Work,
     ) {
         let emitters = &self.scene.emitters;
-        let x = from.point.position;
-        let (k, chance, u) = emitters.choose(x, from.time, u, &mut work.chances);
-        let on = uniform_point(u, v);
-        self.connect(
-            from,
-            (k, [on.x, on.y], chance),
-            along.map(|_| false),
-            cone,
-            work,
-        );
+        let at = from.point.receiver(from.time);
+        let (k, chance, u) = emitters.choose(&at, u, &mut work.chances);
+        if let Some(light) = emitters.light(k) {
+            self.connect_delta(from, (light, chance), cone, work);
+        } else {
+            let on = uniform_point(u, v);
+            let place = (k, [on.x, on.y], chance);
+            self.connect(from, place, along.map(|_| false), cone, work);
+        }
         if let Some(direction) = along {
             let mut hits = std::mem::take(&mut work.emitter_hits);
             hits.clear();
-            emitters.each_hit(emitters.all(), x, from.time, direction, |hit| {
-                hits.push(hit);
-            });
+            emitters.each_hit_of_all(&at, direction, |hit| hits.push(hit));
             for hit in &hits {
                 let k = hit.emitter;
-                let chance = emitters.chance(x, from.time, k, &mut work.chances);
+                let chance = emitters.chance(&at, k, &mut work.chances);
                 self.connect(from, (k, hit.weights, chance), Some(true), cone, work);
             }
             work.emitter_hits = hits;
@@ -74,7 +77,7 @@ impl View {
     #[inline(always)]
     fn connect(
         &self,
-        from: &Receiver,
+        from: &Shaded,
         (emitter, [b, c], chance): (usize, [f32; 2], f32),
         combined: Option<bool>,
         [cone_u, cone_v]: [f32; 2],
@@ -93,8 +96,10 @@ impl View {
         if reflected == V3::ZERO {
             return;
         }
-        let bend = self.bend(direction, point.shading.geometric, cone_u, cone_v);
-        let limit = up_to_plane(from.start, bend.direction, e.normal, light);
+        let outer = point.shading.outer(direction);
+        let start = lifted(point.position, outer);
+        let bend = self.bend(direction, outer, cone_u, cone_v);
+        let limit = up_to_plane(start, bend.direction, e.normal, light);
         let triangle = &self.scene.triangles[e.triangle as usize];
         let angle = seen.solid_angle(triangle.area);
         let density = match combined {
@@ -104,7 +109,7 @@ impl View {
             }
             None => chance,
         };
-        let emission = self.scene.materials[triangle.material as usize].emission();
+        let emission = self.scene.emission(e.triangle as usize, weights);
         let emission = emission.towards(seen.facing);
         let sample = Sample::Light(LightSample {
             triangle: e.triangle,
@@ -114,14 +119,14 @@ impl View {
             density,
         });
         let light = reflected * emission * (angle / density);
-        from.propose(bend.direction, limit, light, sample, work);
+        from.propose((start, bend.direction), limit, light, sample, work);
     }
 
     /// Light of a map along a direction drawn from it, and along that in which the path goes on.
     #[inline(never)]
     pub(super) fn direct_from_map(
         &self,
-        from: &Receiver,
+        from: &Shaded,
         map: &SkyMap,
         [u, v]: [f32; 2],
         [cone_u, cone_v]: [f32; 2],
@@ -138,12 +143,14 @@ impl View {
             if reflected == V3::ZERO {
                 continue;
             }
-            let bend = self.bend(direction, shading.geometric, cone_u, cone_v);
+            let outer = shading.outer(direction);
+            let start = lifted(from.point.position, outer);
+            let bend = self.bend(direction, outer, cone_u, cone_v);
             let other = shading.density(direction);
             let density = power_heuristic(chance, other, by_scattering);
             let light = reflected * map.at(direction) * (1.0 / density);
             let sample = Sample::Sky(SkySample { direction, density });
-            from.propose(bend.direction, f32::INFINITY, light, sample, work);
+            from.propose((start, bend.direction), f32::INFINITY, light, sample, work);
         }
     }
 }

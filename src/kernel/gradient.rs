@@ -4,9 +4,10 @@ use std::ops::{AddAssign, Range};
 
 use glam::DVec3;
 
+use super::delta_sums::DeltaSums;
 use super::scene::KernelScene;
 use crate::model::camera::CameraGradient;
-use crate::scene::{CHANNELS, Channel, ParameterId};
+use crate::scene::{CHANNELS, Channel, LightPart, ParameterId};
 
 /// Which derivatives are asked for.
 #[derive(Clone, Debug, Default)]
@@ -27,6 +28,9 @@ pub(crate) struct Wanted {
     pub materials: bool,
     pub exponents: bool,
     pub emission: bool,
+    /// Whether each light without extent has any, and whether it moves or turns.
+    pub lights: Vec<bool>,
+    pub moving_lights: Vec<bool>,
     pub sky: bool,
     pub camera: bool,
 }
@@ -37,6 +41,8 @@ impl Wanted {
         use ParameterId as Id;
         let mut wanted = Self {
             objects: vec![false; scene.objects.len()],
+            lights: vec![false; scene.emitters.lights().len()],
+            moving_lights: vec![false; scene.emitters.lights().len()],
             ..Self::default()
         };
         for id in ids {
@@ -59,6 +65,11 @@ impl Wanted {
                     wanted.materials = true;
                     wanted.exponents |= channel.turns();
                 }
+                Id::Light(i, part) => {
+                    wanted.lights[i] = true;
+                    wanted.moving_lights[i] |=
+                        matches!(part, LightPart::Position | LightPart::Direction);
+                }
                 Id::Environment => wanted.sky = true,
                 // Those of cameras.
                 _ => wanted.camera = true,
@@ -74,7 +85,8 @@ impl Wanted {
 
     /// Whether anything moves: geometry, or rays.
     pub fn moves(&self) -> bool {
-        self.camera || self.turns() || self.objects.contains(&true)
+        let lights = self.moving_lights.contains(&true);
+        self.camera || lights || self.turns() || self.objects.contains(&true)
     }
 
     /// Whether directions that are drawn at a surface turn while it stands still.
@@ -138,9 +150,10 @@ pub(crate) struct Sums {
     pub normals: Vec<DVec3>,
     pub colours: Vec<DVec3>,
     pub tangents: Vec<DVec3>,
-    /// In the order of [`Channel::ALL`].
+    /// Each at its place ([`Channel::place`]).
     pub materials: Vec<[DVec3; CHANNELS]>,
     pub texels: Vec<DVec3>,
+    pub lights: Vec<DeltaSums>,
     pub sky: Vec<DVec3>,
     pub camera: CameraSums,
 }
@@ -170,7 +183,8 @@ impl Sums {
             colours: zeros(wanted.colours, scene.colours.values.len()),
             tangents: zeros(wanted.tangents, scene.tangents.values.len()),
             materials: vec![[DVec3::ZERO; CHANNELS]; scene.materials.len()],
-            texels: zeros(wanted.materials, scene.texels.len()),
+            texels: zeros(wanted.materials || wanted.emission, scene.texels.len()),
+            lights: vec![DeltaSums::default(); wanted.lights.len()],
             sky: zeros(wanted.sky, scene.sky.len()),
             camera: CameraSums::default(),
         }
@@ -182,6 +196,7 @@ impl Sums {
             + 3 * (self.texels.len() + self.sky.len())
             + 3 * (self.colours.len() + self.tangents.len())
             + 4 * self.triangles.len()
+            + 11 * self.lights.len()
             + 2 * self.uvs.len()
             + 3 * CHANNELS * self.materials.len()
             + 15
@@ -204,6 +219,7 @@ impl Sums {
             add_each(a, b);
         }
         add_each(&mut self.texels, &o.texels);
+        add_each(&mut self.lights, &o.lights);
         add_each(&mut self.sky, &o.sky);
         self.camera += o.camera;
     }
@@ -280,14 +296,17 @@ impl Sums {
                 }
                 Id::Velocity(i) => vectors(to, &self.velocities[i..=i], per_unit),
                 Id::Material(m, channel) => {
-                    match &scene.materials[m].channels[channel as usize].texture {
-                        None => {
-                            let by = self.materials[m][channel as usize];
-                            add_each(to, &by.to_array());
+                    let place = channel.place();
+                    match &scene.materials[m].channels[place].texture {
+                        None => add_each(to, &self.materials[m][place].to_array()),
+                        Some(t) if to.len() == t.width * t.height => {
+                            let texels = &self.texels[t.offset..];
+                            to.iter_mut().zip(texels).for_each(|(a, b)| *a += b.x);
                         }
                         Some(t) => vectors(to, &self.texels[t.offset..], 1.0),
                     }
                 }
+                Id::Light(i, part) => self.lights[i].write(scene, i, part, to),
                 Id::Environment => vectors(to, &self.sky, 1.0),
                 // Those of cameras are written by `HostCamera::backward`.
                 _ => {}

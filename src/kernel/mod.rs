@@ -1,7 +1,7 @@
 //! Path tracing on the host, each path from camera to end in one go, in f32, with derivatives by hand.
 //!
 //! `scene` holds the packed scene, `view` adds a camera and settings. `path` traces forward with direct light
-//! of `direct`; `backward` traces a path again and goes back along it. `edges` finds and draws edges at which
+//! of `direct` and `delta_lights`; `backward` traces a path again and goes back along it. `edges` finds and draws edges at which
 //! visibility jumps, `boundary` adds what the jumps contribute. `gradient` holds the sums of derivatives,
 //! `tasks` deals pixels to the machine.
 
@@ -9,6 +9,8 @@ mod backward;
 mod boundary;
 mod camera;
 mod corners;
+mod delta_lights;
+mod delta_sums;
 mod direct;
 mod edges;
 mod gradient;
@@ -19,7 +21,7 @@ mod tasks;
 mod view;
 mod walk;
 
-pub(crate) use boundary::PixelGradients;
+pub(crate) use boundary::{FilmEdges, PixelGradients};
 pub(crate) use camera::HostCamera;
 pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::direct::Receiver;
+use super::direct::Shaded;
 use super::surface::Point;
 use super::view::View;
 use super::walk::{Leave, Sample, Vertex, Work};
@@ -10,6 +10,7 @@ use super::walk::{Path, Walk, Walks};
 use crate::accel::{HitRay, NOTHING};
 use crate::model::V3;
 use crate::model::camera::CameraRay;
+use crate::model::cone::lifted;
 use crate::sampling::Numbers;
 
 impl View {
@@ -80,7 +81,8 @@ impl View {
     pub(super) fn emission(&self, point: &Point) -> V3 {
         let m = self.scene.material(point.triangle);
         if m.kind.emits {
-            m.emission().towards(point.side)
+            let emission = m.emission(&self.scene.texels, point.uv);
+            emission.towards(point.side)
         } else {
             V3::ZERO
         }
@@ -165,6 +167,7 @@ impl View {
                 let vertex = &mut work.vertices[walk.vertex];
                 match candidate.sample {
                     Sample::Light(sample) => keep(&mut vertex.lights, &mut work.lights, sample),
+                    Sample::Delta(sample) => keep(&mut vertex.deltas, &mut work.deltas, sample),
                     Sample::Sky(sample) => keep(&mut vertex.skies, &mut work.skies, sample),
                 }
             }
@@ -228,7 +231,7 @@ impl View {
             work.counts.add_bounce(bounce);
             if hit.triangle != NOTHING {
                 let time = paths[i as usize].time;
-                walk.arrive(scene.point(hit, ray.origin.into(), walk.bend.direction, time));
+                walk.point = scene.point(hit, ray.origin.into(), walk.bend.direction, time);
                 walks.alive[count] = i;
                 count += 1;
             } else if self.sees_sky {
@@ -257,6 +260,7 @@ impl View {
                 point: *point,
                 throughput: walk.throughput,
                 lights: 0..0,
+                deltas: 0..0,
                 skies: 0..0,
                 leave: None,
                 previous,
@@ -276,11 +280,10 @@ impl View {
         }
         let [_, _, cone_u, cone_v] = self.cone_numbers(path, bounce);
         let cone = [cone_u, cone_v];
-        let from = Receiver {
+        let from = Shaded {
             walk: i,
             time: path.time,
             point,
-            start: walk.start,
         };
         if !scene.emitters.is_empty() {
             let along = by_scattering.then_some(walk.scatter.direction);
@@ -322,7 +325,7 @@ impl View {
             walk.throughput *= 1.0 / survival;
         }
         let [cone_u, cone_v, ..] = self.cone_numbers(path, bounce);
-        let normal = walk.point.shading.geometric;
+        let normal = walk.point.shading.outer(scatter.direction);
         walk.bend = self.bend(scatter.direction, normal, cone_u, cone_v);
         if KEEP {
             vertices[walk.vertex].leave = Some(Leave {
@@ -333,7 +336,7 @@ impl View {
             });
         }
         Some(HitRay::new(
-            walk.start,
+            lifted(walk.point.position, normal),
             walk.bend.direction,
             path.time,
             f32::INFINITY,

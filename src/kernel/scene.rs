@@ -5,13 +5,15 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
+use crate::model::delta_light::DeltaLight;
 use crate::model::emitter::Emission;
 use crate::model::sky::Sky;
 use crate::model::texture::{Colour, Texels, Texture};
 use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
 use crate::scene::{
-    CHANNELS, Holes, HostAttribute, HostScene, HostTexture, MaterialKind, SceneFrame,
+    CHANNELS, Channel, Holes, HostAttribute, HostLight, HostScene, HostTexture, MaterialKind,
+    SceneFrame,
 };
 
 /// The place of an object's parts in the scene's lists.
@@ -53,6 +55,8 @@ pub(crate) struct KernelScene {
     pub materials: Vec<Material>,
     pub texels: Texels,
     pub emitters: Emitters,
+    /// Lengths of the directions of lights, as they are given.
+    pub lengths_of_axes: Vec<f64>,
     pub sky: Sky,
     /// Whether any material has a texture, any object shading normals, any material a gloss.
     pub textured: bool,
@@ -143,7 +147,8 @@ impl KernelScene {
                     .and_then(|map| pack_colour(map, &mut texels).texture),
             })
             .collect();
-        let emits = |t: &(usize, &Triangle)| materials[t.1.material as usize].kind.emits;
+        let emits =
+            |t: &(usize, &Triangle)| t.1.area > 0.0 && materials[t.1.material as usize].kind.emits;
         let list = triangles.iter().enumerate().filter(emits);
         let list = list.map(|(k, t)| Emitter {
             triangle: k as u32,
@@ -154,12 +159,25 @@ impl KernelScene {
             velocity: velocities
                 .as_ref()
                 .map_or(V3::ZERO, |v| v[t.object as usize]),
-            radiance: materials[t.material as usize].emission().mean(),
+            radiance: {
+                let emission = &materials[t.material as usize].channels[Channel::Emission.place()];
+                let uv = |row: u32| uvs.get(row as usize).copied().unwrap_or_default();
+                emission.mean_over(&texels, uv_rows[k].map(uv))
+            },
             group: 0,
         });
-        let emitters = Emitters::new(list.collect(), velocities.is_some(), sampling);
+        let lights = scene.lights.iter().map(|l| pack_light(l, &frame)).collect();
+        let emitters = Emitters::new(
+            list.collect(),
+            lights,
+            (velocities.is_some(), 1.0),
+            sampling,
+        );
         Self {
             textured: materials.iter().any(|m| m.is_textured()),
+            lengths_of_axes: (scene.lights.iter())
+                .map(|l| DVec3::from(l.direction).length())
+                .collect(),
             smooth: objects.iter().any(|o| o.smooth),
             tilted: materials.iter().any(|m| m.normal_map.is_some()),
             glossy: materials.iter().any(|m| m.kind.glossy),
@@ -199,6 +217,13 @@ impl KernelScene {
     pub fn is_open(&self, triangle: u32, weights: [f32; 3]) -> bool {
         let holes = self.holes.as_ref();
         holes.is_some_and(|holes| holes.open(triangle, || weights))
+    }
+
+    /// The emission of a triangle at a point given by weights of its corners.
+    #[inline(always)]
+    pub fn emission(&self, triangle: usize, weights: [f32; 3]) -> Emission {
+        let uv = self.uv_at(triangle, weights);
+        self.material(triangle as u32).emission(&self.texels, uv)
     }
 
     pub fn material(&self, triangle: u32) -> &Material {
@@ -299,6 +324,24 @@ impl Lists {
     }
 }
 
+fn pack_light(light: &HostLight, frame: &SceneFrame) -> DeltaLight {
+    let [inner, outer] = light.angles;
+    let mut packed = DeltaLight {
+        position: V3::ZERO,
+        axis: DVec3::from(light.direction).normalize().into(),
+        strength: DVec3::from(light.strength).into(),
+        directional: light.directional,
+        spot: light.spot,
+        cos_inner: inner.cos() as f32,
+        cos_outer: outer.cos() as f32,
+    };
+    if !light.directional {
+        packed.position = frame.inner(light.position.into()).into();
+        packed.strength = (DVec3::from(light.strength) / (frame.unit * frame.unit)).into();
+    }
+    packed
+}
+
 /// Packs a colour; the texels of a texture move to the others.
 fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
     match colour {
@@ -342,7 +385,7 @@ pub(crate) struct Triangle {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Material {
-    /// In the order of [`Channel::ALL`].
+    /// Each at its place ([`Channel::place`](crate::scene::Channel::place)).
     pub channels: [Colour; CHANNELS],
     pub kind: MaterialKind,
     pub normal_map: Option<Texture>,
@@ -350,8 +393,14 @@ pub(crate) struct Material {
 
 impl Material {
     #[inline(always)]
-    pub fn emission(&self) -> Emission {
-        Emission::of(|channel| self.channels[channel as usize].constant)
+    pub fn emission(&self, texels: &Texels, uv: [f32; 2]) -> Emission {
+        Emission::of(|channel| self.channels[channel.place()].at(texels, uv))
+    }
+
+    /// Whether its emission is a texture.
+    #[inline(always)]
+    pub fn glows(&self) -> bool {
+        self.channels[Channel::Emission.place()].texture.is_some()
     }
 
     pub fn is_textured(&self) -> bool {

@@ -9,7 +9,9 @@ use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::cone::lifted;
+use crate::model::emitter::Emission;
 use crate::model::triangle::{barycentric, hit_backward};
+use crate::sampling::Receiver;
 use crate::scene::{CHANNELS, Channel};
 
 /// A point that a ray hit.
@@ -29,10 +31,20 @@ pub(crate) struct Point {
 }
 
 impl Point {
-    /// The start of rays that leave it: above it by what it may be off by.
+    /// The start of rays that leave it along a direction: above it by what it may be off by.
     #[inline(always)]
-    pub fn start(&self) -> V3 {
-        lifted(self.position, self.shading.geometric)
+    pub fn start(&self, direction: V3) -> V3 {
+        lifted(self.position, self.shading.outer(direction))
+    }
+
+    /// As a point that emitters are chosen for.
+    #[inline(always)]
+    pub fn receiver(&self, time: f32) -> Receiver {
+        Receiver {
+            position: self.position,
+            normal: self.shading.geometric,
+            time,
+        }
     }
 }
 
@@ -42,6 +54,8 @@ pub(crate) struct PointGradient {
     pub position: V3,
     pub geometric: V3,
     pub shading: ShadingGradient,
+    /// By the radiance that it emits, where that is a texture.
+    pub emission: V3,
 }
 
 /// Derivatives by a ray.
@@ -99,7 +113,8 @@ impl KernelScene {
             i += 1;
         }
         if let Some(colour) = self.colour_at(k, weights) {
-            values[Channel::Diffuse as usize] = values[Channel::Diffuse as usize] * colour;
+            let base = Channel::Diffuse.place();
+            values[base] = values[base] * colour;
         }
         if self.tilted
             && let Some(map) = &m.normal_map
@@ -113,6 +128,7 @@ impl KernelScene {
             normal,
             incoming: direction,
             smooth,
+            inside: side < 0.0,
             ..Shading::of(values, m.kind)
         };
         Point {
@@ -147,10 +163,10 @@ impl View {
         let mut channels = shade.channels();
         let mut by_colour = V3::ZERO;
         if let Some(colour) = self.scene.colour_at(k, p.weights) {
-            let diffuse = Channel::Diffuse as usize;
-            let albedo = m.channels[diffuse].at(&self.scene.texels, p.uv);
-            by_colour = channels[diffuse] * albedo;
-            channels[diffuse] = channels[diffuse] * colour;
+            let base = Channel::Diffuse.place();
+            let albedo = m.channels[base].at(&self.scene.texels, p.uv);
+            by_colour = channels[base] * albedo;
+            channels[base] = channels[base] * colour;
             self.colours_backward(p, by_colour, sums);
         }
         if self.wanted.materials || (self.wanted.rays && self.scene.textured) {
@@ -162,6 +178,10 @@ impl View {
                 by_uv = [by_uv[0] + more[0], by_uv[1] + more[1]];
                 i += 1;
             }
+        }
+        if by.emission != V3::ZERO {
+            let more = self.emission_backward(k, p.uv, p.side, by.emission, sums);
+            by_uv = [by_uv[0] + more[0], by_uv[1] + more[1]];
         }
         if !self.wanted.rays {
             return RayGradient::default();
@@ -194,5 +214,24 @@ impl View {
             let object = self.scene.triangles[k].object as usize;
             sums.velocities[object] += DVec3::from(g * time);
         }
+    }
+
+    /// Adds the derivatives of g times the radiance that a triangle emits in a direction, given by its cosine; returns
+    /// that by the texture coordinates.
+    #[inline(always)]
+    pub fn emission_backward(
+        &self,
+        k: usize,
+        uv: [f32; 2],
+        cosine: f32,
+        g: V3,
+        sums: &mut Sums,
+    ) -> [f32; 2] {
+        let index = self.scene.triangles[k].material as usize;
+        let channel = Channel::Emission.place();
+        let colour = &self.scene.materials[index].channels[channel];
+        let into = (&mut sums.materials[index][channel], &mut sums.texels[..]);
+        let g = Emission::backward(cosine, g);
+        colour.backward(&self.scene.texels, uv, g, into)
     }
 }

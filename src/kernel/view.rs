@@ -84,7 +84,7 @@ impl View {
         let has_map = scene.sky.map().is_some();
         let gathers_map = has_map && settings.multiple_importance;
         let sees_sky = !scene.sky.is_black() && !gathers_map;
-        let combined = settings.multiple_importance && !scene.emitters.is_empty();
+        let combined = settings.multiple_importance && !scene.emitters.all().is_empty();
         let mut view = Self {
             host_camera: camera,
             camera: model,

@@ -8,6 +8,7 @@ use crate::model::V3;
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
 use crate::model::cone::Bend;
+use crate::model::delta_light::DeltaArrival;
 use crate::model::emitter::LightPoint;
 use crate::sampling::{EmitterHit, Numbers};
 
@@ -28,8 +29,6 @@ pub(crate) struct Walk {
     pub seen: u32,
     /// The surface point that the path came to, if it did.
     pub point: Point,
-    /// The start of rays from there.
-    pub start: V3,
     pub on_surface: bool,
     /// Distance and geometric normal of the first surface.
     pub first: (f32, V3),
@@ -50,7 +49,6 @@ impl Walk {
             camera: CameraRay::default(),
             seen: NOTHING,
             point: Point::default(),
-            start: V3::ZERO,
             on_surface: false,
             first: (0.0, V3::ZERO),
             throughput: V3::ONE,
@@ -62,18 +60,11 @@ impl Walk {
         }
     }
 
-    /// The path comes to a surface point.
-    #[inline(always)]
-    pub fn arrive(&mut self, point: Point) {
-        self.start = point.start();
-        self.point = point;
-    }
-
     /// The path comes to its first surface point.
     #[inline(always)]
     pub fn begin_at(&mut self, point: Point) {
         self.first = (point.t, point.shading.geometric);
-        self.arrive(point);
+        self.point = point;
         self.on_surface = true;
     }
 }
@@ -105,6 +96,15 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
+    pub fn times(&self, factor: f32) -> Self {
+        Self {
+            radiance: self.radiance * factor,
+            opacity: self.opacity * factor,
+            depth: self.depth * factor,
+            normal: self.normal * factor,
+        }
+    }
+
     /// Adds the surface that a path's camera ray saw and the light that it brought back.
     #[inline(always)]
     pub fn add(&mut self, walk: &Walk) {
@@ -124,8 +124,9 @@ pub(super) struct Vertex {
     pub point: Point,
     /// The throughput of the path where it arrives here.
     pub throughput: V3,
-    /// Light that arrives, in [`Work::lights`] and [`Work::skies`].
+    /// Light that arrives, in [`Work::lights`], [`Work::deltas`] and [`Work::skies`].
     pub lights: Range<u32>,
+    pub deltas: Range<u32>,
     pub skies: Range<u32>,
     /// The way on; None where the path ends.
     pub leave: Option<Leave>,
@@ -157,6 +158,18 @@ pub(super) struct LightSample {
     pub density: f32,
 }
 
+/// Light from a light without extent that was seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DeltaSample {
+    /// Its place among these.
+    pub light: u32,
+    pub seen: DeltaArrival,
+    /// f·cos θ at the surface.
+    pub reflected: V3,
+    /// The probability with which it was chosen.
+    pub chance: f32,
+}
+
 /// Light of a map along a direction in which nothing hid it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SkySample {
@@ -175,6 +188,7 @@ pub(super) struct Candidate {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Sample {
     Light(LightSample),
+    Delta(DeltaSample),
     Sky(SkySample),
 }
 
@@ -210,6 +224,7 @@ impl RayCounts {
 pub(crate) struct Work {
     pub(super) vertices: Vec<Vertex>,
     pub(super) lights: Vec<LightSample>,
+    pub(super) deltas: Vec<DeltaSample>,
     pub(super) skies: Vec<SkySample>,
     pub(super) rays: Vec<HitRay>,
     pub(super) hits: Vec<Hit>,
@@ -231,6 +246,7 @@ impl Work {
     pub(super) fn clear(&mut self) {
         self.vertices.clear();
         self.lights.clear();
+        self.deltas.clear();
         self.skies.clear();
     }
 }

@@ -1,5 +1,7 @@
 //! Rays of a cone about an axis, and where rays start and end.
 
+use std::f32::consts::PI;
+
 use super::filter::disk_kernel;
 use super::frame::{SinCos, frame};
 use super::{V3, splat};
@@ -51,6 +53,22 @@ pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
         mirrored,
         direction,
     }
+}
+
+/// The density per solid angle with which an axis' rays have the direction of a vector, as rays about the vector's have
+/// that of the axis. `tangent` is more than 0.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn cone_density(axis: V3, to: V3, tangent: f32) -> f32 {
+    let along = axis.dot(to);
+    let across = to.reject_from_normalized(axis).length() / (along * tangent);
+    let mut density = 0.0;
+    if along > 0.0 && across < 1.0 {
+        let kernel = 1.0 - across * across;
+        let wide = along / to.length();
+        density = 3.0 / PI * kernel * kernel / (tangent * tangent * wide * wide * wide);
+    }
+    density
 }
 
 /// Turns derivatives by a ray of a cone into those by the cone's axis; the offset across it stays as it is.
@@ -138,6 +156,36 @@ mod tests {
             let offset = cone_offset(axis, 0.1, u, 0.37);
             assert!(offset.dot(axis).abs() < 1e-6 && offset.length() <= 0.1 + 1e-6);
         }
+    }
+
+    /// Densities of rays add up to 1, and are those of the rays that are drawn: the mean of one over it is the solid
+    /// angle of the cone, the kernel's end left out.
+    #[test]
+    fn densities_of_rays() {
+        let (axis, tangent) = (v3(0.36, 0.48, 0.8), 0.7f32);
+        let (n, mut sum) = (400, 0.0);
+        for i in 0..n {
+            let cosine = 1.0 - (i as f32 + 0.5) / n as f32;
+            let sine = (1.0 - cosine * cosine).sqrt();
+            let to = axis * cosine + frame(axis).tangent * sine;
+            sum += f64::from(2.0 * PI * cone_density(axis, to * 3.0, tangent)) / f64::from(n);
+        }
+        assert!((sum - 1.0).abs() < 1e-3, "{sum}");
+        let (mut angle, mut share) = (0.0, 0);
+        for i in 0..n * n {
+            let (u, v) = ((i % n) as f32 + 0.5, (i / n) as f32 + 0.5);
+            let ray = bend(axis, axis, tangent, u / n as f32, v / n as f32).direction;
+            if ray.dot(axis) > 0.9 {
+                angle += 1.0 / f64::from(cone_density(axis, ray, tangent));
+                share += 1;
+            }
+        }
+        let wanted = 2.0 * std::f64::consts::PI * 0.1;
+        let angle = angle / f64::from(n * n);
+        assert!(
+            share > 0 && (angle - wanted).abs() < 2e-3 * wanted,
+            "{angle} {wanted}"
+        );
     }
 
     /// The derivative of a ray, mirrored or not, by its axis and by the normal, at a fixed offset.

@@ -62,7 +62,7 @@ pub(crate) struct DirectionJump {
 
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-fn mirrored(v: V3, normal: V3) -> V3 {
+pub(crate) fn mirrored(v: V3, normal: V3) -> V3 {
     v - normal * (2.0 * v.dot(normal))
 }
 

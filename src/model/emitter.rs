@@ -1,9 +1,7 @@
 //! Light of emitters: what they radiate, what arrives from a point of one, and two sampling strategies combined.
 
-use glam::DVec3;
-
 use super::V3;
-use crate::scene::{CHANNELS, Channel};
+use crate::scene::Channel;
 #[cfg(feature = "wgpu")]
 use burn::cubecl::{self, prelude::*};
 
@@ -14,17 +12,12 @@ pub(crate) struct Emission {
 }
 
 impl Emission {
-    /// That of a material with these parameters, in the order of [`Channel::ALL`].
+    /// That of a material with these parameters.
     #[inline(always)]
     pub fn of(values: impl Fn(Channel) -> V3) -> Self {
         Self {
             radiance: values(Channel::Emission),
         }
-    }
-
-    /// Mean radiance of the front, for the choice of emitters.
-    pub fn mean(&self) -> f32 {
-        self.radiance.abs().element_sum() / 3.0
     }
 
     /// Radiance in a direction by its cosine to the front's normal.
@@ -37,12 +30,10 @@ impl Emission {
         radiance
     }
 
-    /// Adds the derivatives of g·radiance by the material's parameters.
+    /// The derivative of g·radiance by the emission.
     #[inline(always)]
-    pub fn backward(cosine: f32, g: V3, channels: &mut [DVec3; CHANNELS]) {
-        if cosine > 0.0 {
-            channels[Channel::Emission as usize] += DVec3::from(g);
-        }
+    pub fn backward(cosine: f32, g: V3) -> V3 {
+        if cosine > 0.0 { g } else { V3::ZERO }
     }
 }
 
@@ -196,12 +187,10 @@ mod tests {
         let g = v3(0.1, -0.4, 0.7);
         for cosine in [0.6, -0.6] {
             let value = |e: V3| g.dot(Emission { radiance: e }.towards(cosine));
-            let mut by = [DVec3::ZERO; CHANNELS];
-            Emission::backward(cosine, g, &mut by);
+            let by = Emission::backward(cosine, g);
             for step in V3::AXES {
                 let slope = (value(V3::ONE + step) - value(V3::ONE - step)) / 2.0;
-                let found = by[Channel::Emission as usize].dot(step.into());
-                assert!((found - f64::from(slope)).abs() < 1e-6);
+                assert!((by.dot(step) - slope).abs() < 1e-6);
             }
         }
     }

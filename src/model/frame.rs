@@ -18,11 +18,15 @@ pub(crate) struct Frame {
     pub bitangent: V3,
 }
 
-/// 1 with the sign of a number.
+/// 1 with the sign of a number; −0 counts as 0, as everywhere else.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn sign_of(z: f32) -> f32 {
-    f32::from_bits((z.to_bits() & 0x8000_0000) | 0x3f80_0000)
+    let mut sign = 1.0f32;
+    if z < 0.0 {
+        sign = -1.0f32;
+    }
+    sign
 }
 
 #[cfg_attr(feature = "wgpu", cube)]

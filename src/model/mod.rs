@@ -1,12 +1,23 @@
 //! Physics as small pure functions of numbers, each with its derivative beside it and a test of it.
 
+/// Kernels know it as a constant; elsewhere it is a condition like others.
+#[cfg(not(feature = "wgpu"))]
+macro_rules! comptime {
+    ($condition:expr) => {
+        $condition
+    };
+}
+
 pub(crate) mod bsdf;
 pub(crate) mod camera;
+pub(crate) mod choice;
 pub(crate) mod cone;
+pub(crate) mod delta_light;
 pub(crate) mod edge;
 pub(crate) mod emitter;
 pub(crate) mod filter;
 pub(crate) mod frame;
+pub(crate) mod integers;
 pub(crate) mod normal_map;
 pub(crate) mod segment;
 pub(crate) mod sky;

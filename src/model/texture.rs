@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::triangle::uniform_point;
 use super::{V3, v3};
 use crate::scene::Wrap;
 
@@ -144,6 +145,23 @@ impl Colour {
             None => self.constant,
             Some(texture) => texture.look_up(texels, uv),
         }
+    }
+
+    /// The mean over a triangle with these coordinates at its corners, about: of all channels, without their signs.
+    pub fn mean_over(&self, texels: &Texels, uvs: [[f32; 2]; 3]) -> f32 {
+        let mean = |colour: V3| colour.abs().element_sum() / 3.0;
+        if self.texture.is_none() {
+            return mean(self.constant);
+        }
+        const SIDE: usize = 16;
+        let of_part = |i: usize| {
+            let [u, v] = [i % SIDE, i / SIDE].map(|k| (k as f32 + 0.5) / SIDE as f32);
+            let on = uniform_point(u, v);
+            let weights = [1.0 - on.x - on.y, on.x, on.y];
+            let at = |c: usize| (0..3).map(|k| uvs[k][c] * weights[k]).sum();
+            mean(self.at(texels, [at(0), at(1)]))
+        };
+        (0..SIDE * SIDE).map(of_part).sum::<f32>() / (SIDE * SIDE) as f32
     }
 
     /// Adds the derivatives of g·colour by the constant or the texels; returns those by the coordinates.

@@ -117,7 +117,7 @@ impl MaterialParams {
                 .with_shininess(shininess);
         }
         if material.emits() {
-            config = config.with_emission(Some(material.emission.values()?));
+            config = config.with_emission(Some(colour("emission", &material.emission)?));
         }
         config.init(device)
     }

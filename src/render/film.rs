@@ -8,10 +8,27 @@ use crate::error::Result;
 use crate::geometry::{detached, host_values};
 use crate::transport::{Diagnostics, RayStatistics};
 
-/// The cost of a render.
+/// The program that computed an image, which [`Engine::Auto`](super::Engine::Auto) chooses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Program {
+    /// Kernels on the host's cores.
+    #[default]
+    HostKernels,
+    /// Kernels on the scene's device. The backward pass too runs there, but for jumps at lines in which moving
+    /// triangles pass through each other.
+    DeviceKernels,
+    /// Tensor operations on the scene's device.
+    Tensors,
+}
+
+/// The cost of a render. A GPU counts it on request
+/// ([`with_statistics`](super::RenderOptions::with_statistics)), and all is 0 there without.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Statistics {
+    /// The program that ran.
+    pub program: Program,
     /// Camera, bounce and shadow rays.
     pub rays: u64,
     /// For the softmax: triangles tested, ray by ray.
@@ -46,6 +63,7 @@ impl Statistics {
         });
         let most = rays.surfaces.len().saturating_sub(1);
         Self {
+            program: Program::Tensors,
             rays: rays.rays,
             tested: rays.tested,
             surfaces: SurfacesPerRay {

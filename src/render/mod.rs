@@ -14,14 +14,16 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Collect, ParameterId, Scene, Visit, visit_camera, visit_scene};
+use crate::scene::{
+    Camera, Collect, Material, ParameterId, Scene, Visit, visit_camera, visit_scene,
+};
 
 pub use crate::accel::HierarchyCache;
 pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use crate::transport::Diagnostics;
 pub use crate::visibility::Visibility;
 pub use batch::Batch;
-pub use film::{Image, ImageBatch, Statistics, SurfacesPerRay};
+pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
 pub use overview::overview;
 
@@ -64,8 +66,8 @@ pub fn render_pixels(
 /// ([`RenderOptions::of_view`]): what [`render`] returns for a scene and camera with
 /// the options of its view, and with the same gradients.
 ///
-/// On the CPU the images are one node of the graph, and views and tiles share all cores in both
-/// passes. On GPUs views are rendered one after another.
+/// The images are one node of the graph. On the CPU views and tiles share all cores in both passes; on GPUs kernels
+/// trace all views at once.
 ///
 /// ```
 /// use softray::prelude::*;
@@ -124,6 +126,27 @@ fn render_views(
     };
     let all = size[0] as u128 * size[1] as u128 * batch.views.len() as u128;
     options.check_memory(all)?;
+    let is_softmax = matches!(options.visibility, Visibility::Softmax { .. });
+    let refracts = batch.scenes.iter().any(Scene::refracts);
+    let glows = |s: &Scene| {
+        let mut materials = s.objects.iter().flat_map(|o| &o.materials);
+        materials.any(Material::glows)
+    };
+    let glows = batch.scenes.iter().any(glows);
+    if is_softmax && (refracts || glows) {
+        let expected = if refracts {
+            "Visibility::Cone, since the scene has a dielectric: the softmax's surfaces of closed objects are seen \
+             from outside alone"
+        } else {
+            "Visibility::Cone, since a material's emission is a texture"
+        };
+        return Err(Error::invalid(
+            "render options",
+            "visibility",
+            "Softmax",
+            expected,
+        ));
+    }
     let mut means = match options.visibility {
         Visibility::Cone { .. } if options.engine != Engine::Tensors => {
             kernel::render(batch, options, pixels)?

@@ -14,6 +14,8 @@ use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Backend, Dispatch, TensorMetadata, backend_extension};
 use burn::tensor::{Tensor, TensorData};
 
+use crate::device::count_read_back;
+
 /// A function from the gradient of the output to that of the parameters, both on the host.
 #[derive(Clone)]
 pub(super) struct HostBackward(Arc<dyn Fn(TensorData) -> TensorData + Send + Sync>);
@@ -106,7 +108,9 @@ pub(super) fn attach(
     backward: impl Fn(&TensorData) -> Vec<f64> + Send + Sync + 'static,
 ) -> Tensor<2> {
     let (shape, dtype) = (parameters.dims(), parameters.dtype());
+    let device = output.device();
     let backward = HostBackward(Arc::new(move |upstream| {
+        count_read_back(&device);
         TensorData::new(backward(&upstream), shape).convert_dtype(dtype)
     }));
     let output = <Dispatch as NodeBackend>::attach(

@@ -69,6 +69,7 @@ pub struct RenderOptions {
     normalization: Option<Normalization>,
     pub(super) outputs: Outputs,
     pub(super) diagnostics: bool,
+    pub(super) statistics: bool,
     pub(super) brute_force: bool,
     #[serde(skip)]
     pub(super) cache: Option<HierarchyCache>,
@@ -148,6 +149,7 @@ impl RenderOptions {
             normalization: None,
             outputs: Outputs::default(),
             diagnostics: false,
+            statistics: false,
             brute_force: false,
             cache: None,
             cutoff: 1e-4,
@@ -202,6 +204,9 @@ impl RenderOptions {
         with_object_ids() outputs.object_ids = true;
         /// Also counts what is degenerate ([`Diagnostics`](super::Diagnostics)); for the softmax that takes time.
         with_diagnostics() diagnostics = true;
+        /// Also counts the rays of images that a GPU renders ([`Statistics`](super::Statistics)): that traces their
+        /// paths once more and waits for them. On the host they are always counted.
+        with_statistics() statistics = true;
         /// For the softmax: tests every triangle for every ray, in tensors, as it does on GPUs. Slow; it is the
         /// specification of what is done by a hierarchy of boxes.
         brute_force() brute_force = true;

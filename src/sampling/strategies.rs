@@ -17,16 +17,18 @@ pub enum Sequence {
     Sobol,
 }
 
-/// The probabilities with which emitter triangles are connected to.
+/// The probabilities with which emitters, which are triangles and lights without a surface, are connected to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum EmitterSampling {
     /// All alike, as in the paper.
     Uniform,
-    /// In proportion to area times radiance.
+    /// In proportion to power: area times radiance of a triangle.
     Power,
-    /// In proportion to the solid angle under which a point sees it, times radiance (and a tenth by
-    /// power); by power where there are more than 64, or all lie in one plane.
+    /// About in proportion to the light that each brings to a point, and a tenth by power. Up to 64 are weighed by
+    /// solid angle times radiance; where these lie all in one plane, by power. More are drawn by a tree, whose bounds
+    /// of place, orientation and power take the point's own normal into account, in a time that grows with the
+    /// logarithm of their number. Lights without a surface are among them.
     #[default]
     SolidAngle,
 }

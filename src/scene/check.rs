@@ -2,15 +2,15 @@
 
 use burn::tensor::Tensor;
 
-use super::material::{Channel, Value};
+use super::material::Value;
 use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
 use super::{Camera, Object, Parameter, Scene};
 use crate::device::label;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, first_not_finite};
 
-/// Checks that all tensors are of one device and float type, and that values are finite and in range.
-pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
+/// Checks that all tensors of a scene are of one device and float type, and returns these.
+pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
     let triangles: usize = scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
     if triangles == 0 {
         return Err(Error::NoTriangles {
@@ -23,24 +23,42 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<Context> {
         device: first.device().inner(),
         dtype: first.dtype(),
     };
-    let mut check = Check {
-        context: Some(&context),
+    let mut check = SameDevice {
+        context: &context,
         place: &|id| scene.place_of(id),
         found: Ok(()),
     };
     visit_scene(&mut scene.clone(), &mut check);
     check.found?;
-    for object in &scene.objects {
-        object.check()?;
-    }
     Ok(context)
+}
+
+/// Checks all of a scene.
+pub(crate) fn check_scene(scene: &Scene) -> Result<()> {
+    check_devices(scene)?;
+    check_values(scene)
+}
+
+/// Checks that values of a scene are finite and in range.
+pub(super) fn check_values(scene: &Scene) -> Result<()> {
+    let mut check = Values {
+        place: &|id| scene.place_of(id),
+        found: Ok(()),
+    };
+    visit_scene(&mut scene.clone(), &mut check);
+    check.found?;
+    scene.objects.iter().try_for_each(Object::check)?;
+    let mut lights = scene.lights.iter().enumerate();
+    lights.try_for_each(|(i, light)| light.host(&light_name(i)).map(drop))
 }
 
 impl Camera {
     /// Checks that values are in range, and tensors of the scene's device and float type if there is a scene.
     pub(crate) fn check(&self, context: Option<&Context>) -> Result<()> {
-        let mut check = Check {
-            context,
+        if let Some(context) = context {
+            self.check_device(context)?;
+        }
+        let mut check = Values {
             place: &|_| "camera".into(),
             found: Ok(()),
         };
@@ -48,30 +66,30 @@ impl Camera {
         check.found?;
         self.check_view()
     }
+
+    /// Checks that tensors are of the scene's device and float type.
+    pub(crate) fn check_device(&self, context: &Context) -> Result<()> {
+        let mut check = SameDevice {
+            context,
+            place: &|_| "camera".into(),
+            found: Ok(()),
+        };
+        visit_camera(&mut self.clone(), &mut check);
+        check.found
+    }
 }
 
-/// Checks every parameter, up to the first mistake.
-struct Check<'a> {
-    context: Option<&'a Context>,
+/// Checks the device and the float type of every tensor, up to the first mistake.
+struct SameDevice<'a> {
+    context: &'a Context,
     /// The name of the object of a parameter.
     place: &'a dyn Fn(ParameterId) -> String,
     found: Result<()>,
 }
 
-impl Check<'_> {
-    /// Where nothing was found, the result for the object and the field.
-    fn add(&mut self, id: ParameterId, check: impl FnOnce(&str, &str) -> Result<()>) {
-        if self.found.is_ok() {
-            self.found = check(&(self.place)(id), id.row().0);
-        }
-    }
-}
-
-impl Visit for Check<'_> {
+impl Visit for SameDevice<'_> {
     fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>) {
-        let Some(context) = self.context else {
-            return;
-        };
+        let context = self.context;
         let (device, dtype) = (tensor.device(), tensor.dtype());
         let like = "like the scene's first object";
         let (found, expected) = if device != context.device {
@@ -85,35 +103,62 @@ impl Visit for Check<'_> {
         } else {
             return;
         };
-        self.add(id, |object, field| {
-            Err(Error::invalid(object, field, found, expected))
-        });
+        if self.found.is_ok() {
+            let place = (self.place)(id);
+            self.found = Err(Error::invalid(place, id.row().0, found, expected));
+        }
     }
+}
+
+/// Checks every value, up to the first mistake.
+struct Values<'a> {
+    place: &'a dyn Fn(ParameterId) -> String,
+    found: Result<()>,
+}
+
+impl Values<'_> {
+    /// Where nothing was found, the result for the object and the field.
+    fn add(&mut self, id: ParameterId, check: impl FnOnce(&str, &str) -> Result<()>) {
+        if self.found.is_ok() {
+            self.found = check(&(self.place)(id), id.row().0);
+        }
+    }
+}
+
+impl Visit for Values<'_> {
+    fn visit<const D: usize>(&mut self, _: ParameterId, _: &mut Tensor<D>) {}
 
     fn parameter<const C: usize>(&mut self, id: ParameterId, p: &mut Parameter<C>) {
-        if let Parameter::Tensor(t) = p {
-            self.visit(id, t);
-        }
         self.add(id, |object, field| {
             p.check(object, field, id.row().1).map(drop)
         });
     }
 
-    fn image(&mut self, id: ParameterId, texels: &mut Tensor<3>) {
-        self.visit(id, texels);
+    fn image<const D: usize>(&mut self, id: ParameterId, texels: &mut Tensor<D>) {
         self.add(id, |object, field| {
-            let [h, w, c] = texels.dims();
-            if h == 0 || w == 0 || c != 3 {
-                let found = format!("of shape [{h}, {w}, {c}]");
-                return Err(Error::invalid(object, field, found, "shape [H, W, 3]"));
+            let dims = texels.dims();
+            let (h, w) = (dims[0], dims[1]);
+            let (channels, expected) = match D {
+                2 => (1, "shape [H, W]"),
+                _ => (3, "shape [H, W, 3]"),
+            };
+            if h == 0 || w == 0 || dims[2..].iter().any(|&c| c != channels) {
+                let found = format!("of shape {dims:?}");
+                return Err(Error::invalid(object, field, found, expected));
             }
             let Some((i, value)) = first_not_finite(texels)? else {
                 return Ok(());
             };
-            let field = format!("{field} texel ({}, {})", i / 3 / w, i / 3 % w);
+            let texel = i / channels;
+            let field = format!("{field} texel ({}, {})", texel / w, texel % w);
             Err(Error::invalid(object, field, value, "finite numbers"))
         });
     }
+}
+
+/// The name of a light in messages.
+fn light_name(index: usize) -> String {
+    format!("light {index}")
 }
 
 impl Scene {
@@ -132,6 +177,7 @@ impl Scene {
                 let mut all = all.flat_map(|o| (0..o.materials.len()).map(|i| o.material_name(i)));
                 all.nth(m).unwrap_or_default()
             }
+            Id::Light(i, _) => light_name(i),
             _ => "scene".into(),
         }
     }
@@ -184,8 +230,9 @@ impl Object {
                     return Err(Error::invalid(name, field, "an image", expected));
                 }
             }
-            let mut channels = Channel::ALL.into_iter().zip(material.channels());
-            if let Some((channel, _)) = channels.find(|(_, v)| matches!(v, Value::Image(..))) {
+            let is_image = |v: &Value| matches!(v, Value::Image(..) | Value::ScalarImage(..));
+            let mut channels = material.channels().into_iter();
+            if let Some((channel, _)) = channels.find(|(_, v)| is_image(v)) {
                 let expected =
                     "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them";
                 return Err(Error::invalid(name, channel.row().0, "a texture", expected));

@@ -3,7 +3,10 @@
 
 use std::fmt::{Debug, Formatter, Result};
 
-use super::{Albedo, CornerAttribute, Environment, Material, Mesh, Object, Parameter, Scene};
+use super::{
+    Albedo, Bsdf, CornerAttribute, Environment, Light, Material, Mesh, Object, Parameter,
+    ScalarTexture, Scene,
+};
 use crate::debug::{Text, graph, place, tensor};
 
 /// The most objects of a scene, and materials of an object, that are shown.
@@ -33,11 +36,47 @@ impl Debug for Albedo {
     }
 }
 
+impl Debug for ScalarTexture {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        match self {
+            Self::Constant(p) => p.fmt(f),
+            Self::Texture { texels, wrap } => {
+                write!(f, "texture {:?}, {wrap:?}", tensor(texels))
+            }
+        }
+    }
+}
+
 impl Debug for Environment {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         match self {
             Self::Constant(p) => p.fmt(f),
             Self::Map(texels) => write!(f, "map {:?}", tensor(texels)),
+        }
+    }
+}
+
+impl Debug for Light {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        match self {
+            Self::Point {
+                position,
+                intensity,
+            } => write!(f, "point at {position:?}, intensity {intensity:?}"),
+            Self::Spot {
+                position,
+                direction,
+                intensity,
+                inner,
+                outer,
+            } => write!(
+                f,
+                "spot at {position:?} towards {direction:?}, intensity {intensity:?}, angles {inner:?} to {outer:?}"
+            ),
+            Self::Directional {
+                direction,
+                irradiance,
+            } => write!(f, "light towards {direction:?}, irradiance {irradiance:?}"),
         }
     }
 }
@@ -73,8 +112,28 @@ impl Debug for Material {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let name = format!("Material {:?}", self.name);
         let mut all = f.debug_struct(&name);
-        all.field("diffuse", &self.diffuse);
-        if self.specular.reflects() {
+        let facets = self.bsdf != Bsdf::Phong;
+        if facets {
+            all.field("bsdf", &self.bsdf);
+        }
+        match self.bsdf {
+            Bsdf::Conductor => {
+                all.field("eta", &self.eta);
+                all.field("extinction", &self.extinction);
+            }
+            Bsdf::Dielectric => {
+                all.field("ior", &self.ior);
+            }
+            _ => {
+                all.field("diffuse", &self.diffuse);
+            }
+        }
+        if self.bsdf == Bsdf::MetallicRoughness {
+            all.field("metallic", &self.metallic);
+        }
+        if facets {
+            all.field("roughness", &self.roughness);
+        } else if self.specular.reflects() {
             all.field("specular", &self.specular);
             all.field("shininess", &self.shininess);
         }
@@ -110,15 +169,22 @@ impl Debug for Object {
 
 impl Debug for Scene {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        let shown = self.objects.iter().take(MOST);
-        let mut objects: Vec<Text> = shown.map(|o| Text(format!("{o:?}"))).collect();
-        if self.objects.len() > MOST {
-            let more = self.objects.len() - MOST;
-            objects.push(Text(format!("and {more} more objects")));
+        let mut all = f.debug_struct("Scene");
+        all.field("objects", &shown(&self.objects, "objects"));
+        if !self.lights.is_empty() {
+            all.field("lights", &shown(&self.lights, "lights"));
         }
-        f.debug_struct("Scene")
-            .field("objects", &objects)
-            .field("environment", &self.environment)
-            .finish()
+        all.field("environment", &self.environment).finish()
     }
+}
+
+/// The first of a list, and how many more there are.
+fn shown(list: &[impl Debug], what: &str) -> Vec<Text> {
+    let mut shown: Vec<Text> = (list.iter().take(MOST))
+        .map(|entry| Text(format!("{entry:?}")))
+        .collect();
+    if list.len() > MOST {
+        shown.push(Text(format!("and {} more {what}", list.len() - MOST)));
+    }
+    shown
 }

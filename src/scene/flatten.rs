@@ -6,12 +6,12 @@ use burn::tensor::Tensor;
 use glam::DVec3;
 
 use super::host::{HostAttribute, HostObject};
-use super::material::{Channel, MaterialKind, Value};
+use super::material::{CHANNELS, Channel, MaterialKind, Value};
 use super::mesh::take_rows;
 use super::parameter::without_tape;
 use super::{
-    Bounds, Camera, CornerAttribute, Environment, Holes, HostScene, Material, Mesh, Parameter,
-    Scene, Wrap,
+    Bounds, Camera, CornerAttribute, Environment, Holes, HostScene, LightPlanes, Material, Mesh,
+    Parameter, Scene, SceneFrame, Wrap,
 };
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
@@ -63,6 +63,8 @@ pub(crate) struct Flattened {
     pub tilts: Option<Tilts>,
     /// Holes, if any surface has any.
     pub holes: Option<Arc<Holes>>,
+    /// Lights without a surface, if there are any.
+    pub(crate) lights: Option<LightPlanes>,
     /// The environment, if it is not a constant black.
     pub environment: Option<SkyTensors>,
 }
@@ -110,6 +112,8 @@ impl Flattened {
         let normals = smooth.contains(&true);
         let normals = normals.then(|| (attribute(|m| m.normals.as_ref()), smooth));
         let sky = &scene.environment;
+        let place = (Vec3::constant(&context, normalization.center), unit);
+        let size = SceneFrame::new(host).unit / unit;
         let topology = topology(host, camera.eye.values()?.into());
         let emits = |t: u32| materials.kinds[topology.material[t as usize] as usize].emits;
         let triangles = 0..topology.object.len() as u32;
@@ -125,6 +129,7 @@ impl Flattened {
             colours,
             tilts,
             holes: host.holes.clone(),
+            lights: LightPlanes::new(&scene.lights, &context, place, size),
             environment: sky.shines().then(|| SkyTensors::new(sky, &context)),
             context,
             topology,
@@ -317,7 +322,7 @@ pub(crate) struct ChannelPlanes {
 /// All materials of a scene.
 #[derive(Clone, Debug)]
 pub(crate) struct Materials {
-    /// The parameters, in the order of [`Channel::ALL`].
+    /// The parameters, each at its place ([`Channel::place`]).
     channels: Vec<ChannelPlanes>,
     pub kinds: Vec<MaterialKind>,
 }
@@ -325,24 +330,25 @@ pub(crate) struct Materials {
 impl Materials {
     fn new(mut materials: Vec<Material>, context: &Context) -> Self {
         let kinds = materials.iter().map(Material::kind).collect();
-        let channels = Channel::ALL.map(|channel| {
+        let channels = (0..CHANNELS).map(|place| {
             let all = materials.iter_mut();
-            let values = all.filter_map(|m| m.channels().into_iter().nth(channel as usize));
+            let values = all.filter_map(|m| Some(m.channels().into_iter().nth(place)?.1));
             planes(values.collect(), context)
         });
         Self {
-            channels: channels.into(),
+            channels: channels.collect(),
             kinds,
         }
     }
 
-    pub fn channel(&self, channel: Channel) -> &ChannelPlanes {
-        &self.channels[channel as usize]
+    /// The parameters of a place.
+    pub fn channel(&self, place: usize) -> &ChannelPlanes {
+        &self.channels[place]
     }
 
     /// Emitted radiance, `[1, M]`.
     pub fn emission(&self) -> &Vec3 {
-        &self.channel(Channel::Emission).constant
+        &self.channel(Channel::Emission.place()).constant
     }
 
     /// The parts that any has.
@@ -394,6 +400,14 @@ impl SkyTensors {
     }
 }
 
+/// Numbers of texels as planes `[1, H·W]` of which the first holds them.
+fn scalar_rows(image: &Tensor<2>) -> Vec3 {
+    let [height, width] = image.dims();
+    let x = without_tape(image).reshape([1, height * width]);
+    let zero = x.zeros_like().detach();
+    Vec3::new(x, zero.clone(), zero)
+}
+
 /// The texels of an image as planes `[1, H·W]`.
 fn texel_rows(image: &Tensor<3>) -> Vec3 {
     let [height, width, _] = image.dims();
@@ -407,6 +421,17 @@ fn planes(values: Vec<Value<'_>>, context: &Context) -> ChannelPlanes {
     let zero = || Parameter::Constant([0.0; 3]).vector(context);
     for value in values {
         let mut slot = None;
+        let mut add_texture = |[height, width]: [usize; 2], wrap, texels| {
+            slot = Some(TextureSlot {
+                offset,
+                height,
+                width,
+                wrap,
+            });
+            offset += height * width;
+            atlas.push(texels);
+            zero()
+        };
         constant.push(match value {
             Value::Colour(p) => p.vector(context),
             Value::Scalar(p) => {
@@ -415,15 +440,10 @@ fn planes(values: Vec<Value<'_>>, context: &Context) -> ChannelPlanes {
             }
             Value::Image(texels, wrap) => {
                 let [height, width, _] = texels.dims();
-                slot = Some(TextureSlot {
-                    offset,
-                    height,
-                    width,
-                    wrap,
-                });
-                offset += height * width;
-                atlas.push(texel_rows(texels));
-                zero()
+                add_texture([height, width], wrap, texel_rows(texels))
+            }
+            Value::ScalarImage(texels, wrap) => {
+                add_texture(texels.dims(), wrap, scalar_rows(texels))
             }
         });
         texture.push(slot);

@@ -77,6 +77,11 @@ impl Holes {
         })
     }
 
+    /// Whether a triangle may have holes.
+    pub fn are_in(&self, triangle: usize) -> bool {
+        self.of_triangle[triangle] != u32::MAX
+    }
+
     /// Whether a triangle has a hole at the point with these weights of its corners.
     #[inline(always)]
     pub fn open(&self, triangle: u32, weights: impl FnOnce() -> [f32; 3]) -> bool {

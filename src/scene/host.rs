@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::check::check_scene;
+use super::check::{check_devices, check_values};
+use super::light::HostLight;
 use super::material::{Channel, MaterialKind, Value};
+use super::transfer::to_host;
 use super::{CornerAttribute, Holes, NormalMap, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, by_rows, host_values};
@@ -16,6 +18,7 @@ pub(crate) struct HostScene {
     pub objects: Vec<HostObject>,
     /// The materials of all objects, one object after the other.
     pub materials: Vec<HostMaterial>,
+    pub lights: Vec<HostLight>,
     pub environment: HostTexture,
     /// If any surface has any.
     pub holes: Option<Arc<Holes>>,
@@ -48,7 +51,7 @@ pub(crate) struct HostAttribute<const C: usize> {
 
 /// A material on the host.
 pub(crate) struct HostMaterial {
-    /// The parameters, in the order of [`Channel::ALL`](super::material::Channel::ALL).
+    /// The parameters, each at its place ([`Channel::place`]).
     pub channels: Vec<HostTexture>,
     pub kind: MaterialKind,
     pub normal_map: Option<HostTexture>,
@@ -57,7 +60,7 @@ pub(crate) struct HostMaterial {
 impl HostMaterial {
     /// Whether its radiance is other than 0.
     fn shines(&self) -> bool {
-        let emission = &self.channels[Channel::Emission as usize];
+        let emission = &self.channels[Channel::Emission.place()];
         !matches!(emission, HostTexture::Constant([0.0, 0.0, 0.0]))
     }
 }
@@ -80,7 +83,18 @@ impl HostScene {
     /// # Errors
     /// If the scene is not valid.
     pub fn new(scene: &Scene) -> Result<Self> {
-        let context = check_scene(scene)?;
+        let context = check_devices(scene)?;
+        let mut scene = scene.clone();
+        to_host(std::slice::from_mut(&mut scene), &mut [], &context)?;
+        Self::read(&scene, context)
+    }
+
+    /// Checks the values of a scene and reads them; `context` is that of its renders.
+    ///
+    /// # Errors
+    /// If a value is not valid.
+    pub fn read(scene: &Scene, context: Context) -> Result<Self> {
+        check_values(scene)?;
         let mut objects = Vec::with_capacity(scene.objects.len());
         let (mut materials, mut masks) = (Vec::new(), Vec::new());
         for object in &scene.objects {
@@ -101,7 +115,7 @@ impl HostScene {
             });
             for (i, m) in object.materials.iter().enumerate() {
                 let kind = m.kind();
-                let channels = m.clone().channels().map(texture);
+                let channels = m.clone().channels().map(|(_, value)| texture(value));
                 let of_map = |mut map: NormalMap| texture(Value::Image(&mut map.texels, map.wrap));
                 let mask = m.alpha_mask.as_ref();
                 let mask = mask.map(|mask| mask.on_host(&object.material_name(i)));
@@ -118,13 +132,16 @@ impl HostScene {
             holes: Holes::new(&objects, masks).map(Arc::new),
             objects,
             materials,
+            lights: (scene.lights.iter())
+                .map(|light| light.host("light"))
+                .collect::<Result<_>>()?,
             environment: texture(scene.environment.clone().value())?,
             shines: scene.environment.shines(),
         };
         if !this.has_light() {
             log::warn!(
                 "the scene has no light, so that its image is black: give it an environment \
-                 (Scene::environment), or an object a Material::emitter"
+                 (Scene::environment), a Light (Scene::light), or an object a Material::emitter"
             );
         }
         Ok(this)
@@ -136,7 +153,8 @@ impl HostScene {
             HostTexture::Constant(c) => *c != [0.0; 3],
             HostTexture::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
         };
-        sky || self.materials.iter().any(|m| m.shines())
+        let lights = self.lights.iter().any(|l| l.strength != [0.0; 3]);
+        sky || lights || self.materials.iter().any(|m| m.shines())
     }
 }
 
@@ -209,6 +227,19 @@ fn texture(value: Value<'_>) -> Result<HostTexture> {
             let [height, width, channels] = image.dims();
             let mut texels = Vec::with_capacity(height * width * channels);
             by_rows(image, |values| texels.extend_from_slice(values))?;
+            HostTexture::Image {
+                texels,
+                width,
+                height,
+                wrap,
+            }
+        }
+        Value::ScalarImage(image, wrap) => {
+            let [height, width] = image.dims();
+            let mut texels = Vec::with_capacity(3 * height * width);
+            by_rows(image, |values| {
+                texels.extend(values.iter().flat_map(|&v| [v, 0.0, 0.0]));
+            })?;
             HostTexture::Image {
                 texels,
                 width,

@@ -8,6 +8,7 @@ mod debug;
 mod flatten;
 mod holes;
 mod host;
+mod light;
 mod maps;
 mod material;
 mod mesh;
@@ -15,20 +16,24 @@ mod normals;
 mod parameter;
 mod parameters;
 mod placement;
+mod reflection;
 pub mod shapes;
 mod tangents;
+mod transfer;
 mod transform;
 mod viewpoint;
 
 pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
-pub(crate) use check::check_scene;
+pub(crate) use check::{check_devices, check_scene};
 pub use corners::CornerAttribute;
 pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, Flattened, Normalization, SkyTensors};
 pub(crate) use holes::Holes;
 pub(crate) use host::{HostAttribute, HostScene, HostTexture, SceneFrame};
+pub use light::Light;
+pub(crate) use light::{HostLight, LightPart, LightPlanes};
 pub use maps::{AlphaMask, NormalMap};
-pub use material::{Albedo, Environment, Material, Wrap};
+pub use material::{Albedo, Bsdf, Environment, Material, ScalarTexture, Wrap};
 pub(crate) use material::{CHANNELS, Channel, MaterialKind};
 pub use mesh::Mesh;
 pub(crate) use mesh::take_rows;
@@ -38,6 +43,7 @@ pub(crate) use parameters::{
     Collect, Detach, ParameterId, Replace, Visit, visit_camera, visit_scene, visit_tensors,
 };
 pub use placement::Scale;
+pub(crate) use transfer::to_host;
 pub use transform::Transform;
 pub use viewpoint::Matrix;
 
@@ -45,11 +51,13 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result, one_of};
 
-/// A scene: objects and an environment.
+/// A scene: objects, lights and an environment.
 #[derive(Clone)]
 pub struct Scene {
     /// The objects, in the order of their ids.
     pub objects: Vec<Object>,
+    /// Lights without a surface.
+    pub lights: Vec<Light>,
     /// The radiance that arrives from infinity where rays miss all surfaces.
     pub environment: Environment,
 }
@@ -65,6 +73,7 @@ impl Scene {
     pub fn new() -> Self {
         Self {
             objects: Vec::new(),
+            lights: Vec::new(),
             environment: Environment::Constant(Parameter::Constant([0.0; 3])),
         }
     }
@@ -75,16 +84,23 @@ impl Scene {
         self
     }
 
+    /// Adds a light without a surface.
+    pub fn light(mut self, light: Light) -> Self {
+        self.lights.push(light);
+        self
+    }
+
     /// Sets the environment: a constant radiance, or an [`Environment::map`]. The field of the same name holds it.
     pub fn environment(mut self, radiance: impl Into<Environment>) -> Self {
         self.environment = radiance.into();
         self
     }
 
-    /// Whether any object emits or the environment is not black.
+    /// Whether any object emits, any light shines or the environment is not black.
     pub fn has_light(&self) -> bool {
         let mut materials = self.objects.iter().flat_map(|o| &o.materials);
-        self.environment.shines() || materials.any(|m| m.emits())
+        let lights = self.lights.iter().any(Light::shines);
+        lights || self.environment.shines() || materials.any(|m| m.emits())
     }
 
     /// The names of its objects.

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use burn::tensor::Tensor;
 
+use super::light::LightPart;
 use super::material::{Channel, Value};
 use super::parameter::Range as Values;
 use super::{Camera, Parameter, Projection, Scene};
@@ -25,8 +26,10 @@ pub(crate) enum ParameterId {
     Velocity(usize),
     /// `[H, W, 3]`.
     NormalMap(usize),
-    /// `[3]` or `[H, W, 3]`, or `[1]`.
+    /// `[3]` or `[H, W, 3]`, or `[1]` or `[H, W]`.
     Material(usize, Channel),
+    /// `[3]` or `[1]`, of a light by its place in the scene.
+    Light(usize, LightPart),
     /// `[3]` or `[H, W, 3]`.
     Environment,
     /// `[3]`, scene units.
@@ -61,6 +64,7 @@ impl ParameterId {
             Self::NormalMap(_) => ("normal map", Values::Finite),
             Self::Velocity(_) => ("velocity", Values::Finite),
             Self::Material(_, channel) => channel.row(),
+            Self::Light(_, part) => part.row(),
             Self::Environment => ("environment", Values::Finite),
             Self::Eye => ("eye", Values::Finite),
             Self::Target => ("target", Values::Finite),
@@ -88,7 +92,7 @@ pub(crate) trait Visit {
     }
 
     /// Called with every image.
-    fn image(&mut self, id: ParameterId, texels: &mut Tensor<3>) {
+    fn image<const D: usize>(&mut self, id: ParameterId, texels: &mut Tensor<D>) {
         self.visit(id, texels);
     }
 
@@ -97,6 +101,7 @@ pub(crate) trait Visit {
             Value::Colour(p) => self.parameter(id, p),
             Value::Image(texels, _) => self.image(id, texels),
             Value::Scalar(p) => self.parameter(id, p),
+            Value::ScalarImage(texels, _) => self.image(id, texels),
         }
     }
 }
@@ -121,7 +126,7 @@ pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
             }
         }
         for m in &mut object.materials {
-            for (channel, value) in Channel::ALL.into_iter().zip(m.channels()) {
+            for (channel, value) in m.channels() {
                 visit.value(Material(material, channel), value);
             }
             if let Some(map) = &mut m.normal_map {
@@ -131,6 +136,11 @@ pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
         }
         if let Some(velocity) = &mut object.velocity {
             visit.parameter(Velocity(i), velocity);
+        }
+    }
+    for (i, light) in scene.lights.iter_mut().enumerate() {
+        for (part, value) in light.parts() {
+            visit.value(ParameterId::Light(i, part), value);
         }
     }
     visit.value(ParameterId::Environment, scene.environment.value());

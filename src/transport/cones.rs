@@ -162,10 +162,14 @@ impl Cones {
             host_vectors(&axis)?,
             host_vectors(&points.geometric_normal)?,
         );
+        let clear = points.clear()?;
         let bends: Vec<Bend> = (0..axes.len())
             .map(|i| {
                 let [u, v, ..] = self.numbers(at, i);
-                bend(axes[i].into(), normals[i].into(), self.tangent, u, v)
+                // A refracted ray leaves on the other side.
+                let refracted = clear.get(i) == Some(&true) && axes[i].dot(normals[i]) < 0.0;
+                let outer = normals[i] * if refracted { -1.0 } else { 1.0 };
+                bend(axes[i].into(), outer.into(), self.tangent, u, v)
             })
             .collect();
         let offsets: Vec<DVec3> = bends.iter().map(|b| b.offset.into()).collect();
@@ -200,8 +204,10 @@ impl Cones {
             let limit = match (&rays.arrival, &distances) {
                 (Some((emitters, _)), Some(distances)) => {
                     let light = host.origin[i] + axis * distances[i] as f32;
-                    let emitter = &self.hierarchy.triangles[emitters[i] as usize];
-                    up_to_plane(start, direction, emitter.normal.into(), light)
+                    let emitter = self.hierarchy.triangles.get(emitters[i] as usize);
+                    // A light without a surface has its plane across the direction to it.
+                    let normal = emitter.map_or(-axis, |e| e.normal.into());
+                    up_to_plane(start, direction, normal, light)
                 }
                 _ => f32::INFINITY,
             };

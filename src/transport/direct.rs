@@ -4,37 +4,15 @@ use burn::tensor::Tensor;
 
 use super::bsdf::{density as density_of_scattering, scattered};
 use super::cones::AtBounce;
+use super::delta_lights::from_delta_lights;
 use super::lights::{Chosen, SkyMap, Views, nonzero};
-use super::paths::pick_rays;
-use super::surface::SurfacePoints;
+use super::shaded::Shaded;
+use super::surface::look_up;
 use super::tracer::{Sight, Tracer};
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
+use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
 use crate::sampling::Dimension;
-use crate::visibility::Rays;
-
-/// Surface points, the rays that came to them, and their paths.
-#[derive(Clone, Copy)]
-pub(super) struct Shaded<'a> {
-    pub points: &'a SurfacePoints,
-    pub rays: &'a Rays,
-    pub at: AtBounce<'a>,
-}
-
-impl Shaded<'_> {
-    /// What a function makes of some of them.
-    fn of_some<T>(&self, context: &Context, which: &[u32], f: impl FnOnce(Shaded) -> T) -> T {
-        let paths: Vec<_> = which.iter().map(|&i| self.at.paths[i as usize]).collect();
-        f(Shaded {
-            points: &self.points.pick(context, which),
-            rays: &pick_rays(context, self.rays, which),
-            at: AtBounce {
-                paths: &paths,
-                ..self.at
-            },
-        })
-    }
-}
+use crate::scene::Channel;
 
 /// Light from one point of one emitter triangle at each surface point: planes of
 /// f·cos θ·cos θ_e/r²·L_e·T over the density. With `scattered`, the direction in which each path goes
@@ -56,6 +34,7 @@ pub(super) fn connect(
     let views = match looks {
         true => Some(Views {
             position: host_vectors(&shaded.points.position)?,
+            normal: host_vectors(&shaded.points.geometric_normal)?,
             time: time.map(host_values).transpose()?,
         }),
         false => None,
@@ -63,9 +42,29 @@ pub(super) fn connect(
     let dimensions = [Dimension::EmitterU, Dimension::EmitterV];
     let AtBounce { paths, bounce } = shaded.at;
     let [u, v] = tracer.transport.sampler.uniform(paths, bounce, dimensions);
-    let chosen = lights.choose(views.as_ref(), &u, &v);
-    let combined = scattered.map(|(_, used)| (false, used));
-    let mut found = vec![(None, arriving(tracer, shaded, &chosen, combined)?)];
+    let (chosen, of_lights) = lights.choose(views.as_ref(), &u, &v);
+    let mut found = Vec::new();
+    if of_lights.is_empty() {
+        let combined = scattered.map(|(_, used)| (false, used));
+        found.push((None, arriving(tracer, shaded, &chosen, combined)?));
+    } else {
+        let which: Vec<u32> = chosen.iter().map(|c| c.path).collect();
+        if !which.is_empty() {
+            let used = scattered.map(|(_, used)| {
+                let some = which.iter().map(|&i| used[i as usize]);
+                some.collect::<Vec<_>>()
+            });
+            let light = shaded.of_some(&scene.context, &which, |shaded| {
+                arriving(tracer, shaded, &chosen, used.as_deref().map(|u| (false, u)))
+            })?;
+            found.push((Some(which), light));
+        }
+        let which: Vec<u32> = of_lights.iter().map(|c| c.path).collect();
+        let light = shaded.of_some(&scene.context, &which, |shaded| {
+            from_delta_lights(tracer, shaded, &of_lights)
+        })?;
+        found.push((Some(which), light));
+    }
     if let (Some((direction, used)), Some(views)) = (scattered, &views) {
         let mut hits = lights.intersect(views, &host_vectors(direction)?);
         hits.retain(|h| used[h.path as usize]);
@@ -128,13 +127,22 @@ fn arriving(
     let area = gather_row(scene.triangles.area.clone(), &index);
     let material = |&k: &u32| scene.topology.material[k as usize];
     let materials: Vec<u32> = emitter.iter().map(material).collect();
-    let emission = scene.materials.emission();
-    let emission = emission.gather(&context.index_row(&materials));
+    let uv = scene.uvs.as_ref().map(|corners| {
+        let at = |f: fn(&Vec3) -> &Tensor<2>| {
+            let of =
+                |corner: &Vec3, w: &Tensor<2>| gather_row(f(corner).clone(), &index) * w.clone();
+            of(&corners.a, &a) + of(&corners.b, &b) + of(&corners.c, &c)
+        };
+        [at(|v| &v.x), at(|v| &v.y)]
+    });
+    let emission = scene.materials.channel(Channel::Emission.place());
+    let of_material = context.index_row(&materials);
+    let emission = look_up(context, emission, &materials, &of_material, &uv)?;
     let mut shadow = points.ray(direction, time.clone());
     shadow.arrival = Some((emitter, detached(&distance)));
     // Where the light or the surface faces away, or the surface reflects nothing there, nothing
     // arrives whatever is in between.
-    let reflected = scattered(points, incoming, &shadow.direction);
+    let reflected = scattered(context, points, incoming, &shadow.direction)?;
     let dense = matches!(tracer.transport.sight, Sight::Softmax(_, None));
     let needed = if !dense {
         let sum = detached(&reflected.x) + detached(&reflected.y) + detached(&reflected.z);
@@ -207,7 +215,8 @@ fn along(
     let towards = Vec3::from_host(context, directions);
     // Where nothing is reflected no ray is traced.
     let incoming = shaded.rays.direction.detached();
-    let which = nonzero(&scattered(&shaded.points.detached(), &incoming, &towards))?;
+    let points = shaded.points.detached();
+    let which = nonzero(&scattered(context, &points, &incoming, &towards)?)?;
     if which.is_empty() {
         return Ok(None);
     }
@@ -222,7 +231,7 @@ fn along(
         let by_bsdf = density_of_scattering(points, &rays.direction, &towards);
         let density = power_heuristic(context.row(&density), by_bsdf, by_scattering);
         let light = map.radiance(context, &towards)?.scale(&(passed / density));
-        Ok(scattered(points, &rays.direction, &towards).mul(&light))
+        Ok(scattered(context, points, &rays.direction, &towards)?.mul(&light))
     })?;
     Ok(Some((Some(which), light)))
 }

@@ -4,14 +4,17 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
+use rayon::iter::Either;
 use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
 use crate::model::V3;
+use crate::model::delta_light::DeltaLight;
 use crate::model::sky::SkyDensity;
-use crate::sampling::{Emitter, EmitterSampling, Emitters};
-use crate::scene::{EnvironmentMap, Flattened, SkyTensors};
+use crate::model::texture::{Colour, Texels, Texture};
+use crate::sampling::{Emitter, EmitterSampling, Emitters, Receiver};
+use crate::scene::{Channel, EnvironmentMap, Flattened, LightPlanes, SkyTensors};
 
 /// The emitters of a scene, for lists of points.
 pub(crate) struct Lights {
@@ -21,15 +24,30 @@ pub(crate) struct Lights {
 /// The points that emitters are chosen for.
 pub(crate) struct Views {
     pub position: Vec<DVec3>,
+    /// The side's normal.
+    pub normal: Vec<DVec3>,
     /// Time in the shutter, if anything moves.
     pub time: Option<Vec<f64>>,
 }
 
 impl Views {
-    fn at(&self, i: usize) -> (V3, f32) {
-        let time = self.time.as_ref().map_or(0.0, |t| t[i] as f32);
-        (self.position[i].into(), time)
+    fn at(&self, i: usize) -> Receiver {
+        Receiver {
+            position: self.position[i].into(),
+            normal: self.normal[i].into(),
+            time: self.time.as_ref().map_or(0.0, |t| t[i] as f32),
+        }
     }
+}
+
+/// A light without extent that a path is connected to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChosenLight {
+    pub path: u32,
+    /// Its place among these lights.
+    pub light: u32,
+    /// Probability of the light among all emitters.
+    pub chance: f64,
 }
 
 /// A point of an emitter that a path is connected to.
@@ -49,55 +67,47 @@ const PIECE: usize = 512;
 impl Lights {
     /// Reads the emitters back.
     pub fn new(scene: &Flattened, sampling: EmitterSampling) -> Result<Self> {
-        let index = &scene.emitters;
         let moves = scene.triangles.velocity.is_some();
-        if index.is_empty() {
-            let emitters = Emitters::new(Vec::new(), moves, sampling);
-            return Ok(Self { emitters });
-        }
-        let row = scene.context.index_row(index);
-        let vectors = |v: &Vec3| host_vectors(&v.gather(&row));
-        let corners = &scene.triangles.corners;
-        let (a, b) = (vectors(&corners.a)?, vectors(&corners.b)?);
-        let c = vectors(&corners.c)?;
-        let velocity = scene.triangles.velocity.as_ref().map(vectors).transpose()?;
-        let valid = host_values(&scene.triangles.valid.clone().float())?;
-        let emission = host_vectors(scene.materials.emission())?;
-        let one = |(i, &k): (usize, &u32)| {
-            let cross = (b[i] - a[i]).cross(c[i] - a[i]);
-            let material = scene.topology.material[k as usize] as usize;
-            let valid = valid[k as usize] > 0.0;
-            Emitter {
-                triangle: k,
-                object: scene.topology.object[k as usize],
-                corners: [a[i], b[i], c[i]].map(|v| v.into()),
-                normal: cross.normalize_or_zero().into(),
-                area: if valid { 0.5 * cross.length() } else { 0.0 } as f32,
-                velocity: velocity.as_ref().map_or(V3::ZERO, |v| v[i].into()),
-                radiance: (emission[material].abs().element_sum() / 3.0) as f32,
-                group: 0,
-            }
-        };
-        let list = index.iter().enumerate().map(one).collect();
-        let emitters = Emitters::new(list, moves, sampling);
+        let size = scene.lights.as_ref().map_or(1.0, |l| l.size);
+        let lights = scene.lights.as_ref().map_or(Ok(Vec::new()), delta_lights)?;
+        let emitters = Emitters::new(triangles(scene)?, lights, (moves, size), sampling);
         Ok(Self { emitters })
     }
 
-    /// A point of an emitter for each pair of random numbers.
-    pub(super) fn choose(&self, views: Option<&Views>, u: &[f64], v: &[f64]) -> Vec<Chosen> {
+    /// A point of an emitter, or a light without extent, for each pair of random numbers.
+    pub(super) fn choose(
+        &self,
+        views: Option<&Views>,
+        u: &[f64],
+        v: &[f64],
+    ) -> (Vec<Chosen>, Vec<ChosenLight>) {
         let pieces = u.par_iter().zip(v).enumerate().with_min_len(PIECE);
         let one = |room: &mut Vec<f32>, (i, (&u, &v)): (usize, (&f64, &f64))| {
-            let (x, time) = views.map_or((V3::ZERO, 0.0), |v| v.at(i));
-            let (k, chance, rest) = self.emitters.choose(x, time, u as f32, room);
+            let nowhere = Receiver {
+                position: V3::ZERO,
+                normal: V3::ZERO,
+                time: 0.0,
+            };
+            let at = views.map_or(nowhere, |v| v.at(i));
+            let (k, chance, rest) = self.emitters.choose(&at, u as f32, room);
+            if let Some(light) = self.emitters.light(k) {
+                return Either::Right(ChosenLight {
+                    path: i as u32,
+                    light: light as u32,
+                    chance: chance.into(),
+                });
+            }
             let root = f64::from(rest).sqrt();
-            Chosen {
+            Either::Left(Chosen {
                 path: i as u32,
                 emitter: self.emitters.get(k).triangle,
                 weights: [root * (1.0 - v), root * v],
                 chance: chance.into(),
-            }
+            })
         };
-        pieces.map_init(Vec::new, one).collect()
+        pieces
+            .map_init(Vec::new, one)
+            .partition_map(|either| either)
     }
 
     /// The points on the fronts of emitters that rays hit, were nothing in between.
@@ -105,13 +115,13 @@ impl Lights {
         let emitters = &self.emitters;
         let one = |i: usize| {
             let (mut hits, mut room) = (Vec::new(), Vec::new());
-            let (x, time) = views.at(i);
-            emitters.each_hit(emitters.all(), x, time, directions[i].into(), |hit| {
+            let at = views.at(i);
+            emitters.each_hit_of_all(&at, directions[i].into(), |hit| {
                 hits.push(Chosen {
                     path: i as u32,
                     emitter: emitters.get(hit.emitter).triangle,
                     weights: hit.weights.map(f64::from),
-                    chance: emitters.chance(x, time, hit.emitter, &mut room).into(),
+                    chance: emitters.chance(&at, hit.emitter, &mut room).into(),
                 });
             });
             hits
@@ -119,6 +129,94 @@ impl Lights {
         let paths = (0..directions.len()).into_par_iter().with_min_len(PIECE);
         paths.flat_map_iter(one).collect()
     }
+}
+
+/// The triangles that emit, read back.
+fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
+    let index = &scene.emitters;
+    if index.is_empty() {
+        return Ok(Vec::new());
+    }
+    let row = scene.context.index_row(index);
+    let vectors = |v: &Vec3| host_vectors(&v.gather(&row));
+    let corners = &scene.triangles.corners;
+    let (a, b) = (vectors(&corners.a)?, vectors(&corners.b)?);
+    let c = vectors(&corners.c)?;
+    let velocity = scene.triangles.velocity.as_ref().map(vectors).transpose()?;
+    let valid = host_values(&scene.triangles.valid.clone().float())?;
+    let channel = scene.materials.channel(Channel::Emission.place());
+    let emission = host_vectors(&channel.constant)?;
+    let mut texels = Texels::default();
+    let mut uvs = None;
+    if let (Some(atlas), Some(corners)) = (&channel.atlas, &scene.uvs) {
+        let atlas = host_vectors(atlas)?;
+        texels.push(
+            atlas
+                .iter()
+                .flat_map(|t| t.to_array())
+                .map(|v| v as f32)
+                .collect(),
+        );
+        uvs = Some([
+            vectors(&corners.a)?,
+            vectors(&corners.b)?,
+            vectors(&corners.c)?,
+        ]);
+    }
+    let radiance = |i: usize, material: usize| {
+        let slot = channel.texture[material].as_ref();
+        let colour = Colour {
+            constant: emission[material].into(),
+            texture: slot.map(|s| Texture {
+                offset: s.offset,
+                width: s.width,
+                height: s.height,
+                wrap: s.wrap,
+            }),
+        };
+        let uv = |v: DVec3| [v.x as f32, v.y as f32];
+        let uvs = uvs
+            .as_ref()
+            .map(|uvs: &[Vec<DVec3>; 3]| uvs.each_ref().map(|c| uv(c[i])));
+        colour.mean_over(&texels, uvs.unwrap_or_default())
+    };
+    let one = |(i, &k): (usize, &u32)| {
+        let cross = (b[i] - a[i]).cross(c[i] - a[i]);
+        let material = scene.topology.material[k as usize] as usize;
+        let valid = valid[k as usize] > 0.0;
+        Emitter {
+            triangle: k,
+            object: scene.topology.object[k as usize],
+            corners: [a[i], b[i], c[i]].map(|v| v.into()),
+            normal: cross.normalize_or_zero().into(),
+            area: if valid { 0.5 * cross.length() } else { 0.0 } as f32,
+            velocity: velocity.as_ref().map_or(V3::ZERO, |v| v[i].into()),
+            radiance: radiance(i, material),
+            group: 0,
+        }
+    };
+    let all = index.iter().enumerate().map(one);
+    Ok(all.filter(|e| e.area > 0.0).collect())
+}
+
+/// The lights without extent, read back.
+fn delta_lights(planes: &LightPlanes) -> Result<Vec<DeltaLight>> {
+    let (position, axis) = (host_vectors(&planes.position)?, host_vectors(&planes.axis)?);
+    let strength = host_vectors(&planes.strength)?;
+    let (inner, outer) = (
+        host_values(&planes.cos_inner)?,
+        host_values(&planes.cos_outer)?,
+    );
+    let one = |i: usize| DeltaLight {
+        position: position[i].into(),
+        axis: axis[i].into(),
+        strength: strength[i].into(),
+        directional: planes.directional[i],
+        spot: planes.spot[i],
+        cos_inner: inner[i] as f32,
+        cos_outer: outer[i] as f32,
+    };
+    Ok((0..position.len()).map(one).collect())
 }
 
 /// An environment, with the host-side tables of a map.

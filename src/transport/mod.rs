@@ -2,12 +2,14 @@
 
 mod bsdf;
 mod cones;
+mod delta_lights;
 mod diagnostics;
 mod direct;
 mod lights;
 mod path;
 mod paths;
 mod seen;
+mod shaded;
 mod surface;
 mod tracer;
 

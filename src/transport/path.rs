@@ -2,15 +2,16 @@
 
 use std::cell::RefCell;
 
-use burn::tensor::{IndexingUpdateOp, Tensor};
+use burn::tensor::Tensor;
 
 use super::bsdf::{self, Scatter};
 use super::cones::AtBounce;
 use super::diagnostics::Diagnostics;
-use super::direct::{self, Shaded};
+use super::direct;
 use super::lights::{Sky, SkyMap};
-use super::paths::{Contribution, PathBatch, is_identity, roulette, times, weighted};
+use super::paths::{Contribution, PathBatch, roulette, spread, times, weighted};
 use super::seen;
+use super::shaded::Shaded;
 use super::surface::SurfacePoints;
 use super::tracer::{RayStatistics, RayWeights, Sight, Tracer, Transport};
 use crate::error::Result;
@@ -90,7 +91,7 @@ pub(crate) fn trace<'a>(
         first: None,
         seen: None,
     };
-    let dark = scene.emitters.is_empty() && sky.is_none();
+    let dark = transport.lights.emitters.is_empty() && sky.is_none();
     for bounce in 0..=settings.bounces {
         let drawn = tracing.draw(bounce, dark)?;
         if dark || drawn.is_empty() {
@@ -215,6 +216,7 @@ impl<'a> Tracing<'a> {
         let goes_on = bounce < settings.bounces || self.sky.is_some();
         let scatter = (goes_on || by_scattering || self.map.is_some())
             .then(|| bsdf::sample(context, points, &rays.direction, sampler, paths, bounce));
+        let scatter = scatter.transpose()?;
         let direction = scatter.as_ref().map(|s| &s.direction);
         let along = direction.filter(|_| by_scattering);
         let along = along.map(|d| (d, glossy.as_slice()));
@@ -309,20 +311,6 @@ fn whole(scene: &Flattened, found: &[Contribution], from: u32, count: usize) -> 
         sum = sum.add(&c.light.map(|l| spread(scene, l, &c.slots, count)));
     }
     sum
-}
-
-/// A row of some paths as a row of all, zero elsewhere.
-fn spread(scene: &Flattened, row: Tensor<2>, slots: &[u32], count: usize) -> Tensor<2> {
-    if is_identity(slots, count) {
-        return row;
-    }
-    let context = &scene.context;
-    Tensor::<2>::zeros([1, count], (&context.device, context.dtype)).scatter(
-        1,
-        context.index_row(slots),
-        row,
-        IndexingUpdateOp::Add,
-    )
 }
 
 /// A term of value 0 that lowers the variance of the gradient of a draw. The derivative of a

@@ -1,11 +1,12 @@
 //! The paths of a tile that are on their way, and the light that they bring back.
 
-use burn::tensor::Tensor;
+use burn::tensor::{IndexingUpdateOp, Tensor};
 
 use super::tracer::{RayWeights, Tracer};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values};
 use crate::sampling::Dimension;
+use crate::scene::Flattened;
 use crate::visibility::Rays;
 
 /// Ends paths at random in proportion to their throughput, and returns those that go on.
@@ -161,6 +162,20 @@ pub(super) struct Contribution {
 
 pub(super) fn is_identity(which: &[u32], count: usize) -> bool {
     which.len() == count && which.iter().enumerate().all(|(i, &w)| i == w as usize)
+}
+
+/// A row of some paths as a row of all, zero elsewhere.
+pub(super) fn spread(scene: &Flattened, row: Tensor<2>, slots: &[u32], count: usize) -> Tensor<2> {
+    if is_identity(slots, count) {
+        return row;
+    }
+    let context = &scene.context;
+    Tensor::<2>::zeros([1, count], (&context.device, context.dtype)).scatter(
+        1,
+        context.index_row(slots),
+        row,
+        IndexingUpdateOp::Add,
+    )
 }
 
 fn pick_row(context: &Context, row: Tensor<2>, which: &[u32], count: usize) -> Tensor<2> {

@@ -3,10 +3,12 @@
 use burn::tensor::Tensor;
 
 use super::cones::Hits;
+use super::paths::{pick_rays, spread};
+use super::surface::{SurfacePoints, look_up};
 use super::tracer::{RayWeights, Transport};
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, host_values};
-use crate::scene::Flattened;
+use crate::scene::{Channel, Flattened};
 use crate::visibility::SparseWeights;
 
 /// Light of emitters and environment that camera rays see: the mean over all their surfaces, not over
@@ -24,7 +26,7 @@ pub(crate) fn seen(
         return Ok(None);
     }
     let weights = match weights {
-        RayWeights::Hits(hits) => return Ok(Some(seen_by_hits(scene, hits, sky))),
+        RayWeights::Hits(hits) => return Ok(Some(seen_by_hits(scene, hits, sky)?)),
         RayWeights::Dense(weights) => weights,
         RayWeights::Sparse(weights) => return Ok(Some(seen_by_candidates(scene, weights, sky)?)),
     };
@@ -44,19 +46,32 @@ pub(crate) fn seen(
     )))
 }
 
-fn seen_by_hits(scene: &Flattened, hits: &Hits, sky: Option<Vec3>) -> Vec3 {
+fn seen_by_hits(scene: &Flattened, hits: &Hits, sky: Option<Vec3>) -> Result<Vec3> {
     let context = &scene.context;
     let material = |&k: &u32| scene.topology.material.get(k as usize).map_or(0, |&m| m);
     let materials: Vec<u32> = hits.triangle.iter().map(material).collect();
-    let emission = scene
-        .materials
-        .emission()
-        .gather(&context.index_row(&materials));
-    let seen = emission.scale(&hits.row(context, |i| hits.is_hit(i) && hits.front[i]));
-    match sky {
+    let emission = scene.materials.channel(Channel::Emission.place());
+    let constant = emission.constant.gather(&context.index_row(&materials));
+    let mut seen = constant.scale(&hits.row(context, |i| hits.is_hit(i) && hits.front[i]));
+    let count = materials.len();
+    let textured = |i: usize| {
+        hits.is_hit(i) && hits.front[i] && emission.texture[materials[i] as usize].is_some()
+    };
+    let which: Vec<u32> = (0..count as u32)
+        .filter(|&i| textured(i as usize))
+        .collect();
+    if !which.is_empty() {
+        let triangle = which.iter().map(|&i| hits.triangle[i as usize]).collect();
+        let points = SurfacePoints::new(scene, &pick_rays(context, &hits.rays, &which), triangle)?;
+        let materials: Vec<u32> = which.iter().map(|&i| materials[i as usize]).collect();
+        let index = context.index_row(&materials);
+        let light = look_up(context, emission, &materials, &index, &points.uv)?;
+        seen = seen.add(&light.map(|l| spread(scene, l, &which, count)));
+    }
+    Ok(match sky {
         Some(sky) => seen.add(&sky.scale(&hits.row(context, |i| !hits.is_hit(i)))),
         None => seen,
-    }
+    })
 }
 
 fn seen_by_candidates(

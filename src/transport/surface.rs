@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::geometry::{
     Context, Nearest, Vec3, VertexData, detached, gather_row, host_values, nearest_on_triangle,
 };
-use crate::scene::{Channel, ChannelPlanes, Flattened};
+use crate::scene::{Bsdf, Channel, ChannelPlanes, Flattened, MaterialKind};
 use crate::visibility::Rays;
 
 /// Drawn surface points, rows `[1, N]`.
@@ -21,13 +21,35 @@ pub(crate) struct SurfacePoints {
     pub normal: Vec3,
     /// Whether the two may differ.
     pub smooth: bool,
-    /// The parameters of their BSDF, the first ones of [`Channel::ALL`].
+    /// The parameters of their BSDF, each at its place ([`Channel::place`](crate::scene::Channel::place)).
     pub parameters: Vec<Vec3>,
+    /// The models of facets among their BSDFs.
+    pub models: Vec<Model>,
+    /// 1 where a ray came from behind the front, which is inside of a dielectric.
+    pub inside: Tensor<2>,
+    /// Texture coordinates, where any material has a texture.
+    pub uv: Option<[Tensor<2>; 2]>,
+}
+
+/// A model of facets that some surface points have.
+pub(crate) struct Model {
+    pub kind: MaterialKind,
+    /// 1 for points that have it, else 0.
+    pub row: Tensor<2>,
 }
 
 impl SurfacePoints {
     pub(crate) fn detached(&self) -> Self {
         self.map(self.triangle.clone(), detached)
+    }
+
+    /// Whether each is of clear matter, which refracts; empty if none is.
+    pub(crate) fn clear(&self) -> Result<Vec<bool>> {
+        let mut models = self.models.iter();
+        let Some(model) = models.find(|m| m.kind.bsdf == Bsdf::Dielectric) else {
+            return Ok(Vec::new());
+        };
+        Ok(host_values(&model.row)?.iter().map(|&x| x > 0.5).collect())
     }
 
     /// Some of them, in any order, as often as they are named.
@@ -57,6 +79,14 @@ impl SurfacePoints {
             normal: vector(&self.normal),
             smooth: self.smooth,
             parameters: self.parameters.iter().map(vector).collect(),
+            models: (self.models.iter())
+                .map(|m| Model {
+                    kind: m.kind,
+                    row: f(&m.row),
+                })
+                .collect(),
+            inside: f(&self.inside),
+            uv: self.uv.as_ref().map(|uv| uv.each_ref().map(&f)),
         }
     }
 
@@ -125,16 +155,19 @@ impl SurfacePoints {
             .collect();
         let material = context.index_row(&materials);
         let kind = scene.materials.kind();
-        let channels = Channel::ALL.iter().take(kind.shading());
-        let parameters = channels.map(|&channel| {
-            let channel = scene.materials.channel(channel);
+        let parameters = (0..kind.shading()).map(|place| {
+            let channel = scene.materials.channel(place);
             look_up(context, channel, &materials, &material, &uv)
         });
         let mut parameters = parameters.collect::<Result<Vec<Vec3>>>()?;
         let near = barycentrics.map(|(b, c, nearest)| at_nearest(&b, &c, &nearest));
         if let (Some(corners), Some(near)) = (&scene.colours, &near) {
-            let diffuse = &mut parameters[Channel::Diffuse as usize];
-            *diffuse = diffuse.mul(&interpolated(corners, &index, near));
+            let plain = |m: &u32| !scene.materials.kinds[*m as usize].bsdf.is_tinted();
+            let plain: Vec<f64> = materials.iter().map(|m| u8::from(plain(m)).into()).collect();
+            let plain = context.row(&plain).greater_elem(0.5);
+            let colour = interpolated(corners, &index, near);
+            let base = &mut parameters[Channel::Diffuse.place()];
+            *base = base.mul(&colour.map(|x| x.mask_fill(plain.clone(), 1.0)));
         }
         let normal = match (&scene.tilts, &near) {
             (Some(tilts), Some(near)) => {
@@ -153,6 +186,9 @@ impl SurfacePoints {
             normal,
             smooth: scene.normals.is_some() || scene.tilts.is_some(),
             parameters,
+            models: models(scene, &materials),
+            inside: (side.neg() + 1.0) * 0.5,
+            uv,
         })
     }
 }
@@ -222,6 +258,30 @@ fn shading_normals(
     let facing = detached(&shading.dot(geometric_normal));
     let flip = facing.greater_equal_elem(0.0).float().cast(context.dtype) * 2.0 - 1.0;
     shading.normalized().scale(&flip)
+}
+
+/// The models of facets that points of materials have.
+fn models(scene: &Flattened, materials: &[u32]) -> Vec<Model> {
+    let of = |&m: &u32| {
+        let kind = scene.materials.kinds[m as usize];
+        (kind.bsdf, kind.compensated)
+    };
+    let mut found: Vec<(MaterialKind, _)> = Vec::new();
+    for m in materials {
+        let new = found.iter().all(|f| f.1 != of(m));
+        if new && of(m).0 != Bsdf::Phong {
+            found.push((scene.materials.kinds[*m as usize], of(m)));
+        }
+    }
+    let of_one = |(kind, which)| {
+        let has = |m: &u32| f64::from(u8::from(of(m) == which));
+        let row = materials.iter().map(has).collect::<Vec<_>>();
+        Model {
+            kind,
+            row: scene.context.row(&row),
+        }
+    };
+    found.into_iter().map(of_one).collect()
 }
 
 /// A parameter of materials at surface points `[1, N]`: the constant of each material, or its texture at the

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Bool, DType, Tensor, TensorData};
 
-use super::rays::Rays;
+use super::rays::{NO_TRIANGLE, Rays};
 use crate::geometry::{Context, Nearest, Topology, Triangles, Vec3, detached, nearest_on_triangle};
 
 /// The parameters of Eq. 1, in the triangles' unit.
@@ -276,7 +276,7 @@ fn end_masks(context: &Context, topology: &Topology, rays: &Rays) -> Masks {
     let mut excluded = vec![false; triangles * n];
     let mut softened = vec![false; triangles * n];
     for end in ends {
-        for (i, &k) in end.iter().enumerate() {
+        for (i, &k) in end.iter().enumerate().filter(|e| *e.1 != NO_TRIANGLE) {
             excluded[k as usize * n + i] = true;
             for j in topology.neighbours.of(k) {
                 softened[j as usize * n + i] = true;
@@ -304,12 +304,15 @@ fn hidden_sides(
     let Some((emitter, distance)) = &rays.arrival else {
         return Some(hidden);
     };
-    if emitter.iter().all(|&e| !topology.closed[e as usize]) {
+    let closed = |&e: &u32| topology.closed.get(e as usize).is_some_and(|&c| c);
+    if !emitter.iter().any(closed) {
         return Some(hidden);
     }
     let object = |k: u32| f64::from(topology.object[k as usize]);
     let objects: Vec<f64> = (0..topology.object.len() as u32).map(object).collect();
-    let of_emitter: Vec<f64> = emitter.iter().map(|&e| object(e)).collect();
+    let object_of = |e: u32| topology.object.get(e as usize).map(|&o| f64::from(o));
+    let of_emitter = emitter.iter().map(|&e| object_of(e).unwrap_or(-1.0));
+    let of_emitter: Vec<f64> = of_emitter.collect();
     // A ray from an object to itself changes sides half-way.
     let from: Vec<f64> = emitter
         .iter()
@@ -318,7 +321,7 @@ fn hidden_sides(
             let same = rays
                 .departure
                 .as_ref()
-                .is_some_and(|d| topology.object[d[i] as usize] == topology.object[e as usize]);
+                .is_some_and(|d| object_of(d[i]) == object_of(e));
             if same { 0.5 } else { 0.0 }
         })
         .collect();

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 
 pub(crate) use edge::{Coverage, CoverageSettings, coverage, grazing, transmittance};
-pub(crate) use rays::{DepthRange, Rays};
+pub(crate) use rays::{DepthRange, NO_TRIANGLE, Rays};
 pub(crate) use sparse::{Sparse, SparseWeights, hierarchy_of};
 pub(crate) use weights::{Softmax, Span, Weights, weights};
 

@@ -4,6 +4,9 @@ use burn::tensor::Tensor;
 
 use crate::geometry::Vec3;
 
+/// The emitter where a shadow ray ends on no surface.
+pub const NO_TRIANGLE: u32 = u32::MAX;
+
 /// Rays o + t·d with |d| = 1, rows `[1, N]`; origins relative to the centre of the bounds, in the
 /// triangles' unit.
 #[derive(Clone, Debug)]
@@ -15,7 +18,8 @@ pub struct Rays {
     pub time: Option<Tensor<2>>,
     /// The triangle that each ray leaves, if it leaves a surface.
     pub departure: Option<Vec<u32>>,
-    /// The emitter triangle that each ray ends on and its distance (without tape), for shadow rays.
+    /// The emitter triangle ([`NO_TRIANGLE`] for a light without a surface) that each ray ends on and its distance
+    /// (without tape), for shadow rays.
     pub arrival: Option<(Vec<u32>, Tensor<2>)>,
 }
 

@@ -32,7 +32,7 @@ impl Folder {
 
     /// Writes an OBJ file and loads it.
     pub fn load(&self, obj: impl AsRef<[u8]>) -> softray::Result<Scene> {
-        Scene::from_obj(self.write("scene.obj", obj), &Device::flex())
+        Scene::load(self.write("scene.obj", obj), &Device::flex())
     }
 
     /// The names of all files, sorted.

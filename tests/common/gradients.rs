@@ -1,5 +1,7 @@
 //! Gradients against central differences of renders of the same blurred scene.
 
+pub mod lights;
+
 use burn::tensor::{DType, Device, Tensor};
 use softray::gradcheck::{Checked, GradCheck, Row, gradcheck};
 use softray::prelude::*;
@@ -21,7 +23,7 @@ pub struct Case {
 
 const SIZE: usize = 12;
 
-fn vector(p: Tensor<1>, direction: [f64; 3], device: &Device, dtype: DType) -> Tensor<1> {
+pub fn vector(p: Tensor<1>, direction: [f64; 3], device: &Device, dtype: DType) -> Tensor<1> {
     p * constant(&direction, [3], device, dtype)
 }
 
@@ -43,7 +45,7 @@ pub fn floor_and_light(device: &Device) -> [Mesh; 2] {
 }
 
 /// A floor, a light, a ball and a free triangle, all with a part in the image.
-fn objects(device: &Device, dtype: DType) -> [Object; 4] {
+pub fn objects(device: &Device, dtype: DType) -> [Object; 4] {
     let [floor, light] = floor_and_light(device);
     let half = constant(&[0.5], [1], device, dtype);
     let ball = shapes::icosahedron(device).cast(dtype).scaled(half);
@@ -62,7 +64,7 @@ fn objects(device: &Device, dtype: DType) -> [Object; 4] {
     ]
 }
 
-fn scene(objects: [Object; 4]) -> Scene {
+pub fn scene(objects: [Object; 4]) -> Scene {
     let scene = Scene::new().environment([0.9, 1.0, 1.1]);
     objects.into_iter().fold(scene, Scene::with)
 }
@@ -74,11 +76,11 @@ fn with_lamp(device: &Device, dtype: DType) -> Scene {
     scene(objects(device, dtype)).with(lamp)
 }
 
-fn camera() -> Camera {
+pub fn camera() -> Camera {
     Camera::look_at([0.2, 1.3, 4.2], [0.0, 0.9, 0.0]).fov_y(38.0)
 }
 
-fn change(
+pub fn change(
     name: &'static str,
     f: impl Fn(Object) -> Object,
     device: &Device,
@@ -471,11 +473,23 @@ pub type Setup<'a> = (&'a Device, fn(RenderOptions) -> RenderOptions);
 
 /// How far the gradients of one seed are apart in two setups, relative to the larger, by case.
 pub fn agreement(setups: [Setup; 2], dtype: DType, effort: Effort) -> Vec<(&'static str, f64)> {
+    let lights = lights::still().into_iter().chain(lights::moving());
+    let all: Vec<Case> = cases().into_iter().chain(lights).collect();
+    agreement_of(&all, setups, dtype, effort)
+}
+
+/// The same of some cases.
+pub fn agreement_of(
+    cases: &[Case],
+    setups: [Setup; 2],
+    dtype: DType,
+    effort: Effort,
+) -> Vec<(&'static str, f64)> {
     let apart = |case: &Case| {
         let [x, y] = setups.map(|e| of_seed(case, e, dtype, effort, 5));
         (x - y).abs() / x.abs().max(y.abs())
     };
-    let found: Vec<_> = cases().iter().map(|c| (c.name, apart(c))).collect();
+    let found: Vec<_> = cases.iter().map(|c| (c.name, apart(c))).collect();
     println!("{found:?}");
     found
 }

@@ -2,7 +2,10 @@
 #![allow(dead_code)] // each test binary uses a part
 
 pub mod errors;
+pub mod facets;
 pub mod folder;
+pub mod gltf;
+pub mod gpu;
 pub mod gradients;
 pub mod images;
 pub mod jumps;

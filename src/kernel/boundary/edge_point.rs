@@ -9,6 +9,7 @@ use crate::kernel::gradient::Sums;
 use crate::kernel::surface::{Point, PointGradient};
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Vertex, Walk, Walks};
+use crate::model::choice::decided_by;
 use crate::model::edge::{DirectionJump, half_plane};
 use crate::model::segment::{OnSegment, clip_to_cone, point_by_angle};
 use crate::model::triangle::barycentric;
@@ -51,7 +52,7 @@ impl View {
         query: &Query,
         [u, v]: [f32; 2],
     ) -> Option<EdgePoint> {
-        let (index, per_chance) = tree.sample(self.arch, query, u)?;
+        let (index, per_chance) = tree.sample(self.arch, query, decided_by(u, v))?;
         let edge = o.sets.edges[index as usize].at_time(&self.scene, query.time)?;
         if edge.faces.contains(&o.vertex.point.triangle) {
             return None;

@@ -10,9 +10,7 @@ use crate::kernel::view::View;
 use crate::kernel::walk::Path;
 use crate::kernel::walk::Work;
 use crate::model::V3;
-use crate::model::cone::widened;
 use crate::model::edge::direction_jump;
-use crate::model::frame::SinCos;
 
 /// The probability with which edges of reflected light are looked for at a point of a path that counts as
 /// much as a camera ray does on average: half that of the lights' shadows, since it takes two more paths.
@@ -56,18 +54,29 @@ impl View {
         } else {
             (1.0 - gloss, (lobe - gloss) / (1.0 - gloss))
         };
-        let query = self.lobe_query(o, of_gloss);
+        let lobe = shading.lobe(of_gloss, cone_u, self.cone);
+        let (chance, cone_u) = (chance * lobe.chance, lobe.rest);
+        let query = Query {
+            x: point.position,
+            time,
+            axis: lobe.axis,
+            cos: lobe.cos,
+            sin: lobe.sin,
+            exponent: lobe.exponent,
+            shadows: false,
+        };
         let Some(p) = self.edge_point(o, tree, &query, [u, v]) else {
             return;
         };
         let view = p.to.normalize();
-        let bend = self.bend(view, shading.geometric, cone_u.clamp(0.0, 1.0), cone_v);
+        let outer = shading.outer(view);
+        let bend = self.bend(view, outer, cone_u.clamp(0.0, 1.0), cone_v);
         let axis = bend.direction;
         let mut reflected = shading.evaluate(axis);
         if shading.glossy {
             reflected *= shading.share_of_lobe(axis, of_gloss);
         }
-        if reflected == V3::ZERO {
+        if reflected == V3::ZERO || !lobe.holds(axis) {
             return;
         }
         let jump = direction_jump(p.to, p.edge.along, &bend, shading.geometric);
@@ -75,7 +84,7 @@ impl View {
         if last && !sides.faces.contains(&NOTHING) {
             return;
         }
-        let Some(behind) = self.behind(&p, point.start(), sides.past, time) else {
+        let Some(behind) = self.behind(&p, point.start(view), sides.past, time) else {
             return;
         };
         let light = self.light_beside(o, &p, &sides, behind, view, work);
@@ -96,34 +105,6 @@ impl View {
         }
     }
 
-    /// The hemisphere over a point, or the cone of its glossy lobe, widened by that of the rays.
-    fn lobe_query(&self, o: &Observer, of_gloss: bool) -> Query {
-        let point = &o.vertex.point;
-        let shading = &point.shading;
-        let mut query = Query {
-            x: point.position,
-            time: o.path.time,
-            axis: shading.normal,
-            cos: 0.0,
-            sin: 1.0,
-            exponent: 1.0,
-            shadows: false,
-        };
-        if of_gloss {
-            query.axis = shading.mirror();
-            query.exponent = shading.exponent;
-            // The lobe has fallen to 1e-4 there.
-            let cos = (-9.2 / shading.exponent.max(1e-3)).exp();
-            let half = SinCos {
-                sin: (1.0 - cos * cos).sqrt(),
-                cos,
-            };
-            query.cos = widened(half, self.cone).cos.max(0.0);
-            query.sin = (1.0 - query.cos * query.cos).sqrt();
-        }
-        query
-    }
-
     /// The light that arrives beside an edge's point.
     fn light_beside(
         &self,
@@ -134,7 +115,7 @@ impl View {
         view: V3,
         work: &mut Work,
     ) -> SideLight {
-        let rays = (o.vertex.point.start(), view);
+        let rays = (o.vertex.point.start(view), view);
         let mut walks = std::mem::take(&mut work.side_walks);
         self.walks_beside(p, sides, behind, rays, o.path.time, &mut walks);
         if o.bounce < self.settings.bounces {

@@ -90,8 +90,13 @@ impl View {
             return;
         }
         let point = &o.vertex.point;
-        let (x, time) = (point.position, o.path.time);
-        let (group, chance) = emitters.choose_group(x, time, choice, &mut work.chances);
+        let at = point.receiver(o.path.time);
+        let (group, chance) = emitters.choose_group(&at, choice, &mut work.chances);
+        if let Some(light) = emitters.light_of_group(group) {
+            let carried = o.carried * (1.0 / rate) * (1.0 / chance);
+            self.delta_edges(o, (light, carried), [u, v], by, sums);
+            return;
+        }
         let light_moves = emitters.members(group).any(|k| {
             let k = emitters.get(k).triangle as usize;
             self.wanted.objects[self.scene.triangles[k].object as usize]
@@ -106,13 +111,13 @@ impl View {
             return;
         };
         let view = p.to.normalize();
-        let bend = self.bend(view, point.shading.geometric, cone_u, cone_v);
+        let bend = self.bend(view, point.shading.outer(view), cone_u, cone_v);
         let reflected = point.shading.evaluate(bend.direction);
         if reflected == V3::ZERO {
             return;
         }
         let jump = direction_jump(p.to, p.edge.along, &bend, point.shading.geometric);
-        let sides = self.sides(&p, view, jump.side, time);
+        let sides = self.sides(&p, view, jump.side, o.path.time);
         // Light passes on one side or on none.
         let [minus, plus] = sides.faces;
         let sign = match (minus == NOTHING, plus == NOTHING) {
@@ -128,7 +133,7 @@ impl View {
             carried: carried * reflected,
             sign,
         };
-        emitters.each_hit(emitters.members(group), x, time, edge.axis, |hit| {
+        emitters.each_hit(emitters.members(group), &at, edge.axis, |hit| {
             self.shadow_edge_backward(o, &edge, hit, by, sums);
         });
     }
@@ -152,7 +157,7 @@ impl View {
             shadows: true,
         };
         if cos.is_nan() || cos <= 0.0 {
-            query.axis = point.shading.geometric;
+            query.axis = point.shading.outer(to);
             (query.cos, query.sin) = (0.0, 1.0);
         }
         query
@@ -175,7 +180,7 @@ impl View {
             return;
         }
         let point = &o.vertex.point;
-        let start = point.start();
+        let start = point.start(axis);
         let light = point.position + axis * hit.distance;
         let limit = up_to_plane(start, edge.past, e.normal, light);
         if p.to.length() >= limit {
@@ -189,7 +194,7 @@ impl View {
             return;
         }
         let tri = &self.scene.triangles[e.triangle as usize];
-        let emission = self.scene.materials[tri.material as usize].emission();
+        let emission = self.scene.emission(e.triangle as usize, weights);
         let emission = emission.towards(-e.normal.dot(axis));
         let scale = edge.carried.dot(emission) * edge.sign * p.per_density;
         let by_axis = edge.jump.edge.by_axis * scale;
@@ -198,7 +203,8 @@ impl View {
         let by_to = by_axis.reject_from_normalized(axis) * (1.0 / hit.distance);
         by.position -= by_to;
         if self.wanted.objects[tri.object as usize] {
-            self.add_to_corners(e.triangle as usize, weights, by_to, time, sums);
+            let k = e.triangle as usize;
+            self.add_to_corners(k, weights, by_to, time, sums);
         }
     }
 }

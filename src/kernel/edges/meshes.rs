@@ -7,6 +7,7 @@ use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
 use crate::kernel::scene::{Corners, Triangle};
 use crate::model::V3;
+use crate::scene::Bsdf;
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;
@@ -39,7 +40,12 @@ pub(super) fn of_object(
         .collect();
     all.par_sort_unstable();
     let groups: Vec<&[(u64, u32)]> = all.chunk_by(|a, b| a.0 == b.0).collect();
+    let transparent = |k: usize| scene.material(k as u32).kind.bsdf == Bsdf::Dielectric;
+    let triangles = part.first_triangle..part.first_triangle + faces.len();
     let closed = !groups.is_empty() && groups.iter().all(|g| g.len() == 2);
+    let pierced = |k: usize| scene.holes.as_ref().is_some_and(|h| h.are_in(k));
+    // One sees into what is clear or has holes.
+    let closed = closed && !triangles.into_iter().any(|k| transparent(k) || pierced(k));
     groups
         .par_iter()
         .filter_map(|group| edge_of(scene, object, &weld, faces, group, closed))
@@ -111,7 +117,7 @@ fn crease(
         return 1.0;
     }
     let material = &scene.materials[t.material as usize];
-    if !material.kind.reflects {
+    if !material.kind.reflects && !material.glows() {
         return 0.0;
     }
     let textured = material.is_textured();

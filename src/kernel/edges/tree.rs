@@ -10,6 +10,7 @@ use super::query::{EdgeList, Query, Query8};
 use crate::accel::{F8, LANES, Lanes, Machine, Task, dispatch};
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
+use crate::model::choice::Uniform;
 
 /// Up to so many edges are a list, each of which is weighed.
 const FEW: usize = 64;
@@ -132,21 +133,25 @@ impl EdgeTree {
     /// Subtrees that are near or lie in the cone in part are entered, all of them; of those that are far
     /// and lie in it whole one is taken at random. Of all edges that it comes to one stays, so that no list
     /// is kept.
-    pub fn sample(&self, arch: pulp::Arch, query: &Query, u: f32) -> Option<(u32, f32)> {
+    pub fn sample(&self, arch: pulp::Arch, query: &Query, random: Uniform) -> Option<(u32, f32)> {
         dispatch(
             arch,
             Sample {
                 tree: self,
                 query,
-                u,
+                random,
             },
         )
     }
 
     #[inline(always)]
-    fn draw<M: Machine>(&self, machine: M, query: &Query, u: f32) -> Option<(u32, f32)> {
+    fn draw<M: Machine>(
+        &self,
+        machine: M,
+        query: &Query,
+        mut random: Uniform,
+    ) -> Option<(u32, f32)> {
         let query = &Query8::new(machine, query);
-        let mut random = Uniform(u);
         let mut kept = Reservoir {
             total: 0.0,
             leaf: 0,
@@ -186,7 +191,9 @@ impl EdgeTree {
                         len += 1;
                     } else {
                         far += weights[i];
-                        if random.decide(weights[i] / far) {
+                        let decision = random.decide(weights[i] / far);
+                        random = decision.rest;
+                        if decision.happens {
                             taken = Some(i);
                         }
                     }
@@ -197,7 +204,7 @@ impl EdgeTree {
                 }
             }
         }
-        kept.take(&self.leaves, &mut random)
+        kept.take(&self.leaves, random.number)
     }
 }
 
@@ -205,7 +212,7 @@ impl EdgeTree {
 struct Sample<'a> {
     tree: &'a EdgeTree,
     query: &'a Query,
-    u: f32,
+    random: Uniform,
 }
 
 impl Task for Sample<'_> {
@@ -213,7 +220,7 @@ impl Task for Sample<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> Self::Output {
-        self.tree.draw(machine, self.query, self.u)
+        self.tree.draw(machine, self.query, self.random)
     }
 }
 
@@ -221,24 +228,6 @@ impl Task for Sample<'_> {
 /// (its sine). A light fills a narrow cone, in which few edges lie: they are looked at closely.
 const BUDGET: [u32; 2] = [64, 1024];
 const LARGE: [f32; 2] = [0.25, 0.015];
-
-/// A uniform number that decides several times: what is left of it after a decision is uniform again.
-struct Uniform(f32);
-
-impl Uniform {
-    /// Decides whether something happens that has a probability.
-    #[inline(always)]
-    fn decide(&mut self, chance: f32) -> bool {
-        let happens = self.0 < chance;
-        let (from, to) = if happens {
-            (0.0, chance)
-        } else {
-            (chance, 1.0)
-        };
-        self.0 = ((self.0 - from) / (to - from)).clamp(0.0, 1.0 - f32::EPSILON);
-        happens
-    }
-}
 
 /// The leaf that stays, of all that were offered so far (weighted reservoir sampling).
 struct Reservoir {
@@ -263,19 +252,21 @@ impl Reservoir {
         }
         let share = sum * inverse;
         self.total += share;
-        if random.decide(share / self.total) {
+        let decision = random.decide(share / self.total);
+        *random = decision.rest;
+        if decision.happens {
             self.leaf = leaf;
             self.weights = weights.lanes();
         }
     }
 
     #[inline(always)]
-    fn take(self, leaves: &[Leaf], random: &mut Uniform) -> Option<(u32, f32)> {
+    fn take(self, leaves: &[Leaf], random: f32) -> Option<(u32, f32)> {
         if !(self.total > 0.0 && self.total.is_finite()) {
             return None;
         }
         let sum: f32 = self.weights.iter().sum();
-        let target = random.0 * sum;
+        let target = random * sum;
         let (mut passed, mut found) = (0.0, None);
         for (i, &w) in self.weights.iter().enumerate() {
             if w > 0.0 {

@@ -1,5 +1,6 @@
 //! The backward pass: paths are traced again, and derivatives add up in the parent's gradient.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use burn::tensor::TensorData;
@@ -8,7 +9,7 @@ use rayon::prelude::*;
 use super::forward::camera_tiles;
 use super::prepare::Places;
 use super::rows::Rows;
-use crate::kernel::{PixelGradients, Seen, Sums, View, Work};
+use crate::kernel::{FilmEdges, PixelGradients, Seen, Sums, View, Work};
 use crate::render::options::{RenderOptions, Tile};
 
 /// Numbers in the sums of derivatives of all accumulators together.
@@ -23,11 +24,11 @@ const FILM_SAMPLES: f64 = 0.125;
 /// So many samples of edges on the film take no time.
 const FEW: f64 = 1024.0;
 
-/// The views of a batch on a GPU.
+/// Groups of views whose images came from a GPU.
 #[cfg(feature = "wgpu")]
 pub(super) struct Gpu {
     pub device: burn::tensor::Device,
-    pub jobs: Vec<crate::gpu::Job>,
+    pub jobs: Vec<(Range<usize>, crate::gpu::Job)>,
 }
 
 /// Without GPUs there are none.
@@ -78,21 +79,107 @@ impl Backward {
         self
     }
 
-    /// The sums of derivatives along a view's paths from a GPU, if they are computed there.
-    fn on_gpu(&self, index: usize, upstream: &[f64]) -> Option<Sums> {
+    /// Views whose derivatives are held at once.
+    fn groups(&self) -> Vec<Range<usize>> {
         #[cfg(feature = "wgpu")]
         if let Some(gpu) = &self.gpu {
-            let upstream: Vec<f32> = upstream.iter().map(|&g| g as f32).collect();
-            let (view, _) = &self.views[index];
-            return Some(crate::gpu::sums_of(
-                &gpu.device,
-                view,
-                &gpu.jobs[index],
-                &upstream,
-            ));
+            return gpu.jobs.iter().map(|job| job.0.clone()).collect();
         }
-        let _ = (index, upstream, &self.gpu);
-        None
+        let firsts = (0..self.views.len()).step_by(VIEWS_AT_ONCE);
+        let past = |first: usize| self.views.len().min(first + VIEWS_AT_ONCE);
+        firsts.map(|first| first..past(first)).collect()
+    }
+
+    /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
+    pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
+        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
+        let of_view = self.rows.count() * self.pixels.len();
+        let mut all = vec![0.0; self.size];
+        for (index, range) in self.groups().into_iter().enumerate() {
+            let views = &self.views[range.clone()];
+            let rows = &upstream[range.start * of_view..range.end * of_view];
+            let sums = self.of_group(index, views, rows);
+            for ((view, places), sums) in views.iter().zip(&sums) {
+                sums.write(&view.scene, &places.scene, &mut all);
+                view.write_camera(&sums.camera, &places.camera, &mut all);
+            }
+        }
+        all
+    }
+
+    /// The sums of derivatives of a group's views.
+    fn of_group(&self, index: usize, views: &[(View, Places)], rows: &[f64]) -> Vec<Sums> {
+        let of_view = self.rows.count() * self.pixels.len();
+        let asked: Vec<Asked> = views
+            .par_iter()
+            .zip(rows.par_chunks(of_view))
+            .map(|((view, _), rows)| self.asked(view, rows))
+            .collect();
+        let zero = |(view, _): &(View, Places)| Sums::new(&view.scene, &view.wanted);
+        let mut sums = match self.on_gpu(index, views, &asked, rows) {
+            Some(sums) => sums,
+            None => views.iter().map(zero).collect(),
+        };
+        let tasks = views.par_iter().zip(&asked).zip(&mut sums);
+        tasks.for_each(|(((view, _), asked), sums)| {
+            self.add_on_host(view, asked, sums);
+            sums.resolve(&view.scene);
+        });
+        sums
+    }
+
+    /// The derivatives of the loss by a view's pixels, and the edges on its film where it depends on it.
+    fn asked(&self, view: &View, rows: &[f64]) -> Asked {
+        let channels = self.rows.count();
+        let unit = view.scene.frame.unit;
+        let pixels = self.pixels.iter().enumerate();
+        let upstream: Vec<(u32, Seen)> = pixels
+            .map(|(i, &pixel)| {
+                let row = |row: usize| rows[i * channels + row];
+                (pixel, self.rows.upstream(row, unit))
+            })
+            .collect();
+        let mut film = None;
+        if view.has_edges {
+            let pixels = PixelGradients::new(&upstream, view);
+            let count = upstream.iter().filter(|p| p.1 != Seen::default()).count();
+            let paths = count as f64 * f64::from(self.samples);
+            let count = (FILM_SAMPLES * paths).max(FEW.min(8.0 * paths)).ceil();
+            film = Some(Film {
+                edges: view.film_edges(&pixels),
+                pixels,
+                samples: count.clamp(1.0, 1e9) as u32,
+            });
+        }
+        Asked { upstream, film }
+    }
+
+    /// The sums of derivatives of a group's views from a GPU, if they are computed there.
+    #[cfg(feature = "wgpu")]
+    fn on_gpu(
+        &self,
+        index: usize,
+        views: &[(View, Places)],
+        asked: &[Asked],
+        rows: &[f64],
+    ) -> Option<Vec<Sums>> {
+        let gpu = self.gpu.as_ref()?;
+        let (_, job) = &gpu.jobs[index];
+        let films = views.iter().zip(asked).map(|((view, _), asked)| {
+            let film = asked.film.as_ref().filter(|_| self.jumps_on_gpu(view))?;
+            Some((view.filter.radius(), &film.edges, film.samples))
+        });
+        let places = asked.iter().find_map(|a| a.film.as_ref()?.pixels.places());
+        let typical = asked.iter().map(|a| View::typical(&a.upstream)).collect();
+        let sought = crate::gpu::Sought::new(crate::gpu::Films::new(films, places), typical);
+        let views: Vec<&View> = views.iter().map(|v| &v.0).collect();
+        let rows = rows.iter().map(|&g| g as f32).collect();
+        Some(crate::gpu::sums_of(&gpu.device, &views, job, sought, rows))
+    }
+
+    #[cfg(not(feature = "wgpu"))]
+    fn on_gpu(&self, _: usize, _: &[(View, Places)], _: &[Asked], _: &[f64]) -> Option<Vec<Sums>> {
+        self.gpu.as_ref().map(|never| match *never {})
     }
 
     /// Whether jumps come from a GPU.
@@ -106,54 +193,24 @@ impl Backward {
         }
     }
 
-    /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
-    pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
-        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
-        let of_view = self.rows.count() * self.pixels.len();
-        let mut all = vec![0.0; self.size];
-        let pieces = self.views.chunks(VIEWS_AT_ONCE);
-        for (piece, (views, upstream)) in pieces
-            .zip(upstream.chunks(VIEWS_AT_ONCE * of_view))
-            .enumerate()
-        {
-            let gradients: Vec<Sums> = views
-                .par_iter()
-                .zip(upstream.par_chunks(of_view))
-                .enumerate()
-                .map(|(i, ((view, _), upstream))| {
-                    let index = VIEWS_AT_ONCE * piece + i;
-                    let along_paths = self.on_gpu(index, upstream);
-                    self.of_view(view, index, upstream, along_paths)
-                })
-                .collect();
-            for ((view, places), sums) in views.iter().zip(&gradients) {
-                sums.write(&view.scene, &places.scene, &mut all);
-                view.write_camera(&sums.camera, &places.camera, &mut all);
-            }
+    /// Adds the derivatives of a view that no GPU adds.
+    fn add_on_host(&self, view: &View, asked: &Asked, all: &mut Sums) {
+        let jumps = view.has_edges && !self.jumps_on_gpu(view);
+        if !view.settings.interior && !jumps {
+            return;
         }
-        all
-    }
-
-    /// The sums of derivatives of a view, and those along paths if they are known.
-    fn of_view(&self, view: &View, index: usize, rows: &[f64], along_paths: Option<Sums>) -> Sums {
-        let channels = self.rows.count();
-        let per_sample = f64::from(self.samples).recip();
-        let unit = view.scene.frame.unit;
-        let upstream: Vec<(u32, Seen)> = self
-            .pixels
-            .iter()
-            .enumerate()
-            .map(|(i, &pixel)| {
-                let row = |row: usize| rows[i * channels + row] * per_sample;
-                (pixel, self.rows.upstream(row, unit))
-            })
-            .collect();
         // Tiles in accumulators that have their sums to themselves: as many whatever the machine, so that
         // sums come out the same.
-        let typical = View::typical(&upstream);
         let zero = Sums::new(&view.scene, &view.wanted);
         let accumulators = (ACCUMULATED / zero.len()).clamp(4, 64);
         let each = self.tiles.len().div_ceil(accumulators).max(1);
+        let per_sample = f64::from(self.samples).recip() as f32;
+        let upstream: Vec<(u32, Seen)> = asked
+            .upstream
+            .iter()
+            .map(|&(pixel, g)| (pixel, g.times(per_sample)))
+            .collect();
+        let typical = View::typical(&upstream);
         let of_accumulator = |tiles: &[Tile]| {
             let mut sums = zero.clone();
             let mut work = Work::new(0);
@@ -164,61 +221,12 @@ impl Backward {
             }
             sums
         };
-        let mut sums = Vec::new();
-        if view.settings.interior || (view.has_edges && !self.jumps_on_gpu(view)) {
-            sums = self.tiles.par_chunks(each).map(of_accumulator).collect();
-        }
-        let mut all = along_paths.unwrap_or_else(|| zero.clone());
+        let sums: Vec<Sums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
         sums.iter().for_each(|s| all.add(s));
-        if view.has_edges {
-            self.on_film(view, (index, rows), upstream, &zero, accumulators, &mut all);
-        }
-        all.resolve(&view.scene);
-        all
-    }
-
-    /// Adds the jumps on the film.
-    fn on_film(
-        &self,
-        view: &View,
-        (index, rows): (usize, &[f64]),
-        mut upstream: Vec<(u32, Seen)>,
-        zero: &Sums,
-        accumulators: usize,
-        all: &mut Sums,
-    ) {
-        let samples = self.samples as f32;
-        for (_, g) in &mut upstream {
-            g.radiance *= samples;
-            g.opacity *= samples;
-            g.depth *= samples;
-            g.normal *= samples;
-        }
-        let asked = upstream.iter().filter(|p| p.1 != Seen::default()).count();
-        let pixels = PixelGradients::new(&upstream, view);
-        let edges = view.film_edges(&pixels);
-        if edges.is_empty() {
+        let Some(film) = asked.film.as_ref().filter(|f| jumps && !f.edges.is_empty()) else {
             return;
-        }
-        let paths = asked as f64 * f64::from(self.samples);
-        let count = (FILM_SAMPLES * paths).max(FEW.min(8.0 * paths)).ceil();
-        let count = count.clamp(1.0, 1e9) as u32;
-        #[cfg(feature = "wgpu")]
-        if let Some(gpu) = &self.gpu
-            && self.jumps_on_gpu(view)
-        {
-            let film = crate::gpu::FilmJob {
-                pieces: Arc::new(edges.flat()),
-                places: pixels.places().map(Arc::new),
-                radius: view.filter.radius(),
-                samples: count,
-            };
-            let rows: Vec<f32> = rows.iter().map(|&g| g as f32).collect();
-            let (device, job) = (&gpu.device, &gpu.jobs[index]);
-            all.add(&crate::gpu::sums_of_film(device, view, job, &film, &rows));
-            return;
-        }
-        let _ = (index, rows);
+        };
+        let count = film.samples;
         let each = count.div_ceil(accumulators as u32).max(256);
         let sums: Vec<Sums> = (0..count.div_ceil(each))
             .into_par_iter()
@@ -226,10 +234,33 @@ impl Backward {
                 let mut sums = zero.clone();
                 let mut work = Work::new(0);
                 let range = i * each..((i + 1) * each).min(count);
-                view.film_backward(&edges, &pixels, range, count, &mut work, &mut sums);
+                view.film_backward(
+                    &film.edges,
+                    &film.pixels,
+                    range,
+                    count,
+                    &mut work,
+                    &mut sums,
+                );
                 sums
             })
             .collect();
         sums.iter().for_each(|s| all.add(s));
     }
+}
+
+/// What a loss depends on in a view.
+struct Asked {
+    /// Its derivatives by each pixel.
+    upstream: Vec<(u32, Seen)>,
+    /// Where something can jump.
+    film: Option<Film>,
+}
+
+/// Edges on a film.
+struct Film {
+    edges: FilmEdges,
+    pixels: PixelGradients,
+    /// How many are drawn.
+    samples: u32,
 }

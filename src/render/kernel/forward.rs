@@ -32,7 +32,7 @@ pub(super) struct Forward<'a> {
 }
 
 /// Counts of a forward pass.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Traced {
     pub counts: RayCounts,
     /// Numbers of radiance that are not finite.

@@ -12,13 +12,15 @@ use std::sync::atomic::AtomicUsize;
 use burn::tensor::{DType, Tensor, TensorData};
 
 use super::batch::Batch;
-use super::film::{Means, Statistics};
+use super::film::{Means, Program, Statistics};
 use super::node::attach;
 use super::options::RenderOptions;
 use crate::error::Result;
 use crate::geometry::Context;
 #[cfg(feature = "wgpu")]
-use crate::gpu::{Job, Packed};
+use crate::geometry::host_values;
+#[cfg(feature = "wgpu")]
+use crate::gpu::{Job, pack};
 use crate::kernel::View;
 use crate::scene::{Camera, Scene};
 use crate::transport::Diagnostics;
@@ -66,7 +68,12 @@ pub(super) fn render(
         Some(pixels) => pixels.len(),
         None => options.width * options.height,
     };
-    let (mut mean, traced, gpu) = trace(options, &views, &context, pixels.clone(), count, &rows)?;
+    let pass = (pixels.clone(), count);
+    let (mut mean, traced, gpu) = trace(options, &views, &context, pass, &rows, parent.is_some())?;
+    let program = match gpu {
+        Some(_) => Program::DeviceKernels,
+        None => Program::HostKernels,
+    };
     // Where scenes have no light that was told already.
     if lit
         && pixels.is_none()
@@ -87,6 +94,7 @@ pub(super) fn render(
     });
     let diagnostics = diagnostics.collect();
     let statistics = traced.into_iter().map(|t| Statistics {
+        program,
         rays: t.counts.rays,
         bounces: t.counts.bounces,
         ..Statistics::default()
@@ -110,34 +118,58 @@ fn trace(
     options: &RenderOptions,
     views: &[(View, Places)],
     context: &Context,
-    pixels: Option<Arc<Vec<u32>>>,
-    count: usize,
+    (pixels, count): (Option<Arc<Vec<u32>>>, usize),
     rows: &Rows,
+    with_gradient: bool,
 ) -> Result<(Tensor<2>, Vec<Traced>, Option<Gpu>)> {
     #[cfg(feature = "wgpu")]
     if context.dtype == DType::F32
         && !crate::device::is_cpu(&context.device)
         && views.iter().all(|(view, _)| crate::gpu::knows(view))
     {
-        let of_view = |(view, _): &(View, Places)| Job {
-            view: Arc::new(Packed::new(view)),
-            pixels: pixels.clone(),
-            count,
-            samples: options.samples,
-            outputs: rows.for_gpu(),
+        let all: Vec<&View> = views.iter().map(|v| &v.0).collect();
+        let job = |(range, packed)| {
+            let job = Job {
+                views: Arc::new(packed),
+                pixels: pixels.clone(),
+                of_view: count,
+                samples: options.samples,
+                outputs: rows.for_gpu(),
+            };
+            (range, job)
         };
-        let jobs: Vec<Job> = views.iter().map(of_view).collect();
+        let jobs: Vec<_> = pack(&all).into_iter().map(job).collect();
         let device = context.device.clone();
+        crate::gpu::check(&device, jobs.iter().map(|j| &j.1), with_gradient)?;
         let images = jobs
             .iter()
-            .map(|job| crate::gpu::trace(&device, job.clone()));
-        let image = Tensor::cat(images.collect(), 0);
+            .map(|(_, job)| crate::gpu::trace(&device, job.clone()))
+            .collect::<Result<_>>()?;
+        let image = Tensor::cat(images, 0);
         // Light that is not black is not known before the image is read.
-        let traced = views.iter().map(|_| Traced {
-            lit: true,
-            ..Traced::default()
-        });
-        return Ok((image, traced.collect(), Some(Gpu { device, jobs })));
+        let mut traced = vec![
+            Traced {
+                lit: true,
+                ..Traced::default()
+            };
+            views.len()
+        ];
+        if options.statistics {
+            for (range, job) in &jobs {
+                let counts = crate::gpu::counts_of(&device, job)?;
+                for (traced, counts) in traced[range.clone()].iter_mut().zip(counts) {
+                    traced.counts = counts;
+                }
+            }
+        }
+        if options.diagnostics {
+            let light = image.clone().slice([0..views.len() * count, 0..3]);
+            let values = host_values(&light)?;
+            for (traced, values) in traced.iter_mut().zip(values.chunks_exact(3 * count)) {
+                traced.non_finite = values.iter().filter(|v| !v.is_finite()).count() as u64;
+            }
+        }
+        return Ok((image, traced, Some(Gpu { device, jobs })));
     }
     let tiles = camera_tiles(options, count);
     let pass = Forward {

@@ -7,12 +7,16 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use crate::error::Result;
+use crate::device::label;
+use crate::error::{Error, Result};
 use crate::geometry::{Context, detached};
 use crate::kernel::{EdgeSets, HostCamera, KernelScene, View, ViewSettings, Wanted};
 use crate::render::batch::{Batch, in_batch};
 use crate::render::options::{RenderOptions, sampler};
-use crate::scene::{Collect, HostScene, ParameterId, Visit, visit_camera, visit_scene};
+use crate::scene::{
+    Camera, Collect, HostScene, ParameterId, Scene, Visit, check_devices, to_host, visit_camera,
+    visit_scene,
+};
 use crate::visibility::Visibility;
 
 /// A batch, ready to be traced.
@@ -25,15 +29,41 @@ pub(super) struct Prepared {
     pub lit: bool,
 }
 
-/// The scenes of a batch, on the host.
-fn read(batch: &Batch) -> Result<Vec<HostScene>> {
-    let read =
-        |index: usize| HostScene::new(&batch.scene(index, false)).map_err(in_batch("scene", index));
-    if batch.scenes.len() == 1 {
-        return Ok(vec![read(0)?]);
+/// The scenes and the cameras of a batch, on the host.
+fn read(batch: &Batch) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
+    let mut scenes: Vec<Scene> = (0..batch.scenes.len())
+        .map(|index| batch.scene(index, false))
+        .collect();
+    let of_scene = |(index, scene)| check_devices(scene).map_err(in_batch("scene", index));
+    let contexts = scenes.iter().enumerate().map(of_scene);
+    let contexts = contexts.collect::<Result<Vec<_>>>()?;
+    let context = &contexts[0];
+    for (index, other) in contexts.iter().enumerate() {
+        let same = other.device == context.device && other.dtype == context.dtype;
+        if !same {
+            let name = |c: &Context| format!("{:?} on {}", c.dtype, label(&c.device));
+            let expected = format!("{} like the first scene's", name(context));
+            let error = Error::invalid("scene", "tensors", name(other), expected);
+            return Err(in_batch("scene", index)(error));
+        }
     }
-    let all = (0..batch.scenes.len()).into_par_iter();
-    all.map(read).collect()
+    let mut cameras: Vec<Camera> = batch.views.iter().map(|v| v.1.clone()).collect();
+    for (index, camera) in cameras.iter().enumerate() {
+        let checked = camera.check_device(context);
+        checked.map_err(in_batch("view", index))?;
+    }
+    to_host(&mut scenes, &mut cameras, context)?;
+    let read = |(index, scene): (usize, &Scene)| {
+        HostScene::read(scene, context.clone()).map_err(in_batch("scene", index))
+    };
+    let hosts = scenes.par_iter().enumerate().map(read);
+    let hosts = hosts.collect::<Result<Vec<_>>>()?;
+    let camera = |(index, camera): (usize, &Camera)| {
+        let checked = camera.check(None).and_then(|()| HostCamera::new(camera));
+        checked.map_err(in_batch("view", index))
+    };
+    let cameras = cameras.iter().enumerate().map(camera);
+    Ok((hosts, cameras.collect::<Result<_>>()?))
 }
 
 /// The scenes as kernels have them; the boxes of the first serve the others.
@@ -56,7 +86,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let Visibility::Cone { angle, pixels } = options.visibility else {
         unreachable!("the softmax is for tensors");
     };
-    let mut hosts = read(batch)?;
+    let (mut hosts, cameras) = read(batch)?;
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);
     let scenes = pack(&mut hosts, options);
@@ -66,8 +96,6 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let mut views = Vec::with_capacity(batch.views.len());
     let mut edge_sets: Vec<Option<Arc<EdgeSets>>> = vec![None; scenes.len()];
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
-        let view_error = in_batch("view", index);
-        camera.check(Some(&context)).map_err(view_error)?;
         visit_camera(&mut camera.clone(), &mut row);
         let places = Places {
             scene: scene_places[*scene].clone(),
@@ -95,9 +123,9 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
             sampler: sampler(&options.of_view(index)),
             interior,
         };
-        let host = HostCamera::new(camera)?;
         let scene = scenes[*scene].clone();
-        let view = View::new(scene, host, settings, wanted, edges);
+        let view = View::new(scene, cameras[index], settings, wanted, edges);
+        view.warn_of_hard_shadows();
         views.push((view, places));
     }
     Ok(Prepared {

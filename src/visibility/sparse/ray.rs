@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::accel::HostTriangle;
 use crate::error::Result;
 use crate::geometry::{host_values, host_vectors};
-use crate::visibility::Rays;
+use crate::visibility::{NO_TRIANGLE, Rays};
 
 /// A surface that a ray meets.
 #[derive(Clone, Copy, Debug)]
@@ -89,6 +89,7 @@ impl HostRays {
 
     pub fn ray(&self, rays: &Rays, i: usize) -> HostRay {
         let emitter = rays.arrival.as_ref().and_then(|(e, _)| e.get(i).copied());
+        let emitter = emitter.filter(|&e| e != NO_TRIANGLE);
         HostRay {
             origin: self.origin[i],
             direction: self.direction[i],

@@ -1,19 +1,50 @@
-//! Lambert plus normalised Phong: f = k_d/π + k_s (n + 2)/(2π) cosⁿα, on both sides.
+//! How surfaces scatter light, in tensors: Lambert plus normalised Phong, f = k_d/π + k_s (n + 2)/(2π) cosⁿα, here, and
+//! facets.
+
+mod dielectric;
+mod facets;
+mod metal;
 
 use std::f64::consts::{PI, TAU};
 
-use burn::tensor::Tensor;
+use burn::tensor::{Bool, Tensor};
 
 use super::surface::SurfacePoints;
+use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::HORIZON;
 use crate::sampling::{Dimension, Sampler};
-use crate::scene::Channel;
+use crate::scene::Bsdf;
+use facets::Facets;
 
-/// f(wi, wo)·cos θ_i as planes; zero below the surface. `incoming` is the ray's direction.
-pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Vec3 {
+/// Values of some points in place of others.
+fn replaced(all: Vec3, row: &Tensor<2>, some: &Vec3) -> Vec3 {
+    let which: Tensor<2, Bool> = row.clone().greater_elem(0.5);
+    all.zip(some, |a, s| a.mask_where(which.clone(), s))
+}
+
+/// f(wi, wo)·cos θ_i as planes; zero where nothing is scattered. `incoming` is the ray's direction.
+pub(crate) fn scattered(
+    context: &Context,
+    points: &SurfacePoints,
+    incoming: &Vec3,
+    outgoing: &Vec3,
+) -> Result<Vec3> {
+    let mut f = by_phong(points, incoming, outgoing);
+    for model in &points.models {
+        let facets = Facets::new(points, model, incoming);
+        let own = match model.kind.bsdf {
+            Bsdf::Dielectric => facets.interface(outgoing),
+            _ => facets.metal(context, outgoing)?,
+        };
+        f = replaced(f, &model.row, &own);
+    }
+    Ok(f)
+}
+
+fn by_phong(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Vec3 {
     let cosine = cosine(points, outgoing);
-    let mut f = points.parameters[Channel::Diffuse as usize].scale_by(1.0 / PI);
+    let mut f = points.parameters[0].scale_by(1.0 / PI);
     if let Some((specular, exponent)) = gloss(points) {
         let lobe = phong(exponent, &mirror_cosine(points, incoming, outgoing));
         let norm = (exponent.clone() + 2.0) * (1.0 / TAU);
@@ -24,9 +55,7 @@ pub(crate) fn scattered(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3
 
 /// k_s and exponent, if any material of the scene is glossy.
 fn gloss(points: &SurfacePoints) -> Option<(&Vec3, &Tensor<2>)> {
-    let specular = points.parameters.get(Channel::Specular as usize)?;
-    let exponent = &points.parameters[Channel::Shininess as usize].x;
-    Some((specular, exponent))
+    Some((points.parameters.get(1)?, &points.parameters[2].x))
 }
 
 /// cos θ to the shading normal, but at most four times that to the geometric normal
@@ -44,12 +73,30 @@ fn cosine(points: &SurfacePoints, outgoing: &Vec3) -> Tensor<2> {
 pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
     let points = points.detached();
     let (incoming, outgoing) = (incoming.detached(), outgoing.detached());
-    let cosine = points.normal.dot(&outgoing).clamp_min(0.0) * (1.0 / PI);
-    let Some((specular, exponent)) = gloss(&points) else {
+    density_of(&points, &incoming, &outgoing)
+}
+
+/// The density with which [`sample`] draws a direction; the probabilities of lobes have no tape.
+fn density_of(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
+    let mut density = phong_density(points, incoming, outgoing);
+    for model in &points.models {
+        let facets = Facets::new(points, model, incoming);
+        let own = match model.kind.bsdf {
+            Bsdf::Dielectric => facets.interface_density(outgoing),
+            _ => facets.metal_density(outgoing),
+        };
+        density = density.mask_where(model.row.clone().greater_elem(0.5), own);
+    }
+    density
+}
+
+fn phong_density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
+    let cosine = points.normal.dot(outgoing).clamp_min(0.0) * (1.0 / PI);
+    let Some((specular, exponent)) = gloss(points) else {
         return cosine;
     };
-    let p_specular = share_of_gloss(&points, specular);
-    let lobe = phong(exponent, &mirror_cosine(&points, &incoming, &outgoing));
+    let p_specular = share_of_gloss(points, specular);
+    let lobe = phong(exponent, &mirror_cosine(points, incoming, outgoing));
     cosine * (p_specular.clone().neg() + 1.0)
         + lobe * ((exponent.clone() + 1.0) * (1.0 / TAU)) * p_specular
 }
@@ -57,10 +104,7 @@ pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) 
 /// The probability of the specular lobe: its share of the albedo, without tape.
 fn share_of_gloss(points: &SurfacePoints, specular: &Vec3) -> Tensor<2> {
     let sum = |k: &Vec3| detached(&(k.x.clone() + k.y.clone() + k.z.clone())).abs();
-    let (kd, ks) = (
-        sum(&points.parameters[Channel::Diffuse as usize]),
-        sum(specular),
-    );
+    let (kd, ks) = (sum(&points.parameters[0]), sum(specular));
     ks.clone() / (kd + ks).clamp_min(1e-20)
 }
 
@@ -80,7 +124,7 @@ pub(crate) fn sample(
     sampler: &Sampler,
     paths: &[(u32, u32)],
     bounce: u32,
-) -> Scatter {
+) -> Result<Scatter> {
     let dimensions = [Dimension::DirectionU, Dimension::DirectionV];
     let [u, v] = sampler.uniform(paths, bounce, dimensions);
     let [lobe] = sampler.uniform(paths, bounce, [Dimension::Lobe]);
@@ -96,15 +140,15 @@ pub(crate) fn sample(
     let diffuse = from_frame(&points.normal, &local);
     let Some((specular, exponent)) = gloss(points) else {
         // f·cos/pdf is k_d, whatever the direction, but near the horizon of a smooth surface.
-        let mut weight = points.parameters[Channel::Diffuse as usize].clone();
+        let mut weight = points.parameters[0].clone();
         if points.smooth {
             let drawn_by = points.normal.dot(&diffuse).clamp_min(1e-7);
             weight = weight.scale(&(cosine(points, &diffuse) / drawn_by));
         }
-        return Scatter {
+        return Ok(Scatter {
             weight,
             direction: diffuse,
-        };
+        });
     };
     // Phong lobe about the mirror direction: cos α = u^(1/(n + 1)). The number is kept off 0 and
     // 1, where the derivative of the square root has no bound.
@@ -121,22 +165,39 @@ pub(crate) fn sample(
     ];
     let glossy = from_frame(&mirror(points, incoming), &local);
 
-    let p_specular = share_of_gloss(points, specular);
-    let lobe = context.row(&lobe).lower(p_specular.clone());
-    let direction = diffuse.zip(&glossy, |d, g| d.mask_where(lobe.clone(), g));
-
-    let value = scattered(points, incoming, &direction);
-    let phong = phong(exponent, &mirror_cosine(points, incoming, &direction));
-    let density = points.normal.dot(&direction).clamp_min(0.0)
-        * ((p_specular.clone().neg() + 1.0) / PI)
-        + phong * ((exponent.clone() + 1.0) * (1.0 / TAU)) * p_specular;
+    let lobe = context.row(&lobe);
+    let of_gloss = lobe.clone().lower(share_of_gloss(points, specular));
+    let mut direction = diffuse.zip(&glossy, |d, g| d.mask_where(of_gloss.clone(), g));
     // Below this the direction can't have been drawn, and the value is zero as well.
-    let impossible = detached(&density).lower_elem(1e-20);
+    let mut impossible = lobe.zeros_like().greater_elem(0.5);
+    for model in &points.models {
+        let facets = Facets::new(points, model, incoming);
+        let half = facets.draw(context, &u, &v);
+        let is_interface = model.kind.bsdf == Bsdf::Dielectric;
+        let chance = match is_interface {
+            true => facets.part_reflected(&half),
+            false => facets.metal_gloss(),
+        };
+        let of_gloss = lobe.clone().lower(chance);
+        let (reflected, other) = (facets.reflected(&half), facets.refracted(&half));
+        let other = if is_interface { other } else { diffuse.clone() };
+        let own = other.zip(&reflected, |o, r| o.mask_where(of_gloss.clone(), r));
+        if is_interface {
+            // What a slanted facet turns to the wrong side is lost.
+            let above = detached(&points.normal.dot(&own)).greater_elem(0.0);
+            let own = model.row.clone().greater_elem(0.5);
+            impossible = impossible.bool_or(above.not_equal(of_gloss).bool_and(own));
+        }
+        direction = replaced(direction, &model.row, &own);
+    }
+    let value = scattered(context, points, incoming, &direction)?;
+    let density = density_of(points, incoming, &direction);
+    let impossible = impossible.bool_or(detached(&density).lower_elem(1e-20));
     let density = density.mask_fill(impossible.clone(), 1.0);
-    Scatter {
+    Ok(Scatter {
         weight: value.map(|f| f.mask_fill(impossible.clone(), 0.0) / density.clone()),
         direction,
-    }
+    })
 }
 
 fn mirror(points: &SurfacePoints, incoming: &Vec3) -> Vec3 {
@@ -159,9 +220,8 @@ fn phong(exponent: &Tensor<2>, cosine: &Tensor<2>) -> Tensor<2> {
     (log * exponent.clone()).exp().mask_fill(behind, 0.0)
 }
 
-/// A local direction turned so that z lies along a unit axis (Duff et al. 2017).
-fn from_frame(axis: &Vec3, local: &[Tensor<2>; 3]) -> Vec3 {
-    let [x, y, z] = local.clone();
+/// Two unit vectors across a unit axis, and across each other (Duff et al. 2017).
+fn frame(axis: &Vec3) -> [Vec3; 2] {
     let sign = detached(&axis.z)
         .greater_equal_elem(0.0)
         .float()
@@ -180,8 +240,12 @@ fn from_frame(axis: &Vec3, local: &[Tensor<2>; 3]) -> Vec3 {
         axis.y.clone() * axis.y.clone() * a + sign,
         axis.y.clone().neg(),
     );
-    tangent
-        .scale(&x)
-        .add(&bitangent.scale(&y))
-        .add(&axis.scale(&z))
+    [tangent, bitangent]
+}
+
+/// A local direction turned so that z lies along a unit axis.
+fn from_frame(axis: &Vec3, [x, y, z]: &[Tensor<2>; 3]) -> Vec3 {
+    let [tangent, bitangent] = frame(axis);
+    let across = tangent.scale(x).add(&bitangent.scale(y));
+    across.add(&axis.scale(z))
 }

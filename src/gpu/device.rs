@@ -1,0 +1,125 @@
+//! What kernels ask of a device, and burn's tensors there.
+
+use burn::backend::ops::{FloatTensorOps, IntTensorOps};
+use burn::backend::tensor::{FloatTensor, IntTensor};
+use burn::backend::wgpu::{CubeBackend, CubeTensor};
+use burn::backend::{Cube, DispatchDevice, TensorMetadata};
+use burn::cubecl::prelude::*;
+use burn::tensor::{Device, FloatDType, IntDType, Shape};
+
+use super::Job;
+use super::list::List;
+use super::sums::FIRST_SUM;
+use crate::device::label;
+use crate::error::{Error, Result};
+
+/// Lists that a kernel takes, at most.
+const LISTS: u32 = 7;
+
+/// With burn's fusion tensors may not be computed yet, and its clients have methods of these names, which compute
+/// them and come before a trait's. Without fusion all are computed.
+#[allow(dead_code)]
+trait Resolve {
+    fn resolve_tensor_float<B>(&self, tensor: CubeTensor) -> CubeTensor {
+        tensor
+    }
+
+    fn resolve_tensor_int<B>(&self, tensor: CubeTensor) -> CubeTensor {
+        tensor
+    }
+}
+
+impl Resolve for Client {}
+
+fn list(tensor: CubeTensor) -> (Client, List) {
+    let length = tensor.meta.shape().num_elements();
+    let handle = tensor.handle;
+    (tensor.client, List { handle, length })
+}
+
+/// The numbers of a tensor in the order of its axes, and the client of its device.
+pub(super) fn floats(tensor: FloatTensor<Cube>) -> (Client, List) {
+    let client = tensor.client.clone();
+    list(client.resolve_tensor_float::<CubeBackend>(tensor))
+}
+
+/// A tensor of zeros, and the list of its numbers, which a kernel changes.
+pub(super) fn zeros(like: &FloatTensor<Cube>, shape: [usize; 2]) -> (FloatTensor<Cube>, List) {
+    let tensor = Cube::float_zeros(Shape::from(shape), &like.device(), FloatDType::F32);
+    let (_, list) = floats(tensor.clone());
+    (tensor, list)
+}
+
+/// The same of whole numbers.
+pub(super) fn int_zeros(like: &FloatTensor<Cube>, length: usize) -> (IntTensor<Cube>, List) {
+    let tensor = Cube::int_zeros(Shape::from([length]), &like.device(), IntDType::I32);
+    let client = tensor.client.clone();
+    let (_, numbers) = list(client.resolve_tensor_int::<CubeBackend>(tensor.clone()));
+    (tensor, numbers)
+}
+
+/// That a device has what views take: bindings, and room for each list.
+///
+/// # Errors
+/// With the name of the device, and the list that is too long for it.
+pub(crate) fn check<'a>(
+    device: &Device,
+    jobs: impl Iterator<Item = &'a Job>,
+    with_gradient: bool,
+) -> Result<()> {
+    let DispatchDevice::Cube(cube) = device.clone().inner().as_dispatch().clone() else {
+        return Ok(());
+    };
+    let client = cube.client();
+    let properties = client.properties();
+    let mut lists = Vec::new();
+    for job in jobs {
+        let scene = job.views.floats.len().max(job.views.words.len());
+        lists.push(("the scene", scene));
+        lists.push(("the image", job.count() * job.outputs.rows()));
+        if with_gradient {
+            let sums = FIRST_SUM + 2 * job.views.sums.count;
+            lists.push(("the sums of derivatives", job.views.sums.replicas() * sums));
+        }
+    }
+    let bindings = properties.hardware.max_bindings;
+    fits(bindings, properties.memory.max_page_size, &lists)
+        .map_err(|message| Error::device(label(device), message))
+}
+
+/// What a device with so many bindings and bytes of a buffer lacks for lists of numbers.
+fn fits(bindings: u32, bytes: u64, lists: &[(&str, usize)]) -> std::result::Result<(), String> {
+    const INSTEAD: &str = "a tensor of a CPU's device renders there";
+    if bindings < LISTS {
+        return Err(format!(
+            "a kernel binds {LISTS} buffers and one of cubecl's, and this device allows {} in all; {INSTEAD}",
+            bindings + 1
+        ));
+    }
+    match lists.iter().max_by_key(|l| l.1) {
+        Some((name, length)) if 4 * *length as u64 > bytes => Err(format!(
+            "{name} takes a buffer of {:.1} MB, and this device allows {:.1} MB; {INSTEAD}",
+            4e-6 * *length as f64,
+            1e-6 * bytes as f64
+        )),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_that_allows_too_little_is_told() {
+        let lists = [("the scene", 1000), ("the image", 3000)];
+        assert_eq!(fits(7, 12_000, &lists), Ok(()));
+        let said = fits(6, 12_000, &lists).expect_err("few bindings");
+        assert!(
+            said.contains("7 buffers") && said.contains("allows 7"),
+            "{said}"
+        );
+        let said = fits(7, 11_999, &lists).expect_err("a small buffer");
+        assert!(said.contains("the image"), "{said}");
+    }
+}

@@ -1,0 +1,84 @@
+//! The chunks of a `.glb` file (glTF 2.0, section 4).
+
+use std::ops::Range;
+
+/// The bytes of JSON in a file, and those of its binary chunk if it has one. A file that is no container is
+/// JSON as a whole.
+pub(super) fn split(bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>), String> {
+    if !bytes.starts_with(b"glTF") {
+        // Behind a byte-order mark.
+        let start = if bytes.starts_with(&[0xef, 0xbb, 0xbf]) {
+            3
+        } else {
+            0
+        };
+        return Ok((start..bytes.len(), None));
+    }
+    let version = number(bytes, 4).ok_or("it ends within its header")?;
+    if version != 2 {
+        return Err(format!("its version is {version}, expected 2"));
+    }
+    let (json, next) = chunk(bytes, 12, b"JSON")?;
+    let binary = match next < bytes.len() {
+        true => Some(chunk(bytes, next, b"BIN\0")?.0),
+        false => None,
+    };
+    Ok((json, binary))
+}
+
+/// The contents of the chunk at a byte, and where the next one begins.
+fn chunk(bytes: &[u8], at: usize, kind: &[u8; 4]) -> Result<(Range<usize>, usize), String> {
+    let name = String::from_utf8_lossy(&kind[..]).replace('\0', "");
+    let length = number(bytes, at).ok_or(format!("it ends before the chunk {name}"))?;
+    let found = bytes.get(at + 4..at + 8).unwrap_or(&[]);
+    if found != kind {
+        let found = String::from_utf8_lossy(found);
+        return Err(format!(
+            "at byte {at} there is the chunk {found:?}, expected {name}"
+        ));
+    }
+    let start = at + 8;
+    let end = start.checked_add(length as usize);
+    match end.filter(|&end| end <= bytes.len()) {
+        // The last chunk may have lost its padding.
+        Some(end) => Ok((start..end, end.next_multiple_of(4).min(bytes.len()))),
+        None => Err(format!(
+            "its chunk {name} has {length} bytes, but the file has {} after its header",
+            bytes.len() - start
+        )),
+    }
+}
+
+fn number(bytes: &[u8], at: usize) -> Option<u32> {
+    let bytes = bytes.get(at..at + 4)?;
+    Some(u32::from_le_bytes(bytes.try_into().ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
+        let mut bytes = b"glTF\x02\0\0\0\0\0\0\0".to_vec();
+        for (kind, contents) in chunks {
+            bytes.extend((contents.len() as u32).to_le_bytes());
+            bytes.extend(*kind);
+            bytes.extend(*contents);
+        }
+        bytes
+    }
+
+    #[test]
+    fn chunks_are_found() {
+        let both = file(&[(b"JSON", b"{}  "), (b"BIN\0", b"abcd")]);
+        assert_eq!(split(&both), Ok((20..24, Some(32..36))));
+        let one = file(&[(b"JSON", b"{}  ")]);
+        assert_eq!(split(&one), Ok((20..24, None)));
+        assert_eq!(split(b"{}"), Ok((0..2, None)));
+        for length in 4..both.len() {
+            let cut = split(&both[..length]);
+            // Where the first chunk ends the file may, too.
+            assert_eq!(cut.is_ok(), length == 24, "{length}: {cut:?}");
+        }
+    }
+}

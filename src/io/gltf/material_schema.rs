@@ -1,0 +1,193 @@
+//! The JSON of glTF's materials.
+
+use serde::{Deserialize, Deserializer};
+
+/// A texture as a material names it.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Info {
+    pub index: usize,
+    #[serde(default)]
+    pub tex_coord: u32,
+    /// Of normal maps.
+    #[serde(default = "one")]
+    pub scale: f32,
+    #[serde(default)]
+    pub extensions: InfoExtensions,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct InfoExtensions {
+    #[serde(rename = "KHR_texture_transform")]
+    pub transform: Option<TextureTransform>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct TextureTransform {
+    #[serde(default)]
+    pub offset: [f32; 2],
+    #[serde(default)]
+    pub rotation: f32,
+    #[serde(default = "unscaled")]
+    pub scale: [f32; 2],
+    pub tex_coord: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Material {
+    pub name: Option<String>,
+    pub pbr_metallic_roughness: MetallicRoughness,
+    pub normal_texture: Option<Info>,
+    pub emissive_texture: Option<Info>,
+    pub emissive_factor: [f32; 3],
+    pub alpha_mode: AlphaMode,
+    pub alpha_cutoff: f32,
+    pub double_sided: bool,
+    pub extensions: MaterialExtensions,
+    #[serde(deserialize_with = "own")]
+    pub extras: Extras,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self {
+            name: None,
+            pbr_metallic_roughness: MetallicRoughness::default(),
+            normal_texture: None,
+            emissive_texture: None,
+            emissive_factor: [0.0; 3],
+            alpha_mode: AlphaMode::Opaque,
+            alpha_cutoff: 0.5,
+            double_sided: false,
+            extensions: MaterialExtensions::default(),
+            extras: Extras::default(),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub(super) enum AlphaMode {
+    Opaque,
+    Mask,
+    Blend,
+}
+
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct MetallicRoughness {
+    pub base_color_factor: [f32; 4],
+    pub base_color_texture: Option<Info>,
+    pub metallic_factor: f32,
+    pub roughness_factor: f32,
+    pub metallic_roughness_texture: Option<Info>,
+}
+
+impl Default for MetallicRoughness {
+    fn default() -> Self {
+        Self {
+            base_color_factor: [1.0; 4],
+            base_color_texture: None,
+            metallic_factor: 1.0,
+            roughness_factor: 1.0,
+            metallic_roughness_texture: None,
+        }
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct MaterialExtensions {
+    #[serde(rename = "KHR_materials_emissive_strength")]
+    pub emissive: EmissiveStrength,
+    #[serde(rename = "KHR_materials_ior")]
+    pub ior: Ior,
+    #[serde(rename = "KHR_materials_specular")]
+    pub specular: Specular,
+    #[serde(rename = "KHR_materials_transmission")]
+    pub transmission: Transmission,
+}
+
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct EmissiveStrength {
+    pub emissive_strength: f32,
+}
+
+impl Default for EmissiveStrength {
+    fn default() -> Self {
+        Self {
+            emissive_strength: 1.0,
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(default)]
+pub(super) struct Ior {
+    pub ior: f32,
+}
+
+impl Default for Ior {
+    fn default() -> Self {
+        Self { ior: 1.5 }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Specular {
+    pub specular_factor: f32,
+    pub specular_color_factor: [f32; 3],
+    pub specular_texture: Option<Info>,
+    pub specular_color_texture: Option<Info>,
+}
+
+impl Default for Specular {
+    fn default() -> Self {
+        Self {
+            specular_factor: 1.0,
+            specular_color_factor: [1.0; 3],
+            specular_texture: None,
+            specular_color_texture: None,
+        }
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Transmission {
+    pub transmission_factor: f32,
+    pub transmission_texture: Option<Info>,
+}
+
+/// What this crate writes of a material that glTF has no field for.
+#[derive(Default, Deserialize)]
+pub(super) struct Extras {
+    pub softray: Option<Phong>,
+}
+
+/// Phong's lobe.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Phong {
+    pub specular_factor: [f32; 3],
+    pub specular_texture: Option<Info>,
+    pub shininess: f32,
+}
+
+/// What others keep in `extras` is theirs.
+fn own<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Extras, D::Error> {
+    let value = serde_json::Value::deserialize(deserializer)?;
+    Ok(serde_json::from_value(value).unwrap_or_default())
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+fn unscaled() -> [f32; 2] {
+    [1.0; 2]
+}

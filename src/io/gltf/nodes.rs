@@ -1,0 +1,327 @@
+//! The graph of nodes: meshes, cameras and lights at their places in the world.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DMat4, DQuat, DVec3};
+
+use super::materials::{images, materials};
+use super::meshes::{mesh, most_triangles};
+use super::schema::{CameraType, Light, LightType, Node};
+use super::{Document, materials::Material};
+use crate::error::{Error, Result};
+use crate::io::description::{
+    CameraDescription, Description, LightDescription, LightKind, ObjectDescription,
+    ProjectionDescription,
+};
+
+/// Everything that the file's scene has. Without a default scene that is the first one, without scenes all nodes
+/// are in it.
+pub(super) fn walk(document: &Document) -> Result<Description> {
+    let root = &document.root;
+    let materials = materials(document)?;
+    let mut walk = Walk {
+        document,
+        materials: &materials,
+        meshes: HashMap::new(),
+        triangles: 0,
+        found: Description {
+            images: images(document)?,
+            ..Description::default()
+        },
+    };
+    let mut seen = vec![false; root.nodes.len()];
+    // The last one is next.
+    let mut next: Vec<(usize, DAffine3)> = Vec::new();
+    for (i, place) in roots(document)? {
+        enter(document, &mut seen, i, &place)?;
+        next.push((i, DAffine3::IDENTITY));
+    }
+    next.reverse();
+    while let Some((i, parent)) = next.pop() {
+        let node = &root.nodes[i];
+        let to_world = parent * local(document, node, i)?;
+        if !to_world
+            .to_cols_array()
+            .iter()
+            .all(|&v| (v as f32).is_finite())
+        {
+            let message = "has a transform whose numbers are not finite in f32";
+            return Err(document.fail(format!("nodes[{i}]"), message));
+        }
+        walk.node(node, i, to_world)?;
+        let first = next.len();
+        for (k, &child) in node.children.iter().enumerate() {
+            let place = format!("nodes[{i}].children[{k}]");
+            document.get(&root.nodes, child, &place, "nodes")?;
+            enter(document, &mut seen, child, &place)?;
+            next.push((child, to_world));
+        }
+        next[first..].reverse();
+    }
+    let mut found = walk.found;
+    found.materials = materials.into_iter().map(|m| m.description).collect();
+    if found.objects.is_empty() {
+        return Err(Error::NoTriangles {
+            path: Some(document.path.into()),
+            objects: 0,
+        });
+    }
+    Ok(found)
+}
+
+/// The nodes that have no parent, and where the file names them.
+fn roots(document: &Document) -> Result<Vec<(usize, String)>> {
+    let root = &document.root;
+    let scene = match root.scene {
+        Some(index) => {
+            document.get(&root.scenes, index, "scene", "scenes")?;
+            Some(index)
+        }
+        None => (!root.scenes.is_empty()).then_some(0),
+    };
+    if let Some(s) = scene {
+        let nodes = root.scenes[s].nodes.iter().enumerate();
+        let named = nodes.map(|(k, &node)| {
+            let place = format!("scenes[{s}].nodes[{k}]");
+            document.get(&root.nodes, node, &place, "nodes")?;
+            Ok((node, place))
+        });
+        return named.collect();
+    }
+    let mut is_child = vec![false; root.nodes.len()];
+    for child in root.nodes.iter().flat_map(|n| &n.children) {
+        if let Some(is_child) = is_child.get_mut(*child) {
+            *is_child = true;
+        }
+    }
+    let roots = (0..root.nodes.len()).filter(|&i| !is_child[i]);
+    Ok(roots.map(|i| (i, format!("nodes[{i}]"))).collect())
+}
+
+/// Marks a node as seen: it may be entered by one way only, or the graph would have a circle or grow without end.
+fn enter(document: &Document, seen: &mut [bool], node: usize, place: &str) -> Result<()> {
+    if std::mem::replace(&mut seen[node], true) {
+        let message = format!("is {node}, which has another parent or is above itself");
+        return Err(document.fail(place, message));
+    }
+    Ok(())
+}
+
+/// A node's own transform.
+fn local(document: &Document, node: &Node, i: usize) -> Result<DAffine3> {
+    if let Some(matrix) = &node.matrix {
+        let matrix = DMat4::from_cols_array(matrix);
+        let last = matrix.row(3).to_array();
+        if last != [0.0, 0.0, 0.0, 1.0] {
+            let message = format!("has the last row {last:?}, expected 0, 0, 0, 1");
+            return Err(document.fail(format!("nodes[{i}].matrix"), message));
+        }
+        return Ok(DAffine3::from_mat4(matrix));
+    }
+    let vector = |v: Option<[f64; 3]>, default: DVec3| v.map_or(default, DVec3::from);
+    let rotation = match node.rotation {
+        Some(rotation) => {
+            let rotation = DQuat::from_array(rotation);
+            let length = rotation.length();
+            if !(length > 0.0 && length.is_finite()) {
+                let message = format!("is {:?}, expected a quaternion", rotation.to_array());
+                return Err(document.fail(format!("nodes[{i}].rotation"), message));
+            }
+            rotation.normalize()
+        }
+        None => DQuat::IDENTITY,
+    };
+    Ok(DAffine3::from_scale_rotation_translation(
+        vector(node.scale, DVec3::ONE),
+        rotation,
+        vector(node.translation, DVec3::ZERO),
+    ))
+}
+
+struct Walk<'a> {
+    document: &'a Document<'a>,
+    materials: &'a [Material],
+    /// Which of the description's meshes each mesh of the file is.
+    meshes: HashMap<usize, usize>,
+    /// Those of all instances so far.
+    triangles: u64,
+    found: Description,
+}
+
+impl Walk<'_> {
+    fn node(&mut self, node: &Node, i: usize, to_world: DAffine3) -> Result<()> {
+        let (document, root) = (self.document, &self.document.root);
+        let name = |of: Option<&String>, kind: &str| {
+            let name = node.name.as_ref().or(of).cloned();
+            name.unwrap_or_else(|| format!("{kind} {i}"))
+        };
+        if let Some(index) = node.mesh {
+            let place = format!("nodes[{i}].mesh");
+            let json = document.get(&root.meshes, index, &place, "meshes")?;
+            let name = name(json.name.as_ref(), "node");
+            self.instance(index, name, to_world, &place)?;
+            if node.skin.is_some() {
+                document.skip("skins");
+            }
+        }
+        if let Some(index) = node.camera {
+            let place = format!("nodes[{i}].camera");
+            let json = document.get(&root.cameras, index, &place, "cameras")?;
+            let name = name(json.name.as_ref(), "camera");
+            let camera = self.camera(index, name, to_world, &place)?;
+            self.found.cameras.push(camera);
+        }
+        if let Some(light) = &node.extensions.light {
+            let place = format!("nodes[{i}].extensions.KHR_lights_punctual.light");
+            let lights = &root.extensions.lights.lights;
+            let json = document.get(lights, light.light, &place, "lights")?;
+            let name = name(json.name.as_ref(), "light");
+            let light = self.light(json, name, to_world, &format!("lights[{}]", light.light))?;
+            self.found.lights.push(light);
+        }
+        Ok(())
+    }
+
+    fn instance(&mut self, index: usize, name: String, to: DAffine3, place: &str) -> Result<()> {
+        let document = self.document;
+        let more = most_triangles(document, &document.root.meshes[index]);
+        self.triangles = self.triangles.saturating_add(more);
+        let most = document.limits.triangles;
+        if self.triangles > most {
+            let message =
+                format!("makes more than {most} triangles: LoadLimits::triangles raises the limit");
+            return Err(document.fail(place, message));
+        }
+        let known = match self.meshes.get(&index) {
+            Some(&known) => known,
+            None => {
+                self.found
+                    .meshes
+                    .push(mesh(document, index, self.materials)?);
+                self.meshes.insert(index, self.found.meshes.len() - 1);
+                self.found.meshes.len() - 1
+            }
+        };
+        if !self.found.meshes[known].faces.is_empty() {
+            self.found.objects.push(ObjectDescription {
+                name,
+                mesh: known,
+                to_world: to,
+            });
+        }
+        Ok(())
+    }
+
+    /// A camera looks along its node's −z, whose scale doesn't count.
+    fn camera(
+        &self,
+        index: usize,
+        name: String,
+        to: DAffine3,
+        place: &str,
+    ) -> Result<CameraDescription> {
+        let document = self.document;
+        let json = &document.root.cameras[index];
+        let at = |field: &str| format!("cameras[{index}].{field}");
+        let axes = [-to.matrix3.z_axis, to.matrix3.y_axis].map(|a| a.try_normalize());
+        let [Some(forward), Some(up)] = axes else {
+            let message = "is at a node whose axes have no directions";
+            return Err(document.fail(place, message));
+        };
+        if forward.cross(up).length() < 1e-6 {
+            return Err(document.fail(place, "is at a node whose y and z axes are parallel"));
+        }
+        let positive = |value: f32, field: &str| {
+            let valid = value.is_finite() && value > 0.0;
+            let message = || format!("is {value}, expected a finite number > 0");
+            match valid {
+                true => Ok(f64::from(value)),
+                false => Err(document.fail(at(field), message())),
+            }
+        };
+        let missing = |field: &str| document.fail(at(field), "is not there");
+        let (projection, aspect) = match json.kind {
+            CameraType::Perspective => {
+                let p = json.perspective.as_ref();
+                let p = p.ok_or_else(|| missing("perspective"))?;
+                let fov_y = positive(p.yfov, "perspective.yfov")?.to_degrees();
+                if fov_y >= 180.0 {
+                    let message = format!("is {}, expected an angle under π", p.yfov);
+                    return Err(document.fail(at("perspective.yfov"), message));
+                }
+                let aspect = p.aspect_ratio;
+                let aspect = aspect.map(|a| positive(a, "perspective.aspectRatio"));
+                (
+                    ProjectionDescription::Perspective { fov_y },
+                    aspect.transpose()?,
+                )
+            }
+            CameraType::Orthographic => {
+                let o = json.orthographic.as_ref();
+                let o = o.ok_or_else(|| missing("orthographic"))?;
+                // Files may mirror the image by a negative one.
+                let high = positive(o.ymag.abs(), "orthographic.ymag")?;
+                let wide = positive(o.xmag.abs(), "orthographic.xmag")?;
+                let height = 2.0 * high;
+                (
+                    ProjectionDescription::Orthographic { height },
+                    Some(wide / high),
+                )
+            }
+        };
+        Ok(CameraDescription {
+            name,
+            eye: to.translation,
+            forward,
+            up,
+            projection,
+            aspect,
+        })
+    }
+
+    /// A light shines along its node's −z, whose scale doesn't count.
+    fn light(
+        &self,
+        json: &Light,
+        name: String,
+        to: DAffine3,
+        place: &str,
+    ) -> Result<LightDescription> {
+        let document = self.document;
+        let at = |field: &str| format!("{place}.{field}");
+        let kind = match json.kind {
+            LightType::Point => LightKind::Point,
+            LightType::Directional => LightKind::Directional,
+            LightType::Spot => {
+                let (inner, outer) = (json.spot.inner_cone_angle, json.spot.outer_cone_angle);
+                if !(0.0 <= inner && inner < outer && outer <= 1.571) {
+                    let message = format!(
+                        "has the angles {inner} and {outer}, expected 0 ≤ innerConeAngle < \
+                         outerConeAngle ≤ π/2"
+                    );
+                    return Err(document.fail(at("spot"), message));
+                }
+                LightKind::Spot {
+                    inner: f64::from(inner),
+                    outer: f64::from(outer),
+                }
+            }
+        };
+        let strength = document.not_negative(json.intensity, at("intensity"))?;
+        let mut intensity = [0.0; 3];
+        for (value, &colour) in intensity.iter_mut().zip(&json.color) {
+            *value = strength * document.not_negative(colour, at("color"))?;
+        }
+        if json.range.is_some() {
+            document.skip("range of lights");
+        }
+        let direction = (-to.matrix3.z_axis).try_normalize();
+        Ok(LightDescription {
+            name,
+            kind,
+            position: to.translation,
+            direction: direction.unwrap_or(DVec3::NEG_Z),
+            intensity,
+        })
+    }
+}

@@ -1,0 +1,137 @@
+//! Meshes and scenes as binary PLY files.
+
+use std::io::Write;
+use std::path::Path;
+
+use burn::tensor::DType;
+
+use super::split::Split;
+use super::srgb::{srgb_byte, srgb_table};
+use super::whole::write_whole;
+use crate::error::{Error, Result};
+use crate::scene::{Albedo, Material, Mesh, Scene};
+
+/// Writes a mesh.
+pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
+    let double = mesh.vertices.dtype() == DType::F64;
+    write(path, double, &[(Split::of(mesh)?, None)])
+}
+
+/// Writes a scene as one mesh, with a colour for each part of one material.
+pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
+    let (mut parts, mut lost) = (Vec::new(), false);
+    let objects = || scene.objects.iter().filter(|o| !o.mesh.faces.is_empty());
+    let plain = colour(&Material::default())?;
+    for object in objects() {
+        let split = Split::of(&object.mesh)?;
+        for (m, material) in object.materials.iter().enumerate() {
+            let of_face = |f: &usize| object.face_materials.get(*f).map_or(0, |&m| m as usize);
+            let faces = (0..split.faces.len()).filter(|f| of_face(f) == m);
+            let part = split.part(faces);
+            if part.faces.is_empty() {
+                continue;
+            }
+            let colour = colour(material)?;
+            lost |= colour.is_none() || material.specular.reflects() || material.emits();
+            parts.push((part, colour));
+        }
+    }
+    if lost {
+        let file = path.display();
+        log::warn!("{file}: textures, gloss and emission are not written, PLY has none");
+    }
+    if parts.iter().all(|(_, colour)| *colour == plain) {
+        parts.iter_mut().for_each(|(_, colour)| *colour = None);
+    }
+    let double = objects().any(|o| o.mesh.vertices.dtype() == DType::F64);
+    write(path, double, &parts)
+}
+
+/// A material's albedo, None for a texture.
+fn colour(material: &Material) -> Result<Option<[f64; 3]>> {
+    match &material.diffuse {
+        Albedo::Constant(p) => Ok(Some(p.values()?)),
+        Albedo::Texture { .. } => Ok(None),
+    }
+}
+
+/// A mesh, and its colour if it has one.
+type Part = (Split, Option<[f64; 3]>);
+
+fn write(path: &Path, double: bool, parts: &[Part]) -> Result<()> {
+    let vertices: usize = parts.iter().map(|(p, _)| p.positions.len()).sum();
+    let faces: usize = parts.iter().map(|(p, _)| p.faces.len()).sum();
+    let has_normals = parts.iter().all(|(p, _)| p.normals.is_some());
+    let has_uvs = parts.iter().all(|(p, _)| p.uvs.is_some());
+    let colours = || parts.iter().filter_map(|(_, colour)| *colour).flatten();
+    let table = srgb_table();
+    // Bytes, which all readers know, where they hold the colours.
+    let byte = |v: f64| srgb_byte(v as f32);
+    let bytes = colours().all(|v| table[usize::from(byte(v))] == v as f32);
+    let float = if double { "double" } else { "float" };
+    let mut header = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment softray\nelement vertex {vertices}\n"
+    );
+    let mut properties = |kind: &str, names: &[&str]| {
+        for name in names {
+            header += &format!("property {kind} {name}\n");
+        }
+    };
+    properties(float, &["x", "y", "z"]);
+    if has_normals {
+        properties(float, &["nx", "ny", "nz"]);
+    }
+    if has_uvs {
+        properties(float, &["s", "t"]);
+    }
+    let has_colours = colours().next().is_some();
+    if has_colours {
+        let kind = if bytes { "uchar" } else { "float" };
+        properties(kind, &["red", "green", "blue"]);
+    }
+    header +=
+        &format!("element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n");
+    write_whole(path, |file| {
+        let mut put = |bytes: &[u8]| file.write_all(bytes).map_err(Error::io(path));
+        let put_number = |put: &mut dyn FnMut(&[u8]) -> Result<()>, v: f64| match double {
+            true => put(&v.to_le_bytes()),
+            false => put(&(v as f32).to_le_bytes()),
+        };
+        put(header.as_bytes())?;
+        for (part, colour) in parts {
+            // A part without a colour among others that have one: a texture, of which there is none.
+            let colour = colour.unwrap_or([1.0; 3]);
+            for i in 0..part.positions.len() {
+                let normal = part
+                    .normals
+                    .iter()
+                    .filter(|_| has_normals)
+                    .map(|n| &n[i][..]);
+                let uv = part.uvs.iter().filter(|_| has_uvs).map(|u| &u[i][..]);
+                let rows = std::iter::once(&part.positions[i][..])
+                    .chain(normal)
+                    .chain(uv);
+                for &v in rows.flatten() {
+                    put_number(&mut put, v)?;
+                }
+                for v in colour.into_iter().filter(|_| has_colours) {
+                    match bytes {
+                        true => put(&[byte(v)])?,
+                        false => put(&(v as f32).to_le_bytes())?,
+                    }
+                }
+            }
+        }
+        let mut first = 0;
+        for (part, _) in parts {
+            for face in &part.faces {
+                put(&[3])?;
+                for &v in face {
+                    put(&(first + v).to_le_bytes())?;
+                }
+            }
+            first += part.positions.len() as u32;
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,104 @@
+//! Meshes and scenes as files, by their endings.
+
+use std::path::Path;
+
+use super::{gltf_write, obj_write, ply_write, whole::ending};
+use crate::error::{Error, Result};
+use crate::scene::{Mesh, Scene, check_scene};
+
+/// The endings of files that are written.
+const WRITTEN: [&str; 4] = ["obj", "gltf", "glb", "ply"];
+
+impl Mesh {
+    /// Writes a file with vertices, texture coordinates and normals. The file appears under its name only when it
+    /// is complete.
+    ///
+    /// - `.obj`: numbers read back to the same floats. [`Scene::load`] numbers vertices in the order in which faces
+    ///   have them, and leaves out those that no face has.
+    /// - `.ply`: binary; the same floats, and vertices keep their numbers. Those at a seam of an attribute are split:
+    ///   the copies come after all others.
+    /// - `.glb`, `.gltf` (with a `.bin` beside it): as [`Scene::write`], of the material
+    ///   [`Material::default`](crate::scene::Material::default).
+    ///
+    /// # Errors
+    /// When the ending is another one, the mesh has no face or can't be rendered, or the system fails.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        let kind = ending(path, &WRITTEN)?;
+        self.check("mesh")?;
+        if self.faces.is_empty() {
+            return Err(Error::invalid("mesh", "faces", "empty", "at least one"));
+        }
+        match kind {
+            "obj" => obj_write::mesh(self, path),
+            "ply" => ply_write::mesh(self, path),
+            _ => gltf_write::mesh(self, path),
+        }
+    }
+}
+
+impl Scene {
+    /// Writes a file that [`Scene::load`] reads as a scene that renders to the same image.
+    ///
+    /// - `.obj`, with an MTL file and textures as images beside it: `room.obj`, `room.mtl`,
+    ///   `room_wood_diffuse.png`, where `wood` is a material. Numbers read back to the same floats. Every object is
+    ///   an `o`; names that are taken get a number. A texture is a PNG file where 8 bits of sRGB hold all of its texels
+    ///   exactly, as those of one that was read from such a file, and an EXR file otherwise. Textures that clamp have
+    ///   `-clamp on`; mirrored ones are written as such that repeat.
+    /// - `.glb`, or `.gltf` with a `.bin` beside it: every object is a node with a mesh in f32. Lambert's law is
+    ///   KHR_materials_specular with a factor of 0, Phong's lobe stands in `extras` (and is about a roughness for other
+    ///   readers), emission above 1 is KHR_materials_emissive_strength. Textures are PNG images within the file, of
+    ///   16 bits where 8 bits of sRGB don't hold their texels, clipped to [0, 1].
+    /// - `.ply`: all objects as one mesh; constant albedos become colours of vertices.
+    ///
+    /// Parts that a format can't hold are left out with a warning: the environment, objects without faces, and
+    /// velocities: an object that moves is written as it is at the shutter's start. Files of those names are replaced,
+    /// once all new ones are complete.
+    ///
+    /// ```no_run
+    /// # use softray::prelude::*;
+    /// # let device = Device::flex();
+    /// let scene = Scene::new().with(Object::new(shapes::cube(&device)).named("cube"));
+    /// scene.write("cube.glb")?;
+    /// let same = Scene::load("cube.glb", &device)?;
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// When the ending is another one, the scene is not valid, or the system fails.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        let kind = ending(path, &WRITTEN)?;
+        check_scene(self)?;
+        self.warn_of_losses(path)?;
+        match kind {
+            "obj" => obj_write::scene(self, path),
+            "ply" => ply_write::scene(self, path),
+            _ => gltf_write::scene(self, path),
+        }
+    }
+
+    /// Tells by name what none of the formats can hold.
+    fn warn_of_losses(&self, path: &Path) -> Result<()> {
+        let file = path.display();
+        if self.environment.shines() {
+            log::warn!("{file}: the scene's environment is not written, such files have none");
+        }
+        for object in &self.objects {
+            let name = &object.name;
+            if object.mesh.faces.is_empty() {
+                log::warn!("{file}: {name} has no faces and is not written");
+            }
+            if let Some(velocity) = &object.velocity {
+                let velocity = velocity.values()?;
+                if velocity != [0.0; 3] {
+                    log::warn!(
+                        "{file}: the velocity {velocity:?} of {name} is not written, such files have no \
+                         motion; the object is where it is at the shutter's start"
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,309 @@
+//! Facets of the distribution GGX (Walter et al. 2007) with Smith's masking, correlated by height (Heitz 2014), and
+//! the half vectors of those that are seen, drawn by spherical caps (Dupuy and Benyoub 2023).
+//!
+//! Where an interpolated normal turns away from the view, the view is mirrored at the plane across that normal, so
+//! that nothing jumps there.
+
+use std::f32::consts::{FRAC_1_PI, TAU};
+
+use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
+use crate::model::{V3, splat, v3};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
+
+/// The least α: a lobe of a twentieth of a degree, which f32 still resolves.
+const LEAST_ALPHA: f32 = 1e-3;
+/// Squares that are divided by are at least this.
+const TINY: f32 = 1e-12;
+/// Squared sines of caps are at least this, where their square root has a derivative.
+const LEAST_SQUARE: f32 = 1e-7;
+
+/// Facets about a normal, and the direction that they are seen from.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facets {
+    pub normal: V3,
+    /// Towards the eye, on the normal's side.
+    pub view: V3,
+    pub alpha: f32,
+    /// n·v ≥ 0.
+    pub nv: f32,
+    /// √(α² + (1 − α²) (n·v)²).
+    pub rv: f32,
+}
+
+/// Derivatives by what facets are made of.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FacetsGradient {
+    pub normal: V3,
+    pub view: V3,
+    pub alpha: f32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl FacetsGradient {
+    #[inline(always)]
+    pub fn zero() -> FacetsGradient {
+        FacetsGradient {
+            normal: splat(0.0),
+            view: splat(0.0),
+            alpha: 0.0,
+        }
+    }
+}
+
+/// Derivatives by the normal, the ray's direction and the roughness.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SurfaceGradient {
+    pub normal: V3,
+    pub incoming: V3,
+    pub roughness: f32,
+}
+
+/// √(α² + (1 − α²) c²).
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn slant(square: f32, cosine: f32) -> f32 {
+    (square + (1.0 - square) * cosine * cosine).sqrt()
+}
+
+/// α of a roughness.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn alpha_of(roughness: f32) -> f32 {
+    (roughness * roughness).max(LEAST_ALPHA)
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Facets {
+    /// For a ray that comes along a direction.
+    #[inline(always)]
+    pub fn new(normal: V3, incoming: V3, roughness: f32) -> Facets {
+        let along = normal.dot(incoming);
+        let mut view = -incoming;
+        if along > 0.0 {
+            view += normal * (2.0 * along);
+        }
+        let alpha = alpha_of(roughness);
+        let nv = along.abs();
+        Facets {
+            normal,
+            view,
+            alpha,
+            nv,
+            rv: slant(alpha * alpha, nv),
+        }
+    }
+
+    /// Derivatives by what they were made of, from those by normal, view and α.
+    #[inline(always)]
+    pub fn backward(&self, incoming: V3, roughness: f32, by: &FacetsGradient) -> SurfaceGradient {
+        let along = self.normal.dot(incoming);
+        let mut by_incoming = -by.view;
+        let mut by_normal = by.normal;
+        if along > 0.0 {
+            let through = self.normal.dot(by.view);
+            by_incoming += self.normal * (2.0 * through);
+            by_normal += by.view * (2.0 * along) + incoming * (2.0 * through);
+        }
+        let mut by_roughness = 0.0f32;
+        if roughness * roughness > LEAST_ALPHA {
+            by_roughness = 2.0 * roughness * by.alpha;
+        }
+        SurfaceGradient {
+            normal: by_normal,
+            incoming: by_incoming,
+            roughness: by_roughness,
+        }
+    }
+
+    /// D(h) for a vector along h, 0 below the surface.
+    #[inline(always)]
+    pub fn distribution(&self, half: V3) -> f32 {
+        let square = self.alpha * self.alpha;
+        let height = self.normal.dot(half);
+        let length = half.length_squared();
+        let mut d = 0.0f32;
+        if height > 0.0 && length > TINY {
+            let across = half - self.normal * height;
+            let e = square + (1.0 - square) * (across.length_squared() / length);
+            d = square * FRAC_1_PI / (e * e);
+        }
+        d
+    }
+
+    /// Adds the derivatives of g·D(h); returns that by the vector along h.
+    #[inline(always)]
+    pub fn distribution_backward(&self, half: V3, g: f32, by: &mut FacetsGradient) -> V3 {
+        let square = self.alpha * self.alpha;
+        let height = self.normal.dot(half);
+        let length = half.length_squared();
+        let mut by_half = splat(0.0);
+        if height > 0.0 && length > TINY {
+            let inverse = 1.0 / length;
+            let across = half - self.normal * height;
+            let share = across.length_squared() * inverse;
+            let e = square + (1.0 - square) * share;
+            let d = square * FRAC_1_PI / (e * e);
+            let by_e = -2.0f32 * g * d / e;
+            by.alpha += 2.0 * self.alpha * (g * d / square + by_e * (1.0 - share));
+            let by_share = by_e * (1.0 - square);
+            by_half = (across - half * share) * (2.0 * by_share * inverse);
+            by.normal -= across * (2.0 * by_share * inverse * height);
+        }
+        by_half
+    }
+
+    /// V = G/(4 n·v n·l) of light that comes along a direction over the surface.
+    #[inline(always)]
+    pub fn visibility(&self, nl: f32) -> f32 {
+        let rl = slant(self.alpha * self.alpha, nl);
+        0.5 / (nl * self.rv + self.nv * rl)
+    }
+
+    /// Derivatives of V by n·v, n·l and α.
+    #[inline(always)]
+    pub fn visibility_slopes(&self, nl: f32) -> V3 {
+        let square = self.alpha * self.alpha;
+        let rv = self.rv;
+        let nv = self.nv;
+        let rl = slant(square, nl);
+        let sum = nl * rv + nv * rl;
+        let scale = -0.5f32 / (sum * sum);
+        let rest = 1.0 - square;
+        let by_nv = rl + nl * rest * nv / rv;
+        let by_nl = rv + nv * rest * nl / rl;
+        let by_square = 0.5 * (nl * (1.0 - nv * nv) / rv + nv * (1.0 - nl * nl) / rl);
+        v3(by_nv, by_nl, 2.0 * self.alpha * by_square) * scale
+    }
+
+    /// The derivatives of n·v + √(α² + (1 − α²) (n·v)²), which densities are divided by, by n·v and α.
+    #[inline(always)]
+    pub fn slant_slopes(&self) -> V3 {
+        let rest = 1.0 - self.alpha * self.alpha;
+        let by_nv = 1.0 + rest * self.nv / self.rv;
+        v3(by_nv, self.alpha * (1.0 - self.nv * self.nv) / self.rv, 0.0)
+    }
+
+    /// Adds a derivative by n·v.
+    #[inline(always)]
+    pub fn nv_backward(&self, g: f32, by: &mut FacetsGradient) {
+        by.normal += self.view * g;
+        by.view += self.normal * g;
+    }
+
+    /// D of visible facets: D max(0, v·h) G₁/(n·v), over max(0, v·h).
+    #[inline(always)]
+    pub fn visible(&self, half: V3) -> f32 {
+        2.0 * self.distribution(half) / (self.nv + self.rv)
+    }
+}
+
+/// A half vector that was drawn, and how.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+struct Drawn {
+    /// The view in the normal's frame, stretched, and the inverse of its length before it was made a unit vector.
+    stretched: V3,
+    inverse: f32,
+    /// The sine of the cap's point.
+    sine: f32,
+    /// The sum of the cap's point and the view.
+    sum: V3,
+    /// The half vector in the normal's frame, and the inverse of its length.
+    local: V3,
+    per_length: f32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Facets {
+    #[inline(always)]
+    fn drawn(&self, u: f32, v: f32) -> Drawn {
+        let view = to_local(self.normal, self.view);
+        let stretched = v3(self.alpha * view.x, self.alpha * view.y, view.z);
+        let inverse = 1.0 / stretched.length();
+        let stretched = stretched * inverse;
+        let z = 1.0 - u - u * stretched.z;
+        let sine = (1.0 - z * z).max(LEAST_SQUARE).sqrt();
+        let turn = sin_cos_of_turns(v);
+        let sum = stretched + v3(sine * turn.cos, sine * turn.sin, z);
+        let half = v3(self.alpha * sum.x, self.alpha * sum.y, sum.z.max(0.0));
+        let per_length = 1.0 / half.length_squared().max(TINY).sqrt();
+        Drawn {
+            stretched,
+            inverse,
+            sine,
+            sum,
+            local: half * per_length,
+            per_length,
+        }
+    }
+
+    /// The half vector of a visible facet, for two uniform numbers.
+    #[inline(always)]
+    pub fn draw(&self, u: f32, v: f32) -> V3 {
+        from_local(self.normal, self.drawn(u, v).local)
+    }
+
+    /// Adds the derivatives of g·h of a half vector that was drawn, at fixed random numbers.
+    #[inline(always)]
+    pub fn draw_backward(&self, u: f32, v: f32, g: V3, by: &mut FacetsGradient) {
+        let d = self.drawn(u, v);
+        let by_half = from_local_backward(self.normal, d.local, g);
+        by.normal += by_half.axis;
+        let by_sum = by_half.local.reject_from_normalized(d.local) * d.per_length;
+        let turn = sin_cos_of_turns(v);
+        by.alpha += by_sum.x * d.sum.x + by_sum.y * d.sum.y;
+        let by_sum = v3(by_sum.x * self.alpha, by_sum.y * self.alpha, by_sum.z);
+        let z = 1.0 - u - u * d.stretched.z;
+        let mut by_z = by_sum.z;
+        if 1.0 - z * z > LEAST_SQUARE {
+            by_z -= (by_sum.x * turn.cos + by_sum.y * turn.sin) * z / d.sine;
+        }
+        let by_unit = by_sum - v3(0.0, 0.0, by_z * u);
+        let by_stretched = by_unit.reject_from_normalized(d.stretched) * d.inverse;
+        let view = to_local(self.normal, self.view);
+        by.alpha += by_stretched.x * view.x + by_stretched.y * view.y;
+        let by_view = v3(
+            by_stretched.x * self.alpha,
+            by_stretched.y * self.alpha,
+            by_stretched.z,
+        );
+        by.normal += from_local_backward(self.normal, by_view, self.view).axis;
+        by.view += from_local(self.normal, by_view);
+    }
+
+    /// The random numbers that a half vector would have been drawn by.
+    #[inline(always)]
+    pub fn numbers_of(&self, half: V3) -> V3 {
+        let view = to_local(self.normal, self.view);
+        let stretched = v3(self.alpha * view.x, self.alpha * view.y, view.z);
+        let stretched = stretched * (1.0 / stretched.length());
+        let local = to_local(self.normal, half);
+        let sum = v3(local.x, local.y, self.alpha * local.z);
+        let sum = sum * (1.0 / sum.length_squared().max(TINY).sqrt());
+        let cap = sum * (2.0 * sum.dot(stretched)) - stretched;
+        let mut turn = cap.y.atan2(cap.x) / TAU;
+        turn -= turn.floor();
+        let u = ((1.0 - cap.z) / (1.0 + stretched.z)).max(0.0).min(1.0);
+        v3(u, turn, 0.0)
+    }
+}

@@ -1,0 +1,149 @@
+//! The share of light that an interface reflects, by the cosine of the angle to its normal.
+
+use crate::model::{V3, v3};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
+
+/// Numbers that are divided by are at least this.
+const TINY: f32 = 1e-12;
+
+/// (1 − cos)⁵ of Schlick's F₀ + (1 − F₀) (1 − cos)⁵.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn schlick(cosine: f32) -> f32 {
+    let x = (1.0 - cosine).max(0.0);
+    x * x * x * x * x
+}
+
+/// Its derivative.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn schlick_slope(cosine: f32) -> f32 {
+    let x = (1.0 - cosine).max(0.0);
+    -5.0f32 * x * x * x * x
+}
+
+/// A metal with the index η − i k, of unpolarised light: the reflectance.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn conductor(cosine: f32, eta: f32, k: f32) -> f32 {
+    let square = cosine * cosine;
+    let rest = 1.0 - square;
+    let t0 = eta * eta - k * k - rest;
+    let sum = (t0 * t0 + 4.0 * eta * eta * k * k).sqrt();
+    let a = (0.5 * (sum + t0)).max(0.0).sqrt();
+    let t1 = sum + square;
+    let t2 = 2.0 * a * cosine;
+    let t3 = square * sum + rest * rest;
+    let t4 = t2 * rest;
+    let across = (t1 - t2) / (t1 + t2).max(TINY);
+    let ratio = (t3 - t4) / (t3 + t4).max(TINY);
+    0.5 * across * (1.0 + ratio)
+}
+
+/// The derivatives of [`conductor`] by the cosine, η and k.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
+    let square = cosine * cosine;
+    let rest = 1.0 - square;
+    let t0 = eta * eta - k * k - rest;
+    let sum = (t0 * t0 + 4.0 * eta * eta * k * k).sqrt();
+    let a = (0.5 * (sum + t0)).max(0.0).sqrt();
+    let t1 = sum + square;
+    let t2 = 2.0 * a * cosine;
+    let t3 = square * sum + rest * rest;
+    let t4 = t2 * rest;
+    let of_across = (t1 + t2).max(TINY);
+    let of_ratio = (t3 + t4).max(TINY);
+    let across = (t1 - t2) / of_across;
+    let by_across = 0.5 * (1.0 + (t3 - t4) / of_ratio);
+    let by_t3 = across * t4 / (of_ratio * of_ratio);
+    let by_t4 = -across * t3 / (of_ratio * of_ratio);
+    let by_t1 = 2.0 * by_across * t2 / (of_across * of_across);
+    let by_t2 = by_t4 * rest - 2.0 * by_across * t1 / (of_across * of_across);
+    let by_half = 0.5 * by_t2 * cosine / a.max(TINY);
+    let by_sum = by_t3 * square + by_t1 + by_half;
+    let by_t0 = by_half + by_sum * t0 / sum.max(TINY);
+    let by_product = 2.0 * by_sum / sum.max(TINY);
+    let by_rest = by_t4 * t2 + 2.0 * by_t3 * rest - by_t0;
+    let by_square = by_t3 * sum + by_t1 - by_rest;
+    v3(
+        2.0 * a * by_t2 + 2.0 * cosine * by_square,
+        2.0 * eta * (by_product * k * k + by_t0),
+        2.0 * k * (by_product * eta * eta - by_t0),
+    )
+}
+
+/// Clear matter, where light comes from the side of index 1 to that of index η: the reflectance, and its derivatives
+/// by the cosine and η. All of it is reflected where nothing can pass.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn dielectric(cosine: f32, eta: f32) -> V3 {
+    let inverse = 1.0 / (eta * eta);
+    let square = (1.0 - cosine * cosine) * inverse;
+    let mut r = v3(1.0, 0.0, 0.0);
+    if square < 1.0 {
+        let passed = (1.0 - square).max(TINY).sqrt();
+        let of_p = eta * cosine + passed;
+        let of_s = cosine + eta * passed;
+        let p = (eta * cosine - passed) / of_p;
+        let s = (cosine - eta * passed) / of_s;
+        // Of the reflectance by both amplitudes times those of the amplitudes.
+        let by_p = 2.0 * p / (of_p * of_p);
+        let by_s = 2.0 * s / (of_s * of_s);
+        let by_passed = -(by_p + by_s) * eta * cosine;
+        let by_cosine = by_passed * cosine * inverse / passed + (by_p + by_s) * eta * passed;
+        let by_eta = by_passed * square / (eta * passed) + (by_p - by_s) * cosine * passed;
+        r = v3(0.5 * (p * p + s * s), by_cosine, by_eta);
+    }
+    r
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(found: f32, wanted: f32, what: &str) {
+        assert!(
+            (found - wanted).abs() < 2e-3 * wanted.abs().max(0.2),
+            "{what}: {found} {wanted}"
+        );
+    }
+
+    /// Gold in red light, by the complex amplitudes of Fresnel's equations, and glass along its normal.
+    #[test]
+    fn reflectances() {
+        // cos 60°, η − i k = 0.143 − 3.983 i: |r_s|² = 0.98220, |r_p|² = 0.92983.
+        close(conductor(1.0, 0.143, 3.983), 0.966_63, "gold");
+        close(dielectric(1.0, 1.5).x, 0.04, "glass");
+        close(dielectric(0.0, 1.5).x, 1.0, "glass at the horizon");
+        close(dielectric(0.5, 1.5).x, 0.089_18, "glass at 60°");
+        assert_eq!(dielectric(0.5, 1.0 / 1.5).x, 1.0);
+        // Without absorption a metal is glass.
+        close(conductor(0.5, 1.5, 0.0), dielectric(0.5, 1.5).x, "as glass");
+    }
+
+    #[test]
+    fn derivatives() {
+        let h = 1e-3;
+        for (c, eta, k) in [(0.9, 0.2, 3.9), (0.3, 1.4, 2.0), (0.6, 1.5, 0.3)] {
+            let s = conductor_slopes(c, eta, k);
+            let slope = |f: &dyn Fn(f32) -> f32| (f(h) - f(-h)) / (2.0 * h);
+            close(s.x, slope(&|h| conductor(c + h, eta, k)), "cosine");
+            close(s.y, slope(&|h| conductor(c, eta + h, k)), "eta");
+            close(s.z, slope(&|h| conductor(c, eta, k + h)), "k");
+        }
+        for (c, eta) in [(0.9, 1.5), (0.2, 1.5), (0.9, 0.7), (0.8, 0.7)] {
+            let s = dielectric(c, eta);
+            let slope = |f: &dyn Fn(f32) -> f32| (f(h) - f(-h)) / (2.0 * h);
+            close(s.y, slope(&|h| dielectric(c + h, eta).x), "cosine");
+            close(s.z, slope(&|h| dielectric(c, eta + h).x), "eta");
+        }
+        close(
+            schlick_slope(0.3),
+            (schlick(0.301) - schlick(0.299)) / 2e-3,
+            "schlick",
+        );
+    }
+}

@@ -1,0 +1,535 @@
+//! How surfaces scatter light, a file a model, on both sides of a surface.
+//!
+//! cos θ is that to the shading normal, but where a direction comes close to the geometric horizon, at
+//! most four times the cosine to the geometric normal: so what is reflected vanishes at the horizon, where
+//! the surface begins to hide the light, and does not jump.
+
+#![allow(unused_assignments)] // Variables of a kernel need a first value.
+
+mod albedo;
+mod dielectric;
+mod facets;
+mod fresnel;
+mod lobe;
+mod metal;
+mod phong;
+#[cfg(test)]
+mod tests;
+
+use super::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
+use super::{Pair, V3, splat, v3};
+use crate::scene::{Bsdf, CHANNELS, MaterialKind};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
+
+pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
+pub(crate) use lobe::Lobe;
+pub(crate) use metal::DIELECTRIC_F0;
+
+/// Models of [`Shading::model`].
+pub(crate) const PHONG: u32 = 0;
+pub(crate) const METALLIC: u32 = 1;
+pub(crate) const CONDUCTOR: u32 = 2;
+pub(crate) const DIELECTRIC: u32 = 3;
+
+/// What is known when a kernel is compiled.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Known(pub bool);
+
+/// In the language of kernels it stays what it is.
+#[cfg(feature = "wgpu")]
+impl IntoExpand for Known {
+    type Expand = Self;
+
+    fn into_expand(self, _: &Scope) -> Self {
+        self
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl Assign for Known {
+    fn __expand_assign_method(&mut self, _: &Scope, value: Self) {
+        *self = value;
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl RuntimeAssign for Known {
+    fn init_mut(&self, _: &Scope) -> Self {
+        *self
+    }
+}
+
+/// The number of a BSDF.
+#[inline(always)]
+pub(crate) fn model_of(bsdf: Bsdf) -> u32 {
+    match bsdf {
+        Bsdf::Phong => PHONG,
+        Bsdf::MetallicRoughness => METALLIC,
+        Bsdf::Conductor => CONDUCTOR,
+        Bsdf::Dielectric => DIELECTRIC,
+    }
+}
+
+/// A shaded point: directions, and what its material is there.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Shading {
+    /// Unit normals on the side that the ray came from.
+    pub geometric: V3,
+    pub normal: V3,
+    /// The ray's direction.
+    pub incoming: V3,
+    /// The parameters of the material, by its model: k_d, base colour or η.
+    pub diffuse: V3,
+    /// k_s, where the material is glossy; k; metallic or the index of refraction, the first number.
+    pub specular: V3,
+    /// n, where the material is glossy, or the roughness.
+    pub exponent: f32,
+    pub glossy: bool,
+    /// Whether the two normals are not the same.
+    pub smooth: bool,
+    pub model: u32,
+    /// Whether light that facets lose is given back.
+    pub compensated: bool,
+    /// Whether the ray came from behind the front, which is inside of a dielectric.
+    pub inside: bool,
+    /// Whether the model may be one of facets. Of kernels on GPUs it is a constant, so that they need not hold what
+    /// a scene does not have.
+    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    pub facets: Known,
+    /// Two normals, about one of which directions are drawn in place of its own: those of both faces of a
+    /// crease, so that a path on either side goes the same way and their difference is as small as the
+    /// crease is flat.
+    pub pair: Pair,
+    pub paired: bool,
+}
+
+/// Derivatives by what a shaded point is made of.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ShadingGradient {
+    pub geometric: V3,
+    pub normal: V3,
+    pub incoming: V3,
+    pub diffuse: V3,
+    pub specular: V3,
+    pub exponent: f32,
+}
+
+impl ShadingGradient {
+    /// The derivatives by a material's parameters, each at its place ([`Channel::place`]).
+    ///
+    /// [`Channel::place`]: crate::scene::Channel::place
+    #[inline(always)]
+    pub fn channels(&self) -> [V3; CHANNELS] {
+        let mut by = [V3::ZERO; CHANNELS];
+        by[0] = self.diffuse;
+        by[1] = self.specular;
+        by[2] = v3(self.exponent, 0.0, 0.0);
+        by
+    }
+}
+
+/// A direction drawn from the BSDF.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Scatter {
+    pub direction: V3,
+    /// f·cos θ over the density of the direction.
+    pub weight: V3,
+    /// The direction in the frame of the lobe's axis: the normal, or the mirror direction.
+    pub local: V3,
+    /// Whether the specular lobe was drawn; of a dielectric that of reflected light.
+    pub of_gloss: bool,
+    pub u: f32,
+    pub v: f32,
+}
+
+/// Directions drawn by a number nearer to 0 or 1 have derivatives without bound.
+const LEAST: f32 = 1e-7;
+/// The cosine to the shading normal counts up to so many times that to the geometric one.
+pub(crate) const HORIZON: f32 = 4.0;
+/// Densities under this can't have been drawn.
+const IMPOSSIBLE: f32 = 1e-20;
+
+impl Shading {
+    /// The shading of a material with these parameters at the point.
+    #[inline(always)]
+    pub fn of(values: [V3; CHANNELS], kind: MaterialKind) -> Self {
+        Self {
+            diffuse: values[0],
+            specular: values[1],
+            exponent: values[2].x,
+            glossy: kind.glossy,
+            model: model_of(kind.bsdf),
+            compensated: kind.compensated,
+            facets: Known(kind.bsdf != Bsdf::Phong),
+            ..Self::default()
+        }
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Shading {
+    /// The mirror direction.
+    #[inline(always)]
+    pub fn mirror(&self) -> V3 {
+        self.mirror_about(self.normal)
+    }
+
+    #[inline(always)]
+    pub(super) fn mirror_about(&self, normal: V3) -> V3 {
+        self.incoming - normal * (2.0 * normal.dot(self.incoming))
+    }
+
+    #[inline(always)]
+    pub fn mirror_backward(&self, g: V3, gradient: &mut ShadingGradient) {
+        let along = self.normal.dot(g);
+        gradient.incoming += g - self.normal * (2.0 * along);
+        gradient.normal -=
+            g * (2.0 * self.normal.dot(self.incoming)) + self.incoming * (2.0 * along);
+    }
+
+    /// cos θ, 0 below the surface.
+    #[inline(always)]
+    pub(super) fn cosine(&self, outgoing: V3) -> f32 {
+        let shaded = self.normal.dot(outgoing);
+        shaded.min(HORIZON * self.geometric.dot(outgoing)).max(0.0)
+    }
+
+    /// Adds the derivatives of g·cos θ where it is not 0; returns that by the outgoing direction.
+    #[inline(always)]
+    pub(super) fn cosine_backward(
+        &self,
+        outgoing: V3,
+        g: f32,
+        gradient: &mut ShadingGradient,
+    ) -> V3 {
+        let horizon = HORIZON * self.geometric.dot(outgoing);
+        let mut by_outgoing = self.normal * g;
+        if self.normal.dot(outgoing) <= horizon {
+            gradient.normal += outgoing * g;
+        } else {
+            gradient.geometric += outgoing * (HORIZON * g);
+            by_outgoing = self.geometric * (HORIZON * g);
+        }
+        by_outgoing
+    }
+
+    /// The probability of the specular lobe, about its share of what is scattered.
+    #[inline(always)]
+    pub fn gloss(&self) -> f32 {
+        let mut found = 0.0f32;
+        if comptime!(self.facets.0) {
+            if self.model == DIELECTRIC {
+                found = self.interface_gloss();
+            } else if self.model == PHONG {
+                found = self.phong_gloss();
+            } else {
+                found = self.metal_gloss();
+            }
+        } else {
+            found = self.phong_gloss();
+        }
+        found
+    }
+
+    /// f·cos θ.
+    #[inline(always)]
+    pub fn evaluate(&self, outgoing: V3) -> V3 {
+        let mut found = splat(0.0);
+        if comptime!(self.facets.0) {
+            if self.model == DIELECTRIC {
+                found = self.interface(outgoing);
+            } else if self.model == PHONG {
+                found = self.phong(outgoing);
+            } else {
+                found = self.metal(outgoing);
+            }
+        } else {
+            found = self.phong(outgoing);
+        }
+        found
+    }
+
+    /// Adds the derivatives of g·f·cos θ; returns that by the outgoing direction.
+    #[inline(always)]
+    pub fn evaluate_backward(&self, outgoing: V3, g: V3, gradient: &mut ShadingGradient) -> V3 {
+        let mut found = splat(0.0);
+        if comptime!(self.facets.0) {
+            if self.model == DIELECTRIC {
+                found = self.interface_backward(outgoing, g, gradient);
+            } else if self.model == PHONG {
+                found = self.phong_backward(outgoing, g, gradient);
+            } else {
+                found = self.metal_backward(outgoing, g, gradient);
+            }
+        } else {
+            found = self.phong_backward(outgoing, g, gradient);
+        }
+        found
+    }
+
+    /// The density per solid angle with which [`Shading::sample`] draws a direction.
+    #[inline(always)]
+    pub fn density(&self, outgoing: V3) -> f32 {
+        if self.paired {
+            0.5 * self.density_about(self.pair.first, outgoing)
+                + 0.5 * self.density_about(self.pair.second, outgoing)
+        } else {
+            self.density_about(self.normal, outgoing)
+        }
+    }
+
+    /// The density of directions about a normal.
+    #[inline(always)]
+    fn density_about(&self, normal: V3, outgoing: V3) -> f32 {
+        let mut found = 0.0f32;
+        if comptime!(self.facets.0) {
+            if self.model == DIELECTRIC {
+                found = self.interface_density(normal, outgoing);
+            } else if self.model == PHONG {
+                found = self.phong_density(normal, outgoing);
+            } else {
+                found = self.metal_densities(normal, outgoing).element_sum();
+            }
+        } else {
+            found = self.phong_density(normal, outgoing);
+        }
+        found
+    }
+
+    /// The share of a lobe in the density of a direction.
+    #[inline(always)]
+    pub fn share_of_lobe(&self, outgoing: V3, of_gloss: bool) -> f32 {
+        let above = self.normal.dot(outgoing) > 0.0;
+        let mut densities = splat(0.0);
+        if comptime!(self.facets.0) {
+            if self.model == DIELECTRIC {
+                // Light is reflected above and refracted below.
+                densities.y = 1.0;
+                if above {
+                    densities = v3(1.0, 0.0, 0.0);
+                }
+            } else if self.model == PHONG {
+                densities = self.phong_densities(outgoing);
+            } else {
+                densities = self.metal_densities(self.normal, outgoing);
+            }
+        } else {
+            densities = self.phong_densities(outgoing);
+        }
+        let mut own = densities.y;
+        if of_gloss {
+            own = densities.x;
+        }
+        own / (densities.x + densities.y).max(IMPOSSIBLE)
+    }
+
+    /// Draws a lobe in proportion to its albedo, and a direction from it.
+    #[inline(always)]
+    pub fn sample(&self, u: f32, v: f32, lobe: f32) -> Scatter {
+        let mut height = u;
+        let mut normal = self.normal;
+        if self.paired {
+            normal = self.pair.first;
+            height = 2.0 * u;
+            if u >= 0.5 {
+                normal = self.pair.second;
+                height -= 1.0;
+            }
+        }
+        let mut drawn = Scatter {
+            direction: splat(0.0),
+            weight: splat(0.0),
+            local: matt_local(height, v),
+            of_gloss: false,
+            u: height,
+            v,
+        };
+        if comptime!(self.facets.0) {
+            if self.model == PHONG {
+                drawn = self.sample_phong(&drawn, normal, lobe);
+            } else {
+                drawn = self.sample_facets(&drawn, normal, lobe);
+            }
+        } else {
+            drawn = self.sample_phong(&drawn, normal, lobe);
+        }
+        drawn
+    }
+
+    #[inline(always)]
+    fn sample_phong(&self, numbers: &Scatter, normal: V3, lobe: f32) -> Scatter {
+        let of_gloss = self.glossy && lobe < self.phong_gloss();
+        let mut axis = normal;
+        let mut local = numbers.local;
+        if of_gloss {
+            axis = self.mirror_about(normal);
+            local = self.phong_local(numbers.u, numbers.v);
+        }
+        let direction = from_local(axis, local);
+        // Without gloss, on a flat surface, f·cos θ over the density is k_d, whatever the direction.
+        let mut weight = self.diffuse;
+        if self.glossy || self.smooth || self.paired {
+            weight = self.weight(direction);
+        }
+        Scatter {
+            direction,
+            weight,
+            local,
+            of_gloss,
+            u: numbers.u,
+            v: numbers.v,
+        }
+    }
+
+    /// f·cos θ over the density of a direction.
+    #[inline(always)]
+    fn weight(&self, direction: V3) -> V3 {
+        let density = self.density(direction);
+        let mut weight = splat(0.0);
+        if density > IMPOSSIBLE {
+            weight = self.evaluate(direction) * (1.0 / density);
+        }
+        weight
+    }
+
+    #[inline(never)]
+    fn sample_facets(&self, numbers: &Scatter, normal: V3, lobe: f32) -> Scatter {
+        let f = self.facets_about(normal);
+        let half = f.draw(numbers.u, numbers.v);
+        let is_interface = self.model == DIELECTRIC;
+        let mut chance = 0.0f32;
+        if is_interface {
+            chance = self.part_reflected(&f, half);
+        } else {
+            chance = self.metal_gloss();
+        }
+        let of_gloss = lobe < chance;
+        let mut direction = from_local(normal, numbers.local);
+        if of_gloss {
+            direction = self.reflected_at(&f, half);
+        } else if is_interface {
+            direction = self.refracted_at(&f, half);
+        }
+        // What a slanted facet turns to the wrong side is lost.
+        let mut weight = splat(0.0);
+        if !is_interface || of_gloss == (normal.dot(direction) > 0.0) {
+            weight = self.weight(direction);
+        }
+        Scatter {
+            direction,
+            weight,
+            local: numbers.local,
+            of_gloss,
+            u: numbers.u,
+            v: numbers.v,
+        }
+    }
+
+    /// Adds the derivatives of g·weight + by_direction·direction.
+    #[inline(always)]
+    pub fn sample_backward(
+        &self,
+        s: &Scatter,
+        g: V3,
+        by_direction: V3,
+        gradient: &mut ShadingGradient,
+    ) {
+        let mut by_drawn = by_direction;
+        if comptime!(self.facets.0) {
+            if self.model == DIELECTRIC {
+                by_drawn += self.interface_weight_backward(s, g, gradient);
+            } else if self.model == PHONG {
+                by_drawn += self.phong_weight_backward(s, g, gradient);
+            } else {
+                by_drawn += self.metal_weight_backward(s, g, gradient);
+            }
+        } else {
+            by_drawn += self.phong_weight_backward(s, g, gradient);
+        }
+        self.direction_backward(s, by_drawn, gradient);
+    }
+
+    /// A direction as if it had been drawn from a lobe.
+    #[inline(always)]
+    pub fn as_drawn(&self, direction: V3, of_gloss: bool) -> Scatter {
+        let mut local = to_local(self.normal, direction);
+        let mut numbers = splat(0.0);
+        if comptime!(self.facets.0) {
+            if self.model == PHONG {
+                if of_gloss {
+                    local = to_local(self.mirror(), direction);
+                    numbers = self.phong_numbers(local);
+                }
+            } else if of_gloss || self.model == DIELECTRIC {
+                let f = self.facets_about(self.normal);
+                numbers = f.numbers_of(self.half_of(&f, direction, of_gloss));
+            }
+        } else if of_gloss {
+            local = to_local(self.mirror(), direction);
+            numbers = self.phong_numbers(local);
+        }
+        Scatter {
+            direction,
+            weight: splat(0.0),
+            local,
+            of_gloss,
+            u: numbers.x,
+            v: numbers.y,
+        }
+    }
+
+    /// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
+    #[inline(always)]
+    pub fn direction_backward(&self, s: &Scatter, g: V3, gradient: &mut ShadingGradient) {
+        if comptime!(self.facets.0) {
+            if self.model == PHONG {
+                self.phong_direction_backward(s, g, gradient);
+            } else if s.of_gloss {
+                self.reflected_backward(s, g, gradient);
+            } else if self.model == DIELECTRIC {
+                self.refracted_backward(s, g, gradient);
+            } else {
+                gradient.normal += from_local_backward(self.normal, s.local, g).axis;
+            }
+        } else {
+            self.phong_direction_backward(s, g, gradient);
+        }
+    }
+
+    /// The geometric normal on the side on which a ray leaves: the other one, if it is refracted.
+    #[inline(always)]
+    pub fn outer(&self, direction: V3) -> V3 {
+        let mut normal = self.geometric;
+        if comptime!(self.facets.0) {
+            if self.model == DIELECTRIC && self.geometric.dot(direction) < 0.0 {
+                normal = -normal;
+            }
+        }
+        normal
+    }
+}
+
+/// A direction about a normal with a density in proportion to the cosine, for two uniform numbers.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn matt_local(u: f32, v: f32) -> V3 {
+    let turn = sin_cos_of_turns(v);
+    let sine = u.sqrt();
+    v3(sine * turn.cos, sine * turn.sin, (1.0 - u).max(0.0).sqrt())
+}

@@ -1,0 +1,132 @@
+//! Many decisions by one random number.
+
+use super::integers::{hashed, product};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
+
+/// A uniform number in [0, 1) that decides several times: what is left of it after a decision is uniform again.
+///
+/// Each decision takes bits of it. While it has many, later decisions are as evenly spread as the number was; once
+/// [`LEAST`] of its range is left, a hash takes its place. So its bits never run out, and an error of rounding of
+/// a chance grows no further than by 1 / [`LEAST`].
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Uniform {
+    pub number: f32,
+    /// The share of the range of a random number that decisions have left of it.
+    left: f32,
+    /// Of the hash.
+    key: u32,
+}
+
+/// A decision, and the number that the next is made by.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Decision {
+    pub happens: bool,
+    pub rest: Uniform,
+}
+
+/// The share of a number's range that is used up, at most.
+const LEAST: f32 = 1.0 / 256.0;
+const MOST: f32 = 1.0 - f32::EPSILON;
+
+/// The number u; a second one, independent of it, tells hashes of samples with the same u apart.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn decided_by(u: f32, other: f32) -> Uniform {
+    Uniform {
+        number: u,
+        left: 1.0,
+        key: product(u.to_bits(), 0x9e37_79b9u32) ^ other.to_bits(),
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Uniform {
+    /// Decides whether something happens that has a probability.
+    #[inline(always)]
+    pub fn decide(self, chance: f32) -> Decision {
+        let happens = self.number < chance;
+        let mut from = chance;
+        let mut share = 1.0 - chance;
+        if happens {
+            from = 0.0f32;
+            share = chance;
+        }
+        let mut number = ((self.number - from) / share.max(1e-30)).min(MOST);
+        let mut left = self.left * share;
+        let mut key = self.key;
+        if left < LEAST {
+            key = hashed(key);
+            number = (key >> 8) as f32 * (1.0f32 / 16_777_216.0f32);
+            left = 1.0f32;
+        }
+        Decision {
+            happens,
+            rest: Uniform { number, left, key },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of 250 things with chances of their own each is drawn as often as its chance says, though a number of
+    /// 24 bits does not hold so many decisions.
+    #[test]
+    fn many_decisions_by_one_number() {
+        let weights: Vec<f32> = (0..250).map(|i| 1.0 + (i % 7) as f32).collect();
+        let total: f32 = weights.iter().sum();
+        let (n, mut drawn) = (1 << 15, vec![0u32; weights.len()]);
+        for i in 0..n {
+            let u = (i as f32 + 0.5) / n as f32;
+            let mut random = decided_by(u, (i as f32 * 0.618_034).fract());
+            let (mut sum, mut taken) = (0.0, 0);
+            for (k, w) in weights.iter().enumerate() {
+                sum += w;
+                let decision = random.decide(w / sum);
+                random = decision.rest;
+                assert!((0.0..1.0).contains(&random.number));
+                if decision.happens {
+                    taken = k;
+                }
+            }
+            drawn[taken] += 1;
+        }
+        // Pearson's statistic has the mean 249 and the deviation 22.
+        let pairs = drawn.iter().zip(&weights);
+        let square = |(&d, w): (&u32, &f32)| {
+            let wanted = f64::from(w / total) * f64::from(n);
+            (f64::from(d) - wanted).powi(2) / wanted
+        };
+        let statistic: f64 = pairs.map(square).sum();
+        assert!(statistic < 249.0 + 4.0 * 22.0, "{statistic}");
+    }
+
+    /// The first decisions are as evenly spread as the numbers are.
+    #[test]
+    fn first_decisions_are_stratified() {
+        let mut drawn = [0; 16];
+        for i in 0..64 {
+            let mut random = decided_by((i as f32 + 0.5) / 64.0, 0.3);
+            let mut which = 0;
+            for _ in 0..4 {
+                let decision = random.decide(0.5);
+                random = decision.rest;
+                which = 2 * which + usize::from(decision.happens);
+            }
+            drawn[which] += 1;
+        }
+        assert_eq!(drawn, [4; 16]);
+    }
+}

@@ -1,0 +1,223 @@
+//! Lights without extent: points, spots and distant ones. Their light comes to a point from one direction.
+
+use super::{V3, splat};
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
+
+/// A light without extent.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DeltaLight {
+    /// 0 of a directional one.
+    pub position: V3,
+    /// The unit vector in which a spot or a directional light shines.
+    pub axis: V3,
+    /// Intensity, or the irradiance of a directional light.
+    pub strength: V3,
+    pub directional: bool,
+    pub spot: bool,
+    /// Cosines of the angles to the axis between which a spot's intensity falls off.
+    pub cos_inner: f32,
+    pub cos_outer: f32,
+}
+
+/// A light as a point sees it.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DeltaArrival {
+    /// The unit vector to it.
+    pub direction: V3,
+    /// The largest number for a directional one.
+    pub distance: f32,
+    /// Irradiance of a surface that faces it, over its strength.
+    pub scale: f32,
+}
+
+/// Derivatives by a light, but for its strength. That by the point that sees it is less that by its position.
+#[cfg_attr(
+    feature = "wgpu",
+    derive(CubeType, CubeTypeMut),
+    expand(derive(Clone, Copy))
+)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DeltaGradient {
+    pub position: V3,
+    pub axis: V3,
+    pub cos_inner: f32,
+    pub cos_outer: f32,
+}
+
+/// The least difference of the cosines between which a spot falls off.
+const NARROW: f32 = 1e-3;
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl DeltaLight {
+    /// The place between the outer angle (0) and the inner one (1) of a direction from the light.
+    #[inline(always)]
+    fn within(&self, cosine: f32) -> f32 {
+        let width = (self.cos_inner - self.cos_outer).max(NARROW);
+        ((cosine - self.cos_outer) / width).max(0.0).min(1.0)
+    }
+
+    /// As a point sees it.
+    #[inline(always)]
+    pub fn seen_from(&self, x: V3) -> DeltaArrival {
+        let mut direction = -self.axis;
+        let mut distance = 3.4e38f32;
+        let mut scale = 1.0f32;
+        if !self.directional {
+            let to = self.position - x;
+            let squared = to.length_squared().max(1e-37);
+            distance = squared.sqrt();
+            direction = to * (1.0 / distance);
+            scale = 1.0 / squared;
+            if self.spot {
+                let within = self.within(-direction.dot(self.axis));
+                scale *= within * within;
+            }
+        }
+        DeltaArrival {
+            direction,
+            distance,
+            scale,
+        }
+    }
+
+    /// Turns derivatives by the scale and the direction of what a point sees into those by the light.
+    #[inline(always)]
+    pub fn backward(&self, seen: &DeltaArrival, by_scale: f32, by_direction: V3) -> DeltaGradient {
+        let mut by = DeltaGradient {
+            position: splat(0.0),
+            axis: splat(0.0),
+            cos_inner: 0.0f32,
+            cos_outer: 0.0f32,
+        };
+        if self.directional {
+            by.axis = -by_direction;
+        } else {
+            let inverse = 1.0 / seen.distance;
+            let mut towards = by_direction;
+            if self.spot {
+                let within = self.within(-seen.direction.dot(self.axis));
+                if within > 0.0 && within < 1.0 {
+                    let width = self.cos_inner - self.cos_outer;
+                    let by_within = by_scale * 2.0 * within * inverse * inverse;
+                    let by_cosine = by_within / width.max(NARROW);
+                    by.axis = seen.direction * (-by_cosine);
+                    towards -= self.axis * by_cosine;
+                    by.cos_outer = -by_cosine;
+                    if width > NARROW {
+                        by.cos_inner = -(by_cosine * within);
+                        by.cos_outer += by_cosine * within;
+                    }
+                }
+            }
+            let across = towards.reject_from_normalized(seen.direction);
+            let nearer = seen.direction * (2.0 * by_scale * seen.scale);
+            by.position = (across - nearer) * inverse;
+        }
+        by
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::v3;
+
+    fn spot() -> DeltaLight {
+        DeltaLight {
+            position: v3(0.3, 1.2, -0.2),
+            axis: v3(0.1, -1.0, 0.2).normalize(),
+            strength: V3::ONE,
+            directional: false,
+            spot: true,
+            cos_inner: 0.97,
+            cos_outer: 0.6,
+        }
+    }
+
+    /// All of the light of a spot, by rings about its axis, is that of its falloff in closed form:
+    /// 2π ((1 − cos inner) + (cos inner − cos outer)/3).
+    #[test]
+    fn the_power_of_a_spot() {
+        let light = DeltaLight {
+            axis: v3(0.0, 0.0, -1.0),
+            position: V3::ZERO,
+            ..spot()
+        };
+        let (n, mut power) = (100_000, 0.0);
+        for i in 0..n {
+            let cosine = (i as f64 + 0.5) / f64::from(n);
+            let sine = (1.0 - cosine * cosine).sqrt();
+            let seen = light.seen_from(v3(2.0 * sine as f32, 0.0, -2.0 * cosine as f32));
+            power += 4.0 * f64::from(seen.scale) / f64::from(n);
+        }
+        let wanted = (1.0 - 0.97) + (0.97 - 0.6) / 3.0;
+        assert!((power - wanted).abs() < 1e-4, "{power} {wanted}");
+    }
+
+    #[test]
+    fn derivatives_of_what_arrives() {
+        let (by_scale, by_direction) = (0.8, v3(-0.3, 0.6, 0.2));
+        let point = DeltaLight {
+            spot: false,
+            ..spot()
+        };
+        let distant = DeltaLight {
+            directional: true,
+            ..point
+        };
+        // Inside of the falloff, and where all of the intensity is there.
+        let places = [v3(0.7, -0.3, 0.4), v3(0.4, 0.1, 0.0)];
+        for (light, x) in
+            [(spot(), 0), (spot(), 1), (point, 0), (distant, 0)].map(|(l, i)| (l, places[i]))
+        {
+            let value = |light: DeltaLight, x: V3| {
+                let seen = light.seen_from(x);
+                by_scale * seen.scale + by_direction.dot(seen.direction)
+            };
+            let found = light.backward(&light.seen_from(x), by_scale, by_direction);
+            let h = 3e-3;
+            let check = |found: f32, slope: f32, what: &str| {
+                assert!((found - slope).abs() < 3e-3, "{what}: {found} {slope}");
+            };
+            for step in V3::AXES {
+                let moved = |h: f32| DeltaLight {
+                    position: light.position + step * h,
+                    ..light
+                };
+                let slope = (value(moved(h), x) - value(moved(-h), x)) / (2.0 * h);
+                check(found.position.dot(step), slope, "position");
+                let slope = (value(light, x + step * h) - value(light, x - step * h)) / (2.0 * h);
+                check(-found.position.dot(step), slope, "point");
+                let turned = |h: f32| DeltaLight {
+                    axis: light.axis + step * h,
+                    ..light
+                };
+                let slope = (value(turned(h), x) - value(turned(-h), x)) / (2.0 * h);
+                check(found.axis.dot(step), slope, "axis");
+            }
+            let inner = |h: f32| DeltaLight {
+                cos_inner: light.cos_inner + h,
+                ..light
+            };
+            let slope = (value(inner(h), x) - value(inner(-h), x)) / (2.0 * h);
+            check(found.cos_inner, slope, "inner");
+            let outer = |h: f32| DeltaLight {
+                cos_outer: light.cos_outer + h,
+                ..light
+            };
+            let slope = (value(outer(h), x) - value(outer(-h), x)) / (2.0 * h);
+            check(found.cos_outer, slope, "outer");
+        }
+    }
+}

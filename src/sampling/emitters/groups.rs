@@ -1,0 +1,51 @@
+//! Emitters that are near to each other, whose shadows are sampled together.
+
+use super::Emitter;
+use crate::model::V3;
+
+/// Emitters in a sphere, at the start of the shutter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct EmitterGroup {
+    pub members: Vec<u32>,
+    pub centre: V3,
+    pub radius: f32,
+    /// The velocity of each of them.
+    pub velocity: V3,
+}
+
+/// Emitters of one group at most.
+const TOGETHER: usize = 8;
+
+/// Emitters of one object and velocity together, few at a time.
+pub(super) fn group(list: &[Emitter]) -> Vec<EmitterGroup> {
+    let mut groups: Vec<EmitterGroup> = Vec::new();
+    let mut last = None;
+    for (k, e) in list.iter().enumerate() {
+        let object = e.object;
+        match groups.last_mut() {
+            Some(g) if last == Some(object) && g.members.len() < TOGETHER => {
+                g.members.push(k as u32);
+            }
+            _ => groups.push(EmitterGroup {
+                members: vec![k as u32],
+                centre: V3::ZERO,
+                radius: 0.0,
+                velocity: e.velocity,
+            }),
+        }
+        last = Some(object);
+    }
+    for g in &mut groups {
+        let corners = || g.members.iter().flat_map(|&k| list[k as usize].corners);
+        let (mut low, mut high) = (V3::ONE * f32::MAX, V3::ONE * f32::MIN);
+        for c in corners() {
+            low = low.min(c);
+            high = high.max(c);
+        }
+        let centre = (low + high) * 0.5;
+        let radius = corners().map(|c| (c - centre).length()).fold(0.0, f32::max);
+        g.centre = centre;
+        g.radius = radius * (1.0 + 1e-5);
+    }
+    groups
+}

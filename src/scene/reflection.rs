@@ -1,0 +1,129 @@
+//! Materials of facets, and what constants of a BSDF may be.
+
+use super::Scene;
+use super::material::{Albedo, Bsdf, Material, ScalarTexture};
+use super::parameter::{Parameter, Range};
+use crate::error::{Error, Result};
+
+/// Indices of refraction that are nearer to 1 count as this far from it: without a difference nothing is refracted.
+pub(crate) const LEAST_CONTRAST: f64 = 1e-3;
+
+impl Scene {
+    /// Whether any material refracts.
+    pub(crate) fn refracts(&self) -> bool {
+        let mut all = self.objects.iter().flat_map(|o| &o.materials);
+        all.any(|m| m.bsdf == Bsdf::Dielectric)
+    }
+}
+
+impl Material {
+    /// The model of glTF 2.0: facets of the distribution GGX with α = roughness², Smith's masking, and a share of
+    /// metal. Metal reflects its base colour; the rest reflects 4 % at its facets, and the base colour below them.
+    /// Numbers are constants, tensors `[1]`, or textures `[H, W]`; glTF's image has the roughness in its green
+    /// channel and the metal in its blue one.
+    ///
+    /// Reflected is F·D·V with F by Schlick from F₀ = 0.04 (1 − metallic) + metallic · base, times
+    /// 1 + F₀ (1 − E)/E, which gives back what light loses between facets (Turquin 2019; E is the albedo of white
+    /// facets), plus (1 − metallic) · base/π · (1 − E_s(v)) (1 − E_s(l))/(1 − Ē_s), where E_s is what the facets of
+    /// what is no metal reflect (Kelemen and Szirmay-Kalos 2001). So no more light leaves than arrives.
+    pub fn metallic_roughness(
+        base_colour: impl Into<Albedo>,
+        metallic: impl Into<ScalarTexture>,
+        roughness: impl Into<ScalarTexture>,
+    ) -> Self {
+        Self {
+            bsdf: Bsdf::MetallicRoughness,
+            metallic: metallic.into(),
+            roughness: roughness.into(),
+            ..Self::diffuse(base_colour)
+        }
+    }
+
+    /// A metal with the index of refraction η − i k, RGB, relative to what surrounds it: facets of the distribution
+    /// GGX with α = roughness² reflect by Fresnel's equations. What light loses between facets is given back as by
+    /// [`Material::metallic_roughness`], with F₀ the reflectance along the normal.
+    pub fn conductor(
+        eta: impl Into<Parameter<3>>,
+        extinction: impl Into<Parameter<3>>,
+        roughness: impl Into<ScalarTexture>,
+    ) -> Self {
+        Self {
+            bsdf: Bsdf::Conductor,
+            eta: eta.into(),
+            extinction: extinction.into(),
+            roughness: roughness.into(),
+            ..Self::diffuse([0.0; 3])
+        }
+    }
+
+    /// Clear matter with an index of refraction inside (behind front faces) over that outside: facets of the
+    /// distribution GGX with α = roughness² reflect and refract by Fresnel's equations (Walter et al. 2007). With a
+    /// roughness of 0 it is as good as smooth: α is 0.001. Light lost between facets is not given back. Shadow rays
+    /// do not pass: light behind it is found by refracted rays, so it takes bounces, two for a solid body.
+    pub fn dielectric(ior: impl Into<ScalarTexture>, roughness: impl Into<ScalarTexture>) -> Self {
+        Self {
+            bsdf: Bsdf::Dielectric,
+            ior: ior.into(),
+            roughness: roughness.into(),
+            ..Self::diffuse([1.0; 3])
+        }
+    }
+
+    /// Sets whether light that is lost between the facets of metal is given back, as it is without this.
+    pub fn compensated(mut self, compensated: bool) -> Self {
+        self.compensated = compensated;
+        self
+    }
+
+    /// That constants make no energy and are in their ranges. Tensors may wander outside for a step of a fit.
+    pub(crate) fn check_energy(&self, name: &str) -> Result<()> {
+        let (kd, ks) = (self.diffuse.constant(), self.specular.constant());
+        for (field, albedo) in [("diffuse", kd), ("specular", ks)] {
+            Range::NotNegative.check(name, field, albedo.as_ref().map_or(&[], |v| v))?;
+        }
+        if self.bsdf != Bsdf::Phong {
+            return self.check_facets(name);
+        }
+        let (Some(d), Some(s)) = (kd, ks) else {
+            return Ok(());
+        };
+        let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
+        if sum.iter().all(|&x| x <= 1.0 + 1e-6) {
+            return Ok(());
+        }
+        let field = match (self.diffuse.reflects(), self.specular.reflects()) {
+            (_, false) => "diffuse",
+            (false, _) => "specular",
+            _ => "diffuse + specular",
+        };
+        let expected = "at most 1, or energy is made";
+        Err(Error::invalid(name, field, format!("{sum:?}"), expected))
+    }
+
+    fn check_facets(&self, name: &str) -> Result<()> {
+        let number = |p: &ScalarTexture| match p {
+            ScalarTexture::Constant(Parameter::Constant(v)) => v.to_vec(),
+            _ => Vec::new(),
+        };
+        let colour = |p: &Parameter<3>| match p {
+            Parameter::Constant(v) => v.to_vec(),
+            Parameter::Tensor(_) => Vec::new(),
+        };
+        let base = self.diffuse.constant().map_or(Vec::new(), Vec::from);
+        for (field, values, range) in [
+            ("diffuse", base, Range::Share),
+            ("metallic", number(&self.metallic), Range::Share),
+            ("roughness", number(&self.roughness), Range::Share),
+            ("eta", colour(&self.eta), Range::NotNegative),
+            ("extinction", colour(&self.extinction), Range::NotNegative),
+        ] {
+            range.check(name, field, &values)?;
+        }
+        let ior = number(&self.ior);
+        if ior.iter().any(|n| (n - 1.0).abs() < LEAST_CONTRAST) {
+            let expected = "a number that is at least 0.001 away from 1, or nothing is refracted";
+            return Err(Error::invalid(name, "ior", ior[0], expected));
+        }
+        Ok(())
+    }
+}

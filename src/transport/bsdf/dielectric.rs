@@ -1,0 +1,102 @@
+//! Facets of clear matter, in tensors.
+
+use burn::tensor::{Bool, Tensor};
+
+use super::cosine;
+use super::facets::Facets;
+use crate::geometry::{Vec3, detached};
+
+/// Indices of refraction that are nearer to 1 count as this far from it.
+const LEAST_CONTRAST: f64 = 1e-3;
+
+/// The part of light that is reflected, which comes from the side of index 1 to that of index η.
+fn reflected_part(cosine: &Tensor<2>, eta: &Tensor<2>) -> Tensor<2> {
+    let square = (cosine.clone() * cosine.clone()).neg() + 1.0;
+    let square = square / (eta.clone() * eta.clone());
+    let total = detached(&square).greater_equal_elem(1.0);
+    let passed = (square.neg() + 1.0).clamp_min(1e-12).sqrt();
+    let p = (eta.clone() * cosine.clone() - passed.clone())
+        / (eta.clone() * cosine.clone() + passed.clone());
+    let s =
+        (cosine.clone() - eta.clone() * passed.clone()) / (cosine.clone() + eta.clone() * passed);
+    ((p.clone() * p + s.clone() * s) * 0.5).mask_fill(total, 1.0)
+}
+
+/// The facet that turns the view into a direction.
+struct Turn {
+    half: Vec3,
+    part: Tensor<2>,
+    k: Tensor<2>,
+    eta: Tensor<2>,
+    above: Tensor<2, Bool>,
+}
+
+impl Facets<'_> {
+    /// The index of refraction on the other side over that on the view's.
+    fn eta(&self) -> Tensor<2> {
+        let ior = self.second.x.clone();
+        let near = (detached(&ior) - 1.0).abs().lower_elem(LEAST_CONTRAST);
+        let ior = ior.mask_fill(near, 1.0 + LEAST_CONTRAST);
+        let inside = self.points.inside.clone().greater_elem(0.5);
+        ior.clone().mask_where(inside, ior.recip())
+    }
+
+    fn turn(&self, outgoing: &Vec3) -> Turn {
+        let above = detached(&self.points.normal.dot(outgoing)).greater_elem(0.0);
+        let eta = self.eta();
+        let ones = eta.ones_like().detach();
+        let half = self
+            .view
+            .add(&outgoing.scale(&eta.clone().mask_where(above.clone(), ones)));
+        let down = detached(&half.dot(&self.points.normal)).lower_elem(0.0);
+        let half = half.map(|x| x.clone().mask_where(down.clone(), x.neg()));
+        let square = half.dot(&half).clamp_min(1e-24);
+        let a = self.view.dot(&half).clamp_min(0.0);
+        let b = outgoing.dot(&half).neg().clamp_min(0.0);
+        let vh = (a.clone() / square.clone().sqrt()).clamp_max(1.0);
+        let reflected = reflected_part(&vh, &eta);
+        let k = a * b * 4.0 / (square.clone() * square);
+        Turn {
+            half,
+            part: (reflected.clone().neg() + 1.0).mask_where(above.clone(), reflected),
+            k: k.mask_fill(above.clone(), 1.0),
+            eta,
+            above,
+        }
+    }
+
+    /// f·cos θ of reflected and refracted light.
+    pub fn interface(&self, outgoing: &Vec3) -> Vec3 {
+        let t = self.turn(outgoing);
+        let v = self.visibility(&self.points.normal.dot(outgoing).abs());
+        let below = cosine(self.points, &outgoing.scale_by(-1.0));
+        let cosine = below.mask_where(t.above.clone(), cosine(self.points, outgoing));
+        let f = t.part * self.distribution(&t.half) * v * t.k * cosine;
+        self.first
+            .map(|tint| tint.mask_fill(t.above.clone(), 1.0) * f.clone())
+    }
+
+    /// The density of directions; the part of light that goes their way has no tape.
+    pub fn interface_density(&self, outgoing: &Vec3) -> Tensor<2> {
+        let t = self.turn(outgoing);
+        let below = t.eta.clone() * t.eta * t.k;
+        let jacobian = below.mask_fill(t.above, 1.0) * 0.25;
+        detached(&t.part) * self.visible(&t.half) * jacobian
+    }
+
+    /// The part of light that facets with half vectors reflect, without tape.
+    pub fn part_reflected(&self, half: &Vec3) -> Tensor<2> {
+        let cosine = detached(&self.view.dot(half)).clamp(0.0, 1.0);
+        reflected_part(&cosine, &detached(&self.eta()))
+    }
+
+    /// The directions in which facets refract the view.
+    pub fn refracted(&self, half: &Vec3) -> Vec3 {
+        let eta = self.eta();
+        let c = self.view.dot(half);
+        let square = ((c.clone() * c.clone()).neg() + 1.0) / (eta.clone() * eta.clone());
+        let passed = (square.neg() + 1.0).clamp_min(1e-8).sqrt();
+        let along = half.scale(&(c / eta.clone() - passed));
+        along.sub(&self.view.scale(&eta.recip()))
+    }
+}

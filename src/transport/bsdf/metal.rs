@@ -1,0 +1,122 @@
+//! Facets that reflect, in tensors: conductors and metallic–roughness.
+
+use std::f64::consts::PI;
+
+use burn::tensor::Tensor;
+
+use super::cosine;
+use super::facets::{Facets, fitted};
+use crate::error::Result;
+use crate::geometry::{Context, Vec3, detached};
+use crate::model::bsdf::{DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_dielectric_facets};
+use crate::scene::Bsdf;
+
+/// The least probability of each of two lobes that there are.
+const LEAST_SHARE: f64 = 0.05;
+
+/// Fresnel's reflectance of a metal with the index η − i k.
+fn conductor(cosine: &Tensor<2>, eta: Tensor<2>, k: Tensor<2>) -> Tensor<2> {
+    let square = cosine.clone() * cosine.clone();
+    let rest = square.clone().neg() + 1.0;
+    let (eta2, k2) = (eta.clone() * eta, k.clone() * k);
+    let t0 = eta2.clone() - k2.clone() - rest.clone();
+    let sum = (t0.clone() * t0.clone() + eta2 * k2 * 4.0)
+        .clamp_min(1e-24)
+        .sqrt();
+    let a = ((sum.clone() + t0) * 0.5).clamp_min(1e-24).sqrt();
+    let (t1, t2) = (sum.clone() + square.clone(), a * cosine.clone() * 2.0);
+    let (t3, t4) = (
+        square * sum + rest.clone() * rest.clone(),
+        t2.clone() * rest,
+    );
+    let across = (t1.clone() - t2.clone()) / (t1 + t2);
+    let ratio = (t3.clone() - t4.clone()) / (t3 + t4).clamp_min(1e-24);
+    across * (ratio + 1.0) * 0.5
+}
+
+impl Facets<'_> {
+    /// F₀ of metallic–roughness.
+    fn mix(&self) -> Vec3 {
+        let metal = &self.second.x;
+        let rest = (metal.clone().neg() + 1.0) * f64::from(DIELECTRIC_F0);
+        self.first.scale(metal).map(|x| x + rest.clone())
+    }
+
+    fn fresnel(&self, cosine: &Tensor<2>) -> Vec3 {
+        if self.is(Bsdf::Conductor) {
+            return self
+                .first
+                .zip(&self.second, |eta, k| conductor(cosine, eta, k));
+        }
+        let x = (cosine.clone().neg() + 1.0).clamp_min(0.0);
+        let schlick = x.powi_scalar(5);
+        self.mix()
+            .map(|f0| (f0.clone().neg() + 1.0) * schlick.clone() + f0)
+    }
+
+    /// What facets reflect, with what is given back of the light that they lose.
+    fn reflectance(&self, context: &Context, cosine: &Tensor<2>) -> Result<Vec3> {
+        let f = self.fresnel(cosine);
+        if !self.kind.compensated {
+            return Ok(f);
+        }
+        let f0 = match self.kind.bsdf {
+            Bsdf::Conductor => self.fresnel(&cosine.ones_like().detach()),
+            _ => self.mix(),
+        };
+        let lost = fitted(context, lost, &self.nv, &self.alpha)?;
+        Ok(f.mul(&f0.map(|f0| f0 * lost.clone() + 1.0)))
+    }
+
+    /// f·cos θ of metal and of metallic–roughness.
+    pub fn metal(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3> {
+        let half = self.view.add(outgoing);
+        let nl = self.points.normal.dot(outgoing).clamp_min(0.0);
+        let cosine = cosine(self.points, outgoing);
+        let vh = half.dot(&half).clamp_min(1e-24).sqrt() * 0.5;
+        let facing = self.distribution(&half) * self.visibility(&nl) * cosine.clone();
+        let mut f = self.reflectance(context, &vh)?.scale(&facing);
+        if self.is(Bsdf::MetallicRoughness) {
+            let fit = |c: &Tensor<2>| fitted(context, dielectric_facets, c, &self.alpha);
+            let seen = fit(&self.nv)?.neg() + 1.0;
+            let lit = fit(&nl)?.neg() + 1.0;
+            let mean = |_: f32, alpha: f32| {
+                let mean = mean_of_dielectric_facets(alpha);
+                Fit {
+                    value: mean.x,
+                    by_cosine: 0.0,
+                    by_alpha: mean.y,
+                }
+            };
+            let mean = fitted(context, mean, &self.nv, &self.alpha)?;
+            let through = seen * lit / (mean.neg() + 1.0);
+            let below = (self.second.x.clone().neg() + 1.0) * (1.0 / PI) * cosine;
+            f = f.add(&self.first.scale(&(below * through)));
+        }
+        Ok(f)
+    }
+
+    /// The probability of directions of facets, without tape.
+    pub fn metal_gloss(&self) -> Tensor<2> {
+        if self.is(Bsdf::Conductor) {
+            return self.nv.ones_like().detach();
+        }
+        let sum = |v: &Vec3| detached(&v.x).abs() + detached(&v.y).abs() + detached(&v.z).abs();
+        let metal = detached(&self.second.x).clamp(0.0, 1.0);
+        let reflected = sum(&self.fresnel(&self.nv));
+        let below = (metal.neg() + 1.0) * sum(&self.first);
+        let all = below.clone().lower_equal_elem(0.0);
+        let share = reflected.clone() / (reflected + below);
+        share
+            .clamp(LEAST_SHARE, 1.0 - LEAST_SHARE)
+            .mask_fill(all, 1.0)
+    }
+
+    /// The density of directions; its probabilities of lobes have no tape.
+    pub fn metal_density(&self, outgoing: &Vec3) -> Tensor<2> {
+        let gloss = self.metal_gloss();
+        let facets = self.visible(&self.view.add(outgoing)) * 0.25;
+        let below = self.points.normal.dot(outgoing).clamp_min(0.0) * (1.0 / PI);
+        facets * gloss.clone() + below * (gloss.neg() + 1.0)
+    }
+}

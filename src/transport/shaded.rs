@@ -1,0 +1,30 @@
+//! Surface points that light comes to.
+
+use super::cones::AtBounce;
+use super::paths::pick_rays;
+use super::surface::SurfacePoints;
+use crate::geometry::Context;
+use crate::visibility::Rays;
+
+/// Surface points, the rays that came to them, and their paths.
+#[derive(Clone, Copy)]
+pub(super) struct Shaded<'a> {
+    pub points: &'a SurfacePoints,
+    pub rays: &'a Rays,
+    pub at: AtBounce<'a>,
+}
+
+impl Shaded<'_> {
+    /// What a function makes of some of them.
+    pub fn of_some<T>(&self, context: &Context, which: &[u32], f: impl FnOnce(Shaded) -> T) -> T {
+        let paths: Vec<_> = which.iter().map(|&i| self.at.paths[i as usize]).collect();
+        f(Shaded {
+            points: &self.points.pick(context, which),
+            rays: &pick_rays(context, self.rays, which),
+            at: AtBounce {
+                paths: &paths,
+                ..self.at
+            },
+        })
+    }
+}

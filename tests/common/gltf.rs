@@ -1,0 +1,131 @@
+//! Small glTF files, made by hand.
+
+use serde_json::{Value, json};
+
+/// A file in the making: its JSON and its only buffer.
+#[derive(Debug)]
+pub struct Gltf {
+    pub json: Value,
+    pub buffer: Vec<u8>,
+}
+
+impl Gltf {
+    /// A file without meshes.
+    pub fn new() -> Self {
+        let json = json!({
+            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+            "nodes": [{"name": "object", "mesh": 0}], "meshes": [], "accessors": [],
+            "bufferViews": [], "buffers": [{"byteLength": 0}], "materials": [], "textures": [],
+            "images": [], "samplers": [], "cameras": []
+        });
+        let buffer = Vec::new();
+        Self { json, buffer }
+    }
+
+    /// A unit square in the plane z = 0 with its lower left at the origin, in two triangles, with texture
+    /// coordinates.
+    pub fn square() -> Self {
+        let mut file = Self::new();
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let positions = file.floats("VEC3", &corners.map(|[x, y]| [x, y, 0.0]));
+        // v grows downwards.
+        let uvs = file.floats("VEC2", &corners.map(|[x, y]| [x, 1.0 - y]));
+        let indices = file.indices(&[0, 1, 2, 0, 2, 3]);
+        file.json["meshes"] = json!([{"name": "square", "primitives": [{
+            "attributes": {"POSITION": positions, "TEXCOORD_0": uvs}, "indices": indices
+        }]}]);
+        file
+    }
+
+    /// Adds an element to a list and returns its number.
+    pub fn push(&mut self, list: &str, element: Value) -> usize {
+        let list = self.json[list].as_array_mut().expect("a list");
+        list.push(element);
+        list.len() - 1
+    }
+
+    /// Adds bytes to the buffer as a view.
+    pub fn view(&mut self, bytes: &[u8]) -> usize {
+        while !self.buffer.len().is_multiple_of(4) {
+            self.buffer.push(0);
+        }
+        let offset = self.buffer.len();
+        self.buffer.extend(bytes);
+        let length = bytes.len();
+        self.json["buffers"][0]["byteLength"] = json!(self.buffer.len());
+        self.push(
+            "bufferViews",
+            json!({"buffer": 0, "byteOffset": offset, "byteLength": length}),
+        )
+    }
+
+    /// Adds an array of rows of floats.
+    pub fn floats<const N: usize>(&mut self, kind: &str, rows: &[[f32; N]]) -> usize {
+        let bytes: Vec<u8> = rows
+            .iter()
+            .flatten()
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
+        let view = self.view(&bytes);
+        self.push(
+            "accessors",
+            json!({"bufferView": view, "componentType": 5126, "count": rows.len(), "type": kind}),
+        )
+    }
+
+    /// Adds an array of indices of 16 bits.
+    pub fn indices(&mut self, all: &[u16]) -> usize {
+        let bytes: Vec<u8> = all.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let view = self.view(&bytes);
+        self.push(
+            "accessors",
+            json!({"bufferView": view, "componentType": 5123, "count": all.len(), "type": "SCALAR"}),
+        )
+    }
+
+    /// Gives the first mesh a material.
+    pub fn material(&mut self, material: Value) {
+        let index = self.push("materials", material);
+        self.json["meshes"][0]["primitives"][0]["material"] = json!(index);
+    }
+
+    /// The file as `.glb`.
+    pub fn glb(&self) -> Vec<u8> {
+        let mut json = self.json.to_string().into_bytes();
+        json.resize(json.len().next_multiple_of(4), b' ');
+        let mut buffer = self.buffer.clone();
+        buffer.resize(buffer.len().next_multiple_of(4), 0);
+        let length = 28 + json.len() + buffer.len();
+        let mut bytes = b"glTF\x02\0\0\0".to_vec();
+        bytes.extend((length as u32).to_le_bytes());
+        for (kind, chunk) in [(b"JSON", json), (b"BIN\0", buffer)] {
+            bytes.extend((chunk.len() as u32).to_le_bytes());
+            bytes.extend(kind);
+            bytes.extend(chunk);
+        }
+        bytes
+    }
+
+    /// The file as `.gltf`, its buffer at a URI.
+    pub fn gltf(&self, uri: &str) -> String {
+        let mut json = self.json.clone();
+        json["buffers"][0]["uri"] = json!(uri);
+        json.to_string()
+    }
+}
+
+/// Bytes as a URI in base64.
+pub fn data_uri(kind: &str, bytes: &[u8]) -> String {
+    let digits = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = format!("data:{kind};base64,");
+    for group in bytes.chunks(3) {
+        let mut all = [0; 4];
+        all[1..=group.len()].copy_from_slice(group);
+        let bits = u32::from_be_bytes(all);
+        for i in 0..4 {
+            let digit = digits[(bits >> (18 - 6 * i) & 63) as usize] as char;
+            text.push(if i <= group.len() { digit } else { '=' });
+        }
+    }
+    text
+}

@@ -1,0 +1,164 @@
+//! Lights without a surface: what they bring in closed form, and the derivative of an edge of a shadow.
+
+mod common;
+
+use std::f64::consts::PI;
+
+use burn::tensor::Device;
+use common::errors::{message, says};
+use common::numbers::{mean, mean_and_error};
+use common::scenes::{diffuse, facing_down, floor};
+use common::tensors::{gradient, leaf, radiance};
+use glam::DVec3;
+use softray::prelude::*;
+
+const ALBEDO: f64 = 0.6;
+
+/// A floor seen from straight above, under whatever hides its light: a window of one unit about the origin.
+fn from_above() -> Camera {
+    Camera::look_at([0.0, 0.5, 0.0], [0.0; 3])
+        .up([0.0, 0.0, -1.0])
+        .orthographic(1.0)
+}
+
+fn lit_floor(light: Light, device: &Device) -> Scene {
+    Scene::new()
+        .with(diffuse(floor(4.0, 0.0, device), [ALBEDO; 3]))
+        .light(light)
+}
+
+/// Pixel by pixel, for the engine of kernels and that of tensors, with and without cones.
+fn brings(light: Light, irradiance: impl Fn(DVec3) -> f64) {
+    let device = Device::flex();
+    let size = 16;
+    for (engine, visibility) in [
+        (Engine::Kernels, Visibility::cone(0.0)),
+        (Engine::Kernels, Visibility::cone(0.05)),
+        (Engine::Tensors, Visibility::cone(0.05)),
+        (Engine::Auto, Visibility::softmax(1e-4, 1e-3)),
+    ] {
+        let options = RenderOptions::new(size, size)
+            .samples(64)
+            .bounces(0)
+            .visibility(visibility)
+            .engine(engine);
+        let found = radiance(&lit_floor(light.clone(), &device), &from_above(), &options);
+        for (i, pixel) in found.chunks_exact(3).enumerate() {
+            let at =
+                |i: usize, sub: usize| (i as f64 + (sub as f64 + 0.5) / 4.0) / size as f64 - 0.5;
+            // The mean over the pixel.
+            let of_part =
+                |k: usize| irradiance(DVec3::new(at(i % size, k % 4), 0.0, at(i / size, k / 4)));
+            let wanted = ALBEDO / PI * mean(&(0..16).map(of_part).collect::<Vec<_>>());
+            let error = (pixel[1] - wanted).abs();
+            assert!(error < 0.01 * wanted + 1e-3, "{i}: {pixel:?} {wanted}");
+        }
+    }
+}
+
+#[test]
+fn a_point_brings_its_intensity_over_the_square_of_the_distance() {
+    let place = DVec3::new(0.3, 1.2, -0.2);
+    brings(Light::point(place, [2.0; 3]), |x| {
+        let to = place - x;
+        2.0 * to.y / to.length().powi(3)
+    });
+}
+
+#[test]
+fn a_spot_falls_off_between_its_angles() {
+    let (place, axis) = (DVec3::new(0.1, 1.0, -0.1), DVec3::new(0.1, -2.0, 0.2));
+    let (inner, outer) = (0.15f64, 0.5f64);
+    brings(Light::spot(place, axis, [2.0; 3], inner, outer), |x| {
+        let to = place - x;
+        let cosine = -to.normalize().dot(axis.normalize());
+        let within = (cosine - outer.cos()) / (inner.cos() - outer.cos());
+        2.0 * to.y / to.length().powi(3) * within.clamp(0.0, 1.0).powi(2)
+    });
+}
+
+#[test]
+fn a_directional_light_brings_its_irradiance_times_the_cosine() {
+    let towards = DVec3::new(0.6, -1.0, 0.3);
+    brings(Light::directional(towards, [1.5; 3]), |_| {
+        -1.5 * towards.normalize().y
+    });
+}
+
+/// A plate hides the light of a point on one side of an edge. Where the plate's edge is at x = e, half as high as the
+/// light, its shadow's is at 2e, wherever the cone blurs it to: so the mean over a window of width 1 that all of it lies in
+/// grows by twice the radiance there.
+#[test]
+fn the_edge_of_a_shadow_moves_with_what_casts_it_and_with_the_light() {
+    let device = Device::flex();
+    let (height, edge, strength) = (2.0, 0.05, 3.0);
+    let of = |seed: u64| {
+        let (shift, place) = (leaf(&[0.0; 3], &device), leaf(&[0.0, 2.0, 0.0], &device));
+        let plate = facing_down([edge, 3.0], [-3.0, 3.0], 0.5 * height, &device);
+        let scene = lit_floor(Light::point(place.clone(), [strength; 3]), &device)
+            .with(diffuse(plate.translated(shift.clone()), [0.0; 3]));
+        let options = RenderOptions::new(8, 8)
+            .samples(64)
+            .bounces(0)
+            .visibility(Visibility::cone(0.03))
+            .seed(seed);
+        let image = render(&scene, &from_above(), &options).expect("an image");
+        let gradients = image.radiance.mean().backward();
+        [
+            gradient(&shift, &gradients)[0],
+            gradient(&place, &gradients)[0],
+        ]
+    };
+    let seeds = if common::long() { 400 } else { 64 };
+    let all: Vec<[f64; 2]> = (0..seeds).map(of).collect();
+    let there = |x: f64, z: f64| {
+        let squared = x * x + z * z + height * height;
+        ALBEDO / PI * strength * height / squared.powf(1.5)
+    };
+    let steps = || (0..100).map(|i| (f64::from(i) + 0.5) / 100.0);
+    let along_edge: Vec<f64> = steps().map(|z| there(2.0 * edge, z - 0.5)).collect();
+    // The light moves its shadow the other way, and what it brings everywhere that is lit.
+    let slope = |x: f64, z: f64| (there(x - 1e-4, z) - there(x + 1e-4, z)) / 2e-4;
+    let width = 0.5 + 2.0 * edge;
+    let interior: f64 = steps()
+        .map(|x| {
+            steps()
+                .map(|z| slope(width * x - 0.5, z - 0.5))
+                .sum::<f64>()
+                * 1e-4
+                * width
+        })
+        .sum();
+    let wanted = [2.0 * mean(&along_edge), interior - mean(&along_edge)];
+    for (i, wanted) in wanted.into_iter().enumerate() {
+        let of_one: Vec<f64> = all.iter().map(|g| g[i]).collect();
+        let (found, error) = mean_and_error(&of_one);
+        println!("{found} ± {error}, expected {wanted}");
+        assert!(error < 0.03 * wanted.abs(), "{error}");
+        assert!((found - wanted).abs() < 3.5 * error + 0.005 * wanted.abs());
+    }
+}
+
+#[test]
+fn mistakes_are_told() {
+    let device = Device::flex();
+    let cases = [
+        (
+            Light::directional([0.0; 3], [1.0; 3]),
+            ["light 0", "direction"],
+        ),
+        (
+            Light::point([f64::NAN; 3], [1.0; 3]),
+            ["light 0", "position"],
+        ),
+        (
+            Light::spot([0.0; 3], [0.0, -1.0, 0.0], [1.0; 3], 0.6, 0.5),
+            ["light 0", "inner ≤ outer"],
+        ),
+    ];
+    for (light, words) in cases {
+        let scene = lit_floor(light, &device);
+        let options = RenderOptions::new(4, 4);
+        says(message(render(&scene, &from_above(), &options)), words);
+    }
+}
