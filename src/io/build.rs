@@ -93,7 +93,7 @@ impl Builder<'_> {
     }
 
     /// A mesh at its place. A mirror image is wound the other way, so that its front stays outside.
-    fn mesh(&mut self, from: &MeshDescription, to_world: &DAffine3, name: &str) -> Mesh {
+    fn mesh(&self, from: &MeshDescription, to_world: &DAffine3, name: &str) -> Mesh {
         let linear = to_world.matrix3;
         let mirrored = linear.determinant() < 0.0;
         let wound = |faces: &[[u32; 3]]| match mirrored {
@@ -124,10 +124,21 @@ impl Builder<'_> {
         } else {
             mesh.normals = normals.attribute(count, self.device);
         }
-        // TO CONNECT: `from.colours` as the mesh's vertex colours.
-        if !from.colours.faces.is_empty() {
-            self.materials.dropped.insert("vertex colours");
-        }
+        let colours = Corners {
+            values: from.colours.values.clone(),
+            faces: wound(&from.colours.faces),
+        };
+        mesh.colours = colours.attribute(count, self.device);
+        let side = if mirrored { -1.0 } else { 1.0 };
+        let placed = |&[x, y, z, w]: &[f64; 4]| {
+            let [x, y, z] = (linear * DVec3::new(x, y, z)).to_array();
+            [x, y, z, side * w]
+        };
+        let tangents = Corners {
+            values: from.tangents.values.iter().map(placed).collect(),
+            faces: wound(&from.tangents.faces),
+        };
+        mesh.tangents = tangents.attribute(count, self.device);
         mesh
     }
 }

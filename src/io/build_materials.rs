@@ -12,7 +12,8 @@ use super::description::{
 };
 use super::limits::open;
 use crate::error::Result;
-use crate::scene::{Albedo, Material, ScalarTexture};
+use crate::geometry::host_values;
+use crate::scene::{Albedo, AlphaMask, Material, NormalMap, ScalarTexture, Wrap};
 
 /// The channels of an image of metal and roughness.
 const ROUGHNESS: usize = 1;
@@ -41,6 +42,8 @@ enum Channels {
     Colours,
     /// RGB as it is.
     Numbers,
+    /// Alpha alone.
+    Alpha,
 }
 
 impl<'a> Materials<'a> {
@@ -72,13 +75,12 @@ impl<'a> Materials<'a> {
     fn make(&mut self, from: &MaterialDescription) -> Result<Material> {
         let mut material = self.bsdf(from)?.named(from.name.clone());
         material.compensated = from.compensated;
-        // TO CONNECT: normal maps, alpha masks.
-        if from.normal.is_some() {
-            self.dropped.insert("normal maps");
+        if let Some((TextureUse { image, wrap }, scale)) = from.normal {
+            let texels = self.image(image, Channels::Numbers)? * 2.0 - 1.0;
+            material = material.normal_map(texels, scale);
+            material.normal_map = material.normal_map.map(|map| NormalMap { wrap, ..map });
         }
-        if from.alpha != Alpha::Opaque {
-            self.dropped.insert("alpha");
-        }
+        material.alpha_mask = self.mask(from)?;
         if from.emission != [0.0; 3] {
             material.emission = self.colour(from.emission, from.emissive_texture)?;
             if from.double_sided {
@@ -155,6 +157,32 @@ impl<'a> Materials<'a> {
         Ok(Albedo::Texture { texels, wrap })
     }
 
+    /// The mask of what has holes.
+    fn mask(&mut self, from: &MaterialDescription) -> Result<Option<AlphaMask>> {
+        let (factor, cutoff) = match from.alpha {
+            Alpha::Opaque => return Ok(None),
+            Alpha::Blend { .. } => {
+                self.dropped.insert("alphaMode BLEND");
+                return Ok(None);
+            }
+            Alpha::Mask { factor, cutoff } => (factor, cutoff),
+        };
+        let (alpha, wrap): (Tensor<2>, _) = match from.base_colour_texture {
+            Some(TextureUse { image, wrap }) => {
+                let alpha = self.image(image, Channels::Alpha)?;
+                (alpha.squeeze_dim(2) * factor, wrap)
+            }
+            None => (Tensor::full([1, 1], factor, self.device), Wrap::Repeat),
+        };
+        let least = host_values(&alpha.clone().min())?[0];
+        let holes = least < cutoff;
+        Ok(holes.then_some(AlphaMask {
+            alpha,
+            wrap,
+            cutoff,
+        }))
+    }
+
     /// A number times a channel of a linear texture.
     fn number(
         &mut self,
@@ -187,6 +215,7 @@ impl<'a> Materials<'a> {
         let values = match channels {
             Channels::Colours => decoded.colours(),
             Channels::Numbers => decoded.numbers(),
+            Channels::Alpha => decoded.alpha(),
         };
         let shape = [height, width, values.len() / (width * height).max(1)];
         let texels = Tensor::from_data(TensorData::new(values, shape), self.device);
@@ -220,6 +249,13 @@ pub(super) fn untextured(mut material: Material, object: &str) -> Material {
             *number = texels.clone().mean().into();
             lost = true;
         }
+    }
+    if material.normal_map.take().is_some() | material.alpha_mask.take().is_some() {
+        let name = &material.name;
+        log::warn!(
+            "{object}: material {name} has a normal map or an alpha mask, but the mesh has no coordinates: \
+             leaving it out"
+        );
     }
     if lost {
         let name = &material.name;

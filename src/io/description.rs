@@ -39,6 +39,8 @@ pub(super) struct MeshDescription {
     pub normals: Corners<3>,
     /// Linear RGB, by which the base colour is multiplied.
     pub colours: Corners<3>,
+    /// For normal maps, with the side of the bitangent: 1 or −1.
+    pub tangents: Corners<4>,
     /// Which of the scene's materials are used; None is the default.
     pub materials: Vec<Option<usize>>,
     /// Which of `materials` each face has; empty where all faces have the first.

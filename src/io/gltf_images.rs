@@ -2,12 +2,93 @@
 
 use std::path::Path;
 
+use burn::tensor::Tensor;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::HostImage;
 use super::srgb::{srgb_byte, srgb_word};
 use crate::error::{Error, Result};
+use crate::geometry::host_values;
+use crate::scene::Wrap;
+
+/// A texture on the host.
+pub(super) struct Texels {
+    /// Row after row.
+    pub values: Vec<f32>,
+    /// Rows, columns, and numbers of a texel.
+    pub size: [usize; 3],
+    pub wrap: Wrap,
+}
+
+impl Texels {
+    pub fn of(texels: &Tensor<3>, wrap: Wrap) -> Result<Self> {
+        let values = host_values(texels)?.into_iter();
+        Ok(Self {
+            values: values.map(|v| v as f32).collect(),
+            size: texels.dims(),
+            wrap,
+        })
+    }
+
+    /// The same number for all.
+    pub fn full(value: f32, size: [usize; 3], wrap: Wrap) -> Self {
+        let values = vec![value; size.iter().product()];
+        Self { values, size, wrap }
+    }
+
+    pub fn mean(&self) -> f64 {
+        let sum: f64 = self.values.iter().map(|&v| f64::from(v)).sum();
+        sum / self.values.len() as f64
+    }
+
+    /// Two as parts of one image, which has the wrap of the first: of the larger size, where they are of several.
+    pub fn together(first: Self, second: Self, place: &str) -> [Self; 2] {
+        let ([ah, aw, _], [bh, bw, _]) = (first.size, second.size);
+        if ([ah, aw], first.wrap) == ([bh, bw], second.wrap) {
+            return [first, second];
+        }
+        log::warn!(
+            "{place}: two of its textures of other sizes or wraps are written as one image, the smaller one \
+             interpolated"
+        );
+        let size = [ah.max(bh), aw.max(bw)];
+        [first.resized(size), second.resized(size)]
+    }
+
+    /// It as it is looked up at the centres of another number of texels.
+    fn resized(&self, [height, width]: [usize; 2]) -> Self {
+        let [rows, columns, channels] = self.size;
+        if [rows, columns] == [height, width] {
+            let values = self.values.clone();
+            return Self { values, ..*self };
+        }
+        // The texels on both sides of a centre, and the share of the second.
+        let beside = |i: usize, of: usize, size: usize| {
+            let x = (i as f64 + 0.5) / of as f64 * size as f64 - 0.5;
+            let both = [0, 1].map(|k| self.wrap.texel(x.floor() as i64 + k, size));
+            (both, (x - x.floor()) as f32)
+        };
+        let mut values = Vec::with_capacity(height * width * channels);
+        for y in 0..height {
+            let (ys, down) = beside(y, height, rows);
+            for x in 0..width {
+                let (xs, right) = beside(x, width, columns);
+                for c in 0..channels {
+                    let at = |y: usize, x: usize| self.values[(y * columns + x) * channels + c];
+                    let row = |y: usize| at(y, xs[0]) * (1.0 - right) + at(y, xs[1]) * right;
+                    values.push(row(ys[0]) * (1.0 - down) + row(ys[1]) * down);
+                }
+            }
+        }
+        let size = [height, width, channels];
+        Self {
+            values,
+            size,
+            ..*self
+        }
+    }
+}
 
 /// An image of colours, or of other numbers in [0, 1].
 #[derive(PartialEq)]

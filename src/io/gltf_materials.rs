@@ -6,11 +6,10 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::HostImage;
-use super::gltf_images::Picture;
+use super::gltf_images::{Picture, Texels};
 use super::gltf_lights::scale_above;
 use crate::error::Result;
-use crate::geometry::host_values;
-use crate::scene::{Albedo, Bsdf, Material, ScalarTexture, Wrap};
+use crate::scene::{Albedo, AlphaMask, Bsdf, Material, NormalMap, ScalarTexture, Wrap};
 
 /// The lists of a file that its materials are in.
 pub(super) struct Materials<'a> {
@@ -46,7 +45,7 @@ impl<'a> Materials<'a> {
         let mut json = match material.bsdf {
             Bsdf::Phong => self.phong(material, &place)?,
             Bsdf::MetallicRoughness => {
-                let mut json = self.base(&material.diffuse, &place)?;
+                let mut json = self.base(&material.diffuse, material, &place)?;
                 let numbers = (Some(&material.metallic), &material.roughness);
                 self.facets(&mut json, numbers, &place)?;
                 json
@@ -56,6 +55,10 @@ impl<'a> Materials<'a> {
         };
         if !material.compensated {
             json["extras"]["softray"]["compensated"] = json!(false);
+        }
+        if let Some(map) = &material.normal_map {
+            let texture = self.normals(map, &place)?;
+            json["normalTexture"] = json!({"index": texture});
         }
         json["name"] = json!(material.name);
         let radiance = self.radiance(&material.emission, &place)?;
@@ -80,18 +83,36 @@ impl<'a> Materials<'a> {
         self.extensions.insert(name);
     }
 
-    /// A material of a base colour that is no metal.
-    fn base(&mut self, albedo: &Albedo, place: &str) -> Result<Value> {
-        let ([r, g, b], texture) = self.albedo(albedo, place)?;
-        let mut pbr = json!({"baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0});
+    /// A material of a base colour that is no metal, with the holes of another one.
+    fn base(&mut self, albedo: &Albedo, material: &Material, place: &str) -> Result<Value> {
+        let ([r, g, b], texels) = self.on_host(albedo, place)?;
+        let mut json = json!({"pbrMetallicRoughness": {
+            "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0
+        }});
+        let texture = match &material.alpha_mask {
+            Some(mask) => {
+                let (alpha, cutoff) = shares(mask)?;
+                json["alphaMode"] = json!("MASK");
+                json["alphaCutoff"] = json!(cutoff);
+                let [h, w, _] = alpha.size;
+                let white = || Texels::full(1.0, [h, w, 3], alpha.wrap);
+                let colours = texels.unwrap_or_else(white);
+                let [colours, alpha] = Texels::together(colours, alpha, place);
+                Some(self.texture(colours, true, Some(alpha.values), place)?)
+            }
+            None => match texels {
+                Some(texels) => Some(self.texture(texels, true, None, place)?),
+                None => None,
+            },
+        };
         if let Some(texture) = texture {
-            pbr["baseColorTexture"] = json!({"index": texture});
+            json["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": texture});
         }
-        Ok(json!({"pbrMetallicRoughness": pbr}))
+        Ok(json)
     }
 
     fn phong(&mut self, material: &Material, place: &str) -> Result<Value> {
-        let mut json = self.base(&material.diffuse, place)?;
+        let mut json = self.base(&material.diffuse, material, place)?;
         if !material.specular.reflects() {
             let none = json!({"specularFactor": 0});
             self.extend(&mut json, "KHR_materials_specular", none);
@@ -118,7 +139,7 @@ impl<'a> Materials<'a> {
             ((n - 1.0).powi(2) + k2) / ((n + 1.0).powi(2) + k2)
         };
         let colour: [f64; 3] = std::array::from_fn(reflectance);
-        let mut json = self.base(&colour.into(), place)?;
+        let mut json = self.base(&colour.into(), material, place)?;
         self.facets(&mut json, (None, &material.roughness), place)?;
         json["pbrMetallicRoughness"]["metallicFactor"] = json!(1);
         json["extras"]["softray"]["conductor"] = json!({"eta": eta, "extinction": k});
@@ -126,11 +147,17 @@ impl<'a> Materials<'a> {
     }
 
     fn dielectric(&mut self, material: &Material, place: &str) -> Result<Value> {
-        let mut json = self.base(&material.diffuse, place)?;
+        let mut json = self.base(&material.diffuse, material, place)?;
         self.facets(&mut json, (None, &material.roughness), place)?;
         let ior = match Number::of(&material.ior)? {
             Number::Constant(ior) => ior,
-            Number::Texture(image) => image.mean("index of refraction", place),
+            Number::Texture(texels) => {
+                let file = self.path.display();
+                log::warn!(
+                    "{file}: {place} has a texture of indices of refraction, written as its mean"
+                );
+                texels.mean()
+            }
         };
         self.extend(&mut json, "KHR_materials_ior", json!({"ior": ior}));
         let all = json!({"transmissionFactor": 1});
@@ -148,50 +175,49 @@ impl<'a> Materials<'a> {
         (metallic, roughness): (Option<&ScalarTexture>, &ScalarTexture),
         place: &str,
     ) -> Result<()> {
-        let of = |number: Option<&ScalarTexture>| number.map(Number::of).transpose();
-        let (mut metallic, roughness) = (of(metallic)?, Number::of(roughness)?);
-        if let (Some(Number::Texture(m)), Number::Texture(r)) = (&metallic, &roughness)
-            && (m.size, m.wrap) != (r.size, r.wrap)
-        {
-            // One image holds both.
-            metallic = Some(Number::Constant(
-                m.mean("metal beside another image", place),
-            ));
-        }
-        let images = metallic.iter().chain([&roughness]);
-        let mut images = images.filter_map(|number| match number {
-            Number::Texture(image) => Some(([image.size[0], image.size[1]], image.wrap)),
-            Number::Constant(_) => None,
-        });
+        let metallic = metallic.map(Number::of).transpose()?;
         let pbr = &mut json["pbrMetallicRoughness"];
-        let texture = images.next();
-        for (number, name) in [
-            (metallic.as_ref(), "metallicFactor"),
-            (Some(&roughness), "roughnessFactor"),
-        ] {
-            match number {
-                Some(Number::Constant(v)) => pbr[name] = json!(self.share(*v, name, place)),
-                Some(Number::Texture(_)) => pbr[name] = json!(1),
-                None => {}
+        let mut put = |number: Number, name: &str| match number {
+            Number::Constant(v) => {
+                pbr[name] = json!(self.share(v, name, place));
+                None
             }
-        }
-        let Some(([height, width], wrap)) = texture else {
-            return Ok(());
+            Number::Texture(texels) => {
+                pbr[name] = json!(1);
+                Some(texels)
+            }
         };
-        let at = |number: Option<&Number>, i: usize| match number {
-            Some(Number::Texture(image)) => image.values[i],
-            _ => 1.0,
+        let roughness = put(Number::of(roughness)?, "roughnessFactor");
+        let metallic = metallic.and_then(|m| put(m, "metallicFactor"));
+        let ones = |like: &Texels| Texels::full(1.0, like.size, like.wrap);
+        let [roughness, metallic] = match (roughness, metallic) {
+            (None, None) => return Ok(()),
+            (Some(r), Some(m)) => Texels::together(r, m, place),
+            (Some(r), None) => {
+                let none = ones(&r);
+                [r, none]
+            }
+            (None, Some(m)) => [ones(&m), m],
         };
-        let pixel = |i: usize| [1.0, at(Some(&roughness), i), at(metallic.as_ref(), i)];
-        let pixels = (0..height * width).flat_map(pixel).collect();
-        let picture = Picture {
-            texels: HostImage::new(width, height, pixels)?,
-            colours: false,
-            alpha: None,
+        let pairs = roughness.values.iter().zip(&metallic.values);
+        let [h, w, _] = roughness.size;
+        let texels = Texels {
+            values: pairs.flat_map(|(&r, &m)| [1.0, r, m]).collect(),
+            size: [h, w, 3],
+            wrap: roughness.wrap,
         };
-        let texture = self.texture(picture, wrap, place);
+        let texture = self.texture(texels, false, None, place)?;
         json["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({"index": texture});
         Ok(())
+    }
+
+    /// The texture of a normal map: of normals only the directions count, which a common factor leaves.
+    fn normals(&mut self, map: &NormalMap, place: &str) -> Result<usize> {
+        let mut texels = Texels::of(&map.texels, map.wrap)?;
+        let most = scale_above(texels.values.iter().map(|v| f64::from(v.abs()))) as f32;
+        let encode = |v: &mut f32| *v = 0.5 + 0.5 * (*v / most);
+        texels.values.iter_mut().for_each(encode);
+        self.texture(texels, false, None, place)
     }
 
     /// A number that is clipped to [0, 1].
@@ -241,35 +267,48 @@ impl<'a> Materials<'a> {
         })
     }
 
-    /// The factor of an albedo, and its texture.
-    fn albedo(&mut self, albedo: &Albedo, place: &str) -> Result<([f64; 3], Option<usize>)> {
-        let file = self.path.display();
-        let (texels, wrap) = match albedo {
+    /// The factor of an albedo, and its texture on the host.
+    fn on_host(&self, albedo: &Albedo, place: &str) -> Result<([f64; 3], Option<Texels>)> {
+        match albedo {
             Albedo::Constant(p) => {
                 let found = p.values()?;
                 let factor = found.map(|v| v.clamp(0.0, 1.0));
                 if factor != found {
+                    let file = self.path.display();
                     log::warn!("{file}: {place} has the albedo {found:?}, written as {factor:?}");
                 }
-                return Ok((factor, None));
+                Ok((factor, None))
             }
-            Albedo::Texture { texels, wrap } => (HostImage::from_tensor(texels)?, *wrap),
-        };
-        let picture = Picture {
-            texels,
-            colours: true,
-            alpha: None,
-        };
-        Ok(([1.0; 3], Some(self.texture(picture, wrap, place))))
+            Albedo::Texture { texels, wrap } => Ok(([1.0; 3], Some(Texels::of(texels, *wrap)?))),
+        }
     }
 
-    /// The number of a texture in the file.
-    fn texture(&mut self, picture: Picture, wrap: Wrap, place: &str) -> usize {
+    /// The factor of an albedo, and its texture.
+    fn albedo(&mut self, albedo: &Albedo, place: &str) -> Result<([f64; 3], Option<usize>)> {
+        let (factor, texels) = self.on_host(albedo, place)?;
+        let texture = texels.map(|texels| self.texture(texels, true, None, place));
+        Ok((factor, texture.transpose()?))
+    }
+
+    /// The number of a texture in the file, of colours or other numbers.
+    fn texture(
+        &mut self,
+        texels: Texels,
+        colours: bool,
+        alpha: Option<Vec<f32>>,
+        place: &str,
+    ) -> Result<usize> {
         let outside = |v: &f32| !(0.0..=1.0).contains(v);
-        if picture.texels.pixels.iter().any(outside) {
+        if texels.values.iter().any(outside) {
             let file = self.path.display();
             log::warn!("{file}: {place} has texels outside of [0, 1], which are clipped");
         }
+        let ([h, w, _], wrap) = (texels.size, texels.wrap);
+        let picture = Picture {
+            texels: HostImage::new(w, h, texels.values)?,
+            colours,
+            alpha,
+        };
         let known = self.pictures.iter().position(|known| *known == picture);
         let image = known.unwrap_or_else(|| {
             self.pictures.push(picture);
@@ -282,7 +321,7 @@ impl<'a> Materials<'a> {
         };
         let sampler = position(&mut self.samplers, json!({"wrapS": wrap, "wrapT": wrap}));
         let texture = json!({"source": image, "sampler": sampler});
-        position(&mut self.textures, texture)
+        Ok(position(&mut self.textures, texture))
     }
 
     /// The images as PNG files.
@@ -294,15 +333,7 @@ impl<'a> Materials<'a> {
 /// A number of a material on the host.
 enum Number {
     Constant(f64),
-    Texture(Numbers),
-}
-
-/// Numbers of an image.
-struct Numbers {
-    values: Vec<f32>,
-    /// Rows and columns.
-    size: [usize; 2],
-    wrap: Wrap,
+    Texture(Texels),
 }
 
 impl Number {
@@ -310,24 +341,24 @@ impl Number {
         Ok(match number {
             ScalarTexture::Constant(p) => Self::Constant(p.values()?[0]),
             ScalarTexture::Texture { texels, wrap } => {
-                let values = host_values(texels)?.into_iter();
-                Self::Texture(Numbers {
-                    values: values.map(|v| v as f32).collect(),
-                    size: texels.dims(),
-                    wrap: *wrap,
-                })
+                Self::Texture(Texels::of(&texels.clone().unsqueeze_dim(2), *wrap)?)
             }
         })
     }
 }
 
-impl Numbers {
-    /// The mean, which is told to be written instead.
-    fn mean(&self, name: &str, place: &str) -> f64 {
-        log::warn!("{place}: glTF has no texture of {name}, written as its mean");
-        let sum: f64 = self.values.iter().map(|&v| f64::from(v)).sum();
-        sum / self.values.len() as f64
+/// A mask in [0, 1] of the same holes, and its cutoff.
+fn shares(mask: &AlphaMask) -> Result<(Texels, f32)> {
+    let mut alpha = Texels::of(&mask.alpha.clone().unsqueeze_dim(2), mask.wrap)?;
+    let cutoff = mask.cutoff as f32;
+    let all = || alpha.values.iter().copied().chain([cutoff]);
+    let (least, most) = (all().fold(0.0, f32::min), all().fold(1.0, f32::max));
+    if (least, most) == (0.0, 1.0) {
+        return Ok((alpha, cutoff));
     }
+    let share = |v: f32| (v - least) / (most - least);
+    alpha.values.iter_mut().for_each(|v| *v = share(*v));
+    Ok((alpha, share(cutoff)))
 }
 
 /// What an emitter's radiance is written as.

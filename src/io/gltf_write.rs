@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
+use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::gltf_lights::light;
@@ -163,13 +164,24 @@ impl File {
         let split = Split::of(&object.mesh)?;
         let mut attributes = json!({"POSITION": self.rows("VEC3", &split.positions, true)});
         if let Some(normals) = &split.normals {
-            let unit = |n: &[f64; 3]| glam::DVec3::from(*n).normalize_or_zero().to_array();
+            let unit = |n: &[f64; 3]| DVec3::from(*n).normalize_or_zero().to_array();
             let normals: Vec<[f64; 3]> = normals.iter().map(unit).collect();
             attributes["NORMAL"] = json!(self.rows("VEC3", &normals, false));
         }
         if let Some(uvs) = &split.uvs {
             let downwards: Vec<[f64; 2]> = uvs.iter().map(|[u, v]| [*u, 1.0 - v]).collect();
             attributes["TEXCOORD_0"] = json!(self.rows("VEC2", &downwards, false));
+        }
+        if let Some(colours) = &split.colours {
+            attributes["COLOR_0"] = json!(self.rows("VEC3", colours, false));
+        }
+        if let Some(tangents) = &split.tangents {
+            let unit = |&[x, y, z, w]: &[f64; 4]| {
+                let [x, y, z] = DVec3::new(x, y, z).normalize_or_zero().to_array();
+                [x, y, z, w]
+            };
+            let tangents: Vec<[f64; 4]> = tangents.iter().map(unit).collect();
+            attributes["TANGENT"] = json!(self.rows("VEC4", &tangents, false));
         }
         let mut primitives = Vec::new();
         for (m, material) in object.materials.iter().enumerate() {

@@ -30,7 +30,10 @@ impl Mesh {
             return Err(Error::invalid("mesh", "faces", "empty", "at least one"));
         }
         match kind {
-            "obj" => obj_write::mesh(self, path),
+            "obj" => {
+                warn_of_colours(self, "the mesh", path);
+                obj_write::mesh(self, path)
+            }
             "ply" => ply_write::mesh(self, path),
             _ => gltf_write::mesh(self, path),
         }
@@ -75,7 +78,12 @@ impl Scene {
             self.warn_of_old_formats(path);
         }
         match kind {
-            "obj" => obj_write::scene(self, path),
+            "obj" => {
+                self.objects
+                    .iter()
+                    .for_each(|o| warn_of_colours(&o.mesh, &o.name, path));
+                obj_write::scene(self, path)
+            }
             "ply" => ply_write::scene(self, path),
             _ => gltf_write::scene(self, path),
         }
@@ -87,14 +95,26 @@ impl Scene {
         if !self.lights.is_empty() {
             log::warn!("{file}: lights without a surface are not written, only glTF has them");
         }
+        let lost = |m: &Material| {
+            [
+                (
+                    "the BSDF, but for its diffuse colour",
+                    m.bsdf != Bsdf::Phong,
+                ),
+                ("the normal map", m.normal_map.is_some()),
+                ("the alpha mask", m.alpha_mask.is_some()),
+            ]
+        };
         for object in &self.objects {
-            let facets = |m: &&Material| m.bsdf != Bsdf::Phong;
-            if let Some(material) = object.materials.iter().find(facets) {
-                let (name, material) = (&object.name, &material.name);
-                log::warn!(
-                    "{file}: {name}, material {material} reflects by facets, which only glTF has: only \
-                     its diffuse colour is written"
-                );
+            for material in &object.materials {
+                let lost = lost(material).into_iter().filter(|(_, is)| *is);
+                let lost: Vec<&str> = lost.map(|(part, _)| part).collect();
+                if !lost.is_empty() {
+                    let (name, material, lost) = (&object.name, &material.name, lost.join(", "));
+                    log::warn!(
+                        "{file}: {name}, material {material} is written without what only glTF has: {lost}"
+                    );
+                }
             }
         }
     }
@@ -121,5 +141,13 @@ impl Scene {
             }
         }
         Ok(())
+    }
+}
+
+/// Tells what OBJ can't hold of a mesh.
+fn warn_of_colours(mesh: &Mesh, name: &str, path: &Path) {
+    if mesh.colours.is_some() {
+        let file = path.display();
+        log::warn!("{file}: the colours of {name} are not written, OBJ has none");
     }
 }

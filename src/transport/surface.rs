@@ -163,7 +163,10 @@ impl SurfacePoints {
         let near = barycentrics.map(|(b, c, nearest)| at_nearest(&b, &c, &nearest));
         if let (Some(corners), Some(near)) = (&scene.colours, &near) {
             let plain = |m: &u32| !scene.materials.kinds[*m as usize].bsdf.is_tinted();
-            let plain: Vec<f64> = materials.iter().map(|m| u8::from(plain(m)).into()).collect();
+            let plain: Vec<f64> = materials
+                .iter()
+                .map(|m| u8::from(plain(m)).into())
+                .collect();
             let plain = context.row(&plain).greater_elem(0.5);
             let colour = interpolated(corners, &index, near);
             let base = &mut parameters[Channel::Diffuse.place()];
