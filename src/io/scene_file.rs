@@ -96,9 +96,11 @@ impl Scene {
     ///   (radiance of the front side), `map_Kd` and `map_Ks` (times `Ks`) count, and of the options of textures
     ///   `-clamp on`. `map_Kd` counts instead of `Kd` on objects that have texture coordinates. What has no `Kd` or no
     ///   material is mid-grey like [`Material::default`](crate::scene::Material::default).
-    /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face. Vertices at one place, which glTF splits where a normal or texture coordinate has a
-    ///   seam, are joined again. Buffers and images may be in the file or beside it.
-    /// - `.ply`: one object, named like the file, with the texture of a comment `TextureFile`.
+    /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face, and
+    ///   every one with a light (KHR_lights_punctual; candela and lux are radiant intensity and irradiance) a light.
+    ///   Vertices at one place, which glTF splits where a normal or texture coordinate has a seam, are joined again.
+    ///   Buffers and images may be in the file or beside it.
+    /// - `.ply`: one object, named like the file, with colours of vertices and the texture of a comment `TextureFile`.
     /// - `.json`: as [`SceneFile`].
     ///
     /// Polygons become triangles: fans where those fill them, else by ear clipping. Colours are sRGB in images and in

@@ -10,7 +10,7 @@ use crate::scene::{Bsdf, Material, Mesh, Scene, check_scene};
 const WRITTEN: [&str; 4] = ["obj", "gltf", "glb", "ply"];
 
 impl Mesh {
-    /// Writes a file with vertices, texture coordinates and normals. The file appears under its name only when it
+    /// Writes a file with vertices, texture coordinates, normals and, but for OBJ, colours. The file appears under its name only when it
     /// is complete.
     ///
     /// - `.obj`: numbers read back to the same floats. [`Scene::load`] numbers vertices in the order in which faces
@@ -48,11 +48,14 @@ impl Scene {
     ///   an `o`; names that are taken get a number. A texture is a PNG file where 8 bits of sRGB hold all of its texels
     ///   exactly, as those of one that was read from such a file, and an EXR file otherwise. Textures that clamp have
     ///   `-clamp on`; mirrored ones are written as such that repeat.
-    /// - `.glb`, or `.gltf` with a `.bin` beside it: every object is a node with a mesh in f32. Lambert's law is
-    ///   KHR_materials_specular with a factor of 0, Phong's lobe stands in `extras` (and is about a roughness for other
-    ///   readers), emission above 1 is KHR_materials_emissive_strength. Textures are PNG images within the file, of
-    ///   16 bits where 8 bits of sRGB don't hold their texels, clipped to [0, 1].
-    /// - `.ply`: all objects as one mesh; constant albedos become colours of vertices.
+    /// - `.glb`, or `.gltf` with a `.bin` beside it: every object is a node with a mesh in f32, every light one of
+    ///   KHR_lights_punctual. Metal and roughness are glTF's own, a dielectric is KHR_materials_transmission with ior
+    ///   and volume, Lambert's law KHR_materials_specular with a factor of 0, and emission above 1
+    ///   KHR_materials_emissive_strength. Phong's lobe and a conductor's index of refraction stand in `extras` (for
+    ///   other readers there are about the same roughness and colour). Textures are PNG images within the file, of
+    ///   16 bits where 8 bits don't hold their texels, clipped to [0, 1]; those that glTF has in one image (metal
+    ///   with roughness, colours with alpha) are interpolated to one size.
+    /// - `.ply`: all objects as one mesh; constant albedos, times the colours of meshes, become colours of vertices.
     ///
     /// Parts that a format can't hold are left out with a warning: the environment, objects without faces, and
     /// velocities: an object that moves is written as it is at the shutter's start. Files of those names are replaced,
