@@ -50,7 +50,7 @@ fn of_facets() -> Vec<Shading> {
                 model,
                 compensated,
                 inside,
-                facets: true,
+                facets: Known(true),
                 ..Shading::default()
             });
         }
@@ -101,7 +101,7 @@ fn the_density_integrates_to_one() {
         let d = v3(0.2, 0.3, 0.9).normalize();
         let shares = s.share_of_lobe(d, false) + s.share_of_lobe(d, true);
         assert!((shares - 1.0).abs() < 1e-6);
-        if s.facets {
+        if s.facets.0 {
             continue;
         }
         s.incoming = -s.normal;
@@ -119,7 +119,7 @@ fn the_density_integrates_to_one() {
 /// A flat surface reflects at most k_d + k_s, which it does where all of the lobe is above it.
 #[test]
 fn the_albedo_is_at_most_one() {
-    for mut s in surfaces().into_iter().filter(|s| !s.smooth && !s.facets) {
+    for mut s in surfaces().into_iter().filter(|s| !s.smooth && !s.facets.0) {
         for incoming in [-V3::AXES[2], s.incoming, v3(0.99, 0.0, -0.1).normalize()] {
             s.incoming = incoming;
             let albedo = over_sphere(|d| s.evaluate(d).x);
@@ -145,7 +145,7 @@ fn white_furnaces() {
                 exponent: roughness,
                 glossy: true,
                 model: METALLIC,
-                facets: true,
+                facets: Known(true),
                 ..Shading::default()
             };
             let albedo = |s: &Shading| {
@@ -191,7 +191,7 @@ fn white_furnaces() {
             exponent: 0.1,
             glossy: true,
             model: DIELECTRIC,
-            facets: true,
+            facets: Known(true),
             inside,
             ..Shading::default()
         };
@@ -382,7 +382,7 @@ fn derivatives_of_samples() {
             s.sample_backward(&drawn, g, by_direction, &mut found);
             // Colours change the share of gloss, but for those of a matt surface.
             let colour = |i: usize| (8..11).contains(&i) || i == 12;
-            let matters = |i: usize| match (s.facets, s.glossy) {
+            let matters = |i: usize| match (s.facets.0, s.glossy) {
                 (true, _) => true,
                 (false, true) => !colour(i),
                 (false, false) => i < 10,
