@@ -188,7 +188,12 @@ fn an_emissive_texture_lights_as_its_pieces_do() {
     let middle = |i: i32| (f64::from(i) + 0.5) / f64::from(pieces);
     for i in 0..pieces * pieces {
         let (x, z) = (i % pieces, i / pieces);
-        let piece = facing_down([place(x), place(x + 1)], [place(z), place(z + 1)], 0.7, &device);
+        let piece = facing_down(
+            [place(x), place(x + 1)],
+            [place(z), place(z + 1)],
+            0.7,
+            &device,
+        );
         cut = cut.with(emitting(piece, texel_at(middle(x), middle(z))));
     }
     for visibility in [Visibility::cone(0.0), Visibility::cone(0.05)] {
