@@ -77,11 +77,6 @@ fn lights_agree_with_central_differences() {
 }
 
 #[test]
-fn many_emitters_agree_with_central_differences() {
-    agree_with_central_differences(CONES, lights::many());
-}
-
-#[test]
 fn emissive_textures_agree_with_central_differences() {
     agree_with_central_differences(CONES, lights::glowing());
 }

@@ -171,39 +171,3 @@ pub fn glowing() -> Vec<Case> {
         })),
     ]
 }
-
-/// The scene under 240 emissive triangles of three balls, which move, and nothing else that shines.
-fn under_lamps(by: Tensor<1>, device: &Device, dtype: DType) -> Scene {
-    let dark = scene(objects(device, dtype))
-        .map_object("light", |o| o.material(Material::diffuse([0.2; 3])))
-        .expect("the object")
-        .environment([0.0; 3]);
-    let places = [[-0.9, 1.9, 0.9], [1.1, 1.4, 0.7], [0.2, 2.1, -0.6]];
-    places.into_iter().fold(dark, |dark, place| {
-        let size = constant(&[0.15], [1], device, dtype);
-        let place = constant(&place, [3], device, dtype);
-        let lamp = shapes::icosphere(1, device).cast(dtype).scaled(size);
-        let lamp = lamp.translated(place).translated(by.clone());
-        dark.with(Object::new(lamp).material(Material::emitter([14.0, 12.0, 9.0])))
-    })
-}
-
-/// Many emitters, one of which is drawn by a tree: they move, or what casts their shadows.
-pub fn many() -> Vec<Case> {
-    let below = |case: Case| Case {
-        weight: |_, y| (0.4 - y).max(0.0),
-        ..case
-    };
-    vec![
-        below(case("many emitters move", 0.0, 0.02, 0, |d, t, p| {
-            let by = vector(p, [0.5, -0.8, 0.3], d, t);
-            (under_lamps(by, d, t), camera())
-        })),
-        below(case("shadow under many", 0.0, 0.012, 0, |d, t, p| {
-            let by = vector(p, [1.0, 0.3, 0.2], d, t);
-            let lit = under_lamps(constant(&[0.0; 3], [3], d, t), d, t);
-            let ball = |o: Object| o.map_mesh(|m| m.translated(by.clone()));
-            (lit.map_object("ball", ball).expect("the object"), camera())
-        })),
-    ]
-}
