@@ -39,8 +39,8 @@ fn near(a: impl Into<DVec3>, b: impl Into<DVec3>) {
     assert!((a - b).length() < 1e-6, "{a} {b}");
 }
 
-fn colour(material: &Material) -> [f64; 3] {
-    match &material.diffuse {
+fn constant(albedo: &Albedo) -> [f64; 3] {
+    match albedo {
         Albedo::Constant(p) => p.values().expect("values"),
         Albedo::Texture { .. } => panic!("a texture"),
     }
@@ -201,7 +201,7 @@ fn materials_and_textures() {
         let scene = loaded.expect("it").expect("a scene");
         let material = &scene.objects[0].materials[0];
         assert_eq!(material.name, "wood");
-        assert_eq!(material.emission.values().expect("values"), [8.0, 4.0, 0.0]);
+        assert_eq!(constant(&material.emission), [8.0, 4.0, 0.0]);
         let Albedo::Texture { texels, wrap } = &material.diffuse else {
             panic!("no texture");
         };
@@ -366,7 +366,7 @@ fn files_without_scenes_and_materials() {
     json.remove("scenes");
     let scene = load(&file).expect("a scene");
     let material = &scene.objects[0].materials[0];
-    assert_eq!(colour(material), colour(&Material::default()));
+    assert_eq!(constant(&material.diffuse), constant(&Material::default().diffuse));
     file.json["nodes"] = json!([]);
     let none = load(&file);
     assert!(matches!(none, Err(softray::Error::NoTriangles { .. })));

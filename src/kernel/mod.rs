@@ -8,6 +8,7 @@
 mod backward;
 mod boundary;
 mod camera;
+mod corners;
 mod delta_lights;
 mod delta_sums;
 mod direct;
