@@ -12,7 +12,7 @@ use crate::model::texture::{Colour, Texels, Texture};
 use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
 use crate::scene::{
-    CHANNELS, Channel, Holes, HostAttribute, HostLight, HostScene, HostTexture, MaterialKind,
+    CHANNELS, Channel, Holes, HostAttribute, HostMaterial, HostScene, HostTexture, MaterialKind,
     SceneFrame,
 };
 
@@ -135,44 +135,25 @@ impl KernelScene {
             _ => Arc::new(Hierarchy::like(host, like).0),
         };
         let mut texels = Texels::default();
-        let materials: Vec<Material> = scene
-            .materials
-            .iter_mut()
-            .map(|m| Material {
-                channels: std::array::from_fn(|i| pack_colour(&mut m.channels[i], &mut texels)),
-                kind: m.kind,
-                normal_map: m
-                    .normal_map
-                    .as_mut()
-                    .and_then(|map| pack_colour(map, &mut texels).texture),
-            })
-            .collect();
+        let materials = scene.materials.iter_mut();
+        let materials: Vec<Material> = materials.map(|m| pack_material(m, &mut texels)).collect();
         let emits =
             |t: &(usize, &Triangle)| t.1.area > 0.0 && materials[t.1.material as usize].kind.emits;
         let list = triangles.iter().enumerate().filter(emits);
-        let list = list.map(|(k, t)| Emitter {
-            triangle: k as u32,
-            object: t.object,
-            corners: t.corners,
-            normal: t.normal,
-            area: t.area,
-            velocity: velocities
-                .as_ref()
-                .map_or(V3::ZERO, |v| v[t.object as usize]),
-            radiance: {
-                let emission = &materials[t.material as usize].channels[Channel::Emission.place()];
-                let uv = |row: u32| uvs.get(row as usize).copied().unwrap_or_default();
-                emission.mean_over(&texels, uv_rows[k].map(uv))
-            },
-            group: 0,
+        let list = list.map(|(k, t)| {
+            let emission = &materials[t.material as usize].channels[Channel::Emission.place()];
+            let uv = |row: u32| uvs.get(row as usize).copied().unwrap_or_default();
+            let radiance = emission.mean_over(&texels, uv_rows[k].map(uv));
+            let velocity = velocities.as_ref().map(|v| v[t.object as usize]);
+            t.emitter(k, velocity.unwrap_or(V3::ZERO), radiance)
         });
-        let lights = scene.lights.iter().map(|l| pack_light(l, &frame)).collect();
-        let emitters = Emitters::new(
-            list.collect(),
-            lights,
-            (velocities.is_some(), 1.0),
-            sampling,
-        );
+        let lights = scene
+            .lights
+            .iter()
+            .map(|l| DeltaLight::new(l, &frame))
+            .collect();
+        let moves = velocities.is_some();
+        let emitters = Emitters::new(list.collect(), lights, (moves, 1.0), sampling);
         Self {
             textured: materials.iter().any(|m| m.is_textured()),
             lengths_of_axes: (scene.lights.iter())
@@ -324,24 +305,6 @@ impl Lists {
     }
 }
 
-fn pack_light(light: &HostLight, frame: &SceneFrame) -> DeltaLight {
-    let [inner, outer] = light.angles;
-    let mut packed = DeltaLight {
-        position: V3::ZERO,
-        axis: DVec3::from(light.direction).normalize().into(),
-        strength: DVec3::from(light.strength).into(),
-        directional: light.directional,
-        spot: light.spot,
-        cos_inner: inner.cos() as f32,
-        cos_outer: outer.cos() as f32,
-    };
-    if !light.directional {
-        packed.position = frame.inner(light.position.into()).into();
-        packed.strength = (DVec3::from(light.strength) / (frame.unit * frame.unit)).into();
-    }
-    packed
-}
-
 /// Packs a colour; the texels of a texture move to the others.
 fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
     match colour {
@@ -370,6 +333,15 @@ fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
     }
 }
 
+fn pack_material(m: &mut HostMaterial, texels: &mut Texels) -> Material {
+    let map = m.normal_map.as_mut();
+    Material {
+        channels: std::array::from_fn(|i| pack_colour(&mut m.channels[i], texels)),
+        kind: m.kind,
+        normal_map: map.and_then(|map| pack_colour(map, texels).texture),
+    }
+}
+
 /// A triangle, in inner coordinates at the start of the shutter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Triangle {
@@ -381,6 +353,22 @@ pub(crate) struct Triangle {
     pub area: f32,
     pub material: u32,
     pub object: u32,
+}
+
+impl Triangle {
+    /// The emitter that it is, by its number, with its velocity and mean radiance.
+    fn emitter(&self, k: usize, velocity: V3, radiance: f32) -> Emitter {
+        Emitter {
+            triangle: k as u32,
+            object: self.object,
+            corners: self.corners,
+            normal: self.normal,
+            area: self.area,
+            velocity,
+            radiance,
+            group: 0,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug)]

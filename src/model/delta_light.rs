@@ -1,6 +1,9 @@
 //! Lights without extent: points, spots and distant ones. Their light comes to a point from one direction.
 
+use glam::DVec3;
+
 use super::{V3, splat};
+use crate::scene::{HostLight, SceneFrame};
 #[cfg(feature = "wgpu")]
 use burn::cubecl::{self, prelude::*};
 
@@ -58,13 +61,34 @@ pub(crate) struct DeltaGradient {
 /// The least difference of the cosines between which a spot falls off.
 const NARROW: f32 = 1e-3;
 
+impl DeltaLight {
+    /// Packs a light, in inner coordinates.
+    pub fn new(light: &HostLight, frame: &SceneFrame) -> Self {
+        let [inner, outer] = light.angles;
+        let mut packed = Self {
+            position: V3::ZERO,
+            axis: DVec3::from(light.direction).normalize().into(),
+            strength: DVec3::from(light.strength).into(),
+            directional: light.directional,
+            spot: light.spot,
+            cos_inner: inner.cos() as f32,
+            cos_outer: outer.cos() as f32,
+        };
+        if !light.directional {
+            packed.position = frame.inner(light.position.into()).into();
+            packed.strength = (DVec3::from(light.strength) / (frame.unit * frame.unit)).into();
+        }
+        packed
+    }
+}
+
 #[cfg_attr(feature = "wgpu", cube)]
 impl DeltaLight {
     /// The place between the outer angle (0) and the inner one (1) of a direction from the light.
     #[inline(always)]
     fn within(&self, cosine: f32) -> f32 {
         let width = (self.cos_inner - self.cos_outer).max(NARROW);
-        ((cosine - self.cos_outer) / width).max(0.0).min(1.0)
+        ((cosine - self.cos_outer) / width).clamp(0.0, 1.0)
     }
 
     /// As a point sees it.

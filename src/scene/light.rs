@@ -213,7 +213,7 @@ impl Light {
             }
         }
         let length = glam::DVec3::from(host.direction).length();
-        if length < 1e-18 || length > 1e18 {
+        if !(1e-18..=1e18).contains(&length) {
             let found = format!("{:?}", host.direction);
             return Err(Error::invalid(name, "direction", found, "a direction"));
         }

@@ -29,7 +29,7 @@ pub(crate) use check::{check_devices, check_scene};
 pub use corners::CornerAttribute;
 pub(crate) use flatten::{ChannelPlanes, EnvironmentMap, Flattened, Normalization, SkyTensors};
 pub(crate) use holes::Holes;
-pub(crate) use host::{HostAttribute, HostScene, HostTexture, SceneFrame};
+pub(crate) use host::{HostAttribute, HostMaterial, HostScene, HostTexture, SceneFrame};
 pub use light::Light;
 pub(crate) use light::{HostLight, LightPart, LightPlanes};
 pub use maps::{AlphaMask, NormalMap};

@@ -2,7 +2,7 @@
 
 use super::branches::Item;
 use super::tree::LightTree;
-use super::{BY_POWER, EmitterGroup, Emitters, Receiver, mean, running_sums};
+use super::{BY_POWER, Emitter, EmitterGroup, Emitters, Receiver, mean, running_sums};
 use crate::model::V3;
 
 /// A tree over emitters, and directional lights. A share of [`BY_POWER`] is chosen by power, whatever the point.
@@ -17,29 +17,28 @@ pub(super) struct ManyEmitters {
 /// The greatest part of a number under 1.
 const MOST: f32 = 1.0 - f32::EPSILON;
 
+/// A triangle as an item of the tree.
+fn item(k: usize, e: &Emitter) -> Item {
+    let ends = e.corners.map(|c| [c, c + e.velocity]);
+    let ends = ends.as_flattened();
+    Item {
+        emitter: k as u32,
+        low: ends.iter().fold(ends[0], |low, &c| low.min(c)),
+        high: ends.iter().fold(ends[0], |high, &c| high.max(c)),
+        axis: e.normal,
+        all_round: false,
+        power: (e.area * e.radiance).clamp(1e-30, 1e30),
+        alone: false,
+    }
+}
+
 impl ManyEmitters {
     /// Of emitters whose fixed probabilities are those by power, with their groups: the tree's leaves, then
     /// directional lights one by one. The list of emitters is put into the order of the leaves.
     pub fn new(all: &mut Emitters) -> (Self, Vec<EmitterGroup>) {
         let triangles = all.list.len();
-        let mut items: Vec<Item> = all
-            .list
-            .iter()
-            .enumerate()
-            .map(|(k, e)| {
-                let ends = e.corners.map(|c| [c, c + e.velocity]);
-                let ends = ends.as_flattened();
-                Item {
-                    emitter: k as u32,
-                    low: ends.iter().fold(ends[0], |low, &c| low.min(c)),
-                    high: ends.iter().fold(ends[0], |high, &c| high.max(c)),
-                    axis: e.normal,
-                    all_round: false,
-                    power: (e.area * e.radiance).clamp(1e-30, 1e30),
-                    alone: false,
-                }
-            })
-            .collect();
+        let items = all.list.iter().enumerate();
+        let mut items: Vec<Item> = items.map(|(k, e)| item(k, e)).collect();
         let mut distant = Vec::new();
         for (i, light) in all.lights.iter().enumerate() {
             if light.directional {

@@ -302,6 +302,7 @@ fn dot<M: Machine>(a: [F8<M>; 3], b: [F8<M>; 3]) -> F8<M> {
 }
 
 #[inline(always)]
+#[expect(clippy::eq_op, reason = "0 in every lane")]
 fn sine8<M: Machine>(one: F8<M>, cos: F8<M>) -> F8<M> {
     (one - cos * cos).max(one - one).sqrt()
 }
