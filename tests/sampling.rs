@@ -160,7 +160,7 @@ fn many_lamps([offset, of_lamps]: [&Tensor<1>; 2], device: &Device) -> Scene {
     scene
 }
 
-/// A tree over many emitters changes neither mean nor gradients, and takes noise away.
+/// A tree over many emitters changes neither mean nor gradients, and takes noise away beside a uniform choice.
 #[test]
 fn many_emitters_by_a_tree() {
     let device = Device::flex();
@@ -207,7 +207,9 @@ fn many_emitters_by_a_tree() {
             println!("{emitters:?}, {what}: {a:.4e} ± {ea:.1e} by the tree, {b:.4e} ± {eb:.1e}");
             assert!((a - b).abs() < 4.0 * ea.hypot(eb), "{what}: {a} and {b}");
         }
-        println!("noise of a pixel {noise} by the tree, {noise_of_other}");
-        assert!(noise < noise_of_other, "{noise} {noise_of_other}");
+        println!("noise of a pixel {noise} by the tree, {noise_of_other} by {emitters:?}");
+        if emitters == EmitterSampling::Uniform {
+            assert!(noise < 0.5 * noise_of_other, "{noise} {noise_of_other}");
+        }
     }
 }
