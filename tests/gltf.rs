@@ -366,7 +366,10 @@ fn files_without_scenes_and_materials() {
     json.remove("scenes");
     let scene = load(&file).expect("a scene");
     let material = &scene.objects[0].materials[0];
-    assert_eq!(constant(&material.diffuse), constant(&Material::default().diffuse));
+    assert_eq!(
+        constant(&material.diffuse),
+        constant(&Material::default().diffuse)
+    );
     file.json["nodes"] = json!([]);
     let none = load(&file);
     assert!(matches!(none, Err(softray::Error::NoTriangles { .. })));
