@@ -34,7 +34,7 @@ fn normals_of_map(device: &Device, dtype: DType) -> Tensor<3> {
 fn bumpy(texels: Tensor<3>, f: impl Fn(Mesh) -> Mesh, device: &Device, dtype: DType) -> Scene {
     let with_map = |o: Object| {
         let material = o.materials[0].clone().normal_map(texels.clone(), 1.0);
-        o.map_mesh(|m| f(m)).material(material)
+        o.map_mesh(&f).material(material)
     };
     change("floor", with_map, device, dtype)
 }
