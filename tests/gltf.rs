@@ -226,8 +226,9 @@ fn what_is_not_rendered_is_told() {
     file.push("images", json!({"uri": data_uri("image/png", &png())}));
     file.push("textures", json!({"source": 0}));
     file.material(json!({
-        "normalTexture": {"index": 0, "texCoord": 0}, "alphaMode": "MASK",
-        "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}
+        "alphaMode": "BLEND", "emissiveFactor": [1, 1, 1], "doubleSided": true,
+        "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.5}},
+        "pbrMetallicRoughness": {"metallicFactor": 0}
     }));
     file.json["animations"] = json!([{"channels": [], "samplers": []}]);
     file.json["extensionsUsed"] = json!(["KHR_materials_clearcoat", "KHR_materials_transmission"]);
@@ -236,7 +237,12 @@ fn what_is_not_rendered_is_told() {
     says(&told[0], ["not read: KHR_materials_clearcoat, animations"]);
     says(
         &told[1],
-        ["not rendered", "alpha", "transmission", "normal maps"],
+        [
+            "not rendered",
+            "alphaMode BLEND",
+            "emission of back sides",
+            "transmission",
+        ],
     );
 }
 

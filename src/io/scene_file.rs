@@ -9,7 +9,7 @@ use super::load::{Loaded, SCENES, load};
 use super::whole::ending;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result, one_of};
-use crate::scene::{Camera, Environment, Scene};
+use crate::scene::{Camera, Environment, Light, Scene};
 
 /// A scene with a camera and an image size, from any file of a scene.
 ///
@@ -26,13 +26,19 @@ use crate::scene::{Camera, Environment, Scene};
 ///     "aperture_radius": 0.1, "focus_distance": 4
 ///   },
 ///   "environment": [0.1, 0.1, 0.1],
+///   "lights": [
+///     { "kind": "point", "position": [1, 3, 1], "intensity": [20, 18, 15] },
+///     { "kind": "spot", "position": [0, 3, 0], "direction": [0, -1, 0], "intensity": [9, 9, 9],
+///       "inner_degrees": 10, "outer_degrees": 30 },
+///     { "kind": "directional", "direction": [0, -1, 0.3], "irradiance": [1, 1, 1] }
+///   ],
 ///   "velocities": { "ball": [0.5, 0, 0] }
 /// }
 /// ```
 ///
 /// `environment` is a constant radiance, or the file of an equirectangular map (`"sky.hdr"`). `up`
-/// (y), the lens (a pinhole), `environment` (black) and `velocities` (none) may be left out;
-/// other fields are ignored. A lens without a focus distance focuses on the target. `obj` is another name of
+/// (y), the lens (a pinhole), `environment` (black), `lights` (none, beside those of the
+/// file; of the units of [`Light`]) and `velocities` (none) may be left out; other fields are ignored. A lens without a focus distance focuses on the target. `obj` is another name of
 /// `scene`.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
@@ -67,7 +73,29 @@ struct Document {
     camera: CameraDocument,
     environment: Option<serde_json::Value>,
     #[serde(default)]
+    lights: Vec<LightDocument>,
+    #[serde(default)]
     velocities: BTreeMap<String, [f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+enum LightDocument {
+    Point {
+        position: [f64; 3],
+        intensity: [f64; 3],
+    },
+    Spot {
+        position: [f64; 3],
+        direction: [f64; 3],
+        intensity: [f64; 3],
+        inner_degrees: f64,
+        outer_degrees: f64,
+    },
+    Directional {
+        direction: [f64; 3],
+        irradiance: [f64; 3],
+    },
 }
 
 #[derive(Deserialize)]
@@ -93,12 +121,14 @@ impl Scene {
     /// - `.obj`, with its MTL files: every `o` or `g` becomes an [`Object`](crate::scene::Object); pieces of equal name
     ///   are one object, with a material for each face. Vertices that faces share in the file stay shared. Normals and
     ///   texture coordinates count for objects that have them at every corner. Of a material, `Kd`, `Ks`, `Ns`, `Ke`
-    ///   (radiance of the front side), `map_Kd` and `map_Ks` (times `Ks`) count, and of the options of textures
-    ///   `-clamp on`. `map_Kd` counts instead of `Kd` on objects that have texture coordinates. What has no `Kd` or no
+    ///   (radiance of the front side), `map_Kd`, `map_Ks` (times `Ks`) and `map_Ke` (times `Ke`) count, and of the
+    ///   options of textures `-clamp on`. `map_Kd` counts instead of `Kd` on objects that have texture coordinates. What has no `Kd` or no
     ///   material is mid-grey like [`Material::default`](crate::scene::Material::default).
-    /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face. Vertices at one place, which glTF splits where a normal or texture coordinate has a
-    ///   seam, are joined again. Buffers and images may be in the file or beside it.
-    /// - `.ply`: one object, named like the file, with the texture of a comment `TextureFile`.
+    /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face, and
+    ///   every one with a light (KHR_lights_punctual; candela and lux are radiant intensity and irradiance) a light.
+    ///   Vertices at one place, which glTF splits where a normal or texture coordinate has a seam, are joined again.
+    ///   Buffers and images may be in the file or beside it.
+    /// - `.ply`: one object, named like the file, with colours of vertices and the texture of a comment `TextureFile`.
     /// - `.json`: as [`SceneFile`].
     ///
     /// Polygons become triangles: fans where those fill them, else by ear clipping. Colours are sRGB in images and in
@@ -209,6 +239,9 @@ impl SceneFile {
                 }
             };
         }
+        for light in document.lights {
+            scene = scene.light(light.build());
+        }
         for (name, velocity) in document.velocities {
             if scene.object(&name).is_none() {
                 let known = one_of(scene.names());
@@ -226,6 +259,31 @@ impl SceneFile {
             width,
             height,
         })
+    }
+}
+
+impl LightDocument {
+    fn build(self) -> Light {
+        match self {
+            Self::Point {
+                position,
+                intensity,
+            } => Light::point(position, intensity),
+            Self::Spot {
+                position,
+                direction,
+                intensity,
+                inner_degrees,
+                outer_degrees,
+            } => {
+                let [inner, outer] = [inner_degrees, outer_degrees].map(f64::to_radians);
+                Light::spot(position, direction, intensity, inner, outer)
+            }
+            Self::Directional {
+                direction,
+                irradiance,
+            } => Light::directional(direction, irradiance),
+        }
     }
 }
 

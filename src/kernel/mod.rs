@@ -19,6 +19,8 @@ mod path;
 mod scene;
 mod surface;
 mod tasks;
+#[cfg(test)]
+mod tests;
 mod view;
 mod walk;
 

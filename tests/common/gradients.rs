@@ -8,7 +8,7 @@ use burn::tensor::{DType, Device, Tensor};
 use softray::gradcheck::{Checked, GradCheck, Row, gradcheck};
 use softray::prelude::*;
 
-use super::scenes::{diffuse, emitting, facing_down, floor};
+use super::scenes::{diffuse, emitting, facing_down, facing_front, floor};
 use super::tensors::{gradient, tensor as constant};
 
 /// A scene that depends on one number.
@@ -69,6 +69,13 @@ pub fn objects(device: &Device, dtype: DType) -> [Object; 4] {
 pub fn scene(objects: [Object; 4]) -> Scene {
     let scene = Scene::new().environment([0.9, 1.0, 1.1]);
     objects.into_iter().fold(scene, Scene::with)
+}
+
+/// The scene with a small lamp before the camera, whose image moves and blurs with it.
+fn with_lamp(device: &Device, dtype: DType) -> Scene {
+    let lamp = facing_front([-0.47, -0.23], [1.23, 1.47], 1.5, device);
+    let lamp = emitting(lamp.cast(dtype), [6.0, 5.0, 4.0]).named("lamp");
+    scene(objects(device, dtype)).with(lamp)
 }
 
 pub fn camera() -> Camera {

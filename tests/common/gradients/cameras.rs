@@ -1,18 +1,9 @@
 //! Cases of cameras.
 
-use burn::tensor::{DType, Device};
 use softray::prelude::*;
 
-use super::{Case, camera, constant, objects, offset, scene, vector};
+use super::{Case, camera, constant, offset, vector, with_lamp};
 use crate::common::long;
-use crate::common::scenes::{emitting, facing_front};
-
-/// The scene with a small lamp before the camera, whose image moves and blurs with it.
-fn with_lamp(device: &Device, dtype: DType) -> Scene {
-    let lamp = facing_front([-0.47, -0.23], [1.23, 1.47], 1.5, device);
-    let lamp = emitting(lamp.cast(dtype), [6.0, 5.0, 4.0]).named("lamp");
-    scene(objects(device, dtype)).with(lamp)
-}
 
 /// Numbers of cameras of every kind.
 #[expect(clippy::too_many_lines, reason = "a list of scenes")]
