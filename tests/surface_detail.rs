@@ -1,70 +1,19 @@
-//! Colours at corners, normal maps with their tangents, and alpha masks.
+//! Colours at corners, normal maps with their tangents, and all of it with alpha masks.
 
 mod common;
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use burn::tensor::{DType, Device, Tensor};
+use common::detail::{
+    ENGINES, ball, constant, furthest, half_open, lit, options, seen, share_of_close, wall,
+};
 use common::errors::{message, says};
 use common::numbers::apart;
-use common::scenes::{diffuse, emitting, facing_down, facing_front, floor};
-use common::tensors::{gradient, gradients_agree, leaf, radiance, tensor, values};
+use common::scenes::diffuse;
+use common::tensors::{gradient, gradients_agree, leaf, tensor, values};
 use softray::gradcheck::{Checked, GradCheck, Point, Verdict, gradcheck};
 use softray::prelude::*;
 use softray::scene::CornerAttribute;
-
-const ENGINES: [Engine; 2] = [Engine::Kernels, Engine::Tensors];
-
-fn options(engine: Engine) -> RenderOptions {
-    let options = RenderOptions::new(24, 24).samples(16).bounces(1);
-    options.engine(engine).seed(3)
-}
-
-fn constant<const D: usize>(values: &[f64], shape: [usize; D]) -> Tensor<D> {
-    tensor(values, shape, &Device::flex(), DType::F32)
-}
-
-/// A wall in the light of a lamp, over a floor.
-fn lit(wall: Object) -> (Scene, Camera) {
-    let device = Device::flex();
-    let lamp = emitting(
-        facing_down([-1.0, 1.0], [0.5, 2.0], 2.5, &device),
-        [4.0, 3.5, 3.0],
-    );
-    let scene = Scene::new()
-        .with(wall)
-        .with(lamp)
-        .with(diffuse(floor(3.0, -1.2, &device), [0.5, 0.4, 0.3]))
-        .environment([0.2, 0.25, 0.3]);
-    (
-        scene,
-        Camera::look_at([0.3, 0.4, 4.5], [0.0; 3]).fov_y(36.0),
-    )
-}
-
-fn wall() -> Mesh {
-    facing_front([-1.0, 1.0], [-1.0, 1.0], 0.0, &Device::flex())
-}
-
-fn seen(wall: Object, engine: Engine) -> Vec<f64> {
-    let (scene, camera) = lit(wall);
-    radiance(&scene, &camera, &options(engine))
-}
-
-/// The largest difference of two images.
-fn furthest(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b).abs())
-        .fold(0.0, f64::max)
-}
-
-/// The share of numbers that differ by less than that.
-fn share_of_close(a: &[f64], b: &[f64], than: f64) -> f64 {
-    assert_eq!(a.len(), b.len());
-    let close = a.iter().zip(b).filter(|(a, b)| (*a - *b).abs() < than);
-    close.count() as f64 / a.len() as f64
-}
 
 /// A mesh as the reference takes it, with what it returns.
 struct Asked<'a> {
@@ -105,32 +54,6 @@ impl Geometry for Asked<'_> {
     fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, corner: usize) {
         self.found[face][corner] = tangent.expect("a tangent").tangent_encoded();
     }
-}
-
-/// A ball with texture coordinates that mirror the image and have seams: those of vertices, of one eighth others.
-fn ball() -> Mesh {
-    let ball = shapes::icosphere(2, &Device::flex());
-    let places = ball.host_vertices().expect("places");
-    let at = |p: &[f64; 3], turn: f64| [p[0] * p[0] + 0.3 * p[1] + turn, 0.7 * p[2] - 0.4 * p[0]];
-    let uvs: Vec<f64> = [0.0, 0.5]
-        .iter()
-        .flat_map(|&turn| places.iter().flat_map(move |p| at(p, turn)))
-        .collect();
-    let other = |f: &[u32; 3]| {
-        f.iter()
-            .all(|&v| places[v as usize].iter().all(|&x| x >= 0.0))
-    };
-    let count = places.len() as u32;
-    let faces: Vec<[u32; 3]> = (ball.faces.iter())
-        .map(|f| if other(f) { f.map(|v| v + count) } else { *f })
-        .collect();
-    let normals = ball.vertices.clone();
-    let mut ball = ball.with_normals(normals);
-    ball.uvs = Some(CornerAttribute::new(
-        constant(&uvs, [2 * places.len(), 2]),
-        faces,
-    ));
-    ball
 }
 
 #[test]
@@ -322,98 +245,6 @@ fn colours_jump_where_faces_meet() {
     println!("{report}");
     assert_eq!(report.rows[0].verdict, Verdict::Agrees);
     assert!(report.rows[0].difference.mean.abs() > 0.01);
-}
-
-/// A mask that is open where u is under ½.
-fn half_open(material: Material) -> Material {
-    let mut material = material.alpha_mask(constant(&[0.0, 1.0], [1, 2]), 0.5);
-    if let Some(mask) = &mut material.alpha_mask {
-        mask.wrap = Wrap::Clamp;
-    }
-    material
-}
-
-/// A plate with a hole in its half is the other half: what is behind is seen, light falls through, and so do
-/// rays of bounces.
-#[test]
-fn holes_show_what_is_behind_and_let_light_through() {
-    let device = Device::flex();
-    let plate = |left: f64| {
-        let [a, b, c, d] = [[left, 0.6], [1.0, 0.6], [1.0, 0.9], [left, 0.9]];
-        shapes::quad(
-            [a[0], a[1], 1.0],
-            [b[0], b[1], 1.0],
-            [c[0], c[1], -1.0],
-            [d[0], d[1], -1.0],
-            &device,
-        )
-    };
-    let grey = Material::diffuse([0.6; 3]);
-    for (engine, more) in [
-        (Engine::Kernels, 0),
-        (Engine::Kernels, 60),
-        (Engine::Tensors, 0),
-    ] {
-        let image = |mesh: Mesh, material: Material| {
-            let (mut scene, camera) = lit(Object::new(mesh).material(material));
-            // Few triangles are tested one by one, many by boxes.
-            for i in 0..more {
-                let at = constant(&[-3.0 + 0.1 * f64::from(i), -1.1, -2.0], [3]);
-                let small = shapes::cube(&device).scaled(0.03).translated(at);
-                scene = scene.with(Object::new(small));
-            }
-            radiance(&scene, &camera, &options(engine))
-        };
-        let holed = image(plate(-1.0), half_open(grey.clone()));
-        let half = image(plate(0.0), grey.clone());
-        let whole = image(plate(-1.0), grey.clone());
-        let close = |a: &[f64], b: &[f64]| share_of_close(a, b, 1e-4);
-        assert!(close(&holed, &half) > 0.99, "{}", close(&holed, &half));
-        assert!(close(&holed, &whole) < 0.8, "{}", close(&holed, &whole));
-    }
-}
-
-/// An emitter shines from where it is.
-#[test]
-fn holes_do_not_shine() {
-    let device = Device::flex();
-    let lamp = |left: f64| facing_down([left, 1.0], [-1.0, 1.0], 2.0, &device);
-    let image = |mesh: Mesh, half: bool, engine: Engine| {
-        let light = Material::emitter([5.0; 3]);
-        let light = if half { half_open(light) } else { light };
-        let gloss = Material::diffuse([0.4; 3]).specular([0.4; 3], 10.0);
-        let scene = Scene::new()
-            .with(Object::new(mesh).material(light))
-            .with(Object::new(floor(2.0, 0.0, &device)).material(gloss));
-        let camera = Camera::look_at([0.0, 1.5, 5.0], [0.0, 0.6, 0.0]);
-        let options = options(engine).samples(256);
-        let image = radiance(&scene, &camera, &options);
-        image.iter().sum::<f64>() / image.len() as f64
-    };
-    for engine in ENGINES {
-        let found = image(lamp(-1.0), true, engine);
-        let expected = image(lamp(0.0), false, engine);
-        assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
-    }
-}
-
-/// No edge of what is not there jumps, and that of what is there does.
-#[test]
-fn edges_in_holes_do_not_jump() {
-    let device = Device::flex();
-    let by = |alpha: f64| {
-        let place = leaf(&[0.1, 0.0, 0.5], &device);
-        let mesh = wall().scaled(0.5).translated(place.clone());
-        let masked = Material::diffuse([0.1; 3]).alpha_mask(constant(&[alpha], [1, 1]), 0.5);
-        let (scene, camera) = lit(Object::new(mesh).material(masked));
-        let image = render(&scene, &camera, &options(Engine::Kernels)).expect("an image");
-        gradient(
-            &place,
-            &image.radiance.slice([0..24, 0..12]).sum().backward(),
-        )
-    };
-    assert_eq!(by(0.0), [0.0; 3]);
-    assert!(by(1.0)[0].abs() > 1.0);
 }
 
 /// The gradients of both engines where everything comes together. Rays that meet the outline of a hole pass it in

@@ -4,7 +4,8 @@
 use glam::DVec3;
 
 use super::gradient::Sums;
-use super::scene::{Corners, KernelScene};
+use super::lists::Corners;
+use super::scene::KernelScene;
 use super::surface::Point;
 use super::view::View;
 use crate::model::V3;

@@ -1,6 +1,6 @@
 //! Path tracing on the host, each path from camera to end in one go, in f32, with derivatives by hand.
 //!
-//! `scene` holds the packed scene, `view` adds a camera and settings. `path` traces forward with direct light
+//! `scene` holds the packed scene, made of `lists` of triangles, `corners` what is interpolated between their corners, `view` adds a camera and settings. `path` traces forward with direct light
 //! of `direct` and `delta_lights`; `backward` traces a path again and goes back along it. `edges` finds and draws edges at which
 //! visibility jumps, `boundary` adds what the jumps contribute. `gradient` holds the sums of derivatives,
 //! `tasks` deals pixels to the machine.
@@ -14,6 +14,7 @@ mod delta_sums;
 mod direct;
 mod edges;
 mod gradient;
+mod lists;
 mod path;
 mod scene;
 mod surface;

@@ -4,31 +4,18 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::accel::{Hierarchy, HierarchyCache, HostTriangle};
+use super::lists::{Corners, Lists, ObjectPart, Triangle};
+use crate::accel::{Hierarchy, HierarchyCache};
+use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 use crate::model::emitter::Emission;
 use crate::model::sky::Sky;
 use crate::model::texture::{Colour, Texels, Texture};
-use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
 use crate::scene::{
-    CHANNELS, Channel, Holes, HostAttribute, HostMaterial, HostScene, HostTexture, MaterialKind,
+    CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, MaterialKind,
     SceneFrame,
 };
-
-/// The place of an object's parts in the scene's lists.
-#[derive(Clone, Debug)]
-pub(crate) struct ObjectPart {
-    pub first_triangle: usize,
-    pub first_vertex: usize,
-    pub vertices: usize,
-    pub first_uv: usize,
-    pub first_normal: usize,
-    pub first_colour: usize,
-    pub first_tangent: usize,
-    /// Whether it has shading normals.
-    pub smooth: bool,
-}
 
 /// A scene as kernels trace it.
 pub(crate) struct KernelScene {
@@ -66,34 +53,6 @@ pub(crate) struct KernelScene {
     pub tilted: bool,
 }
 
-/// Values at the corners of triangles that few scenes have; empty in the others.
-#[derive(Default)]
-pub(crate) struct Corners {
-    /// Rows of the values at the corners of each triangle, `u32::MAX` where it has none.
-    pub rows: Vec<[u32; 3]>,
-    pub values: Vec<V3>,
-}
-
-impl Corners {
-    /// Adds those of an object with so many faces, unless no object of the scene has any; takes the first three
-    /// numbers of each row.
-    fn add<const C: usize>(&mut self, of: Option<&HostAttribute<C>>, faces: usize, any: bool) {
-        if !any {
-            return;
-        }
-        let first = self.values.len() as u32;
-        match of {
-            None => self.rows.resize(self.rows.len() + faces, [u32::MAX; 3]),
-            Some(a) => {
-                let rows = a.faces.iter().map(|f| f.map(|row| row + first));
-                self.rows.extend(rows);
-                self.values
-                    .extend(a.values.iter().map(|v| v3(v[0], v[1], v[2])));
-            }
-        }
-    }
-}
-
 impl KernelScene {
     /// The number of triangles without area.
     pub fn degenerate(&self) -> u64 {
@@ -116,34 +75,20 @@ impl KernelScene {
             lists.add_object(scene, i, &frame, velocity);
             velocities.iter_mut().for_each(|v| v.push(velocity.into()));
         }
-        let Lists {
-            triangles,
-            host,
-            objects,
-            counted,
-            vertex_rows,
-            uv_rows,
-            normal_rows,
-            uvs,
-            normals,
-            colours,
-            tangents,
-            tangent_sides,
-        } = lists;
         let hierarchy = match (like, cache) {
-            (None, Some(cache)) => cache.take(host),
-            _ => Arc::new(Hierarchy::like(host, like).0),
+            (None, Some(cache)) => cache.take(std::mem::take(&mut lists.host)),
+            _ => Arc::new(Hierarchy::like(std::mem::take(&mut lists.host), like).0),
         };
         let mut texels = Texels::default();
         let materials = scene.materials.iter_mut();
         let materials: Vec<Material> = materials.map(|m| pack_material(m, &mut texels)).collect();
         let emits =
             |t: &(usize, &Triangle)| t.1.area > 0.0 && materials[t.1.material as usize].kind.emits;
-        let list = triangles.iter().enumerate().filter(emits);
+        let list = lists.triangles.iter().enumerate().filter(emits);
         let list = list.map(|(k, t)| {
             let emission = &materials[t.material as usize].channels[Channel::Emission.place()];
-            let uv = |row: u32| uvs.get(row as usize).copied().unwrap_or_default();
-            let radiance = emission.mean_over(&texels, uv_rows[k].map(uv));
+            let uv = |row: u32| lists.uvs.get(row as usize).copied().unwrap_or_default();
+            let radiance = emission.mean_over(&texels, lists.uv_rows[k].map(uv));
             let velocity = velocities.as_ref().map(|v| v[t.object as usize]);
             t.emitter(k, velocity.unwrap_or(V3::ZERO), radiance)
         });
@@ -159,25 +104,25 @@ impl KernelScene {
             lengths_of_axes: (scene.lights.iter())
                 .map(|l| DVec3::from(l.direction).length())
                 .collect(),
-            smooth: objects.iter().any(|o| o.smooth),
+            smooth: lists.objects.iter().any(|o| o.smooth),
             tilted: materials.iter().any(|m| m.normal_map.is_some()),
             glossy: materials.iter().any(|m| m.kind.glossy),
             sky: Sky::new(scene),
             frame,
-            triangles,
+            triangles: lists.triangles,
             hierarchy,
             velocities,
             holes: scene.holes.clone(),
-            objects,
-            counted,
-            vertex_rows,
-            uv_rows,
-            normal_rows,
-            uvs,
-            normals,
-            colours,
-            tangents,
-            tangent_sides,
+            objects: lists.objects,
+            counted: lists.counted,
+            vertex_rows: lists.vertex_rows,
+            uv_rows: lists.uv_rows,
+            normal_rows: lists.normal_rows,
+            uvs: lists.uvs,
+            normals: lists.normals,
+            colours: lists.colours,
+            tangents: lists.tangents,
+            tangent_sides: lists.tangent_sides,
             materials,
             texels,
             emitters,
@@ -212,96 +157,12 @@ impl KernelScene {
     }
 }
 
-/// Lists of a scene that grow object by object.
-#[derive(Default)]
-struct Lists {
-    triangles: Vec<Triangle>,
-    host: Vec<HostTriangle>,
-    objects: Vec<ObjectPart>,
-    counted: Vec<usize>,
-    vertex_rows: Vec<[u32; 3]>,
-    uv_rows: Vec<[u32; 3]>,
-    normal_rows: Vec<[u32; 3]>,
-    uvs: Vec<[f32; 2]>,
-    normals: Vec<V3>,
-    colours: Corners,
-    tangents: Corners,
-    tangent_sides: Vec<f32>,
-}
-
-impl Lists {
-    fn add_object(&mut self, scene: &HostScene, i: usize, frame: &SceneFrame, velocity: DVec3) {
-        let o = &scene.objects[i];
-        let part = ObjectPart {
-            first_triangle: self.triangles.len(),
-            first_vertex: self
-                .objects
-                .last()
-                .map_or(0, |o| o.first_vertex + o.vertices),
-            vertices: o.positions.len(),
-            first_uv: self.uvs.len(),
-            first_normal: self.normals.len(),
-            first_colour: self.colours.values.len(),
-            first_tangent: self.tangents.values.len(),
-            smooth: o.normals.is_some(),
-        };
-        if !o.faces.is_empty() {
-            self.counted.push(i);
-        }
-        let inner: Vec<DVec3> = o.positions.iter().map(|&p| frame.inner(p.into())).collect();
-        for (f, face) in o.faces.iter().enumerate() {
-            let own = o.face_materials.get(f).copied().unwrap_or(0);
-            let corners = face.map(|v| inner[v as usize]);
-            let material = o.first_material as u32 + own;
-            self.add_triangle(corners, velocity, material, i as u32);
-            self.vertex_rows
-                .push(face.map(|v| v + part.first_vertex as u32));
-            let rows = |faces: Option<&Arc<Vec<[u32; 3]>>>, first: usize| {
-                faces.map_or([u32::MAX; 3], |faces| faces[f].map(|v| v + first as u32))
-            };
-            self.uv_rows
-                .push(rows(o.uvs.as_ref().map(|a| &a.faces), part.first_uv));
-            self.normal_rows.push(rows(
-                o.normals.as_ref().map(|a| &a.faces),
-                part.first_normal,
-            ));
-        }
-        if let Some(HostAttribute { values, .. }) = &o.uvs {
-            self.uvs.extend_from_slice(values);
-        }
-        if let Some(HostAttribute { values, .. }) = &o.normals {
-            self.normals
-                .extend(values.iter().map(|n| v3(n[0], n[1], n[2])));
-        }
-        let any = scene.objects.iter().any(|o| o.colours.is_some());
-        self.colours.add(o.colours.as_ref(), o.faces.len(), any);
-        let any = scene.objects.iter().any(|o| o.tangents.is_some());
-        self.tangents.add(o.tangents.as_ref(), o.faces.len(), any);
-        let tangents = o.tangents.iter().flat_map(|t| &t.values);
-        self.tangent_sides.extend(tangents.map(|t| t[3]));
-        self.objects.push(part);
-    }
-
-    /// Adds a triangle; one whose area has no inverse in f32 counts as without area and is never hit.
-    fn add_triangle(&mut self, corners: [DVec3; 3], velocity: DVec3, material: u32, object: u32) {
-        let mut t = HostTriangle::new(corners, velocity, true);
-        let area = t.area() as f32;
-        t.valid &= area > 1e-35 && area.is_finite();
-        let (mut normal, mut plane, mut own) = (v3(0.0, 0.0, 1.0), 0.0, 0.0);
-        if t.valid {
-            normal = t.normal.into();
-            plane = t.normal.dot(t.corners[0]) as f32;
-            own = area;
-        }
-        self.triangles.push(Triangle {
-            corners: corners.map(|c| c.into()),
-            normal,
-            plane,
-            area: own,
-            material,
-            object,
-        });
-        self.host.push(t);
+fn pack_material(material: &mut HostMaterial, texels: &mut Texels) -> Material {
+    let map = material.normal_map.as_mut();
+    Material {
+        normal_map: map.and_then(|map| pack_colour(map, texels).texture),
+        channels: std::array::from_fn(|i| pack_colour(&mut material.channels[i], texels)),
+        kind: material.kind,
     }
 }
 
@@ -331,28 +192,6 @@ fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
             }
         }
     }
-}
-
-fn pack_material(m: &mut HostMaterial, texels: &mut Texels) -> Material {
-    let map = m.normal_map.as_mut();
-    Material {
-        channels: std::array::from_fn(|i| pack_colour(&mut m.channels[i], texels)),
-        kind: m.kind,
-        normal_map: map.and_then(|map| pack_colour(map, texels).texture),
-    }
-}
-
-/// A triangle, in inner coordinates at the start of the shutter.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Triangle {
-    pub corners: [V3; 3],
-    /// Unit normal of the front.
-    pub normal: V3,
-    /// normal · corner.
-    pub plane: f32,
-    pub area: f32,
-    pub material: u32,
-    pub object: u32,
 }
 
 impl Triangle {

@@ -41,6 +41,9 @@ impl Mesh {
     }
 }
 
+/// The place, normal and texture coordinate of a corner, by their bits.
+type Key = ([u64; 3], [u64; 3], [u64; 2]);
+
 /// The corners of a mesh on the host: those of the same place, normal and texture coordinate have one number.
 struct Corners {
     numbers: Vec<[u32; 3]>,
@@ -69,7 +72,7 @@ impl Corners {
         let normals = mesh.normals.as_ref().map(|a| host_values(&a.values));
         let (normals, coordinates) = (normals.transpose()?, host_values(&uvs.values)?);
         let uv = |row: u32| -> [f64; 2] { [0, 1].map(|i| coordinates[2 * row as usize + i]) };
-        let mut known: HashMap<([u64; 3], [u64; 3], [u64; 2]), u32> = HashMap::new();
+        let mut known: HashMap<Key, u32> = HashMap::new();
         let (mut numbers, mut texture) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (f, face) in mesh.faces.iter().enumerate() {
             let corners = face.map(|v| places[v as usize]);

@@ -4,7 +4,8 @@ use burn::tensor::{Int, Tensor};
 
 use crate::error::Result;
 use crate::geometry::{
-    Context, Nearest, Vec3, VertexData, detached, gather_row, host_values, nearest_on_triangle,
+    Context, Nearest, Triangles, Vec3, VertexData, detached, gather_row, host_values,
+    nearest_on_triangle,
 };
 use crate::scene::{Bsdf, Channel, ChannelPlanes, Flattened, MaterialKind};
 use crate::visibility::Rays;
@@ -112,22 +113,8 @@ impl SurfacePoints {
 
         let interpolates =
             scene.uvs.is_some() || scene.normals.is_some() || scene.colours.is_some();
-        let barycentrics = interpolates.then(|| {
-            let corner = triangles.corners.a.gather(&index);
-            let from_a = shifted.add(&rays.direction.scale(&t)).sub(&corner);
-            let x = triangles.u.gather(&index).dot(&from_a);
-            let y = triangles.v.gather(&index).dot(&from_a);
-            let (base, apex_u, apex_v) = (
-                gather(&triangles.base),
-                gather(&triangles.apex_u),
-                gather(&triangles.apex_v),
-            );
-            let c = y.clone() / apex_v.clone();
-            let b = (x.clone() - c.clone() * apex_u.clone()) / base.clone();
-            let nearest =
-                nearest_on_triangle(&detached(&x), &detached(&y), &base, &apex_u, &apex_v);
-            (b, c, nearest)
-        });
+        let point = || shifted.add(&rays.direction.scale(&t));
+        let barycentrics = interpolates.then(|| barycentrics(triangles, &index, &point()));
         let normal = match (&scene.normals, &barycentrics) {
             (Some((corners, smooth)), Some((b, c, nearest))) => {
                 let smooth = triangle.iter().map(|&k| smooth[k as usize]);
@@ -162,15 +149,8 @@ impl SurfacePoints {
         let mut parameters = parameters.collect::<Result<Vec<Vec3>>>()?;
         let near = barycentrics.map(|(b, c, nearest)| at_nearest(&b, &c, &nearest));
         if let (Some(corners), Some(near)) = (&scene.colours, &near) {
-            let plain = |m: &u32| !scene.materials.kinds[*m as usize].bsdf.is_tinted();
-            let plain: Vec<f64> = materials
-                .iter()
-                .map(|m| u8::from(plain(m)).into())
-                .collect();
-            let plain = context.row(&plain).greater_elem(0.5);
             let colour = interpolated(corners, &index, near);
-            let base = &mut parameters[Channel::Diffuse.place()];
-            *base = base.mul(&colour.map(|x| x.mask_fill(plain.clone(), 1.0)));
+            tint(scene, &materials, &colour, &mut parameters);
         }
         let normal = match (&scene.tilts, &near) {
             (Some(tilts), Some(near)) => {
@@ -194,6 +174,39 @@ impl SurfacePoints {
             uv,
         })
     }
+}
+
+/// Weights of corners b and c at points of triangles, and the triangles' nearest points.
+fn barycentrics(
+    triangles: &Triangles,
+    index: &Tensor<2, Int>,
+    point: &Vec3,
+) -> (Tensor<2>, Tensor<2>, Nearest) {
+    let from_a = point.sub(&triangles.corners.a.gather(index));
+    let x = triangles.u.gather(index).dot(&from_a);
+    let y = triangles.v.gather(index).dot(&from_a);
+    let gather = |p: &Tensor<2>| gather_row(p.clone(), index);
+    let (base, apex_u, apex_v) = (
+        gather(&triangles.base),
+        gather(&triangles.apex_u),
+        gather(&triangles.apex_v),
+    );
+    let c = y.clone() / apex_v.clone();
+    let b = (x.clone() - c.clone() * apex_u.clone()) / base.clone();
+    let nearest = nearest_on_triangle(&detached(&x), &detached(&y), &base, &apex_u, &apex_v);
+    (b, c, nearest)
+}
+
+/// Multiplies the base colours of materials that colours of meshes tint.
+fn tint(scene: &Flattened, materials: &[u32], colour: &Vec3, parameters: &mut [Vec3]) {
+    let plain = |m: &u32| !scene.materials.kinds[*m as usize].bsdf.is_tinted();
+    let plain: Vec<f64> = materials
+        .iter()
+        .map(|m| u8::from(plain(m)).into())
+        .collect();
+    let plain = scene.context.row(&plain).greater_elem(0.5);
+    let base = &mut parameters[Channel::Diffuse.place()];
+    *base = base.mul(&colour.map(|x| x.mask_fill(plain.clone(), 1.0)));
 }
 
 /// Weights of corners b and c: those of the hit, or of the triangle's point nearest to it.

@@ -1,5 +1,7 @@
 //! Gradients against central differences of renders of the same blurred scene.
 
+mod cameras;
+mod detail;
 pub mod lights;
 
 use burn::tensor::{DType, Device, Tensor};
@@ -91,55 +93,15 @@ pub fn change(
         .expect("the object")
 }
 
-/// The scene with colours at the corners of the floor and the ball; those of one corner and vertex are a number.
-fn coloured(p: Tensor<1>, device: &Device, dtype: DType) -> Scene {
-    let colours = |m: Mesh, rows: usize| {
-        let base = (0..3 * rows).map(|i| 0.3 + 0.1 * (i % 5) as f64);
-        let base = constant(&base.collect::<Vec<_>>(), [rows, 3], device, dtype);
-        let one: Vec<f64> = (0..3 * rows)
-            .map(|i| if i < 6 { 0.5 + 0.1 * i as f64 } else { 0.0 })
-            .collect();
-        let one = constant(&one, [rows, 3], device, dtype);
-        let faces = m.faces.clone();
-        m.with_colours(base + one * p.clone().reshape([1, 1]), faces)
-    };
-    change("floor", |o| o.map_mesh(|m| colours(m, 4)), device, dtype)
-        .map_object("ball", |o| o.map_mesh(|m| colours(m, 12)))
-        .expect("a ball")
-}
-
-/// Texels of a normal map `[2, 2, 3]`, none of unit length.
-fn normals_of_map(device: &Device, dtype: DType) -> Tensor<3> {
-    let texels = [
-        0.3, 0.1, 1.1, -0.2, 0.3, 0.9, 0.1, -0.4, 1.0, -0.3, -0.2, 0.8,
-    ];
-    constant(&texels, [2, 2, 3], device, dtype)
-}
-
-/// The scene with a normal map on the floor, whose mesh is changed.
-fn bumpy(texels: Tensor<3>, f: impl Fn(Mesh) -> Mesh, device: &Device, dtype: DType) -> Scene {
-    let with_map = |o: Object| {
-        let material = o.materials[0].clone().normal_map(texels.clone(), 1.0);
-        o.map_mesh(|m| f(m)).material(material)
-    };
-    change("floor", with_map, device, dtype)
-}
-
-/// The scene with a gloss on the floor, in the light of the lamp.
-fn shiny(scene: Scene) -> Scene {
-    let gloss = |mut o: Object| {
-        o.materials[0] = o.materials[0].clone().specular([0.4; 3], 8.0);
-        o
-    };
-    let scene = scene.map_object("floor", gloss).expect("a floor");
-    scene.environment([0.1; 3])
-}
-
-/// Every class of parameter that the paper differentiates.
-#[expect(clippy::too_many_lines, reason = "a list of scenes")]
+/// Every class of parameter that the paper differentiates, and those of surfaces in detail.
 pub fn cases() -> Vec<Case> {
-    // A wide step passes kinks of pixels without a filter, which is 10 % of this one; a narrow one takes many seeds.
-    let step_of_pose = if super::long() { 0.005 } else { 0.02 };
+    let all = classes().into_iter().chain(cameras::cases());
+    all.chain(detail::cases()).collect()
+}
+
+/// Those of surfaces and an environment.
+#[expect(clippy::too_many_lines, reason = "a list of scenes")]
+fn classes() -> Vec<Case> {
     let case = |name, value, step, bounces, build| Case {
         name,
         value,
@@ -151,14 +113,6 @@ pub fn cases() -> Vec<Case> {
     // Weights that bring out what a parameter does: a shift, a change of size, a blur of the lamp.
     let shift = |case: Case| Case {
         weight: |x, _| 2.0 * x,
-        ..case
-    };
-    let growth = |case: Case| Case {
-        weight: |x, y| x * x + y * y,
-        ..case
-    };
-    let sharpness = |case: Case| Case {
-        weight: |x, y| (-((x + 0.5).powi(2) + (y - 0.33).powi(2)) / 0.1).exp(),
         ..case
     };
     vec![
@@ -198,75 +152,6 @@ pub fn cases() -> Vec<Case> {
             let u = vector(p, [1.0, 0.3, 0.2], d, t);
             (change("ball", |o| o.velocity(u.clone()), d, t), camera())
         })),
-        shift(case("camera position", 0.0, 0.02, 0, |d, t, p| {
-            let mut c = camera();
-            c.eye = offset(p, [0.2, 1.3, 4.2], [1.0, 0.2, 0.3], d, t).into();
-            (with_lamp(d, t), c)
-        })),
-        growth(case("field of view", 38.0, 0.4, 0, |d, t, p| {
-            (with_lamp(d, t), camera().fov_y(p))
-        })),
-        shift(case("orbit", 3.0, 0.3, 0, |d, t, p| {
-            let elevation = p.clone() * 0.3 + 4.0;
-            let distance = p.clone() * (-0.01) + 4.2;
-            let c = Camera::orbit([0.0, 0.9, 0.0], distance, p, elevation).expect("a camera");
-            // Rolled: an edge along a row of pixels would make a kink that differences step over.
-            (with_lamp(d, t), c.up([0.3, 1.0, 0.1]).fov_y(38.0))
-        })),
-        shift(case("pose matrix", 0.0, step_of_pose, 0, |d, t, p| {
-            let pose = [
-                0.95, -0.3, 0.05, 0.2, 0.3, 0.95, 0.1, 1.3, -0.05, -0.1, 1.0, 4.2, 0.0, 0.0, 0.0,
-                1.0,
-            ];
-            let change = [
-                0.02, 0.01, 0.01, 1.0, -0.01, 0.02, 0.02, 0.2, 0.01, 0.02, 0.02, 0.3, 0.0, 0.0,
-                0.0, 0.0,
-            ];
-            let pose =
-                constant(&pose, [4, 4], d, t) + constant(&change, [4, 4], d, t) * p.reshape([1, 1]);
-            let c = Camera::from_matrix(pose).expect("a camera");
-            (with_lamp(d, t), c.fov_y(38.0))
-        })),
-        growth(case("calibrated camera", 17.0, 0.2, 0, |d, t, p| {
-            let f = p.clone().reshape([1, 1]);
-            let k = constant(&[0.0, 0.0, 5.6, 0.0, 0.0, 6.5, 0.0, 0.0, 1.0], [3, 3], d, t)
-                + constant(
-                    &[1.0, 0.0, 0.0, 0.0, 1.05, 0.0, 0.0, 0.0, 0.0],
-                    [3, 3],
-                    d,
-                    t,
-                ) * f;
-            let down = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
-            // The camera moves back with it.
-            let away = constant(&[0.0, 0.0, 0.05], [3], d, t) * p;
-            let place = constant(&[-0.2, 1.1, 3.4], [3], d, t) + away;
-            let c = Camera::from_intrinsics(k, down, place, [12, 12]).expect("a camera");
-            (with_lamp(d, t), c)
-        })),
-        shift(case("principal point", 6.2, 0.1, 0, |d, t, p| {
-            let mut c = camera();
-            let centre = vector(p, [1.0, 0.9, 0.0], d, t).slice([0..2]);
-            c.projection = Projection::Intrinsics {
-                focal: [17.0, 18.0].into(),
-                principal: centre.into(),
-                size: [12, 12],
-            };
-            (with_lamp(d, t), c)
-        })),
-        growth(case("orthographic height", 3.0, 0.04, 1, |d, t, p| {
-            (with_lamp(d, t), camera().orthographic(p))
-        })),
-        shift(case("orthographic position", 0.0, 0.02, 0, |d, t, p| {
-            let mut c = camera().orthographic(3.0);
-            c.eye = offset(p, [0.2, 1.3, 4.2], [1.0, 0.2, 0.3], d, t).into();
-            (with_lamp(d, t), c)
-        })),
-        sharpness(case("aperture", 0.25, 0.02, 0, |d, t, p| {
-            (with_lamp(d, t), camera().thin_lens(p, 1.7))
-        })),
-        sharpness(case("focus distance", 1.7, 0.05, 0, |d, t, p| {
-            (with_lamp(d, t), camera().thin_lens(0.25, p))
-        })),
         case("albedo", 0.5, 0.05, 2, |d, t, p| {
             let m = Material::diffuse(vector(p, [0.9, 0.6, 0.3], d, t));
             (change("floor", |o| o.material(m.clone()), d, t), camera())
@@ -298,43 +183,6 @@ pub fn cases() -> Vec<Case> {
                 change("floor", |o| o.material(m.clone()), d, t).environment([0.0; 3]),
                 camera(),
             )
-        }),
-        case("vertex colour", 0.5, 0.05, 1, |d, t, p| {
-            (coloured(p, d, t), camera())
-        }),
-        shift(case("normal map", 0.3, 0.03, 1, |d, t, p| {
-            let one = constant(&[1.0, 0.2, 0.0, 0.8, 0.3, -0.2].repeat(2), [2, 2, 3], d, t);
-            let texels = normals_of_map(d, t) + one * p.reshape([1, 1, 1]);
-            // White, in the light of the lamp alone.
-            let white = |mut o: Object| {
-                o.materials[0].diffuse = [0.9; 3].into();
-                o
-            };
-            let scene = bumpy(texels, |m| m, d, t).map_object("floor", white);
-            (scene.expect("a floor").environment([0.0; 3]), camera())
-        })),
-        case("glossy normal map", 0.3, 0.03, 0, |d, t, p| {
-            let one = constant(&[0.0, 0.0, 0.0, 1.0, -0.6, 0.3].repeat(2), [2, 2, 3], d, t);
-            let texels = normals_of_map(d, t) + one * p.reshape([1, 1, 1]);
-            (shiny(bumpy(texels, |m| m, d, t)), camera())
-        }),
-        case("uvs of a normal map", 0.0, 0.01, 0, |d, t, p| {
-            let stretch = constant(&[0.0, 0.0, 0.4, 0.0, 0.4, 0.5, 0.0, 0.5], [4, 2], d, t);
-            let stretched = move |mut m: Mesh| {
-                if let Some(uvs) = &mut m.uvs {
-                    uvs.values = uvs.values.clone() + stretch.clone() * p.clone().reshape([1, 1]);
-                }
-                m
-            };
-            (
-                shiny(bumpy(normals_of_map(d, t), stretched, d, t)),
-                camera(),
-            )
-        }),
-        case("turn under a normal map", 0.2, 0.03, 1, |d, t, p| {
-            let turn = Transform::new().axis_angle([0.1, 1.0, 0.2], p);
-            let map = normals_of_map(d, t);
-            (bumpy(map, |m| m.transformed(&turn), d, t), camera())
         }),
         case("smooth normals", 0.0, 0.03, 1, |d, t, p| {
             let rows = constant(&[0.8, -0.5, 0.3, 0.1].repeat(3), [12, 1], d, t);

@@ -1,6 +1,7 @@
 //! Shared by the integration tests: reference data, devices, statistics.
 #![allow(dead_code)] // each test binary uses a part
 
+pub mod detail;
 pub mod errors;
 pub mod facets;
 pub mod folder;

@@ -4,8 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Edge, FACES, Kind, TOUCHING};
+use crate::kernel::lists::Triangle;
 use crate::kernel::scene::KernelScene;
-use crate::kernel::scene::Triangle;
 use crate::model::V3;
 
 /// Times in the shutter at which moving objects are looked at.

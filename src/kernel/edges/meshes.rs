@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::{Edge, FACES, Kind};
 use crate::geometry::Weld;
+use crate::kernel::lists::{Corners, Triangle};
 use crate::kernel::scene::KernelScene;
-use crate::kernel::scene::{Corners, Triangle};
 use crate::model::V3;
 use crate::scene::Bsdf;
 

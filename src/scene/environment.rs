@@ -1,0 +1,41 @@
+//! Light from infinity.
+
+use burn::tensor::Tensor;
+
+use super::material::Value;
+use super::{Parameter, Wrap};
+
+/// The radiance that arrives from infinity where rays miss all surfaces.
+#[derive(Clone)]
+pub enum Environment {
+    /// The same radiance from all directions, RGB.
+    Constant(Parameter<3>),
+    /// An equirectangular map of radiance `[H, W, 3]`, looked up bilinearly: row 0 about +y, the last
+    /// about −y; the middle column towards −z, columns to its right towards +x.
+    Map(Tensor<3>),
+}
+
+impl<P: Into<Parameter<3>>> From<P> for Environment {
+    fn from(p: P) -> Self {
+        Self::Constant(p.into())
+    }
+}
+
+impl Environment {
+    /// An equirectangular map of radiance `[H, W, 3]`; see [`Environment::Map`].
+    pub fn map(texels: Tensor<3>) -> Self {
+        Self::Map(texels)
+    }
+
+    /// Whether its radiance may be other than 0: false only for a constant 0.
+    pub(crate) fn shines(&self) -> bool {
+        !matches!(self, Self::Constant(Parameter::Constant(v)) if *v == [0.0; 3])
+    }
+
+    pub(super) fn value(&mut self) -> Value<'_> {
+        match self {
+            Self::Constant(p) => Value::Colour(p),
+            Self::Map(texels) => Value::Image(texels, Wrap::Repeat),
+        }
+    }
+}
