@@ -10,7 +10,7 @@ use super::Features;
 use super::camera::begin;
 use super::device::{floats, int_zeros};
 use super::integers::total;
-use super::launch::{GROUP, Job, PATHS, groups};
+use super::job::{GROUP, Job, PATHS, groups};
 use super::layout::BOUNCES;
 use super::path::{from_camera, path_light};
 use super::pieces::{Piece, pixel_at};

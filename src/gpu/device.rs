@@ -7,7 +7,7 @@ use burn::backend::{Cube, DispatchDevice, TensorMetadata};
 use burn::cubecl::prelude::*;
 use burn::tensor::{Device, FloatDType, IntDType, Shape};
 
-use super::Job;
+use super::job::Job;
 use super::list::List;
 use super::sums::FIRST_SUM;
 use crate::device::label;
@@ -104,6 +104,14 @@ fn fits(bindings: u32, bytes: u64, lists: &[(&str, usize)]) -> std::result::Resu
         )),
         _ => Ok(()),
     }
+}
+
+/// An error's text, without the part for those who mend CubeCL.
+pub(super) fn without_backtrace(error: impl ToString) -> String {
+    let text = error.to_string();
+    let lines = text.lines().map(str::trim);
+    let told = lines.take_while(|line| !line.starts_with("Backtrace"));
+    told.collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Edges at which something may jump, and what draws them, in the buffers of a view ([`layout`](super::layout)).
 
-use super::layout::PackedScene;
+use super::packed_scene::PackedScene;
 use crate::kernel::{FlatTree, View};
 
 /// The tree over all edges, then that over those that move, [`OF_TREE`] words each.

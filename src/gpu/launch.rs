@@ -1,32 +1,22 @@
 //! Kernels on burn's devices: an image, in launches that are not long.
 
-use std::sync::Arc;
-
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::{Backend, Cube, Dispatch, backend_extension};
 use burn::cubecl::prelude::*;
-use burn::tensor::{DType, Device, Tensor};
+use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
-use super::device::{floats, int_zeros, zeros};
+use super::device::{floats, int_zeros, without_backtrace, zeros};
+use super::job::{GROUP, Job, PATHS, groups};
 use super::launch_backward::{Pass, Sought};
 use super::list::List;
-use super::pieces::PieceLaunch;
-use super::sums::FIRST_SUM;
-use super::{Outputs, Packed, add_chunks, render_pixels};
-use crate::device::label;
+use super::sums::{FIRST_SUM, LOST};
+use super::{add_chunks, render_pixels};
+use crate::device::{count_read_back, label};
 use crate::error::{Error, Result};
+use crate::kernel::{Sums, View};
 
-/// Views, and what of them is rendered.
-#[derive(Clone)]
-pub(crate) struct Job {
-    pub views: Arc<Packed>,
-    /// All pixels if there is no list.
-    pub pixels: Option<Arc<Vec<u32>>>,
-    /// Pixels of a view.
-    pub of_view: usize,
-    pub samples: u32,
-    pub outputs: Outputs,
-}
+/// Threads that keep a GPU busy, about.
+const THREADS: usize = 1 << 17;
 
 #[backend_extension(Cube)]
 pub(crate) trait GpuBackend: Backend {
@@ -35,84 +25,6 @@ pub(crate) trait GpuBackend: Backend {
 
     /// The sums of derivatives ([`Places`](super::sums::Places)), from those by the rows.
     fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self>;
-}
-
-/// Paths of a launch at most, so that no launch is long.
-pub(super) const PATHS: usize = 1 << 20;
-/// Threads that keep a GPU busy, about.
-const THREADS: usize = 1 << 17;
-/// Threads of a workgroup.
-pub(super) const GROUP: u32 = 64;
-
-/// Workgroups for so many threads.
-pub(super) fn groups(threads: usize) -> CubeCount {
-    /// Along one axis.
-    const MOST: u32 = 65_535;
-    let groups = (threads as u32).div_ceil(GROUP).max(1);
-    CubeCount::Static(groups.min(MOST), groups.div_ceil(MOST), 1)
-}
-
-/// Samples `from` to `past` of pixels, which are counted over all views.
-#[derive(Clone, Copy)]
-pub(super) struct Samples {
-    pub first: usize,
-    pub stride: usize,
-    pub count: usize,
-    pub from: u32,
-    pub past: u32,
-}
-
-impl Samples {
-    pub fn paths(&self) -> usize {
-        self.count * (self.past - self.from) as usize
-    }
-
-    pub fn argument(&self, job: &Job) -> PieceLaunch {
-        PieceLaunch::new(
-            self.first as u32,
-            self.stride as u32,
-            self.count as u32,
-            self.from,
-            self.past,
-            job.of_view as u32,
-        )
-    }
-}
-
-impl Job {
-    /// Pixels of all views.
-    pub fn count(&self) -> usize {
-        self.views.views * self.of_view
-    }
-
-    /// All samples in pieces of so many paths at most.
-    pub(super) fn pieces(&self, paths: usize) -> Vec<Samples> {
-        let at_once = paths.clamp(1, self.count().max(1));
-        let samples_at_once = (paths / at_once).max(1) as u32;
-        let mut pieces = Vec::new();
-        for first in (0..self.count()).step_by(at_once) {
-            let mut from = 0;
-            while from < self.samples {
-                let past = self.samples.min(from.saturating_add(samples_at_once));
-                pieces.push(Samples {
-                    first,
-                    stride: 1,
-                    count: at_once.min(self.count() - first),
-                    from,
-                    past,
-                });
-                from = past;
-            }
-        }
-        pieces
-    }
-
-    pub(super) fn lists(&self, client: &Client) -> [List; 3] {
-        let none = vec![0];
-        let pixels = self.pixels.as_deref().unwrap_or(&none);
-        let [floats, words] = self.views.on_device(client);
-        [floats, words, List::new(client, pixels)]
-    }
 }
 
 impl GpuBackend for Cube {
@@ -191,10 +103,31 @@ pub(crate) fn trace(device: &Device, job: Job) -> Result<Tensor<2>> {
     }
 }
 
-/// An error's text, without the part for those who mend CubeCL.
-pub(super) fn without_backtrace(error: impl ToString) -> String {
-    let text = error.to_string();
-    let lines = text.lines().map(str::trim);
-    let told = lines.take_while(|line| !line.starts_with("Backtrace"));
-    told.collect::<Vec<_>>().join(" ")
+/// The sums of derivatives of each view, along paths and by jumps, from derivatives by the rows of all.
+pub(crate) fn sums_of(
+    device: &Device,
+    views: &[&View],
+    job: &Job,
+    mut sought: Sought,
+    upstream: Vec<f32>,
+) -> Vec<Sums> {
+    let length = upstream.len();
+    let on_device =
+        Tensor::<1>::from_data(TensorData::new(upstream, [length]), (device, DType::F32));
+    let sums = |sought: Sought| -> Vec<u32> {
+        let upstream = on_device.clone().into_dispatch();
+        let sums = <Dispatch as GpuBackend>::trace_backward(upstream, job.clone(), sought);
+        count_read_back(device);
+        let sums = Tensor::<1, Int>::from_dispatch(sums).try_into_data();
+        let sums = sums
+            .unwrap_or_else(|why| panic!("device {}: {}", label(device), without_backtrace(why)));
+        sums.iter::<i32>().map(|w| w as u32).collect()
+    };
+    let mut found = sums(sought.clone());
+    if found[LOST] > 0 {
+        // Some are much larger than those that were measured.
+        sought.measures_all = true;
+        found = sums(sought);
+    }
+    job.views.sums.read(&found, views)
 }

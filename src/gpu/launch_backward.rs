@@ -2,20 +2,18 @@
 
 use std::sync::Arc;
 
+use burn::backend::Cube;
 use burn::backend::tensor::FloatTensor;
-use burn::backend::{Cube, Dispatch};
 use burn::cubecl::prelude::*;
-use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
 use super::device::floats;
 use super::film::film_jumps;
-use super::launch::{GROUP, GpuBackend, Job, PATHS, Samples, groups, without_backtrace};
+use super::job::{GROUP, Job, PATHS, Samples, groups};
 use super::list::List;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
-use super::sums::{FIRST_SUM, LOST, MEASURE, PARTS, add_replicas, choose_scales, clear};
-use crate::device::{count_read_back, label};
-use crate::kernel::{FilmEdges, Sums, View};
+use super::sums::{FIRST_SUM, MEASURE, PARTS, add_replicas, choose_scales, clear};
+use crate::kernel::FilmEdges;
 
 /// Edges on the films of views.
 #[derive(Clone, Default)]
@@ -69,7 +67,7 @@ pub(crate) struct Sought {
     /// How much the loss depends on the radiance of a pixel of each view, on average.
     typical: Vec<f32>,
     /// Looks at all derivatives for their sizes, not at some.
-    measures_all: bool,
+    pub measures_all: bool,
 }
 
 impl Sought {
@@ -319,33 +317,4 @@ fn of_path(job: &Job) -> usize {
         0
     };
     (RECORD + jumped) as usize * points(job) + 1
-}
-
-/// The sums of derivatives of each view, along paths and by jumps, from derivatives by the rows of all.
-pub(crate) fn sums_of(
-    device: &Device,
-    views: &[&View],
-    job: &Job,
-    mut sought: Sought,
-    upstream: Vec<f32>,
-) -> Vec<Sums> {
-    let length = upstream.len();
-    let on_device =
-        Tensor::<1>::from_data(TensorData::new(upstream, [length]), (device, DType::F32));
-    let sums = |sought: Sought| -> Vec<u32> {
-        let upstream = on_device.clone().into_dispatch();
-        let sums = <Dispatch as GpuBackend>::trace_backward(upstream, job.clone(), sought);
-        count_read_back(device);
-        let sums = Tensor::<1, Int>::from_dispatch(sums).try_into_data();
-        let sums = sums
-            .unwrap_or_else(|why| panic!("device {}: {}", label(device), without_backtrace(why)));
-        sums.iter::<i32>().map(|w| w as u32).collect()
-    };
-    let mut found = sums(sought.clone());
-    if found[LOST] > 0 {
-        // Some are much larger than those that were measured.
-        sought.measures_all = true;
-        found = sums(sought);
-    }
-    job.views.sums.read(&found, views)
 }

@@ -13,8 +13,7 @@ use crate::model::sky::Sky;
 use crate::model::texture::{Colour, Texels, Texture};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
 use crate::scene::{
-    CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, MaterialKind,
-    SceneFrame,
+    CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, MaterialKind, SceneFrame,
 };
 
 /// A scene as kernels trace it.

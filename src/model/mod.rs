@@ -1,5 +1,12 @@
 //! Physics as small pure functions of numbers, each with its derivative beside it and a test of it.
 
+#![allow(
+    clippy::assign_op_pattern,
+    clippy::collapsible_if,
+    clippy::manual_clamp,
+    reason = "the language of kernels has no other form"
+)]
+
 /// Kernels know it as a constant; elsewhere it is a condition like others.
 #[cfg(not(feature = "wgpu"))]
 macro_rules! comptime {

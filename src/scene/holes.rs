@@ -1,7 +1,6 @@
 //! Holes in surfaces, by alpha masks.
 
-use super::Wrap;
-use super::host::HostObject;
+use super::wrap::Wrap;
 
 /// A mask on the host.
 #[derive(Debug)]
@@ -47,8 +46,12 @@ pub(crate) struct Holes {
 }
 
 impl Holes {
-    /// Those of objects by the masks of all materials; None if there are none.
-    pub(super) fn new(objects: &[HostObject], of_materials: Vec<Option<Mask>>) -> Option<Self> {
+    /// Those of faces, each with the number of its material and texture coordinates if it has any, by the masks of all
+    /// materials; None if there are none.
+    pub(super) fn new(
+        faces: impl Iterator<Item = (usize, Option<[[f32; 2]; 3]>)>,
+        of_materials: Vec<Option<Mask>>,
+    ) -> Option<Self> {
         let mut masks = Vec::new();
         let mut number = |mask: Option<Mask>| {
             let mask = mask?;
@@ -57,18 +60,14 @@ impl Holes {
         };
         let numbers: Vec<Option<u32>> = of_materials.into_iter().map(&mut number).collect();
         let (mut of_triangle, mut triangles) = (Vec::new(), Vec::new());
-        for o in objects {
-            for f in 0..o.faces.len() {
-                let own = o.face_materials.get(f).copied().unwrap_or(0) as usize;
-                of_triangle.push(match (numbers[o.first_material + own], &o.uvs) {
-                    (Some(mask), Some(uvs)) => {
-                        let uvs = uvs.faces[f].map(|row| uvs.values[row as usize]);
-                        triangles.push(Masked { mask, uvs });
-                        triangles.len() as u32 - 1
-                    }
-                    _ => u32::MAX,
-                });
-            }
+        for (material, uvs) in faces {
+            of_triangle.push(match (numbers[material], uvs) {
+                (Some(mask), Some(uvs)) => {
+                    triangles.push(Masked { mask, uvs });
+                    triangles.len() as u32 - 1
+                }
+                _ => u32::MAX,
+            });
         }
         (!triangles.is_empty()).then_some(Self {
             of_triangle,

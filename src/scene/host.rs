@@ -43,6 +43,17 @@ pub(crate) struct HostObject {
     pub face_materials: Arc<Vec<u32>>,
 }
 
+impl HostObject {
+    /// The material of each face in the scene, and its texture coordinates.
+    fn masked_faces(&self) -> impl Iterator<Item = (usize, Option<[[f32; 2]; 3]>)> {
+        (0..self.faces.len()).map(|f| {
+            let own = self.face_materials.get(f).copied().unwrap_or(0) as usize;
+            let of_face = |uvs: &HostAttribute<2>| uvs.faces[f].map(|row| uvs.values[row as usize]);
+            (self.first_material + own, self.uvs.as_ref().map(of_face))
+        })
+    }
+}
+
 /// Values at the corners of faces.
 pub(crate) struct HostAttribute<const C: usize> {
     pub values: Vec<[f32; C]>,
@@ -129,7 +140,8 @@ impl HostScene {
         }
         let this = Self {
             context,
-            holes: Holes::new(&objects, masks).map(Arc::new),
+            holes: Holes::new(objects.iter().flat_map(HostObject::masked_faces), masks)
+                .map(Arc::new),
             objects,
             materials,
             lights: (scene.lights.iter())

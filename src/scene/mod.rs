@@ -5,6 +5,7 @@ mod camera;
 mod check;
 mod corners;
 mod debug;
+mod details;
 mod environment;
 mod flatten;
 mod holes;
@@ -24,6 +25,7 @@ mod tangents;
 mod transfer;
 mod transform;
 mod viewpoint;
+mod wrap;
 
 pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
@@ -36,7 +38,7 @@ pub(crate) use host::{HostAttribute, HostMaterial, HostScene, HostTexture, Scene
 pub use light::Light;
 pub(crate) use light::{HostLight, LightPart, LightPlanes};
 pub use maps::{AlphaMask, NormalMap};
-pub use material::{Albedo, Bsdf, Material, ScalarTexture, Wrap};
+pub use material::{Albedo, Bsdf, Material, ScalarTexture};
 pub(crate) use material::{CHANNELS, Channel, MaterialKind};
 pub(crate) use material_planes::ChannelPlanes;
 pub use mesh::Mesh;
@@ -50,6 +52,7 @@ pub use placement::Scale;
 pub(crate) use transfer::to_host;
 pub use transform::Transform;
 pub use viewpoint::Matrix;
+pub use wrap::Wrap;
 
 use std::sync::Arc;
 
