@@ -56,8 +56,13 @@ impl Decoded {
     /// dropped.
     pub fn colours(self) -> Vec<f32> {
         match self.linear {
-            true => self.image.into_rgb32f().into_raw(),
+            true => self.numbers(),
             false => decode_srgb(self.image),
         }
+    }
+
+    /// Three numbers a pixel as the file has them, row by row; those of 8 and 16 bits from 0 to 1.
+    pub fn numbers(self) -> Vec<f32> {
+        self.image.into_rgb32f().into_raw()
     }
 }
