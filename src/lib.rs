@@ -62,8 +62,8 @@ pub mod prelude {
     pub use crate::io::{HostImage, LoadLimits, SceneFile};
     pub use crate::modules::{
         CameraParams, CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig,
-        MeshOffsets, MeshParams, RenderLoss, RenderLossConfig, Renderer, RigidTransform,
-        RigidTransformConfig, TextureParams,
+        MeshOffsets, MeshParams, NormalMapParams, RenderLoss, RenderLossConfig, Renderer,
+        RigidTransform, RigidTransformConfig, TextureParams,
     };
     pub use crate::optim::BlurSchedule;
     pub use crate::render::{

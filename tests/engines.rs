@@ -6,7 +6,9 @@ mod common;
 use burn::tensor::{DType, Device};
 use common::errors::{message, says};
 use common::facets::facet_cases;
-use common::gradients::{CONES, Effort, SHARP, Setup, agreement, agreement_of, floor_and_light};
+use common::gradients::{
+    CONES, Case, Effort, SHARP, Setup, agreement, agreement_of, floor_and_light, lights,
+};
 use common::numbers::apart;
 use common::tensors::{gradient, leaf, values};
 use softray::prelude::*;
@@ -28,9 +30,10 @@ fn gradients_of_every_class() {
     }
 }
 
-/// Every parameter of BSDFs of facets.
+/// Every parameter of BSDFs of facets, and emissive textures.
 #[test]
-fn gradients_of_facets() {
+fn gradients_of_facets_and_of_emissive_textures() {
+    let cases: Vec<Case> = facet_cases().into_iter().chain(lights::glowing()).collect();
     let flex = Device::flex();
     let setups: [Setup; 2] = [(&flex, |o| o), (&flex, |o| o.engine(Engine::Tensors))];
     for visibility in [SHARP, CONES.visibility] {
@@ -38,7 +41,7 @@ fn gradients_of_facets() {
             visibility,
             samples: 16,
         };
-        for (case, apart) in agreement_of(&facet_cases(), setups, DType::F64, effort) {
+        for (case, apart) in agreement_of(&cases, setups, DType::F64, effort) {
             assert!(apart < 1e-3, "{case}: {apart:e}");
         }
     }

@@ -220,3 +220,52 @@ fn a_bad_map_is_named() {
     says(grey, ["[2, 3, 1]"]);
     says(of(sky(|_, _| [1.0; 3], DType::F64)), ["environment"]);
 }
+
+/// Files of Radiance and of OpenEXR, as `scene.json` names them, light a scene like their texels do.
+#[test]
+fn maps_of_files_are_the_texels_in_them() {
+    let folder = common::folder::Folder::new("environment-files");
+    let device = Device::flex();
+    let pixels: Vec<f32> = map(sunny).iter().map(|&v| v as f32).collect();
+    let image = image::Rgb32FImage::from_raw(16, 8, pixels.clone()).expect("an image");
+    image.save(folder.path("sky.hdr")).expect("a file");
+    let host = HostImage::new(16, 8, pixels).expect("an image");
+    host.write(folder.path("sky.exr")).expect("a file");
+    let object = ball(Material::diffuse([0.8, 0.6, 0.4]), DType::F32);
+    object.write(folder.path("ball.obj")).expect("a file");
+    let options = RenderOptions::new(8, 8).samples(16).bounces(1);
+    let camera = on_axis(4.0).fov_y(40.0);
+    let lit = object.environment(sky(sunny, DType::F32));
+    let expected = radiance(&lit, &camera, &options);
+    // Radiance has 8 bits of each number beside an exponent that all three share: 60, 55, 45 are whole there.
+    for (file, tolerance) in [("sky.hdr", 0.005), ("sky.exr", 1e-6)] {
+        let json = format!(
+            r#"{{"obj": "ball.obj", "environment": "{file}", "camera": {{"eye": [0, 0, 4],
+            "target": [0, 0, 0], "fov_y_degrees": 40, "width": 8, "height": 8}}}}"#
+        );
+        let path = folder.write("scene.json", json);
+        let scene = SceneFile::load(&path, &device).expect("a scene").scene;
+        let Environment::Map(texels) = &scene.environment else {
+            panic!("no map");
+        };
+        for (found, texel) in values(texels).iter().zip(map(sunny)) {
+            assert!(
+                (found - texel).abs() <= tolerance * texel,
+                "{file}: {found} {texel}"
+            );
+        }
+        let seen = radiance(&scene, &camera, &options);
+        assert!(mean(&seen) > 0.1 && rmse(&seen, &expected) < tolerance * mean(&expected));
+    }
+    folder.write(
+        "sky.hdr",
+        "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 16\n",
+    );
+    let json = r#"{"obj": "ball.obj", "environment": "sky.hdr", "camera": {"eye": [0, 0, 4],
+        "target": [0, 0, 0], "fov_y_degrees": 40, "width": 8, "height": 8}}"#;
+    let path = folder.write("scene.json", json);
+    says(
+        message(SceneFile::load(&path, &device)),
+        ["sky.hdr", "can't be decoded"],
+    );
+}

@@ -231,32 +231,7 @@ fn any_bytes_load_or_are_an_error() {
 
 /// A file with a bit of everything.
 fn gltf() -> Gltf {
-    let mut file = Gltf::square();
-    let picture = data_uri("image/png", &picture(image::ImageFormat::Png));
-    file.push("images", json!({"uri": picture}));
-    file.push("samplers", json!({"wrapS": 33648}));
-    file.push("textures", json!({"source": 0, "sampler": 0}));
-    let texture = json!({"index": 0, "extensions": {"KHR_texture_transform": {"rotation": 1}}});
-    file.material(json!({
-        "pbrMetallicRoughness": {"baseColorTexture": texture, "metallicFactor": 0},
-        "emissiveFactor": [1, 1, 1], "alphaMode": "MASK", "normalTexture": texture,
-        "extensions": {"KHR_materials_specular": {"specularFactor": 0.5}}
-    }));
-    let (indices, values) = (file.view(&[1, 2]), file.view(&[0; 24]));
-    file.json["accessors"][0]["sparse"] = json!({
-        "count": 2, "indices": {"bufferView": indices, "componentType": 5121},
-        "values": {"bufferView": values}
-    });
-    file.push(
-        "cameras",
-        json!({"type": "perspective", "perspective": {"yfov": 0.5, "znear": 1}}),
-    );
-    file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "spot"}]}});
-    file.json["nodes"] = json!([
-        {"mesh": 0, "children": [1, 2], "scale": [1, -1, 1]}, {"camera": 0, "translation": [0, 0, 4]},
-        {"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}, "rotation": [0, 0, 1, 0]}
-    ]);
-    file
+    Gltf::everything(&data_uri("image/png", &picture(image::ImageFormat::Png)))
 }
 
 /// All places of a JSON value below which there are none.

@@ -77,6 +77,11 @@ fn lights_agree_with_central_differences() {
 }
 
 #[test]
+fn emissive_textures_agree_with_central_differences() {
+    agree_with_central_differences(CONES, lights::glowing());
+}
+
+#[test]
 fn facets_agree_with_central_differences() {
     agree_with_central_differences(CONES, facet_cases());
 }

@@ -375,6 +375,10 @@ fn messages_name_what_is_wrong() {
             json(good, r#", "velocities": {"b": [1, 2, "z"]}"#),
             ["velocities.b[2]", "string"],
         ),
+        (
+            json(good, r#", "lights": [{"kind": "area"}]"#),
+            ["lights[0]", "spot"],
+        ),
         (json(good, ",,"), ["line", "column"]),
     ] {
         let path = folder.write("scene.json", &text);

@@ -180,6 +180,56 @@ fn mistakes_of_gltf_are_named() {
             "is 3, expected an index of textures",
         ),
         (
+            "/materials",
+            json!([{"extensions": {"KHR_materials_transmission": {"transmissionFactor": -1}}}]),
+            "KHR_materials_transmission.transmissionFactor is -1",
+        ),
+        (
+            "/materials",
+            json!([{"extensions": {"KHR_materials_ior": {"ior": -2}}}]),
+            "KHR_materials_ior.ior is -2",
+        ),
+        (
+            "/materials",
+            json!([{"extensions": {"KHR_materials_volume": {"thicknessFactor": 1e99}}}]),
+            "KHR_materials_volume.thicknessFactor",
+        ),
+        (
+            "/materials",
+            json!([{"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 9}}}]),
+            "metallicRoughnessTexture is 9, expected an index of textures",
+        ),
+        (
+            "/materials",
+            json!([{"alphaMode": "MASK", "alphaCutoff": -1}]),
+            "materials[0].alphaCutoff is -1",
+        ),
+        (
+            "/materials",
+            json!([{"normalTexture": {"index": 9}}]),
+            "normalTexture is 9, expected an index of textures",
+        ),
+        (
+            "/materials",
+            json!([{"extras": {"softray": {"phong": {"specularFactor": [2, 0, 0], "shininess": 1}}}}]),
+            "extras.softray.phong.specularFactor is 2",
+        ),
+        (
+            "/materials",
+            json!([{"extras": {"softray": {"conductor": {"eta": [-1, 0, 0], "extinction": [0, 0, 0]}}}}]),
+            "extras.softray.conductor.eta is -1",
+        ),
+        (
+            "/meshes/0/primitives/0/attributes/COLOR_0",
+            json!(1),
+            "attributes.COLOR_0 has rows of 2, expected [3, 4]",
+        ),
+        (
+            "/meshes/0/primitives/0/attributes/TANGENT",
+            json!(0),
+            "attributes.TANGENT has rows of 3, expected [4]",
+        ),
+        (
             "/buffers/0/uri",
             json!("http://a.b/c.bin"),
             "buffers[0].uri is of the scheme \"http\"",
@@ -210,6 +260,30 @@ fn mistakes_of_gltf_are_named() {
         }));
         assert!(error.contains(expected), "{pointer}: {error}");
         assert!(error.len() < 500, "{error}");
+    }
+}
+
+/// Lights whose numbers are none.
+#[test]
+fn mistakes_of_lights_are_named() {
+    let folder = Folder::new("gltf-lights");
+    let spot = |inner: f64, outer: f64| json!({"type": "spot", "spot": {"innerConeAngle": inner, "outerConeAngle": outer}});
+    let point = |intensity: f64, red: f64| json!({"type": "point", "intensity": intensity, "color": [red, 0, 0]});
+    for (light, expected) in [
+        (spot(1.0, 0.5), "lights[0].spot has the angles 1 and 0.5"),
+        (spot(0.0, 3.0), "lights[0].spot has the angles 0 and 3"),
+        (point(-1.0, 1.0), "lights[0].intensity is -1"),
+        (point(1e99, 1.0), "lights[0].intensity"),
+        (point(1.0, -1.0), "lights[0].color is -1"),
+        (
+            json!({"type": "sun"}),
+            "lights[0].type: unknown variant `sun`",
+        ),
+    ] {
+        let mut file = Gltf::square();
+        file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [light]}});
+        file.json["nodes"][0]["extensions"] = json!({"KHR_lights_punctual": {"light": 0}});
+        says(message(load(&folder, &file)), [expected]);
     }
 }
 

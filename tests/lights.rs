@@ -1,4 +1,4 @@
-//! Lights without a surface: what they bring in closed form, and the derivative of an edge of a shadow.
+//! Lights without a surface: what they bring in closed form, and the derivative of an edge of a shadow; emissive textures.
 
 mod common;
 
@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 
 use burn::tensor::Device;
 use common::errors::{message, says};
-use common::numbers::{mean, mean_and_error};
-use common::scenes::{diffuse, facing_down, floor};
+use common::numbers::{mean, mean_and_error, rmse};
+use common::scenes::{diffuse, emitting, facing_down, floor};
 use common::tensors::{gradient, leaf, radiance};
 use glam::DVec3;
 use softray::prelude::*;
@@ -136,6 +136,90 @@ fn the_edge_of_a_shadow_moves_with_what_casts_it_and_with_the_light() {
         println!("{found} ± {error}, expected {wanted}");
         assert!(error < 0.03 * wanted.abs(), "{error}");
         assert!((found - wanted).abs() < 3.5 * error + 0.005 * wanted.abs());
+    }
+}
+
+/// Two rows of four texels.
+const TEXELS: [[f64; 3]; 8] = [
+    [9.0, 0.0, 1.0],
+    [0.0, 2.0, 0.0],
+    [0.0; 3],
+    [4.0, 4.0, 1.0],
+    [0.5, 0.5, 3.0],
+    [0.0; 3],
+    [0.0, 7.0, 2.0],
+    [1.0, 0.0, 12.0],
+];
+
+/// Their bilinear look-up at a point of the unit square.
+fn texel_at(u: f64, v: f64) -> [f64; 3] {
+    let (x, y) = (4.0 * u - 0.5, 2.0 * (1.0 - v) - 0.5);
+    let mut sum = DVec3::ZERO;
+    for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+        let [column, row] = [x.floor() + f64::from(i), y.floor() + f64::from(j)];
+        let weight = (1.0 - (x - column).abs()) * (1.0 - (y - row).abs());
+        let texel = 4 * (row as i64).clamp(0, 1) + (column as i64).clamp(0, 3);
+        sum += DVec3::from(TEXELS[texel as usize]) * weight;
+    }
+    sum.into()
+}
+
+/// A lamp with a texture lights a floor as one that is cut into pieces with its radiance in their middles.
+#[test]
+fn an_emissive_texture_lights_as_its_pieces_do() {
+    let device = Device::flex();
+    let (half, pieces) = (0.8, 24);
+    let texels: Vec<f32> = TEXELS.iter().flatten().map(|&x| x as f32).collect();
+    let texels = Tensor::<1>::from_floats(texels.as_slice(), &device).reshape([2, 4, 3]);
+    let lamp = facing_down([-half, half], [-half, half], 0.7, &device);
+    let uvs: Vec<f32> = lamp
+        .host_vertices()
+        .expect("vertices")
+        .iter()
+        .flat_map(|v| [v[0], v[2]].map(|x| ((x / half + 1.0) * 0.5) as f32))
+        .collect();
+    let uvs = Tensor::<1>::from_floats(uvs.as_slice(), &device).reshape([4, 2]);
+    let wrap = Wrap::Clamp;
+    let whole = Object::new(lamp.with_uvs(uvs))
+        .material(Material::emitter(Albedo::Texture { texels, wrap }));
+    let floor = || Scene::new().with(diffuse(floor(4.0, 0.0, &device), [ALBEDO; 3]));
+    let mut cut = floor();
+    let place = |i: i32| 2.0 * half * f64::from(i) / f64::from(pieces) - half;
+    let middle = |i: i32| (f64::from(i) + 0.5) / f64::from(pieces);
+    for i in 0..pieces * pieces {
+        let (x, z) = (i % pieces, i / pieces);
+        let piece = facing_down(
+            [place(x), place(x + 1)],
+            [place(z), place(z + 1)],
+            0.7,
+            &device,
+        );
+        cut = cut.with(emitting(piece, texel_at(middle(x), middle(z))));
+    }
+    for visibility in [Visibility::cone(0.0), Visibility::cone(0.05)] {
+        let image = |scene: &Scene, seed| {
+            let options = RenderOptions::new(6, 6)
+                .samples(if common::long() { 16384 } else { 2048 })
+                .bounces(0)
+                .visibility(visibility)
+                .seed(seed);
+            radiance(scene, &from_above(), &options)
+        };
+        let whole = floor().with(whole.clone());
+        let (found, wanted) = (image(&whole, 1), image(&cut, 2));
+        let noise = rmse(&found, &image(&whole, 3)).hypot(rmse(&wanted, &image(&cut, 4)));
+        let (apart, mean) = (rmse(&found, &wanted), mean(&wanted));
+        println!("{apart} apart, noise {noise}, mean {mean}");
+        assert!(noise < 0.02 * mean, "{noise} of {mean}");
+        assert!(apart < noise, "{apart} apart, noise {noise}");
+        let by_channel = |image: &[f64]| -> Vec<f64> {
+            (0..3)
+                .map(|c| image.iter().skip(c).step_by(3).sum::<f64>() / 36.0)
+                .collect()
+        };
+        for (a, b) in by_channel(&found).into_iter().zip(by_channel(&wanted)) {
+            assert!((a - b).abs() < 4.0 * noise / 6.0, "{a} {b}, noise {noise}");
+        }
     }
 }
 

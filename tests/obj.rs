@@ -110,7 +110,8 @@ fn maps_of_gloss_and_clamped_textures() {
     folder.write(
         "m.mtl",
         "newmtl tinted\nKs 0.5 0.25 1\nmap_Ks a.png\nNs 9\nmap_Kd -clamp on a.png\n\
-         newmtl whole\nmap_Ks -clamp on a.png\nnewmtl none\nKs 0\nmap_Ks a.png\n",
+         newmtl whole\nmap_Ks -clamp on a.png\nKe 3 2 1\nmap_Ke -clamp on a.png\n\
+         newmtl none\nKs 0\nmap_Ks a.png\nmap_Ke a.png\n",
     );
     let scene = folder
         .load(format!(
@@ -135,6 +136,9 @@ fn maps_of_gloss_and_clamped_textures() {
     assert_eq!(texture(&tinted.diffuse), (vec![1.0, 1.0, 0.0], Wrap::Clamp));
     assert_eq!(texture(&whole.specular), (vec![1.0, 1.0, 0.0], Wrap::Clamp));
     assert_eq!(constant(&none.specular), [0.0; 3]);
+    assert_eq!(texture(&whole.emission), (vec![3.0, 2.0, 0.0], Wrap::Clamp));
+    assert_eq!(texture(&none.emission), (vec![1.0, 1.0, 0.0], Wrap::Repeat));
+    assert_eq!(constant(&tinted.emission), [0.0; 3]);
 }
 
 #[test]
@@ -299,7 +303,13 @@ fn scene_files() {
     // The tail closes the camera.
     let full = r#", "aperture_radius": 0.2, "focus_distance": 3 }, "environment": [1, 2, 3],
         "velocities": { "ball": [0.5, 0, -1] },
-        "materials": { "ball": { "bsdf": "metallic_roughness", "roughness": "rough.png", "metallic": 0.5 } }"#;
+        "materials": { "ball": { "bsdf": "metallic_roughness", "roughness": "rough.png", "metallic": 0.5 } },
+        "lights": [
+            { "kind": "directional", "direction": [0, -2, 1], "irradiance": [1, 2, 4] },
+            { "kind": "point", "position": [1, 3, 2], "intensity": [4, 5, 6] },
+            { "kind": "spot", "position": [0, 3, 0], "direction": [0, -1, 0.5], "intensity": [7, 8, 9],
+              "inner_degrees": 30, "outer_degrees": 60 }
+        ]"#;
     let rough = HostImage::new(1, 1, vec![0.0, 1.0, 0.0]).expect("an image");
     rough.write(folder.0.join("rough.png")).expect("a file");
     let file = scene_file(&folder, full).expect("a scene");
@@ -325,6 +335,20 @@ fn scene_files() {
         panic!("a texture");
     };
     assert_eq!(texels.to_data().iter::<f64>().collect::<Vec<_>>(), [1.0]);
+    let lights = format!("{:?}", file.scene.lights);
+    let (inner, outer) = (30f64.to_radians(), 60f64.to_radians());
+    let wanted = [
+        Light::directional([0.0, -2.0, 1.0], [1.0, 2.0, 4.0]),
+        Light::point([1.0, 3.0, 2.0], [4.0, 5.0, 6.0]),
+        Light::spot(
+            [0.0, 3.0, 0.0],
+            [0.0, -1.0, 0.5],
+            [7.0, 8.0, 9.0],
+            inner,
+            outer,
+        ),
+    ];
+    assert_eq!(lights, format!("{wanted:?}"));
 
     let plain = scene_file(&folder, "}").expect("a scene");
     assert!(plain.camera.lens.is_none() && plain.scene.objects[0].velocity.is_none());

@@ -174,16 +174,60 @@ fn textures_of_scans() {
 }
 
 #[test]
-fn vertex_colours_are_told() {
-    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
-                property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
-                element face 1\nproperty list uchar int vertex_indices\nend_header\n\
-                0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n";
-    let told = warnings(|| load("colours", text).expect("a scene"));
-    assert!(
-        told.len() == 1 && told[0].contains("vertex colours"),
-        "{told:?}"
-    );
+fn vertex_colours() {
+    let text = |kind: &str, rows: [&str; 3]| {
+        let [a, b, c] = rows;
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+             property float z\nproperty {kind} red\nproperty {kind} green\nproperty {kind} blue\n\
+             element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+             0 0 0 {a}\n1 0 0 {b}\n0 1 0 {c}\n3 0 1 2\n"
+        )
+    };
+    let dark = 0.215_860_5;
+    for (kind, rows, expected) in [
+        // Bytes are sRGB.
+        (
+            "uchar",
+            ["255 0 0", "0 128 0", "0 0 255"],
+            [1.0, 0.0, 0.0, 0.0, dark, 0.0, 0.0, 0.0, 1.0],
+        ),
+        (
+            "float",
+            ["0.5 0 0", "0 2 0", "0 0 1"],
+            [0.5, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0],
+        ),
+    ] {
+        let mut scene = Scene::new();
+        let told = warnings(|| scene = load("colours", text(kind, rows)).expect("a scene"));
+        assert!(told.is_empty(), "{told:?}");
+        let object = &scene.objects[0];
+        let colours = object.mesh.colours.as_ref().expect("colours");
+        for (c, e) in common::values(&colours.values).iter().zip(expected) {
+            assert!((c - e).abs() < 1e-6, "{kind}: {c} {e}");
+        }
+        let Albedo::Constant(albedo) = &object.materials[0].diffuse else {
+            panic!("a texture");
+        };
+        assert_eq!(albedo.values().expect("a colour"), [1.0; 3]);
+        // Written and read they are the same.
+        let folder = Folder::new(&format!("ply-colours-{kind}"));
+        let path = folder.path("scan.ply");
+        scene.write(&path).expect("a file");
+        let written = std::fs::read(&path).expect("bytes");
+        let property = format!("property {kind} red");
+        assert!(
+            written
+                .windows(property.len())
+                .any(|w| w == property.as_bytes())
+        );
+        let back = Scene::load(&path, &Device::flex()).expect("a scene");
+        let again = back.objects[0].mesh.colours.as_ref().expect("colours");
+        assert_eq!(
+            common::values(&again.values),
+            common::values(&colours.values)
+        );
+    }
 }
 
 #[test]

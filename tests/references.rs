@@ -118,7 +118,7 @@ fn bsdfs_of_facets() {
         "glass-rough",
     ] {
         let target = HostImage::read(path(&format!("{name}.exr"))).expect("a reference");
-        let scene = Scene::from_obj(path("scene.obj"), &device).expect("a scene");
+        let scene = Scene::load(path("scene.obj"), &device).expect("a scene");
         let scene = scene.map_object("ball", |o| o.material(ball(name)));
         let scene = scene.expect("a ball").environment([0.3, 0.35, 0.4]);
         let camera = Camera::look_at([0.4, 1.5, 5.2], [0.0, 0.95, 0.0]).fov_y(36.0);

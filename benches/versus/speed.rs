@@ -25,6 +25,9 @@ pub struct Speed {
     /// Forward alone.
     #[arg(long)]
     forward: bool,
+    /// Times of all cores together, without what else they do, in place of the clock's: on Linux, in 1/100 s.
+    #[arg(long)]
+    cpu: bool,
     /// The device, such as `flex` or `vulkan`; of GPUs the time of the first render, with compilation, is told.
     #[arg(long, default_value = "flex")]
     device: String,
@@ -39,7 +42,8 @@ enum Which {
     Cornell,
     /// A ball on a floor under a lamp, two surfaces a path.
     Ball,
-    /// A ball on a floor, lit by 2 emissive triangles and by 10,000: time and noise of each.
+    /// A ball on a floor, lit by a lamp of 2 emissive triangles, by the same cut into 10,000, and by 10,000 of small
+    /// balls: time and noise of each.
     Lamps,
 }
 
@@ -113,7 +117,7 @@ impl Speed {
         println!();
     }
 
-    /// Time and noise with 2 emissive triangles and with 10,000 of the same power, by each choice of emitters.
+    /// Time and noise with 2 emissive triangles and with 10,000, by each choice of emitters.
     fn lamps(&self, visibility: Visibility) {
         let device = softray::device::named(Some(&self.device)).expect("a device");
         let camera = Camera::look_at([0.0, 2.0, 5.0], [0.0, 0.8, 0.0]).fov_y(45.0);
@@ -123,8 +127,8 @@ impl Speed {
             .visibility(visibility);
         let paths = (self.size * self.size) as f64 * f64::from(self.spp);
         let mut first = None;
-        for many in [false, true] {
-            let (scene, count) = lit_by_lamps(many, &device);
+        for lamps in [Lamps::Two, Lamps::Cut, Lamps::Balls] {
+            let (scene, count) = lit_by_lamps(lamps, &device);
             let converged = render(
                 &scene,
                 &camera,
@@ -155,7 +159,7 @@ impl Speed {
                 });
                 let (forward_of_two, both_of_two) = *first.get_or_insert((forward, both));
                 println!(
-                    "{count} emissive triangles, {emitters:?}: forward {:.2} M paths/s ({:.2} × the time of the \
+                    "{lamps:?}, {count} emissive triangles, {emitters:?}: forward {:.2} M paths/s ({:.2} × the time of the \
                      first), with gradients {:.2} M ({:.2} ×), relative noise {:.4}",
                     paths / forward / 1e6,
                     forward / forward_of_two,
@@ -173,6 +177,11 @@ impl Speed {
         if self.device != "flex" {
             eprintln!("first: {:.2} s", start.elapsed().as_secs_f64());
         }
+        if self.cpu {
+            let start = cpu_seconds();
+            (0..self.runs).for_each(|_| f());
+            return (cpu_seconds() - start) / self.runs as f64;
+        }
         let mut times: Vec<f64> = (0..self.runs)
             .map(|_| {
                 let start = Instant::now();
@@ -185,9 +194,31 @@ impl Speed {
     }
 }
 
-/// A floor and a ball under 125 small balls of 80 triangles, with the number of emissive triangles: all of these, or two of
-/// a lamp. The camera sees neither.
-fn lit_by_lamps(many: bool, device: &Device) -> (Scene, usize) {
+/// What this process has had of all cores so far.
+fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").expect("Linux");
+    // After the name in parentheses; user and system time are fields 14 and 15.
+    let rest = stat.rsplit(')').next().expect("fields");
+    let ticks = rest.split_whitespace().skip(11).take(2);
+    ticks
+        .map(|t| t.parse::<f64>().expect("ticks") / 100.0)
+        .sum()
+}
+
+/// What emits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lamps {
+    /// A square.
+    Two,
+    /// The square, cut into 10,000 triangles.
+    Cut,
+    /// Small balls.
+    Balls,
+}
+
+/// A floor and a ball under 125 small balls of 80 triangles, with the number of emissive triangles: all of these, or those of
+/// a square lamp. The camera sees neither.
+fn lit_by_lamps(lamps: Lamps, device: &Device) -> (Scene, usize) {
     let quad = |half: f64, y: f64| {
         let [a, b, c, d] = [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]]
             .map(|[x, z]| [half * x, y, half * z]);
@@ -205,18 +236,31 @@ fn lit_by_lamps(many: bool, device: &Device) -> (Scene, usize) {
         let [x, y, z] = [i % 5, i / 5 % 5, i / 25].map(|k| k as f32);
         let place = [1.3 * (x - 2.0), 4.0 + 0.5 * y, 1.3 * (z - 2.0)];
         let lamp = at(shapes::icosphere(1, device), 0.03, place);
-        let material = match many {
-            true => Material::emitter([80.0; 3]),
-            false => Material::diffuse([0.0; 3]),
+        let material = match lamps {
+            Lamps::Balls => Material::emitter([80.0; 3]),
+            _ => Material::diffuse([0.0; 3]),
         };
         scene = scene.with(Object::new(lamp).material(material));
     }
-    if !many {
-        let lamp = quad(0.5, -3.0).scaled(Tensor::from_floats([1.0, -1.0, 1.0], device));
-        let lamp = Object::new(lamp).material(Material::emitter([12.0; 3]));
-        return (scene.with(lamp), 2);
-    }
-    (scene, 10_000)
+    let parts = match lamps {
+        Lamps::Balls => return (scene, 10_000),
+        Lamps::Two => 1,
+        Lamps::Cut => 71,
+    };
+    let at = |k: u32| f64::from(k % (parts + 1)) / f64::from(parts) - 0.5;
+    let corners: Vec<[f64; 3]> = (0..(parts + 1) * (parts + 1))
+        .map(|k| [at(k), 3.0, at(k / (parts + 1))])
+        .collect();
+    let faces = (0..parts * parts).flat_map(|k| {
+        let a = k / parts * (parts + 1) + k % parts;
+        let [b, c, d] = [a + 1, a + parts + 2, a + parts + 1];
+        [[a, b, c], [a, c, d]]
+    });
+    let faces: Vec<[u32; 3]> = faces.collect();
+    let count = faces.len();
+    let lamp = Mesh::from_host(&corners, faces, device);
+    let lamp = Object::new(lamp).material(Material::emitter([12.0; 3]));
+    (scene.with(lamp), count)
 }
 
 /// The scene with the vertices of its first object as a leaf.

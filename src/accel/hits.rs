@@ -6,9 +6,11 @@
 use glam::Vec3;
 use pulp::Arch;
 
+use super::HostTriangle;
 use super::hierarchy::Hierarchy;
 use super::simd::{F8, LANES, Lanes, Machine, Task, dispatch};
 use super::wide::{Grown, Leaf, Planes8, ROUNDING, Ray8, Visitor, Wide};
+use crate::scene::Holes;
 
 /// No triangle.
 pub(crate) const NOTHING: u32 = u32::MAX;
@@ -94,14 +96,35 @@ impl Leaf {
     }
 }
 
+/// Holes of triangles, which rays pass.
+#[derive(Clone, Copy)]
+pub(crate) struct Pierced<'a> {
+    holes: &'a Holes,
+    triangles: &'a [HostTriangle],
+}
+
+impl Pierced<'_> {
+    /// Whether a ray passes a triangle that it meets at a distance.
+    #[inline(always)]
+    fn passes(&self, ray: &HitRay, t: f32, k: u32) -> bool {
+        self.holes.open(k, || {
+            let triangle = &self.triangles[k as usize];
+            let point = (ray.origin + ray.direction * t).as_dvec3();
+            let at_rest = point - triangle.velocity * f64::from(ray.time);
+            triangle.weights(at_rest).map(|w| w as f32)
+        })
+    }
+}
+
 impl Wide {
     /// The nearest triangle that a ray hits; with `ANY` any, which takes less time. `SELECT` leaves out
-    /// the ray's unseen triangles.
+    /// the ray's unseen triangles, `HOLES` holes.
     #[inline(always)]
-    fn hit<M: Machine, const ANY: bool, const SELECT: bool>(
+    fn hit<M: Machine, const ANY: bool, const SELECT: bool, const HOLES: bool>(
         &self,
         machine: M,
         ray: &HitRay,
+        pierced: Option<Pierced>,
     ) -> Hit {
         // A distant origin would round by more than triangles are large: begin where the ray is nearest
         // to the origin of coordinates.
@@ -117,8 +140,8 @@ impl Wide {
             ..*ray
         };
         let margin = ROUNDING * (SIZE + near.origin.abs().max_element());
-        let mut hit = if !self.nodes.is_empty() {
-            self.hit_by_boxes::<M, ANY, SELECT>(machine, &near, margin)
+        let mut hit = if HOLES || !self.nodes.is_empty() {
+            self.hit_by_boxes::<M, ANY, SELECT, HOLES>(machine, &near, margin, pierced)
         } else if self.velocities.is_none() {
             self.hit_of_few::<M, SELECT, false>(machine, &near, margin)
         } else {
@@ -168,14 +191,15 @@ impl Wide {
     }
 
     #[inline(always)]
-    fn hit_by_boxes<M: Machine, const ANY: bool, const SELECT: bool>(
+    fn hit_by_boxes<M: Machine, const ANY: bool, const SELECT: bool, const HOLES: bool>(
         &self,
         machine: M,
         ray: &HitRay,
         margin: f32,
+        pierced: Option<Pierced>,
     ) -> Hit {
         let ray8 = ray.eight(machine);
-        let mut nearest = Nearest::<M, ANY, SELECT> {
+        let mut nearest = Nearest::<M, ANY, SELECT, HOLES> {
             wide: self,
             machine,
             ray,
@@ -186,14 +210,19 @@ impl Wide {
                 t: ray.limit,
                 triangle: NOTHING,
             },
+            pierced,
         };
-        self.traverse(machine, &ray8, &mut nearest);
+        if HOLES && self.nodes.is_empty() {
+            let _ = (0..self.leaves.len()).all(|leaf| nearest.leaf(leaf));
+        } else {
+            self.traverse(machine, &ray8, &mut nearest);
+        }
         nearest.hit
     }
 }
 
 /// The nearest hit so far, while a ray goes through the tree.
-struct Nearest<'a, M: Machine, const ANY: bool, const SELECT: bool> {
+struct Nearest<'a, M: Machine, const ANY: bool, const SELECT: bool, const HOLES: bool> {
     wide: &'a Wide,
     machine: M,
     ray: &'a HitRay,
@@ -202,9 +231,12 @@ struct Nearest<'a, M: Machine, const ANY: bool, const SELECT: bool> {
     /// Less than 0: how far outside of a triangle a hit may lie.
     below: F8<M>,
     hit: Hit,
+    pierced: Option<Pierced<'a>>,
 }
 
-impl<M: Machine, const ANY: bool, const SELECT: bool> Visitor<M> for Nearest<'_, M, ANY, SELECT> {
+impl<M: Machine, const ANY: bool, const SELECT: bool, const HOLES: bool> Visitor<M>
+    for Nearest<'_, M, ANY, SELECT, HOLES>
+{
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.hit.t
@@ -227,6 +259,12 @@ impl<M: Machine, const ANY: bool, const SELECT: bool> Visitor<M> for Nearest<'_,
         while mask != 0 {
             let i = mask.trailing_zeros() as usize % LANES;
             mask &= mask - 1;
+            if HOLES
+                && let Some(pierced) = &self.pierced
+                && pierced.passes(self.ray, found[i], leaf.triangle[i])
+            {
+                continue;
+            }
             if found[i] < hit.t {
                 hit.t = found[i];
                 hit.triangle = leaf.triangle[i];
@@ -238,39 +276,78 @@ impl<M: Machine, const ANY: bool, const SELECT: bool> Visitor<M> for Nearest<'_,
 
 impl Hierarchy {
     /// The hit of each ray: the nearest triangle, or with `ANY` any, which takes less time. All triangles
-    /// are seen.
-    pub(crate) fn hits<const ANY: bool>(&self, arch: Arch, rays: &[HitRay], hits: &mut Vec<Hit>) {
+    /// are seen but for their holes.
+    pub(crate) fn hits<const ANY: bool>(
+        &self,
+        arch: Arch,
+        holes: Option<&Holes>,
+        rays: &[HitRay],
+        hits: &mut Vec<Hit>,
+    ) {
         hits.clear();
         hits.resize(rays.len(), Hit::NONE);
-        let wide = &self.wide;
-        dispatch(arch, Hits::<ANY, false> { wide, rays, hits });
+        self.find::<ANY, false>(arch, holes, rays, hits);
     }
 
     /// The hit of a ray on all but its unseen triangles: the nearest, or with `ANY` any.
     #[inline]
-    pub(crate) fn hit_seen<const ANY: bool>(&self, arch: Arch, ray: &HitRay) -> Hit {
-        let (wide, rays) = (&self.wide, std::slice::from_ref(ray));
+    pub(crate) fn hit_seen<const ANY: bool>(
+        &self,
+        arch: Arch,
+        holes: Option<&Holes>,
+        ray: &HitRay,
+    ) -> Hit {
         let mut hit = [Hit::NONE];
-        let hits = &mut hit[..];
-        dispatch(arch, Hits::<ANY, true> { wide, rays, hits });
+        self.find::<ANY, true>(arch, holes, std::slice::from_ref(ray), &mut hit);
         hit[0]
+    }
+
+    /// Scenes without holes have a traversal of their own.
+    #[inline(always)]
+    fn find<const ANY: bool, const SELECT: bool>(
+        &self,
+        arch: Arch,
+        holes: Option<&Holes>,
+        rays: &[HitRay],
+        hits: &mut [Hit],
+    ) {
+        let (wide, triangles) = (&self.wide, self.triangles.as_slice());
+        let pierced = holes.map(|holes| Pierced { holes, triangles });
+        if pierced.is_some() {
+            let task = Hits::<ANY, SELECT, true> {
+                wide,
+                rays,
+                hits,
+                pierced,
+            };
+            dispatch(arch, task);
+        } else {
+            let task = Hits::<ANY, SELECT, false> {
+                wide,
+                rays,
+                hits,
+                pierced,
+            };
+            dispatch(arch, task);
+        }
     }
 }
 
 /// [`Hierarchy::hits`] as a task.
-struct Hits<'a, const ANY: bool, const SELECT: bool> {
+struct Hits<'a, const ANY: bool, const SELECT: bool, const HOLES: bool> {
     wide: &'a Wide,
     rays: &'a [HitRay],
     hits: &'a mut [Hit],
+    pierced: Option<Pierced<'a>>,
 }
 
-impl<const ANY: bool, const SELECT: bool> Task for Hits<'_, ANY, SELECT> {
+impl<const ANY: bool, const SELECT: bool, const HOLES: bool> Task for Hits<'_, ANY, SELECT, HOLES> {
     type Output = ();
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) {
         for (ray, hit) in self.rays.iter().zip(self.hits) {
-            *hit = self.wide.hit::<M, ANY, SELECT>(machine, ray);
+            *hit = (self.wide).hit::<M, ANY, SELECT, HOLES>(machine, ray, self.pierced);
         }
     }
 }

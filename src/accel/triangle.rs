@@ -153,6 +153,16 @@ impl HostTriangle {
         })
     }
 
+    /// Weights of the corners in a point of its plane.
+    pub(super) fn weights(&self, point: DVec3) -> [f64; 3] {
+        let at = point - self.corners[0];
+        let (x, y) = (self.u.dot(at), self.v.dot(at));
+        let [by_ab, .., by_apex] = self.inverse;
+        let c = y * by_apex;
+        let b = (x - c * self.apex_u) * self.base * by_ab;
+        [1.0 - b - c, b, c]
+    }
+
     pub fn area(&self) -> f64 {
         if self.valid {
             0.5 * self.base * self.apex_v

@@ -408,7 +408,7 @@ impl PackedScene {
                 | bit(m.kind.reflects, REFLECTS)
                 | bit(m.kind.glossy, GLOSSY)
                 | bit(m.kind.compensated, COMPENSATED)
-                | MODEL * model_of(m.kind.bsdf);
+                | (MODEL * model_of(m.kind.bsdf));
             let end = self.words.len() + OF_MATERIAL;
             self.words.push(bits);
             for c in &m.channels {

@@ -164,11 +164,14 @@ impl Derivatives {
     }
 }
 
-/// Whether kernels of a GPU know all that a scene has; a scene with more is rendered by those of the host.
+/// Whether kernels of a GPU know all that a scene has; one with more, such as colours at corners, normal maps or holes,
+/// is rendered by those of the host.
 pub(crate) fn knows(view: &View) -> bool {
-    let emitters = &view.scene.emitters;
-    let mut materials = view.scene.materials.iter();
-    !materials.any(|m| m.glows()) && emitters.lights().is_empty() && !emitters.are_many()
+    let scene = &view.scene;
+    let plain = scene.colours.values.is_empty() && !scene.tilted && scene.holes.is_none();
+    let lights = &scene.emitters;
+    let glows = scene.materials.iter().any(|m| m.glows());
+    plain && !glows && lights.lights().is_empty() && !lights.are_many()
 }
 
 /// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the

@@ -61,8 +61,16 @@ impl Decoded {
         }
     }
 
-    /// Three numbers a pixel as the file has them, row by row; those of 8 and 16 bits from 0 to 1.
+    /// The numbers as they are, three a pixel row by row: those of integers stand for [0, 1].
     pub fn numbers(self) -> Vec<f32> {
         self.image.into_rgb32f().into_raw()
+    }
+
+    /// The alpha of each pixel, 1 where the image has none.
+    pub fn alpha(self) -> Vec<f32> {
+        match self.image.color().has_alpha() {
+            true => self.image.into_rgba32f().pixels().map(|p| p[3]).collect(),
+            false => vec![1.0; self.image.width() as usize * self.image.height() as usize],
+        }
     }
 }

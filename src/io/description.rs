@@ -39,6 +39,8 @@ pub(super) struct MeshDescription {
     pub normals: Corners<3>,
     /// Linear RGB, by which the base colour is multiplied.
     pub colours: Corners<3>,
+    /// For normal maps, with the side of the bitangent: 1 or −1.
+    pub tangents: Corners<4>,
     /// Which of the scene's materials are used; None is the default.
     pub materials: Vec<Option<usize>>,
     /// Which of `materials` each face has; empty where all faces have the first.
@@ -92,7 +94,6 @@ pub(super) struct MaterialDescription {
     /// Times the blue channel of the texture (linear).
     pub metallic: f64,
     /// Times the green channel of the texture (linear).
-    #[expect(dead_code, reason = "no BSDF has it yet")]
     pub roughness: f64,
     pub metallic_roughness_texture: Option<TextureUse>,
     /// A normal map (linear) and the factor of its x and y.
@@ -101,21 +102,30 @@ pub(super) struct MaterialDescription {
     pub emission: [f64; 3],
     pub emissive_texture: Option<TextureUse>,
     pub ior: f64,
-    /// The share of light that passes where it is not reflected, times the red channel of the texture.
+    /// The share of light that passes where it is not reflected.
     pub transmission: f64,
+    /// Whether it is the boundary of a solid, which refracts, or a wall without thickness.
+    pub solid: bool,
     /// The strength of the reflection of what is no metal: with 0 only the diffuse part is left.
     pub specular: f64,
-    /// Phong's lobe as this crate writes it: the albedo and its texture (sRGB), and the exponent.
-    pub phong: Option<PhongDescription>,
+    /// What this crate writes of a BSDF that glTF has no field for.
+    pub own: Option<OwnBsdf>,
+    /// Whether light that is lost between facets is given back.
+    pub compensated: bool,
     /// Whether it is seen, and emits, on both sides.
     pub double_sided: bool,
 }
 
-/// Phong's lobe.
-pub(super) struct PhongDescription {
-    pub albedo: [f64; 3],
-    pub texture: Option<TextureUse>,
-    pub shininess: f64,
+/// A BSDF that glTF has no field for.
+pub(super) enum OwnBsdf {
+    /// Phong's lobe beside Lambert's: its albedo, times the texture (sRGB), and its exponent.
+    Phong {
+        albedo: [f64; 3],
+        texture: Option<TextureUse>,
+        shininess: f64,
+    },
+    /// A metal by the parts of its index of refraction, RGB.
+    Conductor { eta: [f64; 3], extinction: [f64; 3] },
 }
 
 impl Default for MaterialDescription {
@@ -133,8 +143,10 @@ impl Default for MaterialDescription {
             emissive_texture: None,
             ior: 1.5,
             transmission: 0.0,
+            solid: false,
             specular: 1.0,
-            phong: None,
+            own: None,
+            compensated: true,
             double_sided: false,
         }
     }
@@ -223,9 +235,7 @@ pub(super) enum ProjectionDescription {
 
 /// A light without extent, in world space. Photometric units count as those of the scene: candela for
 /// radiant intensity, lux for irradiance.
-#[expect(dead_code, reason = "no light without extent is rendered yet")]
 pub(super) struct LightDescription {
-    pub name: String,
     pub kind: LightKind,
     pub position: DVec3,
     /// Where it shines, a unit vector.

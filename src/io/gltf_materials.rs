@@ -1,16 +1,15 @@
 //! Materials of glTF files to come, their textures as PNG images.
 
 use std::collections::BTreeSet;
-use std::io::Cursor;
 use std::path::Path;
 
-use image::{ImageBuffer, ImageFormat, Rgb, RgbImage};
 use serde_json::{Value, json};
 
 use super::HostImage;
-use super::srgb::srgb_word;
-use crate::error::{Error, Result};
-use crate::scene::{Albedo, Material, Wrap};
+use super::gltf_images::{Picture, Texels};
+use super::gltf_lights::scale_above;
+use crate::error::Result;
+use crate::scene::{Albedo, AlphaMask, Bsdf, Material, NormalMap, ScalarTexture, Wrap};
 
 /// The lists of a file that its materials are in.
 pub(super) struct Materials<'a> {
@@ -20,7 +19,7 @@ pub(super) struct Materials<'a> {
     pub samplers: Vec<Value>,
     pub extensions: BTreeSet<&'static str>,
     /// The images, each once.
-    images: Vec<HostImage>,
+    pictures: Vec<Picture>,
 }
 
 impl<'a> Materials<'a> {
@@ -31,7 +30,7 @@ impl<'a> Materials<'a> {
             textures: Vec::new(),
             samplers: Vec::new(),
             extensions: BTreeSet::new(),
-            images: Vec::new(),
+            pictures: Vec::new(),
         }
     }
 
@@ -43,33 +42,29 @@ impl<'a> Materials<'a> {
 
     fn describe(&mut self, material: &Material, object: &str) -> Result<Value> {
         let place = format!("{object}, material {}", material.name);
-        let (factor, texture) = self.albedo(&material.diffuse, &place)?;
-        let mut pbr = json!({"metallicFactor": 0});
-        let [r, g, b] = factor;
-        pbr["baseColorFactor"] = json!([r, g, b, 1.0]);
-        if let Some(texture) = texture {
-            pbr["baseColorTexture"] = json!({"index": texture});
+        let mut json = match material.bsdf {
+            Bsdf::Phong => self.phong(material, &place)?,
+            Bsdf::MetallicRoughness => {
+                let mut json = self.base(&material.diffuse, material, &place)?;
+                let numbers = (Some(&material.metallic), &material.roughness);
+                self.facets(&mut json, numbers, &place)?;
+                json
+            }
+            Bsdf::Conductor => self.conductor(material, &place)?,
+            Bsdf::Dielectric => self.dielectric(material, &place)?,
+        };
+        if !material.compensated {
+            json["extras"]["softray"]["compensated"] = json!(false);
         }
+        if let Some(map) = &material.normal_map {
+            let texture = self.normals(map, &place)?;
+            json["normalTexture"] = json!({"index": texture});
+        }
+        json["name"] = json!(material.name);
         let radiance = self.radiance(&material.emission, &place)?;
         let emits = radiance.most > 0.0;
         // Both sides reflect; what emits does so in front.
-        let mut json = json!({"name": material.name, "doubleSided": !emits});
-        let mut extensions = serde_json::Map::new();
-        if material.specular.reflects() {
-            let (factor, texture) = self.albedo(&material.specular, &place)?;
-            let [shininess] = material.shininess.values()?;
-            let mut phong = json!({"specularFactor": factor, "shininess": shininess});
-            if let Some(texture) = texture {
-                phong["specularTexture"] = json!({"index": texture});
-            }
-            json["extras"] = json!({"softray": phong});
-            // The facets that spread a reflection as far.
-            pbr["roughnessFactor"] = json!((2.0 / (shininess + 2.0)).powf(0.25));
-        } else {
-            let none = json!({"specularFactor": 0});
-            extensions.insert("KHR_materials_specular".into(), none);
-            self.extensions.insert("KHR_materials_specular");
-        }
+        json["doubleSided"] = json!(!emits);
         if emits {
             json["emissiveFactor"] = json!(radiance.factor);
             if let Some(texture) = radiance.texture {
@@ -77,15 +72,162 @@ impl<'a> Materials<'a> {
             }
             if radiance.strength > 1.0 {
                 let strength = json!({"emissiveStrength": radiance.strength});
-                extensions.insert("KHR_materials_emissive_strength".into(), strength);
-                self.extensions.insert("KHR_materials_emissive_strength");
+                self.extend(&mut json, "KHR_materials_emissive_strength", strength);
             }
         }
-        json["pbrMetallicRoughness"] = pbr;
-        if !extensions.is_empty() {
-            json["extensions"] = Value::Object(extensions);
+        Ok(json)
+    }
+
+    fn extend(&mut self, json: &mut Value, name: &'static str, extension: Value) {
+        json["extensions"][name] = extension;
+        self.extensions.insert(name);
+    }
+
+    /// A material of a base colour that is no metal, with the holes of another one.
+    fn base(&mut self, albedo: &Albedo, material: &Material, place: &str) -> Result<Value> {
+        let ([r, g, b], texels) = self.on_host(albedo, place)?;
+        let mut json = json!({"pbrMetallicRoughness": {
+            "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0
+        }});
+        let texture = match &material.alpha_mask {
+            Some(mask) => {
+                let (alpha, cutoff) = shares(mask)?;
+                json["alphaMode"] = json!("MASK");
+                json["alphaCutoff"] = json!(cutoff);
+                let [h, w, _] = alpha.size;
+                let white = || Texels::full(1.0, [h, w, 3], alpha.wrap);
+                let colours = texels.unwrap_or_else(white);
+                let [colours, alpha] = Texels::together(colours, alpha, place);
+                Some(self.texture(colours, true, Some(alpha.values), place)?)
+            }
+            None => match texels {
+                Some(texels) => Some(self.texture(texels, true, None, place)?),
+                None => None,
+            },
+        };
+        if let Some(texture) = texture {
+            json["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": texture});
         }
         Ok(json)
+    }
+
+    fn phong(&mut self, material: &Material, place: &str) -> Result<Value> {
+        let mut json = self.base(&material.diffuse, material, place)?;
+        if !material.specular.reflects() {
+            let none = json!({"specularFactor": 0});
+            self.extend(&mut json, "KHR_materials_specular", none);
+            return Ok(json);
+        }
+        let (factor, texture) = self.albedo(&material.specular, place)?;
+        let [shininess] = material.shininess.values()?;
+        let mut phong = json!({"specularFactor": factor, "shininess": shininess});
+        if let Some(texture) = texture {
+            phong["specularTexture"] = json!({"index": texture});
+        }
+        json["extras"]["softray"]["phong"] = phong;
+        // The facets that spread a reflection as far.
+        let roughness = (2.0 / (shininess + 2.0)).powf(0.25);
+        json["pbrMetallicRoughness"]["roughnessFactor"] = json!(roughness);
+        Ok(json)
+    }
+
+    /// For other readers, a metal of the same colour along the normal.
+    fn conductor(&mut self, material: &Material, place: &str) -> Result<Value> {
+        let (eta, k) = (material.eta.values()?, material.extinction.values()?);
+        let reflectance = |i: usize| {
+            let (n, k2) = (eta[i], k[i] * k[i]);
+            ((n - 1.0).powi(2) + k2) / ((n + 1.0).powi(2) + k2)
+        };
+        let colour: [f64; 3] = std::array::from_fn(reflectance);
+        let mut json = self.base(&colour.into(), material, place)?;
+        self.facets(&mut json, (None, &material.roughness), place)?;
+        json["pbrMetallicRoughness"]["metallicFactor"] = json!(1);
+        json["extras"]["softray"]["conductor"] = json!({"eta": eta, "extinction": k});
+        Ok(json)
+    }
+
+    fn dielectric(&mut self, material: &Material, place: &str) -> Result<Value> {
+        let mut json = self.base(&material.diffuse, material, place)?;
+        self.facets(&mut json, (None, &material.roughness), place)?;
+        let ior = match Number::of(&material.ior)? {
+            Number::Constant(ior) => ior,
+            Number::Texture(texels) => {
+                let file = self.path.display();
+                log::warn!(
+                    "{file}: {place} has a texture of indices of refraction, written as its mean"
+                );
+                texels.mean()
+            }
+        };
+        self.extend(&mut json, "KHR_materials_ior", json!({"ior": ior}));
+        let all = json!({"transmissionFactor": 1});
+        self.extend(&mut json, "KHR_materials_transmission", all);
+        // Without a thickness it would not refract.
+        let solid = json!({"thicknessFactor": 1});
+        self.extend(&mut json, "KHR_materials_volume", solid);
+        Ok(json)
+    }
+
+    /// The metal, if there may be some, and the roughness.
+    fn facets(
+        &mut self,
+        json: &mut Value,
+        (metallic, roughness): (Option<&ScalarTexture>, &ScalarTexture),
+        place: &str,
+    ) -> Result<()> {
+        let metallic = metallic.map(Number::of).transpose()?;
+        let pbr = &mut json["pbrMetallicRoughness"];
+        let mut put = |number: Number, name: &str| match number {
+            Number::Constant(v) => {
+                pbr[name] = json!(self.share(v, name, place));
+                None
+            }
+            Number::Texture(texels) => {
+                pbr[name] = json!(1);
+                Some(texels)
+            }
+        };
+        let roughness = put(Number::of(roughness)?, "roughnessFactor");
+        let metallic = metallic.and_then(|m| put(m, "metallicFactor"));
+        let ones = |like: &Texels| Texels::full(1.0, like.size, like.wrap);
+        let [roughness, metallic] = match (roughness, metallic) {
+            (None, None) => return Ok(()),
+            (Some(r), Some(m)) => Texels::together(r, m, place),
+            (Some(r), None) => {
+                let none = ones(&r);
+                [r, none]
+            }
+            (None, Some(m)) => [ones(&m), m],
+        };
+        let pairs = roughness.values.iter().zip(&metallic.values);
+        let [h, w, _] = roughness.size;
+        let texels = Texels {
+            values: pairs.flat_map(|(&r, &m)| [1.0, r, m]).collect(),
+            size: [h, w, 3],
+            wrap: roughness.wrap,
+        };
+        let texture = self.texture(texels, false, None, place)?;
+        json["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({"index": texture});
+        Ok(())
+    }
+
+    /// The texture of a normal map: of normals only the directions count, which a common factor leaves.
+    fn normals(&mut self, map: &NormalMap, place: &str) -> Result<usize> {
+        let mut texels = Texels::of(&map.texels, map.wrap)?;
+        let most = scale_above(texels.values.iter().map(|v| f64::from(v.abs()))) as f32;
+        let encode = |v: &mut f32| *v = 0.5 + 0.5 * (*v / most);
+        texels.values.iter_mut().for_each(encode);
+        self.texture(texels, false, None, place)
+    }
+
+    /// A number that is clipped to [0, 1].
+    fn share(&self, value: f64, name: &str, place: &str) -> f64 {
+        let share = value.clamp(0.0, 1.0);
+        if share != value {
+            let file = self.path.display();
+            log::warn!("{file}: {place} has {name} {value}, written as {share}");
+        }
+        share
     }
 
     /// The radiance of an emitter, by a factor or a texture that are at most 1, and a strength.
@@ -102,8 +244,7 @@ impl<'a> Materials<'a> {
             log::warn!("{file}: {place} emits {v}, of which no less than 0 is written");
         }
         let most = values.iter().copied().fold(0.0, f64::max);
-        // A power of two leaves all digits as they are.
-        let strength = most.max(1.0).log2().ceil().exp2();
+        let strength = scale_above(values.iter().copied());
         let (factor, texture) = match emission {
             Albedo::Constant(_) => {
                 let factor: Vec<f64> = values.iter().map(|v| v.max(0.0) / strength).collect();
@@ -126,27 +267,52 @@ impl<'a> Materials<'a> {
         })
     }
 
-    /// The factor of an albedo, and its texture.
-    fn albedo(&mut self, albedo: &Albedo, place: &str) -> Result<([f64; 3], Option<usize>)> {
-        let file = self.path.display();
-        let (texels, wrap) = match albedo {
+    /// The factor of an albedo, and its texture on the host.
+    fn on_host(&self, albedo: &Albedo, place: &str) -> Result<([f64; 3], Option<Texels>)> {
+        match albedo {
             Albedo::Constant(p) => {
                 let found = p.values()?;
                 let factor = found.map(|v| v.clamp(0.0, 1.0));
                 if factor != found {
+                    let file = self.path.display();
                     log::warn!("{file}: {place} has the albedo {found:?}, written as {factor:?}");
                 }
-                return Ok((factor, None));
+                Ok((factor, None))
             }
-            Albedo::Texture { texels, wrap } => (HostImage::from_tensor(texels)?, *wrap),
-        };
-        if texels.pixels.iter().any(|v| !(0.0..=1.0).contains(v)) {
+            Albedo::Texture { texels, wrap } => Ok(([1.0; 3], Some(Texels::of(texels, *wrap)?))),
+        }
+    }
+
+    /// The factor of an albedo, and its texture.
+    fn albedo(&mut self, albedo: &Albedo, place: &str) -> Result<([f64; 3], Option<usize>)> {
+        let (factor, texels) = self.on_host(albedo, place)?;
+        let texture = texels.map(|texels| self.texture(texels, true, None, place));
+        Ok((factor, texture.transpose()?))
+    }
+
+    /// The number of a texture in the file, of colours or other numbers.
+    fn texture(
+        &mut self,
+        texels: Texels,
+        colours: bool,
+        alpha: Option<Vec<f32>>,
+        place: &str,
+    ) -> Result<usize> {
+        let outside = |v: &f32| !(0.0..=1.0).contains(v);
+        if texels.values.iter().any(outside) {
+            let file = self.path.display();
             log::warn!("{file}: {place} has texels outside of [0, 1], which are clipped");
         }
-        let known = self.images.iter().position(|image| *image == texels);
+        let ([h, w, _], wrap) = (texels.size, texels.wrap);
+        let picture = Picture {
+            texels: HostImage::new(w, h, texels.values)?,
+            colours,
+            alpha,
+        };
+        let known = self.pictures.iter().position(|known| *known == picture);
         let image = known.unwrap_or_else(|| {
-            self.images.push(texels);
-            self.images.len() - 1
+            self.pictures.push(picture);
+            self.pictures.len() - 1
         });
         let wrap = match wrap {
             Wrap::Repeat => 10497,
@@ -155,29 +321,44 @@ impl<'a> Materials<'a> {
         };
         let sampler = position(&mut self.samplers, json!({"wrapS": wrap, "wrapT": wrap}));
         let texture = json!({"source": image, "sampler": sampler});
-        Ok(([1.0; 3], Some(position(&mut self.textures, texture))))
+        Ok(position(&mut self.textures, texture))
     }
 
-    /// The images as PNG files: 8 bits a channel where they hold all texels, else 16.
+    /// The images as PNG files.
     pub fn images(&self) -> Result<Vec<Vec<u8>>> {
-        let encode = |image: &HostImage| {
-            let [w, h] = image.check_size()?;
-            let mut bytes = Cursor::new(Vec::new());
-            let written = match image.fits_srgb() {
-                true => RgbImage::from_raw(w, h, image.to_srgb())
-                    .map(|image| image.write_to(&mut bytes, ImageFormat::Png)),
-                false => {
-                    let words = image.pixels.iter().map(|&v| srgb_word(v)).collect();
-                    ImageBuffer::<Rgb<u16>, Vec<u16>>::from_raw(w, h, words)
-                        .map(|image| image.write_to(&mut bytes, ImageFormat::Png))
-                }
-            };
-            let failed = |e| Error::format(self.path, format!("a texture can't be written: {e}"));
-            written.transpose().map_err(failed)?;
-            Ok(bytes.into_inner())
-        };
-        self.images.iter().map(encode).collect()
+        self.pictures.iter().map(|p| p.png(self.path)).collect()
     }
+}
+
+/// A number of a material on the host.
+enum Number {
+    Constant(f64),
+    Texture(Texels),
+}
+
+impl Number {
+    fn of(number: &ScalarTexture) -> Result<Self> {
+        Ok(match number {
+            ScalarTexture::Constant(p) => Self::Constant(p.values()?[0]),
+            ScalarTexture::Texture { texels, wrap } => {
+                Self::Texture(Texels::of(&texels.clone().unsqueeze_dim(2), *wrap)?)
+            }
+        })
+    }
+}
+
+/// A mask in [0, 1] of the same holes, and its cutoff.
+fn shares(mask: &AlphaMask) -> Result<(Texels, f32)> {
+    let mut alpha = Texels::of(&mask.alpha.clone().unsqueeze_dim(2), mask.wrap)?;
+    let cutoff = mask.cutoff as f32;
+    let all = || alpha.values.iter().copied().chain([cutoff]);
+    let (least, most) = (all().fold(0.0, f32::min), all().fold(1.0, f32::max));
+    if (least, most) == (0.0, 1.0) {
+        return Ok((alpha, cutoff));
+    }
+    let share = |v: f32| (v - least) / (most - least);
+    alpha.values.iter_mut().for_each(|v| *v = share(*v));
+    Ok((alpha, share(cutoff)))
 }
 
 /// What an emitter's radiance is written as.

@@ -3,8 +3,10 @@
 use std::io::Write;
 use std::path::Path;
 
+use glam::DVec3;
 use serde_json::{Value, json};
 
+use super::gltf_lights::light;
 use super::gltf_materials::Materials;
 use super::mtl_write::in_line;
 use super::split::Split;
@@ -37,6 +39,13 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
         let mesh = file.meshes.len() - 1;
         file.nodes.push(json!({"name": object.name, "mesh": mesh}));
     }
+    let mut lights = Vec::new();
+    for (i, from) in scene.lights.iter().enumerate() {
+        let [light, mut node] = light(from, &format!("light {i}"), path)?;
+        node["extensions"] = json!({"KHR_lights_punctual": {"light": i}});
+        lights.push(light);
+        file.nodes.push(node);
+    }
     let images = materials.images()?;
     let images = images.iter().map(|png| {
         let view = file.buffer.view(png, None);
@@ -50,9 +59,13 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
         "accessors": file.accessors, "bufferViews": file.buffer.views,
         "materials": materials.described, "textures": materials.textures,
         "samplers": materials.samplers, "images": images,
-        "extensionsUsed": materials.extensions,
         "buffers": [{"byteLength": file.buffer.bytes.len()}],
     });
+    if !lights.is_empty() {
+        materials.extensions.insert("KHR_lights_punctual");
+        json["extensions"] = json!({"KHR_lights_punctual": {"lights": lights}});
+    }
+    json["extensionsUsed"] = json!(materials.extensions);
     // Lists of glTF are not empty.
     if let Some(lists) = json.as_object_mut() {
         lists.retain(|_, value| value.as_array().is_none_or(|list| !list.is_empty()));
@@ -151,13 +164,24 @@ impl File {
         let split = Split::of(&object.mesh)?;
         let mut attributes = json!({"POSITION": self.rows("VEC3", &split.positions, true)});
         if let Some(normals) = &split.normals {
-            let unit = |n: &[f64; 3]| glam::DVec3::from(*n).normalize_or_zero().to_array();
+            let unit = |n: &[f64; 3]| DVec3::from(*n).normalize_or_zero().to_array();
             let normals: Vec<[f64; 3]> = normals.iter().map(unit).collect();
             attributes["NORMAL"] = json!(self.rows("VEC3", &normals, false));
         }
         if let Some(uvs) = &split.uvs {
             let downwards: Vec<[f64; 2]> = uvs.iter().map(|[u, v]| [*u, 1.0 - v]).collect();
             attributes["TEXCOORD_0"] = json!(self.rows("VEC2", &downwards, false));
+        }
+        if let Some(colours) = &split.colours {
+            attributes["COLOR_0"] = json!(self.rows("VEC3", colours, false));
+        }
+        if let Some(tangents) = &split.tangents {
+            let unit = |&[x, y, z, w]: &[f64; 4]| {
+                let [x, y, z] = DVec3::new(x, y, z).normalize_or_zero().to_array();
+                [x, y, z, w]
+            };
+            let tangents: Vec<[f64; 4]> = tangents.iter().map(unit).collect();
+            attributes["TANGENT"] = json!(self.rows("VEC4", &tangents, false));
         }
         let mut primitives = Vec::new();
         for (m, material) in object.materials.iter().enumerate() {

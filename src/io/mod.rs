@@ -2,10 +2,13 @@
 
 mod animation;
 mod build;
+mod build_materials;
 mod counting;
 mod decode;
 mod description;
 mod gltf;
+mod gltf_images;
+mod gltf_lights;
 mod gltf_materials;
 mod gltf_write;
 mod images;

@@ -115,21 +115,28 @@ impl Pieces {
         let mut materials = Vec::with_capacity(self.materials.len());
         for &m in &self.materials {
             let mut material = all.get(m)?;
-            let textured = |a: &Albedo| matches!(a, Albedo::Texture { .. });
-            if (textured(&material.diffuse) || textured(&material.specular))
-                && object.mesh.uvs.is_none()
-            {
-                log::warn!(
-                    "{}: material {} has a texture, but not all corners have coordinates: taking its \
-                     colour",
-                    object.name,
-                    material.name
-                );
-                if textured(&material.diffuse) {
-                    material.diffuse = all.colour(m);
+            if object.mesh.uvs.is_none() {
+                let plain = [all.colour(m), all.specular(m), all.emission(m)];
+                let Material {
+                    diffuse,
+                    specular,
+                    emission,
+                    name,
+                    ..
+                } = &mut material;
+                let mut textured = false;
+                for (albedo, plain) in [diffuse, specular, emission].into_iter().zip(plain) {
+                    if matches!(albedo, Albedo::Texture { .. }) {
+                        *albedo = plain;
+                        textured = true;
+                    }
                 }
-                if textured(&material.specular) {
-                    material.specular = all.specular(m);
+                if textured {
+                    log::warn!(
+                        "{}: material {name} has a texture, but not all corners have coordinates: taking its \
+                         colour",
+                        object.name,
+                    );
                 }
             }
             materials.push(material);
@@ -166,10 +173,15 @@ impl Materials<'_> {
     /// `Ks`, black where there is none.
     fn specular(&self, id: Option<usize>) -> Albedo {
         let described = id.and_then(|i| self.described.get(i));
-        described
-            .and_then(|m| m.specular)
-            .unwrap_or([0.0; 3])
-            .into()
+        let ks = described.and_then(|m| m.specular);
+        ks.unwrap_or([0.0; 3]).into()
+    }
+
+    /// `Ke`, black where there is none.
+    fn emission(&self, id: Option<usize>) -> Albedo {
+        let described = id.and_then(|i| self.described.get(i));
+        let ke = described.and_then(|m| m.emissive);
+        ke.unwrap_or([0.0; 3]).into()
     }
 
     fn get(&mut self, id: Option<usize>) -> Result<Material> {
@@ -187,27 +199,40 @@ impl Materials<'_> {
                 log::info!("material {}: map_Kd replaces Kd", source.name);
             }
         }
-        if let Some(ks) = source.specular {
-            material.specular = ks.into();
-        }
-        // Where `Ks` is black, the map is multiplied by it.
-        if source.specular != Some([0.0; 3])
-            && let Some((mut texels, wrap)) = self.texture(source.specular_texture.as_deref())?
-        {
-            if let Some(ks) = source.specular.filter(|ks| *ks != [1.0; 3]) {
-                let ks = Tensor::<1>::from_data(TensorData::from(ks), self.device);
-                texels = texels * ks.reshape([1, 1, 3]);
-            }
-            material.specular = Albedo::Texture { texels, wrap };
-        }
+        material.specular =
+            match self.tinted(source.specular, source.specular_texture.as_deref())? {
+                Some(texture) => texture,
+                None => self.specular(Some(id)),
+            };
         if let Some(ns) = source.shininess {
             material.shininess = ns.into();
         }
-        if let Some(ke) = source.emissive {
-            material.emission = ke.into();
-        }
+        let map = source.unknown_param.get("map_Ke").map(String::as_str);
+        material.emission = match self.tinted(source.emissive, map)? {
+            Some(texture) => texture,
+            None => self.emission(Some(id)),
+        };
         self.built.insert(id, material.clone());
         Ok(material)
+    }
+
+    /// A texture times a colour, which is white where there is none. None where the colour is black.
+    fn tinted(
+        &mut self,
+        colour: Option<[f64; 3]>,
+        statement: Option<&str>,
+    ) -> Result<Option<Albedo>> {
+        if colour == Some([0.0; 3]) {
+            return Ok(None);
+        }
+        let Some((mut texels, wrap)) = self.texture(statement)? else {
+            return Ok(None);
+        };
+        if let Some(colour) = colour.filter(|c| *c != [1.0; 3]) {
+            let colour = Tensor::<1>::from_data(TensorData::from(colour), self.device);
+            texels = texels * colour.reshape([1, 1, 3]);
+        }
+        Ok(Some(Albedo::Texture { texels, wrap }))
     }
 
     /// The texture that a statement of [`ObjText`] names.

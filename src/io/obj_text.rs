@@ -18,8 +18,8 @@ use crate::error::{Error, Result};
 const UNNAMED: &str = "unnamed_object";
 
 /// Entries of MTL files that would change a render and are not read.
-const UNREAD: [&str; 21] = [
-    "d", "Tr", "Tf", "Ni", "Pr", "Pm", "Ps", "Pc", "aniso", "map_Ka", "map_Ns", "map_Ke", "map_d",
+const UNREAD: [&str; 20] = [
+    "d", "Tr", "Tf", "Ni", "Pr", "Pm", "Ps", "Pc", "aniso", "map_Ka", "map_Ns", "map_d",
     "map_Bump", "map_bump", "bump", "disp", "norm", "map_Pr", "map_Pm", "refl",
 ];
 
@@ -245,7 +245,7 @@ impl ObjText {
                 }
                 "Kd" | "Ks" | "Ke" if named => writeln!(self.mtl, "{keyword} {}", numbers(3)?),
                 "Ns" if named => writeln!(self.mtl, "Ns {}", numbers(1)?),
-                "map_Kd" | "map_Ks" if named => {
+                "map_Kd" | "map_Ks" | "map_Ke" if named => {
                     let (name, options) = texture_name(rest);
                     if name.is_empty() {
                         return Err(fail(format!("{keyword} names no file")));
@@ -269,7 +269,7 @@ impl ObjText {
                     let clamp = if clamp { " clamp" } else { "" };
                     writeln!(self.mtl, "{keyword} {index}{clamp}")
                 }
-                "Kd" | "Ks" | "Ke" | "Ns" | "map_Kd" | "map_Ks" => {
+                "Kd" | "Ks" | "Ke" | "Ns" | "map_Kd" | "map_Ks" | "map_Ke" => {
                     return Err(fail(format!("{keyword} comes before any newmtl")));
                 }
                 other => {

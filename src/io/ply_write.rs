@@ -14,14 +14,13 @@ use crate::scene::{Albedo, Material, Mesh, Scene};
 /// Writes a mesh.
 pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
     let double = mesh.vertices.dtype() == DType::F64;
-    write(path, double, &[(Split::of(mesh)?, None)])
+    write(path, double, &[Split::of(mesh)?])
 }
 
-/// Writes a scene as one mesh, with a colour for each part of one material.
+/// Writes a scene as one mesh, its colours those of the materials times those of meshes.
 pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
     let (mut parts, mut lost) = (Vec::new(), false);
     let objects = || scene.objects.iter().filter(|o| !o.mesh.faces.is_empty());
-    let plain = colour(&Material::default())?;
     for object in objects() {
         let split = Split::of(&object.mesh)?;
         for (m, material) in object.materials.iter().enumerate() {
@@ -40,9 +39,21 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
         let file = path.display();
         log::warn!("{file}: textures, gloss and emission are not written, PLY has none");
     }
-    if parts.iter().all(|(_, colour)| *colour == plain) {
-        parts.iter_mut().for_each(|(_, colour)| *colour = None);
-    }
+    let plain = colour(&Material::default())?;
+    let painted = |(part, colour): &(Split, Option<[f64; 3]>)| {
+        part.colours.is_some() || (colour.is_some() && *colour != plain)
+    };
+    let any = parts.iter().any(painted);
+    let parts = parts.into_iter().map(|(mut part, colour)| {
+        // Of a texture nothing is left.
+        let factor = colour.unwrap_or([1.0; 3]);
+        let all = part.colours.take();
+        let all = all.unwrap_or_else(|| vec![[1.0; 3]; part.positions.len()]);
+        let times = |c: &[f64; 3]| std::array::from_fn(|i| c[i] * factor[i]);
+        part.colours = any.then(|| all.iter().map(times).collect());
+        part
+    });
+    let parts: Vec<Split> = parts.collect();
     let double = objects().any(|o| o.mesh.vertices.dtype() == DType::F64);
     write(path, double, &parts)
 }
@@ -55,19 +66,16 @@ fn colour(material: &Material) -> Result<Option<[f64; 3]>> {
     }
 }
 
-/// A mesh, and its colour if it has one.
-type Part = (Split, Option<[f64; 3]>);
-
-fn write(path: &Path, double: bool, parts: &[Part]) -> Result<()> {
-    let vertices: usize = parts.iter().map(|(p, _)| p.positions.len()).sum();
-    let faces: usize = parts.iter().map(|(p, _)| p.faces.len()).sum();
-    let has_normals = parts.iter().all(|(p, _)| p.normals.is_some());
-    let has_uvs = parts.iter().all(|(p, _)| p.uvs.is_some());
-    let colours = || parts.iter().filter_map(|(_, colour)| *colour).flatten();
+fn write(path: &Path, double: bool, parts: &[Split]) -> Result<()> {
+    let vertices: usize = parts.iter().map(|p| p.positions.len()).sum();
+    let faces: usize = parts.iter().map(|p| p.faces.len()).sum();
+    let has_normals = parts.iter().all(|p| p.normals.is_some());
+    let has_uvs = parts.iter().all(|p| p.uvs.is_some());
+    let colours = || parts.iter().flat_map(|p| &p.colours).flatten().flatten();
     let table = srgb_table();
     // Bytes, which all readers know, where they hold the colours.
     let byte = |v: f64| srgb_byte(v as f32);
-    let bytes = colours().all(|v| table[usize::from(byte(v))] == v as f32);
+    let bytes = colours().all(|&v| table[usize::from(byte(v))] == v as f32);
     let float = if double { "double" } else { "float" };
     let mut header = format!(
         "ply\nformat binary_little_endian 1.0\ncomment softray\nelement vertex {vertices}\n"
@@ -98,9 +106,7 @@ fn write(path: &Path, double: bool, parts: &[Part]) -> Result<()> {
             false => put(&(v as f32).to_le_bytes()),
         };
         put(header.as_bytes())?;
-        for (part, colour) in parts {
-            // A part without a colour among others that have one: a texture, of which there is none.
-            let colour = colour.unwrap_or([1.0; 3]);
+        for part in parts {
             for i in 0..part.positions.len() {
                 let normal = part
                     .normals
@@ -114,7 +120,8 @@ fn write(path: &Path, double: bool, parts: &[Part]) -> Result<()> {
                 for &v in rows.flatten() {
                     put_number(&mut put, v)?;
                 }
-                for v in colour.into_iter().filter(|_| has_colours) {
+                let colour = part.colours.iter().flat_map(|colours| colours[i]);
+                for v in colour {
                     match bytes {
                         true => put(&[byte(v)])?,
                         false => put(&(v as f32).to_le_bytes())?,
@@ -123,7 +130,7 @@ fn write(path: &Path, double: bool, parts: &[Part]) -> Result<()> {
             }
         }
         let mut first = 0;
-        for (part, _) in parts {
+        for part in parts {
             for face in &part.faces {
                 put(&[3])?;
                 for &v in face {

@@ -10,7 +10,7 @@ use super::scene_materials::{MaterialDocument, Place};
 use super::whole::ending;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result, one_of};
-use crate::scene::{Camera, Environment, Scene};
+use crate::scene::{Camera, Environment, Light, Scene};
 
 /// A scene with a camera and an image size, from any file of a scene.
 ///
@@ -27,6 +27,12 @@ use crate::scene::{Camera, Environment, Scene};
 ///     "aperture_radius": 0.1, "focus_distance": 4
 ///   },
 ///   "environment": [0.1, 0.1, 0.1],
+///   "lights": [
+///     { "kind": "point", "position": [1, 3, 1], "intensity": [20, 18, 15] },
+///     { "kind": "spot", "position": [0, 3, 0], "direction": [0, -1, 0], "intensity": [9, 9, 9],
+///       "inner_degrees": 10, "outer_degrees": 30 },
+///     { "kind": "directional", "direction": [0, -1, 0.3], "irradiance": [1, 1, 1] }
+///   ],
 ///   "velocities": { "ball": [0.5, 0, 0] },
 ///   "materials": {
 ///     "ball": { "bsdf": "dielectric", "ior": 1.5, "roughness": 0.1 },
@@ -37,10 +43,11 @@ use crate::scene::{Camera, Environment, Scene};
 /// ```
 ///
 /// `environment` is a constant radiance, or the file of an equirectangular map (`"sky.hdr"`). `up`
-/// (y), the lens (a pinhole), `environment` (black), `velocities` and `materials` (those of the scene) may be left
-/// out. A material replaces that of an object. Its numbers and its `base_colour` (white) may be images: the roughness
-/// (1) is the green channel as the file has it, `metallic` (0) the blue one, `ior` (1.5) the red one. Other
-/// fields are ignored. A lens without a focus distance focuses on the target. `obj` is another name of `scene`.
+/// (y), the lens (a pinhole), `environment` (black), `lights` (none, beside those of the file; of the units of
+/// [`Light`]), `velocities` and `materials` (those of the scene) may be left out. A material replaces that of an
+/// object. Its numbers and its `base_colour` (white) may be images: the roughness (1) is the green channel as the file
+/// has it, `metallic` (0) the blue one, `ior` (1.5) the red one. Other fields are ignored. A lens without a focus
+/// distance focuses on the target. `obj` is another name of `scene`.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
     /// The scene.
@@ -74,9 +81,31 @@ struct Document {
     camera: CameraDocument,
     environment: Option<serde_json::Value>,
     #[serde(default)]
+    lights: Vec<LightDocument>,
+    #[serde(default)]
     velocities: BTreeMap<String, [f64; 3]>,
     #[serde(default)]
     materials: BTreeMap<String, MaterialDocument>,
+}
+
+#[derive(Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+enum LightDocument {
+    Point {
+        position: [f64; 3],
+        intensity: [f64; 3],
+    },
+    Spot {
+        position: [f64; 3],
+        direction: [f64; 3],
+        intensity: [f64; 3],
+        inner_degrees: f64,
+        outer_degrees: f64,
+    },
+    Directional {
+        direction: [f64; 3],
+        irradiance: [f64; 3],
+    },
 }
 
 #[derive(Deserialize)]
@@ -102,12 +131,14 @@ impl Scene {
     /// - `.obj`, with its MTL files: every `o` or `g` becomes an [`Object`](crate::scene::Object); pieces of equal name
     ///   are one object, with a material for each face. Vertices that faces share in the file stay shared. Normals and
     ///   texture coordinates count for objects that have them at every corner. Of a material, `Kd`, `Ks`, `Ns`, `Ke`
-    ///   (radiance of the front side), `map_Kd` and `map_Ks` (times `Ks`) count, and of the options of textures
-    ///   `-clamp on`. `map_Kd` counts instead of `Kd` on objects that have texture coordinates. What has no `Kd` or no
+    ///   (radiance of the front side), `map_Kd`, `map_Ks` (times `Ks`) and `map_Ke` (times `Ke`) count, and of the
+    ///   options of textures `-clamp on`. `map_Kd` counts instead of `Kd` on objects that have texture coordinates. What has no `Kd` or no
     ///   material is mid-grey like [`Material::default`](crate::scene::Material::default).
-    /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face. Vertices at one place, which glTF splits where a normal or texture coordinate has a
-    ///   seam, are joined again. Buffers and images may be in the file or beside it.
-    /// - `.ply`: one object, named like the file, with the texture of a comment `TextureFile`.
+    /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face, and
+    ///   every one with a light (KHR_lights_punctual; candela and lux are radiant intensity and irradiance) a light.
+    ///   Vertices at one place, which glTF splits where a normal or texture coordinate has a seam, are joined again.
+    ///   Buffers and images may be in the file or beside it.
+    /// - `.ply`: one object, named like the file, with colours of vertices and the texture of a comment `TextureFile`.
     /// - `.json`: as [`SceneFile`].
     ///
     /// Polygons become triangles: fans where those fill them, else by ear clipping. Colours are sRGB in images and in
@@ -218,6 +249,9 @@ impl SceneFile {
                 }
             };
         }
+        for light in document.lights {
+            scene = scene.light(light.build());
+        }
         let known = |scene: &Scene, field: &str, name: &str| {
             if scene.object(name).is_some() {
                 return Ok(());
@@ -249,6 +283,31 @@ impl SceneFile {
             width,
             height,
         })
+    }
+}
+
+impl LightDocument {
+    fn build(self) -> Light {
+        match self {
+            Self::Point {
+                position,
+                intensity,
+            } => Light::point(position, intensity),
+            Self::Spot {
+                position,
+                direction,
+                intensity,
+                inner_degrees,
+                outer_degrees,
+            } => {
+                let [inner, outer] = [inner_degrees, outer_degrees].map(f64::to_radians);
+                Light::spot(position, direction, intensity, inner, outer)
+            }
+            Self::Directional {
+                direction,
+                irradiance,
+            } => Light::directional(direction, irradiance),
+        }
     }
 }
 

@@ -2,37 +2,35 @@
 
 use std::collections::HashMap;
 
-use burn::tensor::Tensor;
-
 use crate::error::Result;
 use crate::geometry::host_values;
-use crate::scene::Mesh;
+use crate::scene::{CornerAttribute, Mesh};
 
 /// A mesh on the host, its vertices split where an attribute has a seam.
 pub(super) struct Split {
     pub positions: Vec<[f64; 3]>,
     pub uvs: Option<Vec<[f64; 2]>>,
     pub normals: Option<Vec<[f64; 3]>>,
+    pub colours: Option<Vec<[f64; 3]>>,
+    pub tangents: Option<Vec<[f64; 4]>>,
     pub faces: Vec<[u32; 3]>,
 }
+
+/// The rows of a vertex's attributes, in the order of [`Mesh::attributes`].
+type Rows = [u32; 4];
 
 impl Split {
     /// Vertices keep their numbers; those that a seam adds come after them.
     pub fn of(mesh: &Mesh) -> Result<Self> {
         let mut positions = mesh.host_vertices()?;
-        let uvs = mesh.uvs.as_ref();
-        let normals = mesh.normals.as_ref();
-        let of_uvs = uvs.map(|a| rows::<2>(&a.values)).transpose()?;
-        let of_normals = normals.map(|a| rows::<3>(&a.values)).transpose()?;
+        let attributes = mesh.attributes().map(|(_, _, attribute)| attribute);
         // The attributes' rows of each vertex that is there so far.
-        let mut known: Vec<Option<[u32; 2]>> = vec![None; positions.len()];
-        let mut added: HashMap<(u32, [u32; 2]), u32> = HashMap::new();
+        let mut known: Vec<Option<Rows>> = vec![None; positions.len()];
+        let mut added: HashMap<(u32, Rows), u32> = HashMap::new();
         let mut faces = mesh.faces.to_vec();
         for (f, face) in faces.iter_mut().enumerate() {
             for (c, vertex) in face.iter_mut().enumerate() {
-                let row =
-                    |a: Option<&crate::scene::CornerAttribute>| a.map_or(0, |a| a.faces[f][c]);
-                let wanted = [row(uvs), row(normals)];
+                let wanted = attributes.map(|a| a.map_or(0, |a| a.faces[f][c]));
                 if *known[*vertex as usize].get_or_insert(wanted) == wanted {
                     continue;
                 }
@@ -45,20 +43,14 @@ impl Split {
                 *vertex = at;
             }
         }
-        // Vertices without a face have none, but normals have a direction.
-        let row = |rows: Option<[u32; 2]>, i: usize| rows.map(|r| r[i] as usize);
-        let uvs = of_uvs.map(|all| {
-            let of = |&k: &Option<[u32; 2]>| row(k, 0).map_or([0.0; 2], |r| all[r]);
-            known.iter().map(of).collect()
-        });
-        let normals = of_normals.map(|all| {
-            let of = |&k: &Option<[u32; 2]>| row(k, 1).map_or([0.0, 0.0, 1.0], |r| all[r]);
-            known.iter().map(of).collect()
-        });
+        let [uvs, normals, colours, tangents] = attributes;
+        // Vertices without a face have no rows, but normals have a direction.
         Ok(Self {
             positions,
-            uvs,
-            normals,
+            uvs: rows(uvs, 0, &known, [0.0; 2])?,
+            normals: rows(normals, 1, &known, [0.0, 0.0, 1.0])?,
+            colours: rows(colours, 2, &known, [1.0; 3])?,
+            tangents: rows(tangents, 3, &known, [1.0, 0.0, 0.0, 1.0])?,
             faces,
         })
     }
@@ -78,23 +70,36 @@ impl Split {
         let faces = faces.collect();
         Self {
             positions: used.iter().map(|&v| self.positions[v]).collect(),
-            uvs: self
-                .uvs
-                .as_ref()
-                .map(|all| used.iter().map(|&v| all[v]).collect()),
-            normals: self
-                .normals
-                .as_ref()
-                .map(|all| used.iter().map(|&v| all[v]).collect()),
+            uvs: taken(self.uvs.as_deref(), &used),
+            normals: taken(self.normals.as_deref(), &used),
+            colours: taken(self.colours.as_deref(), &used),
+            tangents: taken(self.tangents.as_deref(), &used),
             faces,
         }
     }
 }
 
-fn rows<const C: usize>(values: &Tensor<2>) -> Result<Vec<[f64; C]>> {
-    let flat = host_values(values)?;
-    let rows = flat
-        .chunks_exact(C)
-        .map(|row| std::array::from_fn(|i| row[i]));
-    Ok(rows.collect())
+/// The rows of an attribute by vertex.
+fn rows<const C: usize>(
+    attribute: Option<&CornerAttribute>,
+    place: usize,
+    known: &[Option<Rows>],
+    none: [f64; C],
+) -> Result<Option<Vec<[f64; C]>>> {
+    let Some(attribute) = attribute else {
+        return Ok(None);
+    };
+    let flat = host_values(&attribute.values)?;
+    let row = |rows: &Option<Rows>| match rows {
+        Some(rows) => {
+            let first = C * rows[place] as usize;
+            std::array::from_fn(|i| flat[first + i])
+        }
+        None => none,
+    };
+    Ok(Some(known.iter().map(row).collect()))
+}
+
+fn taken<T: Copy>(all: Option<&[T]>, used: &[usize]) -> Option<Vec<T>> {
+    all.map(|all| used.iter().map(|&v| all[v]).collect())
 }

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use super::{gltf_write, obj_write, ply_write, whole::ending};
 use crate::error::{Error, Result};
-use crate::scene::{Mesh, Scene, check_scene};
+use crate::scene::{Bsdf, Material, Mesh, Scene, check_scene};
 
 /// The endings of files that are written.
 const WRITTEN: [&str; 4] = ["obj", "gltf", "glb", "ply"];
 
 impl Mesh {
-    /// Writes a file with vertices, texture coordinates and normals. The file appears under its name only when it
+    /// Writes a file with vertices, texture coordinates, normals and, but for OBJ, colours. The file appears under its name only when it
     /// is complete.
     ///
     /// - `.obj`: numbers read back to the same floats. [`Scene::load`] numbers vertices in the order in which faces
@@ -30,7 +30,10 @@ impl Mesh {
             return Err(Error::invalid("mesh", "faces", "empty", "at least one"));
         }
         match kind {
-            "obj" => obj_write::mesh(self, path),
+            "obj" => {
+                warn_of_colours(self, "the mesh", path);
+                obj_write::mesh(self, path)
+            }
             "ply" => ply_write::mesh(self, path),
             _ => gltf_write::mesh(self, path),
         }
@@ -45,11 +48,14 @@ impl Scene {
     ///   an `o`; names that are taken get a number. A texture is a PNG file where 8 bits of sRGB hold all of its texels
     ///   exactly, as those of one that was read from such a file, and an EXR file otherwise. Textures that clamp have
     ///   `-clamp on`; mirrored ones are written as such that repeat.
-    /// - `.glb`, or `.gltf` with a `.bin` beside it: every object is a node with a mesh in f32. Lambert's law is
-    ///   KHR_materials_specular with a factor of 0, Phong's lobe stands in `extras` (and is about a roughness for other
-    ///   readers), emission above 1 is KHR_materials_emissive_strength. Textures are PNG images within the file, of
-    ///   16 bits where 8 bits of sRGB don't hold their texels, clipped to [0, 1].
-    /// - `.ply`: all objects as one mesh; constant albedos become colours of vertices.
+    /// - `.glb`, or `.gltf` with a `.bin` beside it: every object is a node with a mesh in f32, every light one of
+    ///   KHR_lights_punctual. Metal and roughness are glTF's own, a dielectric is KHR_materials_transmission with ior
+    ///   and volume, Lambert's law KHR_materials_specular with a factor of 0, and emission above 1
+    ///   KHR_materials_emissive_strength. Phong's lobe and a conductor's index of refraction stand in `extras` (for
+    ///   other readers there are about the same roughness and colour). Textures are PNG images within the file, of
+    ///   16 bits where 8 bits don't hold their texels, clipped to [0, 1]; those that glTF has in one image (metal
+    ///   with roughness, colours with alpha) are interpolated to one size.
+    /// - `.ply`: all objects as one mesh; constant albedos, times the colours of meshes, become colours of vertices.
     ///
     /// Parts that a format can't hold are left out with a warning: the environment, objects without faces, and
     /// velocities: an object that moves is written as it is at the shutter's start. Files of those names are replaced,
@@ -71,10 +77,48 @@ impl Scene {
         let kind = ending(path, &WRITTEN)?;
         check_scene(self)?;
         self.warn_of_losses(path)?;
+        if matches!(kind, "obj" | "ply") {
+            self.warn_of_old_formats(path);
+        }
         match kind {
-            "obj" => obj_write::scene(self, path),
+            "obj" => {
+                self.objects
+                    .iter()
+                    .for_each(|o| warn_of_colours(&o.mesh, &o.name, path));
+                obj_write::scene(self, path)
+            }
             "ply" => ply_write::scene(self, path),
             _ => gltf_write::scene(self, path),
+        }
+    }
+
+    /// Tells by name what only glTF can hold.
+    fn warn_of_old_formats(&self, path: &Path) {
+        let file = path.display();
+        if !self.lights.is_empty() {
+            log::warn!("{file}: lights without a surface are not written, only glTF has them");
+        }
+        let lost = |m: &Material| {
+            [
+                (
+                    "the BSDF, but for its diffuse colour",
+                    m.bsdf != Bsdf::Phong,
+                ),
+                ("the normal map", m.normal_map.is_some()),
+                ("the alpha mask", m.alpha_mask.is_some()),
+            ]
+        };
+        for object in &self.objects {
+            for material in &object.materials {
+                let lost = lost(material).into_iter().filter(|(_, is)| *is);
+                let lost: Vec<&str> = lost.map(|(part, _)| part).collect();
+                if !lost.is_empty() {
+                    let (name, material, lost) = (&object.name, &material.name, lost.join(", "));
+                    log::warn!(
+                        "{file}: {name}, material {material} is written without what only glTF has: {lost}"
+                    );
+                }
+            }
         }
     }
 
@@ -100,5 +144,13 @@ impl Scene {
             }
         }
         Ok(())
+    }
+}
+
+/// Tells what OBJ can't hold of a mesh.
+fn warn_of_colours(mesh: &Mesh, name: &str, path: &Path) {
+    if mesh.colours.is_some() {
+        let file = path.display();
+        log::warn!("{file}: the colours of {name} are not written, OBJ has none");
     }
 }

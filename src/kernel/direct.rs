@@ -88,7 +88,7 @@ impl View {
         let weights = [1.0 - b - c, b, c];
         let light = at(e.corners, weights) + e.velocity * from.time;
         let seen = LightPoint::new(light - point.position, e.normal);
-        if seen.facing <= 0.0 {
+        if seen.facing <= 0.0 || self.scene.is_open(e.triangle, weights) {
             return;
         }
         let direction = seen.direction;

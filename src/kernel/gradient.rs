@@ -19,6 +19,11 @@ pub(crate) struct Wanted {
     pub velocities: bool,
     pub uvs: bool,
     pub normals: bool,
+    /// Colours at corners.
+    pub colours: bool,
+    pub tangents: bool,
+    /// Whether normals are tilted by what has any: texels of normal maps, or their coordinates.
+    pub tilts: bool,
     /// Colours and exponents of materials.
     pub materials: bool,
     pub exponents: bool,
@@ -49,6 +54,12 @@ impl Wanted {
                 }
                 Id::Uvs(_) => wanted.uvs = true,
                 Id::Normals(_) => wanted.normals = true,
+                Id::Colours(_) => wanted.colours = true,
+                Id::Tangents(_) => wanted.tangents = true,
+                Id::NormalMap(_) => {
+                    wanted.materials = true;
+                    wanted.tilts = true;
+                }
                 Id::Material(_, Channel::Emission) => wanted.emission = true,
                 Id::Material(_, channel) => {
                     wanted.materials = true;
@@ -66,6 +77,8 @@ impl Wanted {
         }
         // Normals and exponents turn the directions that are drawn.
         wanted.exponents &= scene.glossy;
+        wanted.tangents &= scene.tilted;
+        wanted.tilts |= wanted.uvs && scene.tilted;
         wanted.rays = wanted.moves() || wanted.uvs;
         wanted
     }
@@ -78,7 +91,7 @@ impl Wanted {
 
     /// Whether directions that are drawn at a surface turn while it stands still.
     pub fn turns(&self) -> bool {
-        self.normals || self.exponents
+        self.normals || self.exponents || self.tangents || self.tilts
     }
 }
 
@@ -135,6 +148,8 @@ pub(crate) struct Sums {
     pub velocities: Vec<DVec3>,
     pub uvs: Vec<[f64; 2]>,
     pub normals: Vec<DVec3>,
+    pub colours: Vec<DVec3>,
+    pub tangents: Vec<DVec3>,
     /// Each at its place ([`Channel::place`]).
     pub materials: Vec<[DVec3; CHANNELS]>,
     pub texels: Vec<DVec3>,
@@ -165,6 +180,8 @@ impl Sums {
             velocities: zeros(wanted.velocities, scene.objects.len()),
             uvs: vec![[0.0; 2]; if wanted.uvs { scene.uvs.len() } else { 0 }],
             normals: zeros(wanted.normals, scene.normals.len()),
+            colours: zeros(wanted.colours, scene.colours.values.len()),
+            tangents: zeros(wanted.tangents, scene.tangents.values.len()),
             materials: vec![[DVec3::ZERO; CHANNELS]; scene.materials.len()],
             texels: zeros(wanted.materials || wanted.emission, scene.texels.len()),
             lights: vec![DeltaSums::default(); wanted.lights.len()],
@@ -177,6 +194,7 @@ impl Sums {
     pub fn len(&self) -> usize {
         3 * (self.vertices.len() + self.velocities.len() + self.normals.len())
             + 3 * (self.texels.len() + self.sky.len())
+            + 3 * (self.colours.len() + self.tangents.len())
             + 4 * self.triangles.len()
             + 11 * self.lights.len()
             + 2 * self.uvs.len()
@@ -195,6 +213,8 @@ impl Sums {
             add_each(a, b);
         }
         add_each(&mut self.normals, &o.normals);
+        add_each(&mut self.colours, &o.colours);
+        add_each(&mut self.tangents, &o.tangents);
         for (a, b) in self.materials.iter_mut().zip(&o.materials) {
             add_each(a, b);
         }
@@ -257,6 +277,22 @@ impl Sums {
                 }
                 Id::Normals(i) => {
                     vectors(to, &self.normals[scene.objects[i].first_normal..], 1.0);
+                }
+                Id::Colours(i) => {
+                    vectors(to, &self.colours[scene.objects[i].first_colour..], 1.0);
+                }
+                // None where no material has a normal map.
+                Id::Tangents(i) => {
+                    let first = scene.objects[i].first_tangent;
+                    let rows = self.tangents.get(first..).unwrap_or_default();
+                    for (row, v) in to.chunks_exact_mut(4).zip(rows) {
+                        add_each(&mut row[..3], &v.to_array());
+                    }
+                }
+                Id::NormalMap(m) => {
+                    if let Some(t) = &scene.materials[m].normal_map {
+                        vectors(to, &self.texels[t.offset..], 1.0);
+                    }
                 }
                 Id::Velocity(i) => vectors(to, &self.velocities[i..=i], per_unit),
                 Id::Material(m, channel) => {

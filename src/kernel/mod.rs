@@ -8,6 +8,7 @@
 mod backward;
 mod boundary;
 mod camera;
+mod corners;
 mod delta_lights;
 mod delta_sums;
 mod direct;
@@ -17,6 +18,8 @@ mod path;
 mod scene;
 mod surface;
 mod tasks;
+#[cfg(test)]
+mod tests;
 mod view;
 mod walk;
 

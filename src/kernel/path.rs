@@ -48,9 +48,7 @@ impl View {
                 ..Walk::new()
             });
         }
-        self.scene
-            .hierarchy
-            .hits::<false>(self.arch, &work.rays, &mut work.hits);
+        self.find_hits::<false>(work);
         work.counts.rays += walks.list.len() as u64;
         let found = walks.list.iter_mut().zip(paths).zip(&work.hits);
         for ((walk, path), &hit) in found {
@@ -66,6 +64,16 @@ impl View {
             walk.radiance = self.emission(&walk.point);
         }
         self.reflected::<KEEP>(paths, walks, 0, work);
+    }
+
+    /// The hits of all rays.
+    #[inline(always)]
+    fn find_hits<const ANY: bool>(&self, work: &mut Work) {
+        let (scene, hits) = (&self.scene, &mut work.hits);
+        let holes = scene.holes.as_deref();
+        scene
+            .hierarchy
+            .hits::<ANY>(self.arch, holes, &work.rays, hits);
     }
 
     /// The light that a surface point emits towards the point that sees it.
@@ -147,9 +155,7 @@ impl View {
             }
         }
         walks.alive.truncate(count);
-        scene
-            .hierarchy
-            .hits::<true>(self.arch, &work.rays, &mut work.hits);
+        self.find_hits::<true>(work);
         work.counts.rays += work.rays.len() as u64;
         for (candidate, blocker) in work.candidates.iter().zip(&work.hits) {
             if blocker.triangle != NOTHING {
@@ -198,9 +204,7 @@ impl View {
     /// Adds the light of the environment that the last rays of paths see.
     #[inline(always)]
     fn see_environment<const KEEP: bool>(&self, walks: &mut Walks, work: &mut Work) {
-        self.scene
-            .hierarchy
-            .hits::<true>(self.arch, &work.rays, &mut work.hits);
+        self.find_hits::<true>(work);
         for (&i, hit) in walks.alive.iter().zip(&work.hits) {
             if hit.triangle == NOTHING {
                 self.escape::<KEEP>(&mut walks.list[i as usize], &mut work.vertices);
@@ -218,9 +222,7 @@ impl View {
         work: &mut Work,
     ) {
         let scene = &*self.scene;
-        scene
-            .hierarchy
-            .hits::<false>(self.arch, &work.rays, &mut work.hits);
+        self.find_hits::<false>(work);
         let mut count = 0;
         for k in 0..walks.alive.len() {
             let i = walks.alive[k];

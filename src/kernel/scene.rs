@@ -12,7 +12,8 @@ use crate::model::texture::{Colour, Texels, Texture};
 use crate::model::{V3, v3};
 use crate::sampling::{Emitter, EmitterSampling, Emitters};
 use crate::scene::{
-    CHANNELS, Channel, HostAttribute, HostLight, HostScene, HostTexture, MaterialKind, SceneFrame,
+    CHANNELS, Channel, Holes, HostAttribute, HostLight, HostScene, HostTexture, MaterialKind,
+    SceneFrame,
 };
 
 /// The place of an object's parts in the scene's lists.
@@ -23,6 +24,8 @@ pub(crate) struct ObjectPart {
     pub vertices: usize,
     pub first_uv: usize,
     pub first_normal: usize,
+    pub first_colour: usize,
+    pub first_tangent: usize,
     /// Whether it has shading normals.
     pub smooth: bool,
 }
@@ -34,6 +37,8 @@ pub(crate) struct KernelScene {
     pub hierarchy: Arc<Hierarchy>,
     /// The way of each object over the shutter, if any moves.
     pub velocities: Option<Vec<V3>>,
+    /// Holes, if any surface has any.
+    pub holes: Option<Arc<Holes>>,
     pub objects: Vec<ObjectPart>,
     /// The object of the scene that each object with triangles is, in order.
     pub counted: Vec<usize>,
@@ -43,6 +48,10 @@ pub(crate) struct KernelScene {
     pub normal_rows: Vec<[u32; 3]>,
     pub uvs: Vec<[f32; 2]>,
     pub normals: Vec<V3>,
+    pub colours: Corners,
+    pub tangents: Corners,
+    /// The sides of the bitangents of all tangents, 1 or −1.
+    pub tangent_sides: Vec<f32>,
     pub materials: Vec<Material>,
     pub texels: Texels,
     pub emitters: Emitters,
@@ -53,6 +62,36 @@ pub(crate) struct KernelScene {
     pub textured: bool,
     pub smooth: bool,
     pub glossy: bool,
+    /// Whether any material has a normal map.
+    pub tilted: bool,
+}
+
+/// Values at the corners of triangles that few scenes have; empty in the others.
+#[derive(Default)]
+pub(crate) struct Corners {
+    /// Rows of the values at the corners of each triangle, `u32::MAX` where it has none.
+    pub rows: Vec<[u32; 3]>,
+    pub values: Vec<V3>,
+}
+
+impl Corners {
+    /// Adds those of an object with so many faces, unless no object of the scene has any; takes the first three
+    /// numbers of each row.
+    fn add<const C: usize>(&mut self, of: Option<&HostAttribute<C>>, faces: usize, any: bool) {
+        if !any {
+            return;
+        }
+        let first = self.values.len() as u32;
+        match of {
+            None => self.rows.resize(self.rows.len() + faces, [u32::MAX; 3]),
+            Some(a) => {
+                let rows = a.faces.iter().map(|f| f.map(|row| row + first));
+                self.rows.extend(rows);
+                self.values
+                    .extend(a.values.iter().map(|v| v3(v[0], v[1], v[2])));
+            }
+        }
+    }
 }
 
 impl KernelScene {
@@ -87,6 +126,9 @@ impl KernelScene {
             normal_rows,
             uvs,
             normals,
+            colours,
+            tangents,
+            tangent_sides,
         } = lists;
         let hierarchy = match (like, cache) {
             (None, Some(cache)) => cache.take(host),
@@ -99,6 +141,10 @@ impl KernelScene {
             .map(|m| Material {
                 channels: std::array::from_fn(|i| pack_colour(&mut m.channels[i], &mut texels)),
                 kind: m.kind,
+                normal_map: m
+                    .normal_map
+                    .as_mut()
+                    .and_then(|map| pack_colour(map, &mut texels).texture),
             })
             .collect();
         let emits =
@@ -133,12 +179,14 @@ impl KernelScene {
                 .map(|l| DVec3::from(l.direction).length())
                 .collect(),
             smooth: objects.iter().any(|o| o.smooth),
+            tilted: materials.iter().any(|m| m.normal_map.is_some()),
             glossy: materials.iter().any(|m| m.kind.glossy),
             sky: Sky::new(scene),
             frame,
             triangles,
             hierarchy,
             velocities,
+            holes: scene.holes.clone(),
             objects,
             counted,
             vertex_rows,
@@ -146,6 +194,9 @@ impl KernelScene {
             normal_rows,
             uvs,
             normals,
+            colours,
+            tangents,
+            tangent_sides,
             materials,
             texels,
             emitters,
@@ -159,6 +210,13 @@ impl KernelScene {
             Some(v) => v[self.triangles[triangle as usize].object as usize] * time,
             None => V3::ZERO,
         }
+    }
+
+    /// Whether a triangle has a hole at the point with these weights of its corners.
+    #[inline(always)]
+    pub fn is_open(&self, triangle: u32, weights: [f32; 3]) -> bool {
+        let holes = self.holes.as_ref();
+        holes.is_some_and(|holes| holes.open(triangle, || weights))
     }
 
     /// The emission of a triangle at a point given by weights of its corners.
@@ -185,6 +243,9 @@ struct Lists {
     normal_rows: Vec<[u32; 3]>,
     uvs: Vec<[f32; 2]>,
     normals: Vec<V3>,
+    colours: Corners,
+    tangents: Corners,
+    tangent_sides: Vec<f32>,
 }
 
 impl Lists {
@@ -199,6 +260,8 @@ impl Lists {
             vertices: o.positions.len(),
             first_uv: self.uvs.len(),
             first_normal: self.normals.len(),
+            first_colour: self.colours.values.len(),
+            first_tangent: self.tangents.values.len(),
             smooth: o.normals.is_some(),
         };
         if !o.faces.is_empty() {
@@ -229,6 +292,12 @@ impl Lists {
             self.normals
                 .extend(values.iter().map(|n| v3(n[0], n[1], n[2])));
         }
+        let any = scene.objects.iter().any(|o| o.colours.is_some());
+        self.colours.add(o.colours.as_ref(), o.faces.len(), any);
+        let any = scene.objects.iter().any(|o| o.tangents.is_some());
+        self.tangents.add(o.tangents.as_ref(), o.faces.len(), any);
+        let tangents = o.tangents.iter().flat_map(|t| &t.values);
+        self.tangent_sides.extend(tangents.map(|t| t[3]));
         self.objects.push(part);
     }
 
@@ -319,6 +388,7 @@ pub(crate) struct Material {
     /// Each at its place ([`Channel::place`](crate::scene::Channel::place)).
     pub channels: [Colour; CHANNELS],
     pub kind: MaterialKind,
+    pub normal_map: Option<Texture>,
 }
 
 impl Material {
@@ -334,6 +404,6 @@ impl Material {
     }
 
     pub fn is_textured(&self) -> bool {
-        self.channels.iter().any(|c| c.texture.is_some())
+        self.normal_map.is_some() || self.channels.iter().any(|c| c.texture.is_some())
     }
 }

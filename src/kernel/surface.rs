@@ -10,12 +10,9 @@ use crate::model::V3;
 use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::cone::lifted;
 use crate::model::emitter::Emission;
-use crate::model::triangle::{barycentric, barycentric_slopes, hit_backward};
+use crate::model::triangle::{barycentric, hit_backward};
 use crate::sampling::Receiver;
 use crate::scene::{CHANNELS, Channel};
-
-/// Normals of corners may cancel where they are interpolated.
-const TINY: f32 = 1e-15;
 
 /// A point that a ray hit.
 #[derive(Clone, Copy, Debug, Default)]
@@ -99,12 +96,10 @@ impl KernelScene {
         let weights = barycentric(tri.corners, tri.normal, tri.area, at_rest);
         let geometric = tri.normal * side;
         let uv = self.uv_at(k, weights);
-        let smooth = self.smooth && self.normal_rows[k][0] != u32::MAX;
+        let mut smooth = self.has_normals(k);
         let mut normal = geometric;
         if smooth {
-            let sum = self.sum_of_normals(k, weights);
-            let facing = if sum.dot(geometric) >= 0.0 { 1.0 } else { -1.0 };
-            normal = sum * (facing / sum.length().max(TINY));
+            normal = self.normal_at(k, weights, geometric);
         }
         let m = &self.materials[tri.material as usize];
         let mut values = [V3::ZERO; CHANNELS];
@@ -116,6 +111,17 @@ impl KernelScene {
                 values[i] = m.channels[i].at(&self.texels, uv);
             }
             i += 1;
+        }
+        if let Some(colour) = self.colour_at(k, weights) {
+            let base = Channel::Diffuse.place();
+            values[base] = values[base] * colour;
+        }
+        if self.tilted
+            && let Some(map) = &m.normal_map
+            && let Some(tilt) = self.tilt_at(map, k, (weights, uv), normal * side)
+        {
+            normal = tilt.tilted() * side;
+            smooth = true;
         }
         let shading = Shading {
             geometric,
@@ -134,30 +140,6 @@ impl KernelScene {
             uv,
             shading,
         }
-    }
-
-    /// Texture coordinates at a point of a triangle; 0 where nothing has a texture.
-    #[inline(always)]
-    pub fn uv_at(&self, k: usize, weights: [f32; 3]) -> [f32; 2] {
-        let mut uv = [0.0; 2];
-        let uv_rows = self.uv_rows[k];
-        if self.textured && uv_rows[0] != u32::MAX {
-            for (&row, w) in uv_rows.iter().zip(weights) {
-                let [u, v] = self.uvs[row as usize];
-                uv[0] += u * w;
-                uv[1] += v * w;
-            }
-        }
-        uv
-    }
-
-    #[inline(always)]
-    fn sum_of_normals(&self, k: usize, weights: [f32; 3]) -> V3 {
-        let mut sum = V3::ZERO;
-        for (&row, w) in self.normal_rows[k].iter().zip(weights) {
-            sum += self.normals[row as usize] * w;
-        }
-        sum
     }
 }
 
@@ -178,9 +160,17 @@ impl View {
         let index = tri.material as usize;
         let m = &self.scene.materials[index];
         let mut by_uv = [0.0; 2];
+        let mut channels = shade.channels();
+        let mut by_colour = V3::ZERO;
+        if let Some(colour) = self.scene.colour_at(k, p.weights) {
+            let base = Channel::Diffuse.place();
+            let albedo = m.channels[base].at(&self.scene.texels, p.uv);
+            by_colour = channels[base] * albedo;
+            channels[base] = channels[base] * colour;
+            self.colours_backward(p, by_colour, sums);
+        }
         if self.wanted.materials || (self.wanted.rays && self.scene.textured) {
             let to = &mut sums.materials[index];
-            let channels = shade.channels();
             let mut i = 0;
             while i < m.kind.shading() {
                 let into = (&mut to[i], &mut sums.texels[..]);
@@ -196,12 +186,7 @@ impl View {
         if !self.wanted.rays {
             return RayGradient::default();
         }
-        let by_place = self.attributes_backward(p, by_uv, shade.normal, sums);
-        let flat = if p.shading.smooth {
-            V3::ZERO
-        } else {
-            shade.normal
-        };
+        let (by_place, flat) = self.corners_backward(p, (by_uv, by_colour), shade.normal, sums);
         let by_normal = flat + shade.geometric + by.geometric;
         let direction = p.shading.incoming;
         // Barycentric coordinates see the point from the corners, which are where the triangle is.
@@ -231,18 +216,6 @@ impl View {
         }
     }
 
-    /// Adds a derivative by the texture coordinates at a point of a triangle, which has some.
-    #[inline(always)]
-    pub fn add_to_uvs(&self, k: usize, weights: [f32; 3], by_uv: [f32; 2], sums: &mut Sums) {
-        if self.wanted.uvs {
-            for (&row, w) in self.scene.uv_rows[k].iter().zip(weights) {
-                let to = &mut sums.uvs[row as usize];
-                to[0] += f64::from(by_uv[0] * w);
-                to[1] += f64::from(by_uv[1] * w);
-            }
-        }
-    }
-
     /// Adds the derivatives of g times the radiance that a triangle emits in a direction, given by its cosine; returns
     /// that by the texture coordinates.
     #[inline(always)]
@@ -260,51 +233,5 @@ impl View {
         let into = (&mut sums.materials[index][channel], &mut sums.texels[..]);
         let g = Emission::backward(cosine, g);
         colour.backward(&self.scene.texels, uv, g, into)
-    }
-
-    /// Adds the derivatives by texture coordinates and shading normals; returns that by the point, which
-    /// each corner takes less by its weight.
-    #[inline(always)]
-    fn attributes_backward(
-        &self,
-        p: &Point,
-        by_uv: [f32; 2],
-        by_normal: V3,
-        sums: &mut Sums,
-    ) -> V3 {
-        let k = p.triangle as usize;
-        let (mut by_b, mut by_c) = (0.0, 0.0);
-        if by_uv != [0.0; 2] && self.scene.uv_rows[k][0] != u32::MAX {
-            let [a, b, c] = self.scene.uv_rows[k].map(|row| self.scene.uvs[row as usize]);
-            by_b += by_uv[0] * (b[0] - a[0]) + by_uv[1] * (b[1] - a[1]);
-            by_c += by_uv[0] * (c[0] - a[0]) + by_uv[1] * (c[1] - a[1]);
-            self.add_to_uvs(k, p.weights, by_uv, sums);
-        }
-        if p.shading.smooth {
-            let sum = self.scene.sum_of_normals(k, p.weights);
-            let inverse = 1.0 / sum.length().max(TINY);
-            let unit = sum * inverse;
-            let facing = if sum.dot(p.shading.geometric) >= 0.0 {
-                1.0
-            } else {
-                -1.0
-            };
-            let by_sum = by_normal.reject_from_normalized(unit) * (facing * inverse);
-            let [a, b, c] = self.scene.normal_rows[k].map(|row| self.scene.normals[row as usize]);
-            by_b += by_sum.dot(b - a);
-            by_c += by_sum.dot(c - a);
-            if self.wanted.normals {
-                for (&row, w) in self.scene.normal_rows[k].iter().zip(p.weights) {
-                    sums.normals[row as usize] += DVec3::from(by_sum * w);
-                }
-            }
-        }
-        if by_b == 0.0 && by_c == 0.0 {
-            return V3::ZERO;
-        }
-        let tri = &self.scene.triangles[k];
-        let [a, b, c] = tri.corners;
-        let slopes = barycentric_slopes(a, b, c, tri.normal, tri.area);
-        slopes.first * by_b + slopes.second * by_c
     }
 }

@@ -113,12 +113,19 @@ impl Texture {
     }
 
     #[inline(never)]
-    fn look_up(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
+    pub fn look_up(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
         self.cell(uv).colour(texels)
     }
 
+    /// Adds the derivatives of g·colour by the texels; returns those by the coordinates.
     #[inline(never)]
-    fn backward(&self, texels: &Texels, uv: [f32; 2], g: V3, by_texel: &mut [DVec3]) -> [f32; 2] {
+    pub fn backward(
+        &self,
+        texels: &Texels,
+        uv: [f32; 2],
+        g: V3,
+        by_texel: &mut [DVec3],
+    ) -> [f32; 2] {
         let [by_x, by_y] = self.cell(uv).backward(texels, g, by_texel);
         [by_x * self.width as f32, -by_y * self.height as f32]
     }

@@ -5,9 +5,9 @@ use burn::tensor::Tensor;
 
 use crate::scene::{CornerAttribute, Mesh};
 
-/// A mesh with free vertices. Faces, texture coordinates and shading normals are those of the mesh that
-/// it was made from; they are constant, so shading normals don't follow the vertices: leave them out
-/// (`normals: None`) where the shape changes much.
+/// A mesh with free vertices. Faces, texture coordinates, shading normals, colours and tangents are those of the mesh that
+/// it was made from; they are constant, so shading normals and tangents don't follow the vertices: leave them out
+/// (`normals: None`) where the shape changes much, or let [`Mesh::smooth_normals`] of the mesh follow them.
 ///
 /// ```
 /// use burn::module::Module;
@@ -83,39 +83,43 @@ impl MeshOffsets {
 /// The constant parts of a mesh whose vertices are trained: tensors go where the module goes.
 #[derive(Module, Debug)]
 struct Template {
-    uvs: Option<Tensor<2>>,
-    normals: Option<Tensor<2>>,
-    /// Of positions, texture coordinates and normals.
+    /// Texture coordinates, normals, colours and tangents.
+    attributes: [Option<Tensor<2>>; 4],
+    /// Those of positions, then of the attributes.
     #[module(skip)]
-    faces: [Arc<Vec<[u32; 3]>>; 3],
+    faces: [Arc<Vec<[u32; 3]>>; 5],
 }
 
 impl Template {
     fn new(mesh: &Mesh) -> Self {
-        let values = |a: &CornerAttribute| a.values.clone().detach();
-        let faces = |a: &Option<CornerAttribute>| match a {
-            Some(a) => a.faces.clone(),
-            None => Arc::default(),
-        };
+        let attributes = mesh.attributes().map(|(_, _, attribute)| attribute);
+        let [uvs, normals, colours, tangents] =
+            attributes.map(|a| a.map_or_else(Arc::default, |a| a.faces.clone()));
         Self {
-            uvs: mesh.uvs.as_ref().map(values),
-            normals: mesh.normals.as_ref().map(values),
-            faces: [mesh.faces.clone(), faces(&mesh.uvs), faces(&mesh.normals)],
+            attributes: attributes.map(|a| a.map(|a| a.values.clone().detach())),
+            faces: [mesh.faces.clone(), uvs, normals, colours, tangents],
         }
     }
 
     /// Constants take the float type of the vertices, which a file may have changed.
     fn mesh(&self, vertices: Tensor<2>) -> Mesh {
         let dtype = vertices.dtype();
-        let attribute = |values: &Option<Tensor<2>>, i: usize| {
-            let values = values.clone()?.cast(dtype);
-            let faces = self.faces[i].clone();
-            Some(CornerAttribute { values, faces })
-        };
+        let [faces, of_attributes @ ..] = &self.faces;
+        let mut attributes = self
+            .attributes
+            .iter()
+            .zip(of_attributes)
+            .map(|(values, faces)| {
+                let values = values.clone()?.cast(dtype);
+                Some(CornerAttribute::new(values, faces.clone()))
+            });
+        let mut next = || attributes.next().flatten();
         Mesh {
-            uvs: attribute(&self.uvs, 1),
-            normals: attribute(&self.normals, 2),
-            ..Mesh::of_faces(vertices, self.faces[0].clone())
+            uvs: next(),
+            normals: next(),
+            colours: next(),
+            tangents: next(),
+            ..Mesh::of_faces(vertices, faces.clone())
         }
     }
 }

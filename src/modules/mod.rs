@@ -72,6 +72,6 @@ pub use mesh::{MeshOffsets, MeshParams};
 pub use renderer::Renderer;
 #[cfg(feature = "safetensors")]
 pub use store::{load_safetensors, save_safetensors};
-pub use texture::{EnvironmentParams, TextureParams};
+pub use texture::{EnvironmentParams, NormalMapParams, TextureParams};
 pub use transform::{RigidTransform, RigidTransformConfig, RotationForm};
 pub use values::cast;

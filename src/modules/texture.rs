@@ -5,12 +5,16 @@ use burn::tensor::{Device, Tensor};
 use super::values::{leaf, positive};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
+#[cfg(doc)]
+use crate::scene::Material;
 use crate::scene::{Albedo, Environment, Range, Wrap};
 
 /// Texels begin this far from 0 and 1, where a logit has no gradient.
 const MARGIN: f64 = 1e-3;
 /// Radiance begins with at least this, which has a logarithm.
 const LEAST_RADIANCE: f64 = 1e-3;
+/// Slopes of a normal map begin with at most this.
+const STEEPEST: f64 = 10.0;
 
 /// A texture whose texels stay between 0 and 1: they are the logistic function of the parameters.
 ///
@@ -58,6 +62,55 @@ impl TextureParams {
     pub fn albedo(&self, wrap: Wrap) -> Albedo {
         let texels = self.texels();
         Albedo::Texture { texels, wrap }
+    }
+}
+
+/// A normal map whose normals stay on the outer side of the surface: the parameters are slopes, and a texel is
+/// (x, y, 1), made of unit length.
+///
+/// ```
+/// use softray::modules::NormalMapParams;
+/// use softray::prelude::*;
+/// let map = NormalMapParams::flat(16, 32, &Device::flex().autodiff());
+/// let material = Material::default().normal_map(map.texels(), 1.0);
+/// # let _ = material;
+/// ```
+#[derive(Module)]
+pub struct NormalMapParams {
+    /// Tangents of the angles by which the normal is tilted along increasing u and v, `[H, W, 2]`.
+    pub slopes: Param<Tensor<3>>,
+}
+
+impl NormalMapParams {
+    /// A map of height × width texels that tilts nothing, in the device's default float type.
+    pub fn flat(height: usize, width: usize, device: &Device) -> Self {
+        Self {
+            slopes: leaf(vec![0.0; height * width * 2], [height, width, 2], device),
+        }
+    }
+
+    /// Parameters that begin with the texels of a map `[H, W, 3]` in [−1, 1] (see [`Material::normal_map`]), on its
+    /// device and in its float type. Those that tilt by more than 84° begin there.
+    ///
+    /// # Errors
+    /// If the shape is another, a value is not finite, or the map can't be read.
+    pub fn from_map(map: Tensor<3>) -> Result<Self> {
+        check_map("normal map", &map, Range::Finite)?;
+        let texels = map.detach();
+        let (tilt, up) = (texels.clone().narrow(2, 0, 2), texels.narrow(2, 2, 1));
+        let slopes = (tilt / up.clamp_min(1e-3)).clamp(-STEEPEST, STEEPEST);
+        Ok(Self {
+            slopes: Param::from_tensor(slopes.detach()),
+        })
+    }
+
+    /// The texels `[H, W, 3]`, of unit length, in the graph of the parameters.
+    pub fn texels(&self) -> Tensor<3> {
+        let slopes = self.slopes.val();
+        let up = slopes.ones_like().narrow(2, 0, 1);
+        let texels = Tensor::cat(vec![slopes, up], 2);
+        let length = texels.clone().powi_scalar(2).sum_dim(2).sqrt();
+        texels / length
     }
 }
 

@@ -1,5 +1,7 @@
 //! Batches: scenes and cameras of one call.
 
+use std::borrow::Cow;
+
 use burn::tensor::Tensor;
 
 use crate::error::{Error, Result, one_of};
@@ -126,6 +128,22 @@ impl Batch {
     /// Whether there is none; there is always one.
     pub fn is_empty(&self) -> bool {
         self.views.is_empty()
+    }
+
+    /// The batch, where meshes that a normal map needs tangents of have them.
+    pub(super) fn with_tangents(&self) -> Cow<'_, Self> {
+        let mut all = Cow::Borrowed(self);
+        for (index, scene) in self.scenes.iter().enumerate() {
+            if !scene.objects.iter().any(Object::lacks_tangents) {
+                continue;
+            }
+            let moved = self.scene(index, true);
+            let objects = all.to_mut().scenes[index].objects.iter_mut();
+            for (object, moved) in objects.zip(moved.objects).filter(|o| o.0.lacks_tangents()) {
+                object.mesh.tangents = moved.mesh.mikktspace_tangents().tangents;
+            }
+        }
+        all
     }
 
     /// A scene with its vertices of the batch, in the graph or out of it.

@@ -119,6 +119,7 @@ fn render_views(
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<ImageBatch> {
     options.check()?;
+    let batch = &*batch.with_tangents();
     let size = match &pixels {
         Some(pixels) => [pixels.len(), 1],
         None => [options.width, options.height],

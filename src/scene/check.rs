@@ -164,22 +164,27 @@ fn light_name(index: usize) -> String {
 impl Scene {
     /// The name of the object of a tensor, for messages.
     fn place_of(&self, id: ParameterId) -> String {
-        use ParameterId::{Light, Material, Normals, Uvs, Velocity, Vertices};
+        use ParameterId as Id;
         match id {
-            Vertices(i) | Uvs(i) | Normals(i) | Velocity(i) => self.objects[i].name.clone(),
-            Material(m, _) => {
+            Id::Vertices(i)
+            | Id::Uvs(i)
+            | Id::Normals(i)
+            | Id::Colours(i)
+            | Id::Tangents(i)
+            | Id::Velocity(i) => self.objects[i].name.clone(),
+            Id::Material(m, _) | Id::NormalMap(m) => {
                 let all = self.objects.iter();
                 let mut all = all.flat_map(|o| (0..o.materials.len()).map(|i| o.material_name(i)));
                 all.nth(m).unwrap_or_default()
             }
-            Light(i, _) => light_name(i),
+            Id::Light(i, _) => light_name(i),
             _ => "scene".into(),
         }
     }
 }
 
 impl Object {
-    fn material_name(&self, index: usize) -> String {
+    pub(super) fn material_name(&self, index: usize) -> String {
         format!("{}, material {}", self.name, self.materials[index].name)
     }
 
@@ -215,6 +220,16 @@ impl Object {
                 continue;
             }
             let mut material = material.clone();
+            for (field, has) in [
+                ("normal map", material.normal_map.is_some()),
+                ("alpha mask", material.alpha_mask.is_some()),
+            ] {
+                if has {
+                    let expected = "none, since the mesh has no texture coordinates: \
+                                    Mesh::with_uvs adds them";
+                    return Err(Error::invalid(name, field, "an image", expected));
+                }
+            }
             let is_image = |v: &Value| matches!(v, Value::Image(..) | Value::ScalarImage(..));
             let mut channels = material.channels().into_iter();
             if let Some((channel, _)) = channels.find(|(_, v)| is_image(v)) {

@@ -99,7 +99,7 @@ impl Debug for Mesh {
             _ => write!(f, "Mesh {{ vertices of shape [{count}, {width}]")?,
         }
         write!(f, "{}, {} faces", graph(vertices), self.faces.len())?;
-        for (name, attribute) in [("uvs", &self.uvs), ("normals", &self.normals)] {
+        for (name, _, attribute) in self.attributes() {
             if let Some(a) = attribute {
                 write!(f, ", {name}{}", graph(&a.values))?;
             }
@@ -139,6 +139,12 @@ impl Debug for Material {
         }
         if self.emits() {
             all.field("emission", &self.emission);
+        }
+        if let Some(map) = &self.normal_map {
+            all.field("normal_map", &tensor(&map.texels));
+        }
+        if let Some(mask) = &self.alpha_mask {
+            all.field("alpha_mask", &tensor(&mask.alpha));
         }
         all.finish()
     }

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use glam::DVec3;
 
+use super::host::{HostAttribute, HostObject};
 use super::material::{CHANNELS, Channel, MaterialKind, Value};
 use super::mesh::take_rows;
 use super::parameter::without_tape;
 use super::{
-    Bounds, Camera, CornerAttribute, Environment, HostScene, LightPlanes, Material, Mesh,
+    Bounds, Camera, CornerAttribute, Environment, Holes, HostScene, LightPlanes, Material, Mesh,
     Parameter, Scene, SceneFrame, Wrap,
 };
 use crate::error::Result;
@@ -56,10 +57,27 @@ pub(crate) struct Flattened {
     pub uvs: Option<VertexData>,
     /// Shading normals of the corners, if any mesh has them, and for which triangles.
     pub normals: Option<(VertexData, Vec<bool>)>,
+    /// Colours of the corners, 1 where a mesh has none, if any mesh has them.
+    pub colours: Option<VertexData>,
+    /// Normal maps, if any material has one.
+    pub tilts: Option<Tilts>,
+    /// Holes, if any surface has any.
+    pub holes: Option<Arc<Holes>>,
     /// Lights without a surface, if there are any.
     pub(crate) lights: Option<LightPlanes>,
     /// The environment, if it is not a constant black.
     pub environment: Option<SkyTensors>,
+}
+
+/// What normal maps need.
+#[derive(Clone, Debug)]
+pub(crate) struct Tilts {
+    /// Tangents of the corners, of any length; 0 where there are none.
+    pub tangents: VertexData,
+    /// The side of each triangle's bitangents, 1 or −1; 0 where there are no tangents.
+    pub sides: Vec<f64>,
+    /// Texels, and (0, 0, 1) for materials without a map.
+    pub maps: ChannelPlanes,
 }
 
 impl Flattened {
@@ -77,14 +95,15 @@ impl Flattened {
         let unit = normalization.radius.log2().round().exp2();
         let centre = context.tensor(&normalization.center, [1, 3]);
         let relative = |p: Tensor<2>| (p - centre.clone()) * unit.recip();
-        let positions = corners(scene, &context, |m| Some((&m.vertices, &m.faces)));
+        let positions = corners(scene, &context, 0.0, |m| Some((&m.vertices, &m.faces)));
+        let tilts = Tilts::new(scene, host);
         let materials: Vec<_> = scene.objects.iter().flat_map(|o| &o.materials).collect();
         let materials = Materials::new(materials.into_iter().cloned().collect(), &context);
-        let attribute = |of: fn(&Mesh) -> Option<&CornerAttribute>| {
-            vertex_data(corners(scene, &context, |m| {
-                of(m).map(|a| (&a.values, &a.faces))
-            }))
-        };
+        let attribute =
+            |of: fn(&Mesh) -> Option<&CornerAttribute>| attribute_planes(scene, &context, 0.0, of);
+        let coloured = host.objects.iter().any(|o| o.colours.is_some());
+        let colours =
+            coloured.then(|| attribute_planes(scene, &context, 1.0, |m| m.colours.as_ref()));
         let smooth: Vec<bool> = scene
             .objects
             .iter()
@@ -105,8 +124,11 @@ impl Flattened {
                 vertex_data(positions.map(relative)),
                 velocities(scene, host).map(|v| v.map(|x| x * unit.recip())),
             ),
-            uvs: materials.textured().then(|| attribute(|m| m.uvs.as_ref())),
+            uvs: (materials.textured() || tilts.is_some()).then(|| attribute(|m| m.uvs.as_ref())),
             normals,
+            colours,
+            tilts,
+            holes: host.holes.clone(),
             lights: LightPlanes::new(&scene.lights, &context, place, size),
             environment: sky.shines().then(|| SkyTensors::new(sky, &context)),
             context,
@@ -128,10 +150,23 @@ impl Flattened {
     }
 }
 
-/// Rows of a tensor at the corners of all faces, zero where a mesh has none or they have fewer than three columns.
+/// The first three columns of an attribute at the corners of all faces, a number where a mesh has none.
+fn attribute_planes(
+    scene: &Scene,
+    context: &Context,
+    without: f64,
+    of: fn(&Mesh) -> Option<&CornerAttribute>,
+) -> VertexData {
+    let rows = |m| of(m).map(|a| (&a.values, &a.faces));
+    vertex_data(corners(scene, context, without, rows))
+}
+
+/// Rows of a tensor at the corners of all faces, a number where a mesh has none and zero where they have fewer than
+/// three columns.
 fn corners<'a>(
     scene: &'a Scene,
     context: &Context,
+    without: f64,
     of: impl Fn(&'a Mesh) -> Option<(&'a Tensor<2>, &'a Arc<Vec<[u32; 3]>>)>,
 ) -> [Tensor<2>; 3] {
     let meshes = || {
@@ -141,14 +176,14 @@ fn corners<'a>(
     [0, 1, 2].map(|corner| {
         let parts = meshes().map(|mesh| {
             let n = mesh.faces.len();
-            let zero = |columns| context.tensor(&vec![0.0; n * columns], [n, columns]);
+            let filled = |columns, number| context.tensor(&vec![number; n * columns], [n, columns]);
             let Some((values, faces)) = of(mesh) else {
-                return zero(3);
+                return filled(3, without);
             };
             let rows = take_rows(values, faces.iter().map(|f| f[corner]));
             match rows.dims()[1] {
-                3 => rows,
-                width => Tensor::cat(vec![rows, zero(3 - width)], 1),
+                2 => Tensor::cat(vec![rows, filled(1, 0.0)], 1),
+                _ => rows.narrow(1, 0, 3),
             }
         });
         Tensor::cat(parts.collect(), 0)
@@ -158,6 +193,34 @@ fn corners<'a>(
 fn vertex_data(corners: [Tensor<2>; 3]) -> VertexData {
     let [a, b, c] = corners.map(Vec3::from_columns);
     VertexData { a, b, c }
+}
+
+impl Tilts {
+    /// Those of a scene; None if no material has a normal map.
+    fn new(scene: &Scene, host: &HostScene) -> Option<Self> {
+        let materials = scene.objects.iter().flat_map(|o| &o.materials);
+        let mut maps: Vec<_> = materials.map(|m| m.normal_map.clone()).collect();
+        if maps.iter().all(Option::is_none) {
+            return None;
+        }
+        let mut up = vec![Parameter::Constant([0.0, 0.0, 1.0]); maps.len()];
+        let values = maps.iter_mut().zip(&mut up).map(|(map, up)| match map {
+            Some(map) => Value::Image(&mut map.texels, map.wrap),
+            None => Value::Colour(up),
+        });
+        let side = |o: &HostObject, f: usize| {
+            let of = |t: &HostAttribute<4>| t.values[t.faces[f][0] as usize][3].into();
+            o.tangents.as_ref().map_or(0.0, of)
+        };
+        let all = host.objects.iter();
+        Some(Self {
+            maps: planes(values.collect(), &host.context),
+            sides: all
+                .flat_map(|o| (0..o.faces.len()).map(move |f| side(o, f)))
+                .collect(),
+            tangents: attribute_planes(scene, &host.context, 0.0, |m| m.tangents.as_ref()),
+        })
+    }
 }
 
 /// The velocity of each triangle, if any object moves or may come to.

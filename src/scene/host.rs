@@ -8,7 +8,7 @@ use super::check::{check_devices, check_values};
 use super::light::HostLight;
 use super::material::{Channel, MaterialKind, Value};
 use super::transfer::to_host;
-use super::{CornerAttribute, Parameter, Scene, Wrap};
+use super::{CornerAttribute, Holes, NormalMap, Parameter, Scene, Wrap};
 use crate::error::Result;
 use crate::geometry::{Context, by_rows, host_values};
 
@@ -20,6 +20,8 @@ pub(crate) struct HostScene {
     pub materials: Vec<HostMaterial>,
     pub lights: Vec<HostLight>,
     pub environment: HostTexture,
+    /// If any surface has any.
+    pub holes: Option<Arc<Holes>>,
     /// False only for an environment that is a constant black.
     pub shines: bool,
 }
@@ -31,6 +33,8 @@ pub(crate) struct HostObject {
     pub faces: Arc<Vec<[u32; 3]>>,
     pub uvs: Option<HostAttribute<2>>,
     pub normals: Option<HostAttribute<3>>,
+    pub colours: Option<HostAttribute<3>>,
+    pub tangents: Option<HostAttribute<4>>,
     /// Scene units over the shutter, where it moves or may come to.
     pub velocity: Option<[f64; 3]>,
     /// The first of its materials in the scene, and which of them each face has (the first, if the list
@@ -50,6 +54,7 @@ pub(crate) struct HostMaterial {
     /// The parameters, each at its place ([`Channel::place`]).
     pub channels: Vec<HostTexture>,
     pub kind: MaterialKind,
+    pub normal_map: Option<HostTexture>,
 }
 
 impl HostMaterial {
@@ -91,7 +96,7 @@ impl HostScene {
     pub fn read(scene: &Scene, context: Context) -> Result<Self> {
         check_values(scene)?;
         let mut objects = Vec::with_capacity(scene.objects.len());
-        let mut materials = Vec::new();
+        let (mut materials, mut masks) = (Vec::new(), Vec::new());
         for object in &scene.objects {
             let velocity = match &object.velocity {
                 Some(Parameter::Constant([0.0, 0.0, 0.0])) | None => None,
@@ -102,21 +107,29 @@ impl HostScene {
                 faces: object.mesh.faces.clone(),
                 uvs: object.mesh.uvs.as_ref().map(attribute).transpose()?,
                 normals: object.mesh.normals.as_ref().map(attribute).transpose()?,
+                colours: object.mesh.colours.as_ref().map(attribute).transpose()?,
+                tangents: object.mesh.tangents.as_ref().map(attribute).transpose()?,
                 velocity,
                 first_material: materials.len(),
                 face_materials: object.face_materials.clone(),
             });
-            for m in &object.materials {
+            for (i, m) in object.materials.iter().enumerate() {
                 let kind = m.kind();
                 let channels = m.clone().channels().map(|(_, value)| texture(value));
+                let of_map = |mut map: NormalMap| texture(Value::Image(&mut map.texels, map.wrap));
+                let mask = m.alpha_mask.as_ref();
+                let mask = mask.map(|mask| mask.on_host(&object.material_name(i)));
+                masks.push(mask.transpose()?);
                 materials.push(HostMaterial {
                     kind,
+                    normal_map: m.normal_map.clone().map(of_map).transpose()?,
                     channels: channels.into_iter().collect::<Result<_>>()?,
                 });
             }
         }
         let this = Self {
             context,
+            holes: Holes::new(&objects, masks).map(Arc::new),
             objects,
             materials,
             lights: (scene.lights.iter())

@@ -1,7 +1,7 @@
 use burn::tensor::Tensor;
 
-use super::Parameter;
 use super::parameter::Range;
+use super::{AlphaMask, NormalMap, Parameter};
 
 /// How texture coordinates outside of [0, 1] are mapped into the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -141,6 +141,13 @@ pub enum Bsdf {
     Dielectric,
 }
 
+impl Bsdf {
+    /// Whether colours of a mesh multiply its base colour.
+    pub(crate) fn is_tinted(self) -> bool {
+        matches!(self, Self::Phong | Self::MetallicRoughness)
+    }
+}
+
 /// A parameter of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Channel {
@@ -249,6 +256,10 @@ pub struct Material {
     pub compensated: bool,
     /// Radiance of the front side, RGB; a texture is for cones.
     pub emission: Albedo,
+    /// Tilts of the shading normal.
+    pub normal_map: Option<NormalMap>,
+    /// Holes.
+    pub alpha_mask: Option<AlphaMask>,
 }
 
 impl Default for Material {
@@ -273,6 +284,8 @@ impl Material {
             ior: 1.5.into(),
             compensated: true,
             emission: [0.0; 3].into(),
+            normal_map: None,
+            alpha_mask: None,
         }
     }
 

@@ -4,20 +4,11 @@ use std::sync::Arc;
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
 use super::Transform;
+use super::corners::CornerAttribute;
 use super::parameter::{Range, without_tape};
 use super::transform::Mistake;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-
-/// Values at the corners of faces, with an index of their own: texture coordinates and normals
-/// have seams where positions have none.
-#[derive(Clone)]
-pub struct CornerAttribute {
-    /// `[V, C]`.
-    pub values: Tensor<2>,
-    /// Rows of `values` for the three corners of each face.
-    pub faces: Arc<Vec<[u32; 3]>>,
-}
 
 /// A triangle mesh. Shared vertices stay shared: a gradient on a vertex moves every face at it.
 #[derive(Clone)]
@@ -30,6 +21,10 @@ pub struct Mesh {
     pub uvs: Option<CornerAttribute>,
     /// Shading normals `[_, 3]`.
     pub normals: Option<CornerAttribute>,
+    /// Colours `[_, 3]`, linear RGB, by which the diffuse albedo of materials is multiplied.
+    pub colours: Option<CornerAttribute>,
+    /// Tangents `[_, 4]` for normal maps: x, y, z, and the side of the bitangent, 1 or −1.
+    pub tangents: Option<CornerAttribute>,
     /// The first mistake made with it: what was done, and what was expected. A render reports it as an error.
     pub(crate) mistake: Option<Mistake>,
 }
@@ -46,6 +41,8 @@ impl Mesh {
             faces,
             uvs: None,
             normals: None,
+            colours: None,
+            tangents: None,
             mistake: None,
         }
     }
@@ -57,19 +54,13 @@ impl Mesh {
 
     /// Sets texture coordinates `[V, 2]`, one row for each vertex.
     pub fn with_uvs(mut self, uvs: Tensor<2>) -> Self {
-        self.uvs = Some(CornerAttribute {
-            values: uvs,
-            faces: self.faces.clone(),
-        });
+        self.uvs = Some(CornerAttribute::new(uvs, self.faces.clone()));
         self
     }
 
     /// Sets shading normals `[V, 3]`, one row for each vertex; they need not be of unit length.
     pub fn with_normals(mut self, normals: Tensor<2>) -> Self {
-        self.normals = Some(CornerAttribute {
-            values: normals,
-            faces: self.faces.clone(),
-        });
+        self.normals = Some(CornerAttribute::new(normals, self.faces.clone()));
         self
     }
 
@@ -83,13 +74,13 @@ impl Mesh {
     /// Casts all tensors to a float type.
     pub fn cast(mut self, dtype: DType) -> Self {
         self.vertices = self.vertices.cast(dtype);
-        for attribute in [&mut self.uvs, &mut self.normals].into_iter().flatten() {
+        for attribute in self.attributes_mut().into_iter().flatten() {
             attribute.values = attribute.values.clone().cast(dtype);
         }
         self
     }
 
-    /// Applies a transform to vertices and shading normals. A mirror image is wound the other way, as by
+    /// Applies a transform to vertices, shading normals and tangents. A mirror image is wound the other way, as by
     /// [`scaled`](Self::scaled).
     pub fn transformed(mut self, transform: &Transform) -> Self {
         if let Some(mistake) = transform.mistake() {
@@ -100,6 +91,7 @@ impl Mesh {
         if let Some(normals) = &mut self.normals {
             normals.values = transform.apply_to_normals(normals.values.clone());
         }
+        self.turn_tangents(|t| transform.apply_to_directions(t));
         if transform.mirrors() {
             self.mirrored()
         } else {
@@ -114,7 +106,7 @@ impl Mesh {
     }
 
     /// Splits every face into four in its own plane, so that the shape stays the same. Vertices stay in the
-    /// graph; texture coordinates and normals are dropped.
+    /// graph; texture coordinates, normals, colours and tangents are dropped.
     ///
     /// # Errors
     /// If the vertices are not `[V, 3]` or a face has an index out of range.
@@ -160,16 +152,36 @@ impl Mesh {
 
     pub(crate) fn check(&self, object: &str) -> Result<()> {
         self.checked_vertices(object)?;
-        if let Some(uvs) = &self.uvs {
-            self.check_attribute(object, "uvs", uvs, 2)?;
-        }
-        if let Some(normals) = &self.normals {
-            let rows = self.check_attribute(object, "normals", normals, 3)?;
-            let is_zero = |&&row: &&u32| rows[3 * row as usize..][..3] == [0.0; 3];
-            if let Some(row) = normals.faces.iter().flatten().find(is_zero) {
-                let field = format!("normals {row}");
-                let expected = "a vector that is not 0";
-                return Err(Error::invalid(object, field, "[0.0, 0.0, 0.0]", expected));
+        for (name, width, attribute) in self.attributes() {
+            let Some(attribute) = attribute else { continue };
+            let rows = self.check_attribute(object, name, attribute, width)?;
+            let wrong = |row: u32, of: usize, expected: &str| {
+                let (field, found) = (format!("{name} {row}"), &rows[width * row as usize..]);
+                Err(Error::invalid(
+                    object,
+                    field,
+                    format!("{:?}", &found[..of]),
+                    expected,
+                ))
+            };
+            let mut used = attribute.faces.iter().flatten().copied();
+            let row = |row: u32| &rows[width * row as usize..][..width];
+            match name {
+                "normals" => {
+                    if let Some(zero) = used.find(|&i| row(i) == [0.0; 3]) {
+                        return wrong(zero, 3, "a vector that is not 0");
+                    }
+                }
+                "tangents" => {
+                    if let Some(other) = used.find(|&i| row(i)[3].abs() != 1.0) {
+                        return wrong(
+                            other,
+                            4,
+                            "1 or −1 as the fourth number, the bitangent's side",
+                        );
+                    }
+                }
+                _ => {}
             }
         }
         Ok(())

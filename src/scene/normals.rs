@@ -86,7 +86,7 @@ fn vertex_normals(vertices: &Tensor<2>, faces: &[[u32; 3]]) -> Tensor<2> {
 }
 
 /// The unit vector of each; 0 stays 0.
-fn unit_or_zero(v: &Vec3) -> Vec3 {
+pub(super) fn unit_or_zero(v: &Vec3) -> Vec3 {
     let length = length(v);
     let none = length.clone().lower_equal_elem(0.0);
     let length = length.mask_fill(none, 1.0);

@@ -18,8 +18,14 @@ pub(crate) enum ParameterId {
     Uvs(usize),
     /// `[_, 3]`, of any length.
     Normals(usize),
+    /// `[_, 3]`, linear RGB.
+    Colours(usize),
+    /// `[_, 4]`.
+    Tangents(usize),
     /// `[3]`, scene units over the shutter.
     Velocity(usize),
+    /// `[H, W, 3]`.
+    NormalMap(usize),
     /// `[3]` or `[H, W, 3]`, or `[1]` or `[H, W]`.
     Material(usize, Channel),
     /// `[3]` or `[1]`, of a light by its place in the scene.
@@ -53,6 +59,9 @@ impl ParameterId {
             Self::Vertices(_) => ("vertices", Values::Finite),
             Self::Uvs(_) => ("uvs", Values::Finite),
             Self::Normals(_) => ("normals", Values::Finite),
+            Self::Colours(_) => ("colours", Values::Finite),
+            Self::Tangents(_) => ("tangents", Values::Finite),
+            Self::NormalMap(_) => ("normal map", Values::Finite),
             Self::Velocity(_) => ("velocity", Values::Finite),
             Self::Material(_, channel) => channel.row(),
             Self::Light(_, part) => part.row(),
@@ -105,20 +114,23 @@ pub(crate) fn visit_tensors(scene: &mut Scene, camera: &mut Camera, visit: &mut 
 
 /// Visits every tensor of a scene.
 pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
-    use ParameterId::{Material, Normals, Uvs, Velocity, Vertices};
+    use ParameterId::{Colours, Material, NormalMap, Normals, Tangents, Uvs, Velocity, Vertices};
     let mut material = 0;
     for (i, object) in scene.objects.iter_mut().enumerate() {
         let mesh = &mut object.mesh;
         visit.visit(Vertices(i), &mut mesh.vertices);
-        if let Some(uvs) = &mut mesh.uvs {
-            visit.visit(Uvs(i), &mut uvs.values);
-        }
-        if let Some(normals) = &mut mesh.normals {
-            visit.visit(Normals(i), &mut normals.values);
+        let ids = [Uvs(i), Normals(i), Colours(i), Tangents(i)];
+        for (id, attribute) in ids.into_iter().zip(mesh.attributes_mut()) {
+            if let Some(attribute) = attribute {
+                visit.visit(id, &mut attribute.values);
+            }
         }
         for m in &mut object.materials {
             for (channel, value) in m.channels() {
                 visit.value(Material(material, channel), value);
+            }
+            if let Some(map) = &mut m.normal_map {
+                visit.image(NormalMap(material), &mut map.texels);
             }
             material += 1;
         }

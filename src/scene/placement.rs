@@ -111,6 +111,7 @@ impl Mesh {
                 normals.values = normals.values.clone().neg();
             }
         }
+        self.turn_tangents(|t| t * scale.clone());
         self.vertices = self.vertices * scale;
         if mirrors(&factors) {
             self.mirrored()
@@ -207,14 +208,17 @@ impl Mesh {
         let swapped =
             |faces: &[[u32; 3]]| Arc::new(faces.iter().map(|&[a, b, c]| [a, c, b]).collect());
         let faces: Arc<Vec<[u32; 3]>> = swapped(&self.faces);
-        for attribute in [&mut self.uvs, &mut self.normals].into_iter().flatten() {
-            attribute.faces = if Arc::ptr_eq(&attribute.faces, &self.faces) {
+        let own = std::mem::replace(&mut self.faces, faces.clone());
+        for attribute in self.attributes_mut().into_iter().flatten() {
+            attribute.faces = if Arc::ptr_eq(&attribute.faces, &own) {
                 faces.clone()
             } else {
                 swapped(&attribute.faces)
             };
         }
-        self.faces = faces;
+        if let Some(tangents) = &mut self.tangents {
+            tangents.mirror();
+        }
         self
     }
 }

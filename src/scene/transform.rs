@@ -168,16 +168,21 @@ impl Transform {
 
     /// Transforms points `[V, 3]`. Parts that had a wrong shape are left out.
     pub fn apply(&self, points: Tensor<2>) -> Tensor<2> {
-        let mut p = points;
-        if let Some(s) = &self.scale {
-            let n = s.dims()[0];
-            p = p * s.clone().reshape([1, n]);
-        }
-        p = self.rotate(p);
+        let mut p = self.apply_to_directions(points);
         if let Some(t) = &self.translation {
             p = p + t.clone().reshape([1, 3]);
         }
         p
+    }
+
+    /// Transforms directions `[V, 3]` as differences of points, such as tangents: scales and turns them.
+    pub fn apply_to_directions(&self, directions: Tensor<2>) -> Tensor<2> {
+        let mut d = directions;
+        if let Some(s) = &self.scale {
+            let n = s.dims()[0];
+            d = d * s.clone().reshape([1, n]);
+        }
+        self.rotate(d)
     }
 
     /// Transforms normals `[V, 3]` by the inverse transpose; their length changes.

@@ -14,6 +14,7 @@ use crate::geometry::{Context, Vec3, host_values, host_vectors};
 use crate::model::V3;
 use crate::model::cone::{Bend, bend, lifted, up_to_plane};
 use crate::sampling::Sampler;
+use crate::scene::Holes;
 use crate::visibility::Rays;
 
 /// Paths (pixel, sample) at a bounce, which random numbers belong to.
@@ -26,6 +27,7 @@ pub(crate) struct AtBounce<'a> {
 /// Cones of one half-angle, and the triangles that their rays meet.
 pub(crate) struct Cones {
     hierarchy: Arc<Hierarchy>,
+    holes: Option<Arc<Holes>>,
     arch: Arch,
     /// The tangent of the half-angle.
     tangent: f32,
@@ -62,9 +64,15 @@ struct HostRays {
 
 impl Cones {
     /// `sampler` is that of the render.
-    pub fn new(hierarchy: Arc<Hierarchy>, angle: f64, sampler: &Sampler) -> Self {
+    pub fn new(
+        hierarchy: Arc<Hierarchy>,
+        holes: Option<Arc<Holes>>,
+        angle: f64,
+        sampler: &Sampler,
+    ) -> Self {
         Self {
             hierarchy,
+            holes,
             arch: Arch::new(),
             tangent: angle.tan() as f32,
             sampler: sampler.stream(1),
@@ -123,7 +131,8 @@ impl Cones {
         };
         let list: Vec<HitRay> = (0..rays.len()).map(of).collect();
         let mut hits = Vec::new();
-        self.hierarchy.hits::<false>(self.arch, &list, &mut hits);
+        let holes = self.holes.as_deref();
+        (self.hierarchy).hits::<false>(self.arch, holes, &list, &mut hits);
         let count = self.hierarchy.triangles.len() as u32;
         let is_front = |(hit, d): (&Hit, &V3)| {
             let triangle = self.hierarchy.triangles.get(hit.triangle as usize);
@@ -205,7 +214,8 @@ impl Cones {
             list.push(self.ray(&host, i, start, direction, limit));
         }
         let mut hits = Vec::new();
-        self.hierarchy.hits::<true>(self.arch, &list, &mut hits);
+        let holes = self.holes.as_deref();
+        (self.hierarchy).hits::<true>(self.arch, holes, &list, &mut hits);
         let mut passed = vec![0.0; rays.len()];
         for (&i, hit) in which.iter().zip(&hits) {
             passed[i] = f64::from(u8::from(hit.triangle == NOTHING));

@@ -153,6 +153,18 @@ fn arriving(
     };
     let passed = tracer.transmittance(&shadow, &needed, at)?;
     let per_area = facing / squared * area;
+    let per_area = match &scene.holes {
+        Some(holes) => {
+            let weights = |c: &Chosen| {
+                let [u, v] = c.weights.map(|w| w as f32);
+                [1.0 - u - v, u, v]
+            };
+            let shines = |c: &Chosen| u8::from(!holes.open(c.emitter, || weights(c)));
+            let shines: Vec<f64> = chosen.iter().map(|c| shines(c).into()).collect();
+            per_area * context.row(&shines)
+        }
+        None => per_area,
+    };
     // In units of the emitter's area, without gradient: the points stay where they are on it.
     let mut density = row(|c| c.chance);
     if let Some((by_scattering, used)) = combined {

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::geometry::{
     Context, Nearest, Vec3, VertexData, detached, gather_row, host_values, nearest_on_triangle,
 };
-use crate::scene::{Bsdf, ChannelPlanes, Flattened, MaterialKind};
+use crate::scene::{Bsdf, Channel, ChannelPlanes, Flattened, MaterialKind};
 use crate::visibility::Rays;
 
 /// Drawn surface points, rows `[1, N]`.
@@ -110,7 +110,9 @@ impl SurfacePoints {
         let side = front * 2.0 - 1.0;
         let geometric_normal = normal.scale(&side);
 
-        let barycentrics = (scene.uvs.is_some() || scene.normals.is_some()).then(|| {
+        let interpolates =
+            scene.uvs.is_some() || scene.normals.is_some() || scene.colours.is_some();
+        let barycentrics = interpolates.then(|| {
             let corner = triangles.corners.a.gather(&index);
             let from_a = shifted.add(&rays.direction.scale(&t)).sub(&corner);
             let x = triangles.u.gather(&index).dot(&from_a);
@@ -129,8 +131,8 @@ impl SurfacePoints {
         let normal = match (&scene.normals, &barycentrics) {
             (Some((corners, smooth)), Some((b, c, nearest))) => {
                 let smooth = triangle.iter().map(|&k| smooth[k as usize]);
-                let weights = at_nearest(b, c, nearest);
-                shading_normals(context, corners, &index, smooth, weights, &geometric_normal)
+                let near = &at_nearest(b, c, nearest);
+                shading_normals(context, corners, &index, smooth, near, &geometric_normal)
             }
             _ => geometric_normal.clone(),
         };
@@ -157,13 +159,35 @@ impl SurfacePoints {
             let channel = scene.materials.channel(place);
             look_up(context, channel, &materials, &material, &uv)
         });
-        let parameters = parameters.collect::<Result<_>>()?;
+        let mut parameters = parameters.collect::<Result<Vec<Vec3>>>()?;
+        let near = barycentrics.map(|(b, c, nearest)| at_nearest(&b, &c, &nearest));
+        if let (Some(corners), Some(near)) = (&scene.colours, &near) {
+            let plain = |m: &u32| !scene.materials.kinds[*m as usize].bsdf.is_tinted();
+            let plain: Vec<f64> = materials
+                .iter()
+                .map(|m| u8::from(plain(m)).into())
+                .collect();
+            let plain = context.row(&plain).greater_elem(0.5);
+            let colour = interpolated(corners, &index, near);
+            let base = &mut parameters[Channel::Diffuse.place()];
+            *base = base.mul(&colour.map(|x| x.mask_fill(plain.clone(), 1.0)));
+        }
+        let normal = match (&scene.tilts, &near) {
+            (Some(tilts), Some(near)) => {
+                let texel = look_up(context, &tilts.maps, &materials, &material, &uv)?;
+                let tangent = interpolated(&tilts.tangents, &index, near);
+                let sides = triangle.iter().map(|&k| tilts.sides[k as usize]);
+                let front = normal.scale(&side);
+                tilted(context, &front, &tangent, sides, &texel).scale(&side)
+            }
+            _ => normal,
+        };
         Ok(Self {
             triangle,
             position,
             geometric_normal,
             normal,
-            smooth: scene.normals.is_some(),
+            smooth: scene.normals.is_some() || scene.tilts.is_some(),
             parameters,
             models: models(scene, &materials),
             inside: (side.neg() + 1.0) * 0.5,
@@ -180,6 +204,45 @@ fn at_nearest(b: &Tensor<2>, c: &Tensor<2>, nearest: &Nearest) -> [Tensor<2>; 2]
     [b, c.clone().mask_where(outside, nearest.weight_c.clone())]
 }
 
+/// Values at corners, interpolated by the weights of b and c.
+fn interpolated(corners: &VertexData, index: &Tensor<2, Int>, [b, c]: &[Tensor<2>; 2]) -> Vec3 {
+    let a = (b.clone() + c.clone()).neg() + 1.0;
+    let at = |v: &Vec3| v.gather(index);
+    at(&corners.a)
+        .scale(&a)
+        .add(&at(&corners.b).scale(b))
+        .add(&at(&corners.c).scale(c))
+}
+
+/// Unit normals on the front side, tilted by texels of normal maps (`crate::model::normal_map`); those of triangles
+/// without tangents, whose side is 0, stay as they are.
+fn tilted(
+    context: &Context,
+    normal: &Vec3,
+    tangent: &Vec3,
+    sides: impl Iterator<Item = f64>,
+    texel: &Vec3,
+) -> Vec3 {
+    let side = context.row(&sides.collect::<Vec<_>>());
+    let across = tangent.sub(&normal.scale(&normal.dot(tangent)));
+    let square = across.dot(&across);
+    let none = detached(&square).lower_elem(1e-30);
+    let without = none.bool_or(side.clone().equal_elem(0.0));
+    let length = square.mask_fill(without.clone(), 1.0).sqrt();
+    let tangent = across.map(|x| x / length.clone());
+    let bitangent = normal.cross(&tangent).scale(&side);
+    let sum = tangent
+        .scale(&texel.x)
+        .add(&bitangent.scale(&texel.y))
+        .add(&normal.scale(&texel.z));
+    let square = sum.dot(&sum);
+    let without = without.bool_or(detached(&square).lower_elem(1e-30));
+    let length = square.mask_fill(without.clone(), 1.0).sqrt();
+    sum.zip(normal, |s, n| {
+        (s / length.clone()).mask_where(without.clone(), n)
+    })
+}
+
 /// Unit normals interpolated between corners, on the side of the geometric normals; these where a triangle is
 /// not smooth.
 fn shading_normals(
@@ -187,15 +250,10 @@ fn shading_normals(
     corners: &VertexData,
     index: &Tensor<2, Int>,
     smooth: impl Iterator<Item = bool>,
-    [b, c]: [Tensor<2>; 2],
+    weights: &[Tensor<2>; 2],
     geometric_normal: &Vec3,
 ) -> Vec3 {
-    let a = (b.clone() + c.clone()).neg() + 1.0;
-    let at = |v: &Vec3| v.gather(index);
-    let shading = at(&corners.a)
-        .scale(&a)
-        .add(&at(&corners.b).scale(&b))
-        .add(&at(&corners.c).scale(&c));
+    let shading = interpolated(corners, index, weights);
     let flat: Vec<f64> = smooth.map(|s| if s { 0.0 } else { 1.0 }).collect();
     let flat = context.row(&flat).greater_elem(0.5);
     // Objects without normals have zeros here: replaced before the square root.

@@ -89,6 +89,64 @@ impl Gltf {
         self.json["meshes"][0]["primitives"][0]["material"] = json!(index);
     }
 
+    /// A square with a bit of everything, and a picture at a URI.
+    pub fn everything(picture: &str) -> Self {
+        let mut file = Self::square();
+        file.push("images", json!({"uri": picture}));
+        file.push("samplers", json!({"wrapS": 33648}));
+        file.push("textures", json!({"source": 0, "sampler": 0}));
+        let texture = json!({"index": 0, "extensions": {"KHR_texture_transform": {"rotation": 1}}});
+        file.material(json!({
+        "pbrMetallicRoughness": {
+            "baseColorTexture": texture, "metallicRoughnessTexture": texture, "metallicFactor": 0
+        },
+        "emissiveFactor": [1, 1, 1], "emissiveTexture": texture, "alphaMode": "MASK",
+        "normalTexture": texture,
+        "extensions": {
+            "KHR_materials_specular": {"specularFactor": 0.5}, "KHR_materials_ior": {"ior": 1.4},
+            "KHR_materials_transmission": {"transmissionFactor": 1},
+            "KHR_materials_volume": {"thicknessFactor": 1},
+            "KHR_materials_emissive_strength": {"emissiveStrength": 2}
+        },
+        "extras": {"softray": {"compensated": false}}
+    }));
+        let metal = json!({"eta": [0.2, 0.4, 1.4], "extinction": [3.9, 2.4, 1.6]});
+        file.push(
+            "materials",
+            json!({"extras": {"softray": {"conductor": metal}}}),
+        );
+        let colours = file.floats("VEC3", &[[1.0, 0.5, 0.0]; 4]);
+        let normals = file.floats("VEC3", &[[0.0, 0.0, 1.0]; 4]);
+        let tangents = file.floats("VEC4", &[[1.0, 0.0, 0.0, -1.0]; 4]);
+        let mut second = file.json["meshes"][0]["primitives"][0].clone();
+        let attributes = &mut file.json["meshes"][0]["primitives"][0]["attributes"];
+        attributes["COLOR_0"] = json!(colours);
+        attributes["NORMAL"] = json!(normals);
+        attributes["TANGENT"] = json!(tangents);
+        second["material"] = json!(1);
+        let primitives = file.json["meshes"][0]["primitives"].as_array_mut();
+        primitives.expect("a list").push(second);
+        let (indices, values) = (file.view(&[1, 2]), file.view(&[0; 24]));
+        file.json["accessors"][0]["sparse"] = json!({
+            "count": 2, "indices": {"bufferView": indices, "componentType": 5121},
+            "values": {"bufferView": values}
+        });
+        file.push(
+            "cameras",
+            json!({"type": "perspective", "perspective": {"yfov": 0.5, "znear": 1}}),
+        );
+        file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+            {"type": "spot", "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.5}},
+            {"type": "point", "intensity": 3}, {"type": "directional", "color": [1, 0.5, 1]}
+        ]}});
+        file.json["nodes"] = json!([
+            {"mesh": 0, "children": [1, 2], "scale": [1, -1, 1]},
+            {"camera": 0, "translation": [0, 0, 4], "extensions": {"KHR_lights_punctual": {"light": 1}}},
+            {"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}, "rotation": [0, 0, 1, 0]}
+        ]);
+        file
+    }
+
     /// The file as `.glb`.
     pub fn glb(&self) -> Vec<u8> {
         let mut json = self.json.to_string().into_bytes();

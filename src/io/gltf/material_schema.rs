@@ -108,6 +108,8 @@ pub(super) struct MaterialExtensions {
     pub specular: Specular,
     #[serde(rename = "KHR_materials_transmission")]
     pub transmission: Transmission,
+    #[serde(rename = "KHR_materials_volume")]
+    pub volume: Volume,
 }
 
 #[derive(Deserialize)]
@@ -163,10 +165,28 @@ pub(super) struct Transmission {
     pub transmission_texture: Option<Info>,
 }
 
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Volume {
+    pub thickness_factor: f32,
+    /// Without one there is no attenuation.
+    pub attenuation_distance: Option<f32>,
+}
+
 /// What this crate writes of a material that glTF has no field for.
 #[derive(Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Extras {
-    pub softray: Option<Phong>,
+    pub softray: Own,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Own {
+    pub phong: Option<Phong>,
+    pub conductor: Option<Conductor>,
+    /// Not where it is as without this.
+    pub compensated: Option<bool>,
 }
 
 /// Phong's lobe.
@@ -176,6 +196,13 @@ pub(super) struct Phong {
     pub specular_factor: [f32; 3],
     pub specular_texture: Option<Info>,
     pub shininess: f32,
+}
+
+/// The parts of a metal's index of refraction.
+#[derive(Deserialize)]
+pub(super) struct Conductor {
+    pub eta: [f32; 3],
+    pub extinction: [f32; 3],
 }
 
 /// What others keep in `extras` is theirs.

@@ -2,11 +2,9 @@
 
 use super::Document;
 use super::buffers::Target;
-use super::material_schema::{AlphaMode, Info, MaterialExtensions};
+use super::material_schema::{AlphaMode, Info, MaterialExtensions, Own};
 use crate::error::Result;
-use crate::io::description::{
-    Alpha, ImageSource, MaterialDescription, PhongDescription, TextureUse,
-};
+use crate::io::description::{Alpha, ImageSource, MaterialDescription, OwnBsdf, TextureUse};
 use crate::scene::Wrap;
 
 /// A material, and where its textures are looked up.
@@ -112,16 +110,12 @@ fn material(document: &Document, index: usize) -> Result<Material> {
         description.normal = texture.map(|t| (t, f64::from(normal.scale)));
     }
     extend(&mut description, &json.extensions, document, &place)?;
-    if let Some(phong) = &json.extras.softray {
-        let field = |name: &str| format!("{place}.extras.softray.{name}");
-        let albedo = phong.specular_factor;
-        let albedo = albedo.map(|v| unit(v, field("specularFactor")));
-        description.phong = Some(PhongDescription {
-            albedo: three(albedo)?,
-            texture: textures.of(phong.specular_texture.as_ref(), "specularTexture")?,
-            shininess: document.not_negative(phong.shininess, field("shininess"))?,
-        });
-    }
+    extras(
+        &mut description,
+        &json.extras.softray,
+        &mut textures,
+        &place,
+    )?;
     Ok(Material {
         description,
         coordinates: textures.coordinates,
@@ -144,6 +138,11 @@ fn extend(
     if transmission.transmission_texture.is_some() {
         document.skip("transmissionTexture");
     }
+    let of = field("KHR_materials_volume.thicknessFactor");
+    description.solid = document.not_negative(json.volume.thickness_factor, of)? > 0.0;
+    if json.volume.attenuation_distance.is_some() {
+        document.skip("attenuation of volumes");
+    }
     let of = field("KHR_materials_specular.specularFactor");
     description.specular = document.unit(specular.specular_factor, of)?;
     if specular.specular_color_factor != [1.0; 3]
@@ -151,6 +150,36 @@ fn extend(
         || specular.specular_color_texture.is_some()
     {
         document.skip("specularTexture and specularColor");
+    }
+    Ok(())
+}
+
+/// What this crate has written of a BSDF.
+fn extras(
+    description: &mut MaterialDescription,
+    json: &Own,
+    textures: &mut Textures,
+    place: &str,
+) -> Result<()> {
+    let document = textures.document;
+    let field = |name: &str| format!("{place}.extras.softray.{name}");
+    description.compensated = json.compensated.unwrap_or(true);
+    if let Some(phong) = &json.phong {
+        let albedo = phong.specular_factor;
+        let albedo = albedo.map(|v| document.unit(v, field("phong.specularFactor")));
+        description.own = Some(OwnBsdf::Phong {
+            albedo: three(albedo)?,
+            texture: textures.of(phong.specular_texture.as_ref(), "specularTexture")?,
+            shininess: document.not_negative(phong.shininess, field("phong.shininess"))?,
+        });
+    } else if let Some(conductor) = &json.conductor {
+        let part = |values: [f32; 3], name: &str| {
+            three(values.map(|v| document.not_negative(v, field(name))))
+        };
+        description.own = Some(OwnBsdf::Conductor {
+            eta: part(conductor.eta, "conductor.eta")?,
+            extinction: part(conductor.extinction, "conductor.extinction")?,
+        });
     }
     Ok(())
 }

@@ -106,6 +106,7 @@ struct Arrays<'a> {
     normals: Option<Accessor<'a>>,
     uvs: Option<(Accessor<'a>, Option<Coordinates>)>,
     colours: Option<Accessor<'a>>,
+    tangents: Option<Accessor<'a>>,
 }
 
 /// Where a vertex of a primitive went: its place, and its rows of attributes.
@@ -115,6 +116,7 @@ struct Rows {
     normal: u32,
     uv: u32,
     colour: u32,
+    tangent: u32,
 }
 
 impl<'a> Builder<'a> {
@@ -231,8 +233,12 @@ impl<'a> Builder<'a> {
             }
             None => None,
         };
+        let normals = attribute("NORMAL", &[3])?;
+        let tangents = attribute("TANGENT", &[4])?;
         Ok(Arrays {
-            normals: attribute("NORMAL", &[3])?,
+            // Those of flat faces would be others.
+            tangents: tangents.filter(|_| normals.is_some()),
+            normals,
             uvs: uvs.map(|uvs| (uvs, coordinates)),
             colours: attribute("COLOR_0", &[3, 4])?,
             indices,
@@ -256,9 +262,14 @@ impl<'a> Builder<'a> {
             coordinates.map_or([u, 1.0 - v], |c| c.apply([u, v]))
         });
         let colour = arrays.colours.as_ref().map(|c| c.row(index));
+        let tangent = arrays.tangents.as_ref().map(|t| {
+            let [x, y, z, w] = t.row(index);
+            [x, y, z, if w < 0.0 { -1.0 } else { 1.0 }]
+        });
         Rows {
             place,
             normal: normal.map_or(0, |n| mesh.normals.push(n)),
+            tangent: tangent.map_or(0, |t| mesh.tangents.push(t)),
             // Those of a primitive that has none count for nothing.
             uv: if self.uvs {
                 mesh.uvs.push(uv.unwrap_or([0.0; 2]))
@@ -282,6 +293,10 @@ impl<'a> Builder<'a> {
         }
         if self.colours {
             mesh.colours.faces.push(corners.map(|c| c.colour));
+        }
+        // Where a primitive has none, those of the mesh are made.
+        if arrays.tangents.is_some() {
+            mesh.tangents.faces.push(corners.map(|c| c.tangent));
         }
         if !self.normals {
             return;

@@ -26,12 +26,13 @@ use super::limits::read_bytes;
 use crate::error::{Error, Result};
 
 /// Extensions whose fields are read, or that change nothing here.
-const READ: [&str; 7] = [
+const READ: [&str; 8] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
     "KHR_materials_transmission",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];

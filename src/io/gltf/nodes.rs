@@ -1,6 +1,7 @@
 //! The graph of nodes: meshes, cameras and lights at their places in the world.
 
 use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
 
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 
@@ -175,8 +176,7 @@ impl Walk<'_> {
             let place = format!("nodes[{i}].extensions.KHR_lights_punctual.light");
             let lights = &root.extensions.lights.lights;
             let json = document.get(lights, light.light, &place, "lights")?;
-            let name = name(json.name.as_ref(), "light");
-            let light = self.light(json, name, to_world, &format!("lights[{}]", light.light))?;
+            let light = self.light(json, to_world, &format!("lights[{}]", light.light))?;
             self.found.lights.push(light);
         }
         Ok(())
@@ -280,13 +280,7 @@ impl Walk<'_> {
     }
 
     /// A light shines along its node's −z, whose scale doesn't count.
-    fn light(
-        &self,
-        json: &Light,
-        name: String,
-        to: DAffine3,
-        place: &str,
-    ) -> Result<LightDescription> {
+    fn light(&self, json: &Light, to: DAffine3, place: &str) -> Result<LightDescription> {
         let document = self.document;
         let at = |field: &str| format!("{place}.{field}");
         let kind = match json.kind {
@@ -294,17 +288,16 @@ impl Walk<'_> {
             LightType::Directional => LightKind::Directional,
             LightType::Spot => {
                 let (inner, outer) = (json.spot.inner_cone_angle, json.spot.outer_cone_angle);
-                if !(0.0 <= inner && inner < outer && outer <= 1.571) {
+                // The file's numbers are rounded.
+                if !(0.0 <= inner && inner <= outer && outer <= 1.571) {
                     let message = format!(
-                        "has the angles {inner} and {outer}, expected 0 ≤ innerConeAngle < \
+                        "has the angles {inner} and {outer}, expected 0 ≤ innerConeAngle ≤ \
                          outerConeAngle ≤ π/2"
                     );
                     return Err(document.fail(at("spot"), message));
                 }
-                LightKind::Spot {
-                    inner: f64::from(inner),
-                    outer: f64::from(outer),
-                }
+                let [inner, outer] = [inner, outer].map(|a| f64::from(a).min(FRAC_PI_2));
+                LightKind::Spot { inner, outer }
             }
         };
         let strength = document.not_negative(json.intensity, at("intensity"))?;
@@ -317,7 +310,6 @@ impl Walk<'_> {
         }
         let direction = (-to.matrix3.z_axis).try_normalize();
         Ok(LightDescription {
-            name,
             kind,
             position: to.translation,
             direction: direction.unwrap_or(DVec3::NEG_Z),

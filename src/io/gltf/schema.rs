@@ -57,7 +57,6 @@ pub(super) struct Lights {
 
 #[derive(Deserialize)]
 pub(super) struct Light {
-    pub name: Option<String>,
     #[serde(rename = "type")]
     pub kind: LightType,
     #[serde(default = "white")]

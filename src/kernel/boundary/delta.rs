@@ -72,7 +72,7 @@ impl View {
                 direction: seen.direction,
             };
             let jump = direction_jump(p.to, p.edge.along, &bend, normal);
-            let sides = self.sides(&p, view, jump.side);
+            let sides = self.sides(&p, view, jump.side, time);
             // Light passes on one side or on none.
             let sign = match sides.faces.map(|face| face == NOTHING) {
                 [true, false] => 1.0,
@@ -87,8 +87,7 @@ impl View {
                 unseen: p.edge.faces,
                 ..HitRay::new(start, sides.past, time, limit)
             };
-            let hierarchy = &self.scene.hierarchy;
-            if hierarchy.hit_seen::<true>(self.arch, &ray).triangle != NOTHING {
+            if self.hit_seen::<true>(&ray).triangle != NOTHING {
                 return;
             }
             let scale = carried * density * sign * p.per_density;

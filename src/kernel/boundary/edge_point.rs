@@ -148,7 +148,7 @@ const BESIDE: f32 = 2e-5;
 
 impl View {
     /// The faces of an edge that are seen on its two sides, the second towards `side`.
-    pub(super) fn sides(&self, p: &EdgePoint, view: V3, side: V3) -> Sides {
+    pub(super) fn sides(&self, p: &EdgePoint, view: V3, side: V3, time: f32) -> Sides {
         let mut faces = [NOTHING; 2];
         let mut least = [f32::INFINITY; 2];
         // Across the plane of the edge and the view, so that lateral places are comparable.
@@ -156,7 +156,7 @@ impl View {
         let across = across * if across.dot(side) < 0.0 { -1.0 } else { 1.0 };
         let mut halves = [(NOTHING, V3::ZERO); FACES];
         for (half, &face) in halves.iter_mut().zip(&p.edge.faces) {
-            if face == NOTHING {
+            if face == NOTHING || self.is_open_at(face, p.position, time) {
                 continue;
             }
             let corners = self.scene.triangles[face as usize].corners;
@@ -198,13 +198,30 @@ impl View {
         }
     }
 
+    /// Whether a triangle has a hole at a point of it.
+    fn is_open_at(&self, k: u32, position: V3, time: f32) -> bool {
+        if self.scene.holes.is_none() {
+            return false;
+        }
+        let t = &self.scene.triangles[k as usize];
+        let at_rest = position - self.scene.shift(k, time);
+        let weights = barycentric(t.corners, t.normal, t.area, at_rest);
+        self.scene.is_open(k, weights)
+    }
+
+    /// The hit of a ray on all but its unseen triangles: the nearest, or with `ANY` any.
+    pub(super) fn hit_seen<const ANY: bool>(&self, ray: &HitRay) -> Hit {
+        let holes = self.scene.holes.as_deref();
+        self.scene.hierarchy.hit_seen::<ANY>(self.arch, holes, ray)
+    }
+
     /// The hit behind an edge's point, seen from a point; None where something hides the edge.
     pub(super) fn behind(&self, p: &EdgePoint, start: V3, view: V3, time: f32) -> Option<Hit> {
         let ray = HitRay {
             unseen: p.edge.faces,
             ..HitRay::new(start, view, time, f32::INFINITY)
         };
-        let hit = self.scene.hierarchy.hit_seen::<false>(self.arch, &ray);
+        let hit = self.hit_seen::<false>(&ray);
         if hit.triangle != NOTHING && hit.t < p.to.length() {
             let tri = &self.scene.triangles[hit.triangle as usize];
             let at_rest = p.position - self.scene.shift(hit.triangle, time);

@@ -74,7 +74,7 @@ impl FilmSamples<'_> {
             .project_along(point.position, point.edge.along, lens[0], lens[1]);
         // To the right of the edge's image, on a film whose y points down.
         let side = view.camera.across * along_y + view.camera.upward * along_x;
-        let sides = view.sides(&point, direction, side);
+        let sides = view.sides(&point, direction, side, path.time);
         let Some(behind) = view.behind(&point, origin, sides.past, path.time) else {
             return;
         };

@@ -80,7 +80,7 @@ impl View {
             return;
         }
         let jump = direction_jump(p.to, p.edge.along, &bend, shading.geometric);
-        let sides = self.sides(&p, view, jump.side);
+        let sides = self.sides(&p, view, jump.side, time);
         if last && !sides.faces.contains(&NOTHING) {
             return;
         }

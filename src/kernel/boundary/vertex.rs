@@ -117,7 +117,7 @@ impl View {
             return;
         }
         let jump = direction_jump(p.to, p.edge.along, &bend, point.shading.geometric);
-        let sides = self.sides(&p, view, jump.side);
+        let sides = self.sides(&p, view, jump.side, o.path.time);
         // Light passes on one side or on none.
         let [minus, plus] = sides.faces;
         let sign = match (minus == NOTHING, plus == NOTHING) {
@@ -174,7 +174,9 @@ impl View {
     ) {
         let (p, axis, time) = (edge.point, edge.axis, o.path.time);
         let e = self.scene.emitters.get(hit.emitter);
-        if p.edge.faces.contains(&e.triangle) {
+        let [b, c] = hit.weights;
+        let weights = [1.0 - b - c, b, c];
+        if p.edge.faces.contains(&e.triangle) || self.scene.is_open(e.triangle, weights) {
             return;
         }
         let point = &o.vertex.point;
@@ -188,13 +190,10 @@ impl View {
             unseen: p.edge.faces,
             ..HitRay::new(start, edge.past, time, limit)
         };
-        let hierarchy = &self.scene.hierarchy;
-        if hierarchy.hit_seen::<true>(self.arch, &ray).triangle != NOTHING {
+        if self.hit_seen::<true>(&ray).triangle != NOTHING {
             return;
         }
         let tri = &self.scene.triangles[e.triangle as usize];
-        let [b, c] = hit.weights;
-        let weights = [1.0 - b - c, b, c];
         let emission = self.scene.emission(e.triangle as usize, weights);
         let emission = emission.towards(-e.normal.dot(axis));
         let scale = edge.carried.dot(emission) * edge.sign * p.per_density;

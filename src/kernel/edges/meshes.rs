@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use super::{Edge, FACES, Kind};
 use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
-use crate::kernel::scene::Triangle;
+use crate::kernel::scene::{Corners, Triangle};
+use crate::model::V3;
 use crate::scene::Bsdf;
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
@@ -42,8 +43,9 @@ pub(super) fn of_object(
     let transparent = |k: usize| scene.material(k as u32).kind.bsdf == Bsdf::Dielectric;
     let triangles = part.first_triangle..part.first_triangle + faces.len();
     let closed = !groups.is_empty() && groups.iter().all(|g| g.len() == 2);
-    // One sees into what is clear.
-    let closed = closed && !triangles.into_iter().any(transparent);
+    let pierced = |k: usize| scene.holes.as_ref().is_some_and(|h| h.are_in(k));
+    // One sees into what is clear or has holes.
+    let closed = closed && !triangles.into_iter().any(|k| transparent(k) || pierced(k));
     groups
         .par_iter()
         .filter_map(|group| edge_of(scene, object, &weld, faces, group, closed))
@@ -136,6 +138,17 @@ fn crease(
             if (p[0] - q[0]).abs() + (p[1] - q[1]).abs() > 1e-6 {
                 return 1.0;
             }
+        }
+        let apart = |corners: &Corners, without: V3| {
+            let at = |k: usize, c: usize| match corners.rows.get(k).map(|rows| rows[c]) {
+                None | Some(u32::MAX) => without,
+                Some(row) => corners.values[row as usize],
+            };
+            (at(k, c) - at(k2, c2)).length()
+        };
+        jump = jump.max(apart(&scene.colours, V3::ONE) / CREASE);
+        if material.normal_map.is_some() {
+            jump = jump.max(apart(&scene.tangents, V3::ZERO));
         }
     }
     if jump < FLAT {

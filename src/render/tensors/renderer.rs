@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::outputs::outputs;
 use crate::accel::Hierarchy;
 use crate::device::is_cpu;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::model::filter::PixelFilter;
 use crate::render::options::{RenderOptions, Tile, sampler, tiles};
 use crate::sampling::{Dimension, Sampler};
@@ -233,7 +233,7 @@ impl HostSight {
                 let half_height = camera.half_height()?;
                 let least = options.blur.map_or(0.0, f64::tan);
                 let wide = least * 0.5 * options.height as f64 / half_height;
-                let cones = Cones::new(hierarchy()?, angle, &sampler(options));
+                let cones = Cones::new(hierarchy()?, scene.holes.clone(), angle, &sampler(options));
                 Self::Cones(cones, PixelFilter::new(pixels.max(wide)))
             }
             Visibility::Softmax {
@@ -241,6 +241,10 @@ impl HostSight {
                 gamma,
                 epsilon,
             } => {
+                if scene.holes.is_some() {
+                    let expected = "none under the softmax: holes are for Visibility::cone";
+                    return Err(Error::invalid("scene", "alpha mask", "a mask", expected));
+                }
                 let form = Softmax {
                     sigma: sigma / (scene.unit * scene.unit),
                     gamma,

@@ -1,9 +1,9 @@
-//! Cases of lights without a surface.
+//! Cases of lights without a surface, and of emissive textures.
 
 use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;
 
-use super::{Case, camera, change, objects, offset, scene, vector};
+use super::{Case, camera, change, constant, objects, offset, scene, vector, with_lamp};
 
 fn case(
     name: &'static str,
@@ -102,5 +102,72 @@ pub fn moving() -> Vec<Case> {
             let scene = still.map_object("ball", |_| ball.clone());
             (scene.expect("the object"), camera())
         }),
+    ]
+}
+
+/// Texels of emission, one of which is a number.
+fn patchwork(p: Tensor<1>, device: &Device, dtype: DType) -> Material {
+    let base = [4.0, 3.0, 2.0, 0.0, 0.0, 0.0, 0.5, 1.0, 4.0, 1.0, 6.0, 2.0];
+    let one = [0.0, 0.0, 0.0, 1.0, 0.9, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let [base, one] = [base, one].map(|v| constant(&v, [2, 2, 3], device, dtype));
+    Material::emitter(Albedo::texture(base + one * p.reshape([1, 1, 1])))
+}
+
+/// The lamp of a scene with such texels, whose coordinates move by a number.
+fn with_moving_uvs(scene: Scene, name: &str, p: Tensor<1>, d: &Device, t: DType) -> Scene {
+    let material = patchwork(constant(&[1.0], [1], d, t), d, t);
+    let by = vector(p, [0.6, 0.4, 0.0], d, t)
+        .slice([0..2])
+        .reshape([1, 2]);
+    let changed = scene.map_object(name, |o| {
+        o.material(material.clone()).map_mesh(|m| {
+            let uvs = m.uvs.clone().expect("coordinates").values.cast(t) * 1.3;
+            m.with_uvs(uvs + by.clone())
+        })
+    });
+    changed.expect("the object")
+}
+
+/// Emissive textures: texels, texture coordinates and what moves under them, by what they light and as the camera sees them.
+pub fn glowing() -> Vec<Case> {
+    let seen = |case: Case| Case {
+        weight: |x, y| (-((x + 0.5).powi(2) + (y - 0.33).powi(2)) / 0.1).exp(),
+        ..case
+    };
+    vec![
+        case("texel of a light", 5.0, 0.5, 1, |d, t, p| {
+            let m = patchwork(p, d, t);
+            (change("light", |o| o.material(m.clone()), d, t), camera())
+        }),
+        seen(case("texel that is seen", 5.0, 0.5, 0, |d, t, p| {
+            let m = patchwork(p, d, t);
+            let scene = with_lamp(d, t).map_object("lamp", |o| o.material(m.clone()));
+            (scene.expect("the object"), camera())
+        })),
+        case("uvs of a light", 0.1, 0.05, 0, |d, t, p| {
+            let scene = scene(objects(d, t)).environment([0.0; 3]);
+            (with_moving_uvs(scene, "light", p, d, t), camera())
+        }),
+        seen(case("uvs that are seen", 0.1, 0.05, 0, |d, t, p| {
+            (with_moving_uvs(with_lamp(d, t), "lamp", p, d, t), camera())
+        })),
+        case("textured light translation", 0.0, 0.01, 0, |d, t, p| {
+            let m = patchwork(constant(&[6.0], [1], d, t), d, t);
+            let by = vector(p, [0.3, -0.8, 0.4], d, t);
+            let light = |o: Object| {
+                let o = o.material(m.clone());
+                o.map_mesh(|mesh| mesh.translated(by.clone()))
+            };
+            (change("light", light, d, t).environment([0.0; 3]), camera())
+        }),
+        seen(case("textured lamp moves", 0.0, 0.02, 0, |d, t, p| {
+            let m = patchwork(constant(&[6.0], [1], d, t), d, t);
+            let by = vector(p, [0.8, 0.3, 0.4], d, t);
+            let scene = with_lamp(d, t).map_object("lamp", |o| {
+                let o = o.material(m.clone());
+                o.map_mesh(|mesh| mesh.translated(by.clone()))
+            });
+            (scene.expect("the object"), camera())
+        })),
     ]
 }

@@ -1,0 +1,267 @@
+//! Materials from descriptions.
+
+use std::collections::{BTreeSet, HashMap};
+use std::io::{BufReader, Cursor};
+
+use burn::tensor::{Device, Tensor, TensorData};
+
+use super::LoadLimits;
+use super::decode::Decoded;
+use super::description::{
+    Alpha, Description, ImageSource, MaterialDescription, OwnBsdf, TextureUse,
+};
+use super::limits::open;
+use crate::error::Result;
+use crate::geometry::host_values;
+use crate::scene::{Albedo, AlphaMask, Material, NormalMap, ScalarTexture, Wrap};
+
+/// The channels of an image of metal and roughness.
+const ROUGHNESS: usize = 1;
+const METALLIC: usize = 2;
+
+/// Indices of refraction that are nearer to 1 are rendered as this one: without a difference nothing is refracted.
+const LEAST_IOR: f64 = 1.0011;
+
+/// Materials of a scene, each made once.
+pub(super) struct Materials<'a> {
+    description: &'a Description,
+    limits: &'a LoadLimits,
+    device: &'a Device,
+    /// Images that were decoded, by their numbers.
+    images: HashMap<(usize, Channels), Tensor<3>>,
+    /// Materials that were made, so that objects share textures and unused ones aren't read.
+    made: HashMap<Option<usize>, Material>,
+    /// What would change the picture and is not rendered, told once.
+    pub dropped: BTreeSet<&'static str>,
+}
+
+/// The channels that are taken from an image.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Channels {
+    /// Linear RGB from sRGB.
+    Colours,
+    /// RGB as it is.
+    Numbers,
+    /// Alpha alone.
+    Alpha,
+}
+
+impl<'a> Materials<'a> {
+    pub fn new(description: &'a Description, limits: &'a LoadLimits, device: &'a Device) -> Self {
+        Self {
+            description,
+            limits,
+            device,
+            images: HashMap::new(),
+            made: HashMap::new(),
+            dropped: BTreeSet::new(),
+        }
+    }
+
+    /// A material of the description; None is the default.
+    pub fn get(&mut self, index: Option<usize>) -> Result<Material> {
+        if let Some(made) = self.made.get(&index) {
+            return Ok(made.clone());
+        }
+        let description = index.and_then(|i| self.description.materials.get(i));
+        let made = match description {
+            Some(description) => self.make(description)?,
+            None => Material::default().named("default"),
+        };
+        self.made.insert(index, made.clone());
+        Ok(made)
+    }
+
+    fn make(&mut self, from: &MaterialDescription) -> Result<Material> {
+        let mut material = self.bsdf(from)?.named(from.name.clone());
+        material.compensated = from.compensated;
+        if let Some((TextureUse { image, wrap }, scale)) = from.normal {
+            let texels = self.image(image, Channels::Numbers)? * 2.0 - 1.0;
+            material = material.normal_map(texels, scale);
+            material.normal_map = material.normal_map.map(|map| NormalMap { wrap, ..map });
+        }
+        material.alpha_mask = self.mask(from)?;
+        if from.emission != [0.0; 3] {
+            material.emission = self.colour(from.emission, from.emissive_texture)?;
+            if from.double_sided {
+                self.dropped.insert("emission of back sides");
+            }
+        }
+        Ok(material)
+    }
+
+    fn bsdf(&mut self, from: &MaterialDescription) -> Result<Material> {
+        let base = self.colour(from.base_colour, from.base_colour_texture)?;
+        let texture = from.metallic_roughness_texture;
+        let roughness = |this: &mut Self| this.number(from.roughness, texture, ROUGHNESS);
+        let only_metal = from.metallic == 1.0 && texture.is_none();
+        match &from.own {
+            Some(OwnBsdf::Phong {
+                albedo,
+                texture,
+                shininess,
+            }) => {
+                let albedo = self.colour(*albedo, *texture)?;
+                return Ok(Material::diffuse(base).specular(albedo, *shininess));
+            }
+            Some(OwnBsdf::Conductor { eta, extinction }) => {
+                return Ok(Material::conductor(*eta, *extinction, roughness(self)?));
+            }
+            None => {}
+        }
+        if from.transmission == 1.0 && from.metallic == 0.0 && from.ior > 0.0 {
+            if !from.solid {
+                self.dropped
+                    .insert("walls without thickness, which are the surfaces of solids here");
+            }
+            let nearly_1 = (from.ior - 1.0).abs() < LEAST_IOR - 1.0;
+            let ior = if nearly_1 { LEAST_IOR } else { from.ior };
+            let clear = Material::dielectric(ior, roughness(self)?);
+            return Ok(Material {
+                diffuse: base,
+                ..clear
+            });
+        }
+        if from.transmission > 0.0 && !only_metal {
+            self.dropped
+                .insert("transmission of less than all light, or beside metal");
+        }
+        if from.specular == 0.0 && from.metallic == 0.0 {
+            return Ok(Material::diffuse(base));
+        }
+        if from.specular != 1.0 && !only_metal {
+            self.dropped.insert("strengths of reflections");
+        }
+        if from.ior != 1.5 && !only_metal {
+            self.dropped
+                .insert("indices of refraction of what lets no light pass");
+        }
+        let metallic = self.number(from.metallic, texture, METALLIC)?;
+        Ok(Material::metallic_roughness(
+            base,
+            metallic,
+            roughness(self)?,
+        ))
+    }
+
+    /// A colour times a texture in sRGB.
+    fn colour(&mut self, factor: [f64; 3], texture: Option<TextureUse>) -> Result<Albedo> {
+        let Some(TextureUse { image, wrap }) = texture else {
+            return Ok(factor.into());
+        };
+        let mut texels = self.image(image, Channels::Colours)?;
+        if factor != [1.0; 3] {
+            let factor = Tensor::<1>::from_data(TensorData::from(factor), self.device);
+            texels = texels * factor.reshape([1, 1, 3]);
+        }
+        Ok(Albedo::Texture { texels, wrap })
+    }
+
+    /// The mask of what has holes.
+    fn mask(&mut self, from: &MaterialDescription) -> Result<Option<AlphaMask>> {
+        let (factor, cutoff) = match from.alpha {
+            Alpha::Opaque => return Ok(None),
+            Alpha::Blend { .. } => {
+                self.dropped.insert("alphaMode BLEND");
+                return Ok(None);
+            }
+            Alpha::Mask { factor, cutoff } => (factor, cutoff),
+        };
+        let (alpha, wrap): (Tensor<2>, _) = match from.base_colour_texture {
+            Some(TextureUse { image, wrap }) => {
+                let alpha = self.image(image, Channels::Alpha)?;
+                (alpha.squeeze_dim(2) * factor, wrap)
+            }
+            None => (Tensor::full([1, 1], factor, self.device), Wrap::Repeat),
+        };
+        let least = host_values(&alpha.clone().min())?[0];
+        let holes = least < cutoff;
+        Ok(holes.then_some(AlphaMask {
+            alpha,
+            wrap,
+            cutoff,
+        }))
+    }
+
+    /// A number times a channel of a linear texture.
+    fn number(
+        &mut self,
+        factor: f64,
+        texture: Option<TextureUse>,
+        channel: usize,
+    ) -> Result<ScalarTexture> {
+        let Some(TextureUse { image, wrap }) = texture.filter(|_| factor != 0.0) else {
+            return Ok(factor.into());
+        };
+        let image = self.image(image, Channels::Numbers)?;
+        let texels = image.narrow(2, channel, 1).squeeze_dim(2) * factor;
+        Ok(ScalarTexture::Texture { texels, wrap })
+    }
+
+    /// An image, decoded once.
+    fn image(&mut self, index: usize, channels: Channels) -> Result<Tensor<3>> {
+        if let Some(texels) = self.images.get(&(index, channels)) {
+            return Ok(texels.clone());
+        }
+        let decoded = match &self.description.images[index] {
+            ImageSource::File(path) => {
+                Decoded::read(BufReader::new(open(path)?.0), path, self.limits)
+            }
+            ImageSource::Bytes { name, bytes } => {
+                Decoded::read(Cursor::new(bytes.slice()), name, self.limits)
+            }
+        }?;
+        let [width, height] = decoded.size();
+        let values = match channels {
+            Channels::Colours => decoded.colours(),
+            Channels::Numbers => decoded.numbers(),
+            Channels::Alpha => decoded.alpha(),
+        };
+        let shape = [height, width, values.len() / (width * height).max(1)];
+        let texels = Tensor::from_data(TensorData::new(values, shape), self.device);
+        self.images.insert((index, channels), texels.clone());
+        Ok(texels)
+    }
+}
+
+/// A material without textures for an object that has no coordinates: their means.
+pub(super) fn untextured(mut material: Material, object: &str) -> Material {
+    let mut lost = false;
+    let colours = [
+        &mut material.diffuse,
+        &mut material.specular,
+        &mut material.emission,
+    ];
+    for albedo in colours {
+        if let Albedo::Texture { texels, .. } = albedo {
+            let mean: Tensor<1> = texels.clone().mean_dim(0).mean_dim(1).reshape([3]);
+            *albedo = mean.into();
+            lost = true;
+        }
+    }
+    let numbers = [
+        &mut material.metallic,
+        &mut material.roughness,
+        &mut material.ior,
+    ];
+    for number in numbers {
+        if let ScalarTexture::Texture { texels, .. } = number {
+            *number = texels.clone().mean().into();
+            lost = true;
+        }
+    }
+    if material.normal_map.take().is_some() | material.alpha_mask.take().is_some() {
+        let name = &material.name;
+        log::warn!(
+            "{object}: material {name} has a normal map or an alpha mask, but the mesh has no coordinates: \
+             leaving it out"
+        );
+    }
+    if lost {
+        let name = &material.name;
+        log::warn!(
+            "{object}: material {name} has a texture, but the mesh has no coordinates: taking its mean"
+        );
+    }
+    material
+}

@@ -1,0 +1,148 @@
+//! Images within glTF files to come.
+
+use std::path::Path;
+
+use burn::tensor::Tensor;
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+
+use super::HostImage;
+use super::srgb::{srgb_byte, srgb_word};
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+use crate::scene::Wrap;
+
+/// A texture on the host.
+pub(super) struct Texels {
+    /// Row after row.
+    pub values: Vec<f32>,
+    /// Rows, columns, and numbers of a texel.
+    pub size: [usize; 3],
+    pub wrap: Wrap,
+}
+
+impl Texels {
+    pub fn of(texels: &Tensor<3>, wrap: Wrap) -> Result<Self> {
+        let values = host_values(texels)?.into_iter();
+        Ok(Self {
+            values: values.map(|v| v as f32).collect(),
+            size: texels.dims(),
+            wrap,
+        })
+    }
+
+    /// The same number for all.
+    pub fn full(value: f32, size: [usize; 3], wrap: Wrap) -> Self {
+        let values = vec![value; size.iter().product()];
+        Self { values, size, wrap }
+    }
+
+    pub fn mean(&self) -> f64 {
+        let sum: f64 = self.values.iter().map(|&v| f64::from(v)).sum();
+        sum / self.values.len() as f64
+    }
+
+    /// Two as parts of one image, which has the wrap of the first: of the larger size, where they are of several.
+    pub fn together(first: Self, second: Self, place: &str) -> [Self; 2] {
+        let ([ah, aw, _], [bh, bw, _]) = (first.size, second.size);
+        if ([ah, aw], first.wrap) == ([bh, bw], second.wrap) {
+            return [first, second];
+        }
+        log::warn!(
+            "{place}: two of its textures of other sizes or wraps are written as one image, the smaller one \
+             interpolated"
+        );
+        let size = [ah.max(bh), aw.max(bw)];
+        [first.resized(size), second.resized(size)]
+    }
+
+    /// It as it is looked up at the centres of another number of texels.
+    fn resized(&self, [height, width]: [usize; 2]) -> Self {
+        let [rows, columns, channels] = self.size;
+        if [rows, columns] == [height, width] {
+            let values = self.values.clone();
+            return Self { values, ..*self };
+        }
+        // The texels on both sides of a centre, and the share of the second.
+        let beside = |i: usize, of: usize, size: usize| {
+            let x = (i as f64 + 0.5) / of as f64 * size as f64 - 0.5;
+            let both = [0, 1].map(|k| self.wrap.texel(x.floor() as i64 + k, size));
+            (both, (x - x.floor()) as f32)
+        };
+        let mut values = Vec::with_capacity(height * width * channels);
+        for y in 0..height {
+            let (ys, down) = beside(y, height, rows);
+            for x in 0..width {
+                let (xs, right) = beside(x, width, columns);
+                for c in 0..channels {
+                    let at = |y: usize, x: usize| self.values[(y * columns + x) * channels + c];
+                    let row = |y: usize| at(y, xs[0]) * (1.0 - right) + at(y, xs[1]) * right;
+                    values.push(row(ys[0]) * (1.0 - down) + row(ys[1]) * down);
+                }
+            }
+        }
+        let size = [height, width, channels];
+        Self {
+            values,
+            size,
+            ..*self
+        }
+    }
+}
+
+/// An image of colours, or of other numbers in [0, 1].
+#[derive(PartialEq)]
+pub(super) struct Picture {
+    pub texels: HostImage,
+    /// Whether its numbers are encoded as sRGB.
+    pub colours: bool,
+    /// One a pixel, in [0, 1].
+    pub alpha: Option<Vec<f32>>,
+}
+
+impl Picture {
+    /// It as a PNG file, clipped to [0, 1]: 8 bits a channel where they hold all of it, else 16.
+    pub fn png(&self, path: &Path) -> Result<Vec<u8>> {
+        let [width, height] = self.texels.check_size()?;
+        let pixels = &self.texels.pixels;
+        let short = self.fits_bytes();
+        let number = |v: f32, most: f32| (v.clamp(0.0, 1.0) * most).round() as u16;
+        let linear = |v: f32| number(v, if short { 255.0 } else { 65535.0 });
+        let colour = |v: f32| match (self.colours, short) {
+            (true, true) => u16::from(srgb_byte(v)),
+            (true, false) => srgb_word(v),
+            (false, _) => linear(v),
+        };
+        let mut words = Vec::with_capacity(pixels.len() / 3 * 4);
+        for (i, rgb) in pixels.chunks_exact(3).enumerate() {
+            words.extend(rgb.iter().map(|&v| colour(v)));
+            words.extend(self.alpha.iter().map(|alpha| linear(alpha[i])));
+        }
+        let (bytes, kind): (Vec<u8>, _) = match (short, self.alpha.is_some()) {
+            (true, alpha) => {
+                let bytes = words.iter().map(|&w| w as u8).collect();
+                let kinds = [ExtendedColorType::Rgb8, ExtendedColorType::Rgba8];
+                (bytes, kinds[usize::from(alpha)])
+            }
+            (false, alpha) => {
+                let bytes = words.iter().flat_map(|w| w.to_ne_bytes()).collect();
+                let kinds = [ExtendedColorType::Rgb16, ExtendedColorType::Rgba16];
+                (bytes, kinds[usize::from(alpha)])
+            }
+        };
+        let mut png = Vec::new();
+        PngEncoder::new(&mut png)
+            .write_image(&bytes, width, height, kind)
+            .map_err(|e| Error::format(path, format!("a texture can't be written: {e}")))?;
+        Ok(png)
+    }
+
+    fn fits_bytes(&self) -> bool {
+        let byte = |v: &f32| (v * 255.0 - (v * 255.0).round()).abs() < 1e-4;
+        let fit = match self.colours {
+            true => self.texels.fits_srgb(),
+            false => self.texels.pixels.iter().all(byte),
+        };
+        fit && self.alpha.iter().flatten().all(byte)
+    }
+}

@@ -1,0 +1,66 @@
+//! What a scene is packed into.
+
+use burn::tensor::{Device, Tensor};
+
+use super::scene::KernelScene;
+use crate::sampling::EmitterSampling;
+use crate::scene::{Albedo, HostScene, Material, Mesh, Object, Scene};
+
+/// Emitters with a texture are chosen by its mean over the triangle: here of radiance (1 − cos 2πu)(1 + v), of which two
+/// triangles see other parts and a third a constant.
+#[test]
+fn a_textured_emitter_is_chosen_by_its_mean_radiance() {
+    let device = Device::flex();
+    let (width, height) = (64, 16);
+    let radiance = |u: f64, v: f64| (1.0 - (std::f64::consts::TAU * u).cos()) * (1.0 + v);
+    let texels: Vec<f32> = (0..width * height)
+        .flat_map(|i| {
+            let u = ((i % width) as f64 + 0.5) / width as f64;
+            let v = 1.0 - ((i / width) as f64 + 0.5) / height as f64;
+            [0.0, 1.5, 1.5].map(|share| (share * radiance(u, v)) as f32)
+        })
+        .collect();
+    let texels = Tensor::<1>::from_floats(texels.as_slice(), &device);
+    let texture = Albedo::texture(texels.reshape([height, width, 3]));
+    let triangle = |uvs: [[f32; 2]; 3], z: f64, emission: Albedo| {
+        let corners = [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
+        let uvs = Tensor::<2>::from_floats(uvs, &device);
+        let mesh = Mesh::from_host(&corners, vec![[0, 1, 2]], &device).with_uvs(uvs);
+        Object::new(mesh).material(Material::emitter(emission))
+    };
+    let uvs = [
+        [[0.3f32, 0.2], [0.7, 0.3], [0.5, 0.8]],
+        [[0.9, 0.3], [1.3, 0.5], [1.05, 0.9]],
+    ];
+    let constant = 0.75;
+    let scene = Scene::new()
+        .with(triangle(uvs[0], 0.0, texture.clone()))
+        .with(triangle(uvs[1], 1.0, texture))
+        .with(triangle([[0.0; 2]; 3], 2.0, [constant; 3].into()));
+    let mut host = HostScene::new(&scene).expect("values");
+    let packed = KernelScene::new(&mut host, EmitterSampling::Power, None, None);
+    let fine = 400;
+    let mean_over = |uvs: [[f32; 2]; 3]| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for i in 0..fine {
+            for j in 0..fine - i {
+                let [b, c] = [i, j].map(|k| (f64::from(k) + 1.0 / 3.0) / f64::from(fine));
+                let at = |k: usize| {
+                    let [x, y, z] = uvs.map(|uv| f64::from(uv[k]));
+                    x + (y - x) * b + (z - x) * c
+                };
+                sum += radiance(at(0), at(1));
+                count += 1.0;
+            }
+        }
+        sum / count
+    };
+    let wanted = [mean_over(uvs[0]), mean_over(uvs[1]), constant];
+    for (k, wanted) in wanted.into_iter().enumerate() {
+        let found = f64::from(packed.emitters.get(k).radiance);
+        assert!((found / wanted - 1.0).abs() < 0.01, "{k}: {found} {wanted}");
+        let chance = f64::from(packed.emitters.fixed[k]);
+        let share = wanted / (constant + mean_over(uvs[0]) + mean_over(uvs[1]));
+        assert!((chance / share - 1.0).abs() < 0.01, "{k}: {chance} {share}");
+    }
+}

@@ -1,0 +1,103 @@
+//! Holes in surfaces, by alpha masks.
+
+use super::Wrap;
+use super::host::HostObject;
+
+/// A mask on the host.
+#[derive(Debug)]
+pub(super) struct Mask {
+    /// Row after row.
+    pub alpha: Vec<f32>,
+    pub width: usize,
+    pub height: usize,
+    pub wrap: Wrap,
+    pub cutoff: f32,
+}
+
+impl Mask {
+    /// Bilinear, texel centres at half-integers, row 0 at the top (v = 1).
+    fn at(&self, [u, v]: [f32; 2]) -> f32 {
+        let x = u * self.width as f32 - 0.5;
+        let y = (1.0 - v) * self.height as f32 - 0.5;
+        let (left, top) = (x.floor(), y.floor());
+        let (x, y) = (x - left, y - top);
+        let row = |j: i64| {
+            let first = self.wrap.texel(top as i64 + j, self.height) * self.width;
+            let texel = |i: i64| self.alpha[first + self.wrap.texel(left as i64 + i, self.width)];
+            texel(0) * (1.0 - x) + texel(1) * x
+        };
+        row(0) * (1.0 - y) + row(1) * y
+    }
+}
+
+/// A triangle with a mask: the mask's number, and texture coordinates of the corners.
+#[derive(Debug)]
+struct Masked {
+    mask: u32,
+    uvs: [[f32; 2]; 3],
+}
+
+/// The holes of a scene's triangles.
+#[derive(Debug)]
+pub(crate) struct Holes {
+    /// The place of each triangle among those with a mask, `u32::MAX` for one without.
+    of_triangle: Vec<u32>,
+    triangles: Vec<Masked>,
+    masks: Vec<Mask>,
+}
+
+impl Holes {
+    /// Those of objects by the masks of all materials; None if there are none.
+    pub(super) fn new(objects: &[HostObject], of_materials: Vec<Option<Mask>>) -> Option<Self> {
+        let mut masks = Vec::new();
+        let mut number = |mask: Option<Mask>| {
+            let mask = mask?;
+            masks.push(mask);
+            Some(masks.len() as u32 - 1)
+        };
+        let numbers: Vec<Option<u32>> = of_materials.into_iter().map(&mut number).collect();
+        let (mut of_triangle, mut triangles) = (Vec::new(), Vec::new());
+        for o in objects {
+            for f in 0..o.faces.len() {
+                let own = o.face_materials.get(f).copied().unwrap_or(0) as usize;
+                of_triangle.push(match (numbers[o.first_material + own], &o.uvs) {
+                    (Some(mask), Some(uvs)) => {
+                        let uvs = uvs.faces[f].map(|row| uvs.values[row as usize]);
+                        triangles.push(Masked { mask, uvs });
+                        triangles.len() as u32 - 1
+                    }
+                    _ => u32::MAX,
+                });
+            }
+        }
+        (!triangles.is_empty()).then_some(Self {
+            of_triangle,
+            triangles,
+            masks,
+        })
+    }
+
+    /// Whether a triangle may have holes.
+    pub fn are_in(&self, triangle: usize) -> bool {
+        self.of_triangle[triangle] != u32::MAX
+    }
+
+    /// Whether a triangle has a hole at the point with these weights of its corners.
+    #[inline(always)]
+    pub fn open(&self, triangle: u32, weights: impl FnOnce() -> [f32; 3]) -> bool {
+        let place = self.of_triangle[triangle as usize];
+        place != u32::MAX && self.open_at(place, weights())
+    }
+
+    #[inline(never)]
+    fn open_at(&self, place: u32, weights: [f32; 3]) -> bool {
+        let Masked { mask, uvs } = &self.triangles[place as usize];
+        let mut uv = [0.0; 2];
+        for (w, of_corner) in weights.into_iter().zip(uvs) {
+            uv[0] += of_corner[0] * w;
+            uv[1] += of_corner[1] * w;
+        }
+        let mask = &self.masks[*mask as usize];
+        mask.at(uv) < mask.cutoff
+    }
+}

@@ -1,0 +1,261 @@
+//! Tangents from texture coordinates, by MikkTSpace (Mikkelsen 2008, *Simulation of Wrinkled Surfaces Revisited*), which
+//! normal maps are baked for.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
+
+use super::Mesh;
+use super::mesh::{check_indices, take_rows};
+use super::normals::unit_or_zero;
+use crate::error::Result;
+use crate::geometry::{Context, Vec3, host_values, length, split, unit_size};
+
+impl Mesh {
+    /// Sets tangents by MikkTSpace, which normal maps are made for, from vertices, texture coordinates and normals
+    /// (those of the faces where the mesh has none): around each vertex faces are joined across edges where
+    /// neither texture coordinates nor normals have a seam and the texture is not mirrored, and their tangents,
+    /// perpendicular to the normal, are added up, each weighted by the angle of its face.
+    ///
+    /// They are in the graph of all three. A render does this for meshes that have texture coordinates, a
+    /// material with a normal map and no tangents; call it beforehand where it is the same for many renders.
+    ///
+    /// Faces without area, on the surface or in the texture, have no part; corners that only they touch get the
+    /// tangent (1, 0, 0). A mesh that can't be rendered or has no texture coordinates stays as it is.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let device = Device::flex();
+    /// let wall = shapes::quad([0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], &device);
+    /// let tangents = wall.mikktspace_tangents().tangents.expect("tangents");
+    /// assert_eq!(tangents.values.slice([0..1]).into_data().iter::<f32>().collect::<Vec<_>>(), [1.0, 0.0, 0.0, 1.0]);
+    /// ```
+    pub fn mikktspace_tangents(mut self) -> Self {
+        if let Ok(Some(corners)) = Corners::new(&self) {
+            let spaces = Spaces::new(&corners);
+            let tangents = spaces.tangents(&self);
+            self = self.with_tangents(tangents, spaces.faces);
+        }
+        self
+    }
+}
+
+/// The corners of a mesh on the host: those of the same place, normal and texture coordinate have one number.
+struct Corners {
+    numbers: Vec<[u32; 3]>,
+    /// Twice the area of each face in the texture, signed; None for a face without area.
+    texture: Vec<Option<f64>>,
+}
+
+impl Corners {
+    /// None where there are no texture coordinates or no faces.
+    fn new(mesh: &Mesh) -> Result<Option<Self>> {
+        let Some(uvs) = &mesh.uvs else {
+            return Ok(None);
+        };
+        let count = mesh.faces.len();
+        let lists = [Some(uvs), mesh.normals.as_ref()];
+        let short = lists.iter().flatten().any(|a| a.faces.len() != count);
+        if count == 0 || short {
+            return Ok(None);
+        }
+        check_indices("mesh", "vertices", mesh.vertices.dims(), 3, &mesh.faces)?;
+        check_indices("mesh", "uvs", uvs.values.dims(), 2, &uvs.faces)?;
+        if let Some(normals) = &mesh.normals {
+            check_indices("mesh", "normals", normals.values.dims(), 3, &normals.faces)?;
+        }
+        let places = mesh.host_vertices()?;
+        let normals = mesh.normals.as_ref().map(|a| host_values(&a.values));
+        let (normals, coordinates) = (normals.transpose()?, host_values(&uvs.values)?);
+        let uv = |row: u32| -> [f64; 2] { [0, 1].map(|i| coordinates[2 * row as usize + i]) };
+        let mut known: HashMap<([u64; 3], [u64; 3], [u64; 2]), u32> = HashMap::new();
+        let (mut numbers, mut texture) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for (f, face) in mesh.faces.iter().enumerate() {
+            let corners = face.map(|v| places[v as usize]);
+            let own_normal = cross(corners);
+            let key = |i: usize| {
+                let normal = match (&normals, &mesh.normals) {
+                    (Some(all), Some(a)) => [0, 1, 2].map(|k| all[3 * a.faces[f][i] as usize + k]),
+                    _ => own_normal,
+                };
+                let bits = |v: f64| (v + 0.0).to_bits();
+                let at = uv(uvs.faces[f][i]);
+                (corners[i].map(bits), normal.map(bits), at.map(bits))
+            };
+            numbers.push([0, 1, 2].map(|i| {
+                let next = known.len() as u32;
+                *known.entry(key(i)).or_insert(next)
+            }));
+            let [a, b, c] = uvs.faces[f].map(uv);
+            let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+            let has_area = own_normal != [0.0; 3];
+            texture.push(has_area.then_some(area));
+        }
+        Ok(Some(Self { numbers, texture }))
+    }
+}
+
+/// (b − a) × (c − a).
+fn cross([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
+    let [a, b, c] = [a, b, c].map(glam::DVec3::from);
+    (b - a).cross(c - a).to_array()
+}
+
+/// Corners that share a tangent.
+struct Spaces {
+    /// The space of each corner of each face.
+    faces: Arc<Vec<[u32; 3]>>,
+    /// The side of each space's bitangent.
+    sides: Vec<f64>,
+    /// Corners that count, face and number, with their space.
+    counted: Vec<(u32, u8, u32)>,
+}
+
+const NONE: u32 = u32::MAX;
+
+impl Spaces {
+    fn new(corners: &Corners) -> Self {
+        let count = corners.numbers.len();
+        let neighbours = neighbours(corners);
+        // Faces without area in the texture have any side.
+        let mut side: Vec<Option<bool>> = corners
+            .texture
+            .iter()
+            .map(|area| area.filter(|&a| a != 0.0).map(|a| a > 0.0))
+            .collect();
+        let counts: Vec<bool> = side.iter().map(Option::is_some).collect();
+        let mut spaces = vec![[NONE; 3]; count];
+        let mut sides = Vec::new();
+        for f in (0..count).filter(|&f| counts[f]) {
+            for i in 0..3 {
+                if spaces[f][i] != NONE {
+                    continue;
+                }
+                let (own, vertex) = (sides.len() as u32, corners.numbers[f][i]);
+                let positive = side[f] == Some(true);
+                sides.push(if positive { 1.0 } else { -1.0 });
+                let mut open = vec![f as u32];
+                while let Some(face) = open.pop() {
+                    let face = face as usize;
+                    let at = corners.numbers[face].iter().position(|&n| n == vertex);
+                    let Some(at) = at.filter(|&at| spaces[face][at] == NONE) else {
+                        continue;
+                    };
+                    if *side[face].get_or_insert(positive) != positive {
+                        continue;
+                    }
+                    spaces[face][at] = own;
+                    // Across the edges that leave the corner and come to it.
+                    let next = [neighbours[face][at], neighbours[face][(at + 2) % 3]];
+                    open.extend(next.into_iter().filter(|&n| n != NONE));
+                }
+            }
+        }
+        let mut counted = Vec::new();
+        for f in (0..count).filter(|&f| counts[f]) {
+            counted.extend((0..3).map(|i| (f as u32, i as u8, spaces[f][i])));
+        }
+        // A space of their own for corners that are in none.
+        if spaces.iter().flatten().any(|&s| s == NONE) {
+            let last = sides.len() as u32;
+            sides.push(1.0);
+            let all = spaces.iter_mut().flatten();
+            all.filter(|s| **s == NONE).for_each(|s| *s = last);
+        }
+        Self {
+            faces: Arc::new(spaces),
+            sides,
+            counted,
+        }
+    }
+
+    /// The tangents `[N, 4]` of the spaces, in the graph of the mesh.
+    fn tangents(&self, mesh: &Mesh) -> Tensor<2> {
+        let context = Context {
+            device: mesh.vertices.device().inner(),
+            dtype: mesh.vertices.dtype(),
+        };
+        let spaces = self.sides.len();
+        if self.counted.is_empty() {
+            return context.tensor(&[1.0, 0.0, 0.0, 1.0].repeat(spaces), [spaces, 4]);
+        }
+        let vertices = unit_size(mesh.vertices.clone().swap_dims(0, 1)).swap_dims(0, 1);
+        // Of the corner, the next and the one before.
+        let rows = |values: &Tensor<2>, faces: &[[u32; 3]], turn: usize| {
+            let all = self.counted.iter();
+            take_rows(
+                values,
+                all.map(|&(f, i, _)| faces[f as usize][(i as usize + turn) % 3]),
+            )
+        };
+        let place = |turn| Vec3::from_columns(rows(&vertices, &mesh.faces, turn));
+        let own = place(0);
+        let (next, before) = (place(1).sub(&own), place(2).sub(&own));
+        let normal = match &mesh.normals {
+            Some(a) => Vec3::from_columns(rows(&a.values, &a.faces, 0)),
+            None => next.cross(&before),
+        };
+        let normal = unit_or_zero(&normal);
+        let flat = |v: &Vec3| v.sub(&normal.scale(&normal.dot(v)));
+
+        let tangent = mesh.uvs.as_ref().map_or_else(
+            || next.clone(),
+            |a| {
+                let v = |turn| rows(&a.values, &a.faces, turn).narrow(1, 1, 1);
+                let own = v(0);
+                // Its derivative along u, times twice the signed area in the texture.
+                let scaled = next.scale(&(v(2) - own.clone()));
+                scaled.sub(&before.scale(&(v(1) - own)))
+            },
+        );
+        let n = self.counted.len();
+        let sides = self.counted.iter().map(|c| self.sides[c.2 as usize]);
+        let sides = context.tensor(&sides.collect::<Vec<_>>(), [n, 1]);
+        let tangent = unit_or_zero(&flat(&tangent.scale(&sides)));
+        let (a, b) = (flat(&next), flat(&before));
+        let (sine, cosine) = (length(&a.cross(&b)), a.dot(&b));
+        let angle = sine.clone().atan2(cosine);
+        let angle = angle.mask_fill(sine.lower_equal_elem(0.0), 0.0);
+        let weighted = tangent.scale(&angle).columns().swap_dims(0, 1);
+
+        let index: Vec<i32> = self.counted.iter().map(|c| c.2 as i32).collect();
+        let index = Tensor::<2, Int>::from_data(TensorData::new(index, [1, n]), &context.device);
+        let zeros = Tensor::zeros([3, spaces], (&context.device, context.dtype));
+        let index = index.expand([3, n]);
+        let sums = split(&zeros.scatter(1, index, weighted, IndexingUpdateOp::Add));
+        let size = length(&sums);
+        let none = size.clone().lower_elem(16.0 * context.epsilon());
+        let size = size.mask_fill(none.clone(), 1.0);
+        let axis = |x: Tensor<2>, without: f64| {
+            let unit = x / size.clone();
+            unit.mask_fill(none.clone(), without)
+        };
+        let unit = Vec3::new(axis(sums.x, 1.0), axis(sums.y, 0.0), axis(sums.z, 0.0));
+        let sides = context.tensor(&self.sides, [spaces, 1]);
+        Tensor::cat(vec![unit.rows().swap_dims(0, 1), sides], 1)
+    }
+}
+
+/// The face across each edge of each face, from a corner to the next; the first two that run along an edge in
+/// opposite directions.
+fn neighbours(corners: &Corners) -> Vec<[u32; 3]> {
+    let mut found = vec![[NONE; 3]; corners.numbers.len()];
+    let mut open: HashMap<(u32, u32), Vec<(u32, u8)>> = HashMap::new();
+    for (f, numbers) in corners.numbers.iter().enumerate() {
+        if corners.texture[f].is_none() {
+            continue;
+        }
+        for i in 0..3 {
+            let (a, b) = (numbers[i], numbers[(i + 1) % 3]);
+            match open.get_mut(&(b, a)).and_then(Vec::pop) {
+                Some((other, j)) => {
+                    found[f][i] = other;
+                    found[other as usize][j as usize] = f as u32;
+                }
+                None => open.entry((a, b)).or_default().push((f as u32, i as u8)),
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,511 @@
+//! Colours at corners, normal maps with their tangents, and alpha masks.
+
+mod common;
+
+use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
+use burn::tensor::{DType, Device, Tensor};
+use common::errors::{message, says};
+use common::numbers::apart;
+use common::scenes::{diffuse, emitting, facing_down, facing_front, floor};
+use common::tensors::{gradient, gradients_agree, leaf, radiance, tensor, values};
+use softray::gradcheck::{Checked, GradCheck, Point, Verdict, gradcheck};
+use softray::prelude::*;
+use softray::scene::CornerAttribute;
+
+const ENGINES: [Engine; 2] = [Engine::Kernels, Engine::Tensors];
+
+fn options(engine: Engine) -> RenderOptions {
+    let options = RenderOptions::new(24, 24).samples(16).bounces(1);
+    options.engine(engine).seed(3)
+}
+
+fn constant<const D: usize>(values: &[f64], shape: [usize; D]) -> Tensor<D> {
+    tensor(values, shape, &Device::flex(), DType::F32)
+}
+
+/// A wall in the light of a lamp, over a floor.
+fn lit(wall: Object) -> (Scene, Camera) {
+    let device = Device::flex();
+    let lamp = emitting(
+        facing_down([-1.0, 1.0], [0.5, 2.0], 2.5, &device),
+        [4.0, 3.5, 3.0],
+    );
+    let scene = Scene::new()
+        .with(wall)
+        .with(lamp)
+        .with(diffuse(floor(3.0, -1.2, &device), [0.5, 0.4, 0.3]))
+        .environment([0.2, 0.25, 0.3]);
+    (
+        scene,
+        Camera::look_at([0.3, 0.4, 4.5], [0.0; 3]).fov_y(36.0),
+    )
+}
+
+fn wall() -> Mesh {
+    facing_front([-1.0, 1.0], [-1.0, 1.0], 0.0, &Device::flex())
+}
+
+fn seen(wall: Object, engine: Engine) -> Vec<f64> {
+    let (scene, camera) = lit(wall);
+    radiance(&scene, &camera, &options(engine))
+}
+
+/// The largest difference of two images.
+fn furthest(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max)
+}
+
+/// The share of numbers that differ by less than that.
+fn share_of_close(a: &[f64], b: &[f64], than: f64) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let close = a.iter().zip(b).filter(|(a, b)| (*a - *b).abs() < than);
+    close.count() as f64 / a.len() as f64
+}
+
+/// A mesh as the reference takes it, with what it returns.
+struct Asked<'a> {
+    mesh: &'a Mesh,
+    tables: [Vec<f64>; 3],
+    found: Vec<[[f32; 4]; 3]>,
+}
+
+impl Asked<'_> {
+    fn row<const C: usize>(&self, table: usize, row: u32) -> [f32; C] {
+        std::array::from_fn(|i| self.tables[table][C * row as usize + i] as f32)
+    }
+}
+
+impl Geometry for Asked<'_> {
+    fn num_faces(&self) -> usize {
+        self.mesh.faces.len()
+    }
+
+    fn num_vertices_of_face(&self, _: usize) -> usize {
+        3
+    }
+
+    fn position(&self, face: usize, corner: usize) -> [f32; 3] {
+        self.row(0, self.mesh.faces[face][corner])
+    }
+
+    fn normal(&self, face: usize, corner: usize) -> [f32; 3] {
+        let normals = self.mesh.normals.as_ref().expect("normals");
+        self.row(1, normals.faces[face][corner])
+    }
+
+    fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
+        let uvs = self.mesh.uvs.as_ref().expect("texture coordinates");
+        self.row(2, uvs.faces[face][corner])
+    }
+
+    fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, corner: usize) {
+        self.found[face][corner] = tangent.expect("a tangent").tangent_encoded();
+    }
+}
+
+/// A ball with texture coordinates that mirror the image and have seams: those of vertices, of one eighth others.
+fn ball() -> Mesh {
+    let ball = shapes::icosphere(2, &Device::flex());
+    let places = ball.host_vertices().expect("places");
+    let at = |p: &[f64; 3], turn: f64| [p[0] * p[0] + 0.3 * p[1] + turn, 0.7 * p[2] - 0.4 * p[0]];
+    let uvs: Vec<f64> = [0.0, 0.5]
+        .iter()
+        .flat_map(|&turn| places.iter().flat_map(move |p| at(p, turn)))
+        .collect();
+    let other = |f: &[u32; 3]| {
+        f.iter()
+            .all(|&v| places[v as usize].iter().all(|&x| x >= 0.0))
+    };
+    let count = places.len() as u32;
+    let faces: Vec<[u32; 3]> = (ball.faces.iter())
+        .map(|f| if other(f) { f.map(|v| v + count) } else { *f })
+        .collect();
+    let normals = ball.vertices.clone();
+    let mut ball = ball.with_normals(normals);
+    ball.uvs = Some(CornerAttribute::new(
+        constant(&uvs, [2 * places.len(), 2]),
+        faces,
+    ));
+    ball
+}
+
+#[test]
+fn tangents_are_those_of_mikktspace() {
+    for mesh in [ball(), shapes::sphere(12, 6, &Device::flex())] {
+        let table = |a: &Option<CornerAttribute>| values(&a.as_ref().expect("it").values);
+        let mut asked = Asked {
+            mesh: &mesh,
+            tables: [
+                values(&mesh.vertices),
+                table(&mesh.normals),
+                table(&mesh.uvs),
+            ],
+            found: vec![[[0.0; 4]; 3]; mesh.faces.len()],
+        };
+        generate_tangents(&mut asked).expect("tangents");
+        let own = mesh.clone().mikktspace_tangents().tangents.expect("it");
+        let rows = values(&own.values);
+        for (f, (spaces, wanted)) in own.faces.iter().zip(&asked.found).enumerate() {
+            for (&space, wanted) in spaces.iter().zip(wanted) {
+                let found = &rows[4 * space as usize..][..4];
+                let apart = found
+                    .iter()
+                    .zip(wanted)
+                    .map(|(a, &b)| (a - f64::from(b)).abs());
+                let apart = apart.fold(0.0, f64::max);
+                assert!(apart < 1e-4, "face {f}: {found:?} {wanted:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn gradients_of_tangents() {
+    let base = [
+        0.0, 0.1, 0.0, 1.0, 0.0, 0.2, 1.1, 1.0, -0.1, -0.1, 0.9, 0.3, 0.0, 0.1, 1.1, 0.2, 0.9, 1.0,
+        0.1, 1.2, 0.1, 0.2, 1.0, -0.2, 0.1, 1.0, 0.2, 0.2, 0.9, -0.1, -0.1, 0.8,
+    ];
+    let part = |p: &Tensor<1>, from: usize, columns: usize| {
+        let all = p.clone().slice([from..from + 4 * columns]);
+        all.reshape([4, columns])
+    };
+    for smooth in [true, false] {
+        gradients_agree(&base, |p| {
+            let mut mesh =
+                Mesh::new(part(&p, 0, 3), vec![[0, 1, 2], [0, 2, 3]]).with_uvs(part(&p, 12, 2));
+            if smooth {
+                mesh = mesh.with_normals(part(&p, 20, 3));
+            }
+            let tangents = mesh.mikktspace_tangents().tangents.expect("it").values;
+            let count = tangents.dims()[0];
+            let weights: Vec<f64> = (0..4 * count).map(|i| (1.3 * i as f64).sin()).collect();
+            let weights = tensor(&weights, [count, 4], &Device::flex(), DType::F64);
+            // What nothing depends on has a gradient of 0, too.
+            (tangents * weights).sum() + p.sum() * 0.0
+        });
+    }
+}
+
+#[test]
+fn a_flat_normal_map_changes_nothing() {
+    let uvs = ball().uvs;
+    let smooth = || {
+        let mut ball = ball();
+        ball.uvs = uvs.clone();
+        ball
+    };
+    let flat: Tensor<3> = constant(&[0.0, 0.0, 0.7, 0.0, 0.0, 1.0], [1, 2, 3]);
+    let gloss = Material::diffuse([0.3; 3]).specular([0.4; 3], 12.0);
+    for engine in ENGINES {
+        for mesh in [smooth(), smooth().without_normals(), wall()] {
+            let without = seen(Object::new(mesh.clone()).material(gloss.clone()), engine);
+            let bumpy = gloss.clone().normal_map(flat.clone(), 2.0);
+            let with = seen(Object::new(mesh).material(bumpy), engine);
+            // But for rounding, which now and then makes a draw another.
+            let share = share_of_close(&without, &with, 1e-3);
+            println!("{engine:?}: {} {share}", furthest(&without, &with));
+            assert!(share > 0.99, "{engine:?}: {share}");
+        }
+    }
+}
+
+/// A wall whose map is one texel is shaded as one with these normals, seen from either side.
+#[test]
+fn a_tilt_by_a_map_is_one_of_the_normals() {
+    let texel = [0.35, -0.3, 0.9];
+    let matt = Material::diffuse([0.6, 0.5, 0.4]);
+    for material in [matt.clone(), matt.specular([0.3; 3], 20.0)] {
+        let map = material
+            .clone()
+            .normal_map(constant(&texel, [1, 1, 3]), 1.0);
+        let turn = Transform::new().axis_angle([0.2, 1.0, 0.1], constant(&[0.4], [1]));
+        for engine in ENGINES {
+            for radians in [0.3, 2.9] {
+                let turned = |mesh: Mesh| mesh.rotated([0.0, 1.0, 0.0], radians).transformed(&turn);
+                let normals = constant(&texel.repeat(4), [4, 3]);
+                let tilted = turned(wall().with_normals(normals));
+                let expected = seen(Object::new(tilted).material(material.clone()), engine);
+                let found = seen(Object::new(turned(wall())).material(map.clone()), engine);
+                assert!(furthest(&found, &expected) < 1e-3, "{engine:?} {radians}");
+                let given = turned(wall().mikktspace_tangents());
+                let found = seen(Object::new(given).material(map.clone()), engine);
+                assert!(furthest(&found, &expected) < 1e-3, "{engine:?} {radians}");
+            }
+        }
+    }
+}
+
+#[test]
+fn tangents_move_with_their_mesh() {
+    let mesh = ball();
+    let moves: [fn(Mesh) -> Mesh; 4] = [
+        |m| m.rotated([1.0, 0.3, 0.2], 0.7),
+        |m| m.scaled(-0.8),
+        |m| m.scaled([-1.0, 1.0, 1.0]),
+        |m| {
+            m.transformed(
+                &Transform::new()
+                    .scale(constant(&[1.0, -1.0, 1.0], [3]))
+                    .translation(constant(&[0.2; 3], [3])),
+            )
+        },
+    ];
+    for moved in moves {
+        let rows = |mesh: Mesh| {
+            let t = mesh.tangents.expect("tangents");
+            let all = values(&t.values);
+            let faces = t.faces.iter().flatten();
+            faces
+                .flat_map(|&row| {
+                    let t = &all[4 * row as usize..][..4];
+                    let length = t[..3].iter().map(|x| x * x).sum::<f64>().sqrt();
+                    [t[0] / length, t[1] / length, t[2] / length, t[3]]
+                })
+                .collect::<Vec<_>>()
+        };
+        let before = rows(moved(mesh.clone().mikktspace_tangents()));
+        let after = rows(moved(mesh.clone()).mikktspace_tangents());
+        assert!(furthest(&before, &after) < 1e-4);
+    }
+}
+
+#[test]
+fn colours_multiply_the_albedo() {
+    let (albedo, colour) = ([0.8, 0.7, 0.6], [0.5, 0.9, 0.4]);
+    let product: [f64; 3] = std::array::from_fn(|i| albedo[i] * colour[i]);
+    let mesh = wall();
+    let faces = mesh.faces.clone();
+    let painted = mesh.with_colours(constant(&colour, [1, 3]), vec![[0; 3]; faces.len()]);
+    for engine in ENGINES {
+        let found = seen(diffuse(painted.clone(), albedo), engine);
+        let expected = seen(diffuse(wall(), product), engine);
+        assert!(furthest(&found, &expected) < 1e-5, "{engine:?}");
+    }
+}
+
+/// Two faces of other colours, whose common edge moves.
+fn two_colours(point: &Point) -> softray::Result<(Scene, Camera)> {
+    let (device, dtype) = (&point.device, point.dtype);
+    let rest = [
+        -1.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.3, 1.0, 0.0, -1.0, 1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0,
+        0.0,
+    ];
+    let mut by = [0.0; 18];
+    (by[3], by[6]) = (1.0, 0.7);
+    let x = point.get("x")?.reshape([1, 1]);
+    let vertices = tensor(&rest, [6, 3], device, dtype) + tensor(&by, [6, 3], device, dtype) * x;
+    let faces = vec![[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]];
+    let colours = tensor(&[0.9, 0.5, 0.1, 0.1, 0.3, 0.8], [2, 3], device, dtype);
+    let mesh = Mesh::new(vertices, faces);
+    let mesh = mesh.with_colours(colours, vec![[0; 3], [0; 3], [1; 3], [1; 3]]);
+    let scene = Scene::new()
+        .with(diffuse(mesh, [0.9; 3]))
+        .environment([1.0; 3]);
+    Ok((
+        scene,
+        Camera::look_at([0.2, 0.1, 3.0], [0.0; 3]).fov_y(60.0),
+    ))
+}
+
+#[test]
+fn colours_jump_where_faces_meet() {
+    let options = RenderOptions::new(8, 8).samples(16).bounces(0);
+    let settings = GradCheck::new(options, &Device::flex())
+        .precision(0.01)
+        .seeds(8, 400);
+    let parameters = [Checked::new("x", [0.1], 0.05)];
+    let report = gradcheck(&parameters, &settings, two_colours).expect("a report");
+    println!("{report}");
+    assert_eq!(report.rows[0].verdict, Verdict::Agrees);
+    assert!(report.rows[0].difference.mean.abs() > 0.01);
+}
+
+/// A mask that is open where u is under ½.
+fn half_open(material: Material) -> Material {
+    let mut material = material.alpha_mask(constant(&[0.0, 1.0], [1, 2]), 0.5);
+    if let Some(mask) = &mut material.alpha_mask {
+        mask.wrap = Wrap::Clamp;
+    }
+    material
+}
+
+/// A plate with a hole in its half is the other half: what is behind is seen, light falls through, and so do
+/// rays of bounces.
+#[test]
+fn holes_show_what_is_behind_and_let_light_through() {
+    let device = Device::flex();
+    let plate = |left: f64| {
+        let [a, b, c, d] = [[left, 0.6], [1.0, 0.6], [1.0, 0.9], [left, 0.9]];
+        shapes::quad(
+            [a[0], a[1], 1.0],
+            [b[0], b[1], 1.0],
+            [c[0], c[1], -1.0],
+            [d[0], d[1], -1.0],
+            &device,
+        )
+    };
+    let grey = Material::diffuse([0.6; 3]);
+    for (engine, more) in [
+        (Engine::Kernels, 0),
+        (Engine::Kernels, 60),
+        (Engine::Tensors, 0),
+    ] {
+        let image = |mesh: Mesh, material: Material| {
+            let (mut scene, camera) = lit(Object::new(mesh).material(material));
+            // Few triangles are tested one by one, many by boxes.
+            for i in 0..more {
+                let at = constant(&[-3.0 + 0.1 * f64::from(i), -1.1, -2.0], [3]);
+                let small = shapes::cube(&device).scaled(0.03).translated(at);
+                scene = scene.with(Object::new(small));
+            }
+            radiance(&scene, &camera, &options(engine))
+        };
+        let holed = image(plate(-1.0), half_open(grey.clone()));
+        let half = image(plate(0.0), grey.clone());
+        let whole = image(plate(-1.0), grey.clone());
+        let close = |a: &[f64], b: &[f64]| share_of_close(a, b, 1e-4);
+        assert!(close(&holed, &half) > 0.99, "{}", close(&holed, &half));
+        assert!(close(&holed, &whole) < 0.8, "{}", close(&holed, &whole));
+    }
+}
+
+/// An emitter shines from where it is.
+#[test]
+fn holes_do_not_shine() {
+    let device = Device::flex();
+    let lamp = |left: f64| facing_down([left, 1.0], [-1.0, 1.0], 2.0, &device);
+    let image = |mesh: Mesh, half: bool, engine: Engine| {
+        let light = Material::emitter([5.0; 3]);
+        let light = if half { half_open(light) } else { light };
+        let gloss = Material::diffuse([0.4; 3]).specular([0.4; 3], 10.0);
+        let scene = Scene::new()
+            .with(Object::new(mesh).material(light))
+            .with(Object::new(floor(2.0, 0.0, &device)).material(gloss));
+        let camera = Camera::look_at([0.0, 1.5, 5.0], [0.0, 0.6, 0.0]);
+        let options = options(engine).samples(256);
+        let image = radiance(&scene, &camera, &options);
+        image.iter().sum::<f64>() / image.len() as f64
+    };
+    for engine in ENGINES {
+        let found = image(lamp(-1.0), true, engine);
+        let expected = image(lamp(0.0), false, engine);
+        assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+    }
+}
+
+/// No edge of what is not there jumps, and that of what is there does.
+#[test]
+fn edges_in_holes_do_not_jump() {
+    let device = Device::flex();
+    let by = |alpha: f64| {
+        let place = leaf(&[0.1, 0.0, 0.5], &device);
+        let mesh = wall().scaled(0.5).translated(place.clone());
+        let masked = Material::diffuse([0.1; 3]).alpha_mask(constant(&[alpha], [1, 1]), 0.5);
+        let (scene, camera) = lit(Object::new(mesh).material(masked));
+        let image = render(&scene, &camera, &options(Engine::Kernels)).expect("an image");
+        gradient(
+            &place,
+            &image.radiance.slice([0..24, 0..12]).sum().backward(),
+        )
+    };
+    assert_eq!(by(0.0), [0.0; 3]);
+    assert!(by(1.0)[0].abs() > 1.0);
+}
+
+/// The gradients of both engines where everything comes together. Rays that meet the outline of a hole pass it in
+/// one engine alone, now and then, by rounding.
+#[test]
+fn engines_agree_on_all_of_it() {
+    let device = Device::flex();
+    let gradients = |engine: Engine, masked: bool| {
+        let place = leaf(&[0.1, 0.2, 0.3], &device);
+        let texels = [
+            0.2, 0.1, 0.9, -0.3, 0.2, 1.0, 0.1, -0.3, 1.1, -0.1, -0.2, 0.8,
+        ];
+        let texels = leaf(&texels, &device);
+        let paint = leaf(&[0.5, 0.7, 0.9, 0.8, 0.4, 0.6], &device);
+        let mut mesh = ball().translated(place.clone());
+        let faces: Vec<[u32; 3]> = mesh.faces.iter().map(|f| f.map(|v| v % 2)).collect();
+        mesh = mesh.with_colours(paint.clone().reshape([2, 3]), faces);
+        let mut material = Material::diffuse([0.5; 3]).specular([0.3; 3], 9.0);
+        if masked {
+            material = half_open(material);
+        }
+        material = material.normal_map(texels.clone().reshape([2, 2, 3]), 0.7);
+        let (scene, camera) = lit(Object::new(mesh).material(material));
+        let options = options(engine)
+            .bounces(2)
+            .visibility(Visibility::cone(0.05));
+        let image = render(&scene, &camera, &options)
+            .expect("an image")
+            .radiance;
+        let by = image.powf_scalar(2.0).sum().backward();
+        [&place, &texels, &paint].map(|p| gradient(p, &by))
+    };
+    for (masked, most) in [(false, 1e-3), (true, 4e-2)] {
+        let [kernels, tensors] = ENGINES.map(|engine| gradients(engine, masked));
+        for (a, b) in kernels.iter().zip(&tensors) {
+            println!("{:e}", apart(a, b));
+            assert!(apart(a, b) < most, "{masked}: {a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn mistakes_are_told() {
+    let see = |object: Object| {
+        message(render(
+            &lit(object).0,
+            &lit_camera(),
+            &options(Engine::Kernels),
+        ))
+    };
+    let bare = || Mesh::new(wall().vertices, wall().faces.to_vec());
+    let map = |shape| Material::default().normal_map(Tensor::zeros(shape, &Device::flex()), 1.0);
+    let flat = Material::default().normal_map(constant(&[0.0, 0.0, 1.0], [1, 1, 3]), 1.0);
+    says(
+        see(Object::new(bare()).material(flat.clone())),
+        ["normal map", "with_uvs"],
+    );
+    says(
+        see(Object::new(wall()).material(map([2, 2, 4]))),
+        ["normal map", "[2, 2, 4]"],
+    );
+    says(
+        see(Object::new(bare()).material(half_open(Material::default()))),
+        ["alpha mask", "with_uvs"],
+    );
+    let nothing = Material::default().alpha_mask(constant(&[], [0, 2]), 0.5);
+    says(
+        see(Object::new(wall()).material(nothing)),
+        ["alpha mask", "[0, 2]"],
+    );
+    let never = Material::default().alpha_mask(constant(&[f64::NAN], [1, 1]), 0.5);
+    says(
+        see(Object::new(wall()).material(never)),
+        ["alpha mask texel (0, 0)"],
+    );
+    let faces = wall().faces;
+    let few = wall().with_colours(constant(&[0.5; 6], [2, 3]), faces.clone());
+    says(see(Object::new(few)), ["colours", "under 2"]);
+    let side = wall().with_tangents(constant(&[1.0, 0.0, 0.0, 0.5].repeat(4), [4, 4]), faces);
+    says(
+        see(Object::new(side).material(flat)),
+        ["tangents 0", "1 or −1"],
+    );
+
+    let (scene, camera) = lit(Object::new(wall()).material(half_open(Material::default())));
+    let soft = options(Engine::Tensors).visibility(Visibility::softmax(1e-3, 1e-3));
+    says(
+        message(render(&scene, &camera, &soft)),
+        ["alpha mask", "softmax"],
+    );
+}
+
+fn lit_camera() -> Camera {
+    lit(Object::new(wall())).1
+}
