@@ -22,6 +22,8 @@ mod material;
 mod mesh_from_views;
 #[path = "../examples/mesh_predictor/main.rs"]
 mod mesh_predictor;
+#[path = "../examples/metal_and_glass.rs"]
+mod metal_and_glass;
 #[path = "../examples/mirror.rs"]
 mod mirror;
 #[path = "../examples/texture.rs"]
@@ -93,6 +95,12 @@ fn pose_of_a_camera() {
 #[test]
 fn material_of_a_ball() {
     let outcome = quick!(material);
+    assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+#[test]
+fn roughness_of_metal_and_glass() {
+    let outcome = quick!(metal_and_glass);
     assert!(outcome.ratio() > 10.0, "{outcome:?}");
 }
 

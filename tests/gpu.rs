@@ -6,8 +6,9 @@ mod common;
 use std::time::Instant;
 
 use burn::tensor::{DType, Device};
+use common::facets::{ETA, EXTINCTION, facet_cases};
 use common::gpu::device;
-use common::gradients::{CONES, Effort, Setup, agreement};
+use common::gradients::{CONES, Effort, Setup, agreement, agreement_of};
 use common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
 use common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
 use softray::prelude::*;
@@ -178,6 +179,21 @@ fn cases() -> Vec<Case> {
             options: |o| o.bounces(2),
             pixels: None,
         },
+        // A floor of metal and what is none, a ball of rough glass, a sheet of gold.
+        Case {
+            name: "facets",
+            scene: |device| {
+                let (mut scene, camera) = flying(device);
+                let gold = Material::conductor(ETA, EXTINCTION, 0.5);
+                scene.objects[0].materials =
+                    vec![Material::metallic_roughness([0.7, 0.5, 0.2], 0.6, 0.4)];
+                scene.objects[3].materials = vec![Material::dielectric(1.5, 0.5)];
+                scene.objects[4].materials = vec![gold];
+                (scene.environment([0.3, 0.4, 0.5]), camera)
+            },
+            options: |o| o.bounces(2).visibility(Visibility::cone(0.05)),
+            pixels: None,
+        },
         Case {
             name: "pixels",
             scene: flying,
@@ -197,6 +213,20 @@ fn derivatives_of_all_classes() {
         ..CONES
     };
     for (name, apart) in agreement(setups, DType::F32, effort) {
+        assert!(apart < 1e-4, "{name}: {apart}");
+    }
+}
+
+/// Every parameter of BSDFs of facets, at one seed.
+#[test]
+fn derivatives_of_facets() {
+    let (gpu, cpu) = (device(), Device::flex());
+    let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
+    let effort = Effort {
+        samples: 8,
+        ..CONES
+    };
+    for (name, apart) in agreement_of(&facet_cases(), setups, DType::F32, effort) {
         assert!(apart < 1e-4, "{name}: {apart}");
     }
 }

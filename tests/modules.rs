@@ -58,6 +58,31 @@ fn values_come_back() {
     let plain = MaterialParams::from_material(&Material::diffuse([0.4; 3]), &device);
     assert_eq!(plain.expect("a material").num_params(), 6);
 
+    let round = |m: Material| {
+        let back = MaterialParams::from_material(&m, &device).expect("a material");
+        assert_eq!(back.material().bsdf, m.bsdf);
+        back.material()
+    };
+    let number = |texture: &ScalarTexture| match texture {
+        ScalarTexture::Constant(p) => p.values().expect("values"),
+        ScalarTexture::Texture { .. } => panic!("a texture"),
+    };
+    let metal = round(Material::metallic_roughness([0.7, 0.5, 0.2], 0.8, 0.4));
+    near(&colour(&metal.diffuse), &[0.7, 0.5, 0.2]);
+    near(&number(&metal.metallic), &[0.8]);
+    near(&number(&metal.roughness), &[0.4]);
+    let gold = round(Material::conductor(
+        [0.14, 0.37, 1.44],
+        [3.98, 2.39, 1.6],
+        0.3,
+    ));
+    near(&gold.eta.values().expect("eta"), &[0.14, 0.37, 1.44]);
+    near(&gold.extinction.values().expect("k"), &[3.98, 2.39, 1.6]);
+    near(&number(&gold.roughness), &[0.3]);
+    let glass = round(Material::dielectric(1.5, 0.2));
+    near(&number(&glass.ior), &[1.5]);
+    near(&number(&glass.roughness), &[0.2]);
+
     let image = Tensor::<3>::from_data([[[0.1, 0.5, 0.9], [0.25, 0.75, 0.6]]], &device);
     let texture = TextureParams::from_image(image.clone()).expect("a texture");
     near(&values(&texture.texels()), &values(&image));

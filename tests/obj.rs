@@ -303,12 +303,15 @@ fn scene_files() {
     // The tail closes the camera.
     let full = r#", "aperture_radius": 0.2, "focus_distance": 3 }, "environment": [1, 2, 3],
         "velocities": { "ball": [0.5, 0, -1] },
+        "materials": { "ball": { "bsdf": "metallic_roughness", "roughness": "rough.png", "metallic": 0.5 } },
         "lights": [
             { "kind": "directional", "direction": [0, -2, 1], "irradiance": [1, 2, 4] },
             { "kind": "point", "position": [1, 3, 2], "intensity": [4, 5, 6] },
             { "kind": "spot", "position": [0, 3, 0], "direction": [0, -1, 0.5], "intensity": [7, 8, 9],
               "inner_degrees": 30, "outer_degrees": 60 }
         ]"#;
+    let rough = HostImage::new(1, 1, vec![0.0, 1.0, 0.0]).expect("an image");
+    rough.write(folder.0.join("rough.png")).expect("a file");
     let file = scene_file(&folder, full).expect("a scene");
     assert_eq!((file.width, file.height), (12, 8));
     assert_eq!(common::fov(&file.camera), 35.0);
@@ -326,6 +329,12 @@ fn scene_files() {
     let velocity = file.scene.objects[0].velocity.as_ref().expect("a velocity");
     assert_eq!(velocity.values().expect("values"), [0.5, 0.0, -1.0]);
 
+    let material = &file.scene.objects[0].materials[0];
+    assert_eq!(material.bsdf, Bsdf::MetallicRoughness);
+    let ScalarTexture::Texture { texels, .. } = &material.roughness else {
+        panic!("a texture");
+    };
+    assert_eq!(texels.to_data().iter::<f64>().collect::<Vec<_>>(), [1.0]);
     let lights = format!("{:?}", file.scene.lights);
     let (inner, outer) = (30f64.to_radians(), 60f64.to_radians());
     let wanted = [
@@ -349,6 +358,21 @@ fn scene_files() {
         message(unknown),
         ["scene.json", "velocities", "moon", "ball"],
     );
+    for (material, part) in [
+        (
+            r#"{ "bsdf": "dielectric", "ior": [1] }"#,
+            "materials.ball.ior",
+        ),
+        (r#"{ "bsdf": "dielectric", "index": 1 }"#, "index"),
+        (r#"{ "bsdf": "chrome" }"#, "chrome"),
+        (
+            r#"{ "bsdf": "conductor", "roughness": "../x.png" }"#,
+            "x.png",
+        ),
+    ] {
+        let tail = format!(r#"}}, "materials": {{ "ball": {material} }}"#);
+        says(message(scene_file(&folder, &tail)), [part]);
+    }
     says(message(scene_file(&folder, "")), ["scene.json"]);
     let none = SceneFile::load(Path::new("nowhere/scene.json"), &Device::flex());
     says(message(none), ["nowhere"]);

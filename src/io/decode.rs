@@ -56,7 +56,7 @@ impl Decoded {
     /// dropped.
     pub fn colours(self) -> Vec<f32> {
         match self.linear {
-            true => self.image.into_rgb32f().into_raw(),
+            true => self.numbers(),
             false => decode_srgb(self.image),
         }
     }

@@ -24,6 +24,7 @@ mod ply_write;
 mod polygon;
 mod renders;
 mod scene_file;
+mod scene_materials;
 mod split;
 mod srgb;
 mod whole;

@@ -6,6 +6,7 @@ use serde::Deserialize;
 
 use super::limits::read_text;
 use super::load::{Loaded, SCENES, load};
+use super::scene_materials::{MaterialDocument, Place};
 use super::whole::ending;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result, one_of};
@@ -32,14 +33,21 @@ use crate::scene::{Camera, Environment, Light, Scene};
 ///       "inner_degrees": 10, "outer_degrees": 30 },
 ///     { "kind": "directional", "direction": [0, -1, 0.3], "irradiance": [1, 1, 1] }
 ///   ],
-///   "velocities": { "ball": [0.5, 0, 0] }
+///   "velocities": { "ball": [0.5, 0, 0] },
+///   "materials": {
+///     "ball": { "bsdf": "dielectric", "ior": 1.5, "roughness": 0.1 },
+///     "ring": { "bsdf": "conductor", "eta": [0.14, 0.37, 1.44], "extinction": [3.98, 2.39, 1.6], "roughness": 0.2 },
+///     "floor": { "bsdf": "metallic_roughness", "base_colour": "wood.png", "metallic": 0, "roughness": "rough.png" }
+///   }
 /// }
 /// ```
 ///
 /// `environment` is a constant radiance, or the file of an equirectangular map (`"sky.hdr"`). `up`
-/// (y), the lens (a pinhole), `environment` (black), `lights` (none, beside those of the
-/// file; of the units of [`Light`]) and `velocities` (none) may be left out; other fields are ignored. A lens without a focus distance focuses on the target. `obj` is another name of
-/// `scene`.
+/// (y), the lens (a pinhole), `environment` (black), `lights` (none, beside those of the file; of the units of
+/// [`Light`]), `velocities` and `materials` (those of the scene) may be left out. A material replaces that of an
+/// object. Its numbers and its `base_colour` (white) may be images: the roughness (1) is the green channel as the file
+/// has it, `metallic` (0) the blue one, `ior` (1.5) the red one. Other fields are ignored. A lens without a focus
+/// distance focuses on the target. `obj` is another name of `scene`.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
     /// The scene.
@@ -76,6 +84,8 @@ struct Document {
     lights: Vec<LightDocument>,
     #[serde(default)]
     velocities: BTreeMap<String, [f64; 3]>,
+    #[serde(default)]
+    materials: BTreeMap<String, MaterialDocument>,
 }
 
 #[derive(Deserialize)]
@@ -242,13 +252,27 @@ impl SceneFile {
         for light in document.lights {
             scene = scene.light(light.build());
         }
-        for (name, velocity) in document.velocities {
-            if scene.object(&name).is_none() {
-                let known = one_of(scene.names());
-                let message = format!("velocities names the object {name:?}, expected {known}");
-                return Err(Error::format(path, message));
+        let known = |scene: &Scene, field: &str, name: &str| {
+            if scene.object(name).is_some() {
+                return Ok(());
             }
+            let known = one_of(scene.names());
+            let message = format!("{field} names the object {name:?}, expected {known}");
+            Err(Error::format(path, message))
+        };
+        for (name, velocity) in document.velocities {
+            known(&scene, "velocities", &name)?;
             scene = scene.map_object(&name, |o| o.velocity(velocity))?;
+        }
+        let place = Place {
+            file: path,
+            limits,
+            device,
+        };
+        for (name, material) in document.materials {
+            known(&scene, "materials", &name)?;
+            let material = material.build(&name, &place)?;
+            scene = scene.map_object(&name, |o| o.material(material.clone()))?;
         }
         let (width, height) = (camera.width, camera.height);
         let camera = camera.build();

@@ -1,11 +1,11 @@
 use burn::config::Config;
 use burn::module::{Module, Param};
-use burn::tensor::activation::softmax;
+use burn::tensor::activation::{sigmoid, softmax};
 use burn::tensor::{Device, Tensor};
 
-use super::values::{leaf, positive};
+use super::values::{leaf, logit, positive};
 use crate::error::{Error, Result};
-use crate::scene::{Albedo, Material, Range};
+use crate::scene::{Albedo, Bsdf, Material, Parameter, Range, ScalarTexture};
 
 const OBJECT: &str = "material";
 /// The least share of a channel's light that a part begins with, and the least emission: 0 has no
@@ -15,7 +15,7 @@ const LEAST: f64 = 1e-3;
 /// Makes a [`MaterialParams`].
 #[derive(Config, Debug)]
 pub struct MaterialParamsConfig {
-    /// k_d, RGB in [0, 1].
+    /// k_d, or the base colour of facets, RGB in [0, 1].
     #[config(default = "[0.5, 0.5, 0.5]")]
     pub diffuse: [f64; 3],
     /// k_s, RGB in [0, 1]; without it there is no Phong lobe.
@@ -25,6 +25,16 @@ pub struct MaterialParamsConfig {
     pub shininess: f64,
     /// Radiance of the front side, RGB ≥ 0; without it nothing is emitted.
     pub emission: Option<[f64; 3]>,
+    /// The roughness of facets in [0, 1]; with it the material is one of facets, without a Phong lobe: by
+    /// `conductor` a metal, by `ior` clear matter, else [`Material::metallic_roughness`].
+    pub roughness: Option<f64>,
+    /// The share of metal in [0, 1].
+    #[config(default = 0.0)]
+    pub metallic: f64,
+    /// η and k of a conductor, RGB > 0.
+    pub conductor: Option<[[f64; 3]; 2]>,
+    /// The index of refraction of a dielectric, > 1.
+    pub ior: Option<f64>,
 }
 
 impl MaterialParamsConfig {
@@ -43,6 +53,7 @@ impl MaterialParamsConfig {
         }
         let constant = Material::diffuse(self.diffuse).specular(specular, self.shininess);
         constant.check_energy(OBJECT)?;
+        let [roughness, metallic, index] = self.facets()?;
         let sum: [f64; 3] = std::array::from_fn(|i| self.diffuse[i] + specular[i]);
         let log = |x: f64| x.max(LEAST).ln();
         let shares = |c: usize| {
@@ -60,13 +71,51 @@ impl MaterialParamsConfig {
             log_emission: self
                 .emission
                 .map(|e| leaf(e.map(log).to_vec(), [3], device)),
+            roughness: roughness.map(|v| leaf(v, [1], device)),
+            metallic: metallic.map(|v| leaf(v, [1], device)),
+            log_index: index.map(|v| leaf(v.clone(), [v.len()], device)),
         })
+    }
+
+    /// Where parameters of facets begin, before the functions that keep them in their ranges: of roughness, metal and
+    /// index of refraction those that there are.
+    fn facets(&self) -> Result<[Option<Vec<f64>>; 3]> {
+        let Some(roughness) = self.roughness else {
+            let given = self.conductor.is_some() || self.ior.is_some();
+            let expected = "a number in [0, 1], since there is a conductor or an ior";
+            Error::unless(!given, OBJECT, "roughness", "none", expected)?;
+            return Ok([None, None, None]);
+        };
+        let one = self.conductor.is_none() || self.ior.is_none();
+        let expected = "none, since there is a conductor";
+        Error::unless(one, OBJECT, "ior", "given", expected)?;
+        let matt = self.specular.is_none();
+        let expected = "none, since facets have no Phong lobe";
+        Error::unless(matt, OBJECT, "specular", "given", expected)?;
+        Range::Share.check(OBJECT, "roughness", &[roughness])?;
+        Range::Share.check(OBJECT, "metallic", &[self.metallic])?;
+        let index = match (self.conductor, self.ior) {
+            (Some(pair), _) => {
+                Range::Positive.check(OBJECT, "conductor", &pair.concat())?;
+                Some(pair.concat().iter().map(|x| x.ln()).collect())
+            }
+            (None, Some(ior)) => {
+                let expected = "an index of refraction of more than 1";
+                Error::unless(ior > 1.0 && ior.is_finite(), OBJECT, "ior", ior, expected)?;
+                Some(vec![(ior - 1.0).ln()])
+            }
+            (None, None) => None,
+        };
+        let share = |p: f64| Some(vec![logit(p.clamp(LEAST, 1.0 - LEAST))]);
+        let metallic = index.is_none().then(|| share(self.metallic)).flatten();
+        Ok([share(roughness), metallic, index])
     }
 }
 
 /// A material that can't make energy: of each channel's light a share is reflected diffusely, a share
 /// specularly, and a share absorbed, by a softmax. Shininess and emission stay more than 0: they are
-/// kept as logarithms.
+/// kept as logarithms. Of facets the diffuse share is the base colour, the roughness and the share of metal stay in
+/// (0, 1), η and k more than 0, and the index of refraction more than 1.
 ///
 /// ```
 /// use softray::modules::MaterialParamsConfig;
@@ -90,6 +139,12 @@ pub struct MaterialParams {
     pub log_shininess: Option<Param<Tensor<1>>>,
     /// ln of the emitted radiance, `[3]`, where something is emitted.
     pub log_emission: Option<Param<Tensor<1>>>,
+    /// ln(r/(1 − r)) of the roughness r of facets, `[1]`, where the material is one of facets.
+    pub roughness: Option<Param<Tensor<1>>>,
+    /// ln(m/(1 − m)) of the share m of metal, `[1]`, of metallic–roughness.
+    pub metallic: Option<Param<Tensor<1>>>,
+    /// ln of η and k of a conductor, `[6]`, or of the index of refraction of a dielectric less 1, `[1]`.
+    pub log_index: Option<Param<Tensor<1>>>,
 }
 
 impl MaterialParams {
@@ -108,9 +163,28 @@ impl MaterialParams {
             };
             p.values()
         };
+        let number = |field: &str, texture: &ScalarTexture| {
+            let ScalarTexture::Constant(p) = texture else {
+                let object = format!("material {}", material.name);
+                return Err(Error::invalid(object, field, "a texture", "a number"));
+            };
+            Ok(p.values()?[0])
+        };
         let mut config =
             MaterialParamsConfig::new().with_diffuse(colour("diffuse", &material.diffuse)?);
-        if material.specular.reflects() {
+        if material.bsdf != Bsdf::Phong {
+            config.roughness = Some(number("roughness", &material.roughness)?);
+        }
+        match material.bsdf {
+            Bsdf::Phong => {}
+            Bsdf::MetallicRoughness => config.metallic = number("metallic", &material.metallic)?,
+            Bsdf::Conductor => {
+                let least = |p: &Parameter<3>| Ok(p.values()?.map(|x| x.max(LEAST)));
+                config.conductor = Some([least(&material.eta)?, least(&material.extinction)?]);
+            }
+            Bsdf::Dielectric => config.ior = Some(number("ior", &material.ior)?),
+        }
+        if material.bsdf == Bsdf::Phong && material.specular.reflects() {
             let [shininess] = material.shininess.values()?;
             config = config
                 .with_specular(Some(colour("specular", &material.specular)?))
@@ -129,6 +203,25 @@ impl MaterialParams {
         let mut material = Material::diffuse(part(0));
         if let Some(log) = &self.log_shininess {
             material = material.specular(part(1), positive(log.val()));
+        }
+        if let Some(roughness) = &self.roughness {
+            let roughness = sigmoid(roughness.val());
+            let index = self.log_index.as_ref().map(|log| positive(log.val()));
+            material = match (&self.metallic, index) {
+                (Some(metal), _) => {
+                    Material::metallic_roughness(part(0), sigmoid(metal.val()), roughness)
+                }
+                (None, Some(index)) if index.dims() == [6] => {
+                    let half = |i: usize| index.clone().slice(3 * i..3 * i + 3);
+                    Material::conductor(half(0), half(1), roughness)
+                }
+                (None, Some(index)) => {
+                    let mut glass = Material::dielectric(index + 1.0, roughness);
+                    glass.diffuse = part(0).into();
+                    glass
+                }
+                (None, None) => material,
+            };
         }
         match &self.log_emission {
             Some(log) => material.emission(positive(log.val())),

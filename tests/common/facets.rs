@@ -49,7 +49,7 @@ pub fn facet_cases() -> Vec<Case> {
             let m = Material::metallic_roughness([0.7, 0.5, 0.2], 0.8, roughness);
             with("floor", m, d, t)
         }),
-        case("eta", 0.5, 0.1, 1, |d, t, p| {
+        case("eta", 0.5, 0.03, 1, |d, t, p| {
             let eta = vector(p, [0.4, 0.8, 2.0], d, t);
             with("floor", Material::conductor(eta, EXTINCTION, 0.5), d, t)
         }),

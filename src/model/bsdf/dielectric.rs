@@ -225,7 +225,7 @@ impl Shading {
             let by_b = fourth * t.a;
             by_square -= 2.0 * g.k * t.k * per * per;
             by_half += f.view * by_a - outgoing * by_b + t.half * (2.0 * by_square);
-            by_half = by_half * t.sign;
+            let by_half = by_half * t.sign;
             by.view += t.half * by_a + by_half;
             by_outgoing = by_half * self.eta() - t.half * by_b;
             by_eta += by_half.dot(outgoing);
@@ -259,17 +259,18 @@ impl Shading {
         t.part.x * f.visible(t.half) * jacobian
     }
 
-    /// The part of light that is reflected at facets along the normal.
+    /// The probability with which reflected light is chosen before a facet is drawn. Slanted facets let light pass
+    /// where one along the normal reflects all of it, so neither choice is impossible.
     #[inline(always)]
     pub(super) fn interface_gloss(&self) -> f32 {
         let nv = self.normal.dot(self.incoming).abs();
-        dielectric(nv.min(1.0), self.eta()).x.max(0.05)
+        dielectric(nv.min(1.0), self.eta()).x.clamp(0.05, 0.5)
     }
 
     /// The part of light that a facet with a half vector reflects.
     #[inline(always)]
     pub(super) fn part_reflected(&self, f: &Facets, half: V3) -> f32 {
-        dielectric(f.view.dot(half).max(0.0).min(1.0), self.eta()).x
+        dielectric(f.view.dot(half).clamp(0.0, 1.0), self.eta()).x
     }
 
     /// The direction in which a facet with a half vector refracts the view.

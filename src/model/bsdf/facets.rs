@@ -303,7 +303,7 @@ impl Facets {
         let cap = sum * (2.0 * sum.dot(stretched)) - stretched;
         let mut turn = cap.y.atan2(cap.x) / TAU;
         turn -= turn.floor();
-        let u = ((1.0 - cap.z) / (1.0 + stretched.z)).max(0.0).min(1.0);
+        let u = ((1.0 - cap.z) / (1.0 + stretched.z)).clamp(0.0, 1.0);
         v3(u, turn, 0.0)
     }
 }

@@ -42,7 +42,12 @@ impl Lobe {
     /// Whether a direction belongs to the part.
     #[inline(always)]
     pub fn holds(&self, direction: V3) -> bool {
-        (direction.dot(self.core) >= self.core_cos) == self.inside
+        // Vulkan's kernels don't compare what is true or false.
+        let mut held = direction.dot(self.core) >= self.core_cos;
+        if !self.inside {
+            held = !held;
+        }
+        held
     }
 
     /// Takes a cone, widened by that of the rays, of which `tangent` is that of the half-angle.
@@ -74,7 +79,8 @@ impl Shading {
             rest: choice,
         };
         if comptime!(self.facets.0) {
-            if self.model != PHONG && (of_gloss || self.model == DIELECTRIC) {
+            let of_facets = self.model != PHONG && (of_gloss || self.model == DIELECTRIC);
+            if of_facets {
                 self.lobe_of_facets(&mut lobe, of_gloss, tangent);
             }
         }
@@ -110,7 +116,8 @@ impl Shading {
             lobe.inside = lobe.rest < INNER;
             if lobe.inside {
                 lobe.chance = INNER;
-                lobe.rest = lobe.rest / INNER;
+                let rest = lobe.rest;
+                lobe.rest = rest / INNER;
                 let width = turns * f.alpha;
                 lobe.axis = lobe.core;
                 // It falls about as 1/(1 + (1 − cos) (n − 1))².

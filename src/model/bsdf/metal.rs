@@ -276,14 +276,13 @@ impl Shading {
     pub(super) fn metal_gloss(&self) -> f32 {
         let mut share = 1.0f32;
         if self.model == METALLIC {
-            let metal = self.specular.x.max(0.0).min(1.0);
+            let metal = self.specular.x.clamp(0.0, 1.0);
             let nv = self.normal.dot(self.incoming).abs();
             let reflected = self.fresnel(nv).abs().element_sum();
             let below = (1.0 - metal) * self.diffuse.abs().element_sum();
             if below > 0.0 {
                 share = (reflected / (reflected + below))
-                    .max(LEAST_SHARE)
-                    .min(const { 1.0 - LEAST_SHARE });
+                    .clamp(LEAST_SHARE, const { 1.0 - LEAST_SHARE });
             }
         }
         share

@@ -1,7 +1,9 @@
 //! The BSDF as a density and as physics, and its derivatives against central differences.
 
+mod derivatives;
+
 use super::*;
-use crate::model::frame::SinCos;
+use crate::model::frame::{SinCos, sin_cos_of_turns};
 
 /// A gloss and a matt surface, flat and smooth.
 fn surfaces() -> Vec<Shading> {
@@ -175,9 +177,9 @@ fn white_furnaces() {
                 lossy <= 1.001 && (roughness < 0.6 || lossy < 0.98),
                 "{lossy}"
             );
-            assert!((0.975..1.006).contains(&metal), "{roughness} {z}: {metal}");
-            assert!((0.97..1.006).contains(&mirror), "{roughness} {z}: {mirror}");
-            assert!((0.965..1.006).contains(&base), "{roughness} {z}: {base}");
+            assert!((0.97..1.001).contains(&metal), "{roughness} {z}: {metal}");
+            assert!((0.97..1.001).contains(&mirror), "{roughness} {z}: {mirror}");
+            assert!((0.96..1.001).contains(&base), "{roughness} {z}: {base}");
         }
     }
     // Radiance that passes is less by the square of the index.
@@ -268,144 +270,5 @@ fn drawn_directions_have_their_density() {
         }
         let wanted = over_sphere(|d| s.evaluate(d).y);
         assert!((mean - wanted).abs() < 6e-3, "{s:?}: {mean} {wanted}");
-    }
-}
-
-type Number = (fn(&mut Shading) -> &mut f32, fn(&ShadingGradient) -> f32);
-
-/// Numbers that a shaded point is made of, with the derivatives by them.
-const NUMBERS: [Number; 13] = [
-    (|s| &mut s.normal.x, |g| g.normal.x),
-    (|s| &mut s.normal.y, |g| g.normal.y),
-    (|s| &mut s.normal.z, |g| g.normal.z),
-    (|s| &mut s.geometric.x, |g| g.geometric.x),
-    (|s| &mut s.geometric.z, |g| g.geometric.z),
-    (|s| &mut s.incoming.x, |g| g.incoming.x),
-    (|s| &mut s.incoming.y, |g| g.incoming.y),
-    (|s| &mut s.incoming.z, |g| g.incoming.z),
-    (|s| &mut s.diffuse.x, |g| g.diffuse.x),
-    (|s| &mut s.diffuse.z, |g| g.diffuse.z),
-    (|s| &mut s.specular.y, |g| g.specular.y),
-    (|s| &mut s.exponent, |g| g.exponent),
-    (|s| &mut s.specular.x, |g| g.specular.x),
-];
-
-/// Compares a gradient with central differences of a value in [`NUMBERS`], where `matters` says so.
-fn compare(
-    s: &Shading,
-    found: &ShadingGradient,
-    value: impl Fn(&Shading) -> f32,
-    matters: impl Fn(usize) -> bool,
-) {
-    for (i, (number, gradient)) in NUMBERS.into_iter().enumerate().filter(|n| matters(n.0)) {
-        let h = 1e-3;
-        let (mut a, mut b) = (*s, *s);
-        *number(&mut a) += h;
-        *number(&mut b) -= h;
-        let wanted = (value(&a) - value(&b)) / (2.0 * h);
-        let got = gradient(found);
-        let close = (got - wanted).abs() < 1e-2 * wanted.abs().max(0.2);
-        assert!(close, "{i} of {s:?}: {got} {wanted}");
-    }
-}
-
-/// f·cos θ by all that it is made of and by the direction, on both sides of where the horizon matters.
-#[test]
-fn derivatives_of_the_value() {
-    let g = v3(0.7, -0.4, 0.9);
-    for s in surfaces() {
-        for outgoing in [
-            v3(0.4, -0.2, 0.8),
-            v3(0.9, 0.1, 0.05),
-            v3(0.4, -0.3, -0.8),
-            v3(0.9, 0.1, -0.05),
-        ]
-        .map(V3::normalize)
-        {
-            let mut found = ShadingGradient::default();
-            let by_outgoing = s.evaluate_backward(outgoing, g, &mut found);
-            let value = |s: &Shading| g.dot(s.evaluate(outgoing));
-            compare(&s, &found, value, |i| s.glossy || i < 10);
-            for step in V3::AXES {
-                let at = |h: f32| g.dot(s.evaluate(outgoing + step * h));
-                let wanted = (at(2e-3) - at(-2e-3)) / 4e-3;
-                let close = (by_outgoing.dot(step) - wanted).abs() < 1e-2 * wanted.abs().max(0.2);
-                assert!(close, "{s:?}: {by_outgoing:?} {wanted}");
-            }
-        }
-    }
-}
-
-/// A drawn direction and its weight, at fixed random numbers and a fixed share of the lobes.
-#[test]
-fn derivatives_of_samples() {
-    let (g, by_direction) = (v3(0.7, -0.4, 0.9), v3(0.2, 0.8, -0.5));
-    for s in surfaces() {
-        for lobe in [0.0, 1.0] {
-            if s.model == CONDUCTOR && lobe > 0.0 {
-                continue;
-            }
-            let (u, v) = (0.4, 0.3);
-            let drawn = s.sample(u, v, lobe);
-            assert!(!drawn.weight.is_zero(), "{s:?}");
-            // The derivative is that of f·cos θ over the density, in which the choice of the lobe stays: its share,
-            // or the part of light that goes this way at the facet that was drawn.
-            let part = |s: &Shading, d: &Scatter| {
-                let f = s.facets_about(s.normal);
-                let reflected =
-                    s.part_reflected(&f, s.half_of(&f, d.direction, d.of_gloss).normalize());
-                if d.of_gloss {
-                    reflected
-                } else {
-                    1.0 - reflected
-                }
-            };
-            let value = |moved: &Shading| {
-                let found = moved.sample(u, v, lobe);
-                let scale = match s.model {
-                    PHONG => 1.0,
-                    DIELECTRIC => part(moved, &found) / part(&s, &drawn),
-                    _ => {
-                        let by = moved.metal_densities(moved.normal, found.direction);
-                        let (old, new) = (s.gloss(), moved.gloss());
-                        let below = if new < 1.0 {
-                            (1.0 - old) / (1.0 - new)
-                        } else {
-                            1.0
-                        };
-                        by.element_sum() / (by.x * old / new + by.y * below)
-                    }
-                };
-                g.dot(found.weight) * scale + by_direction.dot(found.direction)
-            };
-            let mut found = ShadingGradient::default();
-            s.sample_backward(&drawn, g, by_direction, &mut found);
-            // Colours change the share of gloss, but for those of a matt surface.
-            let colour = |i: usize| (8..11).contains(&i) || i == 12;
-            let matters = |i: usize| match (s.facets.0, s.glossy) {
-                (true, _) => true,
-                (false, true) => !colour(i),
-                (false, false) => i < 10,
-            };
-            compare(&s, &found, value, matters);
-        }
-    }
-}
-
-/// A direction has the derivative of the one that was drawn as it.
-#[test]
-fn directions_as_if_drawn() {
-    for s in surfaces().into_iter().filter(|s| s.glossy) {
-        for lobe in [0.0, 0.999] {
-            let drawn = s.sample(0.4, 0.3, lobe);
-            let again = s.as_drawn(drawn.direction, drawn.of_gloss);
-            let by = |s: &Shading, d: &Scatter| {
-                let mut by = ShadingGradient::default();
-                s.direction_backward(d, v3(0.2, 0.8, -0.5), &mut by);
-                v3(by.normal.x + by.normal.z, by.exponent, by.incoming.y)
-            };
-            let (a, b) = (by(&s, &drawn), by(&s, &again));
-            assert!((a - b).length() < 2e-3, "{s:?}: {a:?} {b:?}");
-        }
     }
 }

@@ -1,0 +1,127 @@
+//! Materials of facets that `scene.json` gives to objects.
+
+use std::io::BufReader;
+use std::path::Path;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::decode::Decoded;
+use super::limits::open;
+use super::{HostImage, LoadLimits};
+use crate::error::{Error, Result};
+use crate::scene::{Albedo, Material, ScalarTexture};
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Model {
+    MetallicRoughness,
+    Conductor,
+    Dielectric,
+}
+
+/// A material: numbers, and names of images in their place.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialDocument {
+    bsdf: Model,
+    base_colour: Option<Value>,
+    metallic: Option<Value>,
+    roughness: Option<Value>,
+    #[serde(default)]
+    eta: [f64; 3],
+    #[serde(default = "ones")]
+    extinction: [f64; 3],
+    ior: Option<Value>,
+}
+
+fn ones() -> [f64; 3] {
+    [1.0; 3]
+}
+
+/// The file that names images, and where they may lie.
+pub(super) struct Place<'a> {
+    pub file: &'a Path,
+    pub limits: &'a LoadLimits,
+    pub device: &'a Device,
+}
+
+impl Place<'_> {
+    /// The image of a name, decoded by a function.
+    fn image<T>(&self, name: &str, read: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
+        let folder = self.file.parent().unwrap_or(Path::new(""));
+        let path = folder.join(name);
+        let named_by = self.file.display().to_string();
+        self.limits.check_place(&path, folder, &named_by)?;
+        read(&path)
+    }
+
+    fn wrong<T>(&self, field: &str, value: &Value, expected: &str) -> Result<T> {
+        let message = format!("{field} is {value}, expected {expected} or the name of an image");
+        Err(Error::format(self.file, message))
+    }
+
+    fn colour(&self, field: &str, value: Option<Value>) -> Result<Albedo> {
+        match value {
+            None => Ok([1.0; 3].into()),
+            Some(Value::String(name)) => self.image(&name, |path| {
+                let image = HostImage::read_within(path, self.limits)?;
+                Ok(Albedo::texture(image.into_tensor(self.device)))
+            }),
+            Some(value) => match serde_json::from_value::<[f64; 3]>(value.clone()) {
+                Ok(colour) => Ok(colour.into()),
+                Err(_) => self.wrong(field, &value, "three numbers"),
+            },
+        }
+    }
+
+    /// A number, or a channel of an image as its file has it.
+    fn number(
+        &self,
+        field: &str,
+        value: Option<Value>,
+        default: f64,
+        channel: usize,
+    ) -> Result<ScalarTexture> {
+        match value {
+            None => Ok(default.into()),
+            Some(Value::String(name)) => self.image(&name, |path| {
+                let (file, _) = open(path)?;
+                let image = Decoded::read(BufReader::new(file), path, self.limits)?;
+                let [width, height] = image.size();
+                let all = image.numbers();
+                let texels: Vec<f32> = all.into_iter().skip(channel).step_by(3).collect();
+                let data = TensorData::new(texels, [height, width]);
+                Ok(ScalarTexture::texture(Tensor::from_data(data, self.device)))
+            }),
+            Some(value) => match value.as_f64() {
+                Some(number) => Ok(number.into()),
+                None => self.wrong(field, &value, "a number"),
+            },
+        }
+    }
+}
+
+impl MaterialDocument {
+    /// The material of an object.
+    pub fn build(self, object: &str, place: &Place) -> Result<Material> {
+        let field = |name: &str| format!("materials.{object}.{name}");
+        let roughness = place.number(&field("roughness"), self.roughness, 1.0, 1)?;
+        let colour = place.colour(&field("base_colour"), self.base_colour)?;
+        let material = match self.bsdf {
+            Model::MetallicRoughness => {
+                let metallic = place.number(&field("metallic"), self.metallic, 0.0, 2)?;
+                Material::metallic_roughness(colour, metallic, roughness)
+            }
+            Model::Conductor => Material::conductor(self.eta, self.extinction, roughness),
+            Model::Dielectric => {
+                let ior = place.number(&field("ior"), self.ior, 1.5, 0)?;
+                let mut glass = Material::dielectric(ior, roughness);
+                glass.diffuse = colour;
+                glass
+            }
+        };
+        Ok(material.named(object))
+    }
+}
