@@ -179,7 +179,7 @@ fn cases() -> Vec<Case> {
             options: |o| o.bounces(2),
             pixels: None,
         },
-        // A floor of metal and what is none, a ball of rough glass, a sheet of gold.
+        // A floor of metal and what is none, a ball of rough glass, a sheet of gold: by kernels of the host.
         Case {
             name: "facets",
             scene: |device| {
@@ -217,7 +217,7 @@ fn derivatives_of_all_classes() {
     }
 }
 
-/// Every parameter of BSDFs of facets, at one seed.
+/// Every parameter of BSDFs of facets, at one seed: kernels of the host serve the device.
 #[test]
 fn derivatives_of_facets() {
     let (gpu, cpu) = (device(), Device::flex());

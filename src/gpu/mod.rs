@@ -51,7 +51,7 @@ mod surface_backward;
 
 use burn::cubecl::{self, prelude::*};
 
-use crate::kernel::View;
+use crate::kernel::{Material, View};
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
 use crate::scene::Bsdf;
@@ -169,14 +169,16 @@ impl Derivatives {
     }
 }
 
-/// Whether kernels of a GPU know all that a scene has; one with more, such as colours at corners, normal maps or holes,
-/// is rendered by those of the host.
+/// Whether kernels of a GPU render all that a scene has; a scene with more is rendered by those of the host. What facets
+/// reflect they compile too (`model/bsdf`), but SwiftShader takes minutes for its derivatives, which are not compared
+/// with the host's so far.
 pub(crate) fn knows(view: &View) -> bool {
     let scene = &view.scene;
     let plain = scene.colours.values.is_empty() && !scene.tilted && scene.holes.is_none();
     let lights = &scene.emitters;
-    let glows = scene.materials.iter().any(|m| m.glows());
-    plain && !glows && lights.lights().is_empty() && !lights.are_many()
+    let other = |m: &Material| m.glows() || m.kind.bsdf != Bsdf::Phong;
+    let materials = !scene.materials.iter().any(other);
+    plain && materials && lights.lights().is_empty() && !lights.are_many()
 }
 
 /// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the

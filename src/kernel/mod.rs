@@ -31,5 +31,7 @@ pub(crate) use edges::EdgeSets;
 pub(crate) use edges::FlatTree;
 pub(crate) use gradient::{Sums, Wanted};
 pub(crate) use scene::KernelScene;
+#[cfg(feature = "wgpu")]
+pub(crate) use scene::Material;
 pub(crate) use view::{View, ViewSettings};
 pub(crate) use walk::{RayCounts, Seen, Work};

@@ -171,6 +171,8 @@ fn trace(
         }
         return Ok((image, traced, Some(Gpu { device, jobs })));
     }
+    #[cfg(not(feature = "wgpu"))]
+    let _ = with_gradient;
     let tiles = camera_tiles(options, count);
     let pass = Forward {
         options,
