@@ -14,13 +14,13 @@ use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, pictu
 
 /// The index of refraction of gold in red, green and blue light: η and k.
 const GOLD: [[f64; 3]; 2] = [[0.143, 0.375, 1.442], [3.983, 2.386, 1.603]];
-/// The roughness of the floor, the gold and the glass.
-const TARGET: [f64; 3] = [0.35, 0.2, 0.1];
-const START: [f64; 3] = [0.7, 0.5, 0.4];
+/// The roughness of the gold and the glass.
+const TARGET: [f64; 2] = [0.2, 0.1];
+const START: [f64; 2] = [0.5, 0.4];
 
 #[derive(Module, Debug)]
 struct Surfaces {
-    /// ln(r/(1 − r)) of the three roughnesses.
+    /// ln(r/(1 − r)) of the two roughnesses.
     roughness: Param<Tensor<1>>,
 }
 
@@ -72,9 +72,9 @@ fn scene(roughness: &Tensor<1>, device: &Device) -> Scene {
     );
     let floor = Object::new(shapes::plane_grid(8.0, 8.0, 1, 1, device));
     Scene::new()
-        .with(floor.material(Material::metallic_roughness(squares(device), 0.0, part(0))))
-        .with(ball(-0.95, 0.0).material(Material::conductor(GOLD[0], GOLD[1], part(1))))
-        .with(ball(0.95, 0.35).material(Material::dielectric(1.5, part(2))))
+        .with(floor.material(Material::metallic_roughness(squares(device), 0.0, 0.35)))
+        .with(ball(-0.95, 0.0).material(Material::conductor(GOLD[0], GOLD[1], part(0))))
+        .with(ball(0.95, 0.35).material(Material::dielectric(1.5, part(1))))
         .with(Object::new(lamp).material(Material::emitter([14.0, 13.0, 11.0])))
         .environment(Environment::map(sky(device)))
 }
@@ -82,17 +82,18 @@ fn scene(roughness: &Tensor<1>, device: &Device) -> Scene {
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
     let camera = Camera::look_at([0.3, 2.0, 5.2], [0.0, 0.65, 0.0]).fov_y(34.0);
-    let at = |values: [f64; 3]| {
-        let data = TensorData::new(values.to_vec(), [3]);
+    let at = |values: [f64; 2]| {
+        let data = TensorData::new(values.to_vec(), [2]);
         Tensor::<1>::from_data(data, &device)
     };
-    let fixed = |values: [f64; 3]| scene(&at(values), &device);
+    let fixed = |values: [f64; 2]| scene(&at(values), &device);
     let [width, height, samples] = arguments.either([96, 72, 16], [384, 288, 256]);
     let large = RenderOptions::new(width, height)
         .samples(samples as u32)
         .bounces(6);
+    std::fs::create_dir_all(&arguments.out)?;
     let file = arguments.out.join("metal_and_glass_scene.png");
-    picture(&fixed([0.3, 0.15, 0.0]), &camera, &large)?.write(&file)?;
+    picture(&fixed([0.15, 0.0]), &camera, &large)?.write(&file)?;
     println!("wrote {}", file.display());
 
     let [width, height] = arguments.either([32, 24], [64, 48]);
@@ -102,9 +103,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let target = render(&still, &camera, &sharp)?.radiance;
     let study = Study::new(
         "metal_and_glass",
-        "Roughness of a floor, of gold and of glass",
+        "Roughness of gold and of glass",
         arguments,
-        arguments.either(80, 150),
+        arguments.either(120, 150),
     );
     let logits = START.map(|r| (r / (1.0 - r)).ln());
     let leaf = at(logits).autodiff();
@@ -133,18 +134,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         ("target", picture(&still, &camera, &sharp)?),
         (
             "final",
-            picture(&fixed([found[0], found[1], found[2]]), &camera, &sharp)?,
+            picture(&fixed([found[0], found[1]]), &camera, &sharp)?,
         ),
     ];
     let plot = fitted
         .history
         .plot("distance to the target's", &["roughness"])?
         .log();
-    let names = ["floor", "gold", "glass"];
+    let names = ["gold", "glass"];
     let others = names.iter().zip(&found).zip(TARGET);
     let outcome = Outcome {
         errors: [distance(&START, &TARGET), distance(&found, &TARGET)],
-        of: "distance of the three roughnesses together".into(),
+        of: "distance of the two roughnesses together".into(),
         others: others
             .map(|((name, &r), wanted)| (format!("{name} (target {wanted})"), r))
             .collect(),
