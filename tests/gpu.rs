@@ -6,7 +6,7 @@ mod common;
 use std::time::Instant;
 
 use burn::tensor::{DType, Device};
-use common::facets::{ETA, EXTINCTION, facet_cases};
+use common::facets::facet_cases;
 use common::gpu::device;
 use common::gradients::{CONES, Effort, Setup, agreement, agreement_of};
 use common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
@@ -177,21 +177,6 @@ fn cases() -> Vec<Case> {
                 (scene, camera.orthographic(3.0))
             },
             options: |o| o.bounces(2),
-            pixels: None,
-        },
-        // A floor of metal and what is none, a ball of rough glass, a sheet of gold: by kernels of the host.
-        Case {
-            name: "facets",
-            scene: |device| {
-                let (mut scene, camera) = flying(device);
-                let gold = Material::conductor(ETA, EXTINCTION, 0.5);
-                scene.objects[0].materials =
-                    vec![Material::metallic_roughness([0.7, 0.5, 0.2], 0.6, 0.4)];
-                scene.objects[3].materials = vec![Material::dielectric(1.5, 0.5)];
-                scene.objects[4].materials = vec![gold];
-                (scene.environment([0.3, 0.4, 0.5]), camera)
-            },
-            options: |o| o.bounces(2).visibility(Visibility::cone(0.05)),
             pixels: None,
         },
         Case {
