@@ -83,7 +83,10 @@ fn emissive_textures_agree_with_central_differences() {
 
 #[test]
 fn facets_agree_with_central_differences() {
-    agree_with_central_differences(CONES, facet_cases());
+    let mut cases = facet_cases();
+    // What is seen through moving glass takes the long tier's samples to tell from noise.
+    cases.retain(|case| common::long() || case.name != "glass that moves");
+    agree_with_central_differences(CONES, cases);
 }
 
 /// The same seed gives the same gradient on the other CPU backend.
