@@ -52,6 +52,9 @@ fn read(batch: &Batch) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
         let checked = camera.check_device(context);
         checked.map_err(in_batch("view", index))?;
     }
+    // A device that allows too little is told before any kernel runs on it.
+    #[cfg(feature = "wgpu")]
+    crate::gpu::check(&context.device, std::iter::empty(), false)?;
     to_host(&mut scenes, &mut cameras, context)?;
     let read = |(index, scene): (usize, &Scene)| {
         HostScene::read(scene, context.clone()).map_err(in_batch("scene", index))
