@@ -1,0 +1,273 @@
+"""Answers the requests of `run` by Mitsuba 3, as main.rs does by this project: one line of JSON for another."""
+
+import json
+import pathlib
+import sys
+import time
+
+import mitsuba as mi
+import numpy as np
+
+mi.set_variant("llvm_ad_rgb")
+mi.set_log_level(mi.LogLevel.Error)
+import drjit as dr  # noqa: E402
+
+BLOCKS = 8
+
+
+class Phong(mi.BSDF):
+    """k_d/π + k_s (n + 2)/(2π) cosⁿα on both sides, which Mitsuba has no plugin for."""
+
+    def __init__(self, props):
+        mi.BSDF.__init__(self, props)
+        self.kd, self.ks = mi.Color3f(props["kd"]), mi.Color3f(props["ks"])
+        self.n = mi.Float(props["n"])
+        weight = [float(np.mean(props[k])) for k in ("kd", "ks")]
+        self.glossy = weight[1] / sum(weight)
+        both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+        self.m_components = [mi.BSDFFlags.DiffuseReflection | both, mi.BSDFFlags.GlossyReflection | both]
+        self.m_flags = self.m_components[0] | self.m_components[1]
+
+    def traverse(self, callback):
+        pass
+
+    def parts(self, si, wo):
+        """f·cos θ and the density of wo."""
+        up = dr.sign(mi.Frame3f.cos_theta(si.wi))
+        same = mi.Frame3f.cos_theta(wo) * up > 0
+        cos = dr.abs(mi.Frame3f.cos_theta(wo))
+        alpha = dr.maximum(dr.dot(mi.reflect(si.wi), wo), 0)
+        lobe = dr.power(alpha, self.n)
+        value = (self.kd / dr.pi + self.ks * (self.n + 2) / (2 * dr.pi) * lobe) * cos
+        pdf = (1 - self.glossy) * cos / dr.pi + self.glossy * (self.n + 1) / (2 * dr.pi) * lobe
+        return dr.select(same, value, 0), dr.select(same, pdf, 0)
+
+    def sample(self, ctx, si, sample1, sample2, active):
+        glossy = sample1 < self.glossy
+        up = dr.sign(mi.Frame3f.cos_theta(si.wi))
+        diffuse = mi.warp.square_to_cosine_hemisphere(sample2)
+        diffuse.z *= up
+        z = dr.power(sample2.x, 1 / (self.n + 1))
+        r, turn = dr.sqrt(dr.maximum(1 - z * z, 0)), 2 * dr.pi * sample2.y
+        around = mi.Vector3f(r * dr.cos(turn), r * dr.sin(turn), z)
+        wo = dr.select(glossy, mi.Frame3f(mi.reflect(si.wi)).to_world(around), diffuse)
+        value, pdf = self.parts(si, wo)
+        ok = active & (pdf > 0)
+        bs = mi.BSDFSample3f()
+        bs.wo, bs.pdf, bs.eta = wo, pdf, 1.0
+        bs.sampled_type = dr.select(glossy, mi.UInt32(+mi.BSDFFlags.GlossyReflection), mi.UInt32(+mi.BSDFFlags.DiffuseReflection))
+        bs.sampled_component = dr.select(glossy, mi.UInt32(1), mi.UInt32(0))
+        return bs, dr.select(ok, value / dr.detach(pdf), 0)
+
+    def eval(self, ctx, si, wo, active):
+        return dr.select(active, self.parts(si, wo)[0], 0)
+
+    def pdf(self, ctx, si, wo, active):
+        return dr.select(active, self.parts(si, wo)[1], 0)
+
+    def eval_pdf(self, ctx, si, wo, active):
+        value, pdf = self.parts(si, wo)
+        return dr.select(active, value, 0), dr.select(active, pdf, 0)
+
+
+mi.register_bsdf("phong", lambda props: Phong(props))
+
+
+def bsdf(material):
+    kd, ks = material.get("Kd", [0.8] * 3), material.get("Ks", [0.0] * 3)
+    if any(ks):
+        props = mi.Properties("phong")
+        props["kd"], props["ks"], props["n"] = mi.ScalarColor3f(kd), mi.ScalarColor3f(ks), material["Ns"][0]
+        return Phong(props)
+    matt = {"type": "diffuse", "reflectance": {"type": "rgb", "value": kd}}
+    return mi.load_dict({"type": "twosided", "bsdf": matt})
+
+
+def mesh(name, vertices, faces, material, uvs=None):
+    props = mi.Properties()
+    props["bsdf"] = material.get("bsdf") or bsdf(material)
+    if any(material.get("Ke", [0])):
+        radiance = {"type": "rgb", "value": material["Ke"]}
+        props["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
+    found = mi.Mesh(name, len(vertices), len(faces), props=props, has_vertex_texcoords=uvs is not None)
+    p = mi.traverse(found)
+    p["vertex_positions"] = np.asarray(vertices).reshape(-1).astype(np.float32)
+    p["faces"] = np.asarray(faces).reshape(-1).astype(np.uint32)
+    if uvs is not None:
+        p["vertex_texcoords"] = np.asarray(uvs).reshape(-1).astype(np.float32)
+    p.update()
+    return found
+
+
+def sensor(camera, size, sampler="independent"):
+    film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
+    film |= {"pixel_format": "rgb", "component_format": "float32"}
+    look = mi.ScalarTransform4f().look_at(camera["eye"], camera["target"], camera.get("up", [0, 1, 0]))
+    found = {"type": "perspective", "fov_axis": "y", "fov": camera["fov_y_degrees"], "to_world": look}
+    if "aperture_radius" in camera:
+        found |= {"type": "thinlens", "aperture_radius": camera["aperture_radius"]}
+        found["focus_distance"] = camera["focus_distance"]
+    return found | {"film": film, "sampler": {"type": sampler}}
+
+
+def load(path, size, sampler="independent"):
+    """The scene of a file that SceneFile reads too."""
+    path = pathlib.Path(path)
+    file = json.loads(path.read_text())
+    obj = path.parent / file["obj"]
+    materials, parts, vertices = {}, {}, []
+    for line in obj.with_suffix(".mtl").read_text().splitlines():
+        word, *rest = line.split() or [""]
+        if word == "newmtl":
+            material = materials.setdefault(rest[0], {})
+        elif word:
+            material[word] = [float(x) for x in rest]
+    for line in obj.read_text().splitlines():
+        word, *rest = line.split() or [""]
+        if word == "v":
+            vertices.append([float(x) for x in rest[:3]])
+        elif word in ("o", "g"):
+            part = rest[0]
+        elif word == "usemtl":
+            material = rest[0]
+        elif word == "f":
+            corners = [int(c.split("/")[0]) - 1 for c in rest]
+            fan = [(corners[0], *corners[i : i + 2]) for i in range(1, len(corners) - 1)]
+            parts.setdefault((part, material), []).extend(fan)
+    scene = {"type": "scene", "sensor": sensor(file["camera"], size, sampler)}
+    sky = file.get("environment") or [0, 0, 0]
+    if any(sky):
+        scene["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": sky}}
+    vertices = np.array(vertices)
+    for (part, material), faces in parts.items():
+        used, faces = np.unique(np.array(faces), return_inverse=True)
+        scene[part] = mesh(part, vertices[used], faces.reshape(-1, 3), materials[material])
+    return mi.load_dict(scene)
+
+
+def integrator(method, bounces):
+    """`path`, `prb`, `prb_projective` or `prb_projective guided`."""
+    kind, *guided = method.split()
+    more = {"guiding": "octree" if guided else "none"} if "projective" in kind else {}
+    return mi.load_dict({"type": kind, "max_depth": bounces + 2, "rr_depth": 1000, **more})
+
+
+def timed(seconds, run):
+    """The seconds of a first run, when it ended, and those of at least three more; what those returned."""
+    start = time.perf_counter()
+    run(0)
+    first, first_at = time.perf_counter() - start, time.time()
+    times, values = [], []
+    while len(times) < 3 or sum(times) < seconds:
+        start = time.perf_counter()
+        values.append(run(1 + len(times)))
+        times.append(time.perf_counter() - start)
+    return {"first": first, "first_at": first_at, "times": times}, values
+
+
+def speed(r):
+    scene = load(r["scene"], r["size"])
+    how = integrator(r["method"], r["bounces"])
+    parameters = mi.traverse(scene)
+    keys = [k for k in parameters.keys() if k.endswith("vertex_positions")]
+    base = {k: dr.detach(mi.Float(parameters[k])) for k in keys}
+
+    def run(k):
+        if not r["backward"]:
+            dr.eval(mi.render(scene, integrator=how, spp=r["samples"], seed=k))
+            return dr.sync_thread()
+        for key in keys:
+            parameters[key] = base[key] * (1 + 1e-6 * k)
+            dr.enable_grad(parameters[key])
+        parameters.update()
+        image = mi.render(scene, parameters, integrator=how, spp=r["samples"], seed=k)
+        dr.backward(dr.sum(dr.square(image)))
+        dr.eval([dr.grad(parameters[key]) for key in keys])
+        dr.sync_thread()
+
+    triangles = sum(s.face_count() for s in scene.shapes())
+    return {"triangles": triangles, **timed(r["seconds"], run)[0]}
+
+
+class Moved:
+    """A scene with an object that one number moves."""
+
+    def __init__(self, r):
+        # Strata suit differences; derivatives have what is the plugin's default.
+        self.scene = load(r["scene"], r["size"], "multijitter" if r.get("differences") else "independent")
+        self.parameters = mi.traverse(self.scene)
+        self.motion = r["motion"]
+        self.key = self.motion["object"] + ".vertex_positions"
+        self.base = dr.detach(mi.Float(self.parameters[self.key]))
+
+    def put(self, x):
+        m = self.motion
+        points = dr.unravel(mi.Point3f, self.base)
+        if "turn" in m:
+            c = mi.Point3f(*m["centre"])
+            k = dr.normalize(mi.Vector3f(*m["turn"]))
+            p = points - c
+            s, t = dr.sin(x), dr.cos(x)
+            points = c + p * t + dr.cross(k, p) * s + k * (dr.dot(k, p) * (1 - t))
+        if "translate" in m:
+            points = points + mi.Vector3f(*m["translate"]) * x
+        self.parameters[self.key] = dr.ravel(mi.Point3f(points))
+        self.parameters.update()
+
+
+def blocks(image):
+    image = np.array(image).astype(np.float64).sum(2)
+    side = len(image) // BLOCKS
+    return image.reshape(BLOCKS, side, BLOCKS, side).sum((1, 3)).reshape(-1)
+
+
+def gradient(r):
+    moved = Moved(r)
+    how = integrator(r["method"], r["bounces"])
+    series = []
+    for samples in r["samples"]:
+
+        def render(seed):
+            return mi.render(moved.scene, moved.parameters, integrator=how, spp=samples, seed=seed)
+
+        if r.get("differences"):
+            step = r["differences"]
+
+            def sums(x, seed):
+                moved.put(mi.Float(x))
+                return blocks(render(seed))
+
+            def estimate(seed):
+                return ((sums(step, seed) - sums(-step, seed)) / (2 * step)).tolist()
+
+        elif r.get("weights"):
+            side = r["size"] // BLOCKS
+            weights = np.array(r["weights"]).reshape(BLOCKS, BLOCKS).repeat(side, 0).repeat(side, 1)
+            weights = mi.TensorXf(weights[..., None].astype(np.float32))
+
+            def estimate(seed):
+                x = mi.Float(0.0)
+                dr.enable_grad(x)
+                moved.put(x)
+                dr.backward(dr.sum(render(seed) * weights, axis=None))
+                return [float(np.array(dr.grad(x)).reshape(-1)[0])]
+
+        else:
+
+            def estimate(seed):
+                x = mi.Float(0.0)
+                dr.enable_grad(x)
+                moved.put(x)
+                image = render(seed)
+                dr.forward(x)
+                return blocks(dr.grad(image)).tolist()
+
+        times, values = timed(r["seconds"], lambda k: estimate(r["seed"] + k))
+        series.append({"samples": samples, **times, "values": values})
+    return {"series": series}
+
+
+if __name__ == "__main__":
+    request = json.loads(sys.argv[1])
+    answers = {"speed": speed, "gradient": gradient}
+    print(json.dumps(answers[request["measure"]](request)))

@@ -1,0 +1,218 @@
+"""The scenes of all tables, each written once as OBJ, MTL and JSON, which every renderer reads. Beside them stand those
+of tests/data. A case is a scene with a number x that moves one of its objects; `step` is that of its differences."""
+
+import json
+import math
+import pathlib
+
+import numpy as np
+
+DATA = pathlib.Path(__file__).parents[2] / "tests/data"
+#: Pixels of a side, and blocks of a side in which derivatives of images are summed.
+SIZE, BLOCKS = 64, 8
+DOWN_TO_ORIGIN = {"eye": [0, 1.6, 4], "target": [0, 0.7, 0], "up": [0, 1, 0]}
+
+
+def icosphere(level, radius=1.0, centre=(0, 0, 0)):
+    g = (1 + 5**0.5) / 2
+    v = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g)]
+    v += [(0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
+    f = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4)]
+    f += [(11, 10, 2), (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8)]
+    f += [(3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
+    v, f = np.array(v) / math.hypot(1, g), np.array(f)
+    for _ in range(level):
+        edges = np.sort(f[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        pairs, index = np.unique(edges, axis=0, return_inverse=True)
+        ab, bc, ca = (index.reshape(-1, 3) + len(v)).T
+        middle = v[pairs].sum(1)
+        v = np.vstack([v, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
+        a, b, c = f.T
+        f = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    return v * radius + np.array(centre), f
+
+
+def torus(large, small, around, across, centre):
+    i, j = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")
+    a, b = 2 * math.pi * i / around, 2 * math.pi * j / across
+    r = large + small * np.cos(b)
+    v = np.stack([r * np.cos(a), r * np.sin(a), small * np.sin(b)], 2).reshape(-1, 3)
+    at = lambda i, j: (i % around) * across + j % across  # noqa: E731
+    p, q, s, t = at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)
+    f = np.concatenate([np.stack([p, q, s], 2), np.stack([p, s, t], 2)]).reshape(-1, 3)
+    return v + np.array(centre), f
+
+
+def cube(half, centre):
+    v = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    f = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+    f += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+    return v + np.array(centre), np.array(f)
+
+
+def quad(*corners):
+    return np.array(corners, float), np.array([(0, 1, 2), (0, 2, 3)])
+
+
+def floor(half=4.0):
+    return quad((-half, 0, half), (half, 0, half), (half, 0, -half), (-half, 0, -half))
+
+
+def lamp(x, y, z, half):
+    """It shines downwards."""
+    corners = ((-half, -half), (half, -half), (half, half), (-half, half))
+    return quad(*((x + a, y, z + b) for a, b in corners))
+
+
+def turned(mesh, axis, degrees, centre):
+    v, f = mesh
+    a = math.radians(degrees)
+    x, y, z = np.array(axis) / np.linalg.norm(axis)
+    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turn = np.eye(3) + math.sin(a) * k + (1 - math.cos(a)) * k @ k
+    return (v - centre) @ turn.T + centre, f
+
+
+def write(folder, name, parts, camera, sky=(0, 0, 0), fov=40.0, size=SIZE):
+    """Parts are (name, (vertices, faces), {"Kd": colour, "Ks": .., "Ns": .., "Ke": ..})."""
+    folder = folder / name
+    path = folder / "scene.json"
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / f"{name}.mtl", "w") as mtl, open(folder / f"{name}.obj", "w") as obj:
+        obj.write(f"mtllib {name}.mtl\n")
+        first = 1
+        for part, (v, f), material in parts:
+            mtl.write(f"newmtl {part}\n")
+            for key, value in material.items():
+                mtl.write(f"{key} {' '.join(f'{x:g}' for x in np.atleast_1d(value))}\n")
+            obj.write(f"o {part}\nusemtl {part}\n")
+            obj.writelines(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in v)
+            obj.writelines(f"f {a} {b} {c}\n" for a, b, c in f + first)
+            first += len(v)
+    camera = {**camera, "fov_y_degrees": fov, "width": size, "height": size}
+    path.write_text(json.dumps({"obj": f"{name}.obj", "camera": camera, "environment": list(sky)}))
+    return str(path)
+
+
+def ball(folder, level):
+    """The scene `sphere` of tests/data with its ball in 20·4^level faces."""
+    name = f"ball-{20 * 4**level}"
+    path = folder / name / "scene.json"
+    if path.exists():
+        return str(path)
+    parts = [
+        ("floor", floor(), {"Kd": (0.6, 0.5, 0.4)}),
+        ("sphere", icosphere(level, 0.8, (0, 0.8, 0)), {"Kd": (0.3, 0.5, 0.8)}),
+        ("light", lamp(1.5, 3, 1.5, 0.5), {"Kd": (0, 0, 0), "Ke": (20, 18, 15)}),
+    ]
+    return write(folder, name, parts, DOWN_TO_ORIGIN, (0.3, 0.35, 0.4))
+
+
+#: Of the cube under a uniform sky.
+CUBE = {"half": 0.7, "centre": (0.1, 0.05, 0), "axis": (1, 2, 0.5), "degrees": 35, "albedo": 0.3}
+CUBE_VIEW = {"eye": [0, 0, 4.5], "target": [0, 0, 0], "up": [0, 1, 0]}
+FINE = {2: "320", 3: "1,280", 4: "5,120", 5: "20,480", 6: "81,920"}
+
+
+def cube_mesh():
+    return turned(cube(CUBE["half"], CUBE["centre"]), CUBE["axis"], CUBE["degrees"], np.array(CUBE["centre"]))
+
+
+def cases(folder):
+    """The cases of gradients by name; writes their scenes."""
+    ring = turned(torus(0.75, 0.28, 48, 24, (0, 1.05, 0)), (0, 1, 0), 55, np.array((0, 1.05, 0)))
+    light = {"Kd": (0, 0, 0), "Ke": (20, 18, 15)}
+    torus_parts = [
+        ("floor", floor(), {"Kd": (0.6, 0.5, 0.4)}),
+        ("torus", ring, {"Kd": (0.75, 0.5, 0.25)}),
+        ("light", lamp(1.0, 3.5, 1.0, 0.5), light),
+    ]
+    wall = quad((-2.5, -1.8, 0), (2.5, -1.8, 0), (2.5, 1.8, 0), (-2.5, 1.8, 0))
+    mirror_parts = [
+        ("mirror", wall, {"Kd": (0.02,) * 3, "Ks": (0.9,) * 3, "Ns": 400}),
+        ("hidden", icosphere(0, 0.8, (-0.2, 0.3, 4.6)), {"Kd": (0.8, 0.5, 0.2)}),
+        ("light", lamp(0.5, 4.0, 3.0, 0.7), light),
+    ]
+    mirror_view = {"eye": [0, 0, 2.6], "target": [0, 0, 0], "up": [0, 1, 0]}
+    sky_parts = [("cube", cube_mesh(), {"Kd": (CUBE["albedo"],) * 3})]
+
+    def case(title, scene, bounces, step, object, **motion):
+        motion = {"object": object, **motion}
+        return {"title": title, "scene": scene, "size": SIZE, "bounces": bounces, "step": step, "motion": motion}
+
+    known = lambda name: str(DATA / name / "scene.json")  # noqa: E731
+    tall = [3.685, 1.732, 3.505]  # the mean of the corners of its triangles
+    found = {
+        "shadow": case("a shadow, by its caster's x", known("shadow"), 0, 0.02, "occluder", translate=[1, 0, 0]),
+        "cornell": case("a block of the Cornell box, turned", known("cornell"), 1, 0.01, "tall", turn=[0, 1, 0], centre=tall),
+        "torus": case(
+            "a torus over a floor, tilted", write(folder, "torus", torus_parts, DOWN_TO_ORIGIN, (0.3, 0.35, 0.4)),
+            1, 0.01, "torus", turn=[1, 0, 0], centre=[0, 1.05, 0],
+        ),
+        "mirror": case(
+            "an object in a rough mirror, by its x", write(folder, "mirror", mirror_parts, mirror_view, (0.2, 0.25, 0.3), 55.0),
+            1, 0.02, "hidden", translate=[1, 0, 0],
+        ),
+        "sky": case(
+            "a cube under a uniform sky, by its z", write(folder, "sky", sky_parts, CUBE_VIEW, (1, 1, 1)),
+            1, 0.01, "cube", translate=[0, 0, 1],
+        ),
+    }
+    for level, faces in FINE.items():
+        title = f"a ball and its shadow, {faces} faces, by its z"
+        found[f"ball-{20 * 4**level}"] = case(title, ball(folder, level), 1, 0.01, "sphere", translate=[0, 0, 1])
+    return found
+
+
+def sky_blocks(x):
+    """Sums over channels and pixels of the blocks of the image of the cube under the sky at x, exactly: outside of its
+    outline radiance is 1, inside it is the albedo, since a convex body under a uniform sky sees nothing of itself."""
+    v, _ = cube_mesh()
+    v = v + np.array([0, 0, x]) - np.array(CUBE_VIEW["eye"])
+    scale = SIZE / 2 / math.tan(math.radians(20.0))
+    outline = hull(np.stack([SIZE / 2 + scale * v[:, 0] / -v[:, 2], SIZE / 2 - scale * v[:, 1] / -v[:, 2]], 1))
+    side = SIZE / BLOCKS
+    sums = []
+    for row in range(BLOCKS):
+        for column in range(BLOCKS):
+            inside = area(clipped(outline, side * column, side * row, side))
+            sums.append(3 * (side * side - (1 - CUBE["albedo"]) * inside))
+    return np.array(sums)
+
+
+def hull(points):
+    points = sorted(map(tuple, points))
+
+    def chain(points):
+        kept = []
+        for p in points:
+            while len(kept) > 1 and cross(kept[-2], kept[-1], p) <= 0:
+                kept.pop()
+            kept.append(p)
+        return kept[:-1]
+
+    return chain(points) + chain(points[::-1])
+
+
+def cross(o, a, b):
+    return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
+
+
+def clipped(polygon, x, y, side):
+    for axis, bound, sign in ((0, x, 1), (0, x + side, -1), (1, y, 1), (1, y + side, -1)):
+        kept = []
+        for p, q in zip(polygon, polygon[1:] + polygon[:1]):
+            dp, dq = sign * (p[axis] - bound), sign * (q[axis] - bound)
+            if dp >= 0:
+                kept.append(p)
+            if dp * dq < 0:
+                kept.append(tuple(np.array(p) + (np.array(q) - np.array(p)) * dp / (dp - dq)))
+        polygon = kept
+        if not polygon:
+            break
+    return polygon
+
+
+def area(polygon):
+    pairs = zip(polygon, polygon[1:] + polygon[:1])
+    return abs(sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs)) / 2

@@ -1,0 +1,76 @@
+"""Speed, memory and start: an image, and an image with the gradients of all vertices."""
+
+import pathlib
+import sys
+
+import common
+import scenes
+
+RENDERERS = ["softray", "Mitsuba path", "Mitsuba prb", "Mitsuba prb_projective"]
+SIZE, SAMPLES = 128, 16
+
+
+def configurations(quick):
+    for level in (0, 4) if quick else (0, 3, 5, 7):
+        yield {"scene": scenes.ball(common.SCENES, level), "bounces": 1}
+    for bounces in (1,) if quick else (1, 2, 4, 8):
+        yield {"scene": str(scenes.DATA / "cornell/scene.json"), "bounces": bounces}
+
+
+def measure(programs, a):
+    seconds, runs = (0.1, 2) if a.quick else (0.4, 3)
+    rows = []
+    for configuration in configurations(a.quick):
+        for renderer in filter(programs.wanted, RENDERERS):
+            for backward in (False, True):
+                if renderer.startswith("Mitsuba") and backward != ("prb" in renderer):
+                    continue
+                request = {"measure": "speed", **configuration, "size": SIZE, "samples": SAMPLES}
+                request |= {"backward": backward, "seconds": seconds}
+                # The first process finds nothing that was compiled before, the others do.
+                answers = [programs.ask(renderer, request, cold=k == 0) for k in range(runs)]
+                paths = SIZE * SIZE * SAMPLES / 1e6
+                steady = [paths / sorted(x["times"])[len(x["times"]) // 2] for x in answers]
+                row = {"renderer": renderer, "scene": pathlib.Path(configuration["scene"]).parent.name}
+                row |= {"bounces": configuration["bounces"], "triangles": answers[0]["triangles"]}
+                row |= {"backward": backward, "millions of paths a second": common.middle(steady)}
+                row |= {"megabytes": common.middle([x["peak"] / 1e6 for x in answers])}
+                row |= {"first result, cold": answers[0]["since_start"]}
+                row |= {"first result, warm": common.middle([x["since_start"] for x in answers[1:]])}
+                row |= {"first call, cold": answers[0]["first"]}
+                rows.append(row)
+                print(row, file=sys.stderr, flush=True)
+    return {"size": SIZE, "samples": SAMPLES, "rows": rows}
+
+
+COLUMNS = [
+    ("softray, image", "softray", False),
+    ("Mitsuba `path`", "Mitsuba path", False),
+    ("softray, gradients", "softray", True),
+    ("Mitsuba `prb`, no jumps", "Mitsuba prb", True),
+    ("Mitsuba `prb_projective`", "Mitsuba prb_projective", True),
+]
+
+
+def report(result, folder):
+    places = list(dict.fromkeys((r["scene"], r["triangles"], r["bounces"]) for r in result["rows"]))
+    at = {(r["scene"], r["triangles"], r["bounces"], r["renderer"], r["backward"]): r for r in result["rows"]}
+
+    def section(value):
+        rows = []
+        for scene, triangles, bounces in places:
+            cells = [at.get((scene, triangles, bounces, r, b)) for _, r, b in COLUMNS]
+            label = "Cornell box" if scene == "cornell" else "ball on a floor"
+            rows.append([label, f"{triangles:,}", bounces, *(value(c) if c else "–" for c in cells)])
+        return common.table(["scene", "triangles", "bounces", *(c[0] for c in COLUMNS)], rows)
+
+    text = f"{result['size']} × {result['size']} pixels of {result['samples']} samples; gradients are those of Σ image² by all "
+    text += "vertices. Median and half the spread of three processes. softray's gradients hold the jumps at edges, "
+    text += "`prb`'s do not.\n\nMillions of paths a second, steady state:\n\n"
+    text += section(lambda r: common.spread(r["millions of paths a second"]))
+    text += "\nSeconds from the start of a process to its first result, with nothing compiled before, and (in brackets) "
+    text += "with kernels that an earlier process left on the disk; reading the scene is in it:\n\n"
+    text += section(lambda r: f"{common.short(r['first result, cold'])} ({common.short(r['first result, warm'][0])})")
+    text += "\nPeak memory of a process, megabytes:\n\n"
+    text += section(lambda r: common.short(r["megabytes"][0], 3))
+    return text
