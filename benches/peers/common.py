@@ -54,14 +54,14 @@ class Programs:
     def wanted(self, renderer):
         return not self.only or renderer.lower().startswith(self.only.lower())
 
-    def ask(self, renderer, request, cold=False, **environment):
-        """The answer, with `wall` seconds, `peak` bytes and, for what says when, `since_start` seconds. Cold: no kernel
-        that an earlier process compiled is found."""
+    def ask(self, renderer, request, **environment):
+        """The answer, with `wall` seconds, `peak` bytes and, for what says when, `since_start` seconds. Mitsuba keeps
+        what it compiled under HOME."""
         program, _, method = renderer.partition(" ")
         line = json.dumps({**request, "method": method})
         command = [self.softray] if program == "softray" else [sys.executable, str(HERE / "mitsuba_side.py")]
-        with tempfile.TemporaryDirectory() as empty, tempfile.TemporaryFile() as out:
-            where = {**self.environment, **environment, **({"HOME": empty} if cold else {})}
+        with tempfile.TemporaryFile() as out:
+            where = {**self.environment, **environment}
             start = time.time()
             process = subprocess.Popen([*command, line], stdout=out, env=where)
             _, status, usage = os.wait4(process.pid, 0)

@@ -1,6 +1,9 @@
 //! What `benches/peers/run` measures of this project: one request, a line of JSON, is answered on the standard output
 //! by another. `mitsuba_side.py` answers the same requests by Mitsuba, so that both are measured alike.
 
+mod bits;
+mod camera;
+mod fits;
 mod gradient;
 mod scenes;
 mod speed;
@@ -18,6 +21,12 @@ enum Request {
     Speed(speed::Request),
     /// Estimates of one derivative, with their times.
     Gradient(gradient::Request),
+    /// The bits of an image and of its gradient.
+    Bits(bits::Request),
+    /// Gradients by camera, lens and shutter beside differences.
+    Camera(camera::Request),
+    /// Fits and their errors over time.
+    Fit(fits::Request),
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -29,6 +38,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let answer = match serde_json::from_str(&request)? {
         Request::Speed(r) => r.answer()?,
         Request::Gradient(r) => r.answer()?,
+        Request::Bits(r) => r.answer()?,
+        Request::Camera(r) => r.answer()?,
+        Request::Fit(r) => r.answer()?,
     };
     println!("{answer}");
     Ok(())

@@ -25,6 +25,7 @@ folder.mkdir(parents=True, exist_ok=True)
 path = folder / f"{a.table}.json"
 programs = common.Programs(a.only)
 result = {"about": common.about(), "quick": a.quick}
+a.before = json.loads(path.read_text()) if path.exists() else {}
 measured = importlib.import_module(f"tables.{a.table}").measure(programs, a)
 result |= measured | {"seconds": round(time.time() - start)}
 path.write_text(json.dumps(result, indent=1) + "\n")

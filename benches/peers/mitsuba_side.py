@@ -110,11 +110,12 @@ def sensor(camera, size, sampler="independent"):
     return found | {"film": film, "sampler": {"type": sampler}}
 
 
-def load(path, size, sampler="independent"):
-    """The scene of a file that SceneFile reads too."""
+def load(path, size, sampler="independent", materials=None):
+    """The scene of a file that SceneFile reads too; of some parts with other materials."""
     path = pathlib.Path(path)
     file = json.loads(path.read_text())
     obj = path.parent / file["obj"]
+    others = materials or {}
     materials, parts, vertices = {}, {}, []
     for line in obj.with_suffix(".mtl").read_text().splitlines():
         word, *rest = line.split() or [""]
@@ -141,7 +142,9 @@ def load(path, size, sampler="independent"):
     vertices = np.array(vertices)
     for (part, material), faces in parts.items():
         used, faces = np.unique(np.array(faces), return_inverse=True)
-        scene[part] = mesh(part, vertices[used], faces.reshape(-1, 3), materials[material])
+        corners, chosen = vertices[used], others.get(part, materials[material])
+        uvs = corners[:, [0, 2]] / (2 * chosen["half"]) + 0.5 if "half" in chosen else None
+        scene[part] = mesh(part, corners, faces.reshape(-1, 3), chosen, uvs)
     return mi.load_dict(scene)
 
 
@@ -267,7 +270,250 @@ def gradient(r):
     return {"series": series}
 
 
+def bits(r):
+    """The image and the gradient of Σ image² by the vertices of an object, as the bits of f32."""
+    if r.get("threads"):
+        dr.set_thread_count(r["threads"])
+    scene = load(r["scene"], r["size"])
+    parameters = mi.traverse(scene)
+    key = r["object"] + ".vertex_positions"
+    dr.enable_grad(parameters[key])
+    parameters.update()
+    how = integrator(r["method"], r["bounces"])
+    image = mi.render(scene, parameters, integrator=how, spp=r["samples"], seed=r["seed"])
+    dr.backward(dr.sum(dr.square(image)))
+    found = {"image": image, "gradient": dr.grad(parameters[key])}
+    return {k: np.array(v).astype(np.float32).reshape(-1).view(np.uint32).tolist() for k, v in found.items()}
+
+
+#: What Mitsuba calls the parameters of the table of cameras.
+NAMES = {"field of view": "sensor.x_fov", "aperture": "sensor.aperture_radius", "focus distance": "sensor.focus_distance"}
+
+
+def words(e):
+    """What is at the root of an exception."""
+    while e.__cause__ or e.__context__:
+        e = e.__cause__ or e.__context__
+    return " ".join(str(e).split()).split("!")[0]
+
+
+def camera(r):
+    """Gradients by camera and lens, of the mean under weights of ±1 in squares of 4 × 4 pixels, beside differences; in
+    words, and without those, where there is none."""
+    file = json.loads(pathlib.Path(r["scene"]).read_text())
+    scene = load(r["scene"], r["size"])
+    parameters = mi.traverse(scene)
+    size = r["size"]
+    squares = np.arange(size) // 4
+    weights = 1.0 - 2.0 * ((squares[:, None] + squares[None, :]) % 2)
+    weights = mi.TensorXf((weights[..., None] / (3 * size * size)).astype(np.float32))
+    base = {k: parameters[k] for k in parameters.keys() if k.startswith("sensor.")}
+    eye, target = (np.array(file["camera"][k], float) for k in ("eye", "target"))
+
+    def put(name, x):
+        if name in NAMES:
+            parameters[NAMES[name]] = base[NAMES[name]] + x
+        else:
+            moved = {"eye": eye, "target": target}
+            points = {k: mi.Point3f(*v.tolist()) for k, v in moved.items()}
+            points[name] = points[name] + mi.Vector3f(0.6, 0.64, 0.48) * x
+            look = mi.Transform4f().look_at(points["eye"], points["target"], mi.Vector3f(0, 1, 0))
+            parameters["sensor.to_world"] = mi.AffineTransform4f(look)
+        parameters.update()
+
+    def mean(name, x, how, seed):
+        put(name, x)
+        image = mi.render(scene, parameters, integrator=how, spp=r["samples"], seed=seed)
+        return dr.sum(image * weights, axis=None)
+
+    def estimate(values):
+        return [float(np.mean(values)), float(np.std(values, ddof=1) / len(values) ** 0.5)]
+
+    rows = []
+    path, how = integrator("path", r["bounces"]), integrator(r["method"], r["bounces"])
+    for name, step in r["parameters"]:
+        try:
+            gradients = []
+            for seed in range(r["seeds"]):
+                x = mi.Float(0.0)
+                dr.enable_grad(x)
+                dr.backward(mean(name, x, how, 1000 + seed))
+                gradients.append(np.array(dr.grad(x)).item())
+            sides = [[mean(name, mi.Float(s * step), path, seed) for s in (-1, 1)] for seed in range(r["seeds"])]
+            differences = [(np.array(b) - np.array(a)).item() / (2 * step) for a, b in sides]
+            rows.append({"parameter": name, "gradient": estimate(gradients), "difference": estimate(differences)})
+        except Exception as e:
+            rows.append({"parameter": name, "gradient": words(e)})
+        for k, v in base.items():
+            parameters[k] = v
+        parameters.update()
+    return {"rows": rows}
+
+
+def clock(r, step, look):
+    """Fits for some seconds: `step(share, k)`, after one that is not counted, and what is seen of it over the time, with
+    the clock stopped."""
+    trace, passed, k = [[0.0, look()]], 0.0, 0
+    while passed < r["seconds"]:
+        start = time.perf_counter()
+        step(passed / r["seconds"], k)
+        dr.sync_thread()
+        passed += time.perf_counter() - start
+        k += 1
+        if passed * r["looks"] >= len(trace) * r["seconds"]:
+            trace.append([passed, look()])
+    return {"steps": k, "trace": trace}
+
+
+def rate(r, share):
+    first, last = r["rate"]
+    return first * (last / first) ** share
+
+
+def pose(r, p):
+    scene = load(r["scene"], r["size"])
+    parameters = mi.traverse(scene)
+    key = p["object"] + ".vertex_positions"
+    base = dr.unravel(mi.Point3f, dr.detach(mi.Float(parameters[key])))
+    target = mi.render(scene, integrator=integrator("path", r["bounces"]), spp=1024, seed=1 << 30)
+    how = integrator(r["method"], r["bounces"])
+    free = mi.Vector3f(*p["free"])
+
+    def fit(distance, seed):
+        optimiser = mi.ad.Adam(lr=r["rate"][0], beta_2=0.99)
+        optimiser["offset"] = mi.Vector3f(*(distance * np.array(p["way"])).tolist())
+
+        def loss(k):
+            parameters[key] = dr.ravel(base + optimiser["offset"] * free)
+            parameters.update()
+            image = mi.render(scene, parameters, integrator=how, spp=r["samples"], seed=(seed << 20) + k)
+            dr.backward(dr.mean(dr.square(image - target), axis=None))
+
+        def step(share, k):
+            optimiser.set_learning_rate(rate(r, share))
+            loss(k)
+            optimiser.step()
+
+        loss(1 << 19)
+        dr.clear_grad(optimiser["offset"])
+        look = lambda: float(np.linalg.norm(np.array(optimiser["offset"]).reshape(-1) * p["free"]))  # noqa: E731
+        return clock(r, step, look)
+
+    return {"fits": [fit(*start) for start in p["starts"]]}
+
+
+def views(eyes, size):
+    cameras = [{"eye": eye, "target": [0, 0, 0], "fov_y_degrees": 40.0} for eye in eyes]
+    batch = {"type": "batch", **{f"view{k}": sensor(c, size) for k, c in enumerate(cameras)}}
+    film = sensor(cameras[0], size)["film"]
+    batch["film"] = {**film, "width": size * len(eyes)}
+    batch["sampler"] = {"type": "independent"}
+    return mi.load_dict(batch)
+
+
+def mesh_fit(r, p):
+    scene, start = load(r["scene"], r["size"]), load(p["start"], r["size"])
+    key = p["object"] + ".vertex_positions"
+    batch = views(p["eyes"], r["size"])
+    target = mi.render(scene, sensor=batch, integrator=integrator("path", r["bounces"]), spp=256, seed=1 << 30)
+    begin = mi.traverse(start)
+    first, faces = dr.detach(mi.Float(begin[key])), mi.UInt(begin[p["object"] + ".faces"])
+    scene = start
+    parameters = mi.traverse(scene)
+    more = {"sppi": 0} if r["method"] == "direct_projective" else {"max_depth": r["bounces"] + 2}
+    how = mi.load_dict({"type": r["method"], **more})
+
+    def fit(seed):
+        steps = mi.ad.LargeSteps(first, faces, p["lambda"])
+        optimiser = mi.ad.Adam(lr=r["rate"][0], uniform=True)
+        optimiser["u"] = steps.to_differential(first)
+
+        def loss(k):
+            parameters[key] = steps.from_differential(optimiser["u"])
+            parameters.update()
+            image = mi.render(scene, parameters, sensor=batch, integrator=how, spp=r["samples"], seed=(seed << 20) + k)
+            dr.backward(dr.mean(dr.square(image - target), axis=None))
+
+        def step(share, k):
+            optimiser.set_learning_rate(rate(r, share))
+            loss(k)
+            optimiser.step()
+
+        loss(1 << 19)
+        dr.clear_grad(optimiser["u"])
+        look = lambda: np.array(steps.from_differential(optimiser["u"])).reshape(-1).tolist()  # noqa: E731
+        return clock(r, step, look)
+
+    return {"fits": [fit(seed) for seed in p["seeds"]], "faces": np.array(faces).reshape(-1, 3).tolist()}
+
+
+def surface(r, p):
+    """The lobe is that of `principled`, whose roughness is √α, its specular 0.5."""
+    path = pathlib.Path(r["scene"])
+    texels = np.array(p["texels"], np.float32)
+
+    def scene(texels, alpha, radiance):
+        bitmap = {"type": "bitmap", "data": mi.TensorXf(texels), "raw": True}
+        bsdf = {"type": "principled", "base_color": bitmap, "roughness": float(alpha**0.5), "specular": 0.5}
+        return load_with(path, r["size"], p, {"bsdf": mi.load_dict(bsdf)}, {"Kd": [0, 0, 0], "Ke": radiance})
+
+    batch = views(p["eyes"], r["size"])
+    still = scene(texels, p["alpha"][0], p["radiance"][0])
+    target = mi.render(still, sensor=batch, integrator=integrator("path", r["bounces"]), spp=1024, seed=1 << 30)
+    how = integrator(r["method"], r["bounces"])
+
+    def fit(seed):
+        world = scene(np.full_like(texels, 0.5), p["alpha"][1], p["radiance"][1])
+        parameters = mi.traverse(world)
+        find = lambda end: next(k for k in parameters.keys() if k.endswith(end))  # noqa: E731
+        texture, rough, light = (find(e) for e in ("base_color.data", "roughness.value", "emitter.radiance.value"))
+        optimiser = mi.ad.Adam(lr=r["rate"][0], beta_2=0.99)
+        optimiser["texels"] = parameters[texture]
+        optimiser["rough"] = parameters[rough]
+        optimiser["log light"] = dr.log(mi.Color3f(parameters[light]))
+
+        def put():
+            optimiser["texels"] = dr.clip(optimiser["texels"], 0.001, 0.999)
+            optimiser["rough"] = dr.clip(optimiser["rough"], 0.05, 1)
+            parameters[texture], parameters[rough] = optimiser["texels"], optimiser["rough"]
+            parameters[light] = dr.exp(optimiser["log light"])
+            parameters.update()
+
+        def loss(k):
+            put()
+            image = mi.render(world, parameters, sensor=batch, integrator=how, spp=r["samples"], seed=(seed << 20) + k)
+            dr.backward(dr.mean(dr.square(image - target), axis=None))
+
+        def step(share, k):
+            optimiser.set_learning_rate(rate(r, share))
+            loss(k)
+            optimiser.step()
+
+        loss(1 << 19)
+        for name in optimiser.keys():
+            dr.clear_grad(optimiser[name])
+
+        def look():
+            light = np.exp(np.array(optimiser["log light"])).reshape(-1).tolist()
+            alpha = float(np.array(optimiser["rough"]).reshape(-1)[0]) ** 2
+            return {"texels": np.array(optimiser["texels"]).reshape(-1).tolist(), "alpha": alpha, "radiance": light}
+
+        return clock(r, step, look)
+
+    return {"fits": [fit(seed) for seed in p["seeds"]]}
+
+
+def load_with(path, size, p, plate, lamp):
+    """The scene of a file with other materials for the plate, which gets texture coordinates by place, and the lamp."""
+    return load(path, size, materials={p["object"]: {**plate, "half": p["half"]}, p["light"]: lamp})
+
+
+def fit(r):
+    kinds = {"pose": pose, "mesh": mesh_fit, "surface": surface}
+    return kinds[r["problem"]["kind"]](r, r["problem"])
+
+
 if __name__ == "__main__":
     request = json.loads(sys.argv[1])
-    answers = {"speed": speed, "gradient": gradient}
+    answers = {"speed": speed, "gradient": gradient, "bits": bits, "camera": camera, "fit": fit}
     print(json.dumps(answers[request["measure"]](request)))

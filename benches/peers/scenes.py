@@ -216,3 +216,50 @@ def clipped(polygon, x, y, side):
 def area(polygon):
     pairs = zip(polygon, polygon[1:] + polygon[:1])
     return abs(sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs)) / 2
+
+
+def formed(v):
+    """A body of a ball: stretched, with three lobes, a dent and a bend."""
+    x, y, z = v.T
+    flat = np.maximum(1 - y * y, 0)
+    lobes = 1 + 0.22 * np.cos(3 * np.arctan2(z, x)) * flat
+    dent = 1 - 0.45 * np.exp(-4 * ((y - 1) ** 2 + 0.5 * flat))
+    x, y, z = 0.8 * x * lobes, 1.05 * y * dent, 0.8 * z * lobes
+    return np.stack([x + 0.25 * y * y - 0.1, y, z], 1)
+
+
+def body(folder):
+    """The target of fits of meshes, and a ball to start from."""
+    lamps = [("red", lamp(-3, 5, 2, 1), (18, 9, 6)), ("blue", lamp(3, 5, -2, 1), (6, 9, 18))]
+    lamps = [(name, mesh, {"Kd": (0, 0, 0), "Ke": light}) for name, mesh, light in lamps]
+    v, f = icosphere(4)
+    view = {"eye": [0, 0.3, 3.4], "target": [0, 0, 0], "up": [0, 1, 0]}
+    grey, sky = {"Kd": (0.7,) * 3}, (0.35, 0.4, 0.45)
+    target = write(folder, "body", [("body", (formed(v), f), grey), *lamps], view, sky)
+    return target, write(folder, "body-start", [("body", icosphere(3, 0.75), grey), *lamps], view, sky)
+
+
+def eyes(count):
+    """Around the origin, alternately level, above and below."""
+    turns = [2 * math.pi * (k + 0.5) / count for k in range(count)]
+    return [[3.4 * math.sin(t), (0.3, 2.2, -1.6)[k % 3], 3.4 * math.cos(t)] for k, t in enumerate(turns)]
+
+
+#: Half the side of the plate of fits of surfaces.
+PLATE = 1.2
+
+
+def plate(folder):
+    light = {"Kd": (0, 0, 0), "Ke": (10, 10, 10)}
+    parts = [("plate", floor(PLATE), {"Kd": (0.5,) * 3}), ("lamp", lamp(0, 2.5, -1.2, 0.4), light)]
+    view = {"eye": [0, 2.2, 2.8], "target": [0, 0, 0], "up": [0, 1, 0]}
+    return write(folder, "plate", parts, view, (0.1, 0.1, 0.1))
+
+
+def pattern(side):
+    """Texels [side, side, 3]: stripes, rings and a slope of colours."""
+    y, x = np.meshgrid(*[(np.arange(side) + 0.5) / side] * 2, indexing="ij")
+    stripes = np.sin(2 * math.pi * 3 * x) > 0
+    ring = np.abs(np.hypot(x - 0.5, y - 0.5) - 0.3) < 0.08
+    red = np.where(ring, 0.5, np.where(stripes, 0.35, 0.1))
+    return np.stack([red, 0.1 + 0.3 * y, 0.1 + 0.35 * (1 - x) * ~ring], 2)

@@ -2,6 +2,7 @@
 
 import pathlib
 import sys
+import tempfile
 
 import common
 import scenes
@@ -28,7 +29,8 @@ def measure(programs, a):
                 request = {"measure": "speed", **configuration, "size": SIZE, "samples": SAMPLES}
                 request |= {"backward": backward, "seconds": seconds}
                 # The first process finds nothing that was compiled before, the others do.
-                answers = [programs.ask(renderer, request, cold=k == 0) for k in range(runs)]
+                with tempfile.TemporaryDirectory() as home:
+                    answers = [programs.ask(renderer, request, HOME=home) for _ in range(runs)]
                 paths = SIZE * SIZE * SAMPLES / 1e6
                 steady = [paths / sorted(x["times"])[len(x["times"]) // 2] for x in answers]
                 row = {"renderer": renderer, "scene": pathlib.Path(configuration["scene"]).parent.name}

@@ -1,0 +1,33 @@
+"""Writes docs/PEERS.md: what stands between its marks, from the results; the rest of it is kept."""
+
+import importlib
+import json
+import re
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import common  # noqa: E402
+import matplotlib  # noqa: E402
+
+matplotlib.use("Agg")
+
+results = Path(sys.argv[1]) if len(sys.argv) > 1 else common.HERE / "results"
+docs = common.ROOT / "docs"
+page = docs / "PEERS.md"
+text = page.read_text()
+for name in re.findall(r"<!-- begin (\w+) -->", text):
+    path = results / f"{name}.json"
+    if not path.exists():
+        print(f"no {path}", file=sys.stderr)
+        continue
+    result = json.loads(path.read_text())
+    section = importlib.import_module(f"tables.{name}").report(result, docs).strip()
+    about = result["about"]
+    versions = ", ".join(f"{k} {v}" for k, v in about["versions"].items() if k in ("softray", "mitsuba", "drjit", "rustc"))
+    what = f"{about['date']}, {about['machine']}, {about['cores']} cores; {versions}; load of other programs at the start {about['load at the start']}; {result['seconds']} s in all"
+    if result["quick"]:
+        what += "; **a quick run, no numbers to cite**"
+    pattern = rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)"
+    text = re.sub(pattern, lambda m: f"{m[1]}{section}\n\n*{what}.*\n{m[2]}", text, flags=re.DOTALL)
+page.write_text(text)

@@ -1,0 +1,179 @@
+"""Error of derivatives at equal time: bias and noise apart."""
+
+import json
+import sys
+
+import common
+import numpy as np
+import scenes
+
+#: Renderer, samples a pixel of its series of scalars, whether it has derivatives of images too, cases it is run on.
+FINEST = 5120
+RENDERERS = [
+    ("softray", [16, 256], True, None),
+    ("softray softmax", [4, 32], False, lambda faces: faces <= FINEST),
+    ("Mitsuba prb_projective", [16, 256], True, None),
+    ("Mitsuba prb_projective guided", [256], False, ("shadow", "mirror", "torus")),
+    ("Mitsuba prb", [64], False, None),
+]
+QUICK = ("shadow", "sky", "ball-320")
+RECORD = ("shadow", "cornell", "torus", "mirror", "sky", "ball-320", "ball-5120", "ball-81920")
+#: σ of the paper's form, scene units squared.
+SIGMA = 1e-4
+
+
+def statistics(series, truth):
+    """Of one series, relative to the truth: bias and its standard error, noise of an estimate, seconds of one."""
+    times, values = np.array(series["times"]), np.array(series["values"])
+    scale = np.linalg.norm(truth)
+    n = len(values)
+    # Of an image: over its blocks, each weighted as its square counts in the norm.
+    apart = values.mean(0) - truth
+    noise = lambda v: float(np.sqrt((v.std(0, ddof=1) ** 2).sum()) / scale)  # noqa: E731
+    found = {"samples": series["samples"], "estimates": n, "seconds": float(np.median(times))}
+    found |= {"noise": noise(values), "error of bias": noise(values) / n**0.5}
+    if len(truth) == 1:
+        found["bias"] = float(apart[0] / truth[0])
+    else:
+        # Less what noise adds to a norm.
+        squares = (apart**2).sum() / scale**2 - found["error of bias"] ** 2
+        found["bias"] = float(np.sqrt(max(squares, 0)))
+    thirds = [values[k::3] for k in range(3)]
+    if min(map(len, thirds)) > 1:
+        found["noise of thirds"] = [noise(v) for v in thirds]
+    return found
+
+
+def measure(programs, a):
+    known = json.loads((common.HERE / "results/truth.json").read_text())["cases"]
+    cases = scenes.cases(common.SCENES)
+    rows = []
+    for name in a.cases or (QUICK if a.quick else RECORD):
+        case, truth = cases[name], known[name]
+        request = {k: case[k] for k in ("scene", "size", "bounces", "motion")}
+        request |= {"measure": "gradient", "seed": 1, "seconds": a.seconds or (0.3 if a.quick else 1.5)}
+        for renderer, samples, image, only in RENDERERS:
+            if not programs.wanted(renderer):
+                continue
+            faces = int(name.rpartition("-")[2]) if name.startswith("ball") else 0
+            if only and not (only(faces) if callable(only) else name in only):
+                continue
+            if renderer.endswith("guided") and a.quick:
+                continue
+            more = {"softmax": SIGMA} if renderer.endswith("softmax") else {}
+            scalar = {"samples": samples, "weights": truth["weights"]}
+            answer = programs.ask(renderer, {**request, **scalar, **more})
+            found = [statistics(s, [truth["scalar"]]) for s in answer["series"]]
+            row = {"case": name, "renderer": renderer, "scalar": found}
+            if image:
+                answer = programs.ask(renderer, {**request, "samples": [64]})
+                row["image"] = [statistics(s, truth["blocks"]) for s in answer["series"]]
+            rows.append(row)
+            print(row, file=sys.stderr, flush=True)
+    error = {n: known[n]["scalar error"] / abs(known[n]["scalar"]) for n in known}
+    image = {n: np.linalg.norm(known[n]["error"]) / np.linalg.norm(known[n]["blocks"]) for n in known}
+    titles = {n: cases[n]["title"] for n in cases}
+    return {"sigma": SIGMA, "titles": titles, "error of truth": error, "error of truth, image": image, "rows": rows}
+
+
+def rmse(series, seconds, floor):
+    """Relative error of the mean of as many estimates as fit into a time: of bias (known to its own standard error and
+    the truth's) and noise. None if not one fits."""
+    fitting = [s for s in series if s["seconds"] <= seconds]
+    if not fitting:
+        return None
+    # The most samples that fit; the rest of the time goes to more such estimates.
+    s = max(fitting, key=lambda s: s["samples"])
+    doubt = np.hypot(s["error of bias"], floor)
+    bias = abs(s["bias"]) if abs(s["bias"]) > 2 * doubt else 0.0
+    return float(np.hypot(bias, s["noise"] * (s["seconds"] / seconds) ** 0.5))
+
+
+def best(series):
+    return max(series, key=lambda s: s["samples"])
+
+
+def percent(x):
+    return f"{common.short(100 * x)} %"
+
+
+def report(result, folder):
+    by = {(r["case"], r["renderer"]): r for r in result["rows"]}
+    names = list(dict.fromkeys(r["case"] for r in result["rows"]))
+    renderers = [r[0] for r in RENDERERS]
+
+    def rows(kind, value):
+        for name in names:
+            found = [by.get((name, r), {}).get(kind) for r in renderers]
+            if any(found):
+                yield [result["titles"][name], *(value(f, name) if f else "–" for f in found)]
+
+    def bias(series, name):
+        s = best(series)
+        return f"{100 * s['bias']:+.1f} ± {common.short(100 * s['error of bias'], 1)} %"
+
+    def noise(series, name):
+        s = best(series)
+        root = s["seconds"] ** 0.5
+        third = s.get("noise of thirds")
+        more = f" ({' to '.join(common.short(100 * f(third) * root) for f in (min, max))})" if third else ""
+        return percent(s["noise"] * root) + more
+
+    def error(key, seconds):
+        def cell(series, name):
+            e = rmse(series, seconds, result[key][name])
+            return percent(e) if e is not None else f"none: {common.short(min(s['seconds'] for s in series))} s each"
+
+        return cell
+
+    head = ["derivative", "softray", "softray, the paper's softmax", "`prb_projective`", "`prb_projective`, guided", "`prb`"]
+    text = "The derivative of a weighted image of 64 × 64 pixels by one number. The truth is central differences of Mitsuba's `path` "
+    worst = max(result["error of truth"][n] for n in names)
+    text += f"(of the cube: the closed form), itself known to {percent(worst)} or better; {result['titles'][names[0]]} and the rest are by "
+    text += f"the scenes of `scenes.py`. The softmax has σ = {result['sigma']:g}, γ = 1e-3.\n\nBias: the mean over the truth − 1, with the standard error of the mean:\n\n"
+    text += common.table(head, rows("scalar", bias))
+    text += "\nNoise × √seconds: the standard deviation of what a second of estimates gives, over the truth (and of each third of the seeds):\n\n"
+    text += common.table(head, rows("scalar", noise))
+    text += "\nError (RMSE) after a second, from both:\n\n"
+    text += common.table(head, rows("scalar", error("error of truth", 1.0)))
+    text += "\nError after ten seconds:\n\n"
+    text += common.table(head, rows("scalar", error("error of truth", 10.0)))
+    image = [r for r in RENDERERS if r[2]]
+    renderers = [r[0] for r in image]
+    text += "\nDerivative images: all 64 blocks of 8 × 8 pixels at once, error over the norm of the truth after a second. "
+    text += "Mitsuba has a forward mode; softray has none, so each block is a backward pass of its own:\n\n"
+    text += common.table(["derivative image", "softray", "`prb_projective`"], rows("image", error("error of truth, image", 1.0)))
+    plot(result, by, names, folder)
+    text += "\n![Error of gradients over time](peers_gradients.png)\n"
+    return text
+
+
+def plot(result, by, names, folder):
+    import matplotlib.pyplot as plt
+
+    across = 4
+    down = -(-len(names) // across)
+    figure, axes = plt.subplots(down, across, figsize=(4 * across, 3 * down), sharex=True, squeeze=False)
+    times = np.geomspace(0.03, 10, 60)
+    for axis in axes.flat[len(names) :]:
+        axis.axis("off")
+    for axis, name in zip(axes.flat, names):
+        for k, (renderer, *_) in enumerate(RENDERERS):
+            series = by.get((name, renderer), {}).get("scalar")
+            if series:
+                errors = [rmse(series, t, result["error of truth"][name]) for t in times]
+                points = [(t, 100 * e) for t, e in zip(times, errors) if e]
+                if points:
+                    axis.loglog(*zip(*points), label=renderer, color=f"C{k}")
+        axis.set_title(result["titles"][name], fontsize=9)
+        axis.grid(True, which="major", alpha=0.3)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("relative error, %")
+    for axis in axes[-1]:
+        axis.set_xlabel("seconds")
+    labels = [r[0] for r in RENDERERS]
+    handles = [plt.Line2D([], [], color=f"C{k}") for k in range(len(labels))]
+    figure.legend(handles, labels, loc="lower center", ncols=len(labels), fontsize=9)
+    figure.tight_layout(rect=(0, 0.05, 1, 1))
+    figure.savefig(folder / "peers_gradients.png", dpi=90)
+    plt.close(figure)
