@@ -106,7 +106,12 @@ impl Request {
     }
 
     /// The sums of the image's blocks with the object at x.
-    fn blocks(&self, file: &SceneFile, x: f64, options: &RenderOptions) -> softray::Result<Vec<f64>> {
+    fn blocks(
+        &self,
+        file: &SceneFile,
+        x: f64,
+        options: &RenderOptions,
+    ) -> softray::Result<Vec<f64>> {
         let x = Tensor::<1>::from_floats([x as f32], &self.view.device()?);
         let scene = self.motion.apply(&file.scene, &x)?;
         let image = render(&scene, &file.camera, options)?;

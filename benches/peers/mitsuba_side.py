@@ -404,18 +404,28 @@ def pose(r, p):
 
 def views(eyes, size):
     cameras = [{"eye": eye, "target": [0, 0, 0], "fov_y_degrees": 40.0} for eye in eyes]
-    batch = {"type": "batch", **{f"view{k}": sensor(c, size) for k, c in enumerate(cameras)}}
-    film = sensor(cameras[0], size)["film"]
-    batch["film"] = {**film, "width": size * len(eyes)}
-    batch["sampler"] = {"type": "independent"}
-    return mi.load_dict(batch)
+    return [mi.load_dict(sensor(camera, size)) for camera in cameras]
+
+
+def see_all(scene, sensors, bounces, samples):
+    how = integrator("path", bounces)
+    return [mi.render(scene, sensor=s, integrator=how, spp=samples, seed=(1 << 30) + k) for k, s in enumerate(sensors)]
+
+
+def backward_views(scene, parameters, sensors, targets, how, r, seed, put):
+    """The gradient of the mean square, view by view as in the tutorial: a `batch` sensor has no place for projective
+    integrators to look from."""
+    for k, (sensor, target) in enumerate(zip(sensors, targets)):
+        put()
+        image = mi.render(scene, parameters, sensor=sensor, integrator=how, spp=r["samples"], seed=seed + k)
+        dr.backward(dr.mean(dr.square(image - target), axis=None) / len(sensors))
 
 
 def mesh_fit(r, p):
     scene, start = load(r["scene"], r["size"]), load(p["start"], r["size"])
     key = p["object"] + ".vertex_positions"
-    batch = views(p["eyes"], r["size"])
-    target = mi.render(scene, sensor=batch, integrator=integrator("path", r["bounces"]), spp=256, seed=1 << 30)
+    sensors = views(p["eyes"], r["size"])
+    targets = see_all(scene, sensors, r["bounces"], 256)
     begin = mi.traverse(start)
     first, faces = dr.detach(mi.Float(begin[key])), mi.UInt(begin[p["object"] + ".faces"])
     scene = start
@@ -428,11 +438,12 @@ def mesh_fit(r, p):
         optimiser = mi.ad.Adam(lr=r["rate"][0], uniform=True)
         optimiser["u"] = steps.to_differential(first)
 
-        def loss(k):
+        def put():
             parameters[key] = steps.from_differential(optimiser["u"])
             parameters.update()
-            image = mi.render(scene, parameters, sensor=batch, integrator=how, spp=r["samples"], seed=(seed << 20) + k)
-            dr.backward(dr.mean(dr.square(image - target), axis=None))
+
+        def loss(k):
+            backward_views(scene, parameters, sensors, targets, how, r, (seed << 24) + 32 * k, put)
 
         def step(share, k):
             optimiser.set_learning_rate(rate(r, share))
@@ -457,9 +468,8 @@ def surface(r, p):
         bsdf = {"type": "principled", "base_color": bitmap, "roughness": float(alpha**0.5), "specular": 0.5}
         return load_with(path, r["size"], p, {"bsdf": mi.load_dict(bsdf)}, {"Kd": [0, 0, 0], "Ke": radiance})
 
-    batch = views(p["eyes"], r["size"])
-    still = scene(texels, p["alpha"][0], p["radiance"][0])
-    target = mi.render(still, sensor=batch, integrator=integrator("path", r["bounces"]), spp=1024, seed=1 << 30)
+    sensors = views(p["eyes"], r["size"])
+    targets = see_all(scene(texels, p["alpha"][0], p["radiance"][0]), sensors, r["bounces"], 1024)
     how = integrator(r["method"], r["bounces"])
 
     def fit(seed):
@@ -480,9 +490,7 @@ def surface(r, p):
             parameters.update()
 
         def loss(k):
-            put()
-            image = mi.render(world, parameters, sensor=batch, integrator=how, spp=r["samples"], seed=(seed << 20) + k)
-            dr.backward(dr.mean(dr.square(image - target), axis=None))
+            backward_views(world, parameters, sensors, targets, how, r, (seed << 24) + 32 * k, put)
 
         def step(share, k):
             optimiser.set_learning_rate(rate(r, share))

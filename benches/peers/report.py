@@ -12,22 +12,35 @@ import matplotlib  # noqa: E402
 
 matplotlib.use("Agg")
 
+
+
+def between(name, section, text):
+    """The text with what stands between two marks replaced."""
+    pattern = rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)"
+    return re.sub(pattern, lambda m: f"{m[1]}{section}\n{m[2]}", text, flags=re.DOTALL)
+
+
 results = Path(sys.argv[1]) if len(sys.argv) > 1 else common.HERE / "results"
 docs = common.ROOT / "docs"
 page = docs / "PEERS.md"
 text = page.read_text()
+first = []
 for name in re.findall(r"<!-- begin (\w+) -->", text):
+    if name == "summary":
+        continue
     path = results / f"{name}.json"
     if not path.exists():
         print(f"no {path}", file=sys.stderr)
         continue
     result = json.loads(path.read_text())
-    section = importlib.import_module(f"tables.{name}").report(result, docs).strip()
+    module = importlib.import_module(f"tables.{name}")
+    section = module.report(result, docs).strip()
+    first += module.summary(result) if hasattr(module, "summary") else []
     about = result["about"]
     versions = ", ".join(f"{k} {v}" for k, v in about["versions"].items() if k in ("softray", "mitsuba", "drjit", "rustc"))
     what = f"{about['date']}, {about['machine']}, {about['cores']} cores; {versions}; load of other programs at the start {about['load at the start']}; {result['seconds']} s in all"
     if result["quick"]:
         what += "; **a quick run, no numbers to cite**"
-    pattern = rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)"
-    text = re.sub(pattern, lambda m: f"{m[1]}{section}\n\n*{what}.*\n{m[2]}", text, flags=re.DOTALL)
+    text = between(name, f"{section}\n\n*{what}.*", text)
+text = between("summary", "\n".join(first), text)
 page.write_text(text)

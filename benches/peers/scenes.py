@@ -144,14 +144,14 @@ def cases(folder):
     tall = [3.685, 1.732, 3.505]  # the mean of the corners of its triangles
     found = {
         "shadow": case("a shadow, by its caster's x", known("shadow"), 0, 0.02, "occluder", translate=[1, 0, 0]),
-        "cornell": case("a block of the Cornell box, turned", known("cornell"), 1, 0.01, "tall", turn=[0, 1, 0], centre=tall),
+        "cornell": case("a block of the Cornell box, turned", known("cornell"), 1, 0.02, "tall", turn=[0, 1, 0], centre=tall),
         "torus": case(
             "a torus over a floor, tilted", write(folder, "torus", torus_parts, DOWN_TO_ORIGIN, (0.3, 0.35, 0.4)),
-            1, 0.01, "torus", turn=[1, 0, 0], centre=[0, 1.05, 0],
+            1, 0.02, "torus", turn=[1, 0, 0], centre=[0, 1.05, 0],
         ),
         "mirror": case(
             "an object in a rough mirror, by its x", write(folder, "mirror", mirror_parts, mirror_view, (0.2, 0.25, 0.3), 55.0),
-            1, 0.02, "hidden", translate=[1, 0, 0],
+            1, 0.04, "hidden", translate=[1, 0, 0],
         ),
         "sky": case(
             "a cube under a uniform sky, by its z", write(folder, "sky", sky_parts, CUBE_VIEW, (1, 1, 1)),
@@ -160,7 +160,7 @@ def cases(folder):
     }
     for level, faces in FINE.items():
         title = f"a ball and its shadow, {faces} faces, by its z"
-        found[f"ball-{20 * 4**level}"] = case(title, ball(folder, level), 1, 0.01, "sphere", translate=[0, 0, 1])
+        found[f"ball-{20 * 4**level}"] = case(title, ball(folder, level), 1, 0.02, "sphere", translate=[0, 0, 1])
     return found
 
 

@@ -14,6 +14,8 @@ pub struct View {
     device: Option<String>,
     /// The paper's form in place of cones: σ in scene units squared, with γ = 1e-3.
     softmax: Option<f64>,
+    /// Radius of the pixel filter beyond the pixel itself, in pixels, where it is not the default.
+    pixels: Option<f64>,
 }
 
 impl View {
@@ -28,9 +30,10 @@ impl View {
 
     pub fn options(&self) -> RenderOptions {
         let options = RenderOptions::new(self.size, self.size).bounces(self.bounces);
-        match self.softmax {
-            Some(sigma) => options.visibility(Visibility::softmax(sigma, 1e-3)),
-            None => options,
+        match (self.softmax, self.pixels) {
+            (Some(sigma), _) => options.visibility(Visibility::softmax(sigma, 1e-3)),
+            (None, Some(pixels)) => options.visibility(Visibility::Cone { angle: 0.0, pixels }),
+            (None, None) => options,
         }
     }
 }

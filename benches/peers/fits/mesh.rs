@@ -53,8 +53,7 @@ impl Views {
                 |body, share, seeds| {
                     let mesh = start.clone().with_vertices(body.vertices.val());
                     let scene = file.scene.clone();
-                    let scene = scene
-                        .map_object(&self.object, |o| o.map_mesh(|_| mesh.clone()))?;
+                    let scene = scene.map_object(&self.object, |o| o.map_mesh(|_| mesh.clone()))?;
                     let batch = all(&scene)?;
                     let options = options.clone().blur(falling(self.blur, share));
                     let see = |seed| render_batch(&batch, &options.clone().seed(seed));

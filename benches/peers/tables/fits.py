@@ -39,9 +39,9 @@ def problems(a):
     target, start = scenes.body(common.SCENES)
     for count in (8,) if a.quick else (8, 25):
         yield f"mesh-{count}", {
-            "scene": target, "size": 64, "bounces": 0, "seconds": seconds(10), "looks": 12,
+            "scene": target, "size": 64, "bounces": 0, "seconds": seconds(15 if count == 8 else 25), "looks": 20,
             "problem": {
-                "kind": "mesh", "object": "body", "start": start, "eyes": scenes.eyes(count), "seeds": list(seeds),
+                "kind": "mesh", "object": "body", "start": start, "eyes": scenes.eyes(count), "seeds": list(seeds)[: 3 if count == 8 else 2],
                 "blur": [0.04, 0.005],
             },
         }, {
@@ -174,3 +174,21 @@ def plot(result, folder):
     figure.tight_layout()
     figure.savefig(folder / "peers_fits.png", dpi=90)
     plt.close(figure)
+
+
+def summary(result):
+    lines = []
+    for name in dict.fromkeys(r["problem"] for r in result["rows"]):
+        parts = []
+        for r in [r for r in result["rows"] if r["problem"] == name]:
+            ends = [f["trace"][-1][1] for f in r["fits"]]
+            if name in ("shadow", "mirror"):
+                parts.append(f"{r['renderer']} {sum(e < result['found'] for e in ends)} of {len(ends)} found")
+            else:
+                first = lambda e: e[0] if isinstance(e, list) else e  # noqa: E731
+                start = first(r["fits"][0]["trace"][0][1])
+                share = float(np.median([first(e) for e in ends])) / start
+                parts.append(f"{r['renderer']} leaves {common.short(100 * share)} % of the error")
+        seconds = next(r["seconds"] for r in result["rows"] if r["problem"] == name)
+        lines.append(f"- A fit of {seconds:g} s, {TITLES[name]}: {', '.join(parts)}.")
+    return lines

@@ -16,6 +16,8 @@ RENDERERS = [
     ("Mitsuba prb_projective guided", [256], False, ("shadow", "mirror", "torus")),
     ("Mitsuba prb", [64], False, None),
 ]
+#: The case of the README's plot.
+FIRST = "cornell"
 QUICK = ("shadow", "sky", "ball-320")
 RECORD = ("shadow", "cornell", "torus", "mirror", "sky", "ball-320", "ball-5120", "ball-81920")
 #: σ of the paper's form, scene units squared.
@@ -39,7 +41,7 @@ def statistics(series, truth):
         squares = (apart**2).sum() / scale**2 - found["error of bias"] ** 2
         found["bias"] = float(np.sqrt(max(squares, 0)))
     thirds = [values[k::3] for k in range(3)]
-    if min(map(len, thirds)) > 1:
+    if n >= 9:
         found["noise of thirds"] = [noise(v) for v in thirds]
     return found
 
@@ -60,13 +62,14 @@ def measure(programs, a):
                 continue
             if renderer.endswith("guided") and a.quick:
                 continue
-            more = {"softmax": SIGMA} if renderer.endswith("softmax") else {}
+            # Mitsuba's film has a box filter, so softray gets that in place of its own.
+            more = {"softmax": SIGMA} if renderer.endswith("softmax") else {"pixels": 0.0}
             scalar = {"samples": samples, "weights": truth["weights"]}
             answer = programs.ask(renderer, {**request, **scalar, **more})
             found = [statistics(s, [truth["scalar"]]) for s in answer["series"]]
             row = {"case": name, "renderer": renderer, "scalar": found}
             if image:
-                answer = programs.ask(renderer, {**request, "samples": [64]})
+                answer = programs.ask(renderer, {**request, **more, "samples": [64]})
                 row["image"] = [statistics(s, truth["blocks"]) for s in answer["series"]]
             rows.append(row)
             print(row, file=sys.stderr, flush=True)
@@ -77,8 +80,8 @@ def measure(programs, a):
 
 
 def rmse(series, seconds, floor):
-    """Relative error of the mean of as many estimates as fit into a time: of bias (known to its own standard error and
-    the truth's) and noise. None if not one fits."""
+    """Relative error of the mean of as many estimates as fit into a time, of noise and of bias, where that is more than
+    two standard errors of it and of the truth; not less than the truth's own. None if not one fits."""
     fitting = [s for s in series if s["seconds"] <= seconds]
     if not fitting:
         return None
@@ -86,7 +89,7 @@ def rmse(series, seconds, floor):
     s = max(fitting, key=lambda s: s["samples"])
     doubt = np.hypot(s["error of bias"], floor)
     bias = abs(s["bias"]) if abs(s["bias"]) > 2 * doubt else 0.0
-    return float(np.hypot(bias, s["noise"] * (s["seconds"] / seconds) ** 0.5))
+    return max(float(np.hypot(bias, s["noise"] * (s["seconds"] / seconds) ** 0.5)), floor)
 
 
 def best(series):
@@ -94,7 +97,7 @@ def best(series):
 
 
 def percent(x):
-    return f"{common.short(100 * x)} %"
+    return f"{common.short(100 * x)} %" if x > 1e-6 else "0"
 
 
 def report(result, folder):
@@ -110,7 +113,7 @@ def report(result, folder):
 
     def bias(series, name):
         s = best(series)
-        return f"{100 * s['bias']:+.1f} ± {common.short(100 * s['error of bias'], 1)} %"
+        return f"{100 * s['bias']:+.1f} ± {common.short(max(100 * s['error of bias'], 0.001), 1)} %"
 
     def noise(series, name):
         s = best(series)
@@ -127,14 +130,16 @@ def report(result, folder):
         return cell
 
     head = ["derivative", "softray", "softray, the paper's softmax", "`prb_projective`", "`prb_projective`, guided", "`prb`"]
-    text = "The derivative of a weighted image of 64 × 64 pixels by one number. The truth is central differences of Mitsuba's `path` "
     worst = max(result["error of truth"][n] for n in names)
-    text += f"(of the cube: the closed form), itself known to {percent(worst)} or better; {result['titles'][names[0]]} and the rest are by "
-    text += f"the scenes of `scenes.py`. The softmax has σ = {result['sigma']:g}, γ = 1e-3.\n\nBias: the mean over the truth − 1, with the standard error of the mean:\n\n"
+    text = "The derivative by one number of Σ weights·image, of 64 × 64 pixels with a box filter; the weights are the derivative image's "
+    text += "own means over 8 × 8 pixels. The truth is central differences of Mitsuba's `path`, known to "
+    text += f"{percent(worst)} or better; of the cube it is the closed form. The softmax has σ = {result['sigma']:g}, γ = 1e-3.\n\n"
+    text += "Bias: the mean over the truth − 1, with the standard error of the mean (add the truth's):\n\n"
     text += common.table(head, rows("scalar", bias))
-    text += "\nNoise × √seconds: the standard deviation of what a second of estimates gives, over the truth (and of each third of the seeds):\n\n"
+    text += "\nNoise × √seconds: the standard deviation of the mean of a second of estimates, over the truth, and in brackets the "
+    text += "range over three runs, thirds of the seeds:\n\n"
     text += common.table(head, rows("scalar", noise))
-    text += "\nError (RMSE) after a second, from both:\n\n"
+    text += "\nError (RMSE) after a second, of the mean of as many estimates as fit; none is told to be less than the truth's own:\n\n"
     text += common.table(head, rows("scalar", error("error of truth", 1.0)))
     text += "\nError after ten seconds:\n\n"
     text += common.table(head, rows("scalar", error("error of truth", 10.0)))
@@ -148,25 +153,28 @@ def report(result, folder):
     return text
 
 
+def draw(axis, result, by, name):
+    times = np.geomspace(0.03, 10, 60)
+    for k, (renderer, *_) in enumerate(RENDERERS):
+        series = by.get((name, renderer), {}).get("scalar")
+        errors = [rmse(series, t, result["error of truth"][name]) for t in times] if series else []
+        points = [(t, 100 * e) for t, e in zip(times, errors) if e]
+        if points:
+            axis.loglog(*zip(*points), label=renderer, color=f"C{k}")
+    axis.set_title(result["titles"][name], fontsize=9)
+    axis.grid(True, which="major", alpha=0.3)
+
+
 def plot(result, by, names, folder):
     import matplotlib.pyplot as plt
 
     across = 4
     down = -(-len(names) // across)
     figure, axes = plt.subplots(down, across, figsize=(4 * across, 3 * down), sharex=True, squeeze=False)
-    times = np.geomspace(0.03, 10, 60)
     for axis in axes.flat[len(names) :]:
         axis.axis("off")
     for axis, name in zip(axes.flat, names):
-        for k, (renderer, *_) in enumerate(RENDERERS):
-            series = by.get((name, renderer), {}).get("scalar")
-            if series:
-                errors = [rmse(series, t, result["error of truth"][name]) for t in times]
-                points = [(t, 100 * e) for t, e in zip(times, errors) if e]
-                if points:
-                    axis.loglog(*zip(*points), label=renderer, color=f"C{k}")
-        axis.set_title(result["titles"][name], fontsize=9)
-        axis.grid(True, which="major", alpha=0.3)
+        draw(axis, result, by, name)
     for axis in axes[:, 0]:
         axis.set_ylabel("relative error, %")
     for axis in axes[-1]:
@@ -174,6 +182,41 @@ def plot(result, by, names, folder):
     labels = [r[0] for r in RENDERERS]
     handles = [plt.Line2D([], [], color=f"C{k}") for k in range(len(labels))]
     figure.legend(handles, labels, loc="lower center", ncols=len(labels), fontsize=9)
-    figure.tight_layout(rect=(0, 0.05, 1, 1))
+    figure.tight_layout(rect=(0, 0.06, 1, 1))
     figure.savefig(folder / "peers_gradients.png", dpi=90)
-    plt.close(figure)
+    # The one of the README.
+    if FIRST in names:
+        figure, axis = plt.subplots(figsize=(5.6, 3.4))
+        draw(axis, result, by, FIRST)
+        axis.set_xlabel("seconds")
+        axis.set_ylabel("error of the derivative, %")
+        axis.legend(fontsize=8)
+        figure.tight_layout()
+        figure.savefig(folder / "peers.png", dpi=90)
+    plt.close("all")
+
+
+def summary(result):
+    """What stands first on the page."""
+    by = {(r["case"], r["renderer"]): r for r in result["rows"]}
+    names = list(dict.fromkeys(r["case"] for r in result["rows"]))
+    lines = []
+    for kind, floor, what in (("scalar", "error of truth", "a scalar's"), ("image", "error of truth, image", "a derivative image's")):
+        ratios = {}
+        for name in names:
+            both = [by.get((name, r), {}).get(kind) for r in ("softray", "Mitsuba prb_projective")]
+            # The first time at which both have an estimate, and not before a second.
+            if all(both):
+                t = max(1.0, *(min(s["seconds"] for s in b) for b in both))
+                ours, theirs = (rmse(b, t, result[floor][name]) for b in both)
+                ratios[name] = theirs / ours
+        if not ratios:
+            continue
+        least, most = min(ratios, key=ratios.get), max(ratios, key=ratios.get)
+        lines.append(
+            f"- At equal time {what} error by Mitsuba's `prb_projective` is {common.short(ratios[least])} times softray's "
+            f"({result['titles'][least]}) to {common.short(ratios[most])} times ({result['titles'][most]}), the median of "
+            f"{len(ratios)} derivatives {common.short(float(np.median(list(ratios.values()))))} times."
+            + (" Under 1 softray loses." if ratios[least] < 1 else "")
+        )
+    return lines

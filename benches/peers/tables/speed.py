@@ -76,3 +76,26 @@ def report(result, folder):
     text += "\nPeak memory of a process, megabytes:\n\n"
     text += section(lambda r: common.short(r["megabytes"][0], 3))
     return text
+
+
+def summary(result):
+    def ratios(ours, theirs, backward):
+        at = {(r["scene"], r["bounces"], r["renderer"], r["backward"]): r["millions of paths a second"][0] for r in result["rows"]}
+        pairs = [(at.get((*k, ours, backward)), at.get((*k, theirs, backward))) for k in {k[:2] for k in at}]
+        return sorted(a / b for a, b in pairs if a and b)
+
+    lines = []
+    for theirs, backward, what in (
+        ("Mitsuba path", False, "An image"),
+        ("Mitsuba prb", True, "An image with gradients, beside `prb` without the jumps,"),
+        ("Mitsuba prb_projective", True, "An image with gradients, beside `prb_projective`,"),
+    ):
+        found = ratios("softray", theirs, backward)
+        if found:
+            lines.append(f"- {what} is traced at {common.short(found[0])} to {common.short(found[-1])} times Mitsuba's speed.")
+    first = [(r["renderer"], r["first result, cold"]) for r in result["rows"] if r["backward"]]
+    ends = {n: [t for r, t in first if r == n] for n in ("softray", "Mitsuba prb_projective")}
+    if all(ends.values()):
+        ours, theirs = (f"{common.short(min(e))} to {common.short(max(e))} s" for e in ends.values())
+        lines.append(f"- The first gradient of a process comes after {ours}, with Mitsuba's `prb_projective` after {theirs}.")
+    return lines
