@@ -55,7 +55,8 @@ class Programs:
         return not self.only or renderer.lower().startswith(self.only.lower())
 
     def ask(self, renderer, request, **environment):
-        """The answer, with `wall` seconds, `peak` bytes and, for what says when, `since_start` seconds. Mitsuba keeps
+        """The answer, with `wall` seconds, `peak` bytes and, of speed, `since_start` seconds
+        to the first result without those for reading the scene. Mitsuba keeps
         what it compiled under HOME."""
         program, _, method = renderer.partition(" ")
         line = json.dumps({**request, "method": method})
@@ -72,8 +73,8 @@ class Programs:
             out.seek(0)
             answer = json.loads(out.read().decode().splitlines()[-1])
         answer |= {"wall": wall, "peak": usage.ru_maxrss * 1024}
-        if "first_at" in answer:
-            answer["since_start"] = answer.pop("first_at") - start
+        if "reading" in answer:
+            answer["since_start"] = answer.pop("first_at") - start - answer["reading"]
         return answer
 
 

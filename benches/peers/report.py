@@ -44,3 +44,14 @@ for name in re.findall(r"<!-- begin (\w+) -->", text):
     text = between(name, f"{section}\n\n*{what}.*", text)
 text = between("summary", "\n".join(first), text)
 page.write_text(text)
+
+# The README's plot, and the sentence under it.
+path = results / "gradients.json"
+if path.exists():
+    from tables.gradients import sentence
+
+    readme = common.ROOT / "README.md"
+    plot = "![Error of a derivative over time, beside Mitsuba 3](docs/peers.png)"
+    said = sentence(json.loads(path.read_text()))
+    if said:
+        readme.write_text(between("peers", f"{plot}\n\n{said}", readme.read_text()))

@@ -21,7 +21,9 @@ pub struct Request {
 
 impl Request {
     pub fn answer(&self) -> Answer {
+        let start = Instant::now();
         let file = self.view.load()?;
+        let reading = start.elapsed().as_secs_f64();
         let cache = HierarchyCache::default();
         let options = self.view.options().samples(self.samples).cache(&cache);
         let triangles: usize = file.scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
@@ -45,7 +47,13 @@ impl Request {
             run(1 + times.len() as u64)?;
             times.push(start.elapsed().as_secs_f64());
         }
-        Ok(json!({ "triangles": triangles, "first": first, "first_at": first_at, "times": times }))
+        Ok(json!({
+            "triangles": triangles,
+            "reading": reading,
+            "first": first,
+            "first_at": first_at,
+            "times": times,
+        }))
     }
 }
 

@@ -220,3 +220,19 @@ def summary(result):
             + (" Under 1 softray loses." if ratios[least] < 1 else "")
         )
     return lines
+
+
+def sentence(result):
+    """What the README says of its plot."""
+    by = {r["renderer"]: r["scalar"] for r in result["rows"] if r["case"] == FIRST}
+    ours, theirs = by.get("softray"), by.get("Mitsuba prb_projective")
+    if result["quick"] or not ours or not theirs:
+        return None
+    ours, theirs = (rmse(s, 1.0, result["error of truth"][FIRST]) for s in (ours, theirs))
+    what = "The derivative of an image by the turn of a block in the Cornell box, over the time it takes on two cores"
+    if not (ours and theirs):
+        return f"{what} ([docs/PEERS.md](docs/PEERS.md))."
+    return (
+        f"{what}: after a second softray is {percent(ours)} off and Mitsuba 3's `prb_projective` {percent(theirs)}; "
+        "[docs/PEERS.md](docs/PEERS.md) has more cases, whole fits, speed, and where softray loses."
+    )

@@ -71,7 +71,7 @@ def report(result, folder):
     text += "`prb`'s do not.\n\nMillions of paths a second, steady state:\n\n"
     text += section(lambda r: common.spread(r["millions of paths a second"]))
     text += "\nSeconds from the start of a process to its first result, with nothing compiled before, and (in brackets) "
-    text += "with kernels that an earlier process left on the disk; reading the scene is in it:\n\n"
+    text += "with kernels that an earlier process left on the disk; without reading the scene:\n\n"
     text += section(lambda r: f"{common.short(r['first result, cold'])} ({common.short(r['first result, warm'][0])})")
     text += "\nPeak memory of a process, megabytes:\n\n"
     text += section(lambda r: common.short(r["megabytes"][0], 3))
