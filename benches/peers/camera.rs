@@ -1,6 +1,7 @@
+use burn::tensor::{DType, TensorData};
 use serde::Deserialize;
 use serde_json::json;
-use softray::gradcheck::{Checked, GradCheck, Point, gradcheck};
+use softray::gradcheck::{Checked, GradCheck, gradcheck};
 use softray::prelude::*;
 
 use crate::Answer;
@@ -22,21 +23,33 @@ pub struct Request {
     lens: Option<[f64; 2]>,
     /// An object that moves while the shutter is open, and its velocity.
     moving: Option<(String, [f64; 3])>,
-    /// What is checked, and the step of its differences; of vectors along (0.6, 0.64, 0.48).
+    /// What is checked, and the step of its differences; of vectors along [`WAY`].
     parameters: Vec<(String, f64)>,
 }
 
+/// Vectors are moved along this.
+const WAY: [f64; 3] = [0.6, 0.64, 0.48];
+/// Pixels of a side of the squares that weights are constant in.
+const SQUARE: usize = 4;
+
 impl Request {
-    /// Gradients beside central differences, both with standard errors. `gradcheck` asks for f64, which the file's
-    /// meshes are cast to.
+    /// Gradients beside central differences, both with standard errors, of an image that is weighted by how the
+    /// parameter changes it.
     pub fn answer(&self) -> Answer {
         let file = self.view.load()?;
-        let options = self.view.options().samples(self.samples);
-        let settings = GradCheck::new(options, &self.view.device()?);
+        let rows: Result<Vec<_>, _> = self
+            .parameters
+            .iter()
+            .map(|(name, step)| self.row(&file, name, *step))
+            .collect();
+        Ok(json!({ "rows": rows? }))
+    }
+
+    fn row(&self, file: &SceneFile, name: &str, step: f64) -> Answer {
         let size = self.view.size;
-        let squares = (0..size * size).map(|p| (p / size / 4 + p % size / 4) % 2);
-        let weights: Vec<f32> = squares.map(|odd| 1.0 - 2.0 * odd as f32).collect();
-        let settings = settings
+        let weights = self.weights(file, name, step)?;
+        let options = self.view.options().samples(self.samples);
+        let settings = GradCheck::new(options, &self.view.device()?)
             .precision(self.precision)
             .seeds(16, self.budget)
             .objective(move |radiance| {
@@ -45,27 +58,50 @@ impl Request {
                 let weights = weights.cast(radiance.dtype()).reshape([size, size, 1]);
                 (radiance * weights).mean()
             });
-        let parameters: Vec<Checked> = self
-            .parameters
-            .iter()
-            .map(|(name, step)| {
-                let values = self.values(name);
-                let checked = Checked::new(name, values.clone(), *step);
-                match values.len() {
-                    1 => checked,
-                    _ => checked.along([0.6, 0.64, 0.48]),
-                }
-            })
-            .collect();
-        let report = gradcheck(&parameters, &settings, |point| self.build(&file, point))?;
-        let row = |r: &softray::gradcheck::Row| {
-            json!({
-                "parameter": r.parameter,
-                "gradient": [r.gradient.mean, r.gradient.error],
-                "difference": [r.difference.mean, r.difference.error],
-            })
+        let values = self.values(name);
+        let checked = Checked::new(name, values.clone(), step);
+        let checked = match values.len() {
+            1 => checked,
+            _ => checked.along(WAY),
         };
-        Ok(json!({ "rows": report.rows.iter().map(row).collect::<Vec<_>>() }))
+        let report = gradcheck(&[checked], &settings, |point| {
+            let changed = point.get(name)?;
+            self.build(file, (&point.device, point.dtype), name, &changed)
+        })?;
+        let [row] = &report.rows[..] else {
+            return Err("one row a parameter".into());
+        };
+        Ok(json!({
+            "parameter": name,
+            "gradient": [row.gradient.mean, row.gradient.error],
+            "difference": [row.difference.mean, row.difference.error],
+        }))
+    }
+
+    /// Means over squares of the difference of two images, over the largest.
+    fn weights(&self, file: &SceneFile, name: &str, step: f64) -> softray::Result<Vec<f32>> {
+        let device = self.view.device()?;
+        let options = self.view.options().samples(1024).seed(1 << 50);
+        let image = |side: f64| {
+            let values = self.values(name);
+            let moved = values.iter().enumerate().map(|(i, v)| match values.len() {
+                1 => (v + side * step) as f32,
+                _ => (v + side * step * WAY[i]) as f32,
+            });
+            let moved: Vec<f32> = moved.collect();
+            let moved = Tensor::<1>::from_floats(moved.as_slice(), &device);
+            let (scene, camera) = self.build(file, (&device, DType::F32), name, &moved)?;
+            HostImage::from_tensor(&render(&scene, &camera, &options)?.radiance)
+        };
+        let (left, right) = (image(-1.0)?, image(1.0)?);
+        let size = self.view.size;
+        let square = |p: usize| p / size / SQUARE * size + p % size / SQUARE;
+        let mut sums = vec![0.0f32; size * size];
+        for (i, (l, r)) in left.pixels.iter().zip(&right.pixels).enumerate() {
+            sums[square(i / 3)] += r - l;
+        }
+        let most = sums.iter().fold(f32::MIN_POSITIVE, |a, s| a.max(s.abs()));
+        Ok((0..size * size).map(|p| sums[square(p)] / most).collect())
     }
 
     fn values(&self, name: &str) -> Vec<f64> {
@@ -80,17 +116,25 @@ impl Request {
         }
     }
 
-    fn build(&self, file: &SceneFile, point: &Point) -> softray::Result<(Scene, Camera)> {
-        let get = |name: &str| -> Tensor<1> {
-            point.get(name).unwrap_or_else(|_| {
-                let values = self.values(name);
-                let data = burn::tensor::TensorData::new(values.clone(), [values.len()]);
-                Tensor::from_data(data, (&point.device, point.dtype))
-            })
+    /// The scene and camera with one parameter as given.
+    fn build(
+        &self,
+        file: &SceneFile,
+        kind: (&Device, DType),
+        changed: &str,
+        value: &Tensor<1>,
+    ) -> softray::Result<(Scene, Camera)> {
+        let get = |name: &str| {
+            if name == changed {
+                return value.clone();
+            }
+            let values = self.values(name);
+            let count = values.len();
+            Tensor::<1>::from_data(TensorData::new(values, [count]), kind)
         };
         let mut scene = file.scene.clone();
         for object in &mut scene.objects {
-            object.mesh = object.mesh.clone().cast(point.dtype);
+            object.mesh = object.mesh.clone().cast(kind.1);
         }
         if let Some((name, _)) = &self.moving {
             let velocity = get("velocity");

@@ -311,17 +311,23 @@ def words(e):
     return " ".join(str(e).split()).split("!")[0]
 
 
+def reset(parameters, values):
+    for key, value in values.items():
+        parameters[key] = value
+    parameters.update()
+
+
 def camera(r):
-    """Gradients by camera and lens, of the mean under weights of ±1 in squares of 4 × 4 pixels, beside differences; in
+    """Gradients by camera and lens, of an image that is weighted by how the parameter changes it, beside differences; in
     words, and without those, where there is none."""
     file = json.loads(pathlib.Path(r["scene"]).read_text())
     scene = load(r["scene"], r["size"])
     parameters = mi.traverse(scene)
     size = r["size"]
-    squares = np.arange(size) // 4
-    weights = 1.0 - 2.0 * ((squares[:, None] + squares[None, :]) % 2)
-    weights = mi.TensorXf((weights[..., None] / (3 * size * size)).astype(np.float32))
-    base = {k: parameters[k] for k in parameters.keys() if k.startswith("sensor.")}
+    base = {k: parameters[k] for k in parameters.keys() if k in NAMES.values() or k == "sensor.to_world"}
+    if r.get("lens"):
+        base[NAMES["aperture"]], base[NAMES["focus distance"]] = (mi.Float(x) for x in r["lens"])
+    reset(parameters, base)
     eye, target = (np.array(file["camera"][k], float) for k in ("eye", "target"))
 
     def put(name, x):
@@ -335,10 +341,19 @@ def camera(r):
             parameters["sensor.to_world"] = mi.AffineTransform4f(look)
         parameters.update()
 
-    def mean(name, x, how, seed):
+    def look(name, x, how, samples, seed):
         put(name, x)
-        image = mi.render(scene, parameters, integrator=how, spp=r["samples"], seed=seed)
-        return dr.sum(image * weights, axis=None)
+        return mi.render(scene, parameters, integrator=how, spp=samples, seed=seed)
+
+    def weights(name, step):
+        """Means over squares of 4 × 4 pixels of the difference of two images, over the largest."""
+        left, right = (np.array(look(name, mi.Float(s * step), path, 1024, 1 << 30)) for s in (-1, 1))
+        squares = (right - left).sum(2).reshape(size // 4, 4, size // 4, 4).sum((1, 3))
+        squares = squares.repeat(4, 0).repeat(4, 1) / np.abs(squares).max()
+        return mi.TensorXf((squares[..., None] / (3 * size * size)).astype(np.float32))
+
+    def mean(name, x, how, seed):
+        return dr.sum(look(name, x, how, r["samples"], seed) * weight, axis=None)
 
     def estimate(values):
         return [float(np.mean(values)), float(np.std(values, ddof=1) / len(values) ** 0.5)]
@@ -346,6 +361,7 @@ def camera(r):
     rows = []
     path, how = integrator("path", r["bounces"]), integrator(r["method"], r["bounces"])
     for name, step in r["parameters"]:
+        weight = weights(name, step)
         try:
             gradients = []
             for seed in range(r["seeds"]):
@@ -358,9 +374,7 @@ def camera(r):
             rows.append({"parameter": name, "gradient": estimate(gradients), "difference": estimate(differences)})
         except Exception as e:
             rows.append({"parameter": name, "gradient": words(e)})
-        for k, v in base.items():
-            parameters[k] = v
-        parameters.update()
+        reset(parameters, base)
     return {"rows": rows}
 
 

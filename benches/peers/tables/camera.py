@@ -10,7 +10,7 @@ RENDERERS = ["softray", "Mitsuba prb_projective", "Mitsuba path"]
 
 def measure(programs, a):
     lens = [("eye", 0.06), ("target", 0.06), ("field of view", 1.0), ("aperture", 0.06), ("focus distance", 0.4)]
-    view = {"eye": [0, 1.5, 5.5], "target": [0, 0.6, 0], "fov": 40.0, "lens": [0.2, 5.573]}
+    view = {"eye": [0, 1.5, 5.5], "target": [0, 0.6, 0], "fov": 40.0, "lens": [0.3, 4.5]}
     places = [("lens", view, lens[3:] if a.quick else lens)]
     view = {"eye": [0, 1.6, 4], "target": [0, 0.7, 0], "fov": 40.0, "moving": ["sphere", [-0.6, 0.2, 0.3]]}
     places.append(("sphere", {**view, "moving": None}, lens[:3]))
@@ -48,7 +48,7 @@ def report(result, folder):
     rows = []
     for scene, name in dict.fromkeys((r["scene"], r["parameter"]) for r in result["rows"]):
         rows.append([views[scene], name, *(over(at.get((scene, name, renderer))) for renderer in RENDERERS)])
-    text = "The gradient over the central difference of the same renderer's images, with the standard error of both; 1 is right. "
+    text = "The derivative of an image of 32 × 32 pixels, weighted by how the parameter changes it: the gradient over the central difference of the same renderer's images, with the standard error of both; 1 is right. "
     words = {r["gradient"] for r in result["rows"] if isinstance(r["gradient"], str)}
     quoted = "; ".join(f"“{w}”" for w in sorted(words))
     text += f"Where there is none the render ended with {quoted}; 0 is a gradient that is 0. Mitsuba's shapes have no motion.\n\n"

@@ -14,7 +14,7 @@ SIZE, SAMPLES = 128, 16
 def configurations(quick):
     for level in (0, 4) if quick else (0, 3, 5, 7):
         yield {"scene": scenes.ball(common.SCENES, level), "bounces": 1}
-    for bounces in (1,) if quick else (1, 2, 4, 8):
+    for bounces in (1,) if quick else (1, 4, 8):
         yield {"scene": str(scenes.DATA / "cornell/scene.json"), "bounces": bounces}
 
 
