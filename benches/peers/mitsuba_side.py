@@ -20,7 +20,7 @@ class Phong(mi.BSDF):
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
-        self.kd, self.ks = mi.Color3f(props["kd"]), mi.Color3f(props["ks"])
+        self.kd, self.ks, self.texture = mi.Color3f(props["kd"]), mi.Color3f(props["ks"]), None
         self.n = mi.Float(props["n"])
         weight = [float(np.mean(props[k])) for k in ("kd", "ks")]
         self.glossy = weight[1] / sum(weight)
@@ -29,7 +29,9 @@ class Phong(mi.BSDF):
         self.m_flags = self.m_components[0] | self.m_components[1]
 
     def traverse(self, callback):
-        pass
+        if self.texture:
+            callback.put("texture", self.texture, mi.ParamFlags.Differentiable)
+        callback.put("n", self.n, mi.ParamFlags.Differentiable)
 
     def parts(self, si, wo):
         """f·cos θ and the density of wo."""
@@ -38,7 +40,8 @@ class Phong(mi.BSDF):
         cos = dr.abs(mi.Frame3f.cos_theta(wo))
         alpha = dr.maximum(dr.dot(mi.reflect(si.wi), wo), 0)
         lobe = dr.power(alpha, self.n)
-        value = (self.kd / dr.pi + self.ks * (self.n + 2) / (2 * dr.pi) * lobe) * cos
+        kd = self.texture.eval(si) if self.texture else self.kd
+        value = (kd / dr.pi + self.ks * (self.n + 2) / (2 * dr.pi) * lobe) * cos
         pdf = (1 - self.glossy) * cos / dr.pi + self.glossy * (self.n + 1) / (2 * dr.pi) * lobe
         return dr.select(same, value, 0), dr.select(same, pdf, 0)
 
@@ -73,12 +76,18 @@ class Phong(mi.BSDF):
 mi.register_bsdf("phong", lambda props: Phong(props))
 
 
+def phong(kd, ks, n, texture=None):
+    props = mi.Properties("phong")
+    props["kd"], props["ks"], props["n"] = mi.ScalarColor3f(kd), mi.ScalarColor3f(ks), float(n)
+    found = Phong(props)
+    found.texture = texture
+    return found
+
+
 def bsdf(material):
     kd, ks = material.get("Kd", [0.8] * 3), material.get("Ks", [0.0] * 3)
     if any(ks):
-        props = mi.Properties("phong")
-        props["kd"], props["ks"], props["n"] = mi.ScalarColor3f(kd), mi.ScalarColor3f(ks), material["Ns"][0]
-        return Phong(props)
+        return phong(kd, ks, material["Ns"][0])
     matt = {"type": "diffuse", "reflectance": {"type": "rgb", "value": kd}}
     return mi.load_dict({"type": "twosided", "bsdf": matt})
 
@@ -487,14 +496,13 @@ def mesh_fit(r, p):
 
 
 def surface(r, p):
-    """The lobe is that of `principled`, whose roughness is √α, its specular 0.5."""
     path = pathlib.Path(r["scene"])
     texels = np.array(p["texels"], np.float32)
 
     def scene(texels, alpha, radiance):
-        bitmap = {"type": "bitmap", "data": mi.TensorXf(texels), "raw": True}
-        bsdf = {"type": "principled", "base_color": bitmap, "roughness": float(alpha**0.5), "specular": 0.5}
-        return load_with(path, r["size"], p, {"bsdf": mi.load_dict(bsdf)}, {"Kd": [0, 0, 0], "Ke": radiance})
+        bitmap = mi.load_dict({"type": "bitmap", "data": mi.TensorXf(texels), "raw": True})
+        surface = phong([float(texels.mean())] * 3, [p["specular"]] * 3, 2 / alpha**2 - 2, bitmap)
+        return load_with(path, r["size"], p, {"bsdf": surface}, {"Kd": [0, 0, 0], "Ke": radiance})
 
     sensors = views(p["eyes"], r["size"])
     targets = see_all(scene(texels, p["alpha"][0], p["radiance"][0]), sensors, r["bounces"], 1024)
@@ -504,16 +512,15 @@ def surface(r, p):
         world = scene(np.full_like(texels, 0.5), p["alpha"][1], p["radiance"][1])
         parameters = mi.traverse(world)
         find = lambda end: next(k for k in parameters.keys() if k.endswith(end))  # noqa: E731
-        texture, rough, light = (find(e) for e in ("base_color.data", "roughness.value", "emitter.radiance.value"))
+        texture, rough, light = (find(e) for e in ("texture.data", "bsdf.n", "emitter.radiance.value"))
         optimiser = mi.ad.Adam(lr=r["rate"][0], beta_2=0.99)
         optimiser["texels"] = parameters[texture]
-        optimiser["rough"] = parameters[rough]
+        optimiser["log n"] = dr.log(parameters[rough])
         optimiser["log light"] = dr.log(mi.Color3f(parameters[light]))
 
         def put():
             optimiser["texels"] = dr.clip(optimiser["texels"], 0.001, 0.999)
-            optimiser["rough"] = dr.clip(optimiser["rough"], 0.05, 1)
-            parameters[texture], parameters[rough] = optimiser["texels"], optimiser["rough"]
+            parameters[texture], parameters[rough] = optimiser["texels"], dr.exp(optimiser["log n"])
             parameters[light] = dr.exp(optimiser["log light"])
             parameters.update()
 
@@ -521,7 +528,9 @@ def surface(r, p):
             backward_views(world, parameters, sensors, targets, how, r, (seed << 24) + 32 * k, put)
 
         def step(share, k):
-            optimiser.set_learning_rate(rate(r, share))
+            # A logit's step moves a texel by a quarter of it at most.
+            now = rate(r, share)
+            optimiser.set_learning_rate({"texels": 0.25 * now, "log n": now, "log light": now})
             loss(k)
             optimiser.step()
 
@@ -531,8 +540,8 @@ def surface(r, p):
 
         def look():
             light = np.exp(np.array(optimiser["log light"])).reshape(-1).tolist()
-            alpha = float(np.array(optimiser["rough"]).reshape(-1)[0]) ** 2
-            return {"texels": np.array(optimiser["texels"]).reshape(-1).tolist(), "alpha": alpha, "radiance": light}
+            n = float(np.exp(np.array(optimiser["log n"]).reshape(-1)[0]))
+            return {"texels": np.array(optimiser["texels"]).reshape(-1).tolist(), "alpha": (2 / (n + 2)) ** 0.5, "radiance": light}
 
         return clock(r, step, look)
 
