@@ -528,7 +528,7 @@ def surface(r, p):
             backward_views(world, parameters, sensors, targets, how, r, (seed << 24) + 32 * k, put)
 
         def step(share, k):
-            # A logit's step moves a texel by a quarter of it at most.
+            # Steps of texels as in the tutorials, of logarithms as here and there.
             now = rate(r, share)
             optimiser.set_learning_rate({"texels": 0.25 * now, "log n": now, "log light": now})
             loss(k)
