@@ -1,6 +1,5 @@
 use burn::module::{Module, Param};
 use burn::tensor::TensorData;
-use burn::tensor::activation::sigmoid;
 use serde::Deserialize;
 use serde_json::json;
 use softray::prelude::*;
@@ -29,18 +28,12 @@ pub struct Surface {
 
 #[derive(Module, Debug)]
 struct Parts {
-    /// A fifth of the logits of the texels [H, W, 3], whose rate so is five times that of the others.
-    fifths: Param<Tensor<3>>,
+    /// Logits of the texels.
+    texture: TextureParams,
     /// ln n.
     shininess: Param<Tensor<1>>,
     /// ln of the radiance.
     radiance: Param<Tensor<1>>,
-}
-
-impl Parts {
-    fn texels(&self) -> Tensor<3> {
-        sigmoid(self.fifths.val() * 5.0)
-    }
 }
 
 fn exponent(alpha: f64) -> f64 {
@@ -80,7 +73,7 @@ impl Surface {
                 Param::from_tensor(Tensor::<1>::from_floats(v.as_slice(), &device))
             };
             let parts = Parts {
-                fifths: Param::from_tensor(Tensor::zeros([height, width, 3], &device)),
+                texture: TextureParams::grey(height, width, &device),
                 shininess: leaf(&[exponent(self.alpha[1])]),
                 radiance: leaf(&self.radiance[1]),
             };
@@ -90,7 +83,7 @@ impl Surface {
                 seed,
                 |parts, _, seeds| {
                     let (n, radiance) = (parts.shininess.val().exp(), parts.radiance.val().exp());
-                    let batch = scene(parts.texels(), n.into(), radiance.into())?;
+                    let batch = scene(parts.texture.texels(), n.into(), radiance.into())?;
                     let see = |seed| render_batch(&batch, &options.clone().seed(seed));
                     let [a, b] = seeds.map(see);
                     let (a, b) = (a?.radiance, b?.radiance);
@@ -98,7 +91,7 @@ impl Surface {
                 },
                 |parts| {
                     let numbers = |t: Tensor<1>| t.exp().into_data().iter::<f64>().collect::<Vec<_>>();
-                    let found: Vec<f32> = parts.texels().into_data().iter().collect();
+                    let found: Vec<f32> = parts.texture.texels().into_data().iter().collect();
                     let n = numbers(parts.shininess.val())[0];
                     let radiance = numbers(parts.radiance.val());
                     Ok(json!({ "texels": found, "alpha": (2.0 / (n + 2.0)).sqrt(), "radiance": radiance }))

@@ -57,7 +57,7 @@ def problems(a):
             "alpha": [0.15, 0.35], "radiance": [[10, 9, 8], [5, 5, 5]], "seeds": list(seeds),
         },
     }, {
-        # Logits of texels here, with five times this rate (docs/GUIDE.md); there texels, with a quarter of it.
+        # Logits of texels here; there texels, with a quarter of the rate; logarithms of exponent and light in both.
         "softray": {"samples": 8, "rate": [0.1, 0.01]},
         "Mitsuba": {"method": "prb", "samples": 16, "rate": [0.1, 0.01]},
     }
