@@ -1,15 +1,8 @@
-//! The measurements of `docs/ACCURACY.md` and `docs/PERFORMANCE.md`: noise, bias and time of gradients,
-//! images and paths. `cargo bench --bench versus -- --help`.
-//!
-//! The gradient cases are those of an independent renderer's script with the same weights, so that lines
-//! of both can be laid side by side.
+//! Images beside the references, and paths a second on any device: `cargo bench --bench versus -- --help`.
+//! What is measured beside other renderers is in `benches/peers`.
 
-mod gradient;
 mod image;
 mod speed;
-mod tessellation;
-#[path = "../../tests/common/weights.rs"]
-mod weights;
 
 use std::path::PathBuf;
 
@@ -37,14 +30,10 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Part {
-    /// Mean, noise and time of d(Σ weights·image)/d(parameter), beside the reference derivative.
-    Gradient(gradient::Gradient),
     /// Paths a second, forward and with backward.
     Speed(speed::Speed),
     /// Images beside the references: mean, clipped error.
     Image(image::Images),
-    /// The gradient of a ball in 80 to 81,920 faces: bias, noise and time, with a figure.
-    Tessellation(tessellation::Tessellation),
 }
 
 fn main() {
@@ -57,24 +46,9 @@ fn main() {
         },
     };
     match arguments.part {
-        Part::Gradient(part) => part.run(visibility),
         Part::Speed(part) => part.run(visibility),
         Part::Image(part) => part.run(visibility),
-        Part::Tessellation(part) => {
-            if let Err(e) = part.run(visibility) {
-                eprintln!("{e}");
-                std::process::exit(1);
-            }
-        }
     }
-}
-
-/// The mean of numbers and their standard deviation.
-fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-    (mean, (squares / (n - 1.0)).sqrt())
 }
 
 /// A folder of reference data.
