@@ -208,8 +208,11 @@ fn many_emitters_by_a_tree() {
             assert!((a - b).abs() < 4.0 * ea.hypot(eb), "{what}: {a} and {b}");
         }
         println!("noise of a pixel {noise} by the tree, {noise_of_other} by {emitters:?}");
-        if emitters == EmitterSampling::Uniform {
-            assert!(noise < 0.5 * noise_of_other, "{noise} {noise_of_other}");
-        }
+        let at_most = match emitters {
+            EmitterSampling::Uniform => 0.25,
+            // From here all lamps are about as far.
+            _ => 1.15,
+        };
+        assert!(noise < at_most * noise_of_other, "{noise} {noise_of_other}");
     }
 }

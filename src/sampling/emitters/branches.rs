@@ -18,36 +18,73 @@ pub(super) struct Item {
     pub alone: bool,
 }
 
-/// Some emitters: a sphere around them, a cone of their axes, their power.
+/// How the axes n of emitters lie, weighted by power.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Axes {
+    /// Their mean a.
+    pub mean: V3,
+    /// The mean of their products, M = E[n nᵀ]: xx, yy, zz, xy, xz, yz.
+    pub moments: [f32; 6],
+}
+
+impl Axes {
+    /// Of axes with their shares of the power; none where light goes in all directions.
+    pub fn new(all: impl Iterator<Item = (Option<V3>, f32)>) -> Self {
+        let mut this = Self::default();
+        for (axis, share) in all {
+            let products = match axis {
+                None => [4.0, 4.0, 4.0, 0.0, 0.0, 0.0],
+                Some(n) => {
+                    this.mean = this.mean + n * share;
+                    let (
+                        V3 { x, y, z },
+                        V3 {
+                            x: x2,
+                            y: y2,
+                            z: z2,
+                        },
+                    ) = (n, n * n);
+                    [x2, y2, z2, x * y, x * z, y * z]
+                }
+            };
+            for (sum, product) in this.moments.iter_mut().zip(products) {
+                *sum += product * share;
+            }
+        }
+        this
+    }
+
+    /// About the mean of max(n·d, 0) = (n·d + |n·d|)/2, that is (a·d + √(dᵀM d))/2: nothing is under it. `spread` is what
+    /// directions differ by, squared.
+    #[inline(always)]
+    pub fn facing(&self, d: V3, spread: f32) -> f32 {
+        let [xx, yy, zz, xy, xz, yz] = self.moments;
+        let products = xx * d.x * d.x + yy * d.y * d.y + zz * d.z * d.z;
+        let crossed = xy * d.x * d.y + xz * d.x * d.z + yz * d.y * d.z;
+        let square = (products + 2.0 * crossed + spread).max(0.0);
+        (0.5 * (self.mean.dot(d) + square.sqrt())).max(0.0)
+    }
+}
+
+/// Some emitters: a sphere around them, their axes and power.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sphere {
     pub centre: V3,
     pub radius: f32,
-    pub axis: V3,
-    pub cos: f32,
+    pub axes: Axes,
     pub power: f32,
 }
 
 impl Sphere {
     pub fn new(items: &[Item]) -> Self {
         let (low, high) = bounds(items);
-        let sum = items.iter().fold(V3::ZERO, |sum, i| sum + i.axis * i.power);
-        let axis = sum * (1.0 / sum.length().max(f32::MIN_POSITIVE));
-        let mut cos: f32 = 1.0;
-        for item in items {
-            cos = cos.min(if item.all_round {
-                -1.0
-            } else {
-                item.axis.dot(axis)
-            });
-        }
+        let power: f32 = items.iter().map(|i| i.power).sum();
+        let axis = |i: &Item| (!i.all_round).then_some(i.axis);
         Self {
             centre: (low + high) * 0.5,
             radius: (high - low).length() * (0.5 * (1.0 + 1e-5)),
-            axis,
-            // With a margin for rounding.
-            cos: (cos - 1e-5).max(-1.0),
-            power: items.iter().map(|i| i.power).sum(),
+            axes: Axes::new(items.iter().map(|i| (axis(i), i.power / power))),
+            power,
         }
     }
 }

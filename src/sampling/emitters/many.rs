@@ -1,6 +1,6 @@
 //! The choice of one of many emitters, by a tree over those that are somewhere, beside directional lights.
 
-use super::branches::Item;
+use super::branches::{Axes, Item};
 use super::tree::LightTree;
 use super::{BY_POWER, Emitter, EmitterGroup, Emitters, Receiver, mean, running_sums};
 use crate::model::V3;
@@ -12,6 +12,8 @@ pub(super) struct ManyEmitters {
     /// Directional lights, and the sums of their strengths up to each.
     distant: Vec<u32>,
     sums: Vec<f32>,
+    /// The directions to them.
+    axes: Axes,
 }
 
 /// The greatest part of a number under 1.
@@ -94,12 +96,20 @@ impl ManyEmitters {
             members: vec![k],
             ..EmitterGroup::default()
         }));
-        let strength = |&k: &u32| mean(all.lights[k as usize - triangles].strength).max(1e-30);
-        let sums = running_sums(distant.iter().map(strength));
+        let strength =
+            |&k: &u32| mean(all.lights[k as usize - triangles].strength).clamp(1e-30, 1e30);
+        let sums: Vec<f32> = running_sums(distant.iter().map(strength));
+        let total = sums.last().copied().unwrap_or(1.0);
+        let axis = |&k: &u32| {
+            let light = &all.lights[k as usize - triangles];
+            (Some(light.axis * -1.0), strength(&k) / total)
+        };
+        let axes = Axes::new(distant.iter().map(axis));
         let many = Self {
             tree,
             distant,
             sums,
+            axes,
         };
         (many, groups)
     }
@@ -110,7 +120,16 @@ impl ManyEmitters {
         match (&self.tree, self.sums.last()) {
             (None, _) => 1.0,
             (_, None) => 0.0,
-            (Some(tree), Some(&distant)) => distant / (distant + tree.all(at.position)),
+            (Some(tree), Some(&strength)) => {
+                let distant = strength * self.axes.facing(at.normal, 0.0);
+                let near = tree.all(at.position, at.normal);
+                // Neither, as far as this sees: then any.
+                if distant + near > 0.0 {
+                    distant / (distant + near)
+                } else {
+                    0.5
+                }
+            }
         }
     }
 

@@ -8,6 +8,9 @@ use crate::accel::{F8, LANES, Lanes, Machine, Task, dispatch};
 use crate::model::{V3, v3};
 
 const NONE: u32 = u32::MAX;
+/// How much directions to the points of a sphere that is seen under 90° add to a squared cosine: an emitter that is seen
+/// along its surface has then the mean of those around.
+const SPREAD: f32 = 0.25;
 /// Emitters around a point bring about as much light as from this share of their sphere's squared radius: a mean of 1/r²
 /// over a box is six times that at the corners.
 const INSIDE: f32 = 0.125;
@@ -16,10 +19,9 @@ const INSIDE: f32 = 0.125;
 struct Node {
     centre: [Lanes; 3],
     radius: Lanes,
-    /// Cones of axes.
+    /// Means of axes, and of their products.
     axis: [Lanes; 3],
-    cos: Lanes,
-    sin: Lanes,
+    moments: [Lanes; 6],
     /// 0 where there is nothing.
     power: Lanes,
     /// Nodes, or emitters of a leaf.
@@ -135,12 +137,21 @@ impl LightTree {
 
     /// About the irradiance of a point with a normal by all of them.
     #[inline(always)]
-    pub fn all(&self, x: V3) -> f32 {
-        let far = (self.root.centre - x).length_squared();
-        self.root.power
-            / far
-                .max(INSIDE * self.root.radius * self.root.radius)
-                .max(1e-30)
+    pub fn all(&self, x: V3, normal: V3) -> f32 {
+        let Sphere { radius, axes, .. } = &self.root;
+        let to = self.root.centre - x;
+        let squared = to.length_squared().max(1e-30);
+        let inverse = 1.0 / squared.sqrt();
+        let seen = (radius * inverse).clamp(1e-6, 1.0);
+        let emits = axes.facing(to * -inverse, SPREAD * seen * seen);
+        let incident = to.dot(normal) * inverse;
+        let above = (incident + seen).max(0.0);
+        let receives = if incident < seen {
+            above * above / (4.0 * seen)
+        } else {
+            incident
+        };
+        self.root.power * emits * receives / squared.max(INSIDE * radius * radius)
     }
 
     /// An emitter for a random number.
@@ -301,19 +312,6 @@ fn dot<M: Machine>(a: [F8<M>; 3], b: [F8<M>; 3]) -> F8<M> {
     a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
 }
 
-#[inline(always)]
-#[expect(clippy::eq_op, reason = "0 in every lane")]
-fn sine8<M: Machine>(one: F8<M>, cos: F8<M>) -> F8<M> {
-    (one - cos * cos).max(one - one).sqrt()
-}
-
-/// The cosine of an angle, given by its own, less another; 1 where that is negative.
-#[inline(always)]
-fn less<M: Machine>(one: F8<M>, cos: F8<M>, by: (F8<M>, F8<M>)) -> F8<M> {
-    let rest = cos.mul_add(by.0, sine8(one, cos) * by.1);
-    by.0.less(cos).select(one, rest)
-}
-
 impl Node {
     fn empty(parent: Place) -> Self {
         let zero = [0.0; LANES];
@@ -321,8 +319,7 @@ impl Node {
             centre: [zero; 3],
             radius: zero,
             axis: [zero; 3],
-            cos: zero,
-            sin: zero,
+            moments: [zero; 6],
             power: zero,
             child: [NONE; LANES],
             parent,
@@ -334,39 +331,44 @@ impl Node {
         for (to, x) in self.centre.iter_mut().zip(sphere.centre.to_array()) {
             to[lane] = x;
         }
-        for (to, x) in self.axis.iter_mut().zip(sphere.axis.to_array()) {
+        for (to, x) in self.axis.iter_mut().zip(sphere.axes.mean.to_array()) {
+            to[lane] = x;
+        }
+        for (to, x) in self.moments.iter_mut().zip(sphere.axes.moments) {
             to[lane] = x;
         }
         self.radius[lane] = sphere.radius;
-        self.cos[lane] = sphere.cos;
-        self.sin[lane] = (1.0 - sphere.cos * sphere.cos).max(0.0).sqrt();
         self.power[lane] = sphere.power;
     }
 
-    /// About the irradiance of a point by each, 0 only if there is none; power where all are 0. With their sum.
+    /// About the irradiance of a point by each, as [`LightTree::all`], or power where all are 0; with their sum.
     #[inline(always)]
     fn weights<M: Machine>(&self, machine: M, query: &Query<M>) -> (Lanes, f32) {
         let load = |lanes: &Lanes| F8::load(machine, lanes);
         let number = |x: f32| F8::splat(machine, x);
         let (zero, one) = (number(0.0), number(1.0));
-        let vector = |v: &[Lanes; 3]| [load(&v[0]), load(&v[1]), load(&v[2])];
-        let [cx, cy, cz] = vector(&self.centre);
+        let [cx, cy, cz] = self.centre.each_ref().map(load);
         let to = [cx - query.x[0], cy - query.x[1], cz - query.x[2]];
         let (radius, power) = (load(&self.radius), load(&self.power));
         let squared = dot(to, to).max(number(1e-30));
         let inverse = one.div(squared.sqrt());
-        // The angle under which the sphere is seen.
-        let sin_seen = (radius * inverse).min(one);
-        let seen = (sine8(one, sin_seen), sin_seen);
-        let from_axis = zero - dot(to, vector(&self.axis)) * inverse;
-        let off = less(one, from_axis, (load(&self.cos), load(&self.sin)));
-        let emits = less(one, off, seen).max(zero);
+        // The sine of the angle under which the sphere is seen.
+        let seen = (radius * inverse).min(one).max(number(1e-6));
+        let [x, y, z] = to.map(|c| (zero - c) * inverse);
+        let [xx, yy, zz, xy, xz, yz] = self.moments.each_ref().map(load);
+        let products = dot([xx, yy, zz], [x * x, y * y, z * z]);
+        let crossed = dot([xy, xz, yz], [x * y, x * z, y * z]);
+        let spread = crossed.mul_add(number(2.0), number(SPREAD) * seen * seen);
+        let emits =
+            dot([x, y, z], self.axis.each_ref().map(load)) + (products + spread).max(zero).sqrt();
+        // The mean of cosines over the sphere, where the horizon divides it.
         let incident = dot(to, query.normal) * inverse;
-        let receives = less(one, incident, seen).max(zero);
-        let outside = power * emits * receives * inverse * inverse;
-        let of_radius = radius * radius;
-        let inside = power.div(squared.max(number(INSIDE) * of_radius));
-        let weight = squared.less(of_radius).select(inside, outside);
+        let above = (incident + seen).max(zero);
+        let receives = incident
+            .less(seen)
+            .select((above * above).div(number(4.0) * seen), incident);
+        let squared = squared.max(number(INSIDE) * radius * radius);
+        let weight = (number(0.5) * power * emits.max(zero) * receives).div(squared);
         let weight = zero.less(power).select(weight, zero);
         let total = weight.sum();
         if total > 0.0 && total.is_finite() {
