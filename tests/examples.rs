@@ -24,6 +24,8 @@ mod mesh_from_views;
 mod mesh_predictor;
 #[path = "../examples/metal_and_glass.rs"]
 mod metal_and_glass;
+#[path = "../examples/relief.rs"]
+mod relief;
 #[path = "../examples/mirror.rs"]
 mod mirror;
 #[path = "../examples/texture.rs"]
@@ -101,6 +103,12 @@ fn material_of_a_ball() {
 #[test]
 fn roughness_of_metal_and_glass() {
     let outcome = quick!(metal_and_glass);
+    assert!(outcome.ratio() > 5.0, "{outcome:?}");
+}
+
+#[test]
+fn relief_of_a_plate() {
+    let outcome = quick!(relief);
     assert!(outcome.ratio() > 5.0, "{outcome:?}");
 }
 

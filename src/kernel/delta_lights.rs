@@ -92,7 +92,9 @@ impl View {
     /// Tells that shadows of lights without extent have hard edges, whose derivative is left out.
     pub fn warn_of_hard_shadows(&self) {
         static ONCE: Once = Once::new();
-        if self.cone == 0.0 && !self.scene.emitters.lights().is_empty() && self.wanted.moves() {
+        let turns = self.wanted.turns() && self.settings.bounces > 0;
+        let seen = !self.scene.emitters.lights().is_empty() && (self.wanted.shifts() || turns);
+        if self.cone == 0.0 && seen {
             ONCE.call_once(|| {
                 log::warn!(
                     "the shadows of point, spot and directional lights have hard edges without cones, and \

@@ -85,8 +85,13 @@ impl Wanted {
 
     /// Whether anything moves: geometry, or rays.
     pub fn moves(&self) -> bool {
+        self.shifts() || self.turns()
+    }
+
+    /// Whether objects, lights or the camera move.
+    pub fn shifts(&self) -> bool {
         let lights = self.moving_lights.contains(&true);
-        self.camera || lights || self.turns() || self.objects.contains(&true)
+        self.camera || lights || self.objects.contains(&true)
     }
 
     /// Whether directions that are drawn at a surface turn while it stands still.
