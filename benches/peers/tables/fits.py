@@ -23,11 +23,11 @@ def problems(a):
     cases = scenes.cases(common.SCENES)
     distances = (0.3, 1.2) if a.quick else (0.3, 0.6, 1.2, 2.4)
     seeds = range(1 if a.quick else 3)
-    starts = [(d, s) for d in distances for s in seeds]
+    starts = [(d, s) for d in distances for s in range(2 if a.quick else 20)]
     prb = {"method": "prb_projective", "samples": 16}
     pose = {"kind": "pose", "starts": starts}
     seconds = lambda record: a.seconds or (1.0 if a.quick else record)  # noqa: E731
-    place = {"size": 48, "seconds": seconds(4), "rate": [0.06, 0.006], "looks": 60}
+    place = {"size": 48, "seconds": seconds(3), "rate": [0.06, 0.006], "looks": 60}
     yield "shadow", {
         **place, "scene": cases["shadow"]["scene"], "bounces": 0,
         "problem": {**pose, "object": "occluder", "way": [1, 0, 0], "free": [1, 1, 1], "blur": [1.15, 0.02], "view_sharp": True},
