@@ -62,7 +62,7 @@ impl View {
         if let Some(direction) = along {
             let mut hits = std::mem::take(&mut work.emitter_hits);
             hits.clear();
-            emitters.each_hit_of_all(&at, direction, |hit| hits.push(hit));
+            emitters.each_hit_of_all(&at, direction, &mut work.met, |hit| hits.push(hit));
             for hit in &hits {
                 let k = hit.emitter;
                 let chance = emitters.chance(&at, k, &mut work.chances);

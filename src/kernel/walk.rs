@@ -10,7 +10,7 @@ use crate::model::camera::CameraRay;
 use crate::model::cone::Bend;
 use crate::model::delta_light::DeltaArrival;
 use crate::model::emitter::LightPoint;
-use crate::sampling::{EmitterHit, Numbers};
+use crate::sampling::{EmitterHit, Met, Numbers};
 
 /// The constants of a path.
 #[derive(Clone, Copy)]
@@ -230,6 +230,7 @@ pub(crate) struct Work {
     pub(super) hits: Vec<Hit>,
     pub(super) candidates: Vec<Candidate>,
     pub(super) chances: Vec<f32>,
+    pub(super) met: Met,
     pub(super) emitter_hits: Vec<EmitterHit>,
     pub(super) side_walks: Walks,
     pub(super) chain: Vec<usize>,

@@ -6,7 +6,7 @@ mod numbers;
 mod sampler;
 mod strategies;
 
-pub(crate) use emitters::{Emitter, EmitterHit, Emitters, Receiver};
+pub(crate) use emitters::{Emitter, EmitterHit, Emitters, Met, Receiver};
 pub(crate) use numbers::{Numbers, RUN, Run};
 #[cfg(feature = "wgpu")]
 pub(crate) use sampler::points;

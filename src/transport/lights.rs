@@ -13,7 +13,7 @@ use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 use crate::model::sky::SkyDensity;
 use crate::model::texture::{Colour, Texels, Texture};
-use crate::sampling::{Emitter, EmitterSampling, Emitters, Receiver};
+use crate::sampling::{Emitter, EmitterSampling, Emitters, Met, Receiver};
 use crate::scene::{Channel, EnvironmentMap, Flattened, LightPlanes, SkyTensors};
 
 /// The emitters of a scene, for lists of points.
@@ -115,8 +115,8 @@ impl Lights {
         let emitters = &self.emitters;
         let one = |i: usize| {
             let (mut hits, mut room) = (Vec::new(), Vec::new());
-            let at = views.at(i);
-            emitters.each_hit_of_all(&at, directions[i].into(), |hit| {
+            let (at, mut met) = (views.at(i), Met::default());
+            emitters.each_hit_of_all(&at, directions[i].into(), &mut met, |hit| {
                 hits.push(Chosen {
                     path: i as u32,
                     emitter: emitters.get(hit.emitter).triangle,

@@ -1,7 +1,7 @@
 //! The choice of one of many emitters, by a tree over those that are somewhere, beside directional lights.
 
 use super::branches::{Axes, Item};
-use super::tree::LightTree;
+use super::tree::{LightTree, Met};
 use super::{BY_POWER, Emitter, EmitterGroup, Emitters, Receiver, mean, running_sums};
 use crate::model::V3;
 
@@ -199,11 +199,12 @@ impl ManyEmitters {
         (1.0 - BY_POWER) * chance + BY_POWER * fixed
     }
 
-    /// Visits the emitters that are somewhere whose spheres a ray meets.
+    /// Finds the emitters that are somewhere whose spheres a ray meets.
     #[inline(always)]
-    pub fn each_on(&self, x: V3, direction: V3, visit: impl FnMut(usize)) {
-        if let Some(tree) = &self.tree {
-            tree.each_on(x, direction, visit);
+    pub fn meet(&self, x: V3, direction: V3, met: &mut Met) {
+        match &self.tree {
+            Some(tree) => tree.meet(x, direction, met),
+            None => met.emitters.clear(),
         }
     }
 }

@@ -14,6 +14,7 @@ use crate::model::triangle::{barycentric, solid_angle};
 pub(crate) use groups::EmitterGroup;
 use groups::group;
 use many::ManyEmitters;
+pub(crate) use tree::Met;
 
 /// The emitters of a scene: triangles, then lights without extent, in one count.
 pub(crate) struct Emitters {
@@ -274,15 +275,22 @@ impl Emitters {
         (group, chance)
     }
 
-    /// Visits all emitters whose front a ray hits, as if nothing were in between.
+    /// Visits all emitters whose front a ray hits, as if nothing were in between; `met` is room for some of them.
     #[inline(always)]
-    pub fn each_hit_of_all(&self, at: &Receiver, direction: V3, mut visit: impl FnMut(EmitterHit)) {
+    pub fn each_hit_of_all(
+        &self,
+        at: &Receiver,
+        direction: V3,
+        met: &mut Met,
+        visit: impl FnMut(EmitterHit),
+    ) {
         match &self.by {
-            Choice::Tree(many) => many.each_on(at.position, direction, |k| {
-                if k < self.list.len() {
-                    self.each_hit(k..k + 1, at, direction, &mut visit);
-                }
-            }),
+            Choice::Tree(many) => {
+                many.meet(at.position, direction, met);
+                let triangles = met.emitters.iter().map(|&k| k as usize);
+                let triangles = triangles.filter(|&k| k < self.list.len());
+                self.each_hit(triangles, at, direction, visit);
+            }
             _ => self.each_hit(self.all(), at, direction, visit),
         }
     }

@@ -177,7 +177,7 @@ fn many_emitters_are_drawn_with_their_probabilities() {
 fn rays_meet_all_emitters() {
     let (triangles, lights) = many();
     let all = Emitters::new(triangles, lights, (false, 1.0), EmitterSampling::SolidAngle);
-    let mut count = 0;
+    let (mut count, mut met) = (0, Met::default());
     for i in 0..5000 {
         let t = i as f32;
         let at = Receiver {
@@ -187,7 +187,7 @@ fn rays_meet_all_emitters() {
         };
         let direction = v3((2.3 * t).cos(), (0.7 * t).sin(), (1.1 * t).cos()).normalize();
         let (mut one, mut other) = (Vec::new(), Vec::new());
-        all.each_hit_of_all(&at, direction, |hit| one.push(hit.emitter));
+        all.each_hit_of_all(&at, direction, &mut met, |hit| one.push(hit.emitter));
         all.each_hit(all.all(), &at, direction, |hit| other.push(hit.emitter));
         one.sort_unstable();
         assert_eq!(one, other);

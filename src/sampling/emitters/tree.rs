@@ -64,6 +64,13 @@ pub(super) struct LeafItems {
     pub radius: f32,
 }
 
+/// The emitters whose spheres a ray meets, and nodes that are left to look into.
+#[derive(Default)]
+pub(crate) struct Met {
+    open: Vec<u32>,
+    pub emitters: Vec<u32>,
+}
+
 /// A choice that was made.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chosen {
@@ -189,28 +196,17 @@ impl LightTree {
         )
     }
 
-    /// Visits the emitters whose spheres a ray meets.
-    pub fn each_on(&self, x: V3, direction: V3, mut visit: impl FnMut(usize)) {
-        let mut open = vec![0u32];
-        while let Some(at) = open.pop() {
-            let node = &self.nodes[at as usize];
-            for lane in 0..LANES {
-                if node.power[lane] <= 0.0 {
-                    continue;
-                }
-                let [cx, cy, cz] = node.centre.each_ref().map(|c| c[lane]);
-                let (to, radius) = (v3(cx, cy, cz) - x, node.radius[lane]);
-                let along = to.dot(direction);
-                let across = (to - direction * along).length_squared();
-                if along < -radius || across > radius * radius {
-                    continue;
-                }
-                match node.group {
-                    Some(_) => visit(node.child[lane] as usize),
-                    None => open.push(node.child[lane]),
-                }
-            }
-        }
+    /// Finds the emitters whose spheres a ray meets.
+    pub fn meet(&self, x: V3, direction: V3, met: &mut Met) {
+        dispatch(
+            self.arch,
+            Meet {
+                tree: self,
+                x,
+                direction,
+                met,
+            },
+        );
     }
 }
 
@@ -284,15 +280,49 @@ impl Task for Chance<'_> {
     }
 }
 
-/// A point and a normal, each of their numbers eight times.
+/// [`LightTree::meet`] as a task.
+struct Meet<'a> {
+    tree: &'a LightTree,
+    x: V3,
+    direction: V3,
+    met: &'a mut Met,
+}
+
+impl Task for Meet<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) {
+        let ray = Query::new(machine, self.x, self.direction);
+        let Met { open, emitters } = self.met;
+        emitters.clear();
+        open.clear();
+        open.push(0);
+        while let Some(at) = open.pop() {
+            let node = &self.tree.nodes[at as usize];
+            let to = if node.group.is_some() {
+                &mut *emitters
+            } else {
+                &mut *open
+            };
+            let mut met = node.met_by(machine, &ray);
+            while met != 0 {
+                to.push(node.child[met.trailing_zeros() as usize]);
+                met &= met - 1;
+            }
+        }
+    }
+}
+
+/// A point and a direction, such as a normal, each of their numbers eight times.
 struct Query<M: Machine> {
     x: [F8<M>; 3],
-    normal: [F8<M>; 3],
+    direction: [F8<M>; 3],
 }
 
 impl<M: Machine> Query<M> {
     #[inline(always)]
-    fn new(machine: M, x: V3, normal: V3) -> Self {
+    fn new(machine: M, x: V3, direction: V3) -> Self {
         let splat = |v: V3| {
             [
                 F8::splat(machine, v.x),
@@ -302,7 +332,7 @@ impl<M: Machine> Query<M> {
         };
         Self {
             x: splat(x),
-            normal: splat(normal),
+            direction: splat(direction),
         }
     }
 }
@@ -341,6 +371,25 @@ impl Node {
         self.power[lane] = sphere.power;
     }
 
+    /// The bits of those whose spheres a ray meets.
+    #[inline(always)]
+    fn met_by<M: Machine>(&self, machine: M, ray: &Query<M>) -> u32 {
+        let load = |lanes: &Lanes| F8::load(machine, lanes);
+        let zero = F8::splat(machine, 0.0);
+        let [cx, cy, cz] = self.centre.each_ref().map(load);
+        let to = [cx - ray.x[0], cy - ray.x[1], cz - ray.x[2]];
+        let radius = load(&self.radius);
+        let along = dot(to, ray.direction);
+        let [x, y, z] = ray.direction.map(|d| along * d);
+        let across = [to[0] - x, to[1] - y, to[2] - z];
+        // With a margin for rounding far away.
+        let reach = along.abs().mul_add(F8::splat(machine, 1e-6), radius);
+        let near = dot(across, across).less(reach * reach);
+        let ahead = zero.less(along + reach);
+        let any = zero.less(load(&self.power));
+        near.and(ahead).and(any).bits()
+    }
+
     /// About the irradiance of a point by each, as [`LightTree::all`], or power where all are 0; with their sum.
     #[inline(always)]
     fn weights<M: Machine>(&self, machine: M, query: &Query<M>) -> (Lanes, f32) {
@@ -362,7 +411,7 @@ impl Node {
         let emits =
             dot([x, y, z], self.axis.each_ref().map(load)) + (products + spread).max(zero).sqrt();
         // The mean of cosines over the sphere, where the horizon divides it.
-        let incident = dot(to, query.normal) * inverse;
+        let incident = dot(to, query.direction) * inverse;
         let above = (incident + seen).max(zero);
         let receives = incident
             .less(seen)
