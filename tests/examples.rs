@@ -24,10 +24,10 @@ mod mesh_from_views;
 mod mesh_predictor;
 #[path = "../examples/metal_and_glass.rs"]
 mod metal_and_glass;
-#[path = "../examples/relief.rs"]
-mod relief;
 #[path = "../examples/mirror.rs"]
 mod mirror;
+#[path = "../examples/relief.rs"]
+mod relief;
 #[path = "../examples/texture.rs"]
 mod texture;
 

@@ -1,5 +1,6 @@
 //! The tree as GPUs traverse it: nodes of two boxes.
 
+use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
 use super::hierarchy::Hierarchy;
@@ -27,14 +28,30 @@ impl Hierarchy {
     /// The tree as GPUs traverse it; without nodes where there are few triangles.
     pub(crate) fn for_gpu(&self) -> GpuTree {
         let mut tree = GpuTree::default();
-        match &self.nodes {
-            Some(nodes) => {
-                tree.triangles.clone_from(&nodes.primitive_indices);
-                tree.root = tree.add(nodes, 0, 1);
+        match &self.built {
+            Some(built) => {
+                let nodes = self.fitted(built);
+                tree.root = tree.add(&nodes, 0, 1);
+                tree.triangles = nodes.primitive_indices;
             }
             None => tree.triangles = (0..self.triangles.len() as u32).collect(),
         }
         tree
+    }
+
+    /// The binary tree with boxes about the triangles.
+    fn fitted(&self, built: &Bvh2) -> Bvh2 {
+        let mut nodes = built.clone();
+        let primitives = std::mem::take(&mut nodes.primitive_indices);
+        for node in nodes.nodes.iter_mut().filter(|n| n.is_leaf()) {
+            let first = node.first_index as usize;
+            let list = &primitives[first..first + node.prim_count as usize];
+            let boxes = list.iter().map(|&k| self.triangles[k as usize].swept());
+            node.set_aabb(boxes.fold(Aabb::INVALID, |a, b| a.union(&b)));
+        }
+        nodes.primitive_indices = primitives;
+        nodes.refit_all();
+        nodes
     }
 }
 

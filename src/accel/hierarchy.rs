@@ -8,27 +8,21 @@ use super::triangle::HostTriangle;
 use super::wide::{FEW, Wide};
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
+use rayon::prelude::*;
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
 /// testing each is faster.
 pub(crate) struct Hierarchy {
     /// The triangles, in the scene's order.
     pub triangles: Vec<HostTriangle>,
-    pub(super) nodes: Option<Bvh2>,
     pub(super) wide: Wide,
+    /// The binary tree that the nodes were gathered from, with boxes about the triangles of then.
+    #[cfg(feature = "wgpu")]
+    pub(super) built: Option<Arc<obvhs::bvh2::Bvh2>>,
     /// Σ half areas of the boxes, now and when they were built.
     cost: [f64; 2],
-}
-
-fn cost(nodes: &Bvh2) -> f64 {
-    nodes
-        .nodes
-        .iter()
-        .map(|n| f64::from(n.aabb().half_area()))
-        .sum()
 }
 
 struct Swept(Aabb);
@@ -51,24 +45,34 @@ impl Hierarchy {
             };
             build_bvh2(&boxes, parameters, &mut time)
         });
-        let cost = nodes.as_ref().map_or(0.0, cost);
+        let wide = Wide::new(&triangles, nodes.as_ref(), extent(&triangles));
         Self {
-            wide: Wide::new(&triangles, nodes.as_ref(), extent(&triangles)),
+            cost: [wide.cost(); 2],
+            wide,
             triangles,
-            nodes,
-            cost: [cost; 2],
+            #[cfg(feature = "wgpu")]
+            built: nodes.map(Arc::new),
         }
     }
 
     /// Boxes over triangles, and whether they are those of another hierarchy, of triangles that are not far from
     /// these, fitted to them: as long as these have not grown by half.
     pub(crate) fn like(triangles: Vec<HostTriangle>, other: Option<&Self>) -> (Self, bool) {
-        match other.and_then(|other| other.fit(&triangles)) {
-            Some((nodes, cost)) => {
+        let alike = |other: &&Self| {
+            other.triangles.len() == triangles.len() && !other.wide.nodes.is_empty()
+        };
+        let fitted = other.filter(alike).and_then(|other| {
+            let wide = other.wide.fit(&triangles, extent(&triangles));
+            let cost = [wide.cost(), other.cost[1]];
+            (cost[0] <= 1.5 * cost[1]).then_some((wide, cost, other))
+        });
+        match fitted {
+            Some((wide, cost, _other)) => {
                 let fitted = Self {
-                    wide: Wide::new(&triangles, Some(&nodes), extent(&triangles)),
+                    wide,
                     triangles,
-                    nodes: Some(nodes),
+                    #[cfg(feature = "wgpu")]
+                    built: _other.built.clone(),
                     cost,
                 };
                 (fitted, true)
@@ -77,39 +81,14 @@ impl Hierarchy {
         }
     }
 
-    /// The same tree with boxes about other triangles, and its cost, unless it has grown by half.
-    fn fit(&self, triangles: &[HostTriangle]) -> Option<(Bvh2, [f64; 2])> {
-        if self.triangles.len() != triangles.len() {
-            return None;
-        }
-        let mut nodes = self.nodes.clone()?;
-        let primitives = std::mem::take(&mut nodes.primitive_indices);
-        for node in nodes.nodes.iter_mut().filter(|n| n.is_leaf()) {
-            let first = node.first_index as usize;
-            let list = &primitives[first..first + node.prim_count as usize];
-            let boxes = list.iter().map(|&k| swept(&triangles[k as usize]).0);
-            node.set_aabb(boxes.fold(Aabb::INVALID, |a, b| a.union(&b)));
-        }
-        nodes.primitive_indices = primitives;
-        nodes.refit_all();
-        let cost = [cost(&nodes), self.cost[1]];
-        (cost[0] <= 1.5 * cost[1]).then_some((nodes, cost))
-    }
-
-    /// Calls a function with the triangles whose boxes, swept over the shutter, overlap that of one: itself
-    /// too, and all where there are no boxes. Ends when it returns false.
-    pub(crate) fn overlapping(&self, triangle: u32, mut f: impl FnMut(u32) -> bool) {
-        let Some(nodes) = &self.nodes else {
-            let _ = (0..self.triangles.len() as u32).all(f);
-            return;
-        };
-        let own = swept(&self.triangles[triangle as usize]).0;
-        nodes.aabb_traverse(own, |nodes, at| {
-            let leaf = &nodes.nodes[at as usize];
-            let first = leaf.first_index as usize;
-            let list = &nodes.primitive_indices[first..first + leaf.prim_count as usize];
-            list.iter().all(|&k| f(k))
-        });
+    /// Whether these are its triangles: corners, and displacement over the shutter.
+    pub(crate) fn is_of(
+        &self,
+        count: usize,
+        triangle: impl Fn(usize) -> ([DVec3; 3], DVec3) + Sync,
+    ) -> bool {
+        let same = |(k, t): (usize, &HostTriangle)| triangle(k) == (t.corners, t.velocity);
+        self.triangles.len() == count && self.triangles.par_iter().enumerate().all(same)
     }
 }
 
@@ -118,13 +97,13 @@ fn extent(triangles: &[HostTriangle]) -> f64 {
         let far = |c: DVec3| c.length().max((c + t.velocity).length());
         t.corners.map(far).into_iter().fold(0.0, f64::max)
     };
-    triangles.iter().map(reach).fold(0.0, f64::max)
+    triangles.par_iter().map(reach).reduce(|| 0.0, f64::max)
 }
 
 /// The box of a triangle, grown by next to nothing, each side by an amount of its own: among boxes that are
 /// the same the builder would join one pair a round.
 fn apart((i, t): (usize, &HostTriangle)) -> Swept {
-    let Swept(own) = swept(t);
+    let own = t.swept();
     let size = own.min.abs().max(own.max.abs()).max_element();
     let most = if size.is_finite() {
         size * 4e-6 + 1e-12
@@ -139,15 +118,6 @@ fn apart((i, t): (usize, &HostTriangle)) -> Swept {
     };
     let mut by = || Vec3A::new(random(), random(), random()) * most;
     Swept(Aabb::new(own.min - by(), own.max + by()))
-}
-
-fn swept(t: &HostTriangle) -> Swept {
-    let mut aabb = Aabb::INVALID;
-    for corner in t.corners {
-        aabb.extend(Vec3A::from(corner.as_vec3()));
-        aabb.extend(Vec3A::from((corner + t.velocity).as_vec3()));
-    }
-    Swept(aabb)
 }
 
 /// A hierarchy kept from render to render: its boxes are fitted to triangles that moved, and built
@@ -167,6 +137,12 @@ impl HierarchyCache {
     pub fn counts(&self) -> [u64; 2] {
         let cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         [cached.builds, cached.fits]
+    }
+
+    /// The hierarchy of the last render.
+    pub(crate) fn last(&self) -> Option<Arc<Hierarchy>> {
+        let cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        cached.last.clone()
     }
 
     /// A hierarchy of these triangles.

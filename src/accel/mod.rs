@@ -1,10 +1,12 @@
 //! A hierarchy of boxes over triangles, on the host. For the softmax boxes grow by the reach of the blur while
 //! they are traversed, so that one hierarchy holds for any σ.
 
+mod gather;
 #[cfg(feature = "wgpu")]
 mod gpu;
 mod hierarchy;
 mod hits;
+mod overlaps;
 mod simd;
 mod triangle;
 mod visit;
@@ -15,6 +17,7 @@ pub(crate) use gpu::GpuTree;
 pub(crate) use hierarchy::Hierarchy;
 pub use hierarchy::HierarchyCache;
 pub(crate) use hits::{Hit, HitRay, NOTHING};
+pub(crate) use overlaps::Overlaps;
 pub(crate) use simd::{F8, LANES, Lanes, Machine, Mask8, Task, dispatch};
 pub(crate) use triangle::{HostTriangle, PlaneHit};
 pub(crate) use visit::Reach;

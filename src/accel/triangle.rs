@@ -1,6 +1,7 @@
 //! Triangles on the host, in f64.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
+use obvhs::aabb::Aabb;
 
 /// A triangle with its frame: corner a at the origin, b at (base, 0), c at (apex_u, apex_v).
 #[derive(Clone, Debug)]
@@ -161,6 +162,16 @@ impl HostTriangle {
         let c = y * by_apex;
         let b = (x - c * self.apex_u) * self.base * by_ab;
         [1.0 - b - c, b, c]
+    }
+
+    /// Its box over the shutter.
+    pub(super) fn swept(&self) -> Aabb {
+        let mut aabb = Aabb::INVALID;
+        for corner in self.corners {
+            aabb.extend(Vec3A::from(corner.as_vec3()));
+            aabb.extend(Vec3A::from((corner + self.velocity).as_vec3()));
+        }
+        aabb
     }
 
     pub fn area(&self) -> f64 {

@@ -42,7 +42,7 @@ fn sum_of(room: &mut [u32]) -> f32 {
 }
 
 /// Draws an edge of a tree, which begins at a word of the header, in proportion to its weight. See
-/// `EdgeTree::sample`.
+/// `Root::sample`.
 #[cube]
 pub(super) fn draw_edge(
     floats: &[f32],

@@ -1,8 +1,7 @@
 //! The triangles of a scene's objects, packed into flat lists.
 
-use std::sync::Arc;
-
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::accel::HostTriangle;
 use crate::model::{V3, v3};
@@ -66,8 +65,10 @@ impl Corners {
 /// Lists of a scene that grow object by object.
 #[derive(Default)]
 pub(super) struct Lists {
-    pub triangles: Vec<Triangle>,
-    pub host: Vec<HostTriangle>,
+    /// Vertices, in inner coordinates.
+    pub vertices: Vec<DVec3>,
+    /// The material and the object of each triangle.
+    pub owners: Vec<[u32; 2]>,
     pub objects: Vec<ObjectPart>,
     pub counted: Vec<usize>,
     pub vertex_rows: Vec<[u32; 3]>,
@@ -81,14 +82,11 @@ pub(super) struct Lists {
 }
 
 impl Lists {
-    pub fn add_object(&mut self, scene: &HostScene, i: usize, frame: &SceneFrame, velocity: DVec3) {
+    pub fn add_object(&mut self, scene: &HostScene, i: usize, frame: &SceneFrame) {
         let o = &scene.objects[i];
         let part = ObjectPart {
-            first_triangle: self.triangles.len(),
-            first_vertex: self
-                .objects
-                .last()
-                .map_or(0, |o| o.first_vertex + o.vertices),
+            first_triangle: self.owners.len(),
+            first_vertex: self.vertices.len(),
             vertices: o.positions.len(),
             first_uv: self.uvs.len(),
             first_normal: self.normals.len(),
@@ -99,24 +97,23 @@ impl Lists {
         if !o.faces.is_empty() {
             self.counted.push(i);
         }
-        let inner: Vec<DVec3> = o.positions.iter().map(|&p| frame.inner(p.into())).collect();
-        for (f, face) in o.faces.iter().enumerate() {
+        let inner = |&p: &[f64; 3]| frame.inner(p.into());
+        self.vertices.par_extend(o.positions.par_iter().map(inner));
+        let owner = |f: usize| {
             let own = o.face_materials.get(f).copied().unwrap_or(0);
-            let corners = face.map(|v| inner[v as usize]);
-            let material = o.first_material as u32 + own;
-            self.add_triangle(corners, velocity, material, i as u32);
-            self.vertex_rows
-                .push(face.map(|v| v + part.first_vertex as u32));
-            let rows = |faces: Option<&Arc<Vec<[u32; 3]>>>, first: usize| {
-                faces.map_or([u32::MAX; 3], |faces| faces[f].map(|v| v + first as u32))
-            };
-            self.uv_rows
-                .push(rows(o.uvs.as_ref().map(|a| &a.faces), part.first_uv));
-            self.normal_rows.push(rows(
-                o.normals.as_ref().map(|a| &a.faces),
-                part.first_normal,
-            ));
-        }
+            [o.first_material as u32 + own, i as u32]
+        };
+        self.owners.extend((0..o.faces.len()).map(owner));
+        let rows = |to: &mut Vec<[u32; 3]>, faces: Option<&Vec<[u32; 3]>>, first: usize| match faces
+        {
+            None => to.resize(to.len() + o.faces.len(), [u32::MAX; 3]),
+            Some(faces) => to.extend(faces.iter().map(|face| face.map(|v| v + first as u32))),
+        };
+        rows(&mut self.vertex_rows, Some(&o.faces), part.first_vertex);
+        let of_uvs = o.uvs.as_ref().map(|a| &*a.faces);
+        rows(&mut self.uv_rows, of_uvs, part.first_uv);
+        let of_normals = o.normals.as_ref().map(|a| &*a.faces);
+        rows(&mut self.normal_rows, of_normals, part.first_normal);
         if let Some(HostAttribute { values, .. }) = &o.uvs {
             self.uvs.extend_from_slice(values);
         }
@@ -133,25 +130,42 @@ impl Lists {
         self.objects.push(part);
     }
 
-    /// Adds a triangle; one whose area has no inverse in f32 counts as without area and is never hit.
-    fn add_triangle(&mut self, corners: [DVec3; 3], velocity: DVec3, material: u32, object: u32) {
-        let mut t = HostTriangle::new(corners, velocity, true);
-        let area = t.area() as f32;
-        t.valid &= area > 1e-35 && area.is_finite();
-        let (mut normal, mut plane, mut own) = (v3(0.0, 0.0, 1.0), 0.0, 0.0);
-        if t.valid {
-            normal = t.normal.into();
-            plane = t.normal.dot(t.corners[0]) as f32;
-            own = area;
-        }
-        self.triangles.push(Triangle {
-            corners: corners.map(|c| c.into()),
-            normal,
-            plane,
-            area: own,
-            material,
-            object,
-        });
-        self.host.push(t);
+    /// The corners of a triangle.
+    #[inline(always)]
+    pub fn corners(&self, k: usize) -> [DVec3; 3] {
+        self.vertex_rows[k].map(|v| self.vertices[v as usize])
+    }
+
+    /// All triangles as boxes are made about them, from the ways of objects over the shutter. One whose area has no
+    /// inverse in f32 counts as without area and is never hit.
+    pub fn for_boxes(&self, velocity: impl Fn(u32) -> DVec3 + Sync) -> Vec<HostTriangle> {
+        let triangle = |(k, &[_, object]): (usize, &[u32; 2])| {
+            let mut t = HostTriangle::new(self.corners(k), velocity(object), true);
+            let area = t.area() as f32;
+            t.valid &= area > 1e-35 && area.is_finite();
+            t
+        };
+        self.owners.par_iter().enumerate().map(triangle).collect()
+    }
+
+    /// All triangles as paths meet them, from those in boxes.
+    pub fn triangles(&self, in_boxes: &[HostTriangle]) -> Vec<Triangle> {
+        let both = self.owners.par_iter().zip(in_boxes);
+        let triangle = |(&[material, object], t): (&[u32; 2], &HostTriangle)| {
+            let (mut normal, mut plane) = (v3(0.0, 0.0, 1.0), 0.0);
+            if t.valid {
+                normal = t.normal.into();
+                plane = t.normal.dot(t.corners[0]) as f32;
+            }
+            Triangle {
+                corners: t.corners.map(|c| c.into()),
+                normal,
+                plane,
+                area: t.area() as f32,
+                material,
+                object,
+            }
+        };
+        both.map(triangle).collect()
     }
 }

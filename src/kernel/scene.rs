@@ -67,23 +67,30 @@ impl KernelScene {
     ) -> Self {
         let frame = SceneFrame::new(scene);
         let moves = scene.objects.iter().any(|o| o.velocity.is_some());
-        let mut velocities: Option<Vec<V3>> = moves.then(Vec::new);
         let mut lists = Lists::default();
-        for (i, o) in scene.objects.iter().enumerate() {
-            let velocity = DVec3::from(o.velocity.unwrap_or([0.0; 3])) / frame.unit;
-            lists.add_object(scene, i, &frame, velocity);
-            velocities.iter_mut().for_each(|v| v.push(velocity.into()));
+        for i in 0..scene.objects.len() {
+            lists.add_object(scene, i, &frame);
         }
-        let hierarchy = match (like, cache) {
-            (None, Some(cache)) => cache.take(std::mem::take(&mut lists.host)),
-            _ => Arc::new(Hierarchy::like(std::mem::take(&mut lists.host), like).0),
+        let ways = scene.objects.iter();
+        let ways = ways.map(|o| DVec3::from(o.velocity.unwrap_or([0.0; 3])) / frame.unit);
+        let ways: Vec<DVec3> = ways.collect();
+        let velocities: Option<Vec<V3>> = moves.then(|| ways.iter().map(|&v| v.into()).collect());
+        let way = |object: u32| ways[object as usize];
+        // As in the last render, while a fit looks at a scene from elsewhere or by other light.
+        let last = cache.and_then(HierarchyCache::last);
+        let triangle = |k: usize| (lists.corners(k), way(lists.owners[k][1]));
+        let hierarchy = match (last, like, cache) {
+            (Some(last), ..) if last.is_of(lists.owners.len(), triangle) => last,
+            (_, None, Some(cache)) => cache.take(lists.for_boxes(way)),
+            _ => Arc::new(Hierarchy::like(lists.for_boxes(way), like).0),
         };
+        let triangles = lists.triangles(&hierarchy.triangles);
         let mut texels = Texels::default();
         let materials = scene.materials.iter_mut();
         let materials: Vec<Material> = materials.map(|m| pack_material(m, &mut texels)).collect();
         let emits =
             |t: &(usize, &Triangle)| t.1.area > 0.0 && materials[t.1.material as usize].kind.emits;
-        let list = lists.triangles.iter().enumerate().filter(emits);
+        let list = triangles.iter().enumerate().filter(emits);
         let list = list.map(|(k, t)| {
             let emission = &materials[t.material as usize].channels[Channel::Emission.place()];
             let uv = |row: u32| lists.uvs.get(row as usize).copied().unwrap_or_default();
@@ -108,7 +115,7 @@ impl KernelScene {
             glossy: materials.iter().any(|m| m.kind.glossy),
             sky: Sky::new(scene),
             frame,
-            triangles: lists.triangles,
+            triangles,
             hierarchy,
             velocities,
             holes: scene.holes.clone(),

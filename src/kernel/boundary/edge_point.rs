@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use crate::accel::{Hit, HitRay, NOTHING};
-use crate::kernel::edges::{Edge, EdgeSets, EdgeTree, FACES, Kind, Query, TOUCHING};
+use crate::kernel::edges::{Edge, EdgeSets, FACES, Kind, Query, Root, TOUCHING};
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::{Point, PointGradient};
 use crate::kernel::view::View;
@@ -48,7 +48,7 @@ impl View {
     pub(super) fn edge_point(
         &self,
         o: &Observer,
-        tree: &EdgeTree,
+        tree: Root,
         query: &Query,
         [u, v]: [f32; 2],
     ) -> Option<EdgePoint> {

@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Edge, FACES, Kind, TOUCHING};
+use crate::accel::Overlaps;
 use crate::kernel::lists::Triangle;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
@@ -69,10 +70,10 @@ fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<[V3; 2]> {
     (from.0 < to.0 && a.distance(b) > tolerance).then(|| [a.into(), b.into()])
 }
 
-/// Triangles that share a number of pairs to look at, so that the time is linear in the triangles however
-/// many are in one place.
-const CHUNK: usize = 1024;
-const PAIRS: usize = 1 << 18;
+/// Leaves of the hierarchy that share a number of looks at leaves and pairs, so that the time is linear in the triangles
+/// however many are in one place.
+const LEAVES: usize = 128;
+const LOOKS: usize = 1 << 18;
 
 /// The crossings of all triangles that have area and share no corner.
 pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
@@ -81,27 +82,26 @@ pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
     } else {
         &[0.0]
     };
-    let of_chunk = |chunk: usize| {
-        let (mut found, mut left) = (Vec::new(), PAIRS);
-        let triangles = chunk * CHUNK..((chunk + 1) * CHUNK).min(scene.triangles.len());
-        for k in triangles.filter(|&k| scene.triangles[k].area > 0.0) {
-            let k = k as u32;
-            scene.hierarchy.overlapping(k, |l| {
-                if l > k && may_cross(scene, k, l) {
-                    let first = times
-                        .iter()
-                        .find_map(|&time| segment(scene, k, l, time).map(|s| (s, time)));
-                    found.extend(first.map(|(s, time)| crossing(scene, k, l, s, time)));
-                }
-                left = left.saturating_sub(1);
-                left > 0
-            });
-        }
-        (found, left == 0)
+    let overlaps = Overlaps::new(&scene.hierarchy);
+    let of_chunk = |pairs: &mut Vec<[u32; 2]>, chunk: usize| {
+        pairs.clear();
+        let mut leaves = chunk * LEAVES..((chunk + 1) * LEAVES).min(overlaps.leaves());
+        let mut left = LOOKS;
+        let all = leaves.all(|leaf| overlaps.add_pairs(leaf, &mut left, pairs));
+        let cross = |&[k, l]: &[u32; 2]| {
+            if !may_cross(scene, k, l) {
+                return None;
+            }
+            let at = |&time: &f32| segment(scene, k, l, time).map(|s| (s, time));
+            let (segment, time) = times.iter().find_map(at)?;
+            Some(crossing(scene, k, l, segment, time))
+        };
+        let found: Vec<Edge> = pairs.iter().filter_map(cross).collect();
+        (found, all)
     };
-    let chunks = (0..scene.triangles.len().div_ceil(CHUNK)).into_par_iter();
-    let found: Vec<(Vec<Edge>, bool)> = chunks.map(of_chunk).collect();
-    if found.iter().any(|f| f.1) {
+    let chunks = (0..overlaps.leaves().div_ceil(LEAVES)).into_par_iter();
+    let found: Vec<(Vec<Edge>, bool)> = chunks.map_init(Vec::new, of_chunk).collect();
+    if !found.iter().all(|f| f.1) {
         log::warn!(
             "very many triangles are in one place: not all lines in which they pass through each other \
              are found, gradients lack the jumps there"
@@ -113,7 +113,7 @@ pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
 /// Whether two triangles might pass through each other, told by corners and planes.
 fn may_cross(scene: &KernelScene, k: u32, l: u32) -> bool {
     let (t, s) = (&scene.triangles[k as usize], &scene.triangles[l as usize]);
-    if s.area <= 0.0 || t.corners.iter().any(|c| s.corners.contains(c)) {
+    if s.area <= 0.0 || t.area <= 0.0 || t.corners.iter().any(|c| s.corners.contains(c)) {
         return false;
     }
     if scene.velocities.is_some() {

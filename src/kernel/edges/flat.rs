@@ -1,7 +1,7 @@
 //! Edges and the trees over them as lists of numbers, for kernels of GPUs.
 
-use super::node::{LEAF_NUMBERS, NODE_NUMBERS};
-use super::{EdgeSets, EdgeTree, Kind};
+use super::node::{LEAF_NUMBERS, Leaf, NODE_NUMBERS, Node};
+use super::{EdgeSets, EdgeTree, Kind, Moving};
 use crate::accel::LANES;
 
 /// All edges and both trees.
@@ -28,12 +28,22 @@ pub(crate) struct FlatTree {
 
 impl FlatTree {
     fn new(tree: &EdgeTree) -> Self {
+        Self::of(&tree.nodes, &tree.leaves, 0)
+    }
+
+    /// Of some nodes, the children of which are counted from a node on.
+    fn of(nodes: &[Node], leaves: &[Leaf], first: u32) -> Self {
         let mut flat = Self::default();
-        for node in &tree.nodes {
+        for node in nodes {
             flat.nodes.extend((0..LANES).map(|i| node.lane(i)));
-            flat.children.extend(node.child);
+            let child = |child: u32| match child {
+                u32::MAX => child,
+                leaf if leaf % 2 == 1 => leaf,
+                node => node - 2 * first,
+            };
+            flat.children.extend(node.child.map(child));
         }
-        for leaf in &tree.leaves {
+        for leaf in leaves {
             flat.leaves.extend((0..LANES).map(|i| leaf.lane(i)));
             flat.edges.extend(leaf.edge);
         }
@@ -61,10 +71,22 @@ impl EdgeSets {
         FlatEdges {
             ends: ends.collect(),
             numbers: numbers.collect(),
-            trees: std::iter::once(&self.all)
-                .chain(&self.moving)
-                .map(FlatTree::new)
+            trees: std::iter::once(FlatTree::new(&self.all))
+                .chain(self.moving.flat(&self.all))
                 .collect(),
+        }
+    }
+}
+
+impl Moving {
+    fn flat(&self, all: &EdgeTree) -> Option<FlatTree> {
+        match self {
+            Self::All => None,
+            Self::Own(own) => Some(FlatTree::new(own)),
+            Self::Part([nodes, leaves]) => {
+                let nodes = &all.nodes[1..1 + nodes];
+                Some(FlatTree::of(nodes, &all.leaves[..*leaves], 1))
+            }
         }
     }
 }

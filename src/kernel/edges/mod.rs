@@ -3,6 +3,7 @@
 //! `meshes` finds those of meshes, `crossings` the lines in which triangles pass through each other; a `tree`
 //! draws one.
 
+mod bounds;
 mod crossings;
 #[cfg(feature = "wgpu")]
 mod flat;
@@ -17,8 +18,10 @@ use crate::model::V3;
 use crate::scene::HostScene;
 #[cfg(feature = "wgpu")]
 pub(crate) use flat::FlatTree;
+use query::EdgeList;
 pub(super) use query::Query;
-pub(super) use tree::EdgeTree;
+use tree::EdgeTree;
+pub(super) use tree::Root;
 
 /// Surfaces that lie within this share of the coordinates of an edge touch it.
 pub(in crate::kernel) const TOUCHING: f32 = 4e-6;
@@ -73,8 +76,23 @@ pub(in crate::kernel) enum Kind {
 pub(crate) struct EdgeSets {
     pub(in crate::kernel) edges: Vec<Edge>,
     all: EdgeTree,
-    /// A tree over those that move, unless that is all.
-    moving: Option<EdgeTree>,
+    moving: Moving,
+}
+
+/// Where the tree over the edges that move is.
+enum Moving {
+    /// All move.
+    All,
+    /// One of its own.
+    Own(EdgeTree),
+    /// In the tree over all, from node 1 and leaf 0 on: so many nodes and leaves.
+    Part(
+        #[cfg_attr(
+            not(feature = "wgpu"),
+            expect(dead_code, reason = "kernels of GPUs have it apart")
+        )]
+        [usize; 2],
+    ),
 }
 
 impl EdgeSets {
@@ -84,15 +102,22 @@ impl EdgeSets {
             edges.extend(meshes::of_object(scene, i, &o.positions, &o.faces));
         }
         edges.extend(crossings::find(scene));
-        let tree = |which| EdgeTree::new(&edges, scene, which);
-        let numbers = 0..edges.len() as u32;
         let moves = |&i: &u32| edges[i as usize].moves(scene, wanted);
-        let moving: Vec<u32> = numbers.clone().filter(moves).collect();
-        Self {
-            moving: (moving.len() < edges.len()).then(|| tree(moving)),
-            all: tree(numbers.collect()),
-            edges,
-        }
+        let (moving, mut others): (Vec<u32>, Vec<u32>) = (0..edges.len() as u32).partition(moves);
+        let source = EdgeList::new(&edges, scene);
+        let (all, moving) = if others.is_empty() {
+            (EdgeTree::new(&source, moving), Moving::All)
+        } else {
+            match EdgeTree::joint(&source, moving.clone(), &mut others) {
+                Some((all, size)) => (all, Moving::Part(size)),
+                None => {
+                    let numbers = (0..edges.len() as u32).collect();
+                    let own = EdgeTree::new(&source, moving);
+                    (EdgeTree::new(&source, numbers), Moving::Own(own))
+                }
+            }
+        };
+        Self { all, moving, edges }
     }
 
     pub fn is_empty(&self) -> bool {
@@ -100,10 +125,12 @@ impl EdgeSets {
     }
 
     /// The tree over the edges that matter to rays: all to rays that move, else those that move.
-    pub(in crate::kernel) fn seen_by(&self, rays_move: bool) -> &EdgeTree {
-        match &self.moving {
-            Some(moving) if !rays_move => moving,
-            _ => &self.all,
-        }
+    pub(in crate::kernel) fn seen_by(&self, rays_move: bool) -> Root<'_> {
+        let (tree, node) = match &self.moving {
+            Moving::Own(own) if !rays_move => (own, 0),
+            Moving::Part(_) if !rays_move => (&self.all, 1),
+            _ => (&self.all, 0),
+        };
+        Root { tree, node }
     }
 }

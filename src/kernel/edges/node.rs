@@ -1,69 +1,10 @@
 //! Nodes of a tree over edges, which bound eight subtrees, and leaves of eight edges; estimates of what these
 //! contribute.
 
-use super::Kind;
+use super::bounds::Bounds;
 use super::query::{EdgeList, Jumps, Query8, cross, dot, load as vectors};
 use crate::accel::{F8, LANES, Lanes, Machine};
-use crate::model::{V3, v3};
-
-/// Bounds of some edges.
-pub(super) struct Bounds {
-    centre: V3,
-    radius: f32,
-    /// A cone of the normals of folds.
-    axis: V3,
-    cos: f32,
-    /// Jumps times lengths; where a fold is a silhouette, times the angle of the fold.
-    jumps: Jumps,
-}
-
-impl Bounds {
-    pub fn new(source: &EdgeList, list: &[u32]) -> Self {
-        let edges = || list.iter().map(|&i| &source.edges[i as usize]);
-        let folds = || edges().filter(|e| e.kind == Kind::Fold);
-        let (mut low, mut high) = (V3::ONE * f32::MAX, V3::ONE * f32::MIN);
-        let mut jumps = Jumps {
-            closed: 1.0,
-            ..Jumps::default()
-        };
-        for e in edges() {
-            let v = source.velocity(e);
-            for p in [e.a, e.a + e.along, e.a + v, e.a + e.along + v] {
-                low = low.min(p);
-                high = high.max(p);
-            }
-            let (length, own) = (e.along.length(), Jumps::of(e));
-            jumps.seen_always += length * own.seen_always;
-            jumps.passes_always += length * own.passes_always;
-            jumps.crease += length * own.crease;
-        }
-        let mut sum = V3::ZERO;
-        for e in folds() {
-            let [n, m] = source.normals(e);
-            sum += n + m;
-            jumps.fold += e.along.length() * (n - m).length();
-            jumps.closed = jumps.closed.min(Jumps::of(e).closed);
-        }
-        let axis = if sum.length() > 0.0 {
-            sum.normalize()
-        } else {
-            v3(0.0, 0.0, 1.0)
-        };
-        let mut cos: f32 = 1.0;
-        for e in folds() {
-            for normal in source.normals(e) {
-                cos = cos.min(normal.dot(axis));
-            }
-        }
-        Self {
-            centre: (low + high) * 0.5,
-            radius: (high - low).length() * 0.5 * (1.0 + 1e-5),
-            axis,
-            cos,
-            jumps,
-        }
-    }
-}
+use crate::model::V3;
 
 /// Bounds of up to eight subtrees.
 pub(super) struct Node {
@@ -92,20 +33,19 @@ impl Node {
         }
     }
 
-    pub fn set(&mut self, i: usize, b: &Bounds, child: u32) {
-        for (to, x) in self.centre.iter_mut().zip(b.centre.to_array()) {
+    pub fn set(&mut self, i: usize, b: &Bounds) {
+        for (to, x) in self.centre.iter_mut().zip(b.centre().to_array()) {
             to[i] = x;
         }
-        for (to, x) in self.axis.iter_mut().zip(b.axis.to_array()) {
+        for (to, x) in self.axis.iter_mut().zip(b.axis().to_array()) {
             to[i] = x;
         }
-        self.radius[i] = b.radius;
+        self.radius[i] = b.radius();
         // With a margin for rounding.
-        let cos = b.cos - 1e-5;
+        let cos = b.cos() - 1e-5;
         self.cos[i] = cos;
         self.sin[i] = (1.0 - cos * cos).max(0.0).sqrt();
         self.jumps.set(i, &b.jumps);
-        self.child[i] = child;
     }
 
     /// Estimates of what the subtrees contribute, 0 only if they can't; and those to be entered, one bit

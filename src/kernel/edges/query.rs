@@ -1,5 +1,7 @@
 //! Queries of a tree over edges, and what jumps at the edges.
 
+use rayon::prelude::*;
+
 use super::{Edge, Kind};
 use crate::accel::{F8, Lanes, Machine, Mask8};
 use crate::kernel::scene::KernelScene;
@@ -162,9 +164,20 @@ impl Jumps<Lanes> {
 pub(super) struct EdgeList<'a> {
     pub edges: &'a [Edge],
     pub scene: &'a KernelScene,
+    /// Their middles: trees are built by these.
+    middles: Vec<V3>,
 }
 
-impl EdgeList<'_> {
+impl<'a> EdgeList<'a> {
+    pub fn new(edges: &'a [Edge], scene: &'a KernelScene) -> Self {
+        let middles = edges.par_iter().map(|e| e.a + e.along * 0.5);
+        Self {
+            middles: middles.collect(),
+            edges,
+            scene,
+        }
+    }
+
     /// The way of an edge over the shutter.
     pub fn velocity(&self, e: &Edge) -> V3 {
         let all = &self.scene.velocities;
@@ -172,8 +185,7 @@ impl EdgeList<'_> {
     }
 
     pub fn middle(&self, index: u32) -> V3 {
-        let e = &self.edges[index as usize];
-        e.a + e.along * 0.5
+        self.middles[index as usize]
     }
 
     /// The normals of the first two faces; twice that of the only one.

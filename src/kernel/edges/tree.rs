@@ -4,11 +4,10 @@
 
 use rayon::prelude::*;
 
-use super::Edge;
-use super::node::{Bounds, Leaf, Node};
+use super::bounds::Bounds;
+use super::node::{Leaf, Node};
 use super::query::{EdgeList, Query, Query8};
 use crate::accel::{F8, LANES, Lanes, Machine, Task, dispatch};
-use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 use crate::model::choice::Uniform;
 
@@ -30,60 +29,135 @@ impl EdgeTree {
     };
 
     /// A tree over some edges of a list.
-    pub fn new(edges: &[Edge], scene: &KernelScene, mut which: Vec<u32>) -> Self {
-        let source = EdgeList { edges, scene };
+    pub(super) fn new(source: &EdgeList, mut which: Vec<u32>) -> Self {
         if which.len() > FEW {
-            return Self::of_parts(&source, &mut which);
+            let shape = Shape::of(source, &mut which);
+            return Self::shaped(source, &which, shape);
         }
-        let leaves = which.chunks(LANES).map(|list| Leaf::new(&source, list));
+        let leaves = which.chunks(LANES).map(|list| Leaf::new(source, list));
         Self {
             leaves: leaves.collect(),
             ..Self::EMPTY
         }
     }
 
-    /// Subtrees of many edges on several threads, put together.
-    fn of_parts(source: &EdgeList, which: &mut [u32]) -> Self {
-        let mut tree = Self::EMPTY;
-        if which.len() < MANY {
-            tree.build(source, which);
-            return tree;
+    /// A tree over some edges and others, in which the tree over the first alone begins at node 1 and leaf 0; and the
+    /// nodes and leaves of that. None where they are so few that they are a list.
+    pub(super) fn joint(
+        source: &EdgeList,
+        mut first: Vec<u32>,
+        others: &mut [u32],
+    ) -> Option<(Self, [usize; 2])> {
+        if first.len() <= FEW {
+            return None;
         }
-        let parts = parts(source, which).into_par_iter();
-        let parts: Vec<(Bounds, Self)> = parts
-            .map(|part| (Bounds::new(source, part), Self::of_parts(source, part)))
-            .collect();
-        tree.nodes.push(Node::empty());
-        for (slot, (bounds, mut part)) in parts.into_iter().enumerate() {
-            // A child is twice an index, plus one for leaves.
-            let first = [2 * tree.nodes.len() as u32, 2 * tree.leaves.len() as u32];
-            for node in &mut part.nodes {
-                for child in node.child.iter_mut().filter(|c| **c != u32::MAX) {
-                    *child += first[*child as usize % 2];
+        let parts = [Shape::of(source, &mut first), Shape::of(source, others)];
+        let size = [parts[0].nodes.len(), parts[0].leaves.len()];
+        first.extend_from_slice(others);
+        let tree = Self::shaped(source, &first, Shape::join(parts));
+        Some((tree, size))
+    }
+
+    /// A tree of a shape, over edges in its order.
+    fn shaped(source: &EdgeList, which: &[u32], shape: Shape) -> Self {
+        let mut past = 0;
+        let lists = shape.leaves.iter().map(|&count| {
+            past += count;
+            &which[past - count..past]
+        });
+        let lists: Vec<&[u32]> = lists.collect();
+        let leaf = |list: &&[u32]| (Leaf::new(source, list), Bounds::new(source, list));
+        let (leaves, of_leaves): (Vec<Leaf>, Vec<Bounds>) = lists.par_iter().map(leaf).unzip();
+        let mut of_nodes: Vec<Option<Bounds>> = vec![None; shape.nodes.len()];
+        let mut nodes = shape.nodes;
+        let mut parts = Vec::with_capacity(LANES);
+        // Children come after their parents.
+        for (at, node) in nodes.iter_mut().enumerate().rev() {
+            parts.clear();
+            for slot in 0..LANES {
+                let child = node.child[slot];
+                if child == u32::MAX {
+                    continue;
+                }
+                let index = child as usize / 2;
+                let own = if child % 2 == 1 {
+                    of_leaves.get(index)
+                } else {
+                    of_nodes[index].as_ref()
+                };
+                if let Some(own) = own {
+                    node.set(slot, own);
+                    parts.push(*own);
                 }
             }
-            tree.nodes[0].set(slot, &bounds, first[0]);
-            tree.nodes.append(&mut part.nodes);
-            tree.leaves.append(&mut part.leaves);
+            of_nodes[at] = Some(Bounds::joined(&parts));
         }
-        tree
+        Self { nodes, leaves }
     }
 
     pub fn is_empty(&self) -> bool {
         self.leaves.is_empty()
     }
+}
+
+/// Which nodes have which children, in a tree over edges that were put in the order of its leaves.
+struct Shape {
+    /// Without bounds.
+    nodes: Vec<Node>,
+    /// The numbers of edges of the leaves.
+    leaves: Vec<usize>,
+}
+
+impl Shape {
+    const EMPTY: Self = Self {
+        nodes: Vec::new(),
+        leaves: Vec::new(),
+    };
+
+    /// Puts edges in order; subtrees of many on several threads.
+    fn of(source: &EdgeList, which: &mut [u32]) -> Self {
+        if which.len() < MANY {
+            let mut shape = Self::EMPTY;
+            shape.build(source, which);
+            return shape;
+        }
+        let parts = parts(source, which).into_par_iter();
+        let parts: Vec<Self> = parts.map(|part| Self::of(source, part)).collect();
+        Self::join(parts)
+    }
+
+    /// Up to eight under one node, which is the first.
+    fn join(parts: impl IntoIterator<Item = Self>) -> Self {
+        let mut shape = Self::EMPTY;
+        shape.nodes.push(Node::empty());
+        for (slot, mut part) in parts.into_iter().enumerate() {
+            // A child is twice an index, plus one for leaves.
+            let first = [2 * shape.nodes.len() as u32, 2 * shape.leaves.len() as u32];
+            for node in &mut part.nodes {
+                for child in node.child.iter_mut().filter(|c| **c != u32::MAX) {
+                    *child += first[*child as usize % 2];
+                }
+            }
+            shape.nodes[0].child[slot] = if part.nodes.is_empty() {
+                first[1] + 1
+            } else {
+                first[0]
+            };
+            shape.nodes.append(&mut part.nodes);
+            shape.leaves.append(&mut part.leaves);
+        }
+        shape
+    }
 
     fn build(&mut self, source: &EdgeList, which: &mut [u32]) -> u32 {
         if which.len() <= LANES {
-            self.leaves.push(Leaf::new(source, which));
+            self.leaves.push(which.len());
             return 2 * (self.leaves.len() as u32 - 1) + 1;
         }
         let at = self.nodes.len();
         self.nodes.push(Node::empty());
         for (slot, part) in parts(source, which).into_iter().enumerate() {
-            let bounds = Bounds::new(source, part);
-            let child = self.build(source, part);
-            self.nodes[at].set(slot, &bounds, child);
+            self.nodes[at].child[slot] = self.build(source, part);
         }
         2 * at as u32
     }
@@ -127,7 +201,18 @@ fn split<'a>(source: &EdgeList, part: &'a mut [u32]) -> (&'a mut [u32], &'a mut 
     part.split_at_mut(half)
 }
 
-impl EdgeTree {
+/// A tree, or the part of it under a node.
+#[derive(Clone, Copy)]
+pub(in crate::kernel) struct Root<'a> {
+    pub tree: &'a EdgeTree,
+    pub node: u32,
+}
+
+impl Root<'_> {
+    pub fn is_empty(&self) -> bool {
+        self.tree.is_empty()
+    }
+
     /// An edge, drawn in proportion to its weight, and one over its probability. None where there is none.
     ///
     /// Subtrees that are near or lie in the cone in part are entered, all of them; of those that are far
@@ -137,7 +222,7 @@ impl EdgeTree {
         dispatch(
             arch,
             Sample {
-                tree: self,
+                root: *self,
                 query,
                 random,
             },
@@ -152,17 +237,18 @@ impl EdgeTree {
         mut random: Uniform,
     ) -> Option<(u32, f32)> {
         let query = &Query8::new(machine, query);
+        let EdgeTree { nodes, leaves } = self.tree;
         let mut kept = Reservoir {
             total: 0.0,
             leaf: 0,
             weights: [0.0; LANES],
         };
-        if self.nodes.is_empty() {
-            for (i, leaf) in self.leaves.iter().enumerate() {
+        if nodes.is_empty() {
+            for (i, leaf) in leaves.iter().enumerate() {
                 kept.offer(i, leaf.weights(machine, query), 1.0, &mut random);
             }
         } else {
-            let mut stack = [(0u32, 1.0f32); 64];
+            let mut stack = [(2 * self.node, 1.0f32); 64];
             let mut len = 1;
             let mut budget = BUDGET[usize::from(query.is_of_light)];
             let large = LARGE[usize::from(query.is_of_light)];
@@ -171,11 +257,11 @@ impl EdgeTree {
                 let (at, inverse) = stack[len];
                 let index = at as usize / 2;
                 if at % 2 == 1 {
-                    let weights = self.leaves[index].weights(machine, query);
+                    let weights = leaves[index].weights(machine, query);
                     kept.offer(index, weights, inverse, &mut random);
                     continue;
                 }
-                let node = &self.nodes[index];
+                let node = &nodes[index];
                 let (weights, enter) = node.weights(machine, query, large);
                 budget = budget.saturating_sub(1);
                 let all = budget > 0 && len + LANES <= stack.len();
@@ -204,13 +290,13 @@ impl EdgeTree {
                 }
             }
         }
-        kept.take(&self.leaves, random.number)
+        kept.take(leaves, random.number)
     }
 }
 
-/// [`EdgeTree::sample`] as a task.
+/// [`Root::sample`] as a task.
 struct Sample<'a> {
-    tree: &'a EdgeTree,
+    root: Root<'a>,
     query: &'a Query,
     random: Uniform,
 }
@@ -220,7 +306,7 @@ impl Task for Sample<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> Self::Output {
-        self.tree.draw(machine, self.query, self.random)
+        self.root.draw(machine, self.query, self.random)
     }
 }
 

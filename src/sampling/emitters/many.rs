@@ -1,8 +1,9 @@
 //! The choice of one of many emitters, by a tree over those that are somewhere, beside directional lights.
 
 use super::branches::{Axes, Item};
+use super::powers::{mean, running_sums};
 use super::tree::{LightTree, Met};
-use super::{BY_POWER, Emitter, EmitterGroup, Emitters, Receiver, mean, running_sums};
+use super::{BY_POWER, Emitter, EmitterGroup, Emitters, Receiver};
 use crate::model::V3;
 
 /// A tree over emitters, and directional lights. A share of [`BY_POWER`] is chosen by power, whatever the point.

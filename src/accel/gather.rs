@@ -1,0 +1,190 @@
+//! The tree of eight boxes a node, gathered from a binary tree, and fitted to triangles that moved.
+
+use glam::DVec3;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use rayon::prelude::*;
+
+use super::simd::{LANES, Lanes};
+use super::triangle::HostTriangle;
+use super::wide::{Leaf, Node, Wide};
+
+impl Wide {
+    pub fn new(triangles: &[HostTriangle], tree: Option<&Bvh2>, extent: f64) -> Self {
+        let moves = triangles.iter().any(|t| t.velocity != DVec3::ZERO);
+        let mut wide = Self {
+            nodes: Vec::new(),
+            leaves: Vec::new(),
+            velocities: moves.then(Vec::new),
+            extent,
+        };
+        match tree {
+            Some(tree) => {
+                let mut counts = vec![0; tree.nodes.len()];
+                count(tree, &mut counts);
+                wide.collapse(triangles, tree, &counts, 0);
+            }
+            None => {
+                for k in (0..triangles.len() as u32).step_by(LANES) {
+                    let past = (k + LANES as u32).min(triangles.len() as u32);
+                    let list: Vec<u32> = (k..past).collect();
+                    wide.leaf(triangles, &list);
+                }
+            }
+        }
+        wide
+    }
+
+    fn leaf(&mut self, triangles: &[HostTriangle], list: &[u32]) -> u32 {
+        self.leaves.push(Leaf::new(triangles, list));
+        if let Some(all) = &mut self.velocities {
+            all.push(velocities(triangles, list));
+        }
+        2 * (self.leaves.len() as u32 - 1) + 1
+    }
+
+    /// The same tree about triangles that moved.
+    pub fn fit(&self, triangles: &[HostTriangle], extent: f64) -> Self {
+        let moves = triangles.par_iter().any(|t| t.velocity != DVec3::ZERO);
+        let leaves = self.leaves.par_iter();
+        let leaves: Vec<Leaf> = leaves.map(|l| Leaf::new(triangles, l.list())).collect();
+        let of_leaves = leaves.par_iter();
+        let of_leaf = |leaf: &Leaf| {
+            let boxes = leaf.list().iter().map(|&k| triangles[k as usize].swept());
+            boxes.fold(Aabb::INVALID, |a, b| a.union(&b))
+        };
+        let of_leaves: Vec<Aabb> = of_leaves.map(of_leaf).collect();
+        let mut of_nodes = vec![Aabb::INVALID; self.nodes.len()];
+        let mut nodes = self.nodes.clone();
+        // Children come after their parents.
+        for (at, node) in nodes.iter_mut().enumerate().rev() {
+            for slot in 0..node.count as usize {
+                let child = node.child[slot] as usize;
+                let own = if child % 2 == 1 {
+                    of_leaves[child / 2]
+                } else {
+                    of_nodes[child / 2]
+                };
+                node.set(slot, &own);
+                of_nodes[at] = of_nodes[at].union(&own);
+            }
+        }
+        Self {
+            velocities: moves.then(|| {
+                let leaves = leaves.par_iter();
+                leaves.map(|l| velocities(triangles, l.list())).collect()
+            }),
+            nodes,
+            leaves,
+            extent,
+        }
+    }
+
+    /// Σ half areas of the boxes.
+    pub fn cost(&self) -> f64 {
+        let of_node = |n: &Node| {
+            let half = |i: usize| {
+                let [x, y, z] = [0, 1, 2].map(|axis| f64::from(n.max[axis][i] - n.min[axis][i]));
+                x * y + y * z + z * x
+            };
+            (0..n.count as usize).map(half).sum::<f64>()
+        };
+        self.nodes.iter().map(of_node).sum()
+    }
+
+    /// The subtree of a node of a binary tree.
+    fn collapse(
+        &mut self,
+        triangles: &[HostTriangle],
+        tree: &Bvh2,
+        counts: &[u32],
+        root: usize,
+    ) -> u32 {
+        if counts[root] <= LANES as u32 {
+            let mut list = Vec::new();
+            gather(tree, root, &mut list);
+            return self.leaf(triangles, &list);
+        }
+        let mut children = vec![root];
+        while children.len() < LANES {
+            let area = |&i: &usize| tree.nodes[i].aabb().half_area();
+            let inner = (0..children.len()).filter(|&c| {
+                let i = children[c];
+                // A leaf with more triangles than lanes can't be opened.
+                !tree.nodes[i].is_leaf() && counts[i] > LANES as u32
+            });
+            let largest = inner.max_by(|&a, &b| area(&children[a]).total_cmp(&area(&children[b])));
+            let Some(c) = largest else {
+                break;
+            };
+            let first = tree.nodes[children[c]].first_index as usize;
+            children[c] = first;
+            children.push(first + 1);
+        }
+        let at = self.nodes.len();
+        self.nodes.push(Node {
+            min: [[0.0; LANES]; 3],
+            max: [[0.0; LANES]; 3],
+            child: [u32::MAX; LANES],
+            count: children.len() as u32,
+        });
+        for (slot, child) in children.into_iter().enumerate() {
+            let index = self.collapse(triangles, tree, counts, child);
+            let node = &mut self.nodes[at];
+            node.set(slot, tree.nodes[child].aabb());
+            node.child[slot] = index;
+        }
+        2 * at as u32
+    }
+}
+
+/// Displacements of the triangles of a leaf.
+fn velocities(triangles: &[HostTriangle], list: &[u32]) -> [Lanes; 3] {
+    let mut all = [[0.0; LANES]; 3];
+    for (i, &k) in list.iter().enumerate() {
+        for (axis, lanes) in all.iter_mut().enumerate() {
+            lanes[i] = triangles[k as usize].velocity[axis] as f32;
+        }
+    }
+    all
+}
+
+impl Node {
+    fn set(&mut self, slot: usize, own: &Aabb) {
+        for axis in 0..3 {
+            self.min[axis][slot] = own.min[axis];
+            self.max[axis][slot] = own.max[axis];
+        }
+    }
+}
+
+/// Triangles under each node.
+fn count(tree: &Bvh2, counts: &mut [u32]) {
+    // Children come after their parents or not: by hand, from a stack.
+    let mut stack = vec![(0usize, false)];
+    while let Some((i, ready)) = stack.pop() {
+        let node = &tree.nodes[i];
+        if node.is_leaf() {
+            counts[i] = node.prim_count;
+            continue;
+        }
+        let first = node.first_index as usize;
+        if ready {
+            counts[i] = counts[first] + counts[first + 1];
+        } else {
+            stack.extend([(i, true), (first, false), (first + 1, false)]);
+        }
+    }
+}
+
+/// The triangles under a node.
+fn gather(tree: &Bvh2, root: usize, list: &mut Vec<u32>) {
+    let node = &tree.nodes[root];
+    let first = node.first_index as usize;
+    if node.is_leaf() {
+        list.extend(&tree.primitive_indices[first..first + node.prim_count as usize]);
+    } else {
+        gather(tree, first, list);
+        gather(tree, first + 1, list);
+    }
+}

@@ -1,0 +1,183 @@
+//! Pairs of triangles whose boxes overlap.
+
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::hierarchy::Hierarchy;
+use super::simd::{F8, LANES, Lanes, Machine, Task, dispatch};
+use super::triangle::HostTriangle;
+use super::wide::{Leaf, Node, Wide};
+
+/// Corners of eight boxes; of those that are not there nothing overlaps.
+struct Boxes {
+    min: [Lanes; 3],
+    max: [Lanes; 3],
+}
+
+/// The boxes of all triangles, swept over the shutter, leaf by leaf.
+pub(crate) struct Overlaps<'a> {
+    arch: Arch,
+    wide: &'a Wide,
+    boxes: Vec<Boxes>,
+}
+
+impl Boxes {
+    fn new(leaf: &Leaf, triangles: &[HostTriangle]) -> Self {
+        let mut boxes = Self {
+            min: [[f32::INFINITY; LANES]; 3],
+            max: [[f32::NEG_INFINITY; LANES]; 3],
+        };
+        for (i, &k) in leaf.list().iter().enumerate() {
+            let own = triangles[k as usize].swept();
+            for axis in 0..3 {
+                boxes.min[axis][i] = own.min[axis];
+                boxes.max[axis][i] = own.max[axis];
+            }
+        }
+        boxes
+    }
+
+    /// The box of one triangle.
+    fn one(&self, i: usize) -> [[f32; 3]; 2] {
+        [self.min.map(|x| x[i]), self.max.map(|x| x[i])]
+    }
+
+    /// The box around all.
+    fn all(&self) -> [[f32; 3]; 2] {
+        [
+            self.min
+                .map(|x| x.into_iter().fold(f32::INFINITY, f32::min)),
+            self.max
+                .map(|x| x.into_iter().fold(f32::NEG_INFINITY, f32::max)),
+        ]
+    }
+}
+
+/// Those of eight boxes that overlap one, one bit each.
+#[inline(always)]
+fn overlap<M: Machine>(
+    machine: M,
+    min: &[Lanes; 3],
+    max: &[Lanes; 3],
+    [low, high]: &[[f32; 3]; 2],
+) -> u32 {
+    let apart = |axis: usize| {
+        let below = F8::splat(machine, high[axis]).less(F8::load(machine, &min[axis]));
+        let above = F8::load(machine, &max[axis]).less(F8::splat(machine, low[axis]));
+        below.or(above)
+    };
+    apart(0).or(apart(1)).or(apart(2)).not().bits() & 0xff
+}
+
+impl<'a> Overlaps<'a> {
+    pub fn new(hierarchy: &'a Hierarchy) -> Self {
+        let leaves = hierarchy.wide.leaves.par_iter();
+        Self {
+            arch: Arch::new(),
+            wide: &hierarchy.wide,
+            boxes: leaves
+                .map(|leaf| Boxes::new(leaf, &hierarchy.triangles))
+                .collect(),
+        }
+    }
+
+    pub fn leaves(&self) -> usize {
+        self.boxes.len()
+    }
+
+    /// Adds the pairs of a triangle of a leaf and one of the same or a later leaf, the smaller number first, while any
+    /// looks are left: one for a leaf, one for a pair. Whether these are all.
+    pub fn add_pairs(&self, leaf: usize, left: &mut usize, pairs: &mut Vec<[u32; 2]>) -> bool {
+        dispatch(
+            self.arch,
+            AddPairs {
+                all: self,
+                leaf,
+                left,
+                pairs,
+            },
+        )
+    }
+}
+
+/// [`Overlaps::add_pairs`] as a task.
+struct AddPairs<'a> {
+    all: &'a Overlaps<'a>,
+    leaf: usize,
+    left: &'a mut usize,
+    pairs: &'a mut Vec<[u32; 2]>,
+}
+
+impl Task for AddPairs<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<M: Machine>(mut self, machine: M) -> bool {
+        let wide = self.all.wide;
+        if wide.nodes.is_empty() {
+            let mut other = self.leaf;
+            while other < wide.leaves.len() {
+                if !self.add(machine, other) {
+                    return false;
+                }
+                other += 1;
+            }
+            return true;
+        }
+        let around = self.all.boxes[self.leaf].all();
+        let mut open = vec![0u32];
+        while let Some(at) = open.pop() {
+            if at % 2 == 1 {
+                let other = at as usize / 2;
+                if other >= self.leaf && !self.add(machine, other) {
+                    return false;
+                }
+                continue;
+            }
+            let node: &Node = &wide.nodes[at as usize / 2];
+            let mut met = overlap(machine, &node.min, &node.max, &around) & ((1 << node.count) - 1);
+            while met != 0 {
+                open.push(node.child[met.trailing_zeros() as usize]);
+                met &= met - 1;
+            }
+        }
+        true
+    }
+}
+
+impl AddPairs<'_> {
+    /// Adds the pairs with triangles of another leaf, or within this one.
+    #[inline(always)]
+    fn add<M: Machine>(&mut self, machine: M, other: usize) -> bool {
+        if *self.left == 0 {
+            return false;
+        }
+        *self.left -= 1;
+        let (own, boxes) = (&self.all.boxes[self.leaf], &self.all.boxes[other]);
+        let (list, others) = (
+            &self.all.wide.leaves[self.leaf],
+            &self.all.wide.leaves[other],
+        );
+        let mut i = 0;
+        while i < list.list().len() {
+            let mut met = overlap(machine, &boxes.min, &boxes.max, &own.one(i));
+            if other == self.leaf {
+                met &= !((2 << i) - 1);
+            }
+            while met != 0 {
+                let (k, l) = (
+                    list.triangle[i],
+                    others.triangle[met.trailing_zeros() as usize],
+                );
+                met &= met - 1;
+                if *self.left == 0 {
+                    return false;
+                }
+                *self.left -= 1;
+                self.pairs.push([k.min(l), k.max(l)]);
+            }
+            i += 1;
+        }
+        true
+    }
+}
