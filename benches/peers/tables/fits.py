@@ -27,7 +27,7 @@ def problems(a):
     prb = {"method": "prb_projective", "samples": 16}
     pose = {"kind": "pose", "starts": starts}
     seconds = lambda record: a.seconds or (1.0 if a.quick else record)  # noqa: E731
-    place = {"size": 48, "seconds": seconds(3), "rate": [0.06, 0.006], "looks": 60}
+    place = {"size": 48, "seconds": seconds(2), "rate": [0.06, 0.006], "looks": 60}
     yield "shadow", {
         **place, "scene": cases["shadow"]["scene"], "bounces": 0,
         "problem": {**pose, "object": "occluder", "way": [1, 0, 0], "free": [1, 1, 1], "blur": [1.15, 0.02], "view_sharp": True},
