@@ -135,8 +135,11 @@ fn boxes_are_fitted_while_little_moves() {
         let vertices = m.vertices.clone() * scale;
         m.with_vertices(vertices)
     };
-    at(ball(2));
-    assert_eq!(cache.counts(), [1, 0]);
+    // Those that stay are taken as they are.
+    for _ in 0..2 {
+        at(ball(2));
+        assert_eq!(cache.counts(), [1, 0]);
+    }
     for i in 1..5 {
         at(stretched(1.0 + 0.02 * i as f32));
         assert_eq!(cache.counts(), [1, i]);

@@ -86,7 +86,10 @@ def about():
     cpu = re.search(r"model name\s*: (.*)", pathlib.Path("/proc/cpuinfo").read_text()) if os.path.exists("/proc/cpuinfo") else None
     packages = [line.split("==")[0] for line in (HERE / "requirements.txt").read_text().split()]
     versions = {p: metadata.version(p) for p in [*packages, "drjit"]}
-    versions |= {"softray": out("git", "describe", "--always", "--dirty"), "rustc": out("rustc", "--version").split()[1]}
+    # What is measured, not what is written about it.
+    changed = out("git", "status", "--porcelain", "src", "benches/peers", "Cargo.toml", "Cargo.lock", ":!benches/peers/results")
+    own = out("git", "describe", "--always") + ("-dirty" if changed else "")
+    versions |= {"softray": own, "rustc": out("rustc", "--version").split()[1]}
     versions |= {"python": platform.python_version(), "llvm": pathlib.Path(llvm()).name}
     return {
         "date": datetime.date.today().isoformat(),
