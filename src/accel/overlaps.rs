@@ -181,3 +181,53 @@ impl AddPairs<'_> {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// The pairs of a tree's leaves are those of all boxes, each once; looks that run out are told.
+    #[test]
+    fn pairs_are_those_of_all_boxes() {
+        let mut seed = 1u32;
+        let mut random = || {
+            seed = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            f64::from(seed >> 8) / f64::from(1 << 24)
+        };
+        for count in [40, 500] {
+            let mut vector = |size: f64| (DVec3::new(random(), random(), random()) - 0.5) * size;
+            let triangle = |_| {
+                let place = vector(2.0);
+                let corners = [0; 3].map(|_| place + vector(0.5));
+                HostTriangle::new(corners, vector(0.1), true)
+            };
+            let hierarchy = Hierarchy::new((0..count).map(triangle).collect());
+            let overlaps = Overlaps::new(&hierarchy);
+            let (mut found, mut left) = (Vec::new(), 1 << 20);
+            for leaf in 0..overlaps.leaves() {
+                assert!(overlaps.add_pairs(leaf, &mut left, &mut found));
+            }
+            let boxes: Vec<_> = hierarchy
+                .triangles
+                .iter()
+                .map(HostTriangle::swept)
+                .collect();
+            let mut wanted = Vec::new();
+            for (k, a) in boxes.iter().enumerate() {
+                for (l, b) in boxes.iter().enumerate().skip(k + 1) {
+                    if a.min.cmple(b.max).all() && b.min.cmple(a.max).all() {
+                        wanted.push([k as u32, l as u32]);
+                    }
+                }
+            }
+            found.sort_unstable();
+            assert!(found == wanted, "{} of {}", found.len(), wanted.len());
+            let mut few = 3;
+            let mut some = Vec::new();
+            let mut leaves = 0..overlaps.leaves();
+            assert!(!leaves.all(|leaf| overlaps.add_pairs(leaf, &mut few, &mut some)));
+        }
+    }
+}
