@@ -80,6 +80,29 @@ def measure(programs, a):
     return {"sigma": SIGMA, "titles": titles, "error of truth": error, "error of truth, image": image, "rows": rows}
 
 
+#: Of fewer estimates the deviation is not their own.
+FEW = 9
+
+
+def pooled(result):
+    """The same results with one bias for all series of a renderer, weighted by their errors, and with the noise of few
+    estimates from that of all, as it falls with the samples."""
+    rows = []
+    for row in result["rows"]:
+        series = [dict(s) for s in row["scalar"]]
+        square = sum((s["estimates"] - 1) * s["samples"] * s["noise"] ** 2 for s in series)
+        square /= sum(s["estimates"] - 1 for s in series)
+        for s in series:
+            if s["estimates"] < FEW:
+                s["noise"] = (square / s["samples"]) ** 0.5
+        weights = [s["estimates"] / max(s["noise"], 1e-9) ** 2 for s in series]
+        bias = sum(w * s["bias"] for w, s in zip(weights, series)) / sum(weights)
+        for s in series:
+            s |= {"bias": bias, "error of bias": sum(weights) ** -0.5}
+        rows.append(row | {"scalar": series})
+    return result | {"rows": rows}
+
+
 def rmse(series, seconds, floor):
     """Relative error of the mean of as many estimates as fit into a time, of noise and of bias, where that is more than
     two standard errors of it and of the truth; not less than the truth's own. None if not one fits."""
@@ -102,6 +125,7 @@ def percent(x):
 
 
 def report(result, folder):
+    result = pooled(result)
     by = {(r["case"], r["renderer"]): r for r in result["rows"]}
     names = list(dict.fromkeys(r["case"] for r in result["rows"]))
     renderers = [r[0] for r in RENDERERS]
@@ -138,7 +162,7 @@ def report(result, folder):
     text += "Bias: the mean over the truth − 1, with the standard error of the mean (add the truth's):\n\n"
     text += common.table(head, rows("scalar", bias))
     text += "\nNoise × √seconds: the standard deviation of the mean of a second of estimates, over the truth, and in brackets the "
-    text += "range over three runs, thirds of the seeds:\n\n"
+    text += f"range over three runs, thirds of the seeds; of fewer than {FEW} estimates it is told from series of fewer samples:\n\n"
     text += common.table(head, rows("scalar", noise))
     text += "\nError (RMSE) after a second, of the mean of as many estimates as fit; none is told to be less than the truth's own:\n\n"
     text += common.table(head, rows("scalar", error("error of truth", 1.0)))
@@ -199,6 +223,7 @@ def plot(result, by, names, folder):
 
 def summary(result):
     """What stands first on the page."""
+    result = pooled(result)
     by = {(r["case"], r["renderer"]): r for r in result["rows"]}
     names = list(dict.fromkeys(r["case"] for r in result["rows"]))
     lines = []
@@ -225,6 +250,7 @@ def summary(result):
 
 def sentence(result):
     """What the README says of its plot."""
+    result = pooled(result)
     by = {r["renderer"]: r["scalar"] for r in result["rows"] if r["case"] == FIRST}
     ours, theirs = by.get("softray"), by.get("Mitsuba prb_projective")
     if result["quick"] or not ours or not theirs:
