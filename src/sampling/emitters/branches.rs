@@ -35,7 +35,7 @@ impl Axes {
             let products = match axis {
                 None => [4.0, 4.0, 4.0, 0.0, 0.0, 0.0],
                 Some(n) => {
-                    this.mean = this.mean + n * share;
+                    this.mean += n * share;
                     let (
                         V3 { x, y, z },
                         V3 {
