@@ -139,7 +139,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let outcome = Outcome {
         errors: [angle(&flat, &relief), angle(&found, &relief)],
         of: "mean angle between normals, degrees".into(),
-        others: vec![("roughness (target 0.35, start 0.7)".into(), numbers(&r)[0])],
+        others: vec![(
+            format!(
+                "roughness (target {}, start {})",
+                ROUGHNESS[0], ROUGHNESS[1]
+            ),
+            numbers(&r)[0],
+        )],
     };
     study.finish(&fitted, images, vec![plot], outcome)
 }

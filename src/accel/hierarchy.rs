@@ -63,17 +63,17 @@ impl Hierarchy {
         };
         let fitted = other.filter(alike).and_then(|other| {
             let wide = other.wide.fit(&triangles, extent(&triangles));
-            let cost = [wide.cost(), other.cost[1]];
-            (cost[0] <= 1.5 * cost[1]).then_some((wide, cost, other))
+            let cost = wide.cost();
+            (cost <= 1.5 * other.cost[1]).then_some((wide, cost, other))
         });
         match fitted {
-            Some((wide, cost, _other)) => {
+            Some((wide, cost, other)) => {
                 let fitted = Self {
                     wide,
                     triangles,
                     #[cfg(feature = "wgpu")]
-                    built: _other.built.clone(),
-                    cost,
+                    built: other.built.clone(),
+                    cost: [cost, other.cost[1]],
                 };
                 (fitted, true)
             }

@@ -103,19 +103,17 @@ impl EdgeSets {
         }
         edges.extend(crossings::find(scene));
         let moves = |&i: &u32| edges[i as usize].moves(scene, wanted);
-        let (moving, mut others): (Vec<u32>, Vec<u32>) = (0..edges.len() as u32).partition(moves);
+        let numbers = 0..edges.len() as u32;
+        let (moving, others): (Vec<u32>, Vec<u32>) = numbers.clone().partition(moves);
         let source = EdgeList::new(&edges, scene);
         let (all, moving) = if others.is_empty() {
             (EdgeTree::new(&source, moving), Moving::All)
+        } else if EdgeTree::is_list(&moving) {
+            let own = EdgeTree::new(&source, moving);
+            (EdgeTree::new(&source, numbers.collect()), Moving::Own(own))
         } else {
-            match EdgeTree::joint(&source, moving.clone(), &mut others) {
-                Some((all, size)) => (all, Moving::Part(size)),
-                None => {
-                    let numbers = (0..edges.len() as u32).collect();
-                    let own = EdgeTree::new(&source, moving);
-                    (EdgeTree::new(&source, numbers), Moving::Own(own))
-                }
-            }
+            let (all, size) = EdgeTree::joint(&source, moving, others);
+            (all, Moving::Part(size))
         };
         Self { all, moving, edges }
     }

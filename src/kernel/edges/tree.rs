@@ -30,7 +30,7 @@ impl EdgeTree {
 
     /// A tree over some edges of a list.
     pub(super) fn new(source: &EdgeList, mut which: Vec<u32>) -> Self {
-        if which.len() > FEW {
+        if !Self::is_list(&which) {
             let shape = Shape::of(source, &mut which);
             return Self::shaped(source, &which, shape);
         }
@@ -41,21 +41,25 @@ impl EdgeTree {
         }
     }
 
-    /// A tree over some edges and others, in which the tree over the first alone begins at node 1 and leaf 0; and the
-    /// nodes and leaves of that. None where they are so few that they are a list.
+    /// Whether so few edges are a list, not a tree.
+    pub(super) fn is_list(which: &[u32]) -> bool {
+        which.len() <= FEW
+    }
+
+    /// A tree over some edges, not a list, and others, in which the tree over the first alone begins at node 1 and leaf
+    /// 0; and the nodes and leaves of that.
     pub(super) fn joint(
         source: &EdgeList,
         mut first: Vec<u32>,
-        others: &mut [u32],
-    ) -> Option<(Self, [usize; 2])> {
-        if first.len() <= FEW {
-            return None;
-        }
-        let parts = [Shape::of(source, &mut first), Shape::of(source, others)];
+        mut others: Vec<u32>,
+    ) -> (Self, [usize; 2]) {
+        let parts = [
+            Shape::of(source, &mut first),
+            Shape::of(source, &mut others),
+        ];
         let size = [parts[0].nodes.len(), parts[0].leaves.len()];
-        first.extend_from_slice(others);
-        let tree = Self::shaped(source, &first, Shape::join(parts));
-        Some((tree, size))
+        first.append(&mut others);
+        (Self::shaped(source, &first, Shape::join(parts)), size)
     }
 
     /// A tree of a shape, over edges in its order.
