@@ -28,5 +28,8 @@ result = {"about": common.about(), "quick": a.quick}
 a.before = json.loads(path.read_text()) if path.exists() else {}
 measured = importlib.import_module(f"tables.{a.table}").measure(programs, a)
 result |= measured | {"seconds": round(time.time() - start)}
+if "kept" in result:
+    # Rows of other cases are of an earlier run.
+    result["earlier"] = {k: a.before[k] for k in ("about", "seconds")}
 path.write_text(json.dumps(result, indent=1) + "\n")
 print(f"{path}, {result['seconds']} s", file=sys.stderr)

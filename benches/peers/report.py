@@ -13,11 +13,18 @@ import matplotlib  # noqa: E402
 matplotlib.use("Agg")
 
 
-
 def between(name, section, text):
     """The text with what stands between two marks replaced."""
     pattern = rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)"
     return re.sub(pattern, lambda m: f"{m[1]}{section}\n{m[2]}", text, flags=re.DOTALL)
+
+
+def told(run):
+    """Versions, machine and date of a run."""
+    about = run["about"]
+    versions = ", ".join(f"{k} {v}" for k, v in about["versions"].items() if k in ("softray", "mitsuba", "drjit", "rustc"))
+    load = f"load of other programs at the start {about['load at the start']}"
+    return f"{about['date']}, {about['machine']}, {about['cores']} cores; {versions}; {load}; {run['seconds']} s in all"
 
 
 results = Path(sys.argv[1]) if len(sys.argv) > 1 else common.HERE / "results"
@@ -36,9 +43,9 @@ for name in re.findall(r"<!-- begin (\w+) -->", text):
     module = importlib.import_module(f"tables.{name}")
     section = module.report(result, docs).strip()
     first += module.summary(result) if hasattr(module, "summary") else []
-    about = result["about"]
-    versions = ", ".join(f"{k} {v}" for k, v in about["versions"].items() if k in ("softray", "mitsuba", "drjit", "rustc"))
-    what = f"{about['date']}, {about['machine']}, {about['cores']} cores; {versions}; load of other programs at the start {about['load at the start']}; {result['seconds']} s in all"
+    what = told(result)
+    if "earlier" in result:
+        what = f"{', '.join(result['kept'])}: {told(result['earlier'])}. The others: {what}"
     if result["quick"]:
         what += "; **a quick run, no numbers to cite**"
     text = between(name, f"{section}\n\n*{what}.*", text)

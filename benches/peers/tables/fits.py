@@ -119,7 +119,8 @@ def measure(programs, a):
                 fit |= {"distance": distance, "seed": seed}
             rows.append(row)
             print(name, renderer, [(f["distance"], f["steps"], f["trace"][-1]) for f in row["fits"]], file=sys.stderr, flush=True)
-    return {"found": FOUND, "rows": rows}
+    kept = [r["problem"] for r in rows if a.cases and r["problem"] not in a.cases]
+    return {"found": FOUND, "rows": rows} | ({"kept": list(dict.fromkeys(kept))} if kept else {})
 
 
 def report(result, folder):
