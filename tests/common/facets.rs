@@ -3,16 +3,12 @@
 use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;
 
-use super::gradients::{Case, camera, change, vector};
+use super::gradients::{Case, camera, case, change, vector};
 use super::tensors::tensor as constant;
 
 /// Gold.
 pub const ETA: [f64; 3] = [0.14, 0.37, 1.44];
 pub const EXTINCTION: [f64; 3] = [3.98, 2.39, 1.60];
-
-fn weight(x: f64, y: f64) -> f64 {
-    0.8 + 0.6 * x + 0.3 * y
-}
 
 /// A floor of a material, or a ball of it.
 fn with(name: &'static str, m: Material, d: &Device, t: DType) -> (Scene, Camera) {
@@ -21,14 +17,6 @@ fn with(name: &'static str, m: Material, d: &Device, t: DType) -> (Scene, Camera
 
 /// Every parameter of the models of facets.
 pub fn facet_cases() -> Vec<Case> {
-    let case = |name, value, step, bounces, build| Case {
-        name,
-        value,
-        step,
-        bounces,
-        build,
-        weight,
-    };
     vec![
         case("base colour", 0.5, 0.05, 1, |d, t, p| {
             let base = vector(p, [0.9, 0.6, 0.3], d, t);

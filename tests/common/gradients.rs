@@ -93,6 +93,32 @@ pub fn change(
         .expect("the object")
 }
 
+/// A case whose weights rise over the image.
+pub fn case(
+    name: &'static str,
+    value: f64,
+    step: f64,
+    bounces: u32,
+    build: fn(&Device, DType, Tensor<1>) -> (Scene, Camera),
+) -> Case {
+    Case {
+        name,
+        value,
+        step,
+        bounces,
+        build,
+        weight: |x, y| 0.8 + 0.6 * x + 0.3 * y,
+    }
+}
+
+/// With weights that bring out a shift.
+pub fn shift(case: Case) -> Case {
+    Case {
+        weight: |x, _| 2.0 * x,
+        ..case
+    }
+}
+
 /// Every class of parameter that the paper differentiates, and those of surfaces in detail.
 pub fn cases() -> Vec<Case> {
     let all = classes().into_iter().chain(cameras::cases());
@@ -102,19 +128,6 @@ pub fn cases() -> Vec<Case> {
 /// Those of surfaces and an environment.
 #[expect(clippy::too_many_lines, reason = "a list of scenes")]
 fn classes() -> Vec<Case> {
-    let case = |name, value, step, bounces, build| Case {
-        name,
-        value,
-        step,
-        bounces,
-        build,
-        weight: |x, y| 0.8 + 0.6 * x + 0.3 * y,
-    };
-    // Weights that bring out what a parameter does: a shift, a change of size, a blur of the lamp.
-    let shift = |case: Case| Case {
-        weight: |x, _| 2.0 * x,
-        ..case
-    };
     vec![
         case("vertex", 0.0, 0.02, 0, |d, t, p| {
             let s = change(

@@ -2,7 +2,7 @@
 
 use softray::prelude::*;
 
-use super::{Case, camera, constant, offset, vector, with_lamp};
+use super::{Case, camera, case, constant, offset, shift, vector, with_lamp};
 use crate::common::long;
 
 /// Numbers of cameras of every kind.
@@ -10,19 +10,6 @@ use crate::common::long;
 pub fn cases() -> Vec<Case> {
     // A wide step passes kinks of pixels without a filter, which is 10 % of this one; a narrow one takes many seeds.
     let step_of_pose = if long() { 0.005 } else { 0.02 };
-    let case = |name, value, step, bounces, build| Case {
-        name,
-        value,
-        step,
-        bounces,
-        build,
-        weight: |x, y| 0.8 + 0.6 * x + 0.3 * y,
-    };
-    // Weights that bring out what a parameter does: a shift, a change of size, a blur of the lamp.
-    let shift = |case: Case| Case {
-        weight: |x, _| 2.0 * x,
-        ..case
-    };
     let growth = |case: Case| Case {
         weight: |x, y| x * x + y * y,
         ..case

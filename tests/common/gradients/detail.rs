@@ -3,7 +3,7 @@
 use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;
 
-use super::{Case, camera, change, constant};
+use super::{Case, camera, case, change, constant, shift};
 
 /// The scene with colours at the corners of the floor and the ball; those of one corner and vertex are a number.
 fn coloured(p: Tensor<1>, device: &Device, dtype: DType) -> Scene {
@@ -51,18 +51,6 @@ fn shiny(scene: Scene) -> Scene {
 
 /// Numbers of colours, and of what normal maps are made of.
 pub fn cases() -> Vec<Case> {
-    let case = |name, value, step, bounces, build| Case {
-        name,
-        value,
-        step,
-        bounces,
-        build,
-        weight: |x, y| 0.8 + 0.6 * x + 0.3 * y,
-    };
-    let shift = |case: Case| Case {
-        weight: |x, _| 2.0 * x,
-        ..case
-    };
     vec![
         case("vertex colour", 0.5, 0.05, 1, |d, t, p| {
             (coloured(p, d, t), camera())

@@ -3,24 +3,7 @@
 use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;
 
-use super::{Case, camera, change, constant, objects, offset, scene, vector, with_lamp};
-
-fn case(
-    name: &'static str,
-    value: f64,
-    step: f64,
-    bounces: u32,
-    build: fn(&Device, DType, Tensor<1>) -> (Scene, Camera),
-) -> Case {
-    Case {
-        name,
-        value,
-        step,
-        bounces,
-        build,
-        weight: |x, y| 0.8 + 0.6 * x + 0.3 * y,
-    }
-}
+use super::{Case, camera, case, change, constant, objects, offset, scene, vector, with_lamp};
 
 /// The scene with a light and nothing else that shines.
 fn lit_by(light: Light, device: &Device, dtype: DType) -> Scene {
