@@ -6,7 +6,6 @@ use super::{Case, camera, case, constant, offset, shift, vector, with_lamp};
 use crate::common::long;
 
 /// Numbers of cameras of every kind.
-#[expect(clippy::too_many_lines, reason = "a list of scenes")]
 pub fn cases() -> Vec<Case> {
     // A wide step passes kinks of pixels without a filter, which is 10 % of this one; a narrow one takes many seeds.
     let step_of_pose = if long() { 0.005 } else { 0.02 };
