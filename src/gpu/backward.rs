@@ -4,26 +4,22 @@ use burn::cubecl::{self, prelude::*};
 
 use super::camera::{Beginning, camera};
 use super::layout::{CONE, EMITS, FIRST_SUMS, NONE, OF_MATERIAL, OF_MATERIALS};
-use super::light::{
-    all_seen_from, chance, choose, choose_direction, density_of_direction, emitter,
-    next_emitter_hit, sky,
-};
+use super::light::{all_seen_from, chance, choose, choose_direction, next_emitter_hit, sky};
+use super::light_backward::{light_backward, map_backward};
 use super::records::jumped;
 use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON, kept,
     kept_vector, record_at,
 };
-use super::sums::{AREAS, CAMERA, MATERIALS, TRIANGLES, add, add_vector};
-use super::surface::{Point, point_at};
-use super::surface_backward::{
-    PointGradient, add_to_corners, is_wanted, no_point_gradient, point_backward, sky_backward,
-};
+use super::sums::{CAMERA, MATERIALS, add, add_vector};
+use super::surface::point_at;
+use super::surface_backward::{no_point_gradient, point_backward, sky_backward};
+use super::texture::{EMISSION, texture_of};
 use super::{Derivatives, Features};
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraGradient;
 use crate::model::cone::{bend, bend_backward};
-use crate::model::emitter::{LightPoint, power_heuristic};
-use crate::model::{Pair, V2, V3, splat, v2, v3};
+use crate::model::{Pair, V3, splat, v2};
 
 /// Derivatives of a loss by what a pixel's rays bring back.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
@@ -67,110 +63,6 @@ pub(super) fn add_camera(
     add_vector(totals, scales, first + 12, g.lens.first, CAMERA);
     add_vector(totals, scales, first + 15, g.lens.second, CAMERA);
     add(totals, scales, first + 18, g.per_focus, CAMERA);
-}
-
-/// Back over light from a point of an emitter, which stays where it is on it; returns the derivative by the
-/// throughput.
-#[cube]
-pub(super) fn light_backward(
-    floats: &[f32],
-    words: &[u32],
-    totals: &[Atomic<u32>],
-    scales: &[f32],
-    point: &Point,
-    k: u32,
-    weights: V2,
-    chance: f32,
-    combined: bool,
-    by_scattering: bool,
-    throughput: V3,
-    time: f32,
-    g: V3,
-    by: &mut PointGradient,
-    #[comptime] features: Features,
-    #[comptime] of: Derivatives,
-) -> V3 {
-    let e = emitter(floats, words, k, time, features);
-    let corners = v3(1.0 - weights.x - weights.y, weights.x, weights.y);
-    let light = e.a * corners.x + e.b * corners.y + e.c * corners.z;
-    let seen = LightPoint::new(light - point.position, e.normal);
-    let direction = seen.direction;
-    let angle = seen.solid_angle(e.area);
-    let reflected = point.shading.evaluate(direction);
-    let mut density = chance;
-    if combined {
-        let other = point.shading.density(direction) * angle;
-        density = power_heuristic(chance, other, by_scattering);
-    }
-    let scale = angle / density;
-    let carried = g.times(throughput);
-    if comptime!(of.emission) {
-        let at = words[FIRST_SUMS + MATERIALS] + 12 * e.material + 9;
-        let by_emission = carried.times(reflected) * scale;
-        add_vector(totals, scales, at, by_emission, MATERIALS);
-    }
-    let by_reflected = carried.times(e.emission) * scale;
-    let by_direction = point
-        .shading
-        .evaluate_backward(direction, by_reflected, &mut by.shading);
-    if comptime!(of.rays) {
-        let by_angle = carried.times(reflected).dot(e.emission) / density;
-        let by_light = seen.backward(e.normal, e.area, by_angle, by_direction);
-        if comptime!(of.objects) {
-            if is_wanted(words, e.object) {
-                let at = words[FIRST_SUMS + AREAS] + e.triangle;
-                add(totals, scales, at, by_light.area, AREAS);
-                let at = words[FIRST_SUMS + TRIANGLES] + 3 * e.triangle;
-                add_vector(totals, scales, at, by_light.normal, TRIANGLES);
-                add_to_corners(
-                    words,
-                    totals,
-                    scales,
-                    e.triangle,
-                    e.object,
-                    corners,
-                    by_light.position,
-                    time,
-                    of,
-                );
-            }
-        }
-        by.position -= by_light.position;
-    }
-    g.times(reflected).times(e.emission) * scale
-}
-
-/// Back over light of a map along a direction, which is fixed; returns the derivative by the throughput.
-#[cube]
-pub(super) fn map_backward(
-    floats: &[f32],
-    words: &[u32],
-    totals: &[Atomic<u32>],
-    scales: &[f32],
-    point: &Point,
-    direction: V3,
-    by_scattering: bool,
-    throughput: V3,
-    g: V3,
-    by: &mut PointGradient,
-    #[comptime] features: Features,
-    #[comptime] of: Derivatives,
-) -> V3 {
-    let shading = point.shading;
-    let chance = density_of_direction(floats, words, direction);
-    let density = power_heuristic(chance, shading.density(direction), by_scattering);
-    let reflected = shading.evaluate(direction);
-    let radiance = sky(floats, words, direction, features);
-    let scale = 1.0 / density;
-    let carried = g.times(throughput) * scale;
-    if comptime!(of.sky) {
-        let by_sky = carried.times(reflected);
-        sky_backward(
-            floats, words, totals, scales, direction, by_sky, features, of,
-        );
-    }
-    shading.evaluate_backward(direction, carried.times(radiance), &mut by.shading);
-    g.times(reflected).times(radiance) * scale
 }
 
 /// Back along a path: adds the derivatives of the light that it brought, times `upstream`.
@@ -361,11 +253,20 @@ pub(super) fn path_backward(
         if i == 0 {
             by_t = upstream.depth;
             by.geometric += upstream.normal;
-            if comptime!(of.emission) {
-                let row = words[OF_MATERIALS] + OF_MATERIAL as u32 * point.material;
-                if point.side > 0.0 && words[row as usize] & EMITS != 0 {
-                    let at = words[FIRST_SUMS + MATERIALS] + 12 * point.material + 9;
-                    add_vector(totals, scales, at, g, MATERIALS);
+            let row = (words[OF_MATERIALS] + OF_MATERIAL as u32 * point.material) as usize;
+            if point.side > 0.0 && words[row] & EMITS != 0 {
+                let mut constant = true;
+                if comptime!(features.glows) {
+                    if words[texture_of(words, point.material, EMISSION)] != NONE {
+                        constant = false;
+                        by.emission = g;
+                    }
+                }
+                if comptime!(of.emission) {
+                    if constant {
+                        let at = words[FIRST_SUMS + MATERIALS] + 12 * point.material + 9;
+                        add_vector(totals, scales, at, g, MATERIALS);
+                    }
                 }
             }
         }

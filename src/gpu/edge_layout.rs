@@ -84,15 +84,16 @@ impl PackedScene {
         self.words_at(OF_GROUPS);
         for g in &emitters.groups {
             // Members follow each other.
-            let moves = g.members.iter().any(|&k| {
-                let object = emitters.get(k as usize).object;
-                view.wanted.objects[object as usize]
+            let moves = g.members.iter().any(|&k| match emitters.light(k as usize) {
+                None => view.wanted.objects[emitters.get(k as usize).object as usize],
+                Some(light) => view.wanted.moving_lights[light],
             });
             let count = g.members.len() as u32;
             self.words.extend([g.members[0], count, u32::from(moves)]);
         }
         self.words_at(GROUP_OF_EMITTERS);
-        let groups = emitters.all().map(|k| emitters.get(k).group);
-        self.words.extend(groups);
+        let count = emitters.all().len() + emitters.lights().len();
+        self.words
+            .extend((0..count).map(|k| emitters.group_of(k) as u32));
     }
 }

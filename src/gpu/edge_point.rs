@@ -7,6 +7,7 @@ use super::edge_layout::{EDGES, IS_CROSSING, OBJECT_OF_EDGE, OF_EDGE, OF_EDGES, 
 use super::edge_tree::draw_edge;
 use super::edge_weights::Query;
 use super::hit::{Unseen, vector};
+use super::holes::is_open_at;
 use super::layout::{FIRST_SUMS, NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
 use super::sums::{VELOCITIES, VERTICES, add_vector};
 use super::surface::displacement;
@@ -157,7 +158,15 @@ fn into_face(floats: &[f32], words: &[u32], face: u32, p: &EdgePoint) -> V3 {
 
 /// The faces of an edge that are seen on its two sides, the second towards `side`.
 #[cube]
-pub(super) fn sides(floats: &[f32], words: &[u32], p: &EdgePoint, view: V3, side: V3) -> Sides {
+pub(super) fn sides(
+    floats: &[f32],
+    words: &[u32],
+    p: &EdgePoint,
+    view: V3,
+    side: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> Sides {
     // Across the plane of the edge and the view, so that lateral places are comparable.
     let mut across = p.along.cross(view);
     if across.dot(side) < 0.0 {
@@ -179,7 +188,15 @@ pub(super) fn sides(floats: &[f32], words: &[u32], p: &EdgePoint, view: V3, side
             k = i / 2;
         }
         let face = words[(p.edge + k) as usize];
-        if face != NONE {
+        let mut there = face != NONE;
+        if comptime!(features.holes) {
+            if there {
+                let moves = comptime!(features.moves);
+                let at_rest = p.position - shift_of(floats, words, face, time, moves);
+                there = !is_open_at(floats, words, face, at_rest);
+            }
+        }
+        if there {
             let mut inward = into_face(floats, words, face, p);
             if p.crossing && i & 1 == 1 {
                 inward = -inward;

@@ -7,7 +7,7 @@ use super::edge_layout::{GROUP_OF_EMITTERS, GROUP_STRIDE, GROUPS, OF_GROUP, OF_G
 use super::edge_weights::Query;
 use super::hit::vector;
 use super::layout::{BOUNCES, CONE};
-use super::light::{all_seen_from, chance, choose};
+use super::light::{all_seen_from, chance, choose, delta_light, is_light};
 use super::numbers::Stream;
 use super::surface::Point;
 use super::{Derivatives, Features};
@@ -55,6 +55,8 @@ pub(super) struct Search {
     /// Emitters whose shadow it is of.
     pub first: u32,
     pub past: u32,
+    /// Whether that is a light without extent.
+    pub is_light: bool,
 }
 
 /// The cone that a group of emitters fills, widened by that of the rays; the hemisphere if it is wider.
@@ -82,6 +84,27 @@ fn towards_group(floats: &[f32], words: &[u32], group: u32, point: &Point, time:
         query.sin = half.sin;
     }
     query
+}
+
+/// The cone of rays to a light without extent.
+#[cube]
+fn towards_light(floats: &[f32], words: &[u32], k: u32, x: V3, time: f32) -> Query {
+    let half = widened(
+        SinCos {
+            sin: 0.0f32,
+            cos: 1.0f32,
+        },
+        floats[CONE],
+    );
+    Query {
+        x,
+        time,
+        axis: delta_light(floats, words, k).seen_from(x).direction,
+        cos: half.cos,
+        sin: half.sin,
+        exponent: 0.0f32,
+        shadows: true,
+    }
 }
 
 /// A query of a lobe.
@@ -134,6 +157,7 @@ pub(super) fn search(
         of_gloss: false,
         first: 0u32,
         past: 1u32,
+        is_light: false,
     };
     if of_light {
         if comptime!(features.emitters) {
@@ -164,7 +188,15 @@ pub(super) fn search(
                     s.moves = true;
                 }
                 s.scale = 1.0 / rate * (1.0 / p);
-                s.query = towards_group(floats, words, group, &o.point, time);
+                s.is_light = is_light(words, s.first, features);
+                if s.is_light {
+                    if comptime!(features.lights) {
+                        s.query = towards_light(floats, words, s.first, x, time);
+                        s.asked = floats[CONE] > 0.0;
+                    }
+                } else {
+                    s.query = towards_group(floats, words, group, &o.point, time);
+                }
             }
         }
     } else {

@@ -162,7 +162,7 @@ pub(super) fn film_jumps(
                 let along = c.project_along(p.position, p.along, lens.x, lens.y);
                 // To the right of the edge's image, on a film whose y points down.
                 let side = c.across * along.y + c.upward * along.x;
-                let beside = sides(floats, words, &p, view, side);
+                let beside = sides(floats, words, &p, view, side, time, features);
                 let ray = Ray {
                     origin,
                     direction: beside.past,

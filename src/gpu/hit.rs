@@ -4,6 +4,7 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
+use super::holes::is_open_at;
 use super::layout::{
     BOXES, CHILDREN, HIT_COUNT, HIT_NUMBERS, HIT_STRIDE, HITS, LEAF, LEAVES, NONE, ROOT,
 };
@@ -120,6 +121,28 @@ fn enter(floats: &[f32], at: u32, ray: Ray, inverse: V3, margin: f32, limit: f32
     t
 }
 
+/// Whether a ray passes a triangle that it meets, since there is a hole.
+#[cube]
+fn passes(
+    floats: &[f32],
+    words: &[u32],
+    at: u32,
+    triangle: u32,
+    ray: Ray,
+    t: f32,
+    #[comptime] features: Features,
+) -> bool {
+    let mut open = false;
+    if comptime!(features.holes) {
+        let mut point = ray.origin + ray.direction * t;
+        if comptime!(features.moves) {
+            point -= vector(floats, at + 17) * ray.time;
+        }
+        open = is_open_at(floats, words, triangle, point);
+    }
+    open
+}
+
 /// 1/d, of a number that is not too small.
 #[cube]
 fn safe_inverse(d: f32) -> f32 {
@@ -180,8 +203,10 @@ pub(super) fn trace(
                     if found < t {
                         let number = words[(words[HIT_NUMBERS] + k) as usize];
                         if !select || !unseen.contains(number) {
-                            t = found;
-                            triangle = number;
+                            if !passes(floats, words, at, number, ray, found, features) {
+                                t = found;
+                                triangle = number;
+                            }
                         }
                     }
                     k += 1;
@@ -224,10 +249,12 @@ pub(super) fn trace(
             let at = words[HITS] + k * HIT_STRIDE as u32;
             let found = meet(floats, at, ray, margin, t, features.moves);
             if found < t && (!select || !unseen.contains(k)) {
-                t = found;
-                triangle = k;
-                if any {
-                    k = words[HIT_COUNT] - 1;
+                if !passes(floats, words, at, k, ray, found, features) {
+                    t = found;
+                    triangle = k;
+                    if any {
+                        k = words[HIT_COUNT] - 1;
+                    }
                 }
             }
             k += 1;

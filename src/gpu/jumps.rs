@@ -9,17 +9,20 @@ use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES, SEED_OF
 use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
 use super::edge_search::{Observer, search};
 use super::hit::{Hit, Ray, trace, vector};
+use super::holes::is_open;
 use super::layout::{BOUNCES, CONE, NONE, SURFACE_STRIDE, SURFACES};
-use super::light::{emitter, sky};
+use super::light::{delta_light, emitter, sky};
+use super::light_backward::add_to_light;
 use super::numbers::numbers_of;
+use super::shadow_rays::{target_of, up_to_target};
 use super::side_light::{Behind, light_beside};
 use super::surface_backward::{PointGradient, add_to_corners, is_wanted};
+use super::texture::emission_at;
 use super::{Derivatives, Features};
-use crate::model::V3;
-use crate::model::cone::{bend, lifted, up_to_plane};
-use crate::model::edge::direction_jump;
-use crate::model::splat;
+use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
+use crate::model::edge::{direction_jump, mirrored};
 use crate::model::triangle::weights_at;
+use crate::model::{V3, splat, v2};
 
 /// Rays that are more parallel to an emitter than this don't meet it.
 const GRAZING: f32 = 1e-6;
@@ -39,6 +42,19 @@ struct LightBehind {
     object: u32,
 }
 
+/// No light, behind which there may be anything.
+#[cube]
+fn no_light() -> LightBehind {
+    LightBehind {
+        limit: f32::MAX.runtime(),
+        distance: 1.0f32,
+        weights: splat(0.0),
+        emission: splat(0.0),
+        triangle: 0u32,
+        object: 0u32,
+    }
+}
+
 #[cube]
 fn light_behind(
     floats: &[f32],
@@ -53,20 +69,21 @@ fn light_behind(
     #[comptime] features: Features,
 ) -> LightBehind {
     let e = emitter(floats, words, k, time, features);
-    let mut found = LightBehind {
-        limit: (-1.0f32).runtime(),
-        distance: 1.0f32,
-        weights: splat(0.0),
-        emission: e.emission,
-        triangle: e.triangle,
-        object: e.object,
-    };
+    let mut found = no_light();
+    found.limit = -1.0f32;
+    found.triangle = e.triangle;
+    found.object = e.object;
     let cosine = e.normal.dot(axis);
     if cosine < -GRAZING && !p.faces.contains(e.triangle) {
         let t = e.normal.dot(e.a - x) / cosine;
         let light = x + axis * t;
         let w = weights_at(e.a, e.b, e.c, e.normal, e.area, light);
-        if t > 0.0 && w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 {
+        let mut open = false;
+        if comptime!(features.holes) {
+            open = is_open(floats, words, e.triangle, w);
+        }
+        if t > 0.0 && w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 && !open {
+            found.emission = emission_at(floats, words, e.triangle, e.material, w, features);
             let limit = up_to_plane(start, past, e.normal, light);
             if p.to.length() < limit {
                 found.limit = limit;
@@ -74,6 +91,38 @@ fn light_behind(
             found.distance = t;
             found.weights = w;
         }
+    }
+    found
+}
+
+/// A light without extent behind an edge's point that rays bent about the direction to it come to. That direction is
+/// where it is, so that what is left of the integral over those of an emitter is the density with which it would be
+/// drawn about the edge's (`kernel/boundary/delta`).
+#[cube]
+fn delta_behind(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    p: &EdgePoint,
+    bent: &Bend,
+    outer: V3,
+    past: V3,
+    x: V3,
+    start: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> LightBehind {
+    let target = target_of(floats, words, k, v2(0.0, 0.0), x, time, features);
+    let mut image = p.to;
+    if bent.mirrored {
+        image = mirrored(p.to, outer);
+    }
+    let density = cone_density(bent.direction, image, floats[CONE]);
+    let mut found = no_light();
+    found.emission = target.radiance * (target.angle * density);
+    found.limit = up_to_target(&target, start, past);
+    if found.emission.is_zero() || p.to.dot(outer) <= 0.0 || p.to.length() >= found.limit {
+        found.limit = -1.0f32;
     }
     found
 }
@@ -143,10 +192,19 @@ pub(super) fn jumps_seen_from(
                 floats, words, edge_room, tree, &s.query, own, s.u, s.v, features, of,
             );
             let view = p.to.normalize();
-            let outer = shading.outer(view);
+            let mut outer = shading.outer(view);
+            let around = bend(view, outer, floats[CONE], s.cone_u, s.cone_v);
+            let mut axis = around.direction;
+            let mut k = s.first;
+            let mut past = s.past;
+            if s.is_light {
+                // A ray comes to the edge's point straight, or mirrored at the surface.
+                axis = s.query.axis;
+                outer = shading.outer(axis);
+                k = 0u32;
+                past = 2u32;
+            }
             let start = lifted(x, outer);
-            let bent = bend(view, outer, floats[CONE], s.cone_u, s.cone_v);
-            let axis = bent.direction;
             let mut reflected = splat(0.0);
             if p.per_density > 0.0 {
                 reflected = shading.evaluate(axis);
@@ -159,70 +217,99 @@ pub(super) fn jumps_seen_from(
                     }
                 }
             }
-            if !reflected.is_zero() {
-                let carried = o.carried.times(reflected) * (s.scale * p.per_density);
-                let jump = direction_jump(p.to, p.along, &bent, geometric);
-                let beside: Sides = sides(floats, words, &p, view, jump.side);
+            if reflected.is_zero() {
+                past = k;
+            }
+            let carried = o.carried.times(reflected) * (s.scale * p.per_density);
+            while k < past {
+                let mut bent = around;
+                let mut normal = geometric;
+                if s.is_light {
+                    normal = outer;
+                    bent.offset = splat(0.0);
+                    bent.mirrored = k == 1;
+                    bent.direction = axis;
+                }
+                let jump = direction_jump(p.to, p.along, &bent, normal);
+                let beside: Sides = sides(floats, words, &p, view, jump.side, time, features);
                 let on_minus = beside.minus != NONE;
                 let on_plus = beside.plus != NONE;
                 let mut sign = 1.0f32;
                 if on_minus {
                     sign = -1.0f32;
                 }
-                let mut k = s.first;
-                // Light passes on one side or on none; at the end of a path only the environment is seen.
-                if of_light && ((on_minus && on_plus) || (!on_minus && !on_plus)) {
-                    k = s.past;
-                }
-                if !of_light && last && on_minus && on_plus {
-                    k = s.past;
-                }
-                let mut scale = 0.0f32;
-                while k < s.past {
-                    let mut light = LightBehind {
-                        limit: f32::MAX.runtime(),
-                        distance: 1.0f32,
-                        weights: splat(0.0),
-                        emission: splat(0.0),
-                        triangle: 0u32,
-                        object: 0u32,
-                    };
-                    if comptime!(features.emitters) {
-                        if of_light {
-                            light = light_behind(
+                let mut light = no_light();
+                if comptime!(features.emitters) {
+                    if s.is_light {
+                        if comptime!(features.lights) {
+                            light = delta_behind(
                                 floats,
                                 words,
-                                k,
+                                s.first,
                                 &p,
+                                &bent,
+                                outer,
                                 beside.past,
                                 x,
                                 start,
-                                axis,
                                 time,
                                 features,
                             );
                         }
-                    }
-                    let mut hit = Hit {
-                        t: 0.0f32,
-                        triangle: 0u32,
-                    };
-                    if light.limit > 0.0 {
-                        let ray = Ray {
-                            origin: start,
-                            direction: beside.past,
+                    } else if of_light {
+                        light = light_behind(
+                            floats,
+                            words,
+                            k,
+                            &p,
+                            beside.past,
+                            x,
+                            start,
+                            axis,
                             time,
-                            from: 0.0f32,
-                            limit: light.limit,
-                        };
-                        hit = trace(floats, words, stack, ray, p.faces, of_light, true, features);
+                            features,
+                        );
                     }
-                    if of_light {
-                        if light.limit > 0.0 && hit.triangle == NONE {
-                            let jumps = carried.dot(light.emission) * sign;
-                            scale += jumps;
+                }
+                // Light passes on one side or on none; at the end of a path only the environment is seen.
+                if of_light && ((on_minus && on_plus) || (!on_minus && !on_plus)) {
+                    light.limit = -1.0f32;
+                }
+                if !of_light && last && on_minus && on_plus {
+                    light.limit = -1.0f32;
+                }
+                let mut hit = Hit {
+                    t: 0.0f32,
+                    triangle: 0u32,
+                };
+                if light.limit > 0.0 {
+                    let ray = Ray {
+                        origin: start,
+                        direction: beside.past,
+                        time,
+                        from: 0.0f32,
+                        limit: light.limit,
+                    };
+                    hit = trace(floats, words, stack, ray, p.faces, of_light, true, features);
+                }
+                let mut scale = 0.0f32;
+                if of_light {
+                    if light.limit > 0.0 && hit.triangle == NONE {
+                        scale = carried.dot(light.emission) * sign;
+                        let by_axis = jump.edge.by_axis * scale;
+                        if s.is_light {
+                            if comptime!(features.lights) {
+                                let delta = delta_light(floats, words, s.first);
+                                let seen = delta.seen_from(x);
+                                let found = delta.backward(&seen, 0.0f32, by_axis);
+                                by.position -= found.position;
+                                if comptime!(of.lights) {
+                                    let none = splat(0.0);
+                                    add_to_light(words, totals, scales, s.first, &found, none);
+                                }
+                            }
+                        } else {
                             // The axis points to a point of the light, which stays where it is on it.
-                            let by_axis = jump.edge.by_axis * jumps;
                             let by_to =
                                 by_axis.reject_from_normalized(axis) * (1.0 / light.distance);
                             by.position -= by_to;
@@ -240,56 +327,50 @@ pub(super) fn jumps_seen_from(
                                 );
                             }
                         }
-                    } else if !hides(floats, words, hit, &p, time, features) {
-                        let behind = Behind {
-                            hit,
-                            start,
-                            view,
-                            past: beside.past,
-                            minus: beside.minus,
-                            plus: beside.plus,
-                        };
-                        let numbers = numbers_of(
-                            words,
-                            SEED_OF_SIDES,
-                            path.numbers.pixel,
-                            path.numbers.sample,
-                            features.sobol,
-                        );
-                        let beginning = Beginning {
-                            numbers,
-                            cones: path.cones,
-                            film: numbers.direction(words, o.bounce, features.sobol),
-                            time,
-                            ray: path.ray,
-                        };
-                        let next = o.bounce + 1;
-                        let light = light_beside(
-                            floats, words, stack, beginning, next, !last, &p, &behind, false,
-                            features,
-                        );
-                        let jumps = carried.dot(light.radiance);
-                        scale += jumps;
-                        // Directions turn with the frame of the lobe.
-                        let drawn = shading.as_drawn(axis, s.of_gloss);
-                        shading.direction_backward(
-                            &drawn,
-                            jump.edge.by_axis * jumps,
-                            &mut by.shading,
-                        );
-                        if comptime!(features.gathers_map) {
-                            // Directions to a map stay where they are.
-                            let radiance = sky(floats, words, axis, features);
-                            scale += carried.dot(radiance) * light.sky;
-                        }
                     }
-                    k += 1;
+                } else if light.limit > 0.0 && !hides(floats, words, hit, &p, time, features) {
+                    let behind = Behind {
+                        hit,
+                        start,
+                        view,
+                        past: beside.past,
+                        minus: beside.minus,
+                        plus: beside.plus,
+                    };
+                    let numbers = numbers_of(
+                        words,
+                        SEED_OF_SIDES,
+                        path.numbers.pixel,
+                        path.numbers.sample,
+                        features.sobol,
+                    );
+                    let beginning = Beginning {
+                        numbers,
+                        cones: path.cones,
+                        film: numbers.direction(words, o.bounce, features.sobol),
+                        time,
+                        ray: path.ray,
+                    };
+                    let next = o.bounce + 1;
+                    let light = light_beside(
+                        floats, words, stack, beginning, next, !last, &p, &behind, false, features,
+                    );
+                    scale = carried.dot(light.radiance);
+                    // Directions turn with the frame of the lobe.
+                    let drawn = shading.as_drawn(axis, s.of_gloss);
+                    shading.direction_backward(&drawn, jump.edge.by_axis * scale, &mut by.shading);
+                    if comptime!(features.gathers_map) {
+                        // Directions to a map stay where they are.
+                        let radiance = sky(floats, words, axis, features);
+                        scale += carried.dot(radiance) * light.sky;
+                    }
                 }
                 if scale != 0.0 {
                     let by_to = jump.by_point(p.to, geometric, scale, &mut by.geometric);
                     by.position -= by_to;
                     add_to_edge(floats, words, totals, scales, &p, by_to, time, features, of);
                 }
+                k += 1;
             }
         }
     }

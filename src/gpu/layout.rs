@@ -39,7 +39,7 @@ pub(super) const NORMALS: usize = 21;
 pub(super) const MATERIALS: usize = 22;
 pub(super) const OF_MATERIALS: usize = 23;
 pub(super) const TEXELS: usize = 24;
-/// Words: triangles of emitters. Floats: radiance and fixed probability of each.
+/// Words: triangles of emitters. Floats: brightness and fixed probability of each, and of lights without extent.
 pub(super) const EMITTERS: usize = 25;
 pub(super) const OF_EMITTERS: usize = 26;
 pub(super) const EMITTER_COUNT: usize = 27;
@@ -62,7 +62,24 @@ pub(super) const VERTEX_ROWS: usize = 37;
 pub(super) const WANTED_OBJECTS: usize = 38;
 /// The first sum of each part ([`sums`](super::sums)).
 pub(super) const FIRST_SUMS: usize = 40;
-pub(super) const HEADER: usize = 80;
+/// Floats: colours at corners, and tangents with the sides of their bitangents, four numbers each. Words: the rows of
+/// those of each triangle, or [`NONE`].
+pub(super) const COLOURS: usize = 80;
+pub(super) const COLOUR_ROWS: usize = 81;
+pub(super) const TANGENTS: usize = 82;
+pub(super) const TANGENT_ROWS: usize = 83;
+/// Words: the place of each triangle among those with a mask, or [`NONE`], and the mask of each of these, as textures
+/// are told. Floats: [`OF_MASKED`] for each of them, and what masks hold.
+pub(super) const MASKED: usize = 84;
+pub(super) const MASKS: usize = 85;
+pub(super) const MASKED_UVS: usize = 86;
+pub(super) const ALPHAS: usize = 87;
+/// Lights without extent. Floats: [`OF_LIGHT`] each. Words: their bits.
+pub(super) const LIGHTS: usize = 88;
+pub(super) const LIGHT_BITS: usize = 89;
+/// The number of triangles among emitters; lights without extent follow them.
+pub(super) const EMISSIVE_COUNT: usize = 90;
+pub(super) const HEADER: usize = 96;
 
 /// Floats of the header: the camera, then the tangent of cones.
 pub(super) const CAMERA: usize = 0;
@@ -76,10 +93,19 @@ pub(super) const FLOAT_HEADER: usize = 48;
 pub(super) const HIT_STRIDE: usize = 20;
 pub(super) const SURFACE_STRIDE: usize = 16;
 pub(super) const OF_TRIANGLE: usize = 8;
-pub(super) const OF_MATERIAL: usize = 20;
+pub(super) const OF_MATERIAL: usize = 24;
+/// The texture of a material's normal map among its words.
+pub(super) const NORMAL_MAP: usize = 17;
+pub(super) const OF_LIGHT: usize = 12;
+/// Texture coordinates of the corners of a triangle with a mask, and the alpha under which it has a hole.
+pub(super) const OF_MASKED: usize = 8;
 /// A child that is a leaf.
 pub(super) const LEAF: u32 = 1 << 31;
 pub(super) const NONE: u32 = u32::MAX;
+/// Bits of a light without extent, the last where derivatives by it are asked for.
+pub(super) const DIRECTIONAL: u32 = 1;
+pub(super) const SPOT: u32 = 2;
+pub(super) const WANTED: u32 = 4;
 /// Bits of a material.
 pub(super) const EMITS: u32 = 1;
 pub(super) const REFLECTS: u32 = 2;

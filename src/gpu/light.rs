@@ -7,10 +7,13 @@ use burn::cubecl::{self, prelude::*};
 use super::Features;
 use super::hit::vector;
 use super::layout::{
-    EMITTER_COUNT, EMITTERS, NONE, OF_EMITTERS, OF_TRIANGLE, OF_TRIANGLES, SKY, SKY_CHANCES,
-    SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SURFACE_STRIDE, SURFACES,
+    DIRECTIONAL, EMISSIVE_COUNT, EMITTER_COUNT, EMITTERS, LIGHT_BITS, LIGHTS, NONE, OF_EMITTERS,
+    OF_LIGHT, OF_TRIANGLE, OF_TRIANGLES, SKY, SKY_CHANCES, SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS,
+    SKY_WIDTH, SPOT, SURFACE_STRIDE, SURFACES,
 };
-use super::surface::{Cell, displacement, emission_of, in_cell};
+use super::surface::displacement;
+use super::texture::{Cell, in_cell};
+use crate::model::delta_light::DeltaLight;
 use crate::model::frame::sin_cos_of_turns;
 use crate::model::triangle::{solid_angle, weights_at};
 use crate::model::{V2, V3, splat, v2, v3};
@@ -24,7 +27,6 @@ pub(super) struct Emitter {
     pub c: V3,
     pub normal: V3,
     pub area: f32,
-    pub emission: V3,
     pub triangle: u32,
     pub material: u32,
     pub object: u32,
@@ -50,17 +52,43 @@ pub(super) fn emitter(
         c: vector(floats, at + 6) + shift,
         normal: vector(floats, at + 9),
         area: floats[at as usize + 13],
-        emission: emission_of(floats, words, material),
         triangle,
         material,
         object,
     }
 }
 
+/// Whether an emitter is a light without extent.
+#[cube]
+pub(super) fn is_light(words: &[u32], k: u32, #[comptime] features: Features) -> bool {
+    let mut found = false;
+    if comptime!(features.lights) {
+        found = k >= words[EMISSIVE_COUNT];
+    }
+    found
+}
+
+/// The light without extent that an emitter is.
+#[cube]
+pub(super) fn delta_light(floats: &[f32], words: &[u32], k: u32) -> DeltaLight {
+    let i = k - words[EMISSIVE_COUNT];
+    let at = words[LIGHTS] + OF_LIGHT as u32 * i;
+    let bits = words[(words[LIGHT_BITS] + i) as usize];
+    DeltaLight {
+        position: vector(floats, at),
+        axis: vector(floats, at + 3),
+        strength: vector(floats, at + 6),
+        directional: bits & DIRECTIONAL != 0,
+        spot: bits & SPOT != 0,
+        cos_inner: floats[at as usize + 9],
+        cos_outer: floats[at as usize + 10],
+    }
+}
+
 /// Emitters under a glancing angle are chosen with at least this share of their power's probability.
 const BY_POWER: f32 = 0.1;
 
-/// Radiance times the solid angle under which a point sees an emitter.
+/// Radiance times the solid angle under which a point sees an emitter; about the irradiance by a light without extent.
 #[cube]
 fn seen_from(
     floats: &[f32],
@@ -70,9 +98,17 @@ fn seen_from(
     time: f32,
     #[comptime] features: Features,
 ) -> f32 {
-    let e = emitter(floats, words, k, time, features);
-    let radiance = floats[(words[EMITTERS] + 2 * k) as usize];
-    radiance * solid_angle(e.a, e.b, e.c, x).max(0.0)
+    let brightness = floats[(words[EMITTERS] + 2 * k) as usize];
+    let mut seen = 0.0f32;
+    if is_light(words, k, features) {
+        if comptime!(features.lights) {
+            seen = delta_light(floats, words, k).seen_from(x).scale;
+        }
+    } else {
+        let e = emitter(floats, words, k, time, features);
+        seen = solid_angle(e.a, e.b, e.c, x).max(0.0);
+    }
+    brightness * seen
 }
 
 /// The sum over emitters of [`seen_from`], by which probabilities are divided.
@@ -187,7 +223,7 @@ pub(super) fn next_emitter_hit(
     time: f32,
     #[comptime] features: Features,
 ) -> EmitterHit {
-    let count = words[EMITTER_COUNT];
+    let count = words[EMISSIVE_COUNT];
     let mut found = NONE.runtime();
     let mut weights = v2(0.0, 0.0);
     let mut k = from;
@@ -246,10 +282,10 @@ pub(super) fn cell_of_map(words: &[u32], direction: V3) -> Cell {
     let above = (top as i32).max(0).min(last) as u32 * words[SKY_WIDTH];
     let below = (top as i32 + 1).max(0).min(last) as u32 * words[SKY_WIDTH];
     Cell {
-        a: 3 * (above + i),
-        b: 3 * (above + j),
-        c: 3 * (below + i),
-        d: 3 * (below + j),
+        a: above + i,
+        b: above + j,
+        c: below + i,
+        d: below + j,
         x: x - left,
         y: y - top,
     }

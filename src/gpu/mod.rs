@@ -19,6 +19,8 @@
 
 mod backward;
 mod camera;
+mod corners;
+mod corners_backward;
 mod counts;
 mod device;
 mod edge_layout;
@@ -28,6 +30,7 @@ mod edge_tree;
 mod edge_weights;
 mod film;
 mod hit;
+mod holes;
 mod integers;
 mod job;
 mod jumps;
@@ -35,9 +38,11 @@ mod launch;
 mod launch_backward;
 mod layout;
 mod light;
+mod light_backward;
 mod list;
 mod numbers;
 mod packed;
+mod packed_details;
 mod packed_scene;
 mod passes;
 mod path;
@@ -48,6 +53,8 @@ mod side_light;
 mod sums;
 mod surface;
 mod surface_backward;
+mod texture;
+mod texture_backward;
 
 use burn::cubecl::{self, prelude::*};
 
@@ -81,9 +88,14 @@ pub(crate) struct Features {
     pub parallel: bool,
     pub smooth: bool,
     pub textured: bool,
+    pub tinted: bool,
+    pub tilted: bool,
+    pub glows: bool,
+    pub holes: bool,
     pub glossy: bool,
     pub facets: bool,
     pub emitters: bool,
+    pub lights: bool,
     pub by_solid_angle: bool,
     pub combined: bool,
     pub sky_constant: bool,
@@ -107,9 +119,14 @@ impl Features {
             parallel: view.camera.parallel,
             smooth: scene.smooth,
             textured: scene.textured,
+            tinted: !scene.colours.values.is_empty(),
+            tilted: scene.tilted && !scene.tangents.values.is_empty(),
+            glows: scene.materials.iter().any(Material::glows),
+            holes: scene.holes.is_some(),
             glossy: scene.glossy,
             facets: scene.materials.iter().any(|m| m.kind.bsdf != Bsdf::Phong),
             emitters: !scene.emitters.is_empty(),
+            lights: !scene.emitters.lights().is_empty(),
             by_solid_angle: scene.emitters.depends_on_position(),
             combined: view.combined,
             sky_constant: matches!(scene.sky, Sky::Constant(_)),
@@ -132,8 +149,11 @@ pub(crate) struct Derivatives {
     pub velocities: bool,
     pub uvs: bool,
     pub normals: bool,
+    pub colours: bool,
+    pub tangents: bool,
     pub materials: bool,
     pub emission: bool,
+    pub lights: bool,
     pub sky: bool,
     pub camera: bool,
     /// Whether directions that are drawn turn while surfaces stand still.
@@ -161,6 +181,9 @@ impl Derivatives {
             velocities: wanted.velocities,
             uvs: wanted.uvs,
             normals: wanted.normals,
+            colours: wanted.colours,
+            tangents: wanted.tangents,
+            lights: wanted.lights.contains(&true),
             materials: wanted.materials,
             emission: wanted.emission,
             sky: wanted.sky,
@@ -174,11 +197,7 @@ impl Derivatives {
 /// with the host's so far.
 pub(crate) fn knows(view: &View) -> bool {
     let scene = &view.scene;
-    let plain = scene.colours.values.is_empty() && !scene.tilted && scene.holes.is_none();
-    let lights = &scene.emitters;
-    let other = |m: &Material| m.glows() || m.kind.bsdf != Bsdf::Phong;
-    let materials = !scene.materials.iter().any(other);
-    plain && materials && lights.lights().is_empty() && !lights.are_many()
+    !scene.emitters.are_many()
 }
 
 /// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::layout::{
-    BOXES, CHILDREN, COMPENSATED, COUNTED, EMITS, EMITTER_COUNT, EMITTERS, GLOSSY, HEADER,
-    HIT_COUNT, HIT_NUMBERS, HITS, LEAVES, MATERIALS, MODEL, NONE, NORMALS, OF_EMITTERS,
+    BOXES, CHILDREN, COMPENSATED, COUNTED, EMISSIVE_COUNT, EMITS, EMITTER_COUNT, EMITTERS, GLOSSY,
+    HEADER, HIT_COUNT, HIT_NUMBERS, HITS, LEAVES, MATERIALS, MODEL, NONE, NORMALS, OF_EMITTERS,
     OF_MATERIAL, OF_MATERIALS, OF_TRIANGLES, REFLECTS, ROOT, SKY, SKY_CHANCES, SKY_COLUMNS,
     SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SURFACES, TEXELS, UVS, VELOCITIES, VERTEX_ROWS,
     WANTED_OBJECTS,
@@ -44,8 +44,11 @@ impl PackedScene {
         };
         packed.add_tree(view, &tree);
         packed.add_surfaces(view);
+        packed.add_corners(view);
+        packed.add_masks(view);
         packed.add_materials(view);
         packed.add_emitters(view);
+        packed.add_lights(view);
         packed.add_sky(view);
         packed.add_edges(view);
         packed
@@ -152,8 +155,9 @@ impl PackedScene {
                 | (MODEL * model_of(m.kind.bsdf));
             let end = self.words.len() + OF_MATERIAL;
             self.words.push(bits);
-            for c in &m.channels {
-                self.words.extend(match c.texture {
+            let textures = m.channels.iter().map(|c| c.texture);
+            for texture in textures.chain([m.normal_map]) {
+                self.words.extend(match texture {
                     None => [NONE; 4],
                     Some(Texture {
                         offset,
@@ -171,13 +175,15 @@ impl PackedScene {
 
     fn add_emitters(&mut self, view: &View) {
         let emitters = &view.scene.emitters;
-        self.header[EMITTER_COUNT] = emitters.all().len() as u32;
+        let count = emitters.all().len() + emitters.lights().len();
+        self.header[EMITTER_COUNT] = count as u32;
+        self.header[EMISSIVE_COUNT] = emitters.all().len() as u32;
         self.words_at(OF_EMITTERS);
         let triangles = emitters.all().map(|k| emitters.get(k).triangle);
         self.words.extend(triangles);
         self.floats_at(EMITTERS);
-        for k in emitters.all() {
-            let numbers = [emitters.get(k).radiance, emitters.fixed[k]];
+        for k in 0..count {
+            let numbers = [emitters.brightness(k), emitters.fixed[k]];
             self.floats.extend(numbers);
         }
     }
@@ -206,7 +212,7 @@ impl PackedScene {
 }
 
 /// A way to go on outside of a texture, as kernels know it.
-fn number_of(wrap: Wrap) -> u32 {
+pub(super) fn number_of(wrap: Wrap) -> u32 {
     match wrap {
         Wrap::Repeat => 0,
         Wrap::Clamp => 1,

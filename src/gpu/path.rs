@@ -10,17 +10,17 @@ use super::camera::Beginning;
 use super::hit::{Hit, Ray, see_all, trace};
 use super::layout::{BOUNCES, CONE, NONE, ROULETTE_AFTER};
 use super::light::{
-    Choice, all_seen_from, chance, choose, choose_direction, emitter, next_emitter_hit, sky,
+    Choice, all_seen_from, chance, choose, choose_direction, next_emitter_hit, sky,
 };
 use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
     keep_vector, record_at,
 };
-use super::shadow_rays::{Receiver, ShadowRay, no_point, towards_emitter, towards_map};
+use super::shadow_rays::{Receiver, ShadowRay, no_point, target_of, towards_map, towards_target};
 use super::surface::point_at;
 use crate::model::bsdf::Scatter;
 use crate::model::cone::{bend, lifted};
-use crate::model::{Pair, V3, splat};
+use crate::model::{Pair, V3, splat, v2};
 
 /// The surface that a camera ray sees, and the light that its path brings back.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
@@ -328,8 +328,8 @@ pub(super) fn path_light(
             if k == NONE {
                 purpose = TO_MAP;
             } else {
-                let e = emitter(floats, words, k, time, features);
-                chosen = towards_emitter(floats, &from, e, b, c, p, combined, along);
+                let target = target_of(floats, words, k, v2(b, c), x, time, features);
+                chosen = towards_target(floats, &from, &target, p, combined, along);
             }
         }
         if purpose == TO_MAP || purpose == TO_MAP_ALONG {

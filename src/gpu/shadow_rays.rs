@@ -3,13 +3,15 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
+use super::holes::is_open;
 use super::layout::{CONE, NONE};
-use super::light::{Emitter, density_of_direction, sky};
+use super::light::{delta_light, density_of_direction, emitter, is_light, sky};
 use super::surface::Point;
+use super::texture::emission_at;
 use crate::model::bsdf::Known;
 use crate::model::cone::{bend, lifted, up_to_plane};
 use crate::model::emitter::{LightPoint, power_heuristic};
-use crate::model::{Pair, V3, splat, v2};
+use crate::model::{Pair, V2, V3, splat, v2, v3};
 
 /// A ray to a light, and the light that it brings if nothing is in between. Its limit is less than 0 if there
 /// is none.
@@ -33,22 +35,98 @@ pub(super) struct Receiver {
     pub sum: f32,
 }
 
-/// A ray to a point of an emitter. `by_scattering` says by which of two strategies the point was found, if
-/// `combined`.
+/// What of an emitter a point is connected to.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Target {
+    /// The unit vector to it.
+    pub direction: V3,
+    /// A place of it, and the normal of the plane in which rays to it end.
+    pub place: V3,
+    pub normal: V3,
+    /// Whether it is far away from everything.
+    pub distant: bool,
+    /// Radiance, or the strength of a light without extent.
+    pub radiance: V3,
+    /// What radiance is multiplied by where all of it arrives: a solid angle, or the scale of a light without extent; 0
+    /// where nothing arrives.
+    pub angle: f32,
+    pub is_light: bool,
+}
+
+/// The point of an emitter with these weights of its corners b and c, or a light without extent.
 #[cube]
-pub(super) fn towards_emitter(
+pub(super) fn target_of(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    weights: V2,
+    x: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> Target {
+    let zero = splat(0.0);
+    let mut target = Target {
+        direction: zero,
+        place: zero,
+        normal: zero,
+        distant: false.runtime(),
+        radiance: zero,
+        angle: 0.0f32.runtime(),
+        is_light: is_light(words, k, features),
+    };
+    if target.is_light {
+        if comptime!(features.lights) {
+            let light = delta_light(floats, words, k);
+            let seen = light.seen_from(x);
+            target.direction = seen.direction;
+            target.place = light.position;
+            target.normal = -seen.direction;
+            target.distant = light.directional;
+            target.radiance = light.strength;
+            target.angle = seen.scale;
+        }
+    } else {
+        let e = emitter(floats, words, k, time, features);
+        let corners = v3(1.0 - weights.x - weights.y, weights.x, weights.y);
+        let place = e.a * corners.x + e.b * corners.y + e.c * corners.z;
+        let seen = LightPoint::new(place - x, e.normal);
+        let mut open = false;
+        if comptime!(features.holes) {
+            open = is_open(floats, words, e.triangle, corners);
+        }
+        target.direction = seen.direction;
+        target.place = place;
+        target.normal = e.normal;
+        target.radiance = emission_at(floats, words, e.triangle, e.material, corners, features);
+        if seen.facing > 0.0 && !open {
+            target.angle = seen.solid_angle(e.area);
+        }
+    }
+    target
+}
+
+/// The distance at which a ray about the direction to a target ends.
+#[cube]
+pub(super) fn up_to_target(target: &Target, start: V3, direction: V3) -> f32 {
+    let mut limit = f32::MAX.runtime();
+    if !target.distant {
+        limit = up_to_plane(start, direction, target.normal, target.place);
+    }
+    limit
+}
+
+/// A ray to a target. `by_scattering` says by which of two strategies it was found, if `combined`.
+#[cube]
+pub(super) fn towards_target(
     floats: &[f32],
     from: &Receiver,
-    e: Emitter,
-    b: f32,
-    c: f32,
+    target: &Target,
     chance: f32,
     combined: bool,
     by_scattering: bool,
 ) -> ShadowRay {
-    let light = e.a * (1.0 - b - c) + e.b * b + e.c * c;
-    let seen = LightPoint::new(light - from.point.position, e.normal);
-    let direction = seen.direction;
+    let direction = target.direction;
     let reflected = from.point.shading.evaluate(direction);
     let outer = from.point.shading.outer(direction);
     let start = lifted(from.point.position, outer);
@@ -58,17 +136,16 @@ pub(super) fn towards_emitter(
         limit: (-1.0f32).runtime(),
         light: splat(0.0),
     };
-    if seen.facing > 0.0 && !reflected.is_zero() {
+    if target.angle > 0.0 && !reflected.is_zero() {
         let bent = bend(direction, outer, floats[CONE], from.cone_u, from.cone_v);
         ray.direction = bent.direction;
-        ray.limit = up_to_plane(start, bent.direction, e.normal, light);
-        let angle = seen.solid_angle(e.area);
+        ray.limit = up_to_target(target, start, bent.direction);
         let mut density = chance;
-        if combined {
-            let other = from.point.shading.density(direction) * angle;
+        if combined && !target.is_light {
+            let other = from.point.shading.density(direction) * target.angle;
             density = power_heuristic(chance, other, by_scattering);
         }
-        ray.light = reflected.times(e.emission) * (angle / density);
+        ray.light = reflected.times(target.radiance) * (target.angle / density);
     }
     ray
 }

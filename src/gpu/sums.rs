@@ -11,7 +11,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::integers::total;
-use crate::kernel::{Sums, View};
+use crate::kernel::{DeltaSums, Sums, View};
 use crate::model::V3;
 
 /// Parts of a scene, each with a power of two of its own.
@@ -24,8 +24,11 @@ pub(super) const NORMALS: usize = 5;
 pub(super) const MATERIALS: usize = 6;
 pub(super) const TEXELS: usize = 7;
 pub(super) const SKY: usize = 8;
-pub(super) const CAMERA: usize = 9;
-pub(super) const PARTS: usize = 10;
+pub(super) const COLOURS: usize = 9;
+pub(super) const TANGENTS: usize = 10;
+pub(super) const LIGHTS: usize = 11;
+pub(super) const CAMERA: usize = 12;
+pub(super) const PARTS: usize = 13;
 
 /// Words before the sums of a replica: the largest derivative of each part, by its bits, then the number of those
 /// that no sum holds.
@@ -67,6 +70,9 @@ impl Places {
                     12 * sums.materials.len(),
                     3 * sums.texels.len(),
                     3 * sums.sky.len(),
+                    3 * sums.colours.len(),
+                    3 * sums.tangents.len(),
+                    11 * sums.lights.len(),
                 ];
                 for (first, n) in first.iter_mut().zip(counts) {
                     *first = places.count as u32;
@@ -134,6 +140,11 @@ impl Places {
         fill(&mut sums.normals, NORMALS);
         fill(&mut sums.texels, TEXELS);
         fill(&mut sums.sky, SKY);
+        fill(&mut sums.colours, COLOURS);
+        fill(&mut sums.tangents, TANGENTS);
+        for (i, light) in sums.lights.iter_mut().enumerate() {
+            *light = DeltaSums::of(|k| number(LIGHTS, 11 * i + k));
+        }
         for (i, t) in sums.triangles.iter_mut().enumerate() {
             t.normal = vector(TRIANGLES, i);
             t.area = number(AREAS, i);

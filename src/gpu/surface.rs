@@ -3,14 +3,16 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
+use super::corners::{Corners, corners_of, normal_at, normal_rows, tilt_at, uv_at};
 use super::hit::vector;
 use super::layout::{
-    COMPENSATED, EMITS, GLOSSY, MATERIALS, MODEL, NONE, NORMALS, OF_MATERIAL, OF_MATERIALS,
-    OF_TRIANGLE, OF_TRIANGLES, REFLECTS, SURFACE_STRIDE, SURFACES, TEXELS, UVS, VELOCITIES,
+    COLOUR_ROWS, COLOURS, COMPENSATED, EMITS, GLOSSY, MODEL, NONE, OF_MATERIAL, OF_MATERIALS,
+    OF_TRIANGLE, OF_TRIANGLES, REFLECTS, SURFACE_STRIDE, SURFACES, VELOCITIES,
 };
+use super::texture::{EMISSION, colour};
 use crate::model::bsdf::{Known, Shading};
 use crate::model::triangle::weights_at;
-use crate::model::{Pair, V2, V3, splat, v2};
+use crate::model::{Pair, V2, V3, splat};
 
 /// A point that a ray hit.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
@@ -31,12 +33,6 @@ pub(super) struct Point {
     pub uv: V2,
 }
 
-/// Normals of corners may cancel where they are interpolated.
-const TINY: f32 = 1e-15;
-
-/// The place of one of the emission's constants among those of a material.
-const EMISSION: u32 = 9;
-
 /// The displacement of an object at a time in the shutter.
 #[cube]
 pub(super) fn displacement(
@@ -51,12 +47,6 @@ pub(super) fn displacement(
         shift = vector(floats, words[VELOCITIES] + 3 * object) * time;
     }
     shift
-}
-
-/// What a material emits from its front.
-#[cube]
-pub(super) fn emission_of(floats: &[f32], words: &[u32], material: u32) -> V3 {
-    vector(floats, words[MATERIALS] + 12 * material + EMISSION)
 }
 
 /// The point of a triangle, about there, seen along a direction.
@@ -91,67 +81,38 @@ pub(super) fn point_at(
     let geometric = front * side;
     let weights = weights_at(a, b, c, front, area, at_rest);
     let mut smooth = false;
-    let mut normal = geometric;
     if comptime!(features.smooth) {
-        if words[row + 5] != NONE {
+        smooth = words[normal_rows(words, triangle)] != NONE;
+    }
+    let interpolates = comptime!(features.smooth);
+    let mut normal = normal_at(floats, words, triangle, weights, geometric, interpolates);
+    let textured = comptime!(features.textured);
+    let uv = uv_at(floats, words, triangle, weights, textured);
+    if comptime!(features.tilted) {
+        let front = normal * side;
+        let at = tilt_at(floats, words, triangle, material, weights, uv, front);
+        if at.exists {
+            normal = at.tilt.tilted() * side;
             smooth = true;
-            let first = words[NORMALS];
-            let sum = vector(floats, first + 3 * words[row + 5]) * weights.x
-                + vector(floats, first + 3 * words[row + 6]) * weights.y
-                + vector(floats, first + 3 * words[row + 7]) * weights.z;
-            let mut inverse = 1.0 / sum.length().max(TINY);
-            if sum.dot(geometric) < 0.0 {
-                inverse = -inverse;
-            }
-            normal = sum * inverse;
         }
     }
-    let mut uv = v2(0.0, 0.0);
-    if comptime!(features.textured) {
-        if words[row + 2] != NONE {
-            let i = (words[UVS] + 2 * words[row + 2]) as usize;
-            let j = (words[UVS] + 2 * words[row + 3]) as usize;
-            let k = (words[UVS] + 2 * words[row + 4]) as usize;
-            uv = v2(
-                floats[i] * weights.x + floats[j] * weights.y + floats[k] * weights.z,
-                floats[i + 1] * weights.x + floats[j + 1] * weights.y + floats[k + 1] * weights.z,
-            );
+    let bits = words[(words[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize];
+    let mut diffuse = colour(floats, words, material, 0u32, uv, textured);
+    if comptime!(features.tinted) {
+        let rows = (words[COLOUR_ROWS] + 3 * triangle) as usize;
+        if words[rows] != NONE {
+            let corners: Corners = corners_of(floats, words, words[COLOURS], rows, 3u32);
+            diffuse = diffuse.times(corners.at(weights));
         }
     }
-    let constants = words[MATERIALS] + 12 * material;
-    let of_material = (words[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize;
-    let bits = words[of_material];
-    let diffuse = colour(
-        floats,
-        words,
-        constants,
-        of_material + 1,
-        uv,
-        features.textured,
-    );
     let mut specular = splat(0.0);
     let mut exponent = 0.0f32;
     let mut glossy = false;
     if comptime!(features.glossy) {
         if bits & GLOSSY != 0 {
             glossy = true;
-            specular = colour(
-                floats,
-                words,
-                constants + 3,
-                of_material + 5,
-                uv,
-                features.textured,
-            );
-            exponent = colour(
-                floats,
-                words,
-                constants + 6,
-                of_material + 9,
-                uv,
-                features.textured,
-            )
-            .x;
+            specular = colour(floats, words, material, 1u32, uv, textured);
+            exponent = colour(floats, words, material, 2u32, uv, textured).x;
         }
     }
     let mut model = 0u32;
@@ -162,7 +123,7 @@ pub(super) fn point_at(
     }
     let mut emission = splat(0.0);
     if side > 0.0 && bits & EMITS != 0 {
-        emission = emission_of(floats, words, material);
+        emission = colour(floats, words, material, EMISSION, uv, features.glows);
     }
     Point {
         position: at_rest + shift,
@@ -194,94 +155,4 @@ pub(super) fn point_at(
         weights,
         uv,
     }
-}
-
-/// Four texels about a point, by where they begin among the floats or sums, and its place between their centres.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-pub(super) struct Cell {
-    pub a: u32,
-    pub b: u32,
-    pub c: u32,
-    pub d: u32,
-    pub x: f32,
-    pub y: f32,
-}
-
-/// The cell of a texture coordinate, of the texels from 0 on.
-#[cube]
-pub(super) fn cell_of_texture(words: &[u32], texture: usize, uv: V2) -> Cell {
-    let width = words[texture + 1];
-    let height = words[texture + 2];
-    let wrap = words[texture + 3];
-    let x = uv.x * width as f32 - 0.5;
-    let y = (1.0 - uv.y) * height as f32 - 0.5;
-    let left = x.floor();
-    let top = y.floor();
-    let i = left as i32;
-    let j = top as i32;
-    let first = words[texture];
-    let above = first + wrapped(j, height, wrap) * width;
-    let below = first + wrapped(j + 1, height, wrap) * width;
-    let before = wrapped(i, width, wrap);
-    let behind = wrapped(i + 1, width, wrap);
-    Cell {
-        a: 3 * (above + before),
-        b: 3 * (above + behind),
-        c: 3 * (below + before),
-        d: 3 * (below + behind),
-        x: x - left,
-        y: y - top,
-    }
-}
-
-/// A colour of a material: a constant, or looked up in its texture.
-#[cube]
-fn colour(
-    floats: &[f32],
-    words: &[u32],
-    constant: u32,
-    texture: usize,
-    uv: V2,
-    #[comptime] textured: bool,
-) -> V3 {
-    let mut found = vector(floats, constant);
-    if textured {
-        if words[texture] != NONE {
-            found = in_cell(floats, words[TEXELS], cell_of_texture(words, texture, uv));
-        }
-    }
-    found
-}
-
-/// The colour of a cell.
-#[cube]
-pub(super) fn in_cell(floats: &[f32], texels: u32, cell: Cell) -> V3 {
-    let a = vector(floats, texels + cell.a);
-    let b = vector(floats, texels + cell.b);
-    let c = vector(floats, texels + cell.c);
-    let d = vector(floats, texels + cell.d);
-    let x = cell.x;
-    let y = cell.y;
-    a * ((1.0 - x) * (1.0 - y)) + b * (x * (1.0 - y)) + c * ((1.0 - x) * y) + d * (x * y)
-}
-
-/// The texel for any integer coordinate (`Wrap::texel`).
-#[cube]
-fn wrapped(i: i32, size: u32, wrap: u32) -> u32 {
-    let n = size as i32;
-    let mut texel = i;
-    if wrap == 1 {
-        texel = i.max(0).min(n - 1);
-    } else {
-        let mut period = n;
-        if wrap == 2 {
-            period = 2 * n;
-        }
-        texel = ((i % period) + period) % period;
-        if texel >= n {
-            texel = 2 * n - 1 - texel;
-        }
-    }
-    texel as u32
 }

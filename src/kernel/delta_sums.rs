@@ -37,6 +37,19 @@ impl DeltaSums {
         self.cos_outer += f64::from(by.cos_outer);
     }
 
+    /// From its numbers: position, axis, strength and both cosines.
+    #[cfg(feature = "wgpu")]
+    pub fn of(number: impl Fn(usize) -> f64) -> Self {
+        let vector = |first: usize| DVec3::new(number(first), number(first + 1), number(first + 2));
+        Self {
+            position: vector(0),
+            axis: vector(3),
+            strength: vector(6),
+            cos_inner: number(9),
+            cos_outer: number(10),
+        }
+    }
+
     /// Adds the derivative by a parameter of the scene's i-th light.
     pub fn write(&self, scene: &KernelScene, i: usize, part: LightPart, to: &mut [f64]) {
         let light = &scene.emitters.lights()[i];

@@ -26,6 +26,8 @@ mod walk;
 
 pub(crate) use boundary::{FilmEdges, PixelGradients};
 pub(crate) use camera::HostCamera;
+#[cfg(feature = "wgpu")]
+pub(crate) use delta_sums::DeltaSums;
 pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]
 pub(crate) use edges::FlatTree;

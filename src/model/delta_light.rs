@@ -88,7 +88,7 @@ impl DeltaLight {
     #[inline(always)]
     fn within(&self, cosine: f32) -> f32 {
         let width = (self.cos_inner - self.cos_outer).max(NARROW);
-        ((cosine - self.cos_outer) / width).clamp(0.0, 1.0)
+        ((cosine - self.cos_outer) / width).max(0.0).min(1.0)
     }
 
     /// As a point sees it.

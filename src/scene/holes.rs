@@ -4,7 +4,7 @@ use super::wrap::Wrap;
 
 /// A mask on the host.
 #[derive(Debug)]
-pub(super) struct Mask {
+pub(crate) struct Mask {
     /// Row after row.
     pub alpha: Vec<f32>,
     pub width: usize,
@@ -31,18 +31,18 @@ impl Mask {
 
 /// A triangle with a mask: the mask's number, and texture coordinates of the corners.
 #[derive(Debug)]
-struct Masked {
-    mask: u32,
-    uvs: [[f32; 2]; 3],
+pub(crate) struct Masked {
+    pub mask: u32,
+    pub uvs: [[f32; 2]; 3],
 }
 
 /// The holes of a scene's triangles.
 #[derive(Debug)]
 pub(crate) struct Holes {
     /// The place of each triangle among those with a mask, `u32::MAX` for one without.
-    of_triangle: Vec<u32>,
-    triangles: Vec<Masked>,
-    masks: Vec<Mask>,
+    pub of_triangle: Vec<u32>,
+    pub triangles: Vec<Masked>,
+    pub masks: Vec<Mask>,
 }
 
 impl Holes {

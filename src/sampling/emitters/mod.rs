@@ -176,7 +176,7 @@ impl Emitters {
         self.light(*self.groups[group].members.first()? as usize)
     }
 
-    fn group_of(&self, emitter: usize) -> usize {
+    pub fn group_of(&self, emitter: usize) -> usize {
         match self.light(emitter) {
             None => self.list[emitter].group as usize,
             Some(light) => self.group_of_light[light] as usize,
@@ -200,6 +200,15 @@ impl Emitters {
 
     pub fn get(&self, emitter: usize) -> &Emitter {
         &self.list[emitter]
+    }
+
+    /// What an emitter brings to a point is multiplied by: mean radiance, intensity or irradiance.
+    #[cfg(feature = "wgpu")]
+    pub fn brightness(&self, emitter: usize) -> f32 {
+        match self.light(emitter) {
+            None => self.list[emitter].radiance,
+            Some(light) => brightness(&self.lights[light]),
+        }
     }
 
     /// Probabilities of few emitters at a point; `room` is room for them.
@@ -353,7 +362,12 @@ impl Emitter {
 /// About the irradiance of a point that faces a light.
 #[inline(always)]
 fn brings(light: &DeltaLight, at: &Receiver) -> f32 {
-    mean(light.strength).max(1e-30) * light.seen_from(at.position).scale
+    brightness(light) * light.seen_from(at.position).scale
+}
+
+#[inline(always)]
+fn brightness(light: &DeltaLight) -> f32 {
+    mean(light.strength).max(1e-30)
 }
 
 /// An index drawn with its probability, that, and what is left of the number.

@@ -1,0 +1,82 @@
+//! What few scenes have, packed into lists ([`layout`](super::layout)): colours and tangents at corners, masks, and
+//! lights without extent.
+
+use super::layout::{
+    ALPHAS, COLOUR_ROWS, COLOURS, DIRECTIONAL, LIGHT_BITS, LIGHTS, MASKED, MASKED_UVS, MASKS, SPOT,
+    TANGENT_ROWS, TANGENTS, WANTED,
+};
+use super::packed_scene::{PackedScene, number_of};
+use crate::kernel::View;
+
+impl PackedScene {
+    pub(super) fn add_corners(&mut self, view: &View) {
+        let scene = &view.scene;
+        self.floats_at(COLOURS);
+        for colour in &scene.colours.values {
+            self.vector(*colour);
+        }
+        self.words_at(COLOUR_ROWS);
+        for (rows, t) in scene.colours.rows.iter().zip(&scene.triangles) {
+            let tinted = scene.materials[t.material as usize].kind.bsdf.is_tinted();
+            self.words
+                .extend(if tinted { *rows } else { [u32::MAX; 3] });
+        }
+        self.floats_at(TANGENTS);
+        for (tangent, side) in scene.tangents.values.iter().zip(&scene.tangent_sides) {
+            self.vector(*tangent);
+            self.floats.push(*side);
+        }
+        self.words_at(TANGENT_ROWS);
+        self.words.extend(scene.tangents.rows.iter().flatten());
+    }
+
+    pub(super) fn add_masks(&mut self, view: &View) {
+        let Some(holes) = &view.scene.holes else {
+            return;
+        };
+        self.words_at(MASKED);
+        self.words.extend(&holes.of_triangle);
+        self.floats_at(ALPHAS);
+        let mut masks = Vec::with_capacity(holes.masks.len());
+        for mask in &holes.masks {
+            let offset = self.floats.len() as u32 - self.header[ALPHAS];
+            let (width, height) = (mask.width as u32, mask.height as u32);
+            masks.push([offset, width, height, number_of(mask.wrap)]);
+            self.floats.extend(&mask.alpha);
+        }
+        self.words_at(MASKS);
+        for triangle in &holes.triangles {
+            self.words.extend(masks[triangle.mask as usize]);
+        }
+        self.floats_at(MASKED_UVS);
+        for triangle in &holes.triangles {
+            let cutoff = holes.masks[triangle.mask as usize].cutoff;
+            self.floats.extend(triangle.uvs.iter().flatten());
+            self.floats.extend([cutoff, 0.0]);
+        }
+    }
+
+    pub(super) fn add_lights(&mut self, view: &View) {
+        let emitters = &view.scene.emitters;
+        let first = emitters.all().len();
+        self.floats_at(LIGHTS);
+        for (i, light) in emitters.lights().iter().enumerate() {
+            for v in [light.position, light.axis, light.strength] {
+                self.vector(v);
+            }
+            let brightness = emitters.brightness(first + i);
+            self.floats
+                .extend([light.cos_inner, light.cos_outer, brightness]);
+        }
+        self.words_at(LIGHT_BITS);
+        let wanted = &view.wanted.lights;
+        for (i, light) in emitters.lights().iter().enumerate() {
+            let bit = |is: bool, bit: u32| if is { bit } else { 0 };
+            self.words.push(
+                bit(light.directional, DIRECTIONAL)
+                    | bit(light.spot, SPOT)
+                    | bit(wanted[i], WANTED),
+            );
+        }
+    }
+}
