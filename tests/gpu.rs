@@ -202,7 +202,7 @@ fn derivatives_of_all_classes() {
     }
 }
 
-/// Every parameter of BSDFs of facets, at one seed: kernels of the host serve the device.
+/// Every parameter of BSDFs of facets, at one seed.
 #[test]
 fn derivatives_of_facets() {
     let (gpu, cpu) = (device(), Device::flex());

@@ -210,7 +210,7 @@ pub(super) fn jumps_seen_from(
                 reflected = shading.evaluate(axis);
                 if !of_light && shading.glossy {
                     reflected = reflected * shading.share_of_lobe(axis, s.of_gloss);
-                    if comptime!(features.facets) {
+                    if comptime!(features.models.facets()) {
                         if !s.lobe.holds(axis) {
                             reflected = splat(0.0);
                         }

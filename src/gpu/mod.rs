@@ -58,10 +58,10 @@ mod texture_backward;
 
 use burn::cubecl::{self, prelude::*};
 
-use crate::kernel::{Material, View};
+use crate::kernel::{KernelScene, Material, View};
+use crate::model::bsdf::Models;
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
-use crate::scene::Bsdf;
 use camera::begin;
 pub(crate) use counts::counts_of;
 pub(crate) use device::check;
@@ -93,7 +93,7 @@ pub(crate) struct Features {
     pub glows: bool,
     pub holes: bool,
     pub glossy: bool,
-    pub facets: bool,
+    pub models: Models,
     pub emitters: bool,
     pub lights: bool,
     pub by_solid_angle: bool,
@@ -124,7 +124,7 @@ impl Features {
             glows: scene.materials.iter().any(Material::glows),
             holes: scene.holes.is_some(),
             glossy: scene.glossy,
-            facets: scene.materials.iter().any(|m| m.kind.bsdf != Bsdf::Phong),
+            models: models_of(scene),
             emitters: !scene.emitters.is_empty(),
             lights: !scene.emitters.lights().is_empty(),
             by_solid_angle: scene.emitters.depends_on_position(),
@@ -139,6 +139,12 @@ impl Features {
             sobol: view.settings.sampler.sequence == Sequence::Sobol,
         }
     }
+}
+
+/// The models of a scene's materials.
+fn models_of(scene: &KernelScene) -> Models {
+    let models = scene.materials.iter().map(|m| Models::of(m.kind.bsdf));
+    models.reduce(Models::or).unwrap_or_default()
 }
 
 /// The derivatives that are asked for ([`Wanted`](crate::kernel::Wanted)).

@@ -191,6 +191,7 @@ pub(super) fn add_jumps(
             put(words, records, room, k, 6u32, by.shading.normal);
             put(words, records, room, k, 9u32, by.shading.incoming);
             records[jumped_at(words, room, k, 12u32)] = by.shading.exponent.to_bits();
+            records[jumped_at(words, room, k, 13u32)] = by.shading.specular.x.to_bits();
         }
     }
 }

@@ -56,7 +56,7 @@ pub(super) fn kept_vector(records: &mut [u32], room: Room, point: u32, word: u32
 }
 
 /// Words that a path leaves beside its records: the number of its points, and for each what jumps add.
-pub(super) const JUMPED: u32 = 13;
+pub(super) const JUMPED: u32 = 14;
 
 /// The place of the number of a path's points.
 #[cube]
@@ -94,6 +94,8 @@ pub(super) fn jumped(
     by.shading.normal += get(words, records, room, point, 6u32);
     by.shading.incoming += get(words, records, room, point, 9u32);
     by.shading.exponent += f32::from_bits(records[jumped_at(words, room, point, 12u32)]);
+    // The index of refraction turns what passes a surface.
+    by.shading.specular.x += f32::from_bits(records[jumped_at(words, room, point, 13u32)]);
 }
 
 #[cube]

@@ -8,7 +8,6 @@ use super::layout::{CONE, NONE};
 use super::light::{delta_light, density_of_direction, emitter, is_light, sky};
 use super::surface::Point;
 use super::texture::emission_at;
-use crate::model::bsdf::Known;
 use crate::model::cone::{bend, lifted, up_to_plane};
 use crate::model::emitter::{LightPoint, power_heuristic};
 use crate::model::{Pair, V2, V3, splat, v2, v3};
@@ -198,7 +197,7 @@ pub(super) fn no_point(#[comptime] features: Features) -> Point {
             model: 0u32.runtime(),
             compensated: false.runtime(),
             inside: false.runtime(),
-            facets: comptime!(Known(features.facets)),
+            models: comptime!(features.models),
             pair: Pair {
                 first: zero,
                 second: zero,

@@ -10,7 +10,7 @@ use super::layout::{
     OF_TRIANGLE, OF_TRIANGLES, REFLECTS, SURFACE_STRIDE, SURFACES, VELOCITIES,
 };
 use super::texture::{EMISSION, colour};
-use crate::model::bsdf::{Known, Shading};
+use crate::model::bsdf::Shading;
 use crate::model::triangle::weights_at;
 use crate::model::{Pair, V2, V3, splat};
 
@@ -117,7 +117,7 @@ pub(super) fn point_at(
     }
     let mut model = 0u32;
     let mut compensated = false;
-    if comptime!(features.facets) {
+    if comptime!(features.models.facets()) {
         model = (bits / MODEL) % 8;
         compensated = bits & COMPENSATED != 0;
     }
@@ -139,7 +139,7 @@ pub(super) fn point_at(
             model,
             compensated,
             inside: side < 0.0,
-            facets: comptime!(Known(features.facets)),
+            models: comptime!(features.models),
             pair: Pair {
                 first: normal,
                 second: normal,

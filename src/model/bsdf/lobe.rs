@@ -78,7 +78,7 @@ impl Shading {
             chance: 1.0,
             rest: choice,
         };
-        if comptime!(self.facets.0) {
+        if comptime!(self.models.facets()) {
             let of_facets = self.model != PHONG && (of_gloss || self.model == DIELECTRIC);
             if of_facets {
                 self.lobe_of_facets(&mut lobe, of_gloss, tangent);
@@ -104,8 +104,10 @@ impl Shading {
             lobe.core = self.reflected_at(&f, self.normal);
         } else {
             lobe.axis = -self.normal;
-            lobe.core = self.refracted_at(&f, self.normal).normalize();
-            turns = self.bending();
+            if comptime!(self.models.dielectric) {
+                lobe.core = self.refracted_at(&f, self.normal).normalize();
+                turns = self.bending();
+            }
         }
         // A cone that holds 94 % of facets' light.
         let half = 2.0 * turns * f.alpha;

@@ -34,13 +34,51 @@ pub(crate) const METALLIC: u32 = 1;
 pub(crate) const CONDUCTOR: u32 = 2;
 pub(crate) const DIELECTRIC: u32 = 3;
 
-/// What is known when a kernel is compiled.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Known(pub bool);
+/// The models that a shading may be of. Kernels on GPUs know them when they are compiled, so that they need not hold
+/// what a scene does not have.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(crate) struct Models {
+    pub phong: bool,
+    /// [`METALLIC`] and [`CONDUCTOR`].
+    pub metal: bool,
+    pub dielectric: bool,
+}
+
+impl Default for Models {
+    fn default() -> Self {
+        Self::of(Bsdf::Phong)
+    }
+}
+
+impl Models {
+    #[inline(always)]
+    pub fn of(bsdf: Bsdf) -> Self {
+        Self {
+            phong: bsdf == Bsdf::Phong,
+            metal: matches!(bsdf, Bsdf::MetallicRoughness | Bsdf::Conductor),
+            dielectric: bsdf == Bsdf::Dielectric,
+        }
+    }
+
+    /// Whether any is of facets.
+    #[inline(always)]
+    pub fn facets(self) -> bool {
+        self.metal || self.dielectric
+    }
+
+    #[cfg(feature = "wgpu")]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            phong: self.phong || other.phong,
+            metal: self.metal || other.metal,
+            dielectric: self.dielectric || other.dielectric,
+        }
+    }
+}
 
 /// In the language of kernels it stays what it is.
 #[cfg(feature = "wgpu")]
-impl IntoExpand for Known {
+impl IntoExpand for Models {
     type Expand = Self;
 
     fn into_expand(self, _: &Scope) -> Self {
@@ -49,14 +87,14 @@ impl IntoExpand for Known {
 }
 
 #[cfg(feature = "wgpu")]
-impl Assign for Known {
+impl Assign for Models {
     fn __expand_assign_method(&mut self, _: &Scope, value: Self) {
         *self = value;
     }
 }
 
 #[cfg(feature = "wgpu")]
-impl RuntimeAssign for Known {
+impl RuntimeAssign for Models {
     fn init_mut(&self, _: &Scope) -> Self {
         *self
     }
@@ -100,10 +138,8 @@ pub(crate) struct Shading {
     pub compensated: bool,
     /// Whether the ray came from behind the front, which is inside of a dielectric.
     pub inside: bool,
-    /// Whether the model may be one of facets. Of kernels on GPUs it is a constant, so that they need not hold what
-    /// a scene does not have.
     #[cfg_attr(feature = "wgpu", cube(comptime))]
-    pub facets: Known,
+    pub models: Models,
     /// Two normals, about one of which directions are drawn in place of its own: those of both faces of a
     /// crease, so that a path on either side goes the same way and their difference is as small as the
     /// crease is flat.
@@ -159,7 +195,7 @@ impl Shading {
             glossy: kind.glossy,
             model: model_of(kind.bsdf),
             compensated: kind.compensated,
-            facets: Known(kind.bsdf != Bsdf::Phong),
+            models: Models::of(kind.bsdf),
             ..Self::default()
         }
     }
@@ -167,6 +203,11 @@ impl Shading {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
+    #[inline(always)]
+    pub(super) fn is_metal(&self) -> bool {
+        self.model == METALLIC || self.model == CONDUCTOR
+    }
+
     /// The mirror direction.
     #[inline(always)]
     pub fn mirror(&self) -> V3 {
@@ -216,13 +257,21 @@ impl Shading {
     #[inline(always)]
     pub fn gloss(&self) -> f32 {
         let mut found = 0.0f32;
-        if comptime!(self.facets.0) {
-            if self.model == DIELECTRIC {
-                found = self.interface_gloss();
-            } else if self.model == PHONG {
-                found = self.phong_gloss();
-            } else {
-                found = self.metal_gloss();
+        if comptime!(self.models.facets()) {
+            if comptime!(self.models.dielectric) {
+                if self.model == DIELECTRIC {
+                    found = self.interface_gloss();
+                }
+            }
+            if comptime!(self.models.metal) {
+                if self.is_metal() {
+                    found = self.metal_gloss();
+                }
+            }
+            if comptime!(self.models.phong) {
+                if self.model == PHONG {
+                    found = self.phong_gloss();
+                }
             }
         } else {
             found = self.phong_gloss();
@@ -234,13 +283,21 @@ impl Shading {
     #[inline(always)]
     pub fn evaluate(&self, outgoing: V3) -> V3 {
         let mut found = splat(0.0);
-        if comptime!(self.facets.0) {
-            if self.model == DIELECTRIC {
-                found = self.interface(outgoing);
-            } else if self.model == PHONG {
-                found = self.phong(outgoing);
-            } else {
-                found = self.metal(outgoing);
+        if comptime!(self.models.facets()) {
+            if comptime!(self.models.dielectric) {
+                if self.model == DIELECTRIC {
+                    found = self.interface(outgoing);
+                }
+            }
+            if comptime!(self.models.metal) {
+                if self.is_metal() {
+                    found = self.metal(outgoing);
+                }
+            }
+            if comptime!(self.models.phong) {
+                if self.model == PHONG {
+                    found = self.phong(outgoing);
+                }
             }
         } else {
             found = self.phong(outgoing);
@@ -252,13 +309,21 @@ impl Shading {
     #[inline(always)]
     pub fn evaluate_backward(&self, outgoing: V3, g: V3, gradient: &mut ShadingGradient) -> V3 {
         let mut found = splat(0.0);
-        if comptime!(self.facets.0) {
-            if self.model == DIELECTRIC {
-                found = self.interface_backward(outgoing, g, gradient);
-            } else if self.model == PHONG {
-                found = self.phong_backward(outgoing, g, gradient);
-            } else {
-                found = self.metal_backward(outgoing, g, gradient);
+        if comptime!(self.models.facets()) {
+            if comptime!(self.models.dielectric) {
+                if self.model == DIELECTRIC {
+                    found = self.interface_backward(outgoing, g, gradient);
+                }
+            }
+            if comptime!(self.models.metal) {
+                if self.is_metal() {
+                    found = self.metal_backward(outgoing, g, gradient);
+                }
+            }
+            if comptime!(self.models.phong) {
+                if self.model == PHONG {
+                    found = self.phong_backward(outgoing, g, gradient);
+                }
             }
         } else {
             found = self.phong_backward(outgoing, g, gradient);
@@ -269,25 +334,43 @@ impl Shading {
     /// The density per solid angle with which [`Shading::sample`] draws a direction.
     #[inline(always)]
     pub fn density(&self, outgoing: V3) -> f32 {
+        let mut normal = self.normal;
+        let mut share = 1.0f32;
+        let mut left = 1u32;
         if self.paired {
-            0.5 * self.density_about(self.pair.first, outgoing)
-                + 0.5 * self.density_about(self.pair.second, outgoing)
-        } else {
-            self.density_about(self.normal, outgoing)
+            normal = self.pair.first;
+            share = 0.5f32;
+            left = 2u32;
         }
+        // A kernel has one place for each function that is called.
+        let mut density = 0.0f32;
+        while left > 0 {
+            density += share * self.density_about(normal, outgoing);
+            normal = self.pair.second;
+            left -= 1;
+        }
+        density
     }
 
     /// The density of directions about a normal.
     #[inline(always)]
     fn density_about(&self, normal: V3, outgoing: V3) -> f32 {
         let mut found = 0.0f32;
-        if comptime!(self.facets.0) {
-            if self.model == DIELECTRIC {
-                found = self.interface_density(normal, outgoing);
-            } else if self.model == PHONG {
-                found = self.phong_density(normal, outgoing);
-            } else {
-                found = self.metal_densities(normal, outgoing).element_sum();
+        if comptime!(self.models.facets()) {
+            if comptime!(self.models.dielectric) {
+                if self.model == DIELECTRIC {
+                    found = self.interface_density(normal, outgoing);
+                }
+            }
+            if comptime!(self.models.metal) {
+                if self.is_metal() {
+                    found = self.metal_densities(normal, outgoing).element_sum();
+                }
+            }
+            if comptime!(self.models.phong) {
+                if self.model == PHONG {
+                    found = self.phong_density(normal, outgoing);
+                }
             }
         } else {
             found = self.phong_density(normal, outgoing);
@@ -300,17 +383,25 @@ impl Shading {
     pub fn share_of_lobe(&self, outgoing: V3, of_gloss: bool) -> f32 {
         let above = self.normal.dot(outgoing) > 0.0;
         let mut densities = splat(0.0);
-        if comptime!(self.facets.0) {
-            if self.model == DIELECTRIC {
-                // Light is reflected above and refracted below.
-                densities.y = 1.0;
-                if above {
-                    densities = v3(1.0, 0.0, 0.0);
+        if comptime!(self.models.facets()) {
+            if comptime!(self.models.dielectric) {
+                if self.model == DIELECTRIC {
+                    // Light is reflected above and refracted below.
+                    densities.y = 1.0;
+                    if above {
+                        densities = v3(1.0, 0.0, 0.0);
+                    }
                 }
-            } else if self.model == PHONG {
-                densities = self.phong_densities(outgoing);
-            } else {
-                densities = self.metal_densities(self.normal, outgoing);
+            }
+            if comptime!(self.models.metal) {
+                if self.is_metal() {
+                    densities = self.metal_densities(self.normal, outgoing);
+                }
+            }
+            if comptime!(self.models.phong) {
+                if self.model == PHONG {
+                    densities = self.phong_densities(outgoing);
+                }
             }
         } else {
             densities = self.phong_densities(outgoing);
@@ -326,7 +417,7 @@ impl Shading {
     #[inline(always)]
     pub fn outer(&self, direction: V3) -> V3 {
         let mut normal = self.geometric;
-        if comptime!(self.facets.0) {
+        if comptime!(self.models.dielectric) {
             let refracted = self.model == DIELECTRIC && self.geometric.dot(direction) < 0.0;
             if refracted {
                 normal = -normal;

@@ -50,11 +50,11 @@ impl Shading {
             u: height,
             v,
         };
-        if comptime!(self.facets.0) {
-            if self.model == PHONG {
-                drawn = self.sample_phong(&drawn, normal, lobe);
-            } else {
+        if comptime!(self.models.facets()) {
+            if self.model != PHONG {
                 drawn = self.sample_facets(&drawn, normal, lobe);
+            } else if comptime!(self.models.phong) {
+                drawn = self.sample_phong(&drawn, normal, lobe);
             }
         } else {
             drawn = self.sample_phong(&drawn, normal, lobe);
@@ -102,19 +102,27 @@ impl Shading {
     fn sample_facets(&self, numbers: &Scatter, normal: V3, lobe: f32) -> Scatter {
         let f = self.facets_about(normal);
         let half = f.draw(numbers.u, numbers.v);
-        let is_interface = self.model == DIELECTRIC;
+        let mut is_interface = false;
         let mut chance = 0.0f32;
-        if is_interface {
-            chance = self.part_reflected(&f, half);
-        } else {
-            chance = self.metal_gloss();
+        if comptime!(self.models.dielectric) {
+            is_interface = self.model == DIELECTRIC;
+            if is_interface {
+                chance = self.part_reflected(&f, half);
+            }
+        }
+        if comptime!(self.models.metal) {
+            if !is_interface {
+                chance = self.metal_gloss();
+            }
         }
         let of_gloss = lobe < chance;
         let mut direction = from_local(normal, numbers.local);
         if of_gloss {
             direction = self.reflected_at(&f, half);
-        } else if is_interface {
-            direction = self.refracted_at(&f, half);
+        } else if comptime!(self.models.dielectric) {
+            if is_interface {
+                direction = self.refracted_at(&f, half);
+            }
         }
         // What a slanted facet turns to the wrong side is lost.
         let mut kept = normal.dot(direction) > 0.0;
@@ -145,13 +153,21 @@ impl Shading {
         gradient: &mut ShadingGradient,
     ) {
         let mut by_drawn = by_direction;
-        if comptime!(self.facets.0) {
-            if self.model == DIELECTRIC {
-                by_drawn += self.interface_weight_backward(s, g, gradient);
-            } else if self.model == PHONG {
-                by_drawn += self.phong_weight_backward(s, g, gradient);
-            } else {
-                by_drawn += self.metal_weight_backward(s, g, gradient);
+        if comptime!(self.models.facets()) {
+            if comptime!(self.models.dielectric) {
+                if self.model == DIELECTRIC {
+                    by_drawn += self.interface_weight_backward(s, g, gradient);
+                }
+            }
+            if comptime!(self.models.metal) {
+                if self.is_metal() {
+                    by_drawn += self.metal_weight_backward(s, g, gradient);
+                }
+            }
+            if comptime!(self.models.phong) {
+                if self.model == PHONG {
+                    by_drawn += self.phong_weight_backward(s, g, gradient);
+                }
             }
         } else {
             by_drawn += self.phong_weight_backward(s, g, gradient);
@@ -164,19 +180,22 @@ impl Shading {
     pub fn as_drawn(&self, direction: V3, of_gloss: bool) -> Scatter {
         let mut local = to_local(self.normal, direction);
         let mut numbers = splat(0.0);
-        if comptime!(self.facets.0) {
-            if self.model == PHONG {
-                if of_gloss {
-                    local = to_local(self.mirror(), direction);
-                    numbers = self.phong_numbers(local);
+        let mut of_facets = false;
+        if comptime!(self.models.facets()) {
+            of_facets = self.model != PHONG;
+        }
+        if of_facets {
+            if comptime!(self.models.facets()) {
+                if of_gloss || self.model == DIELECTRIC {
+                    let f = self.facets_about(self.normal);
+                    numbers = f.numbers_of(self.half_of(&f, direction, of_gloss));
                 }
-            } else if of_gloss || self.model == DIELECTRIC {
-                let f = self.facets_about(self.normal);
-                numbers = f.numbers_of(self.half_of(&f, direction, of_gloss));
             }
-        } else if of_gloss {
-            local = to_local(self.mirror(), direction);
-            numbers = self.phong_numbers(local);
+        } else if comptime!(self.models.phong) {
+            if of_gloss {
+                local = to_local(self.mirror(), direction);
+                numbers = self.phong_numbers(local);
+            }
         }
         Scatter {
             direction,
@@ -191,18 +210,34 @@ impl Shading {
     /// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
     #[inline(always)]
     pub fn direction_backward(&self, s: &Scatter, g: V3, gradient: &mut ShadingGradient) {
-        if comptime!(self.facets.0) {
-            if self.model == PHONG {
-                self.phong_direction_backward(s, g, gradient);
-            } else if s.of_gloss {
-                self.reflected_backward(s, g, gradient);
-            } else if self.model == DIELECTRIC {
-                self.refracted_backward(s, g, gradient);
-            } else {
-                gradient.normal += from_local_backward(self.normal, s.local, g).axis;
+        let mut of_facets = false;
+        if comptime!(self.models.facets()) {
+            of_facets = self.model != PHONG;
+        }
+        if of_facets {
+            if comptime!(self.models.facets()) {
+                self.facets_direction_backward(s, g, gradient);
             }
-        } else {
+        } else if comptime!(self.models.phong) {
             self.phong_direction_backward(s, g, gradient);
+        }
+    }
+
+    #[inline(always)]
+    fn facets_direction_backward(&self, s: &Scatter, g: V3, gradient: &mut ShadingGradient) {
+        if s.of_gloss {
+            self.reflected_backward(s, g, gradient);
+        } else {
+            if comptime!(self.models.dielectric) {
+                if self.model == DIELECTRIC {
+                    self.refracted_backward(s, g, gradient);
+                }
+            }
+            if comptime!(self.models.metal) {
+                if self.is_metal() {
+                    gradient.normal += from_local_backward(self.normal, s.local, g).axis;
+                }
+            }
         }
     }
 }

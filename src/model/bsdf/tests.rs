@@ -5,6 +5,12 @@ mod derivatives;
 use super::*;
 use crate::model::frame::{SinCos, sin_cos_of_turns};
 
+const ALL_MODELS: Models = Models {
+    phong: true,
+    metal: true,
+    dielectric: true,
+};
+
 /// A gloss and a matt surface, flat and smooth.
 fn surfaces() -> Vec<Shading> {
     let mut all = Vec::new();
@@ -52,7 +58,7 @@ fn of_facets() -> Vec<Shading> {
                 model,
                 compensated,
                 inside,
-                facets: Known(true),
+                models: ALL_MODELS,
                 ..Shading::default()
             });
         }
@@ -103,7 +109,7 @@ fn the_density_integrates_to_one() {
         let d = v3(0.2, 0.3, 0.9).normalize();
         let shares = s.share_of_lobe(d, false) + s.share_of_lobe(d, true);
         assert!((shares - 1.0).abs() < 1e-6);
-        if s.facets.0 {
+        if s.models.facets() {
             continue;
         }
         s.incoming = -s.normal;
@@ -121,7 +127,10 @@ fn the_density_integrates_to_one() {
 /// A flat surface reflects at most k_d + k_s, which it does where all of the lobe is above it.
 #[test]
 fn the_albedo_is_at_most_one() {
-    for mut s in surfaces().into_iter().filter(|s| !s.smooth && !s.facets.0) {
+    for mut s in surfaces()
+        .into_iter()
+        .filter(|s| !s.smooth && !s.models.facets())
+    {
         for incoming in [-V3::AXES[2], s.incoming, v3(0.99, 0.0, -0.1).normalize()] {
             s.incoming = incoming;
             let albedo = over_sphere(|d| s.evaluate(d).x);
@@ -147,7 +156,7 @@ fn white_furnaces() {
                 exponent: roughness,
                 glossy: true,
                 model: METALLIC,
-                facets: Known(true),
+                models: ALL_MODELS,
                 ..Shading::default()
             };
             let albedo = |s: &Shading| {
@@ -193,7 +202,7 @@ fn white_furnaces() {
             exponent: 0.1,
             glossy: true,
             model: DIELECTRIC,
-            facets: Known(true),
+            models: ALL_MODELS,
             inside,
             ..Shading::default()
         };

@@ -113,7 +113,7 @@ fn derivatives_of_samples() {
             s.sample_backward(&drawn, g, by_direction, &mut found);
             // Colours change the share of gloss, but for those of a matt surface.
             let colour = |i: usize| (8..11).contains(&i) || i == 12;
-            let matters = |i: usize| match (s.facets.0, s.glossy) {
+            let matters = |i: usize| match (s.models.facets(), s.glossy) {
                 (true, _) => true,
                 (false, true) => !colour(i),
                 (false, false) => i < 10,
