@@ -8,7 +8,7 @@ use std::time::Instant;
 use burn::tensor::{DType, Device};
 use common::facets::facet_cases;
 use common::gpu::device;
-use common::gradients::{CONES, Effort, Setup, agreement, agreement_of};
+use common::gradients::{CONES, Effort, Setup, agreement, agreement_of, lights};
 use common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
 use common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
 use softray::prelude::*;
@@ -179,6 +179,45 @@ fn cases() -> Vec<Case> {
             options: |o| o.bounces(2),
             pixels: None,
         },
+        // Holes, in what is seen, what casts shadows and what shines.
+        Case {
+            name: "masks",
+            scene: |device| {
+                let (mut scene, camera) = flying(device);
+                let alphas = [0.2, 0.9, 0.8, 0.1, 0.7, 0.3];
+                let alphas = tensor(&alphas, [2, 3], device, DType::F32);
+                for object in &mut scene.objects {
+                    let count = object.mesh.vertices.dims()[0];
+                    let uvs: Vec<f64> = (0..2 * count).map(|i| 0.7 * i as f64).collect();
+                    let uvs = tensor(&uvs, [count, 2], device, DType::F32);
+                    object.mesh = object.mesh.clone().with_uvs(uvs);
+                    let material = object.materials[0].clone();
+                    object.materials[0] = material.alpha_mask(alphas.clone(), 0.45);
+                }
+                (scene, camera)
+            },
+            options: |o| o.bounces(1),
+            pixels: None,
+        },
+        // So many that one is drawn from a tree, beside lights without extent.
+        Case {
+            name: "many lights",
+            scene: |device| {
+                let (scene, camera) = flying(device);
+                let ball = shapes::icosphere(1, device).scaled([0.3; 3]);
+                let ball = emitting(ball.translated([-1.2, 1.1, 0.6]), [1.0, 2.0, 3.0]);
+                let gloss = Material::diffuse([0.3, 0.2, 0.2]).specular([0.5; 3], 6.0);
+                let scene = scene
+                    .map_object("floor", |o| o.material(gloss.clone()))
+                    .expect("the floor")
+                    .with(ball)
+                    .light(Light::point([0.9, 1.5, 1.2], [2.0, 1.0, 0.5]))
+                    .light(Light::directional([-0.4, -1.0, -0.6], [0.3, 0.4, 0.5]));
+                (scene, camera)
+            },
+            options: |o| o.bounces(1),
+            pixels: None,
+        },
         Case {
             name: "pixels",
             scene: flying,
@@ -198,6 +237,20 @@ fn derivatives_of_all_classes() {
         ..CONES
     };
     for (name, apart) in agreement(setups, DType::F32, effort) {
+        assert!(apart < 1e-4, "{name}: {apart}");
+    }
+}
+
+/// Emissive textures: texels, texture coordinates and what moves under them.
+#[test]
+fn derivatives_of_emissive_textures() {
+    let (gpu, cpu) = (device(), Device::flex());
+    let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
+    let effort = Effort {
+        samples: 8,
+        ..CONES
+    };
+    for (name, apart) in agreement_of(&lights::glowing(), setups, DType::F32, effort) {
         assert!(apart < 1e-4, "{name}: {apart}");
     }
 }

@@ -3,8 +3,9 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::camera::{Beginning, camera};
+use super::emitter_choice::{Site, chance, choose, site};
 use super::layout::{CONE, EMITS, FIRST_SUMS, NONE, OF_MATERIAL, OF_MATERIALS};
-use super::light::{all_seen_from, chance, choose, choose_direction, next_emitter_hit, sky};
+use super::light::{choose_direction, next_emitter_hit, sky};
 use super::light_backward::{light_backward, map_backward};
 use super::records::jumped;
 use super::records::{
@@ -181,7 +182,8 @@ pub(super) fn path_backward(
             let seen_along = (bits >> 1) & ((1u32 << MOST_ALONG) - 1);
             if bits & SAW_EMITTER != 0 || seen_along != 0 {
                 let x = point.position;
-                let sum = all_seen_from(floats, words, x, time, features);
+                let normal = point.shading.geometric;
+                let at: Site = site(floats, words, x, normal, time, features);
                 let combined = comptime!(features.combined) && point.shading.glossy;
                 let mut next = 0u32;
                 let mut bit = SAW_EMITTER.runtime();
@@ -199,7 +201,7 @@ pub(super) fn path_backward(
                         next = k;
                         if k != NONE {
                             next = k + 1;
-                            p = chance(floats, words, k, x, time, sum, features);
+                            p = chance(floats, words, k, &at, features);
                         }
                     } else {
                         let mut u = path.film.z;
@@ -209,7 +211,7 @@ pub(super) fn path_backward(
                             u = before.z;
                             v = before.w;
                         }
-                        let choice = choose(floats, words, u, x, time, sum, features);
+                        let choice = choose(floats, words, u, &at, features);
                         let root = choice.rest.sqrt();
                         k = choice.emitter;
                         p = choice.chance;

@@ -3,11 +3,12 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::edge_layout::{GROUP_OF_EMITTERS, GROUP_STRIDE, GROUPS, OF_GROUP, OF_GROUPS};
+use super::edge_layout::{GROUP_STRIDE, GROUPS, OF_GROUP, OF_GROUPS};
 use super::edge_weights::Query;
+use super::emitter_choice::{GroupChoice, Site, choose_group, site};
 use super::hit::vector;
 use super::layout::{BOUNCES, CONE};
-use super::light::{all_seen_from, chance, choose, delta_light, is_light};
+use super::light::{delta_light, is_light};
 use super::numbers::Stream;
 use super::surface::Point;
 use super::{Derivatives, Features};
@@ -169,17 +170,10 @@ pub(super) fn search(
                 let mut group = 0u32;
                 let mut p = 1.0f32;
                 if comptime!(of.grouped) {
-                    let sum = all_seen_from(floats, words, x, time, features);
-                    let choice = choose(floats, words, drawn.x, x, time, sum, features);
-                    group = words[(words[GROUP_OF_EMITTERS] + choice.emitter) as usize];
-                    let row = (words[OF_GROUPS] + OF_GROUP * group) as usize;
-                    let mut k = words[row];
-                    let past = k + words[row + 1];
-                    p = 0.0f32;
-                    while k < past {
-                        p += chance(floats, words, k, x, time, sum, features);
-                        k += 1;
-                    }
+                    let at: Site = site(floats, words, x, shading.geometric, time, features);
+                    let choice: GroupChoice = choose_group(floats, words, drawn.x, &at, features);
+                    group = choice.group;
+                    p = choice.chance;
                 }
                 let row = (words[OF_GROUPS] + OF_GROUP * group) as usize;
                 s.first = words[row];

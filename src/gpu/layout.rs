@@ -79,7 +79,20 @@ pub(super) const LIGHTS: usize = 88;
 pub(super) const LIGHT_BITS: usize = 89;
 /// The number of triangles among emitters; lights without extent follow them.
 pub(super) const EMISSIVE_COUNT: usize = 90;
-pub(super) const HEADER: usize = 96;
+/// Floats: sums of the fixed probabilities of emitters, where these are many.
+pub(super) const FIXED_SUMS: usize = 91;
+/// A tree over emitters. Floats: [`OF_LIGHT_TREE`] for each of eight branches of a node, then for all of them. Words:
+/// [`OF_LIGHT_NODE`] for each node, and two for each emitter (`FlatLights`).
+pub(super) const LIGHT_BRANCHES: usize = 92;
+pub(super) const LIGHT_NODES: usize = 93;
+pub(super) const LIGHT_NODE_COUNT: usize = 94;
+pub(super) const LIGHT_PLACES: usize = 95;
+/// Directional lights beside it. Words: which emitters they are. Floats: sums of their strengths, and how they lie.
+pub(super) const DISTANT: usize = 96;
+pub(super) const DISTANT_COUNT: usize = 97;
+pub(super) const DISTANT_SUMS: usize = 98;
+pub(super) const DISTANT_AXES: usize = 99;
+pub(super) const HEADER: usize = 100;
 
 /// Floats of the header: the camera, then the tangent of cones.
 pub(super) const CAMERA: usize = 0;
@@ -97,6 +110,8 @@ pub(super) const OF_MATERIAL: usize = 24;
 /// The texture of a material's normal map among its words.
 pub(super) const NORMAL_MAP: usize = 17;
 pub(super) const OF_LIGHT: usize = 12;
+pub(super) const OF_LIGHT_TREE: usize = 14;
+pub(super) const OF_LIGHT_NODE: usize = 11;
 /// Texture coordinates of the corners of a triangle with a mask, and the alpha under which it has a hole.
 pub(super) const OF_MASKED: usize = 8;
 /// A child that is a leaf.

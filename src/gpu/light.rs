@@ -5,17 +5,19 @@ use std::f32::consts::{PI, TAU};
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
+use super::emitter_choice::first_over;
 use super::hit::vector;
 use super::layout::{
-    DIRECTIONAL, EMISSIVE_COUNT, EMITTER_COUNT, EMITTERS, LIGHT_BITS, LIGHTS, NONE, OF_EMITTERS,
-    OF_LIGHT, OF_TRIANGLE, OF_TRIANGLES, SKY, SKY_CHANCES, SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS,
-    SKY_WIDTH, SPOT, SURFACE_STRIDE, SURFACES,
+    DIRECTIONAL, EMISSIVE_COUNT, LIGHT_BITS, LIGHTS, NONE, OF_EMITTERS, OF_LIGHT, OF_TRIANGLE,
+    OF_TRIANGLES, SKY, SKY_CHANCES, SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SPOT,
+    SURFACE_STRIDE, SURFACES,
 };
+use super::light_tree::next_hit_in_tree;
 use super::surface::displacement;
 use super::texture::{Cell, in_cell};
 use crate::model::delta_light::DeltaLight;
 use crate::model::frame::sin_cos_of_turns;
-use crate::model::triangle::{solid_angle, weights_at};
+use crate::model::triangle::weights_at;
 use crate::model::{V2, V3, splat, v2, v3};
 
 /// A triangle that emits, at a time in the shutter.
@@ -85,121 +87,6 @@ pub(super) fn delta_light(floats: &[f32], words: &[u32], k: u32) -> DeltaLight {
     }
 }
 
-/// Emitters under a glancing angle are chosen with at least this share of their power's probability.
-const BY_POWER: f32 = 0.1;
-
-/// Radiance times the solid angle under which a point sees an emitter; about the irradiance by a light without extent.
-#[cube]
-fn seen_from(
-    floats: &[f32],
-    words: &[u32],
-    k: u32,
-    x: V3,
-    time: f32,
-    #[comptime] features: Features,
-) -> f32 {
-    let brightness = floats[(words[EMITTERS] + 2 * k) as usize];
-    let mut seen = 0.0f32;
-    if is_light(words, k, features) {
-        if comptime!(features.lights) {
-            seen = delta_light(floats, words, k).seen_from(x).scale;
-        }
-    } else {
-        let e = emitter(floats, words, k, time, features);
-        seen = solid_angle(e.a, e.b, e.c, x).max(0.0);
-    }
-    brightness * seen
-}
-
-/// The sum over emitters of [`seen_from`], by which probabilities are divided.
-#[cube]
-pub(super) fn all_seen_from(
-    floats: &[f32],
-    words: &[u32],
-    x: V3,
-    time: f32,
-    #[comptime] features: Features,
-) -> f32 {
-    let mut sum = 0.0f32;
-    if comptime!(features.by_solid_angle) {
-        let mut k = 0u32;
-        while k < words[EMITTER_COUNT] {
-            sum += seen_from(floats, words, k, x, time, features);
-            k += 1;
-        }
-    }
-    sum
-}
-
-/// The probability of an emitter at a point where the sum of all is `sum`.
-#[cube]
-pub(super) fn chance(
-    floats: &[f32],
-    words: &[u32],
-    k: u32,
-    x: V3,
-    time: f32,
-    sum: f32,
-    #[comptime] features: Features,
-) -> f32 {
-    let fixed = floats[(words[EMITTERS] + 2 * k + 1) as usize];
-    let mut p = fixed;
-    if comptime!(features.by_solid_angle) {
-        if sum > 0.0 && sum <= f32::MAX {
-            let own = seen_from(floats, words, k, x, time, features);
-            p = (1.0 - BY_POWER) * own / sum + BY_POWER * fixed;
-        }
-    }
-    p
-}
-
-/// An emitter that was chosen, its probability, and what is left of the random number.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-pub(super) struct Choice {
-    pub emitter: u32,
-    pub chance: f32,
-    pub rest: f32,
-}
-
-/// Chooses an emitter at a point where the sum of all is `sum`.
-#[cube]
-pub(super) fn choose(
-    floats: &[f32],
-    words: &[u32],
-    u: f32,
-    x: V3,
-    time: f32,
-    sum: f32,
-    #[comptime] features: Features,
-) -> Choice {
-    let count = words[EMITTER_COUNT];
-    let mut k = 0u32;
-    let mut passed = 0.0f32;
-    // Rounding may leave the sum a little under 1: then the last that can be is taken.
-    let mut emitter = 0u32;
-    let mut own = 1.0f32;
-    let mut before = 0.0f32;
-    while k < count {
-        let p = chance(floats, words, k, x, time, sum, features);
-        if p > 0.0 {
-            emitter = k;
-            own = p;
-            before = passed;
-            if u < passed + p {
-                k = count;
-            }
-        }
-        passed += p;
-        k += 1;
-    }
-    Choice {
-        emitter,
-        chance: own,
-        rest: ((u - before) / own).max(0.0).min(0.999_999_9),
-    }
-}
-
 /// Rays that are more parallel to an emitter than this don't meet it.
 const GRAZING: f32 = 1e-6;
 
@@ -210,6 +97,41 @@ const GRAZING: f32 = 1e-6;
 pub(super) struct EmitterHit {
     pub emitter: u32,
     pub weights: V2,
+}
+
+#[cube]
+pub(super) fn no_emitter_hit() -> EmitterHit {
+    EmitterHit {
+        emitter: NONE.runtime(),
+        weights: v2(0.0, 0.0),
+    }
+}
+
+/// An emitter if a ray hits it.
+#[cube]
+pub(super) fn hits_emitter(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    x: V3,
+    direction: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> EmitterHit {
+    let mut found = no_emitter_hit();
+    let e = emitter(floats, words, k, time, features);
+    let cosine = e.normal.dot(direction);
+    if cosine < -GRAZING {
+        let t = e.normal.dot(e.a - x) / cosine;
+        if t > 0.0 {
+            let w = weights_at(e.a, e.b, e.c, e.normal, e.area, x + direction * t);
+            if w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 {
+                found.emitter = k;
+                found.weights = v2(w.y, w.z);
+            }
+        }
+    }
+    found
 }
 
 /// The first such emitter from a number on.
@@ -223,30 +145,17 @@ pub(super) fn next_emitter_hit(
     time: f32,
     #[comptime] features: Features,
 ) -> EmitterHit {
-    let count = words[EMISSIVE_COUNT];
-    let mut found = NONE.runtime();
-    let mut weights = v2(0.0, 0.0);
-    let mut k = from;
-    while k < count {
-        let e = emitter(floats, words, k, time, features);
-        let cosine = e.normal.dot(direction);
-        if cosine < -GRAZING {
-            let t = e.normal.dot(e.a - x) / cosine;
-            if t > 0.0 {
-                let w = weights_at(e.a, e.b, e.c, e.normal, e.area, x + direction * t);
-                if w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 {
-                    found = k;
-                    weights = v2(w.y, w.z);
-                    k = count;
-                }
-            }
+    let mut found = no_emitter_hit();
+    if comptime!(features.by_tree) {
+        found = next_hit_in_tree(floats, words, from, x, direction, time, features);
+    } else {
+        let mut k = from;
+        while k < words[EMISSIVE_COUNT] && found.emitter == NONE {
+            found = hits_emitter(floats, words, k, x, direction, time, features);
+            k += 1;
         }
-        k += 1;
     }
-    EmitterHit {
-        emitter: found,
-        weights,
-    }
+    found
 }
 
 /// Radiance of the environment along a direction.
@@ -312,22 +221,6 @@ pub(super) fn density_of_direction(floats: &[f32], words: &[u32], d: V3) -> f32 
     let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
     let p = floats[(words[SKY_CHANCES] + y * width + x) as usize];
     p * (width * height) as f32 / (TAU * PI * sine)
-}
-
-/// The first of some numbers, which grow, that is over a number; the last if none is.
-#[cube]
-fn first_over(floats: &[f32], first: u32, count: u32, value: f32) -> u32 {
-    let mut low = 0u32;
-    let mut high = count - 1;
-    while low < high {
-        let middle = (low + high) / 2;
-        if floats[(first + middle) as usize] <= value {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    low
 }
 
 /// A direction to the map for a pair of random numbers.

@@ -28,6 +28,7 @@ mod edge_point;
 mod edge_search;
 mod edge_tree;
 mod edge_weights;
+mod emitter_choice;
 mod film;
 mod hit;
 mod holes;
@@ -39,6 +40,7 @@ mod launch_backward;
 mod layout;
 mod light;
 mod light_backward;
+mod light_tree;
 mod list;
 mod numbers;
 mod packed;
@@ -96,7 +98,10 @@ pub(crate) struct Features {
     pub models: Models,
     pub emitters: bool,
     pub lights: bool,
+    /// How emitters are chosen, if not all are looked at: their solid angles, a tree, sums of fixed probabilities.
     pub by_solid_angle: bool,
+    pub by_tree: bool,
+    pub by_sums: bool,
     pub combined: bool,
     pub sky_constant: bool,
     pub sky_map: bool,
@@ -127,7 +132,9 @@ impl Features {
             models: models_of(scene),
             emitters: !scene.emitters.is_empty(),
             lights: !scene.emitters.lights().is_empty(),
-            by_solid_angle: scene.emitters.depends_on_position(),
+            by_solid_angle: scene.emitters.by_solid_angle(),
+            by_tree: scene.emitters.by_tree(),
+            by_sums: scene.emitters.running_sums().is_some(),
             combined: view.combined,
             sky_constant: matches!(scene.sky, Sky::Constant(_)),
             sky_map: scene.sky.map().is_some(),
@@ -196,14 +203,6 @@ impl Derivatives {
             camera: wanted.camera,
         }
     }
-}
-
-/// Whether kernels of a GPU render all that a scene has; a scene with more is rendered by those of the host. What facets
-/// reflect they compile too (`model/bsdf`), but SwiftShader takes minutes for its derivatives, which are not compared
-/// with the host's so far.
-pub(crate) fn knows(view: &View) -> bool {
-    let scene = &view.scene;
-    !scene.emitters.are_many()
 }
 
 /// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the

@@ -2,8 +2,9 @@
 //! lights without extent.
 
 use super::layout::{
-    ALPHAS, COLOUR_ROWS, COLOURS, DIRECTIONAL, LIGHT_BITS, LIGHTS, MASKED, MASKED_UVS, MASKS, SPOT,
-    TANGENT_ROWS, TANGENTS, WANTED,
+    ALPHAS, COLOUR_ROWS, COLOURS, DIRECTIONAL, DISTANT, DISTANT_AXES, DISTANT_COUNT, DISTANT_SUMS,
+    FIXED_SUMS, LIGHT_BITS, LIGHT_BRANCHES, LIGHT_NODE_COUNT, LIGHT_NODES, LIGHT_PLACES, LIGHTS,
+    MASKED, MASKED_UVS, MASKS, SPOT, TANGENT_ROWS, TANGENTS, WANTED,
 };
 use super::packed_scene::{PackedScene, number_of};
 use crate::kernel::View;
@@ -67,6 +68,26 @@ impl PackedScene {
             let brightness = emitters.brightness(first + i);
             self.floats
                 .extend([light.cos_inner, light.cos_outer, brightness]);
+        }
+        if let Some(sums) = emitters.running_sums() {
+            self.floats_at(FIXED_SUMS);
+            self.floats.extend(sums);
+        }
+        if let Some(tree) = emitters.flat() {
+            self.floats_at(LIGHT_BRANCHES);
+            self.floats.extend(tree.branches.iter().flatten());
+            self.header[LIGHT_NODE_COUNT] = tree.nodes.len() as u32;
+            self.words_at(LIGHT_NODES);
+            self.words.extend(tree.nodes.iter().flatten());
+            self.words_at(LIGHT_PLACES);
+            self.words.extend(tree.places.iter().flatten());
+            self.header[DISTANT_COUNT] = tree.distant.len() as u32;
+            self.words_at(DISTANT);
+            self.words.extend(&tree.distant);
+            self.floats_at(DISTANT_SUMS);
+            self.floats.extend(&tree.sums);
+            self.floats_at(DISTANT_AXES);
+            self.floats.extend(tree.axes);
         }
         self.words_at(LIGHT_BITS);
         let wanted = &view.wanted.lights;

@@ -7,11 +7,10 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::camera::Beginning;
+use super::emitter_choice::{Choice, Site, chance, choose, site};
 use super::hit::{Hit, Ray, see_all, trace};
 use super::layout::{BOUNCES, CONE, NONE, ROULETTE_AFTER};
-use super::light::{
-    Choice, all_seen_from, chance, choose, choose_direction, next_emitter_hit, sky,
-};
+use super::light::{choose_direction, next_emitter_hit, sky};
 use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
     keep_vector, record_at,
@@ -240,7 +239,9 @@ pub(super) fn path_light(
                         from.cone_u = set.z;
                         from.cone_v = set.w;
                     }
-                    from.sum = all_seen_from(floats, words, point.position, time, features);
+                    let normal = point.shading.geometric;
+                    let at: Site = site(floats, words, point.position, normal, time, features);
+                    from.sum = at.sum;
                 }
                 if goes_on || by_scattering || comptime!(features.gathers_map) {
                     let drawn = numbers.direction(words, bounce, features.sobol);
@@ -303,8 +304,9 @@ pub(super) fn path_light(
             let mut p = 1.0f32;
             let combined = comptime!(features.combined) && from.point.shading.glossy;
             let x = from.point.position;
+            let at: Site = from.site(time);
             if purpose == TO_EMITTER {
-                let choice: Choice = choose(floats, words, emitter_u, x, time, from.sum, features);
+                let choice: Choice = choose(floats, words, emitter_u, &at, features);
                 let root = choice.rest.sqrt();
                 k = choice.emitter;
                 p = choice.chance;
@@ -321,7 +323,7 @@ pub(super) fn path_light(
                     c = found.weights.y;
                     next = k + 1;
                     if k != NONE {
-                        p = chance(floats, words, k, x, time, from.sum, features);
+                        p = chance(floats, words, k, &at, features);
                     }
                 }
             }

@@ -3,6 +3,7 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
+use super::emitter_choice::Site;
 use super::holes::is_open;
 use super::layout::{CONE, NONE};
 use super::light::{delta_light, density_of_direction, emitter, is_light, sky};
@@ -32,6 +33,19 @@ pub(super) struct Receiver {
     pub cone_v: f32,
     /// What the probabilities of emitters there are divided by.
     pub sum: f32,
+}
+
+#[cube]
+impl Receiver {
+    /// As a point that emitters are chosen for.
+    pub fn site(&self, time: f32) -> Site {
+        Site {
+            position: self.point.position,
+            normal: self.point.shading.geometric,
+            time,
+            sum: self.sum,
+        }
+    }
 }
 
 /// What of an emitter a point is connected to.

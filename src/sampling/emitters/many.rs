@@ -9,12 +9,12 @@ use crate::model::V3;
 /// A tree over emitters, and directional lights. A share of [`BY_POWER`] is chosen by power, whatever the point.
 pub(super) struct ManyEmitters {
     /// None if all are directional.
-    tree: Option<LightTree>,
+    pub(super) tree: Option<LightTree>,
     /// Directional lights, and the sums of their strengths up to each.
-    distant: Vec<u32>,
-    sums: Vec<f32>,
+    pub(super) distant: Vec<u32>,
+    pub(super) sums: Vec<f32>,
     /// The directions to them.
-    axes: Axes,
+    pub(super) axes: Axes,
 }
 
 /// The greatest part of a number under 1.

@@ -1,6 +1,8 @@
 //! Emitters, and the choice of one that a surface point is connected to; it carries no gradient.
 
 mod branches;
+#[cfg(feature = "wgpu")]
+mod flat;
 mod groups;
 mod many;
 mod node;
@@ -190,12 +192,6 @@ impl Emitters {
     /// Whether probabilities depend on the point.
     pub fn depends_on_position(&self) -> bool {
         !matches!(self.by, Choice::Fixed)
-    }
-
-    /// Whether they are chosen by a tree.
-    #[cfg(feature = "wgpu")]
-    pub fn are_many(&self) -> bool {
-        matches!(self.by, Choice::Tree(_))
     }
 
     pub fn get(&self, emitter: usize) -> &Emitter {

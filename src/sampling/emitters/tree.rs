@@ -11,13 +11,13 @@ use crate::model::V3;
 /// A tree whose nodes have eight branches. What is called is compiled for the machine.
 pub(super) struct LightTree {
     arch: Arch,
-    nodes: Vec<Node>,
+    pub(super) nodes: Vec<Node>,
     /// The node of each leaf.
     leaves: Vec<u32>,
     /// The places of emitters.
-    places: Vec<Place>,
+    pub(super) places: Vec<Place>,
     /// The power of all.
-    root: Sphere,
+    pub(super) root: Sphere,
 }
 
 /// The emitters of a leaf, and the sphere around them.

@@ -1,0 +1,258 @@
+//! The choice of an emitter that a point is connected to: `sampling/emitters` in a kernel of a GPU.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::Features;
+use super::edge_layout::{GROUP_OF_EMITTERS, OF_GROUP, OF_GROUPS};
+use super::layout::{EMITTER_COUNT, EMITTERS, FIXED_SUMS};
+use super::light::{delta_light, emitter, is_light};
+use super::light_tree::{chance_in_tree, choose_in_tree, share_of_distant};
+use crate::model::V3;
+use crate::model::triangle::solid_angle;
+
+/// Emitters under a glancing angle are chosen with at least this share of their power's probability.
+const BY_POWER: f32 = 0.1;
+/// The greatest part of a number under 1.
+const MOST: f32 = 0.999_999_9;
+
+/// A surface point that emitters are chosen for.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Site {
+    pub position: V3,
+    /// The side's normal.
+    pub normal: V3,
+    pub time: f32,
+    /// What the probabilities of few are divided by; of many the probability of directional lights.
+    pub sum: f32,
+}
+
+/// A point with a normal.
+#[cube]
+pub(super) fn site(
+    floats: &[f32],
+    words: &[u32],
+    position: V3,
+    normal: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> Site {
+    let mut sum = 0.0f32;
+    if comptime!(features.by_solid_angle) {
+        let mut k = 0u32;
+        while k < words[EMITTER_COUNT] {
+            sum += seen_from(floats, words, k, position, time, features);
+            k += 1;
+        }
+    }
+    if comptime!(features.by_tree) {
+        sum = share_of_distant(floats, words, position, normal);
+    }
+    Site {
+        position,
+        normal,
+        time,
+        sum,
+    }
+}
+
+/// Radiance times the solid angle under which a point sees an emitter; about the irradiance by a light without extent.
+#[cube]
+fn seen_from(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    x: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> f32 {
+    let brightness = floats[(words[EMITTERS] + 2 * k) as usize];
+    let mut seen = 0.0f32;
+    if is_light(words, k, features) {
+        if comptime!(features.lights) {
+            seen = delta_light(floats, words, k).seen_from(x).scale;
+        }
+    } else {
+        let e = emitter(floats, words, k, time, features);
+        seen = solid_angle(e.a, e.b, e.c, x).max(0.0);
+    }
+    brightness * seen
+}
+
+#[cube]
+fn fixed(floats: &[f32], words: &[u32], k: u32) -> f32 {
+    floats[(words[EMITTERS] + 2 * k + 1) as usize]
+}
+
+/// The probability of an emitter.
+#[cube]
+pub(super) fn chance(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    at: &Site,
+    #[comptime] features: Features,
+) -> f32 {
+    let fixed = fixed(floats, words, k);
+    let mut p = fixed;
+    if comptime!(features.by_solid_angle) {
+        if at.sum > 0.0 && at.sum <= f32::MAX {
+            let own = seen_from(floats, words, k, at.position, at.time, features);
+            p = (1.0 - BY_POWER) * own / at.sum + BY_POWER * fixed;
+        }
+    }
+    if comptime!(features.by_tree) {
+        let own = chance_in_tree(floats, words, k, false, at);
+        p = (1.0 - BY_POWER) * own + BY_POWER * fixed;
+    }
+    p
+}
+
+/// A group of emitters, and its probability.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct GroupChoice {
+    pub group: u32,
+    pub chance: f32,
+}
+
+/// Chooses a group.
+#[cube]
+pub(super) fn choose_group(
+    floats: &[f32],
+    words: &[u32],
+    u: f32,
+    at: &Site,
+    #[comptime] features: Features,
+) -> GroupChoice {
+    let choice: Choice = choose(floats, words, u, at, features);
+    let group = words[(words[GROUP_OF_EMITTERS] + choice.emitter) as usize];
+    let row = (words[OF_GROUPS] + OF_GROUP * group) as usize;
+    let mut k = words[row];
+    let past = k + words[row + 1];
+    let mut p = 0.0f32;
+    if comptime!(features.by_tree) {
+        p = (1.0 - BY_POWER) * chance_in_tree(floats, words, k, true, at);
+    }
+    while k < past {
+        if comptime!(features.by_tree) {
+            p += BY_POWER * fixed(floats, words, k);
+        } else {
+            p += chance(floats, words, k, at, features);
+        }
+        k += 1;
+    }
+    GroupChoice { group, chance: p }
+}
+
+/// An emitter that was chosen, its probability, and what is left of the random number.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Choice {
+    pub emitter: u32,
+    pub chance: f32,
+    pub rest: f32,
+}
+
+/// Chooses an emitter.
+#[cube]
+pub(super) fn choose(
+    floats: &[f32],
+    words: &[u32],
+    u: f32,
+    at: &Site,
+    #[comptime] features: Features,
+) -> Choice {
+    let mut choice = Choice {
+        emitter: 0u32,
+        chance: 1.0f32,
+        rest: u,
+    };
+    if comptime!(features.by_tree) {
+        if u < BY_POWER {
+            choice = choose_by_sums(floats, words, (u / BY_POWER).min(MOST));
+        } else {
+            let rest = ((u - BY_POWER) / (1.0 - BY_POWER)).min(MOST);
+            choice = choose_in_tree(floats, words, rest, at);
+        }
+        choice.chance = chance(floats, words, choice.emitter, at, features);
+    } else if comptime!(features.by_sums) {
+        choice = choose_by_sums(floats, words, u);
+    } else {
+        choice = choose_of_few(floats, words, u, at, features);
+    }
+    choice
+}
+
+/// One of many, with probabilities that do not depend on the point.
+#[cube]
+fn choose_by_sums(floats: &[f32], words: &[u32], u: f32) -> Choice {
+    let first = words[FIXED_SUMS];
+    let mut k = first_over(floats, first, words[EMITTER_COUNT], u);
+    // Rounding may leave the sum a little under 1: then the last that can be is taken.
+    while k > 0 && fixed(floats, words, k) <= 0.0 {
+        k -= 1;
+    }
+    let p = fixed(floats, words, k);
+    let mut before = 0.0f32;
+    if k > 0 {
+        before = floats[(first + k - 1) as usize];
+    }
+    Choice {
+        emitter: k,
+        chance: p,
+        rest: ((u - before) / p).max(0.0).min(MOST),
+    }
+}
+
+/// One of so few that all are looked at.
+#[cube]
+fn choose_of_few(
+    floats: &[f32],
+    words: &[u32],
+    u: f32,
+    at: &Site,
+    #[comptime] features: Features,
+) -> Choice {
+    let count = words[EMITTER_COUNT];
+    let mut k = 0u32;
+    let mut passed = 0.0f32;
+    // Rounding may leave the sum a little under 1: then the last that can be is taken.
+    let mut emitter = 0u32;
+    let mut own = 1.0f32;
+    let mut before = 0.0f32;
+    while k < count {
+        let p = chance(floats, words, k, at, features);
+        if p > 0.0 {
+            emitter = k;
+            own = p;
+            before = passed;
+            if u < passed + p {
+                k = count;
+            }
+        }
+        passed += p;
+        k += 1;
+    }
+    Choice {
+        emitter,
+        chance: own,
+        rest: ((u - before) / own).max(0.0).min(MOST),
+    }
+}
+
+/// The first of some numbers, which grow, that is over a number; the last if none is.
+#[cube]
+pub(super) fn first_over(floats: &[f32], first: u32, count: u32, value: f32) -> u32 {
+    let mut low = 0u32;
+    let mut high = count - 1;
+    while low < high {
+        let middle = (low + high) / 2;
+        if floats[(first + middle) as usize] <= value {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}

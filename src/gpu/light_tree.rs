@@ -1,0 +1,264 @@
+//! A tree over many emitters: `sampling/emitters/tree` in a kernel of a GPU, branch by branch.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::Features;
+use super::emitter_choice::{Choice, Site, first_over};
+use super::hit::vector;
+use super::layout::{
+    DISTANT, DISTANT_AXES, DISTANT_COUNT, DISTANT_SUMS, EMISSIVE_COUNT, LIGHT_BRANCHES,
+    LIGHT_NODE_COUNT, LIGHT_NODES, LIGHT_PLACES, NONE, OF_LIGHT_NODE, OF_LIGHT_TREE,
+};
+use super::light::{EmitterHit, hits_emitter, no_emitter_hit};
+use crate::model::V3;
+
+/// As `sampling/emitters/node` has them.
+const SPREAD: f32 = 0.25;
+const INSIDE: f32 = 0.125;
+/// The greatest part of a number under 1.
+const MOST: f32 = 0.999_999_9;
+/// Branches of a node.
+const LANES: u32 = 8;
+
+/// About twice the mean of max(n·d, 0) over axes n, by their mean and moments from a place on, before what is under 0
+/// is cut off.
+#[cube]
+fn facing(floats: &[f32], axes: u32, d: V3, spread: f32) -> f32 {
+    let i = axes as usize;
+    let products =
+        floats[i + 3] * d.x * d.x + floats[i + 4] * d.y * d.y + floats[i + 5] * d.z * d.z;
+    let crossed = floats[i + 6] * d.x * d.y + floats[i + 7] * d.x * d.z + floats[i + 8] * d.y * d.z;
+    let square = (products + 2.0 * crossed + spread).max(0.0);
+    vector(floats, axes).dot(d) + square.sqrt()
+}
+
+/// About the irradiance of a point by a branch.
+#[cube]
+fn brings(floats: &[f32], branch: u32, x: V3, normal: V3) -> f32 {
+    let i = branch as usize;
+    let to = vector(floats, branch) - x;
+    let radius = floats[i + 3];
+    let power = floats[i + 13];
+    let squared = to.length_squared().max(1e-30);
+    let inverse = 1.0 / squared.sqrt();
+    // The sine of the angle under which the sphere is seen.
+    let seen = (radius * inverse).min(1.0).max(1e-6);
+    let emits = facing(floats, branch + 4, to * -inverse, SPREAD * seen * seen).max(0.0);
+    // The mean of cosines over the sphere, where the horizon divides it.
+    let incident = to.dot(normal) * inverse;
+    let above = (incident + seen).max(0.0);
+    let mut receives = incident;
+    if incident < seen {
+        receives = above * above / (4.0 * seen);
+    }
+    0.5 * power * emits * receives / squared.max(INSIDE * radius * radius)
+}
+
+#[cube]
+fn branch_of(words: &[u32], node: u32, lane: u32) -> u32 {
+    words[LIGHT_BRANCHES] + OF_LIGHT_TREE as u32 * (LANES * node + lane)
+}
+
+#[cube]
+fn power_of(floats: &[f32], branch: u32) -> f32 {
+    floats[branch as usize + 13]
+}
+
+/// Weights of a node's branches, by their bits: about the irradiance of a point, or power where all are 0. Returns
+/// their sum.
+#[cube]
+fn weigh(floats: &[f32], words: &[u32], node: u32, at: &Site, weights: &mut [f32]) -> f32 {
+    let mut total = 0.0f32;
+    let mut lane = 0u32;
+    while lane < LANES {
+        let branch = branch_of(words, node, lane);
+        let mut weight = 0.0f32;
+        if power_of(floats, branch) > 0.0 {
+            weight = brings(floats, branch, at.position, at.normal);
+        }
+        weights[lane as usize] = weight;
+        total += weight;
+        lane += 1;
+    }
+    let known = total > 0.0 && total <= f32::MAX;
+    if !known {
+        total = 0.0f32;
+        lane = 0u32;
+        while lane < LANES {
+            let power = power_of(floats, branch_of(words, node, lane));
+            weights[lane as usize] = power;
+            total += power;
+            lane += 1;
+        }
+    }
+    total
+}
+
+/// The probability of directional lights.
+#[cube]
+pub(super) fn share_of_distant(floats: &[f32], words: &[u32], x: V3, normal: V3) -> f32 {
+    let count = words[DISTANT_COUNT];
+    let nodes = words[LIGHT_NODE_COUNT];
+    let mut share = 1.0f32;
+    if nodes > 0 {
+        share = 0.0f32;
+        if count > 0 {
+            let strength = floats[(words[DISTANT_SUMS] + count - 1) as usize];
+            let seen = facing(floats, words[DISTANT_AXES], normal, 0.0f32.runtime());
+            let distant = 0.5 * strength * seen.max(0.0);
+            // All of the tree are behind its nodes.
+            let near = brings(floats, branch_of(words, nodes, 0u32), x, normal);
+            // Neither, as far as this sees: then any.
+            share = 0.5f32;
+            if distant + near > 0.0 {
+                share = distant / (distant + near);
+            }
+        }
+    }
+    share
+}
+
+/// Chooses one of the tree, or a directional light; its probability is left open.
+#[cube]
+pub(super) fn choose_in_tree(floats: &[f32], words: &[u32], u: f32, at: &Site) -> Choice {
+    let mut choice = Choice {
+        emitter: 0u32,
+        chance: 1.0f32,
+        rest: 0.0f32,
+    };
+    let distant = at.sum;
+    if words[LIGHT_NODE_COUNT] > 0 && u >= distant {
+        let mut room = Array::<f32>::new(8usize);
+        let weights = room.as_mut_slice();
+        let mut rest = ((u - distant) / (1.0 - distant)).min(MOST);
+        let mut node = 0u32;
+        let mut going = true;
+        while going {
+            let target = rest * weigh(floats, words, node, at, weights);
+            let mut lane = 0u32;
+            let mut before = 0.0f32;
+            let mut passed = 0.0f32;
+            let mut i = 0u32;
+            while i < LANES {
+                let weight = weights[i as usize];
+                if weight > 0.0 {
+                    lane = i;
+                    before = passed;
+                    passed += weight;
+                    if target < passed {
+                        i = LANES;
+                    }
+                }
+                i += 1;
+            }
+            rest = ((target - before) / weights[lane as usize])
+                .max(0.0)
+                .min(MOST);
+            let row = words[LIGHT_NODES] + OF_LIGHT_NODE as u32 * node;
+            node = words[(row + lane) as usize];
+            going = words[(row + 10) as usize] == 0;
+        }
+        choice.emitter = node;
+        choice.rest = rest;
+    } else {
+        let count = words[DISTANT_COUNT];
+        let sums = words[DISTANT_SUMS];
+        let place = u / distant * floats[(sums + count - 1) as usize];
+        let i = first_over(floats, sums, count, place);
+        choice.emitter = words[(words[DISTANT] + i) as usize];
+    }
+    choice
+}
+
+/// The probability of an emitter, or of the leaf that it is in.
+#[cube]
+pub(super) fn chance_in_tree(
+    floats: &[f32],
+    words: &[u32],
+    k: u32,
+    of_leaf: bool,
+    at: &Site,
+) -> f32 {
+    let place = (words[LIGHT_PLACES] + 2 * k) as usize;
+    let mut node = words[place];
+    let mut lane = words[place + 1];
+    let mut chance = at.sum;
+    if node == NONE {
+        let sums = words[DISTANT_SUMS];
+        let mut before = 0.0f32;
+        if lane > 0 {
+            before = floats[(sums + lane - 1) as usize];
+        }
+        let own = floats[(sums + lane) as usize] - before;
+        chance *= own / floats[(sums + words[DISTANT_COUNT] - 1) as usize];
+    } else {
+        chance = 1.0 - chance;
+        let mut room = Array::<f32>::new(8usize);
+        let weights = room.as_mut_slice();
+        let mut skips = of_leaf;
+        while node != NONE {
+            if !skips {
+                let total = weigh(floats, words, node, at, weights);
+                chance *= weights[lane as usize] / total;
+            }
+            skips = false;
+            let row = words[LIGHT_NODES] + OF_LIGHT_NODE as u32 * node;
+            node = words[(row + 8) as usize];
+            lane = words[(row + 9) as usize];
+        }
+    }
+    chance
+}
+
+/// The first emitter from a number on whose front a ray hits, as if nothing were in between.
+#[cube]
+pub(super) fn next_hit_in_tree(
+    floats: &[f32],
+    words: &[u32],
+    from: u32,
+    x: V3,
+    direction: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> EmitterHit {
+    let mut found: EmitterHit = no_emitter_hit();
+    let mut node = 0u32;
+    if words[LIGHT_NODE_COUNT] == 0 {
+        node = NONE;
+    }
+    let mut lane = 0u32;
+    while node != NONE {
+        let row = (words[LIGHT_NODES] + OF_LIGHT_NODE as u32 * node) as usize;
+        if lane == LANES {
+            node = words[row + 8];
+            lane = words[row + 9] + 1;
+        } else {
+            let child = words[row + lane as usize];
+            let branch = branch_of(words, node, lane);
+            lane += 1;
+            if power_of(floats, branch) > 0.0 && meets(floats, branch, x, direction) {
+                if words[row + 10] == 0 {
+                    node = child;
+                    lane = 0u32;
+                } else if child >= from && child < found.emitter && child < words[EMISSIVE_COUNT] {
+                    let hit = hits_emitter(floats, words, child, x, direction, time, features);
+                    if hit.emitter != NONE {
+                        found = hit;
+                    }
+                }
+            }
+        }
+    }
+    found
+}
+
+/// Whether a ray meets the sphere around a branch.
+#[cube]
+fn meets(floats: &[f32], branch: u32, x: V3, direction: V3) -> bool {
+    let to = vector(floats, branch) - x;
+    let along = to.dot(direction);
+    let across = to - direction * along;
+    // With a margin for rounding far away.
+    let reach = along.abs() * 1e-6 + floats[branch as usize + 3];
+    across.length_squared() < reach * reach && along + reach > 0.0
+}
