@@ -233,7 +233,7 @@ fn derivatives_of_all_classes() {
     let (gpu, cpu) = (device(), Device::flex());
     let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
     let effort = Effort {
-        samples: 8,
+        samples: 5,
         ..CONES
     };
     for (name, apart) in agreement(setups, DType::F32, effort) {

@@ -1,11 +1,13 @@
 //! What kernels ask of a device, and burn's tensors there.
 
+use std::ops::Range;
+
 use burn::backend::ops::{FloatTensorOps, IntTensorOps};
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::wgpu::{CubeBackend, CubeTensor};
 use burn::backend::{Cube, DispatchDevice, TensorMetadata};
 use burn::cubecl::prelude::*;
-use burn::tensor::{Device, FloatDType, IntDType, Shape};
+use burn::tensor::{Device, FloatDType, IntDType, Shape, Slice};
 
 use super::job::Job;
 use super::list::List;
@@ -44,10 +46,21 @@ pub(super) fn floats(tensor: FloatTensor<Cube>) -> (Client, List) {
 }
 
 /// A tensor of zeros, and the list of its numbers, which a kernel changes.
-pub(super) fn zeros(like: &FloatTensor<Cube>, shape: [usize; 2]) -> (FloatTensor<Cube>, List) {
-    let tensor = Cube::float_zeros(Shape::from(shape), &like.device(), FloatDType::F32);
+pub(super) fn zeros(like: &FloatTensor<Cube>, shape: Shape) -> (FloatTensor<Cube>, List) {
+    let tensor = Cube::float_zeros(shape, &like.device(), FloatDType::F32);
     let (_, list) = floats(tensor.clone());
     (tensor, list)
+}
+
+/// Some rows of a tensor of two axes, in the order of its axes.
+pub(super) fn rows_of(tensor: &FloatTensor<Cube>, rows: Range<usize>) -> FloatTensor<Cube> {
+    let columns = tensor.shape()[1];
+    let shape = Shape::from([rows.len(), columns]);
+    let room = Cube::float_zeros(shape, &tensor.device(), FloatDType::F32);
+    let all = |length: usize| Slice::from(0..length);
+    let part = Cube::float_slice(tensor.clone(), &[Slice::from(rows.clone()), all(columns)]);
+    // Expanded and transposed tensors have their numbers elsewhere.
+    Cube::float_slice_assign(room, &[all(rows.len()), all(columns)], part)
 }
 
 /// The same of whole numbers.

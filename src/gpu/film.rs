@@ -6,13 +6,14 @@ use super::backward::{add_camera, no_camera_gradient};
 use super::camera::{Beginning, camera};
 use super::edge_layout::SEED_OF_EDGES;
 use super::edge_point::{add_to_edge, edge_of, shift_of, sides};
+use super::film_table::{ALL, DrawnPiece, MOST, OF_FILM, OWN, RADIUS, TOTAL, draw_piece, view_of};
 use super::hit::{Ray, trace};
 use super::jumps::hides;
 use super::layout::{FLOAT_HEADER, HEADER, HEIGHT, NONE, SEED_OF_CONES, WIDTH};
 use super::numbers::{numbers_of, numbers_of_film, on_disk};
 use super::passes::{is_asked, upstream_of};
 use super::side_light::{Behind, light_beside};
-use super::sums::replica_of;
+use super::sums::{is_skipped, replica_of};
 use super::{Derivatives, Features, Outputs};
 use crate::model::camera::CameraRay;
 use crate::model::filter::film_kernel;
@@ -20,42 +21,6 @@ use crate::model::v2;
 
 /// The pixel of random numbers that are of no pixel.
 const NO_PIXEL: u32 = u32::MAX;
-
-/// Words of the table of films, for each view: the number of samples of all views so far, the number of its own, its
-/// first piece, the one past the last, and by their bits the sum of all weights and the radius of the pixel filter.
-pub(super) const OF_FILM: u32 = 6;
-
-/// The first view whose samples and those before it are more than a number.
-#[cube]
-fn view_of(table: &[u32], views: u32, sample: u32) -> u32 {
-    let mut low = 0u32;
-    let mut high = views - 1;
-    while low < high {
-        let middle = (low + high) / 2;
-        if table[(OF_FILM * middle) as usize] <= sample {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    low
-}
-
-/// The first piece of a range whose sum of weights so far is over a number; the last if none is.
-#[cube]
-fn piece_over(pieces: &[f32], first: u32, past: u32, value: f32) -> u32 {
-    let mut low = first;
-    let mut high = past - 1;
-    while low < high {
-        let middle = (low + high) / 2;
-        if pieces[(4 * middle + 2) as usize] <= value {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    low
-}
 
 /// The place of a pixel of the film in the rows of a view's image, or [`NONE`].
 #[cube]
@@ -70,9 +35,8 @@ fn row_of(words: &[u32], places: &[u32], x: f32, y: f32, #[comptime] listed: boo
     row
 }
 
-/// Adds the derivatives by jumps on the film: every `stride`-th of the samples of all views, from a first one on. A
-/// piece of an edge has its first and last λ, the sum of the weights so far, and the edge. `films` is the table
-/// ([`OF_FILM`]), then the row of each pixel if not all are asked for.
+/// Adds the derivatives by jumps on the film: every `stride`-th of the samples of all views, from a first one on, of
+/// `count` threads and pieces ([`film_table`](super::film_table)).
 #[cube(launch)]
 pub(super) fn film_jumps(
     floats: &[f32],
@@ -86,6 +50,7 @@ pub(super) fn film_jumps(
     region: u32,
     first: u32,
     stride: u32,
+    threads: u32,
     count: u32,
     views: u32,
     of_view: u32,
@@ -94,18 +59,18 @@ pub(super) fn film_jumps(
     #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) {
-    if ABSOLUTE_POS < count as usize {
+    if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = first + ABSOLUTE_POS as u32 * stride;
-        let which = view_of(films, views, thread);
+        let which = view_of(films, views, thread, ALL);
         let floats = &floats[which as usize * FLOAT_HEADER..];
         let words = &words[which as usize * HEADER..];
         let totals = &totals[replica_of(thread, replicas, region)..];
         let places = &films[(OF_FILM * views) as usize..];
         let film_of = (OF_FILM * which) as usize;
-        let all = films[film_of + 1];
-        let sample = thread - (films[film_of] - all);
-        let total = f32::from_bits(films[film_of + 4]);
-        let radius = f32::from_bits(films[film_of + 5]);
+        let all = films[film_of + OWN];
+        let sample = thread - (films[film_of + ALL] - films[film_of + MOST]);
+        let total = f32::from_bits(films[film_of + TOTAL]);
+        let radius = f32::from_bits(films[film_of + RADIUS]);
         let numbers = numbers_of_film(words, sample, features.sobol);
         let film = numbers.film(words, features.sobol);
         let mut more = film;
@@ -120,16 +85,11 @@ pub(super) fn film_jumps(
         if comptime!(features.moves) {
             time = more.z;
         }
-        let first_piece = films[film_of + 2];
-        let number = piece_over(pieces, first_piece, films[film_of + 3], film.x * total);
-        let piece = 4 * number as usize;
-        let mut before = 0.0f32;
-        if number > first_piece {
-            before = pieces[piece - 2];
-        }
-        let share = pieces[piece + 2] - before;
+        let drawn: DrawnPiece = draw_piece(pieces, films, which, film.x * total, count);
+        let piece = drawn.at;
+        let share = drawn.share;
         let length = pieces[piece + 1] - pieces[piece];
-        let mut p = edge_of(floats, words, pieces[piece + 3].to_bits());
+        let mut p = edge_of(floats, words, pieces[piece + 3] as u32);
         p.lambda = pieces[piece] + length * film.y;
         p.per_density = length * (total / share.max(1e-37)) / all as f32;
         p.position =
@@ -138,7 +98,7 @@ pub(super) fn film_jumps(
         let origin = c.origin_towards(p.position, lens.x, lens.y);
         p.to = p.position - origin;
         let mut row = NONE.runtime();
-        if share > 0.0 && p.to.dot(c.dual.z) > 0.0 {
+        if sample < all && share > 0.0 && p.to.dot(c.dual.z) > 0.0 {
             // The pixel whose ray would come here.
             let at = c.project(p.position, lens.x, lens.y);
             let kernel = numbers_of(words, SEED_OF_EDGES, NO_PIXEL, sample, features.sobol);

@@ -1,19 +1,16 @@
 //! Kernels on burn's devices: an image, in launches that are not long.
 
-use burn::backend::tensor::{FloatTensor, IntTensor};
+use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Cube, Dispatch, backend_extension};
 use burn::cubecl::prelude::*;
-use burn::tensor::{DType, Device, Int, Tensor, TensorData};
+use burn::tensor::{DType, Device, Shape, Tensor};
 
-use super::device::{floats, int_zeros, without_backtrace, zeros};
+use super::device::{floats, without_backtrace, zeros};
 use super::job::{GROUP, Job, PATHS, groups};
-use super::launch_backward::{Pass, Sought};
 use super::list::List;
-use super::sums::{FIRST_SUM, LOST};
 use super::{add_chunks, render_pixels};
-use crate::device::{count_read_back, label};
+use crate::device::label;
 use crate::error::{Error, Result};
-use crate::kernel::{Sums, View};
 
 /// Threads that keep a GPU busy, about.
 const THREADS: usize = 1 << 17;
@@ -22,15 +19,12 @@ const THREADS: usize = 1 << 17;
 pub(crate) trait GpuBackend: Backend {
     /// The rows of all views `[B·P, C]`, on the device of a tensor, and why they could not be computed if so.
     fn trace(like: FloatTensor<Self>, job: Job, failed: &mut Option<String>) -> FloatTensor<Self>;
-
-    /// The sums of derivatives ([`Places`](super::sums::Places)), from those by the rows.
-    fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self>;
 }
 
 impl GpuBackend for Cube {
     fn trace(like: FloatTensor<Self>, job: Job, failed: &mut Option<String>) -> FloatTensor<Self> {
         let rows = job.outputs.rows();
-        let (tensor, image) = zeros(&like, [job.count(), rows]);
+        let (tensor, image) = zeros(&like, Shape::from([job.count(), rows]));
         let (client, _) = floats(like);
         let [floats, words, pixels] = job.lists(&client);
         for piece in job.pieces(PATHS) {
@@ -80,12 +74,6 @@ impl GpuBackend for Cube {
         *failed = client.check([&image.handle]).err().map(without_backtrace);
         tensor
     }
-
-    fn trace_backward(upstream: FloatTensor<Self>, job: Job, sought: Sought) -> IntTensor<Self> {
-        let (tensor, sums) = int_zeros(&upstream, FIRST_SUM + 2 * job.views.sums.count);
-        Pass::new(upstream, &job, &sought).run(&sums);
-        tensor
-    }
 }
 
 /// Renders on a device: rows `[B·P, C]`.
@@ -101,33 +89,4 @@ pub(crate) fn trace(device: &Device, job: Job) -> Result<Tensor<2>> {
         None => Ok(Tensor::from_dispatch(image)),
         Some(why) => Err(Error::device(label(device), why)),
     }
-}
-
-/// The sums of derivatives of each view, along paths and by jumps, from derivatives by the rows of all.
-pub(crate) fn sums_of(
-    device: &Device,
-    views: &[&View],
-    job: &Job,
-    mut sought: Sought,
-    upstream: Vec<f32>,
-) -> Vec<Sums> {
-    let length = upstream.len();
-    let on_device =
-        Tensor::<1>::from_data(TensorData::new(upstream, [length]), (device, DType::F32));
-    let sums = |sought: Sought| -> Vec<u32> {
-        let upstream = on_device.clone().into_dispatch();
-        let sums = <Dispatch as GpuBackend>::trace_backward(upstream, job.clone(), sought);
-        count_read_back(device);
-        let sums = Tensor::<1, Int>::from_dispatch(sums).try_into_data();
-        let sums = sums
-            .unwrap_or_else(|why| panic!("device {}: {}", label(device), without_backtrace(why)));
-        sums.iter::<i32>().map(|w| w as u32).collect()
-    };
-    let mut found = sums(sought.clone());
-    if found[LOST] > 0 {
-        // Some are much larger than those that were measured.
-        sought.measures_all = true;
-        found = sums(sought);
-    }
-    job.views.sums.read(&found, views)
 }

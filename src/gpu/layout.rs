@@ -92,7 +92,10 @@ pub(super) const DISTANT: usize = 96;
 pub(super) const DISTANT_COUNT: usize = 97;
 pub(super) const DISTANT_SUMS: usize = 98;
 pub(super) const DISTANT_AXES: usize = 99;
-pub(super) const HEADER: usize = 100;
+/// Words: where the corners of each vertex begin, and one more; the corners, each as 3·triangle + corner.
+pub(super) const VERTEX_STARTS: usize = 100;
+pub(super) const VERTEX_CORNERS: usize = 101;
+pub(super) const HEADER: usize = 104;
 
 /// Floats of the header: the camera, then the tangent of cones.
 pub(super) const CAMERA: usize = 0;

@@ -17,6 +17,7 @@
     reason = "calls are inlined, so a loop has one place for each"
 )]
 
+mod asked;
 mod backward;
 mod camera;
 mod corners;
@@ -30,6 +31,9 @@ mod edge_tree;
 mod edge_weights;
 mod emitter_choice;
 mod film;
+mod film_table;
+mod go_back;
+mod gradient;
 mod hit;
 mod holes;
 mod integers;
@@ -69,9 +73,9 @@ pub(crate) use counts::counts_of;
 pub(crate) use device::check;
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
+pub(crate) use go_back::go_back;
 pub(crate) use job::Job;
-pub(crate) use launch::{sums_of, trace};
-pub(crate) use launch_backward::{Films, Sought};
+pub(crate) use launch::trace;
 use layout::{COUNTED, NONE, UNIT};
 pub(crate) use packed::{Packed, pack};
 use packed_scene::PackedScene;

@@ -6,8 +6,8 @@ use super::layout::{
     BOXES, CHILDREN, COMPENSATED, COUNTED, EMISSIVE_COUNT, EMITS, EMITTER_COUNT, EMITTERS, GLOSSY,
     HEADER, HIT_COUNT, HIT_NUMBERS, HITS, LEAVES, MATERIALS, MODEL, NONE, NORMALS, OF_EMITTERS,
     OF_MATERIAL, OF_MATERIALS, OF_TRIANGLES, REFLECTS, ROOT, SKY, SKY_CHANCES, SKY_COLUMNS,
-    SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SURFACES, TEXELS, UVS, VELOCITIES, VERTEX_ROWS,
-    WANTED_OBJECTS,
+    SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SURFACES, TEXELS, UVS, VELOCITIES, VERTEX_CORNERS,
+    VERTEX_ROWS, VERTEX_STARTS, WANTED_OBJECTS,
 };
 use crate::accel::GpuTree;
 use crate::kernel::View;
@@ -117,6 +117,9 @@ impl PackedScene {
         }
         self.words_at(VERTEX_ROWS);
         self.words.extend(scene.vertex_rows.iter().flatten());
+        if view.wanted.objects.contains(&true) {
+            self.add_vertex_corners(view);
+        }
         self.words_at(WANTED_OBJECTS);
         let wanted = view.wanted.objects.iter().map(|&w| u32::from(w));
         self.words.extend(wanted);
@@ -137,6 +140,31 @@ impl PackedScene {
             place.unwrap_or(background) as u32
         });
         self.words.extend(numbers);
+    }
+
+    /// The corners of triangles at each vertex.
+    fn add_vertex_corners(&mut self, view: &View) {
+        let rows = view.scene.vertex_rows.as_flattened();
+        let last = view.scene.objects.last();
+        let count = last.map_or(0, |o| o.first_vertex + o.vertices);
+        let mut starts = vec![0; count + 1];
+        for &v in rows {
+            starts[v as usize + 1] += 1;
+        }
+        for v in 0..count {
+            starts[v + 1] += starts[v];
+        }
+        let mut next = starts.clone();
+        let mut corners = vec![0; rows.len()];
+        for (corner, &v) in rows.iter().enumerate() {
+            let to: &mut u32 = &mut next[v as usize];
+            corners[*to as usize] = corner as u32;
+            *to += 1;
+        }
+        self.words_at(VERTEX_STARTS);
+        self.words.extend(starts);
+        self.words_at(VERTEX_CORNERS);
+        self.words.extend(corners);
     }
 
     fn add_materials(&mut self, view: &View) {

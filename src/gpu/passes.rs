@@ -13,7 +13,7 @@ use super::path::{from_camera, path_light};
 use super::pieces::{Piece, pixel_at};
 use super::records::{Room, kept, kept_vector, record_at};
 use super::records::{jumped_at, points_at, put};
-use super::sums::{PARTS, replica_of};
+use super::sums::{PARTS, is_skipped, replica_of};
 use super::surface::point_at;
 use super::surface_backward::is_wanted;
 use super::surface_backward::no_point_gradient;
@@ -64,6 +64,7 @@ pub(super) fn keep_paths(
     pixels: &[u32],
     upstream: &[f32],
     records: &mut [u32],
+    scales: &[f32],
     piece: Piece,
     scale: f32,
     #[comptime] listed: bool,
@@ -71,7 +72,7 @@ pub(super) fn keep_paths(
     #[comptime] features: Features,
 ) {
     let threads = piece.paths();
-    if ABSOLUTE_POS < threads as usize {
+    if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
         let floats = &floats[which.floats()..];
@@ -144,7 +145,7 @@ pub(super) fn add_jumps(
     #[comptime] of: Derivatives,
 ) {
     let threads = piece.paths();
-    if ABSOLUTE_POS < (threads * (words[BOUNCES] + 1)) as usize {
+    if ABSOLUTE_POS < (threads * (words[BOUNCES] + 1)) as usize && !is_skipped(scales) {
         let thread = ABSOLUTE_POS as u32 % threads;
         let k = ABSOLUTE_POS as u32 / threads;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
@@ -216,7 +217,7 @@ pub(super) fn go_back(
     #[comptime] of: Derivatives,
 ) {
     let threads = piece.paths();
-    if ABSOLUTE_POS < threads as usize {
+    if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
         let floats = &floats[which.floats()..];

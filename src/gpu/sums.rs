@@ -7,11 +7,9 @@
 use std::collections::HashMap;
 
 use burn::cubecl::{self, prelude::*};
-use glam::DVec3;
-use rayon::prelude::*;
 
 use super::integers::total;
-use crate::kernel::{DeltaSums, Sums, View};
+use crate::kernel::{Sums, View};
 use crate::model::V3;
 
 /// Parts of a scene, each with a power of two of its own.
@@ -94,70 +92,9 @@ impl Places {
         (REPLICATED / self.count.max(1)).clamp(1, REPLICAS)
     }
 
-    /// Sums of each view from what kernels left: the powers of two of the parts, and the words of the sums. What views
-    /// of a scene share is in the first one's.
-    pub fn read(&self, words: &[u32], views: &[&View]) -> Vec<Sums> {
-        let scale = |&bits: &u32| {
-            let scale = f64::from(f32::from_bits(bits));
-            if scale > 0.0 { scale } else { f64::NAN }
-        };
-        let scales: Vec<f64> = words[..PARTS].iter().map(scale).collect();
-        let read = |(v, view): (usize, &&View)| self.of_view(words, &scales, v, view);
-        views.par_iter().enumerate().map(read).collect()
-    }
-
-    fn of_view(&self, words: &[u32], scales: &[f64], v: usize, view: &View) -> Sums {
-        let mut sums = Sums::new(&view.scene, &view.wanted);
-        let number = |part: usize, i: usize| {
-            let at = FIRST_SUM + 2 * (self.first[v][part] as usize + i);
-            let bits = (u64::from(words[at + 1]) << 32) | u64::from(words[at]);
-            (bits as i64) as f64 / scales[part]
-        };
-        let vector = |part: usize, i: usize| {
-            DVec3::new(
-                number(part, 3 * i),
-                number(part, 3 * i + 1),
-                number(part, 3 * i + 2),
-            )
-        };
-        let c = &mut sums.camera;
-        c.eye = vector(CAMERA, 0);
-        c.across = vector(CAMERA, 1);
-        c.upward = vector(CAMERA, 2);
-        c.forward = vector(CAMERA, 3);
-        c.lens = [vector(CAMERA, 4), vector(CAMERA, 5)];
-        c.per_focus = number(CAMERA, 18);
-        if self.owner[v] != v {
-            return sums;
-        }
-        let fill = |list: &mut [DVec3], part: usize| {
-            for (i, v) in list.iter_mut().enumerate() {
-                *v = vector(part, i);
-            }
-        };
-        fill(&mut sums.vertices, VERTICES);
-        fill(&mut sums.velocities, VELOCITIES);
-        fill(&mut sums.normals, NORMALS);
-        fill(&mut sums.texels, TEXELS);
-        fill(&mut sums.sky, SKY);
-        fill(&mut sums.colours, COLOURS);
-        fill(&mut sums.tangents, TANGENTS);
-        for (i, light) in sums.lights.iter_mut().enumerate() {
-            *light = DeltaSums::of(|k| number(LIGHTS, 11 * i + k));
-        }
-        for (i, t) in sums.triangles.iter_mut().enumerate() {
-            t.normal = vector(TRIANGLES, i);
-            t.area = number(AREAS, i);
-        }
-        for (i, uv) in sums.uvs.iter_mut().enumerate() {
-            *uv = [number(UVS, 2 * i), number(UVS, 2 * i + 1)];
-        }
-        for (i, m) in sums.materials.iter_mut().enumerate() {
-            for (c, channel) in m.iter_mut().enumerate() {
-                *channel = vector(MATERIALS, 4 * i + c);
-            }
-        }
-        sums
+    /// Whether a view is the first one of its scene.
+    pub fn owns(&self, view: usize) -> bool {
+        self.owner[view] == view
     }
 }
 
@@ -192,6 +129,40 @@ pub(super) fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
 /// The bits of an infinite number.
 const INFINITY: u32 = 0x7f80_0000;
 
+/// The scale of all parts where a pass has nothing to do.
+const SKIPPED: f32 = -2.0;
+
+/// Whether a pass has nothing to do.
+#[cube]
+pub(super) fn is_skipped(scales: &[f32]) -> bool {
+    scales[0] == SKIPPED
+}
+
+/// Lets a second pass look at all derivatives, where the first has lost any; else it has nothing to do.
+#[cube(launch)]
+pub(super) fn look_again(
+    totals: &[u32],
+    scales: &[f32],
+    again: &mut [f32],
+    replicas: u32,
+    region: u32,
+) {
+    if ABSOLUTE_POS < scales.len() {
+        let mut scale = scales[ABSOLUTE_POS];
+        if ABSOLUTE_POS < PARTS {
+            scale = SKIPPED;
+            let mut replica = 0u32;
+            while replica < replicas {
+                if totals[(replica * region) as usize + LOST] > 0 {
+                    scale = MEASURE;
+                }
+                replica += 1;
+            }
+        }
+        again[ABSOLUTE_POS] = scale;
+    }
+}
+
 /// Chooses the scales of parts from the largest derivatives that a measuring launch left in all replicas.
 #[cube(launch)]
 pub(super) fn choose_scales(
@@ -200,8 +171,9 @@ pub(super) fn choose_scales(
     replicas: u32,
     region: u32,
     keep: i32,
+    views: u32,
 ) {
-    if ABSOLUTE_POS < PARTS {
+    if ABSOLUTE_POS < PARTS && scales[ABSOLUTE_POS] != SKIPPED {
         let mut own = 0u32;
         let mut most = 0u32;
         let mut part = 0usize;
@@ -220,15 +192,22 @@ pub(super) fn choose_scales(
             }
             part += 1;
         }
+        if most == 0 {
+            // Nothing was reached, perhaps since the loss depends on few pixels.
+            let mut view = 0usize;
+            while view < views as usize {
+                most = most.max(scales[PARTS + view].to_bits());
+                view += 1;
+            }
+        }
         scales[ABSOLUTE_POS] = scale_of(own, most, keep);
     }
 }
 
-/// Adds up replicas: the scales of all parts by their bits, the number of derivatives that no sum holds, the sums.
+/// Adds up replicas: the sums in two words each.
 #[cube(launch)]
 pub(super) fn add_replicas(
     totals: &[u32],
-    scales: &[f32],
     sums: &mut [u32],
     replicas: u32,
     region: u32,
@@ -249,29 +228,53 @@ pub(super) fn add_replicas(
             }
             replica += 1;
         }
-        sums[at] = low;
-        sums[at + 1] = high;
-    }
-    if ABSOLUTE_POS < PARTS {
-        sums[ABSOLUTE_POS] = scales[ABSOLUTE_POS].to_bits();
-    }
-    if ABSOLUTE_POS == LOST {
-        let mut lost = 0u32;
-        let mut replica = 0u32;
-        while replica < replicas {
-            lost = lost.max(totals[(replica * region) as usize + LOST]);
-            replica += 1;
-        }
-        sums[LOST] = lost;
+        sums[2 * ABSOLUTE_POS] = low;
+        sums[2 * ABSOLUTE_POS + 1] = high;
     }
 }
 
-/// Sets all words to 0.
+/// Sets all words to 0, unless a pass has nothing to do.
 #[cube(launch)]
-pub(super) fn clear(words: &mut [u32]) {
-    if ABSOLUTE_POS < words.len() {
+pub(super) fn clear(words: &mut [u32], scales: &[f32]) {
+    if ABSOLUTE_POS < words.len() && !is_skipped(scales) {
         words[ABSOLUTE_POS] = 0;
     }
+}
+
+/// Takes the scales of the second pass, if it had anything to do.
+#[cube(launch)]
+pub(super) fn take_scales(again: &[f32], scales: &mut [f32]) {
+    if ABSOLUTE_POS < PARTS && !is_skipped(again) {
+        scales[ABSOLUTE_POS] = again[ABSOLUTE_POS];
+    }
+}
+
+/// A sum of a part as a number; NaN where derivatives of the part are not finite.
+#[cube]
+pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
+    let scale = scales[part as usize];
+    let mut low = sums[2 * at as usize];
+    let mut high = sums[2 * at as usize + 1];
+    let negative = high >> 31 == 1;
+    if negative {
+        // The two's complement.
+        low = total(!low, 1u32);
+        high = !high;
+        if low == 0 {
+            high = total(high, 1u32);
+        }
+    }
+    let mut value = high as f32 * 4_294_967_296.0 + low as f32;
+    if negative {
+        value = -value;
+    }
+    if scale > 0.0 {
+        value = value / scale;
+    } else {
+        value = scale - scale;
+        value = value / value;
+    }
+    value
 }
 
 /// Where the words of a thread's replica begin.

@@ -118,6 +118,22 @@ pub(crate) struct CameraSums {
     pub per_focus: f64,
 }
 
+#[cfg(feature = "wgpu")]
+impl CameraSums {
+    /// From its numbers, in the order of its fields.
+    pub fn of(number: impl Fn(usize) -> f64) -> Self {
+        let vector = |k: usize| DVec3::new(number(3 * k), number(3 * k + 1), number(3 * k + 2));
+        Self {
+            eye: vector(0),
+            across: vector(1),
+            upward: vector(2),
+            forward: vector(3),
+            lens: [vector(4), vector(5)],
+            per_focus: number(18),
+        }
+    }
+}
+
 impl AddAssign for CameraSums {
     fn add_assign(&mut self, o: Self) {
         self.eye += o.eye;

@@ -24,13 +24,17 @@ mod tests;
 mod view;
 mod walk;
 
-pub(crate) use boundary::{FilmEdges, PixelGradients};
+#[cfg(feature = "wgpu")]
+pub(crate) use boundary::{CELL, Piece};
+pub(crate) use boundary::{FilmEdges, PixelGradients, samples_of_film};
 pub(crate) use camera::HostCamera;
 #[cfg(feature = "wgpu")]
 pub(crate) use delta_sums::DeltaSums;
 pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]
 pub(crate) use edges::FlatTree;
+#[cfg(feature = "wgpu")]
+pub(crate) use gradient::CameraSums;
 pub(crate) use gradient::{Sums, Wanted};
 pub(crate) use scene::KernelScene;
 #[cfg(feature = "wgpu")]

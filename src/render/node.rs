@@ -1,5 +1,5 @@
-//! A node of burn's autodiff graph whose backward pass runs on the host: images of both engines hang on one,
-//! so that their memory grows with neither samples nor bounces.
+//! A node of burn's autodiff graph whose backward pass is not made of tensor operations: images of both engines hang on
+//! one, so that their memory grows with neither samples nor bounces.
 
 #![allow(deprecated)] // burn deprecates ndarray; users ask for it
 
@@ -12,17 +12,64 @@ use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind, unary};
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Backend, Dispatch, TensorMetadata, backend_extension};
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::{DType, Device, Tensor, TensorData};
 
 use crate::device::count_read_back;
 
-/// A function from the gradient of the output to that of the parameters, both on the host.
-#[derive(Clone)]
-pub(super) struct HostBackward(Arc<dyn Fn(TensorData) -> TensorData + Send + Sync>);
+/// A function from the gradient of the output `[R, C]` to that of the parameters `[N]`.
+pub(super) trait Derivative: Send + Sync {
+    /// On the host.
+    fn on_host(&self, upstream: &TensorData) -> Vec<f64>;
 
-impl fmt::Debug for HostBackward {
+    /// Without the host, where a GPU computes it.
+    #[cfg(feature = "wgpu")]
+    fn on_gpu(
+        &self,
+        upstream: &FloatTensor<burn::backend::Cube>,
+    ) -> Option<FloatTensor<burn::backend::Cube>> {
+        let _ = upstream;
+        None
+    }
+}
+
+/// The derivative of an output.
+#[derive(Clone)]
+pub(super) struct SharedDerivative {
+    of: Arc<dyn Derivative>,
+    /// Of the parameters.
+    shape: [usize; 1],
+    dtype: DType,
+    device: Device,
+}
+
+impl fmt::Debug for SharedDerivative {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("HostBackward")
+        f.write_str("SharedDerivative")
+    }
+}
+
+impl SharedDerivative {
+    /// The gradient by the host.
+    fn by_host<B: Backend>(&self, upstream: FloatTensor<B>) -> FloatTensor<B> {
+        let device = upstream.device();
+        count_read_back(&self.device);
+        let gradient = self.of.on_host(&read::<B>(upstream));
+        let gradient = TensorData::new(gradient, self.shape);
+        B::float_from_data(gradient.convert_dtype(self.dtype), &device)
+    }
+}
+
+/// The gradient of an image on the host.
+pub(super) fn read<B: Backend>(upstream: FloatTensor<B>) -> TensorData {
+    let data = burn::tensor::try_read_sync(B::float_into_data(upstream));
+    let data = data.and_then(Result::ok);
+    data.expect("the gradient of an image can be read back")
+}
+
+/// A backend without autodiff, on which gradients are computed.
+pub(super) trait GoBack: Backend {
+    fn go_back(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
+        derivative.by_host::<Self>(upstream)
     }
 }
 
@@ -37,7 +84,7 @@ pub(super) trait NodeBackend: Backend {
     fn attach(
         parameters: FloatTensor<Self>,
         output: FloatTensor<Self>,
-        backward: HostBackward,
+        derivative: SharedDerivative,
     ) -> FloatTensor<Self>;
 }
 
@@ -50,7 +97,7 @@ macro_rules! without_autodiff {
                 fn attach(
                     _: FloatTensor<Self>,
                     output: FloatTensor<Self>,
-                    _: HostBackward,
+                    _: SharedDerivative,
                 ) -> FloatTensor<Self> {
                     output
                 }
@@ -61,11 +108,25 @@ macro_rules! without_autodiff {
 
 without_autodiff!("flex" Flex, "ndarray" NdArray, "wgpu" Cube);
 
-#[derive(Debug)]
-struct HostNode;
+#[cfg(feature = "flex")]
+impl GoBack for burn::backend::Flex {}
 
-impl<B: Backend> Backward<B, 1> for HostNode {
-    type State = HostBackward;
+#[cfg(feature = "ndarray")]
+impl GoBack for burn::backend::NdArray {}
+
+#[cfg(feature = "wgpu")]
+impl GoBack for burn::backend::Cube {
+    fn go_back(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
+        let gradient = derivative.of.on_gpu(&upstream);
+        gradient.unwrap_or_else(|| derivative.by_host::<Self>(upstream))
+    }
+}
+
+#[derive(Debug)]
+struct ImageNode;
+
+impl<B: GoBack> Backward<B, 1> for ImageNode {
+    type State = SharedDerivative;
 
     fn backward(
         self,
@@ -73,50 +134,46 @@ impl<B: Backend> Backward<B, 1> for HostNode {
         grads: &mut Gradients,
         _checkpointer: &mut Checkpointer,
     ) {
-        let HostBackward(backward) = ops.state;
-        unary::<B, _>(ops.parents, ops.node, grads, |grad| {
-            let device = grad.device();
-            let data = burn::tensor::try_read_sync(B::float_into_data(grad));
-            let data = data.and_then(Result::ok);
-            let data = data.expect("the gradient of an image can be read back");
-            B::float_from_data(backward(data), &device)
+        let derivative = ops.state;
+        unary::<B, _>(ops.parents, ops.node, grads, |upstream| {
+            B::go_back(upstream, &derivative)
         });
     }
 }
 
-impl<B: Backend + NodeBackend, C: CheckpointStrategy> NodeBackend for Autodiff<B, C> {
+impl<B: NodeBackend + GoBack, C: CheckpointStrategy> NodeBackend for Autodiff<B, C> {
     fn attach(
         parameters: FloatTensor<Self>,
         output: FloatTensor<Self>,
-        backward: HostBackward,
+        derivative: SharedDerivative,
     ) -> FloatTensor<Self> {
-        match HostNode
+        match ImageNode
             .prepare::<C>([parameters.node()])
             .compute_bound()
             .stateful()
         {
-            OpsKind::Tracked(prep) => prep.finish(backward, output.into_primitive()),
+            OpsKind::Tracked(prep) => prep.finish(derivative, output.into_primitive()),
             OpsKind::UnTracked(prep) => prep.finish(output.into_primitive()),
         }
     }
 }
 
-/// `output` with `parameters` as its parent: the gradient of these is `backward` of that of the output.
+/// `output` with `parameters` as its parent: the gradient of these is `derivative` of that of the output.
 pub(super) fn attach(
     parameters: Tensor<1>,
     output: Tensor<2>,
-    backward: impl Fn(&TensorData) -> Vec<f64> + Send + Sync + 'static,
+    derivative: impl Derivative + 'static,
 ) -> Tensor<2> {
-    let (shape, dtype) = (parameters.dims(), parameters.dtype());
-    let device = output.device();
-    let backward = HostBackward(Arc::new(move |upstream| {
-        count_read_back(&device);
-        TensorData::new(backward(&upstream), shape).convert_dtype(dtype)
-    }));
+    let derivative = SharedDerivative {
+        of: Arc::new(derivative),
+        shape: parameters.dims(),
+        dtype: parameters.dtype(),
+        device: output.device(),
+    };
     let output = <Dispatch as NodeBackend>::attach(
         parameters.into_dispatch(),
         output.into_dispatch(),
-        backward,
+        derivative,
     );
     Tensor::from_dispatch(output)
 }

@@ -12,14 +12,16 @@ use crate::model::segment::clip_linear;
 /// Edges are drawn in pieces of about so many pixels.
 const PIECE: f32 = 8.0;
 
+/// A piece of an edge, from one λ to another.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
-    edge: u32,
-    from: f32,
-    to: f32,
-    /// The sum of the weights of all pieces so far.
-    total: f32,
-    /// Its place on the film, along a Z-order curve.
+pub(crate) struct Piece {
+    pub edge: u32,
+    pub from: f32,
+    pub to: f32,
+    /// How much may jump at it, in pixels; where the loss is known, the sum of the weights of all pieces so far.
+    pub weight: f32,
+    /// Its middle on the film, in pixels, and its place there along a Z-order curve.
+    middle: [f32; 2],
     place: u64,
 }
 
@@ -35,27 +37,22 @@ impl FilmEdges {
         self.pieces.is_empty()
     }
 
-    /// The pieces one after another: first and last λ, the sum of the weights so far, and the edge's number, by its
-    /// bits; and the sum of all weights.
-    #[cfg(feature = "wgpu")]
-    pub fn flat(&self) -> (Vec<f32>, f32) {
-        let of = |p: &Piece| [p.from, p.to, p.total, f32::from_bits(p.edge)];
-        (self.pieces.iter().flat_map(of).collect(), self.total as f32)
-    }
-
     /// Draws a point of an edge for two uniform numbers.
     #[inline(always)]
     pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
         let target = (f64::from(u) * self.total) as f32;
         let last = self.pieces.len() - 1;
-        let i = self.pieces.partition_point(|p| p.total <= target).min(last);
+        let i = self
+            .pieces
+            .partition_point(|p| p.weight <= target)
+            .min(last);
         let piece = &self.pieces[i];
         let before = if i == 0 {
             0.0
         } else {
-            self.pieces[i - 1].total
+            self.pieces[i - 1].weight
         };
-        let (share, length) = (piece.total - before, piece.to - piece.from);
+        let (share, length) = (piece.weight - before, piece.to - piece.from);
         (share > 0.0).then(|| Drawn {
             edge: piece.edge as usize,
             lambda: piece.from + length * v,
@@ -89,17 +86,26 @@ fn place(x: f32, y: f32, last: bool) -> u64 {
 impl View {
     /// The pieces of edges that jump on the film where the loss depends on it.
     pub fn film_edges(&self, pixels: &PixelGradients) -> FilmEdges {
-        let none = FilmEdges {
-            pieces: Vec::new(),
-            total: 0.0,
-        };
+        let mut pieces = self.film_pieces(|[x, y]| pixels.near(x, y));
+        let mut total = 0.0f64;
+        for piece in &mut pieces {
+            total += f64::from(piece.weight);
+            piece.weight = total as f32;
+        }
+        FilmEdges { pieces, total }
+    }
+
+    /// The pieces of edges that jump on the film, each with a weight times that of its middle, if it has any.
+    /// Neighbours on the film follow each other, creases after silhouettes: numbers that are spread evenly over pieces
+    /// are so over the film.
+    pub fn film_pieces(&self, near: impl Fn([f32; 2]) -> f32 + Sync) -> Vec<Piece> {
         let Some(sets) = &self.edge_sets else {
-            return none;
+            return Vec::new();
         };
         // A camera that moves sees all edges move.
         let seen = |e: &Edge| self.wanted.camera || e.moves(&self.scene, &self.wanted);
         const CHUNK: usize = 4096;
-        let lists: Vec<Vec<(Piece, f32)>> = sets
+        let lists: Vec<Vec<Piece>> = sets
             .edges
             .par_chunks(CHUNK)
             .enumerate()
@@ -107,23 +113,19 @@ impl View {
                 let mut found = Vec::new();
                 for (i, e) in edges.iter().enumerate().filter(|(_, e)| seen(e)) {
                     let index = (chunk * CHUNK + i) as u32;
-                    self.pieces_of(index, e, pixels, &mut found);
+                    self.pieces_of(index, e, &mut |mut piece| {
+                        piece.weight *= near(piece.middle);
+                        if piece.weight > 0.0 {
+                            found.push(piece);
+                        }
+                    });
                 }
                 found
             })
             .collect();
-        // Neighbours on the film follow each other, creases after silhouettes: numbers that are spread evenly
-        // over pieces are so over the film.
-        let mut weighed: Vec<(Piece, f32)> = lists.into_iter().flatten().collect();
-        weighed.par_sort_by_key(|p| p.0.place);
-        let mut total = 0.0f64;
-        let mut pieces = Vec::with_capacity(weighed.len());
-        for (mut piece, weight) in weighed {
-            total += f64::from(weight);
-            piece.total = total as f32;
-            pieces.push(piece);
-        }
-        FilmEdges { pieces, total }
+        let mut pieces: Vec<Piece> = lists.into_iter().flatten().collect();
+        pieces.par_sort_by_key(|p| p.place);
+        pieces
     }
 
     /// The most that may jump at an edge, seen from the camera; `slack` is the distance of rays' starts from
@@ -152,13 +154,7 @@ impl View {
         }
     }
 
-    fn pieces_of(
-        &self,
-        index: u32,
-        e: &Edge,
-        pixels: &PixelGradients,
-        found: &mut Vec<(Piece, f32)>,
-    ) {
+    fn pieces_of(&self, index: u32, e: &Edge, found: &mut impl FnMut(Piece)) {
         let c = &self.camera;
         let velocity = self.scene.shift(e.faces[0], 1.0);
         let moved = velocity.length();
@@ -197,14 +193,15 @@ impl View {
                 edge: index,
                 from: start,
                 to: end,
-                total: 0.0,
+                weight: 0.0,
+                middle: [0.0; 2],
                 place: 0,
             };
             start = end;
             let Some([p, q]) = self.on_film(&mut piece, [a, b], moved) else {
                 continue;
             };
-            self.push_pieces(piece, e.apart, [p, q], (jump, pixels), found);
+            push_pieces(piece, e.apart, [p, q], jump, found);
         }
     }
 
@@ -256,46 +253,43 @@ impl View {
             ]
         }))
     }
+}
 
-    /// A part of an edge in pieces of equal lengths on the film; as a whole, if its line moves.
-    fn push_pieces(
-        &self,
-        part: Piece,
-        apart: bool,
-        [p, q]: [[f32; 4]; 2],
-        (jump, pixels): (f32, &PixelGradients),
-        found: &mut Vec<(Piece, f32)>,
-    ) {
-        let length = (q[0] - p[0]).hypot(q[1] - p[1]);
-        let (count, part) = if apart {
-            let whole = Piece {
-                from: 0.0,
-                to: 1.0,
-                ..part
-            };
-            (1, whole)
-        } else {
-            ((length / PIECE).ceil().clamp(1.0, 4096.0) as usize, part)
+/// A part of an edge in pieces of equal lengths on the film; as a whole, if its line moves.
+fn push_pieces(
+    part: Piece,
+    apart: bool,
+    [p, q]: [[f32; 4]; 2],
+    jump: f32,
+    found: &mut impl FnMut(Piece),
+) {
+    let length = (q[0] - p[0]).hypot(q[1] - p[1]);
+    let (count, part) = if apart {
+        let whole = Piece {
+            from: 0.0,
+            to: 1.0,
+            ..part
         };
-        let lambda = |i: usize| {
-            let s = i as f32 / count as f32;
-            let share = s * p[2] / (q[2] * (1.0 - s) + s * p[2]);
-            part.from + (part.to - part.from) * share
-        };
-        for i in 0..count {
-            let s = (i as f32 + 0.5) / count as f32;
-            let (x, y) = (p[0] + (q[0] - p[0]) * s, p[1] + (q[1] - p[1]) * s);
-            let weight = (length / count as f32) * jump * p[3] * pixels.near(x, y);
-            if weight > 0.0 {
-                let piece = Piece {
-                    from: lambda(i),
-                    to: lambda(i + 1),
-                    place: place(x, y, jump < 1.0),
-                    ..part
-                };
-                found.push((piece, weight));
-            }
-        }
+        (1, whole)
+    } else {
+        ((length / PIECE).ceil().clamp(1.0, 4096.0) as usize, part)
+    };
+    let lambda = |i: usize| {
+        let s = i as f32 / count as f32;
+        let share = s * p[2] / (q[2] * (1.0 - s) + s * p[2]);
+        part.from + (part.to - part.from) * share
+    };
+    for i in 0..count {
+        let s = (i as f32 + 0.5) / count as f32;
+        let (x, y) = (p[0] + (q[0] - p[0]) * s, p[1] + (q[1] - p[1]) * s);
+        found(Piece {
+            from: lambda(i),
+            to: lambda(i + 1),
+            weight: (length / count as f32) * jump * p[3],
+            middle: [x, y],
+            place: place(x, y, jump < 1.0),
+            ..part
+        });
     }
 }
 
@@ -308,11 +302,25 @@ pub(crate) struct PixelGradients {
     height: u32,
     /// The sum of how much the loss depends on the pixels of a cell and its neighbours.
     cells: Vec<f32>,
-    columns: usize,
 }
 
 /// Pixels of a side of a cell.
-const CELL: u32 = 8;
+pub(crate) const CELL: u32 = 8;
+
+/// The cell about a point of a film of so many pixels, row by row.
+fn cell_of([x, y]: [f32; 2], width: u32, height: u32) -> u32 {
+    let x = x.clamp(0.0, width as f32 - 1.0) as u32 / CELL;
+    let y = y.clamp(0.0, height as f32 - 1.0) as u32 / CELL;
+    y * width.div_ceil(CELL) + x
+}
+
+impl Piece {
+    /// The cell of a film that its middle lies in.
+    #[cfg(feature = "wgpu")]
+    pub fn cell(&self, width: u32, height: u32) -> u32 {
+        cell_of(self.middle, width, height)
+    }
+}
 
 impl PixelGradients {
     /// Takes the derivatives by pixels of a view.
@@ -353,7 +361,6 @@ impl PixelGradients {
             width,
             height,
             cells,
-            columns,
         }
     }
 
@@ -370,22 +377,9 @@ impl PixelGradients {
         Some(&self.values[i as usize])
     }
 
-    /// The place of each pixel in the list, `u32::MAX` for those that are not in it; none if all are, in order.
-    #[cfg(feature = "wgpu")]
-    pub fn places(&self) -> Option<Vec<u32>> {
-        let which = self.which.as_ref()?;
-        let mut all = vec![u32::MAX; (self.width * self.height) as usize];
-        for (&pixel, &i) in which {
-            all[pixel as usize] = i;
-        }
-        Some(all)
-    }
-
     /// The sum of how much the loss depends on the pixels about a point.
     pub(super) fn near(&self, x: f32, y: f32) -> f32 {
-        let x = x.clamp(0.0, self.width as f32 - 1.0) as u32 / CELL;
-        let y = y.clamp(0.0, self.height as f32 - 1.0) as u32 / CELL;
-        self.cells[y as usize * self.columns + x as usize]
+        self.cells[cell_of([x, y], self.width, self.height) as usize]
     }
 }
 

@@ -3,13 +3,24 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+#[cfg(feature = "wgpu")]
+use burn::backend::ops::FloatTensorOps;
+#[cfg(feature = "wgpu")]
+use burn::backend::{Cube, TensorMetadata, tensor::FloatTensor};
+#[cfg(feature = "wgpu")]
+use burn::tensor::DType;
 use burn::tensor::TensorData;
 use rayon::prelude::*;
 
 use super::forward::camera_tiles;
 use super::prepare::Places;
 use super::rows::Rows;
-use crate::kernel::{FilmEdges, PixelGradients, Seen, Sums, View, Work};
+#[cfg(feature = "wgpu")]
+use crate::device::count_read_back;
+use crate::kernel::{FilmEdges, PixelGradients, Seen, Sums, View, Work, samples_of_film};
+use crate::render::node::Derivative;
+#[cfg(feature = "wgpu")]
+use crate::render::node::read;
 use crate::render::options::{RenderOptions, Tile};
 
 /// Numbers in the sums of derivatives of all accumulators together.
@@ -17,12 +28,6 @@ const ACCUMULATED: usize = 1 << 24;
 
 /// Views whose derivatives are held at once.
 const VIEWS_AT_ONCE: usize = 16;
-
-/// Samples of edges on the film for each path of the image.
-const FILM_SAMPLES: f64 = 0.125;
-
-/// So many samples of edges on the film take no time.
-const FEW: f64 = 1024.0;
 
 /// Groups of views whose images came from a GPU.
 #[cfg(feature = "wgpu")]
@@ -46,6 +51,39 @@ pub(super) struct Backward {
     samples: u32,
     /// Numbers of the parent.
     size: usize,
+}
+
+impl Derivative for Backward {
+    fn on_host(&self, upstream: &TensorData) -> Vec<f64> {
+        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
+        let at_once = VIEWS_AT_ONCE * self.rows.count() * self.pixels.len();
+        let mut all = vec![0.0; self.size];
+        for (views, rows) in self
+            .views
+            .chunks(VIEWS_AT_ONCE)
+            .zip(upstream.chunks(at_once))
+        {
+            self.add_group(views, rows, &mut all);
+        }
+        all
+    }
+
+    #[cfg(feature = "wgpu")]
+    fn on_gpu(&self, upstream: &FloatTensor<Cube>) -> Option<FloatTensor<Cube>> {
+        let Gpu { device, jobs } = self.gpu.as_ref()?;
+        let views = self.views.iter().map(|(v, p)| (v, &*p.scene, &*p.camera));
+        let views: Vec<_> = views.collect();
+        let gradient = crate::gpu::go_back(upstream, jobs, &views, self.size);
+        let needs_host = |v: &View| v.has_edges && !self.jumps_on_gpu(v);
+        if !self.views.iter().any(|(v, _)| needs_host(v)) {
+            return Some(gradient);
+        }
+        count_read_back(device);
+        let rest = self.on_host(&read::<Cube>(upstream.clone()));
+        let rest = TensorData::new(rest, [self.size]).convert_dtype(DType::F32);
+        let rest = Cube::float_from_data(rest, &upstream.device());
+        Some(Cube::float_add(gradient, rest))
+    }
 }
 
 impl Backward {
@@ -79,53 +117,23 @@ impl Backward {
         self
     }
 
-    /// Views whose derivatives are held at once.
-    fn groups(&self) -> Vec<Range<usize>> {
-        #[cfg(feature = "wgpu")]
-        if let Some(gpu) = &self.gpu {
-            return gpu.jobs.iter().map(|job| job.0.clone()).collect();
-        }
-        let firsts = (0..self.views.len()).step_by(VIEWS_AT_ONCE);
-        let past = |first: usize| self.views.len().min(first + VIEWS_AT_ONCE);
-        firsts.map(|first| first..past(first)).collect()
-    }
-
-    /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
-    pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
-        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
+    /// Adds the derivatives by the scenes and cameras of some views.
+    fn add_group(&self, views: &[(View, Places)], rows: &[f64], all: &mut [f64]) {
         let of_view = self.rows.count() * self.pixels.len();
-        let mut all = vec![0.0; self.size];
-        for (index, range) in self.groups().into_iter().enumerate() {
-            let views = &self.views[range.clone()];
-            let rows = &upstream[range.start * of_view..range.end * of_view];
-            let sums = self.of_group(index, views, rows);
-            for ((view, places), sums) in views.iter().zip(&sums) {
-                sums.write(&view.scene, &places.scene, &mut all);
-                view.write_camera(&sums.camera, &places.camera, &mut all);
-            }
-        }
-        all
-    }
-
-    /// The sums of derivatives of a group's views.
-    fn of_group(&self, index: usize, views: &[(View, Places)], rows: &[f64]) -> Vec<Sums> {
-        let of_view = self.rows.count() * self.pixels.len();
-        let asked: Vec<Asked> = views
+        let sums: Vec<Sums> = views
             .par_iter()
             .zip(rows.par_chunks(of_view))
-            .map(|((view, _), rows)| self.asked(view, rows))
+            .map(|((view, _), rows)| {
+                let mut sums = Sums::new(&view.scene, &view.wanted);
+                self.add(view, &self.asked(view, rows), &mut sums);
+                sums.resolve(&view.scene);
+                sums
+            })
             .collect();
-        let zero = |(view, _): &(View, Places)| Sums::new(&view.scene, &view.wanted);
-        let mut sums = match self.on_gpu(index, views, &asked, rows) {
-            Some(sums) => sums,
-            None => views.iter().map(zero).collect(),
-        };
-        let tasks = views.par_iter().zip(&asked).zip(&mut sums);
-        tasks.for_each(|(((view, _), asked), sums)| {
-            self.add_on_host(view, asked, sums);
-            sums.resolve(&view.scene);
-        });
-        sums
+        for ((view, places), sums) in views.iter().zip(&sums) {
+            sums.write(&view.scene, &places.scene, all);
+            view.write_camera(&sums.camera, &places.camera, all);
+        }
     }
 
     /// The derivatives of the loss by a view's pixels, and the edges on its film where it depends on it.
@@ -140,46 +148,16 @@ impl Backward {
             })
             .collect();
         let mut film = None;
-        if view.has_edges {
+        if view.has_edges && !self.jumps_on_gpu(view) {
             let pixels = PixelGradients::new(&upstream, view);
             let count = upstream.iter().filter(|p| p.1 != Seen::default()).count();
-            let paths = count as f64 * f64::from(self.samples);
-            let count = (FILM_SAMPLES * paths).max(FEW.min(8.0 * paths)).ceil();
             film = Some(Film {
                 edges: view.film_edges(&pixels),
                 pixels,
-                samples: count.clamp(1.0, 1e9) as u32,
+                samples: samples_of_film(count, self.samples),
             });
         }
         Asked { upstream, film }
-    }
-
-    /// The sums of derivatives of a group's views from a GPU, if they are computed there.
-    #[cfg(feature = "wgpu")]
-    fn on_gpu(
-        &self,
-        index: usize,
-        views: &[(View, Places)],
-        asked: &[Asked],
-        rows: &[f64],
-    ) -> Option<Vec<Sums>> {
-        let gpu = self.gpu.as_ref()?;
-        let (_, job) = &gpu.jobs[index];
-        let films = views.iter().zip(asked).map(|((view, _), asked)| {
-            let film = asked.film.as_ref().filter(|_| self.jumps_on_gpu(view))?;
-            Some((view.filter.radius(), &film.edges, film.samples))
-        });
-        let places = asked.iter().find_map(|a| a.film.as_ref()?.pixels.places());
-        let typical = asked.iter().map(|a| View::typical(&a.upstream)).collect();
-        let sought = crate::gpu::Sought::new(crate::gpu::Films::new(films, places), typical);
-        let views: Vec<&View> = views.iter().map(|v| &v.0).collect();
-        let rows = rows.iter().map(|&g| g as f32).collect();
-        Some(crate::gpu::sums_of(&gpu.device, &views, job, sought, rows))
-    }
-
-    #[cfg(not(feature = "wgpu"))]
-    fn on_gpu(&self, _: usize, _: &[(View, Places)], _: &[Asked], _: &[f64]) -> Option<Vec<Sums>> {
-        self.gpu.as_ref().map(|never| match *never {})
     }
 
     /// Whether jumps come from a GPU.
@@ -194,7 +172,7 @@ impl Backward {
     }
 
     /// Adds the derivatives of a view that no GPU adds.
-    fn add_on_host(&self, view: &View, asked: &Asked, all: &mut Sums) {
+    fn add(&self, view: &View, asked: &Asked, all: &mut Sums) {
         let jumps = view.has_edges && !self.jumps_on_gpu(view);
         if !view.settings.interior && !jumps {
             return;

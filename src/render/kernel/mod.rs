@@ -13,7 +13,7 @@ use burn::tensor::{DType, Tensor, TensorData};
 
 use super::batch::Batch;
 use super::film::{Means, Program, Statistics};
-use super::node::attach;
+use super::node::{Derivative, attach};
 use super::options::RenderOptions;
 use crate::error::Result;
 use crate::geometry::Context;
@@ -46,7 +46,7 @@ pub(super) fn jumps(
     let objects = prepared.views[0].0.scene.counted.len();
     let rows = Rows::new(options.outputs, objects);
     let backward = Backward::new(prepared.views, size, rows, options, pixels);
-    Ok(backward.gradient(upstream))
+    Ok(backward.on_host(upstream))
 }
 
 /// Renders pixels of all views (all pixels, if there is no list).
@@ -102,7 +102,7 @@ pub(super) fn render(
     let statistics: Vec<Statistics> = statistics.collect();
     if let Some(parent) = parent {
         let backward = Backward::new(views, parent.dims()[0], rows, options, pixels).on(gpu);
-        mean = attach(parent, mean, move |upstream| backward.gradient(upstream));
+        mean = attach(parent, mean, backward);
     }
     Ok(Means {
         mean: mean.reshape([statistics.len(), count, rows.count()]),

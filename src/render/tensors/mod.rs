@@ -7,7 +7,7 @@ mod replay;
 
 use std::sync::Arc;
 
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::Tensor;
 
 use super::batch::{Batch, in_batch};
 use super::film::{Means, Statistics};
@@ -98,8 +98,7 @@ fn render_view(
             parameters: detached(&parameters),
             hierarchy: renderer.hierarchy(),
         };
-        let backward = move |upstream: &TensorData| replay.gradient(upstream);
-        traced.rows = attach(parameters, traced.rows, backward);
+        traced.rows = attach(parameters, traced.rows, replay);
     }
     Ok((flattened.objects(), traced))
 }

@@ -1,0 +1,276 @@
+//! Sums turned into the gradient of the tensors that they are of: `Sums::resolve` and `Sums::write` of
+//! `kernel/gradient` in a kernel of a GPU.
+
+use std::ops::Range;
+
+use burn::cubecl::{self, prelude::*};
+
+use super::hit::vector;
+use super::layout::{
+    FIRST_SUMS, FLOAT_HEADER, HEADER, SURFACE_STRIDE, SURFACES, VERTEX_CORNERS, VERTEX_STARTS,
+};
+use super::sums::{
+    AREAS, CAMERA, COLOURS, LIGHTS, MATERIALS, NORMALS, Places, SKY, TANGENTS, TEXELS, TRIANGLES,
+    UVS, VELOCITIES, VERTICES, sum_at,
+};
+use crate::kernel::{CameraSums, DeltaSums, View};
+use crate::model::{V3, splat, v3};
+use crate::scene::{LightPart, ParameterId};
+
+/// The places of a view's tensors in a gradient.
+pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
+
+/// Words of a tensor: its first number in the gradient, how many it has, its first sum, its part, how it follows from
+/// sums, numbers of a row of it and of a row of sums, and where its factor or its matrix begins.
+const OF_TENSOR: usize = 8;
+/// Sums times a factor; the same of vertices, which triangles move with; a matrix times sums.
+const ROWS: u32 = 0;
+const OF_VERTICES: u32 = 1;
+const MATRIX: u32 = 2;
+
+/// How the gradient of a view's tensors follows from sums.
+pub(super) struct Table {
+    pub words: Vec<u32>,
+    pub factors: Vec<f32>,
+    /// The numbers of all tensors.
+    pub numbers: usize,
+}
+
+impl Table {
+    /// Of the camera, and of the scene if the view is the first one of it.
+    pub fn new(
+        sums: &Places,
+        v: usize,
+        view: &View,
+        scene: TensorPlaces,
+        camera: TensorPlaces,
+    ) -> Self {
+        let mut table = Self {
+            words: Vec::new(),
+            factors: Vec::new(),
+            numbers: 0,
+        };
+        let first = &sums.first[v];
+        if sums.owns(v) {
+            for (id, to) in scene {
+                table.add_of_scene(view, *id, to, |part, row, length| {
+                    first[part] + (row * length) as u32
+                });
+            }
+        }
+        table.add_camera(view, camera, first[CAMERA]);
+        table
+    }
+
+    fn add(
+        &mut self,
+        to: &Range<usize>,
+        (part, first): (usize, u32),
+        kind: u32,
+        [own, of_sums]: [usize; 2],
+        factors: impl IntoIterator<Item = f64>,
+    ) {
+        let at = self.factors.len() as u32;
+        let (begin, count) = (to.start as u32, to.len() as u32);
+        self.words.extend([begin, count, first, part as u32]);
+        self.words.extend([kind, own as u32, of_sums as u32, at]);
+        self.factors.extend(factors.into_iter().map(|f| f as f32));
+        self.numbers += to.len();
+    }
+
+    /// `sum` is the first sum of a row of a part, by the length of rows.
+    fn add_of_scene(
+        &mut self,
+        view: &View,
+        id: ParameterId,
+        to: &Range<usize>,
+        sum: impl Fn(usize, usize, usize) -> u32,
+    ) {
+        use ParameterId as Id;
+        let scene = &view.scene;
+        let per_unit = [scene.frame.unit.recip()];
+        let mut rows = |part: usize, row: usize, own: usize, of_sums: usize| {
+            let first = sum(part, row, of_sums);
+            self.add(to, (part, first), ROWS, [own, of_sums], [1.0]);
+        };
+        match id {
+            Id::Vertices(i) => {
+                let first = sum(VERTICES, scene.objects[i].first_vertex, 3);
+                self.add(to, (VERTICES, first), OF_VERTICES, [3, 3], per_unit);
+            }
+            Id::Velocity(i) => {
+                let first = sum(VELOCITIES, i, 3);
+                self.add(to, (VELOCITIES, first), ROWS, [3, 3], per_unit);
+            }
+            Id::Uvs(i) => rows(UVS, scene.objects[i].first_uv, 2, 2),
+            Id::Normals(i) => rows(NORMALS, scene.objects[i].first_normal, 3, 3),
+            Id::Colours(i) => rows(COLOURS, scene.objects[i].first_colour, 3, 3),
+            // None where no material has a normal map.
+            Id::Tangents(i) if scene.tilted => {
+                rows(TANGENTS, scene.objects[i].first_tangent, 4, 3);
+            }
+            Id::NormalMap(m) => {
+                if let Some(t) = &scene.materials[m].normal_map {
+                    rows(TEXELS, t.offset, 3, 3);
+                }
+            }
+            Id::Material(m, channel) => {
+                let place = channel.place();
+                match &scene.materials[m].channels[place].texture {
+                    None => rows(MATERIALS, 4 * m + place, to.len(), 3),
+                    Some(t) if to.len() == t.width * t.height => rows(TEXELS, t.offset, 1, 3),
+                    Some(t) => rows(TEXELS, t.offset, 3, 3),
+                }
+            }
+            Id::Light(i, part) => self.add_light(view, (i, part), to, sum(LIGHTS, i, 11)),
+            Id::Environment => rows(SKY, 0, 3, 3),
+            // Those of cameras.
+            _ => {}
+        }
+    }
+
+    fn add_light(
+        &mut self,
+        view: &View,
+        (light, part): (usize, LightPart),
+        to: &Range<usize>,
+        first: u32,
+    ) {
+        let column = |k: usize| {
+            let mut by = vec![0.0; to.len()];
+            let one = DeltaSums::of(|j| f64::from(u8::from(j == k)));
+            one.write(&view.scene, light, part, &mut by);
+            by
+        };
+        let columns: Vec<Vec<f64>> = (0..11).map(column).collect();
+        let matrix = (0..to.len()).flat_map(|i| columns.iter().map(move |c| c[i]));
+        self.add(to, (LIGHTS, first), MATRIX, [to.len(), 11], matrix);
+    }
+
+    fn add_camera(&mut self, view: &View, places: TensorPlaces, first: u32) {
+        // As if they were alone.
+        let mut size = 0;
+        let alone = places.iter().map(|(id, to)| {
+            size += to.len();
+            (*id, size - to.len()..size)
+        });
+        let alone: Vec<(ParameterId, Range<usize>)> = alone.collect();
+        let column = |k: usize| {
+            let mut by = vec![0.0; size];
+            let one = CameraSums::of(|j| f64::from(u8::from(j == k)));
+            view.write_camera(&one, &alone, &mut by);
+            by
+        };
+        let columns: Vec<Vec<f64>> = (0..19).map(column).collect();
+        for ((_, to), (_, own)) in places.iter().zip(&alone) {
+            let matrix = own.clone().flat_map(|i| columns.iter().map(move |c| c[i]));
+            self.add(to, (CAMERA, first), MATRIX, [to.len(), 19], matrix);
+        }
+    }
+}
+
+#[cube]
+fn vector_at(sums: &[u32], scales: &[f32], at: u32, #[comptime] part: u32) -> V3 {
+    v3(
+        sum_at(sums, scales, at, part),
+        sum_at(sums, scales, at + 1, part),
+        sum_at(sums, scales, at + 2, part),
+    )
+}
+
+/// The derivative by a vertex with which the normals and areas of its triangles move.
+#[cube]
+fn of_triangles(floats: &[f32], words: &[u32], sums: &[u32], scales: &[f32], vertex: u32) -> V3 {
+    let mut by = splat(0.0);
+    let starts = (words[VERTEX_STARTS] + vertex) as usize;
+    let mut i = words[starts];
+    while i < words[starts + 1] {
+        let corner = words[(words[VERTEX_CORNERS] + i) as usize];
+        let k = corner / 3;
+        let normals = words[FIRST_SUMS + TRIANGLES] + 3 * k;
+        let by_normal = vector_at(sums, scales, normals, comptime!(TRIANGLES as u32));
+        let areas = words[FIRST_SUMS + AREAS] + k;
+        let by_area = sum_at(sums, scales, areas, comptime!(AREAS as u32));
+        let at = words[SURFACES] + SURFACE_STRIDE as u32 * k;
+        let area = floats[at as usize + 13];
+        let nothing = by_normal.is_zero() && by_area == 0.0;
+        if area > 0.0 && !nothing {
+            let a = vector(floats, at);
+            let ab = vector(floats, at + 3) - a;
+            let ac = vector(floats, at + 6) - a;
+            let normal = vector(floats, at + 9);
+            let across = by_normal.reject_from_normalized(normal);
+            let by_cross = across * (0.5 / area) + normal * (0.5 * by_area);
+            let by_ab = ac.cross(by_cross);
+            let by_ac = by_cross.cross(ab);
+            if corner % 3 == 0 {
+                by -= by_ab + by_ac;
+            } else if corner % 3 == 1 {
+                by += by_ab;
+            } else {
+                by += by_ac;
+            }
+        }
+        i += 1;
+    }
+    by
+}
+
+/// Adds the gradient of a view's tensors to that of all, one thread a number.
+#[cube(launch)]
+pub(super) fn write_gradient(
+    floats: &[f32],
+    words: &[u32],
+    sums: &[u32],
+    scales: &[f32],
+    table: &[u32],
+    factors: &[f32],
+    gradient: &mut [f32],
+    view: u32,
+    numbers: u32,
+) {
+    if ABSOLUTE_POS < numbers as usize {
+        let floats = &floats[view as usize * FLOAT_HEADER..];
+        let words = &words[view as usize * HEADER..];
+        let mut row = 0usize;
+        let mut i = ABSOLUTE_POS as u32;
+        while i >= table[row + 1] {
+            i -= table[row + 1];
+            row += OF_TENSOR;
+        }
+        let first = table[row + 2];
+        let part = table[row + 3];
+        let kind = table[row + 4];
+        let own = table[row + 5];
+        let of_sums = table[row + 6];
+        let factor = table[row + 7];
+        let mut value = 0.0f32;
+        if kind == MATRIX {
+            let mut k = 0u32;
+            while k < of_sums {
+                let by = sum_at(sums, scales, first + k, part);
+                value += factors[(factor + i * of_sums + k) as usize] * by;
+                k += 1;
+            }
+        } else {
+            let column = i % own;
+            let from = i / own;
+            if column < of_sums {
+                value = sum_at(sums, scales, first + from * of_sums + column, part);
+            }
+            if kind == OF_VERTICES {
+                let vertex = (first - words[FIRST_SUMS + VERTICES]) / 3 + from;
+                let more = of_triangles(floats, words, sums, scales, vertex);
+                let mut component = more.x;
+                if column == 1 {
+                    component = more.y;
+                } else if column == 2 {
+                    component = more.z;
+                }
+                value += component;
+            }
+            value *= factors[factor as usize];
+        }
+        gradient[(table[row] + i) as usize] += value;
+    }
+}
