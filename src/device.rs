@@ -104,9 +104,9 @@ pub(crate) fn is_cpu(device: &Device) -> bool {
     cpu(device).is_some()
 }
 
-/// How often this crate has read a tensor back from a GPU since the program began, for profiles: once a render, for
-/// its scenes and cameras, and twice a backward pass, for the derivatives by the pixels and the sums of those by the
-/// scenes. A user's own read-backs don't count.
+/// How often this crate has read tensors back from a GPU since the program began, for profiles: once a render, all of
+/// its scenes and cameras together, and in a backward pass only where jumps are left to the host (`docs/GPU.md`). A
+/// user's own read-backs don't count.
 pub fn read_backs() -> u64 {
     READ_BACKS.load(Ordering::Relaxed)
 }

@@ -8,7 +8,7 @@ use super::layout::{
     COLOUR_ROWS, COLOURS as COLOUR_VALUES, FIRST_SUMS, NONE, NORMALS as NORMAL_VALUES,
     SURFACE_STRIDE, SURFACES, TANGENTS as TANGENT_VALUES, UVS as UV_VALUES,
 };
-use super::sums::{NORMALS, TANGENTS, add_vector};
+use super::sums::{NORMALS, TANGENTS, add_vector, component};
 use super::surface::Point;
 use super::texture_backward::{add_to_uvs, texture_backward};
 use super::{Derivatives, Features};
@@ -36,14 +36,8 @@ pub(super) fn add_to_rows(
 ) {
     let mut k = 0u32;
     while k < 3 {
-        let mut weight = weights.x;
-        if k == 1 {
-            weight = weights.y;
-        } else if k == 2 {
-            weight = weights.z;
-        }
         let at = words[FIRST_SUMS + part] + 3 * words[rows + k as usize];
-        add_vector(totals, scales, at, g * weight, part);
+        add_vector(totals, scales, at, g * component(weights, k), part);
         k += 1;
     }
 }

@@ -10,12 +10,11 @@ use super::hit::{Unseen, vector};
 use super::holes::is_open_at;
 use super::layout::{FIRST_SUMS, NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
 use super::sums::{VELOCITIES, VERTICES, add_vector};
-use super::surface::displacement;
+use super::surface::{displacement, weights_in};
 use super::surface_backward::{add_to_corners, is_wanted};
 use super::{Derivatives, Features};
 use crate::model::edge::half_plane;
 use crate::model::segment::{clip_to_cone, point_by_angle};
-use crate::model::triangle::weights_at;
 use crate::model::{V3, splat};
 
 /// A point of an edge that is seen from a point.
@@ -260,14 +259,7 @@ pub(super) fn add_to_edge(
                 let inverse = 1.0 / (1.0 - cosine * cosine).max(1e-12);
                 let dual = (normal - crossed * cosine) * inverse;
                 let at_rest = p.position - shift_of(floats, words, face, time, features.moves);
-                let weights = weights_at(
-                    vector(floats, at),
-                    vector(floats, at + 3),
-                    vector(floats, at + 6),
-                    normal,
-                    floats[at as usize + 13],
-                    at_rest,
-                );
+                let weights = weights_in(floats, words, face, at_rest);
                 let by_plane = normal * g.dot(dual);
                 add_to_corners(
                     words, totals, scales, face, object, weights, by_plane, time, of,

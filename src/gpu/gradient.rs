@@ -11,7 +11,7 @@ use super::layout::{
 };
 use super::sums::{
     AREAS, CAMERA, COLOURS, LIGHTS, MATERIALS, NORMALS, Places, SKY, TANGENTS, TEXELS, TRIANGLES,
-    UVS, VELOCITIES, VERTICES, sum_at,
+    UVS, VELOCITIES, VERTICES, component, sum_at,
 };
 use crate::kernel::{CameraSums, DeltaSums, View};
 use crate::model::{V3, splat, v3};
@@ -261,13 +261,7 @@ pub(super) fn write_gradient(
             if kind == OF_VERTICES {
                 let vertex = (first - words[FIRST_SUMS + VERTICES]) / 3 + from;
                 let more = of_triangles(floats, words, sums, scales, vertex);
-                let mut component = more.x;
-                if column == 1 {
-                    component = more.y;
-                } else if column == 2 {
-                    component = more.z;
-                }
-                value += component;
+                value += component(more, column);
             }
             value *= factors[factor as usize];
         }

@@ -2,10 +2,9 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::hit::vector;
-use super::layout::{ALPHAS, MASKED, MASKED_UVS, MASKS, NONE, OF_MASKED, SURFACE_STRIDE, SURFACES};
+use super::layout::{ALPHAS, MASKED, MASKED_UVS, MASKS, NONE, OF_MASKED};
+use super::surface::weights_in;
 use super::texture::cell_of_texture;
-use crate::model::triangle::weights_at;
 use crate::model::{V3, v2};
 
 /// Whether a triangle has a hole at the point with these weights of its corners.
@@ -36,14 +35,6 @@ pub(super) fn is_open(floats: &[f32], words: &[u32], triangle: u32, weights: V3)
 /// Whether a triangle has a hole at a point of it, at the start of the shutter.
 #[cube]
 pub(super) fn is_open_at(floats: &[f32], words: &[u32], triangle: u32, at_rest: V3) -> bool {
-    let at = words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
-    let weights = weights_at(
-        vector(floats, at),
-        vector(floats, at + 3),
-        vector(floats, at + 6),
-        vector(floats, at + 9),
-        floats[at as usize + 13],
-        at_rest,
-    );
+    let weights = weights_in(floats, words, triangle, at_rest);
     is_open(floats, words, triangle, weights)
 }

@@ -330,6 +330,18 @@ pub(super) fn add(
     }
 }
 
+/// A component of a vector, by its number.
+#[cube]
+pub(super) fn component(v: V3, k: u32) -> f32 {
+    let mut found = v.x;
+    if k == 1 {
+        found = v.y;
+    } else if k == 2 {
+        found = v.z;
+    }
+    found
+}
+
 /// Adds three derivatives.
 #[cube]
 pub(super) fn add_vector(
@@ -341,13 +353,7 @@ pub(super) fn add_vector(
 ) {
     let mut k = 0u32;
     while k < 3 {
-        let mut component = value.x;
-        if k == 1 {
-            component = value.y;
-        } else if k == 2 {
-            component = value.z;
-        }
-        add(totals, scales, at + k, component, part);
+        add(totals, scales, at + k, component(value, k), part);
         k += 1;
     }
 }

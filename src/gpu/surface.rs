@@ -49,6 +49,20 @@ pub(super) fn displacement(
     shift
 }
 
+/// Weights of a triangle's corners in a point of it, at the start of the shutter.
+#[cube]
+pub(super) fn weights_in(floats: &[f32], words: &[u32], triangle: u32, at_rest: V3) -> V3 {
+    let at = words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+    weights_at(
+        vector(floats, at),
+        vector(floats, at + 3),
+        vector(floats, at + 6),
+        vector(floats, at + 9),
+        floats[at as usize + 13],
+        at_rest,
+    )
+}
+
 /// The point of a triangle, about there, seen along a direction.
 #[cube]
 pub(super) fn point_at(

@@ -9,7 +9,9 @@ use super::layout::{
     WANTED_OBJECTS,
 };
 use super::light::cell_of_map;
-use super::sums::{COLOURS as COLOUR_SUMS, SKY, TRIANGLES, VELOCITIES, VERTICES, add_vector};
+use super::sums::{
+    COLOURS as COLOUR_SUMS, SKY, TRIANGLES, VELOCITIES, VERTICES, add_vector, component,
+};
 use super::surface::Point;
 use super::texture::{EMISSION, colour};
 use super::texture_backward::{cell_backward, colour_backward};
@@ -103,14 +105,8 @@ pub(super) fn add_to_corners(
     let first = words[FIRST_SUMS + VERTICES];
     let mut k = 0u32;
     while k < 3 {
-        let mut weight = weights.x;
-        if k == 1 {
-            weight = weights.y;
-        } else if k == 2 {
-            weight = weights.z;
-        }
         let at = first + 3 * words[(row + k) as usize];
-        add_vector(totals, scales, at, g * weight, VERTICES);
+        add_vector(totals, scales, at, g * component(weights, k), VERTICES);
         k += 1;
     }
     if comptime!(of.velocities) {

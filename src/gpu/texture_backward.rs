@@ -5,7 +5,7 @@ use burn::cubecl::{self, prelude::*};
 use super::corners::uv_rows;
 use super::hit::vector;
 use super::layout::{FIRST_SUMS, NONE, TEXELS as TEXEL_VALUES};
-use super::sums::{MATERIALS, TEXELS, UVS, add, add_vector};
+use super::sums::{MATERIALS, TEXELS, UVS, add, add_vector, component};
 use super::texture::{Cell, cell_of_texture, texture_of};
 use super::{Derivatives, Features};
 use crate::model::{V2, V3, v2};
@@ -130,12 +130,7 @@ pub(super) fn add_to_uvs(
         if words[rows] != NONE {
             let mut k = 0u32;
             while k < 3 {
-                let mut weight = weights.x;
-                if k == 1 {
-                    weight = weights.y;
-                } else if k == 2 {
-                    weight = weights.z;
-                }
+                let weight = component(weights, k);
                 let at = words[FIRST_SUMS + UVS] + 2 * words[rows + k as usize];
                 add(totals, scales, at, by_uv.x * weight, UVS);
                 add(totals, scales, at + 1, by_uv.y * weight, UVS);
