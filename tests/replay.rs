@@ -3,12 +3,12 @@
 
 mod common;
 
-use burn::tensor::Device;
+use burn::tensor::{DType, Device};
 use common::errors::{message, says};
 use common::memory::peak;
 use common::numbers::largest;
 use common::scenes::scene_file;
-use common::tensors::{gradient, leaf, radiance, values, with_leaves};
+use common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
 use softray::prelude::*;
 
 /// The gradient of a loss that is not linear in the image, with outputs beside radiance, through a
@@ -78,6 +78,29 @@ fn pixels_are_those_of_the_image() {
     let at = |list: &[u32]| render_pixels(&file.scene, &file.camera, &options, list);
     says(message(at(&[320])), ["320"]);
     assert!(at(&[]).is_err());
+}
+
+/// A pixel that is named twice counts twice, in what is seen and where edges move.
+#[test]
+fn pixels_may_be_named_twice() {
+    let device = Device::flex();
+    let by = |pixels: &[u32], weights: &[f64]| {
+        let file = scene_file("shadow", &device);
+        let scene = with_leaves(file.scene);
+        let options = RenderOptions::new(12, 12).samples(8).seed(3);
+        let image = render_pixels(&scene, &file.camera, &options, pixels).expect("pixels");
+        assert_eq!(image.radiance.dims(), [1, pixels.len(), 3]);
+        let weights = tensor(weights, [1, pixels.len(), 1], &device, DType::F32);
+        let gradients = (image.radiance * weights).sum().backward();
+        let of = |o: &Object| gradient(&o.mesh.vertices, &gradients);
+        scene.objects.iter().flat_map(of).collect::<Vec<_>>()
+    };
+    let once = by(&[40, 66, 77], &[1.0, 3.0, 0.5]);
+    let twice = by(&[66, 40, 66, 77], &[2.0, 1.0, 1.0, 0.5]);
+    assert!(once.iter().any(|&g| g != 0.0));
+    for (a, b) in once.iter().zip(&twice) {
+        assert!((a - b).abs() <= 1e-6 * a.abs().max(1e-3), "{a} {b}");
+    }
 }
 
 /// The peak of forward and backward in a process of its own.

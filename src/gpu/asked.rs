@@ -10,11 +10,11 @@ use super::film_table::{
 use super::layout::{FLOAT_HEADER, HEIGHT, NONE, WIDTH};
 use super::passes::upstream_of;
 use super::sums::PARTS;
-use crate::kernel::CELL;
+use crate::model::film::{CELL, NEIGHBOURS, samples_of_film};
 
-/// Numbers of a cell: how much the loss depends on it, and how many of its pixels it asks for; the sum of how much it
-/// depends on their radiance, and how many pixels that is of. The first becomes that of the cell and those around.
-const OF_CELL: u32 = 4;
+/// Numbers of a cell, and of a row of cells: how much the loss depends on their pixels, how many of these it asks for,
+/// how much it depends on their radiance, and on that of how many.
+pub(super) const OF_CELL: u32 = 4;
 
 /// Columns and rows of cells.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
@@ -78,13 +78,16 @@ pub(super) fn look_at_cells(
                     let g = upstream_of(floats, upstream, view * of_view + i, one, outputs);
                     let own = g.radiance.abs().element_sum();
                     let all = own + g.opacity.abs() + g.depth.abs() + g.normal.abs().element_sum();
-                    weight += all;
-                    radiance += own;
                     if all != 0.0 {
                         asked += 1.0;
                     }
-                    if own > 0.0 {
-                        lit += 1.0;
+                    // What is not finite does not count.
+                    if all <= f32::MAX {
+                        weight += all;
+                        radiance += own;
+                        if own > 0.0 {
+                            lit += 1.0;
+                        }
                     }
                 }
                 x += 1;
@@ -131,23 +134,19 @@ pub(super) fn look_around(
             y += 1;
         }
         // Its own counts most.
-        near[ABSOLUTE_POS] = 0.1 * sum + cells[cell_at(&grid, view, column, row)];
+        near[ABSOLUTE_POS] = NEIGHBOURS * sum + cells[cell_at(&grid, view, column, row)];
         if column == 0 {
-            let to = (3 * (view * grid.rows + row)) as usize;
-            let mut asked = 0.0f32;
-            let mut radiance = 0.0f32;
-            let mut lit = 0.0f32;
-            let mut x = 0u32;
-            while x < grid.columns {
-                let at = cell_at(&grid, view, x, row);
-                asked += cells[at + 1];
-                radiance += cells[at + 2];
-                lit += cells[at + 3];
-                x += 1;
+            let mut k = 0u32;
+            while k < OF_CELL {
+                let mut of_row = 0.0f32;
+                let mut x = 0u32;
+                while x < grid.columns {
+                    of_row += cells[cell_at(&grid, view, x, row) + k as usize];
+                    x += 1;
+                }
+                rows[(OF_CELL * (view * grid.rows + row) + k) as usize] = of_row;
+                k += 1;
             }
-            rows[to] = asked;
-            rows[to + 1] = radiance;
-            rows[to + 2] = lit;
         }
     }
 }
@@ -191,7 +190,7 @@ pub(super) fn sum_blocks(
 }
 
 /// Adds up what rows of cells and blocks of pieces have, one thread a view: how much the loss depends on the radiance of
-/// a pixel, the samples of edges on the film, and the sums of all blocks so far.
+/// a pixel and on a pixel as a whole, on average, the samples of edges on the film, and the sums of all blocks so far.
 #[cube(launch)]
 pub(super) fn sum_views(
     words: &[u32],
@@ -207,19 +206,22 @@ pub(super) fn sum_views(
         let view = ABSOLUTE_POS as u32;
         let film = (OF_FILM * view) as usize;
         let grid = grid(words);
+        let mut weight = 0.0f32;
         let mut asked = 0u32;
         let mut radiance = 0.0f32;
         let mut lit = 0.0f32;
         let mut row = view * grid.rows;
         while row < (view + 1) * grid.rows {
-            let at = (3 * row) as usize;
-            asked += rows[at] as u32;
-            radiance += rows[at + 1];
-            lit += rows[at + 2];
+            let at = (OF_CELL * row) as usize;
+            weight += rows[at];
+            asked += rows[at + 1] as u32;
+            radiance += rows[at + 2];
+            lit += rows[at + 3];
             row += 1;
         }
         scales[PARTS + ABSOLUTE_POS] = radiance / lit.max(1.0);
-        films[film + OWN] = samples_of(asked, samples, films[film + MOST]);
+        scales[PARTS + (views + view) as usize] = weight / (asked as f32).max(1.0);
+        films[film + OWN] = samples_of_film(asked, samples).min(films[film + MOST]);
         let mut block = 0u32;
         if view > 0 {
             block = films[film - OF_FILM as usize + BLOCKS];
@@ -233,18 +235,4 @@ pub(super) fn sum_views(
         }
         films[film + TOTAL] = total.to_bits();
     }
-}
-
-/// Samples of edges on a film for so many pixels and samples of each: one for eight paths, and a thousand where these
-/// are few (`samples_of_film`).
-#[cube]
-fn samples_of(pixels: u32, samples: u32, most: u32) -> u32 {
-    let mut count = most;
-    // No more than there is room for.
-    if pixels as f32 * samples as f32 <= 3.0e9 {
-        let paths = pixels * samples;
-        let few = 8 * paths.min(1 << 20);
-        count = (paths / 8 + (paths % 8).min(1)).max(few.min(1024)).max(1);
-    }
-    count.min(most)
 }

@@ -3,9 +3,10 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::camera::{Beginning, camera};
-use super::emitter_choice::{Site, chance, choose, site};
+use super::emitter_choice::{chance, choose, next_emitter_hit, site};
 use super::layout::{CONE, EMITS, FIRST_SUMS, NONE, OF_MATERIAL, OF_MATERIALS};
-use super::light::{choose_direction, next_emitter_hit, sky};
+use super::light::Site;
+use super::light::{choose_direction, sky};
 use super::light_backward::{light_backward, map_backward};
 use super::records::jumped;
 use super::records::{
@@ -20,6 +21,7 @@ use super::{Derivatives, Features};
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraGradient;
 use crate::model::cone::{bend, bend_backward};
+use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
 
 /// Derivatives of a loss by what a pixel's rays bring back.
@@ -212,10 +214,9 @@ pub(super) fn path_backward(
                             v = before.w;
                         }
                         let choice = choose(floats, words, u, &at, features);
-                        let root = choice.rest.sqrt();
                         k = choice.emitter;
                         p = choice.chance;
-                        weights = v2(root * (1.0 - v), root * v);
+                        weights = uniform_point(choice.rest, v);
                     }
                     if k != NONE && bits & bit != 0 {
                         by_before += light_backward(

@@ -3,9 +3,9 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
-use super::hit::vector;
 use super::layout::{CAMERA, DUAL, FILTER, SEED, SEED_OF_CONES, WIDTH};
 use super::numbers::{Four, Stream, numbers_of, on_disk};
+use super::reading::vector;
 use crate::model::camera::{Camera, CameraRay, Dual};
 use crate::model::filter::sample_filter;
 use crate::model::{Pair, v2};

@@ -2,11 +2,11 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::hit::vector;
 use super::layout::{
     NONE, NORMAL_MAP, NORMALS, OF_MATERIAL, OF_MATERIALS, OF_TRIANGLE, OF_TRIANGLES, TANGENT_ROWS,
     TANGENTS, UVS,
 };
+use super::reading::vector;
 use super::texture::look_up;
 use crate::model::normal_map::Tilt;
 use crate::model::{V2, V3, splat, v2};

@@ -3,11 +3,11 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::corners::{Corners, corners_of, normal_at, normal_rows, tilt_at, uv_rows};
-use super::hit::vector;
 use super::layout::{
     COLOUR_ROWS, COLOURS as COLOUR_VALUES, FIRST_SUMS, NONE, NORMALS as NORMAL_VALUES,
     SURFACE_STRIDE, SURFACES, TANGENTS as TANGENT_VALUES, UVS as UV_VALUES,
 };
+use super::reading::vector;
 use super::sums::{NORMALS, TANGENTS, add_vector, component};
 use super::surface::Point;
 use super::texture_backward::{add_to_uvs, texture_backward};

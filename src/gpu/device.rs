@@ -63,7 +63,7 @@ pub(super) fn rows_of(tensor: &FloatTensor<Cube>, rows: Range<usize>) -> FloatTe
     Cube::float_slice_assign(room, &[all(rows.len()), all(columns)], part)
 }
 
-/// The same of whole numbers.
+/// A tensor of whole numbers that are 0, and their list.
 pub(super) fn int_zeros(like: &FloatTensor<Cube>, length: usize) -> (IntTensor<Cube>, List) {
     let tensor = Cube::int_zeros(Shape::from([length]), &like.device(), IntDType::I32);
     let client = tensor.client.clone();
@@ -80,11 +80,6 @@ pub(crate) fn check<'a>(
     jobs: impl Iterator<Item = &'a Job>,
     with_gradient: bool,
 ) -> Result<()> {
-    let DispatchDevice::Cube(cube) = device.clone().inner().as_dispatch().clone() else {
-        return Ok(());
-    };
-    let client = cube.client();
-    let properties = client.properties();
     let mut lists = Vec::new();
     for job in jobs {
         let scene = job.views.floats.len().max(job.views.words.len());
@@ -95,9 +90,21 @@ pub(crate) fn check<'a>(
             lists.push(("the sums of derivatives", job.views.sums.replicas() * sums));
         }
     }
+    has_room(device, &lists).map_err(|message| Error::device(label(device), message))
+}
+
+/// That a device has bindings for kernels, and room for lists of numbers; else what it lacks.
+pub(super) fn has_room(
+    device: &Device,
+    lists: &[(&str, usize)],
+) -> std::result::Result<(), String> {
+    let DispatchDevice::Cube(cube) = device.clone().inner().as_dispatch().clone() else {
+        return Ok(());
+    };
+    let client = cube.client();
+    let properties = client.properties();
     let bindings = properties.hardware.max_bindings;
-    fits(bindings, properties.memory.max_page_size, &lists)
-        .map_err(|message| Error::device(label(device), message))
+    fits(bindings, properties.memory.max_page_size, lists)
 }
 
 /// What a device with so many bindings and bytes of a buffer lacks for lists of numbers.

@@ -5,11 +5,12 @@ use burn::cubecl::{self, prelude::*};
 
 use super::edge_layout::{GROUP_STRIDE, GROUPS, OF_GROUP, OF_GROUPS};
 use super::edge_weights::Query;
-use super::emitter_choice::{GroupChoice, Site, choose_group, site};
-use super::hit::vector;
+use super::emitter_choice::{GroupChoice, choose_group, site};
 use super::layout::{BOUNCES, CONE};
+use super::light::Site;
 use super::light::{delta_light, is_light};
 use super::numbers::Stream;
+use super::reading::vector;
 use super::surface::Point;
 use super::{Derivatives, Features};
 use crate::model::V3;
@@ -143,8 +144,24 @@ pub(super) fn search(
         turn = 0u32;
     }
     let drawn = numbers.set(words, 3 * o.bounce + turn, features.sobol);
-    // All directions, where it is of light.
-    let mut lobe = shading.lobe(false, drawn.x, floats[CONE]);
+    let mut of_gloss = false;
+    let mut chance = 1.0f32;
+    // Of light it is a cone about that, and no lobe.
+    let mut rest = drawn.x;
+    let rate = (RATE * counts).min(1.0);
+    if !of_light {
+        let choice = drawn.x / rate;
+        let gloss = shading.gloss();
+        // Beside the lobe's probability, the rest of the first number, uniform again.
+        chance = (1.0 - gloss).max(1e-20);
+        rest = (choice - gloss) / chance;
+        if choice < gloss {
+            of_gloss = true;
+            chance = gloss;
+            rest = choice / gloss;
+        }
+    }
+    let lobe: Lobe = shading.lobe(of_gloss, rest, floats[CONE]);
     let mut s = Search {
         query: within(&lobe, x, time),
         lobe,
@@ -155,7 +172,7 @@ pub(super) fn search(
         cone_u: drawn.w,
         cone_v: drawn.w,
         scale: 1.0f32,
-        of_gloss: false,
+        of_gloss,
         first: 0u32,
         past: 1u32,
         is_light: false,
@@ -194,25 +211,11 @@ pub(super) fn search(
             }
         }
     } else {
-        let rate = (RATE * counts).min(1.0);
         let sees = comptime!(features.sees_sky || features.gathers_map);
         s.asked = drawn.x < rate && (!last || sees);
         if comptime!(of.turns) {
             s.moves = true;
         }
-        let choice = drawn.x / rate;
-        let gloss = shading.gloss();
-        // Beside the lobe's probability, the rest of the first number, uniform again.
-        let mut chance = (1.0 - gloss).max(1e-20);
-        let mut rest = (choice - gloss) / chance;
-        if choice < gloss {
-            s.of_gloss = true;
-            chance = gloss;
-            rest = choice / gloss;
-        }
-        lobe = shading.lobe(s.of_gloss, rest, floats[CONE]);
-        s.lobe = lobe;
-        s.query = within(&lobe, x, time);
         s.scale = 1.0 / rate / (chance * lobe.chance);
         s.cone_u = lobe.rest.max(0.0).min(1.0);
     }

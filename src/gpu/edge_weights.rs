@@ -2,7 +2,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::hit::vector;
+use super::reading::vector;
 use crate::model::V3;
 
 /// A search for an edge: a point, a cone of directions seen from it, and a purpose.

@@ -4,28 +4,16 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::edge_layout::{GROUP_OF_EMITTERS, OF_GROUP, OF_GROUPS};
-use super::layout::{EMITTER_COUNT, EMITTERS, FIXED_SUMS};
-use super::light::{delta_light, emitter, is_light};
-use super::light_tree::{chance_in_tree, choose_in_tree, share_of_distant};
+use super::layout::{EMISSIVE_COUNT, EMITTER_COUNT, EMITTERS, FIXED_SUMS, NONE};
+use super::light::{
+    Choice, EmitterHit, Site, delta_light, emitter, hits_emitter, is_light, no_emitter_hit,
+};
+use super::light_tree::{chance_in_tree, choose_in_tree, next_hit_in_tree, share_of_distant};
+use super::reading::first_over;
 use crate::model::V3;
+use crate::model::choice::MOST;
 use crate::model::triangle::solid_angle;
-
-/// Emitters under a glancing angle are chosen with at least this share of their power's probability.
-const BY_POWER: f32 = 0.1;
-/// The greatest part of a number under 1.
-const MOST: f32 = 0.999_999_9;
-
-/// A surface point that emitters are chosen for.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-pub(super) struct Site {
-    pub position: V3,
-    /// The side's normal.
-    pub normal: V3,
-    pub time: f32,
-    /// What the probabilities of few are divided by; of many the probability of directional lights.
-    pub sum: f32,
-}
+use crate::sampling::BY_POWER;
 
 /// A point with a normal.
 #[cube]
@@ -145,15 +133,6 @@ pub(super) fn choose_group(
     GroupChoice { group, chance: p }
 }
 
-/// An emitter that was chosen, its probability, and what is left of the random number.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
-pub(super) struct Choice {
-    pub emitter: u32,
-    pub chance: f32,
-    pub rest: f32,
-}
-
 /// Chooses an emitter.
 #[cube]
 pub(super) fn choose(
@@ -188,7 +167,7 @@ pub(super) fn choose(
 #[cube]
 fn choose_by_sums(floats: &[f32], words: &[u32], u: f32) -> Choice {
     let first = words[FIXED_SUMS];
-    let mut k = first_over(floats, first, words[EMITTER_COUNT], u);
+    let mut k = first_over(floats, first, words[EMITTER_COUNT], 1u32, u);
     // Rounding may leave the sum a little under 1: then the last that can be is taken.
     while k > 0 && fixed(floats, words, k) <= 0.0 {
         k -= 1;
@@ -241,18 +220,26 @@ fn choose_of_few(
     }
 }
 
-/// The first of some numbers, which grow, that is over a number; the last if none is.
+/// The first emitter from a number on whose front a ray hits, as if nothing were in between.
 #[cube]
-pub(super) fn first_over(floats: &[f32], first: u32, count: u32, value: f32) -> u32 {
-    let mut low = 0u32;
-    let mut high = count - 1;
-    while low < high {
-        let middle = (low + high) / 2;
-        if floats[(first + middle) as usize] <= value {
-            low = middle + 1;
-        } else {
-            high = middle;
+pub(super) fn next_emitter_hit(
+    floats: &[f32],
+    words: &[u32],
+    from: u32,
+    x: V3,
+    direction: V3,
+    time: f32,
+    #[comptime] features: Features,
+) -> EmitterHit {
+    let mut found = no_emitter_hit();
+    if comptime!(features.by_tree) {
+        found = next_hit_in_tree(floats, words, from, x, direction, time, features);
+    } else {
+        let mut k = from;
+        while k < words[EMISSIVE_COUNT] && found.emitter == NONE {
+            found = hits_emitter(floats, words, k, x, direction, time, features);
+            k += 1;
         }
     }
-    low
+    found
 }

@@ -35,8 +35,8 @@ fn row_of(words: &[u32], places: &[u32], x: f32, y: f32, #[comptime] listed: boo
     row
 }
 
-/// Adds the derivatives by jumps on the film: every `stride`-th of the samples of all views, from a first one on, of
-/// `count` threads and pieces ([`film_table`](super::film_table)).
+/// Adds the derivatives by jumps on the film, one thread a sample of all views, from a first one on; or with `spread`,
+/// of so many samples of each view, spread over its own. There are `count` pieces ([`film_table`](super::film_table)).
 #[cube(launch)]
 pub(super) fn film_jumps(
     floats: &[f32],
@@ -49,7 +49,7 @@ pub(super) fn film_jumps(
     replicas: u32,
     region: u32,
     first: u32,
-    stride: u32,
+    spread: u32,
     threads: u32,
     count: u32,
     views: u32,
@@ -60,119 +60,143 @@ pub(super) fn film_jumps(
     #[comptime] of: Derivatives,
 ) {
     if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
-        let thread = first + ABSOLUTE_POS as u32 * stride;
-        let which = view_of(films, views, thread, ALL);
+        let thread = first + ABSOLUTE_POS as u32;
+        let mut which = 0u32;
+        if spread > 0 {
+            which = thread / spread;
+        } else {
+            which = view_of(films, views, thread, ALL);
+        }
         let floats = &floats[which as usize * FLOAT_HEADER..];
         let words = &words[which as usize * HEADER..];
         let totals = &totals[replica_of(thread, replicas, region)..];
         let places = &films[(OF_FILM * views) as usize..];
         let film_of = (OF_FILM * which) as usize;
         let all = films[film_of + OWN];
-        let sample = thread - (films[film_of + ALL] - films[film_of + MOST]);
+        let mut sample = thread;
+        if spread > 0 {
+            sample = ((thread % spread) as f32 * (all as f32 / spread as f32)) as u32;
+        } else {
+            sample = thread - (films[film_of + ALL] - films[film_of + MOST]);
+        }
         let total = f32::from_bits(films[film_of + TOTAL]);
         let radius = f32::from_bits(films[film_of + RADIUS]);
-        let numbers = numbers_of_film(words, sample, features.sobol);
-        let film = numbers.film(words, features.sobol);
-        let mut more = film;
-        if comptime!(features.lens || features.moves) {
-            more = numbers.lens_and_time(words, features.sobol);
-        }
-        let mut lens = v2(0.0, 0.0);
-        if comptime!(features.lens) {
-            lens = on_disk(more.x, more.y);
-        }
-        let mut time = 0.0f32;
-        if comptime!(features.moves) {
-            time = more.z;
-        }
-        let drawn: DrawnPiece = draw_piece(pieces, films, which, film.x * total, count);
-        let piece = drawn.at;
-        let share = drawn.share;
-        let length = pieces[piece + 1] - pieces[piece];
-        let mut p = edge_of(floats, words, pieces[piece + 3] as u32);
-        p.lambda = pieces[piece] + length * film.y;
-        p.per_density = length * (total / share.max(1e-37)) / all as f32;
-        p.position =
-            p.a + p.along * p.lambda + shift_of(floats, words, p.faces.a, time, features.moves);
-        let c = camera(floats, features.parallel);
-        let origin = c.origin_towards(p.position, lens.x, lens.y);
-        p.to = p.position - origin;
-        let mut row = NONE.runtime();
-        if sample < all && share > 0.0 && p.to.dot(c.dual.z) > 0.0 {
-            // The pixel whose ray would come here.
-            let at = c.project(p.position, lens.x, lens.y);
-            let kernel = numbers_of(words, SEED_OF_EDGES, NO_PIXEL, sample, features.sobol);
-            let drawn = kernel.set(words, 0u32, features.sobol);
-            let x = at.x - radius * film_kernel(drawn.x);
-            let y = at.y - radius * film_kernel(drawn.y);
-            row = row_of(words, places, x, y, listed);
-        }
-        if row != NONE {
-            let g = upstream_of(
-                floats,
-                upstream,
-                which * of_view + row,
-                1.0f32.runtime(),
-                outputs,
-            );
-            if is_asked(&g) {
-                let mut stack_room = Array::<u32>::new(features.stack);
-                let stack = stack_room.as_mut_slice();
-                let view = p.to.normalize();
-                let along = c.project_along(p.position, p.along, lens.x, lens.y);
-                // To the right of the edge's image, on a film whose y points down.
-                let side = c.across * along.y + c.upward * along.x;
-                let beside = sides(floats, words, &p, view, side, time, features);
-                let ray = Ray {
-                    origin,
-                    direction: beside.past,
-                    time,
-                    from: 0.0f32,
-                    limit: f32::MAX,
-                };
-                let hit = trace(floats, words, stack, ray, p.faces, false, true, features);
-                if !hides(floats, words, hit, &p, time, features) {
-                    let behind = Behind {
-                        hit,
-                        start: origin,
-                        view,
-                        past: beside.past,
-                        minus: beside.minus,
-                        plus: beside.plus,
-                    };
-                    let beginning = Beginning {
-                        numbers,
-                        cones: numbers_of(words, SEED_OF_CONES, NO_PIXEL, sample, features.sobol),
-                        film,
+        if sample < all && films[film_of + MOST] > 0 {
+            let numbers = numbers_of_film(words, sample, features.sobol);
+            let film = numbers.film(words, features.sobol);
+            let mut more = film;
+            if comptime!(features.lens || features.moves) {
+                more = numbers.lens_and_time(words, features.sobol);
+            }
+            let mut lens = v2(0.0, 0.0);
+            if comptime!(features.lens) {
+                lens = on_disk(more.x, more.y);
+            }
+            let mut time = 0.0f32;
+            if comptime!(features.moves) {
+                time = more.z;
+            }
+            let drawn: DrawnPiece = draw_piece(pieces, films, which, film.x * total, count);
+            let piece = drawn.at;
+            let share = drawn.share;
+            let length = pieces[piece + 1] - pieces[piece];
+            let mut p = edge_of(floats, words, pieces[piece + 3] as u32);
+            p.lambda = pieces[piece] + length * film.y;
+            p.per_density = length * (total / share.max(1e-37)) / all as f32;
+            p.position =
+                p.a + p.along * p.lambda + shift_of(floats, words, p.faces.a, time, features.moves);
+            let c = camera(floats, features.parallel);
+            let origin = c.origin_towards(p.position, lens.x, lens.y);
+            p.to = p.position - origin;
+            let mut row = NONE.runtime();
+            if share > 0.0 && p.to.dot(c.dual.z) > 0.0 {
+                // The pixel whose ray would come here.
+                let at = c.project(p.position, lens.x, lens.y);
+                let kernel = numbers_of(words, SEED_OF_EDGES, NO_PIXEL, sample, features.sobol);
+                let drawn = kernel.set(words, 0u32, features.sobol);
+                let x = at.x - radius * film_kernel(drawn.x);
+                let y = at.y - radius * film_kernel(drawn.y);
+                row = row_of(words, places, x, y, listed);
+            }
+            if row != NONE {
+                let g = upstream_of(
+                    floats,
+                    upstream,
+                    which * of_view + row,
+                    1.0f32.runtime(),
+                    outputs,
+                );
+                if is_asked(&g) {
+                    let mut stack_room = Array::<u32>::new(features.stack);
+                    let stack = stack_room.as_mut_slice();
+                    let view = p.to.normalize();
+                    let along = c.project_along(p.position, p.along, lens.x, lens.y);
+                    // To the right of the edge's image, on a film whose y points down.
+                    let side = c.across * along.y + c.upward * along.x;
+                    let beside = sides(floats, words, &p, view, side, time, features);
+                    let ray = Ray {
+                        origin,
+                        direction: beside.past,
                         time,
-                        ray: CameraRay {
-                            origin,
-                            direction: view,
-                            length: 1.0f32,
-                            x: 0.0f32,
-                            y: 0.0f32,
-                            lens_x: lens.x,
-                            lens_y: lens.y,
-                        },
+                        from: 0.0f32,
+                        limit: f32::MAX,
                     };
-                    let light = light_beside(
-                        floats, words, stack, beginning, 0u32, true, &p, &behind, true, features,
-                    );
-                    let jump = g.radiance.dot(light.radiance) - g.opacity * light.sky
-                        + g.depth * light.depth
-                        + g.normal.dot(light.normal);
-                    let scale = jump * p.per_density;
-                    if scale != 0.0 && scale.abs() <= f32::MAX {
-                        let mut by_camera = no_camera_gradient();
-                        let by_film = v2(along.y * scale, -along.x * scale);
-                        let by_point =
-                            c.project_backward(p.position, lens.x, lens.y, by_film, &mut by_camera);
-                        if comptime!(of.camera) {
-                            add_camera(words, totals, scales, &by_camera);
-                        }
-                        add_to_edge(
-                            floats, words, totals, scales, &p, by_point, time, features, of,
+                    let hit = trace(floats, words, stack, ray, p.faces, false, true, features);
+                    if !hides(floats, words, hit, &p, time, features) {
+                        let behind = Behind {
+                            hit,
+                            start: origin,
+                            view,
+                            past: beside.past,
+                            minus: beside.minus,
+                            plus: beside.plus,
+                        };
+                        let beginning = Beginning {
+                            numbers,
+                            cones: numbers_of(
+                                words,
+                                SEED_OF_CONES,
+                                NO_PIXEL,
+                                sample,
+                                features.sobol,
+                            ),
+                            film,
+                            time,
+                            ray: CameraRay {
+                                origin,
+                                direction: view,
+                                length: 1.0f32,
+                                x: 0.0f32,
+                                y: 0.0f32,
+                                lens_x: lens.x,
+                                lens_y: lens.y,
+                            },
+                        };
+                        let light = light_beside(
+                            floats, words, stack, beginning, 0u32, true, &p, &behind, true,
+                            features,
                         );
+                        let jump = g.radiance.dot(light.radiance) - g.opacity * light.sky
+                            + g.depth * light.depth
+                            + g.normal.dot(light.normal);
+                        let scale = jump * p.per_density;
+                        if scale != 0.0 && scale.abs() <= f32::MAX {
+                            let mut by_camera = no_camera_gradient();
+                            let by_film = v2(along.y * scale, -along.x * scale);
+                            let by_point = c.project_backward(
+                                p.position,
+                                lens.x,
+                                lens.y,
+                                by_film,
+                                &mut by_camera,
+                            );
+                            if comptime!(of.camera) {
+                                add_camera(words, totals, scales, &by_camera);
+                            }
+                            add_to_edge(
+                                floats, words, totals, scales, &p, by_point, time, features, of,
+                            );
+                        }
                     }
                 }
             }

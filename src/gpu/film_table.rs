@@ -2,10 +2,14 @@
 
 use burn::cubecl::{self, prelude::*};
 
+use rayon::prelude::*;
+
+use super::reading::first_over;
 use crate::kernel::{Piece, View};
 
 /// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
-/// edge, and the cell of the film that it is in. Behind all pieces are sums over blocks.
+/// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to 2²⁴, more than the
+/// scene of a buffer has. Behind all pieces are sums over blocks.
 pub(super) const OF_PIECE: u32 = 5;
 /// Pieces of a block.
 pub(super) const BLOCK: u32 = 128;
@@ -26,8 +30,9 @@ pub(super) const OF_FILM: u32 = 8;
 /// Edges on the films of views.
 #[derive(Clone, Default)]
 pub(crate) struct Films {
-    /// [`OF_PIECE`] numbers for each, one view after another.
+    /// [`OF_PIECE`] numbers for each, one view after another, and room for sums over blocks.
     pub(super) pieces: Vec<f32>,
+    pub(super) count: u32,
     /// The table, then the row of each pixel if not all are asked for.
     pub(super) table: Vec<u32>,
     /// Samples of all views at most, and blocks.
@@ -38,26 +43,25 @@ pub(crate) struct Films {
 impl Films {
     /// From views, whether jumps are added on the film of each and the most samples for them, and the pixels if not all
     /// are asked for.
-    pub fn new<'a>(
-        views: impl ExactSizeIterator<Item = (&'a View, Option<u32>)>,
-        pixels: Option<&[u32]>,
-    ) -> Self {
+    pub fn new(views: &[(&View, Option<u32>)], pixels: Option<&[u32]>) -> Self {
         let mut films = Self::default();
         // So many that their numbers have room.
         let most = u32::MAX / 2 / views.len().max(1) as u32;
+        let pieces = |&(view, samples): &(&View, Option<u32>)| {
+            samples.map_or(Vec::new(), |_| view.film_pieces(|_| 1.0))
+        };
+        let pieces: Vec<Vec<Piece>> = views.par_iter().map(pieces).collect();
         let mut size = 0;
-        for (view, samples) in views {
+        for (&(view, samples), pieces) in views.iter().zip(&pieces) {
             let (width, height) = (view.settings.width, view.settings.height);
             size = (width * height) as usize;
-            let pieces = samples.map(|_| view.film_pieces(|_| 1.0));
-            let pieces = pieces.unwrap_or_default();
             let own = samples.filter(|_| !pieces.is_empty()).unwrap_or(0);
             let own = own.min(most);
             films.samples += own;
-            let first = films.pieces.len() as u32 / OF_PIECE;
+            let first = films.count;
+            films.count += pieces.len() as u32;
             films.blocks += (pieces.len() as u32).div_ceil(BLOCK);
-            let past = first + pieces.len() as u32;
-            films.table.extend([films.samples, own, first, past]);
+            films.table.extend([films.samples, own, first, films.count]);
             let radius = view.filter.radius().to_bits();
             films.table.extend([films.blocks, radius, 0, 0]);
             let numbers = |p: &Piece| {
@@ -66,6 +70,8 @@ impl Films {
             };
             films.pieces.extend(pieces.iter().flat_map(numbers));
         }
+        let blocks = films.blocks.max(1) as usize;
+        films.pieces.resize(films.pieces.len() + blocks, 0.0);
         if let Some(pixels) = pixels {
             let first = films.table.len();
             films.table.resize(first + size, u32::MAX);
@@ -75,13 +81,9 @@ impl Films {
         }
         films
     }
-
-    pub(super) fn count(&self) -> u32 {
-        self.pieces.len() as u32 / OF_PIECE
-    }
 }
 
-/// The first view whose word of the table, which counts those of all views so far, is more than a number.
+/// The view that a sample, a piece or a block belongs to, by the word of the table that counts those of all views so far.
 #[cube]
 pub(super) fn view_of(table: &[u32], views: u32, number: u32, #[comptime] word: usize) -> u32 {
     let mut low = 0u32;
@@ -120,36 +122,18 @@ pub(super) fn draw_piece(
     if view > 0 {
         first_block = films[film - OF_FILM as usize + BLOCKS];
     }
-    // The last of those that are searched, if rounding leaves none.
-    let mut low = first_block;
-    let mut high = films[film + BLOCKS] - 1;
-    while low < high {
-        let middle = (low + high) / 2;
-        if pieces[(OF_PIECE * count + middle) as usize] <= part {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
+    let sums = OF_PIECE * count + first_block;
+    let block = first_over(pieces, sums, films[film + BLOCKS] - first_block, 1u32, part);
     let mut before = 0.0f32;
-    if low > first_block {
-        before = pieces[(OF_PIECE * count + low - 1) as usize];
+    if block > 0 {
+        before = pieces[(sums + block - 1) as usize];
     }
-    let rest = part - before;
-    let first = films[film + FIRST_PIECE] + BLOCK * (low - first_block);
-    low = first;
-    high = (first + BLOCK).min(films[film + PAST_PIECE]) - 1;
-    while low < high {
-        let middle = (low + high) / 2;
-        if pieces[(OF_PIECE * middle) as usize + 2] <= rest {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    let at = (OF_PIECE * low) as usize;
+    let first = films[film + FIRST_PIECE] + BLOCK * block;
+    let own = BLOCK.min(films[film + PAST_PIECE] - first);
+    let i = first_over(pieces, OF_PIECE * first + 2, own, OF_PIECE, part - before);
+    let at = (OF_PIECE * (first + i)) as usize;
     let mut share = pieces[at + 2];
-    if low > first {
+    if i > 0 {
         share -= pieces[at + 2 - OF_PIECE as usize];
     }
     DrawnPiece { at, share }

@@ -5,20 +5,23 @@ use std::ops::Range;
 
 use burn::cubecl::{self, prelude::*};
 
-use super::hit::vector;
 use super::layout::{
     FIRST_SUMS, FLOAT_HEADER, HEADER, SURFACE_STRIDE, SURFACES, VERTEX_CORNERS, VERTEX_STARTS,
 };
+use super::reading::vector;
 use super::sums::{
-    AREAS, CAMERA, COLOURS, LIGHTS, MATERIALS, NORMALS, Places, SKY, TANGENTS, TEXELS, TRIANGLES,
-    UVS, VELOCITIES, VERTICES, component, sum_at,
+    AREAS, CAMERA, COLOURS, LIGHTS, MATERIALS, NORMALS, OF_CAMERA, OF_LIGHT, Places, SKY, TANGENTS,
+    TEXELS, TRIANGLES, UVS, VELOCITIES, VERTICES, component, sum_at,
 };
-use crate::kernel::{CameraSums, DeltaSums, View};
+use crate::kernel::{CameraSums, DeltaSums, Part, Rows, View};
 use crate::model::{V3, splat, v3};
 use crate::scene::{LightPart, ParameterId};
 
 /// The places of a view's tensors in a gradient.
 pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
+
+/// A view, and the places of its scene's and camera's tensors.
+pub(crate) type ViewPlaces<'a> = (&'a View, TensorPlaces<'a>, TensorPlaces<'a>);
 
 /// Words of a tensor: its first number in the gradient, how many it has, its first sum, its part, how it follows from
 /// sums, numbers of a row of it and of a row of sums, and where its factor or its matrix begins.
@@ -27,6 +30,21 @@ const OF_TENSOR: usize = 8;
 const ROWS: u32 = 0;
 const OF_VERTICES: u32 = 1;
 const MATRIX: u32 = 2;
+
+/// A part's number, and the numbers of a row of it.
+fn part_of(part: Part) -> (usize, usize) {
+    match part {
+        Part::Vertices => (VERTICES, 3),
+        Part::Velocities => (VELOCITIES, 3),
+        Part::Uvs => (UVS, 2),
+        Part::Normals => (NORMALS, 3),
+        Part::Colours => (COLOURS, 3),
+        Part::Tangents => (TANGENTS, 3),
+        Part::Materials => (MATERIALS, 3),
+        Part::Texels => (TEXELS, 3),
+        Part::Sky => (SKY, 3),
+    }
+}
 
 /// How the gradient of a view's tensors follows from sums.
 pub(super) struct Table {
@@ -51,11 +69,16 @@ impl Table {
             numbers: 0,
         };
         let first = &sums.first[v];
-        if sums.owns(v) {
-            for (id, to) in scene {
-                table.add_of_scene(view, *id, to, |part, row, length| {
-                    first[part] + (row * length) as u32
-                });
+        for (id, to) in scene.iter().filter(|_| sums.owns(v)) {
+            if let ParameterId::Light(light, part) = *id {
+                let own = first[LIGHTS] + (OF_LIGHT * light) as u32;
+                table.add_light(view, (light, part), to, own);
+            } else if let Some(rows) = Rows::of(&view.scene, *id, to.len()) {
+                let (part, of_sums) = part_of(rows.part);
+                let own = first[part] + (of_sums * rows.first) as u32;
+                let kind = if part == VERTICES { OF_VERTICES } else { ROWS };
+                let lengths = [rows.length, of_sums];
+                table.add(to, (part, own), kind, lengths, [rows.factor]);
             }
         }
         table.add_camera(view, camera, first[CAMERA]);
@@ -78,57 +101,6 @@ impl Table {
         self.numbers += to.len();
     }
 
-    /// `sum` is the first sum of a row of a part, by the length of rows.
-    fn add_of_scene(
-        &mut self,
-        view: &View,
-        id: ParameterId,
-        to: &Range<usize>,
-        sum: impl Fn(usize, usize, usize) -> u32,
-    ) {
-        use ParameterId as Id;
-        let scene = &view.scene;
-        let per_unit = [scene.frame.unit.recip()];
-        let mut rows = |part: usize, row: usize, own: usize, of_sums: usize| {
-            let first = sum(part, row, of_sums);
-            self.add(to, (part, first), ROWS, [own, of_sums], [1.0]);
-        };
-        match id {
-            Id::Vertices(i) => {
-                let first = sum(VERTICES, scene.objects[i].first_vertex, 3);
-                self.add(to, (VERTICES, first), OF_VERTICES, [3, 3], per_unit);
-            }
-            Id::Velocity(i) => {
-                let first = sum(VELOCITIES, i, 3);
-                self.add(to, (VELOCITIES, first), ROWS, [3, 3], per_unit);
-            }
-            Id::Uvs(i) => rows(UVS, scene.objects[i].first_uv, 2, 2),
-            Id::Normals(i) => rows(NORMALS, scene.objects[i].first_normal, 3, 3),
-            Id::Colours(i) => rows(COLOURS, scene.objects[i].first_colour, 3, 3),
-            // None where no material has a normal map.
-            Id::Tangents(i) if scene.tilted => {
-                rows(TANGENTS, scene.objects[i].first_tangent, 4, 3);
-            }
-            Id::NormalMap(m) => {
-                if let Some(t) = &scene.materials[m].normal_map {
-                    rows(TEXELS, t.offset, 3, 3);
-                }
-            }
-            Id::Material(m, channel) => {
-                let place = channel.place();
-                match &scene.materials[m].channels[place].texture {
-                    None => rows(MATERIALS, 4 * m + place, to.len(), 3),
-                    Some(t) if to.len() == t.width * t.height => rows(TEXELS, t.offset, 1, 3),
-                    Some(t) => rows(TEXELS, t.offset, 3, 3),
-                }
-            }
-            Id::Light(i, part) => self.add_light(view, (i, part), to, sum(LIGHTS, i, 11)),
-            Id::Environment => rows(SKY, 0, 3, 3),
-            // Those of cameras.
-            _ => {}
-        }
-    }
-
     fn add_light(
         &mut self,
         view: &View,
@@ -142,9 +114,9 @@ impl Table {
             one.write(&view.scene, light, part, &mut by);
             by
         };
-        let columns: Vec<Vec<f64>> = (0..11).map(column).collect();
+        let columns: Vec<Vec<f64>> = (0..OF_LIGHT).map(column).collect();
         let matrix = (0..to.len()).flat_map(|i| columns.iter().map(move |c| c[i]));
-        self.add(to, (LIGHTS, first), MATRIX, [to.len(), 11], matrix);
+        self.add(to, (LIGHTS, first), MATRIX, [to.len(), OF_LIGHT], matrix);
     }
 
     fn add_camera(&mut self, view: &View, places: TensorPlaces, first: u32) {
@@ -161,10 +133,10 @@ impl Table {
             view.write_camera(&one, &alone, &mut by);
             by
         };
-        let columns: Vec<Vec<f64>> = (0..19).map(column).collect();
+        let columns: Vec<Vec<f64>> = (0..OF_CAMERA).map(column).collect();
         for ((_, to), (_, own)) in places.iter().zip(&alone) {
             let matrix = own.clone().flat_map(|i| columns.iter().map(move |c| c[i]));
-            self.add(to, (CAMERA, first), MATRIX, [to.len(), 19], matrix);
+            self.add(to, (CAMERA, first), MATRIX, [to.len(), OF_CAMERA], matrix);
         }
     }
 }
@@ -178,7 +150,7 @@ fn vector_at(sums: &[u32], scales: &[f32], at: u32, #[comptime] part: u32) -> V3
     )
 }
 
-/// The derivative by a vertex with which the normals and areas of its triangles move.
+/// The part of a vertex's derivative that comes from the normals and areas of its triangles.
 #[cube]
 fn of_triangles(floats: &[f32], words: &[u32], sums: &[u32], scales: &[f32], vertex: u32) -> V3 {
     let mut by = splat(0.0);

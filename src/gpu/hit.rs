@@ -8,6 +8,7 @@ use super::holes::is_open_at;
 use super::layout::{
     BOXES, CHILDREN, HIT_COUNT, HIT_NUMBERS, HIT_STRIDE, HITS, LEAF, LEAVES, NONE, ROOT,
 };
+use super::reading::vector;
 use crate::model::{V3, v3};
 
 /// A ray, and where hits count.
@@ -60,13 +61,6 @@ pub(super) fn see_all() -> Unseen {
 
 /// Triangles are grown by this share of the largest coordinate near the ray.
 const ROUNDING: f32 = 4e-7;
-
-/// A vector of a list of floats.
-#[cube]
-pub(super) fn vector(floats: &[f32], at: u32) -> V3 {
-    let i = at as usize;
-    v3(floats[i], floats[i + 1], floats[i + 2])
-}
 
 /// The distance at which a ray hits a triangle, its limit if it does not.
 #[cube]

@@ -3,7 +3,7 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::layout::{ALPHAS, MASKED, MASKED_UVS, MASKS, NONE, OF_MASKED};
-use super::surface::weights_in;
+use super::reading::weights_in;
 use super::texture::cell_of_texture;
 use crate::model::{V3, v2};
 

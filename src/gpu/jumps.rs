@@ -8,24 +8,22 @@ use super::camera::Beginning;
 use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES, SEED_OF_SIDES};
 use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
 use super::edge_search::{Observer, search};
-use super::hit::{Hit, Ray, trace, vector};
+use super::hit::{Hit, Ray, trace};
 use super::holes::is_open;
 use super::layout::{BOUNCES, CONE, NONE, SURFACE_STRIDE, SURFACES};
-use super::light::{delta_light, emitter, sky};
+use super::light::{EmitterHit, delta_light, emitter, hits_emitter, sky};
 use super::light_backward::add_to_light;
 use super::numbers::numbers_of;
+use super::reading::vector;
 use super::shadow_rays::{target_of, up_to_target};
 use super::side_light::{Behind, light_beside};
+use super::surface::emission_at;
 use super::surface_backward::{PointGradient, add_to_corners, is_wanted};
-use super::texture::emission_at;
 use super::{Derivatives, Features};
 use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
 use crate::model::edge::{direction_jump, mirrored};
-use crate::model::triangle::weights_at;
-use crate::model::{V3, splat, v2};
+use crate::model::{V3, splat, v2, v3};
 
-/// Rays that are more parallel to an emitter than this don't meet it.
-const GRAZING: f32 = 1e-6;
 /// Surfaces that lie within this share of the coordinates of an edge touch it.
 const TOUCHING: f32 = 4e-6;
 
@@ -42,7 +40,7 @@ struct LightBehind {
     object: u32,
 }
 
-/// No light, behind which there may be anything.
+/// Where no light is looked for: a ray has no end.
 #[cube]
 fn no_light() -> LightBehind {
     LightBehind {
@@ -68,29 +66,31 @@ fn light_behind(
     time: f32,
     #[comptime] features: Features,
 ) -> LightBehind {
-    let e = emitter(floats, words, k, time, features);
     let mut found = no_light();
     found.limit = -1.0f32;
-    found.triangle = e.triangle;
-    found.object = e.object;
-    let cosine = e.normal.dot(axis);
-    if cosine < -GRAZING && !p.faces.contains(e.triangle) {
-        let t = e.normal.dot(e.a - x) / cosine;
-        let light = x + axis * t;
-        let w = weights_at(e.a, e.b, e.c, e.normal, e.area, light);
-        let mut open = false;
+    let hit: EmitterHit = hits_emitter(floats, words, k, x, axis, time, features);
+    if hit.emitter != NONE {
+        let e = emitter(floats, words, k, time, features);
+        let w = v3(
+            1.0 - hit.weights.x - hit.weights.y,
+            hit.weights.x,
+            hit.weights.y,
+        );
+        let mut dark = p.faces.contains(e.triangle);
         if comptime!(features.holes) {
-            open = is_open(floats, words, e.triangle, w);
-        }
-        if t > 0.0 && w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 && !open {
-            found.emission = emission_at(floats, words, e.triangle, e.material, w, features);
-            let limit = up_to_plane(start, past, e.normal, light);
-            if p.to.length() < limit {
-                found.limit = limit;
+            if is_open(floats, words, e.triangle, w) {
+                dark = true;
             }
-            found.distance = t;
-            found.weights = w;
         }
+        let limit = up_to_plane(start, past, e.normal, x + axis * hit.distance);
+        if !dark && p.to.length() < limit {
+            found.limit = limit;
+        }
+        found.distance = hit.distance;
+        found.weights = w;
+        found.emission = emission_at(floats, words, e.triangle, e.material, w, features);
+        found.triangle = e.triangle;
+        found.object = e.object;
     }
     found
 }

@@ -5,20 +5,18 @@ use burn::backend::Cube;
 use burn::backend::tensor::FloatTensor;
 use burn::cubecl::prelude::*;
 
-use super::asked::{look_around, look_at_cells, sum_blocks, sum_views};
 use super::device::floats;
 use super::film::film_jumps;
 use super::film_table::Films;
-use super::gradient::{Table, TensorPlaces, write_gradient};
+use super::gradient::{Table, ViewPlaces, write_gradient};
 use super::job::{GROUP, Job, PATHS, Samples, groups};
-use super::layout::{HEIGHT, WIDTH};
 use super::list::List;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::sums::{
-    FIRST_SUM, MEASURE, PARTS, add_replicas, choose_scales, clear, look_again, take_scales,
+    FIRST_SUM, MEASURE, PARTS, add_replicas, bits_to_keep, choose_scales, clear, look_again,
+    take_scales,
 };
-use crate::kernel::{CELL, View};
 
 /// Words of a launch's records at most.
 const RECORDS: usize = 1 << 24;
@@ -27,16 +25,16 @@ const MEASURED: usize = 4096;
 
 /// The launches of a backward pass.
 pub(crate) struct Pass<'a> {
-    client: Client,
-    job: &'a Job,
-    films: &'a Films,
-    scene: [List; 3],
-    upstream: List,
+    pub(super) client: Client,
+    pub(super) job: &'a Job,
+    pub(super) films: &'a Films,
+    pub(super) scene: [List; 3],
+    pub(super) upstream: List,
     records: List,
-    pieces: List,
-    table: List,
+    pub(super) pieces: List,
+    pub(super) table: List,
     /// Of the first pass, and of a second one where that has lost any.
-    scales: [List; 2],
+    pub(super) scales: [List; 2],
     /// Paths of a launch.
     at_once: usize,
     replicas: u32,
@@ -49,14 +47,12 @@ impl<'a> Pass<'a> {
         let of_path = of_path(job);
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
         let mut scales = vec![MEASURE; PARTS];
-        scales.resize(PARTS + job.views.views, 0.0);
-        let mut pieces = films.pieces.clone();
-        pieces.resize(pieces.len() + films.blocks.max(1) as usize, 0.0);
+        scales.resize(PARTS + 2 * job.views.views, 0.0);
         let pass = Self {
             scene: job.lists(&client),
             upstream,
             records: List::room(&client, of_path * at_once),
-            pieces: List::new(&client, &pieces),
+            pieces: List::new(&client, &films.pieces),
             table: List::new(&client, &films.table),
             scales: [0, 1].map(|_| List::new(&client, &scales)),
             at_once,
@@ -69,73 +65,9 @@ impl<'a> Pass<'a> {
         pass
     }
 
-    /// Looks at how much the loss depends on pixels, and so where edges are drawn on films.
-    fn look_at_pixels(&self) {
-        let (job, views) = (self.job, self.job.views.views);
-        let [floats, words, _] = &self.scene;
-        let header = &job.views.words;
-        let [columns, rows] = [header[WIDTH], header[HEIGHT]].map(|n| n.div_ceil(CELL) as usize);
-        let cells = List::room(&self.client, 4 * views * columns * rows);
-        let near = List::room(&self.client, views * columns * rows);
-        let of_rows = List::room(&self.client, 3 * views * rows);
-        let cube = CubeDim::new_1d(GROUP);
-        look_at_cells::launch(
-            &self.client,
-            groups(views * columns * rows),
-            cube,
-            floats.argument(),
-            words.argument(),
-            self.table.argument(),
-            self.upstream.argument(),
-            cells.argument(),
-            views as u32,
-            job.of_view as u32,
-            job.pixels.is_some(),
-            job.outputs,
-        );
-        look_around::launch(
-            &self.client,
-            groups(views * columns * rows),
-            cube,
-            words.argument(),
-            self.table.argument(),
-            cells.argument(),
-            near.argument(),
-            of_rows.argument(),
-            views as u32,
-        );
-        if self.films.blocks > 0 {
-            sum_blocks::launch(
-                &self.client,
-                groups(self.films.blocks as usize),
-                cube,
-                words.argument(),
-                self.table.argument(),
-                near.argument(),
-                self.pieces.argument(),
-                views as u32,
-                self.films.blocks,
-                self.films.count(),
-            );
-        }
-        sum_views::launch(
-            &self.client,
-            groups(views),
-            cube,
-            words.argument(),
-            self.table.argument(),
-            of_rows.argument(),
-            self.pieces.argument(),
-            self.scales[0].argument(),
-            views as u32,
-            job.samples,
-            self.films.count(),
-        );
-    }
-
     /// Measures derivatives, adds them up, and adds the gradients of tensors to those of all; `places` are those of each
     /// view's scene and camera.
-    pub fn run(self, views: &[(&View, TensorPlaces, TensorPlaces)], gradient: &List) {
+    pub fn run(self, views: &[ViewPlaces], gradient: &List) {
         let numbers = self.job.views.sums.count;
         let [first, again] = &self.scales;
         // One sample of some pixels tells how large derivatives are.
@@ -149,14 +81,15 @@ impl<'a> Pass<'a> {
             past: 1,
         };
         let all = self.job.pieces(self.at_once);
-        let film_stride = (self.films.samples as usize / MEASURED).max(1);
+        let spread = (MEASURED / self.job.views.views).max(64);
+        let keep = self.bits_to_keep();
         let sizes = self.totals(0);
         self.clear(&sizes, first);
-        self.add(&[some], film_stride, &sizes, first);
-        self.choose(&sizes, first, 40);
+        self.add(&[some], spread, &sizes, first);
+        self.choose(&sizes, first, keep);
         let totals = self.totals(numbers);
         self.clear(&totals, first);
-        self.add(&all, 1, &totals, first);
+        self.add(&all, 0, &totals, first);
         // Where some were much larger than those that were measured, all are.
         look_again::launch(
             &self.client,
@@ -170,10 +103,10 @@ impl<'a> Pass<'a> {
         );
         let sizes = self.totals(0);
         self.clear(&sizes, again);
-        self.add(&all, 1, &sizes, again);
-        self.choose(&sizes, again, 30);
+        self.add(&all, 0, &sizes, again);
+        self.choose(&sizes, again, keep);
         self.clear(&totals, again);
-        self.add(&all, 1, &totals, again);
+        self.add(&all, 0, &totals, again);
         take_scales::launch(
             &self.client,
             groups(PARTS),
@@ -185,7 +118,7 @@ impl<'a> Pass<'a> {
     }
 
     /// Turns sums into gradients.
-    fn write(&self, totals: &List, views: &[(&View, TensorPlaces, TensorPlaces)], to: &List) {
+    fn write(&self, totals: &List, views: &[ViewPlaces], to: &List) {
         let numbers = self.job.views.sums.count;
         let sums = List::room(&self.client, 2 * numbers);
         add_replicas::launch(
@@ -253,16 +186,28 @@ impl<'a> Pass<'a> {
         );
     }
 
-    /// Adds all derivatives of some samples.
-    fn add(&self, pieces: &[Samples], film_stride: usize, totals: &List, scales: &List) {
+    /// Bits of the largest derivatives that sums keep: points of paths add a few to a number, jumps as many.
+    fn bits_to_keep(&self) -> i32 {
+        let paths = self.job.count() as u64 * u64::from(self.job.samples);
+        let added = paths.saturating_mul(16 * points(self.job) as u64);
+        bits_to_keep(added.saturating_add(u64::from(self.films.samples)))
+    }
+
+    /// Adds all derivatives of some samples; `spread` is how many of a film are looked at, if not all.
+    fn add(&self, pieces: &[Samples], spread: usize, totals: &List, scales: &List) {
         let region = (totals.length / self.replicas as usize) as u32;
         for piece in pieces {
             self.add_paths(piece, totals, scales, region);
         }
-        let samples = self.films.samples as usize;
-        for first in (0..samples).step_by(PATHS * film_stride) {
-            let left = (samples - first).div_ceil(film_stride);
-            let threads = [first, film_stride, left.min(PATHS)];
+        if self.films.count == 0 {
+            return;
+        }
+        let samples = match spread {
+            0 => self.films.samples as usize,
+            spread => spread * self.job.views.views,
+        };
+        for first in (0..samples).step_by(PATHS) {
+            let threads = [first, spread, (samples - first).min(PATHS)];
             self.add_film(threads, totals, scales, region);
         }
     }
@@ -335,7 +280,7 @@ impl<'a> Pass<'a> {
 
     fn add_film(
         &self,
-        [first, stride, threads]: [usize; 3],
+        [first, spread, threads]: [usize; 3],
         totals: &List,
         scales: &List,
         region: u32,
@@ -356,9 +301,9 @@ impl<'a> Pass<'a> {
             self.replicas,
             region,
             first as u32,
-            stride as u32,
+            spread as u32,
             threads as u32,
-            self.films.count(),
+            self.films.count,
             job.views.views as u32,
             job.of_view as u32,
             job.pixels.is_some(),

@@ -68,8 +68,8 @@ pub(super) const COLOURS: usize = 80;
 pub(super) const COLOUR_ROWS: usize = 81;
 pub(super) const TANGENTS: usize = 82;
 pub(super) const TANGENT_ROWS: usize = 83;
-/// Words: the place of each triangle among those with a mask, or [`NONE`], and the mask of each of these, as textures
-/// are told. Floats: [`OF_MASKED`] for each of them, and what masks hold.
+/// Words: the place of each triangle among those with a mask, or [`NONE`], and the mask of each of these, four
+/// words each, as for a texture. Floats: [`OF_MASKED`] for each of them, and what masks hold.
 pub(super) const MASKED: usize = 84;
 pub(super) const MASKS: usize = 85;
 pub(super) const MASKED_UVS: usize = 86;
@@ -112,7 +112,7 @@ pub(super) const OF_TRIANGLE: usize = 8;
 pub(super) const OF_MATERIAL: usize = 24;
 /// The texture of a material's normal map among its words.
 pub(super) const NORMAL_MAP: usize = 17;
-pub(super) const OF_LIGHT: usize = 12;
+pub(super) const OF_LIGHT: usize = 11;
 pub(super) const OF_LIGHT_TREE: usize = 14;
 pub(super) const OF_LIGHT_NODE: usize = 11;
 /// Texture coordinates of the corners of a triangle with a mask, and the alpha under which it has a hole.

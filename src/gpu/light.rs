@@ -1,24 +1,24 @@
-//! Emitters and the environment: `sampling/emitters` and `kernel/sky` in a kernel of a GPU.
+//! Emitters, lights without extent and the environment: `model/delta_light` and `model/sky` in a kernel of a GPU.
 
 use std::f32::consts::{PI, TAU};
 
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
-use super::emitter_choice::first_over;
-use super::hit::vector;
 use super::layout::{
     DIRECTIONAL, EMISSIVE_COUNT, LIGHT_BITS, LIGHTS, NONE, OF_EMITTERS, OF_LIGHT, OF_TRIANGLE,
     OF_TRIANGLES, SKY, SKY_CHANCES, SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SPOT,
     SURFACE_STRIDE, SURFACES,
 };
-use super::light_tree::next_hit_in_tree;
+use super::reading::first_over;
+use super::reading::vector;
 use super::surface::displacement;
 use super::texture::{Cell, in_cell};
 use crate::model::delta_light::DeltaLight;
 use crate::model::frame::sin_cos_of_turns;
 use crate::model::triangle::weights_at;
 use crate::model::{V2, V3, splat, v2, v3};
+use crate::sampling::GRAZING;
 
 /// A triangle that emits, at a time in the shutter.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
@@ -87,8 +87,26 @@ pub(super) fn delta_light(floats: &[f32], words: &[u32], k: u32) -> DeltaLight {
     }
 }
 
-/// Rays that are more parallel to an emitter than this don't meet it.
-const GRAZING: f32 = 1e-6;
+/// A surface point that emitters are chosen for.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Site {
+    pub position: V3,
+    /// The side's normal.
+    pub normal: V3,
+    pub time: f32,
+    /// What the probabilities of few are divided by; of many the probability of directional lights.
+    pub sum: f32,
+}
+
+/// An emitter that was chosen, its probability, and what is left of the random number.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Choice {
+    pub emitter: u32,
+    pub chance: f32,
+    pub rest: f32,
+}
 
 /// An emitter whose front a ray hits, as if nothing were in between, or [`NONE`], and the point's weights
 /// of the corners b and c.
@@ -96,6 +114,7 @@ const GRAZING: f32 = 1e-6;
 #[expand(derive(Clone, Copy))]
 pub(super) struct EmitterHit {
     pub emitter: u32,
+    pub distance: f32,
     pub weights: V2,
 }
 
@@ -103,6 +122,7 @@ pub(super) struct EmitterHit {
 pub(super) fn no_emitter_hit() -> EmitterHit {
     EmitterHit {
         emitter: NONE.runtime(),
+        distance: 0.0f32.runtime(),
         weights: v2(0.0, 0.0),
     }
 }
@@ -127,32 +147,9 @@ pub(super) fn hits_emitter(
             let w = weights_at(e.a, e.b, e.c, e.normal, e.area, x + direction * t);
             if w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 {
                 found.emitter = k;
+                found.distance = t;
                 found.weights = v2(w.y, w.z);
             }
-        }
-    }
-    found
-}
-
-/// The first such emitter from a number on.
-#[cube]
-pub(super) fn next_emitter_hit(
-    floats: &[f32],
-    words: &[u32],
-    from: u32,
-    x: V3,
-    direction: V3,
-    time: f32,
-    #[comptime] features: Features,
-) -> EmitterHit {
-    let mut found = no_emitter_hit();
-    if comptime!(features.by_tree) {
-        found = next_hit_in_tree(floats, words, from, x, direction, time, features);
-    } else {
-        let mut k = from;
-        while k < words[EMISSIVE_COUNT] && found.emitter == NONE {
-            found = hits_emitter(floats, words, k, x, direction, time, features);
-            k += 1;
         }
     }
     found
@@ -230,10 +227,10 @@ pub(super) fn choose_direction(floats: &[f32], words: &[u32], u: f32, v: f32) ->
     let height = words[SKY_HEIGHT];
     let rows = words[SKY_ROWS];
     let wanted = v * floats[(rows + height - 1) as usize];
-    let y = first_over(floats, rows, height, wanted);
+    let y = first_over(floats, rows, height, 1u32, wanted);
     let row = words[SKY_COLUMNS] + y * width;
     let along = u * floats[(row + width - 1) as usize];
-    let x = first_over(floats, row, width, along);
+    let x = first_over(floats, row, width, 1u32, along);
     let turn = (x as f32 + inside(floats, row, x, along)) / width as f32 - 0.5;
     let polar = (y as f32 + inside(floats, rows, y, wanted)) / height as f32;
     let around = sin_cos_of_turns(turn - turn.floor());

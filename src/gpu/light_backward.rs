@@ -6,7 +6,7 @@ use super::corners::uv_at;
 use super::layout::{EMISSIVE_COUNT, FIRST_SUMS, LIGHT_BITS, WANTED};
 use super::light::{delta_light, density_of_direction, emitter, sky};
 use super::shadow_rays::{Target, target_of};
-use super::sums::{AREAS, LIGHTS, TRIANGLES, add, add_vector};
+use super::sums::{AREAS, LIGHTS, OF_LIGHT, TRIANGLES, add, add_vector};
 use super::surface::Point;
 use super::surface_backward::{PointGradient, add_to_corners, is_wanted, sky_backward};
 use super::texture::EMISSION;
@@ -125,7 +125,7 @@ pub(super) fn add_to_light(
 ) {
     let i = k - words[EMISSIVE_COUNT];
     if words[(words[LIGHT_BITS] + i) as usize] & WANTED != 0 {
-        let first = words[FIRST_SUMS + LIGHTS] + 11 * i;
+        let first = words[FIRST_SUMS + LIGHTS] + OF_LIGHT as u32 * i;
         add_vector(totals, scales, first, by.position, LIGHTS);
         add_vector(totals, scales, first + 3, by.axis, LIGHTS);
         add_vector(totals, scales, first + 6, by_strength, LIGHTS);

@@ -3,20 +3,18 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
-use super::emitter_choice::{Choice, Site, first_over};
-use super::hit::vector;
 use super::layout::{
     DISTANT, DISTANT_AXES, DISTANT_COUNT, DISTANT_SUMS, EMISSIVE_COUNT, LIGHT_BRANCHES,
     LIGHT_NODE_COUNT, LIGHT_NODES, LIGHT_PLACES, NONE, OF_LIGHT_NODE, OF_LIGHT_TREE,
 };
+use super::light::{Choice, Site};
 use super::light::{EmitterHit, hits_emitter, no_emitter_hit};
+use super::reading::first_over;
+use super::reading::vector;
 use crate::model::V3;
+use crate::model::choice::MOST;
+use crate::sampling::{INSIDE, SPREAD};
 
-/// As `sampling/emitters/node` has them.
-const SPREAD: f32 = 0.25;
-const INSIDE: f32 = 0.125;
-/// The greatest part of a number under 1.
-const MOST: f32 = 0.999_999_9;
 /// Branches of a node.
 const LANES: u32 = 8;
 
@@ -64,7 +62,7 @@ fn power_of(floats: &[f32], branch: u32) -> f32 {
     floats[branch as usize + 13]
 }
 
-/// Weights of a node's branches, by their bits: about the irradiance of a point, or power where all are 0. Returns
+/// Weights of a node's branches: about the irradiance of a point, or power where all are 0. Returns
 /// their sum.
 #[cube]
 fn weigh(floats: &[f32], words: &[u32], node: u32, at: &Site, weights: &mut [f32]) -> f32 {
@@ -164,7 +162,7 @@ pub(super) fn choose_in_tree(floats: &[f32], words: &[u32], u: f32, at: &Site) -
         let count = words[DISTANT_COUNT];
         let sums = words[DISTANT_SUMS];
         let place = u / distant * floats[(sums + count - 1) as usize];
-        let i = first_over(floats, sums, count, place);
+        let i = first_over(floats, sums, count, 1u32, place);
         choice.emitter = words[(words[DISTANT] + i) as usize];
     }
     choice

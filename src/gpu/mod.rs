@@ -19,6 +19,7 @@
 
 mod asked;
 mod backward;
+mod batch;
 mod camera;
 mod corners;
 mod corners_backward;
@@ -32,7 +33,6 @@ mod edge_weights;
 mod emitter_choice;
 mod film;
 mod film_table;
-mod go_back;
 mod gradient;
 mod hit;
 mod holes;
@@ -40,6 +40,7 @@ mod integers;
 mod job;
 mod jumps;
 mod launch;
+mod launch_asked;
 mod launch_backward;
 mod layout;
 mod light;
@@ -53,6 +54,7 @@ mod packed_scene;
 mod passes;
 mod path;
 mod pieces;
+mod reading;
 mod records;
 mod shadow_rays;
 mod side_light;
@@ -68,12 +70,12 @@ use crate::kernel::{KernelScene, Material, View};
 use crate::model::bsdf::Models;
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
+pub(crate) use batch::gradient_of;
 use camera::begin;
 pub(crate) use counts::counts_of;
 pub(crate) use device::check;
 use edge_layout::{EDGE_TREES, NODE_COUNT};
 use edge_tree::ROOM;
-pub(crate) use go_back::go_back;
 pub(crate) use job::Job;
 pub(crate) use launch::trace;
 use layout::{COUNTED, NONE, UNIT};
@@ -102,7 +104,8 @@ pub(crate) struct Features {
     pub models: Models,
     pub emitters: bool,
     pub lights: bool,
-    /// How emitters are chosen, if not all are looked at: their solid angles, a tree, sums of fixed probabilities.
+    /// How emitters are chosen: by the solid angles of all, by a tree, or by sums of fixed probabilities; else by these
+    /// probabilities, one after another.
     pub by_solid_angle: bool,
     pub by_tree: bool,
     pub by_sums: bool,

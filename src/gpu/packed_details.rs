@@ -59,15 +59,12 @@ impl PackedScene {
 
     pub(super) fn add_lights(&mut self, view: &View) {
         let emitters = &view.scene.emitters;
-        let first = emitters.all().len();
         self.floats_at(LIGHTS);
-        for (i, light) in emitters.lights().iter().enumerate() {
+        for light in emitters.lights() {
             for v in [light.position, light.axis, light.strength] {
                 self.vector(v);
             }
-            let brightness = emitters.brightness(first + i);
-            self.floats
-                .extend([light.cos_inner, light.cos_outer, brightness]);
+            self.floats.extend([light.cos_inner, light.cos_outer]);
         }
         if let Some(sums) = emitters.running_sums() {
             self.floats_at(FIXED_SUMS);

@@ -7,10 +7,11 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::camera::Beginning;
-use super::emitter_choice::{Choice, Site, chance, choose, site};
+use super::emitter_choice::{chance, choose, next_emitter_hit, site};
 use super::hit::{Hit, Ray, see_all, trace};
 use super::layout::{BOUNCES, CONE, NONE, ROULETTE_AFTER};
-use super::light::{choose_direction, next_emitter_hit, sky};
+use super::light::{Choice, Site};
+use super::light::{choose_direction, sky};
 use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
     keep_vector, record_at,
@@ -19,6 +20,7 @@ use super::shadow_rays::{Receiver, ShadowRay, no_point, target_of, towards_map, 
 use super::surface::point_at;
 use crate::model::bsdf::Scatter;
 use crate::model::cone::{bend, lifted};
+use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
 
 /// The surface that a camera ray sees, and the light that its path brings back.
@@ -299,19 +301,16 @@ pub(super) fn path_light(
         }
         if is_emitter {
             let mut k = 0u32;
-            let mut b = 0.0f32;
-            let mut c = 0.0f32;
+            let mut weights = v2(0.0, 0.0);
             let mut p = 1.0f32;
             let combined = comptime!(features.combined) && from.point.shading.glossy;
             let x = from.point.position;
             let at: Site = from.site(time);
             if purpose == TO_EMITTER {
                 let choice: Choice = choose(floats, words, emitter_u, &at, features);
-                let root = choice.rest.sqrt();
                 k = choice.emitter;
                 p = choice.chance;
-                b = root * (1.0 - emitter_v);
-                c = root * emitter_v;
+                weights = uniform_point(choice.rest, emitter_v);
             } else {
                 along = true;
                 k = NONE;
@@ -319,8 +318,7 @@ pub(super) fn path_light(
                     let found =
                         next_emitter_hit(floats, words, next, x, scatter.direction, time, features);
                     k = found.emitter;
-                    b = found.weights.x;
-                    c = found.weights.y;
+                    weights = found.weights;
                     next = k + 1;
                     if k != NONE {
                         p = chance(floats, words, k, &at, features);
@@ -330,7 +328,7 @@ pub(super) fn path_light(
             if k == NONE {
                 purpose = TO_MAP;
             } else {
-                let target = target_of(floats, words, k, v2(b, c), x, time, features);
+                let target = target_of(floats, words, k, weights, x, time, features);
                 chosen = towards_target(floats, &from, &target, p, combined, along);
             }
         }

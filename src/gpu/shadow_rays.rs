@@ -3,12 +3,11 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
-use super::emitter_choice::Site;
 use super::holes::is_open;
 use super::layout::{CONE, NONE};
+use super::light::Site;
 use super::light::{delta_light, density_of_direction, emitter, is_light, sky};
-use super::surface::Point;
-use super::texture::emission_at;
+use super::surface::{Point, emission_at};
 use crate::model::cone::{bend, lifted, up_to_plane};
 use crate::model::emitter::{LightPoint, power_heuristic};
 use crate::model::{Pair, V2, V3, splat, v2, v3};
@@ -31,7 +30,7 @@ pub(super) struct Receiver {
     pub point: Point,
     pub cone_u: f32,
     pub cone_v: f32,
-    /// What the probabilities of emitters there are divided by.
+    /// [`Site::sum`].
     pub sum: f32,
 }
 

@@ -28,6 +28,13 @@ pub(super) const LIGHTS: usize = 11;
 pub(super) const CAMERA: usize = 12;
 pub(super) const PARTS: usize = 13;
 
+/// Sums of a light without extent ([`DeltaSums`]) and of a camera ([`CameraSums`]).
+///
+/// [`DeltaSums`]: crate::kernel::DeltaSums
+/// [`CameraSums`]: crate::kernel::CameraSums
+pub(super) const OF_LIGHT: usize = 11;
+pub(super) const OF_CAMERA: usize = 19;
+
 /// Words before the sums of a replica: the largest derivative of each part, by its bits, then the number of those
 /// that no sum holds.
 pub(super) const FIRST_SUM: usize = 16;
@@ -70,7 +77,7 @@ impl Places {
                     3 * sums.sky.len(),
                     3 * sums.colours.len(),
                     3 * sums.tangents.len(),
-                    11 * sums.lights.len(),
+                    OF_LIGHT * sums.lights.len(),
                 ];
                 for (first, n) in first.iter_mut().zip(counts) {
                     *first = places.count as u32;
@@ -80,7 +87,7 @@ impl Places {
                 first = places.first[owner];
             }
             first[CAMERA] = places.count as u32;
-            places.count += 19;
+            places.count += OF_CAMERA;
             places.first.push(first);
             places.owner.push(owner);
         }
@@ -196,7 +203,10 @@ pub(super) fn choose_scales(
             // Nothing was reached, perhaps since the loss depends on few pixels.
             let mut view = 0usize;
             while view < views as usize {
-                most = most.max(scales[PARTS + view].to_bits());
+                let bits = scales[PARTS + views as usize + view].to_bits();
+                if bits < INFINITY {
+                    most = most.max(bits);
+                }
                 view += 1;
             }
         }
@@ -286,6 +296,14 @@ pub(super) fn replica_of(thread: u32, replicas: u32, region: u32) -> usize {
 /// The scale of parts of whose derivatives only the sizes are looked at.
 pub(super) const MEASURE: f32 = 0.0;
 
+/// The largest derivative that is added, times its scale: 64 of them leave room in 63 bits.
+const LARGEST: f32 = 7.0e16;
+
+/// Bits of a scaled derivative that is as large as those that were measured: so many of them have room in 61 bits.
+pub(super) fn bits_to_keep(derivatives: u64) -> i32 {
+    (61 - (u64::BITS - derivatives.leading_zeros()) as i32).clamp(16, 40)
+}
+
 /// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
 #[cube]
 pub(super) fn add(
@@ -302,7 +320,7 @@ pub(super) fn add(
         } else {
             let scaled = value * scale;
             let size = scaled.abs();
-            if size < 4.0e18 {
+            if size < LARGEST {
                 let rounded = size.floor();
                 let upper = (rounded * (1.0f32 / 4_294_967_296.0f32)).floor();
                 let mut low = (rounded - upper * 4_294_967_296.0) as u32;
@@ -355,5 +373,23 @@ pub(super) fn add_vector(
     while k < 3 {
         add(totals, scales, at + k, component(value, k), part);
         k += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Derivatives as large as those that were measured fit into a sum, however many there are.
+    #[test]
+    fn sums_have_room() {
+        for log in 0..45 {
+            let derivatives = (1u64 << log) + 1;
+            let keep = bits_to_keep(derivatives);
+            assert!((16..=40).contains(&keep));
+            let sum = u128::from(derivatives) << keep;
+            assert!(sum < 1 << 62, "{derivatives} {keep}");
+        }
+        assert!(64.0 * f64::from(LARGEST) < f64::from(2.0f32.powi(63)));
     }
 }

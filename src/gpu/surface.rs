@@ -4,11 +4,11 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::corners::{Corners, corners_of, normal_at, normal_rows, tilt_at, uv_at};
-use super::hit::vector;
 use super::layout::{
     COLOUR_ROWS, COLOURS, COMPENSATED, EMITS, GLOSSY, MODEL, NONE, OF_MATERIAL, OF_MATERIALS,
     OF_TRIANGLE, OF_TRIANGLES, REFLECTS, SURFACE_STRIDE, SURFACES, VELOCITIES,
 };
+use super::reading::vector;
 use super::texture::{EMISSION, colour};
 use crate::model::bsdf::Shading;
 use crate::model::triangle::weights_at;
@@ -49,18 +49,19 @@ pub(super) fn displacement(
     shift
 }
 
-/// Weights of a triangle's corners in a point of it, at the start of the shutter.
+/// What a triangle of a material emits from its front, at the point with these weights of its corners.
 #[cube]
-pub(super) fn weights_in(floats: &[f32], words: &[u32], triangle: u32, at_rest: V3) -> V3 {
-    let at = words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
-    weights_at(
-        vector(floats, at),
-        vector(floats, at + 3),
-        vector(floats, at + 6),
-        vector(floats, at + 9),
-        floats[at as usize + 13],
-        at_rest,
-    )
+pub(super) fn emission_at(
+    floats: &[f32],
+    words: &[u32],
+    triangle: u32,
+    material: u32,
+    weights: V3,
+    #[comptime] features: Features,
+) -> V3 {
+    let glows = comptime!(features.glows);
+    let uv = uv_at(floats, words, triangle, weights, glows);
+    colour(floats, words, material, EMISSION, uv, glows)
 }
 
 /// The point of a triangle, about there, seen along a direction.

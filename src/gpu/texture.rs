@@ -2,10 +2,8 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::Features;
-use super::corners::uv_at;
-use super::hit::vector;
 use super::layout::{MATERIALS, NONE, OF_MATERIAL, OF_MATERIALS, TEXELS};
+use super::reading::vector;
 use crate::model::{V2, V3};
 
 /// The place of emission among the channels of a material.
@@ -112,19 +110,4 @@ pub(super) fn colour(
         }
     }
     found
-}
-
-/// What a triangle of a material emits from its front, at the point with these weights of its corners.
-#[cube]
-pub(super) fn emission_at(
-    floats: &[f32],
-    words: &[u32],
-    triangle: u32,
-    material: u32,
-    weights: V3,
-    #[comptime] features: Features,
-) -> V3 {
-    let glows = comptime!(features.glows);
-    let uv = uv_at(floats, words, triangle, weights, glows);
-    colour(floats, words, material, EMISSION, uv, glows)
 }

@@ -3,8 +3,8 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::corners::uv_rows;
-use super::hit::vector;
 use super::layout::{FIRST_SUMS, NONE, TEXELS as TEXEL_VALUES};
+use super::reading::vector;
 use super::sums::{MATERIALS, TEXELS, UVS, add, add_vector, component};
 use super::texture::{Cell, cell_of_texture, texture_of};
 use super::{Derivatives, Features};

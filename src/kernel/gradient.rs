@@ -266,6 +266,25 @@ impl Sums {
         self.triangles.clear();
     }
 
+    /// The numbers of a row of a part, 0 where there is none.
+    fn row(&self, part: Part, row: usize) -> [f64; 3] {
+        let of = |list: &[DVec3]| list.get(row).copied().unwrap_or_default().to_array();
+        match part {
+            Part::Vertices => of(&self.vertices),
+            Part::Velocities => of(&self.velocities),
+            Part::Uvs => {
+                let [u, v] = self.uvs[row];
+                [u, v, 0.0]
+            }
+            Part::Normals => of(&self.normals),
+            Part::Colours => of(&self.colours),
+            Part::Tangents => of(&self.tangents),
+            Part::Materials => of(self.materials.as_flattened()),
+            Part::Texels => of(&self.texels),
+            Part::Sky => of(&self.sky),
+        }
+    }
+
     /// Adds the derivatives by parameters of the scene at their places; the sums must be resolved.
     pub fn write(
         &self,
@@ -273,65 +292,77 @@ impl Sums {
         places: &[(ParameterId, Range<usize>)],
         all: &mut [f64],
     ) {
-        use ParameterId as Id;
-        let per_unit = scene.frame.unit.recip();
         for (id, range) in places {
             let to = &mut all[range.clone()];
-            let vectors = |to: &mut [f64], list: &[DVec3], scale: f64| {
-                for (row, v) in to.chunks_exact_mut(3).zip(list) {
-                    add_each(row, &(*v * scale).to_array());
+            if let ParameterId::Light(i, part) = *id {
+                self.lights[i].write(scene, i, part, to);
+            } else if let Some(rows) = Rows::of(scene, *id, to.len()) {
+                for (i, to) in to.chunks_exact_mut(rows.length).enumerate() {
+                    let by = self.row(rows.part, rows.first + i);
+                    add_each(to, &by.map(|g| g * rows.factor));
                 }
-            };
-            match *id {
-                Id::Vertices(i) => {
-                    vectors(
-                        to,
-                        &self.vertices[scene.objects[i].first_vertex..],
-                        per_unit,
-                    );
-                }
-                Id::Uvs(i) => {
-                    let rows = &self.uvs[scene.objects[i].first_uv..];
-                    for (row, v) in to.chunks_exact_mut(2).zip(rows) {
-                        add_each(row, v);
-                    }
-                }
-                Id::Normals(i) => {
-                    vectors(to, &self.normals[scene.objects[i].first_normal..], 1.0);
-                }
-                Id::Colours(i) => {
-                    vectors(to, &self.colours[scene.objects[i].first_colour..], 1.0);
-                }
-                // None where no material has a normal map.
-                Id::Tangents(i) => {
-                    let first = scene.objects[i].first_tangent;
-                    let rows = self.tangents.get(first..).unwrap_or_default();
-                    for (row, v) in to.chunks_exact_mut(4).zip(rows) {
-                        add_each(&mut row[..3], &v.to_array());
-                    }
-                }
-                Id::NormalMap(m) => {
-                    if let Some(t) = &scene.materials[m].normal_map {
-                        vectors(to, &self.texels[t.offset..], 1.0);
-                    }
-                }
-                Id::Velocity(i) => vectors(to, &self.velocities[i..=i], per_unit),
-                Id::Material(m, channel) => {
-                    let place = channel.place();
-                    match &scene.materials[m].channels[place].texture {
-                        None => add_each(to, &self.materials[m][place].to_array()),
-                        Some(t) if to.len() == t.width * t.height => {
-                            let texels = &self.texels[t.offset..];
-                            to.iter_mut().zip(texels).for_each(|(a, b)| *a += b.x);
-                        }
-                        Some(t) => vectors(to, &self.texels[t.offset..], 1.0),
-                    }
-                }
-                Id::Light(i, part) => self.lights[i].write(scene, i, part, to),
-                Id::Environment => vectors(to, &self.sky, 1.0),
-                // Those of cameras are written by `HostCamera::backward`.
-                _ => {}
             }
         }
+    }
+}
+
+/// Sums of a scene that are lists of rows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Part {
+    Vertices,
+    Velocities,
+    Uvs,
+    Normals,
+    Colours,
+    Tangents,
+    /// As many rows as a material has channels.
+    Materials,
+    Texels,
+    Sky,
+}
+
+/// The sums that the derivative by a tensor follows from.
+pub(crate) struct Rows {
+    pub part: Part,
+    pub first: usize,
+    /// Numbers of a row of the tensor: the first of a row of sums, and zeros behind them.
+    pub length: usize,
+    pub factor: f64,
+}
+
+impl Rows {
+    /// Those of a tensor of so many numbers; none of lights without extent and cameras.
+    pub fn of(scene: &KernelScene, id: ParameterId, numbers: usize) -> Option<Self> {
+        use ParameterId as Id;
+        let per_unit = scene.frame.unit.recip();
+        let object = |i: usize| &scene.objects[i];
+        let (part, first, length, factor) = match id {
+            Id::Vertices(i) => (Part::Vertices, object(i).first_vertex, 3, per_unit),
+            Id::Velocity(i) => (Part::Velocities, i, 3, per_unit),
+            Id::Uvs(i) => (Part::Uvs, object(i).first_uv, 2, 1.0),
+            Id::Normals(i) => (Part::Normals, object(i).first_normal, 3, 1.0),
+            Id::Colours(i) => (Part::Colours, object(i).first_colour, 3, 1.0),
+            // They count where a material has a normal map.
+            Id::Tangents(i) if scene.tilted => (Part::Tangents, object(i).first_tangent, 4, 1.0),
+            Id::NormalMap(m) => {
+                let texels = scene.materials[m].normal_map?;
+                (Part::Texels, texels.offset, 3, 1.0)
+            }
+            Id::Material(m, channel) => {
+                let place = channel.place();
+                match &scene.materials[m].channels[place].texture {
+                    None => (Part::Materials, CHANNELS * m + place, numbers, 1.0),
+                    Some(t) => (Part::Texels, t.offset, numbers / (t.width * t.height), 1.0),
+                }
+            }
+            Id::Environment => (Part::Sky, 0, 3, 1.0),
+            _ => return None,
+        };
+        Some(Self {
+            part,
+            first,
+            length,
+            factor,
+        })
     }
 }

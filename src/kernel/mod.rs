@@ -25,8 +25,8 @@ mod view;
 mod walk;
 
 #[cfg(feature = "wgpu")]
-pub(crate) use boundary::{CELL, Piece};
-pub(crate) use boundary::{FilmEdges, PixelGradients, samples_of_film};
+pub(crate) use boundary::Piece;
+pub(crate) use boundary::{FilmEdges, PixelGradients};
 pub(crate) use camera::HostCamera;
 #[cfg(feature = "wgpu")]
 pub(crate) use delta_sums::DeltaSums;
@@ -34,7 +34,7 @@ pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]
 pub(crate) use edges::FlatTree;
 #[cfg(feature = "wgpu")]
-pub(crate) use gradient::CameraSums;
+pub(crate) use gradient::{CameraSums, Part, Rows};
 pub(crate) use gradient::{Sums, Wanted};
 pub(crate) use scene::KernelScene;
 #[cfg(feature = "wgpu")]

@@ -33,8 +33,10 @@ impl View {
         let (mut sum, mut count) = (0.0, 0u32);
         for (_, g) in pixels {
             let own = f64::from(g.radiance.abs().element_sum());
-            sum += own;
-            count += u32::from(own > 0.0);
+            if own > 0.0 && own.is_finite() {
+                sum += own;
+                count += 1;
+            }
         }
         (sum / f64::from(count.max(1))) as f32
     }

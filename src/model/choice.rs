@@ -37,7 +37,7 @@ pub(crate) struct Decision {
 
 /// The share of a number's range that is used up, at most.
 const LEAST: f32 = 1.0 / 256.0;
-const MOST: f32 = 1.0 - f32::EPSILON;
+pub(crate) const MOST: f32 = 1.0 - f32::EPSILON;
 
 /// The number u; a second one, independent of it, tells hashes of samples with the same u apart.
 #[cfg_attr(feature = "wgpu", cube)]

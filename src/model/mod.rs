@@ -22,6 +22,7 @@ pub(crate) mod cone;
 pub(crate) mod delta_light;
 pub(crate) mod edge;
 pub(crate) mod emitter;
+pub(crate) mod film;
 pub(crate) mod filter;
 pub(crate) mod frame;
 pub(crate) mod integers;

@@ -99,6 +99,19 @@ pub struct Image {
 }
 
 impl Image {
+    /// The same with some of its columns, perhaps several times.
+    pub(super) fn columns(self, which: Tensor<1, Int>) -> Self {
+        Self {
+            radiance: self.radiance.select(1, which.clone()),
+            opacity: self.opacity.map(|t| t.select(1, which.clone())),
+            depth: self.depth.map(|t| t.select(1, which.clone())),
+            normals: self.normals.map(|t| t.select(1, which.clone())),
+            object_ids: self.object_ids.map(|t| t.select(1, which.clone())),
+            statistics: self.statistics,
+            diagnostics: self.diagnostics,
+        }
+    }
+
     /// The mean radiance of each channel, on the host.
     ///
     /// # Errors

@@ -9,6 +9,7 @@ mod options;
 mod overview;
 mod tensors;
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
@@ -59,7 +60,23 @@ pub fn render_pixels(
     if pixels.is_empty() {
         return wrong("list", "empty", "at least one pixel");
     }
-    render_list(scene, camera, options, Some(Arc::new(pixels.to_vec())))
+    // A pixel is traced once, however often it is named.
+    let mut rows = HashMap::with_capacity(pixels.len());
+    let mut distinct = Vec::with_capacity(pixels.len());
+    let row = |&pixel: &u32| {
+        *rows.entry(pixel).or_insert_with(|| {
+            distinct.push(pixel);
+            distinct.len() as i32 - 1
+        })
+    };
+    let row_of_each: Vec<i32> = pixels.iter().map(row).collect();
+    let all_distinct = distinct.len() == pixels.len();
+    let image = render_list(scene, camera, options, Some(Arc::new(distinct)))?;
+    if all_distinct {
+        return Ok(image);
+    }
+    let device = image.radiance.device();
+    Ok(image.columns(Tensor::from_data(row_of_each.as_slice(), &device)))
 }
 
 /// Renders all views of a batch, each with random numbers of its own

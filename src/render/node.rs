@@ -67,8 +67,8 @@ pub(super) fn read<B: Backend>(upstream: FloatTensor<B>) -> TensorData {
 }
 
 /// A backend without autodiff, on which gradients are computed.
-pub(super) trait GoBack: Backend {
-    fn go_back(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
+pub(super) trait ImageGradient: Backend {
+    fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
         derivative.by_host::<Self>(upstream)
     }
 }
@@ -109,23 +109,23 @@ macro_rules! without_autodiff {
 without_autodiff!("flex" Flex, "ndarray" NdArray, "wgpu" Cube);
 
 #[cfg(feature = "flex")]
-impl GoBack for burn::backend::Flex {}
+impl ImageGradient for burn::backend::Flex {}
 
 #[cfg(feature = "ndarray")]
-impl GoBack for burn::backend::NdArray {}
+impl ImageGradient for burn::backend::NdArray {}
 
 #[cfg(feature = "wgpu")]
-impl GoBack for burn::backend::Cube {
-    fn go_back(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
-        let gradient = derivative.of.on_gpu(&upstream);
-        gradient.unwrap_or_else(|| derivative.by_host::<Self>(upstream))
+impl ImageGradient for burn::backend::Cube {
+    fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
+        let found = derivative.of.on_gpu(&upstream);
+        found.unwrap_or_else(|| derivative.by_host::<Self>(upstream))
     }
 }
 
 #[derive(Debug)]
 struct ImageNode;
 
-impl<B: GoBack> Backward<B, 1> for ImageNode {
+impl<B: ImageGradient> Backward<B, 1> for ImageNode {
     type State = SharedDerivative;
 
     fn backward(
@@ -136,12 +136,12 @@ impl<B: GoBack> Backward<B, 1> for ImageNode {
     ) {
         let derivative = ops.state;
         unary::<B, _>(ops.parents, ops.node, grads, |upstream| {
-            B::go_back(upstream, &derivative)
+            B::gradient(upstream, &derivative)
         });
     }
 }
 
-impl<B: NodeBackend + GoBack, C: CheckpointStrategy> NodeBackend for Autodiff<B, C> {
+impl<B: NodeBackend + ImageGradient, C: CheckpointStrategy> NodeBackend for Autodiff<B, C> {
     fn attach(
         parameters: FloatTensor<Self>,
         output: FloatTensor<Self>,

@@ -16,15 +16,6 @@ use crate::model::camera::CameraGradient;
 use crate::model::filter::film_kernel;
 use crate::model::{V2, V3, v2};
 
-/// Samples of edges on the film for so many pixels that a loss depends on, and samples of each: one for eight paths, and
-/// a thousand, which take no time, where paths are few.
-pub(crate) fn samples_of_film(pixels: usize, samples: u32) -> u32 {
-    const FEW: u64 = 1024;
-    let paths = pixels as u64 * u64::from(samples);
-    let count = paths.div_ceil(8).max(FEW.min(8 * paths));
-    count.clamp(1, 1_000_000_000) as u32
-}
-
 /// [`View::film_backward`] as a task.
 struct FilmSamples<'a> {
     view: &'a View,

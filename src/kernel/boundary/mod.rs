@@ -13,7 +13,6 @@ mod pieces;
 mod reflected;
 mod vertex;
 
-pub(crate) use film::samples_of_film;
 #[cfg(feature = "wgpu")]
-pub(crate) use pieces::{CELL, Piece};
+pub(crate) use pieces::Piece;
 pub(crate) use pieces::{FilmEdges, PixelGradients};

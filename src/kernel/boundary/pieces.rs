@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use crate::kernel::edges::{Edge, Kind};
 use crate::kernel::view::View;
 use crate::kernel::walk::Seen;
+use crate::model::film::{CELL, NEIGHBOURS};
 use crate::model::segment::clip_linear;
 
 /// Edges are drawn in pieces of about so many pixels.
@@ -18,7 +19,7 @@ pub(crate) struct Piece {
     pub edge: u32,
     pub from: f32,
     pub to: f32,
-    /// How much may jump at it, in pixels; where the loss is known, the sum of the weights of all pieces so far.
+    /// How much may jump at it, in pixels.
     pub weight: f32,
     /// Its middle on the film, in pixels, and its place there along a Z-order curve.
     middle: [f32; 2],
@@ -28,6 +29,8 @@ pub(crate) struct Piece {
 /// Pieces of edges on the film of a view.
 pub(crate) struct FilmEdges {
     pieces: Vec<Piece>,
+    /// Sums of their weights up to each.
+    sums: Vec<f32>,
     /// The sum of the weights of all.
     total: f64,
 }
@@ -42,17 +45,10 @@ impl FilmEdges {
     pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
         let target = (f64::from(u) * self.total) as f32;
         let last = self.pieces.len() - 1;
-        let i = self
-            .pieces
-            .partition_point(|p| p.weight <= target)
-            .min(last);
+        let i = self.sums.partition_point(|&sum| sum <= target).min(last);
         let piece = &self.pieces[i];
-        let before = if i == 0 {
-            0.0
-        } else {
-            self.pieces[i - 1].weight
-        };
-        let (share, length) = (piece.weight - before, piece.to - piece.from);
+        let before = if i == 0 { 0.0 } else { self.sums[i - 1] };
+        let (share, length) = (self.sums[i] - before, piece.to - piece.from);
         (share > 0.0).then(|| Drawn {
             edge: piece.edge as usize,
             lambda: piece.from + length * v,
@@ -86,13 +82,17 @@ fn place(x: f32, y: f32, last: bool) -> u64 {
 impl View {
     /// The pieces of edges that jump on the film where the loss depends on it.
     pub fn film_edges(&self, pixels: &PixelGradients) -> FilmEdges {
-        let mut pieces = self.film_pieces(|[x, y]| pixels.near(x, y));
+        let pieces = self.film_pieces(|[x, y]| pixels.near(x, y));
         let mut total = 0.0f64;
-        for piece in &mut pieces {
+        let sum = |piece: &Piece| {
             total += f64::from(piece.weight);
-            piece.weight = total as f32;
+            total as f32
+        };
+        FilmEdges {
+            sums: pieces.iter().map(sum).collect(),
+            pieces,
+            total,
         }
-        FilmEdges { pieces, total }
     }
 
     /// The pieces of edges that jump on the film, each with a weight times that of its middle, if it has any.
@@ -304,9 +304,6 @@ pub(crate) struct PixelGradients {
     cells: Vec<f32>,
 }
 
-/// Pixels of a side of a cell.
-pub(crate) const CELL: u32 = 8;
-
 /// The cell about a point of a film of so many pixels, row by row.
 fn cell_of([x, y]: [f32; 2], width: u32, height: u32) -> u32 {
     let x = x.clamp(0.0, width as f32 - 1.0) as u32 / CELL;
@@ -351,7 +348,11 @@ impl PixelGradients {
         let cells = spread(&own, columns, rows, 1, columns);
         let cells = spread(&cells, rows, columns, columns, 1);
         // Its own counts most.
-        let cells = cells.iter().zip(&own).map(|(a, b)| 0.1 * a + b).collect();
+        let cells = cells
+            .iter()
+            .zip(&own)
+            .map(|(a, b)| NEIGHBOURS * a + b)
+            .collect();
         Self {
             values: list.iter().map(|p| p.1).collect(),
             which: (!all).then(|| {
@@ -383,6 +384,9 @@ impl PixelGradients {
     }
 }
 
+/// How much a loss depends on a pixel; one whose derivative is not finite does not count.
 fn weight(g: &Seen) -> f32 {
-    g.radiance.abs().element_sum() + g.opacity.abs() + g.depth.abs() + g.normal.abs().element_sum()
+    let seen = g.radiance.abs().element_sum() + g.opacity.abs() + g.depth.abs();
+    let weight = seen + g.normal.abs().element_sum();
+    if weight.is_finite() { weight } else { 0.0 }
 }

@@ -12,13 +12,14 @@ mod facets;
 mod fresnel;
 mod lobe;
 mod metal;
+mod models;
 mod phong;
 mod sample;
 #[cfg(test)]
 mod tests;
 
 use super::{Pair, V3, splat, v3};
-use crate::scene::{Bsdf, CHANNELS, MaterialKind};
+use crate::scene::{CHANNELS, MaterialKind};
 #[cfg(feature = "wgpu")]
 use burn::cubecl::{self, prelude::*};
 
@@ -26,90 +27,9 @@ pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets}
 #[cfg(feature = "wgpu")]
 pub(crate) use lobe::Lobe;
 pub(crate) use metal::DIELECTRIC_F0;
+use models::{CONDUCTOR, DIELECTRIC, METALLIC, PHONG};
+pub(crate) use models::{Models, model_of};
 pub(crate) use sample::Scatter;
-
-/// Models of [`Shading::model`].
-pub(crate) const PHONG: u32 = 0;
-pub(crate) const METALLIC: u32 = 1;
-pub(crate) const CONDUCTOR: u32 = 2;
-pub(crate) const DIELECTRIC: u32 = 3;
-
-/// The models that a shading may be of. Kernels on GPUs know them when they are compiled, so that they need not hold
-/// what a scene does not have.
-#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
-pub(crate) struct Models {
-    pub phong: bool,
-    /// [`METALLIC`] and [`CONDUCTOR`].
-    pub metal: bool,
-    pub dielectric: bool,
-}
-
-impl Default for Models {
-    fn default() -> Self {
-        Self::of(Bsdf::Phong)
-    }
-}
-
-impl Models {
-    #[inline(always)]
-    pub fn of(bsdf: Bsdf) -> Self {
-        Self {
-            phong: bsdf == Bsdf::Phong,
-            metal: matches!(bsdf, Bsdf::MetallicRoughness | Bsdf::Conductor),
-            dielectric: bsdf == Bsdf::Dielectric,
-        }
-    }
-
-    /// Whether any is of facets.
-    #[inline(always)]
-    pub fn facets(self) -> bool {
-        self.metal || self.dielectric
-    }
-
-    #[cfg(feature = "wgpu")]
-    pub fn or(self, other: Self) -> Self {
-        Self {
-            phong: self.phong || other.phong,
-            metal: self.metal || other.metal,
-            dielectric: self.dielectric || other.dielectric,
-        }
-    }
-}
-
-/// In the language of kernels it stays what it is.
-#[cfg(feature = "wgpu")]
-impl IntoExpand for Models {
-    type Expand = Self;
-
-    fn into_expand(self, _: &Scope) -> Self {
-        self
-    }
-}
-
-#[cfg(feature = "wgpu")]
-impl Assign for Models {
-    fn __expand_assign_method(&mut self, _: &Scope, value: Self) {
-        *self = value;
-    }
-}
-
-#[cfg(feature = "wgpu")]
-impl RuntimeAssign for Models {
-    fn init_mut(&self, _: &Scope) -> Self {
-        *self
-    }
-}
-
-/// The number of a BSDF.
-#[inline(always)]
-pub(crate) fn model_of(bsdf: Bsdf) -> u32 {
-    match bsdf {
-        Bsdf::Phong => PHONG,
-        Bsdf::MetallicRoughness => METALLIC,
-        Bsdf::Conductor => CONDUCTOR,
-        Bsdf::Dielectric => DIELECTRIC,
-    }
-}
 
 /// A shaded point: directions, and what its material is there.
 #[cfg_attr(
@@ -204,8 +124,17 @@ impl Shading {
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
     #[inline(always)]
-    pub(super) fn is_metal(&self) -> bool {
+    fn is_metal(&self) -> bool {
         self.model == METALLIC || self.model == CONDUCTOR
+    }
+
+    #[inline(always)]
+    fn is_phong(&self) -> bool {
+        let mut is_phong = true;
+        if comptime!(self.models.facets()) {
+            is_phong = self.model == PHONG;
+        }
+        is_phong
     }
 
     /// The mirror direction.
@@ -257,24 +186,20 @@ impl Shading {
     #[inline(always)]
     pub fn gloss(&self) -> f32 {
         let mut found = 0.0f32;
-        if comptime!(self.models.facets()) {
-            if comptime!(self.models.dielectric) {
-                if self.model == DIELECTRIC {
-                    found = self.interface_gloss();
-                }
+        if comptime!(self.models.phong) {
+            if self.is_phong() {
+                found = self.phong_gloss();
             }
-            if comptime!(self.models.metal) {
-                if self.is_metal() {
-                    found = self.metal_gloss();
-                }
+        }
+        if comptime!(self.models.metal) {
+            if self.is_metal() {
+                found = self.metal_gloss();
             }
-            if comptime!(self.models.phong) {
-                if self.model == PHONG {
-                    found = self.phong_gloss();
-                }
+        }
+        if comptime!(self.models.dielectric) {
+            if self.model == DIELECTRIC {
+                found = self.interface_gloss();
             }
-        } else {
-            found = self.phong_gloss();
         }
         found
     }
@@ -283,24 +208,20 @@ impl Shading {
     #[inline(always)]
     pub fn evaluate(&self, outgoing: V3) -> V3 {
         let mut found = splat(0.0);
-        if comptime!(self.models.facets()) {
-            if comptime!(self.models.dielectric) {
-                if self.model == DIELECTRIC {
-                    found = self.interface(outgoing);
-                }
+        if comptime!(self.models.phong) {
+            if self.is_phong() {
+                found = self.phong(outgoing);
             }
-            if comptime!(self.models.metal) {
-                if self.is_metal() {
-                    found = self.metal(outgoing);
-                }
+        }
+        if comptime!(self.models.metal) {
+            if self.is_metal() {
+                found = self.metal(outgoing);
             }
-            if comptime!(self.models.phong) {
-                if self.model == PHONG {
-                    found = self.phong(outgoing);
-                }
+        }
+        if comptime!(self.models.dielectric) {
+            if self.model == DIELECTRIC {
+                found = self.interface(outgoing);
             }
-        } else {
-            found = self.phong(outgoing);
         }
         found
     }
@@ -309,24 +230,20 @@ impl Shading {
     #[inline(always)]
     pub fn evaluate_backward(&self, outgoing: V3, g: V3, gradient: &mut ShadingGradient) -> V3 {
         let mut found = splat(0.0);
-        if comptime!(self.models.facets()) {
-            if comptime!(self.models.dielectric) {
-                if self.model == DIELECTRIC {
-                    found = self.interface_backward(outgoing, g, gradient);
-                }
+        if comptime!(self.models.phong) {
+            if self.is_phong() {
+                found = self.phong_backward(outgoing, g, gradient);
             }
-            if comptime!(self.models.metal) {
-                if self.is_metal() {
-                    found = self.metal_backward(outgoing, g, gradient);
-                }
+        }
+        if comptime!(self.models.metal) {
+            if self.is_metal() {
+                found = self.metal_backward(outgoing, g, gradient);
             }
-            if comptime!(self.models.phong) {
-                if self.model == PHONG {
-                    found = self.phong_backward(outgoing, g, gradient);
-                }
+        }
+        if comptime!(self.models.dielectric) {
+            if self.model == DIELECTRIC {
+                found = self.interface_backward(outgoing, g, gradient);
             }
-        } else {
-            found = self.phong_backward(outgoing, g, gradient);
         }
         found
     }
@@ -356,24 +273,20 @@ impl Shading {
     #[inline(always)]
     fn density_about(&self, normal: V3, outgoing: V3) -> f32 {
         let mut found = 0.0f32;
-        if comptime!(self.models.facets()) {
-            if comptime!(self.models.dielectric) {
-                if self.model == DIELECTRIC {
-                    found = self.interface_density(normal, outgoing);
-                }
+        if comptime!(self.models.phong) {
+            if self.is_phong() {
+                found = self.phong_density(normal, outgoing);
             }
-            if comptime!(self.models.metal) {
-                if self.is_metal() {
-                    found = self.metal_densities(normal, outgoing).element_sum();
-                }
+        }
+        if comptime!(self.models.metal) {
+            if self.is_metal() {
+                found = self.metal_densities(normal, outgoing).element_sum();
             }
-            if comptime!(self.models.phong) {
-                if self.model == PHONG {
-                    found = self.phong_density(normal, outgoing);
-                }
+        }
+        if comptime!(self.models.dielectric) {
+            if self.model == DIELECTRIC {
+                found = self.interface_density(normal, outgoing);
             }
-        } else {
-            found = self.phong_density(normal, outgoing);
         }
         found
     }
@@ -383,28 +296,24 @@ impl Shading {
     pub fn share_of_lobe(&self, outgoing: V3, of_gloss: bool) -> f32 {
         let above = self.normal.dot(outgoing) > 0.0;
         let mut densities = splat(0.0);
-        if comptime!(self.models.facets()) {
-            if comptime!(self.models.dielectric) {
-                if self.model == DIELECTRIC {
-                    // Light is reflected above and refracted below.
-                    densities.y = 1.0;
-                    if above {
-                        densities = v3(1.0, 0.0, 0.0);
-                    }
+        if comptime!(self.models.phong) {
+            if self.is_phong() {
+                densities = self.phong_densities(outgoing);
+            }
+        }
+        if comptime!(self.models.metal) {
+            if self.is_metal() {
+                densities = self.metal_densities(self.normal, outgoing);
+            }
+        }
+        if comptime!(self.models.dielectric) {
+            if self.model == DIELECTRIC {
+                // Light is reflected above and refracted below.
+                densities.y = 1.0;
+                if above {
+                    densities = v3(1.0, 0.0, 0.0);
                 }
             }
-            if comptime!(self.models.metal) {
-                if self.is_metal() {
-                    densities = self.metal_densities(self.normal, outgoing);
-                }
-            }
-            if comptime!(self.models.phong) {
-                if self.model == PHONG {
-                    densities = self.phong_densities(outgoing);
-                }
-            }
-        } else {
-            densities = self.phong_densities(outgoing);
         }
         let mut own = densities.y;
         if of_gloss {

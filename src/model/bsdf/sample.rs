@@ -2,7 +2,7 @@
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
-use super::{DIELECTRIC, IMPOSSIBLE, PHONG, Shading, ShadingGradient};
+use super::{DIELECTRIC, IMPOSSIBLE, Shading, ShadingGradient};
 use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
 #[cfg(feature = "wgpu")]
@@ -50,14 +50,12 @@ impl Shading {
             u: height,
             v,
         };
-        if comptime!(self.models.facets()) {
-            if self.model != PHONG {
-                drawn = self.sample_facets(&drawn, normal, lobe);
-            } else if comptime!(self.models.phong) {
+        if self.is_phong() {
+            if comptime!(self.models.phong) {
                 drawn = self.sample_phong(&drawn, normal, lobe);
             }
-        } else {
-            drawn = self.sample_phong(&drawn, normal, lobe);
+        } else if comptime!(self.models.facets()) {
+            drawn = self.sample_facets(&drawn, normal, lobe);
         }
         drawn
     }
@@ -153,24 +151,20 @@ impl Shading {
         gradient: &mut ShadingGradient,
     ) {
         let mut by_drawn = by_direction;
-        if comptime!(self.models.facets()) {
-            if comptime!(self.models.dielectric) {
-                if self.model == DIELECTRIC {
-                    by_drawn += self.interface_weight_backward(s, g, gradient);
-                }
+        if comptime!(self.models.phong) {
+            if self.is_phong() {
+                by_drawn += self.phong_weight_backward(s, g, gradient);
             }
-            if comptime!(self.models.metal) {
-                if self.is_metal() {
-                    by_drawn += self.metal_weight_backward(s, g, gradient);
-                }
+        }
+        if comptime!(self.models.metal) {
+            if self.is_metal() {
+                by_drawn += self.metal_weight_backward(s, g, gradient);
             }
-            if comptime!(self.models.phong) {
-                if self.model == PHONG {
-                    by_drawn += self.phong_weight_backward(s, g, gradient);
-                }
+        }
+        if comptime!(self.models.dielectric) {
+            if self.model == DIELECTRIC {
+                by_drawn += self.interface_weight_backward(s, g, gradient);
             }
-        } else {
-            by_drawn += self.phong_weight_backward(s, g, gradient);
         }
         self.direction_backward(s, by_drawn, gradient);
     }
@@ -180,21 +174,17 @@ impl Shading {
     pub fn as_drawn(&self, direction: V3, of_gloss: bool) -> Scatter {
         let mut local = to_local(self.normal, direction);
         let mut numbers = splat(0.0);
-        let mut of_facets = false;
-        if comptime!(self.models.facets()) {
-            of_facets = self.model != PHONG;
-        }
-        if of_facets {
-            if comptime!(self.models.facets()) {
-                if of_gloss || self.model == DIELECTRIC {
-                    let f = self.facets_about(self.normal);
-                    numbers = f.numbers_of(self.half_of(&f, direction, of_gloss));
+        if self.is_phong() {
+            if comptime!(self.models.phong) {
+                if of_gloss {
+                    local = to_local(self.mirror(), direction);
+                    numbers = self.phong_numbers(local);
                 }
             }
-        } else if comptime!(self.models.phong) {
-            if of_gloss {
-                local = to_local(self.mirror(), direction);
-                numbers = self.phong_numbers(local);
+        } else if comptime!(self.models.facets()) {
+            if of_gloss || self.model == DIELECTRIC {
+                let f = self.facets_about(self.normal);
+                numbers = f.numbers_of(self.half_of(&f, direction, of_gloss));
             }
         }
         Scatter {
@@ -210,16 +200,12 @@ impl Shading {
     /// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
     #[inline(always)]
     pub fn direction_backward(&self, s: &Scatter, g: V3, gradient: &mut ShadingGradient) {
-        let mut of_facets = false;
-        if comptime!(self.models.facets()) {
-            of_facets = self.model != PHONG;
-        }
-        if of_facets {
-            if comptime!(self.models.facets()) {
-                self.facets_direction_backward(s, g, gradient);
+        if self.is_phong() {
+            if comptime!(self.models.phong) {
+                self.phong_direction_backward(s, g, gradient);
             }
-        } else if comptime!(self.models.phong) {
-            self.phong_direction_backward(s, g, gradient);
+        } else if comptime!(self.models.facets()) {
+            self.facets_direction_backward(s, g, gradient);
         }
     }
 

@@ -17,7 +17,8 @@ use super::prepare::Places;
 use super::rows::Rows;
 #[cfg(feature = "wgpu")]
 use crate::device::count_read_back;
-use crate::kernel::{FilmEdges, PixelGradients, Seen, Sums, View, Work, samples_of_film};
+use crate::kernel::{FilmEdges, PixelGradients, Seen, Sums, View, Work};
+use crate::model::film::samples_of_film;
 use crate::render::node::Derivative;
 #[cfg(feature = "wgpu")]
 use crate::render::node::read;
@@ -73,7 +74,7 @@ impl Derivative for Backward {
         let Gpu { device, jobs } = self.gpu.as_ref()?;
         let views = self.views.iter().map(|(v, p)| (v, &*p.scene, &*p.camera));
         let views: Vec<_> = views.collect();
-        let gradient = crate::gpu::go_back(upstream, jobs, &views, self.size);
+        let gradient = crate::gpu::gradient_of(device, upstream, jobs, &views, self.size);
         let needs_host = |v: &View| v.has_edges && !self.jumps_on_gpu(v);
         if !self.views.iter().any(|(v, _)| needs_host(v)) {
             return Some(gradient);
@@ -150,11 +151,11 @@ impl Backward {
         let mut film = None;
         if view.has_edges && !self.jumps_on_gpu(view) {
             let pixels = PixelGradients::new(&upstream, view);
-            let count = upstream.iter().filter(|p| p.1 != Seen::default()).count();
+            let asked = upstream.iter().filter(|p| p.1 != Seen::default());
             film = Some(Film {
                 edges: view.film_edges(&pixels),
                 pixels,
-                samples: samples_of_film(count, self.samples),
+                samples: samples_of_film(asked.count() as u32, self.samples),
             });
         }
         Asked { upstream, film }

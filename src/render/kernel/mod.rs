@@ -113,7 +113,7 @@ pub(super) fn render(
 }
 
 /// The rows of all pixels of all views `[B·P, C]`, and what was counted: by kernels on the device where it is a GPU
-/// and they know all that the scenes have, else on the host.
+/// and numbers are f32, else on the host.
 fn trace(
     options: &RenderOptions,
     views: &[(View, Places)],

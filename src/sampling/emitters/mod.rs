@@ -18,6 +18,8 @@ use crate::model::triangle::{barycentric, solid_angle};
 pub(crate) use groups::EmitterGroup;
 use groups::group;
 use many::ManyEmitters;
+#[cfg(feature = "wgpu")]
+pub(crate) use node::{INSIDE, SPREAD};
 use powers::{mean, powers_of_lights, running_sums};
 pub(crate) use tree::Met;
 
@@ -85,10 +87,10 @@ pub(crate) struct EmitterHit {
 const FEW: usize = 64;
 /// Emitters under a glancing angle are chosen with at least this share of their power's probability:
 /// their light is small there, but its derivative is not.
-const BY_POWER: f32 = 0.1;
+pub(crate) const BY_POWER: f32 = 0.1;
 
 /// Rays that are more parallel to an emitter than this don't meet it.
-const GRAZING: f32 = 1e-6;
+pub(crate) const GRAZING: f32 = 1e-6;
 
 impl Emitters {
     /// Of a list in the order of the scene's triangles; `moves` says whether any velocity counts. `size` is the typical

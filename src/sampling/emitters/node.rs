@@ -7,10 +7,10 @@ use crate::model::V3;
 pub(super) const NONE: u32 = u32::MAX;
 /// How much directions to the points of a sphere that is seen under 90° add to a squared cosine: an emitter that is seen
 /// along its surface has then the mean of those around.
-pub(super) const SPREAD: f32 = 0.25;
+pub(crate) const SPREAD: f32 = 0.25;
 /// Emitters around a point bring about as much light as from this share of their sphere's squared radius: a mean of 1/r²
 /// over a box is six times that at the corners.
-pub(super) const INSIDE: f32 = 0.125;
+pub(crate) const INSIDE: f32 = 0.125;
 
 /// Bounds of up to eight emitters, or of as many branches.
 pub(super) struct Node {

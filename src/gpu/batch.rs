@@ -1,0 +1,52 @@
+//! The gradient of a batch on its device, from that of its image.
+
+use std::ops::Range;
+
+use burn::backend::Cube;
+use burn::backend::tensor::FloatTensor;
+use burn::tensor::{Device, Shape};
+
+use super::adds_jumps;
+use super::device::{floats, has_room, rows_of, without_backtrace, zeros};
+use super::film_table::Films;
+use super::gradient::ViewPlaces;
+use super::job::Job;
+use super::launch_backward::Pass;
+use crate::device::label;
+use crate::model::film::samples_of_film;
+
+/// The gradient `[N]` of all tensors, from that of the rows of all views `[B·P, C]`, each group of views by a job; but
+/// for jumps that kernels of GPUs don't add.
+///
+/// # Panics
+/// If buffers can't be had, or kernels can't be compiled.
+pub(crate) fn gradient_of(
+    device: &Device,
+    upstream: &FloatTensor<Cube>,
+    jobs: &[(Range<usize>, Job)],
+    views: &[ViewPlaces],
+    numbers: usize,
+) -> FloatTensor<Cube> {
+    let fail = |why: String| -> ! { panic!("device {}: {why}", label(device)) };
+    let (gradient, list) = zeros(upstream, Shape::from([numbers]));
+    for (range, job) in jobs {
+        let rows = range.start * job.of_view..range.end * job.of_view;
+        let views = &views[range.clone()];
+        let samples = samples_of_film(job.of_view as u32, job.samples);
+        let of_film = views
+            .iter()
+            .map(|v| (v.0, adds_jumps(v.0).then_some(samples)));
+        let of_film: Vec<_> = of_film.collect();
+        let films = Films::new(&of_film, job.pixels.as_deref().map(Vec::as_slice));
+        if let Err(why) = has_room(device, &[("the edges on films", films.pieces.len())]) {
+            fail(format!("{why}, or several batches of fewer views"));
+        }
+        Pass::new(rows_of(upstream, rows), job, &films).run(views, &list);
+    }
+    // Buffers that could not be had and kernels that could not be compiled are known now.
+    let (client, _) = floats(gradient.clone());
+    if let Err(why) = client.check([&list.handle]) {
+        fail(without_backtrace(why));
+    }
+    gradient
+}

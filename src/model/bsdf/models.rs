@@ -1,0 +1,88 @@
+//! The models of BSDFs, by number, and which of them a shading may be of.
+
+use crate::scene::Bsdf;
+#[cfg(feature = "wgpu")]
+use burn::cubecl::prelude::*;
+
+/// Models of [`Shading::model`](super::Shading::model).
+pub(super) const PHONG: u32 = 0;
+pub(super) const METALLIC: u32 = 1;
+pub(super) const CONDUCTOR: u32 = 2;
+pub(super) const DIELECTRIC: u32 = 3;
+
+/// The number of a BSDF.
+#[inline(always)]
+pub(crate) fn model_of(bsdf: Bsdf) -> u32 {
+    match bsdf {
+        Bsdf::Phong => PHONG,
+        Bsdf::MetallicRoughness => METALLIC,
+        Bsdf::Conductor => CONDUCTOR,
+        Bsdf::Dielectric => DIELECTRIC,
+    }
+}
+
+/// The models that a shading may be of. Kernels on GPUs know them when they are compiled, so that they need not hold
+/// what a scene does not have.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(crate) struct Models {
+    pub phong: bool,
+    /// [`METALLIC`] and [`CONDUCTOR`].
+    pub metal: bool,
+    pub dielectric: bool,
+}
+
+impl Default for Models {
+    fn default() -> Self {
+        Self::of(Bsdf::Phong)
+    }
+}
+
+impl Models {
+    #[inline(always)]
+    pub fn of(bsdf: Bsdf) -> Self {
+        Self {
+            phong: bsdf == Bsdf::Phong,
+            metal: matches!(bsdf, Bsdf::MetallicRoughness | Bsdf::Conductor),
+            dielectric: bsdf == Bsdf::Dielectric,
+        }
+    }
+
+    /// Whether any is of facets.
+    #[inline(always)]
+    pub fn facets(self) -> bool {
+        self.metal || self.dielectric
+    }
+
+    #[cfg(feature = "wgpu")]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            phong: self.phong || other.phong,
+            metal: self.metal || other.metal,
+            dielectric: self.dielectric || other.dielectric,
+        }
+    }
+}
+
+/// In the language of kernels it stays what it is.
+#[cfg(feature = "wgpu")]
+impl IntoExpand for Models {
+    type Expand = Self;
+
+    fn into_expand(self, _: &Scope) -> Self {
+        self
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl Assign for Models {
+    fn __expand_assign_method(&mut self, _: &Scope, value: Self) {
+        *self = value;
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl RuntimeAssign for Models {
+    fn init_mut(&self, _: &Scope) -> Self {
+        *self
+    }
+}

@@ -1,0 +1,50 @@
+//! Edges on the film: how many are drawn, and what pixels count for.
+
+#[cfg(feature = "wgpu")]
+use burn::cubecl::{self, prelude::*};
+
+/// Pixels of a side of a cell, about which edges are drawn as much as the loss depends on its pixels.
+pub(crate) const CELL: u32 = 8;
+/// What those of its neighbours count for, beside its own.
+pub(crate) const NEIGHBOURS: f32 = 0.1;
+
+/// The most samples of edges that a film is given.
+const MOST: u32 = 1_000_000_000;
+
+/// Samples of edges on the film for so many pixels that a loss depends on, and samples of each: one for eight paths, and
+/// a thousand, which take no time, where paths are few.
+#[cfg_attr(feature = "wgpu", cube)]
+pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
+    // The product would not fit otherwise.
+    if pixels as f32 * samples as f32 <= 4.0e9 {
+        let paths = pixels * samples;
+        let few = (8 * paths.min(1024)).min(1024);
+        (paths / 8 + (paths % 8).min(1)).max(few).max(1).min(MOST)
+    } else {
+        MOST
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_paths_have_a_thousand_samples() {
+        for (pixels, samples, wanted) in [
+            (0, 4, 1),
+            (1, 1, 8),
+            (200, 2, 1024),
+            (1024, 16, 2048),
+            (1001, 16, 2002),
+            (1003, 9, 1129),
+            (1 << 22, 1 << 12, MOST),
+        ] {
+            assert_eq!(
+                samples_of_film(pixels, samples),
+                wanted,
+                "{pixels} {samples}"
+            );
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! Losses that depend on little of an image, or on numbers that are not finite, and emitters that are many: kernels on a
+//! GPU beside those of the host.
+#![cfg(feature = "wgpu")]
+
+mod common;
+
+use burn::tensor::{DType, Device, Tensor};
+use common::gpu::device;
+use common::numbers::apart;
+use common::scenes::{diffuse, emitting, facing_front, floor, lamp};
+use common::tensors::{gradient, tensor, with_leaves};
+use softray::device::read_backs;
+use softray::prelude::*;
+
+const SIZE: usize = 32;
+
+/// A body over a floor, in the light of a lamp, under a black sky.
+fn scene(device: &Device) -> Scene {
+    let body = shapes::icosahedron(device).scaled([0.5; 3]);
+    Scene::new()
+        .with(diffuse(floor(1.0, -0.6, device), [0.5, 0.4, 0.3]).named("floor"))
+        .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], device))
+        .with(diffuse(body, [0.3, 0.5, 0.6]).named("body"))
+}
+
+fn camera() -> Camera {
+    Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0)
+}
+
+fn options() -> RenderOptions {
+    let options = RenderOptions::new(SIZE, SIZE).samples(4).bounces(1);
+    options.with_opacity().seed(4)
+}
+
+/// Derivatives of a loss by all vertices.
+fn by_vertices(
+    scene: Scene,
+    options: &RenderOptions,
+    loss: impl Fn(Image) -> Tensor<1>,
+) -> Vec<f64> {
+    let scene = with_leaves(scene);
+    let image = render(&scene, &camera(), options).expect("an image");
+    let gradients = loss(image).backward();
+    let of = |o: &Object| gradient(&o.mesh.vertices, &gradients);
+    scene.objects.iter().flat_map(of).collect()
+}
+
+/// How far the gradient of a loss is from that of the host.
+fn off(
+    build: impl Fn(&Device) -> Scene,
+    options: &RenderOptions,
+    loss: impl Fn(Image) -> Tensor<1>,
+) -> f64 {
+    let found = by_vertices(build(&device()), options, &loss);
+    let wanted = by_vertices(build(&Device::flex()), options, &loss);
+    assert!(wanted.iter().any(|&g| g != 0.0));
+    let off = apart(&found, &wanted);
+    println!("{off:e}");
+    off
+}
+
+/// The sum of an image's pixels, each times a weight.
+fn weighted(image: Image, weight: impl Fn(usize) -> f64) -> Tensor<1> {
+    let radiance = image.radiance;
+    let list: Vec<f64> = (0..3 * SIZE * SIZE).map(|i| weight(i / 3)).collect();
+    let weights = tensor(&list, [SIZE, SIZE, 3], &radiance.device(), DType::F32);
+    (radiance * weights).sum()
+}
+
+/// A loss of few pixels, very small: derivatives that few samples have are still measured and added.
+#[test]
+fn a_loss_of_few_pixels() {
+    let few = |pixel: usize| if pixel % 97 == 43 { 1e-9 } else { 0.0 };
+    assert!(off(scene, &options(), |image| weighted(image, few)) < 1e-5);
+}
+
+/// Film jumps alone carry a loss of what is covered.
+#[test]
+fn a_loss_of_opacity() {
+    let of_opacity = |image: Image| {
+        let opacity = image.opacity.expect("opacity");
+        opacity.slice([14..19, 0..SIZE]).sum() * 1e-6
+    };
+    assert!(off(scene, &options(), of_opacity) < 1e-5);
+}
+
+#[test]
+fn a_loss_of_nothing() {
+    let found = by_vertices(scene(&device()), &options(), |i| weighted(i, |_| 0.0));
+    assert!(found.iter().all(|&g| g == 0.0));
+}
+
+/// A derivative that is not a number, by a pixel that sees the black sky, reaches nothing.
+#[test]
+fn nan_where_nothing_is_seen() {
+    let loss = |image| weighted(image, |p| if p == 1 { f64::NAN } else { 0.1 });
+    assert!(off(scene, &options(), loss) < 1e-5);
+}
+
+/// So many emitters that one is searched for, with fixed probabilities; and lights that are all far away.
+#[test]
+fn many_emitters() {
+    let balls = |device: &Device| {
+        let ball = shapes::icosphere(1, device).scaled([0.2; 3]);
+        let ball = emitting(ball.translated([-1.0, 1.2, 0.4]), [1.0, 2.0, 3.0]);
+        scene(device).with(ball)
+    };
+    for emitters in [EmitterSampling::Uniform, EmitterSampling::Power] {
+        let mut sampling = Sampling::default();
+        sampling.emitters = emitters;
+        let options = options().sampling(sampling);
+        assert!(off(balls, &options, |i| weighted(i, |_| 1.0)) < 1e-5);
+    }
+    let distant = |device: &Device| {
+        let lights = (0..70).map(|i| {
+            let turn = 0.7 * f64::from(i);
+            let direction = [0.5 * turn.cos(), -1.0, 0.5 * turn.sin()];
+            Light::directional(direction, [0.01 + 1e-3 * f64::from(i); 3])
+        });
+        let dark = scene(device).map_object("lamp", |o| o.material(Material::diffuse([0.2; 3])));
+        let dark = dark.unwrap_or_else(|_| scene(device));
+        lights.fold(dark, Scene::light)
+    };
+    assert!(off(distant, &options(), |i| weighted(i, |_| 1.0)) < 1e-4);
+}
+
+/// Jumps at the lines in which a flying body passes through what stands are the host's; those of other views stay on
+/// the device.
+#[test]
+fn flying_crossings_are_added_by_the_host() {
+    let on = |device: &Device| {
+        let still = scene(device);
+        let wall = facing_front([-0.2, 1.4], [-0.4, 1.0], 0.1, device);
+        let flying = still
+            .clone()
+            .map_object("body", |o| o.velocity([0.4, 0.1, 0.0]))
+            .expect("the body")
+            .with(diffuse(wall, [0.6, 0.5, 0.4]));
+        let [still, flying] = [still, flying].map(with_leaves);
+        let batch = Batch::new(vec![still.clone(), flying.clone()], vec![camera(); 2]);
+        let images = render_batch(&batch.expect("a batch"), &options()).expect("images");
+        let before = read_backs();
+        let gradients = images.radiance.powi_scalar(2).sum().backward();
+        let read = read_backs() - before;
+        let objects = still.objects.iter().chain(&flying.objects);
+        let by: Vec<f64> = objects
+            .flat_map(|o| gradient(&o.mesh.vertices, &gradients))
+            .collect();
+        (by, read)
+    };
+    let ((found, read), (wanted, none)) = (on(&device()), on(&Device::flex()));
+    let off = apart(&found, &wanted);
+    println!("{off:e}, {read} read-backs");
+    assert!(off < 1e-5, "{off}");
+    assert_eq!([read, none], [1, 0]);
+}
