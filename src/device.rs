@@ -104,9 +104,9 @@ pub(crate) fn is_cpu(device: &Device) -> bool {
     cpu(device).is_some()
 }
 
-/// How often this crate has read tensors back from a GPU since the program began, for profiles: once a render, all of
-/// its scenes and cameras together, and in a backward pass only where jumps are left to the host (`docs/GPU.md`). A
-/// user's own read-backs don't count.
+/// How often this crate has read tensors back from a GPU since the program began, for profiles: once a render by
+/// kernels, all of its scenes and cameras together, and never in their backward passes. A user's own read-backs don't
+/// count.
 pub fn read_backs() -> u64 {
     READ_BACKS.load(Ordering::Relaxed)
 }

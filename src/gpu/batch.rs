@@ -6,7 +6,6 @@ use burn::backend::Cube;
 use burn::backend::tensor::FloatTensor;
 use burn::tensor::{Device, Shape};
 
-use super::adds_jumps;
 use super::device::{floats, has_room, rows_of, without_backtrace, zeros};
 use super::film_table::Films;
 use super::gradient::ViewPlaces;
@@ -35,7 +34,7 @@ pub(crate) fn gradient_of(
         let samples = samples_of_film(job.of_view as u32, job.samples);
         let of_film = views
             .iter()
-            .map(|v| (v.0, adds_jumps(v.0).then_some(samples)));
+            .map(|v| (v.0, v.0.has_edges.then_some(samples)));
         let of_film: Vec<_> = of_film.collect();
         let films = Films::new(&of_film, job.pixels.as_deref().map(Vec::as_slice));
         if let Err(why) = has_room(device, &[("the edges on films", films.pieces.len())]) {

@@ -36,7 +36,7 @@ pub(super) const OF_EDGE: u32 = 10;
 pub(super) const GROUP_STRIDE: u32 = 7;
 pub(super) const OF_GROUP: u32 = 3;
 /// Words of an edge: its faces, the rows of its ends in the vertices of the first two faces, its object, and
-/// whether it is a crossing.
+/// what crossing it is (`FlatEdges`).
 pub(super) const ROWS_OF_EDGE: u32 = 4;
 pub(super) const OBJECT_OF_EDGE: u32 = 8;
 pub(super) const IS_CROSSING: u32 = 9;

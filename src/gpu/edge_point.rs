@@ -3,6 +3,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
+use super::crossing::{Line, line_of_crossing};
 use super::edge_layout::{EDGES, IS_CROSSING, OBJECT_OF_EDGE, OF_EDGE, OF_EDGES, ROWS_OF_EDGE};
 use super::edge_tree::draw_edge;
 use super::edge_weights::Query;
@@ -32,6 +33,8 @@ pub(super) struct EdgePoint {
     /// Its place on the edge, from a to b, and 1 over the density with which it was drawn; 0 if there is none.
     pub lambda: f32,
     pub per_density: f32,
+    /// Whether it is there at its time.
+    pub exists: bool,
     /// The vector from the point that sees it.
     pub to: V3,
     pub position: V3,
@@ -59,17 +62,24 @@ pub(super) fn shift_of(
     shift
 }
 
-/// An edge, not yet a point of it.
+/// An edge as it is at a time, but for its object's motion; not yet a point of it.
 #[cube]
-pub(super) fn edge_of(floats: &[f32], words: &[u32], index: u32) -> EdgePoint {
+pub(super) fn edge_of(
+    floats: &[f32],
+    words: &[u32],
+    index: u32,
+    time: f32,
+    #[comptime] features: Features,
+) -> EdgePoint {
     let at = words[EDGES] + 6 * index;
     let edge = words[OF_EDGES] + OF_EDGE * index;
     let i = edge as usize;
-    EdgePoint {
+    let crossing = words[(edge + IS_CROSSING) as usize];
+    let mut p = EdgePoint {
         edge,
         a: vector(floats, at),
         along: vector(floats, at + 3),
-        crossing: words[(edge + IS_CROSSING) as usize] != 0,
+        crossing: crossing != 0,
         faces: Unseen {
             a: words[i],
             b: words[i + 1],
@@ -78,9 +88,23 @@ pub(super) fn edge_of(floats: &[f32], words: &[u32], index: u32) -> EdgePoint {
         },
         lambda: 0.0f32,
         per_density: 0.0f32,
+        exists: true,
         to: splat(0.0),
         position: splat(0.0),
+    };
+    if comptime!(features.flying_crossings) {
+        if crossing == 2 {
+            let first = p.faces.a;
+            let second = p.faces.b;
+            let shift = shift_of(floats, words, first, time, features.moves);
+            let other = shift_of(floats, words, second, time, features.moves);
+            let line: Line = line_of_crossing(floats, words, first, second, shift, other);
+            p.exists = line.exists;
+            p.a = line.a - shift;
+            p.along = line.b - line.a;
+        }
     }
+    p
 }
 
 /// Draws a point of an edge in a cone of directions, that is not of a triangle.
@@ -104,8 +128,8 @@ pub(super) fn edge_point(
     if drawn.edge != NONE {
         index = drawn.edge;
     }
-    let mut p = edge_of(floats, words, index);
-    if drawn.edge != NONE && !p.faces.contains(triangle) {
+    let mut p = edge_of(floats, words, index, query.time, features);
+    if drawn.edge != NONE && p.exists && !p.faces.contains(triangle) {
         let a = p.a + shift_of(floats, words, p.faces.a, query.time, moves) - query.x;
         let part = clip_to_cone(a, p.along, query.axis, query.cos);
         if part.from < part.to {

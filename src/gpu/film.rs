@@ -100,7 +100,7 @@ pub(super) fn film_jumps(
             let piece = drawn.at;
             let share = drawn.share;
             let length = pieces[piece + 1] - pieces[piece];
-            let mut p = edge_of(floats, words, pieces[piece + 3] as u32);
+            let mut p = edge_of(floats, words, pieces[piece + 3] as u32, time, features);
             p.lambda = pieces[piece] + length * film.y;
             p.per_density = length * (total / share.max(1e-37)) / all as f32;
             p.position =
@@ -109,7 +109,7 @@ pub(super) fn film_jumps(
             let origin = c.origin_towards(p.position, lens.x, lens.y);
             p.to = p.position - origin;
             let mut row = NONE.runtime();
-            if share > 0.0 && p.to.dot(c.dual.z) > 0.0 {
+            if share > 0.0 && p.exists && p.to.dot(c.dual.z) > 0.0 {
                 // The pixel whose ray would come here.
                 let at = c.project(p.position, lens.x, lens.y);
                 let kernel = numbers_of(words, SEED_OF_EDGES, NO_PIXEL, sample, features.sobol);

@@ -20,12 +20,10 @@ use super::side_light::{Behind, light_beside};
 use super::surface::emission_at;
 use super::surface_backward::{PointGradient, add_to_corners, is_wanted};
 use super::{Derivatives, Features};
+use crate::kernel::TOUCHING;
 use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
 use crate::model::edge::{direction_jump, mirrored};
 use crate::model::{V3, splat, v2, v3};
-
-/// Surfaces that lie within this share of the coordinates of an edge touch it.
-const TOUCHING: f32 = 4e-6;
 
 /// An emitter that lies along an axis behind an edge's point.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]

@@ -17,13 +17,13 @@
     reason = "calls are inlined, so a loop has one place for each"
 )]
 
-mod asked;
 mod backward;
 mod batch;
 mod camera;
 mod corners;
 mod corners_backward;
 mod counts;
+mod crossing;
 mod device;
 mod edge_layout;
 mod edge_point;
@@ -40,8 +40,8 @@ mod integers;
 mod job;
 mod jumps;
 mod launch;
-mod launch_asked;
 mod launch_backward;
+mod launch_pixels;
 mod layout;
 mod light;
 mod light_backward;
@@ -54,6 +54,7 @@ mod packed_scene;
 mod passes;
 mod path;
 mod pieces;
+mod pixel_gradients;
 mod reading;
 mod records;
 mod shadow_rays;
@@ -92,6 +93,8 @@ pub(crate) struct Features {
     pub boxes: bool,
     pub stack: usize,
     pub moves: bool,
+    /// Whether lines in which triangles pass through each other move while the shutter is open.
+    pub flying_crossings: bool,
     pub lens: bool,
     pub parallel: bool,
     pub smooth: bool,
@@ -127,6 +130,7 @@ impl Features {
             boxes: packed.boxes,
             stack: packed.stack,
             moves: scene.velocities.is_some(),
+            flying_crossings: (view.edge_sets.as_ref()).is_some_and(|e| e.any_apart()),
             lens: view.camera.aperture > 0.0,
             parallel: view.camera.parallel,
             smooth: scene.smooth,
@@ -189,7 +193,7 @@ pub(crate) struct Derivatives {
 impl Derivatives {
     fn of(view: &View, packed: &PackedScene) -> Self {
         let wanted = &view.wanted;
-        let jumps = adds_jumps(view) && !view.dark;
+        let jumps = view.has_edges && !view.dark;
         Self {
             turns: wanted.turns(),
             jumps,
@@ -210,12 +214,6 @@ impl Derivatives {
             camera: wanted.camera,
         }
     }
-}
-
-/// Whether kernels of a GPU add the jumps at edges that points of paths see. Lines of crossings that move while the
-/// shutter is open are found anew at each time, which takes f64: these are for the host.
-pub(crate) fn adds_jumps(view: &View) -> bool {
-    view.has_edges && view.edge_sets.as_ref().is_some_and(|e| !e.any_apart())
 }
 
 /// The rows of an image that are asked for beside radiance.

@@ -9,9 +9,7 @@ use super::layout::{
     WANTED_OBJECTS,
 };
 use super::light::cell_of_map;
-use super::sums::{
-    COLOURS as COLOUR_SUMS, SKY, TRIANGLES, VELOCITIES, VERTICES, add_vector, component,
-};
+use super::sums::{COLOURS as COLOUR_SUMS, SKY, TRIANGLES, VELOCITIES, VERTICES, add_vector};
 use super::surface::Point;
 use super::texture::{EMISSION, colour};
 use super::texture_backward::{cell_backward, colour_backward};
@@ -101,14 +99,8 @@ pub(super) fn add_to_corners(
     time: f32,
     #[comptime] of: Derivatives,
 ) {
-    let row = words[VERTEX_ROWS] + 3 * triangle;
-    let first = words[FIRST_SUMS + VERTICES];
-    let mut k = 0u32;
-    while k < 3 {
-        let at = first + 3 * words[(row + k) as usize];
-        add_vector(totals, scales, at, g * component(weights, k), VERTICES);
-        k += 1;
-    }
+    let rows = (words[VERTEX_ROWS] + 3 * triangle) as usize;
+    add_to_rows(words, totals, scales, rows, weights, g, VERTICES);
     if comptime!(of.velocities) {
         let at = words[FIRST_SUMS + VELOCITIES] + 3 * object;
         add_vector(totals, scales, at, g * time, VELOCITIES);

@@ -15,8 +15,7 @@ pub enum Program {
     /// Kernels on the host's cores.
     #[default]
     HostKernels,
-    /// Kernels on the scene's device. The backward pass too runs there, but for jumps at lines in which moving
-    /// triangles pass through each other.
+    /// Kernels on the scene's device, where the backward pass runs too.
     DeviceKernels,
     /// Tensor operations on the scene's device.
     Tensors,

@@ -53,17 +53,13 @@ impl SharedDerivative {
     fn by_host<B: Backend>(&self, upstream: FloatTensor<B>) -> FloatTensor<B> {
         let device = upstream.device();
         count_read_back(&self.device);
-        let gradient = self.of.on_host(&read::<B>(upstream));
+        let data = burn::tensor::try_read_sync(B::float_into_data(upstream));
+        let data = data.and_then(Result::ok);
+        let data = data.expect("the gradient of an image can be read back");
+        let gradient = self.of.on_host(&data);
         let gradient = TensorData::new(gradient, self.shape);
         B::float_from_data(gradient.convert_dtype(self.dtype), &device)
     }
-}
-
-/// The gradient of an image on the host.
-pub(super) fn read<B: Backend>(upstream: FloatTensor<B>) -> TensorData {
-    let data = burn::tensor::try_read_sync(B::float_into_data(upstream));
-    let data = data.and_then(Result::ok);
-    data.expect("the gradient of an image can be read back")
 }
 
 /// A backend without autodiff, on which gradients are computed.

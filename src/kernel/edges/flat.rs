@@ -9,7 +9,8 @@ use crate::accel::LANES;
 pub(crate) struct FlatEdges {
     /// a and b − a of each edge.
     pub ends: Vec<[f32; 6]>,
-    /// Of each edge: four faces, four rows of vertices, the object, and whether it is a crossing.
+    /// Of each edge: four faces, four rows of vertices, the object, and 1 for a crossing, 2 for one whose line moves while
+    /// the shutter is open.
     pub numbers: Vec<[u32; 10]>,
     /// A tree over all, then that over those that move, unless that is all.
     pub trees: Vec<FlatTree>,
@@ -65,7 +66,7 @@ impl EdgeSets {
         let numbers = self.edges.iter().map(|e| {
             let [f, g, h, i] = e.faces;
             let [[a, b], [c, d]] = e.rows;
-            let crossing = u32::from(e.kind == Kind::Crossing);
+            let crossing = u32::from(e.kind == Kind::Crossing) + u32::from(e.apart);
             [f, g, h, i, a, b, c, d, e.object, crossing]
         });
         FlatEdges {

@@ -4,24 +4,16 @@ use std::ops::Range;
 use std::sync::Arc;
 
 #[cfg(feature = "wgpu")]
-use burn::backend::ops::FloatTensorOps;
-#[cfg(feature = "wgpu")]
-use burn::backend::{Cube, TensorMetadata, tensor::FloatTensor};
-#[cfg(feature = "wgpu")]
-use burn::tensor::DType;
+use burn::backend::{Cube, tensor::FloatTensor};
 use burn::tensor::TensorData;
 use rayon::prelude::*;
 
 use super::forward::camera_tiles;
 use super::prepare::Places;
 use super::rows::Rows;
-#[cfg(feature = "wgpu")]
-use crate::device::count_read_back;
 use crate::kernel::{FilmEdges, PixelGradients, Seen, Sums, View, Work};
 use crate::model::film::samples_of_film;
 use crate::render::node::Derivative;
-#[cfg(feature = "wgpu")]
-use crate::render::node::read;
 use crate::render::options::{RenderOptions, Tile};
 
 /// Numbers in the sums of derivatives of all accumulators together.
@@ -59,11 +51,8 @@ impl Derivative for Backward {
         let upstream: Vec<f64> = upstream.iter::<f64>().collect();
         let at_once = VIEWS_AT_ONCE * self.rows.count() * self.pixels.len();
         let mut all = vec![0.0; self.size];
-        for (views, rows) in self
-            .views
-            .chunks(VIEWS_AT_ONCE)
-            .zip(upstream.chunks(at_once))
-        {
+        let groups = self.views.chunks(VIEWS_AT_ONCE);
+        for (views, rows) in groups.zip(upstream.chunks(at_once)) {
             self.add_group(views, rows, &mut all);
         }
         all
@@ -74,16 +63,10 @@ impl Derivative for Backward {
         let Gpu { device, jobs } = self.gpu.as_ref()?;
         let views = self.views.iter().map(|(v, p)| (v, &*p.scene, &*p.camera));
         let views: Vec<_> = views.collect();
-        let gradient = crate::gpu::gradient_of(device, upstream, jobs, &views, self.size);
-        let needs_host = |v: &View| v.has_edges && !self.jumps_on_gpu(v);
-        if !self.views.iter().any(|(v, _)| needs_host(v)) {
-            return Some(gradient);
-        }
-        count_read_back(device);
-        let rest = self.on_host(&read::<Cube>(upstream.clone()));
-        let rest = TensorData::new(rest, [self.size]).convert_dtype(DType::F32);
-        let rest = Cube::float_from_data(rest, &upstream.device());
-        Some(Cube::float_add(gradient, rest))
+        let size = self.size;
+        Some(crate::gpu::gradient_of(
+            device, upstream, jobs, &views, size,
+        ))
     }
 }
 
@@ -110,12 +93,8 @@ impl Backward {
     }
 
     /// The same where the image came from a GPU.
-    pub fn on(mut self, gpu: Option<Gpu>) -> Self {
-        for (view, _) in &mut self.views {
-            view.settings.interior &= gpu.is_none();
-        }
-        self.gpu = gpu;
-        self
+    pub fn on(self, gpu: Option<Gpu>) -> Self {
+        Self { gpu, ..self }
     }
 
     /// Adds the derivatives by the scenes and cameras of some views.
@@ -149,7 +128,7 @@ impl Backward {
             })
             .collect();
         let mut film = None;
-        if view.has_edges && !self.jumps_on_gpu(view) {
+        if view.has_edges {
             let pixels = PixelGradients::new(&upstream, view);
             let asked = upstream.iter().filter(|p| p.1 != Seen::default());
             film = Some(Film {
@@ -161,20 +140,9 @@ impl Backward {
         Asked { upstream, film }
     }
 
-    /// Whether jumps come from a GPU.
-    fn jumps_on_gpu(&self, view: &View) -> bool {
-        #[cfg(feature = "wgpu")]
-        return self.gpu.is_some() && crate::gpu::adds_jumps(view);
-        #[cfg(not(feature = "wgpu"))]
-        {
-            let _ = view;
-            false
-        }
-    }
-
-    /// Adds the derivatives of a view that no GPU adds.
+    /// Adds the derivatives of a view.
     fn add(&self, view: &View, asked: &Asked, all: &mut Sums) {
-        let jumps = view.has_edges && !self.jumps_on_gpu(view);
+        let jumps = view.has_edges;
         if !view.settings.interior && !jumps {
             return;
         }

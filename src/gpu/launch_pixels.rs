@@ -2,11 +2,11 @@
 
 use burn::cubecl::prelude::*;
 
-use super::asked::{OF_CELL, look_around, look_at_cells, sum_blocks, sum_views};
 use super::job::{GROUP, groups};
 use super::launch_backward::Pass;
 use super::layout::{HEIGHT, WIDTH};
 use super::list::List;
+use super::pixel_gradients::{OF_CELL, look_around, look_at_cells, sum_blocks, sum_views};
 use crate::model::film::CELL;
 
 impl Pass<'_> {

@@ -1,0 +1,158 @@
+//! Lines in which two triangles pass through each other at a time in the shutter: `kernel/edges/crossings` in a kernel
+//! of a GPU.
+
+use burn::cubecl::{self, prelude::*};
+
+use super::layout::{SURFACE_STRIDE, SURFACES};
+use super::reading::vector;
+use crate::kernel::TOUCHING;
+use crate::model::{V3, splat};
+
+/// A triangle at a time.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+struct Flying {
+    a: V3,
+    b: V3,
+    c: V3,
+    normal: V3,
+}
+
+#[cube]
+impl Flying {
+    fn size(&self) -> f32 {
+        let a = self.a.abs().max_element();
+        a.max(self.b.abs().max_element())
+            .max(self.c.abs().max_element())
+    }
+}
+
+#[cube]
+fn flying(floats: &[f32], words: &[u32], triangle: u32, shift: V3) -> Flying {
+    let at = words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+    Flying {
+        a: vector(floats, at) + shift,
+        b: vector(floats, at + 3) + shift,
+        c: vector(floats, at + 6) + shift,
+        normal: vector(floats, at + 9),
+    }
+}
+
+/// A segment of a line, by the places of its ends along that.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+struct Segment {
+    from: f32,
+    to: f32,
+    start: V3,
+    end: V3,
+    exists: bool,
+}
+
+/// The segment in which a triangle passes through the plane of another, if it does so by more than a tolerance.
+#[cube]
+fn through_plane(t: &Flying, of: &Flying, along: V3, tolerance: f32) -> Segment {
+    let mut found = Segment {
+        from: 0.0f32,
+        to: 0.0f32,
+        start: splat(0.0),
+        end: splat(0.0),
+        exists: false,
+    };
+    let at_a = of.normal.dot(t.a - of.a);
+    let at_b = of.normal.dot(t.b - of.a);
+    let at_c = of.normal.dot(t.c - of.a);
+    let low = at_a.min(at_b).min(at_c);
+    let high = at_a.max(at_b).max(at_c);
+    if low <= -tolerance && high >= tolerance {
+        let mut count = 0u32;
+        let mut side = 0u32;
+        while side < 3 {
+            let mut p = t.a;
+            let mut q = t.b;
+            let mut above = at_a;
+            let mut below = at_b;
+            if side == 1 {
+                p = t.b;
+                q = t.c;
+                above = at_b;
+                below = at_c;
+            } else if side == 2 {
+                p = t.c;
+                q = t.a;
+                above = at_c;
+                below = at_a;
+            }
+            let passes = (above > 0.0 && below <= 0.0) || (above <= 0.0 && below > 0.0);
+            if passes && count < 2 {
+                let point = p + (q - p) * (above / (above - below));
+                let place = along.dot(point);
+                if count == 0 {
+                    found.from = place;
+                    found.start = point;
+                } else {
+                    found.to = place;
+                    found.end = point;
+                }
+                count += 1;
+            }
+            side += 1;
+        }
+        found.exists = count == 2;
+        if found.from > found.to {
+            let from = found.to;
+            let start = found.end;
+            found.to = found.from;
+            found.end = found.start;
+            found.from = from;
+            found.start = start;
+        }
+    }
+    found
+}
+
+/// The ends of such a line.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct Line {
+    pub a: V3,
+    pub b: V3,
+    pub exists: bool,
+}
+
+/// The line in which two triangles that have moved pass through each other, if they do so by more than rounding.
+#[cube]
+pub(super) fn line_of_crossing(
+    floats: &[f32],
+    words: &[u32],
+    first: u32,
+    second: u32,
+    shift_of_first: V3,
+    shift_of_second: V3,
+) -> Line {
+    let t = flying(floats, words, first, shift_of_first);
+    let s = flying(floats, words, second, shift_of_second);
+    let tolerance = TOUCHING * t.size().max(s.size()).max(0.1);
+    let along = t.normal.cross(s.normal);
+    let of_second: Segment = through_plane(&s, &t, along, tolerance);
+    let of_first: Segment = through_plane(&t, &s, along, tolerance);
+    let mut from = of_first.from;
+    let mut to = of_first.to;
+    let mut line = Line {
+        a: of_first.start,
+        b: of_first.end,
+        exists: of_first.exists && of_second.exists,
+    };
+    if of_second.from > from {
+        from = of_second.from;
+        line.a = of_second.start;
+    }
+    if of_second.to < to {
+        to = of_second.to;
+        line.b = of_second.end;
+    }
+    if from >= to || (line.b - line.a).length() <= tolerance {
+        line.exists = false;
+    }
+    line
+}
