@@ -6,14 +6,12 @@ use rayon::prelude::*;
 
 use super::reading::first_over;
 use crate::kernel::{Piece, View};
+use crate::model::film::BLOCK;
 
 /// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
 /// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to 2²⁴, more than the
 /// scene of a buffer has. Behind all pieces are sums over blocks.
 pub(super) const OF_PIECE: u32 = 5;
-/// Pieces of a block.
-pub(super) const BLOCK: u32 = 128;
-
 /// Words of the table for each view. The number of samples of all views so far, and the most that are its own; its
 /// first piece, and the one past the last; the number of blocks of all views so far; the radius of the pixel filter,
 /// by its bits. Then what kernels leave: the sum of all weights, by its bits, and the number of its samples.

@@ -5,12 +5,12 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Outputs;
 use super::film_table::{
-    BLOCK, BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, view_of,
+    BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, view_of,
 };
 use super::layout::{FLOAT_HEADER, HEIGHT, NONE, WIDTH};
 use super::passes::upstream_of;
 use super::sums::PARTS;
-use crate::model::film::{CELL, NEIGHBOURS, samples_of_film};
+use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
 
 /// Numbers of a cell, and of a row of cells: how much the loss depends on their pixels, how many of these it asks for,
 /// how much it depends on their radiance, and on that of how many.

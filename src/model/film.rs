@@ -8,6 +8,9 @@ pub(crate) const CELL: u32 = 8;
 /// What those of its neighbours count for, beside its own.
 pub(crate) const NEIGHBOURS: f32 = 0.1;
 
+/// Pieces of edges whose weights are added up together.
+pub(crate) const BLOCK: u32 = 128;
+
 /// The most samples of edges that a film is given.
 const MOST: u32 = 1_000_000_000;
 

@@ -7,7 +7,8 @@
 use std::ops::Range;
 
 use super::edge_point::{EdgePoint, Sides};
-use super::pieces::{FilmEdges, PixelGradients};
+use super::film_edges::FilmEdges;
+use super::pieces::PixelGradients;
 use crate::accel::{Hit, Machine, Task, dispatch};
 use crate::kernel::gradient::Sums;
 use crate::kernel::view::View;

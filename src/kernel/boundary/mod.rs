@@ -9,10 +9,12 @@
 mod delta;
 mod edge_point;
 mod film;
+mod film_edges;
 mod pieces;
 mod reflected;
 mod vertex;
 
+pub(crate) use film_edges::FilmEdges;
 #[cfg(feature = "wgpu")]
 pub(crate) use pieces::Piece;
-pub(crate) use pieces::{FilmEdges, PixelGradients};
+pub(crate) use pieces::PixelGradients;

@@ -26,45 +26,6 @@ pub(crate) struct Piece {
     place: u64,
 }
 
-/// Pieces of edges on the film of a view.
-pub(crate) struct FilmEdges {
-    pieces: Vec<Piece>,
-    /// Sums of their weights up to each.
-    sums: Vec<f32>,
-    /// The sum of the weights of all.
-    total: f64,
-}
-
-impl FilmEdges {
-    pub fn is_empty(&self) -> bool {
-        self.pieces.is_empty()
-    }
-
-    /// Draws a point of an edge for two uniform numbers.
-    #[inline(always)]
-    pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
-        let target = (f64::from(u) * self.total) as f32;
-        let last = self.pieces.len() - 1;
-        let i = self.sums.partition_point(|&sum| sum <= target).min(last);
-        let piece = &self.pieces[i];
-        let before = if i == 0 { 0.0 } else { self.sums[i - 1] };
-        let (share, length) = (self.sums[i] - before, piece.to - piece.from);
-        (share > 0.0).then(|| Drawn {
-            edge: piece.edge as usize,
-            lambda: piece.from + length * v,
-            per_density: length * (self.total / f64::from(share)) as f32,
-        })
-    }
-}
-
-/// A point of an edge that was drawn.
-pub(super) struct Drawn {
-    pub edge: usize,
-    pub lambda: f32,
-    /// 1 over the density of λ.
-    pub per_density: f32,
-}
-
 /// The place of a point of the film along a Z-order curve, in quarters of pixels.
 fn place(x: f32, y: f32, last: bool) -> u64 {
     let spread = |v: f32| {
@@ -80,21 +41,6 @@ fn place(x: f32, y: f32, last: bool) -> u64 {
 }
 
 impl View {
-    /// The pieces of edges that jump on the film where the loss depends on it.
-    pub fn film_edges(&self, pixels: &PixelGradients) -> FilmEdges {
-        let pieces = self.film_pieces(|[x, y]| pixels.near(x, y));
-        let mut total = 0.0f64;
-        let sum = |piece: &Piece| {
-            total += f64::from(piece.weight);
-            total as f32
-        };
-        FilmEdges {
-            sums: pieces.iter().map(sum).collect(),
-            pieces,
-            total,
-        }
-    }
-
     /// The pieces of edges that jump on the film, each with a weight times that of its middle, if it has any.
     /// Neighbours on the film follow each other, creases after silhouettes: numbers that are spread evenly over pieces
     /// are so over the film.

@@ -1,0 +1,79 @@
+//! The choice of a point of an edge on the film.
+
+use super::pieces::{Piece, PixelGradients};
+use crate::kernel::view::View;
+use crate::model::film::BLOCK;
+
+/// Pieces of edges on the film of a view.
+pub(crate) struct FilmEdges {
+    pieces: Vec<Piece>,
+    /// Sums of their weights up to each, within blocks, so that their differences are not lost by rounding.
+    sums: Vec<f32>,
+    /// Sums up to each block.
+    blocks: Vec<f32>,
+}
+
+impl FilmEdges {
+    fn new(pieces: Vec<Piece>) -> Self {
+        let mut sums = Vec::with_capacity(pieces.len());
+        let mut blocks = Vec::new();
+        let mut total = 0.0;
+        for block in pieces.chunks(BLOCK as usize) {
+            let mut sum = 0.0;
+            for piece in block {
+                sum += piece.weight;
+                sums.push(sum);
+            }
+            total += sum;
+            blocks.push(total);
+        }
+        Self {
+            pieces,
+            sums,
+            blocks,
+        }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.pieces.is_empty()
+    }
+
+    /// Draws a point of an edge for two uniform numbers.
+    #[inline(always)]
+    pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
+        // The last of those that are searched, if rounding leaves none.
+        let first_over = |sums: &[f32], value: f32| {
+            let i = sums.partition_point(|&sum| sum <= value);
+            i.min(sums.len() - 1)
+        };
+        let before = |sums: &[f32], i: usize| if i == 0 { 0.0 } else { sums[i - 1] };
+        let total = self.blocks[self.blocks.len() - 1];
+        let block = first_over(&self.blocks, u * total);
+        let rest = u * total - before(&self.blocks, block);
+        let first = block * BLOCK as usize;
+        let sums = &self.sums[first..self.sums.len().min(first + BLOCK as usize)];
+        let i = first_over(sums, rest);
+        let (piece, share) = (&self.pieces[first + i], sums[i] - before(sums, i));
+        let length = piece.to - piece.from;
+        (share > 0.0).then(|| Drawn {
+            edge: piece.edge as usize,
+            lambda: piece.from + length * v,
+            per_density: length * (total / share),
+        })
+    }
+}
+
+/// A point of an edge that was drawn.
+pub(super) struct Drawn {
+    pub edge: usize,
+    pub lambda: f32,
+    /// 1 over the density of λ.
+    pub per_density: f32,
+}
+
+impl View {
+    /// The pieces of edges that jump on the film where the loss depends on it.
+    pub fn film_edges(&self, pixels: &PixelGradients) -> FilmEdges {
+        FilmEdges::new(self.film_pieces(|[x, y]| pixels.near(x, y)))
+    }
+}
