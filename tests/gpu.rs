@@ -107,6 +107,7 @@ fn flying(device: &Device) -> (Scene, Camera) {
     (scene, camera)
 }
 
+#[expect(clippy::too_many_lines, reason = "a list of scenes")]
 fn cases() -> Vec<Case> {
     vec![
         Case {

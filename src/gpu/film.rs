@@ -61,11 +61,9 @@ pub(super) fn film_jumps(
 ) {
     if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = first + ABSOLUTE_POS as u32;
-        let mut which = 0u32;
+        let mut which = view_of(films, views, thread, ALL);
         if spread > 0 {
-            which = thread / spread;
-        } else {
-            which = view_of(films, views, thread, ALL);
+            which = thread / spread.max(1);
         }
         let floats = &floats[which as usize * FLOAT_HEADER..];
         let words = &words[which as usize * HEADER..];

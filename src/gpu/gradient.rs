@@ -175,9 +175,10 @@ fn of_triangles(floats: &[f32], words: &[u32], sums: &[u32], scales: &[f32], ver
             let by_cross = across * (0.5 / area) + normal * (0.5 * by_area);
             let by_ab = ac.cross(by_cross);
             let by_ac = by_cross.cross(ab);
-            if corner % 3 == 0 {
+            let which = corner - 3 * k;
+            if which == 0 {
                 by -= by_ab + by_ac;
-            } else if corner % 3 == 1 {
+            } else if which == 1 {
                 by += by_ab;
             } else {
                 by += by_ac;
