@@ -6,6 +6,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+#[cfg(feature = "wgpu")]
+use burn::backend::Cube;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn::backend::autodiff::grads::Gradients;
@@ -16,26 +18,18 @@ use burn::tensor::{DType, Device, Tensor, TensorData};
 
 use crate::device::count_read_back;
 
-/// A function from the gradient of the output `[R, C]` to that of the parameters `[N]`.
-pub(super) trait Derivative: Send + Sync {
-    /// On the host.
-    fn on_host(&self, upstream: &TensorData) -> Vec<f64>;
-
-    /// Without the host, where a GPU computes it.
+/// From the gradient of the output `[R, C]` to that of the parameters `[N]`.
+pub(super) enum Derivative {
+    Host(Box<dyn Fn(&TensorData) -> Vec<f64> + Send + Sync>),
+    /// Of an image on a GPU, which its gradient does not leave.
     #[cfg(feature = "wgpu")]
-    fn on_gpu(
-        &self,
-        upstream: &FloatTensor<burn::backend::Cube>,
-    ) -> Option<FloatTensor<burn::backend::Cube>> {
-        let _ = upstream;
-        None
-    }
+    Gpu(Box<dyn Fn(&FloatTensor<Cube>) -> FloatTensor<Cube> + Send + Sync>),
 }
 
 /// The derivative of an output.
 #[derive(Clone)]
 pub(super) struct SharedDerivative {
-    of: Arc<dyn Derivative>,
+    of: Arc<Derivative>,
     /// Of the parameters.
     shape: [usize; 1],
     dtype: DType,
@@ -48,24 +42,44 @@ impl fmt::Debug for SharedDerivative {
     }
 }
 
-impl SharedDerivative {
-    /// The gradient by the host.
-    fn by_host<B: Backend>(&self, upstream: FloatTensor<B>) -> FloatTensor<B> {
-        let device = upstream.device();
-        count_read_back(&self.device);
-        let data = burn::tensor::try_read_sync(B::float_into_data(upstream));
-        let data = data.and_then(Result::ok);
-        let data = data.expect("the gradient of an image can be read back");
-        let gradient = self.of.on_host(&data);
-        let gradient = TensorData::new(gradient, self.shape);
-        B::float_from_data(gradient.convert_dtype(self.dtype), &device)
-    }
-}
-
 /// A backend without autodiff, on which gradients are computed.
 pub(super) trait ImageGradient: Backend {
     fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
-        derivative.by_host::<Self>(upstream)
+        match &*derivative.of {
+            Derivative::Host(of) => by_host::<Self>(upstream, of, derivative),
+            #[cfg(feature = "wgpu")]
+            Derivative::Gpu(_) => unreachable!("the image of a GPU lies there"),
+        }
+    }
+}
+
+fn by_host<B: Backend>(
+    upstream: FloatTensor<B>,
+    of: impl Fn(&TensorData) -> Vec<f64>,
+    derivative: &SharedDerivative,
+) -> FloatTensor<B> {
+    let device = upstream.device();
+    count_read_back(&derivative.device);
+    let data = burn::tensor::try_read_sync(B::float_into_data(upstream));
+    let data = data.and_then(Result::ok);
+    let data = data.expect("the gradient of an image can be read back");
+    let gradient = TensorData::new(of(&data), derivative.shape);
+    B::float_from_data(gradient.convert_dtype(derivative.dtype), &device)
+}
+
+#[cfg(feature = "flex")]
+impl ImageGradient for burn::backend::Flex {}
+
+#[cfg(feature = "ndarray")]
+impl ImageGradient for burn::backend::NdArray {}
+
+#[cfg(feature = "wgpu")]
+impl ImageGradient for Cube {
+    fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
+        match &*derivative.of {
+            Derivative::Host(of) => by_host::<Self>(upstream, of, derivative),
+            Derivative::Gpu(of) => of(&upstream),
+        }
     }
 }
 
@@ -104,20 +118,6 @@ macro_rules! without_autodiff {
 
 without_autodiff!("flex" Flex, "ndarray" NdArray, "wgpu" Cube);
 
-#[cfg(feature = "flex")]
-impl ImageGradient for burn::backend::Flex {}
-
-#[cfg(feature = "ndarray")]
-impl ImageGradient for burn::backend::NdArray {}
-
-#[cfg(feature = "wgpu")]
-impl ImageGradient for burn::backend::Cube {
-    fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
-        let found = derivative.of.on_gpu(&upstream);
-        found.unwrap_or_else(|| derivative.by_host::<Self>(upstream))
-    }
-}
-
 #[derive(Debug)]
 struct ImageNode;
 
@@ -154,11 +154,11 @@ impl<B: NodeBackend + ImageGradient, C: CheckpointStrategy> NodeBackend for Auto
     }
 }
 
-/// `output` with `parameters` as its parent: the gradient of these is `derivative` of that of the output.
+/// `output` with `parameters` as its parent, and the gradient of these.
 pub(super) fn attach(
     parameters: Tensor<1>,
     output: Tensor<2>,
-    derivative: impl Derivative + 'static,
+    derivative: Derivative,
 ) -> Tensor<2> {
     let derivative = SharedDerivative {
         of: Arc::new(derivative),

@@ -1,10 +1,7 @@
 //! The backward pass: paths are traced again, and derivatives add up in the parent's gradient.
 
-use std::ops::Range;
 use std::sync::Arc;
 
-#[cfg(feature = "wgpu")]
-use burn::backend::{Cube, tensor::FloatTensor};
 use burn::tensor::TensorData;
 use rayon::prelude::*;
 
@@ -13,7 +10,6 @@ use super::prepare::Places;
 use super::rows::Rows;
 use crate::kernel::{FilmEdges, PixelGradients, Seen, Sums, View, Work};
 use crate::model::film::samples_of_film;
-use crate::render::node::Derivative;
 use crate::render::options::{RenderOptions, Tile};
 
 /// Numbers in the sums of derivatives of all accumulators together.
@@ -22,21 +18,8 @@ const ACCUMULATED: usize = 1 << 24;
 /// Views whose derivatives are held at once.
 const VIEWS_AT_ONCE: usize = 16;
 
-/// Groups of views whose images came from a GPU.
-#[cfg(feature = "wgpu")]
-pub(super) struct Gpu {
-    pub device: burn::tensor::Device,
-    pub jobs: Vec<(Range<usize>, crate::gpu::Job)>,
-}
-
-/// Without GPUs there are none.
-#[cfg(not(feature = "wgpu"))]
-pub(super) enum Gpu {}
-
-/// The backward pass of a batch.
+/// The backward pass of a batch on the host.
 pub(super) struct Backward {
-    /// Where paths go back on a GPU.
-    gpu: Option<Gpu>,
     views: Vec<(View, Places)>,
     pixels: Arc<Vec<u32>>,
     tiles: Vec<Tile>,
@@ -44,30 +27,6 @@ pub(super) struct Backward {
     samples: u32,
     /// Numbers of the parent.
     size: usize,
-}
-
-impl Derivative for Backward {
-    fn on_host(&self, upstream: &TensorData) -> Vec<f64> {
-        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
-        let at_once = VIEWS_AT_ONCE * self.rows.count() * self.pixels.len();
-        let mut all = vec![0.0; self.size];
-        let groups = self.views.chunks(VIEWS_AT_ONCE);
-        for (views, rows) in groups.zip(upstream.chunks(at_once)) {
-            self.add_group(views, rows, &mut all);
-        }
-        all
-    }
-
-    #[cfg(feature = "wgpu")]
-    fn on_gpu(&self, upstream: &FloatTensor<Cube>) -> Option<FloatTensor<Cube>> {
-        let Gpu { device, jobs } = self.gpu.as_ref()?;
-        let views = self.views.iter().map(|(v, p)| (v, &*p.scene, &*p.camera));
-        let views: Vec<_> = views.collect();
-        let size = self.size;
-        Some(crate::gpu::gradient_of(
-            device, upstream, jobs, &views, size,
-        ))
-    }
 }
 
 impl Backward {
@@ -82,7 +41,6 @@ impl Backward {
         let all = || Arc::new((0..(options.width * options.height) as u32).collect());
         let pixels = pixels.unwrap_or_else(all);
         Self {
-            gpu: None,
             views,
             tiles: camera_tiles(options, pixels.len()),
             pixels,
@@ -92,9 +50,16 @@ impl Backward {
         }
     }
 
-    /// The same where the image came from a GPU.
-    pub fn on(self, gpu: Option<Gpu>) -> Self {
-        Self { gpu, ..self }
+    /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
+    pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
+        let upstream: Vec<f64> = upstream.iter::<f64>().collect();
+        let at_once = VIEWS_AT_ONCE * self.rows.count() * self.pixels.len();
+        let mut all = vec![0.0; self.size];
+        let groups = self.views.chunks(VIEWS_AT_ONCE);
+        for (views, rows) in groups.zip(upstream.chunks(at_once)) {
+            self.add_group(views, rows, &mut all);
+        }
+        all
     }
 
     /// Adds the derivatives by the scenes and cameras of some views.

@@ -24,7 +24,7 @@ use crate::gpu::{Job, pack};
 use crate::kernel::View;
 use crate::scene::{Camera, Scene};
 use crate::transport::Diagnostics;
-use backward::{Backward, Gpu};
+use backward::Backward;
 use forward::{Forward, Traced, camera_tiles};
 use prepare::{Places, Prepared, prepare};
 use rows::Rows;
@@ -46,7 +46,7 @@ pub(super) fn jumps(
     let objects = prepared.views[0].0.scene.counted.len();
     let rows = Rows::new(options.outputs, objects);
     let backward = Backward::new(prepared.views, size, rows, options, pixels);
-    Ok(backward.on_host(upstream))
+    Ok(backward.gradient(upstream))
 }
 
 /// Renders pixels of all views (all pixels, if there is no list).
@@ -101,8 +101,15 @@ pub(super) fn render(
     });
     let statistics: Vec<Statistics> = statistics.collect();
     if let Some(parent) = parent {
-        let backward = Backward::new(views, parent.dims()[0], rows, options, pixels).on(gpu);
-        mean = attach(parent, mean, backward);
+        let size = parent.dims()[0];
+        let derivative = match gpu {
+            Some(gpu) => gpu.derivative(views, size),
+            None => {
+                let backward = Backward::new(views, size, rows, options, pixels);
+                Derivative::Host(Box::new(move |upstream| backward.gradient(upstream)))
+            }
+        };
+        mean = attach(parent, mean, derivative);
     }
     Ok(Means {
         mean: mean.reshape([statistics.len(), count, rows.count()]),
@@ -110,6 +117,34 @@ pub(super) fn render(
         statistics,
         diagnostics,
     })
+}
+
+/// Groups of views whose images come from a GPU.
+#[cfg(feature = "wgpu")]
+struct Gpu {
+    device: burn::tensor::Device,
+    jobs: Vec<(std::ops::Range<usize>, Job)>,
+}
+
+/// Without GPUs there are none.
+#[cfg(not(feature = "wgpu"))]
+enum Gpu {}
+
+impl Gpu {
+    /// The gradient of so many numbers, there.
+    fn derivative(self, views: Vec<(View, Places)>, numbers: usize) -> Derivative {
+        #[cfg(feature = "wgpu")]
+        return Derivative::Gpu(Box::new(move |upstream| {
+            let views = views.iter().map(|(v, p)| (v, &*p.scene, &*p.camera));
+            let views: Vec<_> = views.collect();
+            crate::gpu::gradient_of(&self.device, upstream, &self.jobs, &views, numbers)
+        }));
+        #[cfg(not(feature = "wgpu"))]
+        {
+            let _ = (views, numbers);
+            match self {}
+        }
+    }
 }
 
 /// The rows of all pixels of all views `[B·P, C]`, and what was counted: by kernels on the device where it is a GPU

@@ -11,7 +11,7 @@ use burn::tensor::Tensor;
 
 use super::batch::{Batch, in_batch};
 use super::film::{Means, Statistics};
-use super::node::attach;
+use super::node::{Derivative, attach};
 use super::options::RenderOptions;
 use crate::error::Result;
 use crate::geometry::detached;
@@ -98,7 +98,8 @@ fn render_view(
             parameters: detached(&parameters),
             hierarchy: renderer.hierarchy(),
         };
-        traced.rows = attach(parameters, traced.rows, replay);
+        let derivative = Derivative::Host(Box::new(move |upstream| replay.gradient(upstream)));
+        traced.rows = attach(parameters, traced.rows, derivative);
     }
     Ok((flattened.objects(), traced))
 }

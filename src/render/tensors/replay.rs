@@ -12,7 +12,6 @@ use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::render::kernel;
-use crate::render::node::Derivative;
 use crate::render::options::{RenderOptions, Tile, tiles};
 use crate::scene::{Camera, Flattened, HostScene, Normalization, Replace, Scene, visit_tensors};
 use crate::visibility::Visibility;
@@ -33,9 +32,9 @@ pub(super) struct Replay {
     pub hierarchy: Option<Arc<Hierarchy>>,
 }
 
-impl Derivative for Replay {
-    /// From the gradient of the means `[C, P]`.
-    fn on_host(&self, upstream: &TensorData) -> Vec<f64> {
+impl Replay {
+    /// The gradient of the parameters from that of the means `[C, P]`.
+    pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let interior = self.interior(upstream);
         if let Visibility::Softmax { .. } = self.options.visibility {
             return interior;
@@ -52,9 +51,7 @@ impl Derivative for Replay {
         let sums = interior.iter::<f64>().zip(jumps).map(|(a, b)| a + b);
         sums.collect()
     }
-}
 
-impl Replay {
     /// The gradient of all that changes while visibility doesn't.
     fn interior(&self, upstream: &TensorData) -> Vec<f64> {
         let count = self.parameters.dims()[0];
