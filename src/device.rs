@@ -105,8 +105,8 @@ pub(crate) fn is_cpu(device: &Device) -> bool {
 }
 
 /// How often this crate has read tensors back from a GPU since the program began, for profiles: once a render by
-/// kernels, all of its scenes and cameras together, and never in their backward passes. A user's own read-backs don't
-/// count.
+/// kernels there, all of its scenes and cameras together, and never in their backward passes; statistics and
+/// diagnostics that are asked for are read too. A user's own read-backs don't count.
 pub fn read_backs() -> u64 {
     READ_BACKS.load(Ordering::Relaxed)
 }

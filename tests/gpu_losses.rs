@@ -18,7 +18,7 @@ fn scene(device: &Device) -> Scene {
     let body = shapes::icosahedron(device).scaled([0.5; 3]);
     Scene::new()
         .with(diffuse(floor(1.0, -0.6, device), [0.5, 0.4, 0.3]).named("floor"))
-        .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], device))
+        .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], device).named("lamp"))
         .with(diffuse(body, [0.3, 0.5, 0.6]).named("body"))
 }
 
@@ -92,7 +92,13 @@ fn a_loss_of_nothing() {
 /// A derivative that is not a number, by a pixel that sees the black sky, reaches nothing.
 #[test]
 fn nan_where_nothing_is_seen() {
-    let loss = |image| weighted(image, |p| if p == 1 { f64::NAN } else { 0.1 });
+    let loss = |image: Image| {
+        let nan = |p: usize| if p == 1 { f64::NAN } else { 0.0 };
+        let opacity = image.opacity.clone().expect("opacity");
+        let list: Vec<f64> = (0..SIZE * SIZE).map(nan).collect();
+        let nans = tensor(&list, [SIZE, SIZE], &opacity.device(), DType::F32);
+        weighted(image, |p| 0.1 + nan(p + 1)) + (opacity * nans).sum()
+    };
     assert!(off(scene, &options(), loss) < 1e-5);
 }
 
@@ -117,8 +123,7 @@ fn many_emitters() {
             Light::directional(direction, [0.01 + 1e-3 * f64::from(i); 3])
         });
         let dark = scene(device).map_object("lamp", |o| o.material(Material::diffuse([0.2; 3])));
-        let dark = dark.unwrap_or_else(|_| scene(device));
-        lights.fold(dark, Scene::light)
+        lights.fold(dark.expect("the lamp"), Scene::light)
     };
     assert!(off(distant, &options(), |i| weighted(i, |_| 1.0)) < 1e-4);
 }

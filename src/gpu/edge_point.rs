@@ -162,13 +162,27 @@ pub(super) fn beside(position: V3) -> f32 {
     BESIDE * (0.1 + position.abs().max_element())
 }
 
-/// The vector from an edge's end to that corner of a face that is farthest from the edge's line.
+/// The vector from a point of an edge's line to that corner of a face that is farthest from the line.
 #[cube]
-fn into_face(floats: &[f32], words: &[u32], face: u32, p: &EdgePoint) -> V3 {
+fn into_face(
+    floats: &[f32],
+    words: &[u32],
+    face: u32,
+    p: &EdgePoint,
+    time: f32,
+    #[comptime] features: Features,
+) -> V3 {
     let at = words[SURFACES] + SURFACE_STRIDE as u32 * face;
-    let a = vector(floats, at) - p.a;
-    let b = vector(floats, at + 3) - p.a;
-    let c = vector(floats, at + 6) - p.a;
+    let mut on_line = p.a;
+    if comptime!(features.flying_crossings) {
+        if words[(p.edge + IS_CROSSING) as usize] == 2 {
+            // Where the face was at rest.
+            on_line = p.position - shift_of(floats, words, face, time, features.moves);
+        }
+    }
+    let a = vector(floats, at) - on_line;
+    let b = vector(floats, at + 3) - on_line;
+    let c = vector(floats, at + 6) - on_line;
     let far_a = a.cross(p.along).length_squared();
     let far_b = b.cross(p.along).length_squared();
     let far_c = c.cross(p.along).length_squared();
@@ -222,7 +236,7 @@ pub(super) fn sides(
             }
         }
         if there {
-            let mut inward = into_face(floats, words, face, p);
+            let mut inward = into_face(floats, words, face, p, time, features);
             if p.crossing && i & 1 == 1 {
                 inward = -inward;
             }

@@ -9,9 +9,10 @@ use crate::kernel::{Piece, View};
 use crate::model::film::BLOCK;
 
 /// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
-/// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to 2²⁴, more than the
-/// scene of a buffer has. Behind all pieces are sums over blocks.
+/// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to [`WHOLE`]. Behind all pieces are sums over blocks.
 pub(super) const OF_PIECE: u32 = 5;
+pub(super) const WHOLE: f32 = 16_777_216.0;
+
 /// Words of the table for each view. The number of samples of all views so far, and the most that are its own; its
 /// first piece, and the one past the last; the number of blocks of all views so far; the radius of the pixel filter,
 /// by its bits. Then what kernels leave: the sum of all weights, by its bits, and the number of its samples.
@@ -26,7 +27,7 @@ pub(super) const OWN: usize = 7;
 pub(super) const OF_FILM: u32 = 8;
 
 /// Edges on the films of views.
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub(crate) struct Films {
     /// [`OF_PIECE`] numbers for each, one view after another, and room for sums over blocks.
     pub(super) pieces: Vec<f32>,

@@ -9,9 +9,10 @@ use super::layout::{
     FIRST_SUMS, FLOAT_HEADER, HEADER, SURFACE_STRIDE, SURFACES, VERTEX_CORNERS, VERTEX_STARTS,
 };
 use super::reading::vector;
+use super::sum_places::Places;
 use super::sums::{
-    AREAS, CAMERA, COLOURS, LIGHTS, MATERIALS, NORMALS, OF_CAMERA, OF_LIGHT, Places, SKY, TANGENTS,
-    TEXELS, TRIANGLES, UVS, VELOCITIES, VERTICES, component, sum_at,
+    AREAS, CAMERA, COLOURS, LIGHTS, MATERIALS, NORMALS, OF_CAMERA, OF_LIGHT, SKY, TANGENTS, TEXELS,
+    TRIANGLES, UVS, VELOCITIES, VERTICES, component, sum_at,
 };
 use crate::kernel::{CameraSums, DeltaSums, Part, Rows, View};
 use crate::model::{V3, splat, v3};

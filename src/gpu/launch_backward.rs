@@ -14,8 +14,8 @@ use super::list::List;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::sums::{
-    FIRST_SUM, MEASURE, PARTS, add_replicas, bits_to_keep, choose_scales, clear, look_again,
-    take_scales,
+    FIRST_SUM, MEASURE, MORE, PARTS, TYPICAL, add_replicas, bits_of_each, choose_scales, clear,
+    look_again, take_scales,
 };
 
 /// Words of a launch's records at most.
@@ -37,6 +37,8 @@ pub(crate) struct Pass<'a> {
     pub(super) scales: [List; 2],
     /// Paths of a launch.
     at_once: usize,
+    /// Bits of derivatives, times their scale.
+    bits: i32,
     replicas: u32,
 }
 
@@ -46,8 +48,10 @@ impl<'a> Pass<'a> {
         let (client, upstream) = floats(upstream);
         let of_path = of_path(job);
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
+        let bits = bits_of_each(at_once as u64 * 16 * points(job) as u64);
         let mut scales = vec![MEASURE; PARTS];
-        scales.resize(PARTS + 2 * job.views.views, 0.0);
+        scales.push(2.0f32.powi(bits));
+        scales.resize(TYPICAL + 2 * job.views.views, 0.0);
         let pass = Self {
             scene: job.lists(&client),
             upstream,
@@ -56,6 +60,7 @@ impl<'a> Pass<'a> {
             table: List::new(&client, &films.table),
             scales: [0, 1].map(|_| List::new(&client, &scales)),
             at_once,
+            bits,
             replicas: job.views.sums.replicas() as u32,
             client,
             job,
@@ -65,14 +70,15 @@ impl<'a> Pass<'a> {
         pass
     }
 
-    /// Measures derivatives, adds them up, and adds the gradients of tensors to those of all; `places` are those of each
-    /// view's scene and camera.
+    /// Measures derivatives, adds them up, and adds the gradients of tensors to those of all.
     pub fn run(self, views: &[ViewPlaces], gradient: &List) {
         let numbers = self.job.views.sums.count;
         let [first, again] = &self.scales;
         // One sample of some pixels tells how large derivatives are.
         let paths = self.job.count().saturating_mul(self.job.samples as usize);
-        let stride = self.job.count().div_ceil((paths / 16).max(MEASURED)).max(1);
+        let stride = self.job.count().div_ceil((paths / 16).max(MEASURED));
+        // Odd, so that it is not that of columns.
+        let stride = stride.max(1) | 1;
         let some = Samples {
             first: 0,
             stride,
@@ -82,14 +88,15 @@ impl<'a> Pass<'a> {
         };
         let all = self.job.pieces(self.at_once);
         let spread = (MEASURED / self.job.views.views).max(64);
-        let keep = self.bits_to_keep();
         let sizes = self.totals(0);
-        self.clear(&sizes, first);
-        self.add(&[some], spread, &sizes, first);
-        self.choose(&sizes, first, keep);
         let totals = self.totals(numbers);
+        let sums = List::room(&self.client, 3 * numbers);
+        self.clear(&sizes, first);
+        self.add(&[some], spread, (&sizes, None), first);
+        self.choose(&sizes, first, self.bits - MORE);
         self.clear(&totals, first);
-        self.add(&all, 0, &totals, first);
+        self.clear(&sums, first);
+        self.add(&all, 0, (&totals, Some(&sums)), first);
         // Where some were much larger than those that were measured, all are.
         look_again::launch(
             &self.client,
@@ -101,12 +108,12 @@ impl<'a> Pass<'a> {
             self.replicas,
             region(numbers),
         );
-        let sizes = self.totals(0);
         self.clear(&sizes, again);
-        self.add(&all, 0, &sizes, again);
-        self.choose(&sizes, again, keep);
+        self.add(&all, 0, (&sizes, None), again);
+        self.choose(&sizes, again, self.bits);
         self.clear(&totals, again);
-        self.add(&all, 0, &totals, again);
+        self.clear(&sums, again);
+        self.add(&all, 0, (&totals, Some(&sums)), again);
         take_scales::launch(
             &self.client,
             groups(PARTS),
@@ -114,23 +121,27 @@ impl<'a> Pass<'a> {
             again.argument(),
             first.argument(),
         );
-        self.write(&totals, views, gradient);
+        self.write(&sums, views, gradient);
     }
 
-    /// Turns sums into gradients.
-    fn write(&self, totals: &List, views: &[ViewPlaces], to: &List) {
-        let numbers = self.job.views.sums.count;
-        let sums = List::room(&self.client, 2 * numbers);
+    /// Adds what a launch left in replicas to sums.
+    fn fold(&self, totals: &List, sums: &List, scales: &List) {
+        let numbers = sums.length / 3;
         add_replicas::launch(
             &self.client,
             groups(numbers),
             CubeDim::new_1d(GROUP),
             totals.argument(),
+            scales.argument(),
             sums.argument(),
             self.replicas,
             region(numbers),
             numbers as u32,
         );
+    }
+
+    /// Turns sums into gradients.
+    fn write(&self, sums: &List, views: &[ViewPlaces], to: &List) {
         let [floats, words, _] = &self.scene;
         for (v, &(view, scene, camera)) in views.iter().enumerate() {
             let table = Table::new(&self.job.views.sums, v, view, scene, camera);
@@ -186,18 +197,20 @@ impl<'a> Pass<'a> {
         );
     }
 
-    /// Bits of the largest derivatives that sums keep: points of paths add a few to a number, jumps as many.
-    fn bits_to_keep(&self) -> i32 {
-        let paths = self.job.count() as u64 * u64::from(self.job.samples);
-        let added = paths.saturating_mul(16 * points(self.job) as u64);
-        bits_to_keep(added.saturating_add(u64::from(self.films.samples)))
-    }
-
-    /// Adds all derivatives of some samples; `spread` is how many of a film are looked at, if not all.
-    fn add(&self, pieces: &[Samples], spread: usize, totals: &List, scales: &List) {
+    /// Adds all derivatives of some samples to totals, and these to sums, if there are any, before they have no room;
+    /// `spread` is how many of a film are looked at, if not all.
+    fn add(
+        &self,
+        pieces: &[Samples],
+        spread: usize,
+        (totals, sums): (&List, Option<&List>),
+        scales: &List,
+    ) {
         let region = (totals.length / self.replicas as usize) as u32;
+        let fold = || sums.iter().for_each(|sums| self.fold(totals, sums, scales));
         for piece in pieces {
             self.add_paths(piece, totals, scales, region);
+            fold();
         }
         if self.films.count == 0 {
             return;
@@ -209,6 +222,7 @@ impl<'a> Pass<'a> {
         for first in (0..samples).step_by(PATHS) {
             let threads = [first, spread, (samples - first).min(PATHS)];
             self.add_film(threads, totals, scales, region);
+            fold();
         }
     }
 

@@ -59,6 +59,7 @@ mod reading;
 mod records;
 mod shadow_rays;
 mod side_light;
+mod sum_places;
 mod sums;
 mod surface;
 mod surface_backward;

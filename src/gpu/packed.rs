@@ -14,7 +14,8 @@ use super::layout::{
 };
 use super::list::List;
 use super::packed_scene::PackedScene;
-use super::sums::{PARTS, Places};
+use super::sum_places::Places;
+use super::sums::PARTS;
 use super::{Derivatives, Features};
 use crate::kernel::View;
 use crate::model::V3;

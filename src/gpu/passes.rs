@@ -13,7 +13,7 @@ use super::path::{from_camera, path_light};
 use super::pieces::{Piece, pixel_at};
 use super::records::{Room, kept, kept_vector, record_at};
 use super::records::{jumped_at, points_at, put};
-use super::sums::{PARTS, is_skipped, replica_of};
+use super::sums::{TYPICAL, is_skipped, replica_of};
 use super::surface::point_at;
 use super::surface_backward::is_wanted;
 use super::surface_backward::no_point_gradient;
@@ -152,7 +152,7 @@ pub(super) fn add_jumps(
         let floats = &floats[which.floats()..];
         let words = &words[which.words()..];
         let totals = &totals[replica_of(thread, replicas, region)..];
-        let typical = scales[PARTS + which.view as usize];
+        let typical = scales[TYPICAL + which.view as usize];
         let room = Room { thread, threads };
         let g = upstream_of(floats, upstream, which.row, scale, outputs);
         let mut points = 0u32;

@@ -1,5 +1,5 @@
 //! How much a loss depends on the pixels of views, and so where edges are drawn on their films, without the host in
-//! between: `PixelGradients` and `FilmEdges` of `kernel/boundary/pieces` in kernels of a GPU.
+//! between: `kernel/boundary/pieces` and `film_edges` in kernels of a GPU.
 
 use burn::cubecl::{self, prelude::*};
 
@@ -9,7 +9,7 @@ use super::film_table::{
 };
 use super::layout::{FLOAT_HEADER, HEIGHT, NONE, WIDTH};
 use super::passes::upstream_of;
-use super::sums::PARTS;
+use super::sums::TYPICAL;
 use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
 
 /// Numbers of a cell, and of a row of cells: how much the loss depends on their pixels, how many of these it asks for,
@@ -84,10 +84,10 @@ pub(super) fn look_at_cells(
                     // What is not finite does not count.
                     if all <= f32::MAX {
                         weight += all;
+                    }
+                    if own > 0.0 && own <= f32::MAX {
                         radiance += own;
-                        if own > 0.0 {
-                            lit += 1.0;
-                        }
+                        lit += 1.0;
                     }
                 }
                 x += 1;
@@ -219,8 +219,8 @@ pub(super) fn sum_views(
             lit += rows[at + 3];
             row += 1;
         }
-        scales[PARTS + ABSOLUTE_POS] = radiance / lit.max(1.0);
-        scales[PARTS + (views + view) as usize] = weight / (asked as f32).max(1.0);
+        scales[TYPICAL + ABSOLUTE_POS] = radiance / lit.max(1.0);
+        scales[TYPICAL + (views + view) as usize] = weight / (asked as f32).max(1.0);
         films[film + OWN] = samples_of_film(asked, samples).min(films[film + MOST]);
         let mut block = 0u32;
         if view > 0 {

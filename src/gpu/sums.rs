@@ -1,15 +1,14 @@
 //! Sums of derivatives in kernels, by atomic additions of whole numbers, so that they are the same whatever the
-//! order: few GPUs add floats, and none in an order that repeats. A number has 64 bits in two words.
+//! order: few GPUs add floats, and none in an order that repeats. Threads of a launch add to 64 bits in two words, of
+//! several replicas; after it these are added to sums of 96 bits.
 //!
 //! A derivative is multiplied by a power of two and rounded. The powers are one for each part of a scene, and
-//! come from the largest derivatives of some of the paths.
-
-use std::collections::HashMap;
+//! come from the largest derivatives of some of the paths. One that is so large that 64 bits might not hold all of a
+//! launch is not added but counted as lost.
 
 use burn::cubecl::{self, prelude::*};
 
 use super::integers::total;
-use crate::kernel::{Sums, View};
 use crate::model::V3;
 
 /// Parts of a scene, each with a power of two of its own.
@@ -28,6 +27,11 @@ pub(super) const LIGHTS: usize = 11;
 pub(super) const CAMERA: usize = 12;
 pub(super) const PARTS: usize = 13;
 
+/// Behind the scales of all parts: how large a derivative may be, times its scale, to be added; and for each view how much
+/// a loss depends on the radiance of a pixel, then how much on a pixel as a whole, on average.
+pub(super) const LIMIT: usize = PARTS;
+pub(super) const TYPICAL: usize = PARTS + 1;
+
 /// Sums of a light without extent ([`DeltaSums`]) and of a camera ([`CameraSums`]).
 ///
 /// [`DeltaSums`]: crate::kernel::DeltaSums
@@ -39,71 +43,6 @@ pub(super) const OF_CAMERA: usize = 19;
 /// that no sum holds.
 pub(super) const FIRST_SUM: usize = 16;
 pub(super) const LOST: usize = 15;
-
-/// Numbers of the sums of all replicas together, about.
-const REPLICATED: usize = 1 << 16;
-/// Replicas at most: as many as threads of a warp.
-const REPLICAS: usize = 32;
-
-/// Where the sums of each part of views begin, in numbers. Views of one scene share them, but for the camera's.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Places {
-    /// Of each view.
-    pub first: Vec<[u32; PARTS]>,
-    /// For each view, the first view of its scene.
-    owner: Vec<usize>,
-    pub count: usize,
-}
-
-impl Places {
-    /// For views, each with the number of its scene.
-    pub fn new<'a>(views: impl Iterator<Item = (&'a View, usize)>) -> Self {
-        let mut places = Self::default();
-        let mut known = HashMap::new();
-        for (v, (view, scene)) in views.enumerate() {
-            let owner = *known.entry(scene).or_insert(v);
-            let mut first = [0; PARTS];
-            if owner == v {
-                let sums = Sums::new(&view.scene, &view.wanted);
-                let counts = [
-                    3 * sums.vertices.len(),
-                    3 * sums.triangles.len(),
-                    sums.triangles.len(),
-                    3 * sums.velocities.len(),
-                    2 * sums.uvs.len(),
-                    3 * sums.normals.len(),
-                    12 * sums.materials.len(),
-                    3 * sums.texels.len(),
-                    3 * sums.sky.len(),
-                    3 * sums.colours.len(),
-                    3 * sums.tangents.len(),
-                    OF_LIGHT * sums.lights.len(),
-                ];
-                for (first, n) in first.iter_mut().zip(counts) {
-                    *first = places.count as u32;
-                    places.count += n;
-                }
-            } else {
-                first = places.first[owner];
-            }
-            first[CAMERA] = places.count as u32;
-            places.count += OF_CAMERA;
-            places.first.push(first);
-            places.owner.push(owner);
-        }
-        places
-    }
-
-    /// Copies of all sums that kernels add to, so that threads of a warp don't wait for each other.
-    pub fn replicas(&self) -> usize {
-        (REPLICATED / self.count.max(1)).clamp(1, REPLICAS)
-    }
-
-    /// Whether a view is the first one of its scene.
-    pub fn owns(&self, view: usize) -> bool {
-        self.owner[view] == view
-    }
-}
 
 /// The scale of a part with derivatives that are not finite.
 const NO_SCALE: f32 = -1.0;
@@ -203,7 +142,7 @@ pub(super) fn choose_scales(
             // Nothing was reached, perhaps since the loss depends on few pixels.
             let mut view = 0usize;
             while view < views as usize {
-                let bits = scales[PARTS + views as usize + view].to_bits();
+                let bits = scales[TYPICAL + views as usize + view].to_bits();
                 if bits < INFINITY {
                     most = most.max(bits);
                 }
@@ -214,32 +153,52 @@ pub(super) fn choose_scales(
     }
 }
 
-/// Adds up replicas: the sums in two words each.
+/// Adds what all replicas have of a number to its sum of three words, and takes it from them.
 #[cube(launch)]
 pub(super) fn add_replicas(
-    totals: &[u32],
+    totals: &mut [u32],
+    scales: &[f32],
     sums: &mut [u32],
     replicas: u32,
     region: u32,
     numbers: u32,
 ) {
-    if ABSOLUTE_POS < numbers as usize {
-        let at = FIRST_SUM + 2 * ABSOLUTE_POS;
+    if ABSOLUTE_POS < numbers as usize && !is_skipped(scales) {
         let mut low = 0u32;
         let mut high = 0u32;
         let mut replica = 0u32;
         while replica < replicas {
-            let from = (replica * region) as usize + at;
+            let from = (replica * region) as usize + FIRST_SUM + 2 * ABSOLUTE_POS;
             let own = totals[from];
             low = total(low, own);
             high = total(high, totals[from + 1]);
             if low < own {
                 high = total(high, 1u32);
             }
+            totals[from] = 0;
+            totals[from + 1] = 0;
             replica += 1;
         }
-        sums[2 * ABSOLUTE_POS] = low;
-        sums[2 * ABSOLUTE_POS + 1] = high;
+        // The sign goes on in the third word.
+        let mut above = 0u32;
+        if high >> 31 == 1 {
+            above = 0xffff_ffffu32;
+        }
+        let at = 3 * ABSOLUTE_POS;
+        let first = total(sums[at], low);
+        let mut second = total(sums[at + 1], high);
+        if second < high {
+            above = total(above, 1u32);
+        }
+        if first < low {
+            second = total(second, 1u32);
+            if second == 0 {
+                above = total(above, 1u32);
+            }
+        }
+        sums[at] = first;
+        sums[at + 1] = second;
+        sums[at + 2] = total(sums[at + 2], above);
     }
 }
 
@@ -263,18 +222,24 @@ pub(super) fn take_scales(again: &[f32], scales: &mut [f32]) {
 #[cube]
 pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     let scale = scales[part as usize];
-    let mut low = sums[2 * at as usize];
-    let mut high = sums[2 * at as usize + 1];
-    let negative = high >> 31 == 1;
+    let first = 3 * at as usize;
+    let mut low = sums[first];
+    let mut high = sums[first + 1];
+    let mut above = sums[first + 2];
+    let negative = above >> 31 == 1;
     if negative {
         // The two's complement.
         low = total(!low, 1u32);
         high = !high;
+        above = !above;
         if low == 0 {
             high = total(high, 1u32);
+            if high == 0 {
+                above = total(above, 1u32);
+            }
         }
     }
-    let mut value = high as f32 * 4_294_967_296.0 + low as f32;
+    let mut value = (above as f32 * 4_294_967_296.0 + high as f32) * 4_294_967_296.0 + low as f32;
     if negative {
         value = -value;
     }
@@ -296,13 +261,14 @@ pub(super) fn replica_of(thread: u32, replicas: u32, region: u32) -> usize {
 /// The scale of parts of whose derivatives only the sizes are looked at.
 pub(super) const MEASURE: f32 = 0.0;
 
-/// The largest derivative that is added, times its scale: 64 of them leave room in 63 bits.
-const LARGEST: f32 = 7.0e16;
-
-/// Bits of a scaled derivative that is as large as those that were measured: so many of them have room in 61 bits.
-pub(super) fn bits_to_keep(derivatives: u64) -> i32 {
+/// Bits of derivatives, times their scale, of which so many have room in a sum: those of derivatives that were all
+/// measured.
+pub(super) fn bits_of_each(derivatives: u64) -> i32 {
     (61 - (u64::BITS - derivatives.leading_zeros()) as i32).clamp(16, 40)
 }
+
+/// Bits that derivatives may be larger by than those that were measured.
+pub(super) const MORE: i32 = 12;
 
 /// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
 #[cube]
@@ -320,8 +286,8 @@ pub(super) fn add(
         } else {
             let scaled = value * scale;
             let size = scaled.abs();
-            if size < LARGEST {
-                let rounded = size.floor();
+            if size < scales[LIMIT] {
+                let rounded = (size + 0.5).floor();
                 let upper = (rounded * (1.0f32 / 4_294_967_296.0f32)).floor();
                 let mut low = (rounded - upper * 4_294_967_296.0) as u32;
                 let mut high = upper as u32;
@@ -380,16 +346,17 @@ pub(super) fn add_vector(
 mod tests {
     use super::*;
 
-    /// Derivatives as large as those that were measured fit into a sum, however many there are.
+    /// So many derivatives of the largest size fit into 63 bits.
     #[test]
     fn sums_have_room() {
         for log in 0..45 {
             let derivatives = (1u64 << log) + 1;
-            let keep = bits_to_keep(derivatives);
-            assert!((16..=40).contains(&keep));
-            let sum = u128::from(derivatives) << keep;
-            assert!(sum < 1 << 62, "{derivatives} {keep}");
+            let bits = bits_of_each(derivatives);
+            assert!((16..=40).contains(&bits));
+            assert!(
+                u128::from(derivatives) << bits < 1 << 62,
+                "{derivatives} {bits}"
+            );
         }
-        assert!(64.0 * f64::from(LARGEST) < f64::from(2.0f32.powi(63)));
     }
 }

@@ -220,7 +220,7 @@ impl Sums {
             + 11 * self.lights.len()
             + 2 * self.uvs.len()
             + 3 * CHANNELS * self.materials.len()
-            + 15
+            + 19
     }
 
     pub fn add(&mut self, o: &Self) {

@@ -60,6 +60,8 @@ pub fn render_pixels(
     if pixels.is_empty() {
         return wrong("list", "empty", "at least one pixel");
     }
+    options.check()?;
+    options.check_memory(pixels.len() as u128)?;
     // A pixel is traced once, however often it is named.
     let mut rows = HashMap::with_capacity(pixels.len());
     let mut distinct = Vec::with_capacity(pixels.len());

@@ -160,8 +160,12 @@ impl View {
                 continue;
             }
             let corners = self.scene.triangles[face as usize].corners;
-            // The corner that is farthest from the edge's line.
-            let from_a = corners.map(|c| c - p.edge.a);
+            // The corner that is farthest from the edge's line, on which its point is where the face was at rest.
+            let on_line = match p.edge.apart {
+                true => p.position - self.scene.shift(face, time),
+                false => p.edge.a,
+            };
+            let from_a = corners.map(|c| c - on_line);
             let far = from_a.map(|d| d.cross(p.edge.along).length_squared());
             let k = if far[0] >= far[1] && far[0] >= far[2] {
                 0

@@ -135,7 +135,7 @@ impl Backward {
         };
         let sums: Vec<Sums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
         sums.iter().for_each(|s| all.add(s));
-        let Some(film) = asked.film.as_ref().filter(|f| jumps && !f.edges.is_empty()) else {
+        let Some(film) = asked.film.as_ref().filter(|f| !f.edges.is_empty()) else {
             return;
         };
         let count = film.samples;
