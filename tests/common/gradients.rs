@@ -165,6 +165,15 @@ fn classes() -> Vec<Case> {
             let u = vector(p, [1.0, 0.3, 0.2], d, t);
             (change("ball", |o| o.velocity(u.clone()), d, t), camera())
         })),
+        // The line in which it passes through the floor moves while the shutter is open.
+        case("flying through the floor", 0.0, 0.03, 0, |d, t, p| {
+            let by = vector(p, [0.4, 1.0, 0.2], d, t) + constant(&[0.0, -0.8, 0.4], [3], d, t);
+            let flies = |o: Object| {
+                let o = o.map_mesh(|m| m.translated(by.clone()));
+                o.velocity([0.3, 0.2, 0.1])
+            };
+            (change("ball", flies, d, t), camera())
+        }),
         case("albedo", 0.5, 0.05, 2, |d, t, p| {
             let m = Material::diffuse(vector(p, [0.9, 0.6, 0.3], d, t));
             (change("floor", |o| o.material(m.clone()), d, t), camera())
