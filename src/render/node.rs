@@ -18,12 +18,16 @@ use burn::tensor::{DType, Device, Tensor, TensorData};
 
 use crate::device::count_read_back;
 
+type OnHost = dyn Fn(&TensorData) -> Vec<f64> + Send + Sync;
+#[cfg(feature = "wgpu")]
+type OnGpu = dyn Fn(&FloatTensor<Cube>) -> FloatTensor<Cube> + Send + Sync;
+
 /// From the gradient of the output `[R, C]` to that of the parameters `[N]`.
 pub(super) enum Derivative {
-    Host(Box<dyn Fn(&TensorData) -> Vec<f64> + Send + Sync>),
+    Host(Box<OnHost>),
     /// Of an image on a GPU, which its gradient does not leave.
     #[cfg(feature = "wgpu")]
-    Gpu(Box<dyn Fn(&FloatTensor<Cube>) -> FloatTensor<Cube> + Send + Sync>),
+    Gpu(Box<OnGpu>),
 }
 
 /// The derivative of an output.
