@@ -238,7 +238,13 @@ fn derivatives_of_all_classes() {
         ..CONES
     };
     for (name, apart) in agreement(setups, DType::F32, effort) {
-        assert!(apart < 1e-4, "{name}: {apart}");
+        // Where the line of a crossing is found in f32, one of a thousand samples on the film may see another pixel.
+        let limit = if name.starts_with("flying") {
+            2e-3
+        } else {
+            1e-4
+        };
+        assert!(apart < limit, "{name}: {apart}");
     }
 }
 
