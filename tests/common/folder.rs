@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use softray::prelude::*;
 
@@ -9,9 +10,11 @@ use softray::prelude::*;
 pub struct Folder(pub PathBuf);
 
 impl Folder {
-    /// A new one of that name.
+    /// A new one of that name, whatever other threads have.
     pub fn new(name: &str) -> Self {
-        let name = format!("softray-test-{}-{name}", std::process::id());
+        static NUMBER: AtomicUsize = AtomicUsize::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = format!("softray-test-{}-{number}-{name}", std::process::id());
         let path = std::env::temp_dir().join(name);
         fs::create_dir_all(&path).expect("a temporary folder");
         Self(path)
