@@ -61,8 +61,9 @@ fn off(
 /// The sum of an image's pixels, each times a weight.
 fn weighted(image: Image, weight: impl Fn(usize) -> f64) -> Tensor<1> {
     let radiance = image.radiance;
-    let list: Vec<f64> = (0..3 * SIZE * SIZE).map(|i| weight(i / 3)).collect();
-    let weights = tensor(&list, [SIZE, SIZE, 3], &radiance.device(), DType::F32);
+    let size = radiance.dims();
+    let list: Vec<f64> = (0..size.iter().product()).map(|i| weight(i / 3)).collect();
+    let weights = tensor(&list, size, &radiance.device(), DType::F32);
     (radiance * weights).sum()
 }
 
@@ -71,6 +72,16 @@ fn weighted(image: Image, weight: impl Fn(usize) -> f64) -> Tensor<1> {
 fn a_loss_of_few_pixels() {
     let few = |pixel: usize| if pixel % 97 == 43 { 1e-9 } else { 0.0 };
     assert!(off(scene, &options(), |image| weighted(image, few)) < 1e-5);
+}
+
+/// A pixel that is not among those that are measured, and counts for far more than all of them: what the first pass
+/// has no room for is measured and added by a second one.
+#[test]
+fn a_pixel_that_counts_for_far_more() {
+    let options = RenderOptions::new(128, 128).samples(1).bounces(1).seed(4);
+    let one = 64 * 128 + 62;
+    let weight = |pixel: usize| if pixel == one { 1e9 } else { 1.0 };
+    assert!(off(scene, &options, |image| weighted(image, weight)) < 1e-5);
 }
 
 /// Film jumps alone carry a loss of what is covered.

@@ -1,7 +1,6 @@
 //! Edges on the films of views, as kernels have them: pieces, and a table of the films.
 
 use burn::cubecl::{self, prelude::*};
-
 use rayon::prelude::*;
 
 use super::reading::first_over;
@@ -9,7 +8,8 @@ use crate::kernel::{Piece, View};
 use crate::model::film::BLOCK;
 
 /// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
-/// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to [`WHOLE`]. Behind all pieces are sums over blocks.
+/// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to [`WHOLE`].
+/// Behind all pieces are sums over blocks.
 pub(super) const OF_PIECE: u32 = 5;
 pub(super) const WHOLE: f32 = 16_777_216.0;
 

@@ -14,7 +14,7 @@ use super::list::List;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::sums::{
-    FIRST_SUM, MEASURE, MORE, PARTS, TYPICAL, add_replicas, bits_of_each, choose_scales, clear,
+    FIRST_SUM, MEASURE, PARTS, TYPICAL, add_replicas, bits_of_each, choose_scales, clear, kept,
     look_again, take_scales,
 };
 
@@ -93,7 +93,7 @@ impl<'a> Pass<'a> {
         let sums = List::room(&self.client, 3 * numbers);
         self.clear(&sizes, first);
         self.add(&[some], spread, (&sizes, None), first);
-        self.choose(&sizes, first, self.bits - MORE);
+        self.choose(&sizes, first, kept(self.bits, false));
         self.clear(&totals, first);
         self.clear(&sums, first);
         self.add(&all, 0, (&totals, Some(&sums)), first);
@@ -110,7 +110,7 @@ impl<'a> Pass<'a> {
         );
         self.clear(&sizes, again);
         self.add(&all, 0, (&sizes, None), again);
-        self.choose(&sizes, again, self.bits);
+        self.choose(&sizes, again, kept(self.bits, true));
         self.clear(&totals, again);
         self.clear(&sums, again);
         self.add(&all, 0, (&totals, Some(&sums)), again);

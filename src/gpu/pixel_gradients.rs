@@ -32,6 +32,24 @@ fn grid(words: &[u32]) -> Grid {
     }
 }
 
+/// A cell of a view.
+#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
+#[expand(derive(Clone, Copy))]
+struct Cell {
+    view: u32,
+    row: u32,
+    column: u32,
+}
+
+#[cube]
+fn cell_of(grid: &Grid, number: u32) -> Cell {
+    Cell {
+        view: number / (grid.columns * grid.rows),
+        row: number / grid.columns % grid.rows,
+        column: number % grid.columns,
+    }
+}
+
 /// The place of a cell's numbers.
 #[cube]
 fn cell_at(grid: &Grid, view: u32, x: u32, y: u32) -> usize {
@@ -53,10 +71,10 @@ pub(super) fn look_at_cells(
 ) {
     let grid = grid(words);
     if ABSOLUTE_POS < (views * grid.columns * grid.rows) as usize {
-        let thread = ABSOLUTE_POS as u32;
-        let column = thread % grid.columns;
-        let row = thread / grid.columns % grid.rows;
-        let view = thread / (grid.columns * grid.rows);
+        let cell = cell_of(&grid, ABSOLUTE_POS as u32);
+        let column = cell.column;
+        let row = cell.row;
+        let view = cell.view;
         let floats = &floats[view as usize * FLOAT_HEADER..];
         let places = &films[(OF_FILM * views) as usize..];
         let mut weight = 0.0f32;
@@ -115,10 +133,10 @@ pub(super) fn look_around(
 ) {
     let grid = grid(words);
     if ABSOLUTE_POS < (views * grid.columns * grid.rows) as usize {
-        let thread = ABSOLUTE_POS as u32;
-        let column = thread % grid.columns;
-        let row = thread / grid.columns % grid.rows;
-        let view = thread / (grid.columns * grid.rows);
+        let cell = cell_of(&grid, ABSOLUTE_POS as u32);
+        let column = cell.column;
+        let row = cell.row;
+        let view = cell.view;
         let radius = f32::from_bits(films[(OF_FILM * view) as usize + RADIUS]);
         let around = 1 + (radius * (1.0f32 / CELL as f32)).ceil() as u32;
         let mut sum = 0.0f32;

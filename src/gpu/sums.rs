@@ -264,11 +264,16 @@ pub(super) const MEASURE: f32 = 0.0;
 /// Bits of derivatives, times their scale, of which so many have room in a sum: those of derivatives that were all
 /// measured.
 pub(super) fn bits_of_each(derivatives: u64) -> i32 {
-    (61 - (u64::BITS - derivatives.leading_zeros()) as i32).clamp(16, 40)
+    (61 - (u64::BITS - derivatives.leading_zeros()) as i32).clamp(16, 40 + MORE)
 }
 
-/// Bits that derivatives may be larger by than those that were measured.
-pub(super) const MORE: i32 = 12;
+/// Bits that derivatives may be larger by than those that were measured, if not all were.
+const MORE: i32 = 12;
+
+/// Bits of the largest derivative that was measured: one less than there is room for, since a power of two takes all.
+pub(super) fn kept(bits: i32, all_measured: bool) -> i32 {
+    bits - if all_measured { 1 } else { MORE }
+}
 
 /// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
 #[cube]
@@ -346,17 +351,24 @@ pub(super) fn add_vector(
 mod tests {
     use super::*;
 
-    /// So many derivatives of the largest size fit into 63 bits.
+    /// So many derivatives of the largest size fit into 63 bits; one that is a power of two, and is the largest of all
+    /// that were measured, is below the limit.
     #[test]
     fn sums_have_room() {
         for log in 0..45 {
             let derivatives = (1u64 << log) + 1;
             let bits = bits_of_each(derivatives);
-            assert!((16..=40).contains(&bits));
+            assert!((16..=40 + MORE).contains(&bits));
             assert!(
                 u128::from(derivatives) << bits < 1 << 62,
                 "{derivatives} {bits}"
             );
+            let limit = 2.0f32.powi(bits);
+            for largest in [1.0f32, 0.7, 1e-9] {
+                let own = largest.to_bits();
+                let exponent = (own >> 23) as i32 - 127 + i32::from(own & 0x007f_ffff != 0);
+                assert!(largest * 2.0f32.powi(kept(bits, true) - exponent) < limit);
+            }
         }
     }
 }

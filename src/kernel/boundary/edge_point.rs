@@ -161,9 +161,10 @@ impl View {
             }
             let corners = self.scene.triangles[face as usize].corners;
             // The corner that is farthest from the edge's line, on which its point is where the face was at rest.
-            let on_line = match p.edge.apart {
-                true => p.position - self.scene.shift(face, time),
-                false => p.edge.a,
+            let on_line = if p.edge.apart {
+                p.position - self.scene.shift(face, time)
+            } else {
+                p.edge.a
             };
             let from_a = corners.map(|c| c - on_line);
             let far = from_a.map(|d| d.cross(p.edge.along).length_squared());
