@@ -9,6 +9,7 @@ use common::gradients::{
     CONES, Case, Effort, SHARP, SOFTMAX, Setup, agreement, cases, check, lights,
 };
 use common::numbers::mean_and_error;
+use common::random_scenes::{RandomScene, compare};
 use common::scenes::{facing_down, floor, scene_file};
 use common::tensors::gradient;
 use softray::gradcheck::{Checked, GradCheck, Point, Verdict, gradcheck};
@@ -87,6 +88,35 @@ fn facets_agree_with_central_differences() {
     // What is seen through moving glass takes the long tier's samples to tell from noise.
     cases.retain(|case| common::long() || case.name != "glass that moves");
     agree_with_central_differences(CONES, cases);
+}
+
+/// Random scenes by `make`, of seeds from `SOFTRAY_SEED` on. In the long tier these are `count` or `SOFTRAY_SCENES`.
+fn random_scenes_agree(make: fn(u64) -> RandomScene, count: u64, precision: f64, renders: u64) {
+    let number = |name: &str, otherwise| {
+        let given = std::env::var(name).ok();
+        given.and_then(|v| v.parse().ok()).unwrap_or(otherwise)
+    };
+    let first: u64 = number("SOFTRAY_SEED", 0);
+    let (count, precision, renders) = match common::long() {
+        true => (number("SOFTRAY_SCENES", count), precision, renders),
+        false => (2, 0.05, 48),
+    };
+    let scenes: Vec<_> = (first..first + count).map(make).collect();
+    let outcome = compare(&scenes, precision, renders);
+    let undecided = &outcome.undecided;
+    let of = outcome.derivatives;
+    println!("{} of {of} undecided: {undecided:#?}", undecided.len());
+    assert!(outcome.disagree.is_empty(), "{:#?}", outcome.disagree);
+}
+
+#[test]
+fn random_scenes_agree_with_central_differences() {
+    random_scenes_agree(RandomScene::new, 100, 0.01, 2000);
+}
+
+#[test]
+fn bodies_that_pass_through_each_other_agree_with_central_differences() {
+    random_scenes_agree(RandomScene::of_crossing_bodies, 20, 0.007, 20_000);
 }
 
 /// The same seed gives the same gradient on the other CPU backend.

@@ -2,7 +2,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::camera::{Beginning, camera};
+use super::camera::{Beginning, camera, middle_of};
 use super::emitter_choice::{chance, choose, next_emitter_hit, site};
 use super::layout::{CONE, EMITS, FIRST_SUMS, NONE, OF_MATERIAL, OF_MATERIALS};
 use super::light::Site;
@@ -47,6 +47,7 @@ pub(super) fn no_camera_gradient() -> CameraGradient {
             second: zero,
         },
         per_focus: 0.0f32.runtime(),
+        filter: 0.0f32.runtime(),
     }
 }
 
@@ -66,6 +67,7 @@ pub(super) fn add_camera(
     add_vector(totals, scales, first + 12, g.lens.first, CAMERA);
     add_vector(totals, scales, first + 15, g.lens.second, CAMERA);
     add(totals, scales, first + 18, g.per_focus, CAMERA);
+    add(totals, scales, first + 19, g.filter, CAMERA);
 }
 
 /// Back along a path: adds the derivatives of the light that it brought, times `upstream`.
@@ -78,6 +80,7 @@ pub(super) fn path_backward(
     scales: &[f32],
     room: Room,
     path: Beginning,
+    pixel: u32,
     points: u32,
     upstream: Upstream,
     by_camera: &mut CameraGradient,
@@ -282,6 +285,7 @@ pub(super) fn path_backward(
     if comptime!(of.camera) {
         camera(floats, features.parallel).ray_backward(
             &path.ray,
+            middle_of(words, pixel),
             by_origin,
             by_direction,
             by_camera,

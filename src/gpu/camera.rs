@@ -8,7 +8,7 @@ use super::numbers::{Four, Stream, numbers_of, on_disk};
 use super::reading::vector;
 use crate::model::camera::{Camera, CameraRay, Dual};
 use crate::model::filter::sample_filter;
-use crate::model::{Pair, v2};
+use crate::model::{Pair, V2, v2};
 
 #[cube]
 pub(super) fn camera(floats: &[f32], #[comptime] parallel: bool) -> Camera {
@@ -31,7 +31,15 @@ pub(super) fn camera(floats: &[f32], #[comptime] parallel: bool) -> Camera {
         parallel: parallel.runtime(),
         width: floats[CAMERA + 19],
         height: floats[CAMERA + 20],
+        filter: floats[CAMERA + 21],
     }
+}
+
+/// The film point, in pixels, in the middle of a pixel.
+#[cube]
+pub(super) fn middle_of(words: &[u32], pixel: u32) -> V2 {
+    let width = words[WIDTH];
+    v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
 }
 
 #[cube]
@@ -44,9 +52,9 @@ pub(super) fn camera_ray(
     #[comptime] features: Features,
 ) -> CameraRay {
     let table = words[FILTER] as usize;
-    let width = words[WIDTH];
-    let x = (pixel % width) as f32 + 0.5 + sample_filter(floats, table, film.x);
-    let y = (pixel / width) as f32 + 0.5 + sample_filter(floats, table, film.y);
+    let middle = middle_of(words, pixel);
+    let x = middle.x + sample_filter(floats, table, film.x);
+    let y = middle.y + sample_filter(floats, table, film.y);
     let mut on_lens = v2(0.0, 0.0);
     if comptime!(features.lens) {
         on_lens = on_disk(more.x, more.y);

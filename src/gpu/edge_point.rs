@@ -143,13 +143,14 @@ pub(super) fn edge_point(
     p
 }
 
-/// The faces of an edge that are seen on its two sides, or [`NONE`] where one sees past it, and the direction of
-/// a ray that passes the edge right beside it, on that side if there is one.
+/// The faces of an edge that are seen on its two sides, or [`NONE`] where one sees past it, the direction from the −
+/// side to the + side (`across`), and that of a ray that passes the edge right beside it, on that side if there is one.
 #[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
 #[expand(derive(Clone, Copy))]
 pub(super) struct Sides {
     pub minus: u32,
     pub plus: u32,
+    pub across: V3,
     pub past: V3,
 }
 
@@ -262,6 +263,7 @@ pub(super) fn sides(
     Sides {
         minus,
         plus,
+        across,
         past: (p.to + across * step).normalize(),
     }
 }

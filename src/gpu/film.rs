@@ -107,13 +107,17 @@ pub(super) fn film_jumps(
             let origin = c.origin_towards(p.position, lens.x, lens.y);
             p.to = p.position - origin;
             let mut row = NONE.runtime();
+            let mut kernel_x = 0.0f32;
+            let mut kernel_y = 0.0f32;
             if share > 0.0 && p.exists && p.to.dot(c.dual.z) > 0.0 {
                 // The pixel whose ray would come here.
                 let at = c.project(p.position, lens.x, lens.y);
                 let kernel = numbers_of(words, SEED_OF_EDGES, NO_PIXEL, sample, features.sobol);
                 let drawn = kernel.set(words, 0u32, features.sobol);
-                let x = at.x - radius * film_kernel(drawn.x);
-                let y = at.y - radius * film_kernel(drawn.y);
+                kernel_x = film_kernel(drawn.x);
+                kernel_y = film_kernel(drawn.y);
+                let x = at.x - radius * kernel_x;
+                let y = at.y - radius * kernel_y;
                 row = row_of(words, places, x, y, listed);
             }
             if row != NONE {
@@ -148,6 +152,7 @@ pub(super) fn film_jumps(
                             past: beside.past,
                             minus: beside.minus,
                             plus: beside.plus,
+                            across: beside.across,
                         };
                         let beginning = Beginning {
                             numbers,
@@ -189,6 +194,8 @@ pub(super) fn film_jumps(
                                 &mut by_camera,
                             );
                             if comptime!(of.camera) {
+                                // A wider filter moves its points away from the middle, past the edge.
+                                by_camera.filter -= by_film.x * kernel_x + by_film.y * kernel_y;
                                 add_camera(words, totals, scales, &by_camera);
                             }
                             add_to_edge(

@@ -334,6 +334,7 @@ pub(super) fn jumps_seen_from(
                         past: beside.past,
                         minus: beside.minus,
                         plus: beside.plus,
+                        across: beside.across,
                     };
                     let numbers = numbers_of(
                         words,

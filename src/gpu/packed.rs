@@ -175,7 +175,7 @@ fn add_camera(view: &View, floats: &mut [f32]) {
         lens.second,
     ];
     let numbers = vectors.into_iter().flat_map(V3::to_array);
-    let numbers = numbers.chain([c.per_focus, c.width, c.height]);
+    let numbers = numbers.chain([c.per_focus, c.width, c.height, c.filter]);
     floats[CAMERA..]
         .iter_mut()
         .zip(numbers)

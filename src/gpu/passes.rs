@@ -238,6 +238,7 @@ pub(super) fn go_back(
                 scales,
                 room,
                 path,
+                which.pixel,
                 points,
                 g,
                 &mut by_camera,

@@ -26,6 +26,8 @@ pub(super) struct Behind {
     pub past: V3,
     pub minus: u32,
     pub plus: u32,
+    /// The direction from the − side to the + side.
+    pub across: V3,
 }
 
 /// The light on the − side of an edge less that on the + side.
@@ -41,7 +43,7 @@ pub(super) struct SideLight {
 }
 
 /// The point that is seen on a side. That of a face lies so far inside that no ray from it meets the other faces
-/// of the edge by rounding.
+/// of the edge by rounding. The line of a crossing divides the face: of its halves the one on that side is seen.
 #[cube]
 fn start_beside(
     floats: &[f32],
@@ -72,9 +74,17 @@ fn start_beside(
     };
     if face != NONE {
         let at = words[SURFACES] + SURFACE_STRIDE as u32 * face;
-        let sum = vector(floats, at) + vector(floats, at + 3) + vector(floats, at + 6);
-        let middle = sum * (1.0f32 / 3.0f32) + shift_of(floats, words, face, time, features.moves);
-        let inward = middle - p.position;
+        let mut inward = vector(floats, at + 9).cross(p.along);
+        if p.crossing {
+            let is_on_plus = inward.dot(behind.across) > 0.0;
+            if is_on_plus != on_plus {
+                inward = -inward;
+            }
+        } else {
+            let sum = vector(floats, at) + vector(floats, at + 3) + vector(floats, at + 6);
+            let shift = shift_of(floats, words, face, time, features.moves);
+            inward = sum * (1.0f32 / 3.0f32) + shift - p.position;
+        }
         let step = (beside(p.position) / inward.length().max(1e-37)).min(0.1);
         start.triangle = face;
         start.near = p.position + inward * step;

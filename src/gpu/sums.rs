@@ -37,7 +37,7 @@ pub(super) const TYPICAL: usize = PARTS + 1;
 /// [`DeltaSums`]: crate::kernel::DeltaSums
 /// [`CameraSums`]: crate::kernel::CameraSums
 pub(super) const OF_LIGHT: usize = 11;
-pub(super) const OF_CAMERA: usize = 19;
+pub(super) const OF_CAMERA: usize = 20;
 
 /// Words before the sums of a replica: the largest derivative of each part, by its bits, then the number of those
 /// that no sum holds.

@@ -37,7 +37,7 @@ impl View {
                     origin: V3::ZERO,
                     direction: scene.sky.backward(camera.direction, g, &mut sums.sky),
                 };
-                self.camera_backward(camera, by_ray, sums);
+                self.camera_backward(path, camera, by_ray, sums);
             }
             return;
         }
@@ -95,15 +95,17 @@ impl View {
             by_ray = self.point_backward(&walk.point, time, &by, by_t, sums);
         }
         work.chain = vertices;
-        self.camera_backward(camera, by_ray, sums);
+        self.camera_backward(path, camera, by_ray, sums);
     }
 
     #[inline(always)]
-    pub(super) fn camera_backward(&self, camera: &CameraRay, by: RayGradient, sums: &mut Sums) {
+    fn camera_backward(&self, path: &Path, camera: &CameraRay, by: RayGradient, sums: &mut Sums) {
         if self.wanted.camera {
             let mut gradient = CameraGradient::default();
+            let (pixel, _) = path.numbers.path();
+            let pixel = self.middle_of(pixel);
             self.camera
-                .ray_backward(camera, by.origin, by.direction, &mut gradient);
+                .ray_backward(camera, pixel, by.origin, by.direction, &mut gradient);
             sums.camera += gradient.into();
         }
     }

@@ -147,16 +147,17 @@ impl HostCamera {
             parallel: matches!(self.projection, HostProjection::Orthographic { .. }),
             width: width as f32,
             height: height as f32,
+            filter: 0.0,
         }
     }
 
     /// Adds the derivatives by a camera's parameters at their places, from those by its [`Model`] for an
-    /// image of `aspect` (width over height).
+    /// image of `aspect` (width over height), whose filter has a radius of `filter` pixels.
     pub fn backward(
         &self,
         g: &CameraSums,
         unit: f64,
-        aspect: f64,
+        (aspect, filter): (f64, f64),
         places: &[(ParameterId, Range<usize>)],
         all: &mut [f64],
     ) {
@@ -176,7 +177,12 @@ impl HostCamera {
         let by_across = (by_right - f.right * f.right.dot(by_right)) / across.length();
         let by_forward = g.forward + by_cross.cross(f.right) + up.cross(by_across);
         let by_up = by_across.cross(f.forward);
-        let by_view = (by_forward - f.forward * f.forward.dot(by_forward)) / view.length();
+        let mut by_view = (by_forward - f.forward * f.forward.dot(by_forward)) / view.length();
+        // The radius of a cone in pixels is in proportion to 1 over the height of what is seen at a distance of 1.
+        let by_filter = g.filter * filter;
+        if matches!(self.projection, HostProjection::Orthographic { .. }) {
+            by_view += f.forward * (by_filter / view.length());
+        }
         let by_scale = [g.across.dot(f.right), g.upward.dot(f.up)];
         let by_shift = [g.forward.dot(f.right), g.forward.dot(f.up)];
         for (id, range) in places {
@@ -194,20 +200,21 @@ impl HostCamera {
                 }
                 (ParameterId::FieldOfView, HostProjection::Perspective { fov_y }) => {
                     let cos = (0.5 * fov_y).to_radians().cos();
-                    let by_half = by_scale[0] + by_scale[1];
+                    let by_half = by_scale[0] + by_scale[1] - by_filter / f.scale[1];
                     add(all, &[by_half * 0.5f64.to_radians() / (cos * cos)]);
                 }
                 (ParameterId::FocalLength, HostProjection::Intrinsics { focal, .. }) => {
                     let by = |i: usize| {
                         -(by_scale[i] * f.scale[i] + by_shift[i] * f.shift[i]) / focal[i]
                     };
-                    add(all, &[by(0), by(1)]);
+                    add(all, &[by(0), by(1) + by_filter / focal[1]]);
                 }
                 (ParameterId::PrincipalPoint, HostProjection::Intrinsics { focal, .. }) => {
                     add(all, &[-by_shift[0] / focal[0], by_shift[1] / focal[1]]);
                 }
-                (ParameterId::ViewHeight, HostProjection::Orthographic { .. }) => {
-                    add(all, &[(by_scale[0] + by_scale[1]) * 0.5 / unit]);
+                (ParameterId::ViewHeight, HostProjection::Orthographic { height }) => {
+                    let by_half = by_scale[0] + by_scale[1];
+                    add(all, &[by_half * 0.5 / unit - by_filter / height]);
                 }
                 (ParameterId::Aperture, _) => {
                     add(

@@ -116,6 +116,7 @@ pub(crate) struct CameraSums {
     pub forward: DVec3,
     pub lens: [DVec3; 2],
     pub per_focus: f64,
+    pub filter: f64,
 }
 
 #[cfg(feature = "wgpu")]
@@ -130,6 +131,7 @@ impl CameraSums {
             forward: vector(3),
             lens: [vector(4), vector(5)],
             per_focus: number(18),
+            filter: number(19),
         }
     }
 }
@@ -143,6 +145,7 @@ impl AddAssign for CameraSums {
         self.lens[0] += o.lens[0];
         self.lens[1] += o.lens[1];
         self.per_focus += o.per_focus;
+        self.filter += o.filter;
     }
 }
 
@@ -156,6 +159,7 @@ impl From<CameraGradient> for CameraSums {
             forward: g.forward.into(),
             lens: [g.lens.first.into(), g.lens.second.into()],
             per_focus: g.per_focus.into(),
+            filter: g.filter.into(),
         }
     }
 }

@@ -8,9 +8,9 @@ use super::view::View;
 use super::walk::{Leave, Sample, Vertex, Work};
 use super::walk::{Path, Walk, Walks};
 use crate::accel::{HitRay, NOTHING};
-use crate::model::V3;
 use crate::model::camera::CameraRay;
 use crate::model::cone::lifted;
+use crate::model::{V2, V3, v2};
 use crate::sampling::Numbers;
 
 impl View {
@@ -18,10 +18,17 @@ impl View {
     #[inline(always)]
     fn camera_ray(&self, numbers: &Numbers, pixel: u32) -> CameraRay {
         let [u, v, ..] = numbers.film();
-        let x = (pixel % self.settings.width) as f32 + 0.5 + self.filter.sample(u);
-        let y = (pixel / self.settings.width) as f32 + 0.5 + self.filter.sample(v);
+        let middle = self.middle_of(pixel);
+        let (x, y) = (self.filter.sample(u), self.filter.sample(v));
         let [lens_x, lens_y] = self.lens_point(numbers);
-        self.camera.ray(x, y, lens_x, lens_y)
+        self.camera.ray(middle.x + x, middle.y + y, lens_x, lens_y)
+    }
+
+    /// The film point, in pixels, in the middle of a pixel.
+    #[inline(always)]
+    pub(super) fn middle_of(&self, pixel: u32) -> V2 {
+        let width = self.settings.width;
+        v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
     }
 
     /// Traces paths from their camera rays to their ends. With `KEEP` their records stay in `work`.

@@ -78,9 +78,11 @@ impl View {
         edge_sets: Option<Arc<EdgeSets>>,
     ) -> Self {
         let frame = &scene.frame;
-        let model = camera.model(frame, settings.width, settings.height);
+        let mut model = camera.model(frame, settings.width, settings.height);
         let pixels_per_tangent = 0.5 * f64::from(settings.height) / camera.half_height;
         let wide = settings.camera_cone * pixels_per_tangent;
+        let filter = PixelFilter::of_cone(settings.pixels, wide);
+        model.filter = filter.cone_radius();
         let has_map = scene.sky.map().is_some();
         let gathers_map = has_map && settings.multiple_importance;
         let sees_sky = !scene.sky.is_black() && !gathers_map;
@@ -88,7 +90,7 @@ impl View {
         let mut view = Self {
             host_camera: camera,
             camera: model,
-            filter: PixelFilter::new(settings.pixels.max(wide)),
+            filter,
             cone: settings.cone as f32,
             cones: settings.sampler.stream(1),
             edges: settings.sampler.stream(2),
@@ -119,7 +121,9 @@ impl View {
     ) {
         let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
         let unit = self.scene.frame.unit;
-        self.host_camera.backward(sums, unit, aspect, places, all);
+        let filter = f64::from(self.camera.filter);
+        self.host_camera
+            .backward(sums, unit, (aspect, filter), places, all);
     }
 
     /// The sets of random numbers that paths use at their first surfaces (`Dimension::of_sequence`).

@@ -6,6 +6,7 @@
 //! y·upward. The three vectors are any basis, so a field of view, a principal point and pixels that are not
 //! square are all in them, and a point is projected by the inverse of the basis.
 
+use super::filter::filter_by_radius;
 use super::{Pair, V2, V3, v2, v3};
 #[cfg(feature = "wgpu")]
 use burn::cubecl::{self, prelude::*};
@@ -34,6 +35,9 @@ pub(crate) struct Camera {
     /// Pixels.
     pub width: f32,
     pub height: f32,
+    /// The radius of the pixel filter in pixels where it is that of a cone, which has a constant angle and so changes
+    /// with the field of view; else 0.
+    pub filter: f32,
 }
 
 /// Rows of the inverse of a basis.
@@ -63,6 +67,8 @@ pub(crate) struct CameraGradient {
     pub forward: V3,
     pub lens: Pair,
     pub per_focus: f32,
+    /// By the filter's radius.
+    pub filter: f32,
 }
 
 /// A ray from a point of the lens (on the unit disk) through a point of the film.
@@ -117,9 +123,16 @@ impl Camera {
         self.lens.first * lens_x + self.lens.second * lens_y
     }
 
-    /// Adds the derivatives of g_o·origin + g_d·direction.
+    /// Adds the derivatives of g_o·origin + g_d·direction of a ray that was drawn about the middle of a pixel.
     #[inline(always)]
-    pub fn ray_backward(&self, ray: &CameraRay, g_o: V3, g_d: V3, gradient: &mut CameraGradient) {
+    pub fn ray_backward(
+        &self,
+        ray: &CameraRay,
+        pixel: V2,
+        g_o: V3,
+        g_d: V3,
+        gradient: &mut CameraGradient,
+    ) {
         let by_along = g_d.reject_from_normalized(ray.direction) * (1.0 / ray.length);
         let mut by_beside = g_o;
         if !self.parallel {
@@ -128,6 +141,13 @@ impl Camera {
             gradient.lens.first += by_lens * ray.lens_x;
             gradient.lens.second += by_lens * ray.lens_y;
             gradient.per_focus -= by_along.dot(self.lens_point(ray.lens_x, ray.lens_y));
+        }
+        if self.filter > 0.0 {
+            let x = 0.5 * (self.width + ray.x * self.height) - pixel.x;
+            let y = 0.5 * (1.0 - ray.y) * self.height - pixel.y;
+            let by_x = by_beside.dot(self.across) * filter_by_radius(x, self.filter);
+            let by_y = by_beside.dot(self.upward) * filter_by_radius(y, self.filter);
+            gradient.filter += (by_x - by_y) * (2.0 / self.height);
         }
         gradient.eye += g_o;
         gradient.across += by_beside * ray.x;
@@ -273,6 +293,7 @@ mod tests {
             parallel,
             width: 60.0,
             height: 40.0,
+            filter: 0.0,
             dual: Dual::default(),
         }
         .inverted()
@@ -318,7 +339,8 @@ mod tests {
                 f64::from(g.x * f.x + g.y * f.y)
             };
             let mut by_ray = CameraGradient::default();
-            c.ray_backward(&c.ray(13.0, 29.0, 0.4, -0.6), g_o, g_d, &mut by_ray);
+            let ray = c.ray(13.0, 29.0, 0.4, -0.6);
+            c.ray_backward(&ray, v2(13.5, 28.5), g_o, g_d, &mut by_ray);
             let mut by_film = CameraGradient::default();
             c.project_backward(p, 0.4, -0.6, g, &mut by_film);
             type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f32);

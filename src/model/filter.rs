@@ -66,6 +66,8 @@ pub(crate) fn film_kernel(u: f32) -> f32 {
 #[derive(Clone, Debug)]
 pub(crate) struct PixelFilter {
     radius: f32,
+    /// Whether the radius is that of a cone, which changes with the field of view.
+    is_cone: bool,
     pub table: Vec<f32>,
 }
 
@@ -89,8 +91,27 @@ impl PixelFilter {
         });
         Self {
             radius: radius as f32,
+            is_cone: false,
             table: table.collect(),
         }
+    }
+
+    /// The filter of a cone that is `cone` pixels wide, with a radius of at least `least` pixels.
+    pub fn of_cone(least: f64, cone: f64) -> Self {
+        Self {
+            is_cone: cone > least,
+            ..Self::new(least.max(cone))
+        }
+    }
+
+    /// The radius in pixels where it changes with the field of view, else 0.
+    pub fn cone_radius(&self) -> f32 {
+        if self.is_cone { self.radius } else { 0.0 }
+    }
+
+    /// The derivative of a point of the filter by the radius, times the radius, in pixels.
+    pub fn spread(&self, x: f32) -> f64 {
+        f64::from(self.radius * filter_by_radius(x, self.radius))
     }
 
     /// The radius of the kernel that smooths the box, in pixels.
@@ -122,6 +143,32 @@ pub(crate) fn sample_filter(list: &[f32], table: usize, u: f32) -> f32 {
         x = -x;
     }
     x
+}
+
+/// The derivative of a point of the filter by the filter's radius r, at a fixed random number. The point is the sum of one
+/// of the box and r κ with κ from [`film_kernel`], so that this is the mean of κ among the sums that are this point:
+/// over κ in [(x − ½)/r, (x + ½)/r], by a quadrature that is exact for the kernel's polynomials.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn filter_by_radius(x: f32, radius: f32) -> f32 {
+    let low = ((x - 0.5) / radius).max(-1.0);
+    let high = ((x + 0.5) / radius).min(1.0);
+    let middle = 0.5 * (low + high);
+    let step = 0.387_298_35 * (high - low);
+    let before = middle - step;
+    let after = middle + step;
+    let a = 1.0 - before * before;
+    let b = 1.0 - middle * middle;
+    let c = 1.0 - after * after;
+    let weight_a = 5.0 * a * a;
+    let weight_b = 8.0 * b * b;
+    let weight_c = 5.0 * c * c;
+    let all = weight_a + weight_b + weight_c;
+    let mut mean = middle;
+    if all > 0.0 {
+        mean = (weight_a * before + weight_b * middle + weight_c * after) / all;
+    }
+    mean
 }
 
 /// The share of a pixel's filter that lies below a point x ≤ 0.
@@ -196,6 +243,18 @@ mod tests {
                 assert!(
                     (below / f64::from(u) - 1.0).abs() < 2e-3,
                     "{radius} {u}: {below}"
+                );
+            }
+            // Its derivative by the radius, beside central differences.
+            let h = 1e-3;
+            let wider = PixelFilter::new(radius + h);
+            let narrower = PixelFilter::new((radius - h).max(0.0));
+            for u in [1e-3f32, 0.03, 0.2, 0.4, 0.7, 0.99] {
+                let wanted = (wider.sample(u) - narrower.sample(u)) / (2.0 * h as f32);
+                let found = filter_by_radius(filter.sample(u), radius as f32);
+                assert!(
+                    radius == 0.0 || (found - wanted).abs() < 5e-3,
+                    "{radius} {u}: {found} {wanted}"
                 );
             }
             assert!(filter.sample(0.0) >= -(0.5 + radius as f32 + 1e-6));

@@ -166,8 +166,25 @@ impl Camera {
         [forward, right, up]
     }
 
+    /// 0, with the derivative of 1/[`half_height`](Self::half_height), relative to its value.
+    fn growth(&self, context: &Context, high: &Tensor<2>) -> Tensor<2> {
+        let growth = (high.clone().detach() - high.clone()) / high.clone().detach();
+        if !self.projection.is_parallel() {
+            return growth;
+        }
+        // Of length 1, so that its square is in range.
+        let host = |p: &Parameter<3>| glam::DVec3::from(p.values().unwrap_or([0.0; 3]));
+        let length = (host(&self.target) - host(&self.eye)).length();
+        let view = self.target.vector(context).sub(&self.eye.vector(context));
+        let view = view.scale_by(length.recip());
+        let square = view.dot(&view);
+        growth + (square.clone() - square.detach()) * 0.5
+    }
+
     /// Rays through film points (rows `[1, N]` in units of the image, (0, 0) top left), from lens
-    /// points (rows, on the unit disk). Origins are relative to `centre`, in units of `unit`.
+    /// points (rows, on the unit disk). Origins are relative to `centre`, in units of `unit`. `spread` (rows) is by how much
+    /// film points move away from their pixels, where that is in proportion to 1/[`half_height`](Self::half_height): its
+    /// derivative is in the graph.
     pub(crate) fn rays(
         &self,
         context: &Context,
@@ -175,6 +192,7 @@ impl Camera {
         unit: f64,
         aspect: f64,
         film: &[Tensor<2>; 2],
+        spread: Option<&[Tensor<2>; 2]>,
         disk: Option<&[Tensor<2>; 2]>,
     ) -> (Vec3, Vec3) {
         let per_unit = unit.recip();
@@ -183,8 +201,14 @@ impl Camera {
         let eye = eye.scale_by(per_unit);
         let [forward, right, up] = self.axes(context);
         let ([wide, high], shift) = self.projection.planes(context, unit, aspect);
-        let mut sx = (film[0].clone() * 2.0 - 1.0) * (wide * aspect);
-        let mut sy = (film[1].clone() * (-2.0) + 1.0) * high;
+        let [mut x, mut y] = film.clone();
+        if let Some([by_x, by_y]) = spread {
+            let growth = self.growth(context, &high);
+            x = x + by_x.clone() * growth.clone();
+            y = y + by_y.clone() * growth;
+        }
+        let mut sx = (x * 2.0 - 1.0) * (wide * aspect);
+        let mut sy = (y * (-2.0) + 1.0) * high;
         if let Some([x, y]) = shift {
             sx = sx + x;
             sy = sy + y;
@@ -231,7 +255,7 @@ impl Camera {
         let rows: Vec<f64> = pixels.map(|i| middle(i / width, height)).collect();
         let film = [context.row(&columns), context.row(&rows)];
         let aspect = width as f64 / height as f64;
-        let (_, direction) = self.rays(&context, [0.0; 3], 1.0, aspect, &film, None);
+        let (_, direction) = self.rays(&context, [0.0; 3], 1.0, aspect, &film, None, None);
         let [forward, ..] = self.axes(&context);
         let cosine = forward.dot(&direction).reshape([height, width]);
         Ok(depth * detached(&cosine))

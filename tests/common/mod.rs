@@ -14,6 +14,7 @@ pub mod memory;
 pub mod mesh_loops;
 pub mod modules;
 pub mod numbers;
+pub mod random_scenes;
 pub mod scenes;
 pub mod stress;
 pub mod tensors;

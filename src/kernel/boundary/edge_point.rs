@@ -139,6 +139,8 @@ impl View {
 pub(super) struct Sides {
     /// The triangle of the edge that is seen on the − and + side, or [`NOTHING`] where one sees past it.
     pub faces: [u32; 2],
+    /// Points from the − side to the + side, at a right angle to the edge and to the direction in which it is seen.
+    across: V3,
     /// The direction of a ray that passes the edge right beside it, on that side if there is one.
     pub past: V3,
 }
@@ -199,6 +201,7 @@ impl View {
         let step = BESIDE * (0.1 + p.position.abs().max_element()) * towards / across.length();
         Sides {
             faces,
+            across,
             past: (p.to + across * step).normalize(),
         }
     }
@@ -251,11 +254,11 @@ impl View {
         walks: &mut Walks,
     ) {
         walks.clear();
-        for &face in &sides.faces {
+        for (&face, across) in sides.faces.iter().zip([-sides.across, sides.across]) {
             let mut walk = Walk::new();
             if face != NOTHING {
                 walk.seen = face;
-                walk.begin_at(self.beside(p, face, view, time));
+                walk.begin_at(self.beside(p, (face, across), view, time));
             } else if behind.triangle != NOTHING {
                 walk.seen = behind.triangle;
                 walk.begin_at(self.scene.point(behind, origin, sides.past, time));
@@ -268,11 +271,17 @@ impl View {
     }
 
     /// The point of a face of an edge right beside the edge's point, seen along a direction: so far inside
-    /// that no ray from it meets the other faces of the edge by rounding.
-    fn beside(&self, p: &EdgePoint, face: u32, view: V3, time: f32) -> Point {
-        let [a, b, c] = self.scene.triangles[face as usize].corners;
-        let middle = (a + b + c) * (1.0 / 3.0) + self.scene.shift(face, time);
-        let inward = middle - p.position;
+    /// that no ray from it meets the other faces of the edge by rounding. The line of a crossing divides the face:
+    /// of its halves the one towards `across` is seen.
+    fn beside(&self, p: &EdgePoint, (face, across): (u32, V3), view: V3, time: f32) -> Point {
+        let tri = &self.scene.triangles[face as usize];
+        let inward = if p.edge.kind == Kind::Crossing {
+            let half = tri.normal.cross(p.edge.along);
+            half * half.dot(across).signum()
+        } else {
+            let [a, b, c] = tri.corners;
+            (a + b + c) * (1.0 / 3.0) + self.scene.shift(face, time) - p.position
+        };
         let distance = inward.length().max(f32::MIN_POSITIVE);
         let step = (BESIDE * (0.1 + p.position.abs().max_element()) / distance).min(0.1);
         let t = p.to.length();

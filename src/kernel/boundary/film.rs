@@ -61,8 +61,8 @@ impl FilmSamples<'_> {
         } = view.camera.project(point.position, lens[0], lens[1]);
         let [kernel_u, kernel_v, ..] = view.edges.numbers((u32::MAX, sample)).set(0);
         let radius = view.filter.radius();
-        let x = film_x - radius * film_kernel(kernel_u);
-        let y = film_y - radius * film_kernel(kernel_v);
+        let kernel = v2(film_kernel(kernel_u), film_kernel(kernel_v));
+        let (x, y) = (film_x - radius * kernel.x, film_y - radius * kernel.y);
         let Some(g) = self.pixels.get(x, y).filter(|g| **g != Seen::default()) else {
             return;
         };
@@ -101,6 +101,8 @@ impl FilmSamples<'_> {
             view.camera
                 .project_backward(point.position, lens[0], lens[1], by_film, &mut camera);
         if view.wanted.camera {
+            // A wider filter moves its points away from the middle, past the edge.
+            camera.filter -= by_film.x * kernel.x + by_film.y * kernel.y;
             self.sums.camera += camera.into();
         }
         view.add_to_edge(&point, by_point, path.time, self.sums);

@@ -174,6 +174,16 @@ impl<'a> TensorRenderer<'a> {
                 numbers.into_iter().map(of).collect()
             }),
         };
+        let spread = match &self.sight {
+            HostSight::Cones(_, filter) if filter.cone_radius() > 0.0 => {
+                let row = |jitter: &[f64], size: usize| {
+                    let of = |j: &f64| filter.spread(*j as f32 - 0.5) / size as f64;
+                    context.row(&jitter.iter().map(of).collect::<Vec<_>>())
+                };
+                Some([row(&x, width), row(&y, height)])
+            }
+            _ => None,
+        };
         let film = [
             film(|pixel, width| pixel % width, x, width),
             film(|pixel, width| pixel / width, y, height),
@@ -199,6 +209,7 @@ impl<'a> TensorRenderer<'a> {
             self.scene.unit,
             width as f64 / height as f64,
             &film,
+            spread.as_ref(),
             disk.as_ref(),
         );
         Rays {
@@ -234,7 +245,7 @@ impl HostSight {
                 let least = options.blur.map_or(0.0, f64::tan);
                 let wide = least * 0.5 * options.height as f64 / half_height;
                 let cones = Cones::new(hierarchy()?, scene.holes.clone(), angle, &sampler(options));
-                Self::Cones(cones, PixelFilter::new(pixels.max(wide)))
+                Self::Cones(cones, PixelFilter::of_cone(pixels, wide))
             }
             Visibility::Softmax {
                 sigma,

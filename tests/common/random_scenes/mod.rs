@@ -1,0 +1,87 @@
+//! Random scenes over all that a scene may be made of, and their gradients beside central differences.
+
+mod bodies;
+mod maker;
+
+use burn::tensor::Device;
+use softray::gradcheck::{Checked, GradCheck, Row, Verdict, gradcheck};
+
+use super::numbers::noise;
+pub use maker::RandomScene;
+
+/// Parameters of a scene that are differentiated.
+const PARAMETERS: usize = 4;
+
+/// The outcome of some scenes: all derivatives, and those of them that disagree or that noise leaves undecided.
+#[derive(Default)]
+pub struct Outcome {
+    pub derivatives: usize,
+    pub disagree: Vec<String>,
+    pub undecided: Vec<String>,
+}
+
+/// Compares derivatives of scenes with central differences by common random numbers. They disagree where they are
+/// more than 2 % and 3.5 standard errors apart, and are again with half the step and four times the renders.
+pub fn compare(scenes: &[RandomScene], precision: f64, renders: u64) -> Outcome {
+    let mut outcome = Outcome::default();
+    for scene in scenes {
+        let seed = scene.seed;
+        println!("scene {seed}: {}", scene.description);
+        let chosen = choose(scene, seed);
+        for mut row in rows(scene, &chosen, 1.0, precision, renders) {
+            if row.verdict == Verdict::Disagrees {
+                println!("  first {}", line(&row));
+                let again = rows(scene, &[&row.parameter], 0.5, precision, 4 * renders);
+                row = again.into_iter().next().expect("its row");
+            }
+            println!("  {}", line(&row));
+            outcome.derivatives += 1;
+            let list = match row.verdict {
+                Verdict::Agrees => continue,
+                Verdict::Disagrees => &mut outcome.disagree,
+                Verdict::Undecided => &mut outcome.undecided,
+            };
+            list.push(format!("scene {seed}, {}", line(&row)));
+        }
+    }
+    outcome
+}
+
+fn line(row: &Row) -> String {
+    let error = row.gradient.error.hypot(row.difference.error) / row.difference.mean.abs();
+    format!(
+        "{}: {:+.3e}, difference {:+.3e}, {:+.1} % ± {:.1} % {:?}",
+        row.parameter,
+        row.gradient.mean,
+        row.difference.mean,
+        100.0 * row.relative(),
+        100.0 * error,
+        row.verdict
+    )
+}
+
+/// Some of the parameters of a scene.
+fn choose(scene: &RandomScene, seed: u64) -> Vec<&str> {
+    let names: Vec<&str> = scene.numbers.iter().map(|n| n.name()).collect();
+    let keys = noise(names.len(), seed ^ 0x5bd1_e995);
+    let mut order: Vec<usize> = (0..names.len()).collect();
+    order.sort_by(|&a, &b| keys[a].total_cmp(&keys[b]));
+    order.iter().take(PARAMETERS).map(|&i| names[i]).collect()
+}
+
+/// Derivatives by parameters, with steps that are times `step` those of the scene.
+fn rows(scene: &RandomScene, names: &[&str], step: f64, precision: f64, renders: u64) -> Vec<Row> {
+    let numbers = scene.numbers.iter();
+    let parameters: Vec<Checked> = numbers
+        .map(|n| Checked::new(n.name(), [n.value], n.step * step))
+        .collect();
+    let settings = GradCheck::new(scene.options.clone(), &Device::flex())
+        .precision(precision)
+        .tolerance(0.02)
+        .seeds(16, renders)
+        .only(names);
+    let report = gradcheck(&parameters, &settings, |point| Ok(scene.build(point)));
+    report
+        .unwrap_or_else(|e| panic!("{}: {e}", scene.description))
+        .rows
+}
