@@ -76,8 +76,11 @@ fn start_beside(
         let at = words[SURFACES] + SURFACE_STRIDE as u32 * face;
         let mut inward = vector(floats, at + 9).cross(p.along);
         if p.crossing {
-            let is_on_plus = inward.dot(behind.across) > 0.0;
-            if is_on_plus != on_plus {
+            let mut towards = inward.dot(behind.across);
+            if !on_plus {
+                towards = -towards;
+            }
+            if towards < 0.0 {
                 inward = -inward;
             }
         } else {
