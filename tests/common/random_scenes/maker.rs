@@ -12,6 +12,8 @@ pub struct Number {
     pub value: f64,
     pub step: f64,
     moves: bool,
+    /// Whether gradients have all of its derivative: the outlines of masks have none.
+    pub differentiable: bool,
 }
 
 impl Number {
@@ -29,7 +31,7 @@ pub struct Maker<'a> {
     pub dtype: DType,
     numbers: Vec<Number>,
     pub description: Vec<String>,
-    /// Whether something lets light through that comes from a mask, whose outline has no gradient.
+    /// Whether a material has a mask.
     pub masked: bool,
     /// Whether a light has no extent, so that its shadows need a cone.
     pub delta: bool,
@@ -59,8 +61,9 @@ impl RandomScene {
             .samples(32)
             .bounces(bounces)
             .blur(angle);
-        let masked = maker.masked;
-        maker.numbers.retain(|n| !(masked && n.moves));
+        for number in &mut maker.numbers {
+            number.differentiable = !(maker.masked && number.moves);
+        }
         let about = maker.description.join(", ");
         Self {
             numbers: maker.numbers,
@@ -149,6 +152,7 @@ impl<'a> Maker<'a> {
             value,
             step,
             moves,
+            differentiable: true,
         });
         match self.point {
             Some(p) => p.get(name).expect("the number"),

@@ -3,7 +3,7 @@
 mod bodies;
 mod maker;
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use softray::gradcheck::{Checked, GradCheck, Row, Verdict, gradcheck};
 
 use super::numbers::noise;
@@ -60,9 +60,25 @@ fn line(row: &Row) -> String {
     )
 }
 
+/// The mean radiance, counted most at a place beside the middle of the image, so that what moves has a derivative.
+fn spot(image: Tensor<3>) -> Tensor<1> {
+    let [h, w, _] = image.dims();
+    let weights: Vec<f64> = (0..h * w)
+        .map(|i| {
+            let x = ((i % w) as f64 + 0.5) / w as f64 - 0.6;
+            let y = ((i / w) as f64 + 0.5) / h as f64 - 0.45;
+            0.2 + 2.0 * (-(x * x + y * y) / 0.03).exp()
+        })
+        .collect();
+    let like = (&image.device().inner(), image.dtype());
+    let weights = Tensor::<1>::from_data(weights.as_slice(), like).reshape([h, w, 1]);
+    (image * weights).mean()
+}
+
 /// Some of the parameters of a scene.
 fn choose(scene: &RandomScene, seed: u64) -> Vec<&str> {
-    let names: Vec<&str> = scene.numbers.iter().map(|n| n.name()).collect();
+    let numbers = scene.numbers.iter().filter(|n| n.differentiable);
+    let names: Vec<&str> = numbers.map(|n| n.name()).collect();
     let keys = noise(names.len(), seed ^ 0x5bd1_e995);
     let mut order: Vec<usize> = (0..names.len()).collect();
     order.sort_by(|&a, &b| keys[a].total_cmp(&keys[b]));
@@ -79,6 +95,7 @@ fn rows(scene: &RandomScene, names: &[&str], step: f64, precision: f64, renders:
         .precision(precision)
         .tolerance(0.02)
         .seeds(16, renders)
+        .objective(spot)
         .only(names);
     let report = gradcheck(&parameters, &settings, |point| Ok(scene.build(point)));
     report
