@@ -315,8 +315,14 @@ fn any_bytes_are_ply_or_an_error() {
 fn claims_of_size_are_not_believed() {
     let folder = Folder::new("claims");
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
-    let message =
-        |obj: &str, mtl: &[u8]| load(&folder.0, obj.as_bytes(), mtl).expect_err("an error");
+    // Without strictness some of it is a warning.
+    let limits = LoadLimits::default().strict(true);
+    let message = |obj: &str, mtl: &[u8]| {
+        folder.write("a.mtl", mtl);
+        let path = folder.write("a.obj", obj);
+        let loaded = Scene::load_within(path, &Device::flex(), &limits);
+        loaded.map(drop).expect_err("an error").to_string()
+    };
     for index in [
         "2147483647",
         "4294967296",

@@ -123,7 +123,7 @@ fn crc(bytes: &[u8]) -> u32 {
 #[cfg(unix)]
 fn files_that_are_no_files() {
     let folder = Folder::new("devices");
-    let limits = LoadLimits::default().outside(true);
+    let limits = LoadLimits::default().outside(true).strict(true);
     let device = Device::flex();
     for library in ["/dev/zero", "/dev/null"] {
         let path = folder.write("scene.obj", format!("mtllib {library}\n{SQUARE}f 1 2 3\n"));

@@ -42,10 +42,9 @@ fn files() {
         &["wood.png", "No such"],
         || {
             folder.write("a.mtl", "newmtl a\nmap_Kd wood.png\n");
-            obj(folder.write(
-                "a.obj",
-                format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\n"),
-            ))
+            let text = format!("mtllib a.mtl\n{TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+            let strict = LoadLimits::default().strict(true);
+            Scene::load_within(folder.write("a.obj", text), &flex(), &strict)
         },
     );
     let scene = |rest: &str| {
@@ -227,11 +226,33 @@ fn what_files_hold_and_is_not_read() {
     folder.write("a.mtl", "newmtl a\nKd 1 0 0\nmap_Kd black.png\n");
     let mut scene = Scene::new();
     let told = warnings(|| scene = Scene::load(&path, &flex()).expect("a scene"));
-    let one = told.len() == 1 && told[0].contains("material a has a texture");
+    let one = told.len() == 1 && told[0].contains("have a texture") && told[0].ends_with(": a");
     assert!(one, "{told:?}");
     let shown = format!("{:?}", scene.objects[0].materials[0]);
     assert_eq!(shown, r#"Material "a" { diffuse: [1.0, 0.0, 0.0] }"#);
     assert!(render(&scene, &camera(), &small()).is_ok());
+}
+
+/// A warning for each kind of fault of an OBJ file, which names some and counts the rest.
+#[test]
+fn warnings_of_obj_files_are_few() {
+    let folder = Folder::new("few");
+    let all = |of: &dyn Fn(usize) -> String| (0..9).map(of).collect::<String>();
+    let mtl = all(&|i| format!("newmtl m{i}\nKd 0.8\nKs 0.5\nmap_Kd {i}.png\n"));
+    folder.write("a.mtl", mtl);
+    let faces = |name: &str| all(&|i| format!("usemtl {name}{i}\nf 1/1 2/1 3/1\n"));
+    let (known, unknown) = (faces("m"), faces("u"));
+    let text = format!("mtllib a.mtl b.mtl\n{TRIANGLE}vt 0 0\n{known}{unknown}");
+    let path = folder.write("a.obj", text);
+    let told = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
+    assert_eq!(told.len(), 3, "{told:?}");
+    let has = |part: &str, end: &str| {
+        let found = told.iter().any(|w| w.contains(part) && w.ends_with(end));
+        assert!(found, "{part}: {told:?}");
+    };
+    has("no file defines", ": u0, u1, u2, u3, u4 and 4 more");
+    has("Ks is scaled down", ": m0, m1, m2, m3, m4 and 4 more");
+    has("b.mtl", "and 5 more");
 }
 
 #[test]

@@ -1,6 +1,10 @@
 //! OBJ and MTL files, written and read back.
 
 mod common;
+#[path = "obj/exporters.rs"]
+mod exporters;
+#[path = "obj/sums.rs"]
+mod sums;
 
 use std::fs;
 use std::path::Path;
@@ -107,10 +111,12 @@ fn maps_of_gloss_and_clamped_textures() {
     let mut image = image::RgbImage::new(1, 1);
     image.put_pixel(0, 0, image::Rgb([255, 255, 0]));
     image.save(folder.path("a.png")).expect("a PNG file");
+    image.put_pixel(0, 0, image::Rgb([0, 0, 255]));
+    image.save(folder.path("blue.png")).expect("a PNG file");
     folder.write(
         "m.mtl",
-        "newmtl tinted\nKs 0.5 0.25 1\nmap_Ks a.png\nNs 9\nmap_Kd -clamp on a.png\n\
-         newmtl whole\nmap_Ks -clamp on a.png\nKe 3 2 1\nmap_Ke -clamp on a.png\n\
+        "newmtl tinted\nKs 0.5 0.25 1\nmap_Ks a.png\nNs 9\nmap_Kd -clamp on blue.png\n\
+         newmtl whole\nKd 0\nmap_Ks -clamp on a.png\nKe 3 2 1\nmap_Ke -clamp on a.png\n\
          newmtl none\nKs 0\nmap_Ks a.png\nmap_Ke a.png\n",
     );
     let scene = folder
@@ -133,7 +139,7 @@ fn maps_of_gloss_and_clamped_textures() {
         texture(&tinted.specular),
         (vec![0.5, 0.25, 0.0], Wrap::Repeat)
     );
-    assert_eq!(texture(&tinted.diffuse), (vec![1.0, 1.0, 0.0], Wrap::Clamp));
+    assert_eq!(texture(&tinted.diffuse), (vec![0.0, 0.0, 1.0], Wrap::Clamp));
     assert_eq!(texture(&whole.specular), (vec![1.0, 1.0, 0.0], Wrap::Clamp));
     assert_eq!(constant(&none.specular), [0.0; 3]);
     assert_eq!(texture(&whole.emission), (vec![3.0, 2.0, 0.0], Wrap::Clamp));
@@ -266,7 +272,10 @@ fn errors_name_file_and_field() {
             ["none.mtl", "scene.obj", "line 4"],
         ),
     ] {
-        says(message(folder.load(format!("{triangle}{tail}"))), parts);
+        says(
+            message(strict(&folder, &format!("{triangle}{tail}"))),
+            parts,
+        );
     }
     assert!(matches!(
         folder.load(triangle),
@@ -282,9 +291,15 @@ fn errors_name_file_and_field() {
         ("newmtl m\nmap_Kd m.mtl\n", ["m.mtl", "", "decoded"]),
     ] {
         folder.write("m.mtl", material);
-        let text = format!("mtllib m.mtl\nusemtl m\n{triangle}f 1 2 3\n");
-        says(message(folder.load(text)), parts);
+        let text = format!("mtllib m.mtl\nusemtl m\n{triangle}vt 0 0\nf 1/1 2/1 3/1\n");
+        says(message(strict(&folder, &text)), parts);
     }
+}
+
+/// Loads an OBJ file; what would be a warning is an error.
+fn strict(folder: &Folder, obj: &str) -> softray::Result<Scene> {
+    let limits = LoadLimits::default().strict(true);
+    Scene::load_within(folder.write("scene.obj", obj), &Device::flex(), &limits)
 }
 
 fn scene_file(folder: &Folder, tail: &str) -> softray::Result<SceneFile> {

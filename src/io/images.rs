@@ -91,7 +91,8 @@ impl HostImage {
         Tensor::from_data(TensorData::new(self.pixels, shape), device)
     }
 
-    /// Reads an image as linear RGB: EXR and HDR as they are, PNG and JPEG decoded from sRGB.
+    /// Reads an image as linear RGB: EXR and HDR as they are, PNG, JPEG, BMP, TGA and GIF decoded from
+    /// sRGB.
     /// Grey becomes RGB and alpha is dropped.
     ///
     /// # Errors

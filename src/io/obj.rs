@@ -1,265 +1,215 @@
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+//! OBJ files, read.
+
+use std::path::Path;
 use std::sync::Arc;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::Device;
+use glam::DVec3;
 
+use super::LoadLimits;
 use super::description::Corners;
-use super::obj_text::ObjText;
-use super::{HostImage, LoadLimits};
+use super::notes::Notes;
+use super::obj_materials::Materials;
+use super::obj_text::{ObjText, ObjectText};
+use super::polygon::Polygons;
+use super::srgb::srgb_to_linear;
 use crate::error::{Error, Result};
-use crate::scene::{Albedo, Material, Mesh, Object, Scene, Wrap};
+use crate::scene::{Mesh, Object, Scene};
 
 /// Reads an OBJ file with its MTL files; see [`Scene::load`].
 pub(super) fn read(path: &Path, device: &Device, limits: &LoadLimits) -> Result<Scene> {
-    let text = ObjText::read(path, limits)?;
-    let (models, described) = text.parse(path)?;
-    let mut pieces: Vec<(String, Pieces)> = Vec::new();
-    let mut index = HashMap::new();
-    for model in &models {
-        if model.mesh.indices.is_empty() {
-            continue;
-        }
-        let i = *index.entry(&model.name).or_insert(pieces.len());
-        if i == pieces.len() {
-            pieces.push((model.name.clone(), Pieces::default()));
-        }
-        pieces[i].1.add(&model.mesh);
-    }
-    if pieces.is_empty() {
+    let mut notes = Notes::default();
+    let mut text = ObjText::read(path, limits, &mut notes)?;
+    let mesh = text.parse(path)?;
+    let triangles = triangles(&text, &mesh, limits).map_err(|(face, message)| {
+        let line = text.line_of_face(face);
+        Error::format(path, format!("line {line}: {message}"))
+    })?;
+    if triangles.iter().all(Vec::is_empty) {
         return Err(Error::NoTriangles {
             path: Some(path.into()),
             objects: 0,
         });
     }
-    let mut materials = Materials {
-        described: &described,
-        textures: &text.textures,
-        limits,
-        built: HashMap::new(),
-        read: HashMap::new(),
+    let objects = std::mem::take(&mut text.objects);
+    let mut builder = Builder {
         device,
+        colours: colours(&mesh.vertex_color),
+        vertices: Renumbered::new(mesh.positions.len() / 3),
+        uvs: Renumbered::new(mesh.texcoords.len() / 2),
+        normals: Renumbered::new(mesh.normals.len() / 3),
+        used: Renumbered::new(text.materials.all.len()),
+        mesh: &mesh,
+        materials: Materials::new(path, &text, limits, device, &mut notes)?,
     };
     let mut scene = Scene::new();
-    for (name, mut joined) in pieces {
-        if text.without_uvs.contains(&name) {
-            joined.uvs = Corners::default();
-        }
-        if text.without_normals.contains(&name) {
-            joined.normals = Corners::default();
-        }
-        scene = scene.with(joined.object(name, &mut materials, device)?);
+    scene.objects.reserve_exact(objects.len());
+    for (object, triangles) in objects.into_iter().zip(triangles) {
+        scene.objects.push(builder.object(object, triangles)?);
     }
+    notes.warn(path);
     Ok(scene)
 }
 
-impl<const C: usize> Corners<C> {
-    fn add(&mut self, values: &[f64], indices: &[u32]) {
-        let base = self.values.len() as u32;
-        self.values.extend(rows(values));
-        let faces = rows::<u32, 3>(indices);
-        self.faces.extend(faces.map(|f| f.map(|i| base + i)));
+/// A triangle of an object.
+struct Triangle {
+    /// Among the corners of all faces.
+    corners: [u32; 3],
+    material: u32,
+}
+
+/// The triangles of each object; else the number of a face, and what is wrong with it.
+fn triangles(
+    text: &ObjText,
+    mesh: &tobj::Mesh,
+    limits: &LoadLimits,
+) -> std::result::Result<Vec<Vec<Triangle>>, (usize, String)> {
+    let mut of_object: Vec<Vec<Triangle>> = Vec::new();
+    of_object.resize_with(text.objects.len(), Vec::new);
+    let mut polygons = Polygons::new(limits);
+    let (mut runs, mut first, mut face) = (text.runs.iter().peekable(), 0, 0);
+    while let Some(run) = runs.next() {
+        let into = &mut of_object[run.object as usize];
+        let end = runs.peek().map(|next| next.first_face);
+        while first < mesh.indices.len() && end.is_none_or(|end| face < end) {
+            // Without a list all faces have three.
+            let count = mesh.face_arities.get(face).map_or(3, |&n| n as usize);
+            let places = mesh.indices[first..first + count].iter();
+            let places = places.map(|&i| DVec3::from(row(&mesh.positions, i)));
+            let filled = polygons.triangles(&places.collect::<Vec<_>>());
+            let filled = filled.map_err(|message| (face, message))?;
+            into.extend(filled.into_iter().map(|t| Triangle {
+                corners: t.map(|c| (first + c) as u32),
+                material: run.material,
+            }));
+            first += count;
+            face += 1;
+        }
+    }
+    Ok(of_object)
+}
+
+/// Linear colours of vertices, white for those without one. Numbers of files are sRGB, as exporters write them; where
+/// any is above 1 they are bytes.
+fn colours(flat: &[f64]) -> Vec<[f64; 3]> {
+    let one = match flat.iter().any(|&v| v > 1.0) {
+        true => 255.0,
+        false => 1.0,
+    };
+    let linear = |v: f64| match v.is_nan() {
+        true => 1.0,
+        false => f64::from(srgb_to_linear((v / one).clamp(0.0, 1.0) as f32)),
+    };
+    let rows = flat.chunks_exact(3);
+    rows.map(|c| [c[0], c[1], c[2]].map(linear)).collect()
+}
+
+/// Row i of flat values.
+fn row<const C: usize>(flat: &[f64], i: u32) -> [f64; C] {
+    let start = C * i as usize;
+    std::array::from_fn(|c| flat[start + c])
+}
+
+/// Numbers of rows in the order of their first use.
+struct Renumbered {
+    number: Vec<u32>,
+    /// The rows that have a number.
+    used: Vec<u32>,
+}
+
+impl Renumbered {
+    fn new(rows: usize) -> Self {
+        Self {
+            number: vec![u32::MAX; rows],
+            used: Vec::new(),
+        }
+    }
+
+    fn of(&mut self, row: u32) -> u32 {
+        let number = &mut self.number[row as usize];
+        if *number == u32::MAX {
+            *number = self.used.len() as u32;
+            self.used.push(row);
+        }
+        *number
+    }
+
+    /// The rows that were used, each at its number; then none is.
+    fn take(&mut self) -> Vec<u32> {
+        for &row in &self.used {
+            self.number[row as usize] = u32::MAX;
+        }
+        std::mem::take(&mut self.used)
+    }
+
+    /// The values of corners with these indices.
+    fn corners<const C: usize>(&mut self, flat: &[f64], faces: Vec<[u32; 3]>) -> Corners<C> {
+        let faces = faces.into_iter().map(|f| f.map(|i| self.of(i))).collect();
+        let values = self.take().into_iter().map(|i| row(flat, i)).collect();
+        Corners { values, faces }
     }
 }
 
-/// An object of the file, joined from the pieces that tobj makes where the material changes.
-#[derive(Default)]
-struct Pieces {
-    positions: Vec<[f64; 3]>,
-    /// The row of `positions` of each vertex of the file.
-    row_of_vertex: HashMap<u64, u32>,
-    faces: Vec<[u32; 3]>,
-    uvs: Corners<2>,
-    normals: Corners<3>,
-    materials: Vec<Option<usize>>,
-    face_materials: Vec<u32>,
+/// Makes the objects of a file.
+struct Builder<'a> {
+    device: &'a Device,
+    mesh: &'a tobj::Mesh,
+    /// Of the vertices, if they have any.
+    colours: Vec<[f64; 3]>,
+    vertices: Renumbered,
+    uvs: Renumbered,
+    normals: Renumbered,
+    used: Renumbered,
+    materials: Materials<'a>,
 }
 
-impl Pieces {
-    fn add(&mut self, mesh: &tobj::Mesh) {
-        let vertices = rows::<f64, 3>(&mesh.positions);
-        // The "colour" is the vertex's row in the file.
-        let in_file = mesh.vertex_color.chunks_exact(3).map(|c| c[0] as u64);
-        let mut row = Vec::with_capacity(mesh.positions.len() / 3);
-        for (position, vertex) in vertices.zip(in_file) {
-            let next = self.positions.len() as u32;
-            let at = *self.row_of_vertex.entry(vertex).or_insert(next);
-            if at == next {
-                self.positions.push(position);
+impl Builder<'_> {
+    fn object(&mut self, text: ObjectText, triangles: Vec<Triangle>) -> Result<Object> {
+        let (all, n) = (self.mesh, triangles.len());
+        let of_corners = |indices: &[u32]| -> Vec<[u32; 3]> {
+            let of = |t: &Triangle| t.corners.map(|c| indices[c as usize]);
+            triangles.iter().map(of).collect()
+        };
+        let faces = of_corners(&all.indices).into_iter();
+        let faces = faces.map(|f| f.map(|i| self.vertices.of(i))).collect();
+        let rows = self.vertices.take();
+        let positions: Vec<[f64; 3]> = rows.iter().map(|&i| row(&all.positions, i)).collect();
+        let mut mesh = Mesh::from_host(&positions, faces, self.device);
+        if text.uvs && !all.texcoord_indices.is_empty() {
+            let faces = of_corners(&all.texcoord_indices);
+            let corners: Corners<2> = self.uvs.corners(&all.texcoords, faces);
+            mesh.uvs = corners.attribute(n, self.device);
+        }
+        if text.normals && !all.normal_indices.is_empty() {
+            let faces = of_corners(&all.normal_indices);
+            let corners: Corners<3> = self.normals.corners(&all.normals, faces);
+            match corners.values.contains(&[0.0; 3]) {
+                true => self.materials.notes.add(ZERO_NORMALS, &text.name),
+                false => mesh.normals = corners.attribute(n, self.device),
             }
-            row.push(at);
         }
-        let faces = rows::<u32, 3>(&mesh.indices).map(|f| f.map(|i| row[i as usize]));
-        self.faces.extend(faces);
-        self.uvs.add(&mesh.texcoords, &mesh.texcoord_indices);
-        self.normals.add(&mesh.normals, &mesh.normal_indices);
-        let known = self.materials.iter().position(|&m| m == mesh.material_id);
-        let material = known.unwrap_or_else(|| {
-            self.materials.push(mesh.material_id);
-            self.materials.len() - 1
-        });
-        self.face_materials
-            .resize(self.faces.len(), material as u32);
-    }
-
-    fn object(mut self, name: String, all: &mut Materials, device: &Device) -> Result<Object> {
-        if self.normals.values.contains(&[0.0; 3]) {
-            log::warn!("{name}: it has normals of zero length, using none of its normals");
-            self.normals = Corners::default();
-        }
-        let n = self.faces.len();
-        let mut mesh = Mesh::from_host(&self.positions, self.faces, device);
-        mesh.uvs = self.uvs.attribute(n, device);
-        mesh.normals = self.normals.attribute(n, device);
-        let mut object = Object::new(mesh).named(name);
-        let mut materials = Vec::with_capacity(self.materials.len());
-        for &m in &self.materials {
-            let mut material = all.get(m)?;
-            if object.mesh.uvs.is_none() {
-                let plain = [all.colour(m), all.specular(m), all.emission(m)];
-                let Material {
-                    diffuse,
-                    specular,
-                    emission,
-                    name,
-                    ..
-                } = &mut material;
-                let mut textured = false;
-                for (albedo, plain) in [diffuse, specular, emission].into_iter().zip(plain) {
-                    if matches!(albedo, Albedo::Texture { .. }) {
-                        *albedo = plain;
-                        textured = true;
-                    }
-                }
-                if textured {
-                    log::warn!(
-                        "{}: material {name} has a texture, but not all corners have coordinates: taking its \
-                         colour",
-                        object.name,
-                    );
-                }
+        if !self.colours.is_empty() {
+            let corners = Corners {
+                values: rows.iter().map(|&i| self.colours[i as usize]).collect(),
+                faces: mesh.faces.to_vec(),
+            };
+            // White ones change nothing.
+            if corners.values.iter().any(|c| *c != [1.0; 3]) {
+                mesh.colours = corners.attribute(n, self.device);
             }
-            materials.push(material);
         }
-        object.materials = materials;
+        let of_faces = triangles.iter().map(|t| self.used.of(t.material));
+        let face_materials: Vec<u32> = of_faces.collect();
+        let textured = mesh.uvs.is_some();
+        let mut object = Object::new(mesh).named(text.name);
+        let used = self.used.take().into_iter();
+        let materials = used.map(|m| self.materials.get(m, textured));
+        object.materials = materials.collect::<Result<_>>()?;
         if object.materials.len() > 1 {
-            object.face_materials = Arc::new(self.face_materials);
+            object.face_materials = Arc::new(face_materials);
         }
         Ok(object)
     }
 }
 
-/// Materials made when first used, so that objects share textures and unused ones aren't read.
-struct Materials<'a> {
-    described: &'a [tobj::Material],
-    textures: &'a [PathBuf],
-    limits: &'a LoadLimits,
-    built: HashMap<usize, Material>,
-    /// Textures that were read, by their number.
-    read: HashMap<usize, Tensor<3>>,
-    device: &'a Device,
-}
-
-impl Materials<'_> {
-    /// The diffuse colour of a material without its texture.
-    fn colour(&self, id: Option<usize>) -> Albedo {
-        let described = id.and_then(|i| self.described.get(i));
-        match described.and_then(|m| m.diffuse) {
-            Some(kd) => kd.into(),
-            None => Material::default().diffuse,
-        }
-    }
-
-    /// `Ks`, black where there is none.
-    fn specular(&self, id: Option<usize>) -> Albedo {
-        let described = id.and_then(|i| self.described.get(i));
-        let ks = described.and_then(|m| m.specular);
-        ks.unwrap_or([0.0; 3]).into()
-    }
-
-    /// `Ke`, black where there is none.
-    fn emission(&self, id: Option<usize>) -> Albedo {
-        let described = id.and_then(|i| self.described.get(i));
-        let ke = described.and_then(|m| m.emissive);
-        ke.unwrap_or([0.0; 3]).into()
-    }
-
-    fn get(&mut self, id: Option<usize>) -> Result<Material> {
-        let Some((id, source)) = id.and_then(|i| Some((i, self.described.get(i)?))) else {
-            return Ok(Material::default().named("default"));
-        };
-        if let Some(built) = self.built.get(&id) {
-            return Ok(built.clone());
-        }
-        let mut material = Material::default().named(source.name.clone());
-        material.diffuse = self.colour(Some(id));
-        if let Some((texels, wrap)) = self.texture(source.diffuse_texture.as_deref())? {
-            material.diffuse = Albedo::Texture { texels, wrap };
-            if source.diffuse.is_some_and(|kd| kd != [1.0; 3]) {
-                log::info!("material {}: map_Kd replaces Kd", source.name);
-            }
-        }
-        material.specular =
-            match self.tinted(source.specular, source.specular_texture.as_deref())? {
-                Some(texture) => texture,
-                None => self.specular(Some(id)),
-            };
-        if let Some(ns) = source.shininess {
-            material.shininess = ns.into();
-        }
-        let map = source.unknown_param.get("map_Ke").map(String::as_str);
-        material.emission = match self.tinted(source.emissive, map)? {
-            Some(texture) => texture,
-            None => self.emission(Some(id)),
-        };
-        self.built.insert(id, material.clone());
-        Ok(material)
-    }
-
-    /// A texture times a colour, which is white where there is none. None where the colour is black.
-    fn tinted(
-        &mut self,
-        colour: Option<[f64; 3]>,
-        statement: Option<&str>,
-    ) -> Result<Option<Albedo>> {
-        if colour == Some([0.0; 3]) {
-            return Ok(None);
-        }
-        let Some((mut texels, wrap)) = self.texture(statement)? else {
-            return Ok(None);
-        };
-        if let Some(colour) = colour.filter(|c| *c != [1.0; 3]) {
-            let colour = Tensor::<1>::from_data(TensorData::from(colour), self.device);
-            texels = texels * colour.reshape([1, 1, 3]);
-        }
-        Ok(Some(Albedo::Texture { texels, wrap }))
-    }
-
-    /// The texture that a statement of [`ObjText`] names.
-    fn texture(&mut self, statement: Option<&str>) -> Result<Option<(Tensor<3>, Wrap)>> {
-        let mut words = statement.unwrap_or("").split_whitespace();
-        let number = words.next().and_then(|w| w.parse::<usize>().ok());
-        let wrap = match words.next() {
-            Some(_) => Wrap::Clamp,
-            None => Wrap::Repeat,
-        };
-        let Some((number, file)) = number.and_then(|n| Some((n, self.textures.get(n)?))) else {
-            return Ok(None);
-        };
-        let texels = match self.read.get(&number) {
-            Some(texels) => texels.clone(),
-            None => {
-                let image = HostImage::read_within(file, self.limits)?;
-                let texels = image.into_tensor(self.device);
-                self.read.insert(number, texels.clone());
-                texels
-            }
-        };
-        Ok(Some((texels, wrap)))
-    }
-}
-
-/// Flat values as rows of N.
-fn rows<T: Copy, const N: usize>(flat: &[T]) -> impl Iterator<Item = [T; N]> {
-    flat.chunks_exact(N).map(|c| std::array::from_fn(|i| c[i]))
-}
+const ZERO_NORMALS: &str = "objects have normals of zero length, so that none of theirs are used";

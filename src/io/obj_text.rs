@@ -1,380 +1,388 @@
-//! OBJ and MTL text made fit for tobj, which loses or refuses some of what files hold: it takes
-//! polylines for faces, fills in missing normals, panics on `Kd` with less than 3 numbers, forgets
-//! the names of missing materials and which vertices its pieces share.
+//! OBJ text made fit for tobj, which takes polylines for faces, splits a file where objects and materials
+//! change, fills in missing normals, and reads no colours where only some vertices have one.
 
-use std::collections::HashSet;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
-
-use glam::DVec3;
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
 
 use super::counting::Counting;
-use super::limits::{LoadLimits, read_text};
-use super::obj_names::{keyword, libraries, resolve, texture_name};
-use super::polygon;
+use super::limits::{LoadLimits, Memory, read_text};
+use super::mtl_text::MtlText;
+use super::notes::Notes;
+use super::obj_names::keyword;
 use crate::error::{Error, Result};
 
-/// The name that tobj gives to what comes before any `o` or `g`.
+/// The name of what comes before any `o` or `g`.
 const UNNAMED: &str = "unnamed_object";
 
-/// Entries of MTL files that would change a render and are not read.
-const UNREAD: [&str; 20] = [
-    "d", "Tr", "Tf", "Ni", "Pr", "Pm", "Ps", "Pc", "aniso", "map_Ka", "map_Ns", "map_d",
-    "map_Bump", "map_bump", "bump", "disp", "norm", "map_Pr", "map_Pm", "refl",
-];
+/// About the bytes that a render takes for an object and each of its materials: three copies of their tensors' handles.
+const PART: u64 = 3 << 12;
 
-/// An OBJ file and its MTL files as tobj gets them.
+/// An OBJ file as tobj gets it: vertices and faces, as one mesh.
 #[derive(Default)]
-pub struct ObjText {
-    /// Line 1 loads [`Self::mtl`]. Each vertex carries its row as a colour: that is how pieces of an
-    /// object find their shared vertices again.
-    obj: String,
-    /// The line of the file that each line after the first comes from.
-    lines: Vec<usize>,
-    /// All materials, those that are used but not defined as empty ones; `map_Kd i` is the i-th
-    /// texture, and `map_Kd i clamp` the same where it does not repeat.
-    mtl: String,
-    /// Files of textures, each once.
-    pub textures: Vec<PathBuf>,
-    /// Objects with a corner without texture coordinates.
-    pub without_uvs: HashSet<String>,
-    /// Objects with a corner without a normal.
-    pub without_normals: HashSet<String>,
+pub(super) struct ObjText {
+    text: String,
+    /// The line of the file that each line comes from.
+    lines: Vec<u32>,
+    pub mtl: MtlText,
+    /// Objects with faces, in the order of their first ones.
+    pub objects: Vec<ObjectText>,
+    /// The names of `usemtl`; the first is empty and stands for none.
+    pub materials: Names,
+    /// Faces that follow each other and have an object and a material in common.
+    pub runs: Vec<Run>,
+    /// Whether vertices have colours.
+    pub coloured: bool,
+    /// What objects and their materials take.
+    pub memory: Memory,
+}
+
+/// An object of a file.
+pub(super) struct ObjectText {
+    pub name: String,
+    /// Whether all corners have texture coordinates.
+    pub uvs: bool,
+    /// Whether all corners have normals.
+    pub normals: bool,
+}
+
+/// Faces of an object with one material.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct Run {
+    pub first_face: usize,
+    pub object: u32,
+    pub material: u32,
+}
+
+/// Names, each once.
+#[derive(Default)]
+pub(super) struct Names {
+    pub all: Vec<String>,
+    numbers: HashMap<String, u32>,
+}
+
+impl Names {
+    fn number(&mut self, name: &str) -> u32 {
+        if let Some(&number) = self.numbers.get(name) {
+            return number;
+        }
+        let next = self.all.len() as u32;
+        self.all.push(name.into());
+        self.numbers.insert(name.into(), next);
+        next
+    }
 }
 
 impl ObjText {
     /// Reads an OBJ file and the MTL files that it names.
-    #[expect(
-        clippy::too_many_lines,
-        reason = "an arm for each keyword of the format"
-    )]
-    pub fn read(path: &Path, limits: &LoadLimits) -> Result<Self> {
+    pub fn read(path: &Path, limits: &LoadLimits, notes: &mut Notes) -> Result<Self> {
         let text = read_text(path, limits)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let keywords = || text.lines().filter_map(|l| l.split_whitespace().next());
-        // Faces may name what only comes after them.
-        let totals = ["v", "vt", "vn"].map(|k| keywords().filter(|&w| w == k).count());
-        let mut found = [0; 3];
-        // Places of all vertices, if a face has more than three corners.
-        let mut places: Option<Vec<DVec3>> = None;
-        let mut triangles = 0;
-        let mut this = Self {
-            obj: "mtllib all\n".into(),
-            ..Self::default()
-        };
-        let (mut used, mut defined) = (Vec::new(), HashSet::new());
-        let mut object = UNNAMED.to_owned();
+        let mut reader = Reader::new(path, &text, limits);
         let mut continued = String::new();
         // The empty line ends a last one that goes on.
         for (i, line) in text.lines().chain([""]).enumerate() {
-            let fail = |message: String| Error::format(path, format!("line {}: {message}", i + 1));
             if !line.starts_with('#')
                 && let Some(begun) = line.trim_end().strip_suffix('\\')
             {
                 continued += begun;
                 continued.push(' ');
-                this.end_line(i);
                 continue;
             }
-            let line = std::mem::take(&mut continued) + line;
-            let (keyword, rest) = keyword(&line);
-            let values: Vec<&str> = rest
-                .split_whitespace()
-                .take_while(|w| !w.starts_with('#'))
-                .collect();
-            match keyword {
-                "v" => {
-                    this.obj += &vertex(&values, found[0]);
-                    found[0] += 1;
-                }
-                "vt" => {
-                    let v = values.get(1).unwrap_or(&"0");
-                    this.obj += &format!("vt {} {v}", values.first().unwrap_or(&""));
-                    found[1] += 1;
-                }
-                "vn" => {
-                    this.obj += &format!("vn {}", values.join(" "));
-                    found[2] += 1;
-                }
-                "f" => {
-                    if values.len() < 3 {
-                        let n = values.len();
-                        return Err(fail(format!("f has {n} corners, expected at least 3")));
-                    }
-                    for corner in &values {
-                        let [uv, normal] = check_corner(corner, found, totals).map_err(fail)?;
-                        if !uv {
-                            this.without_uvs.insert(object.clone());
-                        }
-                        if !normal {
-                            this.without_normals.insert(object.clone());
-                        }
-                    }
-                    triangles += values.len() as u64 - 2;
-                    if triangles > limits.triangles {
-                        return Err(fail(format!(
-                            "there are more than {} triangles: LoadLimits::triangles raises the limit",
-                            limits.triangles
-                        )));
-                    }
-                    if values.len() == 3 {
-                        this.obj += &format!("f {}", values.join(" "));
-                    } else {
-                        let places = places.get_or_insert_with(|| places_of(&text));
-                        let corners = values.iter().map(|c| place(c, places, found[0]));
-                        let corners: Vec<DVec3> = corners.collect();
-                        for (k, [a, b, c]) in polygon::triangles(&corners).into_iter().enumerate() {
-                            if k > 0 {
-                                this.end_line(i);
-                            }
-                            this.obj += &format!("f {} {} {}", values[a], values[b], values[c]);
-                        }
-                    }
-                }
-                "o" | "g" => {
-                    object = if rest.is_empty() { UNNAMED } else { rest }.to_owned();
-                    this.obj += &format!("o {object}");
-                }
-                "usemtl" => {
-                    used.push(rest.to_owned());
-                    this.obj += &format!("usemtl {rest}");
-                }
-                "mtllib" => {
-                    for file in libraries(folder, rest) {
-                        let from = format!("{}, line {}", path.display(), i + 1);
-                        limits.check_place(&file, folder, &from)?;
-                        let text = read_text(&file, limits).map_err(|e| {
-                            let message = format!("it can't be read (named by {from}): {e}");
-                            Error::format(&file, message)
-                        })?;
-                        this.add_mtl(&file, folder, &text, &mut defined, limits)?;
-                    }
-                }
-                _ => {}
-            }
-            this.end_line(i);
-        }
-        for name in used {
-            if !name.is_empty() && defined.insert(name.clone()) {
-                log::warn!(
-                    "{}: no material is called {name:?}, taking the default",
-                    path.display()
-                );
-                this.mtl += &format!("newmtl {name}\n");
+            if continued.is_empty() {
+                reader.line(i, line, notes)?;
+            } else {
+                continued += line;
+                reader.line(i, &std::mem::take(&mut continued), notes)?;
             }
         }
-        Ok(this)
+        Ok(reader.found)
     }
 
-    /// Ends a line of the text that was made from line i of the file.
-    fn end_line(&mut self, i: usize) {
-        self.obj.push('\n');
-        self.lines.push(i + 1);
-    }
-
-    /// Parses the texts by tobj.
-    pub fn parse(&self, path: &Path) -> Result<(Vec<tobj::Model>, Vec<tobj::Material>)> {
-        let options = tobj::LoadOptions {
-            triangulate: true,
-            single_index: false,
-            ..Default::default()
-        };
+    /// Parses the text by tobj, as one mesh with polygons.
+    pub fn parse(&self, path: &Path) -> Result<tobj::Mesh> {
+        let options = tobj::LoadOptions::default();
         let mut reader = Counting {
-            rest: self.obj.as_bytes(),
+            rest: self.text.as_bytes(),
             lines: 0,
         };
-        let parsed = tobj::load_obj_buf(&mut reader, &options, |_| {
-            tobj::load_mtl_buf(&mut self.mtl.as_bytes())
-        });
-        let fail = |e: tobj::LoadError| match e {
-            // These show at the end of an object only.
-            tobj::LoadError::FaceVertexOutOfBounds
-            | tobj::LoadError::FaceTexCoordOutOfBounds
-            | tobj::LoadError::FaceNormalOutOfBounds => Error::format(path, e.to_string()),
-            _ => {
-                let line = self.lines.get(reader.lines.saturating_sub(2));
-                let line = line.or(self.lines.last()).copied().unwrap_or(1);
-                Error::format(path, format!("line {line}: {e}"))
-            }
-        };
-        let (models, materials) = parsed.map_err(fail)?;
-        let materials = materials.map_err(|e| Error::format(path, format!("materials: {e}")))?;
-        Ok((models, materials))
+        let parsed =
+            tobj::load_obj_buf(&mut reader, &options, |_| tobj::load_mtl_buf(&mut &[][..]));
+        let (mut models, _) = parsed.map_err(|e| {
+            let line = self.lines.get(reader.lines.saturating_sub(1));
+            let line = line.or(self.lines.last()).copied().unwrap_or(1);
+            Error::format(path, format!("line {line}: {e}"))
+        })?;
+        Ok(models.pop().map(|m| m.mesh).unwrap_or_default())
     }
 
-    /// Appends the part of an MTL file that counts.
-    fn add_mtl(
-        &mut self,
-        path: &Path,
-        obj_folder: &Path,
-        text: &str,
-        defined: &mut HashSet<String>,
-        limits: &LoadLimits,
-    ) -> Result<()> {
-        let mut named = false;
-        // What would change the picture and is not read, told once.
-        let mut unread: Vec<&str> = Vec::new();
-        for (i, line) in text.lines().enumerate() {
-            let fail = |message: String| Error::format(path, format!("line {}: {message}", i + 1));
-            let (keyword, rest) = keyword(line);
-            let values = || {
-                rest.split_whitespace()
-                    .take_while(|w| !w.starts_with('#'))
-                    .collect::<Vec<_>>()
-            };
-            let numbers = |count: usize| {
-                let values = values();
-                let valid = values.iter().take(count).all(|v| v.parse::<f64>().is_ok());
-                match values.len() {
-                    // One number stands for all three channels.
-                    1 if valid => Ok(vec![values[0]; count].join(" ")),
-                    n if n >= count && valid => Ok(values[..count].join(" ")),
-                    _ => Err(fail(format!(
-                        "{keyword} is {rest:?}, expected 1 or {count} numbers"
-                    ))),
+    /// The line of the file that a face comes from.
+    pub fn line_of_face(&self, face: usize) -> u32 {
+        let lines = self.text.lines().zip(&self.lines);
+        let mut faces = lines.filter(|(text, _)| text.starts_with("f "));
+        faces.nth(face).map_or(0, |(_, &line)| line)
+    }
+}
+
+/// What was read so far.
+struct Reader<'a> {
+    path: &'a Path,
+    folder: &'a Path,
+    limits: &'a LoadLimits,
+    /// The numbers of `v`, `vt` and `vn` of the whole file: faces may name what only comes after them.
+    totals: [usize; 3],
+    counts: [usize; 3],
+    triangles: u64,
+    faces: usize,
+    /// The name that faces get.
+    name: String,
+    material: u32,
+    /// The object and the material of the last face, unless there was another statement.
+    current: Option<Run>,
+    names: Names,
+    /// Objects with their materials.
+    parts: HashSet<(u32, u32)>,
+    found: ObjText,
+}
+
+impl<'a> Reader<'a> {
+    fn new(path: &'a Path, text: &str, limits: &'a LoadLimits) -> Self {
+        let (mut totals, mut coloured) = ([0; 3], false);
+        for line in text.lines() {
+            let mut words = line.split_whitespace();
+            match words.next() {
+                Some("v") => {
+                    totals[0] += 1;
+                    coloured |= words.take_while(|w| !w.starts_with('#')).count() >= 6;
                 }
-            };
-            let written = match keyword {
-                "newmtl" if rest.is_empty() => {
-                    return Err(fail("newmtl has no name".into()));
-                }
-                "newmtl" => {
-                    named = true;
-                    defined.insert(rest.to_owned());
-                    writeln!(self.mtl, "newmtl {rest}")
-                }
-                "Kd" | "Ks" | "Ke" if named => writeln!(self.mtl, "{keyword} {}", numbers(3)?),
-                "Ns" if named => writeln!(self.mtl, "Ns {}", numbers(1)?),
-                "map_Kd" | "map_Ks" | "map_Ke" if named => {
-                    let (name, options) = texture_name(rest);
-                    if name.is_empty() {
-                        return Err(fail(format!("{keyword} names no file")));
-                    }
-                    let clamp = options.contains(&["-clamp", "on"]);
-                    if options.iter().any(|o| o[0] != "-clamp") {
-                        let file = path.display();
-                        log::warn!(
-                            "{file}: of the options of {keyword} {rest} only -clamp is read"
-                        );
-                    }
-                    let own = path.parent().unwrap_or(obj_folder);
-                    let file = resolve(&[own, obj_folder], name);
-                    let from = format!("{}, line {}", path.display(), i + 1);
-                    limits.check_place(&file, obj_folder, &from)?;
-                    let known = self.textures.iter().position(|t| *t == file);
-                    let index = known.unwrap_or_else(|| {
-                        self.textures.push(file);
-                        self.textures.len() - 1
-                    });
-                    let clamp = if clamp { " clamp" } else { "" };
-                    writeln!(self.mtl, "{keyword} {index}{clamp}")
-                }
-                "Kd" | "Ks" | "Ke" | "Ns" | "map_Kd" | "map_Ks" | "map_Ke" => {
-                    return Err(fail(format!("{keyword} comes before any newmtl")));
-                }
-                other => {
-                    if UNREAD.contains(&other) && !unread.contains(&other) {
-                        unread.push(other);
-                    }
-                    Ok(())
-                }
-            };
-            written.map_err(|e| fail(e.to_string()))?;
+                Some("vt") => totals[1] += 1,
+                Some("vn") => totals[2] += 1,
+                _ => {}
+            }
         }
-        if !unread.is_empty() {
-            let list = unread.join(", ");
-            log::warn!("{}: these entries are not read: {list}", path.display());
+        let mut found = ObjText {
+            coloured,
+            memory: Memory {
+                taken: 0,
+                read: text.len() as u64,
+            },
+            ..ObjText::default()
+        };
+        Self {
+            path,
+            folder: path.parent().unwrap_or(Path::new("")),
+            limits,
+            totals,
+            counts: [0; 3],
+            triangles: 0,
+            faces: 0,
+            name: UNNAMED.into(),
+            material: found.materials.number(""),
+            current: None,
+            names: Names::default(),
+            parts: HashSet::new(),
+            found,
+        }
+    }
+
+    /// Reads line i, with those that it continues.
+    fn line(&mut self, i: usize, line: &str, notes: &mut Notes) -> Result<()> {
+        let (keyword, rest) = keyword(line);
+        let values: Vec<&str> = rest
+            .split_whitespace()
+            .take_while(|w| !w.starts_with('#'))
+            .collect();
+        match keyword {
+            "v" => {
+                // With w there are four numbers, else there may be more than three that count for nothing.
+                match values.len() {
+                    _ if self.found.coloured => self.add(i, "v", &coloured(&values)),
+                    0..=4 => self.add(i, "v", &values),
+                    _ => self.add(i, "v", &values[..3]),
+                }
+                self.counts[0] += 1;
+            }
+            "vt" => {
+                let v = values.get(1).unwrap_or(&"0");
+                self.add(i, "vt", &[values.first().unwrap_or(&""), v]);
+                self.counts[1] += 1;
+            }
+            "vn" => {
+                self.add(i, "vn", &values);
+                self.counts[2] += 1;
+            }
+            "f" => {
+                let (path, limits) = (self.path, self.limits);
+                let fail = |m: &str| Error::format(path, format!("line {}: {m}", i + 1));
+                if values.len() < 3 {
+                    let message = format!("f has {} corners, expected at least 3", values.len());
+                    notes.fault(fail(&message), limits)?;
+                    return Ok(());
+                }
+                let corners = self.face(&values).map_err(|m| fail(&m))?;
+                if let Some(wrong) = corners.iter().find_map(|c| c.wrong.as_ref()) {
+                    notes.fault(fail(wrong), limits)?;
+                }
+                self.add(i, "f", &corners);
+            }
+            "o" | "g" => {
+                self.name = if rest.is_empty() { UNNAMED } else { rest }.into();
+                self.current = None;
+            }
+            "usemtl" => {
+                self.material = self.found.materials.number(rest);
+                self.current = None;
+            }
+            "mtllib" => {
+                let from = format!("{}, line {}", self.path.display(), i + 1);
+                let mtl = &mut self.found.mtl;
+                mtl.add(rest, self.folder, &from, self.limits, notes)?;
+            }
+            _ => {}
         }
         Ok(())
     }
-}
 
-/// A vertex with its row for a colour; numbers that don't parse are left for tobj to refuse.
-fn vertex(values: &[&str], row: usize) -> String {
-    let homogeneous: Vec<f64> = values.iter().filter_map(|v| v.parse().ok()).collect();
-    match (values, homogeneous.as_slice()) {
-        ([_, _, _, _], &[x, y, z, w]) if w != 0.0 => {
-            format!("v {} {} {} {row} 0 0", x / w, y / w, z / w)
+    /// Adds a line to the text.
+    fn add<S: AsRef<str>>(&mut self, i: usize, keyword: &str, values: &[S]) {
+        let text = &mut self.found.text;
+        *text += keyword;
+        for value in values {
+            text.push(' ');
+            *text += value.as_ref();
         }
-        ([x, y, z, rest @ ..], _) if rest.len() != 1 => format!("v {x} {y} {z} {row} 0 0"),
-        _ => format!("v {}", values.join(" ")),
+        text.push('\n');
+        self.found.lines.push(i as u32 + 1);
     }
-}
 
-/// The places of all vertices of a file, not numbers where they can't be read.
-fn places_of(text: &str) -> Vec<DVec3> {
-    let of_line = |line: &str| {
-        let (keyword, rest) = keyword(line);
-        let mut numbers = rest.split_whitespace().map(|w| w.parse::<f64>());
-        let mut next = || numbers.next().and_then(|n| n.ok()).unwrap_or(f64::NAN);
-        (keyword == "v").then(|| DVec3::new(next(), next(), next()))
-    };
-    text.lines().filter_map(of_line).collect()
-}
-
-/// The place of a corner's vertex, where `found` vertices came before it.
-fn place(corner: &str, places: &[DVec3], found: usize) -> DVec3 {
-    let index = corner.split('/').next().and_then(|v| v.parse::<i64>().ok());
-    let row = index.map(|i| if i < 0 { found as i64 + i } else { i - 1 });
-    let row = row.and_then(|r| usize::try_from(r).ok());
-    row.and_then(|r| places.get(r).copied())
-        .unwrap_or(DVec3::NAN)
-}
-
-/// Checks the indices of `v/vt/vn` and says whether there are a texture coordinate and a normal.
-fn check_corner(
-    corner: &str,
-    found: [usize; 3],
-    totals: [usize; 3],
-) -> std::result::Result<[bool; 2], String> {
-    let mut present = [false; 3];
-    let numbers = |part: &str| part.is_empty() || part.parse::<i64>().is_ok();
-    let well_formed = corner.split('/').all(numbers) && corner.split('/').count() <= 3;
-    if !well_formed || corner.split('/').next().is_none_or(str::is_empty) {
-        return Err(format!(
-            "f has the corner {corner:?}, expected v, v/vt, v//vn or v/vt/vn"
-        ));
-    }
-    let slots = found.iter().zip(totals).zip(["v", "vt", "vn"]);
-    for ((part, ((&found, total), kind)), present) in corner.split('/').zip(slots).zip(&mut present)
-    {
-        // Empty parts are none.
-        let Ok(index) = part.parse::<i64>() else {
-            continue;
-        };
-        let valid = if index < 0 {
-            index.unsigned_abs() <= found as u64
-        } else {
-            (1..=total as u64).contains(&index.unsigned_abs())
-        };
-        if !valid {
+    /// Checks a face and counts it.
+    fn face<'b>(&mut self, corners: &[&'b str]) -> std::result::Result<Vec<Corner<'b>>, String> {
+        self.triangles += corners.len() as u64 - 2;
+        if self.triangles > self.limits.triangles {
             return Err(format!(
-                "f {corner}: {kind} index {index} is out of range, there are {total}"
+                "there are more than {} triangles: LoadLimits::triangles raises the limit",
+                self.limits.triangles
             ));
         }
-        *present = true;
+        let run = match self.current {
+            Some(run) => run,
+            None => self.begin_run()?,
+        };
+        let object = &mut self.found.objects[run.object as usize];
+        let mut found = Vec::with_capacity(corners.len());
+        for corner in corners {
+            let corner = Corner::parse(corner, self.counts, self.totals)?;
+            object.uvs &= corner.uv;
+            object.normals &= corner.normal;
+            found.push(corner);
+        }
+        self.faces += 1;
+        Ok(found)
     }
-    Ok([present[1], present[2]])
+
+    /// Begins a run at the next face.
+    fn begin_run(&mut self) -> std::result::Result<Run, String> {
+        let run = Run {
+            first_face: self.faces,
+            object: self.names.number(&self.name),
+            material: self.material,
+        };
+        if run.object as usize == self.found.objects.len() {
+            self.found.objects.push(ObjectText {
+                name: self.name.clone(),
+                uvs: true,
+                normals: true,
+            });
+        }
+        if self.parts.insert((run.object, run.material)) {
+            let taken = self.found.memory.take(1, PART, self.limits);
+            let material = &self.found.materials.all[run.material as usize];
+            taken.map_err(|m| format!("object {:?} with material {material:?} {m}", self.name))?;
+        }
+        self.found.runs.push(run);
+        self.current = Some(run);
+        Ok(run)
+    }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// The place and the colour of a vertex, which is no number where it has none. What doesn't parse is left for tobj
+/// to refuse.
+fn coloured(values: &[&str]) -> Vec<String> {
+    let numbers: Vec<f64> = values.iter().map_while(|v| v.parse().ok()).collect();
+    let owned = |values: &[&str]| values.iter().map(|&v| v.to_owned()).collect::<Vec<_>>();
+    let place = match numbers[..] {
+        [x, y, z, w] if w != 0.0 => [x / w, y / w, z / w].map(|v| v.to_string()).to_vec(),
+        _ if values.len() <= 4 => owned(values),
+        _ => owned(&values[..3]),
+    };
+    match numbers.len() {
+        6.. => owned(&values[..6]),
+        _ if place.len() == 3 => [place, owned(&["nan"; 3])].concat(),
+        _ => place,
+    }
+}
 
-    /// Texels take memory once, however many materials name their file.
-    #[test]
-    fn a_file_of_texels_is_one_texture() {
-        let folder = std::env::temp_dir().join(format!("softray-texts-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).expect("a folder");
-        let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("it");
-        let files = ["wood.png", "./wood.png", "stone.png"];
-        let mtl = files.map(|file| format!("newmtl {file}\nmap_Kd {file}\n"));
-        write("scene.mtl", &mtl.concat());
-        write("scene.obj", "mtllib scene.mtl\nv 0 0 0\n");
-        let obj = folder.join("scene.obj");
-        let text = ObjText::read(&obj, &LoadLimits::default()).expect("a text");
-        assert_eq!(text.textures.len(), 2);
-        assert_eq!(text.mtl.matches("map_Kd 0").count(), 2);
-        std::fs::remove_dir_all(&folder).expect("removed");
+/// A corner `v/vt/vn` of a face.
+struct Corner<'a> {
+    /// Without what is not there.
+    text: Cow<'a, str>,
+    /// Whether there are a texture coordinate and a normal.
+    uv: bool,
+    normal: bool,
+    /// What it names that is not there.
+    wrong: Option<String>,
+}
+
+impl AsRef<str> for Corner<'_> {
+    fn as_ref(&self) -> &str {
+        &self.text
+    }
+}
+
+impl<'a> Corner<'a> {
+    /// Checks indices by the numbers of rows so far and in the whole file.
+    fn parse(
+        text: &'a str,
+        counts: [usize; 3],
+        totals: [usize; 3],
+    ) -> std::result::Result<Self, String> {
+        let numbers = |part: &str| part.is_empty() || part.parse::<i64>().is_ok();
+        let well_formed = text.split('/').all(numbers) && text.split('/').count() <= 3;
+        if !well_formed || text.starts_with('/') || text.is_empty() {
+            return Err(format!(
+                "f has the corner {text:?}, expected v, v/vt, v//vn or v/vt/vn"
+            ));
+        }
+        let (mut parts, mut wrong) = ([""; 3], None);
+        for (i, part) in text.split('/').enumerate() {
+            // Empty parts are none.
+            let Ok(index) = part.parse::<i64>() else {
+                continue;
+            };
+            let most = if index < 0 { counts[i] } else { totals[i] };
+            if (1..=most as u64).contains(&index.unsigned_abs()) {
+                parts[i] = part;
+                continue;
+            }
+            let kind = ["v", "vt", "vn"][i];
+            let message = format!(
+                "f {text}: {kind} index {index} is out of range, there are {}",
+                totals[i]
+            );
+            if i == 0 {
+                return Err(message);
+            }
+            wrong = Some(message);
+        }
+        let [v, vt, vn] = parts;
+        Ok(Self {
+            text: match (&wrong, vt, vn) {
+                (None, ..) => text.into(),
+                (_, vt, "") => format!("{v}/{vt}").into(),
+                _ => format!("{v}/{vt}/{vn}").into(),
+            },
+            uv: !vt.is_empty(),
+            normal: !vn.is_empty(),
+            wrong,
+        })
     }
 }

@@ -3,49 +3,100 @@
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
-/// The corners of triangles that fill a polygon of at least three corners: a fan from its first corner
-/// where that does, else what the `earcut` crate finds in the polygon's mean plane.
-pub(super) fn triangles(corners: &[DVec3]) -> Vec<[usize; 3]> {
-    let fan = || (1..corners.len() - 1).map(|i| [0, i, i + 1]).collect();
-    if corners.len() == 3 {
-        return fan();
-    }
-    // About the first corner, so that distant polygons don't round.
-    let local: Vec<DVec3> = corners.iter().map(|&c| c - corners[0]).collect();
-    let of_fan = |i: usize| local[i].cross(local[i + 1]);
-    // Twice the polygon's area along its normal (Newell), which is that of the fan.
-    let normal: DVec3 = (1..local.len() - 1).map(of_fan).sum();
-    let area = normal.length();
-    if !(area > 0.0 && area.is_finite()) {
-        return fan();
-    }
-    let normal = normal / area;
-    if (1..local.len() - 1).all(|i| of_fan(i).dot(normal) >= -1e-9 * area) {
-        return fan();
-    }
-    let (u, v) = normal.any_orthonormal_pair();
-    let flat = local.iter().map(|c| DVec2::new(c.dot(u), c.dot(v)));
-    let mut found: Vec<usize> = Vec::new();
-    Earcut::new().earcut(flat.map(|p| p.to_array()), &[], &mut found);
-    let triangles: Vec<[usize; 3]> = found.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-    if triangles.is_empty() {
-        return fan();
-    }
-    // Turned as the polygon is.
-    let turned = |&[a, b, c]: &[usize; 3]| {
-        let across = (local[b] - local[a]).cross(local[c] - local[a]);
-        if across.dot(normal) < 0.0 {
-            [a, c, b]
-        } else {
-            [a, b, c]
+use super::LoadLimits;
+
+/// Polygons of more corners count together: clipping their ears takes time that grows with the square.
+const FEW: usize = 1024;
+
+/// The polygons of a file.
+pub(super) struct Polygons {
+    /// The most corners of one that is not filled by a fan.
+    most: u64,
+    /// The sum of the squares of those with more than a few corners.
+    squares: u64,
+}
+
+impl Polygons {
+    pub fn new(limits: &LoadLimits) -> Self {
+        Self {
+            most: limits.corners,
+            squares: 0,
         }
-    };
-    triangles.iter().map(turned).collect()
+    }
+
+    /// The corners of triangles that fill a polygon of at least three corners: a fan from its first corner
+    /// where that does, else what the `earcut` crate finds in the polygon's mean plane.
+    pub fn triangles(&mut self, corners: &[DVec3]) -> Result<Vec<[usize; 3]>, String> {
+        let fan = || Ok((1..corners.len() - 1).map(|i| [0, i, i + 1]).collect());
+        if corners.len() == 3 {
+            return fan();
+        }
+        // About the first corner, so that distant polygons don't round.
+        let local: Vec<DVec3> = corners.iter().map(|&c| c - corners[0]).collect();
+        let of_fan = |i: usize| local[i].cross(local[i + 1]);
+        // Twice the polygon's area along its normal (Newell), which is that of the fan.
+        let normal: DVec3 = (1..local.len() - 1).map(of_fan).sum();
+        let area = normal.length();
+        if !(area > 0.0 && area.is_finite()) {
+            return fan();
+        }
+        let normal = normal / area;
+        if (1..local.len() - 1).all(|i| of_fan(i).dot(normal) >= -1e-9 * area) {
+            return fan();
+        }
+        self.check(corners.len())?;
+        let (u, v) = normal.any_orthonormal_pair();
+        let flat = local.iter().map(|c| DVec2::new(c.dot(u), c.dot(v)));
+        let mut found: Vec<usize> = Vec::new();
+        Earcut::new().earcut(flat.map(|p| p.to_array()), &[], &mut found);
+        let triangles: Vec<[usize; 3]> =
+            found.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        if triangles.is_empty() {
+            return fan();
+        }
+        // Turned as the polygon is.
+        let turned = |&[a, b, c]: &[usize; 3]| {
+            let across = (local[b] - local[a]).cross(local[c] - local[a]);
+            if across.dot(normal) < 0.0 {
+                [a, c, b]
+            } else {
+                [a, b, c]
+            }
+        };
+        Ok(triangles.iter().map(turned).collect())
+    }
+
+    /// Counts a polygon that a fan does not fill.
+    fn check(&mut self, corners: usize) -> Result<(), String> {
+        if corners > FEW {
+            let square = (corners as u64).saturating_mul(corners as u64);
+            self.squares = self.squares.saturating_add(square);
+        }
+        if self.squares <= self.most.saturating_mul(self.most) {
+            return Ok(());
+        }
+        let found = match corners as u64 > self.most {
+            true => format!("a concave polygon has {corners} corners"),
+            false => {
+                let together = (self.squares as f64).sqrt();
+                format!("concave polygons take as long as one of {together:.0} corners")
+            }
+        };
+        let most = self.most;
+        Err(format!(
+            "{found}, more than {most}: LoadLimits::corners raises the limit"
+        ))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn triangles(corners: &[DVec3]) -> Vec<[usize; 3]> {
+        let mut all = Polygons::new(&LoadLimits::default());
+        all.triangles(corners).expect("triangles")
+    }
 
     fn area(corners: &[DVec3], triangles: &[[usize; 3]]) -> f64 {
         let of = |t: &[usize; 3]| {

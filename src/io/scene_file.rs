@@ -129,11 +129,17 @@ impl Scene {
     /// Reads a scene by its file's ending.
     ///
     /// - `.obj`, with its MTL files: every `o` or `g` becomes an [`Object`](crate::scene::Object); pieces of equal name
-    ///   are one object, with a material for each face. Vertices that faces share in the file stay shared. Normals and
-    ///   texture coordinates count for objects that have them at every corner. Of a material, `Kd`, `Ks`, `Ns`, `Ke`
-    ///   (radiance of the front side), `map_Kd`, `map_Ks` (times `Ks`) and `map_Ke` (times `Ke`) count, and of the
-    ///   options of textures `-clamp on`. `map_Kd` counts instead of `Kd` on objects that have texture coordinates. What has no `Kd` or no
-    ///   material is mid-grey like [`Material::default`](crate::scene::Material::default).
+    ///   are one object, with a material for each face. Vertices that faces share in the file stay shared; where they
+    ///   have a fourth number w, x, y and z are divided by it. Colours of vertices (`v x y z r g b`) are sRGB, and bytes
+    ///   where any number is above 1; vertices without one are white. Normals and texture coordinates count for objects
+    ///   that have them at every corner. Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `illum`,
+    ///   `map_Kd`, `map_Ks` (times `Ks`) and `map_Ke` (times `Ke`) count, and of the options of textures `-clamp on`.
+    ///   `map_Kd` counts instead of `Kd` on objects that have texture coordinates. `Ks` counts as 0 where `Ns` is 0 or
+    ///   `illum` is 0 or 1; without `illum` it counts, and without `Ns` the exponent is 1. Where `Kd` and `Ks` are
+    ///   above 1 together, for textures at any texel, `Ks` is scaled down. What has no `Kd` or no material is mid-grey
+    ///   like [`Material::default`](crate::scene::Material::default), or white where the file has colours of vertices.
+    ///   What is missing or malformed of materials and textures is left out, unless limits are
+    ///   [strict](LoadLimits::strict).
     /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face, and
     ///   every one with a light (KHR_lights_punctual; candela and lux are radiant intensity and irradiance) a light.
     ///   Vertices at one place, which glTF splits where a normal or texture coordinate has a seam, are joined again.
@@ -141,8 +147,8 @@ impl Scene {
     /// - `.ply`: one object, named like the file, with colours of vertices and the texture of a comment `TextureFile`.
     /// - `.json`: as [`SceneFile`].
     ///
-    /// Polygons become triangles: fans where those fill them, else by ear clipping. Colours are sRGB in images and in
-    /// bytes of PLY, and linear elsewhere. What would change the picture and is not
+    /// Polygons become triangles: fans where those fill them, else by ear clipping. Colours are sRGB in images, in
+    /// bytes of PLY and at vertices of OBJ, and linear elsewhere. What would change the picture and is not
     /// rendered is named in a warning, once a file.
     ///
     /// # Errors

@@ -151,6 +151,6 @@ impl Scene {
 fn warn_of_colours(mesh: &Mesh, name: &str, path: &Path) {
     if mesh.colours.is_some() {
         let file = path.display();
-        log::warn!("{file}: the colours of {name} are not written, OBJ has none");
+        log::warn!("{file}: the colours of {name} are not written to OBJ");
     }
 }

@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 
 use super::material::Value;
-use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
+use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
 use super::{Camera, Object, Parameter, Scene};
 use crate::device::label;
 use crate::error::{Error, Result};
@@ -28,7 +28,7 @@ pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
         place: &|id| scene.place_of(id),
         found: Ok(()),
     };
-    visit_scene(&mut scene.clone(), &mut check);
+    look_at_scene(scene, &mut check);
     check.found?;
     Ok(context)
 }
@@ -45,7 +45,7 @@ pub(super) fn check_values(scene: &Scene) -> Result<()> {
         place: &|id| scene.place_of(id),
         found: Ok(()),
     };
-    visit_scene(&mut scene.clone(), &mut check);
+    look_at_scene(scene, &mut check);
     check.found?;
     scene.objects.iter().try_for_each(Object::check)?;
     let mut lights = scene.lights.iter().enumerate();
@@ -118,8 +118,9 @@ struct Values<'a> {
 
 impl Values<'_> {
     /// Where nothing was found, the result for the object and the field.
-    fn add(&mut self, id: ParameterId, check: impl FnOnce(&str, &str) -> Result<()>) {
-        if self.found.is_ok() {
+    fn add(&mut self, id: ParameterId, check: impl Fn(&str, &str) -> Result<()>) {
+        // The name is looked for where there is a mistake: for each value of many objects it would take long.
+        if self.found.is_ok() && check("", id.row().0).is_err() {
             self.found = check(&(self.place)(id), id.row().0);
         }
     }
@@ -208,15 +209,15 @@ impl Object {
             let expected = format!("an index under {count}");
             return wrong(&field, of_face[f].to_string(), expected);
         }
+        let mut used = vec![false; count];
+        match of_face.as_slice() {
+            [] => used[0] = faces > 0,
+            list => list.iter().for_each(|&m| used[m as usize] = true),
+        }
         for (i, material) in self.materials.iter().enumerate() {
             let name = self.material_name(i);
             material.check_energy(&name)?;
-            let is_used = faces > 0
-                && match of_face.as_slice() {
-                    [] => i == 0,
-                    list => list.contains(&(i as u32)),
-                };
-            if !is_used || self.mesh.uvs.is_some() {
+            if !used[i] || self.mesh.uvs.is_some() {
                 continue;
             }
             let mut material = material.clone();

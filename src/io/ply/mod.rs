@@ -14,7 +14,7 @@ use super::description::{
     TextureUse,
 };
 use super::limits::read_bytes;
-use super::polygon;
+use super::polygon::Polygons;
 use super::srgb::srgb_to_linear;
 use crate::error::{Error, Result};
 use crate::scene::Wrap;
@@ -153,6 +153,7 @@ impl Reader<'_> {
         let texcoord = element.list(&["texcoord"]);
         let count = self.mesh.positions.len();
         let mut row = Row::of(element);
+        let mut polygons = Polygons::new(self.limits);
         for i in 0..element.count {
             self.row(element, i, &mut row)?;
             let place = || format!("face {i}");
@@ -176,7 +177,8 @@ impl Reader<'_> {
             }
             let positions = &self.mesh.positions;
             let places = face.iter().map(|&v| DVec3::from(positions[v as usize]));
-            let triangles = polygon::triangles(&places.collect::<Vec<_>>());
+            let triangles = polygons.triangles(&places.collect::<Vec<_>>());
+            let triangles = triangles.map_err(|m| self.fail(place(), m))?;
             let first = self.mesh.uvs.values.len() as u32;
             if let Some(texcoord) = texcoord {
                 let list = &row.lists[texcoord];
