@@ -111,12 +111,12 @@ fn random_scenes_agree(make: fn(u64) -> RandomScene, count: u64, precision: f64,
 
 #[test]
 fn random_scenes_agree_with_central_differences() {
-    random_scenes_agree(RandomScene::new, 100, 0.01, 2000);
+    random_scenes_agree(RandomScene::new, 100, 0.01, 600);
 }
 
 #[test]
 fn bodies_that_pass_through_each_other_agree_with_central_differences() {
-    random_scenes_agree(RandomScene::of_crossing_bodies, 20, 0.007, 20_000);
+    random_scenes_agree(RandomScene::of_crossing_bodies, 20, 0.007, 8000);
 }
 
 /// The same seed gives the same gradient on the other CPU backend.

@@ -113,11 +113,11 @@ impl Maker<'_> {
             let row = self.pick(rows);
             let mut one = vec![0.0; rows];
             one[row] = 1.0;
-            let shift = self.along(&named("vertex"), [0.0; 3], 0.02, true);
+            let shift = self.along(&named("vertex"), [0.0; 3], 0.05, true);
             let shift = self.tensor(&one, [rows, 1]) * shift.reshape([1, 3]);
             let vertices = mesh.vertices.clone() + shift;
             mesh = mesh.with_vertices(vertices);
-            let scale = self.number(&named("scale"), radius, 0.01, true);
+            let scale = self.number(&named("scale"), radius, 0.025, true);
             mesh = mesh.scaled(scale);
         } else {
             mesh = mesh.scaled(radius);
@@ -128,13 +128,13 @@ impl Maker<'_> {
             self.direction()
         };
         let turn = self.between(0.1, 1.4);
-        let turn = self.number(&named("rotation"), turn, 0.015, true);
+        let turn = self.number(&named("rotation"), turn, 0.04, true);
         mesh = mesh.rotated(axis, turn);
         let place = if upright {
-            let p = self.number(&named("translation"), 0.0, 0.01, true);
+            let p = self.number(&named("translation"), 0.0, 0.025, true);
             self.tensor(&at, [3]) + p * self.tensor(&[0.8, 0.0, 0.6], [3])
         } else {
-            self.along(&named("translation"), at, 0.01, true)
+            self.along(&named("translation"), at, 0.025, true)
         };
         let mut object = Object::new(mesh.translated(place));
         if self.unit() < 0.25 {
@@ -144,7 +144,7 @@ impl Maker<'_> {
                 true => [0.6, 0.0, -0.8],
                 false => self.direction(),
             };
-            let speed = self.number(&named("velocity"), speed, 0.02, true);
+            let speed = self.number(&named("velocity"), speed, 0.05, true);
             object = object.velocity(speed * self.tensor(&direction, [3]));
         }
         object.named(name).material(material)

@@ -237,7 +237,7 @@ impl<'a> Maker<'a> {
                     ),
                     _ => shapes::icosphere(1, &d).scaled(size),
                 };
-                let place = self.along("lamp: translation", place, 0.02, true);
+                let place = self.along("lamp: translation", place, 0.05, true);
                 let radiance = match self.pick(3) {
                     0 => Albedo::texture(self.texels("lamp: emission", 2.0, 8.0)),
                     _ => self.colour("lamp: emission", 3.0, 8.0).into(),
@@ -252,7 +252,7 @@ impl<'a> Maker<'a> {
                 let intensity = self.colour("light: intensity", 3.0, 8.0);
                 let target = self.vector(-0.3, 0.3);
                 let towards = std::array::from_fn(|i| target[i] - place[i]);
-                let position = self.along("light: position", place, 0.02, true);
+                let position = self.along("light: position", place, 0.05, true);
                 let light = match kind {
                     2 => Light::point(position, intensity),
                     _ => {
@@ -268,7 +268,7 @@ impl<'a> Maker<'a> {
             4 => {
                 self.delta = true;
                 let irradiance = self.colour("light: irradiance", 1.0, 3.0);
-                let direction = self.along("light: direction", [-0.4, -1.0, -0.3], 0.02, true);
+                let direction = self.along("light: direction", [-0.4, -1.0, -0.3], 0.04, true);
                 self.description.push("directional".into());
                 scene = scene.light(Light::directional(direction, irradiance));
             }
@@ -279,7 +279,7 @@ impl<'a> Maker<'a> {
 
     fn camera(&mut self) -> Camera {
         let eye = [self.between(-1.5, 1.5), self.between(1.0, 2.6), 4.2];
-        let eye = self.along("camera: eye", eye, 0.02, true);
+        let eye = self.along("camera: eye", eye, 0.05, true);
         let target = self.vector(-0.1, 0.1);
         let target = self.along(
             "camera: target",
@@ -292,11 +292,11 @@ impl<'a> Maker<'a> {
         let camera = Camera::look_at(eye, target).up(up);
         if self.unit() < 0.2 {
             self.description.push("parallel rays".into());
-            let height = self.number("camera: height", 2.6, 0.03, true);
+            let height = self.number("camera: height", 2.6, 0.08, true);
             return camera.orthographic(height);
         }
         let fov = self.between(28.0, 42.0);
-        let camera = camera.fov_y(self.number("camera: field of view", fov, 0.3, true));
+        let camera = camera.fov_y(self.number("camera: field of view", fov, 0.8, true));
         if self.unit() < 0.25 {
             self.description.push("lens".into());
             let aperture = self.number("lens: aperture", 0.15, 0.01, true);
