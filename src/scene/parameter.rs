@@ -141,9 +141,7 @@ impl Range {
             Self::Share => format!("{numbers} in [0, 1]"),
             Self::Within(low, high) => format!("{numbers} in [{low}, {high}]"),
             Self::Light => {
-                format!(
-                    "{numbers} of at most {MOST_LIGHT:e}, so that sums of light do not overflow"
-                )
+                format!("{finite} of at most {MOST_LIGHT:e}, so that sums of light do not overflow")
             }
             Self::Degrees(low, high) => format!("degrees in ({low}, {high})"),
         }
