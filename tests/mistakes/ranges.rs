@@ -7,6 +7,7 @@ use super::common::told::{Told, ball, camera, flex, lit, row, see, small};
 
 /// Constants that no material, light or sky has, and colours of vertices that are not.
 #[test]
+#[expect(clippy::too_many_lines, reason = "a list of mistakes")]
 fn constants_out_of_their_ranges() {
     let huge = 1e30;
     let metal = |metallic, roughness| Material::metallic_roughness([0.5; 3], metallic, roughness);
