@@ -51,10 +51,10 @@ fn constants_out_of_their_ranges() {
             ["[0.1, 10]", "0.01"],
             Material::dielectric(0.01, 0.5),
         ),
-        ("emission", ["1e12", "1e30"], Material::emitter([huge; 3])),
+        ("emission", ["1e15", "1e30"], Material::emitter([huge; 3])),
         (
             "emission",
-            ["1e12", "e30"],
+            ["1e15", "e30"],
             Material::emitter(row([1e30; 3])),
         ),
     ] {
@@ -68,18 +68,18 @@ fn constants_out_of_their_ranges() {
     let lit_by = |light: Light| render(&lit(ball()).light(light), &camera(), &small());
     told.expect(
         "intensity of 1e30",
-        &["light 0", "intensity", "1e12"],
+        &["light 0", "intensity", "1e15"],
         || lit_by(Light::point([0.0, 3.0, 0.0], [huge; 3])),
     );
     told.expect(
         "irradiance of -1e30",
-        &["light 0", "irradiance", "1e12"],
+        &["light 0", "irradiance", "1e15"],
         || lit_by(Light::directional([0.0, -1.0, 0.0], [-huge; 3])),
     );
-    told.expect("a sky of 1e30", &["environment", "1e12"], || {
+    told.expect("a sky of 1e30", &["environment", "1e15"], || {
         render(&lit(ball()).environment([huge; 3]), &camera(), &small())
     });
-    told.expect("a map of 1e30", &["environment", "(0, 0)", "1e12"], || {
+    told.expect("a map of 1e30", &["environment", "(0, 0)", "1e15"], || {
         let map = Environment::map(texels());
         render(&lit(ball()).environment(map), &camera(), &small())
     });
