@@ -2,6 +2,8 @@
 //! what is wrong, where, and what to do. `--nocapture` prints them all.
 
 mod common;
+#[path = "mistakes/ranges.rs"]
+mod ranges;
 
 use common::told::{Told, ball, camera, flex, lit, row, see, small};
 use softray::Result;

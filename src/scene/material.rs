@@ -161,7 +161,7 @@ impl Channel {
             Self::Eta => ("eta", Range::Finite),
             Self::Extinction => ("extinction", Range::Finite),
             Self::Ior => ("ior", Range::Positive),
-            Self::Emission => ("emission", Range::Finite),
+            Self::Emission => ("emission", Range::Light),
         }
     }
 
@@ -214,7 +214,7 @@ pub struct Material {
     pub diffuse: Albedo,
     /// k_s.
     pub specular: Albedo,
-    /// The exponent n ≥ 0.
+    /// The exponent n ≥ 0; a constant is at most 10⁶.
     pub shininess: Parameter<1>,
     /// The share of metal in [0, 1].
     pub metallic: ScalarTexture,
@@ -226,7 +226,7 @@ pub struct Material {
     pub extinction: Parameter<3>,
     /// The index of refraction of a dielectric's inside over that of its outside.
     pub ior: ScalarTexture,
-    /// Whether light that is lost between the facets of metal is given back.
+    /// Whether light that is lost between the facets of metal or glass is given back.
     pub compensated: bool,
     /// Radiance of the front side, RGB; a texture is for cones.
     pub emission: Albedo,
@@ -274,7 +274,7 @@ impl Material {
         self
     }
 
-    /// Sets a Phong lobe with an albedo k_s in [0, 1], such that diffuse + specular ≤ 1, and an exponent ≥ 0.
+    /// Sets a Phong lobe with an albedo k_s in [0, 1], such that diffuse + specular ≤ 1, and an exponent in [0, 10⁶].
     pub fn specular(
         mut self,
         albedo: impl Into<Albedo>,
