@@ -18,9 +18,10 @@ const MOST_INDEX: f32 = 2.6;
 const LEAST_COSINE: f32 = 0.08;
 /// Light that is lost near the horizon is given back less, by cos/(cos + this).
 const FADE: f32 = 0.005;
-/// The indices between which one fit goes over into the other, and how fast.
-const FAINT: f32 = 1.3;
-const CLEAR: f32 = 1.35;
+/// The indices between which one fit goes over into the other, and how fast: slowly, so that the little by which they
+/// differ hardly shows in derivatives by the index.
+const FAINT: f32 = 1.22;
+const CLEAR: f32 = 1.38;
 const BLEND: f32 = 1.0 / (CLEAR - FAINT);
 /// How fast s grows with the cosine of the critical angle, or with its square root where contrasts are faint.
 const SPEED_ENTERING: f32 = 1.0 / 0.46;
@@ -127,7 +128,7 @@ fn entering(t: f32, r: f32, s: f32) -> Lost {
     along_t(t, a, b, c, d)
 }
 
-/// Where light leaves what is denser, by an index of 1.3 or more.
+/// Where light leaves what is denser, by an index of about 1.3 or more.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn leaving(t: f32, r: f32, s: f32) -> Lost {
