@@ -18,7 +18,52 @@ pub struct LoadLimits {
     pub(super) pixels: u64,
     text_bytes: u64,
     pub(super) triangles: u64,
+    memory: Option<u64>,
     outside: bool,
+}
+
+/// About the bytes that a render takes for each triangle, object and light, and for a number of a texture.
+pub(super) const TRIANGLE: u64 = 600;
+pub(super) const OBJECT: u64 = 2048;
+pub(super) const LIGHT: u64 = 1024;
+pub(super) const TEXEL: u64 = 4;
+
+/// Bytes that any file may take in memory, and as how many of its own it may beside that: about as many as a file
+/// takes that names each array and image once.
+const LEAST_MEMORY: u64 = 3 << 28;
+const PER_BYTE: u64 = 64;
+
+/// What the parts of a file take in memory.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Memory {
+    pub taken: u64,
+    /// Bytes of all files that were read.
+    pub read: u64,
+}
+
+impl Memory {
+    /// Adds a number of parts of a size.
+    ///
+    /// # Errors
+    /// If that is more than the limit; the message is for an error of the file.
+    pub fn take(
+        &mut self,
+        count: u64,
+        size: u64,
+        limits: &LoadLimits,
+    ) -> std::result::Result<(), String> {
+        self.taken = self.taken.saturating_add(count.saturating_mul(size));
+        let least = LEAST_MEMORY.max(PER_BYTE.saturating_mul(self.read));
+        let most = limits.memory.unwrap_or(least);
+        match self.taken > most {
+            true => Err(format!(
+                "takes about {} bytes in memory with what comes before it, more than {most}: LoadLimits::memory \
+                 raises the limit",
+                self.taken
+            )),
+            false => Ok(()),
+        }
+    }
 }
 
 impl Default for LoadLimits {
@@ -27,6 +72,7 @@ impl Default for LoadLimits {
             pixels: 1 << 27,
             text_bytes: 1 << 30,
             triangles: 1 << 26,
+            memory: None,
             outside: false,
         }
     }
@@ -47,6 +93,16 @@ impl LoadLimits {
     /// Sets the most triangles of an OBJ, glTF or PLY file, each instance of a mesh counted, 2²⁶ by default.
     pub fn triangles(self, triangles: u64) -> Self {
         Self { triangles, ..self }
+    }
+
+    /// Sets about the most bytes that all textures, triangles and objects of a glTF or PLY file may take in memory, each
+    /// instance of a mesh counted. By default they are 3·2²⁸, or 64 times as many as the file has with all that it
+    /// names, if that is more: a small file may name an image or an array often.
+    pub fn memory(self, bytes: u64) -> Self {
+        Self {
+            memory: Some(bytes),
+            ..self
+        }
     }
 
     /// Sets whether a file may refer to files outside of its own folder; false by default.

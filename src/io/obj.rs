@@ -141,7 +141,7 @@ impl Pieces {
             }
             materials.push(material);
         }
-        object.materials = materials;
+        object.materials = materials.into();
         if object.materials.len() > 1 {
             object.face_materials = Arc::new(self.face_materials);
         }

@@ -1,13 +1,15 @@
 //! Checks of a scene and a camera. Errors name the object and the field.
 
+use std::collections::HashSet;
+
 use burn::tensor::Tensor;
 
 use super::material::Value;
-use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
+use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
 use super::{Camera, Object, Parameter, Scene};
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::geometry::{Context, first_not_finite};
+use crate::geometry::{Context, first_not_finite, place_of};
 
 /// Checks that all tensors of a scene are of one device and float type, and returns these.
 pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
@@ -28,7 +30,7 @@ pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
         place: &|id| scene.place_of(id),
         found: Ok(()),
     };
-    visit_scene(&mut scene.clone(), &mut check);
+    look_at_scene(scene, &mut check);
     check.found?;
     Ok(context)
 }
@@ -44,8 +46,9 @@ pub(super) fn check_values(scene: &Scene) -> Result<()> {
     let mut check = Values {
         place: &|id| scene.place_of(id),
         found: Ok(()),
+        seen: HashSet::new(),
     };
-    visit_scene(&mut scene.clone(), &mut check);
+    look_at_scene(scene, &mut check);
     check.found?;
     scene.objects.iter().try_for_each(Object::check)?;
     let mut lights = scene.lights.iter().enumerate();
@@ -61,6 +64,7 @@ impl Camera {
         let mut check = Values {
             place: &|_| "camera".into(),
             found: Ok(()),
+            seen: HashSet::new(),
         };
         visit_camera(&mut self.clone(), &mut check);
         check.found?;
@@ -114,12 +118,15 @@ impl Visit for SameDevice<'_> {
 struct Values<'a> {
     place: &'a dyn Fn(ParameterId) -> String,
     found: Result<()>,
+    /// Where the numbers of images lie that were looked at, which many materials may share.
+    seen: HashSet<(usize, Vec<usize>)>,
 }
 
 impl Values<'_> {
     /// Where nothing was found, the result for the object and the field.
-    fn add(&mut self, id: ParameterId, check: impl FnOnce(&str, &str) -> Result<()>) {
-        if self.found.is_ok() {
+    fn add(&mut self, id: ParameterId, check: impl Fn(&str, &str) -> Result<()>) {
+        // The name is looked for where there is a mistake: for each value of many objects it would take long.
+        if self.found.is_ok() && check("", id.row().0).is_err() {
             self.found = check(&(self.place)(id), id.row().0);
         }
     }
@@ -135,6 +142,10 @@ impl Visit for Values<'_> {
     }
 
     fn image<const D: usize>(&mut self, id: ParameterId, texels: &mut Tensor<D>) {
+        let place = place_of(texels).map(|(first, dims)| (first, dims.to_vec()));
+        if place.is_some_and(|place| !self.seen.insert(place)) {
+            return;
+        }
         self.add(id, |object, field| {
             let dims = texels.dims();
             let (h, w) = (dims[0], dims[1]);
@@ -208,15 +219,15 @@ impl Object {
             let expected = format!("an index under {count}");
             return wrong(&field, of_face[f].to_string(), expected);
         }
+        let mut used = vec![false; count];
+        match of_face.as_slice() {
+            [] => used[0] = faces > 0,
+            list => list.iter().for_each(|&m| used[m as usize] = true),
+        }
         for (i, material) in self.materials.iter().enumerate() {
             let name = self.material_name(i);
             material.check_energy(&name)?;
-            let is_used = faces > 0
-                && match of_face.as_slice() {
-                    [] => i == 0,
-                    list => list.contains(&(i as u32)),
-                };
-            if !is_used || self.mesh.uvs.is_some() {
+            if !used[i] || self.mesh.uvs.is_some() {
                 continue;
             }
             let mut material = material.clone();

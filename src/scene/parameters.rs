@@ -7,7 +7,7 @@ use burn::tensor::Tensor;
 use super::light::LightPart;
 use super::material::{Channel, Value};
 use super::parameter::Range as Values;
-use super::{Camera, Parameter, Projection, Scene};
+use super::{Camera, Light, Object, Parameter, Projection, Scene};
 
 /// Names a tensor of a scene or camera. Objects and materials are counted over the whole scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -114,36 +114,59 @@ pub(crate) fn visit_tensors(scene: &mut Scene, camera: &mut Camera, visit: &mut 
 
 /// Visits every tensor of a scene.
 pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
-    use ParameterId::{Colours, Material, NormalMap, Normals, Tangents, Uvs, Velocity, Vertices};
     let mut material = 0;
     for (i, object) in scene.objects.iter_mut().enumerate() {
-        let mesh = &mut object.mesh;
-        visit.visit(Vertices(i), &mut mesh.vertices);
-        let ids = [Uvs(i), Normals(i), Colours(i), Tangents(i)];
-        for (id, attribute) in ids.into_iter().zip(mesh.attributes_mut()) {
-            if let Some(attribute) = attribute {
-                visit.visit(id, &mut attribute.values);
-            }
-        }
-        for m in &mut object.materials {
-            for (channel, value) in m.channels() {
-                visit.value(Material(material, channel), value);
-            }
-            if let Some(map) = &mut m.normal_map {
-                visit.image(NormalMap(material), &mut map.texels);
-            }
-            material += 1;
-        }
-        if let Some(velocity) = &mut object.velocity {
-            visit.parameter(Velocity(i), velocity);
-        }
+        visit_object(object, i, &mut material, visit);
     }
     for (i, light) in scene.lights.iter_mut().enumerate() {
-        for (part, value) in light.parts() {
-            visit.value(ParameterId::Light(i, part), value);
-        }
+        visit_light(light, i, visit);
     }
     visit.value(ParameterId::Environment, scene.environment.value());
+}
+
+/// As [`visit_scene`] for what only looks at tensors: objects are copied one after the other.
+pub(crate) fn look_at_scene(scene: &Scene, visit: &mut impl Visit) {
+    let mut material = 0;
+    for (i, object) in scene.objects.iter().enumerate() {
+        visit_object(&mut object.clone(), i, &mut material, visit);
+    }
+    for (i, light) in scene.lights.iter().enumerate() {
+        visit_light(&mut light.clone(), i, visit);
+    }
+    let mut environment = scene.environment.clone();
+    visit.value(ParameterId::Environment, environment.value());
+}
+
+/// Visits the tensors of an object by its number; `material` is that of its first material, and of the next object's
+/// afterwards.
+fn visit_object(object: &mut Object, i: usize, material: &mut usize, visit: &mut impl Visit) {
+    use ParameterId::{Colours, Material, NormalMap, Normals, Tangents, Uvs, Velocity, Vertices};
+    let mesh = &mut object.mesh;
+    visit.visit(Vertices(i), &mut mesh.vertices);
+    let ids = [Uvs(i), Normals(i), Colours(i), Tangents(i)];
+    for (id, attribute) in ids.into_iter().zip(mesh.attributes_mut()) {
+        if let Some(attribute) = attribute {
+            visit.visit(id, &mut attribute.values);
+        }
+    }
+    for m in &mut object.materials {
+        for (channel, value) in m.channels() {
+            visit.value(Material(*material, channel), value);
+        }
+        if let Some(map) = &mut m.normal_map {
+            visit.image(NormalMap(*material), &mut map.texels);
+        }
+        *material += 1;
+    }
+    if let Some(velocity) = &mut object.velocity {
+        visit.parameter(Velocity(i), velocity);
+    }
+}
+
+fn visit_light(light: &mut Light, i: usize, visit: &mut impl Visit) {
+    for (part, value) in light.parts() {
+        visit.value(ParameterId::Light(i, part), value);
+    }
 }
 
 /// Visits every tensor of a camera.
@@ -164,6 +187,21 @@ pub(crate) fn visit_camera(camera: &mut Camera, visit: &mut impl Visit) {
     if let Some(lens) = &mut camera.lens {
         visit.parameter(ParameterId::Aperture, &mut lens.aperture_radius);
         visit.parameter(ParameterId::Focus, &mut lens.focus_distance);
+    }
+}
+
+impl Scene {
+    /// Whether gradients flow to any tensor of it.
+    pub(crate) fn is_tracked(&self) -> bool {
+        struct Tracked(bool);
+        impl Visit for Tracked {
+            fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
+                self.0 |= tensor.is_tracked();
+            }
+        }
+        let mut tracked = Tracked(false);
+        look_at_scene(self, &mut tracked);
+        tracked.0
     }
 }
 

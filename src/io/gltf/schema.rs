@@ -209,6 +209,20 @@ pub(super) struct Image {
 pub(super) struct Texture {
     pub source: Option<usize>,
     pub sampler: Option<usize>,
+    #[serde(default)]
+    pub extensions: TextureExtensions,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct TextureExtensions {
+    #[serde(rename = "EXT_texture_webp")]
+    pub webp: Option<Source>,
+}
+
+/// An image in another format than glTF's own.
+#[derive(Deserialize)]
+pub(super) struct Source {
+    pub source: Option<usize>,
 }
 
 #[derive(Deserialize)]
