@@ -156,6 +156,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let image = render(&scene, &camera, &options)?;
     let host = HostImage::take(image.radiance)?;
     bar.finish_and_clear();
+    if host.pixels.iter().all(|&v| v == 0.0) {
+        eprintln!("the picture is black: --environment r,g,b adds light from everywhere");
+    }
     let seconds = start.elapsed().as_secs_f64();
     exposed(&host, arguments).write(&arguments.out)?;
     println!("wrote {}", arguments.out.display());

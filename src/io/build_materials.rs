@@ -34,7 +34,7 @@ impl<'a> Materials<'a> {
     /// Those of a file.
     ///
     /// # Errors
-    /// If the textures of those that are used are larger than the limits, or their images can't be read. Nothing is
+    /// If the textures of those that are used are larger than the limits, or an image is. Nothing is
     /// decoded then.
     pub fn new(
         description: &'a Description,
@@ -76,13 +76,15 @@ impl<'a> Materials<'a> {
     fn make(&mut self, from: &MaterialDescription) -> Result<Material> {
         let mut material = self.bsdf(from)?.named(from.name.clone());
         material.compensated = from.compensated;
-        if let Some((TextureUse { image, wrap }, scale)) = from.normal {
+        let (map, scale) = from.normal.unzip();
+        if let (Some(TextureUse { image, wrap }), Some(scale)) = (self.textures.found(map)?, scale)
+        {
             let texels = self.textures.tilts(image, scale)?;
             material = material.normal_map(texels, 1.0);
             material.normal_map = material.normal_map.map(|map| NormalMap { wrap, ..map });
         }
         material.alpha_mask = self.mask(from)?;
-        if from.emission != [0.0; 3] {
+        if from.emission != [0.0; 3] && !self.is_lost(from.emissive_texture)? {
             let emission = self.colour(from.emission, from.emissive_texture)?;
             // Many exporters write a black texture for what does not emit.
             if emission.shines() {
@@ -93,6 +95,12 @@ impl<'a> Materials<'a> {
             }
         }
         Ok(material)
+    }
+
+    /// Whether there is a texture, but its image can't be read: without the texture that says where a surface shines,
+    /// all of it would.
+    fn is_lost(&mut self, texture: Option<TextureUse>) -> Result<bool> {
+        Ok(texture.is_some() && self.textures.found(texture)?.is_none())
     }
 
     fn bsdf(&mut self, from: &MaterialDescription) -> Result<Material> {
@@ -151,7 +159,7 @@ impl<'a> Materials<'a> {
 
     /// A colour times a texture in sRGB.
     fn colour(&mut self, factor: [f64; 3], texture: Option<TextureUse>) -> Result<Albedo> {
-        let Some(TextureUse { image, wrap }) = texture else {
+        let Some(TextureUse { image, wrap }) = self.textures.found(texture)? else {
             return Ok(factor.into());
         };
         let texels = self.textures.colours(image, factor)?;
@@ -168,7 +176,7 @@ impl<'a> Materials<'a> {
             }
             Alpha::Mask { factor, cutoff } => (factor, cutoff),
         };
-        let (alpha, wrap): (Tensor<2>, _) = match from.base_colour_texture {
+        let (alpha, wrap): (Tensor<2>, _) = match self.textures.found(from.base_colour_texture)? {
             Some(TextureUse { image, wrap }) => (self.textures.alpha(image, factor)?, wrap),
             None => (Tensor::full([1, 1], factor, self.device), Wrap::Repeat),
         };
@@ -188,7 +196,8 @@ impl<'a> Materials<'a> {
         texture: Option<TextureUse>,
         channel: usize,
     ) -> Result<ScalarTexture> {
-        let Some(TextureUse { image, wrap }) = texture.filter(|_| factor != 0.0) else {
+        let texture = self.textures.found(texture.filter(|_| factor != 0.0))?;
+        let Some(TextureUse { image, wrap }) = texture else {
             return Ok(factor.into());
         };
         let texels = self.textures.channel(image, channel, factor)?;

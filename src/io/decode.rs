@@ -20,18 +20,16 @@ impl Decoded {
     /// Decodes an image of a size within the limits. Messages call it by its path; the contents say what it is,
     /// the path's ending only where they don't.
     pub fn read(source: impl BufRead + Seek, path: &Path, limits: &LoadLimits) -> Result<Self> {
-        let (decoder, linear) = decoder(source, path, limits)?;
+        let (decoder, linear) = decoder(source, path)?;
+        let (width, height) = decoder.dimensions();
+        check_size([width as usize, height as usize], path, limits)?;
         let image = DynamicImage::from_decoder(decoder).map_err(malformed(path))?;
         Ok(Self { image, linear })
     }
 
-    /// Columns and rows of an image that is not decoded, of a size within the limits.
-    pub fn read_size(
-        source: impl BufRead + Seek,
-        path: &Path,
-        limits: &LoadLimits,
-    ) -> Result<[usize; 2]> {
-        let (width, height) = decoder(source, path, limits)?.0.dimensions();
+    /// Columns and rows of an image that is not decoded.
+    pub fn read_size(source: impl BufRead + Seek, path: &Path) -> Result<[usize; 2]> {
+        let (width, height) = decoder(source, path)?.0.dimensions();
         Ok([width as usize, height as usize])
     }
 
@@ -73,11 +71,26 @@ fn malformed(path: &Path) -> impl Fn(ImageError) -> Error {
     move |e| Error::format(path, format!("it can't be decoded: {e}"))
 }
 
-/// The decoder of an image of a size within the limits, and whether its numbers are linear.
+/// Checks that columns and rows of an image are within the limits.
+pub(super) fn check_size(
+    [width, height]: [usize; 2],
+    path: &Path,
+    limits: &LoadLimits,
+) -> Result<()> {
+    let most = limits.pixels;
+    if width as u64 * height as u64 <= most {
+        return Ok(());
+    }
+    let message = format!(
+        "it has {width} × {height} pixels, more than {most}: LoadLimits::pixels raises the limit"
+    );
+    Err(Error::format(path, message))
+}
+
+/// The decoder of an image, and whether its numbers are linear.
 fn decoder<'a>(
     source: impl BufRead + Seek + 'a,
     path: &Path,
-    limits: &LoadLimits,
 ) -> Result<(impl ImageDecoder + 'a, bool)> {
     let mut reader = ImageReader::new(source);
     if let Ok(format) = ImageFormat::from_path(path) {
@@ -91,15 +104,5 @@ fn decoder<'a>(
         Some(ImageFormat::OpenExr | ImageFormat::Hdr)
     );
     let decoder = reader.into_decoder().map_err(malformed(path))?;
-    let (width, height) = decoder.dimensions();
-    if u64::from(width) * u64::from(height) > limits.pixels {
-        return Err(Error::format(
-            path,
-            format!(
-                "it has {width} × {height} pixels, more than {}: LoadLimits::pixels raises the limit",
-                limits.pixels
-            ),
-        ));
-    }
     Ok((decoder, linear))
 }

@@ -8,8 +8,8 @@ use std::path::Path;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::LoadLimits;
-use super::decode::Decoded;
-use super::description::{Description, ImageSource};
+use super::decode::{Decoded, check_size};
+use super::description::{Description, ImageSource, TextureUse};
 use super::limits::{Memory, TEXEL, open};
 use crate::error::{Error, Result};
 
@@ -33,6 +33,8 @@ pub(super) struct Textures<'a> {
     device: &'a Device,
     /// What the file takes in memory, while it is counted: then nothing is decoded, and a texel stands for a texture.
     counted: Option<Memory>,
+    /// Columns and rows of images, None of those that can't be read.
+    sizes: HashMap<usize, Option<[usize; 2]>>,
     colours: HashMap<(usize, Taken), Tensor<3>>,
     numbers: HashMap<(usize, Taken), Tensor<2>>,
     /// The image that was decoded last: what is taken from one comes one after the other.
@@ -53,6 +55,7 @@ impl<'a> Textures<'a> {
             limits,
             device,
             counted: Some(description.memory),
+            sizes: HashMap::new(),
             colours: HashMap::new(),
             numbers: HashMap::new(),
             last: None,
@@ -64,6 +67,45 @@ impl<'a> Textures<'a> {
         self.counted = None;
         self.colours.clear();
         self.numbers.clear();
+    }
+
+    /// A texture, unless its image is missing or is none that is known: then there is a warning, and the surface is as it
+    /// is without it.
+    ///
+    /// # Errors
+    /// If the image is larger than the limits.
+    pub fn found(&mut self, texture: Option<TextureUse>) -> Result<Option<TextureUse>> {
+        let Some(TextureUse { image, .. }) = texture else {
+            return Ok(None);
+        };
+        if let Some(size) = self.sizes.get(&image) {
+            return Ok(texture.filter(|_| size.is_some()));
+        }
+        let source = &self.description.images[image];
+        let size = match source {
+            ImageSource::File(path) => open(path).and_then(|(file, bytes)| {
+                if let Some(memory) = &mut self.counted {
+                    memory.read = memory.read.saturating_add(bytes);
+                }
+                Decoded::read_size(BufReader::new(file), path)
+            }),
+            ImageSource::Bytes { name, bytes } => {
+                Decoded::read_size(Cursor::new(bytes.slice()), name)
+            }
+        };
+        let size = match size {
+            Ok(size) => {
+                check_size(size, name(source), self.limits)?;
+                Some(size)
+            }
+            Err(error) => {
+                let path = self.path.display();
+                log::warn!("{path}: a texture is left out, its image can't be read: {error}");
+                None
+            }
+        };
+        self.sizes.insert(image, size);
+        Ok(texture.filter(|_| size.is_some()))
     }
 
     /// Colours in sRGB, times a factor.
@@ -111,23 +153,12 @@ impl<'a> Textures<'a> {
     fn values(&mut self, image: usize, taken: Taken) -> Result<(Vec<f32>, [usize; 2])> {
         let three = matches!(taken, Taken::Colours(_) | Taken::Tilts(_));
         if let Some(memory) = &mut self.counted {
-            let (size, bytes, name) = match &self.description.images[image] {
-                ImageSource::File(path) => {
-                    let (file, bytes) = open(path)?;
-                    let size = Decoded::read_size(BufReader::new(file), path, self.limits)?;
-                    (size, bytes, path)
-                }
-                ImageSource::Bytes { name, bytes } => {
-                    let source = Cursor::new(bytes.slice());
-                    (Decoded::read_size(source, name, self.limits)?, 0, name)
-                }
-            };
-            memory.read = memory.read.saturating_add(bytes);
             // Kernels have three numbers a texel.
+            let size = self.sizes.get(&image).copied().flatten().unwrap_or([0; 2]);
             let pixels = size.map(|side| side as u64).into_iter().product();
+            let name = name(&self.description.images[image]).display();
+            let fail = |m| Error::format(self.path, format!("the image {name} {m}"));
             let taken = memory.take(pixels, 3 * TEXEL, self.limits);
-            let own = name.strip_prefix(self.path).unwrap_or(name).display();
-            let fail = |m| Error::format(self.path, format!("the image {own} {m}"));
             taken.map_err(fail)?;
             return Ok((vec![0.0; if three { 3 } else { 1 }], [1, 1]));
         }
@@ -178,5 +209,13 @@ impl<'a> Textures<'a> {
             }
         };
         Ok(&self.last.insert((image, decoded)).1)
+    }
+}
+
+/// What an image is called in messages.
+fn name(source: &ImageSource) -> &Path {
+    match source {
+        ImageSource::File(path) => path,
+        ImageSource::Bytes { name, .. } => name,
     }
 }

@@ -140,6 +140,14 @@ pub(super) struct Primitive {
     pub mode: u32,
     #[serde(default)]
     pub targets: Vec<Anything>,
+    #[serde(default)]
+    pub extensions: PrimitiveExtensions,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub draco: Option<Anything>,
 }
 
 #[derive(Deserialize)]
