@@ -264,15 +264,6 @@ fn other_formats_tell_what_they_lose() {
     }
 }
 
-/// A square whose base colour is a texture of an image.
-fn textured(uri: &str) -> Gltf {
-    let mut file = Gltf::square();
-    file.push("images", json!({"uri": uri}));
-    file.push("textures", json!({"source": 0}));
-    file.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
-    file
-}
-
 /// What refines a surface is left out with a warning, also where the file requires it; what its shape depends on is not.
 #[test]
 fn extensions_that_are_not_read() {
@@ -316,7 +307,7 @@ fn webp_is_read_as_png_is() {
     let texels = |format: image::ImageFormat, kind: &str, by_extension: bool| {
         let mut bytes = std::io::Cursor::new(Vec::new());
         picture.write_to(&mut bytes, format).expect("a picture");
-        let mut file = textured(&data_uri(kind, &bytes.into_inner()));
+        let mut file = Gltf::textured(&data_uri(kind, &bytes.into_inner()));
         if by_extension {
             file.json["extensionsRequired"] = json!(["EXT_texture_webp"]);
             file.json["textures"][0] = json!({"extensions": {"EXT_texture_webp": {"source": 0}}});
@@ -339,7 +330,7 @@ fn black_textures_are_no_light() {
     let load = |value: f32, factor: f64, intensity: f64| {
         let picture = HostImage::new(2, 2, vec![value; 12]).expect("an image");
         picture.write(folder.path("glow.png")).expect("a file");
-        let mut file = textured("glow.png");
+        let mut file = Gltf::textured("glow.png");
         file.json["materials"][0]["emissiveTexture"] = json!({"index": 0});
         file.json["materials"][0]["emissiveFactor"] = json!([factor, factor, factor]);
         let light = json!({"type": "point", "intensity": intensity});

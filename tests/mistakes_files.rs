@@ -7,7 +7,9 @@ use std::path::PathBuf;
 
 use burn::tensor::Tensor;
 use common::folder::Folder;
+use common::gltf::Gltf;
 use common::told::{Told, ball, camera, flex, lit, row, see, small, warnings};
+use serde_json::json;
 use softray::modules::{
     CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig, RenderLossConfig,
     Renderer, RigidTransform, TextureParams,
@@ -327,4 +329,51 @@ fn scenes_without_extent_or_area() {
     // Flat and dark: no side of it is better than another.
     let flat = scene([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).environment([0.0; 3]);
     assert!(overview(&flat).is_ok());
+}
+
+/// A surface whose texture is missing is there without it, as other readers have it; one that the texture would say the
+/// light of is dark.
+#[test]
+fn images_that_are_not_there() {
+    let folder = Folder::new("missing");
+    folder.write("text.png", "no picture");
+    for (uri, part) in [("nowhere.png", "nowhere.png"), ("text.png", "text.png")] {
+        let mut file = Gltf::textured(uri);
+        file.json["materials"][0]["emissiveTexture"] = json!({"index": 0});
+        file.json["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
+        file.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] =
+            json!([1, 0.5, 0, 1]);
+        let path = folder.write("a.glb", file.glb());
+        let mut scene = Scene::new();
+        let told = warnings(|| scene = Scene::load(path, &flex()).expect("a scene"));
+        let whole = told.len() == 1 && told[0].contains("a texture is left out");
+        assert!(whole && told[0].contains(part), "{told:?}");
+        let material = &scene.objects[0].materials[0];
+        let diffuse = match &material.diffuse {
+            Albedo::Constant(p) => p.values().expect("a colour"),
+            Albedo::Texture { .. } => panic!("a texture"),
+        };
+        assert_eq!(diffuse, [1.0, 0.5, 0.0]);
+        assert!(!scene.has_light());
+    }
+}
+
+/// Files that name Draco without requiring it still have no positions.
+#[test]
+fn draco_without_a_requirement() {
+    let folder = Folder::new("draco");
+    let mut file = Gltf::square();
+    file.json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
+    let primitive = &mut file.json["meshes"][0]["primitives"][0];
+    primitive["extensions"] = json!({"KHR_draco_mesh_compression": {"bufferView": 0}});
+    let load = |file: &Gltf| Scene::load(folder.write("a.glb", file.glb()), &flex());
+    // Beside it are the same positions without compression.
+    assert!(load(&file).is_ok());
+    let accessor = file.json["accessors"][0].as_object_mut().expect("it");
+    accessor.remove("bufferView");
+    let error = load(&file).expect_err("an error").to_string();
+    assert!(
+        error.contains("primitives[0] is compressed by Draco"),
+        "{error}"
+    );
 }

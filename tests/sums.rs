@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use common::errors::{message, says};
 use common::folder::Folder;
 use common::gltf::{Gltf, data_uri};
@@ -48,6 +50,12 @@ fn place(file: &mut Gltf, nodes: Vec<Value>) {
     file.json["nodes"] = json!(nodes);
 }
 
+/// One test at a time, since the memory of the process is measured.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 fn small() -> RenderOptions {
     RenderOptions::new(8, 8).samples(2).bounces(1)
 }
@@ -55,6 +63,7 @@ fn small() -> RenderOptions {
 /// 40 materials of one image of 12 MiB as a texture: 480 MiB if each had its own, in the scene and in what renders it.
 #[test]
 fn an_image_that_materials_share_is_there_once() {
+    let _alone = alone();
     let folder = Folder::new("shared-image");
     let file = squares(40, &[flat(&folder, 1024, [0.25, 0.5, 0.75])]);
     let path = folder.write("shared.glb", file.glb());
@@ -71,6 +80,7 @@ fn an_image_that_materials_share_is_there_once() {
 
 #[test]
 fn the_sum_of_images_is_bounded() {
+    let _alone = alone();
     let folder = Folder::new("many-images");
     let image = flat(&folder, 512, [0.5; 3]);
     let file = squares(4, &[(); 4].map(|()| image.clone()));
@@ -95,6 +105,7 @@ fn the_sum_of_images_is_bounded() {
 
 #[test]
 fn the_sum_of_meshes_is_bounded() {
+    let _alone = alone();
     let folder = Folder::new("many-meshes");
     let mut file = Gltf::square();
     // The same 20,000 triangles in 300 meshes: 6 million of a file of 200 kB.
@@ -111,6 +122,7 @@ fn the_sum_of_meshes_is_bounded() {
 /// Nodes of one mesh share all but their places: 20,000 of them took 660 MB and over a minute.
 #[test]
 fn objects_take_little() {
+    let _alone = alone();
     let folder = Folder::new("many-nodes");
     let mut file = Gltf::square();
     let count = 20_000;
@@ -135,6 +147,7 @@ fn objects_take_little() {
 /// to minutes.
 #[test]
 fn faces_at_one_place_take_linear_time() {
+    let _alone = alone();
     let folder = Folder::new("one-place");
     let shown = |count: usize| {
         let mut file = Gltf::square();

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::check::{check_devices, check_values};
-use super::host_textures::Shared;
+use super::host_textures::{HostTexture, Shared};
 use super::light::HostLight;
 use super::material::{Channel, MaterialKind, Value};
 use super::transfer::to_host;
-use super::{CornerAttribute, Holes, Parameter, Scene, Wrap};
+use super::{CornerAttribute, Holes, Parameter, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, host_values};
 
@@ -73,28 +73,6 @@ impl HostMaterial {
     /// Whether its radiance is other than 0.
     fn shines(&self) -> bool {
         self.channels[Channel::Emission.place()].shines()
-    }
-}
-
-/// A colour, or an image of colours.
-pub(crate) enum HostTexture {
-    Constant([f64; 3]),
-    Image {
-        /// RGB, row after row; textures of one tensor that is in no graph share them.
-        texels: Arc<Vec<f32>>,
-        width: usize,
-        height: usize,
-        wrap: Wrap,
-    },
-}
-
-impl HostTexture {
-    /// Whether any of its values is other than 0.
-    fn shines(&self) -> bool {
-        match self {
-            Self::Constant(c) => *c != [0.0; 3],
-            Self::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
-        }
     }
 }
 

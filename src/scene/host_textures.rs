@@ -6,11 +6,33 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 
 use super::holes::Mask;
-use super::host::HostTexture;
 use super::maps::AlphaMask;
 use super::material::Value;
+use super::wrap::Wrap;
 use crate::error::{Error, Result};
 use crate::geometry::{by_rows, place_of};
+
+/// A colour, or an image of colours.
+pub(crate) enum HostTexture {
+    Constant([f64; 3]),
+    Image {
+        /// RGB, row after row; textures of one tensor that is in no graph share them.
+        texels: Arc<Vec<f32>>,
+        width: usize,
+        height: usize,
+        wrap: Wrap,
+    },
+}
+
+impl HostTexture {
+    /// Whether any of its values is other than 0.
+    pub(super) fn shines(&self) -> bool {
+        match self {
+            Self::Constant(c) => *c != [0.0; 3],
+            Self::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
+        }
+    }
+}
 
 /// What was read so far, by where the numbers lie in their tensors. These must be there as long as this is.
 #[derive(Default)]
