@@ -165,3 +165,53 @@ fn apart((i, t): (usize, &HostTriangle)) -> Swept {
     let mut by = || Vec3A::new(random(), random(), random()) * most;
     Swept(Aabb::new(own.min - by(), own.max + by()))
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn triangle(x: f64, y: f64) -> HostTriangle {
+        let at = DVec3::new(x, y, 0.0);
+        HostTriangle::new([at, at + DVec3::X, at + DVec3::Y], DVec3::ZERO, true)
+    }
+
+    /// The triangles of a tree's leaves, sorted.
+    fn found(tree: &Bvh2) -> Vec<u32> {
+        let leaves = tree.nodes.iter().filter(|n| n.is_leaf());
+        let of_leaf = |n: &obvhs::bvh2::node::Bvh2Node| {
+            let first = n.first_index as usize;
+            tree.primitive_indices[first..first + n.prim_count as usize].to_vec()
+        };
+        let mut all: Vec<u32> = leaves.flat_map(of_leaf).collect();
+        all.sort_unstable();
+        all
+    }
+
+    #[test]
+    fn copies_are_left_out_where_they_may_be() {
+        let grid = (0..900).map(|i| triangle(f64::from(i % 30), f64::from(i / 30)));
+        let all: Vec<HostTriangle> = grid
+            .clone()
+            .chain((0..5000).map(|_| triangle(3.0, 4.0)))
+            .collect();
+        // Every second one may not.
+        let spare = |k: usize| k % 2 == 0;
+        let (kept, complete) = tree(&all, Some(&spare));
+        assert!(!complete);
+        // Of those at one place the one of the grid is the first.
+        let copies = (0..all.len() as u32).filter(|&k| k >= 900 || k == 4 * 30 + 3);
+        let (free, bound): (Vec<u32>, Vec<u32>) = copies.partition(|&k| spare(k as usize));
+        let mut wanted: Vec<u32> = (0..900).filter(|&k| k != 4 * 30 + 3).collect();
+        wanted.extend(free.into_iter().take(COPIES as usize).chain(bound));
+        wanted.sort_unstable();
+        assert!(found(&kept) == wanted, "{}", found(&kept).len());
+        // Without leave all stay, and so do all of what lies side by side.
+        let (whole, complete) = tree(&all, None);
+        assert!(complete && found(&whole).len() == all.len());
+        let side: Vec<HostTriangle> = (0..5000).map(|i| triangle(f64::from(i), 0.0)).collect();
+        let (whole, complete) = tree(&side, Some(&spare));
+        assert!(complete && found(&whole).len() == side.len());
+    }
+}
