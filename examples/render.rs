@@ -153,12 +153,22 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         .seed(arguments.seed)
         .progress(progress);
     let start = Instant::now();
-    let image = render(&scene, &camera, &options)?;
-    let host = HostImage::take(image.radiance)?;
-    bar.finish_and_clear();
-    if host.pixels.iter().all(|&v| v == 0.0) {
-        eprintln!("the picture is black: --environment r,g,b adds light from everywhere");
+    let mut image = render(&scene, &camera, &options)?;
+    let mut host = HostImage::take(image.radiance)?;
+    let chosen = arguments.environment.is_some() || arguments.environment_map.is_some();
+    let is_model = !arguments
+        .scene
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("json"));
+    if is_model && !chosen && host.pixels.iter().all(|&v| v == 0.0) {
+        eprintln!(
+            "the light of the file is not seen: a white environment (--environment r,g,b sets another)"
+        );
+        scene = scene.environment([1.0; 3]);
+        image = render(&scene, &camera, &options)?;
+        host = HostImage::take(image.radiance)?;
     }
+    bar.finish_and_clear();
     let seconds = start.elapsed().as_secs_f64();
     exposed(&host, arguments).write(&arguments.out)?;
     println!("wrote {}", arguments.out.display());

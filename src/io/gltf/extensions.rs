@@ -20,7 +20,7 @@ const READ: [&str; 11] = [
 
 /// What extensions are about that leave a picture of the right shape when they are left out, as the second word of
 /// their names has it: `KHR_materials_clearcoat`, `EXT_lights_image_based`.
-const REFINES: [&str; 12] = [
+const REFINES: [&str; 13] = [
     "animation",
     "audio",
     "collider",
@@ -31,6 +31,7 @@ const REFINES: [&str; 12] = [
     "node",
     "physics",
     "rigid",
+    "technique",
     "techniques",
     "texture",
 ];
