@@ -197,7 +197,7 @@ mod tests {
             .chain((0..5000).map(|_| triangle(3.0, 4.0)))
             .collect();
         // Every second one may not.
-        let spare = |k: usize| k % 2 == 0;
+        let spare = |k: usize| k.is_multiple_of(2);
         let (kept, complete) = tree(&all, Some(&spare));
         assert!(!complete);
         // Of those at one place the one of the grid is the first.
