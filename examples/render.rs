@@ -2,6 +2,7 @@
 
 mod common;
 
+use std::borrow::Cow;
 use std::error::Error;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -11,7 +12,7 @@ use softray::prelude::*;
 
 /// Renders a scene.
 #[derive(Parser)]
-struct Arguments {
+pub struct Arguments {
     /// An .obj, .gltf, .glb or .ply, or a .json that names one with a camera.
     scene: PathBuf,
     /// The picture, .png or .exr.
@@ -66,6 +67,10 @@ struct Arguments {
     /// flex, ndarray, wgpu or vulkan; without it what BURN_DEVICE names, or flex.
     #[arg(long)]
     device: Option<String>,
+    /// Stops by which a .png is brighter than the light of the scene; without it 0, or where that would show all
+    /// white or black, those that show the lit parts. An .exr has the light as it is, and so has --reference.
+    #[arg(long, value_name = "EV", allow_hyphen_values = true)]
+    exposure: Option<f64>,
     /// An image to compare with.
     #[arg(long)]
     reference: Option<PathBuf>,
@@ -99,11 +104,18 @@ fn size(text: &str) -> Result<(usize, usize), String> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     common::log();
-    let arguments = Arguments::parse();
-    // Before the render, which would be lost.
+    run(&Arguments::parse())
+}
+
+/// Renders a scene.
+///
+/// # Errors
+/// When a file can't be read or written, or the scene is not valid.
+pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    // Before anything is computed, which would be lost.
     HostImage::check_path(&arguments.out)?;
     let device = softray::device::named(arguments.device.as_deref())?;
-    let (mut scene, mut camera, mut size) = load(&arguments, &device)?;
+    let (mut scene, mut camera, mut size) = load(arguments, &device)?;
     if let Some(eye) = arguments.eye {
         camera.eye = eye.into();
     }
@@ -121,6 +133,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         scene = scene.environment(Environment::map(map));
     }
     size = arguments.size.unwrap_or(size);
+    HostImage::check_room(&arguments.out, size.0, size.1)?;
 
     let (bar, progress) = common::render_progress("rendering");
     let options = RenderOptions::new(size.0, size.1)
@@ -140,11 +153,24 @@ fn main() -> Result<(), Box<dyn Error>> {
         .seed(arguments.seed)
         .progress(progress);
     let start = Instant::now();
-    let image = render(&scene, &camera, &options)?;
-    let host = HostImage::take(image.radiance)?;
+    let mut image = render(&scene, &camera, &options)?;
+    let mut host = HostImage::take(image.radiance)?;
+    let chosen = arguments.environment.is_some() || arguments.environment_map.is_some();
+    let is_model = !arguments
+        .scene
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("json"));
+    if is_model && !chosen && host.pixels.iter().all(|&v| v == 0.0) {
+        eprintln!(
+            "the light of the file is not seen: a white environment (--environment r,g,b sets another)"
+        );
+        scene = scene.environment([1.0; 3]);
+        image = render(&scene, &camera, &options)?;
+        host = HostImage::take(image.radiance)?;
+    }
     bar.finish_and_clear();
     let seconds = start.elapsed().as_secs_f64();
-    host.write(&arguments.out)?;
+    exposed(&host, arguments).write(&arguments.out)?;
     println!("wrote {}", arguments.out.display());
     println!("seconds {seconds:.2}");
     println!(
@@ -160,13 +186,33 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// The picture of an image that is written.
+fn exposed<'a>(image: &'a HostImage, arguments: &Arguments) -> Cow<'a, HostImage> {
+    let ending = arguments.out.extension().unwrap_or_default();
+    if ending.eq_ignore_ascii_case("exr") {
+        if arguments.exposure.is_some() {
+            eprintln!("exposure 0 EV: an .exr has the light as it is");
+        }
+        return Cow::Borrowed(image);
+    }
+    let stops = arguments.exposure.unwrap_or_else(|| {
+        let stops = image.automatic_exposure();
+        eprintln!("exposure {stops} EV, chosen for the picture (--exposure sets another)");
+        stops
+    });
+    match stops == 0.0 {
+        true => Cow::Borrowed(image),
+        false => Cow::Owned(image.exposed(stops)),
+    }
+}
+
 type Loaded = (Scene, Camera, (usize, usize));
 
 fn load(arguments: &Arguments, device: &Device) -> Result<Loaded, Box<dyn Error>> {
     let limits = LoadLimits::default().outside(arguments.outside);
     let mut file = SceneFile::load_within(&arguments.scene, device, &limits)?;
     if !file.scene.has_light() {
-        println!("no light in the file: a white environment (--environment r,g,b sets another)");
+        eprintln!("no light in the file: a white environment (--environment r,g,b sets another)");
         file.scene = file.scene.environment([1.0; 3]);
     }
     let camera = match &arguments.camera {

@@ -28,6 +28,8 @@ mod metal_and_glass;
 mod mirror;
 #[path = "../examples/relief.rs"]
 mod relief;
+#[path = "../examples/render.rs"]
+mod render;
 #[path = "../examples/texture.rs"]
 mod texture;
 
@@ -137,4 +139,35 @@ fn bodies_from_single_images() {
 fn reflection() {
     let outcome = quick!(mirror);
     assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+/// A lamp in candela is far too bright for a picture of 8 bits, unless it is exposed for it. An .exr has its light.
+#[test]
+fn exposure() {
+    let folder = out("exposure");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let file = |name: &str| folder.join(name).display().to_string();
+    let wall = "v -9 -9 0\nv 9 -9 0\nv 9 9 0\nv -9 9 0\nf 1 2 3 4\n";
+    std::fs::write(file("wall.obj"), wall).expect("a file");
+    let scene = r#"{"obj": "wall.obj", "camera": {"eye": [0, 0, 4], "target": [0, 0, 0],
+        "fov_y_degrees": 40, "width": 8, "height": 8}, "lights": [
+        {"kind": "point", "position": [0, 0, 4], "intensity": [50000, 50000, 50000]}]}"#;
+    std::fs::write(file("scene.json"), scene).expect("a file");
+    let mean = |name: &str, more: &[&str]| {
+        let (scene, out) = (file("scene.json"), file(name));
+        let all = ["render", &scene, "--out", &out, "--spp", "4"];
+        let all = all.iter().chain(more);
+        let arguments = <render::Arguments as clap::Parser>::try_parse_from(all);
+        render::run(&arguments.expect("arguments")).expect("a picture");
+        let image = softray::prelude::HostImage::read(&out).expect("a picture");
+        image.mean()[0]
+    };
+    let linear = mean("linear.exr", &[]);
+    assert!(linear > 300.0, "{linear}");
+    assert_eq!(mean("same.exr", &["--exposure", "-9"]), linear);
+    let automatic = mean("automatic.png", &[]);
+    assert!((0.1..0.3).contains(&automatic), "{automatic}");
+    assert!(mean("as_it_is.png", &["--exposure", "0"]) > 0.99);
+    let set = mean("set.png", &["--exposure", "-12"]);
+    assert!((set * 4096.0 / linear - 1.0).abs() < 0.05, "{set} {linear}");
 }

@@ -65,7 +65,7 @@ fn room() -> Scene {
     let ball = ball.clone().with_normals(ball.vertices.clone());
     let back = facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device);
     let mut back = Object::new(back.with_uvs(unit_uvs())).named("ball ");
-    back.materials = vec![striped, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])];
+    back.materials = vec![striped, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])].into();
     back.face_materials = Arc::new(vec![1, 0]);
     let lamp = lamp(0.8, 2.9, [9.0, 8.0, 7.0], &device);
     Scene::new()

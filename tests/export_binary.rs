@@ -73,7 +73,7 @@ fn room() -> Scene {
     );
     let back = facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device);
     let mut back = Object::new(back.with_uvs(uvs())).named("back \"\n");
-    back.materials = vec![glossy, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])];
+    back.materials = vec![glossy, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])].into();
     back.face_materials = Arc::new(vec![1, 0]);
     let checks = textured(image_of(4, 4, bytes), Wrap::Clamp);
     let shiny = Material::diffuse([0.2, 0.3, 0.4]).specular([0.3, 0.3, 0.25], 30.0);

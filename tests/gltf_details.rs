@@ -3,7 +3,7 @@
 
 mod common;
 
-use burn::tensor::TensorData;
+use burn::tensor::{Tensor, TensorData};
 use common::folder::Folder;
 use common::gltf::{Gltf, data_uri};
 use common::numbers::{largest, mean};
@@ -262,4 +262,102 @@ fn other_formats_tell_what_they_lose() {
             assert!(told.iter().any(|t| t.contains(part)), "{name}: {told:?}");
         }
     }
+}
+
+/// What refines a surface is left out with a warning, also where the file requires it; what its shape depends on is not.
+#[test]
+fn extensions_that_are_not_read() {
+    let folder = Folder::new("extensions");
+    let load = |name: &str| {
+        let mut file = Gltf::square();
+        file.json["extensionsUsed"] = json!([name]);
+        file.json["extensionsRequired"] = json!([name]);
+        let path = folder.write("a.glb", file.glb());
+        let mut scene = None;
+        let told = warnings(|| scene = Some(Scene::load(path, &Device::flex())));
+        (scene.expect("it was loaded"), told)
+    };
+    for name in [
+        "KHR_materials_unlit",
+        "KHR_materials_clearcoat",
+        "KHR_materials_variants",
+        "KHR_texture_basisu",
+        "EXT_lights_image_based",
+        "KHR_animation_pointer",
+    ] {
+        let (scene, told) = load(name);
+        assert!(scene.is_ok(), "{name}: {scene:?}");
+        assert!(told.len() == 1 && told[0].contains(name), "{told:?}");
+    }
+    for (name, part) in [
+        ("KHR_draco_mesh_compression", "compressed by Draco"),
+        ("EXT_meshopt_compression", "compressed by meshopt"),
+        ("EXT_mesh_gpu_instancing", "expected one of those known"),
+    ] {
+        let error = load(name).0.expect_err(name).to_string();
+        assert!(error.contains(name) && error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn webp_is_read_as_png_is() {
+    let folder = Folder::new("webp");
+    let picture =
+        image::RgbImage::from_fn(4, 4, |x, y| image::Rgb([60 * x as u8, 60 * y as u8, 9]));
+    let texels = |format: image::ImageFormat, kind: &str, by_extension: bool| {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, format).expect("a picture");
+        let mut file = Gltf::textured(&data_uri(kind, &bytes.into_inner()));
+        if by_extension {
+            file.json["extensionsRequired"] = json!(["EXT_texture_webp"]);
+            file.json["textures"][0] = json!({"extensions": {"EXT_texture_webp": {"source": 0}}});
+        }
+        let path = folder.write("a.glb", file.glb());
+        let scene = Scene::load(path, &Device::flex()).expect("a scene");
+        match &scene.objects[0].materials[0].diffuse {
+            Albedo::Texture { texels, .. } => values(texels),
+            Albedo::Constant(_) => panic!("no texture"),
+        }
+    };
+    let png = texels(image::ImageFormat::Png, "image/png", false);
+    assert_eq!(texels(image::ImageFormat::WebP, "image/webp", true), png);
+}
+
+/// What shines is any value above 0: exporters write black textures for what does not emit.
+#[test]
+fn black_textures_are_no_light() {
+    let folder = Folder::new("black-light");
+    let load = |value: f32, factor: f64, intensity: f64| {
+        let picture = HostImage::new(2, 2, vec![value; 12]).expect("an image");
+        picture.write(folder.path("glow.png")).expect("a file");
+        let mut file = Gltf::textured("glow.png");
+        file.json["materials"][0]["emissiveTexture"] = json!({"index": 0});
+        file.json["materials"][0]["emissiveFactor"] = json!([factor, factor, factor]);
+        let light = json!({"type": "point", "intensity": intensity});
+        file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [light]}});
+        file.json["nodes"][0]["extensions"] = json!({"KHR_lights_punctual": {"light": 0}});
+        Scene::load(folder.write("a.glb", file.glb()), &Device::flex()).expect("a scene")
+    };
+    for (value, factor, intensity, lit) in [
+        (0.0, 1.0, 0.0, false),
+        (1.0, 0.0, 0.0, false),
+        (1.0, 1.0, 0.0, true),
+        (0.0, 1.0, 2.0, true),
+    ] {
+        let scene = load(value, factor, intensity);
+        assert_eq!(scene.has_light(), lit, "{value} {factor} {intensity}");
+    }
+    // Those of other files, and tensors of a fit, too.
+    let device = Device::flex();
+    let with = |texels: Tensor<3>| {
+        let emission = Material::emitter(Albedo::texture(texels));
+        let uvs = Tensor::zeros([8, 2], &device);
+        let cube = shapes::cube(&device).with_uvs(uvs);
+        Scene::new().with(Object::new(cube).material(emission))
+    };
+    let black = Tensor::<3>::zeros([2, 2, 3], &device);
+    assert!(!with(black.clone()).has_light());
+    assert!(with(black.clone() + 0.1).has_light());
+    let of_map = |map: Tensor<3>| Scene::new().environment(Environment::map(map)).has_light();
+    assert!(!of_map(black.clone()) && of_map(black + 0.1));
 }

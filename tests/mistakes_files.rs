@@ -7,7 +7,9 @@ use std::path::PathBuf;
 
 use burn::tensor::Tensor;
 use common::folder::Folder;
+use common::gltf::Gltf;
 use common::told::{Told, ball, camera, flex, lit, row, see, small, warnings};
+use serde_json::json;
 use softray::modules::{
     CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig, RenderLossConfig,
     Renderer, RigidTransform, TextureParams,
@@ -280,4 +282,119 @@ fn black_images_are_told() {
     let options = RenderOptions::new(16, 16).samples(4).bounces(0);
     let told = warnings(|| render(&seen, &camera(), &options).expect("an image"));
     assert!(told.is_empty(), "{told:?}");
+}
+
+/// What a render would be lost by is told before it, and leaves no file behind.
+#[test]
+fn places_that_can_not_be_written_to() {
+    let mut told = Told::default();
+    let folder = Folder::new("places");
+    // Where nobody may write, whatever their rights.
+    #[cfg(target_os = "linux")]
+    told.expect(
+        "a folder of the system",
+        &["/proc/a.png", "folder /proc"],
+        || HostImage::check_path("/proc/a.png"),
+    );
+    std::fs::create_dir(folder.path("b.png")).expect("a folder");
+    told.expect("a folder as a file", &["b.png", "it is a folder"], || {
+        HostImage::check_path(folder.path("b.png"))
+    });
+    let path = folder.write("c.exr", "old");
+    HostImage::check_path(&path).expect("a place");
+    HostImage::check_room(folder.path("d.png"), 200, 100).expect("room");
+    assert_eq!(folder.files(), ["b.png", "c.exr"]);
+    assert_eq!(std::fs::read(path).expect("bytes"), b"old");
+}
+
+#[test]
+fn fields_that_scene_files_do_not_have() {
+    let folder = Folder::new("fields");
+    folder.write("s.obj", format!("{TRIANGLE}f 1 2 3\n"));
+    let text = r#"{"obj": "s.obj", "enviroment": [1, 1, 1], "camera": {"eye": [0, 0, 4],
+        "target": [0, 0, 0], "fov_y_degrees": 40, "width": 4, "height": 4, "fov": 3}, "lights": [
+        {"kind": "point", "position": [1, 1, 1], "intensity": [1, 1, 1], "colour": [1, 0, 0]}]}"#;
+    let path = folder.write("s.json", text);
+    let told = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
+    let whole = told.len() == 1 && told[0].contains("s.json");
+    let fields = "not known: enviroment, camera.fov, lights[0].colour";
+    assert!(whole && told[0].ends_with(fields), "{told:?}");
+    let known = text
+        .replace("enviroment", "environment")
+        .replace(", \"fov\": 3", "");
+    let path = folder.write("s.json", known.replace(", \"colour\": [1, 0, 0]", ""));
+    let told = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
+    assert!(told.is_empty(), "{told:?}");
+}
+
+#[test]
+fn scenes_without_extent_or_area() {
+    let mut told = Told::default();
+    let scene = |corners: [[f64; 3]; 3]| {
+        lit(Object::new(Mesh::from_host(
+            &corners,
+            vec![[0, 1, 2]],
+            &flex(),
+        )))
+    };
+    for place in [[0.0; 3], [1.0, -2.0, 1e6]] {
+        let parts = ["scene: bounds", "not all in one point"];
+        told.expect("a point", &parts, || overview(&scene([place; 3])));
+        told.expect("a point in a frame", &parts, || {
+            Camera::framing(&scene([place; 3]), [0.0, 0.0, 1.0])
+        });
+    }
+    let line = scene([[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]);
+    let said = warnings(|| render(&line, &camera(), &small()).expect("an image"));
+    assert!(said.iter().any(|t| t.contains("has an area")), "{said:?}");
+    // Flat and dark: no side of it is better than another.
+    let flat = scene([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).environment([0.0; 3]);
+    assert!(overview(&flat).is_ok());
+}
+
+/// A surface whose texture is missing is there without it, as other readers have it; one that the texture would say the
+/// light of is dark.
+#[test]
+fn images_that_are_not_there() {
+    let folder = Folder::new("missing");
+    folder.write("text.png", "no picture");
+    for (uri, part) in [("nowhere.png", "nowhere.png"), ("text.png", "text.png")] {
+        let mut file = Gltf::textured(uri);
+        file.json["materials"][0]["emissiveTexture"] = json!({"index": 0});
+        file.json["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
+        file.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] =
+            json!([1, 0.5, 0, 1]);
+        let path = folder.write("a.glb", file.glb());
+        let mut scene = Scene::new();
+        let told = warnings(|| scene = Scene::load(path, &flex()).expect("a scene"));
+        let whole = told.len() == 1 && told[0].contains("a texture is left out");
+        assert!(whole && told[0].contains(part), "{told:?}");
+        let material = &scene.objects[0].materials[0];
+        let diffuse = match &material.diffuse {
+            Albedo::Constant(p) => p.values().expect("a colour"),
+            Albedo::Texture { .. } => panic!("a texture"),
+        };
+        assert_eq!(diffuse, [1.0, 0.5, 0.0]);
+        assert!(!scene.has_light());
+    }
+}
+
+/// Files that name Draco without requiring it still have no positions.
+#[test]
+fn draco_without_a_requirement() {
+    let folder = Folder::new("draco");
+    let mut file = Gltf::square();
+    file.json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
+    let primitive = &mut file.json["meshes"][0]["primitives"][0];
+    primitive["extensions"] = json!({"KHR_draco_mesh_compression": {"bufferView": 0}});
+    let load = |file: &Gltf| Scene::load(folder.write("a.glb", file.glb()), &flex());
+    // Beside it are the same positions without compression.
+    assert!(load(&file).is_ok());
+    let accessor = file.json["accessors"][0].as_object_mut().expect("it");
+    accessor.remove("bufferView");
+    let error = load(&file).expect_err("an error").to_string();
+    assert!(
+        error.contains("primitives[0] is compressed by Draco"),
+        "{error}"
+    );
 }

@@ -298,3 +298,25 @@ fn mistakes_are_named() {
         head("element vertex 3\nproperty float x\nelement nothing 18446744073709551615\n");
     assert!(load("nothing", no_values).is_err());
 }
+
+/// Old writers put more into a line than the header says; where each row has a line the rest of it is left out.
+#[test]
+fn lines_with_more_than_the_header_says() {
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                  property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let folder = Folder::new("ply-lines");
+    let load = |rows: &str| {
+        let path = folder.write("a.ply", format!("{header}{rows}"));
+        Scene::load(path, &Device::flex())
+    };
+    let scene = load("0 0 0 7\n1 0 0 7\n0 1 0 7\n3 0 1 2 9 1 1 1\n").expect("a scene");
+    let corners = scene.objects[0].mesh.host_vertices().expect("values");
+    assert_eq!(corners, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert_eq!(*scene.objects[0].mesh.faces, [[0, 1, 2]]);
+    // Rows that share lines are read as numbers, one after the other.
+    let scene = load("0 0 0 1 0 0\n0 1 0\n3 0 1 2\n").expect("a scene");
+    assert_eq!(
+        scene.objects[0].mesh.host_vertices().expect("values"),
+        corners
+    );
+}

@@ -3,13 +3,10 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::simd::LANES;
+use super::build::{Spare, tree};
 use super::triangle::HostTriangle;
 use super::wide::{FEW, Wide};
-use glam::{DVec3, Vec3A};
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::builder::build_bvh2;
-use obvhs::{Boundable, BvhBuildParams};
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
@@ -18,6 +15,8 @@ pub(crate) struct Hierarchy {
     /// The triangles, in the scene's order.
     pub triangles: Vec<HostTriangle>,
     pub(super) wide: Wide,
+    /// Whether all triangles are in it; of many that are the same some are left out.
+    complete: bool,
     /// The binary tree that the nodes were gathered from, with boxes about the triangles of then.
     #[cfg(feature = "wgpu")]
     pub(super) built: Option<Arc<obvhs::bvh2::Bvh2>>,
@@ -25,31 +24,22 @@ pub(crate) struct Hierarchy {
     cost: [f64; 2],
 }
 
-struct Swept(Aabb);
-
-impl Boundable for Swept {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
 impl Hierarchy {
-    /// Builds boxes over the triangles that have area.
-    pub fn new(triangles: Vec<HostTriangle>) -> Self {
-        let nodes = (triangles.len() > FEW).then(|| {
-            let boxes: Vec<Swept> = triangles.iter().enumerate().map(apart).collect();
-            let mut time = std::time::Duration::ZERO;
-            let parameters = BvhBuildParams {
-                max_prims_per_leaf: LANES as u32,
-                ..BvhBuildParams::medium_build()
-            };
-            build_bvh2(&boxes, parameters, &mut time)
-        });
+    /// Builds boxes over triangles.
+    pub fn new(triangles: Vec<HostTriangle>, spare: Spare) -> Self {
+        let (nodes, complete) = match triangles.len() > FEW {
+            true => {
+                let (nodes, complete) = tree(&triangles, spare);
+                (Some(nodes), complete)
+            }
+            false => (None, true),
+        };
         let wide = Wide::new(&triangles, nodes.as_ref(), extent(&triangles));
         Self {
             cost: [wide.cost(); 2],
             wide,
             triangles,
+            complete,
             #[cfg(feature = "wgpu")]
             built: nodes.map(Arc::new),
         }
@@ -57,9 +47,14 @@ impl Hierarchy {
 
     /// Boxes over triangles, and whether they are those of another hierarchy, of triangles that are not far from
     /// these, fitted to them: as long as these have not grown by half.
-    pub(crate) fn like(triangles: Vec<HostTriangle>, other: Option<&Self>) -> (Self, bool) {
+    pub(crate) fn like(
+        triangles: Vec<HostTriangle>,
+        other: Option<&Self>,
+        spare: Spare,
+    ) -> (Self, bool) {
         let alike = |other: &&Self| {
-            other.triangles.len() == triangles.len() && !other.wide.nodes.is_empty()
+            let same = other.complete && other.triangles.len() == triangles.len();
+            same && !other.wide.nodes.is_empty()
         };
         let fitted = other.filter(alike).and_then(|other| {
             let wide = other.wide.fit(&triangles, extent(&triangles));
@@ -71,24 +66,26 @@ impl Hierarchy {
                 let fitted = Self {
                     wide,
                     triangles,
+                    complete: true,
                     #[cfg(feature = "wgpu")]
                     built: other.built.clone(),
                     cost: [cost, other.cost[1]],
                 };
                 (fitted, true)
             }
-            None => (Self::new(triangles), false),
+            None => (Self::new(triangles, spare), false),
         }
     }
 
-    /// Whether these are its triangles: corners, and displacement over the shutter.
+    /// Whether these are its triangles, all in it: corners, and displacement over the shutter.
     pub(crate) fn is_of(
         &self,
         count: usize,
         triangle: impl Fn(usize) -> ([DVec3; 3], DVec3) + Sync,
     ) -> bool {
         let same = |(k, t): (usize, &HostTriangle)| triangle(k) == (t.corners, t.velocity);
-        self.triangles.len() == count && self.triangles.par_iter().enumerate().all(same)
+        let alike = self.complete && self.triangles.len() == count;
+        alike && self.triangles.par_iter().enumerate().all(same)
     }
 }
 
@@ -98,26 +95,6 @@ fn extent(triangles: &[HostTriangle]) -> f64 {
         t.corners.map(far).into_iter().fold(0.0, f64::max)
     };
     triangles.par_iter().map(reach).reduce(|| 0.0, f64::max)
-}
-
-/// The box of a triangle, grown by next to nothing, each side by an amount of its own: among boxes that are
-/// the same the builder would join one pair a round.
-fn apart((i, t): (usize, &HostTriangle)) -> Swept {
-    let own = t.swept();
-    let size = own.min.abs().max(own.max.abs()).max_element();
-    let most = if size.is_finite() {
-        size * 4e-6 + 1e-12
-    } else {
-        0.0
-    };
-    let mut state = i as u32;
-    let mut random = || {
-        state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-        ((word >> 22) ^ word) as f32 / 4_294_967_296.0
-    };
-    let mut by = || Vec3A::new(random(), random(), random()) * most;
-    Swept(Aabb::new(own.min - by(), own.max + by()))
 }
 
 /// A hierarchy kept from render to render: its boxes are fitted to triangles that moved, and built
@@ -145,10 +122,10 @@ impl HierarchyCache {
         cached.last.clone()
     }
 
-    /// A hierarchy of these triangles.
-    pub(crate) fn take(&self, triangles: Vec<HostTriangle>) -> Arc<Hierarchy> {
+    /// A hierarchy of these triangles, some of which may be spare.
+    pub(crate) fn take(&self, triangles: Vec<HostTriangle>, spare: Spare) -> Arc<Hierarchy> {
         let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let (hierarchy, fitted) = Hierarchy::like(triangles, cached.last.as_deref());
+        let (hierarchy, fitted) = Hierarchy::like(triangles, cached.last.as_deref(), spare);
         if fitted {
             cached.fits += 1;
         } else {

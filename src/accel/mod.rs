@@ -1,6 +1,7 @@
 //! A hierarchy of boxes over triangles, on the host. For the softmax boxes grow by the reach of the blur while
 //! they are traversed, so that one hierarchy holds for any σ.
 
+mod build;
 mod gather;
 #[cfg(feature = "wgpu")]
 mod gpu;
@@ -12,6 +13,7 @@ mod triangle;
 mod visit;
 mod wide;
 
+pub(crate) use build::Spare;
 #[cfg(feature = "wgpu")]
 pub(crate) use gpu::GpuTree;
 pub(crate) use hierarchy::Hierarchy;

@@ -203,7 +203,7 @@ mod tests {
                 let corners = [0; 3].map(|_| place + vector(0.5));
                 HostTriangle::new(corners, vector(0.1), true)
             };
-            let hierarchy = Hierarchy::new((0..count).map(triangle).collect());
+            let hierarchy = Hierarchy::new((0..count).map(triangle).collect(), None);
             let overlaps = Overlaps::new(&hierarchy);
             let (mut found, mut left) = (Vec::new(), 1 << 20);
             for leaf in 0..overlaps.leaves() {

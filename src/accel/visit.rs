@@ -237,7 +237,7 @@ mod tests {
         let vertices = mesh.host_vertices().expect("vertices");
         let corner = |i: u32| DVec3::from(vertices[i as usize]);
         let triangle = |f: &[u32; 3]| HostTriangle::new(f.map(corner), DVec3::ZERO, true);
-        let hierarchy = Hierarchy::new(mesh.faces.iter().map(triangle).collect());
+        let hierarchy = Hierarchy::new(mesh.faces.iter().map(triangle).collect(), None);
         for distance in [3.0, 1e2, 1e4, 1e6] {
             for i in 0..200 {
                 let turn = f64::from(i) * 2.399_963;

@@ -1,5 +1,7 @@
 //! The device and float type of a render, and values to and from the host.
 
+#[cfg(feature = "flex")]
+use burn::backend::{BackendTensor, DispatchTensorKind};
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
 use crate::device::count_read_back;
@@ -87,6 +89,30 @@ pub(crate) fn first_outside<const D: usize>(
         passed += values.len();
     })?;
     Ok(found)
+}
+
+/// Where the numbers of a tensor lie on the host: tensors of one place, that are there at one time, are the same. None
+/// where that is not known, or it is in a graph.
+pub(crate) fn place_of<const D: usize>(tensor: &Tensor<D>) -> Option<(usize, [usize; D])> {
+    #[cfg(feature = "flex")]
+    if !tensor.is_tracked()
+        && let DispatchTensorKind::Flex(BackendTensor::Float(own)) =
+            detached(tensor).into_dispatch().kind
+        && own.is_contiguous()
+    {
+        let first =
+            own.bytes().as_ptr() as usize + own.layout().start_offset() * own.dtype().size();
+        return Some((first, tensor.dims()));
+    }
+    let _ = tensor;
+    None
+}
+
+/// Whether any value of an image is above 0, or can't be read.
+pub(crate) fn any_positive<const D: usize>(image: &Tensor<D>) -> bool {
+    // Computed where the image is: only one number is read back.
+    let most = host_values(&detached(image).max());
+    most.map_or(true, |most| most.iter().any(|&v| v > 0.0))
 }
 
 /// Reads the values of a float tensor back to the host.

@@ -9,7 +9,9 @@ mod topology;
 mod triangles;
 mod vec3;
 
-pub(crate) use context::{Context, by_rows, detached, first_outside, host_values, sin_cos};
+pub(crate) use context::{
+    Context, any_positive, by_rows, detached, first_outside, host_values, place_of, sin_cos,
+};
 #[cfg(test)]
 pub(crate) use topology::Neighbours;
 pub(crate) use topology::{Topology, Weld};

@@ -1,6 +1,9 @@
 //! What few scenes have, packed into lists ([`layout`](super::layout)): colours and tangents at corners, masks, and
 //! lights without extent.
 
+use std::collections::HashMap;
+use std::sync::Arc;
+
 use super::layout::{
     ALPHAS, COLOUR_ROWS, COLOURS, DIRECTIONAL, DISTANT, DISTANT_AXES, DISTANT_COUNT, DISTANT_SUMS,
     FIXED_SUMS, LIGHT_BITS, LIGHT_BRANCHES, LIGHT_NODE_COUNT, LIGHT_NODES, LIGHT_PLACES, LIGHTS,
@@ -39,11 +42,15 @@ impl PackedScene {
         self.words.extend(&holes.of_triangle);
         self.floats_at(ALPHAS);
         let mut masks = Vec::with_capacity(holes.masks.len());
+        let mut known: HashMap<*const Vec<f32>, u32> = HashMap::new();
         for mask in &holes.masks {
-            let offset = self.floats.len() as u32 - self.header[ALPHAS];
+            let next = self.floats.len() as u32 - self.header[ALPHAS];
+            let offset = *known.entry(Arc::as_ptr(&mask.alpha)).or_insert(next);
             let (width, height) = (mask.width as u32, mask.height as u32);
             masks.push([offset, width, height, number_of(mask.wrap)]);
-            self.floats.extend(&mask.alpha);
+            if offset == next {
+                self.floats.extend(mask.alpha.iter());
+            }
         }
         self.words_at(MASKS);
         for triangle in &holes.triangles {

@@ -1,19 +1,22 @@
 //! Scenes from descriptions: the one place that says which of their parts this crate renders.
 
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
 use burn::tensor::Device;
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DMat3, DVec3};
 
 use super::LoadLimits;
 use super::build_materials::{Materials, untextured};
 use super::description::{
-    CameraDescription, Corners, Description, LightDescription, LightKind, MeshDescription,
-    ObjectDescription, ProjectionDescription,
+    CameraDescription, Description, LightDescription, LightKind, ObjectDescription,
+    ProjectionDescription, attribute,
 };
 use crate::error::Result;
-use crate::scene::{Camera, Light, Mesh, Object, Scene};
+use crate::scene::{
+    Camera, CornerAttribute, Light, List, Material, Mesh, Object, Scene, host_tensor,
+};
 
 /// Makes the scene of a file's description.
 pub(super) fn scene(
@@ -25,15 +28,16 @@ pub(super) fn scene(
     let mut builder = Builder {
         description,
         device,
-        materials: Materials::new(description, limits, device),
+        materials: Materials::new(description, path, limits, device)?,
+        lists: HashMap::new(),
+        shared: HashMap::new(),
     };
-    let mut scene = Scene::new();
-    for object in &description.objects {
-        scene = scene.with(builder.object(object)?);
-    }
-    for from in &description.lights {
-        scene = scene.light(light(from));
-    }
+    let objects = description.objects.iter();
+    let scene = Scene {
+        objects: objects.map(|o| builder.object(o)).collect::<Result<_>>()?,
+        lights: description.lights.iter().map(light).collect(),
+        ..Scene::new()
+    };
     let dropped = builder.materials.dropped;
     if !dropped.is_empty() {
         let list: Vec<&str> = dropped.into_iter().collect();
@@ -70,75 +74,113 @@ struct Builder<'a> {
     description: &'a Description,
     device: &'a Device,
     materials: Materials<'a>,
+    /// The materials of each mesh that was built.
+    lists: HashMap<usize, List<Material>>,
+    /// What instances of a mesh have in common, if they are mirrored alike.
+    shared: HashMap<(usize, bool), Arc<Common>>,
+}
+
+/// What all instances of a mesh share, wound as they are.
+struct Common {
+    faces: Arc<Vec<[u32; 3]>>,
+    uvs: Option<CornerAttribute>,
+    colours: Option<CornerAttribute>,
+    normal_faces: Arc<Vec<[u32; 3]>>,
+    tangent_faces: Arc<Vec<[u32; 3]>>,
+    face_materials: Arc<Vec<u32>>,
 }
 
 impl Builder<'_> {
     fn object(&mut self, object: &ObjectDescription) -> Result<Object> {
-        let description = &self.description.meshes[object.mesh];
-        let mesh = self.mesh(description, &object.to_world, &object.name);
+        let mirrored = object.to_world.matrix3.determinant() < 0.0;
+        let common = self.common(object.mesh, mirrored);
+        let mesh = self.mesh(object, &common, mirrored);
+        let materials = match self.lists.get(&object.mesh) {
+            Some(list) => list.clone(),
+            None => {
+                let list = self.list(object, mesh.uvs.is_some())?;
+                self.lists.insert(object.mesh, list.clone());
+                list
+            }
+        };
         let mut built = Object::new(mesh).named(object.name.clone());
-        let has_uvs = built.mesh.uvs.is_some();
-        let materials = description.materials.iter().map(|&index| {
+        if materials.len() > 1 {
+            built.face_materials = common.face_materials.clone();
+        }
+        built.materials = materials;
+        Ok(built)
+    }
+
+    /// The materials of an object's mesh.
+    fn list(&mut self, object: &ObjectDescription, has_uvs: bool) -> Result<List<Material>> {
+        let used = self.description.meshes[object.mesh].materials.iter();
+        let materials = used.map(|&index| {
             let material = self.materials.get(index)?;
             Ok(match has_uvs {
                 true => material,
                 false => untextured(material, &object.name),
             })
         });
-        built.materials = materials.collect::<Result<_>>()?;
-        if built.materials.len() > 1 {
-            built.face_materials = Arc::new(description.face_materials.clone());
-        }
-        Ok(built)
+        materials.collect()
+    }
+
+    fn common(&mut self, mesh: usize, mirrored: bool) -> Arc<Common> {
+        let (description, device) = (self.description, self.device);
+        let common = self.shared.entry((mesh, mirrored)).or_insert_with(|| {
+            let from = &description.meshes[mesh];
+            let wound = |faces: &[[u32; 3]]| match mirrored {
+                true => faces.iter().map(|&[a, b, c]| [a, c, b]).collect(),
+                false => faces.to_vec(),
+            };
+            let count = from.faces.len();
+            let (uvs, colours) = (&from.uvs, &from.colours);
+            Arc::new(Common {
+                uvs: attribute(&uvs.values, &Arc::new(wound(&uvs.faces)), count, device),
+                colours: attribute(
+                    &colours.values,
+                    &Arc::new(wound(&colours.faces)),
+                    count,
+                    device,
+                ),
+                normal_faces: Arc::new(wound(&from.normals.faces)),
+                tangent_faces: Arc::new(wound(&from.tangents.faces)),
+                faces: Arc::new(wound(&from.faces)),
+                face_materials: Arc::new(from.face_materials.clone()),
+            })
+        });
+        common.clone()
     }
 
     /// A mesh at its place. A mirror image is wound the other way, so that its front stays outside.
-    fn mesh(&self, from: &MeshDescription, to_world: &DAffine3, name: &str) -> Mesh {
+    fn mesh(&self, object: &ObjectDescription, common: &Common, mirrored: bool) -> Mesh {
+        let (from, to_world) = (&self.description.meshes[object.mesh], &object.to_world);
         let linear = to_world.matrix3;
-        let mirrored = linear.determinant() < 0.0;
-        let wound = |faces: &[[u32; 3]]| match mirrored {
-            true => faces.iter().map(|&[a, b, c]| [a, c, b]).collect(),
-            false => faces.to_vec(),
-        };
         let place = |&p: &[f64; 3]| to_world.transform_point3(p.into()).to_array();
         let positions: Vec<[f64; 3]> = from.positions.iter().map(place).collect();
-        let faces = wound(&from.faces);
-        let count = faces.len();
-        let mut mesh = Mesh::from_host(&positions, faces, self.device);
-        let uvs = Corners {
-            values: from.uvs.values.clone(),
-            faces: wound(&from.uvs.faces),
-        };
-        mesh.uvs = uvs.attribute(count, self.device);
+        let vertices = host_tensor(&positions, self.device);
+        let mut mesh = Mesh::of_faces(vertices, common.faces.clone());
+        mesh.uvs = common.uvs.clone();
+        mesh.colours = common.colours.clone();
+        let count = mesh.faces.len();
         let turn = of_normals(linear);
         let turned = |&n: &[f64; 3]| (turn * DVec3::from(n)).normalize_or_zero().to_array();
-        let normals = Corners {
-            values: match linear == DMat3::IDENTITY {
-                true => from.normals.values.clone(),
-                false => from.normals.values.iter().map(turned).collect(),
-            },
-            faces: wound(&from.normals.faces),
+        let normals: Vec<[f64; 3]> = match linear == DMat3::IDENTITY {
+            true => from.normals.values.clone(),
+            false => from.normals.values.iter().map(turned).collect(),
         };
-        if normals.values.contains(&[0.0; 3]) {
+        if normals.contains(&[0.0; 3]) {
+            let name = &object.name;
             log::warn!("{name}: it has normals of zero length, using none of its normals");
         } else {
-            mesh.normals = normals.attribute(count, self.device);
+            mesh.normals = attribute(&normals, &common.normal_faces, count, self.device);
         }
-        let colours = Corners {
-            values: from.colours.values.clone(),
-            faces: wound(&from.colours.faces),
-        };
-        mesh.colours = colours.attribute(count, self.device);
         let side = if mirrored { -1.0 } else { 1.0 };
         let placed = |&[x, y, z, w]: &[f64; 4]| {
             let [x, y, z] = (linear * DVec3::new(x, y, z)).to_array();
             [x, y, z, side * w]
         };
-        let tangents = Corners {
-            values: from.tangents.values.iter().map(placed).collect(),
-            faces: wound(&from.tangents.faces),
-        };
-        mesh.tangents = tangents.attribute(count, self.device);
+        let tangents: Vec<[f64; 4]> = from.tangents.values.iter().map(placed).collect();
+        mesh.tangents = attribute(&tangents, &common.tangent_faces, count, self.device);
         mesh
     }
 }

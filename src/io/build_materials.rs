@@ -1,16 +1,13 @@
 //! Materials from descriptions.
 
 use std::collections::{BTreeSet, HashMap};
-use std::io::{BufReader, Cursor};
+use std::path::Path;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 
 use super::LoadLimits;
-use super::decode::Decoded;
-use super::description::{
-    Alpha, Description, ImageSource, MaterialDescription, OwnBsdf, TextureUse,
-};
-use super::limits::open;
+use super::description::{Alpha, Description, MaterialDescription, OwnBsdf, TextureUse};
+use super::textures::Textures;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::scene::{Albedo, AlphaMask, Material, NormalMap, ScalarTexture, Wrap};
@@ -25,37 +22,41 @@ const LEAST_IOR: f64 = 1.0011;
 /// Materials of a scene, each made once.
 pub(super) struct Materials<'a> {
     description: &'a Description,
-    limits: &'a LoadLimits,
     device: &'a Device,
-    /// Images that were decoded, by their numbers.
-    images: HashMap<(usize, Channels), Tensor<3>>,
+    textures: Textures<'a>,
     /// Materials that were made, so that objects share textures and unused ones aren't read.
     made: HashMap<Option<usize>, Material>,
     /// What would change the picture and is not rendered, told once.
     pub dropped: BTreeSet<&'static str>,
 }
 
-/// The channels that are taken from an image.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Channels {
-    /// Linear RGB from sRGB.
-    Colours,
-    /// RGB as it is.
-    Numbers,
-    /// Alpha alone.
-    Alpha,
-}
-
 impl<'a> Materials<'a> {
-    pub fn new(description: &'a Description, limits: &'a LoadLimits, device: &'a Device) -> Self {
-        Self {
+    /// Those of a file.
+    ///
+    /// # Errors
+    /// If the textures of those that are used are larger than the limits, or an image is. Nothing is
+    /// decoded then.
+    pub fn new(
+        description: &'a Description,
+        path: &'a Path,
+        limits: &'a LoadLimits,
+        device: &'a Device,
+    ) -> Result<Self> {
+        let mut this = Self {
             description,
-            limits,
             device,
-            images: HashMap::new(),
+            textures: Textures::new(description, path, limits, device),
             made: HashMap::new(),
             dropped: BTreeSet::new(),
+        };
+        let used = description.objects.iter();
+        let used = used.flat_map(|o| &description.meshes[o.mesh].materials);
+        for index in used.collect::<BTreeSet<_>>() {
+            this.get(*index)?;
         }
+        this.made.clear();
+        this.textures.decode();
+        Ok(this)
     }
 
     /// A material of the description; None is the default.
@@ -75,19 +76,31 @@ impl<'a> Materials<'a> {
     fn make(&mut self, from: &MaterialDescription) -> Result<Material> {
         let mut material = self.bsdf(from)?.named(from.name.clone());
         material.compensated = from.compensated;
-        if let Some((TextureUse { image, wrap }, scale)) = from.normal {
-            let texels = self.image(image, Channels::Numbers)? * 2.0 - 1.0;
-            material = material.normal_map(texels, scale);
+        let (map, scale) = from.normal.unzip();
+        if let (Some(TextureUse { image, wrap }), Some(scale)) = (self.textures.found(map)?, scale)
+        {
+            let texels = self.textures.tilts(image, scale)?;
+            material = material.normal_map(texels, 1.0);
             material.normal_map = material.normal_map.map(|map| NormalMap { wrap, ..map });
         }
         material.alpha_mask = self.mask(from)?;
-        if from.emission != [0.0; 3] {
-            material.emission = self.colour(from.emission, from.emissive_texture)?;
+        if from.emission != [0.0; 3] && !self.is_lost(from.emissive_texture)? {
+            let emission = self.colour(from.emission, from.emissive_texture)?;
+            // Many exporters write a black texture for what does not emit.
+            if emission.shines() {
+                material.emission = emission;
+            }
             if from.double_sided {
                 self.dropped.insert("emission of back sides");
             }
         }
         Ok(material)
+    }
+
+    /// Whether there is a texture, but its image can't be read: without the texture that says where a surface shines,
+    /// all of it would.
+    fn is_lost(&mut self, texture: Option<TextureUse>) -> Result<bool> {
+        Ok(texture.is_some() && self.textures.found(texture)?.is_none())
     }
 
     fn bsdf(&mut self, from: &MaterialDescription) -> Result<Material> {
@@ -146,14 +159,10 @@ impl<'a> Materials<'a> {
 
     /// A colour times a texture in sRGB.
     fn colour(&mut self, factor: [f64; 3], texture: Option<TextureUse>) -> Result<Albedo> {
-        let Some(TextureUse { image, wrap }) = texture else {
+        let Some(TextureUse { image, wrap }) = self.textures.found(texture)? else {
             return Ok(factor.into());
         };
-        let mut texels = self.image(image, Channels::Colours)?;
-        if factor != [1.0; 3] {
-            let factor = Tensor::<1>::from_data(TensorData::from(factor), self.device);
-            texels = texels * factor.reshape([1, 1, 3]);
-        }
+        let texels = self.textures.colours(image, factor)?;
         Ok(Albedo::Texture { texels, wrap })
     }
 
@@ -167,11 +176,8 @@ impl<'a> Materials<'a> {
             }
             Alpha::Mask { factor, cutoff } => (factor, cutoff),
         };
-        let (alpha, wrap): (Tensor<2>, _) = match from.base_colour_texture {
-            Some(TextureUse { image, wrap }) => {
-                let alpha = self.image(image, Channels::Alpha)?;
-                (alpha.squeeze_dim(2) * factor, wrap)
-            }
+        let (alpha, wrap): (Tensor<2>, _) = match self.textures.found(from.base_colour_texture)? {
+            Some(TextureUse { image, wrap }) => (self.textures.alpha(image, factor)?, wrap),
             None => (Tensor::full([1, 1], factor, self.device), Wrap::Repeat),
         };
         let least = host_values(&alpha.clone().min())?[0];
@@ -190,37 +196,12 @@ impl<'a> Materials<'a> {
         texture: Option<TextureUse>,
         channel: usize,
     ) -> Result<ScalarTexture> {
-        let Some(TextureUse { image, wrap }) = texture.filter(|_| factor != 0.0) else {
+        let texture = self.textures.found(texture.filter(|_| factor != 0.0))?;
+        let Some(TextureUse { image, wrap }) = texture else {
             return Ok(factor.into());
         };
-        let image = self.image(image, Channels::Numbers)?;
-        let texels = image.narrow(2, channel, 1).squeeze_dim(2) * factor;
+        let texels = self.textures.channel(image, channel, factor)?;
         Ok(ScalarTexture::Texture { texels, wrap })
-    }
-
-    /// An image, decoded once.
-    fn image(&mut self, index: usize, channels: Channels) -> Result<Tensor<3>> {
-        if let Some(texels) = self.images.get(&(index, channels)) {
-            return Ok(texels.clone());
-        }
-        let decoded = match &self.description.images[index] {
-            ImageSource::File(path) => {
-                Decoded::read(BufReader::new(open(path)?.0), path, self.limits)
-            }
-            ImageSource::Bytes { name, bytes } => {
-                Decoded::read(Cursor::new(bytes.slice()), name, self.limits)
-            }
-        }?;
-        let [width, height] = decoded.size();
-        let values = match channels {
-            Channels::Colours => decoded.colours(),
-            Channels::Numbers => decoded.numbers(),
-            Channels::Alpha => decoded.alpha(),
-        };
-        let shape = [height, width, values.len() / (width * height).max(1)];
-        let texels = Tensor::from_data(TensorData::new(values, shape), self.device);
-        self.images.insert((index, channels), texels.clone());
-        Ok(texels)
     }
 }
 

@@ -5,10 +5,11 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::Device;
 use glam::{DAffine3, DVec3};
 
-use crate::scene::{CornerAttribute, Wrap};
+use super::limits::Memory;
+use crate::scene::{CornerAttribute, Wrap, host_tensor};
 
 /// A scene.
 #[derive(Default)]
@@ -19,6 +20,8 @@ pub(super) struct Description {
     pub images: Vec<ImageSource>,
     pub cameras: Vec<CameraDescription>,
     pub lights: Vec<LightDescription>,
+    /// What all that takes but for textures.
+    pub memory: Memory,
 }
 
 /// A mesh at a place. Several objects may share a mesh.
@@ -72,16 +75,22 @@ impl<const C: usize> Corners<C> {
 
     /// The attribute, or None unless every face has it.
     pub fn attribute(&self, faces: usize, device: &Device) -> Option<CornerAttribute> {
-        if self.faces.is_empty() || self.faces.len() != faces {
-            return None;
-        }
-        let shape = [self.values.len(), C];
-        let flat: Vec<f64> = self.values.iter().flatten().copied().collect();
-        Some(CornerAttribute {
-            values: Tensor::from_data(TensorData::new(flat, shape), device),
-            faces: Arc::new(self.faces.clone()),
-        })
+        attribute(&self.values, &Arc::new(self.faces.clone()), faces, device)
     }
+}
+
+/// An attribute of a mesh with so many faces, or None unless every one has it.
+pub(super) fn attribute<const C: usize>(
+    values: &[[f64; C]],
+    rows: &Arc<Vec<[u32; 3]>>,
+    faces: usize,
+    device: &Device,
+) -> Option<CornerAttribute> {
+    let is_whole = !rows.is_empty() && rows.len() == faces;
+    is_whole.then(|| CornerAttribute {
+        values: host_tensor(values, device),
+        faces: rows.clone(),
+    })
 }
 
 /// A material of glTF's metallic–roughness model with its extensions.

@@ -9,7 +9,7 @@ use super::LoadLimits;
 use super::decode::Decoded;
 use super::limits::open;
 use super::srgb::{srgb_byte, srgb_table};
-use super::whole::{ending, write_whole};
+use super::whole::{check_writable, ending, write_whole};
 use crate::debug::numbers;
 use crate::error::{Error, Result};
 
@@ -118,14 +118,41 @@ impl HostImage {
         Self::new(width, height, decoded.colours())
     }
 
-    /// Checks that an image can be written to a path: its ending is known, and its folder exists. Called before a
-    /// render, it keeps the render from being lost.
+    /// Checks that an image can be written to a path: its ending is known, and its folder exists and can be written
+    /// to. Called before a render, it keeps the render from being lost. A file of the name stays as it is, and none is
+    /// left.
     ///
     /// # Errors
-    /// When the ending is unknown or the folder does not exist.
+    /// When the ending is unknown, or nothing can be written to the folder.
     pub fn check_path(path: impl AsRef<Path>) -> Result<()> {
+        Self::check_room(path, 1, 1)
+    }
+
+    /// As [`HostImage::check_path`], and that there is room for an image of so many columns and rows: writes as many
+    /// bytes as it may take, under another name, and removes them again.
+    ///
+    /// # Errors
+    /// As [`HostImage::check_path`], and when the disk is full.
+    pub fn check_room(path: impl AsRef<Path>, width: usize, height: usize) -> Result<()> {
         let path = path.as_ref();
+        Self::check_place(path)?;
+        let of_pixel = match format_of(path)? {
+            ImageFormat::OpenExr => 12,
+            _ => 3,
+        };
+        let pixels = width.saturating_mul(height);
+        check_writable(path, pixels.saturating_mul(of_pixel).saturating_add(4096))
+    }
+
+    /// Checks that the ending of a path is known and its folder exists.
+    fn check_place(path: &Path) -> Result<()> {
         format_of(path)?;
+        if path.is_dir() {
+            return Err(Error::format(
+                path,
+                "it is a folder, expected a file's name",
+            ));
+        }
         let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
         match folder {
             Some(folder) if !folder.is_dir() => {
@@ -143,7 +170,7 @@ impl HostImage {
     /// When the ending is another one, the image is empty, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        Self::check_path(path)?;
+        Self::check_place(path)?;
         self.check_size()?;
         write_whole(path, |file| self.encode(path, file))
     }

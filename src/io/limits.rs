@@ -24,7 +24,10 @@ pub struct LoadLimits {
     pub(super) strict: bool,
 }
 
-/// About the bytes that a number of a texture takes.
+/// About the bytes that a render takes for each triangle, object and light, and for a number of a texture.
+pub(super) const TRIANGLE: u64 = 600;
+pub(super) const OBJECT: u64 = 2048;
+pub(super) const LIGHT: u64 = 1024;
 pub(super) const TEXEL: u64 = 4;
 
 /// Bytes that any file may take in memory, and as how many of its own it may beside that: about as many as a file
@@ -102,9 +105,9 @@ impl LoadLimits {
         Self { corners, ..self }
     }
 
-    /// Sets about the most bytes that all textures, objects and materials of a file may take in memory. By default they
-    /// are 3·2²⁸, or 64 times as many as the file has with all that it names, if that is more: a small file may name an
-    /// image often.
+    /// Sets about the most bytes that all textures, triangles and objects of a file may take in memory, each
+    /// instance of a mesh counted. By default they are 3·2²⁸, or 64 times as many as the file has with all that it
+    /// names, if that is more: a small file may name an image or an array often.
     pub fn memory(self, bytes: u64) -> Self {
         Self {
             memory: Some(bytes),

@@ -6,6 +6,7 @@ mod build_materials;
 mod counting;
 mod decode;
 mod description;
+mod exposure;
 mod gltf;
 mod gltf_images;
 mod gltf_lights;
@@ -30,6 +31,7 @@ mod scene_file;
 mod scene_materials;
 mod split;
 mod srgb;
+mod textures;
 mod whole;
 mod write;
 

@@ -3,6 +3,7 @@ use std::path::Path;
 
 use burn::tensor::Device;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use super::limits::read_text;
 use super::load::{Loaded, SCENES, load};
@@ -46,7 +47,7 @@ use crate::scene::{Camera, Environment, Light, Scene};
 /// (y), the lens (a pinhole), `environment` (black), `lights` (none, beside those of the file; of the units of
 /// [`Light`]), `velocities` and `materials` (those of the scene) may be left out. A material replaces that of an
 /// object. Its numbers and its `base_colour` (white) may be images: the roughness (1) is the green channel as the file
-/// has it, `metallic` (0) the blue one, `ior` (1.5) the red one. Other fields are ignored. A lens without a focus
+/// has it, `metallic` (0) the blue one, `ior` (1.5) the red one. Other fields are named in a warning. A lens without a focus
 /// distance focuses on the target. `obj` is another name of `scene`.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
@@ -74,6 +75,9 @@ fn is_json(path: &Path) -> Result<bool> {
     Ok(ending(path, &known)? == "json")
 }
 
+/// Fields that are not known, by their names.
+type Unknown = BTreeMap<String, IgnoredAny>;
+
 #[derive(Deserialize)]
 struct Document {
     #[serde(alias = "obj")]
@@ -86,6 +90,25 @@ struct Document {
     velocities: BTreeMap<String, [f64; 3]>,
     #[serde(default)]
     materials: BTreeMap<String, MaterialDocument>,
+    #[serde(flatten)]
+    unknown: Unknown,
+}
+
+impl Document {
+    /// The fields that are not known, with the fields that they are in.
+    fn unknown(&self) -> Vec<String> {
+        let lights = self.lights.iter().enumerate();
+        let lights = lights.map(|(i, light)| (format!("lights[{i}]."), light.unknown()));
+        let all = [
+            (String::new(), &self.unknown),
+            ("camera.".into(), &self.camera.unknown),
+        ];
+        let names = |(place, fields): (String, &Unknown)| {
+            let names: Vec<String> = fields.keys().map(|name| format!("{place}{name}")).collect();
+            names
+        };
+        all.into_iter().chain(lights).flat_map(names).collect()
+    }
 }
 
 #[derive(Deserialize)]
@@ -94,6 +117,8 @@ enum LightDocument {
     Point {
         position: [f64; 3],
         intensity: [f64; 3],
+        #[serde(flatten)]
+        unknown: Unknown,
     },
     Spot {
         position: [f64; 3],
@@ -101,10 +126,14 @@ enum LightDocument {
         intensity: [f64; 3],
         inner_degrees: f64,
         outer_degrees: f64,
+        #[serde(flatten)]
+        unknown: Unknown,
     },
     Directional {
         direction: [f64; 3],
         irradiance: [f64; 3],
+        #[serde(flatten)]
+        unknown: Unknown,
     },
 }
 
@@ -119,6 +148,8 @@ struct CameraDocument {
     height: usize,
     aperture_radius: Option<f64>,
     focus_distance: Option<f64>,
+    #[serde(flatten)]
+    unknown: Unknown,
 }
 
 fn y_axis() -> [f64; 3] {
@@ -225,6 +256,11 @@ impl SceneFile {
             Error::format(path, format!("{field}{}", e.into_inner()))
         })?;
         json.end().map_err(|e| Error::format(path, e.to_string()))?;
+        let unknown = document.unknown();
+        if !unknown.is_empty() {
+            let (file, list) = (path.display(), unknown.join(", "));
+            log::warn!("{file}: these fields are not known: {list}");
+        }
         let camera = document.camera;
         for (field, size) in [("width", camera.width), ("height", camera.height)] {
             if size == 0 {
@@ -293,11 +329,20 @@ impl SceneFile {
 }
 
 impl LightDocument {
+    fn unknown(&self) -> &Unknown {
+        match self {
+            Self::Point { unknown, .. }
+            | Self::Spot { unknown, .. }
+            | Self::Directional { unknown, .. } => unknown,
+        }
+    }
+
     fn build(self) -> Light {
         match self {
             Self::Point {
                 position,
                 intensity,
+                ..
             } => Light::point(position, intensity),
             Self::Spot {
                 position,
@@ -305,6 +350,7 @@ impl LightDocument {
                 intensity,
                 inner_degrees,
                 outer_degrees,
+                ..
             } => {
                 let [inner, outer] = [inner_degrees, outer_degrees].map(f64::to_radians);
                 Light::spot(position, direction, intensity, inner, outer)
@@ -312,6 +358,7 @@ impl LightDocument {
             Self::Directional {
                 direction,
                 irradiance,
+                ..
             } => Light::directional(direction, irradiance),
         }
     }

@@ -3,12 +3,19 @@
 use image::{ColorType, DynamicImage};
 
 /// Linear values of the three colours of an image in sRGB.
-pub(super) fn decode_srgb(image: DynamicImage) -> Vec<f32> {
-    if let ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 = image.color() {
-        let (table, bytes) = (srgb_table(), image.into_rgb8().into_raw());
-        return bytes.iter().map(|&b| table[usize::from(b)]).collect();
+pub(super) fn decode_srgb(image: &DynamicImage) -> Vec<f32> {
+    let color = image.color();
+    if let ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 = color {
+        let (table, bytes) = (srgb_table(), image.as_bytes());
+        let channels = if color.has_color() { [0, 1, 2] } else { [0; 3] };
+        let count = usize::from(color.channel_count());
+        let mut pixels = Vec::with_capacity(bytes.len() / count * 3);
+        for pixel in bytes.chunks_exact(count) {
+            pixels.extend(channels.map(|c| table[usize::from(pixel[c])]));
+        }
+        return pixels;
     }
-    let mut pixels = image.into_rgb32f().into_raw();
+    let mut pixels = image.to_rgb32f().into_raw();
     pixels.iter_mut().for_each(|v| *v = srgb_to_linear(*v));
     pixels
 }

@@ -1,7 +1,7 @@
 //! Files that appear under their names only when they are complete.
 
 use std::fs;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -54,6 +54,26 @@ pub(crate) fn write_whole(
     write: impl FnOnce(&mut BufWriter<fs::File>) -> Result<()>,
 ) -> Result<()> {
     Part::write(path, write)?.publish()
+}
+
+/// Checks that a file of so many bytes can be written: writes as many under another name, and removes them.
+pub(super) fn check_writable(path: &Path, bytes: usize) -> Result<()> {
+    let zeros = |file: &mut BufWriter<fs::File>| {
+        let written = std::io::copy(&mut std::io::repeat(0).take(bytes as u64), file);
+        written.map(drop).map_err(Error::io(path))
+    };
+    let error = match Part::write(path, zeros) {
+        Ok(_) => return Ok(()),
+        Err(Error::Io { source, .. }) => source,
+        Err(other) => return Err(other),
+    };
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    let message = format!(
+        "{bytes} bytes for it can't be written to the folder {}: {error}",
+        folder.display()
+    );
+    Err(Error::format(path, message))
 }
 
 /// The one of some endings that a path has, in letters of either case.

@@ -62,6 +62,9 @@ impl Corners {
     }
 }
 
+/// Vertices of an object that several cores are worth waking for.
+const TOGETHER: usize = 4096;
+
 /// Lists of a scene that grow object by object.
 #[derive(Default)]
 pub(super) struct Lists {
@@ -82,7 +85,25 @@ pub(super) struct Lists {
 }
 
 impl Lists {
-    pub fn add_object(&mut self, scene: &HostScene, i: usize, frame: &SceneFrame) {
+    /// Those of all objects of a scene.
+    pub fn new(scene: &HostScene, frame: &SceneFrame) -> Self {
+        let mut lists = Self::default();
+        let coloured = scene.objects.iter().any(|o| o.colours.is_some());
+        let tangents = scene.objects.iter().any(|o| o.tangents.is_some());
+        for i in 0..scene.objects.len() {
+            lists.add_object(scene, i, frame, [coloured, tangents]);
+        }
+        lists
+    }
+
+    /// Adds an object; of colours and tangents it says whether any object of the scene has them.
+    fn add_object(
+        &mut self,
+        scene: &HostScene,
+        i: usize,
+        frame: &SceneFrame,
+        [coloured, tangents]: [bool; 2],
+    ) {
         let o = &scene.objects[i];
         let part = ObjectPart {
             first_triangle: self.owners.len(),
@@ -98,7 +119,11 @@ impl Lists {
             self.counted.push(i);
         }
         let inner = |&p: &[f64; 3]| frame.inner(p.into());
-        self.vertices.par_extend(o.positions.par_iter().map(inner));
+        if o.positions.len() < TOGETHER {
+            self.vertices.extend(o.positions.iter().map(inner));
+        } else {
+            self.vertices.par_extend(o.positions.par_iter().map(inner));
+        }
         let owner = |f: usize| {
             let own = o.face_materials.get(f).copied().unwrap_or(0);
             [o.first_material as u32 + own, i as u32]
@@ -121,10 +146,10 @@ impl Lists {
             self.normals
                 .extend(values.iter().map(|n| v3(n[0], n[1], n[2])));
         }
-        let any = scene.objects.iter().any(|o| o.colours.is_some());
-        self.colours.add(o.colours.as_ref(), o.faces.len(), any);
-        let any = scene.objects.iter().any(|o| o.tangents.is_some());
-        self.tangents.add(o.tangents.as_ref(), o.faces.len(), any);
+        self.colours
+            .add(o.colours.as_ref(), o.faces.len(), coloured);
+        self.tangents
+            .add(o.tangents.as_ref(), o.faces.len(), tangents);
         let tangents = o.tangents.iter().flat_map(|t| &t.values);
         self.tangent_sides.extend(tangents.map(|t| t[3]));
         self.objects.push(part);

@@ -1,11 +1,12 @@
 //! A scene as kernels trace it: flat lists in f32.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::lists::{Corners, Lists, ObjectPart, Triangle};
-use crate::accel::{Hierarchy, HierarchyCache};
+use crate::accel::{Hierarchy, HierarchyCache, Spare};
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 use crate::model::emitter::Emission;
@@ -67,10 +68,7 @@ impl KernelScene {
     ) -> Self {
         let frame = SceneFrame::new(scene);
         let moves = scene.objects.iter().any(|o| o.velocity.is_some());
-        let mut lists = Lists::default();
-        for i in 0..scene.objects.len() {
-            lists.add_object(scene, i, &frame);
-        }
+        let lists = Lists::new(scene, &frame);
         let ways = scene.objects.iter();
         let ways = ways.map(|o| DVec3::from(o.velocity.unwrap_or([0.0; 3])) / frame.unit);
         let ways: Vec<DVec3> = ways.collect();
@@ -79,15 +77,23 @@ impl KernelScene {
         // As in the last render, while a fit looks at a scene from elsewhere or by other light.
         let last = cache.and_then(HierarchyCache::last);
         let triangle = |k: usize| (lists.corners(k), way(lists.owners[k][1]));
+        // Rays don't tell triangles from copies of them, unless they emit or have holes.
+        let (materials, holes) = (&scene.materials, &scene.holes);
+        let plain = |k: usize| {
+            let emits = materials[lists.owners[k][0] as usize].kind.emits;
+            !emits && holes.as_ref().is_none_or(|holes| !holes.are_in(k))
+        };
+        let spare: Spare = Some(&plain);
         let hierarchy = match (last, like, cache) {
             (Some(last), ..) if last.is_of(lists.owners.len(), triangle) => last,
-            (_, None, Some(cache)) => cache.take(lists.for_boxes(way)),
-            _ => Arc::new(Hierarchy::like(lists.for_boxes(way), like).0),
+            (_, None, Some(cache)) => cache.take(lists.for_boxes(way), spare),
+            _ => Arc::new(Hierarchy::like(lists.for_boxes(way), like, spare).0),
         };
         let triangles = lists.triangles(&hierarchy.triangles);
-        let mut texels = Texels::default();
+        let mut packed = Packed::default();
         let materials = scene.materials.iter_mut();
-        let materials: Vec<Material> = materials.map(|m| pack_material(m, &mut texels)).collect();
+        let materials: Vec<Material> = materials.map(|m| packed.material(m)).collect();
+        let texels = packed.texels;
         let emits =
             |t: &(usize, &Triangle)| t.1.area > 0.0 && materials[t.1.material as usize].kind.emits;
         let list = triangles.iter().enumerate().filter(emits);
@@ -163,40 +169,60 @@ impl KernelScene {
     }
 }
 
-fn pack_material(material: &mut HostMaterial, texels: &mut Texels) -> Material {
-    let map = material.normal_map.as_mut();
-    Material {
-        normal_map: map.and_then(|map| pack_colour(map, texels).texture),
-        channels: std::array::from_fn(|i| pack_colour(&mut material.channels[i], texels)),
-        kind: material.kind,
-    }
+/// The texels of materials so far.
+#[derive(Default)]
+struct Packed {
+    texels: Texels,
+    /// Where those lie that several textures share, by their addresses.
+    shared: HashMap<*const Vec<f32>, usize>,
 }
 
-/// Packs a colour; the texels of a texture move to the others.
-fn pack_colour(colour: &mut HostTexture, texels: &mut Texels) -> Colour {
-    match colour {
-        HostTexture::Constant(c) => Colour {
-            constant: DVec3::from(*c).into(),
-            texture: None,
-        },
-        HostTexture::Image {
-            texels: list,
-            width,
-            height,
-            wrap,
-        } => {
-            let texture = Texture {
-                offset: texels.len(),
-                width: *width,
-                height: *height,
-                wrap: *wrap,
-            };
-            texels.push(std::mem::take(list));
-            Colour {
-                constant: V3::ZERO,
-                texture: Some(texture),
-            }
+impl Packed {
+    fn material(&mut self, material: &mut HostMaterial) -> Material {
+        let map = material.normal_map.as_mut();
+        Material {
+            normal_map: map.and_then(|map| self.colour(map).texture),
+            channels: std::array::from_fn(|i| self.colour(&mut material.channels[i])),
+            kind: material.kind,
         }
+    }
+
+    /// Packs a colour; the texels of a texture move to the others.
+    fn colour(&mut self, colour: &mut HostTexture) -> Colour {
+        match colour {
+            HostTexture::Constant(c) => Colour {
+                constant: DVec3::from(*c).into(),
+                texture: None,
+            },
+            HostTexture::Image {
+                texels,
+                width,
+                height,
+                wrap,
+            } => Colour {
+                constant: V3::ZERO,
+                texture: Some(Texture {
+                    offset: self.place(std::mem::take(texels)),
+                    width: *width,
+                    height: *height,
+                    wrap: *wrap,
+                }),
+            },
+        }
+    }
+
+    /// The number of the first of some texels, which are packed once.
+    fn place(&mut self, texels: Arc<Vec<f32>>) -> usize {
+        let address = Arc::as_ptr(&texels);
+        if let Some(&offset) = self.shared.get(&address) {
+            return offset;
+        }
+        let offset = self.texels.len();
+        if Arc::strong_count(&texels) > 1 {
+            self.shared.insert(address, offset);
+        }
+        self.texels.push(texels);
+        offset
     }
 }
 

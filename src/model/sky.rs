@@ -1,6 +1,7 @@
 //! The environment: its radiance along directions, and directions drawn from a map of it.
 
 use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -32,7 +33,7 @@ impl Sky {
                 height,
                 ..
             } => {
-                let texels = std::mem::take(texels);
+                let texels = Arc::unwrap_or_clone(std::mem::take(texels));
                 Self::Map(Box::new(SkyMap::new(texels, *width, *height)))
             }
         }

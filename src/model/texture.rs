@@ -1,5 +1,7 @@
 //! Colours that are constant or come from textures, and their bilinear look-up.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::triangle::uniform_point;
@@ -21,13 +23,19 @@ impl Texels {
         v3(t[0], t[1], t[2])
     }
 
-    /// Appends a list; the first is not copied.
-    pub fn push(&mut self, numbers: Vec<f32>) {
-        if self.0.is_empty() {
-            self.0 = numbers;
-        } else {
-            self.0.extend(numbers);
+    /// Appends a list; the first is not copied, unless others have it too.
+    pub fn push(&mut self, numbers: Arc<Vec<f32>>) {
+        match Arc::try_unwrap(numbers) {
+            Ok(own) if self.0.is_empty() => self.0 = own,
+            Ok(own) => self.extend(&own),
+            Err(shared) => self.extend(&shared),
         }
+    }
+
+    fn extend(&mut self, numbers: &[f32]) {
+        // Not twice as much as there is, as a list otherwise grows.
+        self.0.reserve_exact(numbers.len());
+        self.0.extend_from_slice(numbers);
     }
 }
 

@@ -16,7 +16,7 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 use crate::scene::{
-    Camera, Collect, Material, ParameterId, Scene, Visit, visit_camera, visit_scene,
+    Camera, Collect, Material, ParameterId, Scene, Visit, look_at_scene, visit_camera,
 };
 
 pub use crate::accel::HierarchyCache;
@@ -183,7 +183,7 @@ fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
     }
     let mut collected = Collect::default();
     for scene in &batch.scenes {
-        visit_scene(&mut scene.clone(), &mut collected);
+        look_at_scene(scene, &mut collected);
     }
     for (_, camera) in &batch.views {
         visit_camera(&mut camera.clone(), &mut collected);

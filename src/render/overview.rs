@@ -1,12 +1,15 @@
 //! A camera for a scene that nobody has chosen one for.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
+use super::batch::Batch;
 use super::options::RenderOptions;
-use super::render;
+use super::render_views;
 use crate::error::Result;
 use crate::geometry::host_values;
-use crate::scene::{Camera, Detach, Scene, visit_scene};
+use crate::scene::{Camera, Detach, Framing, Scene, visit_scene};
 
 /// Rows and columns of the images that directions are compared by.
 const GRID: usize = 24;
@@ -36,66 +39,85 @@ const NEARLY: f64 = 0.5;
 /// If the scene is not valid.
 pub fn overview(scene: &Scene) -> Result<Camera> {
     let mut scene = scene.clone();
-    visit_scene(&mut scene, &mut Detach);
+    if scene.is_tracked() {
+        visit_scene(&mut scene, &mut Detach);
+    }
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
     // The first one is that of an object.
     let mut directions = vec![0.4 * x + 0.4 * y + z, z, -z, x, -x, y, -y];
     for [i, j] in [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]] {
         directions.push(i * x + 0.6 * y + j * z);
     }
-    let outside = directions.into_iter().map(|d| Camera::framing(&scene, d));
-    let (shown, camera) = best(&scene, outside)?;
+    let framing = Framing::of(&scene)?;
+    let outside = directions.into_iter().map(|d| framing.camera(d.into()));
+    let (shown, camera) = best(&scene, outside.collect::<Result<_>>()?)?;
     if shown > DARK {
         return Ok(camera);
     }
     // From one side of a closed room to the other.
-    let bounds = scene.bounds()?;
+    let bounds = framing.bounds;
     let (center, size) = (DVec3::from(bounds.center()), DVec3::from(bounds.size()));
-    let inside = [z, x, -z, -x].into_iter().map(|d| {
+    let wide = |d: &DVec3| (size * *d).length() > 0.0;
+    let inside = [z, x, -z, -x].into_iter().filter(wide).map(|d| {
         let eye = center + 0.45 * size * d;
-        Ok(Camera::look_at(eye, center - 0.45 * size * d).fov_y(75.0))
+        Camera::look_at(eye, center - 0.45 * size * d).fov_y(75.0)
     });
-    let (more, view) = best(&scene, inside)?;
+    let (more, view) = best(&scene, inside.collect())?;
     Ok(if more > shown { view } else { camera })
 }
 
 /// The first camera that shows nearly as much as any.
-fn best(scene: &Scene, cameras: impl Iterator<Item = Result<Camera>>) -> Result<(f64, Camera)> {
-    let mut all = Vec::new();
-    for camera in cameras {
-        let camera = camera?;
-        all.push((shown(scene, &camera)?, camera));
-    }
-    let most = all.iter().map(|c| c.0).fold(0.0, f64::max);
-    match all.into_iter().find(|c| c.0 >= NEARLY * most) {
+fn best(scene: &Scene, cameras: Vec<Camera>) -> Result<(f64, Camera)> {
+    let all = shown(scene, &cameras)?;
+    let most = all.iter().copied().fold(0.0, f64::max);
+    let mut all = all.into_iter().zip(cameras);
+    match all.find(|c| c.0 >= NEARLY * most) {
         Some(best) => Ok(best),
         None => Ok((0.0, Camera::framing(scene, DVec3::Z)?)),
     }
 }
 
-/// The share of the pixels with surfaces in which they are lit, as an eye that has adapted sees it: bright parts do
-/// not count for more than others.
-fn shown(scene: &Scene, camera: &Camera) -> Result<f64> {
+/// For each camera the share of the pixels with surfaces in which they are lit.
+fn shown(scene: &Scene, cameras: &[Camera]) -> Result<Vec<f64>> {
+    if cameras.is_empty() {
+        return Ok(Vec::new());
+    }
     let options = RenderOptions::new(GRID, GRID)
         .samples(4)
         .bounces(2)
         .with_opacity();
-    let image = render(scene, camera, &options)?;
-    let radiance = host_values(&image.radiance)?;
-    let opacity = match &image.opacity {
-        Some(plane) => host_values(plane)?,
+    // In one batch, which packs the scene once.
+    let batch = Batch::product(vec![scene.clone()], cameras)?;
+    // By a list of pixels, whose images may be black without a warning.
+    let pixels = Arc::new((0..(GRID * GRID) as u32).collect());
+    let images = render_views(&batch, &options, Some(pixels))?;
+    let radiance = host_values(&images.radiance)?;
+    let opacity = match &images.opacity {
+        Some(planes) => host_values(planes)?,
         None => Vec::new(),
     };
+    let pixels = GRID * GRID;
+    let views = radiance
+        .chunks_exact(3 * pixels)
+        .zip(opacity.chunks_exact(pixels));
+    Ok(views
+        .map(|(radiance, opacity)| lit(radiance, opacity))
+        .collect())
+}
+
+/// The share of the pixels with surfaces in which they are lit, as an eye that has adapted sees it: bright parts do
+/// not count for more than others.
+fn lit(radiance: &[f64], opacity: &[f64]) -> f64 {
     let brightest = radiance.iter().copied().fold(0.0, f64::max);
     if brightest <= 0.0 {
-        return Ok(0.0);
+        return 0.0;
     }
     let covered: f64 = opacity.iter().sum();
-    let pixels = radiance.chunks_exact(3).zip(&opacity);
+    let pixels = radiance.chunks_exact(3).zip(opacity);
     let lit = pixels.map(|(rgb, opacity)| {
         let luminance = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
         // Lights are far brighter than what they light: half of full marks for a hundredth of the brightest.
         opacity * luminance / (luminance + 0.01 * brightest)
     });
-    Ok(lit.sum::<f64>() / covered.max(1.0))
+    lit.sum::<f64>() / covered.max(1.0)
 }

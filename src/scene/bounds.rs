@@ -57,6 +57,16 @@ impl Bounds {
         0.5 * glam::DVec3::from(self.size()).length()
     }
 
+    /// Checks that what is in the box is more than a point, in the numbers that coordinates have.
+    pub(crate) fn check_extent(&self) -> Result<()> {
+        let reach = self.min.iter().chain(&self.max);
+        let reach = reach.fold(0.0f64, |reach, v| reach.max(v.abs()));
+        let least = f64::from(f32::MIN_POSITIVE).max(reach * f64::from(f32::EPSILON));
+        let found = format!("from {:?} to {:?}", self.min, self.max);
+        let expected = "triangles that are not all in one point";
+        Error::unless(self.radius() > least, "scene", "bounds", found, expected)
+    }
+
     /// The box moved by an offset.
     fn moved(&self, offset: [f64; 3]) -> Self {
         Self {

@@ -1,5 +1,7 @@
 //! Checks of a scene and a camera. Errors name the object and the field.
 
+use std::collections::HashSet;
+
 use burn::tensor::Tensor;
 
 use super::material::Value;
@@ -7,7 +9,7 @@ use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
 use super::{Camera, Object, Parameter, Scene};
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::geometry::{Context, first_outside};
+use crate::geometry::{Context, first_outside, place_of};
 
 /// Checks that all tensors of a scene are of one device and float type, and returns these.
 pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
@@ -44,6 +46,7 @@ pub(super) fn check_values(scene: &Scene) -> Result<()> {
     let mut check = Values {
         place: &|id| scene.place_of(id),
         found: Ok(()),
+        seen: HashSet::new(),
     };
     look_at_scene(scene, &mut check);
     check.found?;
@@ -61,6 +64,7 @@ impl Camera {
         let mut check = Values {
             place: &|_| "camera".into(),
             found: Ok(()),
+            seen: HashSet::new(),
         };
         visit_camera(&mut self.clone(), &mut check);
         check.found?;
@@ -114,6 +118,8 @@ impl Visit for SameDevice<'_> {
 struct Values<'a> {
     place: &'a dyn Fn(ParameterId) -> String,
     found: Result<()>,
+    /// Where the numbers of images lie that were looked at, which many materials may share.
+    seen: HashSet<(usize, Vec<usize>)>,
 }
 
 impl Values<'_> {
@@ -136,6 +142,10 @@ impl Visit for Values<'_> {
     }
 
     fn image<const D: usize>(&mut self, id: ParameterId, texels: &mut Tensor<D>) {
+        let place = place_of(texels).map(|(first, dims)| (first, dims.to_vec()));
+        if place.is_some_and(|place| !self.seen.insert(place)) {
+            return;
+        }
         self.add(id, |object, field| {
             let dims = texels.dims();
             let (h, w) = (dims[0], dims[1]);

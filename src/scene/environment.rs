@@ -4,6 +4,7 @@ use burn::tensor::Tensor;
 
 use super::material::Value;
 use super::{Parameter, Wrap};
+use crate::geometry::any_positive;
 
 /// The radiance that arrives from infinity where rays miss all surfaces.
 #[derive(Clone)]
@@ -30,6 +31,14 @@ impl Environment {
     /// Whether its radiance may be other than 0: false only for a constant 0.
     pub(crate) fn shines(&self) -> bool {
         !matches!(self, Self::Constant(Parameter::Constant(v)) if *v == [0.0; 3])
+    }
+
+    /// Whether any of its values is above 0.
+    pub(super) fn has_light(&self) -> bool {
+        match self {
+            Self::Constant(p) => p.shines(),
+            Self::Map(texels) => any_positive(texels),
+        }
     }
 
     pub(super) fn value(&mut self) -> Value<'_> {

@@ -1,12 +1,14 @@
 //! Holes in surfaces, by alpha masks.
 
+use std::sync::Arc;
+
 use super::wrap::Wrap;
 
 /// A mask on the host.
 #[derive(Debug)]
 pub(crate) struct Mask {
     /// Row after row.
-    pub alpha: Vec<f32>,
+    pub alpha: Arc<Vec<f32>>,
     pub width: usize,
     pub height: usize,
     pub wrap: Wrap,

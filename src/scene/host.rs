@@ -5,12 +5,13 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::check::{check_devices, check_values};
+use super::host_textures::{HostTexture, Shared};
 use super::light::HostLight;
 use super::material::{Channel, MaterialKind, Value};
 use super::transfer::to_host;
-use super::{CornerAttribute, Holes, NormalMap, Parameter, Scene, Wrap};
+use super::{CornerAttribute, Holes, Parameter, Scene};
 use crate::error::Result;
-use crate::geometry::{Context, by_rows, host_values};
+use crate::geometry::{Context, host_values};
 
 /// A scene on the host.
 pub(crate) struct HostScene {
@@ -71,21 +72,8 @@ pub(crate) struct HostMaterial {
 impl HostMaterial {
     /// Whether its radiance is other than 0.
     fn shines(&self) -> bool {
-        let emission = &self.channels[Channel::Emission.place()];
-        !matches!(emission, HostTexture::Constant([0.0, 0.0, 0.0]))
+        self.channels[Channel::Emission.place()].shines()
     }
-}
-
-/// A colour, or an image of colours.
-pub(crate) enum HostTexture {
-    Constant([f64; 3]),
-    Image {
-        /// RGB, row after row.
-        texels: Vec<f32>,
-        width: usize,
-        height: usize,
-        wrap: Wrap,
-    },
 }
 
 impl HostScene {
@@ -108,6 +96,7 @@ impl HostScene {
         check_values(scene)?;
         let mut objects = Vec::with_capacity(scene.objects.len());
         let (mut materials, mut masks) = (Vec::new(), Vec::new());
+        let mut read = Shared::default();
         for object in &scene.objects {
             let velocity = match &object.velocity {
                 Some(Parameter::Constant([0.0, 0.0, 0.0])) | None => None,
@@ -126,15 +115,18 @@ impl HostScene {
             });
             for (i, m) in object.materials.iter().enumerate() {
                 let kind = m.kind();
-                let channels = m.clone().channels().map(|(_, value)| texture(value));
-                let of_map = |mut map: NormalMap| texture(Value::Image(&mut map.texels, map.wrap));
+                let mut m = m.clone();
                 let mask = m.alpha_mask.as_ref();
-                let mask = mask.map(|mask| mask.on_host(&object.material_name(i)));
+                let mask = mask.map(|mask| read.mask(mask, || object.material_name(i)));
                 masks.push(mask.transpose()?);
+                let map = m.normal_map.as_mut();
+                let map = map.map(|map| read.texture(Value::Image(&mut map.texels, map.wrap)));
                 materials.push(HostMaterial {
                     kind,
-                    normal_map: m.normal_map.clone().map(of_map).transpose()?,
-                    channels: channels.into_iter().collect::<Result<_>>()?,
+                    normal_map: map.transpose()?,
+                    channels: (m.channels().into_iter())
+                        .map(|(_, value)| read.texture(value))
+                        .collect::<Result<_>>()?,
                 });
             }
         }
@@ -147,10 +139,15 @@ impl HostScene {
             lights: (scene.lights.iter())
                 .map(|light| light.host("light"))
                 .collect::<Result<_>>()?,
-            environment: texture(scene.environment.clone().value())?,
+            environment: read.texture(scene.environment.clone().value())?,
             shines: scene.environment.shines(),
         };
-        if !this.has_light() {
+        if !this.has_area() {
+            log::warn!(
+                "none of the scene's triangles has an area, so that nothing of it is seen: are their corners at one \
+                 place or in a line?"
+            );
+        } else if !this.has_light() {
             log::warn!(
                 "the scene has no light, so that its image is black: give it an environment \
                  (Scene::environment), a Light (Scene::light), or an object a Material::emitter"
@@ -159,14 +156,22 @@ impl HostScene {
         Ok(this)
     }
 
+    /// Whether any triangle has an area.
+    fn has_area(&self) -> bool {
+        self.objects.iter().any(|object| {
+            let corner = |v: u32| DVec3::from(object.positions[v as usize]);
+            let has_area = |face: &[u32; 3]| {
+                let [a, b, c] = face.map(corner);
+                (b - a).cross(c - a) != DVec3::ZERO
+            };
+            object.faces.iter().any(has_area)
+        })
+    }
+
     /// Whether any emitter or the environment has a radiance other than 0.
     pub fn has_light(&self) -> bool {
-        let sky = match &self.environment {
-            HostTexture::Constant(c) => *c != [0.0; 3],
-            HostTexture::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
-        };
         let lights = self.lights.iter().any(|l| l.strength != [0.0; 3]);
-        sky || lights || self.materials.iter().any(|m| m.shines())
+        lights || self.environment.shines() || self.materials.iter().any(HostMaterial::shines)
     }
 }
 
@@ -227,37 +232,5 @@ fn attribute<const C: usize>(a: &CornerAttribute) -> Result<HostAttribute<C>> {
             .map(|row| std::array::from_fn(|i| row[i] as f32))
             .collect(),
         faces: a.faces.clone(),
-    })
-}
-
-/// Reads a value back. A scalar is the first of three numbers, the others are 0.
-fn texture(value: Value<'_>) -> Result<HostTexture> {
-    Ok(match value {
-        Value::Colour(p) => HostTexture::Constant(p.values()?),
-        Value::Scalar(p) => HostTexture::Constant([p.values()?[0], 0.0, 0.0]),
-        Value::Image(image, wrap) => {
-            let [height, width, channels] = image.dims();
-            let mut texels = Vec::with_capacity(height * width * channels);
-            by_rows(image, |values| texels.extend_from_slice(values))?;
-            HostTexture::Image {
-                texels,
-                width,
-                height,
-                wrap,
-            }
-        }
-        Value::ScalarImage(image, wrap) => {
-            let [height, width] = image.dims();
-            let mut texels = Vec::with_capacity(3 * height * width);
-            by_rows(image, |values| {
-                texels.extend(values.iter().flat_map(|&v| [v, 0.0, 0.0]));
-            })?;
-            HostTexture::Image {
-                texels,
-                width,
-                height,
-                wrap,
-            }
-        }
     })
 }

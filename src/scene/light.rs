@@ -137,9 +137,9 @@ impl Light {
         }
     }
 
-    /// Whether it may shine: false only for a constant 0.
+    /// Whether its intensity is above 0 in any colour.
     pub(super) fn shines(&self) -> bool {
-        !matches!(self.strength(), Parameter::Constant(v) if *v == [0.0; 3])
+        self.strength().shines()
     }
 
     /// Its parameters.

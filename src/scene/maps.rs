@@ -2,7 +2,6 @@
 
 use burn::tensor::Tensor;
 
-use super::holes::Mask;
 use super::wrap::Wrap;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
@@ -29,11 +28,11 @@ pub struct AlphaMask {
 }
 
 impl AlphaMask {
-    /// The mask on the host.
+    /// The numbers on the host.
     ///
     /// # Errors
-    /// If it is empty, or a number is not finite.
-    pub(super) fn on_host(&self, material: &str) -> Result<Mask> {
+    /// If there are none, or a number is not finite.
+    pub(super) fn numbers(&self, material: &str) -> Result<Vec<f32>> {
         let [h, w] = self.alpha.dims();
         let wrong = |field: &str, found: String, expected: &str| {
             Err(Error::invalid(material, field, found, expected))
@@ -42,22 +41,12 @@ impl AlphaMask {
             let expected = "at least one row and column";
             return wrong("alpha mask", format!("of shape [{h}, {w}]"), expected);
         }
-        let cutoff = self.cutoff;
-        if !(cutoff as f32).is_finite() {
-            return wrong("alpha cutoff", cutoff.to_string(), "a finite number");
-        }
         let values = host_values(&self.alpha)?.into_iter();
         let alpha: Vec<f32> = values.map(|a| a as f32).collect();
         if let Some(i) = alpha.iter().position(|a| !a.is_finite()) {
             let field = format!("alpha mask texel ({}, {})", i / w, i % w);
             return wrong(&field, alpha[i].to_string(), "finite numbers");
         }
-        Ok(Mask {
-            alpha,
-            width: w,
-            height: h,
-            wrap: self.wrap,
-            cutoff: cutoff as f32,
-        })
+        Ok(alpha)
     }
 }

@@ -3,6 +3,7 @@ use burn::tensor::Tensor;
 use super::parameter::Range;
 use super::wrap::Wrap;
 use super::{AlphaMask, NormalMap, Parameter};
+use crate::geometry::any_positive;
 
 /// The value of what may have several forms: a parameter of a material, or an environment.
 pub(crate) enum Value<'a> {
@@ -45,6 +46,14 @@ impl Albedo {
     /// Whether it may be other than 0: false only for a constant 0.
     pub(crate) fn reflects(&self) -> bool {
         self.constant() != Some([0.0; 3])
+    }
+
+    /// Whether any of its values is above 0.
+    pub(crate) fn shines(&self) -> bool {
+        match self {
+            Self::Constant(p) => p.shines(),
+            Self::Texture { texels, .. } => any_positive(texels),
+        }
     }
 
     fn value(&mut self) -> Value<'_> {

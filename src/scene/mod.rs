@@ -10,7 +10,9 @@ mod environment;
 mod flatten;
 mod holes;
 mod host;
+mod host_textures;
 mod light;
+mod list;
 mod maps;
 mod material;
 mod material_planes;
@@ -34,24 +36,28 @@ pub use corners::CornerAttribute;
 pub use environment::Environment;
 pub(crate) use flatten::{EnvironmentMap, Flattened, Normalization, SkyTensors};
 pub(crate) use holes::Holes;
-pub(crate) use host::{HostAttribute, HostMaterial, HostScene, HostTexture, SceneFrame};
+pub(crate) use host::{HostAttribute, HostMaterial, HostScene, SceneFrame};
+pub(crate) use host_textures::HostTexture;
 pub use light::Light;
 pub(crate) use light::{HostLight, LightPart, LightPlanes};
+pub use list::List;
 pub use maps::{AlphaMask, NormalMap};
 pub use material::{Albedo, Bsdf, Material, ScalarTexture};
 pub(crate) use material::{CHANNELS, Channel, MaterialKind};
 pub(crate) use material_planes::ChannelPlanes;
 pub use mesh::Mesh;
-pub(crate) use mesh::take_rows;
+pub(crate) use mesh::{host_tensor, take_rows};
 pub use parameter::Parameter;
 pub(crate) use parameter::Range;
 pub(crate) use parameters::{
-    Collect, Detach, ParameterId, Replace, Visit, visit_camera, visit_scene, visit_tensors,
+    Collect, Detach, ParameterId, Replace, Visit, look_at_scene, visit_camera, visit_scene,
+    visit_tensors,
 };
 pub use placement::Scale;
 pub(crate) use reflection::{LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL};
 pub(crate) use transfer::to_host;
 pub use transform::Transform;
+pub(crate) use viewpoint::Framing;
 pub use viewpoint::Matrix;
 pub use wrap::Wrap;
 
@@ -63,9 +69,9 @@ use crate::error::{Error, Result, one_of};
 #[derive(Clone)]
 pub struct Scene {
     /// The objects, in the order of their ids.
-    pub objects: Vec<Object>,
+    pub objects: List<Object>,
     /// Lights without a surface.
-    pub lights: Vec<Light>,
+    pub lights: List<Light>,
     /// The radiance that arrives from infinity where rays miss all surfaces.
     pub environment: Environment,
 }
@@ -80,8 +86,8 @@ impl Scene {
     /// An empty scene with a black environment.
     pub fn new() -> Self {
         Self {
-            objects: Vec::new(),
-            lights: Vec::new(),
+            objects: List::default(),
+            lights: List::default(),
             environment: Environment::Constant(Parameter::Constant([0.0; 3])),
         }
     }
@@ -104,11 +110,12 @@ impl Scene {
         self
     }
 
-    /// Whether any object emits, any light shines or the environment is not black.
+    /// Whether any object emits, any light shines or the environment is not black: whether any of their values is
+    /// above 0, those of textures and of tensors on devices included.
     pub fn has_light(&self) -> bool {
         let mut materials = self.objects.iter().flat_map(|o| &o.materials);
         let lights = self.lights.iter().any(Light::shines);
-        lights || self.environment.shines() || materials.any(|m| m.emits())
+        lights || self.environment.has_light() || materials.any(|m| m.emission.shines())
     }
 
     /// The names of its objects.
@@ -146,7 +153,7 @@ pub struct Object {
     /// The surface.
     pub mesh: Mesh,
     /// The materials that [`Self::face_materials`] refers to, at least one.
-    pub materials: Vec<Material>,
+    pub materials: List<Material>,
     /// The material of each face; empty where all faces have the first.
     pub face_materials: Arc<Vec<u32>>,
     /// Linear velocity in scene units over the shutter [0, 1).
@@ -159,7 +166,7 @@ impl Object {
         Self {
             name: "object".into(),
             mesh,
-            materials: vec![Material::default()],
+            materials: vec![Material::default()].into(),
             face_materials: Arc::default(),
             velocity: None,
         }
@@ -173,7 +180,7 @@ impl Object {
 
     /// Sets one material for all faces.
     pub fn material(mut self, material: Material) -> Self {
-        self.materials = vec![material];
+        self.materials = vec![material].into();
         self.face_materials = Arc::default();
         self
     }

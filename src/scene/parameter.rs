@@ -54,6 +54,11 @@ impl<const C: usize> Parameter<C> {
         Ok(values)
     }
 
+    /// Whether any of its values is above 0, or can't be read.
+    pub(crate) fn shines(&self) -> bool {
+        self.values().map_or(true, |v| v.iter().any(|&v| v > 0.0))
+    }
+
     pub(crate) fn tensor(&self) -> Option<&Tensor<1>> {
         match self {
             Self::Constant(_) => None,

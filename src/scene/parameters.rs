@@ -190,6 +190,21 @@ pub(crate) fn visit_camera(camera: &mut Camera, visit: &mut impl Visit) {
     }
 }
 
+impl Scene {
+    /// Whether gradients flow to any tensor of it.
+    pub(crate) fn is_tracked(&self) -> bool {
+        struct Tracked(bool);
+        impl Visit for Tracked {
+            fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
+                self.0 |= tensor.is_tracked();
+            }
+        }
+        let mut tracked = Tracked(false);
+        look_at_scene(self, &mut tracked);
+        tracked.0
+    }
+}
+
 /// The tensors that are in a graph, flat, and the range of each in a row that holds them all.
 #[derive(Default)]
 pub(crate) struct Collect {

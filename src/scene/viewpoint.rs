@@ -4,7 +4,7 @@ use burn::tensor::{Tensor, TensorData};
 use glam::{DMat3, DMat4, DVec3};
 
 use super::parameter::{Range, conversions};
-use super::{Camera, Parameter, Projection, Scene};
+use super::{Bounds, Camera, Parameter, Projection, Scene};
 use crate::error::{Error, Result};
 use crate::geometry::{host_values, sin_cos};
 
@@ -231,15 +231,39 @@ impl Camera {
     /// # Errors
     /// If the scene has no vertices, or the direction is 0.
     pub fn framing(scene: &Scene, direction: impl Into<Parameter<3>>) -> Result<Self> {
-        let direction = direction.into();
+        Framing::of(scene)?.camera(direction.into())
+    }
+}
+
+/// What cameras are to have in view, read back once for many of them.
+pub(crate) struct Framing {
+    pub bounds: Bounds,
+    points: Vec<DVec3>,
+}
+
+impl Framing {
+    /// Of a scene.
+    ///
+    /// # Errors
+    /// If it has no vertices, or they are all in one point.
+    pub fn of(scene: &Scene) -> Result<Self> {
+        let bounds = scene.bounds()?;
+        bounds.check_extent()?;
+        Ok(Self {
+            bounds,
+            points: scene.host_points()?,
+        })
+    }
+
+    /// A camera as by [`Camera::framing`].
+    pub fn camera(&self, direction: Parameter<3>) -> Result<Camera> {
         let towards = direction.check("camera", "direction", Range::Finite)?;
         let towards = DVec3::from(towards);
         if towards == DVec3::ZERO {
             let expected = "a vector that is not 0";
             return Err(Error::invalid("camera", "direction", towards, expected));
         }
-        let center = DVec3::from(scene.bounds()?.center());
-        let points = scene.host_points()?;
+        let center = DVec3::from(self.bounds.center());
         let length = towards.length();
         let backward = towards / length;
         let mut up = DVec3::Y;
@@ -252,14 +276,10 @@ impl Camera {
         // axis)·tan.
         let half = 20f64.to_radians().tan() * (1.0 - MARGIN);
         let mut distance = 0.0f64;
-        for p in &points {
+        for p in &self.points {
             let r = *p - center;
             let wide = r.dot(right).abs().max(r.dot(above).abs());
             distance = distance.max(r.dot(backward) + wide / half);
-        }
-        if distance <= 0.0 {
-            let expected = "a scene of more than a point";
-            return Err(Error::invalid("camera", "framing", "a point", expected));
         }
         let eye = match &direction {
             Parameter::Constant(_) => Parameter::from(center + backward * distance),
@@ -270,7 +290,7 @@ impl Camera {
                 added(&center.into(), &Parameter::Tensor(away))
             }
         };
-        Ok(Self::look_at(eye, center).up(up))
+        Ok(Camera::look_at(eye, center).up(up))
     }
 }
 

@@ -2,6 +2,7 @@
 //! on the host, and carries no gradient.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use glam::DVec3;
 use rayon::iter::Either;
@@ -150,13 +151,8 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
     let mut uvs = None;
     if let (Some(atlas), Some(corners)) = (&channel.atlas, &scene.uvs) {
         let atlas = host_vectors(atlas)?;
-        texels.push(
-            atlas
-                .iter()
-                .flat_map(|t| t.to_array())
-                .map(|v| v as f32)
-                .collect(),
-        );
+        let numbers = atlas.iter().flat_map(|t| t.to_array()).map(|v| v as f32);
+        texels.push(Arc::new(numbers.collect()));
         uvs = Some([
             vectors(&corners.a)?,
             vectors(&corners.b)?,

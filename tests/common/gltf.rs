@@ -37,6 +37,15 @@ impl Gltf {
         file
     }
 
+    /// A square whose base colour is a texture of an image at a URI.
+    pub fn textured(uri: &str) -> Self {
+        let mut file = Self::square();
+        file.push("images", json!({"uri": uri}));
+        file.push("textures", json!({"source": 0}));
+        file.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
+        file
+    }
+
     /// Adds an element to a list and returns its number.
     pub fn push(&mut self, list: &str, element: Value) -> usize {
         let list = self.json[list].as_array_mut().expect("a list");

@@ -16,8 +16,8 @@ pub(super) enum Target {
     File(PathBuf),
 }
 
-/// The bytes of all buffers; a file is read once however many buffers name it.
-pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<Vec<Bytes>> {
+/// The bytes of all buffers, and how many of them are in other files; a file is read once however many buffers name it.
+pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<Bytes>, u64)> {
     let mut files: HashMap<PathBuf, Arc<Vec<u8>>> = HashMap::new();
     let mut buffers = Vec::with_capacity(document.root.buffers.len());
     for (i, json) in document.root.buffers.iter().enumerate() {
@@ -60,7 +60,8 @@ pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<Vec<Byt
             ..bytes
         });
     }
-    Ok(buffers)
+    let read = files.values().map(|file| file.len() as u64).sum();
+    Ok((buffers, read))
 }
 
 impl Document<'_> {

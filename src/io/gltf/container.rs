@@ -18,16 +18,20 @@ pub(super) fn split(bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>)
     if version != 2 {
         return Err(format!("its version is {version}, expected 2"));
     }
-    let (json, next) = chunk(bytes, 12, b"JSON")?;
+    let json = chunk(bytes, 12, b"JSON")?;
+    // Padding belongs to a chunk and its length. Some writers leave it out of the length, others leave it out.
+    let is_binary = |&at: &usize| bytes.get(at + 4..at + 8) == Some(b"BIN\0");
+    let padded = json.end.next_multiple_of(4);
+    let next = Some(json.end).filter(is_binary).unwrap_or(padded);
     let binary = match next < bytes.len() {
-        true => Some(chunk(bytes, next, b"BIN\0")?.0),
+        true => Some(chunk(bytes, next, b"BIN\0")?),
         false => None,
     };
     Ok((json, binary))
 }
 
-/// The contents of the chunk at a byte, and where the next one begins.
-fn chunk(bytes: &[u8], at: usize, kind: &[u8; 4]) -> Result<(Range<usize>, usize), String> {
+/// The contents of the chunk at a byte.
+fn chunk(bytes: &[u8], at: usize, kind: &[u8; 4]) -> Result<Range<usize>, String> {
     let name = String::from_utf8_lossy(&kind[..]).replace('\0', "");
     let length = number(bytes, at).ok_or(format!("it ends before the chunk {name}"))?;
     let found = bytes.get(at + 4..at + 8).unwrap_or(&[]);
@@ -40,8 +44,7 @@ fn chunk(bytes: &[u8], at: usize, kind: &[u8; 4]) -> Result<(Range<usize>, usize
     let start = at + 8;
     let end = start.checked_add(length as usize);
     match end.filter(|&end| end <= bytes.len()) {
-        // The last chunk may have lost its padding.
-        Some(end) => Ok((start..end, end.next_multiple_of(4).min(bytes.len()))),
+        Some(end) => Ok(start..end),
         None => Err(format!(
             "its chunk {name} has {length} bytes, but the file has {} after its header",
             bytes.len() - start
@@ -66,6 +69,20 @@ mod tests {
             bytes.extend(*contents);
         }
         bytes
+    }
+
+    /// As others read it: the binary chunk follows at once, or behind padding that no length counts.
+    #[test]
+    fn chunks_without_padding_are_read() {
+        let close = file(&[(b"JSON", b"{ }"), (b"BIN\0", b"abcd")]);
+        assert_eq!(split(&close), Ok((20..23, Some(31..35))));
+        let mut apart = file(&[(b"JSON", b"{ }")]);
+        apart.push(b' ');
+        let binary = file(&[(b"BIN\0", b"abc")]);
+        apart.extend(&binary[12..]);
+        assert_eq!(split(&apart), Ok((20..23, Some(32..35))));
+        let alone = file(&[(b"JSON", b"{ }")]);
+        assert_eq!(split(&alone), Ok((20..23, None)));
     }
 
     #[test]

@@ -216,8 +216,10 @@ impl Textures<'_> {
         let root = &document.root;
         let json = document.get(&root.textures, index, field, "textures")?;
         let place = format!("textures[{index}]");
-        let Some(image) = json.source else {
-            document.skip("textures without a source in PNG or JPEG");
+        let webp = json.extensions.webp.as_ref().and_then(|w| w.source);
+        // Where there is one in glTF's own formats, that of the extension is the same.
+        let Some(image) = json.source.or(webp) else {
+            document.skip("textures without a source in PNG, JPEG or WebP");
             return Ok(None);
         };
         document.get(&root.images, image, format!("{place}.source"), "images")?;

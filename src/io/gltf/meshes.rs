@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::Document;
 use super::accessors::Accessor;
 use super::materials::{Coordinates, Material};
-use super::schema::{Mesh, Primitive};
+use super::schema::{Accessor as AccessorJson, Mesh, Primitive};
 use crate::error::Result;
 use crate::io::description::MeshDescription;
 
@@ -196,6 +196,13 @@ impl<'a> Builder<'a> {
         let Some(index) = position(primitive) else {
             return Err(document.fail(format!("{place}.attributes"), "has no POSITION"));
         };
+        let is_empty = |a: &AccessorJson| a.buffer_view.is_none() && a.sparse.is_none();
+        if primitive.extensions.draco.is_some()
+            && document.root.accessors.get(index).is_some_and(is_empty)
+        {
+            let message = "is compressed by Draco (KHR_draco_mesh_compression), expected a file without compression";
+            return Err(document.fail(place, message));
+        }
         let positions = document.accessor(index, &format!("{place}.attributes.POSITION"))?;
         let width = |accessor: &Accessor, widths: &[usize], name: &str| {
             if widths.contains(&accessor.width) {

@@ -6,6 +6,7 @@
 mod accessors;
 mod buffers;
 mod container;
+mod extensions;
 mod material_schema;
 mod materials;
 mod meshes;
@@ -24,18 +25,6 @@ use super::LoadLimits;
 use super::description::{Bytes, Description};
 use super::limits::read_bytes;
 use crate::error::{Error, Result};
-
-/// Extensions whose fields are read, or that change nothing here.
-const READ: [&str; 8] = [
-    "KHR_lights_punctual",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_specular",
-    "KHR_materials_transmission",
-    "KHR_materials_volume",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-];
 
 /// Reads a file, with the buffers that it names.
 pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
@@ -58,6 +47,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         limits,
         root,
         buffers: Vec::new(),
+        bytes: bytes.len() as u64,
         unread: RefCell::default(),
     };
     document.check_version()?;
@@ -65,7 +55,9 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         buffer: bytes.clone(),
         range,
     });
-    document.buffers = buffers::load(&document, binary)?;
+    let (buffers, more) = buffers::load(&document, binary)?;
+    document.buffers = buffers;
+    document.bytes += more;
     let description = nodes::walk(&document)?;
     let unread = document.unread.into_inner();
     if !unread.is_empty() {
@@ -82,6 +74,8 @@ struct Document<'a> {
     limits: &'a LoadLimits,
     root: Root,
     buffers: Vec<Bytes>,
+    /// Of the file and the files of its buffers.
+    bytes: u64,
     /// What would change the picture and is not read, told once.
     unread: RefCell<BTreeSet<String>>,
 }
@@ -134,17 +128,7 @@ impl Document<'_> {
         if !version.starts_with("2.") {
             return Err(self.fail("asset.version", format!("is {version:?}, expected 2.0")));
         }
-        for (i, name) in self.root.extensions_required.iter().enumerate() {
-            if !READ.contains(&name.as_str()) {
-                let known = READ.join(", ");
-                let message = format!("is {name:?}, expected one of those known here: {known}");
-                return Err(self.fail(format!("extensionsRequired[{i}]"), message));
-            }
-        }
-        let used = self.root.extensions_used.iter();
-        for name in used.filter(|name| !READ.contains(&name.as_str())) {
-            self.skip(name.as_str());
-        }
+        self.check_extensions()?;
         if !self.root.animations.is_empty() {
             self.skip("animations");
         }

@@ -14,6 +14,7 @@ use crate::io::description::{
     CameraDescription, Description, LightDescription, LightKind, ObjectDescription,
     ProjectionDescription,
 };
+use crate::io::limits::{LIGHT, Memory, OBJECT, TRIANGLE};
 
 /// Everything that the file's scene has. Without a default scene that is the first one, without scenes all nodes
 /// are in it.
@@ -27,6 +28,10 @@ pub(super) fn walk(document: &Document) -> Result<Description> {
         triangles: 0,
         found: Description {
             images: images(document)?,
+            memory: Memory {
+                read: document.bytes,
+                ..Memory::default()
+            },
             ..Description::default()
         },
     };
@@ -176,6 +181,8 @@ impl Walk<'_> {
             let place = format!("nodes[{i}].extensions.KHR_lights_punctual.light");
             let lights = &root.extensions.lights.lights;
             let json = document.get(lights, light.light, &place, "lights")?;
+            let taken = self.found.memory.take(1, LIGHT, document.limits);
+            taken.map_err(|message| document.fail(&place, message))?;
             let light = self.light(json, to_world, &format!("lights[{}]", light.light))?;
             self.found.lights.push(light);
         }
@@ -192,6 +199,10 @@ impl Walk<'_> {
                 format!("makes more than {most} triangles: LoadLimits::triangles raises the limit");
             return Err(document.fail(place, message));
         }
+        let memory = &mut self.found.memory;
+        let taken = memory.take(more, TRIANGLE, document.limits);
+        let taken = taken.and_then(|()| memory.take(1, OBJECT, document.limits));
+        taken.map_err(|message| document.fail(place, message))?;
         let known = match self.meshes.get(&index) {
             Some(&known) => known,
             None => {

@@ -140,6 +140,14 @@ pub(super) struct Primitive {
     pub mode: u32,
     #[serde(default)]
     pub targets: Vec<Anything>,
+    #[serde(default)]
+    pub extensions: PrimitiveExtensions,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub draco: Option<Anything>,
 }
 
 #[derive(Deserialize)]
@@ -209,6 +217,20 @@ pub(super) struct Image {
 pub(super) struct Texture {
     pub source: Option<usize>,
     pub sampler: Option<usize>,
+    #[serde(default)]
+    pub extensions: TextureExtensions,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct TextureExtensions {
+    #[serde(rename = "EXT_texture_webp")]
+    pub webp: Option<Source>,
+}
+
+/// An image in another format than glTF's own.
+#[derive(Deserialize)]
+pub(super) struct Source {
+    pub source: Option<usize>,
 }
 
 #[derive(Deserialize)]

@@ -18,7 +18,7 @@ use super::polygon::Polygons;
 use super::srgb::srgb_to_linear;
 use crate::error::{Error, Result};
 use crate::scene::Wrap;
-use header::{Element, Header, Property};
+use header::{Element, Format, Header, Property};
 use values::Values;
 
 /// Reads a file, with the texture that it names.
@@ -31,6 +31,12 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         values: Values {
             format: header.format,
             rest: &bytes[header.end..],
+            // Where each row has a line, more in it than the header says is left out, as others do.
+            by_line: header.format == Format::Ascii && {
+                let lines = bytes[header.end..].split(|&b| b == b'\n');
+                let lines = lines.filter(|line| !line.trim_ascii().is_empty()).count();
+                header.elements.iter().map(|e| e.count).sum::<u64>() == lines as u64
+            },
         },
         mesh: MeshDescription::default(),
         uvs: Vec::new(),
@@ -91,6 +97,7 @@ impl Reader<'_> {
                 list.push(self.values.next(*kind).map_err(place)?);
             }
         }
+        self.values.end_row();
         Ok(())
     }
 

@@ -6,6 +6,8 @@ use super::header::{Format, Kind};
 pub(super) struct Values<'a> {
     pub format: Format,
     pub rest: &'a [u8],
+    /// Whether each row has a line of its own.
+    pub by_line: bool,
 }
 
 impl Values<'_> {
@@ -35,6 +37,14 @@ impl Values<'_> {
             Kind::F32 => f64::from(f32::from_bits(whole as u32)),
             Kind::F64 => f64::from_bits(whole),
         })
+    }
+
+    /// Called after a row: leaves out what else is in its line.
+    pub fn end_row(&mut self) {
+        if self.by_line {
+            let end = self.rest.iter().position(|&b| b == b'\n');
+            self.rest = &self.rest[end.unwrap_or(self.rest.len())..];
+        }
     }
 
     /// The number that a word is.

@@ -14,8 +14,8 @@ use crate::kernel::{EdgeSets, HostCamera, KernelScene, View, ViewSettings, Wante
 use crate::render::batch::{Batch, in_batch};
 use crate::render::options::{RenderOptions, sampler};
 use crate::scene::{
-    Camera, Collect, HostScene, ParameterId, Scene, Visit, check_devices, to_host, visit_camera,
-    visit_scene,
+    Camera, Collect, HostScene, ParameterId, Scene, Visit, check_devices, look_at_scene, to_host,
+    visit_camera,
 };
 use crate::visibility::Visibility;
 
@@ -173,7 +173,7 @@ fn collect_scenes(row: &mut Collect, batch: &Batch) -> Vec<TensorPlaces> {
                     .push((ParameterId::Vertices(i), begin..begin + length));
             }
         }
-        visit_scene(&mut rest, row);
+        look_at_scene(&rest, row);
         all.push(std::mem::take(&mut row.places));
     }
     all

@@ -91,23 +91,23 @@ impl Sphere {
 
 /// Divides emitters into up to eight parts, of which the one whose estimate is worst is divided next.
 pub(super) fn parts(items: &mut [Item]) -> Vec<&mut [Item]> {
-    let mut parts = vec![items];
+    let cost = |part: &[Item]| match part.len() {
+        1 => -1.0,
+        _ => part
+            .iter()
+            .fold(Bin::EMPTY, |sum, i| sum.and(&Bin::of(i)))
+            .cost(),
+    };
+    let (mut costs, mut parts) = (vec![cost(items)], vec![items]);
     while parts.len() < LANES {
-        let cost = |part: &[Item]| match part.len() {
-            1 => -1.0,
-            _ => part
-                .iter()
-                .fold(Bin::EMPTY, |sum, i| sum.and(&Bin::of(i)))
-                .cost(),
-        };
-        let costs: Vec<f32> = parts.iter().map(|part| cost(part)).collect();
         let worst = (0..costs.len()).max_by(|&a, &b| costs[a].total_cmp(&costs[b]));
         let Some(worst) = worst.filter(|&i| parts[i].len() > 1) else {
             break;
         };
+        costs.swap_remove(worst);
         let (left, right) = split(parts.swap_remove(worst));
-        parts.push(left);
-        parts.push(right);
+        costs.extend([cost(left), cost(right)]);
+        parts.extend([left, right]);
     }
     parts
 }

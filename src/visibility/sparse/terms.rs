@@ -73,8 +73,8 @@ pub(crate) fn hierarchy_of(
 ) -> Result<Arc<Hierarchy>> {
     let list = host_triangles(triangles)?;
     Ok(match cache {
-        Some(cache) => cache.take(list),
-        None => Arc::new(Hierarchy::new(list)),
+        Some(cache) => cache.take(list, None),
+        None => Arc::new(Hierarchy::new(list, None)),
     })
 }
 

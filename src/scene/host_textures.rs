@@ -1,0 +1,123 @@
+//! Textures and masks on the host, each read once however many materials have it.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use burn::tensor::Tensor;
+
+use super::holes::Mask;
+use super::maps::AlphaMask;
+use super::material::Value;
+use super::wrap::Wrap;
+use crate::error::{Error, Result};
+use crate::geometry::{by_rows, place_of};
+
+/// A colour, or an image of colours.
+pub(crate) enum HostTexture {
+    Constant([f64; 3]),
+    Image {
+        /// RGB, row after row; textures of one tensor that is in no graph share them.
+        texels: Arc<Vec<f32>>,
+        width: usize,
+        height: usize,
+        wrap: Wrap,
+    },
+}
+
+impl HostTexture {
+    /// Whether any of its values is other than 0.
+    pub(super) fn shines(&self) -> bool {
+        match self {
+            Self::Constant(c) => *c != [0.0; 3],
+            Self::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
+        }
+    }
+}
+
+/// What was read so far, by where the numbers lie in their tensors. These must be there as long as this is.
+#[derive(Default)]
+pub(super) struct Shared {
+    images: HashMap<(usize, [usize; 3]), Arc<Vec<f32>>>,
+    numbers: HashMap<(usize, [usize; 2]), Arc<Vec<f32>>>,
+    masks: HashMap<(usize, [usize; 2]), Arc<Vec<f32>>>,
+}
+
+/// What is known of a place, or else is read.
+fn once<const D: usize>(
+    known: &mut HashMap<(usize, [usize; D]), Arc<Vec<f32>>>,
+    tensor: &Tensor<D>,
+    read: impl FnOnce() -> Result<Vec<f32>>,
+) -> Result<Arc<Vec<f32>>> {
+    let place = place_of(tensor);
+    if let Some(found) = place.and_then(|place| known.get(&place)) {
+        return Ok(found.clone());
+    }
+    let read = Arc::new(read()?);
+    if let Some(place) = place {
+        known.insert(place, read.clone());
+    }
+    Ok(read)
+}
+
+impl Shared {
+    /// Reads a value back. A scalar is the first of three numbers, the others are 0.
+    pub fn texture(&mut self, value: Value<'_>) -> Result<HostTexture> {
+        Ok(match value {
+            Value::Colour(p) => HostTexture::Constant(p.values()?),
+            Value::Scalar(p) => HostTexture::Constant([p.values()?[0], 0.0, 0.0]),
+            Value::Image(image, wrap) => {
+                let [height, width, channels] = image.dims();
+                let texels = once(&mut self.images, image, || {
+                    let mut texels = Vec::with_capacity(height * width * channels);
+                    by_rows(image, |values| texels.extend_from_slice(values))?;
+                    Ok(texels)
+                })?;
+                HostTexture::Image {
+                    texels,
+                    width,
+                    height,
+                    wrap,
+                }
+            }
+            Value::ScalarImage(image, wrap) => {
+                let [height, width] = image.dims();
+                let texels = once(&mut self.numbers, image, || {
+                    let mut texels = Vec::with_capacity(3 * height * width);
+                    by_rows(image, |values| {
+                        texels.extend(values.iter().flat_map(|&v| [v, 0.0, 0.0]));
+                    })?;
+                    Ok(texels)
+                })?;
+                HostTexture::Image {
+                    texels,
+                    width,
+                    height,
+                    wrap,
+                }
+            }
+        })
+    }
+
+    /// A mask; `material` is its material's name in messages.
+    pub fn mask(&mut self, mask: &AlphaMask, material: impl FnOnce() -> String) -> Result<Mask> {
+        let [height, width] = mask.alpha.dims();
+        let cutoff = mask.cutoff as f32;
+        if !cutoff.is_finite() {
+            let expected = "a finite number";
+            return Err(Error::invalid(
+                material(),
+                "alpha cutoff",
+                mask.cutoff,
+                expected,
+            ));
+        }
+        let alpha = once(&mut self.masks, &mask.alpha, || mask.numbers(&material()))?;
+        Ok(Mask {
+            alpha,
+            width,
+            height,
+            wrap: mask.wrap,
+            cutoff,
+        })
+    }
+}
