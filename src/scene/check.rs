@@ -5,7 +5,7 @@ use burn::tensor::Tensor;
 use super::material::Value;
 use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
 use super::{Camera, Object, Parameter, Scene};
-use crate::device::label;
+use crate::device::{self, label};
 use crate::error::{Error, Result};
 use crate::geometry::{Context, first_not_finite};
 
@@ -23,6 +23,7 @@ pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
         device: first.device().inner(),
         dtype: first.dtype(),
     };
+    device::check(&context.device)?;
     let mut check = SameDevice {
         context: &context,
         place: &|id| scene.place_of(id),
