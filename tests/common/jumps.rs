@@ -8,21 +8,42 @@ use super::gradients::floor_and_light;
 use super::scenes::{diffuse, emitting, facing_front};
 use super::tensors::tensor;
 
+/// A scene, and where its derivative is large beside its noise, so that few seeds tell whether it is right.
+pub struct Jump {
+    pub scene: &'static str,
+    pub angle: f64,
+    /// Of x, y and a turn; None where noise hides all.
+    pub direction: Option<[f64; 3]>,
+}
+
+const fn jump(scene: &'static str, angle: f64, direction: [f64; 3]) -> Jump {
+    Jump {
+        scene,
+        angle,
+        direction: Some(direction),
+    }
+}
+
 /// Jumps at the lines in which surfaces cross, at seams of materials, between facets of a gloss, under a
-/// map, in a mirror, behind a lens, at a wall; with an angle, and a direction along which the derivative is large beside its
-/// noise, so that few seeds tell whether it is right.
-pub const SCENES: [(&str, f64, [f64; 3]); 11] = [
-    ("cross", 0.0, [-1.0, 1.0, -1.0]),
-    ("self", 0.05, [-1.0, 1.0, 0.0]),
-    ("gloss", 0.0, [-1.0, 0.0, 0.0]),
-    ("map", 0.05, [-1.0, 1.0, 0.0]),
-    ("mapgloss", 0.0, [0.0, 0.0, 1.0]),
-    ("seam", 0.05, [-1.0, 1.0, -1.0]),
-    ("lensmove", 0.0, [-1.0, 0.0, 0.0]),
-    ("smooth", 0.05, [-1.0, 1.0, 0.0]),
-    ("wall", 0.05, [0.0, -1.0, 0.0]),
-    ("crossmove", 0.05, [-1.0, 1.0, -1.0]),
-    ("mirror", 0.05, [0.0, 1.0, 0.0]),
+/// map, in a mirror, behind a lens, at a wall.
+pub const SCENES: [Jump; 11] = [
+    jump("cross", 0.0, [-1.0, 1.0, -1.0]),
+    jump("self", 0.05, [-1.0, 1.0, 0.0]),
+    jump("gloss", 0.0, [-1.0, 0.0, 0.0]),
+    jump("map", 0.05, [-1.0, 1.0, 0.0]),
+    jump("mapgloss", 0.0, [0.0, 0.0, 1.0]),
+    jump("seam", 0.05, [-1.0, 1.0, -1.0]),
+    jump("lensmove", 0.0, [-1.0, 0.0, 0.0]),
+    jump("smooth", 0.05, [-1.0, 1.0, 0.0]),
+    // The edge of the lamp lies on the wall, where its light grows without bound: the noise of 4,000 seeds is three times
+    // the derivative.
+    Jump {
+        scene: "wall",
+        angle: 0.05,
+        direction: None,
+    },
+    jump("crossmove", 0.05, [-1.0, 1.0, -1.0]),
+    jump("mirror", 0.05, [0.0, 1.0, 0.0]),
 ];
 
 /// A scene by its name, from the parameter `place`: x, y and a turn.
