@@ -5,9 +5,10 @@ mod common;
 
 use burn::tensor::{DType, Device};
 use common::errors::{message, says};
-use common::facets::facet_cases;
+use common::facets::{clamped_cases, facet_cases};
 use common::gradients::{
     CONES, Case, Effort, SHARP, Setup, all_classes, assert_agreement, floor_and_light, lights,
+    of_seed,
 };
 use common::numbers::{apart, pairs};
 use common::tensors::{gradient, leaf, values};
@@ -40,6 +41,18 @@ fn gradients_of_facets_and_of_emissive_textures() {
             samples: 16,
         };
         assert_agreement(&cases, setups, DType::F64, effort, |_| 1e-3);
+    }
+}
+
+/// Where the model clamps a parameter its gradient is 0, so that no step of a fit is thrown far off.
+#[test]
+fn values_outside_of_their_ranges_have_no_gradient() {
+    let flex = Device::flex();
+    let engines: [Setup; 2] = [(&flex, |o| o), (&flex, |o| o.engine(Engine::Tensors))];
+    for case in clamped_cases() {
+        let found = engines.map(|at| of_seed(&case, at, DType::F64, CONES, 5));
+        println!("{}: {found:?}", case.name);
+        assert_eq!(found, [0.0; 2], "{}", case.name);
     }
 }
 

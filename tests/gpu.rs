@@ -6,7 +6,7 @@ mod common;
 use std::time::Instant;
 
 use burn::tensor::{DType, Device};
-use common::facets::facet_cases;
+use common::facets::{clamped_cases, facet_cases};
 use common::gpu::{Flips, device};
 use common::gradients::{
     CONES, Case as Class, Effort, Setup, all_classes, assert_agreement, lights,
@@ -269,6 +269,19 @@ fn derivatives_of_facets() {
         ..CONES
     };
     assert_agreement(&facet_cases(), setups, DType::F32, effort, limit);
+}
+
+/// Parameters outside of their ranges have no gradient, as on the host.
+#[test]
+fn values_outside_of_their_ranges_have_no_gradient() {
+    let effort = Effort {
+        samples: 8,
+        ..CONES
+    };
+    for case in clamped_cases() {
+        let found = of_seed(&case, (&device(), |o| o), DType::F32, effort, 5);
+        assert_eq!(found, 0.0, "{}", case.name);
+    }
 }
 
 #[test]

@@ -95,8 +95,8 @@ fn ball(name: &str) -> Material {
         "conductor-rough" => of(Material::conductor(eta, k, 0.5)),
         "metal" => of(Material::metallic_roughness([0.9, 0.6, 0.3], 1.0, 0.4)),
         "black" => of(Material::metallic_roughness([0.0; 3], 0.0, 0.3)),
-        "glass" => Material::dielectric(1.5, 0.0),
-        "glass-rough" => Material::dielectric(1.5, 0.4),
+        "glass" => of(Material::dielectric(1.5, 0.0)),
+        "glass-rough" => of(Material::dielectric(1.5, 0.4)),
         other => panic!("{other}"),
     }
 }

@@ -74,11 +74,14 @@ pub(crate) fn by_rows<const D: usize>(tensor: &Tensor<D>, mut f: impl FnMut(&[f3
 }
 
 /// The first value of an image that is not finite in f32, in row-major order, and where it is.
-pub(crate) fn first_not_finite<const D: usize>(tensor: &Tensor<D>) -> Result<Option<(usize, f64)>> {
+pub(crate) fn first_outside<const D: usize>(
+    tensor: &Tensor<D>,
+    holds: impl Fn(f64) -> bool,
+) -> Result<Option<(usize, f64)>> {
     let (mut found, mut passed) = (None, 0);
     by_rows(tensor, |values| {
         if found.is_none() {
-            let at = values.iter().position(|v| !v.is_finite());
+            let at = values.iter().position(|&v| !holds(v.into()));
             found = at.map(|i| (passed + i, f64::from(values[i])));
         }
         passed += values.len();

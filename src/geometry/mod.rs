@@ -9,7 +9,7 @@ mod topology;
 mod triangles;
 mod vec3;
 
-pub(crate) use context::{Context, by_rows, detached, first_not_finite, host_values, sin_cos};
+pub(crate) use context::{Context, by_rows, detached, first_outside, host_values, sin_cos};
 #[cfg(test)]
 pub(crate) use topology::Neighbours;
 pub(crate) use topology::{Topology, Weld};

@@ -7,7 +7,7 @@ use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
 use super::{Camera, Object, Parameter, Scene};
 use crate::device::{self, label};
 use crate::error::{Error, Result};
-use crate::geometry::{Context, first_not_finite};
+use crate::geometry::{Context, first_outside};
 
 /// Checks that all tensors of a scene are of one device and float type, and returns these.
 pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
@@ -147,12 +147,13 @@ impl Visit for Values<'_> {
                 let found = format!("of shape {dims:?}");
                 return Err(Error::invalid(object, field, found, expected));
             }
-            let Some((i, value)) = first_not_finite(texels)? else {
+            let range = id.row().1;
+            let Some((i, value)) = first_outside(texels, |v| range.holds(v))? else {
                 return Ok(());
             };
             let texel = i / channels;
             let field = format!("{field} texel ({}, {})", texel / w, texel % w);
-            Err(Error::invalid(object, field, value, "finite numbers"))
+            Err(Error::invalid(object, field, value, range.expected(2)))
         });
     }
 }

@@ -75,8 +75,8 @@ impl LightPart {
         match self {
             Self::Position => ("position", Range::Finite),
             Self::Direction => ("direction", Range::Finite),
-            Self::Intensity => ("intensity", Range::Finite),
-            Self::Irradiance => ("irradiance", Range::Finite),
+            Self::Intensity => ("intensity", Range::Light),
+            Self::Irradiance => ("irradiance", Range::Light),
             Self::Inner => ("inner angle", Range::NotNegative),
             Self::Outer => ("outer angle", Range::NotNegative),
         }

@@ -122,6 +122,9 @@ impl Bsdf {
     }
 }
 
+/// The largest exponent of a Phong lobe, which is then a tenth of a degree wide: f32 resolves little less.
+pub(crate) const MOST_SHININESS: f64 = 1e6;
+
 /// A parameter of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Channel {
@@ -155,13 +158,13 @@ impl Channel {
         match self {
             Self::Diffuse => ("diffuse", Range::Finite),
             Self::Specular => ("specular", Range::Finite),
-            Self::Shininess => ("shininess", Range::NotNegative),
+            Self::Shininess => ("shininess", Range::Within(0.0, MOST_SHININESS)),
             Self::Metallic => ("metallic", Range::Finite),
             Self::Roughness => ("roughness", Range::Finite),
             Self::Eta => ("eta", Range::Finite),
             Self::Extinction => ("extinction", Range::Finite),
             Self::Ior => ("ior", Range::Positive),
-            Self::Emission => ("emission", Range::Finite),
+            Self::Emission => ("emission", Range::Light),
         }
     }
 
@@ -214,7 +217,7 @@ pub struct Material {
     pub diffuse: Albedo,
     /// k_s.
     pub specular: Albedo,
-    /// The exponent n ≥ 0.
+    /// The exponent n in [0, 10⁶].
     pub shininess: Parameter<1>,
     /// The share of metal in [0, 1].
     pub metallic: ScalarTexture,
@@ -226,7 +229,7 @@ pub struct Material {
     pub extinction: Parameter<3>,
     /// The index of refraction of a dielectric's inside over that of its outside.
     pub ior: ScalarTexture,
-    /// Whether light that is lost between the facets of metal is given back.
+    /// Whether light that is lost between the facets of metal or glass is given back.
     pub compensated: bool,
     /// Radiance of the front side, RGB; a texture is for cones.
     pub emission: Albedo,
@@ -274,7 +277,7 @@ impl Material {
         self
     }
 
-    /// Sets a Phong lobe with an albedo k_s in [0, 1], such that diffuse + specular ≤ 1, and an exponent ≥ 0.
+    /// Sets a Phong lobe with an albedo k_s in [0, 1], such that diffuse + specular ≤ 1, and an exponent in [0, 10⁶].
     pub fn specular(
         mut self,
         albedo: impl Into<Albedo>,

@@ -181,6 +181,13 @@ impl Mesh {
                         );
                     }
                 }
+                // Those of a fit may wander below 0 for a step.
+                "colours" if !attribute.values.is_tracked() => {
+                    let negative = |&i: &u32| row(i).iter().any(|&v| v < 0.0);
+                    if let Some(dark) = used.find(negative) {
+                        return wrong(dark, 3, "numbers ≥ 0");
+                    }
+                }
                 _ => {}
             }
         }

@@ -49,6 +49,7 @@ pub(crate) use parameters::{
     Collect, Detach, ParameterId, Replace, Visit, visit_camera, visit_scene, visit_tensors,
 };
 pub use placement::Scale;
+pub(crate) use reflection::{LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL};
 pub(crate) use transfer::to_host;
 pub use transform::Transform;
 pub use viewpoint::Matrix;

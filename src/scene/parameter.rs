@@ -79,6 +79,10 @@ pub(super) fn without_tape<const D: usize>(t: &Tensor<D>) -> Tensor<D> {
     }
 }
 
+/// The largest radiance, intensity or irradiance: squares of sums over an image's samples are then far below what f32
+/// holds, as are products with what is near to a light.
+pub(crate) const MOST_LIGHT: f64 = 1e12;
+
 /// The values that numbers may have: finite ones in f32, as kernels are.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Range {
@@ -87,6 +91,10 @@ pub(crate) enum Range {
     NotNegative,
     /// From 0 to 1.
     Share,
+    /// From the one to the other.
+    Within(f64, f64),
+    /// Light of either sign, of at most [`MOST_LIGHT`].
+    Light,
     /// Between both.
     Degrees(i32, i32),
 }
@@ -95,35 +103,50 @@ impl Range {
     /// # Errors
     /// If a value is out of the range; the error shows all, or the first such one of many.
     pub fn check(self, object: &str, field: &str, values: &[f64]) -> Result<()> {
-        let holds = |&v: &f64| {
-            (v as f32).is_finite()
-                && match self {
-                    Self::Finite => true,
-                    Self::Positive => v > 0.0,
-                    Self::NotNegative => v >= 0.0,
-                    Self::Share => (0.0..=1.0).contains(&v),
-                    Self::Degrees(low, high) => v > low.into() && v < high.into(),
-                }
-        };
-        let Some(wrong) = values.iter().find(|v| !holds(v)) else {
+        let Some(wrong) = values.iter().find(|&&v| !self.holds(v)) else {
             return Ok(());
         };
         let shown = match values.len() {
             2..=16 => format!("{values:?}"),
             _ => wrong.to_string(),
         };
-        let (finite, numbers) = match values.len() {
+        let expected = self.expected(values.len());
+        Err(Error::invalid(object, field, shown, expected))
+    }
+
+    /// Whether a value is in the range.
+    pub fn holds(self, v: f64) -> bool {
+        (v as f32).is_finite()
+            && match self {
+                Self::Finite => true,
+                Self::Positive => v > 0.0,
+                Self::NotNegative => v >= 0.0,
+                Self::Share => (0.0..=1.0).contains(&v),
+                Self::Within(low, high) => (low..=high).contains(&v),
+                Self::Light => v.abs() <= MOST_LIGHT,
+                Self::Degrees(low, high) => v > low.into() && v < high.into(),
+            }
+    }
+
+    /// What a message says of the range of one number, or of several.
+    pub fn expected(self, count: usize) -> String {
+        let (finite, numbers) = match count {
             1 => ("a finite number", "a number"),
             _ => ("finite numbers", "numbers"),
         };
-        let expected = match self {
+        match self {
             Self::Finite => finite.into(),
             Self::Positive => format!("{numbers} > 0"),
             Self::NotNegative => format!("{numbers} ≥ 0"),
             Self::Share => format!("{numbers} in [0, 1]"),
+            Self::Within(low, high) => format!("{numbers} in [{low}, {high}]"),
+            Self::Light => {
+                format!(
+                    "{numbers} of at most {MOST_LIGHT:e}, so that sums of light do not overflow"
+                )
+            }
             Self::Degrees(low, high) => format!("degrees in ({low}, {high})"),
-        };
-        Err(Error::invalid(object, field, shown, expected))
+        }
     }
 }
 

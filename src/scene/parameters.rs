@@ -65,7 +65,7 @@ impl ParameterId {
             Self::Velocity(_) => ("velocity", Values::Finite),
             Self::Material(_, channel) => channel.row(),
             Self::Light(_, part) => part.row(),
-            Self::Environment => ("environment", Values::Finite),
+            Self::Environment => ("environment", Values::Light),
             Self::Eye => ("eye", Values::Finite),
             Self::Target => ("target", Values::Finite),
             Self::Up => ("up", Values::Finite),

@@ -10,7 +10,8 @@ use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::{Context, detached, host_values};
 
-/// Puts tensors of scenes and cameras on the host, out of their graph. They must be of the context's device.
+/// Puts tensors of scenes and cameras on the host, out of their graph; those that were in it are leaves of others, so
+/// that checks know them. They must be of the context's device.
 ///
 /// # Errors
 /// If they can't be read back.
@@ -78,6 +79,11 @@ impl Visit for Scatter {
         let range: Range<usize> = self.next..self.next + count;
         self.next = range.end;
         let data = TensorData::new(self.values[range].to_vec(), shape);
-        *tensor = Tensor::from_data(data, (&self.context.device, self.context.dtype));
+        let on_host = Tensor::from_data(data, (&self.context.device, self.context.dtype));
+        *tensor = if tensor.is_tracked() {
+            on_host.autodiff().require_grad()
+        } else {
+            on_host
+        };
     }
 }

@@ -3,12 +3,15 @@
 use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;
 
-use super::gradients::{Case, camera, case, change, vector};
+use super::gradients::{Case, camera, case, change, objects, scene, vector};
 use super::tensors::tensor as constant;
 
 /// Gold.
 pub const ETA: [f64; 3] = [0.14, 0.37, 1.44];
 pub const EXTINCTION: [f64; 3] = [3.98, 2.39, 1.60];
+
+/// A scene and a camera from a number.
+type Build = fn(&Device, DType, Tensor<1>) -> (Scene, Camera);
 
 /// A floor of a material, or a ball of it.
 fn with(name: &'static str, m: Material, d: &Device, t: DType) -> (Scene, Camera) {
@@ -28,6 +31,10 @@ pub fn facet_cases() -> Vec<Case> {
         }),
         case("metal's roughness", 0.6, 0.03, 1, |d, t, p| {
             let m = Material::metallic_roughness([0.7, 0.5, 0.2], 0.8, p);
+            with("floor", m, d, t)
+        }),
+        case("half a metal's roughness", 0.85, 0.03, 1, |d, t, p| {
+            let m = Material::metallic_roughness([0.7, 0.5, 0.2], 0.5, p);
             with("floor", m, d, t)
         }),
         case("texels of roughness", 0.5, 0.03, 1, |d, t, p| {
@@ -52,6 +59,9 @@ pub fn facet_cases() -> Vec<Case> {
         case("ior", 1.5, 0.03, 2, |d, t, p| {
             with("ball", Material::dielectric(p, 0.6), d, t)
         }),
+        case("ior of rough glass", 1.32, 0.015, 2, |d, t, p| {
+            with("ball", Material::dielectric(p, 0.9), d, t)
+        }),
         case("glass's roughness", 0.6, 0.03, 2, |d, t, p| {
             with("ball", Material::dielectric(1.5, p), d, t)
         }),
@@ -72,6 +82,52 @@ pub fn facet_cases() -> Vec<Case> {
             })
         },
     ]
+}
+
+/// Parameters outside of their ranges, which count as the nearest number inside: derivatives are 0.
+pub fn clamped_cases() -> Vec<Case> {
+    let metallic: Build = |d, t, p| {
+        let m = Material::metallic_roughness([0.7, 0.5, 0.2], p, 0.5);
+        with("floor", m, d, t)
+    };
+    let roughness: Build = |d, t, p| {
+        let m = Material::metallic_roughness([0.7, 0.5, 0.2], 0.5, p);
+        with("floor", m, d, t)
+    };
+    let eta: Build = |d, t, p| {
+        let eta = vector(p, [1.0; 3], d, t);
+        with("floor", Material::conductor(eta, EXTINCTION, 0.5), d, t)
+    };
+    let extinction: Build = |d, t, p| {
+        let k = vector(p, [1.0; 3], d, t);
+        with("floor", Material::conductor(ETA, k, 0.5), d, t)
+    };
+    let conductors: Build = |d, t, p| with("floor", Material::conductor(ETA, EXTINCTION, p), d, t);
+    let ior: Build = |d, t, p| with("ball", Material::dielectric(p, 0.6), d, t);
+    let glass: Build = |d, t, p| with("ball", Material::dielectric(1.5, p), d, t);
+    // The cosines of its angles are nearer than what its falloff is divided by.
+    let inner: Build = |d, t, p| {
+        let spot = Light::spot([0.5, 2.0, 1.0], [-0.2, -1.0, -0.4], [9.0; 3], p, 0.5005);
+        (scene(objects(d, t)).light(spot), camera())
+    };
+    [
+        ("metallic over 1", 1.5, metallic),
+        ("metallic under 0", -0.3, metallic),
+        ("metal's roughness over 1", 1.5, roughness),
+        ("metal's roughness under 0", -0.5, roughness),
+        ("eta under 0", -0.5, eta),
+        ("eta over its range", 2e4, eta),
+        ("extinction under 0", -0.5, extinction),
+        ("extinction over its range", 1e30, extinction),
+        ("conductor's roughness over 1", 1.5, conductors),
+        ("ior under its range", 0.02, ior),
+        ("ior over its range", 30.0, ior),
+        ("ior next to 1", 1.0003, ior),
+        ("glass's roughness over 1", 1.5, glass),
+        ("a spot's inner angle next to its outer one", 0.5, inner),
+    ]
+    .map(|(name, value, build)| case(name, value, 0.1, 1, build))
+    .into()
 }
 
 /// A ball of a material that moves.

@@ -336,7 +336,7 @@ pub fn check(case: &Case, device: &Device, effort: Effort, precision: f64, seeds
 }
 
 /// The autodiff gradient of one seed.
-fn of_seed(case: &Case, at: Setup, dtype: DType, effort: Effort, seed: u64) -> f64 {
+pub fn of_seed(case: &Case, at: Setup, dtype: DType, effort: Effort, seed: u64) -> f64 {
     let (device, change) = at;
     let p = constant(&[case.value], [1], device, dtype)
         .autodiff()

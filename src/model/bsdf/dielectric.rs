@@ -3,22 +3,22 @@
 //! With v the view, l the direction, η the index of refraction on the other side over that on the view's, and the
 //! facet's normal h along H = ± (v + η l), refracted is f·cos θ = T D V K cos θ with K = 4 (v·H) (−l·H)/|H|⁴: radiance
 //! counts, which is less by η² where it is spread over as much more directions. What is reflected downwards or
-//! refracted upwards by a slanted facet is lost.
+//! refracted upwards by a slanted facet is lost, and what facets hide. All is given back by 1/E, where E is the albedo
+//! by the view, α and η (Turquin 2019), if the material is compensated.
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
+use super::albedo::Fit;
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::dielectric;
+use super::glass_albedo::given_back;
 use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient};
 use crate::model::{V3, splat};
 #[cfg(feature = "wgpu")]
 use burn::cubecl::{self, prelude::*};
 
-/// Indices of refraction that are nearer to 1 count as this far from it.
-const LEAST_CONTRAST: f32 = 1e-3;
-
 /// Derivatives of a loss by D, V, the part of light that the interface reflects or lets pass, K, n·v + r_v, which
-/// densities are divided by, and cos θ.
+/// densities are divided by, cos θ and 1/E.
 #[cfg_attr(
     feature = "wgpu",
     derive(CubeType, CubeTypeMut),
@@ -32,6 +32,7 @@ struct FactorsGradient {
     k: f32,
     sum: f32,
     cosine: f32,
+    back: f32,
 }
 
 /// A facet that turns the view into a direction, above the surface or below.
@@ -62,10 +63,7 @@ impl Shading {
     /// The index of refraction on the other side over that on the view's.
     #[inline(always)]
     fn eta(&self) -> f32 {
-        let mut eta = self.specular.x;
-        if (eta - 1.0).abs() < LEAST_CONTRAST {
-            eta = const { 1.0 + LEAST_CONTRAST };
-        }
+        let mut eta = self.ior();
         if self.inside {
             eta = 1.0 / eta;
         }
@@ -85,7 +83,24 @@ impl Shading {
             let eta = self.eta();
             by = -g * eta * eta;
         }
-        gradient.specular.x += by;
+        if self.has_own_ior() {
+            gradient.specular.x += by;
+        }
+    }
+
+    /// What light is multiplied by, so that none is lost between facets.
+    #[inline(always)]
+    fn back(&self, f: &Facets) -> Fit {
+        let mut found = Fit {
+            value: 1.0f32,
+            by_cosine: 0.0f32,
+            by_alpha: 0.0f32,
+            by_eta: 0.0f32,
+        };
+        if self.compensated {
+            found = given_back(f.nv, f.alpha, self.eta());
+        }
+        found
     }
 
     #[inline(always)]
@@ -156,7 +171,9 @@ impl Shading {
         if cosine > 0.0 {
             let t = self.turn(&f, outgoing);
             let v = f.visibility(nl.abs());
-            sum = self.tint(t.above) * (t.part.x * f.distribution(t.half) * v * t.k * cosine);
+            let back = self.back(&f).value;
+            sum =
+                self.tint(t.above) * (t.part.x * f.distribution(t.half) * v * t.k * cosine * back);
         }
         sum
     }
@@ -179,10 +196,12 @@ impl Shading {
             let d = f.distribution(t.half);
             let p = t.part.x;
             let k = t.k;
+            let back = self.back(&f).value;
             if !t.above {
-                gradient.diffuse += g * (p * d * v * k * cosine);
+                gradient.diffuse += g * (p * d * v * k * cosine * back);
             }
-            let g = g.dot(self.tint(t.above));
+            let whole = g.dot(self.tint(t.above));
+            let g = whole * back;
             let by = FactorsGradient {
                 d: g * p * v * k * cosine,
                 v: g * p * d * k * cosine,
@@ -190,6 +209,7 @@ impl Shading {
                 k: g * p * d * v * cosine,
                 sum: 0.0,
                 cosine: g * p * d * v * k,
+                back: whole * p * d * v * k * cosine,
             };
             by_outgoing = self.factors_backward(&f, &t, outgoing, &by, gradient);
         }
@@ -230,11 +250,15 @@ impl Shading {
             by_outgoing = by_half * self.eta() - t.half * by_b;
             by_eta += by_half.dot(outgoing);
         }
+        let back = self.back(f);
+        by_eta += g.back * back.by_eta;
+        by.alpha += g.back * back.by_alpha;
+        let by_nv = g.back * back.by_cosine;
         self.eta_backward(by_eta, gradient);
         let nl = self.normal.dot(outgoing);
         let slopes = f.visibility_slopes(nl.abs()) * g.v;
         let by_sum = f.slant_slopes() * g.sum;
-        f.nv_backward(slopes.x + by_sum.x, &mut by);
+        f.nv_backward(slopes.x + by_sum.x + by_nv, &mut by);
         by.alpha += slopes.z + by_sum.y;
         let mut side = 1.0f32;
         if !t.above {
@@ -299,15 +323,17 @@ impl Shading {
             let cosine = self.cosine_on_side(outgoing, t.above);
             let v = f.visibility(nl);
             let sum = f.nv + f.rv;
+            let back = self.back(&f).value;
             let mut scale = 2.0f32;
             if !t.above {
                 let eta = self.eta();
                 scale = 2.0 / (eta * eta);
-                let weight = scale * v * sum * cosine;
+                let weight = scale * v * sum * cosine * back;
                 gradient.diffuse += g * weight;
                 self.eta_backward(-2.0f32 * g.dot(self.diffuse) * weight / eta, gradient);
             }
-            let g = g.dot(self.tint(t.above)) * scale;
+            let whole = g.dot(self.tint(t.above)) * scale;
+            let g = whole * back;
             let by = FactorsGradient {
                 d: 0.0,
                 v: g * sum * cosine,
@@ -315,6 +341,7 @@ impl Shading {
                 k: 0.0,
                 sum: g * v * cosine,
                 cosine: g * v * sum,
+                back: whole * v * sum * cosine,
             };
             by_outgoing = self.factors_backward(&f, &t, outgoing, &by, gradient);
         }

@@ -6,6 +6,7 @@
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
+use super::ranges::roughness_of;
 use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
 #[cfg(feature = "wgpu")]
@@ -85,6 +86,7 @@ pub(super) fn slant(square: f32, cosine: f32) -> f32 {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn alpha_of(roughness: f32) -> f32 {
+    let roughness = roughness_of(roughness);
     (roughness * roughness).max(LEAST_ALPHA)
 }
 
@@ -121,7 +123,7 @@ impl Facets {
             by_normal += by.view * (2.0 * along) + incoming * (2.0 * through);
         }
         let mut by_roughness = 0.0f32;
-        if roughness * roughness > LEAST_ALPHA {
+        if roughness > 0.0 && roughness <= 1.0 && roughness * roughness > LEAST_ALPHA {
             by_roughness = 2.0 * roughness * by.alpha;
         }
         SurfaceGradient {

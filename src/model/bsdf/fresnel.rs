@@ -23,6 +23,17 @@ pub(super) fn schlick_slope(cosine: f32) -> f32 {
     -5.0f32 * x * x * x * x
 }
 
+/// √((√(t₀² + 4 η² k²) + t₀)/2), of which a difference of nearly the same numbers would leave nothing where η is small.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn half_angle(t0: f32, sum: f32, product: f32) -> f32 {
+    let mut a = (0.5 * (sum + t0)).max(0.0).sqrt();
+    if t0 <= 0.0 {
+        a = product * (2.0 / (sum - t0).max(TINY)).sqrt();
+    }
+    a
+}
+
 /// A metal with the index η − i k, of unpolarised light: the reflectance.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
@@ -31,7 +42,7 @@ pub(super) fn conductor(cosine: f32, eta: f32, k: f32) -> f32 {
     let rest = 1.0 - square;
     let t0 = eta * eta - k * k - rest;
     let sum = (t0 * t0 + 4.0 * eta * eta * k * k).sqrt();
-    let a = (0.5 * (sum + t0)).max(0.0).sqrt();
+    let a = half_angle(t0, sum, eta * k);
     let t1 = sum + square;
     let t2 = 2.0 * a * cosine;
     let t3 = square * sum + rest * rest;
@@ -49,7 +60,8 @@ pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
     let rest = 1.0 - square;
     let t0 = eta * eta - k * k - rest;
     let sum = (t0 * t0 + 4.0 * eta * eta * k * k).sqrt();
-    let a = (0.5 * (sum + t0)).max(0.0).sqrt();
+    let product = eta * k;
+    let a = half_angle(t0, sum, product);
     let t1 = sum + square;
     let t2 = 2.0 * a * cosine;
     let t3 = square * sum + rest * rest;
@@ -62,16 +74,29 @@ pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
     let by_t4 = -across * t3 / (of_ratio * of_ratio);
     let by_t1 = 2.0 * by_across * t2 / (of_across * of_across);
     let by_t2 = by_t4 * rest - 2.0 * by_across * t1 / (of_across * of_across);
-    let by_half = 0.5 * by_t2 * cosine / a.max(TINY);
-    let by_sum = by_t3 * square + by_t1 + by_half;
-    let by_t0 = by_half + by_sum * t0 / sum.max(TINY);
-    let by_product = 2.0 * by_sum / sum.max(TINY);
+    let by_a = 2.0 * by_t2 * cosine;
+    let mut by_sum = by_t3 * square + by_t1;
+    let mut by_t0 = 0.0f32;
+    let mut by_product = 0.0f32;
+    if t0 > 0.0 {
+        let by_half = 0.25 * by_a / a.max(TINY);
+        by_sum += by_half;
+        by_t0 = by_half;
+    } else {
+        let inverse = 1.0 / (sum - t0).max(TINY);
+        by_sum -= 0.5 * by_a * a * inverse;
+        by_t0 = 0.5 * by_a * a * inverse;
+        by_product = by_a * (2.0 * inverse).sqrt();
+    }
+    let by_sum = by_sum / sum.max(TINY);
+    by_t0 += by_sum * t0;
+    by_product += 4.0 * by_sum * product;
     let by_rest = by_t4 * t2 + 2.0 * by_t3 * rest - by_t0;
     let by_square = by_t3 * sum + by_t1 - by_rest;
     v3(
         2.0 * a * by_t2 + 2.0 * cosine * by_square,
-        2.0 * eta * (by_product * k * k + by_t0),
-        2.0 * k * (by_product * eta * eta - by_t0),
+        by_product * k + 2.0 * eta * by_t0,
+        by_product * eta - 2.0 * k * by_t0,
     )
 }
 
@@ -127,7 +152,12 @@ mod tests {
     #[test]
     fn derivatives() {
         let h = 1e-3;
-        for (c, eta, k) in [(0.9, 0.2, 3.9), (0.3, 1.4, 2.0), (0.6, 1.5, 0.3)] {
+        for (c, eta, k) in [
+            (0.9, 0.2, 3.9),
+            (0.3, 1.4, 2.0),
+            (0.6, 1.5, 0.3),
+            (0.6, 0.002, 3.9),
+        ] {
             let s = conductor_slopes(c, eta, k);
             let slope = |f: &dyn Fn(f32) -> f32| (f(h) - f(-h)) / (2.0 * h);
             close(s.x, slope(&|h| conductor(c + h, eta, k)), "cosine");

@@ -8,7 +8,7 @@ use std::f32::consts::FRAC_1_PI;
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
-use super::albedo::{dielectric_facets, lost, mean_of_dielectric_facets};
+use super::albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::{conductor, conductor_slopes, schlick, schlick_slope};
 use super::{CONDUCTOR, IMPOSSIBLE, METALLIC, Scatter, Shading, ShadingGradient};
@@ -18,6 +18,8 @@ use burn::cubecl::{self, prelude::*};
 
 /// The reflectance of what is no metal along the normal.
 pub(crate) const DIELECTRIC_F0: f32 = 0.04;
+/// What is left of all light.
+const REST: f32 = 1.0 - DIELECTRIC_F0;
 /// The least probability of each of two lobes that there are.
 const LEAST_SHARE: f32 = 0.05;
 
@@ -43,78 +45,65 @@ impl Shading {
         Facets::new(normal, self.incoming, self.exponent)
     }
 
-    /// The reflectance of facets along their normal.
-    #[inline(always)]
-    fn along_normal(&self) -> V3 {
-        let mut f0 = splat(0.0);
-        if self.model == CONDUCTOR {
-            f0 = self.fresnel(1.0);
-        } else {
-            f0 = self.mix();
-        }
-        f0
-    }
-
-    /// F₀ of metallic–roughness.
-    #[inline(always)]
-    fn mix(&self) -> V3 {
-        let metal = self.specular.x;
-        splat(DIELECTRIC_F0 * (1.0 - metal)) + self.diffuse * metal
-    }
-
-    /// The reflectance of facets by the cosine to their normal.
+    /// Fresnel's reflectance of a conductor by the cosine to its facets' normal.
     #[inline(always)]
     fn fresnel(&self, cosine: f32) -> V3 {
-        let mut f = splat(0.0);
-        if self.model == CONDUCTOR {
-            let eta = self.diffuse;
-            let k = self.specular;
-            f = v3(
-                conductor(cosine, eta.x, k.x),
-                conductor(cosine, eta.y, k.y),
-                conductor(cosine, eta.z, k.z),
-            );
-        } else {
-            let f0 = self.mix();
-            f = f0 + (splat(1.0) - f0) * schlick(cosine);
-        }
-        f
+        let eta = self.eta_of_metal();
+        let k = self.extinction();
+        v3(
+            conductor(cosine, eta.x, k.x),
+            conductor(cosine, eta.y, k.y),
+            conductor(cosine, eta.z, k.z),
+        )
     }
 
-    /// Adds the derivatives of g·F; returns that by the cosine.
+    /// Adds the derivatives of g·F of a conductor; returns that by the cosine.
     #[inline(always)]
     fn fresnel_backward(&self, cosine: f32, g: V3, gradient: &mut ShadingGradient) -> f32 {
-        let mut by_cosine = 0.0f32;
-        if self.model == CONDUCTOR {
-            let eta = self.diffuse;
-            let k = self.specular;
-            let red = conductor_slopes(cosine, eta.x, k.x);
-            let green = conductor_slopes(cosine, eta.y, k.y);
-            let blue = conductor_slopes(cosine, eta.z, k.z);
-            gradient.diffuse += v3(red.y * g.x, green.y * g.y, blue.y * g.z);
-            gradient.specular += v3(red.z * g.x, green.z * g.y, blue.z * g.z);
-            by_cosine = red.x * g.x + green.x * g.y + blue.x * g.z;
-        } else {
-            let f0 = self.mix();
-            self.mix_backward(g * (1.0 - schlick(cosine)), gradient);
-            by_cosine = (splat(1.0) - f0).dot(g) * schlick_slope(cosine);
-        }
-        by_cosine
+        let eta = self.eta_of_metal();
+        let k = self.extinction();
+        let red = conductor_slopes(cosine, eta.x, k.x);
+        let green = conductor_slopes(cosine, eta.y, k.y);
+        let blue = conductor_slopes(cosine, eta.z, k.z);
+        gradient.diffuse += v3(red.y * g.x, green.y * g.y, blue.y * g.z);
+        gradient.specular += v3(red.z * g.x, green.z * g.y, blue.z * g.z);
+        red.x * g.x + green.x * g.y + blue.x * g.z
     }
 
-    /// Adds the derivatives of g·F₀ of metallic–roughness.
+    /// How much more than what facets of F₀ = 1 reflect they lose, where that is given back.
     #[inline(always)]
-    fn mix_backward(&self, g: V3, gradient: &mut ShadingGradient) {
-        gradient.diffuse += g * self.specular.x;
-        gradient.specular.x += g.dot(self.diffuse - splat(DIELECTRIC_F0));
+    fn lost(&self, f: &Facets) -> Fit {
+        let mut found = Fit {
+            value: 0.0f32,
+            by_cosine: 0.0f32,
+            by_alpha: 0.0f32,
+            by_eta: 0.0f32,
+        };
+        if self.compensated {
+            found = lost(f.nv, f.alpha);
+        }
+        found
     }
 
-    /// What facets reflect, times what is given back of the light that they lose.
+    /// What facets reflect, times what is given back of the light that they lose: of metallic–roughness that of
+    /// metal and that of what is none, each by its share.
     #[inline(always)]
     fn reflectance(&self, f: &Facets, cosine: f32) -> V3 {
-        let mut r = self.fresnel(cosine);
-        if self.compensated {
-            r = r.times(splat(1.0) + self.along_normal() * lost(f.nv, f.alpha).value);
+        let lost = self.lost(f).value;
+        let mut r = splat(0.0);
+        if self.model == CONDUCTOR {
+            r = self.fresnel(cosine);
+            if self.compensated {
+                r = r.times(splat(1.0) + self.fresnel(1.0) * lost);
+            }
+        } else {
+            let metal = self.metallic();
+            let base = self.diffuse;
+            let white = schlick(cosine);
+            let rest = DIELECTRIC_F0 + REST * white;
+            let of_metal = base + (splat(1.0) - base) * white;
+            r = splat((1.0 - metal) * rest * (1.0 + DIELECTRIC_F0 * lost))
+                + of_metal.times(splat(1.0) + base * lost) * metal;
         }
         r
     }
@@ -129,23 +118,39 @@ impl Shading {
         by: &mut FacetsGradient,
         gradient: &mut ShadingGradient,
     ) -> f32 {
-        let mut by_fresnel = g;
-        if self.compensated {
-            let fresnel = self.fresnel(cosine);
-            let f0 = self.along_normal();
-            let lost = lost(f.nv, f.alpha);
-            by_fresnel = g.times(splat(1.0) + f0 * lost.value);
-            let by_f0 = g.times(fresnel);
-            let by_lost = by_f0.dot(f0);
-            f.nv_backward(by_lost * lost.by_cosine, by);
-            by.alpha += by_lost * lost.by_alpha;
-            if self.model == CONDUCTOR {
+        let lost = self.lost(f);
+        let mut by_lost = 0.0f32;
+        let mut by_cosine = 0.0f32;
+        if self.model == CONDUCTOR {
+            let mut by_fresnel = g;
+            if self.compensated {
+                let f0 = self.fresnel(1.0);
+                by_fresnel = g.times(splat(1.0) + f0 * lost.value);
+                let by_f0 = g.times(self.fresnel(cosine));
+                by_lost = by_f0.dot(f0);
                 self.fresnel_backward(1.0, by_f0 * lost.value, gradient);
-            } else {
-                self.mix_backward(by_f0 * lost.value, gradient);
             }
+            by_cosine = self.fresnel_backward(cosine, by_fresnel, gradient);
+        } else {
+            let metal = self.metallic();
+            let base = self.diffuse;
+            let white = schlick(cosine);
+            let rest = DIELECTRIC_F0 + REST * white;
+            let of_metal = base + (splat(1.0) - base) * white;
+            let more_of_rest = 1.0 + DIELECTRIC_F0 * lost.value;
+            let more = splat(1.0) + base * lost.value;
+            let all = g.element_sum();
+            gradient.diffuse += g.times(more * (1.0 - white) + of_metal * lost.value) * metal;
+            gradient.specular.x += g.dot(of_metal.times(more)) - all * rest * more_of_rest;
+            by_lost =
+                all * (1.0 - metal) * rest * DIELECTRIC_F0 + metal * g.dot(of_metal.times(base));
+            let by_white = all * (1.0 - metal) * REST * more_of_rest
+                + metal * g.dot((splat(1.0) - base).times(more));
+            by_cosine = by_white * schlick_slope(cosine);
         }
-        self.fresnel_backward(cosine, by_fresnel, gradient)
+        f.nv_backward(by_lost * lost.by_cosine, by);
+        by.alpha += by_lost * lost.by_alpha;
+        by_cosine
     }
 
     /// The part of the light that comes through facets of what is no metal, is scattered below and comes out again:
@@ -169,7 +174,7 @@ impl Shading {
             let reflected = f.distribution(half) * f.visibility(nl) * cosine;
             sum = self.reflectance(&f, 0.5 * half.length()) * reflected;
             if self.model == METALLIC {
-                let below = (1.0 - self.specular.x) * FRAC_1_PI * cosine;
+                let below = (1.0 - self.metallic()) * FRAC_1_PI * cosine;
                 sum += self.diffuse * (below * self.through(&f, nl));
             }
         }
@@ -239,7 +244,7 @@ impl Shading {
             let a = 1.0 - seen.value;
             let b = 1.0 - lit.value;
             let through = a * b * rest;
-            let share = (1.0 - self.specular.x) * FRAC_1_PI;
+            let share = (1.0 - self.metallic()) * FRAC_1_PI;
             let along = g.y.dot(self.diffuse);
             gradient.diffuse += g.y * (share * cosine * through);
             gradient.specular.x -= along * FRAC_1_PI * cosine * through;
@@ -249,6 +254,7 @@ impl Shading {
             by_nl -= by_through * a * lit.by_cosine;
             by.alpha += by_through * (a * b * rest * mean.y - b * seen.by_alpha - a * lit.by_alpha);
         }
+        self.clamp_backward(gradient);
         by.view += by_half;
         f.nv_backward(by_nv, &mut by);
         by.normal += outgoing * by_nl;
@@ -276,9 +282,11 @@ impl Shading {
     pub(super) fn metal_gloss(&self) -> f32 {
         let mut share = 1.0f32;
         if self.model == METALLIC {
-            let metal = self.specular.x.clamp(0.0, 1.0);
+            let metal = self.metallic();
             let nv = self.normal.dot(self.incoming).abs();
-            let reflected = self.fresnel(nv).abs().element_sum();
+            let f0 = splat(DIELECTRIC_F0 * (1.0 - metal)) + self.diffuse * metal;
+            let f = f0 + (splat(1.0) - f0) * schlick(nv);
+            let reflected = f.abs().element_sum();
             let below = (1.0 - metal) * self.diffuse.abs().element_sum();
             if below > 0.0 {
                 share = (reflected / (reflected + below))
@@ -324,7 +332,7 @@ impl Shading {
             let x = self.reflectance(&f, 0.5 * half.length()) * (f.visibility(nl) * cosine);
             let mut y = splat(0.0);
             if self.model == METALLIC {
-                let below = (1.0 - self.specular.x) * FRAC_1_PI * cosine;
+                let below = (1.0 - self.metallic()) * FRAC_1_PI * cosine;
                 y = self.diffuse * (below * self.through(&f, nl));
             }
             let gloss = self.metal_gloss();

@@ -10,10 +10,12 @@ mod albedo;
 mod dielectric;
 mod facets;
 mod fresnel;
+mod glass_albedo;
 mod lobe;
 mod metal;
 mod models;
 mod phong;
+mod ranges;
 mod sample;
 #[cfg(test)]
 mod tests;
@@ -24,6 +26,7 @@ use crate::scene::{CHANNELS, MaterialKind};
 use burn::cubecl::{self, prelude::*};
 
 pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
+pub(crate) use glass_albedo::given_back;
 #[cfg(feature = "wgpu")]
 pub(crate) use lobe::Lobe;
 pub(crate) use metal::DIELECTRIC_F0;

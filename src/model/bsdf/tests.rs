@@ -1,6 +1,8 @@
 //! The BSDF as a density and as physics, and its derivatives against central differences.
 
 mod derivatives;
+mod furnace;
+mod ranges;
 
 use super::*;
 use crate::model::frame::{SinCos, sin_cos_of_turns};
@@ -39,7 +41,7 @@ fn of_facets() -> Vec<Shading> {
     let gold = (v3(0.2, 0.5, 1.4), v3(3.9, 2.3, 1.7));
     let base = v3(0.5, 0.3, 0.9);
     for (model, (diffuse, specular), inside) in [
-        (METALLIC, (base, v3(1.0, 0.0, 0.0)), false),
+        (METALLIC, (base, v3(0.95, 0.0, 0.0)), false),
         (METALLIC, (base, v3(0.3, 0.0, 0.0)), false),
         (CONDUCTOR, gold, false),
         (DIELECTRIC, (base, v3(1.5, 0.0, 0.0)), false),
@@ -141,90 +143,16 @@ fn the_albedo_is_at_most_one() {
     }
 }
 
-/// White facets and a white base under them reflect all light, or a little less; without what is given back metal
-/// loses it, and glass that is not absorbed and not lost between facets is all there.
-#[test]
-fn white_furnaces() {
-    for roughness in [0.1f32, 0.3, 0.6, 0.8, 1.0] {
-        for z in [1.0f32, 0.7, 0.3, 0.15] {
-            let white = Shading {
-                geometric: V3::AXES[2],
-                normal: V3::AXES[2],
-                incoming: v3((1.0 - z * z).sqrt(), 0.0, -z),
-                diffuse: V3::ONE,
-                specular: V3::AXES[0],
-                exponent: roughness,
-                glossy: true,
-                model: METALLIC,
-                models: ALL_MODELS,
-                ..Shading::default()
-            };
-            let albedo = |s: &Shading| {
-                let n = 1 << 14;
-                let sum = numbers(n).map(|[u, v, lobe]| f64::from(s.sample(u, v, lobe).weight.x));
-                sum.sum::<f64>() / f64::from(n)
-            };
-            let lossy = albedo(&white);
-            let metal = albedo(&Shading {
-                compensated: true,
-                ..white
-            });
-            let mirror = albedo(&Shading {
-                model: CONDUCTOR,
-                compensated: true,
-                diffuse: splat(0.05),
-                specular: splat(40.0),
-                ..white
-            });
-            let base = albedo(&Shading {
-                compensated: true,
-                specular: V3::ZERO,
-                ..white
-            });
-            println!("{roughness} {z}: {lossy:.4} {metal:.4} {mirror:.4} {base:.4}");
-            assert!(
-                lossy <= 1.001 && (roughness < 0.6 || lossy < 0.98),
-                "{lossy}"
-            );
-            assert!((0.97..1.001).contains(&metal), "{roughness} {z}: {metal}");
-            assert!((0.97..1.001).contains(&mirror), "{roughness} {z}: {mirror}");
-            assert!((0.96..1.001).contains(&base), "{roughness} {z}: {base}");
-        }
-    }
-    // Radiance that passes is less by the square of the index.
-    for (inside, square) in [(false, 2.25), (true, 1.0 / 2.25)] {
-        let glass = Shading {
-            geometric: V3::AXES[2],
-            normal: V3::AXES[2],
-            incoming: v3(0.3, 0.0, -0.9).normalize(),
-            diffuse: V3::ONE,
-            specular: splat(1.5),
-            exponent: 0.1,
-            glossy: true,
-            model: DIELECTRIC,
-            models: ALL_MODELS,
-            inside,
-            ..Shading::default()
-        };
-        let n = 1 << 14;
-        let mut energy = 0.0;
-        for [u, v, lobe] in numbers(n) {
-            let s = glass.sample(u, v, lobe);
-            let counts = if s.of_gloss { 1.0 } else { square };
-            energy += f64::from(s.weight.x) * counts / f64::from(n);
-        }
-        assert!((0.99..1.001).contains(&energy), "{inside}: {energy}");
-    }
-}
-
 /// What glass reflects is the same with light and eye exchanged, what it refracts over the square of the index where
 /// it goes to.
 #[test]
 fn reciprocity_of_glass() {
-    for s in of_facets() {
+    for mut s in of_facets() {
         if s.model != DIELECTRIC || s.smooth {
             continue;
         }
+        // What is given back depends on the view alone.
+        s.compensated = false;
         for outgoing in [v3(-0.4, 0.3, 0.8), v3(0.3, -0.3, -0.8)].map(V3::normalize) {
             let below = outgoing.z < 0.0;
             let side = if below { -1.0 } else { 1.0 };

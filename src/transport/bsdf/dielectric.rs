@@ -3,11 +3,11 @@
 use burn::tensor::{Bool, Tensor};
 
 use super::cosine;
-use super::facets::Facets;
-use crate::geometry::{Vec3, detached};
-
-/// Indices of refraction that are nearer to 1 count as this far from it.
-const LEAST_CONTRAST: f64 = 1e-3;
+use super::facets::{Facets, fitted};
+use crate::error::Result;
+use crate::geometry::{Context, Vec3, detached};
+use crate::model::bsdf::given_back;
+use crate::scene::LEAST_CONTRAST;
 
 /// The part of light that is reflected, which comes from the side of index 1 to that of index η.
 fn reflected_part(cosine: &Tensor<2>, eta: &Tensor<2>) -> Tensor<2> {
@@ -66,14 +66,18 @@ impl Facets<'_> {
     }
 
     /// f·cos θ of reflected and refracted light.
-    pub fn interface(&self, outgoing: &Vec3) -> Vec3 {
+    pub fn interface(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3> {
         let t = self.turn(outgoing);
         let v = self.visibility(&self.points.normal.dot(outgoing).abs());
         let below = cosine(self.points, &outgoing.scale_by(-1.0));
         let cosine = below.mask_where(t.above.clone(), cosine(self.points, outgoing));
-        let f = t.part * self.distribution(&t.half) * v * t.k * cosine;
-        self.first
-            .map(|tint| tint.mask_fill(t.above.clone(), 1.0) * f.clone())
+        let mut f = t.part * self.distribution(&t.half) * v * t.k * cosine;
+        if self.kind.compensated {
+            f = f * fitted(context, given_back, [&self.nv, &self.alpha, &t.eta])?;
+        }
+        Ok(self
+            .first
+            .map(|tint| tint.mask_fill(t.above.clone(), 1.0) * f.clone()))
     }
 
     /// The density of directions; the part of light that goes their way has no tape.

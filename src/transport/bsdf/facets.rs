@@ -8,7 +8,7 @@ use burn::tensor::Tensor;
 use super::{frame, from_frame};
 use crate::geometry::{Context, Vec3, detached, host_values};
 use crate::model::bsdf::Fit;
-use crate::scene::{Bsdf, MaterialKind};
+use crate::scene::{Bsdf, LEAST_IOR, MOST_IOR, MOST_OF_METAL, MaterialKind};
 use crate::transport::surface::{Model, SurfacePoints};
 
 /// The least α.
@@ -43,8 +43,17 @@ impl<'a> Facets<'a> {
         let safe = |place: usize, value: f64| {
             points.parameters[place].map(|p| p.mask_fill(other.clone(), value))
         };
-        let alpha = safe(2, 0.5).x;
-        let alpha = (alpha.clone() * alpha).clamp_min(LEAST_ALPHA);
+        let roughness = clamped(&safe(2, 0.5).x, 0.0, 1.0);
+        let alpha = (roughness.clone() * roughness).clamp_min(LEAST_ALPHA);
+        let (mut first, mut second) = (safe(0, 0.5), safe(1, 1.5));
+        match model.kind.bsdf {
+            Bsdf::Conductor => {
+                [first, second] =
+                    [first, second].map(|v| v.map(|x| clamped(&x, 0.0, MOST_OF_METAL)));
+            }
+            Bsdf::Dielectric => second.x = clamped(&second.x, LEAST_IOR, MOST_IOR),
+            _ => second.x = clamped(&second.x, 0.0, 1.0),
+        }
         let along = points.normal.dot(incoming);
         // Mirrored where an interpolated normal turns away.
         let behind = along.clone().clamp_min(0.0) * 2.0;
@@ -56,8 +65,8 @@ impl<'a> Facets<'a> {
             rv: slant(&(alpha.clone() * alpha.clone()), &nv),
             alpha,
             nv,
-            first: safe(0, 0.5),
-            second: safe(1, 1.5),
+            first,
+            second,
         }
     }
 
@@ -126,18 +135,21 @@ impl<'a> Facets<'a> {
     }
 }
 
-/// A fit of the kernels' at cosines and α, in the graph by its derivatives.
+/// Numbers in a range, without a derivative where they are clamped.
+fn clamped(x: &Tensor<2>, low: f64, high: f64) -> Tensor<2> {
+    let (below, above) = (detached(x).lower_elem(low), detached(x).greater_elem(high));
+    x.clone().mask_fill(below, low).mask_fill(above, high)
+}
+
+/// A fit of the kernels' at cosines, α and indices of refraction, in the graph by its derivatives.
 pub(super) fn fitted(
     context: &Context,
-    fit: fn(f32, f32) -> Fit,
-    cosine: &Tensor<2>,
-    alpha: &Tensor<2>,
+    fit: impl Fn(f32, f32, f32) -> Fit,
+    [cosine, alpha, eta]: [&Tensor<2>; 3],
 ) -> crate::Result<Tensor<2>> {
-    let (c, a) = (host_values(cosine)?, host_values(alpha)?);
-    let found: Vec<Fit> = c
-        .iter()
-        .zip(&a)
-        .map(|(&c, &a)| fit(c as f32, a as f32))
+    let (c, a, n) = (host_values(cosine)?, host_values(alpha)?, host_values(eta)?);
+    let found: Vec<Fit> = (0..c.len())
+        .map(|i| fit(c[i] as f32, a[i] as f32, n[i] as f32))
         .collect();
     let row = |f: fn(&Fit) -> f32| {
         context.row(&found.iter().map(|x| f64::from(f(x))).collect::<Vec<_>>())
@@ -145,5 +157,6 @@ pub(super) fn fitted(
     let change = |t: &Tensor<2>| t.clone() - detached(t);
     Ok(row(|f| f.value)
         + row(|f| f.by_cosine) * change(cosine)
-        + row(|f| f.by_alpha) * change(alpha))
+        + row(|f| f.by_alpha) * change(alpha)
+        + row(|f| f.by_eta) * change(eta))
 }

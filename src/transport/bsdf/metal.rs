@@ -18,12 +18,17 @@ const LEAST_SHARE: f64 = 0.05;
 fn conductor(cosine: &Tensor<2>, eta: Tensor<2>, k: Tensor<2>) -> Tensor<2> {
     let square = cosine.clone() * cosine.clone();
     let rest = square.clone().neg() + 1.0;
+    let product = eta.clone() * k.clone();
     let (eta2, k2) = (eta.clone() * eta, k.clone() * k);
     let t0 = eta2.clone() - k2.clone() - rest.clone();
     let sum = (t0.clone() * t0.clone() + eta2 * k2 * 4.0)
         .clamp_min(1e-24)
         .sqrt();
-    let a = ((sum.clone() + t0) * 0.5).clamp_min(1e-24).sqrt();
+    let a = ((sum.clone() + t0.clone()) * 0.5).clamp_min(1e-24).sqrt();
+    // A difference of nearly the same numbers would leave nothing where η is small.
+    let behind = detached(&t0).lower_equal_elem(0.0);
+    let stable = product * ((sum.clone() - t0).clamp_min(1e-24).recip() * 2.0).sqrt();
+    let a = a.mask_where(behind, stable);
     let (t1, t2) = (sum.clone() + square.clone(), a * cosine.clone() * 2.0);
     let (t3, t4) = (
         square * sum + rest.clone() * rest.clone(),
@@ -34,38 +39,50 @@ fn conductor(cosine: &Tensor<2>, eta: Tensor<2>, k: Tensor<2>) -> Tensor<2> {
     across * (ratio + 1.0) * 0.5
 }
 
+/// (1 − cos)⁵.
+fn schlick(cosine: &Tensor<2>) -> Tensor<2> {
+    (cosine.clone().neg() + 1.0).clamp_min(0.0).powi_scalar(5)
+}
+
 impl Facets<'_> {
-    /// F₀ of metallic–roughness.
-    fn mix(&self) -> Vec3 {
-        let metal = &self.second.x;
-        let rest = (metal.clone().neg() + 1.0) * f64::from(DIELECTRIC_F0);
-        self.first.scale(metal).map(|x| x + rest.clone())
-    }
-
+    /// Fresnel's reflectance of a conductor.
     fn fresnel(&self, cosine: &Tensor<2>) -> Vec3 {
-        if self.is(Bsdf::Conductor) {
-            return self
-                .first
-                .zip(&self.second, |eta, k| conductor(cosine, eta, k));
-        }
-        let x = (cosine.clone().neg() + 1.0).clamp_min(0.0);
-        let schlick = x.powi_scalar(5);
-        self.mix()
-            .map(|f0| (f0.clone().neg() + 1.0) * schlick.clone() + f0)
+        self.first
+            .zip(&self.second, |eta, k| conductor(cosine, eta, k))
     }
 
-    /// What facets reflect, with what is given back of the light that they lose.
+    /// What facets reflect, with what is given back of the light that they lose: of metallic–roughness that of metal
+    /// and that of what is none, each by its share.
     fn reflectance(&self, context: &Context, cosine: &Tensor<2>) -> Result<Vec3> {
-        let f = self.fresnel(cosine);
-        if !self.kind.compensated {
-            return Ok(f);
-        }
-        let f0 = match self.kind.bsdf {
-            Bsdf::Conductor => self.fresnel(&cosine.ones_like().detach()),
-            _ => self.mix(),
+        let lost = match self.kind.compensated {
+            true => self.fitted(context, lost, &self.nv)?,
+            false => self.nv.zeros_like().detach(),
         };
-        let lost = fitted(context, lost, &self.nv, &self.alpha)?;
-        Ok(f.mul(&f0.map(|f0| f0 * lost.clone() + 1.0)))
+        if self.is(Bsdf::Conductor) {
+            let f0 = self.fresnel(&cosine.ones_like().detach());
+            let more = f0.map(|f0| f0 * lost.clone() + 1.0);
+            return Ok(self.fresnel(cosine).mul(&more));
+        }
+        let f0 = f64::from(DIELECTRIC_F0);
+        let white = schlick(cosine);
+        let metal = &self.second.x;
+        let rest = (white.clone() * (1.0 - f0) + f0) * (lost.clone() * f0 + 1.0);
+        let rest = rest * (metal.clone().neg() + 1.0);
+        Ok(self.first.map(|base| {
+            let of_metal = (base.clone().neg() + 1.0) * white.clone() + base.clone();
+            of_metal * (base * lost.clone() + 1.0) * metal.clone() + rest.clone()
+        }))
+    }
+
+    /// A fit of the kernels' at cosines and the facets' α.
+    fn fitted(
+        &self,
+        context: &Context,
+        fit: fn(f32, f32) -> Fit,
+        cosine: &Tensor<2>,
+    ) -> Result<Tensor<2>> {
+        let by_two = |c: f32, a: f32, _: f32| fit(c, a);
+        fitted(context, by_two, [cosine, &self.alpha, &self.alpha])
     }
 
     /// f·cos θ of metal and of metallic–roughness.
@@ -77,7 +94,7 @@ impl Facets<'_> {
         let facing = self.distribution(&half) * self.visibility(&nl) * cosine.clone();
         let mut f = self.reflectance(context, &vh)?.scale(&facing);
         if self.is(Bsdf::MetallicRoughness) {
-            let fit = |c: &Tensor<2>| fitted(context, dielectric_facets, c, &self.alpha);
+            let fit = |c: &Tensor<2>| self.fitted(context, dielectric_facets, c);
             let seen = fit(&self.nv)?.neg() + 1.0;
             let lit = fit(&nl)?.neg() + 1.0;
             let mean = |_: f32, alpha: f32| {
@@ -86,9 +103,10 @@ impl Facets<'_> {
                     value: mean.x,
                     by_cosine: 0.0,
                     by_alpha: mean.y,
+                    by_eta: 0.0,
                 }
             };
-            let mean = fitted(context, mean, &self.nv, &self.alpha)?;
+            let mean = self.fitted(context, mean, &self.nv)?;
             let through = seen * lit / (mean.neg() + 1.0);
             let below = (self.second.x.clone().neg() + 1.0) * (1.0 / PI) * cosine;
             f = f.add(&self.first.scale(&(below * through)));
@@ -102,8 +120,12 @@ impl Facets<'_> {
             return self.nv.ones_like().detach();
         }
         let sum = |v: &Vec3| detached(&v.x).abs() + detached(&v.y).abs() + detached(&v.z).abs();
-        let metal = detached(&self.second.x).clamp(0.0, 1.0);
-        let reflected = sum(&self.fresnel(&self.nv));
+        let metal = detached(&self.second.x);
+        let white = schlick(&self.nv);
+        let rest = (metal.clone().neg() + 1.0) * f64::from(DIELECTRIC_F0);
+        let f0 = self.first.scale(&metal).map(|x| x + rest.clone());
+        let reflected = f0.map(|f0| (f0.clone().neg() + 1.0) * white.clone() + f0);
+        let reflected = sum(&reflected);
         let below = (metal.neg() + 1.0) * sum(&self.first);
         let all = below.clone().lower_equal_elem(0.0);
         let share = reflected.clone() / (reflected + below);

@@ -34,7 +34,7 @@ pub(crate) fn scattered(
     for model in &points.models {
         let facets = Facets::new(points, model, incoming);
         let own = match model.kind.bsdf {
-            Bsdf::Dielectric => facets.interface(outgoing),
+            Bsdf::Dielectric => facets.interface(context, outgoing)?,
             _ => facets.metal(context, outgoing)?,
         };
         f = replaced(f, &model.row, &own);
