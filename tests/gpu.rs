@@ -9,7 +9,7 @@ use burn::tensor::{DType, Device};
 use common::facets::{clamped_cases, facet_cases};
 use common::gpu::{Flips, device};
 use common::gradients::{
-    CONES, Case as Class, Effort, Setup, all_classes, assert_agreement, lights,
+    CONES, Case as Class, Effort, Setup, all_classes, assert_agreement, lights, of_seed,
 };
 use common::numbers::{apart, largest, norm, pairs};
 use common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
