@@ -39,7 +39,7 @@ fn jumps_of_every_kind() {
         let with = jump.scene;
         if let Some(direction) = jump.direction {
             let along = place().along(direction);
-            let rows = report(with, jump.angle, along, precision, [32, most]);
+            let rows = report(with, jump.angle, along, precision, [128, most]);
             if rows[0].verdict != Verdict::Agrees {
                 failures.push(format!("{with}: {:?}", rows[0].verdict));
             }
