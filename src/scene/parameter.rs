@@ -81,7 +81,7 @@ pub(super) fn without_tape<const D: usize>(t: &Tensor<D>) -> Tensor<D> {
 
 /// The largest radiance, intensity or irradiance: squares of sums over an image's samples are then far below what f32
 /// holds, as are products with what is near to a light.
-pub(crate) const MOST_LIGHT: f64 = 1e12;
+pub(crate) const MOST_LIGHT: f64 = 1e15;
 
 /// The values that numbers may have: finite ones in f32, as kernels are.
 #[derive(Clone, Copy, Debug)]
@@ -141,9 +141,7 @@ impl Range {
             Self::Share => format!("{numbers} in [0, 1]"),
             Self::Within(low, high) => format!("{numbers} in [{low}, {high}]"),
             Self::Light => {
-                format!(
-                    "{numbers} of at most {MOST_LIGHT:e}, so that sums of light do not overflow"
-                )
+                format!("{finite} of at most {MOST_LIGHT:e}, so that sums of light do not overflow")
             }
             Self::Degrees(low, high) => format!("degrees in ({low}, {high})"),
         }

@@ -17,7 +17,7 @@ pub(super) fn cubic(x: f32, a: f32, b: f32, c: f32, d: f32) -> V2 {
 }
 
 /// The albedo counts as so much more than its fit.
-const MORE: f32 = 1.0093;
+const MORE: f32 = 1.01;
 /// α counts as this many squared cosines, where the reflectance of facets rises towards the horizon.
 const WIDTH: f32 = 0.35;
 

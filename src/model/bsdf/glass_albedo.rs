@@ -8,7 +8,7 @@
 //! 1.6 % at most, by 2.6 % where light leaves an index under 1.3. Margins of that much keep the albedo at most 1.
 
 use super::albedo::{Fit, cubic};
-use crate::model::{V2, V3, v2, v3};
+use crate::model::{V2, V3, splat, v2, v3};
 #[cfg(feature = "wgpu")]
 use burn::cubecl::{self, prelude::*};
 
@@ -18,9 +18,18 @@ const MOST_INDEX: f32 = 2.6;
 const LEAST_COSINE: f32 = 0.08;
 /// Light that is lost near the horizon is given back less, by cos/(cos + this).
 const FADE: f32 = 0.005;
-/// The indices between which one fit goes over into the other.
+/// The indices between which one fit goes over into the other, and how fast.
 const FAINT: f32 = 1.3;
 const CLEAR: f32 = 1.35;
+const BLEND: f32 = 1.0 / (CLEAR - FAINT);
+/// How fast s grows with the cosine of the critical angle, or with its square root where contrasts are faint.
+const SPEED_ENTERING: f32 = 1.0 / 0.46;
+const SPEED_LEAVING: f32 = 1.0 / 0.16;
+const SPEED_FAINT: f32 = 1.0 / 0.3;
+/// How much more than the fits the albedo counts as.
+const MORE_ENTERING: f32 = 1.0118;
+const MORE_LEAVING: f32 = 1.015;
+const MORE_FAINT: f32 = 1.0255;
 
 /// A polynomial in t, r and s with its derivatives.
 #[cfg_attr(
@@ -199,13 +208,12 @@ fn leaving_faintly(t: f32, r: f32, s: f32) -> Lost {
 /// What is left at a cosine and α, by what is lost with s and its derivative by the index.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-fn left(cosine: f32, alpha: f32, lost: Lost, by_index: f32, margin: f32, fade: V2) -> Left {
+fn left(cosine: f32, alpha: f32, lost: Lost, by_index: f32, more: f32, fade: V2) -> Left {
     let sum = 1.0 / (cosine + alpha);
     let root = alpha.sqrt();
     let scale = root * fade.x;
     // t and r go from −1 to 1, at twice the speed.
     let by_t = 2.0 * scale * lost.by_t * sum * sum;
-    let more = 1.0 + margin;
     let by_cosine = by_t * alpha + root * fade.y * lost.value;
     let by_alpha = (0.5 * fade.x * lost.value) / root + fade.x * lost.by_r - by_t * cosine;
     let found = more * (1.0 - scale * lost.value);
@@ -246,46 +254,44 @@ pub(crate) fn given_back(cosine: f32, alpha: f32, eta: f32) -> Fit {
     let fade = v2(cosine * per, FADE * per * per);
     let mut found = Left {
         value: 1.0f32,
-        by: v3(0.0, 0.0, 0.0),
+        by: splat(0.0),
     };
     if eta >= 1.0 {
-        let lost = entering(t, r, (critical - 0.46) * const { 1.0 / 0.46 });
+        let lost = entering(t, r, (critical - 0.46) * SPEED_ENTERING);
         found = left(
             cosine,
             alpha,
             lost,
-            by_index * const { 1.0 / 0.46 },
-            0.0113,
+            by_index * SPEED_ENTERING,
+            MORE_ENTERING,
             fade,
         );
     } else {
         // From one fit to the other by x² (3 − 2 x).
-        let x = ((index - FAINT) * const { 1.0 / (CLEAR - FAINT) })
-            .max(0.0)
-            .min(1.0);
+        let x = ((index - FAINT) * BLEND).max(0.0).min(1.0);
         let share = x * x * (3.0 - 2.0 * x);
-        let by_share = 6.0 * x * (1.0 - x) * const { 1.0 / (CLEAR - FAINT) };
+        let by_share = 6.0 * x * (1.0 - x) * BLEND;
         let mut faint = found;
         if share < 1.0 {
             let c = cosine.max(LEAST_COSINE);
             let t = 2.0 * c / (c + alpha) - 1.0;
             let root = critical.sqrt();
-            let lost = leaving_faintly(t, r, (root - 0.51) * const { 1.0 / 0.3 });
-            let by_root = by_index * 0.5 / root * const { 1.0 / 0.3 };
-            faint = left(c, alpha, lost, by_root, 0.0255, v2(1.0, 0.0));
+            let lost = leaving_faintly(t, r, (root - 0.51) * SPEED_FAINT);
+            let by_root = by_index * 0.5 / root * SPEED_FAINT;
+            faint = left(c, alpha, lost, by_root, MORE_FAINT, v2(1.0, 0.0));
             if cosine < LEAST_COSINE {
                 faint.by.x = 0.0;
             }
         }
         let mut clear = found;
         if share > 0.0 {
-            let lost = leaving(t, r, (critical - 0.76) * const { 1.0 / 0.16 });
+            let lost = leaving(t, r, (critical - 0.76) * SPEED_LEAVING);
             clear = left(
                 cosine,
                 alpha,
                 lost,
-                by_index * const { 1.0 / 0.16 },
-                0.0145,
+                by_index * SPEED_LEAVING,
+                MORE_LEAVING,
                 fade,
             );
         }

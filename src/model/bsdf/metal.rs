@@ -72,7 +72,7 @@ impl Shading {
 
     /// How much more than what facets of F₀ = 1 reflect they lose, where that is given back.
     #[inline(always)]
-    fn lost(&self, f: &Facets) -> Fit {
+    fn given_back(&self, f: &Facets) -> Fit {
         let mut found = Fit {
             value: 0.0f32,
             by_cosine: 0.0f32,
@@ -89,7 +89,7 @@ impl Shading {
     /// metal and that of what is none, each by its share.
     #[inline(always)]
     fn reflectance(&self, f: &Facets, cosine: f32) -> V3 {
-        let lost = self.lost(f).value;
+        let lost = self.given_back(f).value;
         let mut r = splat(0.0);
         if self.model == CONDUCTOR {
             r = self.fresnel(cosine);
@@ -118,7 +118,7 @@ impl Shading {
         by: &mut FacetsGradient,
         gradient: &mut ShadingGradient,
     ) -> f32 {
-        let lost = self.lost(f);
+        let lost = self.given_back(f);
         let mut by_lost = 0.0f32;
         let mut by_cosine = 0.0f32;
         if self.model == CONDUCTOR {

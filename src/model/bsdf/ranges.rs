@@ -89,7 +89,6 @@ impl Shading {
     /// Whether it is that of the material.
     #[inline(always)]
     pub(super) fn has_own_ior(&self) -> bool {
-        let ior = self.specular.x;
-        ior >= LEAST_IOR && ior <= MOST_IOR && (ior - 1.0).abs() >= LEAST_CONTRAST
+        self.ior() == self.specular.x
     }
 }
