@@ -142,11 +142,9 @@ fn scenes() {
     told.expect("a negative albedo", &["diffuse", "-0.5", "≥ 0"], || {
         see(ball().material(Material::diffuse([-0.5, 0.5, 0.5])))
     });
-    told.expect(
-        "a negative exponent",
-        &["shininess", "-1", "[0, 1000000]"],
-        || see(ball().material(Material::diffuse([0.1; 3]).specular([0.5; 3], -1.0))),
-    );
+    told.expect("a negative exponent", &["shininess", "-1", "≥ 0"], || {
+        see(ball().material(Material::diffuse([0.1; 3]).specular([0.5; 3], -1.0)))
+    });
     told.expect("emission NaN", &["emission", "NaN", "finite"], || {
         see(ball().material(Material::emitter([f64::NAN, 1.0, 1.0])))
     });

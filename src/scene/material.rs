@@ -122,9 +122,6 @@ impl Bsdf {
     }
 }
 
-/// The largest exponent of a Phong lobe, which is then a tenth of a degree wide: f32 resolves little less.
-pub(crate) const MOST_SHININESS: f64 = 1e6;
-
 /// A parameter of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Channel {
@@ -158,7 +155,7 @@ impl Channel {
         match self {
             Self::Diffuse => ("diffuse", Range::Finite),
             Self::Specular => ("specular", Range::Finite),
-            Self::Shininess => ("shininess", Range::Within(0.0, MOST_SHININESS)),
+            Self::Shininess => ("shininess", Range::NotNegative),
             Self::Metallic => ("metallic", Range::Finite),
             Self::Roughness => ("roughness", Range::Finite),
             Self::Eta => ("eta", Range::Finite),
@@ -217,7 +214,7 @@ pub struct Material {
     pub diffuse: Albedo,
     /// k_s.
     pub specular: Albedo,
-    /// The exponent n in [0, 10⁶].
+    /// The exponent n ≥ 0; a constant is at most 10⁶.
     pub shininess: Parameter<1>,
     /// The share of metal in [0, 1].
     pub metallic: ScalarTexture,

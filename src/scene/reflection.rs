@@ -5,6 +5,8 @@ use super::material::{Albedo, Bsdf, Material, ScalarTexture};
 use super::parameter::{Parameter, Range};
 use crate::error::{Error, Result};
 
+/// The largest constant exponent of a Phong lobe, which is then a tenth of a degree wide: f32 resolves little less.
+const MOST_SHININESS: f64 = 1e6;
 /// The largest η and k of a conductor: the fourth powers of larger ones come near what f32 holds.
 pub(crate) const MOST_OF_METAL: f64 = 1e4;
 /// The least and the largest index of refraction of a dielectric.
@@ -102,6 +104,9 @@ impl Material {
         }
         if self.bsdf != Bsdf::Phong {
             return self.check_facets(name);
+        }
+        if let Parameter::Constant(n) = &self.shininess {
+            Range::Within(0.0, MOST_SHININESS).check(name, "shininess", n)?;
         }
         let (Some(d), Some(s)) = (kd, ks) else {
             return Ok(());
