@@ -191,17 +191,17 @@ fn both_engines_agree() {
         samples: 4,
         ..CONES
     };
-    // Rounding in f32 tips a draw now and then.
-    assert_agreement(&all_classes(), setups, DType::F32, effort, |_| 2e-2);
+    // Rounding in f32 tips a draw now and then: 1e-3 of a derivative, where most are 1e-6 apart.
+    assert_agreement(&all_classes(), setups, DType::F32, effort, |_| 3e-3);
 }
 
-/// Of the loss and of each parameter's gradient: f32, sums in another order.
+/// Of the loss and of each parameter's gradient: f32, sums in another order, which is 5e-7 on a software driver.
 #[test]
 fn a_training_step_is_that_of_the_cpu() {
     use common::training::{assert_close, assert_taught, step};
     let gpu = step(&device());
     assert_taught(&gpu);
-    assert_close(&gpu, &step(&Device::flex()), 5e-2);
+    assert_close(&gpu, &step(&Device::flex()), 1e-4);
 }
 
 /// A sample of the scenes at the edge of what floats hold.
