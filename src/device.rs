@@ -104,6 +104,41 @@ pub(crate) fn is_cpu(device: &Device) -> bool {
     cpu(device).is_some()
 }
 
+/// That scenes of a device can be rendered: its backend is one of those that images are in the graph of.
+///
+/// # Errors
+/// With what to do, for devices of other backends, such as remote ones.
+pub(crate) fn check(device: &Device) -> Result<()> {
+    #[cfg(feature = "wgpu")]
+    if matches!(
+        device.clone().inner().as_dispatch(),
+        DispatchDevice::Cube(_)
+    ) {
+        return Ok(());
+    }
+    match is_cpu(device) {
+        true => Ok(()),
+        false => Err(of_another_backend(label(device))),
+    }
+}
+
+fn of_another_backend(label: String) -> Error {
+    let message = format!(
+        "this crate takes no scenes on devices of this backend; make the tensors of scene and camera on {}, and move \
+         images to this device with `to_device`",
+        names()
+    );
+    Error::device(label, message)
+}
+
+/// Whether kernels run on a device: those of wgpu, where they are tested.
+#[cfg(feature = "wgpu")]
+pub(crate) fn runs_kernels(device: &Device) -> bool {
+    use burn::cubecl::Device::Wgpu;
+    let device = device.clone().inner();
+    matches!(device.as_dispatch(), DispatchDevice::Cube(Wgpu(_)))
+}
+
 /// How often this crate has read tensors back from a GPU since the program began, for profiles: once a render by
 /// kernels there, all of its scenes and cameras together, and never in their backward passes; statistics and
 /// diagnostics that are asked for are read too. A user's own read-backs don't count.
@@ -228,6 +263,41 @@ mod tests {
             let said = parse(VARIABLE, name).expect_err(name).to_string();
             assert!(said.contains(&format!("BURN_DEVICE is {name:?}")), "{said}");
         }
+    }
+
+    #[test]
+    fn other_backends_are_told_what_to_do() {
+        let said = of_another_backend("Remote(ws://host:3000)".into()).to_string();
+        for part in [
+            "device Remote(ws://host:3000)",
+            "flex",
+            "wgpu",
+            "`to_device`",
+        ] {
+            assert!(said.contains(part), "no {part:?} in {said}");
+        }
+    }
+
+    #[cfg(feature = "flex")]
+    #[test]
+    fn backends_that_are_built_in_render() {
+        assert!(check(&Device::flex()).is_ok());
+        assert!(check(&Device::flex().autodiff()).is_ok());
+        #[cfg(feature = "ndarray")]
+        #[allow(deprecated)]
+        let ndarray = Device::ndarray();
+        #[cfg(feature = "ndarray")]
+        assert!(check(&ndarray).is_ok());
+    }
+
+    #[cfg(feature = "wgpu")]
+    #[test]
+    fn kernels_run_on_wgpu_alone() {
+        let gpu = Device::wgpu(burn::tensor::DeviceKind::Cpu);
+        assert!(check(&gpu).is_ok());
+        assert!(runs_kernels(&gpu) && runs_kernels(&gpu.autodiff()));
+        #[cfg(feature = "flex")]
+        assert!(!runs_kernels(&Device::flex()));
     }
 
     #[cfg(not(feature = "wgpu"))]

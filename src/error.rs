@@ -130,7 +130,6 @@ impl Error {
     }
 
     /// An [`Error::Device`].
-    #[cfg(feature = "wgpu")]
     pub(crate) fn device(device: impl Into<String>, message: impl Into<String>) -> Self {
         Self::Device {
             device: device.into(),

@@ -11,46 +11,53 @@ use common::weights::{SIZE, block_weights};
 use softray::gradcheck::{Checked, GradCheck, Verdict, gradcheck};
 use softray::prelude::*;
 
-/// Gradients against differences of the same renders, without an angle and with one. The long tier asks
-/// for agreement within 1 % where noise allows it.
+/// Gradients against differences of the same renders: along one direction in each scene, where all is decided, within 8 %
+/// and in the long tier 3 %; and in the long tier by each parameter, without an angle and with one, within 1 % where noise
+/// allows it.
 #[test]
 fn jumps_of_every_kind() {
-    let (precision, most) = if common::long() {
-        (0.003, 600)
-    } else {
-        (0.04, 16)
+    let long = common::long();
+    let report = |with: &str, angle: f64, place: Checked, precision, seeds: [u64; 2]| {
+        let options = RenderOptions::new(16, 16)
+            .samples(64)
+            .bounces(1)
+            .blur(angle);
+        let settings = GradCheck::new(options, &Device::flex())
+            .precision(precision)
+            .tolerance(0.01)
+            .seeds(seeds[0], seeds[1]);
+        let report = gradcheck(&[place], &settings, |point| scene(with, point));
+        let report = report.expect("a report");
+        println!("{with}, {angle}\n{report}");
+        report.rows
     };
+    let (precision, most) = if long { (0.03, 30_000) } else { (0.08, 4000) };
+    let place = || Checked::new("place", [0.0, 0.0, 0.2], 0.02);
     let mut failures = Vec::new();
-    for (i, with) in SCENES.into_iter().enumerate() {
-        // The short tier takes turns.
-        let angles = [0.0, 0.05];
-        let angles = angles.iter().enumerate();
-        for (_, &angle) in angles.filter(|(k, _)| common::long() || i % 2 == *k) {
-            let options = RenderOptions::new(16, 16)
-                .samples(64)
-                .bounces(1)
-                .blur(angle);
-            let settings = GradCheck::new(options, &Device::flex())
-                .precision(precision)
-                .tolerance(0.01)
-                .seeds(16, most);
-            let report = differentiated(with, &settings);
-            println!("{with}, {angle}\n{report}");
-            let wrong = |r: &&softray::gradcheck::Row| r.verdict == Verdict::Disagrees;
-            failures.extend(report.rows.iter().filter(wrong).map(|r| {
-                let name = &r.parameter;
-                format!("{with}, {angle}: {name}")
-            }));
+    let mut undecided = 0;
+    for jump in SCENES {
+        let with = jump.scene;
+        if let Some(direction) = jump.direction {
+            let along = place().along(direction);
+            let rows = report(with, jump.angle, along, precision, [128, most]);
+            if rows[0].verdict != Verdict::Agrees {
+                failures.push(format!("{with}: {:?}", rows[0].verdict));
+            }
+        }
+        for angle in [0.0, 0.05].into_iter().filter(|_| long) {
+            for row in report(with, angle, place(), 0.003, [16, 600]) {
+                match row.verdict {
+                    Verdict::Agrees => {}
+                    Verdict::Disagrees => {
+                        failures.push(format!("{with}, {angle}: {}", row.parameter));
+                    }
+                    Verdict::Undecided => undecided += 1,
+                }
+            }
         }
     }
+    println!("{undecided} parameters are undecided");
     assert!(failures.is_empty(), "{failures:?}");
-}
-
-fn differentiated(with: &str, settings: &GradCheck) -> softray::gradcheck::Report {
-    let parameters = [("x", 0.0), ("y", 0.0), ("turn", 0.2)];
-    let parameters = parameters.map(|(name, value)| Checked::new(name, [value], 0.02));
-    let report = gradcheck(&parameters, settings, |point| scene(with, point));
-    report.expect("a report")
 }
 
 /// d(Σ weights·image)/d(parameter) beside central differences of an independent renderer, the weights
@@ -111,6 +118,7 @@ fn derivatives_of_the_references() {
         }
         let (mean, error) = mean_and_error(&found);
         println!("{name}: {mean:.4} ± {error:.4} of the reference");
+        assert!(error < 0.05, "{name}: {error}");
         assert!(
             (mean - 1.0).abs() < 0.02 + 3.0 * error,
             "{name}: {mean} ± {error}"
@@ -170,6 +178,7 @@ fn any_tessellation() {
             "{faces} faces: {mean:.5} ± {error:.5}, differences {expected:.5} ± {of_differences:.5}"
         );
         let noise = error.hypot(of_differences);
+        assert!(noise < 0.1 * expected.abs(), "{faces} faces: {noise}");
         assert!(
             (mean - expected).abs() < 0.02 * expected.abs() + 3.5 * noise,
             "{faces} faces: {mean} ± {error}, {expected} ± {of_differences}"

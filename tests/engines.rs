@@ -7,9 +7,10 @@ use burn::tensor::{DType, Device};
 use common::errors::{message, says};
 use common::facets::{clamped_cases, facet_cases};
 use common::gradients::{
-    CONES, Case, Effort, SHARP, Setup, agreement, agreement_of, floor_and_light, lights, of_seed,
+    CONES, Case, Effort, SHARP, Setup, all_classes, assert_agreement, floor_and_light, lights,
+    of_seed,
 };
-use common::numbers::apart;
+use common::numbers::{apart, pairs};
 use common::tensors::{gradient, leaf, values};
 use softray::prelude::*;
 
@@ -24,9 +25,7 @@ fn gradients_of_every_class() {
             visibility,
             samples,
         };
-        for (case, apart) in agreement(setups, DType::F64, effort) {
-            assert!(apart < 1e-3, "{case}: {apart:e}");
-        }
+        assert_agreement(&all_classes(), setups, DType::F64, effort, |_| 1e-3);
     }
 }
 
@@ -41,9 +40,7 @@ fn gradients_of_facets_and_of_emissive_textures() {
             visibility,
             samples: 16,
         };
-        for (case, apart) in agreement_of(&cases, setups, DType::F64, effort) {
-            assert!(apart < 1e-3, "{case}: {apart:e}");
-        }
+        assert_agreement(&cases, setups, DType::F64, effort, |_| 1e-3);
     }
 }
 
@@ -148,11 +145,7 @@ fn everything_at_once() {
         let kernels = outcome(Engine::Kernels, sky, form);
         let tensors = outcome(Engine::Tensors, sky, form);
         for (i, (a, b)) in kernels.0.iter().zip(&tensors.0).enumerate() {
-            let close = a
-                .iter()
-                .zip(b)
-                .filter(|(x, y)| (*x - *y).abs() < 1e-3)
-                .count();
+            let close = pairs(a, b).filter(|(x, y)| (x - y).abs() < 1e-3).count();
             let share = close as f64 / a.len() as f64;
             println!("output {i}: {:.2} % within 1e-3", 100.0 * share);
             assert!(share >= 0.99, "{form:?}, sky {sky}, output {i}: {share}");

@@ -113,6 +113,30 @@ fn nan_where_nothing_is_seen() {
     assert!(off(scene, &options(), loss) < 1e-5);
 }
 
+/// A derivative that is not finite, by a pixel that sees the body, is in the gradient: by its radiance, and by its depth
+/// alone.
+#[test]
+fn what_is_not_finite_is_not_lost() {
+    const MIDDLE: usize = SIZE / 2 * SIZE + SIZE / 2;
+    let at = |bad: f64| move |pixel: usize| if pixel == MIDDLE { bad } else { 0.0 };
+    let by_depth = |image: Image, bad: f64| {
+        let depth = image.depth.expect("depth");
+        let list: Vec<f64> = (0..SIZE * SIZE).map(at(bad)).collect();
+        let weights = tensor(&list, [SIZE, SIZE], &depth.device(), DType::F32);
+        (depth * weights).sum()
+    };
+    let options = options().with_depth();
+    for bad in [f64::NAN, f64::INFINITY] {
+        for device in [device(), Device::flex()] {
+            let lost = |by: &[f64]| by.iter().all(|g| g.is_finite());
+            let by = by_vertices(scene(&device), &options, |i| weighted(i, at(bad)));
+            assert!(!lost(&by), "{bad} by radiance on {device:?}: {by:?}");
+            let by = by_vertices(scene(&device), &options, |i| by_depth(i, bad));
+            assert!(!lost(&by), "{bad} by depth on {device:?}: {by:?}");
+        }
+    }
+}
+
 /// So many emitters that one is searched for, with fixed probabilities; and lights that are all far away.
 #[test]
 fn many_emitters() {

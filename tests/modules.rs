@@ -6,6 +6,7 @@ use burn::module::Module;
 use burn::tensor::TensorData;
 use common::errors::{message, says};
 use common::modules::parameters;
+use common::numbers::largest;
 use common::scenes::{ahead, floor};
 use common::tensors::{radiance, values};
 use softray::modules::RotationForm;
@@ -274,10 +275,8 @@ fn large_steps_stay_in_range() {
             let gradients = burn::optim::GradientsParams::from_grads(loss.backward(), &moved);
             moved = optimiser.step(400.0, moved, gradients);
         }
-        let far = parameters(&moved, None)
-            .iter()
-            .flat_map(|p| p.values.clone())
-            .fold(0.0, f64::max);
+        let all = parameters(&moved, None);
+        let far = largest(all.iter().flat_map(|p| p.values.clone()));
         assert!(far > 700.0, "{far}");
         let (camera, surface, texture, sky, pose) = &moved;
         let camera = camera.camera();

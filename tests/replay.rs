@@ -6,7 +6,7 @@ mod common;
 use burn::tensor::{DType, Device};
 use common::errors::{message, says};
 use common::memory::peak;
-use common::numbers::largest;
+use common::numbers::{largest, pairs};
 use common::scenes::scene_file;
 use common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
 use softray::prelude::*;
@@ -98,7 +98,7 @@ fn pixels_may_be_named_twice() {
     let once = by(&[40, 66, 77], &[1.0, 3.0, 0.5]);
     let twice = by(&[66, 40, 66, 77], &[2.0, 1.0, 1.0, 0.5]);
     assert!(once.iter().any(|&g| g != 0.0));
-    for (a, b) in once.iter().zip(&twice) {
+    for (a, b) in pairs(&once, &twice) {
         assert!((a - b).abs() <= 1e-6 * a.abs().max(1e-3), "{a} {b}");
     }
 }

@@ -5,10 +5,10 @@ mod common;
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use burn::tensor::{DType, Device, Tensor};
 use common::detail::{
-    ENGINES, ball, constant, furthest, half_open, lit, options, seen, share_of_close, wall,
+    ENGINES, ball, constant, half_open, lit, options, seen, share_of_close, wall,
 };
 use common::errors::{message, says};
-use common::numbers::apart;
+use common::numbers::{apart, furthest, largest};
 use common::scenes::diffuse;
 use common::tensors::{gradient, gradients_agree, leaf, tensor, values};
 use softray::gradcheck::{Checked, GradCheck, Point, Verdict, gradcheck};
@@ -75,11 +75,8 @@ fn tangents_are_those_of_mikktspace() {
         for (f, (spaces, wanted)) in own.faces.iter().zip(&asked.found).enumerate() {
             for (&space, wanted) in spaces.iter().zip(wanted) {
                 let found = &rows[4 * space as usize..][..4];
-                let apart = found
-                    .iter()
-                    .zip(wanted)
-                    .map(|(a, &b)| (a - f64::from(b)).abs());
-                let apart = apart.fold(0.0, f64::max);
+                let apart = found.iter().zip(wanted);
+                let apart = largest(apart.map(|(a, &b)| a - f64::from(b)));
                 assert!(apart < 1e-4, "face {f}: {found:?} {wanted:?}");
             }
         }

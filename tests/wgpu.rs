@@ -5,25 +5,12 @@
 
 mod common;
 
-use burn::tensor::{DType, Device, DeviceKind};
-use common::numbers::norm;
+use burn::tensor::{DType, Device};
+use common::gpu::{Flips, device};
+use common::numbers::{furthest, norm};
 use common::scenes::scene_file;
 use common::tensors::{gradient, radiance};
 use softray::prelude::*;
-
-fn kind() -> DeviceKind {
-    match std::env::var("SOFTRAY_WGPU_KIND").as_deref() {
-        Ok("cpu") => DeviceKind::Cpu,
-        _ => DeviceKind::DefaultDevice,
-    }
-}
-
-fn device() -> Device {
-    #[cfg(feature = "vulkan")]
-    return Device::vulkan(kind());
-    #[cfg(not(feature = "vulkan"))]
-    Device::wgpu(kind())
-}
 
 /// In a process of its own, whose loader finds no driver.
 #[test]
@@ -144,10 +131,11 @@ fn the_image_is_that_of_the_cpu_and_repeats() {
 }
 
 fn image_of_the_cpu(form: Visibility) {
+    const SAMPLES: u32 = 16;
     let at = |device: &Device| {
         let file = scene_file("cornell", device);
         let options = RenderOptions::new(32, 32)
-            .samples(16)
+            .samples(SAMPLES)
             .bounces(1)
             .visibility(form)
             .seed(2);
@@ -156,9 +144,9 @@ fn image_of_the_cpu(form: Visibility) {
     let gpu = at(&device());
     assert_eq!(gpu, at(&device()));
     let cpu = at(&Device::flex());
-    let close = common::images::share_of_close_pixels(&gpu, &cpu);
-    println!("{:.2} % of the pixels within 1e-3", 100.0 * close);
-    assert!(close >= 0.99, "{close}");
+    let flips = Flips::of(&gpu, &cpu);
+    println!("{form:?}: {flips:?}");
+    flips.assert_at_most(3, SAMPLES);
 }
 
 #[test]
@@ -177,48 +165,43 @@ fn gradients_are_those_of_the_cpu() {
     };
     let (gpu, cpu) = (at(&device()), at(&Device::flex()));
     let norm = norm(&cpu);
-    for (g, c) in gpu.iter().zip(&cpu) {
-        assert!((g - c).abs() < 1e-2 * norm, "{gpu:?}, on the CPU {cpu:?}");
-    }
+    let apart = furthest(&gpu, &cpu);
+    assert!(apart < 1e-2 * norm, "{gpu:?}, on the CPU {cpu:?}");
 }
 
 #[test]
 fn every_gradient_of_the_softmax_is_that_of_the_cpu() {
-    use common::gradients::{Effort, SOFTMAX, Setup, agreement};
+    use common::gradients::{Effort, SOFTMAX, Setup, all_classes, assert_agreement};
     let (gpu, cpu) = (device(), Device::flex());
     let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
     let effort = Effort {
         samples: 4,
         ..SOFTMAX
     };
-    for (case, apart) in agreement(setups, DType::F32, effort) {
-        assert!(apart < 1e-2, "{case}: {apart:e}");
-    }
+    assert_agreement(&all_classes(), setups, DType::F32, effort, |_| 1e-2);
 }
 
 /// The tensor program on the device beside the kernels, for the same seed.
 #[test]
 fn both_engines_agree() {
-    use common::gradients::{CONES, Effort, Setup, agreement};
+    use common::gradients::{CONES, Effort, Setup, all_classes, assert_agreement};
     let gpu = device();
     let setups: [Setup; 2] = [(&gpu, |o| o), (&gpu, |o| o.engine(Engine::Tensors))];
     let effort = Effort {
         samples: 4,
         ..CONES
     };
-    // Rounding in f32 tips a draw now and then.
-    for (case, apart) in agreement(setups, DType::F32, effort) {
-        assert!(apart < 2e-2, "{case}: {apart:e}");
-    }
+    // Rounding in f32 tips a draw now and then: 1e-3 of a derivative, where most are 1e-6 apart.
+    assert_agreement(&all_classes(), setups, DType::F32, effort, |_| 3e-3);
 }
 
-/// Of the loss and of each parameter's gradient: f32, sums in another order.
+/// Of the loss and of each parameter's gradient: f32, sums in another order, which is 5e-7 on a software driver.
 #[test]
 fn a_training_step_is_that_of_the_cpu() {
     use common::training::{assert_close, assert_taught, step};
     let gpu = step(&device());
     assert_taught(&gpu);
-    assert_close(&gpu, &step(&Device::flex()), 5e-2);
+    assert_close(&gpu, &step(&Device::flex()), 1e-4);
 }
 
 /// A sample of the scenes at the edge of what floats hold.

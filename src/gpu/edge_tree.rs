@@ -6,6 +6,7 @@ use super::edge_layout::{
     CHILDREN, LEAF_COUNT, LEAF_EDGES, LEAF_STRIDE, LEAVES, NODE_COUNT, NODE_STRIDE, NODES,
 };
 use super::edge_weights::{Query, subtree, weight_of_edge};
+use super::finite::is_positive;
 use super::layout::NONE;
 use crate::model::choice::decided_by;
 
@@ -156,7 +157,7 @@ pub(super) fn draw_edge(
         edge: NONE,
         per_chance: 0.0f32,
     };
-    if total > 0.0 && total <= f32::MAX {
+    if is_positive(total) {
         let mut sum = 0.0f32;
         let mut k = 0usize;
         while k < 8 {

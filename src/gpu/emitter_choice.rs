@@ -4,6 +4,7 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::edge_layout::{GROUP_OF_EMITTERS, OF_GROUP, OF_GROUPS};
+use super::finite::is_positive;
 use super::layout::{EMISSIVE_COUNT, EMITTER_COUNT, EMITTERS, FIXED_SUMS, NONE};
 use super::light::{
     Choice, EmitterHit, Site, delta_light, emitter, hits_emitter, is_light, no_emitter_hit,
@@ -84,7 +85,7 @@ pub(super) fn chance(
     let fixed = fixed(floats, words, k);
     let mut p = fixed;
     if comptime!(features.by_solid_angle) {
-        if at.sum > 0.0 && at.sum <= f32::MAX {
+        if is_positive(at.sum) {
             let own = seen_from(floats, words, k, at.position, at.time, features);
             p = (1.0 - BY_POWER) * own / at.sum + BY_POWER * fixed;
         }

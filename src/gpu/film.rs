@@ -7,6 +7,7 @@ use super::camera::{Beginning, camera};
 use super::edge_layout::SEED_OF_EDGES;
 use super::edge_point::{add_to_edge, edge_of, shift_of, sides};
 use super::film_table::{ALL, DrawnPiece, MOST, OF_FILM, OWN, RADIUS, TOTAL, draw_piece, view_of};
+use super::finite::{is_finite, is_nonzero};
 use super::hit::{Ray, trace};
 use super::jumps::hides;
 use super::layout::{FLOAT_HEADER, HEADER, HEIGHT, NONE, SEED_OF_CONES, WIDTH};
@@ -183,7 +184,7 @@ pub(super) fn film_jumps(
                             + g.depth * light.depth
                             + g.normal.dot(light.normal);
                         let scale = jump * p.per_density;
-                        if scale != 0.0 && scale.abs() <= f32::MAX {
+                        if is_nonzero(scale) && is_finite(scale) {
                             let mut by_camera = no_camera_gradient();
                             let by_film = v2(along.y * scale, -along.x * scale);
                             let by_point = c.project_backward(

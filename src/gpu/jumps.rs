@@ -8,6 +8,7 @@ use super::camera::Beginning;
 use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES, SEED_OF_SIDES};
 use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
 use super::edge_search::{Observer, search};
+use super::finite::is_nonzero;
 use super::hit::{Hit, Ray, trace};
 use super::holes::is_open;
 use super::layout::{BOUNCES, CONE, NONE, SURFACE_STRIDE, SURFACES};
@@ -364,7 +365,7 @@ pub(super) fn jumps_seen_from(
                         scale += carried.dot(radiance) * light.sky;
                     }
                 }
-                if scale != 0.0 {
+                if is_nonzero(scale) {
                     let by_to = jump.by_point(p.to, geometric, scale, &mut by.geometric);
                     by.position -= by_to;
                     add_to_edge(floats, words, totals, scales, &p, by_to, time, features, of);

@@ -3,6 +3,7 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
+use super::finite::is_positive;
 use super::layout::{
     DISTANT, DISTANT_AXES, DISTANT_COUNT, DISTANT_SUMS, EMISSIVE_COUNT, LIGHT_BRANCHES,
     LIGHT_NODE_COUNT, LIGHT_NODES, LIGHT_PLACES, NONE, OF_LIGHT_NODE, OF_LIGHT_TREE,
@@ -78,7 +79,7 @@ fn weigh(floats: &[f32], words: &[u32], node: u32, at: &Site, weights: &mut [f32
         total += weight;
         lane += 1;
     }
-    let known = total > 0.0 && total <= f32::MAX;
+    let known = is_positive(total);
     if !known {
         total = 0.0f32;
         lane = 0u32;

@@ -9,7 +9,6 @@
     clippy::manual_clamp,
     clippy::implicit_saturating_sub,
     clippy::assign_op_pattern,
-    clippy::eq_op, // size / size is NaN where size is 0 or infinite
     reason = "the language of kernels has no other form, or conditions of compilation are nested so"
 )]
 #![allow(
@@ -33,6 +32,7 @@ mod edge_weights;
 mod emitter_choice;
 mod film;
 mod film_table;
+mod finite;
 mod gradient;
 mod hit;
 mod holes;

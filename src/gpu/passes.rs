@@ -7,6 +7,7 @@ use super::backward::{Upstream, add_camera, no_camera_gradient, path_backward};
 use super::camera::begin;
 use super::edge_point::object_of;
 use super::edge_search::Observer;
+use super::finite::is_nonzero;
 use super::jumps::jumps_seen_from;
 use super::layout::{BOUNCES, UNIT};
 use super::path::{from_camera, path_light};
@@ -53,7 +54,7 @@ pub(super) fn upstream_of(
 #[cube]
 pub(super) fn is_asked(g: &Upstream) -> bool {
     let more = g.opacity.abs() + g.depth.abs() + g.normal.abs().element_sum();
-    !g.radiance.is_zero() || more != 0.0
+    is_nonzero(g.radiance.abs().element_sum() + more)
 }
 
 /// Traces the paths of a piece, those of the first sample before those of the next, and leaves records.

@@ -7,6 +7,7 @@ use super::Outputs;
 use super::film_table::{
     BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, view_of,
 };
+use super::finite::{is_finite, is_nonzero, is_positive};
 use super::layout::{FLOAT_HEADER, HEIGHT, NONE, WIDTH};
 use super::passes::upstream_of;
 use super::sums::TYPICAL;
@@ -96,14 +97,14 @@ pub(super) fn look_at_cells(
                     let g = upstream_of(floats, upstream, view * of_view + i, one, outputs);
                     let own = g.radiance.abs().element_sum();
                     let all = own + g.opacity.abs() + g.depth.abs() + g.normal.abs().element_sum();
-                    if all != 0.0 {
+                    if is_nonzero(all) {
                         asked += 1.0;
                     }
                     // What is not finite does not count.
-                    if all <= f32::MAX {
+                    if is_finite(all) {
                         weight += all;
                     }
-                    if own > 0.0 && own <= f32::MAX {
+                    if is_positive(own) {
                         radiance += own;
                         lit += 1.0;
                     }

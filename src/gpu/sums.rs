@@ -8,6 +8,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
+use super::finite::{INFINITY, is_nonzero, magnitude, not_a_number};
 use super::integers::total;
 use crate::model::V3;
 
@@ -71,9 +72,6 @@ pub(super) fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
     }
     scale
 }
-
-/// The bits of an infinite number.
-const INFINITY: u32 = 0x7f80_0000;
 
 /// The scale of all parts where a pass has nothing to do.
 const SKIPPED: f32 = -2.0;
@@ -246,8 +244,7 @@ pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     if scale > 0.0 {
         value = value / scale;
     } else {
-        value = scale - scale;
-        value = value / value;
+        value = not_a_number(scale);
     }
     value
 }
@@ -284,15 +281,15 @@ pub(super) fn add(
     value: f32,
     #[comptime] part: usize,
 ) {
-    if value != 0.0 {
+    if is_nonzero(value) {
         let scale = scales[part];
         if scale == MEASURE {
-            totals[part].fetch_max(value.abs().to_bits());
+            totals[part].fetch_max(magnitude(value));
         } else {
             let scaled = value * scale;
-            let size = scaled.abs();
-            if size < scales[LIMIT] {
-                let rounded = (size + 0.5).floor();
+            // What is infinite or NaN is above every limit.
+            if magnitude(scaled) < scales[LIMIT].to_bits() {
+                let rounded = (scaled.abs() + 0.5).floor();
                 let upper = (rounded * (1.0f32 / 4_294_967_296.0f32)).floor();
                 let mut low = (rounded - upper * 4_294_967_296.0) as u32;
                 let mut high = upper as u32;

@@ -7,7 +7,7 @@ use burn::tensor::Tensor;
 use super::material::Value;
 use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
 use super::{Camera, Object, Parameter, Scene};
-use crate::device::label;
+use crate::device::{self, label};
 use crate::error::{Error, Result};
 use crate::geometry::{Context, first_outside, place_of};
 
@@ -25,6 +25,7 @@ pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
         device: first.device().inner(),
         dtype: first.dtype(),
     };
+    device::check(&context.device)?;
     let mut check = SameDevice {
         context: &context,
         place: &|id| scene.place_of(id),

@@ -327,7 +327,7 @@ fn a_drawn_weight_carries_its_gradient() {
     check_ratio(&Device::flex(), DType::F64, 1e-12);
 }
 
-/// `SOFTRAY_WGPU_KIND=cpu` picks a software adapter.
+/// `SOFTRAY_WGPU_KIND=cpu` takes a software driver.
 #[cfg(feature = "wgpu")]
 #[test]
 fn f32_on_wgpu() {

@@ -1,15 +1,20 @@
 //! The rules of ARCHITECTURE.md that a program can check: imports go one way, files stay short, long
-//! functions give a reason. Clippy counts the lines of functions (`clippy.toml`).
+//! functions give a reason. Clippy counts the lines of functions (`clippy.toml`). Documents name files that are there,
+//! and CI runs the tests of every feature.
 
 mod circles;
+mod features;
 mod files;
 mod modules;
 mod order;
+mod paths;
 
 use circles::circles;
+use features::not_run;
 use files::{long_without_reason, root, sources, too_long};
 use modules::Modules;
 use order::Order;
+use paths::{Known, documents};
 
 /// Fails with one line for each thing that is wrong.
 #[track_caller]
@@ -52,4 +57,17 @@ fn long_functions_give_a_reason() {
         "`too_many_lines` is let pass without `reason = \"…\"`",
         &silent,
     );
+}
+
+#[test]
+fn documents_name_files_that_are_there() {
+    let known = Known::of_repository();
+    let documents = documents();
+    let missing: Vec<String> = documents.iter().flat_map(|d| known.missing(d)).collect();
+    assert_none("files that are named and not there", &missing);
+}
+
+#[test]
+fn tests_of_features_are_run() {
+    assert_none("tests of features that no command runs", &not_run());
 }

@@ -45,15 +45,6 @@ pub fn seen(wall: Object, engine: Engine) -> Vec<f64> {
     radiance(&scene, &camera, &options(engine))
 }
 
-/// The largest difference of two images.
-pub fn furthest(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b).abs())
-        .fold(0.0, f64::max)
-}
-
 /// The share of numbers that differ by less than that.
 pub fn share_of_close(a: &[f64], b: &[f64], than: f64) -> f64 {
     assert_eq!(a.len(), b.len());

@@ -21,6 +21,10 @@ pub struct Case {
     pub weight: fn(f64, f64) -> f64,
     /// Scene and camera from the number, a tensor `[1]`.
     pub build: fn(&Device, DType, Tensor<1>) -> (Scene, Camera),
+    /// By what share of the derivative two programs in f32 may differ since a sample sees another surface by rounding.
+    pub flips: f64,
+    /// Whether it takes the samples of the long tier to tell the derivative from noise.
+    pub noisy: bool,
 }
 
 const SIZE: usize = 12;
@@ -108,6 +112,8 @@ pub fn case(
         bounces,
         build,
         weight: |x, y| 0.8 + 0.6 * x + 0.3 * y,
+        flips: 0.0,
+        noisy: false,
     }
 }
 
@@ -178,15 +184,19 @@ fn classes() -> Vec<Case> {
             let scene = Scene::new().with(small).with(large);
             (scene.environment([0.5; 3]), camera())
         }),
-        // The line in which it passes through the floor moves while the shutter is open.
-        case("flying through the floor", 0.0, 0.03, 0, |d, t, p| {
-            let by = vector(p, [0.4, 1.0, 0.2], d, t) + constant(&[0.0, -0.8, 0.4], [3], d, t);
-            let flies = |o: Object| {
-                let o = o.map_mesh(|m| m.translated(by.clone()));
-                o.velocity([0.3, 0.2, 0.1])
-            };
-            (change("ball", flies, d, t), camera())
-        }),
+        // The line in which it passes through the floor moves while the shutter is open. Kernels of GPUs find it in f32,
+        // and one of a thousand samples on the film may see another pixel than on the host.
+        Case {
+            flips: 2e-3,
+            ..case("flying through the floor", 0.0, 0.03, 0, |d, t, p| {
+                let by = vector(p, [0.4, 1.0, 0.2], d, t) + constant(&[0.0, -0.8, 0.4], [3], d, t);
+                let flies = |o: Object| {
+                    let o = o.map_mesh(|m| m.translated(by.clone()));
+                    o.velocity([0.3, 0.2, 0.1])
+                };
+                (change("ball", flies, d, t), camera())
+            })
+        },
         case("albedo", 0.5, 0.05, 2, |d, t, p| {
             let m = Material::diffuse(vector(p, [0.9, 0.6, 0.3], d, t));
             (change("floor", |o| o.material(m.clone()), d, t), camera())
@@ -354,25 +364,37 @@ pub fn of_seed(case: &Case, at: Setup, dtype: DType, effort: Effort, seed: u64) 
 /// A device, and what else is set.
 pub type Setup<'a> = (&'a Device, fn(RenderOptions) -> RenderOptions);
 
-/// How far the gradients of one seed are apart in two setups, relative to the larger, by case.
-pub fn agreement(setups: [Setup; 2], dtype: DType, effort: Effort) -> Vec<(&'static str, f64)> {
+/// Every class of parameter, and lights without a surface.
+pub fn all_classes() -> Vec<Case> {
     let lights = lights::still().into_iter().chain(lights::moving());
-    let all: Vec<Case> = cases().into_iter().chain(lights).collect();
-    agreement_of(&all, setups, dtype, effort)
+    cases().into_iter().chain(lights).collect()
 }
 
-/// The same of some cases.
-pub fn agreement_of(
+/// That the gradients of one seed are the same in two setups, but for a share of the larger under a limit.
+///
+/// # Panics
+/// With the cases that are further apart, or have no gradient.
+#[track_caller]
+pub fn assert_agreement(
     cases: &[Case],
     setups: [Setup; 2],
     dtype: DType,
     effort: Effort,
-) -> Vec<(&'static str, f64)> {
+    limit: impl Fn(&Case) -> f64,
+) {
     let apart = |case: &Case| {
         let [x, y] = setups.map(|e| of_seed(case, e, dtype, effort, 5));
+        // NaN where both are 0.
         (x - y).abs() / x.abs().max(y.abs())
     };
-    let found: Vec<_> = cases.iter().map(|c| (c.name, apart(c))).collect();
-    println!("{found:?}");
-    found
+    let found: Vec<_> = cases.iter().map(|c| (c, apart(c))).collect();
+    let show = |all: &[&(&Case, f64)]| -> Vec<String> {
+        let each = all.iter();
+        each.map(|(case, apart)| format!("{}: {apart:.1e}", case.name))
+            .collect()
+    };
+    println!("{}", show(&found.iter().collect::<Vec<_>>()).join(", "));
+    let close = |(case, apart): &(&Case, f64)| *apart < limit(case);
+    let far: Vec<_> = found.iter().filter(|f| !close(f)).collect();
+    assert!(!found.is_empty() && far.is_empty(), "{:?}", show(&far));
 }

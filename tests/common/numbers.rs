@@ -20,20 +20,36 @@ pub fn norm(v: &[f64]) -> f64 {
 /// ‖a − b‖/‖b‖.
 #[track_caller]
 pub fn apart(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    let difference: Vec<f64> = a.iter().zip(b).map(|(x, y)| x - y).collect();
+    let difference: Vec<f64> = pairs(a, b).map(|(x, y)| x - y).collect();
     norm(&difference) / norm(b)
 }
 
 /// The root of the mean squared difference.
 pub fn rmse(a: &[f64], b: &[f64]) -> f64 {
-    let squares: f64 = a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum();
+    let squares: f64 = pairs(a, b).map(|(x, y)| (x - y).powi(2)).sum();
     (squares / a.len() as f64).sqrt()
 }
 
-/// The largest absolute value.
+/// The largest absolute value; NaN if any is, which `f64::max` passes over.
 pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
-    values.into_iter().fold(0.0, |m, v| m.max(v.abs()))
+    let larger = |m: f64, v: f64| if v.abs() <= m { m } else { v.abs() };
+    values
+        .into_iter()
+        .fold(0.0, |m, v| if m.is_nan() { m } else { larger(m, v) })
+}
+
+/// Pairs of two lists, which are of one length and not empty: `zip` passes over what only one of them has.
+#[track_caller]
+pub fn pairs<'a>(a: &'a [f64], b: &'a [f64]) -> impl Iterator<Item = (f64, f64)> + 'a {
+    assert_eq!(a.len(), b.len());
+    assert!(!a.is_empty());
+    a.iter().copied().zip(b.iter().copied())
+}
+
+/// The largest difference of two lists.
+#[track_caller]
+pub fn furthest(a: &[f64], b: &[f64]) -> f64 {
+    largest(pairs(a, b).map(|(a, b)| a - b))
 }
 
 /// Numbers in [−1, 1), the same for the same seed.

@@ -158,7 +158,7 @@ fn trace(
     with_gradient: bool,
 ) -> Result<(Tensor<2>, Vec<Traced>, Option<Gpu>)> {
     #[cfg(feature = "wgpu")]
-    if context.dtype == DType::F32 && !crate::device::is_cpu(&context.device) {
+    if context.dtype == DType::F32 && crate::device::runs_kernels(&context.device) {
         let all: Vec<&View> = views.iter().map(|v| &v.0).collect();
         let job = |(range, packed)| {
             let job = Job {

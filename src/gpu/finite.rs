@@ -1,0 +1,55 @@
+//! Numbers that may not be finite, by their bits. Compilers of shaders may assume that there are none; and NaN is not
+//! unequal to 0 there, since `!=` is compiled into an ordered comparison.
+
+use burn::cubecl::{self, prelude::*};
+
+/// The bits of an infinite number.
+pub(super) const INFINITY: u32 = 0x7f80_0000;
+
+/// The bits of |x|, which have the order of the numbers; those of NaN are above all others.
+#[cube]
+pub(super) fn magnitude(x: f32) -> u32 {
+    x.to_bits() & 0x7fff_ffff
+}
+
+#[cube]
+pub(super) fn is_finite(x: f32) -> bool {
+    magnitude(x) < INFINITY
+}
+
+/// Whether it is not 0, which NaN is not.
+#[cube]
+pub(super) fn is_nonzero(x: f32) -> bool {
+    magnitude(x) > 0
+}
+
+/// Whether it is above 0 and finite.
+#[cube]
+pub(super) fn is_positive(x: f32) -> bool {
+    let bits = x.to_bits();
+    bits > 0 && bits < INFINITY
+}
+
+/// NaN, from the bits of any number: WGSL has no constant that is NaN.
+#[cube]
+pub(super) fn not_a_number(any: f32) -> f32 {
+    f32::from_bits(any.to_bits() | 0x7fc0_0000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_tell_what_comparisons_tell() {
+        let least = f32::from_bits(1);
+        let all = [0.0, least, 1.0, 1e38, f32::MAX, f32::INFINITY, f32::NAN];
+        for x in all.into_iter().flat_map(|x| [x, -x]) {
+            assert_eq!(is_finite(x), x.is_finite(), "{x}");
+            assert_eq!(is_nonzero(x), x != 0.0, "{x}");
+            assert_eq!(is_positive(x), x > 0.0 && x.is_finite(), "{x}");
+            assert!(not_a_number(x).is_nan(), "{x}");
+        }
+        assert!(all.is_sorted_by_key(|&x| magnitude(-x)));
+    }
+}
