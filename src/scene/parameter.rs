@@ -84,8 +84,8 @@ pub(super) fn without_tape<const D: usize>(t: &Tensor<D>) -> Tensor<D> {
     }
 }
 
-/// The largest radiance, intensity or irradiance: squares of sums over an image's samples are then far below what f32
-/// holds, as are products with what is near to a light.
+/// The largest radiance, intensity or irradiance: sums over an image's samples, their squares, and products with what is
+/// near to a light then stay below what f32 holds.
 pub(crate) const MOST_LIGHT: f64 = 1e15;
 
 /// The values that numbers may have: finite ones in f32, as kernels are.

@@ -76,8 +76,8 @@ impl Material {
     ///
     /// All is divided by the albedo E of both parts, a fit by the view's cosine, α and the index, which gives back what
     /// is lost between facets (Turquin 2019); so roles of light and eye can't be exchanged where it is rough. Of clear
-    /// glass 97 % to 100.1 % of light are kept up to 85° from the normal, for indices up to 2.6; less, but at least
-    /// 94 %, where light leaves an index between 1 and 1.35, and where an index is larger.
+    /// glass 97 % to 100.1 % of light are kept up to 85° from the normal, for indices up to 2.6; where light leaves an index
+    /// between 1 and 1.4, at least 94 %. A larger index than 2.6 has the fit of 2.6, so that rough glass is darker there.
     ///
     /// The index is in [0.1, 10] and at least 0.001 away from 1, the roughness in [0, 1]: what tensors have outside
     /// counts as the nearest number inside, with a derivative of 0.
