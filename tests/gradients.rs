@@ -6,7 +6,8 @@ use burn::tensor::{DType, Device};
 use common::errors::{message, says};
 use common::facets::facet_cases;
 use common::gradients::{
-    CONES, Case, Effort, SHARP, SOFTMAX, Setup, all_classes, assert_agreement, cases, check, lights,
+    CONES, Case, Effort, SHARP, SOFTMAX, Setup, all_classes, assert_agreement, cases, check,
+    crossings, lights,
 };
 use common::numbers::mean_and_error;
 use common::random_scenes::{RandomScene, compare};
@@ -43,6 +44,7 @@ fn softmax_agrees_with_central_differences() {
 #[test]
 fn cones_agree_with_central_differences() {
     agree_with_central_differences(CONES, cases());
+    agree_with_central_differences(CONES, crossings());
 }
 
 #[test]
@@ -53,6 +55,7 @@ fn cones_without_an_angle_agree_with_central_differences() {
         ..CONES
     };
     agree_with_central_differences(effort, cases());
+    agree_with_central_differences(effort, crossings());
 }
 
 /// Shadows of lights without a surface have derivatives where a blur makes them soft.

@@ -1,5 +1,4 @@
 use super::*;
-use crate::error::Error;
 
 fn flat(width: usize, height: usize, value: f32) -> HostImage {
     HostImage::new(width, height, vec![value; 3 * width * height]).expect("an image")
@@ -117,7 +116,7 @@ fn mistakes_are_named() {
     let path = folder.join("a.png");
     std::fs::create_dir(&path).expect("a folder in the way");
     let error = figure.write(&path).expect_err("a folder is there");
-    assert!(matches!(error, Error::Io { .. }), "{error}");
+    assert!(error.to_string().contains("it is a folder"), "{error}");
     assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 1);
     std::fs::remove_dir_all(&folder).expect("a folder");
     let large = Figure::new("")

@@ -188,8 +188,7 @@ impl Camera {
     pub(crate) fn rays(
         &self,
         context: &Context,
-        centre: [f64; 3],
-        unit: f64,
+        (centre, unit): ([f64; 3], f64),
         aspect: f64,
         film: &[Tensor<2>; 2],
         spread: Option<&[Tensor<2>; 2]>,
@@ -255,7 +254,7 @@ impl Camera {
         let rows: Vec<f64> = pixels.map(|i| middle(i / width, height)).collect();
         let film = [context.row(&columns), context.row(&rows)];
         let aspect = width as f64 / height as f64;
-        let (_, direction) = self.rays(&context, [0.0; 3], 1.0, aspect, &film, None, None);
+        let (_, direction) = self.rays(&context, ([0.0; 3], 1.0), aspect, &film, None, None);
         let [forward, ..] = self.axes(&context);
         let cosine = forward.dot(&direction).reshape([height, width]);
         Ok(depth * detached(&cosine))

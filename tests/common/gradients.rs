@@ -131,6 +131,22 @@ pub fn cases() -> Vec<Case> {
     all.chain(detail::cases()).collect()
 }
 
+/// Bodies that pass through faces of each other whose middles are inside the other one.
+pub fn crossings() -> Vec<Case> {
+    vec![case("cube in a tilted cube", 0.0, 0.012, 0, |d, t, p| {
+        let cube = |scale: f64, axis: [f64; 3], turn: f64| {
+            let cube = shapes::cube(d).cast(t).scaled(scale);
+            diffuse(cube.rotated(axis, turn), [0.8; 3])
+        };
+        let at = offset(p, [0.138, 0.687, -0.437], [0.3, 0.2, 1.0], d, t);
+        let small = cube(0.3, [0.0, 1.0, 0.0], 0.0).map_mesh(|m| m.translated(at));
+        let large = cube(0.55, [-0.153, 1.0, -0.208], 0.823)
+            .map_mesh(|m| m.translated([0.946, 0.767, -0.245]));
+        let scene = Scene::new().with(small).with(large);
+        (scene.environment([0.5; 3]), camera())
+    })]
+}
+
 /// Those of surfaces and an environment.
 #[expect(clippy::too_many_lines, reason = "a list of scenes")]
 fn classes() -> Vec<Case> {
@@ -171,19 +187,6 @@ fn classes() -> Vec<Case> {
             let u = vector(p, [1.0, 0.3, 0.2], d, t);
             (change("ball", |o| o.velocity(u.clone()), d, t), camera())
         })),
-        // Each passes through faces whose middles are inside the other one.
-        case("cube in a tilted cube", 0.0, 0.012, 0, |d, t, p| {
-            let cube = |scale: f64, axis: [f64; 3], turn: f64| {
-                let cube = shapes::cube(d).cast(t).scaled(scale);
-                diffuse(cube.rotated(axis, turn), [0.8; 3])
-            };
-            let at = offset(p, [0.138, 0.687, -0.437], [0.3, 0.2, 1.0], d, t);
-            let small = cube(0.3, [0.0, 1.0, 0.0], 0.0).map_mesh(|m| m.translated(at));
-            let large = cube(0.55, [-0.153, 1.0, -0.208], 0.823)
-                .map_mesh(|m| m.translated([0.946, 0.767, -0.245]));
-            let scene = Scene::new().with(small).with(large);
-            (scene.environment([0.5; 3]), camera())
-        }),
         // The line in which it passes through the floor moves while the shutter is open. Kernels of GPUs find it in f32,
         // and one of a thousand samples on the film may see another pixel than on the host.
         Case {

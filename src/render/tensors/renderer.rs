@@ -205,8 +205,7 @@ impl<'a> TensorRenderer<'a> {
         });
         let (origin, direction) = self.camera.rays(
             context,
-            self.scene.normalization.center,
-            self.scene.unit,
+            (self.scene.normalization.center, self.scene.unit),
             width as f64 / height as f64,
             &film,
             spread.as_ref(),
