@@ -5,6 +5,7 @@ use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
 
 use super::Fit;
+use crate::device::label;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 
@@ -192,10 +193,11 @@ pub(super) fn loss_of_step(loss: &Tensor<1>, step: usize) -> Result<f64> {
 pub(super) fn no_gradient<M: Module>(module: &M, loss: &Tensor<1>) -> Error {
     let (device, devices) = (loss.device(), module.devices());
     if devices.iter().all(|d| *d != device) {
-        let devices: Vec<String> = devices.iter().map(|d| format!("{d:?}")).collect();
+        let name = |d: &Device| format!("{} ({d:?})", label(d));
+        let devices: Vec<String> = devices.iter().map(name).collect();
         return invalid(
             "device of the loss",
-            format!("{device:?}"),
+            name(&device),
             &format!("{}, that of the module's parameters", devices.join(" or ")),
         );
     }
