@@ -7,8 +7,8 @@ use burn::tensor::{DType, Device};
 use common::errors::{message, says};
 use common::facets::{clamped_cases, facet_cases};
 use common::gradients::{
-    CONES, Case, Effort, SHARP, Setup, all_classes, assert_agreement, crossings, floor_and_light,
-    lights, of_seed,
+    CONES, Case, Effort, SHARP, Setup, all_classes, assert_agreement, floor_and_light, lights,
+    of_seed,
 };
 use common::numbers::{apart, pairs};
 use common::tensors::{gradient, leaf, values};
@@ -32,7 +32,7 @@ fn gradients_of_every_class() {
 /// Every parameter of BSDFs of facets, and emissive textures.
 #[test]
 fn gradients_of_facets_and_of_emissive_textures() {
-    let cases: Vec<Case> = [facet_cases(), lights::glowing(), crossings()]
+    let cases: Vec<Case> = [facet_cases(), lights::glowing(), lights::crossings()]
         .into_iter()
         .flatten()
         .collect();

@@ -9,7 +9,7 @@ use burn::tensor::{DType, Device};
 use common::facets::{clamped_cases, facet_cases};
 use common::gpu::{Flips, device};
 use common::gradients::{
-    CONES, Case as Class, Effort, Setup, all_classes, assert_agreement, crossings, lights, of_seed,
+    CONES, Case as Class, Effort, Setup, all_classes, assert_agreement, lights, of_seed,
 };
 use common::numbers::{apart, largest, norm, pairs};
 use common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
@@ -256,7 +256,10 @@ fn derivatives_of_emissive_textures() {
         samples: 8,
         ..CONES
     };
-    let cases: Vec<Class> = lights::glowing().into_iter().chain(crossings()).collect();
+    let cases: Vec<Class> = lights::glowing()
+        .into_iter()
+        .chain(lights::crossings())
+        .collect();
     assert_agreement(&cases, setups, DType::F32, effort, limit);
 }
 

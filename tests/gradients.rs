@@ -6,8 +6,7 @@ use burn::tensor::{DType, Device};
 use common::errors::{message, says};
 use common::facets::facet_cases;
 use common::gradients::{
-    CONES, Case, Effort, SHARP, SOFTMAX, Setup, all_classes, assert_agreement, cases, check,
-    crossings, lights,
+    CONES, Case, Effort, SHARP, SOFTMAX, Setup, all_classes, assert_agreement, cases, check, lights,
 };
 use common::numbers::mean_and_error;
 use common::random_scenes::{RandomScene, compare};
@@ -44,7 +43,7 @@ fn softmax_agrees_with_central_differences() {
 #[test]
 fn cones_agree_with_central_differences() {
     agree_with_central_differences(CONES, cases());
-    agree_with_central_differences(CONES, crossings());
+    agree_with_central_differences(CONES, lights::crossings());
 }
 
 #[test]
@@ -55,7 +54,7 @@ fn cones_without_an_angle_agree_with_central_differences() {
         ..CONES
     };
     agree_with_central_differences(effort, cases());
-    agree_with_central_differences(effort, crossings());
+    agree_with_central_differences(effort, lights::crossings());
 }
 
 /// Shadows of lights without a surface have derivatives where a blur makes them soft.

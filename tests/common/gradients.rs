@@ -131,22 +131,6 @@ pub fn cases() -> Vec<Case> {
     all.chain(detail::cases()).collect()
 }
 
-/// Bodies that pass through faces of each other whose middles are inside the other one.
-pub fn crossings() -> Vec<Case> {
-    vec![case("cube in a tilted cube", 0.0, 0.012, 0, |d, t, p| {
-        let cube = |scale: f64, axis: [f64; 3], turn: f64| {
-            let cube = shapes::cube(d).cast(t).scaled(scale);
-            diffuse(cube.rotated(axis, turn), [0.8; 3])
-        };
-        let at = offset(p, [0.138, 0.687, -0.437], [0.3, 0.2, 1.0], d, t);
-        let small = cube(0.3, [0.0, 1.0, 0.0], 0.0).map_mesh(|m| m.translated(at));
-        let large = cube(0.55, [-0.153, 1.0, -0.208], 0.823)
-            .map_mesh(|m| m.translated([0.946, 0.767, -0.245]));
-        let scene = Scene::new().with(small).with(large);
-        (scene.environment([0.5; 3]), camera())
-    })]
-}
-
 /// Those of surfaces and an environment.
 #[expect(clippy::too_many_lines, reason = "a list of scenes")]
 fn classes() -> Vec<Case> {

@@ -1,9 +1,11 @@
-//! Cases of lights without a surface, and of emissive textures.
+//! Cases of lights without a surface, of emissive textures, and of bodies that pass through each other.
 
 use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;
 
-use super::{Case, camera, case, change, constant, objects, offset, scene, vector, with_lamp};
+use super::{
+    Case, camera, case, change, constant, diffuse, objects, offset, scene, vector, with_lamp,
+};
 
 /// The scene with a light and nothing else that shines.
 fn lit_by(light: Light, device: &Device, dtype: DType) -> Scene {
@@ -153,4 +155,20 @@ pub fn glowing() -> Vec<Case> {
             (scene.expect("the object"), camera())
         })),
     ]
+}
+
+/// Bodies that pass through faces of each other whose middles are inside the other one.
+pub fn crossings() -> Vec<Case> {
+    vec![case("cube in a tilted cube", 0.0, 0.012, 0, |d, t, p| {
+        let cube = |scale: f64, axis: [f64; 3], turn: f64| {
+            let cube = shapes::cube(d).cast(t).scaled(scale);
+            diffuse(cube.rotated(axis, turn), [0.8; 3])
+        };
+        let at = offset(p, [0.138, 0.687, -0.437], [0.3, 0.2, 1.0], d, t);
+        let small = cube(0.3, [0.0, 1.0, 0.0], 0.0).map_mesh(|m| m.translated(at));
+        let large = cube(0.55, [-0.153, 1.0, -0.208], 0.823)
+            .map_mesh(|m| m.translated([0.946, 0.767, -0.245]));
+        let scene = Scene::new().with(small).with(large);
+        (scene.environment([0.5; 3]), camera())
+    })]
 }
