@@ -16,6 +16,12 @@ use common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
 use common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
 use softray::prelude::*;
 
+/// Eight samples a pixel.
+const EIGHT: Effort = Effort {
+    samples: 8,
+    ..CONES
+};
+
 /// The same random numbers and formulas: images differ by rounding, and repeat to the bit.
 #[test]
 fn images_are_those_of_the_host() {
@@ -247,20 +253,15 @@ fn derivatives_of_all_classes() {
     assert_agreement(&all_classes(), setups, DType::F32, effort, limit);
 }
 
-/// Emissive textures: texels, texture coordinates and what moves under them.
+/// Emissive textures, and bodies that cross.
 #[test]
 fn derivatives_of_emissive_textures() {
     let (gpu, cpu) = (device(), Device::flex());
     let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
-    let effort = Effort {
-        samples: 8,
-        ..CONES
-    };
-    let cases: Vec<Class> = lights::glowing()
-        .into_iter()
-        .chain(lights::crossings())
-        .collect();
-    assert_agreement(&cases, setups, DType::F32, effort, limit);
+    let effort = EIGHT;
+    for cases in [lights::glowing(), lights::crossings()] {
+        assert_agreement(&cases, setups, DType::F32, effort, limit);
+    }
 }
 
 /// Every parameter of BSDFs of facets, at one seed.
@@ -268,20 +269,14 @@ fn derivatives_of_emissive_textures() {
 fn derivatives_of_facets() {
     let (gpu, cpu) = (device(), Device::flex());
     let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
-    let effort = Effort {
-        samples: 8,
-        ..CONES
-    };
+    let effort = EIGHT;
     assert_agreement(&facet_cases(), setups, DType::F32, effort, limit);
 }
 
 /// Parameters outside of their ranges have no gradient, as on the host.
 #[test]
 fn values_outside_of_their_ranges_have_no_gradient() {
-    let effort = Effort {
-        samples: 8,
-        ..CONES
-    };
+    let effort = EIGHT;
     for case in clamped_cases() {
         let found = of_seed(&case, (&device(), |o| o), DType::F32, effort, 5);
         assert_eq!(found, 0.0, "{}", case.name);
