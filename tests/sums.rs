@@ -4,11 +4,12 @@ mod common;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use burn::tensor::Gradients;
 use common::errors::{message, says};
 use common::folder::Folder;
 use common::gltf::{Gltf, data_uri};
 use common::memory::{peak, resident};
-use common::tensors::radiance;
+use common::tensors::{gradient, radiance};
 use serde_json::{Value, json};
 use softray::prelude::*;
 
@@ -163,4 +164,40 @@ fn faces_at_one_place_take_linear_time() {
     let off = one.iter().zip(&many).map(|(a, b)| (a - b).abs());
     let off = off.fold(0.0, f64::max);
     assert!(off < 0.05, "{off}");
+}
+
+/// A texture in the graph has the derivatives of each material that has it, once.
+#[test]
+fn a_shared_texture_has_the_sum_of_its_derivatives() {
+    let device = Device::flex();
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
+    let options = RenderOptions::new(8, 8).samples(4).bounces(1);
+    let texels = |value: f32| Tensor::<3>::full([2, 2, 3], value, &device);
+    // The gradient by the textures of two squares that face the camera.
+    let render = |of: [Tensor<3>; 2]| {
+        let squares = of.into_iter().zip([-0.6, 0.6]).map(|(texture, x)| {
+            let square = shapes::quad(
+                [x - 0.5, -0.5, 0.0],
+                [x + 0.5, -0.5, 0.0],
+                [x + 0.5, 0.5, 0.0],
+                [x - 0.5, 0.5, 0.0],
+                &device,
+            );
+            Object::new(square).material(Material::diffuse(Albedo::texture(texture)))
+        });
+        let scene = squares.fold(Scene::new().environment([1.0; 3]), Scene::with);
+        let image = render(&scene, &camera, &options).expect("an image");
+        image.radiance.sum().backward()
+    };
+    let leaf = || texels(0.5).autodiff().require_grad();
+    let sum = |leaf: &Tensor<3>, g: &Gradients| gradient(leaf, g).iter().sum::<f64>();
+    let [left, right] = [leaf(), leaf()];
+    let apart = render([left.clone(), right.clone()]);
+    let wanted = sum(&left, &apart) + sum(&right, &apart);
+    let both = leaf();
+    let found = sum(&both, &render([both.clone(), both.clone()]));
+    assert!(
+        wanted > 0.0 && (found / wanted - 1.0).abs() < 1e-5,
+        "{found} {wanted}"
+    );
 }
