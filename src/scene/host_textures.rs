@@ -62,9 +62,9 @@ fn once<const D: usize>(
 impl Shared {
     /// Reads a value back. A scalar is the first of three numbers, the others are 0.
     pub fn texture(&mut self, value: Value<'_>) -> Result<HostTexture> {
-        Ok(match value {
-            Value::Colour(p) => HostTexture::Constant(p.values()?),
-            Value::Scalar(p) => HostTexture::Constant([p.values()?[0], 0.0, 0.0]),
+        let (texels, [height, width], wrap) = match value {
+            Value::Colour(p) => return Ok(HostTexture::Constant(p.values()?)),
+            Value::Scalar(p) => return Ok(HostTexture::Constant([p.values()?[0], 0.0, 0.0])),
             Value::Image(image, wrap) => {
                 let [height, width, channels] = image.dims();
                 let texels = once(&mut self.images, image, || {
@@ -72,12 +72,7 @@ impl Shared {
                     by_rows(image, |values| texels.extend_from_slice(values))?;
                     Ok(texels)
                 })?;
-                HostTexture::Image {
-                    texels,
-                    width,
-                    height,
-                    wrap,
-                }
+                (texels, [height, width], wrap)
             }
             Value::ScalarImage(image, wrap) => {
                 let [height, width] = image.dims();
@@ -88,13 +83,14 @@ impl Shared {
                     })?;
                     Ok(texels)
                 })?;
-                HostTexture::Image {
-                    texels,
-                    width,
-                    height,
-                    wrap,
-                }
+                (texels, [height, width], wrap)
             }
+        };
+        Ok(HostTexture::Image {
+            texels,
+            width,
+            height,
+            wrap,
         })
     }
 
