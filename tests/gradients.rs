@@ -11,7 +11,7 @@ use common::gradients::{
 use common::numbers::mean_and_error;
 use common::random_scenes::{RandomScene, compare};
 use common::scenes::{facing_down, floor, scene_file};
-use common::tensors::gradient;
+use common::tensors::{gradient, values};
 use softray::gradcheck::{Checked, GradCheck, Point, Verdict, gradcheck};
 use softray::prelude::*;
 
@@ -98,6 +98,19 @@ fn random_scenes_agree(make: fn(u64) -> RandomScene, count: u64, precision: f64,
     let of = outcome.derivatives;
     println!("{} of {of} undecided: {undecided:#?}", undecided.len());
     assert!(outcome.disagree.is_empty(), "{:#?}", outcome.disagree);
+}
+
+/// None of the scenes that the long tier may draw is an error.
+#[test]
+fn random_scenes_have_images() {
+    for seed in 0..300 {
+        let drawn = RandomScene::new(seed);
+        let options = drawn.options.clone().samples(1);
+        let image = render(&drawn.scene, &drawn.camera, &options);
+        let image = image.unwrap_or_else(|e| panic!("scene {seed}, {}: {e}", drawn.description));
+        let values = values(&image.radiance);
+        assert!(values.iter().all(|v| v.is_finite()), "scene {seed}");
+    }
 }
 
 #[test]

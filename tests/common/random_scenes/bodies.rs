@@ -90,10 +90,14 @@ impl Maker<'_> {
             _ => ("torus", shapes::torus(0.7, 0.3, 9, 6, d)),
         };
         self.description.push(name.into());
+        self.with_coordinates(mesh)
+    }
+
+    /// A mesh with texture coordinates: those that it has, or else as it is seen from one side, without a seam.
+    pub fn with_coordinates(&self, mesh: Mesh) -> Mesh {
         if mesh.uvs.is_some() {
             return mesh.cast(self.dtype);
         }
-        // Coordinates of the mesh as it is seen from one side, without a seam.
         let places = mesh.host_vertices().expect("vertices");
         let uvs = places
             .iter()

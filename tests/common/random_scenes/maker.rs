@@ -44,13 +44,16 @@ pub struct RandomScene {
     pub description: String,
     pub options: RenderOptions,
     pub seed: u64,
+    /// It at the values of its numbers.
+    pub scene: Scene,
+    pub camera: Camera,
     build: fn(&mut Maker) -> (Scene, Camera),
 }
 
 impl RandomScene {
     pub fn new(seed: u64) -> Self {
         let mut maker = Maker::new(seed, None);
-        maker.scene();
+        let (scene, camera) = maker.scene();
         let angle = match maker.delta || maker.unit() < 0.5 {
             true => maker.between(0.02, 0.15),
             false => 0.0,
@@ -70,6 +73,8 @@ impl RandomScene {
             description: format!("{about}; {bounces} bounces, angle {angle:.3}"),
             options,
             seed,
+            scene,
+            camera,
             build: |m| m.scene(),
         }
     }
@@ -77,12 +82,14 @@ impl RandomScene {
     /// Two bodies of one colour or black that pass through each other, in direct light without a cone.
     pub fn of_crossing_bodies(seed: u64) -> Self {
         let mut maker = Maker::new(seed, None);
-        maker.crossing_bodies();
+        let (scene, camera) = maker.crossing_bodies();
         Self {
             description: maker.description.join(", "),
             numbers: maker.numbers,
             options: RenderOptions::new(8, 8).samples(64).bounces(0),
             seed,
+            scene,
+            camera,
             build: |m| m.crossing_bodies(),
         }
     }
@@ -244,7 +251,7 @@ impl<'a> Maker<'a> {
                 };
                 self.description
                     .push(["square lamp", "round lamp"][kind].into());
-                let lamp = Object::new(lamp.cast(self.dtype).translated(place));
+                let lamp = Object::new(self.with_coordinates(lamp).translated(place));
                 scene = scene.with(lamp.named("lamp").material(Material::emitter(radiance)));
             }
             2 | 3 => {
