@@ -110,7 +110,7 @@ impl HostImage {
         Self::read_file(path.as_ref(), limits)
     }
 
-    // Not generic, as all that calls decoders and encoders: a program would compile these again.
+    // What calls decoders and encoders is not generic: else each program that calls it compiles these again.
     fn read_file(path: &Path, limits: &LoadLimits) -> Result<Self> {
         let (file, _) = open(path)?;
         Self::of_colours(Decoded::read(BufReader::new(file), path, limits)?)
