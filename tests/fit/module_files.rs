@@ -1,9 +1,9 @@
 //! Parameters of modules in burnpack and safetensors files, and those that do not fit.
 #![cfg(feature = "safetensors")]
 
-use crate::common;
 use std::path::PathBuf;
 
+use crate::common;
 use crate::common::errors::{message, says};
 use crate::parameters::{changed, parameters};
 use burn::module::Module;

@@ -1,9 +1,9 @@
 //! What is seen of a fit: errors before it begins, progress, warnings and pictures.
 
-use crate::common;
 use std::path::PathBuf;
 use std::process::Stdio;
 
+use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::process::again;
 use burn::module::{Module, Param};

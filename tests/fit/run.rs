@@ -1,10 +1,10 @@
 //! The fitting loop: it descends, keeps a history, clips, stops, and survives being killed.
 
-use crate::common;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
 
+use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::process::again;
 use crate::common::values;

@@ -10,24 +10,9 @@ use crate::common::numbers::{largest, mean};
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
 use crate::common::told::warnings;
-use burn::tensor::{DType, TensorData};
+use crate::written::{camera, texels, uvs};
+use burn::tensor::DType;
 use softray::prelude::*;
-
-fn image_of(height: usize, width: usize, f: impl Fn(usize) -> f32) -> Tensor<3> {
-    let values: Vec<f32> = (0..height * width * 3).map(f).collect();
-    Tensor::from_data(TensorData::new(values, [height, width, 3]), &Device::flex())
-}
-
-fn unit_uvs() -> Tensor<2> {
-    Tensor::from_floats(
-        [[-0.3, -0.3], [1.4, -0.3], [1.4, 1.4], [-0.3, 1.4]],
-        &Device::flex(),
-    )
-}
-
-fn camera() -> Camera {
-    Camera::look_at([0.3, 1.6, 4.0], [0.0, 0.6, 0.0]).fov_y(45.0)
-}
 
 /// Textures (of 8 bits and not, clamped and repeating, diffuse and specular), a gloss, smooth
 /// normals, a transform, an emitter, faces of two materials, and names that need care.
@@ -42,17 +27,17 @@ fn room() -> Scene {
             0.1 + 0.02 * i as f32
         }
     };
-    let checks = HostImage::from_tensor(&image_of(4, 4, checks)).expect("values");
+    let checks = HostImage::from_tensor(&texels([4, 4, 3], checks)).expect("values");
     checks.write(&path).expect("a file");
     let checks = HostImage::read(&path)
         .expect("an image")
         .into_tensor(&device);
-    let floor = Object::new(floor(2.0, 0.0, &device).with_uvs(unit_uvs()));
+    let floor = Object::new(floor(2.0, 0.0, &device).with_uvs(uvs()));
     let checkered = Material::diffuse(Albedo::Texture {
         texels: checks,
         wrap: Wrap::Clamp,
     });
-    let stripes = image_of(2, 3, |i| 0.05 + i as f32 / 50.0);
+    let stripes = texels([2, 3, 3], |i| 0.05 + i as f32 / 50.0);
     let striped = Material::diffuse(Tensor::<1>::from_floats([0.1, 0.2, 0.3], &device))
         .specular(Albedo::texture(stripes), 7.5);
     let turn = Transform::new()
@@ -62,7 +47,7 @@ fn room() -> Scene {
     let ball = shapes::icosphere(1, &device);
     let ball = ball.clone().with_normals(ball.vertices.clone());
     let back = facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device);
-    let mut back = Object::new(back.with_uvs(unit_uvs())).named("ball ");
+    let mut back = Object::new(back.with_uvs(uvs())).named("ball ");
     back.materials = vec![striped, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])].into();
     back.face_materials = Arc::new(vec![1, 0]);
     let lamp = lamp(0.8, 2.9, [9.0, 8.0, 7.0], &device);
@@ -134,7 +119,7 @@ fn what_is_lost_is_told() {
     let device = Device::flex();
     let wandered = Tensor::<1>::from_floats([-0.01, 0.5, 1.2], &device);
     let mirrored = Albedo::Texture {
-        texels: image_of(1, 2, |i| i as f32 / 9.0),
+        texels: texels([1, 2, 3], |i| i as f32 / 9.0),
         wrap: Wrap::Mirror,
     };
     let cube = |name: &str| Object::new(shapes::cube(&device)).named(name);

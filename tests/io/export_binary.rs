@@ -5,31 +5,11 @@ use std::sync::Arc;
 use crate::common::folder::Folder;
 use crate::common::numbers::{largest, mean};
 use crate::common::scenes::{facing_front, floor, lamp};
-use crate::common::tensors::{radiance, values};
+use crate::common::tensors::values;
 use crate::common::told::warnings;
+use crate::written::{image, texels, uvs};
 use burn::tensor::{DType, TensorData};
 use softray::prelude::*;
-
-fn image_of(height: usize, width: usize, f: impl Fn(usize) -> f32) -> Tensor<3> {
-    let values: Vec<f32> = (0..height * width * 3).map(f).collect();
-    Tensor::from_data(TensorData::new(values, [height, width, 3]), &Device::flex())
-}
-
-fn uvs() -> Tensor<2> {
-    Tensor::from_floats(
-        [[-0.3, -0.3], [1.4, -0.3], [1.4, 1.4], [-0.3, 1.4]],
-        &Device::flex(),
-    )
-}
-
-fn camera() -> Camera {
-    Camera::look_at([0.3, 1.6, 4.0], [0.0, 0.6, 0.0]).fov_y(45.0)
-}
-
-fn image(scene: &Scene) -> Vec<f64> {
-    let options = RenderOptions::new(24, 24).samples(4).bounces(2);
-    radiance(scene, &camera(), &options)
-}
 
 /// A mesh with a seam: normals of faces.
 fn faceted(mesh: Mesh) -> Mesh {
@@ -57,8 +37,8 @@ fn room() -> Scene {
     let textured = |texels, wrap| Material::diffuse(Albedo::Texture { texels, wrap });
     let bytes = |i: usize| if (i / 3).is_multiple_of(2) { 1.0 } else { 0.0 };
     let floor = Object::new(floor(2.0, 0.0, &device).with_uvs(uvs()));
-    let smooth = image_of(3, 2, |i| 0.05 + i as f32 / 50.0);
-    let glossy = textured(image_of(2, 3, |i| 0.05 + i as f32 / 60.0), Wrap::Mirror);
+    let smooth = texels([3, 2, 3], |i| 0.05 + i as f32 / 50.0);
+    let glossy = textured(texels([2, 3, 3], |i| 0.05 + i as f32 / 60.0), Wrap::Mirror);
     let glossy = glossy.specular(Albedo::texture(smooth), 7.5);
     let ball = shapes::icosphere(1, &device)
         .scaled(0.6)
@@ -73,7 +53,7 @@ fn room() -> Scene {
     let mut back = Object::new(back.with_uvs(uvs())).named("back \"\n");
     back.materials = vec![glossy, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])].into();
     back.face_materials = Arc::new(vec![1, 0]);
-    let checks = textured(image_of(4, 4, bytes), Wrap::Clamp);
+    let checks = textured(texels([4, 4, 3], bytes), Wrap::Clamp);
     let shiny = Material::diffuse([0.2, 0.3, 0.4]).specular([0.3, 0.3, 0.25], 30.0);
     Scene::new()
         .with(floor.named("floor").material(checks.named("checks")))
@@ -197,7 +177,7 @@ fn what_is_lost_is_told() {
     let device = Device::flex();
     let wandered = Tensor::<1>::from_floats([-0.01, 0.5, 1.2], &device);
     let cube = |name: &str| Object::new(shapes::cube(&device)).named(name);
-    let bright = image_of(1, 2, |i| i as f32 / 2.0);
+    let bright = texels([1, 2, 3], |i| i as f32 / 2.0);
     let tiled = |mesh: Mesh| mesh.clone().with_uvs(mesh.vertices.narrow(1, 0, 2));
     let nothing = Mesh::from_host(&[[0.0; 3]], Vec::new(), &device);
     let scene = Scene::new()

@@ -1,10 +1,10 @@
 //! Files that nobody meant to write: no panic, no hang, no unbounded memory, whatever the bytes.
 //! The long tier goes on for 10 minutes with each kind of file; `SOFTRAY_FUZZ_SECONDS` sets another time.
 
-use crate::common;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use crate::common;
 use crate::common::folder::Folder;
 use crate::common::memory::peak;
 use crate::common::process::alone;

@@ -5,6 +5,7 @@ use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
 use crate::common::told::warnings;
 use crate::gltf_maker::{Gltf, data_uri};
+use crate::written::constant;
 use glam::DVec3;
 use serde_json::{Value, json};
 use softray::prelude::*;
@@ -36,13 +37,6 @@ fn area(object: &Object) -> DVec3 {
 fn near(a: impl Into<DVec3>, b: impl Into<DVec3>) {
     let (a, b) = (a.into(), b.into());
     assert!((a - b).length() < 1e-6, "{a} {b}");
-}
-
-fn constant(albedo: &Albedo) -> [f64; 3] {
-    match albedo {
-        Albedo::Constant(p) => p.values().expect("values"),
-        Albedo::Texture { .. } => panic!("a texture"),
-    }
 }
 
 fn png() -> Vec<u8> {

@@ -2,12 +2,13 @@
 //! to the same image.
 
 use crate::common::folder::Folder;
-use crate::common::numbers::{largest, mean};
+use crate::common::numbers::mean;
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
 use crate::common::told::warnings;
 use crate::gltf_maker::{Gltf, data_uri};
-use burn::tensor::{Tensor, TensorData};
+use crate::written::{camera, image, near, texels, uvs};
+use burn::tensor::Tensor;
 use image::{ImageFormat, Rgba, RgbaImage};
 use serde_json::{Value, json};
 use softray::prelude::*;
@@ -35,13 +36,6 @@ fn square(material: Value, pixels: [[u8; 4]; 2]) -> Gltf {
     file.push("textures", json!({"source": 0, "sampler": 0}));
     file.material(material);
     file
-}
-
-#[track_caller]
-fn near(found: &[f64], expected: &[f64]) {
-    assert_eq!(found.len(), expected.len(), "{found:?}");
-    let most = largest(found.iter().zip(expected).map(|(a, b)| a - b));
-    assert!(most < 1e-6, "{found:?} {expected:?}");
 }
 
 #[test]
@@ -130,22 +124,6 @@ fn colours_and_tangents() {
     near(&values(&found.values)[..4], &[0.0, 2.0, 0.0, -1.0]);
 }
 
-fn camera() -> Camera {
-    Camera::look_at([0.3, 1.6, 4.0], [0.0, 0.6, 0.0]).fov_y(45.0)
-}
-
-fn texels<const D: usize>(shape: [usize; D], f: impl Fn(usize) -> f32) -> Tensor<D> {
-    let values: Vec<f32> = (0..shape.iter().product()).map(f).collect();
-    Tensor::from_data(TensorData::new(values, shape), &Device::flex())
-}
-
-fn uvs() -> Tensor<2> {
-    Tensor::from_floats(
-        [[-0.3, -0.3], [1.4, -0.3], [1.4, 1.4], [-0.3, 1.4]],
-        &Device::flex(),
-    )
-}
-
 /// Normal maps with and without tangents, masks with and without a texture of colours, and colours with seams.
 fn room() -> Scene {
     let device = Device::flex();
@@ -193,11 +171,6 @@ fn room() -> Scene {
         .with(lamp(0.8, 2.9, [9.0, 8.0, 7.0], &device).named("lamp"))
         .environment([0.0; 3])
         .light(Light::point([0.5, 1.5, 3.0], [4.0; 3]))
-}
-
-fn image(scene: &Scene) -> Vec<f64> {
-    let options = RenderOptions::new(24, 24).samples(4).bounces(2);
-    radiance(scene, &camera(), &options)
 }
 
 #[test]

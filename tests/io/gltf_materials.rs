@@ -1,12 +1,12 @@
 //! Materials and lights of glTF files: what is read, and that what is written reads back to the same image.
 
 use crate::common::folder::Folder;
-use crate::common::numbers::{largest, mean};
+use crate::common::numbers::mean;
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
 use crate::common::told::warnings;
 use crate::gltf_maker::{Gltf, data_uri};
-use burn::tensor::TensorData;
+use crate::written::{camera, near, texels, uvs};
 use image::{ImageFormat, Rgba, RgbaImage};
 use serde_json::{Value, json};
 use softray::prelude::*;
@@ -55,13 +55,6 @@ fn colour(albedo: &Albedo) -> Vec<f64> {
         Albedo::Constant(p) => p.values().expect("a colour").to_vec(),
         Albedo::Texture { texels, .. } => values(texels),
     }
-}
-
-#[track_caller]
-fn near(found: &[f64], expected: &[f64]) {
-    assert_eq!(found.len(), expected.len(), "{found:?}");
-    let most = largest(found.iter().zip(expected).map(|(a, b)| a - b));
-    assert!(most < 1e-6, "{found:?} {expected:?}");
 }
 
 #[test]
@@ -206,22 +199,6 @@ fn lights_shine_along_their_nodes() {
     near(&outer.values().expect("an angle"), &[0.5]);
     near(&of(along), &[-1.0, 0.0, 0.0]);
     near(&of(irradiance), &[3.0; 3]);
-}
-
-fn camera() -> Camera {
-    Camera::look_at([0.3, 1.6, 4.0], [0.0, 0.6, 0.0]).fov_y(45.0)
-}
-
-fn texels<const D: usize>(shape: [usize; D], f: impl Fn(usize) -> f32) -> Tensor<D> {
-    let values: Vec<f32> = (0..shape.iter().product()).map(f).collect();
-    Tensor::from_data(TensorData::new(values, shape), &Device::flex())
-}
-
-fn uvs() -> Tensor<2> {
-    Tensor::from_floats(
-        [[-0.3, -0.3], [1.4, -0.3], [1.4, 1.4], [-0.3, 1.4]],
-        &Device::flex(),
-    )
 }
 
 /// All BSDFs of facets with and without textures, and all kinds of lights.

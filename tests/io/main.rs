@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod gltf_maker;
+mod written;
 
 mod export;
 mod export_binary;

@@ -3,23 +3,17 @@
 mod exporters;
 mod sums;
 
-use crate::common;
 use std::fs;
 use std::path::Path;
 
+use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
 use crate::common::tensors::points;
+use crate::written::constant;
 use softray::prelude::*;
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
-
-fn constant(albedo: &Albedo) -> [f64; 3] {
-    match albedo {
-        Albedo::Constant(p) => p.values().expect("values"),
-        Albedo::Texture { .. } => panic!("a texture"),
-    }
-}
 
 fn vertices(object: &Object) -> Vec<[f64; 3]> {
     object.mesh.host_vertices().expect("values")

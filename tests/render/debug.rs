@@ -1,8 +1,8 @@
 //! What `{:?}` shows: sizes, names and a few numbers.
 
-use crate::common;
 use std::fmt::Debug;
 
+use crate::common;
 use crate::common::told::{ball, camera, flex, lit, row, small};
 use burn::tensor::Tensor;
 use softray::modules::{CameraParamsConfig, MeshParams, RigidTransform, TextureParams};

@@ -1,8 +1,8 @@
 //! Lights without a surface: what they bring in closed form, and the derivative of an edge of a shadow; emissive textures.
 
-use crate::common;
 use std::f64::consts::PI;
 
+use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::numbers::{mean, mean_and_error, rmse};
 use crate::common::scenes::{diffuse, emitting, facing_down, floor};

@@ -1,8 +1,8 @@
 //! Meshes moved, scaled, turned and given normals: closed forms, and gradients against central differences.
 
-use crate::common;
 use std::collections::BTreeSet;
 
+use crate::common;
 use crate::common::cpu_devices;
 use crate::common::errors::{message, says};
 use crate::common::numbers::{furthest, rmse};

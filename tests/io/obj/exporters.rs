@@ -1,8 +1,9 @@
 //! OBJ and MTL files as exporters write them, with what they leave out and get wrong.
 
-use super::{SQUARE, constant, strict, vertices};
+use super::{SQUARE, strict, vertices};
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
+use crate::written::constant;
 use softray::prelude::*;
 
 /// What is missing or malformed is left out, without strictness.

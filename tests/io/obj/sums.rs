@@ -1,8 +1,9 @@
 //! Many objects, materials and corners: linear, or an error that names a limit.
 
-use super::{SQUARE, constant};
+use super::SQUARE;
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
+use crate::written::constant;
 use softray::prelude::*;
 
 const MANY: usize = 300_000;
