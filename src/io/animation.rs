@@ -110,7 +110,10 @@ impl Animation {
     /// When the ending is another one, the rate is outside of its range, frames have more than 65,535
     /// columns or rows, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<()> {
         ending(path, &["gif"])?;
         let rate = self.frames_per_second;
         // Viewers show what lasts less than two hundredths for ten.

@@ -107,7 +107,11 @@ impl HostImage {
     /// # Errors
     /// As [`HostImage::read`].
     pub fn read_within(path: impl AsRef<Path>, limits: &LoadLimits) -> Result<Self> {
-        let path = path.as_ref();
+        Self::read_file(path.as_ref(), limits)
+    }
+
+    // What calls decoders and encoders is not generic: else each program that calls it compiles these again.
+    fn read_file(path: &Path, limits: &LoadLimits) -> Result<Self> {
         let (file, _) = open(path)?;
         Self::of_colours(Decoded::read(BufReader::new(file), path, limits)?)
     }
@@ -134,13 +138,16 @@ impl HostImage {
     /// # Errors
     /// As [`HostImage::check_path`], and when the disk is full.
     pub fn check_room(path: impl AsRef<Path>, width: usize, height: usize) -> Result<()> {
-        let path = path.as_ref();
+        Self::check_bytes(path.as_ref(), width.saturating_mul(height))
+    }
+
+    /// Checks a path and that there is room for so many pixels.
+    fn check_bytes(path: &Path, pixels: usize) -> Result<()> {
         Self::check_place(path)?;
         let of_pixel = match format_of(path)? {
             ImageFormat::OpenExr => 12,
             _ => 3,
         };
-        let pixels = width.saturating_mul(height);
         check_writable(path, pixels.saturating_mul(of_pixel).saturating_add(4096))
     }
 
@@ -169,7 +176,10 @@ impl HostImage {
     /// # Errors
     /// When the ending is another one, the image is empty, or the system fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
+        self.write_file(path.as_ref())
+    }
+
+    fn write_file(&self, path: &Path) -> Result<()> {
         Self::check_place(path)?;
         self.check_size()?;
         write_whole(path, |file| self.encode(path, file))

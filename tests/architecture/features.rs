@@ -2,74 +2,111 @@
 
 use std::fs;
 
-use crate::files::root;
+use crate::files::{root, rust_files};
+
+/// A subject of a test program, which is a folder of tests/: its file, and those in its folder.
+#[derive(Debug, Default, PartialEq)]
+struct Subject {
+    program: String,
+    module: String,
+    text: String,
+}
+
+impl Subject {
+    /// Whether a command runs its tests: all of the program's, or by a filter that begins with its module.
+    fn is_run_by(&self, command: &str) -> bool {
+        let (programs, filters) = command.split_once(" -- ").unwrap_or((command, ""));
+        let words: Vec<&str> = programs.split_whitespace().collect();
+        let named = words.windows(2).any(|w| w == ["--test", &self.program]);
+        let filters = filters.split_whitespace().filter(|f| !f.starts_with('-'));
+        let mut modules = filters.map(|filter| filter.split("::").next()).peekable();
+        named && (modules.peek().is_none() || modules.any(|m| m == Some(&self.module)))
+    }
+}
 
 /// The text of a file of the repository.
 fn text(path: &str) -> String {
     fs::read_to_string(root().join(path)).expect(path)
 }
 
-/// The test programs at the top of tests/, with their texts.
-fn programs() -> Vec<(String, String)> {
-    let entries = fs::read_dir(root().join("tests")).expect("tests/");
-    let names = entries.map(|entry| entry.expect("an entry").file_name());
-    let names = names.map(|name| name.to_string_lossy().into_owned());
-    let rust = names.filter_map(|name| name.strip_suffix(".rs").map(str::to_owned));
-    rust.map(|name| {
-        let text = text(&format!("tests/{name}.rs"));
-        (name, text)
-    })
-    .collect()
+/// All subjects that have tests.
+fn subjects() -> Vec<Subject> {
+    let mut subjects: Vec<Subject> = Vec::new();
+    for (path, text) in rust_files("tests") {
+        let path = path.with_extension("");
+        let mut names = path
+            .iter()
+            .skip(1)
+            .map(|n| n.to_string_lossy().into_owned());
+        let [program, module] = [names.next(), names.next()].map(Option::unwrap_or_default);
+        let same = |s: &&mut Subject| s.program == program && s.module == module;
+        match subjects.iter_mut().find(same) {
+            Some(subject) => subject.text += &text,
+            None => subjects.push(Subject {
+                program,
+                module,
+                text,
+            }),
+        }
+    }
+    subjects.retain(|s| s.text.contains("#[test]") && s.program != "architecture");
+    subjects
 }
 
-/// The programs among them that a text names by `--test`.
-fn named(text: &str) -> Vec<&str> {
-    let words: Vec<&str> = text.split_whitespace().collect();
-    let pairs = words.windows(2).filter(|pair| pair[0] == "--test");
-    pairs.map(|pair| pair[1]).collect()
-}
-
-/// The lines of `.ci/run` and what they continue with, whose commands have a feature.
-fn commands_with(feature: &str) -> String {
-    let whole = text(".ci/run").replace("\\\n", " ");
+/// The commands of a text that run tests with a feature, each on one line, without where their output goes.
+fn commands_with(feature: &str, text: &str) -> Vec<String> {
+    let whole = text.replace("\\\n", " ");
     let has = |line: &&str| line.contains("cargo test") && line.contains(feature);
-    whole.lines().filter(has).collect::<Vec<_>>().join("\n")
-}
-
-/// Names of programs that have a text and are not in a list.
-fn not_in(list: &[&str], parts: &[&str]) -> Vec<String> {
-    let needs = |(name, text): &(String, String)| {
-        parts.iter().any(|part| text.contains(part)) && !list.contains(&name.as_str())
-    };
-    let missing = programs().into_iter().filter(needs);
-    missing.map(|(name, _)| name).collect()
+    let commands = whole.lines().filter(has);
+    let before_output = |line: &str| line.split(" 2>").next().map(str::to_owned);
+    commands.filter_map(before_output).collect()
 }
 
 /// A test of a feature that no command builds would never run.
 pub fn not_run() -> Vec<String> {
-    let gpus = r#"#![cfg(feature = "wgpu")]"#;
+    let on_gpus = |s: &Subject| s.program == "gpu";
     // `cpu_devices` are more with ndarray.
-    let parts = [gpus, r#"feature = "ndarray""#, "cpu_devices"];
-    let commands = commands_with("--features vulkan,ndarray");
-    let mut missing = not_in(&named(&commands), &parts);
-    if !commands.contains("--lib") {
-        missing.push("--lib".to_owned());
-    }
-    let of_readme = text("README.md");
-    let of_gpus = not_in(&named(&of_readme), &[gpus]);
-    let show = |file: &str, names: Vec<String>| -> Vec<String> {
-        names.iter().map(|name| format!("{file}: {name}")).collect()
+    let parts = [
+        r#"feature = "wgpu""#,
+        r#"feature = "ndarray""#,
+        "cpu_devices",
+    ];
+    let needs = |s: &Subject| on_gpus(s) || parts.iter().any(|part| s.text.contains(part));
+    let subjects = subjects();
+    let missing = |file: &str, feature: &str, needs: &dyn Fn(&Subject) -> bool| -> Vec<String> {
+        let commands = commands_with(feature, &text(file));
+        let is_run = |s: &Subject| commands.iter().any(|command| s.is_run_by(command));
+        let missing = subjects.iter().filter(|s| needs(s) && !is_run(s));
+        let show = |s: &Subject| format!("{file}: {}::{}", s.program, s.module);
+        let missing = missing.map(show);
+        missing.collect()
     };
-    [show(".ci/run", missing), show("README.md", of_gpus)].concat()
+    let mut all = missing(".ci/run", "--features vulkan,ndarray", &needs);
+    all.extend(missing("README.md", "--features vulkan", &on_gpus));
+    let units = commands_with("--features vulkan,ndarray", &text(".ci/run"));
+    if !units.iter().any(|command| command.contains(" --lib ")) {
+        all.push(".ci/run: --lib".to_owned());
+    }
+    all
 }
 
 #[test]
-fn programs_are_found() {
-    let found = named("cargo test --features a --test gpu --test wgpu -- --nocapture");
-    assert_eq!(found, ["gpu", "wgpu"]);
-    assert_eq!(
-        not_in(&[], &["#![cfg(feature = \"ndarray\")]"]),
-        ["backends"]
+fn subjects_and_commands_are_found() {
+    let found = subjects();
+    let of = |program: &str, module: &str| {
+        let is = |s: &&Subject| s.program == program && s.module == module;
+        found.iter().find(is).expect("a subject")
+    };
+    let (kernels, losses) = (of("gpu", "kernels"), of("fit", "losses"));
+    // A part in the subject's folder is the subject's.
+    assert!(
+        of("render", "mistakes").text.contains("mod ranges")
+            && !found.contains(&Subject::default())
     );
-    assert!(not_in(&["backends"], &["#![cfg(feature = \"ndarray\")]"]).is_empty());
+    let all = "cargo test --features a --test gpu --test fit -- --nocapture";
+    assert!(kernels.is_run_by(all) && losses.is_run_by(all));
+    let one = "cargo test --test gpu --test fit -- losses::a_name";
+    assert!(!kernels.is_run_by(one) && losses.is_run_by(one));
+    assert!(!losses.is_run_by("cargo test --test gpu -- losses::"));
+    assert!(!kernels.is_run_by("cargo test --features a --lib"));
 }

@@ -143,7 +143,7 @@ fn paths_are_found_in_code_spans() {
 fn a_path_that_is_gone_is_a_complaint() {
     let known = Known::of_repository();
     let missing = |text: &str| known.missing(&("a.md".into(), text.to_owned()));
-    let here = "`src/lib.rs`, `render/options`, `tests/gpu.rs`, `boundary/film`, `docs/GPU.md`, `gpu/`, `.ci/run`";
+    let here = "`src/lib.rs`, `render/options`, `tests/gpu/main.rs`, `boundary/film`, `docs/GPU.md`, `gpu/`, `.ci/run`";
     assert!(missing(here).is_empty(), "{:?}", missing(here));
     for gone in [
         "geometry/trigonometry",

@@ -1,26 +1,18 @@
 //! Shared by the integration tests: reference data, devices, statistics.
-#![allow(dead_code)] // each test binary uses a part
+#![allow(dead_code)] // each program of tests uses a part
 
-pub mod detail;
 pub mod errors;
 pub mod facets;
 pub mod folder;
-pub mod gltf;
-pub mod gpu;
 pub mod gradients;
-pub mod images;
-pub mod jumps;
 pub mod memory;
-pub mod mesh_loops;
-pub mod modules;
 pub mod numbers;
-pub mod random_scenes;
+pub mod process;
 pub mod scenes;
 pub mod stress;
 pub mod tensors;
 pub mod told;
 pub mod training;
-pub mod weights;
 
 use std::path::PathBuf;
 

@@ -17,8 +17,16 @@ pub struct Told {
 impl Told {
     /// That a mistake is an error whose message has these parts.
     pub fn expect<T>(&mut self, mistake: &str, parts: &[&str], f: impl FnOnce() -> Result<T>) {
-        let message = match catch_unwind(AssertUnwindSafe(f)) {
-            Ok(Ok(_)) => "NO ERROR".to_owned(),
+        self.hear(
+            mistake,
+            parts,
+            catch_unwind(AssertUnwindSafe(|| f().map(drop))),
+        );
+    }
+
+    fn hear(&mut self, mistake: &str, parts: &[&str], said: std::thread::Result<Result<()>>) {
+        let message = match said {
+            Ok(Ok(())) => "NO ERROR".to_owned(),
             Ok(Err(error)) => {
                 let (shown, debug) = (error.to_string(), format!("{error:?}"));
                 if shown != debug {

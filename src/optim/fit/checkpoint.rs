@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
+use burn::store::RecordError;
 
 use super::{History, Warning};
 use crate::error::{Error, Result};
@@ -41,7 +42,7 @@ pub(super) struct Checkpoint {
 impl Checkpoints {
     /// Opens a folder of checkpoints, or makes it. Checkpoints that a killed run left incomplete are removed, and on a
     /// restart all checkpoints are.
-    pub fn open(folder: &Path, restart: bool, warn: &mut impl FnMut(Warning)) -> Result<Self> {
+    pub fn open(folder: &Path, restart: bool, warn: &mut dyn FnMut(Warning)) -> Result<Self> {
         let inside = folder.join("checkpoints");
         fs::create_dir_all(&inside).map_err(Error::io(&inside))?;
         let lock = lock(&folder.join(LOCK), folder, warn)?;
@@ -71,7 +72,7 @@ impl Checkpoints {
     pub fn newest(
         &self,
         settings: &str,
-        warn: &mut impl FnMut(Warning),
+        warn: &mut dyn FnMut(Warning),
     ) -> Result<Option<Checkpoint>> {
         let mut damaged = None;
         for (steps, folder) in self.all()?.into_iter().rev() {
@@ -98,6 +99,17 @@ impl Checkpoints {
         history: &History,
         settings: &str,
     ) -> Result<()> {
+        let module = |path: PathBuf| module.clone().save_file(path);
+        self.write_all(&module, optimizer, history, settings)
+    }
+
+    fn write_all(
+        &self,
+        module: &dyn Fn(PathBuf) -> std::result::Result<(), RecordError>,
+        optimizer: &ModuleOptimizer,
+        history: &History,
+        settings: &str,
+    ) -> Result<()> {
         let name = format!("{:08}", history.rows.len());
         let part = self.inside.join(format!("{PART}{name}"));
         if part.exists() {
@@ -105,8 +117,8 @@ impl Checkpoints {
         }
         fs::create_dir(&part).map_err(Error::io(&part))?;
         let at = |file: &str| part.join(file);
-        let failed = |e: burn::store::RecordError| Error::format(&part, e.to_string());
-        module.clone().save_file(at(MODULE)).map_err(failed)?;
+        let failed = |e: RecordError| Error::format(&part, e.to_string());
+        module(at(MODULE)).map_err(failed)?;
         optimizer.save(at(OPTIMIZER)).map_err(failed)?;
         fs::write(at(HISTORY), history.to_csv()).map_err(Error::io(&at(HISTORY)))?;
         fs::write(at(SETTINGS), settings).map_err(Error::io(&at(SETTINGS)))?;
@@ -217,7 +229,7 @@ fn checksum(folder: &Path, file: &str) -> Result<String> {
 }
 
 /// Locks a file for as long as it stays open; the system unlocks it where a process is killed.
-fn lock(path: &Path, folder: &Path, warn: &mut impl FnMut(Warning)) -> Result<File> {
+fn lock(path: &Path, folder: &Path, warn: &mut dyn FnMut(Warning)) -> Result<File> {
     let file = File::create(path).map_err(Error::io(path))?;
     match file.try_lock() {
         Ok(()) => Ok(file),

@@ -105,7 +105,7 @@ impl<M: Module> Run<M> {
     }
 
     /// Takes a step.
-    fn step(mut self, f: &mut impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Self> {
+    fn step(mut self, f: &mut dyn FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Self> {
         let index = self.history.rows.len();
         let first = index == 0 || self.resumed == Some(index);
         let steps = self.fit.steps;

@@ -1,0 +1,18 @@
+//! Fits and what they are made of: the loop, losses, regularisers, schedules, modules.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod parameters;
+
+mod backends;
+mod large_steps;
+mod losses;
+mod mesh_losses;
+mod module_configs;
+mod module_files;
+mod module_gradients;
+mod modules;
+mod output;
+mod point_clouds;
+mod run;
+mod schedule;

@@ -1,0 +1,169 @@
+//! Parameters of modules in burnpack and safetensors files, and those that do not fit.
+#![cfg(feature = "safetensors")]
+
+use std::path::PathBuf;
+
+use crate::common;
+use crate::common::errors::{message, says};
+use crate::parameters::{changed, parameters};
+use burn::module::Module;
+use burn::tensor::DType;
+use softray::Error;
+use softray::modules::{RotationForm, cast, load_safetensors, save_safetensors};
+use softray::prelude::*;
+
+/// One of each.
+#[derive(Module, Debug)]
+struct All {
+    mesh: MeshParams,
+    offsets: MeshOffsets,
+    pose: RigidTransform,
+    camera: CameraParams,
+    texture: TextureParams,
+    sky: EnvironmentParams,
+    surface: MaterialParams,
+}
+
+fn all(device: &Device) -> All {
+    let ball = shapes::icosahedron(device);
+    All {
+        mesh: MeshParams::from_mesh(&ball),
+        offsets: MeshOffsets::from_mesh(&ball),
+        pose: RigidTransformConfig::new().with_scale(true).init(device),
+        camera: CameraParamsConfig::new([0.0, 0.0, 4.0], [0.0; 3])
+            .with_lens(Some([0.1, 3.0]))
+            .init(device)
+            .expect("a camera")
+            .freeze_lens(),
+        texture: TextureParams::grey(3, 4, device),
+        sky: EnvironmentParams::uniform(2, 4, 1.0, device).expect("a sky"),
+        surface: MaterialParamsConfig::new()
+            .with_specular(Some([0.2; 3]))
+            .with_emission(Some([1.0; 3]))
+            .init(device)
+            .expect("a material"),
+    }
+}
+
+fn path(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("modules-{name}"))
+}
+
+/// Saved after every parameter was changed, and loaded into the module as it was: by both formats.
+fn round_trip<M: Module>(name: &str, module: M) {
+    let before = parameters(&module, None);
+    let moved = changed(module.clone(), |_, i, v| v + 0.1 + 0.01 * i as f64);
+    let expected = parameters(&moved, None);
+    assert!(
+        before
+            .iter()
+            .zip(&expected)
+            .all(|(a, b)| a.values != b.values)
+    );
+    let file = path(&format!("{name}.safetensors"));
+    save_safetensors(&moved, &file).expect("a file");
+    let loaded = load_safetensors(module.clone(), &file).expect("a module");
+    assert_eq!(parameters(&loaded, None), expected);
+    let file = path(&format!("{name}.bpk"));
+    moved.save_file(&file).expect("a file");
+    let loaded = module.try_load_file(&file).expect("a module");
+    assert_eq!(parameters(&loaded, None), expected);
+}
+
+#[test]
+fn parameters_come_back_from_files() {
+    let all = all(&Device::flex().autodiff());
+    let found = parameters(&all, None);
+    let trained = |name: &str| found.iter().find(|p| p.name == name).expect(name).trained;
+    assert!(trained("mesh.vertices") && trained("camera.eye"));
+    assert!(!trained("camera.up") && !trained("camera.lens.log_focus"));
+    round_trip("mesh", all.mesh.clone());
+    round_trip("offsets", all.offsets.clone());
+    round_trip("pose", all.pose.clone());
+    round_trip("camera", all.camera.clone());
+    round_trip("texture", all.texture.clone());
+    round_trip("sky", all.sky.clone());
+    round_trip("surface", all.surface.clone());
+    round_trip("all", all);
+}
+
+/// The float type is the module's, whatever the file's.
+#[test]
+fn files_take_the_modules_float_type() {
+    let device = Device::flex().autodiff();
+    let file = path("f64.safetensors");
+    save_safetensors(&cast(all(&device), DType::F64), &file).expect("a file");
+    let loaded = load_safetensors(all(&device), &file).expect("a module");
+    assert_eq!(loaded.mesh.vertices.val().dtype(), DType::F32);
+    assert!(loaded.mesh.vertices.val().is_require_grad());
+    let same = parameters(&all(&device), None);
+    assert_eq!(parameters(&loaded, None), same);
+    // Burn's records bring theirs: constants follow.
+    let offsets = MeshOffsets::from_mesh(&shapes::icosahedron(&device));
+    let double = cast(offsets.clone(), DType::F64).into_record();
+    let mesh = offsets.try_load_record(double).expect("a module").mesh();
+    assert_eq!(mesh.vertices.dtype(), DType::F64);
+}
+
+#[test]
+fn what_does_not_fit_is_named() {
+    let device = Device::flex().autodiff();
+    let coarse = MeshParams::from_mesh(&shapes::icosahedron(&device));
+    let fine = MeshParams::from_mesh(&shapes::icosphere(1, &device));
+    let file = path("fine.safetensors");
+    save_safetensors(&fine, &file).expect("a file");
+    let error = load_safetensors(coarse.clone(), &file).expect_err("another number of vertices");
+    assert!(matches!(error, Error::Invalid { .. }));
+    says(
+        &error,
+        [
+            "fine.safetensors: vertices is of shape [42, 3]",
+            "shape [12, 3]",
+        ],
+    );
+    let error = coarse.clone().try_load_record(fine.clone().into_record());
+    says(message(error), ["vertices", "[12, 3]", "[42, 3]"]);
+
+    let offsets = MeshOffsets::from_mesh(&shapes::icosphere(1, &device));
+    let error = load_safetensors(offsets, &file).expect_err("other names");
+    says(&error, ["offsets is missing"]);
+    let scaled = RigidTransformConfig::new().with_scale(true).init(&device);
+    let file = path("scaled.safetensors");
+    save_safetensors(&scaled, &file).expect("a file");
+    let error = load_safetensors(RigidTransform::new(&device), &file).expect_err("no scale");
+    says(&error, ["log_scale is in the file alone"]);
+    let turned = RigidTransformConfig::new()
+        .with_rotation(RotationForm::Quaternion)
+        .with_scale(true)
+        .init(&device);
+    let error = load_safetensors(turned, &file).expect_err("another form");
+    says(&error, ["rotation is of shape [6]", "shape [4]"]);
+
+    let absent = path("absent.safetensors");
+    let error = load_safetensors(coarse.clone(), &absent).expect_err("no file");
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    says(&error, ["absent.safetensors"]);
+    let broken = path("broken.safetensors");
+    std::fs::write(&broken, b"no tensors").expect("a file");
+    let error = load_safetensors(coarse.clone(), &broken).expect_err("no tensors");
+    assert!(matches!(error, Error::Format { .. }), "{error}");
+    let nowhere = path("no-such-folder").join("a.safetensors");
+    let error = save_safetensors(&coarse, &nowhere).expect_err("no folder");
+    says(&error, ["no-such-folder"]);
+}
+
+/// Saving replaces the file, and leaves nothing beside it.
+#[test]
+fn files_are_replaced_whole() {
+    let folder = path("replaced");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let file = folder.join("pose.safetensors");
+    let device = Device::flex();
+    for x in [1.0, 2.0] {
+        let pose = RigidTransform::new(&device).with_translation([x, 0.0, 0.0]);
+        save_safetensors(&pose.expect("a pose"), &file).expect("a file");
+    }
+    let loaded = load_safetensors(RigidTransform::new(&device), &file).expect("a module");
+    assert_eq!(common::values(&loaded.translation.val()), [2.0, 0.0, 0.0]);
+    assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 1);
+}

@@ -1,0 +1,371 @@
+//! The fitting loop: it descends, keeps a history, clips, stops, and survives being killed.
+
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::Duration;
+
+use crate::common;
+use crate::common::errors::{message, says};
+use crate::common::process::again;
+use crate::common::values;
+use burn::module::{Module, Param};
+use burn::optim::{AdamConfig, SgdConfig};
+use burn::tensor::Device;
+use softray::optim::{BlurSchedule, Evaluation, Fit, Fitted, PlateauBlur, Rate, Step, Stop, loss};
+use softray::prelude::*;
+
+#[derive(Module, Debug)]
+struct Point {
+    at: Param<Tensor<1>>,
+}
+
+fn point(at: &[f32]) -> Point {
+    let at = Tensor::from_floats(at, &Device::flex().autodiff());
+    Point {
+        at: Param::from_tensor(at),
+    }
+}
+
+fn place(point: &Point) -> Vec<f64> {
+    values(&point.at.val())
+}
+
+/// |x|², and noise that is a function of the step alone.
+fn bowl(point: &Point, step: &Step) -> softray::Result<Evaluation> {
+    let noise = (step.seed(0) % 97) as f64 / 97.0 - 0.5;
+    let x = point.at.val();
+    let loss = (x.clone() * x.clone()).sum() + x.sum() * (0.1 * noise);
+    Ok(Evaluation::new(loss).value("first", place(point)[0]))
+}
+
+fn folder(name: &str) -> PathBuf {
+    common::target_folder(&format!("fit-{name}"))
+}
+
+fn adam() -> burn::optim::ModuleOptimizer {
+    AdamConfig::new().init()
+}
+
+#[test]
+fn it_descends_and_keeps_a_history() {
+    let folder = folder("history");
+    let seen = std::rc::Rc::new(std::cell::RefCell::new(Vec::new()));
+    let steps = seen.clone();
+    let fitted = Fit::new(point(&[1.0, -2.0]), adam(), 300)
+        .progress(false)
+        .rate(Rate::cosine(0.05))
+        .blur(BlurSchedule::decay(1e-1, 1e-3, 200).expect("a schedule"))
+        .folder(&folder)
+        .on_step(100, move |report| {
+            steps.borrow_mut().push(report.step.index);
+            assert_eq!(report.history.rows.len(), report.step.index + 1);
+            Ok(true)
+        })
+        .run(bowl)
+        .expect("a fit");
+    let at = place(&fitted.module);
+    assert!(at.iter().all(|x| x.abs() < 0.02), "{at:?}");
+    assert_eq!(*seen.borrow(), [0, 100, 200, 299]);
+    assert_eq!(fitted.stop, Stop::Steps);
+    assert_eq!(fitted.history.curve("first")[0], (0.0, 1.0));
+    assert_eq!(fitted.history.curve("blur")[0], (0.0, 1e-1));
+    assert_eq!(fitted.history.curve("blur")[250], (250.0, 1e-3));
+    let csv = std::fs::read_to_string(folder.join("history.csv")).expect("a history");
+    assert_eq!(csv, fitted.history.to_csv());
+    assert_eq!(csv.lines().count(), 301);
+    let plots = HostImage::read(folder.join("history.png")).expect("plots");
+    // Three plots side by side: the blur has a schedule.
+    assert!(plots.width > 3 * 400 && plots.height > 250, "{plots:?}");
+    let kept = std::fs::read_dir(folder.join("checkpoints")).expect("checkpoints");
+    assert_eq!(kept.count(), 2);
+}
+
+/// The gradient of the bowl at 3 is 6 long; clipped to 0.5 a step of rate 1 is 0.5 long.
+#[test]
+fn gradients_are_clipped_by_their_norm() {
+    let step = |clip: Option<f64>| {
+        let fit = Fit::new(point(&[3.0, 4.0]), SgdConfig::new().init(), 1)
+            .progress(false)
+            .rate(0.1);
+        let fit = match clip {
+            Some(norm) => fit.clip(norm),
+            None => fit,
+        };
+        let fitted = fit
+            .run(|p: &Point, _: &_| {
+                let x = p.at.val();
+                Ok(Evaluation::new((x.clone() * x).sum()))
+            })
+            .expect("a step");
+        assert!((fitted.history.rows[0].gradient_norm - 10.0).abs() < 1e-5);
+        place(&fitted.module)
+    };
+    let close = |a: Vec<f64>, b: [f64; 2]| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-6);
+    assert!(close(step(None), [2.4, 3.2]));
+    assert!(close(step(Some(100.0)), [2.4, 3.2]));
+    assert!(close(step(Some(1.0)), [3.0 - 0.06, 4.0 - 0.08]));
+}
+
+#[test]
+fn it_stops_where_the_loss_is_flat_and_stays_stopped() {
+    let folder = folder("early");
+    let run = || {
+        Fit::new(point(&[0.5]), adam(), 2000)
+            .progress(false)
+            .rate(0.02)
+            .early_stop(60)
+            .folder(&folder)
+            .run(bowl)
+            .expect("a fit")
+    };
+    let first = run();
+    assert_eq!(first.stop, Stop::Early);
+    let steps = first.history.rows.len();
+    assert!((120..1000).contains(&steps), "{steps}");
+    assert_eq!(first.plateaus, [steps - 1]);
+    let second = run();
+    assert_eq!(second.stop, Stop::Early);
+    assert_eq!(second.resumed, Some(steps));
+    assert_eq!(place(&second.module), place(&first.module));
+}
+
+/// While the blur still falls the loss may rise without the fit having ended.
+#[test]
+fn blur_that_follows_the_loss_falls_where_it_is_flat() {
+    let fit = |folder: Option<&Path>, last: usize| {
+        let blur = PlateauBlur::new(1e-1, 1e-3, 0.5, 20).expect("a schedule");
+        let fit = Fit::new(point(&[0.5]), adam(), 400)
+            .progress(false)
+            .rate(0.02)
+            .blur(blur);
+        let fit = fit.on_step(1, move |report| Ok(report.step.index < last));
+        let fit = match folder {
+            Some(folder) => fit.folder(folder).checkpoint_every(7),
+            None => fit,
+        };
+        fit.run(bowl).expect("a fit").history
+    };
+    let whole = fit(None, 400);
+    let last = whole.rows[399].blur.expect("a schedule");
+    assert!(last < 2e-2, "{last}");
+    // Resumed, it goes on where it was.
+    let folder = folder("plateau");
+    fit(Some(&folder), 150);
+    let resumed = fit(Some(&folder), 400);
+    assert_eq!(resumed.curve("blur"), whole.curve("blur"));
+    assert_eq!(resumed.curve("loss"), whole.curve("loss"));
+}
+
+#[test]
+fn mistakes_are_named() {
+    let fit = || Fit::new(point(&[0.5]), adam(), 10).progress(false);
+    let nan = |p: &Point, step: &Step| {
+        let factor = if step.index == 3 { f64::NAN } else { 1.0 };
+        Ok(Evaluation::new(p.at.val().sum() * factor))
+    };
+    assert!(message(fit().run(nan)).contains("the loss of step 3 is NaN"));
+    let root = |p: &Point, _: &Step| Ok(Evaluation::new((p.at.val() * 0.0).sqrt().sum()));
+    assert!(message(fit().run(root)).contains("the gradient of step 0"));
+    let apart = |_: &Point, _: &Step| {
+        let loss = Tensor::from_floats([1.0], &Device::flex())
+            .autodiff()
+            .require_grad();
+        Ok(Evaluation::new(loss))
+    };
+    assert!(message(fit().run(apart)).contains("gradient is absent"));
+    assert!(message(fit().rate(-1.0).run(bowl)).contains("rate is -1"));
+    assert!(message(fit().seed(1 << 24).run(bowl)).contains("seed"));
+    assert!(message(fit().clip(0.0).run(bowl)).contains("clip is 0"));
+    let other = |p: &Point, step: &Step| {
+        let evaluation = Evaluation::new(p.at.val().sum());
+        let name = if step.index == 2 { "b" } else { "a" };
+        Ok(evaluation.value(name, 0.0))
+    };
+    assert!(message(fit().run(other)).contains("values of step 2"));
+    // A checkpoint of a fit with other settings, which are named.
+    let folder = folder("mistakes");
+    fit().folder(&folder).run(bowl).expect("a fit");
+    let sgd = SgdConfig::new().init();
+    let slower = AdamConfig::new().with_beta_1(0.8).init();
+    let of = |optimizer, steps| Fit::new(point(&[0.5]), optimizer, steps).progress(false);
+    for (name, other) in [
+        ("seed", fit().seed(5)),
+        ("steps", of(adam(), 20)),
+        ("rate", fit().rate(Rate::cosine(0.01))),
+        (
+            "blur",
+            fit().blur(BlurSchedule::decay(0.1, 0.01, 5).expect("one")),
+        ),
+        ("optimizer", of(sgd, 10)),
+        ("optimizer", of(slower, 10)),
+    ] {
+        let found = message(other.folder(&folder).run(bowl));
+        let named = found.matches(" now").count() == 1 && found.contains(&format!("(\"{name} "));
+        assert!(named, "{name}: {found}");
+    }
+    let fitted = fit().seed(5).folder(&folder).restart(true).run(bowl);
+    assert_eq!(fitted.expect("a fit").resumed, None);
+}
+
+/// Bytes that changed, in any file of a checkpoint: the one before it serves, and the fit ends the same.
+#[test]
+fn damaged_checkpoints_are_passed_over() {
+    let folder = folder("damaged");
+    let fit = |last: usize| {
+        Fit::new(point(&[0.5, -1.0]), adam(), 40)
+            .progress(false)
+            .checkpoint_every(5)
+            .folder(&folder)
+            .on_step(1, move |report| Ok(report.step.index < last))
+            .run(bowl)
+    };
+    let whole = Fit::new(point(&[0.5, -1.0]), adam(), 40)
+        .progress(false)
+        .run(bowl);
+    let whole = place(&whole.expect("a fit").module);
+    let checkpoints = folder.join("checkpoints");
+    for file in [
+        "module.bpk",
+        "optimizer.bpk",
+        "history.csv",
+        "settings.txt",
+        "checksums.txt",
+    ] {
+        for cut in [false, true] {
+            std::fs::remove_dir_all(&folder).ok();
+            fit(22).expect("a fit"); // Checkpoints after 20 and 23 steps.
+            let path = checkpoints.join("00000023").join(file);
+            let mut bytes = std::fs::read(&path).expect("a file");
+            let middle = bytes.len() / 2;
+            if cut {
+                bytes.truncate(middle);
+            } else {
+                bytes[middle] ^= 0x10;
+            }
+            std::fs::write(&path, bytes).expect("a file");
+            let resumed = fit(40).expect("a fit");
+            assert_eq!(resumed.resumed, Some(20), "{file}");
+            assert_eq!(place(&resumed.module), whole, "{file}");
+        }
+    }
+    // All of them damaged: not a new beginning.
+    for entry in std::fs::read_dir(&checkpoints).expect("checkpoints") {
+        let path = entry.expect("an entry").path().join("module.bpk");
+        std::fs::write(path, "nothing").expect("a file");
+    }
+    says(message(fit(40)), ["module.bpk"]);
+}
+
+#[test]
+fn one_process_fits_in_a_folder() {
+    let folder = folder("shared");
+    let inner = folder.clone();
+    let fit = |folder: &Path| {
+        Fit::new(point(&[0.5]), adam(), 2)
+            .progress(false)
+            .folder(folder)
+    };
+    let fitted = fit(&folder).on_step(1, move |report| {
+        if report.step.index == 0 {
+            says(message(fit(&inner).run(bowl)), ["another process"]);
+        }
+        Ok(true)
+    });
+    fitted.run(bowl).expect("a fit");
+    let again = fit(&folder).run(bowl).expect("the lock is gone");
+    assert_eq!(again.resumed, Some(2));
+}
+
+/// A fit of an offset through the renderer; one or two seconds.
+fn rendered(folder: &Path) -> Fitted<Point> {
+    let device = Device::flex();
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+    let options = RenderOptions::new(16, 16).samples(4).bounces(1);
+    let scene = |at: Tensor<1>| {
+        Scene::new()
+            .with(Object::new(shapes::icosahedron(&device).translated(at)))
+            .environment([1.0, 1.0, 1.0])
+    };
+    let still = scene(Tensor::zeros([3], &device));
+    let sharp = options.clone().samples(64);
+    let target = render(&still, &camera, &sharp).expect("a target").radiance;
+    let blur = BlurSchedule::decay(0.1, 1e-3, 200).expect("a schedule");
+    Fit::new(point(&[0.3, -0.2, 0.1]), adam(), 300)
+        .progress(false)
+        .rate(Rate::cosine(0.03))
+        .blur(blur)
+        .folder(folder)
+        .checkpoint_every(3)
+        .run(|p: &Point, step: &_| {
+            let see = |k| render(&scene(p.at.val()), &camera, &step.options(&options, k));
+            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+            Ok(Evaluation::new(loss::mse_unbiased(a, b, target.clone())))
+        })
+        .expect("a fit")
+}
+
+/// The folder of the process that is killed, which runs the same test.
+const VICTIM: &str = "SOFTRAY_FIT_FOLDER";
+
+#[test]
+fn killed_at_any_moment_it_ends_the_same() {
+    if let Some(folder) = std::env::var_os(VICTIM) {
+        let fitted = rendered(Path::new(&folder));
+        let text: Vec<String> = place(&fitted.module).iter().map(f64::to_string).collect();
+        println!("at {} from {:?}", text.join(" "), fitted.resumed);
+        return;
+    }
+    let (alone, killed) = (folder("alone"), folder("killed"));
+    let start = std::time::Instant::now();
+    let whole = rendered(&alone);
+    let seconds = start.elapsed().as_secs_f64();
+    let at = place(&whole.module);
+    assert!(at[..2].iter().all(|x| x.abs() < 0.05), "{at:?}");
+    let victim = || {
+        let mut command = again(killed_at_any_moment_it_ends_the_same);
+        command
+            .env(VICTIM, &killed)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null());
+        command
+    };
+    // Ten kills, spread over the fit by a sequence of small discrepancy.
+    let mut before_end = 0;
+    for k in 0..10 {
+        let mut child = victim().spawn().expect("a process");
+        let share = (0.5 + 0.618 * f64::from(k)).fract();
+        std::thread::sleep(Duration::from_secs_f64(0.02 + 0.12 * share * seconds));
+        before_end += usize::from(child.try_wait().expect("a state").is_none());
+        child.kill().expect("a kill");
+        child.wait().expect("an end");
+    }
+    assert!(
+        before_end >= 3,
+        "only {before_end} kills came before the end"
+    );
+    let output = victim().output().expect("a process");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let line = text.lines().find_map(|l| l.split("at ").nth(1));
+    let (found, resumed) = line
+        .and_then(|l| l.split_once(" from "))
+        .unwrap_or_else(|| panic!("no result: {text}"));
+    let found: Vec<f64> = found
+        .split(' ')
+        .map(|x| x.parse().expect("a number"))
+        .collect();
+    assert_eq!(found, at);
+    assert!(resumed.starts_with("Some"), "{resumed}");
+    let read = |folder: &Path| {
+        let path = folder.join("history.csv");
+        let text = std::fs::read_to_string(path).expect("a history");
+        // All columns but the seconds.
+        let cells = |l: &str| {
+            let mut cells: Vec<String> = l.split(',').map(String::from).collect();
+            cells.remove(5);
+            cells
+        };
+        text.lines().map(cells).collect::<Vec<_>>()
+    };
+    assert_eq!(read(&killed), read(&alone));
+    println!("{before_end} of 10 kills came before the end, then resumed at {resumed}");
+}

@@ -1,0 +1,74 @@
+//! Batches on a GPU: views in one launch, of scenes that they share and of others, and what a training step reads back.
+
+use crate::common::numbers::apart;
+use crate::common::process::alone;
+use crate::common::scenes::{diffuse, floor, lamp};
+use crate::common::tensors::{gradient, leaf, tensor, values};
+use crate::device::device;
+use burn::tensor::{DType, Device, Tensor};
+use softray::device::read_backs;
+use softray::prelude::*;
+
+/// Three bodies, of which the last is of two scenes with a map and a lens: kernels of their own.
+fn batch(device: &Device) -> (Batch, Tensor<3>, Tensor<1>) {
+    let ball = shapes::icosahedron(device).scaled([0.5; 3]);
+    let widths = leaf(&[0.8, 1.0, 1.3], device);
+    let stack = Tensor::stack::<3>(vec![ball.vertices.clone(); 3], 0);
+    let vertices = stack.autodiff().require_grad();
+    let scene = Scene::new()
+        .with(diffuse(floor(2.0, -0.6, device), [0.5, 0.4, 0.3]).named("floor"))
+        .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], device))
+        .with(diffuse(ball, [0.3, 0.5, 0.6]).named("body"));
+    let texels: Vec<f64> = (0..384).map(|i| 0.5 + 0.5 * f64::from(i).sin()).collect();
+    let map = Environment::map(tensor(&texels, [8, 16, 3], device, DType::F32));
+    let other = scene.clone().environment(map);
+    let from = |x: f64| Camera::look_at([x, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+    let views = vec![
+        (0, from(0.3)),
+        (1, from(-0.5)),
+        (0, from(1.0)),
+        (2, from(0.1)),
+        (2, from(0.2).thin_lens(0.1, 4.0)),
+    ];
+    let scaled = vertices.clone() * widths.clone().reshape([3, 1, 1]);
+    let scenes = vec![scene.clone(), scene, other];
+    let batch = Batch::views(scenes, views).and_then(|b| b.with_vertices("body", scaled));
+    (batch.expect("a batch"), vertices, widths)
+}
+
+/// The image of the batch, derivatives by all bodies, and what the process read back for each.
+fn on(device: &Device, samples: u32) -> (Vec<f64>, Vec<f64>, [u64; 2]) {
+    let (batch, vertices, widths) = batch(device);
+    let options = RenderOptions::new(12, 10).samples(samples).bounces(1);
+    let before = read_backs();
+    let images = render_batch(&batch, &options.seed(4)).expect("images");
+    let of_render = read_backs() - before;
+    let weights: Vec<f64> = (0..5 * 360).map(|i| (0.37 * f64::from(i)).sin()).collect();
+    let weights = tensor(&weights, [5, 10, 12, 3], device, DType::F32);
+    let loss = (images.radiance.clone() * weights).sum();
+    let before = read_backs();
+    let gradients = loss.backward();
+    let of_backward = read_backs() - before;
+    let mut by = gradient(&vertices, &gradients);
+    by.extend(gradient(&widths, &gradients));
+    (values(&images.radiance), by, [of_render, of_backward])
+}
+
+#[test]
+fn batches_are_those_of_the_host() {
+    if !alone(batches_are_those_of_the_host) {
+        return;
+    }
+    // A pixel's samples are those of one thread, and of several.
+    for samples in [1, 9] {
+        let (image, by, read) = on(&device(), samples);
+        let (wanted, wanted_by, none) = on(&Device::flex(), samples);
+        let (off, off_by) = (apart(&image, &wanted), apart(&by, &wanted_by));
+        println!("{samples} samples: image {off:e}, derivatives {off_by:e}, {read:?} read-backs");
+        assert!(off < 1e-5, "{off}");
+        assert!(off_by < 1e-5, "{off_by}");
+        assert_eq!(none, [0, 0]);
+        // Scenes and cameras together.
+        assert_eq!(read, [1, 0]);
+    }
+}

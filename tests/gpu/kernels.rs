@@ -1,0 +1,396 @@
+//! Kernels on a GPU beside those of the host.
+
+use std::time::Instant;
+
+use crate::common::facets::{clamped_cases, facet_cases};
+use crate::common::gradients::{
+    CONES, Case as Class, Effort, Setup, all_classes, assert_agreement, lights, of_seed,
+};
+use crate::common::numbers::{apart, largest, norm, pairs};
+use crate::common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
+use crate::common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
+use crate::device::{Flips, device};
+use burn::tensor::{DType, Device};
+use softray::prelude::*;
+
+/// Eight samples a pixel.
+const EIGHT: Effort = Effort {
+    samples: 8,
+    ..CONES
+};
+
+/// The same random numbers and formulas: images differ by rounding, and repeat to the bit.
+#[test]
+fn images_are_those_of_the_host() {
+    for bounces in [0, 3] {
+        let at = |device: &Device| {
+            let file = scene_file("cornell", device);
+            let options = RenderOptions::new(64, 64).samples(64).bounces(bounces);
+            radiance(&file.scene, &file.camera, &options.seed(2))
+        };
+        let gpu = at(&device());
+        assert_eq!(gpu, at(&device()));
+        let host = at(&Device::flex());
+        let worst = largest(pairs(&gpu, &host).map(|(a, b)| (a - b) / (1.0 + b)));
+        println!("{bounces} bounces: {worst:e} apart");
+        assert!(worst < 2e-6, "{worst:e}");
+    }
+}
+
+/// A scene for a device, and how it is rendered.
+struct Case {
+    name: &'static str,
+    scene: fn(&Device) -> (Scene, Camera),
+    options: fn(RenderOptions) -> RenderOptions,
+    /// All if there is no list.
+    pixels: Option<&'static [u32]>,
+}
+
+/// Derivatives of a weighted sum of an image by all vertices and velocities.
+fn by_vertices(case: &Case, device: &Device) -> Vec<f64> {
+    let (scene, camera) = (case.scene)(device);
+    let mut scene = with_leaves(scene);
+    let velocity = leaf(&[0.3, 0.1, 0.0], device);
+    let flies = scene.objects.iter().any(|o| o.velocity.is_some());
+    for object in &mut scene.objects {
+        let flies = object.velocity.is_some();
+        object.velocity = flies.then(|| velocity.clone().into());
+    }
+    let options = (case.options)(RenderOptions::new(12, 12).samples(8).seed(3));
+    let start = Instant::now();
+    let (rows, image) = match case.pixels {
+        None => (12, render(&scene, &camera, &options)),
+        Some(pixels) => (1, render_pixels(&scene, &camera, &options, pixels)),
+    };
+    let image = image.expect("an image");
+    let columns = image.radiance.dims()[1];
+    let weights = |channels: usize| -> Tensor<3> {
+        let count = rows * columns * channels;
+        let list: Vec<f64> = (0..count).map(|i| 0.3 + (0.37 * i as f64).sin()).collect();
+        tensor(&list, [rows, columns, channels], device, DType::F32)
+    };
+    let mut loss = (image.radiance * weights(3)).sum();
+    if let Some(normals) = image.normals {
+        loss = loss + (normals * weights(3)).sum() * 0.1;
+    }
+    for plane in [image.depth, image.opacity].into_iter().flatten() {
+        loss = loss + (plane * weights(1).squeeze_dim::<2>(2)).sum() * 0.1;
+    }
+    let gradients = loss.backward();
+    let mut all = Vec::new();
+    for object in &scene.objects {
+        all.extend(gradient(&object.mesh.vertices, &gradients));
+    }
+    if flies {
+        all.extend(gradient(&velocity, &gradients));
+    }
+    println!("{} on {device:?}: {:?}", case.name, start.elapsed());
+    all
+}
+
+/// A ball that flies over a floor under two lights.
+fn flying(device: &Device) -> (Scene, Camera) {
+    let ball = shapes::icosahedron(device)
+        .scaled([0.4; 3])
+        .translated([0.2, 0.7, 0.1]);
+    let sheet = shapes::triangle(
+        [-1.1, 0.8, 0.3],
+        [-0.2, 0.9, 0.6],
+        [-0.5, 1.3, -0.3],
+        device,
+    );
+    let scene = Scene::new()
+        .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]).named("floor"))
+        .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device).named("lamp"))
+        .with(emitting(
+            facing_front([-1.6, -1.2], [0.2, 0.9], -1.0, device),
+            [3.0, 3.0, 4.0],
+        ))
+        .with(diffuse(ball, [0.3, 0.5, 0.6]).velocity([0.3, 0.1, 0.0]))
+        .with(diffuse(sheet, [0.6, 0.3, 0.2]));
+    let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.6, 0.0]).thin_lens(0.1, 3.8);
+    (scene, camera)
+}
+
+#[expect(clippy::too_many_lines, reason = "a list of scenes")]
+fn cases() -> Vec<Case> {
+    vec![
+        Case {
+            name: "shadow",
+            scene: |device| {
+                let file = scene_file("shadow", device);
+                (file.scene, file.camera)
+            },
+            options: |o| o.bounces(0),
+            pixels: None,
+        },
+        Case {
+            name: "cornell",
+            scene: |device| {
+                let file = scene_file("cornell", device);
+                (file.scene, file.camera)
+            },
+            options: |o| o.bounces(2),
+            pixels: None,
+        },
+        Case {
+            name: "flying",
+            scene: flying,
+            options: |o| o.bounces(1),
+            pixels: None,
+        },
+        Case {
+            name: "gloss",
+            scene: |device| {
+                let (scene, camera) = flying(device);
+                let gloss = Material::diffuse([0.3, 0.2, 0.2]).specular([0.5; 3], 20.0);
+                let scene = scene
+                    .map_object("floor", |o| o.material(gloss.clone()))
+                    .expect("the floor")
+                    .environment([0.3, 0.4, 0.5]);
+                (scene, camera)
+            },
+            options: |o| o.bounces(1).visibility(Visibility::cone(0.05)),
+            pixels: None,
+        },
+        Case {
+            name: "map",
+            scene: |device| {
+                let (scene, camera) = flying(device);
+                let texels: Vec<f64> = (0..384).map(|i| 0.5 + 0.5 * f64::from(i).sin()).collect();
+                let map = tensor(&texels, [8, 16, 3], device, DType::F32);
+                let mut scene = scene.environment(Environment::map(map));
+                for object in &mut scene.objects {
+                    object.mesh = object.mesh.clone().smooth_normals();
+                }
+                (scene, camera)
+            },
+            options: |o| o.bounces(1).with_depth().with_normals().with_opacity(),
+            pixels: None,
+        },
+        // Lines in which triangles pass through each other.
+        Case {
+            name: "crossings",
+            scene: |device| {
+                let ball = shapes::icosahedron(device).scaled([0.6; 3]);
+                let ball = ball.translated([0.1, 0.2, 0.1]);
+                let scene = Scene::new()
+                    .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
+                    .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
+                    .with(diffuse(ball, [0.3, 0.5, 0.6]))
+                    .environment([0.2, 0.3, 0.4]);
+                let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.3, 0.0]);
+                (scene, camera.orthographic(3.0))
+            },
+            options: |o| o.bounces(2),
+            pixels: None,
+        },
+        // Holes, in what is seen, what casts shadows and what shines.
+        Case {
+            name: "masks",
+            scene: |device| {
+                let (mut scene, camera) = flying(device);
+                let alphas = [0.2, 0.9, 0.8, 0.1, 0.7, 0.3];
+                let alphas = tensor(&alphas, [2, 3], device, DType::F32);
+                for object in &mut scene.objects {
+                    let count = object.mesh.vertices.dims()[0];
+                    let uvs: Vec<f64> = (0..2 * count).map(|i| 0.7 * i as f64).collect();
+                    let uvs = tensor(&uvs, [count, 2], device, DType::F32);
+                    object.mesh = object.mesh.clone().with_uvs(uvs);
+                    let material = object.materials[0].clone();
+                    object.materials[0] = material.alpha_mask(alphas.clone(), 0.45);
+                }
+                (scene, camera)
+            },
+            options: |o| o.bounces(1),
+            pixels: None,
+        },
+        // So many that one is drawn from a tree, beside lights without extent.
+        Case {
+            name: "many lights",
+            scene: |device| {
+                let (scene, camera) = flying(device);
+                let ball = shapes::icosphere(1, device).scaled([0.3; 3]);
+                let ball = emitting(ball.translated([-1.2, 1.1, 0.6]), [1.0, 2.0, 3.0]);
+                let gloss = Material::diffuse([0.3, 0.2, 0.2]).specular([0.5; 3], 6.0);
+                let scene = scene
+                    .map_object("floor", |o| o.material(gloss.clone()))
+                    .expect("the floor")
+                    .with(ball)
+                    .light(Light::point([0.9, 1.5, 1.2], [2.0, 1.0, 0.5]))
+                    .light(Light::directional([-0.4, -1.0, -0.6], [0.3, 0.4, 0.5]));
+                (scene, camera)
+            },
+            options: |o| o.bounces(1),
+            pixels: None,
+        },
+        Case {
+            name: "pixels",
+            scene: flying,
+            options: |o| o.bounces(1),
+            pixels: Some(&[7, 30, 31, 66, 67, 68, 79, 90, 100, 143]),
+        },
+    ]
+}
+
+/// How far derivatives of one seed may be from those of the host: fifty times what rounding makes of most.
+fn limit(class: &Class) -> f64 {
+    1e-4 + class.flips
+}
+
+/// Every class of parameter, at one seed.
+#[test]
+fn derivatives_of_all_classes() {
+    let (gpu, cpu) = (device(), Device::flex());
+    let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
+    let effort = Effort {
+        samples: 5,
+        ..CONES
+    };
+    assert_agreement(&all_classes(), setups, DType::F32, effort, limit);
+}
+
+/// Emissive textures, and bodies that cross.
+#[test]
+fn derivatives_of_emissive_textures() {
+    let (gpu, cpu) = (device(), Device::flex());
+    let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
+    let effort = EIGHT;
+    for cases in [lights::glowing(), lights::crossings()] {
+        assert_agreement(&cases, setups, DType::F32, effort, limit);
+    }
+}
+
+/// Every parameter of BSDFs of facets, at one seed.
+#[test]
+fn derivatives_of_facets() {
+    let (gpu, cpu) = (device(), Device::flex());
+    let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
+    let effort = EIGHT;
+    assert_agreement(&facet_cases(), setups, DType::F32, effort, limit);
+}
+
+/// Parameters outside of their ranges have no gradient, as on the host.
+#[test]
+fn values_outside_of_their_ranges_have_no_gradient() {
+    let effort = EIGHT;
+    for case in clamped_cases() {
+        let found = of_seed(&case, (&device(), |o| o), DType::F32, effort, 5);
+        assert_eq!(found, 0.0, "{}", case.name);
+    }
+}
+
+#[test]
+fn derivatives_by_vertices() {
+    for case in cases() {
+        let found = by_vertices(&case, &device());
+        let again = by_vertices(&case, &device());
+        let wanted = by_vertices(&case, &Device::flex());
+        let apart = apart(&found, &wanted);
+        println!("{}: {apart:e} of {}", case.name, norm(&wanted));
+        assert_eq!(found, again, "{}", case.name);
+        assert!(apart < 1e-5, "{}: {apart:e}", case.name);
+    }
+}
+
+/// A scene of so many faces; over 32 those of a ball over a floor and under a lamp.
+fn of_faces(faces: usize, device: &Device) -> (Scene, Camera) {
+    let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.3, 0.0]);
+    let sky = [0.2, 0.3, 0.4];
+    if faces == 2 {
+        let square = facing_front([-0.5, 0.7], [-0.4, 0.8], 0.0, device);
+        let scene = Scene::new().with(diffuse(square, [0.3, 0.5, 0.6]));
+        return (scene.environment(sky), camera);
+    }
+    if faces == 32 {
+        let file = scene_file("cornell", device);
+        return (file.scene, file.camera);
+    }
+    let subdivisions = (faces / 20).ilog2() / 2;
+    let ball = shapes::icosphere(subdivisions, device).scaled([0.6; 3]);
+    assert_eq!(ball.faces.len(), faces);
+    let scene = Scene::new()
+        .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
+        .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
+        .with(diffuse(ball.translated([0.1, 0.8, 0.1]), [0.3, 0.5, 0.6]))
+        .environment(sky);
+    (scene, camera)
+}
+
+/// Images and derivatives at one seed: by all vertices, and by the place of each object.
+#[test]
+fn scenes_of_few_and_of_many_faces() {
+    const SIZE: usize = 16;
+    const SAMPLES: u32 = 8;
+    let at = |faces: usize, device: &Device| {
+        let start = Instant::now();
+        let (scene, camera) = of_faces(faces, device);
+        let scene = with_leaves(scene);
+        let options = RenderOptions::new(SIZE, SIZE)
+            .samples(SAMPLES)
+            .bounces(1)
+            .seed(5);
+        let image = render(&scene, &camera, &options).expect("an image");
+        let weights: Vec<f64> = (0..3 * SIZE * SIZE)
+            .map(|i| 0.6 + (0.37 * i as f64).sin())
+            .collect();
+        let weights = tensor(&weights, [SIZE, SIZE, 3], device, DType::F32);
+        let gradients = (image.radiance.clone() * weights).sum().backward();
+        let of_object = |o: &Object| gradient(&o.mesh.vertices, &gradients);
+        let by_vertices: Vec<Vec<f64>> = scene.objects.iter().map(of_object).collect();
+        let by_place = |g: &Vec<f64>| -> Vec<f64> {
+            let along = |axis: usize| g.iter().skip(axis).step_by(3).sum();
+            (0..3).map(along).collect()
+        };
+        let by_places: Vec<f64> = by_vertices.iter().flat_map(by_place).collect();
+        println!("{faces} faces on {device:?}: {:?}", start.elapsed());
+        (values(&image.radiance), by_places, by_vertices.concat())
+    };
+    for faces in [2, 32, 320, 1280, 20_480] {
+        let (found, wanted) = (at(faces, &device()), at(faces, &Device::flex()));
+        let flips = Flips::of(&found.0, &wanted.0);
+        let (places, vertices) = (apart(&found.1, &wanted.1), apart(&found.2, &wanted.2));
+        println!("{faces} faces: {flips:?}, derivatives by {places:e} and {vertices:e}");
+        flips.assert_at_most(1, SAMPLES);
+        assert!(
+            places < 1e-4 && vertices < 1e-4,
+            "{faces}: {places} {vertices}"
+        );
+    }
+}
+
+/// What a render on a GPU counts on request is what the host counts.
+#[test]
+fn rays_are_counted_on_request() {
+    let counted = ["cornell", "map", "pixels"];
+    for case in cases().iter().filter(|c| counted.contains(&c.name)) {
+        let at = |device: &Device, counted: bool| {
+            let (scene, camera) = (case.scene)(device);
+            let options = (case.options)(RenderOptions::new(12, 12).samples(8).seed(3));
+            let options = options.bounces(3).russian_roulette(1);
+            let options = if counted {
+                options.with_statistics().with_diagnostics()
+            } else {
+                options
+            };
+            let image = match case.pixels {
+                None => render(&scene, &camera, &options),
+                Some(pixels) => render_pixels(&scene, &camera, &options, pixels),
+            };
+            let image = image.expect("an image");
+            (image.statistics, image.diagnostics)
+        };
+        let gpu = device();
+        let (found, mut wanted) = (at(&gpu, true), at(&Device::flex(), true));
+        assert_eq!(found.0.program, Program::DeviceKernels);
+        wanted.0.program = found.0.program;
+        println!("{}: {:?}", case.name, found.0);
+        assert!(found.0.bounces.len() > 1, "{}", case.name);
+        assert_eq!(found, wanted, "{}", case.name);
+        if case.name == "pixels" {
+            let mut nothing = Statistics::default();
+            nothing.program = found.0.program;
+            assert_eq!(at(&gpu, false), (nothing, None));
+        }
+    }
+}

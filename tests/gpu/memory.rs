@@ -1,0 +1,58 @@
+//! Memory of a GPU.
+
+use crate::common::process::alone;
+use crate::common::scenes::{diffuse, facing_front, floor, lamp};
+use crate::common::tensors::{gradient, leaf};
+use crate::device::device;
+use burn::tensor::Device;
+use softray::prelude::*;
+
+/// A step of a training: the gradient by the place of a square.
+fn step(device: &Device, options: &RenderOptions) -> Vec<f64> {
+    let place = leaf(&[0.1, 0.6, 0.1], device);
+    let square = facing_front([-0.5, 0.4], [-0.4, 0.5], 0.0, device).translated(place.clone());
+    let scene = Scene::new()
+        .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
+        .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
+        .with(diffuse(square, [0.3, 0.5, 0.6]));
+    let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.3, 0.0]);
+    let image = render(&scene, &camera, options).expect("an image");
+    let gradients = image.radiance.powf_scalar(2.0).sum().backward();
+    gradient(&place, &gradients)
+}
+
+/// Bytes that are in use and bytes that are reserved.
+fn bytes(device: &Device) -> [u64; 2] {
+    let usage = device.memory_pool_usage().expect("a device that tells");
+    [usage.bytes_in_use, usage.bytes_reserved]
+}
+
+#[test]
+fn memory_is_flat_over_steps_and_samples() {
+    if !alone(memory_is_flat_over_steps_and_samples) {
+        return;
+    }
+    let device = device();
+    let options = |samples| RenderOptions::new(16, 16).samples(samples).bounces(1);
+    let mut sizes = Vec::new();
+    for seed in 0..30 {
+        step(&device, &options(4).seed(seed));
+        sizes.push(bytes(&device));
+    }
+    println!("bytes in use and reserved by steps: {sizes:?}");
+    let ([used, reserved], [used_later, reserved_later]) = (sizes[2], sizes[29]);
+    // CubeCL keeps the numbers that some hundred launches were given. An image of a step has 3 KiB, its records 200.
+    assert!(used > 0 && used_later <= used + 27 * 1024);
+    assert!(10 * reserved_later <= 11 * reserved);
+    device.memory_cleanup();
+    assert_eq!(bytes(&device)[0], 0);
+    // A path may have so many surfaces that the records of three samples are all that is kept at once.
+    let mut long = Vec::new();
+    for samples in [4, 64] {
+        step(&device, &options(samples).bounces(700));
+        long.push(bytes(&device)[1]);
+    }
+    println!("bytes reserved with 4 and 64 samples: {long:?}");
+    assert!(long[0] > 4 * reserved_later);
+    assert!(10 * long[1] <= 11 * long[0]);
+}

@@ -1,0 +1,12 @@
+//! Gradients against central differences, between the engines, and what they take.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod candidates;
+mod classes;
+mod cone;
+mod engines;
+mod memory;
+mod replay;
+mod shadow;

@@ -1,0 +1,373 @@
+//! Materials and lights of glTF files: what is read, and that what is written reads back to the same image.
+
+use crate::common::folder::Folder;
+use crate::common::numbers::mean;
+use crate::common::scenes::{facing_front, floor, lamp};
+use crate::common::tensors::{radiance, values};
+use crate::common::told::warnings;
+use crate::gltf_maker::{Gltf, data_uri};
+use crate::written::{camera, near, texels, uvs};
+use image::{ImageFormat, Rgba, RgbaImage};
+use serde_json::{Value, json};
+use softray::prelude::*;
+
+/// Two pixels side by side.
+fn png(pixels: [[u8; 4]; 2]) -> String {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let image = RgbaImage::from_fn(2, 1, |x, _| Rgba(pixels[x as usize]));
+    image
+        .write_to(&mut bytes, ImageFormat::Png)
+        .expect("a PNG file");
+    data_uri("image/png", &bytes.into_inner())
+}
+
+/// The square with a material, whose textures are images of pixels.
+fn square(material: Value, images: &[[[u8; 4]; 2]]) -> Gltf {
+    let mut file = Gltf::square();
+    for &pixels in images {
+        let source = file.push("images", json!({"uri": png(pixels)}));
+        file.push("textures", json!({"source": source}));
+    }
+    file.material(material);
+    file
+}
+
+/// The scene of a `.gltf` file, and the warnings of it.
+fn load(file: &Gltf) -> (Scene, Vec<String>) {
+    let folder = Folder::new("gltf-materials");
+    let name = format!("{:?}.gltf", std::thread::current().id());
+    let text = file.gltf(&data_uri("application/octet-stream", &file.buffer));
+    let path = folder.write(&name, text);
+    let mut scene = Scene::new();
+    let told = warnings(|| scene = Scene::load(path, &Device::flex()).expect("a scene"));
+    (scene, told)
+}
+
+fn number(texture: &ScalarTexture) -> Vec<f64> {
+    match texture {
+        ScalarTexture::Constant(p) => p.values().expect("a number").to_vec(),
+        ScalarTexture::Texture { texels, .. } => values(texels),
+    }
+}
+
+fn colour(albedo: &Albedo) -> Vec<f64> {
+    match albedo {
+        Albedo::Constant(p) => p.values().expect("a colour").to_vec(),
+        Albedo::Texture { texels, .. } => values(texels),
+    }
+}
+
+#[test]
+fn metal_and_roughness_are_of_linear_channels() {
+    let json = json!({
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [0.9, 0.6, 0.3, 1], "metallicFactor": 0.5, "roughnessFactor": 0.8,
+            "metallicRoughnessTexture": {"index": 0}
+        },
+        "emissiveTexture": {"index": 1}, "emissiveFactor": [1, 0.5, 0],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 6}}
+    });
+    let file = square(
+        json,
+        &[
+            [[9, 51, 255, 255], [7, 102, 0, 255]],
+            [[255, 188, 5, 255], [0; 4]],
+        ],
+    );
+    let (scene, told) = load(&file);
+    assert!(told.is_empty(), "{told:?}");
+    let material = &scene.objects[0].materials[0];
+    assert_eq!(material.bsdf, Bsdf::MetallicRoughness);
+    near(&colour(&material.diffuse), &[0.9, 0.6, 0.3]);
+    near(&number(&material.roughness), &[0.8 * 0.2, 0.8 * 0.4]);
+    near(&number(&material.metallic), &[0.5, 0.0]);
+    // Colours of emission are sRGB: 188 is 0.502886.
+    let green = 0.502_886_5 * 3.0;
+    near(
+        &colour(&material.emission),
+        &[6.0, green, 0.0, 0.0, 0.0, 0.0],
+    );
+    // As a file that leaves out all of it.
+    let (scene, _) = load(&square(json!({}), &[]));
+    let material = &scene.objects[0].materials[0];
+    assert_eq!(material.bsdf, Bsdf::MetallicRoughness);
+    assert_eq!(number(&material.metallic), [1.0]);
+    assert_eq!(number(&material.roughness), [1.0]);
+}
+
+#[test]
+fn what_lets_all_light_pass_is_a_dielectric() {
+    let glass = |transmission: f64, volume: Value, metallic: f64, ior: f64| {
+        json!({
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [0.5, 1, 1, 1], "metallicFactor": metallic, "roughnessFactor": 0.25
+            },
+            "extensions": {
+                "KHR_materials_transmission": {"transmissionFactor": transmission},
+                "KHR_materials_ior": {"ior": ior}, "KHR_materials_volume": volume
+            }
+        })
+    };
+    let solid = json!({"thicknessFactor": 0.1});
+    let (scene, told) = load(&square(glass(1.0, solid.clone(), 0.0, 1.33), &[]));
+    assert!(told.is_empty(), "{told:?}");
+    let material = &scene.objects[0].materials[0];
+    assert_eq!(material.bsdf, Bsdf::Dielectric);
+    near(&colour(&material.diffuse), &[0.5, 1.0, 1.0]);
+    near(&number(&material.ior), &[1.33]);
+    near(&number(&material.roughness), &[0.25]);
+    for (json, bsdf, part) in [
+        (
+            glass(1.0, json!({}), 0.0, 1.5),
+            Bsdf::Dielectric,
+            "walls without thickness",
+        ),
+        (
+            glass(0.5, solid.clone(), 0.0, 1.5),
+            Bsdf::MetallicRoughness,
+            "transmission of less",
+        ),
+        (
+            glass(1.0, solid.clone(), 0.5, 1.5),
+            Bsdf::MetallicRoughness,
+            "beside metal",
+        ),
+        (
+            glass(0.0, json!({}), 0.0, 2.0),
+            Bsdf::MetallicRoughness,
+            "indices of refraction",
+        ),
+    ] {
+        let (scene, told) = load(&square(json, &[]));
+        assert_eq!(scene.objects[0].materials[0].bsdf, bsdf, "{part}");
+        assert!(told.len() == 1 && told[0].contains(part), "{told:?}");
+    }
+    // Metal lets nothing pass, and its reflection has no index of refraction.
+    let (_, told) = load(&square(glass(1.0, solid.clone(), 1.0, 2.0), &[]));
+    assert!(told.is_empty(), "{told:?}");
+    // What doesn't refract renders, too.
+    let (scene, _) = load(&square(glass(1.0, solid, 0.0, 1.0), &[]));
+    let options = RenderOptions::new(4, 4).samples(1).bounces(2);
+    let seen = radiance(&scene.environment([1.0; 3]), &camera(), &options);
+    assert!(seen.iter().all(|v| v.is_finite()));
+}
+
+#[test]
+fn lights_shine_along_their_nodes() {
+    let mut file = Gltf::square();
+    file.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 12, "color": [1, 0.5, 0.25]},
+        {"type": "spot", "spot": {"outerConeAngle": 0.5}},
+        {"type": "directional", "intensity": 3}
+    ]}});
+    let half = 0.5f64.sqrt();
+    let node = |light: u32| json!({"KHR_lights_punctual": {"light": light}});
+    file.json["nodes"] = json!([
+        {"mesh": 0},
+        {"children": [2, 3, 4], "translation": [1, 2, 3], "scale": [2, 2, 2]},
+        {"translation": [0, 1, 0], "extensions": node(0)},
+        {"rotation": [-half, 0, 0, half], "extensions": node(1)},
+        {"rotation": [0, half, 0, half], "extensions": node(2)}
+    ]);
+    file.json["scenes"][0]["nodes"] = json!([0, 1]);
+    let (scene, told) = load(&file);
+    assert!(told.is_empty(), "{told:?}");
+    let of = |p: &Parameter<3>| p.values().expect("values");
+    let [
+        Light::Point {
+            position,
+            intensity,
+        },
+        Light::Spot {
+            direction,
+            inner,
+            outer,
+            ..
+        },
+        Light::Directional {
+            direction: along,
+            irradiance,
+        },
+    ] = &scene.lights[..]
+    else {
+        panic!("other lights");
+    };
+    near(&of(position), &[1.0, 4.0, 3.0]);
+    near(&of(intensity), &[12.0, 6.0, 3.0]);
+    near(&of(direction), &[0.0, -1.0, 0.0]);
+    near(&inner.values().expect("an angle"), &[0.0]);
+    near(&outer.values().expect("an angle"), &[0.5]);
+    near(&of(along), &[-1.0, 0.0, 0.0]);
+    near(&of(irradiance), &[3.0; 3]);
+}
+
+/// All BSDFs of facets with and without textures, and all kinds of lights.
+fn room() -> Scene {
+    let device = Device::flex();
+    let ball = |x: f64, z: f64, material: Material| {
+        let mesh = shapes::icosphere(1, &device).scaled(0.45).smooth_normals();
+        let name = format!("ball {x}");
+        Object::new(mesh.translated([x, 0.5, z]))
+            .named(&name)
+            .material(material)
+    };
+    let rough = ScalarTexture::Texture {
+        texels: texels([3, 2], |i| 0.2 + i as f32 / 9.0),
+        wrap: Wrap::Mirror,
+    };
+    let metal = ScalarTexture::Texture {
+        texels: texels([3, 2], |i| (i % 2) as f32),
+        wrap: Wrap::Mirror,
+    };
+    let base = Albedo::texture(texels([2, 2, 3], |i| 0.05 + i as f32 / 14.0));
+    let tiles = Material::metallic_roughness(base, metal, rough);
+    let worn = ScalarTexture::texture(texels([1, 3], |i| 0.4 + i as f32 / 4.0));
+    let wall = Material::metallic_roughness([0.8, 0.7, 0.2], 0.75, worn).compensated(false);
+    let screen = Albedo::texture(texels([2, 3, 3], |i| (i * 7 % 5) as f32));
+    let screen = Material::metallic_roughness([0.1; 3], 0.0, 0.4).emission(screen);
+    let glass = Material::dielectric(1.45, 0.2);
+    let glass = Material {
+        diffuse: [0.5, 0.9, 1.0].into(),
+        ..glass
+    };
+    let gold = Material::conductor([0.2, 0.4, 1.4], [3.9, 2.4, 1.6], 0.3);
+    let put = |mesh: Mesh, material: Material| Object::new(mesh.with_uvs(uvs())).material(material);
+    Scene::new()
+        .with(put(floor(2.0, 0.0, &device), tiles).named("floor"))
+        .with(
+            put(
+                facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device),
+                wall.named("worn"),
+            )
+            .named("wall"),
+        )
+        .with(
+            put(
+                facing_front([-0.5, 0.5], [1.2, 1.9], -1.5, &device),
+                screen.named("screen"),
+            )
+            .named("screen"),
+        )
+        .with(ball(-0.9, 0.3, glass.named("glass")))
+        .with(ball(0.0, -0.4, gold.named("gold")))
+        .with(ball(
+            0.9,
+            0.2,
+            Material::metallic_roughness([0.9, 0.2, 0.1], 0.0, 0.35),
+        ))
+        .with(lamp(0.8, 2.9, [3.0, 2.5, 2.0], &device).named("lamp"))
+        .light(Light::point([1.0, 2.0, 1.5], [3.1, 2.2, 0.3]))
+        .light(Light::spot(
+            [-1.5, 2.5, 1.0],
+            [3.0, -4.0, -1.0],
+            [9.0, 12.0, 7.7],
+            0.2,
+            0.6,
+        ))
+        .light(Light::directional([0.3, -1.0, -0.4], [0.3, 0.2, 0.4]))
+}
+
+fn image(scene: &Scene) -> Vec<f64> {
+    let options = RenderOptions::new(24, 24).samples(4).bounces(3);
+    radiance(scene, &camera(), &options)
+}
+
+/// Writes a scene and reads it back, both without a warning.
+fn there_and_back(scene: &Scene, name: &str) -> Scene {
+    let folder = Folder::new("gltf-there-and-back");
+    let path = folder.path(name);
+    let mut back = Scene::new();
+    let told = warnings(|| {
+        scene.write(&path).expect("a file");
+        back = Scene::load(&path, &Device::flex()).expect("a scene");
+    });
+    assert!(told.is_empty(), "{told:?}");
+    back
+}
+
+#[test]
+fn facets_and_lights_read_back_to_the_same_image() {
+    let scene = room();
+    let before = image(&scene);
+    assert!(mean(&before) > 0.1, "{}", mean(&before));
+    let back = there_and_back(&scene, "room.glb");
+    let bsdfs = |scene: &Scene| -> Vec<Bsdf> {
+        let materials = scene.objects.iter().flat_map(|o| &o.materials);
+        materials.map(|m| m.bsdf).collect()
+    };
+    assert_eq!(bsdfs(&back), bsdfs(&scene));
+    // Textures are of 16 bits; by that much a path may choose another lobe.
+    let differences = |other: &[f64]| -> Vec<f64> {
+        before
+            .iter()
+            .zip(other)
+            .map(|(a, b)| (a - b).abs())
+            .collect()
+    };
+    let (other, same): (Vec<f64>, Vec<f64>) =
+        differences(&image(&back)).iter().partition(|d| **d > 1e-3);
+    println!(
+        "{} numbers differ, the others by {:.1e}",
+        other.len(),
+        mean(&same)
+    );
+    assert!(other.len() < 9 && mean(&same) < 2e-5);
+    // Each of them counts.
+    let changes: [fn(&mut Scene); 4] = [
+        |scene| scene.lights.clear(),
+        |scene| scene.objects[4].materials[0].roughness = 0.6.into(),
+        |scene| scene.objects[3].materials[0].ior = 1.2.into(),
+        |scene| scene.objects[1].materials[0].compensated = true,
+    ];
+    for change in changes {
+        let mut changed = back.clone();
+        change(&mut changed);
+        let wrong = differences(&image(&changed))
+            .into_iter()
+            .filter(|d| *d > 1e-3)
+            .count();
+        assert!(wrong > 60, "{wrong}");
+    }
+}
+
+#[test]
+fn what_gltf_can_not_hold_is_told() {
+    let device = Device::flex();
+    let square = |material: Material| {
+        let mesh = floor(1.0, 0.0, &device).with_uvs(uvs());
+        Scene::new().with(Object::new(mesh).named("square").material(material))
+    };
+    let image = |height: usize| ScalarTexture::texture(texels([height, 2], |i| 0.1 * i as f32));
+    let told = |scene: &Scene, name: &str| {
+        let folder = Folder::new("gltf-losses");
+        warnings(|| scene.write(folder.path(name)).expect("a file"))
+    };
+    let other_size = square(Material::metallic_roughness([0.5; 3], image(1), image(2)));
+    let refraction = Material::dielectric(ScalarTexture::texture(texels([1, 2], |_| 1.4)), 0.0);
+    let refraction = square(refraction);
+    let dark = Scene::clone(&refraction).light(Light::point([0.0; 3], [-1.0, 1.0, 1.0]));
+    for (scene, parts) in [
+        (&other_size, &["of other sizes or wraps"][..]),
+        (&refraction, &["indices of refraction"]),
+        (&dark, &["no less than 0", "indices of refraction"]),
+    ] {
+        let told = told(scene, "a.glb");
+        assert_eq!(told.len(), parts.len(), "{told:?}");
+        assert!(
+            parts.iter().all(|p| told.iter().any(|t| t.contains(p))),
+            "{told:?}"
+        );
+    }
+    let lit = Scene::new()
+        .with(Object::new(shapes::cube(&device)).material(Material::dielectric(1.5, 0.0)))
+        .light(Light::directional([0.0, -1.0, 0.0], [1.0; 3]));
+    for name in ["a.obj", "a.ply"] {
+        let told = told(&lit, name);
+        for part in [
+            "lights without a surface",
+            "without what only glTF has: the BSDF",
+        ] {
+            assert!(told.iter().any(|t| t.contains(part)), "{name}: {told:?}");
+        }
+    }
+}

@@ -1,0 +1,398 @@
+//! Mistakes of somebody who uses this crate for the first time, with files, modules and losses; and what
+//! is only a warning.
+
+use std::path::PathBuf;
+
+use crate::common::folder::Folder;
+use crate::common::told::{Told, ball, camera, flex, lit, row, see, small, warnings};
+use crate::gltf_maker::Gltf;
+use burn::tensor::Tensor;
+use serde_json::json;
+use softray::modules::{
+    CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig, RenderLossConfig,
+    Renderer, RigidTransform, TextureParams,
+};
+use softray::optim::{BlurSchedule, LargeSteps, LargeStepsConfig, MeshRegulariser};
+use softray::prelude::*;
+use softray::{Error, loss};
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+#[test]
+fn files() {
+    let mut told = Told::default();
+    let folder = Folder::new("files");
+    let obj = |path: PathBuf| Scene::load(path, &flex());
+    told.expect("no OBJ file", &["nowhere.obj", "No such file"], || {
+        obj(folder.path("nowhere.obj"))
+    });
+    told.expect("an OBJ file without faces", &["points.obj", "face"], || {
+        obj(folder.write("points.obj", TRIANGLE))
+    });
+    told.expect(
+        "a glTF file without meshes",
+        &["scene.gltf", "no node"],
+        || obj(folder.write("scene.gltf", "{\"asset\": {\"version\": \"2.0\"}}")),
+    );
+    told.expect("a file of another kind", &["a.fbx", ".gltf"], || {
+        obj(folder.write("a.fbx", "Kaydara"))
+    });
+    told.expect(
+        "a texture that is not there",
+        &["wood.png", "No such"],
+        || {
+            folder.write("a.mtl", "newmtl a\nmap_Kd wood.png\n");
+            let text = format!("mtllib a.mtl\n{TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+            let strict = LoadLimits::default().strict(true);
+            Scene::load_within(folder.write("a.obj", text), &flex(), &strict)
+        },
+    );
+    let scene = |rest: &str| {
+        let text = format!(
+            "{{\"obj\": \"s.obj\", \"camera\": {{\"eye\": [0, 0, 4], \"target\": [0, 0, 0], \
+             \"fov_y_degrees\": 40, \"width\": 4, \"height\": 4}} {rest}}}"
+        );
+        SceneFile::load(folder.write("s.json", &text), &flex())
+    };
+    told.expect(
+        "a scene file without its OBJ",
+        &["s.obj", "No such"],
+        || scene(""),
+    );
+    folder.write("s.obj", TRIANGLE);
+    told.expect("a scene file, no faces", &["s.obj", "face"], || scene(""));
+    folder.write("s.obj", format!("{TRIANGLE}f 1 2 3\n"));
+    told.expect("a velocity of nothing", &["s.json", "\"moon\""], || {
+        scene(", \"velocities\": {\"moon\": [1, 0, 0]}")
+    });
+    told.expect("a missing field", &["t.json", "camera"], || {
+        SceneFile::load(folder.write("t.json", "{\"obj\": \"s.obj\"}"), &flex())
+    });
+    let image = || HostImage::new(2, 2, vec![0.5; 12]);
+    told.expect("write a JPEG", &["a.jpg", ".exr or .png"], || {
+        image()?.write(folder.path("a.jpg"))
+    });
+    told.expect(
+        "write without an ending",
+        &["image", ".exr or .png"],
+        || image()?.write(folder.path("image")),
+    );
+    told.expect("write into no folder", &["none", "no folder"], || {
+        image()?.write(folder.path("none/a.png"))
+    });
+    told.expect("read no image", &["a.obj", "decoded"], || {
+        HostImage::read(folder.path("a.obj"))
+    });
+    told.expect(
+        "an image of 4 channels",
+        &["[2, 2, 4]", "[H, W, 3]"],
+        || HostImage::from_tensor(&Tensor::zeros([2, 2, 4], &flex())),
+    );
+    told.expect("values of an image", &["11 values", "12", "2 × 2"], || {
+        HostImage::new(2, 2, vec![0.0; 11])
+    });
+}
+
+#[test]
+fn modules() {
+    let mut told = Told::default();
+    let device = flex().autodiff();
+    told.expect("fov of a module", &["fov_y", "0", "(1, 170)"], || {
+        CameraParamsConfig::new([0.0, 0.0, 4.0], [0.0; 3])
+            .with_fov_y(0.0)
+            .init(&device)
+    });
+    told.expect(
+        "too much albedo",
+        &["diffuse + specular", "1.4", "at most 1"],
+        || {
+            MaterialParamsConfig::new()
+                .with_diffuse([0.7; 3])
+                .with_specular(Some([0.7; 3]))
+                .init(&device)
+        },
+    );
+    told.expect(
+        "a texture as material",
+        &["diffuse", "texture", "TextureParams"],
+        || {
+            let texels = Tensor::ones([2, 2, 3], &flex());
+            MaterialParams::from_material(&Material::diffuse(Albedo::texture(texels)), &device)
+        },
+    );
+    told.expect("a texture of bytes", &["texture", "255", "[0, 1]"], || {
+        TextureParams::from_image(Tensor::full([2, 2, 3], 255.0, &flex()))
+    });
+    told.expect(
+        "a dark sky",
+        &["environment", "radiance", "0", "> 0"],
+        || EnvironmentParams::uniform(2, 4, 0.0, &device),
+    );
+    told.expect("a sky without texels", &["environment", "0 × 4"], || {
+        EnvironmentParams::uniform(0, 4, 1.0, &device)
+    });
+    told.expect("a size without a scale", &["scale", "with_scale"], || {
+        RigidTransform::new(&device).with_size(2.0)
+    });
+    told.expect("no columns", &["width", "0"], || {
+        Renderer::new(RenderOptions::new(0, 4))
+    });
+    told.expect("weights", &["weights", "0"], || {
+        RenderLossConfig::new().with_mse(0.0).init()
+    });
+    told.expect(
+        "no vertices",
+        &["regulariser", "face 0", "[0, 1, 2]"],
+        || MeshRegulariser::new(&[[0, 1, 2]], 2, &device),
+    );
+    told.expect("lambda", &["large steps", "lambda", "-1"], || {
+        LargeSteps::from_mesh(&ball().mesh, &LargeStepsConfig::default().lambda(-1.0))
+    });
+    told.expect("blur that rises", &["end", "0.1", "0.01"], || {
+        BlurSchedule::decay(0.01, 0.1, 10)
+    });
+    told.expect("blur to 0", &["end", "0", "> 0"], || {
+        BlurSchedule::decay(0.01, 0.0, 10)
+    });
+    #[cfg(feature = "safetensors")]
+    {
+        use softray::modules::load_safetensors;
+        let folder = Folder::new("modules");
+        let path = folder.write("a.safetensors", "nothing");
+        told.expect("no safetensors file", &["b.safetensors", "No such"], || {
+            load_safetensors(RigidTransform::new(&device), folder.path("b.safetensors"))
+        });
+        told.expect("no safetensors", &["a.safetensors"], || {
+            load_safetensors(RigidTransform::new(&device), &path)
+        });
+    }
+}
+
+/// Losses return tensors, so that what is wrong with their arguments is a panic.
+#[test]
+fn losses() {
+    let mut told = Told::default();
+    let image = |shape: [usize; 3]| Tensor::<3>::ones(shape, &flex());
+    let parts = ["shape", "[4, 4, 3]", "[4, 5, 3]"];
+    let (a, b) = (image([4, 4, 3]), image([4, 5, 3]));
+    told.expect_panic("mse", &parts, || loss::mse(a.clone(), b.clone()));
+    told.expect_panic("mse_unbiased", &parts, || {
+        loss::mse_unbiased(a.clone(), a.clone(), b.clone())
+    });
+    told.expect_panic("l1", &parts, || loss::l1(a.clone(), b.clone()));
+    // Burn's own message.
+    told.expect_panic("backward of a constant", &["require_grad()"], || {
+        let mesh = shapes::cube(&flex().autodiff());
+        let image = see(Object::new(mesh)).expect("an image");
+        image.radiance.mean().backward()
+    });
+}
+
+#[test]
+fn errors_keep_their_source() {
+    use std::error::Error as _;
+    let error = Scene::load("nowhere.obj", &flex()).expect_err("no file");
+    let source = error.source().expect("a source");
+    assert!(source.is::<std::io::Error>(), "{source}");
+    let bad = ball().velocity([f64::NAN, 0.0, 0.0]);
+    let batch = Batch::new(vec![lit(bad)], vec![camera()]).expect("a batch");
+    let error = render_batch(&batch, &small()).expect_err("a velocity");
+    let source = error
+        .source()
+        .and_then(|s| s.downcast_ref::<Box<Error>>().map(|e| &**e));
+    let source = source.or_else(|| error.source().and_then(|s| s.downcast_ref::<Error>()));
+    assert!(matches!(source, Some(Error::Invalid { field, .. }) if field == "velocity"));
+}
+
+/// Entries of a material that are not read are told once a file, by name; a texture without
+/// coordinates gives way to the colour.
+#[test]
+fn what_files_hold_and_is_not_read() {
+    let folder = Folder::new("unread");
+    let mtl =
+        "newmtl a\nKd 1 0 0\nd 0.5\nPr 0.3\nmap_Bump b.png\nnewmtl b\nPm 1\nd 0.2\nKs 0 0 0\n";
+    folder.write("a.mtl", mtl);
+    let text = format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\n");
+    let path = folder.write("a.obj", &text);
+    let told = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
+    let whole = told.len() == 1 && told[0].contains("a.mtl");
+    assert!(
+        whole && told[0].ends_with("not read: d, Pr, map_Bump, Pm"),
+        "{told:?}"
+    );
+
+    let image = HostImage::new(1, 1, vec![0.0; 3]).expect("an image");
+    image.write(folder.path("black.png")).expect("a file");
+    folder.write("a.mtl", "newmtl a\nKd 1 0 0\nmap_Kd black.png\n");
+    let mut scene = Scene::new();
+    let told = warnings(|| scene = Scene::load(&path, &flex()).expect("a scene"));
+    let one = told.len() == 1 && told[0].contains("have a texture") && told[0].ends_with(": a");
+    assert!(one, "{told:?}");
+    let shown = format!("{:?}", scene.objects[0].materials[0]);
+    assert_eq!(shown, r#"Material "a" { diffuse: [1.0, 0.0, 0.0] }"#);
+    assert!(render(&scene, &camera(), &small()).is_ok());
+}
+
+/// A warning for each kind of fault of an OBJ file, which names some and counts the rest.
+#[test]
+fn warnings_of_obj_files_are_few() {
+    let folder = Folder::new("few");
+    let all = |of: &dyn Fn(usize) -> String| (0..9).map(of).collect::<String>();
+    let mtl = all(&|i| format!("newmtl m{i}\nKd 0.8\nKs 0.5\nmap_Kd {i}.png\n"));
+    folder.write("a.mtl", mtl);
+    let faces = |name: &str| all(&|i| format!("usemtl {name}{i}\nf 1/1 2/1 3/1\n"));
+    let (known, unknown) = (faces("m"), faces("u"));
+    let text = format!("mtllib a.mtl b.mtl\n{TRIANGLE}vt 0 0\n{known}{unknown}");
+    let path = folder.write("a.obj", text);
+    let told = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
+    assert_eq!(told.len(), 3, "{told:?}");
+    let has = |part: &str, end: &str| {
+        let found = told.iter().any(|w| w.contains(part) && w.ends_with(end));
+        assert!(found, "{part}: {told:?}");
+    };
+    has("no file defines", ": u0, u1, u2, u3, u4 and 4 more");
+    has("Ks is scaled down", ": m0, m1, m2, m3, m4 and 4 more");
+    has("b.mtl", "and 5 more");
+}
+
+#[test]
+fn black_images_are_told() {
+    let black = |scene: Scene, part: &str| {
+        let told = warnings(|| {
+            let image = render(&scene, &camera(), &small()).expect("an image");
+            assert_eq!(image.mean().expect("values"), [0.0; 3]);
+        });
+        assert!(told.len() == 1 && told[0].contains(part), "{told:?}");
+    };
+    black(Scene::new().with(ball()), "no light");
+    // A tensor of zeros is dark, too.
+    black(lit(ball()).environment(row([0.0; 3])), "no light");
+    // The camera is outside of a box with a lamp in it.
+    let lamp = Object::new(shapes::icosahedron(&flex()).scaled(row([0.1])))
+        .material(Material::emitter([1.0; 3]));
+    let walls = Object::new(shapes::cube(&flex()));
+    black(
+        Scene::new().with(lamp.clone()).with(walls),
+        "view 0 is black",
+    );
+
+    let seen = Scene::new().with(lamp);
+    let options = RenderOptions::new(16, 16).samples(4).bounces(0);
+    let told = warnings(|| render(&seen, &camera(), &options).expect("an image"));
+    assert!(told.is_empty(), "{told:?}");
+}
+
+/// What a render would be lost by is told before it, and leaves no file behind.
+#[test]
+fn places_that_can_not_be_written_to() {
+    let mut told = Told::default();
+    let folder = Folder::new("places");
+    // Where nobody may write, whatever their rights.
+    #[cfg(target_os = "linux")]
+    told.expect(
+        "a folder of the system",
+        &["/proc/a.png", "folder /proc"],
+        || HostImage::check_path("/proc/a.png"),
+    );
+    std::fs::create_dir(folder.path("b.png")).expect("a folder");
+    told.expect("a folder as a file", &["b.png", "it is a folder"], || {
+        HostImage::check_path(folder.path("b.png"))
+    });
+    let path = folder.write("c.exr", "old");
+    HostImage::check_path(&path).expect("a place");
+    HostImage::check_room(folder.path("d.png"), 200, 100).expect("room");
+    assert_eq!(folder.files(), ["b.png", "c.exr"]);
+    assert_eq!(std::fs::read(path).expect("bytes"), b"old");
+}
+
+#[test]
+fn fields_that_scene_files_do_not_have() {
+    let folder = Folder::new("fields");
+    folder.write("s.obj", format!("{TRIANGLE}f 1 2 3\n"));
+    let text = r#"{"obj": "s.obj", "enviroment": [1, 1, 1], "camera": {"eye": [0, 0, 4],
+        "target": [0, 0, 0], "fov_y_degrees": 40, "width": 4, "height": 4, "fov": 3}, "lights": [
+        {"kind": "point", "position": [1, 1, 1], "intensity": [1, 1, 1], "colour": [1, 0, 0]}]}"#;
+    let path = folder.write("s.json", text);
+    let told = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
+    let whole = told.len() == 1 && told[0].contains("s.json");
+    let fields = "not known: enviroment, camera.fov, lights[0].colour";
+    assert!(whole && told[0].ends_with(fields), "{told:?}");
+    let known = text
+        .replace("enviroment", "environment")
+        .replace(", \"fov\": 3", "");
+    let path = folder.write("s.json", known.replace(", \"colour\": [1, 0, 0]", ""));
+    let told = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
+    assert!(told.is_empty(), "{told:?}");
+}
+
+#[test]
+fn scenes_without_extent_or_area() {
+    let mut told = Told::default();
+    let scene = |corners: [[f64; 3]; 3]| {
+        lit(Object::new(Mesh::from_host(
+            &corners,
+            vec![[0, 1, 2]],
+            &flex(),
+        )))
+    };
+    for place in [[0.0; 3], [1.0, -2.0, 1e6]] {
+        let parts = ["scene: bounds", "not all in one point"];
+        told.expect("a point", &parts, || overview(&scene([place; 3])));
+        told.expect("a point in a frame", &parts, || {
+            Camera::framing(&scene([place; 3]), [0.0, 0.0, 1.0])
+        });
+    }
+    let line = scene([[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]);
+    let said = warnings(|| render(&line, &camera(), &small()).expect("an image"));
+    assert!(said.iter().any(|t| t.contains("has an area")), "{said:?}");
+    // Flat and dark: no side of it is better than another.
+    let flat = scene([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).environment([0.0; 3]);
+    assert!(overview(&flat).is_ok());
+}
+
+/// A surface whose texture is missing is there without it, as other readers have it; one that the texture would say the
+/// light of is dark.
+#[test]
+fn images_that_are_not_there() {
+    let folder = Folder::new("missing");
+    folder.write("text.png", "no picture");
+    for (uri, part) in [("nowhere.png", "nowhere.png"), ("text.png", "text.png")] {
+        let mut file = Gltf::textured(uri);
+        file.json["materials"][0]["emissiveTexture"] = json!({"index": 0});
+        file.json["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
+        file.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] =
+            json!([1, 0.5, 0, 1]);
+        let path = folder.write("a.glb", file.glb());
+        let mut scene = Scene::new();
+        let told = warnings(|| scene = Scene::load(path, &flex()).expect("a scene"));
+        let whole = told.len() == 1 && told[0].contains("a texture is left out");
+        assert!(whole && told[0].contains(part), "{told:?}");
+        let material = &scene.objects[0].materials[0];
+        let diffuse = match &material.diffuse {
+            Albedo::Constant(p) => p.values().expect("a colour"),
+            Albedo::Texture { .. } => panic!("a texture"),
+        };
+        assert_eq!(diffuse, [1.0, 0.5, 0.0]);
+        assert!(!scene.has_light());
+    }
+}
+
+/// Files that name Draco without requiring it still have no positions.
+#[test]
+fn draco_without_a_requirement() {
+    let folder = Folder::new("draco");
+    let mut file = Gltf::square();
+    file.json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
+    let primitive = &mut file.json["meshes"][0]["primitives"][0];
+    primitive["extensions"] = json!({"KHR_draco_mesh_compression": {"bufferView": 0}});
+    let load = |file: &Gltf| Scene::load(folder.write("a.glb", file.glb()), &flex());
+    // Beside it are the same positions without compression.
+    assert!(load(&file).is_ok());
+    let accessor = file.json["accessors"][0].as_object_mut().expect("it");
+    accessor.remove("bufferView");
+    let error = load(&file).expect_err("an error").to_string();
+    assert!(
+        error.contains("primitives[0] is compressed by Draco"),
+        "{error}"
+    );
+}
