@@ -1,5 +1,5 @@
 use std::fmt;
-use std::io::{BufReader, Seek, Write};
+use std::io::{Seek, Write};
 use std::path::Path;
 
 use burn::tensor::{Device, Tensor, TensorData};
@@ -7,7 +7,6 @@ use image::{ImageBuffer, ImageFormat, Rgb, RgbImage};
 
 use super::LoadLimits;
 use super::decode::Decoded;
-use super::limits::open;
 use super::srgb::{srgb_byte, srgb_table};
 use super::whole::{check_writable, ending, write_whole};
 use crate::debug::numbers;
@@ -107,13 +106,7 @@ impl HostImage {
     /// # Errors
     /// As [`HostImage::read`].
     pub fn read_within(path: impl AsRef<Path>, limits: &LoadLimits) -> Result<Self> {
-        let path = path.as_ref();
-        let (file, _) = open(path)?;
-        Self::of_colours(Decoded::read(BufReader::new(file), path, limits)?)
-    }
-
-    /// The colours of an image that was decoded.
-    pub(super) fn of_colours(decoded: Decoded) -> Result<Self> {
+        let decoded = Decoded::of_file(path.as_ref(), limits)?;
         let [width, height] = decoded.size();
         Self::new(width, height, decoded.colours())
     }
