@@ -46,7 +46,12 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
             objects: 0,
         });
     }
-    let mut meshes = reader.meshes(&reader.parse()?)?;
+    drop(text);
+    let all = reader.parse()?;
+    // Of a large file texts take most.
+    reader.text = String::new();
+    let mut meshes = reader.meshes(&all)?;
+    drop(all);
     let Reader {
         objects,
         materials,
