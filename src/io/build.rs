@@ -1,111 +1,62 @@
 //! Scenes from descriptions: the one place that says which of their parts this crate renders.
 
 use std::collections::HashMap;
-use std::path::Path;
 use std::sync::Arc;
 
 use burn::tensor::Device;
-use glam::{DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
-use super::LoadLimits;
 use super::build_materials::{Materials, untextured};
-use super::description::{
-    CameraDescription, Description, LightDescription, LightKind, ObjectDescription,
-    ProjectionDescription, attribute,
-};
+use super::description::{Corners, Description, MeshDescription, ObjectDescription};
+use super::limits::Place;
 use crate::error::Result;
-use crate::scene::{
-    Camera, CornerAttribute, Light, List, Material, Mesh, Object, Scene, host_tensor,
-};
+use crate::scene::{CornerAttribute, List, Material, Mesh, Object, Scene, host_tensor};
+
+const ZERO_NORMALS: &str = "objects have normals of zero length, so that none of theirs are used";
 
 /// Makes the scene of a file's description.
-pub(super) fn scene(
-    description: &Description,
-    path: &Path,
-    limits: &LoadLimits,
-    device: &Device,
-) -> Result<Scene> {
+pub(super) fn scene(description: &Description, place: Place) -> Result<Scene> {
     let mut builder = Builder {
         description,
-        device,
-        materials: Materials::new(description, path, limits, device)?,
+        device: place.device,
+        materials: Materials::new(description, place)?,
         lists: HashMap::new(),
-        shared: HashMap::new(),
+        templates: HashMap::new(),
     };
     let objects = description.objects.iter();
-    let scene = Scene {
+    Ok(Scene {
         objects: objects.map(|o| builder.object(o)).collect::<Result<_>>()?,
-        lights: description.lights.iter().map(light).collect(),
+        lights: description.lights.iter().cloned().collect(),
         ..Scene::new()
-    };
-    let dropped = builder.materials.dropped;
-    if !dropped.is_empty() {
-        let list: Vec<&str> = dropped.into_iter().collect();
-        let list = list.join(", ");
-        log::warn!("{}: these parts are not rendered: {list}", path.display());
-    }
-    Ok(scene)
-}
-
-/// A camera as a file describes it.
-pub(super) fn camera(description: &CameraDescription) -> Camera {
-    let CameraDescription {
-        eye, forward, up, ..
-    } = description;
-    let camera = Camera::look_at(eye.to_array(), (*eye + *forward).to_array()).up(up.to_array());
-    match description.projection {
-        ProjectionDescription::Perspective { fov_y } => camera.fov_y(fov_y),
-        ProjectionDescription::Orthographic { height } => camera.orthographic(height),
-    }
-}
-
-fn light(from: &LightDescription) -> Light {
-    let (position, direction) = (from.position.to_array(), from.direction.to_array());
-    match from.kind {
-        LightKind::Point => Light::point(position, from.intensity),
-        LightKind::Spot { inner, outer } => {
-            Light::spot(position, direction, from.intensity, [inner], [outer])
-        }
-        LightKind::Directional => Light::directional(direction, from.intensity),
-    }
+    })
 }
 
 struct Builder<'a> {
     description: &'a Description,
     device: &'a Device,
     materials: Materials<'a>,
-    /// The materials of each mesh that was built.
-    lists: HashMap<usize, List<Material>>,
-    /// What instances of a mesh have in common, if they are mirrored alike.
-    shared: HashMap<(usize, bool), Arc<Common>>,
-}
-
-/// What all instances of a mesh share, wound as they are.
-struct Common {
-    faces: Arc<Vec<[u32; 3]>>,
-    uvs: Option<CornerAttribute>,
-    colours: Option<CornerAttribute>,
-    normal_faces: Arc<Vec<[u32; 3]>>,
-    tangent_faces: Arc<Vec<[u32; 3]>>,
-    face_materials: Arc<Vec<u32>>,
+    /// The materials of each mesh that was built, and which of them its faces have.
+    lists: HashMap<usize, (List<Material>, Arc<Vec<u32>>)>,
+    /// Meshes where they are described, for instances that are mirrored alike.
+    templates: HashMap<(usize, bool), Mesh>,
 }
 
 impl Builder<'_> {
     fn object(&mut self, object: &ObjectDescription) -> Result<Object> {
-        let mirrored = object.to_world.matrix3.determinant() < 0.0;
-        let common = self.common(object.mesh, mirrored);
-        let mesh = self.mesh(object, &common, mirrored);
-        let materials = match self.lists.get(&object.mesh) {
+        let mesh = self.mesh(object);
+        let (materials, face_materials) = match self.lists.get(&object.mesh) {
             Some(list) => list.clone(),
             None => {
-                let list = self.list(object, mesh.uvs.is_some())?;
+                let of_faces = &self.description.meshes[object.mesh].face_materials;
+                let of_faces = Arc::new(of_faces.clone());
+                let list = (self.list(object, mesh.uvs.is_some())?, of_faces);
                 self.lists.insert(object.mesh, list.clone());
                 list
             }
         };
         let mut built = Object::new(mesh).named(object.name.clone());
         if materials.len() > 1 {
-            built.face_materials = common.face_materials.clone();
+            built.face_materials = face_materials;
         }
         built.materials = materials;
         Ok(built)
@@ -124,65 +75,79 @@ impl Builder<'_> {
         materials.collect()
     }
 
-    fn common(&mut self, mesh: usize, mirrored: bool) -> Arc<Common> {
-        let (description, device) = (self.description, self.device);
-        let common = self.shared.entry((mesh, mirrored)).or_insert_with(|| {
-            let from = &description.meshes[mesh];
-            let wound = |faces: &[[u32; 3]]| match mirrored {
-                true => faces.iter().map(|&[a, b, c]| [a, c, b]).collect(),
-                false => faces.to_vec(),
-            };
-            let count = from.faces.len();
-            let (uvs, colours) = (&from.uvs, &from.colours);
-            Arc::new(Common {
-                uvs: attribute(&uvs.values, &Arc::new(wound(&uvs.faces)), count, device),
-                colours: attribute(
-                    &colours.values,
-                    &Arc::new(wound(&colours.faces)),
-                    count,
-                    device,
-                ),
-                normal_faces: Arc::new(wound(&from.normals.faces)),
-                tangent_faces: Arc::new(wound(&from.tangents.faces)),
-                faces: Arc::new(wound(&from.faces)),
-                face_materials: Arc::new(from.face_materials.clone()),
-            })
-        });
-        common.clone()
-    }
-
     /// A mesh at its place. A mirror image is wound the other way, so that its front stays outside.
-    fn mesh(&self, object: &ObjectDescription, common: &Common, mirrored: bool) -> Mesh {
-        let (from, to_world) = (&self.description.meshes[object.mesh], &object.to_world);
+    fn mesh(&mut self, object: &ObjectDescription) -> Mesh {
+        let (description, device) = (self.description, self.device);
+        let (from, to_world) = (&description.meshes[object.mesh], &object.to_world);
         let linear = to_world.matrix3;
-        let place = |&p: &[f64; 3]| to_world.transform_point3(p.into()).to_array();
-        let positions: Vec<[f64; 3]> = from.positions.iter().map(place).collect();
-        let vertices = host_tensor(&positions, self.device);
-        let mut mesh = Mesh::of_faces(vertices, common.faces.clone());
-        mesh.uvs = common.uvs.clone();
-        mesh.colours = common.colours.clone();
-        let count = mesh.faces.len();
-        let turn = of_normals(linear);
-        let turned = |&n: &[f64; 3]| (turn * DVec3::from(n)).normalize_or_zero().to_array();
-        let normals: Vec<[f64; 3]> = match linear == DMat3::IDENTITY {
-            true => from.normals.values.clone(),
-            false => from.normals.values.iter().map(turned).collect(),
-        };
-        if normals.contains(&[0.0; 3]) {
-            let name = &object.name;
-            log::warn!("{name}: it has normals of zero length, using none of its normals");
-        } else {
-            mesh.normals = attribute(&normals, &common.normal_faces, count, self.device);
+        let mirrored = linear.determinant() < 0.0;
+        let shared = self.templates.entry((object.mesh, mirrored));
+        let shared = shared.or_insert_with(|| template(from, mirrored, device));
+        let mut mesh = shared.clone();
+        if *to_world != DAffine3::IDENTITY {
+            let place = |&p: &[f64; 3]| to_world.transform_point3(p.into()).to_array();
+            let positions: Vec<[f64; 3]> = from.positions.iter().map(place).collect();
+            mesh.vertices = host_tensor(&positions, device);
         }
-        let side = if mirrored { -1.0 } else { 1.0 };
-        let placed = |&[x, y, z, w]: &[f64; 4]| {
-            let [x, y, z] = (linear * DVec3::new(x, y, z)).to_array();
-            [x, y, z, side * w]
-        };
-        let tangents: Vec<[f64; 4]> = from.tangents.values.iter().map(placed).collect();
-        mesh.tangents = attribute(&tangents, &common.tangent_faces, count, self.device);
+        if let Some(of_mesh) = &mut mesh.normals {
+            let turn = of_normals(linear);
+            let turned = |&n: &[f64; 3]| (turn * DVec3::from(n)).normalize_or_zero().to_array();
+            let normals: Vec<[f64; 3]> = match linear == DMat3::IDENTITY {
+                true => from.normals.values.clone(),
+                false => from.normals.values.iter().map(turned).collect(),
+            };
+            match normals.contains(&[0.0; 3]) {
+                false => of_mesh.values = host_tensor(&normals, device),
+                true => {
+                    description.notes.add(ZERO_NORMALS, &object.name);
+                    mesh.normals = None;
+                }
+            }
+        }
+        if let Some(of_mesh) = &mut mesh.tangents {
+            let side = if mirrored { -1.0 } else { 1.0 };
+            let placed = |&[x, y, z, w]: &[f64; 4]| {
+                let [x, y, z] = (linear * DVec3::new(x, y, z)).to_array();
+                [x, y, z, side * w]
+            };
+            let tangents: Vec<[f64; 4]> = from.tangents.values.iter().map(placed).collect();
+            of_mesh.values = host_tensor(&tangents, device);
+        }
         mesh
     }
+}
+
+/// A mesh where it is described.
+fn template(from: &MeshDescription, mirrored: bool, device: &Device) -> Mesh {
+    let faces = wound(&from.faces, mirrored);
+    let mut mesh = Mesh::of_faces(host_tensor(&from.positions, device), faces);
+    let count = mesh.faces.len();
+    mesh.uvs = attribute(&from.uvs, count, mirrored, device);
+    mesh.normals = attribute(&from.normals, count, mirrored, device);
+    mesh.colours = attribute(&from.colours, count, mirrored, device);
+    mesh.tangents = attribute(&from.tangents, count, mirrored, device);
+    mesh
+}
+
+/// An attribute of a mesh with so many faces, or None unless every one has it.
+fn attribute<const C: usize>(
+    corners: &Corners<C>,
+    faces: usize,
+    mirrored: bool,
+    device: &Device,
+) -> Option<CornerAttribute> {
+    let is_whole = faces > 0 && corners.faces.len() == faces;
+    is_whole.then(|| CornerAttribute {
+        values: host_tensor(&corners.values, device),
+        faces: wound(&corners.faces, mirrored),
+    })
+}
+
+fn wound(faces: &[[u32; 3]], mirrored: bool) -> Arc<Vec<[u32; 3]>> {
+    Arc::new(match mirrored {
+        true => faces.iter().map(|&[a, b, c]| [a, c, b]).collect(),
+        false => faces.to_vec(),
+    })
 }
 
 /// The matrix of normals for one of positions: its cofactors, which are its inverse's transpose times its

@@ -1,12 +1,11 @@
 //! Materials from descriptions.
 
 use std::collections::{BTreeSet, HashMap};
-use std::path::Path;
 
 use burn::tensor::{Device, Tensor};
 
-use super::LoadLimits;
-use super::description::{Alpha, Description, MaterialDescription, OwnBsdf, TextureUse};
+use super::description::{Alpha, Colour, Description, MaterialDescription, OwnBsdf, TextureUse};
+use super::limits::Place;
 use super::textures::Textures;
 use crate::error::Result;
 use crate::geometry::host_values;
@@ -19,6 +18,14 @@ const METALLIC: usize = 2;
 /// Indices of refraction that are nearer to 1 are rendered as this one: without a difference nothing is refracted.
 const LEAST_IOR: f64 = 1.0011;
 
+const SCALED: &str = "Kd + Ks is above 1 in these materials, so that their Ks is scaled down";
+
+/// An albedo and the largest value of each channel.
+struct Bounded {
+    albedo: Albedo,
+    largest: [f64; 3],
+}
+
 /// Materials of a scene, each made once.
 pub(super) struct Materials<'a> {
     description: &'a Description,
@@ -26,8 +33,6 @@ pub(super) struct Materials<'a> {
     textures: Textures<'a>,
     /// Materials that were made, so that objects share textures and unused ones aren't read.
     made: HashMap<Option<usize>, Material>,
-    /// What would change the picture and is not rendered, told once.
-    pub dropped: BTreeSet<&'static str>,
 }
 
 impl<'a> Materials<'a> {
@@ -36,18 +41,12 @@ impl<'a> Materials<'a> {
     /// # Errors
     /// If the textures of those that are used are larger than the limits, or an image is. Nothing is
     /// decoded then.
-    pub fn new(
-        description: &'a Description,
-        path: &'a Path,
-        limits: &'a LoadLimits,
-        device: &'a Device,
-    ) -> Result<Self> {
+    pub fn new(description: &'a Description, place: Place<'a>) -> Result<Self> {
         let mut this = Self {
             description,
-            device,
-            textures: Textures::new(description, path, limits, device),
+            device: place.device,
+            textures: Textures::new(description, place),
             made: HashMap::new(),
-            dropped: BTreeSet::new(),
         };
         let used = description.objects.iter();
         let used = used.flat_map(|o| &description.meshes[o.mesh].materials);
@@ -84,48 +83,42 @@ impl<'a> Materials<'a> {
             material.normal_map = material.normal_map.map(|map| NormalMap { wrap, ..map });
         }
         material.alpha_mask = self.mask(from)?;
-        if from.emission != [0.0; 3] && !self.is_lost(from.emissive_texture)? {
-            let emission = self.colour(from.emission, from.emissive_texture)?;
-            // Many exporters write a black texture for what does not emit.
-            if emission.shines() {
-                material.emission = emission;
-            }
+        let emission = self.colour(&from.emission)?;
+        // Many exporters write a black texture for what does not emit.
+        if emission.shines() {
+            material.emission = emission;
             if from.double_sided {
-                self.dropped.insert("emission of back sides");
+                self.drops("emission of back sides");
             }
         }
         Ok(material)
     }
 
-    /// Whether there is a texture, but its image can't be read: without the texture that says where a surface shines,
-    /// all of it would.
-    fn is_lost(&mut self, texture: Option<TextureUse>) -> Result<bool> {
-        Ok(texture.is_some() && self.textures.found(texture)?.is_none())
+    /// Notes what would change the picture and is not rendered.
+    fn drops(&self, part: &str) {
+        let notes = &self.description.notes;
+        notes.part("these parts are not rendered", part);
     }
 
     fn bsdf(&mut self, from: &MaterialDescription) -> Result<Material> {
-        let base = self.colour(from.base_colour, from.base_colour_texture)?;
+        let base = self.bounded(&from.base_colour)?;
         let texture = from.metallic_roughness_texture;
         let roughness = |this: &mut Self| this.number(from.roughness, texture, ROUGHNESS);
         let only_metal = from.metallic == 1.0 && texture.is_none();
         match &from.own {
-            Some(OwnBsdf::Phong {
-                albedo,
-                texture,
-                shininess,
-            }) => {
-                let albedo = self.colour(*albedo, *texture)?;
-                return Ok(Material::diffuse(base).specular(albedo, *shininess));
+            Some(OwnBsdf::Phong { albedo, shininess }) => {
+                let specular = self.specular(albedo, &base, &from.name)?;
+                return Ok(Material::diffuse(base.albedo).specular(specular, *shininess));
             }
             Some(OwnBsdf::Conductor { eta, extinction }) => {
                 return Ok(Material::conductor(*eta, *extinction, roughness(self)?));
             }
             None => {}
         }
+        let base = base.albedo;
         if from.transmission == 1.0 && from.metallic == 0.0 && from.ior > 0.0 {
             if !from.solid {
-                self.dropped
-                    .insert("walls without thickness, which are the surfaces of solids here");
+                self.drops("walls without thickness, which are the surfaces of solids here");
             }
             let nearly_1 = (from.ior - 1.0).abs() < LEAST_IOR - 1.0;
             let ior = if nearly_1 { LEAST_IOR } else { from.ior };
@@ -136,18 +129,16 @@ impl<'a> Materials<'a> {
             });
         }
         if from.transmission > 0.0 && !only_metal {
-            self.dropped
-                .insert("transmission of less than all light, or beside metal");
+            self.drops("transmission of less than all light, or beside metal");
         }
         if from.specular == 0.0 && from.metallic == 0.0 {
             return Ok(Material::diffuse(base));
         }
         if from.specular != 1.0 && !only_metal {
-            self.dropped.insert("strengths of reflections");
+            self.drops("strengths of reflections");
         }
         if from.ior != 1.5 && !only_metal {
-            self.dropped
-                .insert("indices of refraction of what lets no light pass");
+            self.drops("indices of refraction of what lets no light pass");
         }
         let metallic = self.number(from.metallic, texture, METALLIC)?;
         Ok(Material::metallic_roughness(
@@ -157,13 +148,72 @@ impl<'a> Materials<'a> {
         ))
     }
 
-    /// A colour times a texture in sRGB.
-    fn colour(&mut self, factor: [f64; 3], texture: Option<TextureUse>) -> Result<Albedo> {
-        let Some(TextureUse { image, wrap }) = self.textures.found(texture)? else {
-            return Ok(factor.into());
+    /// The albedo of Phong's lobe: at most so much that no more light leaves than arrives.
+    fn specular(&mut self, colour: &Colour, base: &Bounded, name: &str) -> Result<Albedo> {
+        let specular = self.bounded(colour)?;
+        // While textures are counted nothing is known of their texels.
+        if self.textures.counting || !specular.albedo.reflects() {
+            return Ok(specular.albedo);
+        }
+        let share = self.share_of_gloss(base, &specular, colour)?;
+        if share >= 1.0 - 1e-6 {
+            return Ok(specular.albedo);
+        }
+        self.description.notes.add(SCALED, name);
+        let scaled = |colour: [f64; 3]| colour.map(|v| v * share);
+        self.colour(&Colour {
+            plain: scaled(colour.plain),
+            texture: colour.texture.map(|(texture, by)| (texture, scaled(by))),
+        })
+    }
+
+    /// The share of a specular albedo with which no more light leaves than arrives.
+    fn share_of_gloss(&mut self, base: &Bounded, of: &Bounded, colour: &Colour) -> Result<f64> {
+        let share = match (&base.albedo, &of.albedo, colour.texture) {
+            (
+                Albedo::Texture { texels: kd, .. },
+                Albedo::Texture { texels: ks, .. },
+                Some((texture, _)),
+            ) if kd.dims() == ks.dims() => {
+                self.textures.take(texture.image)?;
+                let none = ks.clone().lower_equal_elem(0.0);
+                let room = (kd.clone().neg() + 1.0).clamp_min(0.0) / ks.clone();
+                host_values(&room.mask_fill(none, 1.0).min())?[0]
+            }
+            // Where the brightest texels of both lie is not compared.
+            _ => (0..3)
+                .filter(|&c| of.largest[c] > 0.0)
+                .map(|c| (1.0 - base.largest[c]) / of.largest[c])
+                .fold(1.0, f64::min),
         };
-        let texels = self.textures.colours(image, factor)?;
-        Ok(Albedo::Texture { texels, wrap })
+        Ok(share.max(0.0))
+    }
+
+    fn colour(&mut self, colour: &Colour) -> Result<Albedo> {
+        Ok(self.bounded(colour)?.albedo)
+    }
+
+    fn bounded(&mut self, colour: &Colour) -> Result<Bounded> {
+        // Black times a texture is black.
+        let texture = colour.texture.filter(|(_, factor)| *factor != [0.0; 3]);
+        let (texture, factor) = texture.unzip();
+        let found = self.textures.found(texture)?;
+        Ok(match found.zip(factor) {
+            Some((TextureUse { image, wrap }, factor)) => {
+                let texels = self.textures.colours(image, factor)?;
+                Bounded {
+                    albedo: Albedo::Texture {
+                        texels: texels.tensor,
+                        wrap,
+                    },
+                    largest: texels.largest,
+                }
+            }
+            None => Bounded {
+                albedo: colour.plain.into(),
+                largest: colour.plain,
+            },
+        })
     }
 
     /// The mask of what has holes.
@@ -171,12 +221,13 @@ impl<'a> Materials<'a> {
         let (factor, cutoff) = match from.alpha {
             Alpha::Opaque => return Ok(None),
             Alpha::Blend { .. } => {
-                self.dropped.insert("alphaMode BLEND");
+                self.drops("alphaMode BLEND");
                 return Ok(None);
             }
             Alpha::Mask { factor, cutoff } => (factor, cutoff),
         };
-        let (alpha, wrap): (Tensor<2>, _) = match self.textures.found(from.base_colour_texture)? {
+        let texture = from.base_colour.texture.map(|(texture, _)| texture);
+        let (alpha, wrap): (Tensor<2>, _) = match self.textures.found(texture)? {
             Some(TextureUse { image, wrap }) => (self.textures.alpha(image, factor)?, wrap),
             None => (Tensor::full([1, 1], factor, self.device), Wrap::Repeat),
         };

@@ -1,11 +1,11 @@
 //! Images of files and buffers, decoded.
 
-use std::io::{BufRead, Seek};
+use std::io::{BufRead, BufReader, Seek};
 use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
-use super::LoadLimits;
+use super::limits::{LoadLimits, open};
 use super::srgb::decode_srgb;
 use crate::error::{Error, Result};
 
@@ -25,6 +25,11 @@ impl Decoded {
         check_size([width as usize, height as usize], path, limits)?;
         let image = DynamicImage::from_decoder(decoder).map_err(malformed(path))?;
         Ok(Self { image, linear })
+    }
+
+    /// Decodes the image of a file.
+    pub fn of_file(path: &Path, limits: &LoadLimits) -> Result<Self> {
+        Self::read(BufReader::new(open(path)?.0), path, limits)
     }
 
     /// Columns and rows of an image that is not decoded.

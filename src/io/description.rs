@@ -1,15 +1,15 @@
 //! A scene as files describe it: numbers on the host and images that are not decoded yet, with all that
-//! glTF and PLY say of surfaces, lights and cameras. `build` makes a [`Scene`](crate::scene::Scene) of it.
+//! files say of surfaces. `build` makes a [`Scene`](crate::scene::Scene) of it.
 
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use burn::tensor::Device;
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 
 use super::limits::Memory;
-use crate::scene::{CornerAttribute, Wrap, host_tensor};
+use super::notes::Notes;
+use crate::scene::{Camera, Light, Wrap};
 
 /// A scene.
 #[derive(Default)]
@@ -18,11 +18,16 @@ pub(super) struct Description {
     pub objects: Vec<ObjectDescription>,
     pub materials: Vec<MaterialDescription>,
     pub images: Vec<ImageSource>,
-    pub cameras: Vec<CameraDescription>,
-    pub lights: Vec<LightDescription>,
+    pub cameras: Vec<NamedCamera>,
+    pub lights: Vec<Light>,
     /// What all that takes but for textures.
     pub memory: Memory,
+    /// What is to be said about the file.
+    pub notes: Notes,
 }
+
+/// A camera with its name, and width over height if the file says.
+pub(super) type NamedCamera = (String, Camera, Option<f64>);
 
 /// A mesh at a place. Several objects may share a mesh.
 pub(super) struct ObjectDescription {
@@ -72,33 +77,31 @@ impl<const C: usize> Corners<C> {
         self.values.push(row);
         self.values.len() as u32 - 1
     }
-
-    /// The attribute, or None unless every face has it.
-    pub fn attribute(&self, faces: usize, device: &Device) -> Option<CornerAttribute> {
-        attribute(&self.values, &Arc::new(self.faces.clone()), faces, device)
-    }
 }
 
-/// An attribute of a mesh with so many faces, or None unless every one has it.
-pub(super) fn attribute<const C: usize>(
-    values: &[[f64; C]],
-    rows: &Arc<Vec<[u32; 3]>>,
-    faces: usize,
-    device: &Device,
-) -> Option<CornerAttribute> {
-    let is_whole = !rows.is_empty() && rows.len() == faces;
-    is_whole.then(|| CornerAttribute {
-        values: host_tensor(values, device),
-        faces: rows.clone(),
-    })
+/// A colour of a surface.
+#[derive(Clone, Copy)]
+pub(super) struct Colour {
+    /// Linear RGB where there is no texture, or its image can't be read.
+    pub plain: [f64; 3],
+    /// A texture (sRGB), and the colour by which it is multiplied.
+    pub texture: Option<(TextureUse, [f64; 3])>,
+}
+
+impl Colour {
+    /// A colour that a texture is multiplied by, if there is one.
+    pub fn times(factor: [f64; 3], texture: Option<TextureUse>) -> Self {
+        Self {
+            plain: factor,
+            texture: texture.map(|texture| (texture, factor)),
+        }
+    }
 }
 
 /// A material of glTF's metallic–roughness model with its extensions.
 pub(super) struct MaterialDescription {
     pub name: String,
-    /// Linear RGB, times the texture (sRGB).
-    pub base_colour: [f64; 3],
-    pub base_colour_texture: Option<TextureUse>,
+    pub base_colour: Colour,
     pub alpha: Alpha,
     /// Times the blue channel of the texture (linear).
     pub metallic: f64,
@@ -107,9 +110,8 @@ pub(super) struct MaterialDescription {
     pub metallic_roughness_texture: Option<TextureUse>,
     /// A normal map (linear) and the factor of its x and y.
     pub normal: Option<(TextureUse, f64)>,
-    /// Radiance, times the texture (sRGB).
-    pub emission: [f64; 3],
-    pub emissive_texture: Option<TextureUse>,
+    /// Radiance.
+    pub emission: Colour,
     pub ior: f64,
     /// The share of light that passes where it is not reflected.
     pub transmission: f64,
@@ -127,12 +129,8 @@ pub(super) struct MaterialDescription {
 
 /// A BSDF that glTF has no field for.
 pub(super) enum OwnBsdf {
-    /// Phong's lobe beside Lambert's: its albedo, times the texture (sRGB), and its exponent.
-    Phong {
-        albedo: [f64; 3],
-        texture: Option<TextureUse>,
-        shininess: f64,
-    },
+    /// Phong's lobe beside Lambert's: its albedo and its exponent.
+    Phong { albedo: Colour, shininess: f64 },
     /// A metal by the parts of its index of refraction, RGB.
     Conductor { eta: [f64; 3], extinction: [f64; 3] },
 }
@@ -141,15 +139,13 @@ impl Default for MaterialDescription {
     fn default() -> Self {
         Self {
             name: "default".into(),
-            base_colour: [1.0; 3],
-            base_colour_texture: None,
+            base_colour: Colour::times([1.0; 3], None),
             alpha: Alpha::Opaque,
             metallic: 1.0,
             roughness: 1.0,
             metallic_roughness_texture: None,
             normal: None,
-            emission: [0.0; 3],
-            emissive_texture: None,
+            emission: Colour::times([0.0; 3], None),
             ior: 1.5,
             transmission: 0.0,
             solid: false,
@@ -221,45 +217,4 @@ impl Bytes {
     pub fn slice(&self) -> &[u8] {
         self.buffer.get(self.range.clone()).unwrap_or(&[])
     }
-}
-
-/// A camera in world space.
-pub(super) struct CameraDescription {
-    pub name: String,
-    pub eye: DVec3,
-    /// Unit vectors.
-    pub forward: DVec3,
-    pub up: DVec3,
-    pub projection: ProjectionDescription,
-    /// Width over height, if the file says.
-    pub aspect: Option<f64>,
-}
-
-pub(super) enum ProjectionDescription {
-    /// Vertical field of view, degrees.
-    Perspective { fov_y: f64 },
-    /// Height of the image, scene units.
-    Orthographic { height: f64 },
-}
-
-/// A light without extent, in world space. Photometric units count as those of the scene: candela for
-/// radiant intensity, lux for irradiance.
-pub(super) struct LightDescription {
-    pub kind: LightKind,
-    pub position: DVec3,
-    /// Where it shines, a unit vector.
-    pub direction: DVec3,
-    /// Linear RGB: radiant intensity, of a directional light irradiance.
-    pub intensity: [f64; 3],
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum LightKind {
-    Point,
-    /// Half-angles in radians, in which its light falls from all to nothing.
-    Spot {
-        inner: f64,
-        outer: f64,
-    },
-    Directional,
 }

@@ -63,21 +63,19 @@ impl Texels {
             let values = self.values.clone();
             return Self { values, ..*self };
         }
-        // The texels on both sides of a centre, and the share of the second.
-        let beside = |i: usize, of: usize, size: usize| {
-            let x = (i as f64 + 0.5) / of as f64 * size as f64 - 0.5;
-            let both = [0, 1].map(|k| self.wrap.texel(x.floor() as i64 + k, size));
-            (both, (x - x.floor()) as f32)
+        let centre = |i: usize, of: usize, size: usize| {
+            ((i as f64 + 0.5) / of as f64 * size as f64 - 0.5) as f32
         };
         let mut values = Vec::with_capacity(height * width * channels);
         for y in 0..height {
-            let (ys, down) = beside(y, height, rows);
             for x in 0..width {
-                let (xs, right) = beside(x, width, columns);
+                let at = [centre(x, width, columns), centre(y, height, rows)];
+                let shares = self.wrap.bilinear(at, [columns, rows]);
                 for c in 0..channels {
-                    let at = |y: usize, x: usize| self.values[(y * columns + x) * channels + c];
-                    let row = |y: usize| at(y, xs[0]) * (1.0 - right) + at(y, xs[1]) * right;
-                    values.push(row(ys[0]) * (1.0 - down) + row(ys[1]) * down);
+                    let parts = shares
+                        .iter()
+                        .map(|&(t, w)| self.values[t * channels + c] * w);
+                    values.push(parts.sum());
                 }
             }
         }

@@ -6,52 +6,31 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 use crate::error::Result;
-use crate::scene::{Light, Parameter};
+use crate::scene::Light;
 
 /// A light, and the node that places it, but for the light's number.
 pub(super) fn light(light: &Light, name: &str, path: &Path) -> Result<[Value; 2]> {
+    let host = light.host(name)?;
     let mut node = json!({"name": name});
-    let mut put = |position: Option<&Parameter<3>>, direction: Option<&Parameter<3>>| {
-        if let Some(position) = position {
-            node["translation"] = json!(position.values()?);
-        }
-        if let Some(direction) = direction {
-            let direction = DVec3::from(direction.values()?).normalize();
-            // Lights shine along −z.
-            let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, direction);
-            node["rotation"] = json!(turn.to_array());
-        }
-        Result::Ok(())
-    };
-    let (mut json, strength) = match light {
-        Light::Point {
-            position,
-            intensity,
-        } => {
-            put(Some(position), None)?;
-            (json!({"type": "point"}), intensity)
-        }
-        Light::Spot {
-            position,
-            direction,
-            intensity,
-            inner,
-            outer,
-        } => {
-            put(Some(position), Some(direction))?;
-            let ([inner], [outer]) = (inner.values()?, outer.values()?);
+    if !host.directional {
+        node["translation"] = json!(host.position);
+    }
+    let mut json = match (host.directional, host.spot) {
+        (true, _) => json!({"type": "directional"}),
+        (false, false) => json!({"type": "point"}),
+        (false, true) => {
+            let [inner, outer] = host.angles;
             let spot = json!({"innerConeAngle": inner, "outerConeAngle": outer});
-            (json!({"type": "spot", "spot": spot}), intensity)
-        }
-        Light::Directional {
-            direction,
-            irradiance,
-        } => {
-            put(None, Some(direction))?;
-            (json!({"type": "directional"}), irradiance)
+            json!({"type": "spot", "spot": spot})
         }
     };
-    let strength = strength.values()?;
+    if host.directional || host.spot {
+        // Lights shine along −z.
+        let direction = DVec3::from(host.direction).normalize();
+        let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, direction);
+        node["rotation"] = json!(turn.to_array());
+    }
+    let strength = host.strength;
     if strength.iter().any(|&v| v < 0.0) {
         let file = path.display();
         log::warn!("{file}: {name} has {strength:?}, of which no less than 0 is written");

@@ -1,6 +1,7 @@
 //! Materials of glTF files to come, their textures as PNG images.
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -9,6 +10,7 @@ use super::HostImage;
 use super::gltf_images::{Picture, Texels};
 use super::gltf_lights::scale_above;
 use crate::error::Result;
+use crate::geometry::host_values;
 use crate::scene::{Albedo, AlphaMask, Bsdf, Material, NormalMap, ScalarTexture, Wrap};
 
 /// The lists of a file that its materials are in.
@@ -61,21 +63,12 @@ impl<'a> Materials<'a> {
             json["normalTexture"] = json!({"index": texture});
         }
         json["name"] = json!(material.name);
-        let radiance = self.radiance(&material.emission, &place)?;
-        let emits = radiance.most > 0.0;
-        // Both sides reflect; what emits does so in front.
-        json["doubleSided"] = json!(!emits);
-        if emits {
-            json["emissiveFactor"] = json!(radiance.factor);
-            if let Some(texture) = radiance.texture {
-                json["emissiveTexture"] = json!({"index": texture});
-            }
-            if radiance.strength > 1.0 {
-                let strength = json!({"emissiveStrength": radiance.strength});
-                self.extend(&mut json, "KHR_materials_emissive_strength", strength);
-            }
-        }
+        self.emission(&mut json, &material.emission, &place)?;
         Ok(json)
+    }
+
+    fn warn(&self, place: &str, message: impl Display) {
+        log::warn!("{}: {place} {message}", self.path.display());
     }
 
     fn extend(&mut self, json: &mut Value, name: &'static str, extension: Value) {
@@ -152,9 +145,9 @@ impl<'a> Materials<'a> {
         let ior = match Number::of(&material.ior)? {
             Number::Constant(ior) => ior,
             Number::Texture(texels) => {
-                let file = self.path.display();
-                log::warn!(
-                    "{file}: {place} has a texture of indices of refraction, written as its mean"
+                self.warn(
+                    place,
+                    "has a texture of indices of refraction, written as its mean",
                 );
                 texels.mean()
             }
@@ -224,47 +217,48 @@ impl<'a> Materials<'a> {
     fn share(&self, value: f64, name: &str, place: &str) -> f64 {
         let share = value.clamp(0.0, 1.0);
         if share != value {
-            let file = self.path.display();
-            log::warn!("{file}: {place} has {name} {value}, written as {share}");
+            self.warn(place, format!("has {name} {value}, written as {share}"));
         }
         share
     }
 
-    /// The radiance of an emitter, by a factor or a texture that are at most 1, and a strength.
-    fn radiance(&mut self, emission: &Albedo, place: &str) -> Result<Radiance> {
+    /// The radiance of an emitter, by a factor or a texture that are at most 1, and a strength. Both sides of a surface
+    /// reflect; what emits does so in front.
+    fn emission(&mut self, json: &mut Value, emission: &Albedo, place: &str) -> Result<()> {
         let values: Vec<f64> = match emission {
             Albedo::Constant(p) => p.values()?.to_vec(),
-            Albedo::Texture { texels, .. } => {
-                let image = HostImage::from_tensor(texels)?;
-                image.pixels.iter().map(|&v| f64::from(v)).collect()
-            }
+            Albedo::Texture { texels, .. } => host_values(texels)?,
         };
         if let Some(v) = values.iter().find(|&&v| v < 0.0) {
-            let file = self.path.display();
-            log::warn!("{file}: {place} emits {v}, of which no less than 0 is written");
+            self.warn(
+                place,
+                format!("emits {v}, of which no less than 0 is written"),
+            );
         }
-        let most = values.iter().copied().fold(0.0, f64::max);
+        let emits = values.iter().any(|&v| v > 0.0);
+        json["doubleSided"] = json!(!emits);
+        if !emits {
+            return Ok(());
+        }
         let strength = scale_above(values.iter().copied());
-        let (factor, texture) = match emission {
+        match emission {
             Albedo::Constant(_) => {
                 let factor: Vec<f64> = values.iter().map(|v| v.max(0.0) / strength).collect();
-                (factor, None)
+                json["emissiveFactor"] = json!(factor);
             }
             Albedo::Texture { texels, wrap } => {
                 let texels = texels.clone().clamp_min(0.0) / strength;
-                let scaled = Albedo::Texture {
-                    texels,
-                    wrap: *wrap,
-                };
-                (vec![1.0; 3], self.albedo(&scaled, place)?.1)
+                let texels = Texels::of(&texels, *wrap)?;
+                json["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
+                let texture = self.texture(texels, true, None, place)?;
+                json["emissiveTexture"] = json!({"index": texture});
             }
-        };
-        Ok(Radiance {
-            most,
-            factor,
-            texture,
-            strength,
-        })
+        }
+        if strength > 1.0 {
+            let strength = json!({"emissiveStrength": strength});
+            self.extend(json, "KHR_materials_emissive_strength", strength);
+        }
+        Ok(())
     }
 
     /// The factor of an albedo, and its texture on the host.
@@ -274,8 +268,10 @@ impl<'a> Materials<'a> {
                 let found = p.values()?;
                 let factor = found.map(|v| v.clamp(0.0, 1.0));
                 if factor != found {
-                    let file = self.path.display();
-                    log::warn!("{file}: {place} has the albedo {found:?}, written as {factor:?}");
+                    self.warn(
+                        place,
+                        format!("has the albedo {found:?}, written as {factor:?}"),
+                    );
                 }
                 Ok((factor, None))
             }
@@ -300,8 +296,7 @@ impl<'a> Materials<'a> {
     ) -> Result<usize> {
         let outside = |v: &f32| !(0.0..=1.0).contains(v);
         if texels.values.iter().any(outside) {
-            let file = self.path.display();
-            log::warn!("{file}: {place} has texels outside of [0, 1], which are clipped");
+            self.warn(place, "has texels outside of [0, 1], which are clipped");
         }
         let ([h, w, _], wrap) = (texels.size, texels.wrap);
         let picture = Picture {
@@ -359,15 +354,6 @@ fn shares(mask: &AlphaMask) -> Result<(Texels, f32)> {
     let share = |v: f32| (v - least) / (most - least);
     alpha.values.iter_mut().for_each(|v| *v = share(*v));
     Ok((alpha, share(cutoff)))
-}
-
-/// What an emitter's radiance is written as.
-struct Radiance {
-    /// The largest of its numbers.
-    most: f64,
-    factor: Vec<f64>,
-    texture: Option<usize>,
-    strength: f64,
 }
 
 /// Where a value stands in a list, at whose end it is added if it is not there.

@@ -1,5 +1,5 @@
 use std::fmt;
-use std::io::{BufReader, Seek, Write};
+use std::io::{Seek, Write};
 use std::path::Path;
 
 use burn::tensor::{Device, Tensor, TensorData};
@@ -7,7 +7,6 @@ use image::{ImageBuffer, ImageFormat, Rgb, RgbImage};
 
 use super::LoadLimits;
 use super::decode::Decoded;
-use super::limits::open;
 use super::srgb::{srgb_byte, srgb_table};
 use super::whole::{check_writable, ending, write_whole};
 use crate::debug::numbers;
@@ -112,12 +111,7 @@ impl HostImage {
 
     // What calls decoders and encoders is not generic: else each program that calls it compiles these again.
     fn read_file(path: &Path, limits: &LoadLimits) -> Result<Self> {
-        let (file, _) = open(path)?;
-        Self::of_colours(Decoded::read(BufReader::new(file), path, limits)?)
-    }
-
-    /// The colours of an image that was decoded.
-    pub(super) fn of_colours(decoded: Decoded) -> Result<Self> {
+        let decoded = Decoded::of_file(path, limits)?;
         let [width, height] = decoded.size();
         Self::new(width, height, decoded.colours())
     }

@@ -4,6 +4,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use burn::tensor::Device;
+use serde::de::DeserializeOwned;
+
 use crate::error::{Error, Result};
 
 /// Limits of the size of loaded files, and of the files that they may refer to.
@@ -34,6 +37,14 @@ pub(super) const TEXEL: u64 = 4;
 /// takes that names each array and image once.
 const LEAST_MEMORY: u64 = 3 << 28;
 const PER_BYTE: u64 = 64;
+
+/// A file that is read, what it may take and name, and where its tensors go.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub path: &'a Path,
+    pub limits: &'a LoadLimits,
+    pub device: &'a Device,
+}
 
 /// What the parts of a file take in memory.
 #[derive(Clone, Copy, Debug, Default)]
@@ -115,9 +126,9 @@ impl LoadLimits {
         }
     }
 
-    /// Sets whether it is an error that an OBJ file can only be rendered without some of what it names: materials or
-    /// textures that are missing or malformed, texture coordinates or normals that are not there, faces of less than
-    /// three corners. False by default: a warning says so.
+    /// Sets whether it is an error that a file can only be rendered without some of what it names: textures, and of
+    /// OBJ also materials, that are missing or malformed, texture coordinates or normals that are not there, faces of
+    /// less than three corners. False by default: a warning says so.
     pub fn strict(self, strict: bool) -> Self {
         Self { strict, ..self }
     }
@@ -208,4 +219,19 @@ pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
         return Err(Error::format(path, message));
     }
     Ok(text)
+}
+
+/// Parses JSON; messages name the field.
+pub(super) fn parse_json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
+    let mut json = serde_json::Deserializer::from_slice(bytes);
+    let parsed = serde_path_to_error::deserialize(&mut json).map_err(|e| {
+        let field = match e.path().to_string() {
+            // At the top there is no field to name.
+            top if top == "." => String::new(),
+            field => field + ": ",
+        };
+        Error::format(path, format!("{field}{}", e.into_inner()))
+    })?;
+    json.end().map_err(|e| Error::format(path, e.to_string()))?;
+    Ok(parsed)
 }

@@ -101,27 +101,25 @@ fn write(path: &Path, double: bool, parts: &[Split]) -> Result<()> {
         &format!("element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n");
     write_whole(path, |file| {
         let mut put = |bytes: &[u8]| file.write_all(bytes).map_err(Error::io(path));
-        let put_number = |put: &mut dyn FnMut(&[u8]) -> Result<()>, v: f64| match double {
-            true => put(&v.to_le_bytes()),
-            false => put(&(v as f32).to_le_bytes()),
-        };
         put(header.as_bytes())?;
+        let mut row = Vec::new();
         for part in parts {
             for i in 0..part.positions.len() {
-                let normal = part
-                    .normals
-                    .iter()
-                    .filter(|_| has_normals)
-                    .map(|n| &n[i][..]);
-                let uv = part.uvs.iter().filter(|_| has_uvs).map(|u| &u[i][..]);
-                let rows = std::iter::once(&part.positions[i][..])
-                    .chain(normal)
-                    .chain(uv);
-                for &v in rows.flatten() {
-                    put_number(&mut put, v)?;
+                row.clear();
+                row.extend(part.positions[i]);
+                if let Some(normals) = part.normals.as_ref().filter(|_| has_normals) {
+                    row.extend(normals[i]);
                 }
-                let colour = part.colours.iter().flat_map(|colours| colours[i]);
-                for v in colour {
+                if let Some(uvs) = part.uvs.as_ref().filter(|_| has_uvs) {
+                    row.extend(uvs[i]);
+                }
+                for &v in &row {
+                    match double {
+                        true => put(&v.to_le_bytes())?,
+                        false => put(&(v as f32).to_le_bytes())?,
+                    }
+                }
+                for v in part.colours.iter().flat_map(|colours| colours[i]) {
                     match bytes {
                         true => put(&[byte(v)])?,
                         false => put(&(v as f32).to_le_bytes())?,
@@ -133,9 +131,8 @@ fn write(path: &Path, double: bool, parts: &[Split]) -> Result<()> {
         for part in parts {
             for face in &part.faces {
                 put(&[3])?;
-                for &v in face {
-                    put(&(first + v).to_le_bytes())?;
-                }
+                face.iter()
+                    .try_for_each(|v| put(&(first + v).to_le_bytes()))?;
             }
             first += part.positions.len() as u32;
         }

@@ -5,9 +5,9 @@ use burn::tensor::Device;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::limits::read_text;
-use super::load::{Loaded, SCENES, load};
-use super::scene_materials::{MaterialDocument, Place};
+use super::limits::{Place, parse_json, read_text};
+use super::load::{SCENES, load};
+use super::scene_materials::MaterialDocument;
 use super::whole::ending;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result, one_of};
@@ -201,7 +201,7 @@ impl Scene {
         let path = path.as_ref();
         match is_json(path)? {
             true => Ok(SceneFile::from_json(path, device, limits)?.scene),
-            false => Ok(load(path, device, limits)?.scene),
+            false => Ok(load(path, device, limits)?.0),
         }
     }
 }
@@ -229,7 +229,7 @@ impl SceneFile {
         if is_json(path)? {
             return Self::from_json(path, device, limits);
         }
-        let Loaded { scene, cameras } = load(path, device, limits)?;
+        let (scene, cameras) = load(path, device, limits)?;
         let (camera, aspect) = match cameras.first() {
             Some((_, camera, aspect)) => (camera.clone(), aspect.unwrap_or(1.0)),
             None => (Camera::framing(&scene, [0.4, 0.4, 1.0])?, 1.0),
@@ -245,17 +245,7 @@ impl SceneFile {
     }
 
     fn from_json(path: &Path, device: &Device, limits: &LoadLimits) -> Result<Self> {
-        let text = read_text(path, limits)?;
-        let mut json = serde_json::Deserializer::from_str(&text);
-        let document: Document = serde_path_to_error::deserialize(&mut json).map_err(|e| {
-            let field = match e.path().to_string() {
-                // At the top there is no field to name.
-                top if top == "." => String::new(),
-                field => field + ": ",
-            };
-            Error::format(path, format!("{field}{}", e.into_inner()))
-        })?;
-        json.end().map_err(|e| Error::format(path, e.to_string()))?;
+        let document: Document = parse_json(path, read_text(path, limits)?.as_bytes())?;
         let unknown = document.unknown();
         if !unknown.is_empty() {
             let (file, list) = (path.display(), unknown.join(", "));
@@ -272,7 +262,7 @@ impl SceneFile {
         let named_by = path.display().to_string();
         let file = folder.join(&document.scene);
         limits.check_place(&file, folder, &named_by)?;
-        let mut scene = load(&file, device, limits)?.scene;
+        let (mut scene, _) = load(&file, device, limits)?;
         if let Some(value) = document.environment {
             let map = value.as_str().map(|file| folder.join(file));
             let constant = serde_json::from_value::<[f64; 3]>(value.clone()).ok();
@@ -307,7 +297,7 @@ impl SceneFile {
             scene = scene.map_object(&name, |o| o.velocity(velocity))?;
         }
         let place = Place {
-            file: path,
+            path,
             limits,
             device,
         };

@@ -1,15 +1,14 @@
 //! Materials of facets that `scene.json` gives to objects.
 
-use std::io::BufReader;
 use std::path::Path;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::HostImage;
 use super::decode::Decoded;
-use super::limits::open;
-use super::{HostImage, LoadLimits};
+use super::limits::Place;
 use crate::error::{Error, Result};
 use crate::scene::{Albedo, Material, ScalarTexture};
 
@@ -40,26 +39,19 @@ fn ones() -> [f64; 3] {
     [1.0; 3]
 }
 
-/// The file that names images, and where they may lie.
-pub(super) struct Place<'a> {
-    pub file: &'a Path,
-    pub limits: &'a LoadLimits,
-    pub device: &'a Device,
-}
-
 impl Place<'_> {
     /// The image of a name, decoded by a function.
     fn image<T>(&self, name: &str, read: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
-        let folder = self.file.parent().unwrap_or(Path::new(""));
+        let folder = self.path.parent().unwrap_or(Path::new(""));
         let path = folder.join(name);
-        let named_by = self.file.display().to_string();
+        let named_by = self.path.display().to_string();
         self.limits.check_place(&path, folder, &named_by)?;
         read(&path)
     }
 
     fn wrong<T>(&self, field: &str, value: &Value, expected: &str) -> Result<T> {
         let message = format!("{field} is {value}, expected {expected} or the name of an image");
-        Err(Error::format(self.file, message))
+        Err(Error::format(self.path, message))
     }
 
     fn colour(&self, field: &str, value: Option<Value>) -> Result<Albedo> {
@@ -87,12 +79,9 @@ impl Place<'_> {
         match value {
             None => Ok(default.into()),
             Some(Value::String(name)) => self.image(&name, |path| {
-                let (file, _) = open(path)?;
-                let image = Decoded::read(BufReader::new(file), path, self.limits)?;
+                let image = Decoded::of_file(path, self.limits)?;
                 let [width, height] = image.size();
-                let all = image.numbers();
-                let texels: Vec<f32> = all.into_iter().skip(channel).step_by(3).collect();
-                let data = TensorData::new(texels, [height, width]);
+                let data = TensorData::new(image.channel(channel), [height, width]);
                 Ok(ScalarTexture::texture(Tensor::from_data(data, self.device)))
             }),
             Some(value) => match value.as_f64() {

@@ -1,61 +1,70 @@
 //! Textures of materials from images of a file: each image is decoded and each texture made once, however many
 //! materials have it.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::{BufReader, Cursor};
 use std::path::Path;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 
-use super::LoadLimits;
 use super::decode::{Decoded, check_size};
 use super::description::{Description, ImageSource, TextureUse};
-use super::limits::{Memory, TEXEL, open};
+use super::limits::{Memory, Place, TEXEL, open};
 use crate::error::{Error, Result};
 
-/// What is taken from an image, and the bits of the factors by which it is multiplied.
+/// What is taken from an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Taken {
     /// Linear RGB from sRGB.
-    Colours([u64; 3]),
-    /// A normal map, its x and y times a factor.
-    Tilts(u64),
+    Colours,
+    /// A normal map.
+    Tilts,
     /// A channel as it is.
-    Channel(usize, u64),
-    Alpha(u64),
+    Channel(usize),
+    Alpha,
+}
+
+/// A texture: the number of its image, what is taken from that, and the bits of the factors of the channels.
+type Key = (usize, Taken, [u64; 3]);
+
+/// A texture of colours.
+#[derive(Clone)]
+pub(super) struct Texels {
+    pub tensor: Tensor<3>,
+    /// The largest value of each channel.
+    pub largest: [f64; 3],
 }
 
 /// The textures of a file's materials.
 pub(super) struct Textures<'a> {
     description: &'a Description,
-    path: &'a Path,
-    limits: &'a LoadLimits,
-    device: &'a Device,
-    /// What the file takes in memory, while it is counted: then nothing is decoded, and a texel stands for a texture.
-    counted: Option<Memory>,
+    place: Place<'a>,
+    /// What the file takes in memory, and the textures that are in it.
+    memory: Memory,
+    counted: HashSet<Key>,
+    /// Whether textures are only counted: then nothing is decoded, and a texel stands for a texture.
+    pub counting: bool,
     /// Columns and rows of images, None of those that can't be read.
     sizes: HashMap<usize, Option<[usize; 2]>>,
-    colours: HashMap<(usize, Taken), Tensor<3>>,
-    numbers: HashMap<(usize, Taken), Tensor<2>>,
+    /// Images that were decoded before.
+    sound: HashSet<usize>,
+    colours: HashMap<Key, Texels>,
+    numbers: HashMap<Key, Tensor<2>>,
     /// The image that was decoded last: what is taken from one comes one after the other.
     last: Option<(usize, Decoded)>,
 }
 
 impl<'a> Textures<'a> {
     /// Textures that are only counted until [`Self::decode`].
-    pub fn new(
-        description: &'a Description,
-        path: &'a Path,
-        limits: &'a LoadLimits,
-        device: &'a Device,
-    ) -> Self {
+    pub fn new(description: &'a Description, place: Place<'a>) -> Self {
         Self {
             description,
-            path,
-            limits,
-            device,
-            counted: Some(description.memory),
+            place,
+            memory: description.memory,
+            counted: HashSet::new(),
+            counting: true,
             sizes: HashMap::new(),
+            sound: HashSet::new(),
             colours: HashMap::new(),
             numbers: HashMap::new(),
             last: None,
@@ -64,7 +73,7 @@ impl<'a> Textures<'a> {
 
     /// Decodes images from now on.
     pub fn decode(&mut self) {
-        self.counted = None;
+        self.counting = false;
         self.colours.clear();
         self.numbers.clear();
     }
@@ -73,142 +82,160 @@ impl<'a> Textures<'a> {
     /// is without it.
     ///
     /// # Errors
-    /// If the image is larger than the limits.
+    /// If the image is larger than the limits, or can't be read and limits are strict.
     pub fn found(&mut self, texture: Option<TextureUse>) -> Result<Option<TextureUse>> {
         let Some(TextureUse { image, .. }) = texture else {
             return Ok(None);
         };
-        if let Some(size) = self.sizes.get(&image) {
-            return Ok(texture.filter(|_| size.is_some()));
+        let mut size = match self.sizes.get(&image) {
+            Some(known) => *known,
+            None => {
+                let size = self.size(image);
+                self.unless_faulty(size)?
+            }
+        };
+        if size.is_some() && !self.counting && self.sound.insert(image) {
+            let decoded = self.decoded(image).map(|_| ());
+            if self.unless_faulty(decoded)?.is_none() {
+                size = None;
+            }
         }
-        let source = &self.description.images[image];
-        let size = match source {
-            ImageSource::File(path) => open(path).and_then(|(file, bytes)| {
-                if let Some(memory) = &mut self.counted {
-                    memory.read = memory.read.saturating_add(bytes);
-                }
-                Decoded::read_size(BufReader::new(file), path)
-            }),
-            ImageSource::Bytes { name, bytes } => {
-                Decoded::read_size(Cursor::new(bytes.slice()), name)
-            }
-        };
-        let size = match size {
-            Ok(size) => {
-                check_size(size, name(source), self.limits)?;
-                Some(size)
-            }
-            Err(error) => {
-                let path = self.path.display();
-                log::warn!("{path}: a texture is left out, its image can't be read: {error}");
-                None
-            }
-        };
         self.sizes.insert(image, size);
         Ok(texture.filter(|_| size.is_some()))
     }
 
+    /// What was read of an image; None if it can't be, which is noted.
+    fn unless_faulty<T>(&self, read: Result<T>) -> Result<Option<T>> {
+        match read {
+            Ok(read) => Ok(Some(read)),
+            Err(error) => {
+                self.description.notes.fault(error, self.place.limits)?;
+                Ok(None)
+            }
+        }
+    }
+
+    /// Columns and rows of an image.
+    fn size(&mut self, image: usize) -> Result<[usize; 2]> {
+        let source = &self.description.images[image];
+        let size = match source {
+            ImageSource::File(path) => {
+                let (file, bytes) = open(path)?;
+                self.memory.read = self.memory.read.saturating_add(bytes);
+                Decoded::read_size(BufReader::new(file), path)
+            }
+            ImageSource::Bytes { name, bytes } => {
+                Decoded::read_size(Cursor::new(bytes.slice()), name)
+            }
+        }?;
+        check_size(size, name(source), self.place.limits)?;
+        Ok(size)
+    }
+
     /// Colours in sRGB, times a factor.
-    pub fn colours(&mut self, image: usize, factor: [f64; 3]) -> Result<Tensor<3>> {
-        self.of_three(image, Taken::Colours(factor.map(f64::to_bits)))
+    pub fn colours(&mut self, image: usize, factor: [f64; 3]) -> Result<Texels> {
+        self.of_three((image, Taken::Colours, factor.map(f64::to_bits)))
     }
 
     /// A normal map, its x and y times a factor.
     pub fn tilts(&mut self, image: usize, factor: f64) -> Result<Tensor<3>> {
-        self.of_three(image, Taken::Tilts(factor.to_bits()))
+        let factors = [factor, factor, 1.0].map(f64::to_bits);
+        Ok(self.of_three((image, Taken::Tilts, factors))?.tensor)
     }
 
     /// A channel times a factor.
     pub fn channel(&mut self, image: usize, channel: usize, factor: f64) -> Result<Tensor<2>> {
-        self.of_one(image, Taken::Channel(channel, factor.to_bits()))
+        self.of_one((image, Taken::Channel(channel), [factor.to_bits(); 3]))
     }
 
     /// The alpha times a factor.
     pub fn alpha(&mut self, image: usize, factor: f64) -> Result<Tensor<2>> {
-        self.of_one(image, Taken::Alpha(factor.to_bits()))
+        self.of_one((image, Taken::Alpha, [factor.to_bits(); 3]))
     }
 
-    fn of_three(&mut self, image: usize, taken: Taken) -> Result<Tensor<3>> {
-        if let Some(known) = self.colours.get(&(image, taken)) {
+    fn of_three(&mut self, key: Key) -> Result<Texels> {
+        if let Some(known) = self.colours.get(&key) {
             return Ok(known.clone());
         }
-        let (values, [height, width]) = self.values(image, taken)?;
+        let (values, [height, width]) = self.values(key)?;
+        let mut largest = [0.0f32; 3];
+        for texel in values.chunks_exact(3) {
+            largest = std::array::from_fn(|c| largest[c].max(texel[c]));
+        }
         let data = TensorData::new(values, [height, width, 3]);
-        let texels = Tensor::from_data(data, self.device);
-        self.colours.insert((image, taken), texels.clone());
+        let texels = Texels {
+            tensor: Tensor::from_data(data, self.place.device),
+            largest: largest.map(f64::from),
+        };
+        self.colours.insert(key, texels.clone());
         Ok(texels)
     }
 
-    fn of_one(&mut self, image: usize, taken: Taken) -> Result<Tensor<2>> {
-        if let Some(known) = self.numbers.get(&(image, taken)) {
+    fn of_one(&mut self, key: Key) -> Result<Tensor<2>> {
+        if let Some(known) = self.numbers.get(&key) {
             return Ok(known.clone());
         }
-        let (values, size) = self.values(image, taken)?;
-        let texels = Tensor::from_data(TensorData::new(values, size), self.device);
-        self.numbers.insert((image, taken), texels.clone());
+        let (values, size) = self.values(key)?;
+        let texels = Tensor::from_data(TensorData::new(values, size), self.place.device);
+        self.numbers.insert(key, texels.clone());
         Ok(texels)
     }
 
     /// The numbers of a texture, row by row, and its rows and columns.
-    fn values(&mut self, image: usize, taken: Taken) -> Result<(Vec<f32>, [usize; 2])> {
-        let three = matches!(taken, Taken::Colours(_) | Taken::Tilts(_));
-        if let Some(memory) = &mut self.counted {
-            // Kernels have three numbers a texel.
-            let size = self.sizes.get(&image).copied().flatten().unwrap_or([0; 2]);
-            let pixels = size.map(|side| side as u64).into_iter().product();
-            let name = name(&self.description.images[image]).display();
-            let fail = |m| Error::format(self.path, format!("the image {name} {m}"));
-            let taken = memory.take(pixels, 3 * TEXEL, self.limits);
-            taken.map_err(fail)?;
+    fn values(&mut self, key: Key) -> Result<(Vec<f32>, [usize; 2])> {
+        let (image, taken, factors) = key;
+        if self.counted.insert(key) {
+            self.take(image)?;
+        }
+        if self.counting {
+            let three = matches!(taken, Taken::Colours | Taken::Tilts);
             return Ok((vec![0.0; if three { 3 } else { 1 }], [1, 1]));
         }
         let decoded = self.decoded(image)?;
         let [width, height] = decoded.size();
-        let float = |bits: u64| f64::from_bits(bits) as f32;
-        let times = |mut values: Vec<f32>, factor: u64| {
-            if float(factor) != 1.0 {
-                values.iter_mut().for_each(|v| *v *= float(factor));
+        let mut values = match taken {
+            Taken::Colours => decoded.colours(),
+            Taken::Tilts => {
+                let shares = decoded.numbers().into_iter();
+                shares.map(|v| v * 2.0 - 1.0).collect()
             }
-            values
+            Taken::Channel(channel) => decoded.channel(channel),
+            Taken::Alpha => decoded.alpha(),
         };
-        let values = match taken {
-            Taken::Colours(factor) => {
-                let mut values = decoded.colours();
-                if factor.map(float) != [1.0; 3] {
-                    for texel in values.chunks_exact_mut(3) {
-                        (0..3).for_each(|c| texel[c] *= float(factor[c]));
-                    }
-                }
-                values
-            }
-            Taken::Tilts(factor) => {
-                let mut values = decoded.numbers();
-                values.iter_mut().for_each(|v| *v = *v * 2.0 - 1.0);
-                if float(factor) != 1.0 {
-                    for texel in values.chunks_exact_mut(3) {
-                        texel[..2].iter_mut().for_each(|v| *v *= float(factor));
-                    }
-                }
-                values
-            }
-            Taken::Channel(channel, factor) => times(decoded.channel(channel), factor),
-            Taken::Alpha(factor) => times(decoded.alpha(), factor),
-        };
+        let factors = factors.map(|bits| f64::from_bits(bits) as f32);
+        if factors != [1.0; 3] {
+            let all = values.iter_mut().zip(factors.iter().cycle());
+            all.for_each(|(v, factor)| *v *= factor);
+        }
         Ok((values, [height, width]))
+    }
+
+    /// Counts the memory of a texture that is made of an image.
+    pub fn take(&mut self, image: usize) -> Result<()> {
+        // Kernels have three numbers a texel.
+        let size = self.sizes.get(&image).copied().flatten().unwrap_or([0; 2]);
+        let pixels = size.map(|side| side as u64).into_iter().product();
+        let taken = self.memory.take(pixels, 3 * TEXEL, self.place.limits);
+        let name = name(&self.description.images[image]).display();
+        taken.map_err(|m| Error::format(self.place.path, format!("the image {name} {m}")))
     }
 
     fn decoded(&mut self, image: usize) -> Result<&Decoded> {
         let known = self.last.take().filter(|(last, _)| *last == image);
-        let decoded = match (known, &self.description.images[image]) {
-            (Some((_, known)), _) => known,
-            (None, ImageSource::File(path)) => {
-                Decoded::read(BufReader::new(open(path)?.0), path, self.limits)?
-            }
-            (None, ImageSource::Bytes { name, bytes }) => {
-                Decoded::read(Cursor::new(bytes.slice()), name, self.limits)?
-            }
+        let decoded = match known {
+            Some((_, known)) => known,
+            None => self.read(image)?,
         };
         Ok(&self.last.insert((image, decoded)).1)
+    }
+
+    fn read(&self, image: usize) -> Result<Decoded> {
+        match &self.description.images[image] {
+            ImageSource::File(path) => Decoded::of_file(path, self.place.limits),
+            ImageSource::Bytes { name, bytes } => {
+                Decoded::read(Cursor::new(bytes.slice()), name, self.place.limits)
+            }
+        }
     }
 }
 

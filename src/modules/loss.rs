@@ -3,7 +3,9 @@ use burn::module::Module;
 use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
-use crate::optim::loss::{dssim, l1, mse, multi_scale, multi_scale_unbiased, silhouette_iou_batch};
+use crate::optim::loss::{
+    dssim, l1, mean, mse, multi_scale, multi_scale_unbiased, silhouette_iou_batch,
+};
 use crate::scene::Range;
 
 const OBJECT: &str = "render loss";
@@ -204,10 +206,4 @@ fn silhouettes<const D: usize>(batch: Tensor<D>) -> Tensor<3> {
 fn sum(terms: Vec<Tensor<1>>, image: &Tensor<3>) -> Tensor<1> {
     let sum = terms.into_iter().reduce(|a, b| a + b);
     sum.unwrap_or_else(|| Tensor::zeros([1], (&image.device().inner(), image.dtype())))
-}
-
-/// The mean of scalars.
-fn mean(losses: impl Iterator<Item = Tensor<1>>) -> Tensor<1> {
-    let losses: Vec<_> = losses.collect();
-    Tensor::cat(losses, 0).mean()
 }

@@ -18,16 +18,10 @@ pub(crate) struct Mask {
 impl Mask {
     /// Bilinear, texel centres at half-integers, row 0 at the top (v = 1).
     fn at(&self, [u, v]: [f32; 2]) -> f32 {
-        let x = u * self.width as f32 - 0.5;
-        let y = (1.0 - v) * self.height as f32 - 0.5;
-        let (left, top) = (x.floor(), y.floor());
-        let (x, y) = (x - left, y - top);
-        let row = |j: i64| {
-            let first = self.wrap.texel(top as i64 + j, self.height) * self.width;
-            let texel = |i: i64| self.alpha[first + self.wrap.texel(left as i64 + i, self.width)];
-            texel(0) * (1.0 - x) + texel(1) * x
-        };
-        row(0) * (1.0 - y) + row(1) * y
+        let (width, height) = (self.width, self.height);
+        let at = [u * width as f32 - 0.5, (1.0 - v) * height as f32 - 0.5];
+        let shares = self.wrap.bilinear(at, [width, height]);
+        shares.iter().map(|&(t, w)| self.alpha[t] * w).sum()
     }
 }
 

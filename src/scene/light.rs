@@ -177,7 +177,7 @@ impl Light {
     }
 
     /// Reads it back, and checks what no parameter says for itself.
-    pub(super) fn host(&self, name: &str) -> Result<HostLight> {
+    pub(crate) fn host(&self, name: &str) -> Result<HostLight> {
         let mut host = HostLight {
             directional: self.is_directional(),
             spot: self.is_spot(),

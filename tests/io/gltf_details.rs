@@ -1,14 +1,15 @@
 //! Normal maps, alpha masks, colours and tangents of glTF files: what is read, and that what is written reads back
 //! to the same image.
 
+use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
-use crate::common::numbers::mean;
+use crate::common::numbers::{largest, mean};
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
 use crate::common::told::warnings;
 use crate::gltf_maker::{Gltf, data_uri};
 use crate::written::{camera, image, near, texels, uvs};
-use burn::tensor::Tensor;
+use burn::tensor::{Tensor, TensorData};
 use image::{ImageFormat, Rgba, RgbaImage};
 use serde_json::{Value, json};
 use softray::prelude::*;
@@ -331,4 +332,25 @@ fn black_textures_are_no_light() {
     assert!(with(black.clone() + 0.1).has_light());
     let of_map = |map: Tensor<3>| Scene::new().environment(Environment::map(map)).has_light();
     assert!(!of_map(black.clone()) && of_map(black + 0.1));
+}
+
+/// An image that is damaged behind its header is left out as one that is missing; where limits are strict both are
+/// errors.
+#[test]
+fn damaged_images() {
+    let folder = Folder::new("damaged");
+    let noise = (0..3072u16).map(|i| f32::from(i).sin().abs()).collect();
+    let image = HostImage::new(32, 32, noise).expect("an image");
+    image.write(folder.path("cut.png")).expect("a file");
+    let whole = std::fs::read(folder.path("cut.png")).expect("bytes");
+    folder.write("cut.png", &whole[..whole.len() / 2]);
+    let strict = LoadLimits::default().strict(true);
+    for uri in ["cut.png", "nowhere.png"] {
+        let path = folder.write("a.glb", Gltf::textured(uri).glb());
+        let scene = Scene::load(&path, &Device::flex()).expect("a scene");
+        let diffuse = &scene.objects[0].materials[0].diffuse;
+        assert!(matches!(diffuse, Albedo::Constant(_)), "{uri}");
+        let error = Scene::load_within(&path, &Device::flex(), &strict);
+        says(message(error), [uri]);
+    }
 }

@@ -365,7 +365,7 @@ fn images_that_are_not_there() {
         let path = folder.write("a.glb", file.glb());
         let mut scene = Scene::new();
         let told = warnings(|| scene = Scene::load(path, &flex()).expect("a scene"));
-        let whole = told.len() == 1 && told[0].contains("a texture is left out");
+        let whole = told.len() == 1 && told[0].contains("without what can't be read");
         assert!(whole && told[0].contains(part), "{told:?}");
         let material = &scene.objects[0].materials[0];
         let diffuse = match &material.diffuse {

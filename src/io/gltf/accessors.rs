@@ -5,40 +5,19 @@ use super::Document;
 use super::schema::Sparse as SparseJson;
 use crate::error::Result;
 use crate::io::description::Bytes;
+use crate::io::numbers::Kind;
 
-/// What a number is made of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Component {
-    I8,
-    U8,
-    I16,
-    U16,
-    U32,
-    F32,
-}
-
-impl Component {
-    /// The one of OpenGL's number.
-    fn of(number: u32) -> Option<Self> {
-        Some(match number {
-            5120 => Self::I8,
-            5121 => Self::U8,
-            5122 => Self::I16,
-            5123 => Self::U16,
-            5125 => Self::U32,
-            5126 => Self::F32,
-            _ => return None,
-        })
-    }
-
-    /// Bytes.
-    fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-        }
-    }
+/// The kind of OpenGL's number.
+fn kind(number: u32) -> Option<Kind> {
+    Some(match number {
+        5120 => Kind::I8,
+        5121 => Kind::U8,
+        5122 => Kind::I16,
+        5123 => Kind::U16,
+        5125 => Kind::U32,
+        5126 => Kind::F32,
+        _ => return None,
+    })
 }
 
 /// Rows of numbers.
@@ -47,7 +26,7 @@ pub(super) struct Accessor<'a> {
     pub count: usize,
     /// Numbers in a row.
     pub width: usize,
-    component: Component,
+    component: Kind,
     normalized: bool,
     /// None where all is 0.
     base: Option<Strided<'a>>,
@@ -63,7 +42,7 @@ struct Strided<'a> {
 /// Rows that differ from the base, by increasing number.
 struct Sparse<'a> {
     count: usize,
-    index: Component,
+    index: Kind,
     indices: Strided<'a>,
     values: Strided<'a>,
 }
@@ -122,10 +101,9 @@ impl Document<'_> {
             None => {
                 // Rows of zeros that nothing stands for: not more than the file has bytes.
                 let most: usize = self.buffers.iter().map(|b| b.range.len()).sum();
-                if claimed > most as u64 {
-                    let message = format!("is {claimed} without a bufferView in {most} bytes");
-                    return Err(self.fail(format!("{name}.count"), message));
-                }
+                let message = format_args!("is {claimed} without a bufferView in {most} bytes");
+                let valid = claimed <= most as u64;
+                self.unless(valid, format_args!("{name}.count"), message)?;
                 None
             }
         };
@@ -140,10 +118,10 @@ impl Document<'_> {
         })
     }
 
-    fn component(&self, number: u32, name: &str) -> Result<Component> {
+    fn component(&self, number: u32, name: &str) -> Result<Kind> {
         let expected = "expected 5120 to 5123, 5125 or 5126";
         let unknown = || format!("is {number}, {expected}");
-        Component::of(number).ok_or_else(|| self.fail(format!("{name}.componentType"), unknown()))
+        kind(number).ok_or_else(|| self.fail(format!("{name}.componentType"), unknown()))
     }
 
     fn sparse(&self, json: &SparseJson, size: usize, name: &str) -> Result<Sparse<'_>> {
@@ -172,11 +150,10 @@ impl Document<'_> {
         // Some files say 0 for rows without gaps.
         let given = json.byte_stride.filter(|&s| s > 0);
         let stride = given.unwrap_or(size);
-        if stride < size {
-            let message =
-                format!("is {stride}, but a row of accessors that use it has {size} bytes");
-            return Err(self.fail(format!("bufferViews[{view}].byteStride"), message));
-        }
+        let place = format_args!("bufferViews[{view}].byteStride");
+        let message =
+            format_args!("is {stride}, but a row of accessors that use it has {size} bytes");
+        self.unless(stride >= size, place, message)?;
         Ok(stride as u64)
     }
 
@@ -234,12 +211,12 @@ impl Accessor<'_> {
     /// A row's first number as it is.
     pub fn index(&self, row: usize) -> u32 {
         self.place(row)
-            .map_or(0, |bytes| whole(bytes, self.component))
+            .map_or(0, |bytes| self.component.number(bytes) as u32)
     }
 
     /// Whether its numbers may be indices.
     pub fn is_index(&self) -> bool {
-        use Component::{U8, U16, U32};
+        use Kind::{U8, U16, U32};
         self.width == 1 && matches!(self.component, U8 | U16 | U32)
     }
 
@@ -255,18 +232,10 @@ impl Accessor<'_> {
 
     /// A number of a row: integers that are normalised stand for [0, 1] or [−1, 1].
     fn number(&self, row: &[u8], i: usize) -> f64 {
-        let size = self.component.size();
-        let bytes = row.get(i * size..).unwrap_or(&[]);
-        let (value, most) = match self.component {
-            Component::F32 => return f64::from(f32::from_bits(whole(bytes, self.component))),
-            Component::I8 => (f64::from(whole(bytes, self.component) as i8), 127.0),
-            Component::I16 => (f64::from(whole(bytes, self.component) as i16), 32767.0),
-            Component::U8 => (f64::from(whole(bytes, self.component)), 255.0),
-            Component::U16 => (f64::from(whole(bytes, self.component)), 65535.0),
-            Component::U32 => (f64::from(whole(bytes, self.component)), f64::from(u32::MAX)),
-        };
-        match self.normalized {
-            true => (value / most).max(-1.0),
+        let kind = self.component;
+        let value = kind.number(row.get(i * kind.size()..).unwrap_or(&[]));
+        match self.normalized && kind != Kind::F32 {
+            true => (value / kind.one()).max(-1.0),
             false => value,
         }
     }
@@ -277,7 +246,7 @@ impl Sparse<'_> {
     fn find(&self, row: usize) -> Option<usize> {
         let at = |i: usize| {
             let bytes = self.indices.bytes.get(i * self.indices.stride..);
-            whole(bytes.unwrap_or(&[]), self.index) as usize
+            self.index.number(bytes.unwrap_or(&[])) as usize
         };
         let (mut low, mut high) = (0, self.count);
         while low < high {
@@ -289,15 +258,5 @@ impl Sparse<'_> {
             }
         }
         None
-    }
-}
-
-/// The bits of the first number of some bytes, 0 where there are too few.
-fn whole(bytes: &[u8], component: Component) -> u32 {
-    match (component.size(), bytes) {
-        (1, &[a, ..]) => u32::from(a),
-        (2, &[a, b, ..]) => u32::from(u16::from_le_bytes([a, b])),
-        (4, &[a, b, c, d, ..]) => u32::from_le_bytes([a, b, c, d]),
-        _ => 0,
     }
 }

@@ -50,10 +50,12 @@ pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<By
             }
         };
         let (found, claimed) = (bytes.range.len() as u64, json.byte_length);
-        if claimed > found {
-            let message = format!("is {claimed}, but there are {found} bytes");
-            return Err(document.fail(format!("{place}.byteLength"), message));
-        }
+        let message = format_args!("is {claimed}, but there are {found} bytes");
+        document.unless(
+            claimed <= found,
+            format_args!("{place}.byteLength"),
+            message,
+        )?;
         let end = bytes.range.start + claimed as usize;
         buffers.push(Bytes {
             range: bytes.range.start..end,

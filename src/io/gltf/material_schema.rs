@@ -10,8 +10,7 @@ pub(super) struct Info {
     #[serde(default)]
     pub tex_coord: u32,
     /// Of normal maps.
-    #[serde(default = "one")]
-    pub scale: f32,
+    pub scale: Option<f32>,
     #[serde(default)]
     pub extensions: InfoExtensions,
 }
@@ -29,12 +28,11 @@ pub(super) struct TextureTransform {
     pub offset: [f32; 2],
     #[serde(default)]
     pub rotation: f32,
-    #[serde(default = "unscaled")]
-    pub scale: [f32; 2],
+    pub scale: Option<[f32; 2]>,
     pub tex_coord: Option<u32>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Material {
     pub name: Option<String>,
@@ -43,58 +41,30 @@ pub(super) struct Material {
     pub emissive_texture: Option<Info>,
     pub emissive_factor: [f32; 3],
     pub alpha_mode: AlphaMode,
-    pub alpha_cutoff: f32,
+    pub alpha_cutoff: Option<f32>,
     pub double_sided: bool,
     pub extensions: MaterialExtensions,
     #[serde(deserialize_with = "own")]
     pub extras: Extras,
 }
 
-impl Default for Material {
-    fn default() -> Self {
-        Self {
-            name: None,
-            pbr_metallic_roughness: MetallicRoughness::default(),
-            normal_texture: None,
-            emissive_texture: None,
-            emissive_factor: [0.0; 3],
-            alpha_mode: AlphaMode::Opaque,
-            alpha_cutoff: 0.5,
-            double_sided: false,
-            extensions: MaterialExtensions::default(),
-            extras: Extras::default(),
-        }
-    }
-}
-
-#[derive(Clone, Copy, Deserialize)]
+#[derive(Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub(super) enum AlphaMode {
+    #[default]
     Opaque,
     Mask,
     Blend,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct MetallicRoughness {
-    pub base_color_factor: [f32; 4],
+    pub base_color_factor: Option<[f32; 4]>,
     pub base_color_texture: Option<Info>,
-    pub metallic_factor: f32,
-    pub roughness_factor: f32,
+    pub metallic_factor: Option<f32>,
+    pub roughness_factor: Option<f32>,
     pub metallic_roughness_texture: Option<Info>,
-}
-
-impl Default for MetallicRoughness {
-    fn default() -> Self {
-        Self {
-            base_color_factor: [1.0; 4],
-            base_color_texture: None,
-            metallic_factor: 1.0,
-            roughness_factor: 1.0,
-            metallic_roughness_texture: None,
-        }
-    }
 }
 
 #[derive(Default, Deserialize)]
@@ -112,50 +82,25 @@ pub(super) struct MaterialExtensions {
     pub volume: Volume,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct EmissiveStrength {
-    pub emissive_strength: f32,
+    pub emissive_strength: Option<f32>,
 }
 
-impl Default for EmissiveStrength {
-    fn default() -> Self {
-        Self {
-            emissive_strength: 1.0,
-        }
-    }
-}
-
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Ior {
-    pub ior: f32,
+    pub ior: Option<f32>,
 }
 
-impl Default for Ior {
-    fn default() -> Self {
-        Self { ior: 1.5 }
-    }
-}
-
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Specular {
-    pub specular_factor: f32,
-    pub specular_color_factor: [f32; 3],
+    pub specular_factor: Option<f32>,
+    pub specular_color_factor: Option<[f32; 3]>,
     pub specular_texture: Option<Info>,
     pub specular_color_texture: Option<Info>,
-}
-
-impl Default for Specular {
-    fn default() -> Self {
-        Self {
-            specular_factor: 1.0,
-            specular_color_factor: [1.0; 3],
-            specular_texture: None,
-            specular_color_texture: None,
-        }
-    }
 }
 
 #[derive(Default, Deserialize)]
@@ -209,12 +154,4 @@ pub(super) struct Conductor {
 fn own<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Extras, D::Error> {
     let value = serde_json::Value::deserialize(deserializer)?;
     Ok(serde_json::from_value(value).unwrap_or_default())
-}
-
-fn one() -> f32 {
-    1.0
-}
-
-fn unscaled() -> [f32; 2] {
-    [1.0; 2]
 }

@@ -4,7 +4,9 @@ use super::Document;
 use super::buffers::Target;
 use super::material_schema::{AlphaMode, Info, MaterialExtensions, Own};
 use crate::error::Result;
-use crate::io::description::{Alpha, ImageSource, MaterialDescription, OwnBsdf, TextureUse};
+use crate::io::description::{
+    Alpha, Colour, ImageSource, MaterialDescription, OwnBsdf, TextureUse,
+};
 use crate::scene::Wrap;
 
 /// A material, and where its textures are looked up.
@@ -71,43 +73,50 @@ fn material(document: &Document, index: usize) -> Result<Material> {
     let pbr = &json.pbr_metallic_roughness;
     let of_pbr = |field: &str| format!("{place}.pbrMetallicRoughness.{field}");
     let unit = |value: f32, field: String| document.unit(value, field);
-    let [r, g, b, a] = pbr.base_color_factor;
+    let [r, g, b, a] = pbr.base_color_factor.unwrap_or([1.0; 4]);
     let rgb = [r, g, b].map(|v| unit(v, of_pbr("baseColorFactor")));
     let base_colour = three(rgb)?;
     let factor = unit(a, of_pbr("baseColorFactor"))?;
-    let strength = json.extensions.emissive.emissive_strength;
+    let strength = json.extensions.emissive.emissive_strength.unwrap_or(1.0);
     let strength = document.not_negative(strength, format!("{place}.emissiveStrength"))?;
     let emission = json.emissive_factor;
     let emission = emission.map(|v| document.not_negative(v, format!("{place}.emissiveFactor")));
     let emission = three(emission)?.map(|v| v * strength);
+    let texture = textures.of(pbr.base_color_texture.as_ref(), "baseColorTexture")?;
     let name = json.name.clone();
     let mut description = MaterialDescription {
         name: name.unwrap_or_else(|| format!("material {index}")),
-        base_colour,
-        base_colour_texture: textures.of(pbr.base_color_texture.as_ref(), "baseColorTexture")?,
+        base_colour: Colour::times(base_colour, texture),
         alpha: match json.alpha_mode {
             AlphaMode::Opaque => Alpha::Opaque,
             AlphaMode::Mask => {
                 let field = format!("{place}.alphaCutoff");
-                let cutoff = document.not_negative(json.alpha_cutoff, field)?;
+                let cutoff = document.not_negative(json.alpha_cutoff.unwrap_or(0.5), field)?;
                 Alpha::Mask { factor, cutoff }
             }
             AlphaMode::Blend => Alpha::Blend { factor },
         },
-        metallic: unit(pbr.metallic_factor, of_pbr("metallicFactor"))?,
-        roughness: unit(pbr.roughness_factor, of_pbr("roughnessFactor"))?,
+        metallic: unit(pbr.metallic_factor.unwrap_or(1.0), of_pbr("metallicFactor"))?,
+        roughness: unit(
+            pbr.roughness_factor.unwrap_or(1.0),
+            of_pbr("roughnessFactor"),
+        )?,
         metallic_roughness_texture: textures.of(
             pbr.metallic_roughness_texture.as_ref(),
             "metallicRoughnessTexture",
         )?,
-        emission,
-        emissive_texture: textures.of(json.emissive_texture.as_ref(), "emissiveTexture")?,
         double_sided: json.double_sided,
         ..MaterialDescription::default()
     };
+    let texture = textures.of(json.emissive_texture.as_ref(), "emissiveTexture")?;
+    description.emission = Colour::times(emission, texture);
+    if texture.is_some() {
+        // Without the texture that says where a surface shines, all of it would.
+        description.emission.plain = [0.0; 3];
+    }
     if let Some(normal) = &json.normal_texture {
         let texture = textures.of(Some(normal), "normalTexture")?;
-        description.normal = texture.map(|t| (t, f64::from(normal.scale)));
+        description.normal = texture.map(|t| (t, f64::from(normal.scale.unwrap_or(1.0))));
     }
     extend(&mut description, &json.extensions, document, &place)?;
     extras(
@@ -132,7 +141,8 @@ fn extend(
     let field = |name: &str| format!("{place}.extensions.{name}");
     let (transmission, specular) = (&json.transmission, &json.specular);
     // 0 stands for a surface that reflects all.
-    description.ior = document.not_negative(json.ior.ior, field("KHR_materials_ior.ior"))?;
+    description.ior =
+        document.not_negative(json.ior.ior.unwrap_or(1.5), field("KHR_materials_ior.ior"))?;
     let of = field("KHR_materials_transmission.transmissionFactor");
     description.transmission = document.unit(transmission.transmission_factor, of)?;
     if transmission.transmission_texture.is_some() {
@@ -144,8 +154,10 @@ fn extend(
         document.skip("attenuation of volumes");
     }
     let of = field("KHR_materials_specular.specularFactor");
-    description.specular = document.unit(specular.specular_factor, of)?;
-    if specular.specular_color_factor != [1.0; 3]
+    description.specular = document.unit(specular.specular_factor.unwrap_or(1.0), of)?;
+    if specular
+        .specular_color_factor
+        .is_some_and(|c| c != [1.0; 3])
         || specular.specular_texture.is_some()
         || specular.specular_color_texture.is_some()
     {
@@ -167,9 +179,9 @@ fn extras(
     if let Some(phong) = &json.phong {
         let albedo = phong.specular_factor;
         let albedo = albedo.map(|v| document.unit(v, field("phong.specularFactor")));
+        let texture = textures.of(phong.specular_texture.as_ref(), "specularTexture")?;
         description.own = Some(OwnBsdf::Phong {
-            albedo: three(albedo)?,
-            texture: textures.of(phong.specular_texture.as_ref(), "specularTexture")?,
+            albedo: Colour::times(three(albedo)?, texture),
             shininess: document.not_negative(phong.shininess, field("phong.shininess"))?,
         });
     } else if let Some(conductor) = &json.conductor {
@@ -197,19 +209,14 @@ impl Textures<'_> {
         let Some(info) = info else {
             return Ok(None);
         };
-        let coordinates = match &info.extensions.transform {
-            Some(t) => Coordinates {
-                set: t.tex_coord.unwrap_or(info.tex_coord),
-                offset: t.offset,
-                rotation: t.rotation,
-                scale: t.scale,
-            },
-            None => Coordinates {
-                set: info.tex_coord,
-                offset: [0.0; 2],
-                rotation: 0.0,
-                scale: [1.0; 2],
-            },
+        let transform = info.extensions.transform.as_ref();
+        let coordinates = Coordinates {
+            set: transform
+                .and_then(|t| t.tex_coord)
+                .unwrap_or(info.tex_coord),
+            offset: transform.map_or([0.0; 2], |t| t.offset),
+            rotation: transform.map_or(0.0, |t| t.rotation),
+            scale: transform.and_then(|t| t.scale).unwrap_or([1.0; 2]),
         };
         let index = info.index;
         let document = self.document;
@@ -227,14 +234,14 @@ impl Textures<'_> {
         if let Some(sampler) = json.sampler {
             let field = format!("{place}.sampler");
             let json = document.get(&root.samplers, sampler, field, "samplers")?;
-            if json.wrap_s != json.wrap_t {
+            if json.wrap_s.unwrap_or(10497) != json.wrap_t.unwrap_or(10497) {
                 document.skip("wrapT where it differs from wrapS");
             }
             wrap = match json.wrap_s {
-                10497 => Wrap::Repeat,
-                33071 => Wrap::Clamp,
-                33648 => Wrap::Mirror,
-                other => {
+                None | Some(10497) => Wrap::Repeat,
+                Some(33071) => Wrap::Clamp,
+                Some(33648) => Wrap::Mirror,
+                Some(other) => {
                     let message = format!("is {other}, expected 10497, 33071 or 33648");
                     return Err(document.fail(format!("samplers[{sampler}].wrapS"), message));
                 }

@@ -23,9 +23,9 @@ impl Mode {
     /// The one of a primitive, None for points and lines.
     fn of(primitive: &Primitive) -> Option<Self> {
         match primitive.mode {
-            4 => Some(Self::Triangles),
-            5 => Some(Self::Strip),
-            6 => Some(Self::Fan),
+            None | Some(4) => Some(Self::Triangles),
+            Some(5) => Some(Self::Strip),
+            Some(6) => Some(Self::Fan),
             _ => None,
         }
     }
@@ -123,8 +123,8 @@ impl<'a> Builder<'a> {
     fn add(&mut self, primitive: &Primitive, place: &str, materials: &[Material]) -> Result<()> {
         let document = self.document;
         let Some(mode) = Mode::of(primitive) else {
-            if primitive.mode > 6 {
-                let message = format!("is {}, expected 0 to 6", primitive.mode);
+            if let Some(mode @ 7..) = primitive.mode {
+                let message = format!("is {mode}, expected 0 to 6");
                 return Err(document.fail(format!("{place}.mode"), message));
             }
             document.skip("points and lines");
@@ -205,11 +205,9 @@ impl<'a> Builder<'a> {
         }
         let positions = document.accessor(index, &format!("{place}.attributes.POSITION"))?;
         let width = |accessor: &Accessor, widths: &[usize], name: &str| {
-            if widths.contains(&accessor.width) {
-                return Ok(());
-            }
-            let message = format!("has rows of {}, expected {widths:?}", accessor.width);
-            Err(document.fail(format!("{place}.attributes.{name}"), message))
+            let valid = widths.contains(&accessor.width);
+            let message = format_args!("has rows of {}, expected {widths:?}", accessor.width);
+            document.unless(valid, format_args!("{place}.attributes.{name}"), message)
         };
         width(&positions, &[3], "POSITION")?;
         let attribute = |name: &str, widths: &[usize]| {
@@ -219,11 +217,9 @@ impl<'a> Builder<'a> {
             let field = format!("{place}.attributes.{name}");
             let found = document.accessor(index, &field)?;
             width(&found, widths, name)?;
-            if found.count != positions.count {
-                let (found, expected) = (found.count, positions.count);
-                let message = format!("has {found} rows, but there are {expected} positions");
-                return Err(document.fail(field, message));
-            }
+            let (count, expected) = (found.count, positions.count);
+            let message = format_args!("has {count} rows, but there are {expected} positions");
+            document.unless(count == expected, field, message)?;
             Ok(Some(found))
         };
         let set = coordinates.map_or(0, |c| c.set);
@@ -232,10 +228,8 @@ impl<'a> Builder<'a> {
             Some(index) => {
                 let field = format!("{place}.indices");
                 let indices = document.accessor(index, &field)?;
-                if !indices.is_index() {
-                    let message = "are no scalars of unsigned integers";
-                    return Err(document.fail(field, message));
-                }
+                let message = "are no scalars of unsigned integers";
+                document.unless(indices.is_index(), field, message)?;
                 Some(indices)
             }
             None => None,

@@ -1,20 +1,19 @@
 //! The graph of nodes: meshes, cameras and lights at their places in the world.
 
 use std::collections::HashMap;
+use std::f32::consts::FRAC_PI_4;
 use std::f64::consts::FRAC_PI_2;
 
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 
 use super::materials::{images, materials};
 use super::meshes::{mesh, most_triangles};
-use super::schema::{CameraType, Light, LightType, Node};
+use super::schema::{CameraType, Light as LightJson, LightType, Node};
 use super::{Document, materials::Material};
 use crate::error::{Error, Result};
-use crate::io::description::{
-    CameraDescription, Description, LightDescription, LightKind, ObjectDescription,
-    ProjectionDescription,
-};
+use crate::io::description::{Description, NamedCamera, ObjectDescription};
 use crate::io::limits::{LIGHT, Memory, OBJECT, TRIANGLE};
+use crate::scene::{Camera, Light};
 
 /// Everything that the file's scene has. Without a default scene that is the first one, without scenes all nodes
 /// are in it.
@@ -46,14 +45,10 @@ pub(super) fn walk(document: &Document) -> Result<Description> {
     while let Some((i, parent)) = next.pop() {
         let node = &root.nodes[i];
         let to_world = parent * local(document, node, i)?;
-        if !to_world
-            .to_cols_array()
-            .iter()
-            .all(|&v| (v as f32).is_finite())
-        {
-            let message = "has a transform whose numbers are not finite in f32";
-            return Err(document.fail(format!("nodes[{i}]"), message));
-        }
+        let finite = |v: f64| (v as f32).is_finite();
+        let message = "has a transform whose numbers are not finite in f32";
+        let valid = to_world.to_cols_array().into_iter().all(finite);
+        document.unless(valid, format_args!("nodes[{i}]"), message)?;
         walk.node(node, i, to_world)?;
         let first = next.len();
         for (k, &child) in node.children.iter().enumerate() {
@@ -106,11 +101,9 @@ fn roots(document: &Document) -> Result<Vec<(usize, String)>> {
 
 /// Marks a node as seen: it may be entered by one way only, or the graph would have a circle or grow without end.
 fn enter(document: &Document, seen: &mut [bool], node: usize, place: &str) -> Result<()> {
-    if std::mem::replace(&mut seen[node], true) {
-        let message = format!("is {node}, which has another parent or is above itself");
-        return Err(document.fail(place, message));
-    }
-    Ok(())
+    let known = std::mem::replace(&mut seen[node], true);
+    let message = format_args!("is {node}, which has another parent or is above itself");
+    document.unless(!known, place, message)
 }
 
 /// A node's own transform.
@@ -118,10 +111,9 @@ fn local(document: &Document, node: &Node, i: usize) -> Result<DAffine3> {
     if let Some(matrix) = &node.matrix {
         let matrix = DMat4::from_cols_array(matrix);
         let last = matrix.row(3).to_array();
-        if last != [0.0, 0.0, 0.0, 1.0] {
-            let message = format!("has the last row {last:?}, expected 0, 0, 0, 1");
-            return Err(document.fail(format!("nodes[{i}].matrix"), message));
-        }
+        let message = format_args!("has the last row {last:?}, expected 0, 0, 0, 1");
+        let valid = last == [0.0, 0.0, 0.0, 1.0];
+        document.unless(valid, format_args!("nodes[{i}].matrix"), message)?;
         return Ok(DAffine3::from_mat4(matrix));
     }
     let vector = |v: Option<[f64; 3]>, default: DVec3| v.map_or(default, DVec3::from);
@@ -129,10 +121,9 @@ fn local(document: &Document, node: &Node, i: usize) -> Result<DAffine3> {
         Some(rotation) => {
             let rotation = DQuat::from_array(rotation);
             let length = rotation.length();
-            if !(length > 0.0 && length.is_finite()) {
-                let message = format!("is {:?}, expected a quaternion", rotation.to_array());
-                return Err(document.fail(format!("nodes[{i}].rotation"), message));
-            }
+            let message = format!("is {:?}, expected a quaternion", rotation.to_array());
+            let valid = length > 0.0 && length.is_finite();
+            document.unless(valid, format_args!("nodes[{i}].rotation"), message)?;
             rotation.normalize()
         }
         None => DQuat::IDENTITY,
@@ -194,11 +185,10 @@ impl Walk<'_> {
         let more = most_triangles(document, &document.root.meshes[index]);
         self.triangles = self.triangles.saturating_add(more);
         let most = document.limits.triangles;
-        if self.triangles > most {
-            let message =
-                format!("makes more than {most} triangles: LoadLimits::triangles raises the limit");
-            return Err(document.fail(place, message));
-        }
+        let message = format_args!(
+            "makes more than {most} triangles: LoadLimits::triangles raises the limit"
+        );
+        document.unless(self.triangles <= most, place, message)?;
         let memory = &mut self.found.memory;
         let taken = memory.take(more, TRIANGLE, document.limits);
         let taken = taken.and_then(|()| memory.take(1, OBJECT, document.limits));
@@ -224,13 +214,7 @@ impl Walk<'_> {
     }
 
     /// A camera looks along its node's −z, whose scale doesn't count.
-    fn camera(
-        &self,
-        index: usize,
-        name: String,
-        to: DAffine3,
-        place: &str,
-    ) -> Result<CameraDescription> {
+    fn camera(&self, index: usize, name: String, to: DAffine3, place: &str) -> Result<NamedCamera> {
         let document = self.document;
         let json = &document.root.cameras[index];
         let at = |field: &str| format!("cameras[{index}].{field}");
@@ -239,33 +223,27 @@ impl Walk<'_> {
             let message = "is at a node whose axes have no directions";
             return Err(document.fail(place, message));
         };
-        if forward.cross(up).length() < 1e-6 {
-            return Err(document.fail(place, "is at a node whose y and z axes are parallel"));
-        }
+        let message = "is at a node whose y and z axes are parallel";
+        document.unless(forward.cross(up).length() >= 1e-6, place, message)?;
         let positive = |value: f32, field: &str| {
             let valid = value.is_finite() && value > 0.0;
-            let message = || format!("is {value}, expected a finite number > 0");
-            match valid {
-                true => Ok(f64::from(value)),
-                false => Err(document.fail(at(field), message())),
-            }
+            let message = format_args!("is {value}, expected a finite number > 0");
+            document.unless(valid, at(field), message)?;
+            Result::Ok(f64::from(value))
         };
         let missing = |field: &str| document.fail(at(field), "is not there");
-        let (projection, aspect) = match json.kind {
+        let eye = to.translation;
+        let camera = Camera::look_at(eye.to_array(), (eye + forward).to_array()).up(up.to_array());
+        let (camera, aspect) = match json.kind {
             CameraType::Perspective => {
                 let p = json.perspective.as_ref();
                 let p = p.ok_or_else(|| missing("perspective"))?;
                 let fov_y = positive(p.yfov, "perspective.yfov")?.to_degrees();
-                if fov_y >= 180.0 {
-                    let message = format!("is {}, expected an angle under π", p.yfov);
-                    return Err(document.fail(at("perspective.yfov"), message));
-                }
+                let message = format_args!("is {}, expected an angle under π", p.yfov);
+                document.unless(fov_y < 180.0, at("perspective.yfov"), message)?;
                 let aspect = p.aspect_ratio;
                 let aspect = aspect.map(|a| positive(a, "perspective.aspectRatio"));
-                (
-                    ProjectionDescription::Perspective { fov_y },
-                    aspect.transpose()?,
-                )
+                (camera.fov_y(fov_y), aspect.transpose()?)
             }
             CameraType::Orthographic => {
                 let o = json.orthographic.as_ref();
@@ -273,58 +251,43 @@ impl Walk<'_> {
                 // Files may mirror the image by a negative one.
                 let high = positive(o.ymag.abs(), "orthographic.ymag")?;
                 let wide = positive(o.xmag.abs(), "orthographic.xmag")?;
-                let height = 2.0 * high;
-                (
-                    ProjectionDescription::Orthographic { height },
-                    Some(wide / high),
-                )
+                (camera.orthographic(2.0 * high), Some(wide / high))
             }
         };
-        Ok(CameraDescription {
-            name,
-            eye: to.translation,
-            forward,
-            up,
-            projection,
-            aspect,
-        })
+        Ok((name, camera, aspect))
     }
 
-    /// A light shines along its node's −z, whose scale doesn't count.
-    fn light(&self, json: &Light, to: DAffine3, place: &str) -> Result<LightDescription> {
+    /// A light shines along its node's −z, whose scale doesn't count. Photometric units count as those of the scene:
+    /// candela for radiant intensity, lux for irradiance.
+    fn light(&self, json: &LightJson, to: DAffine3, place: &str) -> Result<Light> {
         let document = self.document;
         let at = |field: &str| format!("{place}.{field}");
-        let kind = match json.kind {
-            LightType::Point => LightKind::Point,
-            LightType::Directional => LightKind::Directional,
-            LightType::Spot => {
-                let (inner, outer) = (json.spot.inner_cone_angle, json.spot.outer_cone_angle);
-                // The file's numbers are rounded.
-                if !(0.0 <= inner && inner <= outer && outer <= 1.571) {
-                    let message = format!(
-                        "has the angles {inner} and {outer}, expected 0 ≤ innerConeAngle ≤ \
-                         outerConeAngle ≤ π/2"
-                    );
-                    return Err(document.fail(at("spot"), message));
-                }
-                let [inner, outer] = [inner, outer].map(|a| f64::from(a).min(FRAC_PI_2));
-                LightKind::Spot { inner, outer }
-            }
-        };
-        let strength = document.not_negative(json.intensity, at("intensity"))?;
-        let mut intensity = [0.0; 3];
-        for (value, &colour) in intensity.iter_mut().zip(&json.color) {
-            *value = strength * document.not_negative(colour, at("color"))?;
+        let strength = document.not_negative(json.intensity.unwrap_or(1.0), at("intensity"))?;
+        let mut intensity = [strength; 3];
+        for (value, colour) in intensity.iter_mut().zip(json.color.unwrap_or([1.0; 3])) {
+            *value *= document.not_negative(colour, at("color"))?;
         }
         if json.range.is_some() {
             document.skip("range of lights");
         }
+        let position = to.translation.to_array();
         let direction = (-to.matrix3.z_axis).try_normalize();
-        Ok(LightDescription {
-            kind,
-            position: to.translation,
-            direction: direction.unwrap_or(DVec3::NEG_Z),
-            intensity,
+        let direction = direction.unwrap_or(DVec3::NEG_Z).to_array();
+        Ok(match json.kind {
+            LightType::Point => Light::point(position, intensity),
+            LightType::Directional => Light::directional(direction, intensity),
+            LightType::Spot => {
+                let (inner, outer) = (json.spot.inner_cone_angle, json.spot.outer_cone_angle);
+                let outer = outer.unwrap_or(FRAC_PI_4);
+                // The file's numbers are rounded.
+                let valid = 0.0 <= inner && inner <= outer && outer <= 1.571;
+                let message = format_args!(
+                    "has the angles {inner} and {outer}, expected 0 ≤ innerConeAngle ≤ outerConeAngle ≤ π/2"
+                );
+                document.unless(valid, at("spot"), message)?;
+                let [inner, outer] = [inner, outer].map(|a| [f64::from(a).min(FRAC_PI_2)]);
+                Light::spot(position, direction, intensity, inner, outer)
+            }
         })
     }
 }

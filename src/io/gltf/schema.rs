@@ -59,10 +59,8 @@ pub(super) struct Lights {
 pub(super) struct Light {
     #[serde(rename = "type")]
     pub kind: LightType,
-    #[serde(default = "white")]
-    pub color: [f32; 3],
-    #[serde(default = "one")]
-    pub intensity: f32,
+    pub color: Option<[f32; 3]>,
+    pub intensity: Option<f32>,
     pub range: Option<f32>,
     #[serde(default)]
     pub spot: Spot,
@@ -76,20 +74,11 @@ pub(super) enum LightType {
     Directional,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Spot {
     pub inner_cone_angle: f32,
-    pub outer_cone_angle: f32,
-}
-
-impl Default for Spot {
-    fn default() -> Self {
-        Self {
-            inner_cone_angle: 0.0,
-            outer_cone_angle: std::f32::consts::FRAC_PI_4,
-        }
-    }
+    pub outer_cone_angle: Option<f32>,
 }
 
 #[derive(Deserialize)]
@@ -136,8 +125,7 @@ pub(super) struct Primitive {
     pub attributes: BTreeMap<String, usize>,
     pub indices: Option<usize>,
     pub material: Option<usize>,
-    #[serde(default = "triangles")]
-    pub mode: u32,
+    pub mode: Option<u32>,
     #[serde(default)]
     pub targets: Vec<Anything>,
     #[serde(default)]
@@ -168,25 +156,19 @@ pub(super) struct Accessor {
 #[derive(Deserialize)]
 pub(super) struct Sparse {
     pub count: u64,
-    pub indices: SparseIndices,
-    pub values: SparseValues,
+    pub indices: SparseRows,
+    pub values: SparseRows,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(super) struct SparseIndices {
+pub(super) struct SparseRows {
     pub buffer_view: usize,
     #[serde(default)]
     pub byte_offset: u64,
+    /// Of indices.
+    #[serde(default)]
     pub component_type: u32,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct SparseValues {
-    pub buffer_view: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
 }
 
 #[derive(Deserialize)]
@@ -236,10 +218,8 @@ pub(super) struct Source {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Sampler {
-    #[serde(default = "repeat")]
-    pub wrap_s: u32,
-    #[serde(default = "repeat")]
-    pub wrap_t: u32,
+    pub wrap_s: Option<u32>,
+    pub wrap_t: Option<u32>,
 }
 
 #[derive(Deserialize)]
@@ -269,20 +249,4 @@ pub(super) struct Perspective {
 pub(super) struct Orthographic {
     pub xmag: f32,
     pub ymag: f32,
-}
-
-fn one() -> f32 {
-    1.0
-}
-
-fn white() -> [f32; 3] {
-    [1.0; 3]
-}
-
-fn repeat() -> u32 {
-    10497
-}
-
-fn triangles() -> u32 {
-    4
 }

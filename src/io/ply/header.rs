@@ -1,5 +1,7 @@
 //! The header of a PLY file: its elements and their properties.
 
+use crate::io::numbers::Kind;
+
 /// How the values of a file are written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Format {
@@ -8,52 +10,18 @@ pub(super) enum Format {
     BigEndian,
 }
 
-/// What a number is made of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Kind {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Kind {
-    fn of(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    /// Bytes.
-    pub fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// The value that stands for 1 where integers stand for [0, 1].
-    pub fn one(self) -> Option<f64> {
-        match self {
-            Self::U8 => Some(255.0),
-            Self::U16 => Some(65535.0),
-            _ => None,
-        }
-    }
+fn kind(name: &str) -> Option<Kind> {
+    Some(match name {
+        "char" | "int8" => Kind::I8,
+        "uchar" | "uint8" => Kind::U8,
+        "short" | "int16" => Kind::I16,
+        "ushort" | "uint16" => Kind::U16,
+        "int" | "int32" => Kind::I32,
+        "uint" | "uint32" => Kind::U32,
+        "float" | "float32" => Kind::F32,
+        "double" | "float64" => Kind::F64,
+        _ => return None,
+    })
 }
 
 /// One or several values of each row of an element.
@@ -182,14 +150,14 @@ impl Header {
 }
 
 fn property(words: &[&str]) -> Option<Property> {
-    let (list, kind, name) = match words {
-        ["list", count, kind, name] => (Some(Kind::of(count)?), kind, name),
-        [kind, name] => (None, kind, name),
+    let (list, of, name) = match words {
+        ["list", count, of, name] => (Some(kind(count)?), of, name),
+        [of, name] => (None, of, name),
         _ => return None,
     };
     Some(Property {
         name: (*name).into(),
-        kind: Kind::of(kind)?,
+        kind: kind(of)?,
         list,
     })
 }

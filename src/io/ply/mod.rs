@@ -10,10 +10,11 @@ use glam::{DAffine3, DVec3};
 
 use super::LoadLimits;
 use super::description::{
-    Corners, Description, ImageSource, MaterialDescription, MeshDescription, ObjectDescription,
-    TextureUse,
+    Colour, Corners, Description, ImageSource, MaterialDescription, MeshDescription,
+    ObjectDescription, TextureUse,
 };
 use super::limits::read_bytes;
+use super::numbers::Kind;
 use super::polygon::Polygons;
 use super::srgb::srgb_to_linear;
 use crate::error::{Error, Result};
@@ -128,7 +129,6 @@ impl Reader<'_> {
         ]);
         let u = element.scalar(&["s", "u", "texture_u", "texture_s"]);
         let v = element.scalar(&["t", "v", "texture_v", "texture_t"]);
-        let one = |i: usize| element.properties[i].kind.one();
         let mut row = Row::of(element);
         for i in 0..element.count {
             self.row(element, i, &mut row)?;
@@ -142,9 +142,11 @@ impl Reader<'_> {
             }
             if let Some(colour) = colour {
                 // Bytes are sRGB, numbers are linear.
-                let linear = |i: usize| match one(i) {
-                    Some(one) => f64::from(srgb_to_linear((at(i) / one) as f32)),
-                    None => at(i),
+                let linear = |i: usize| match element.properties[i].kind {
+                    kind @ (Kind::U8 | Kind::U16) => {
+                        f64::from(srgb_to_linear((at(i) / kind.one()) as f32))
+                    }
+                    _ => at(i),
                 };
                 self.colours.push(colour.map(linear));
             }
@@ -239,7 +241,7 @@ impl Reader<'_> {
             };
             description.materials.push(MaterialDescription {
                 name: name.clone(),
-                base_colour_texture: Some(texture),
+                base_colour: Colour::times([1.0; 3], Some(texture)),
                 ..MaterialDescription::diffuse()
             });
         } else if !mesh.colours.faces.is_empty() {

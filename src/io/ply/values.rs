@@ -1,6 +1,7 @@
 //! Values of a PLY file, one after the other.
 
-use super::header::{Format, Kind};
+use super::header::Format;
+use crate::io::numbers::Kind;
 
 /// What is left of a file after its header.
 pub(super) struct Values<'a> {
@@ -26,17 +27,7 @@ impl Values<'_> {
         if self.format == Format::BigEndian {
             all[..size].reverse();
         }
-        let whole = u64::from_le_bytes(all);
-        Ok(match kind {
-            Kind::I8 => f64::from(whole as i8),
-            Kind::U8 => f64::from(whole as u8),
-            Kind::I16 => f64::from(whole as i16),
-            Kind::U16 => f64::from(whole as u16),
-            Kind::I32 => f64::from(whole as i32),
-            Kind::U32 => f64::from(whole as u32),
-            Kind::F32 => f64::from(f32::from_bits(whole as u32)),
-            Kind::F64 => f64::from_bits(whole),
-        })
+        Ok(kind.number(&all))
     }
 
     /// Called after a row: leaves out what else is in its line.

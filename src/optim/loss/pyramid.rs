@@ -72,7 +72,7 @@ pub fn multi_scale_unbiased(
 }
 
 /// The mean of scalars.
-fn mean(losses: impl Iterator<Item = Tensor<1>>) -> Tensor<1> {
+pub(crate) fn mean(losses: impl Iterator<Item = Tensor<1>>) -> Tensor<1> {
     Tensor::cat(losses.collect(), 0).mean()
 }
 
