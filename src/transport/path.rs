@@ -9,7 +9,7 @@ use super::cones::AtBounce;
 use super::diagnostics::Diagnostics;
 use super::direct;
 use super::lights::{Sky, SkyMap};
-use super::paths::{Contribution, PathBatch, roulette, spread, times, weighted};
+use super::paths::{Contribution, PathBatch, roulette, times, weighted};
 use super::seen;
 use super::shaded::Shaded;
 use super::surface::SurfacePoints;
@@ -19,13 +19,13 @@ use crate::geometry::Vec3;
 use crate::sampling::Dimension;
 use crate::sampling::SurfaceSampling;
 use crate::scene::Flattened;
-use crate::visibility::Rays;
+use crate::visibility::{Rays, spread};
 
 /// The light of a tile's paths; rows `[1, N]`.
-pub(crate) struct Radiance<'a> {
+pub(crate) struct Radiance {
     pub radiance: Vec3,
     /// The shares of surfaces in the camera rays, with those rays.
-    pub first: RayWeights<'a>,
+    pub first: RayWeights,
     pub statistics: RayStatistics,
     /// Counts of degenerate cases, if they were asked for.
     pub diagnostics: Option<Diagnostics>,
@@ -51,7 +51,7 @@ struct Tracing<'a> {
     found: Vec<Contribution>,
     draws: Vec<Draw>,
     /// The shares of surfaces in the camera rays, and the light that these see.
-    first: Option<RayWeights<'a>>,
+    first: Option<RayWeights>,
     seen: Option<Vec3>,
 }
 
@@ -62,7 +62,7 @@ pub(crate) fn trace<'a>(
     rays: Rays,
     paths: &[(u32, u32)],
     per_pixel: usize,
-) -> Result<Radiance<'a>> {
+) -> Result<Radiance> {
     let Transport {
         scene,
         settings,
@@ -138,7 +138,6 @@ impl<'a> Tracing<'a> {
     fn draw(&mut self, bounce: u32, dark: bool) -> Result<Vec<u32>> {
         let Self { tracer, batch, .. } = self;
         let scene = tracer.scene();
-        let context = &scene.context;
         let Transport {
             settings, sampler, ..
         } = tracer.transport;
@@ -155,8 +154,8 @@ impl<'a> Tracing<'a> {
         } else if split {
             batch.split(tracer, &weights, &random, |k| reflects(scene, k))?
         } else {
-            let drawn = weights.draw(context, &random)?;
-            if let Some(ratio) = weights.ratio(context, &drawn) {
+            let drawn = weights.draw(random)?;
+            if let Some(ratio) = weights.ratio(&drawn) {
                 batch.throughput = Some(times(batch.throughput.take(), &ratio));
                 self.draws.push(Draw {
                     bounce,
@@ -267,7 +266,7 @@ impl<'a> Tracing<'a> {
         Ok(())
     }
 
-    fn finish(self, count: usize, per_pixel: usize) -> Result<Radiance<'a>> {
+    fn finish(self, count: usize, per_pixel: usize) -> Result<Radiance> {
         let Self {
             tracer,
             batch,
@@ -308,7 +307,7 @@ fn whole(scene: &Flattened, found: &[Contribution], from: u32, count: usize) -> 
     let zero = Tensor::<2>::zeros([1, count], (&scene.context.device, scene.context.dtype));
     let mut sum = Vec3::new(zero.clone(), zero.clone(), zero);
     for c in found.iter().filter(|c| c.bounce >= from) {
-        sum = sum.add(&c.light.map(|l| spread(scene, l, &c.slots, count)));
+        sum = sum.add(&c.light.map(|l| spread(&scene.context, l, &c.slots, count)));
     }
     sum
 }
@@ -326,7 +325,7 @@ fn control_variate(scene: &Flattened, draw: &Draw, later: &Vec3, per_pixel: usiz
     if let Some(share) = &draw.share {
         change = change * scene.context.row(share);
     }
-    let change = spread(scene, change, &draw.slots, count);
+    let change = spread(&scene.context, change, &draw.slots, count);
     Some(later.map(|l| {
         let l = l.reshape([count / per_pixel, per_pixel]);
         let others = (l.clone().sum_dim(1) - l) / (per_pixel - 1) as f64;

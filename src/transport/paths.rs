@@ -1,13 +1,12 @@
 //! The paths of a tile that are on their way, and the light that they bring back.
 
-use burn::tensor::{IndexingUpdateOp, Tensor};
+use burn::tensor::Tensor;
 
 use super::tracer::{RayWeights, Tracer};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values};
 use crate::sampling::Dimension;
-use crate::scene::Flattened;
-use crate::visibility::Rays;
+use crate::visibility::{Rays, is_identity};
 
 /// Ends paths at random in proportion to their throughput, and returns those that go on.
 pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> Result<Vec<u32>> {
@@ -59,7 +58,7 @@ impl PathBatch {
         let n = self.paths.len();
         // The first surface of each ray, then all others.
         let (mut first, mut others): (Vec<(u32, u32, f64)>, Vec<_>) = (Vec::new(), Vec::new());
-        for entry in weights.split(context, random)? {
+        for entry in weights.split(random)? {
             if !reflects(entry.1) {
                 continue;
             }
@@ -75,15 +74,15 @@ impl PathBatch {
                 drawn[i as usize] = k;
             }
             let index: Vec<u32> = first.iter().map(|e| e.0).collect();
-            if let Some(ratio) = weights.ratio(context, &drawn) {
+            if let Some(ratio) = weights.ratio(&drawn) {
                 let ratio = pick_row(context, ratio, &index, n);
                 let index: Vec<u32> = others.iter().map(|e| e.0).collect();
                 change = Some(if index.is_empty() {
                     ratio
                 } else {
-                    let rays = pick_rays(context, &self.rays, &index);
+                    let rays = self.rays.pick(context, &index);
                     let drawn: Vec<u32> = others.iter().map(|e| e.1).collect();
-                    let again = tracer.weights(&rays)?.ratio(context, &drawn);
+                    let again = tracer.weights(&rays)?.ratio(&drawn);
                     let ones = || ratio.zeros_like().slice([0..1, 0..1]) + 1.0;
                     let again = again.unwrap_or_else(|| ones().expand([1, index.len()]));
                     Tensor::cat(vec![ratio, again], 1)
@@ -122,7 +121,7 @@ impl PathBatch {
         if which.is_empty() {
             return;
         }
-        self.rays = pick_rays(context, &self.rays, which);
+        self.rays = self.rays.pick(context, which);
         let index = context.index_row(which);
         self.throughput = self.throughput.take().map(|t| t.gather(&index));
     }
@@ -160,41 +159,11 @@ pub(super) struct Contribution {
     pub light: Vec3,
 }
 
-pub(super) fn is_identity(which: &[u32], count: usize) -> bool {
-    which.len() == count && which.iter().enumerate().all(|(i, &w)| i == w as usize)
-}
-
-/// A row of some paths as a row of all, zero elsewhere.
-pub(super) fn spread(scene: &Flattened, row: Tensor<2>, slots: &[u32], count: usize) -> Tensor<2> {
-    if is_identity(slots, count) {
-        return row;
-    }
-    let context = &scene.context;
-    Tensor::<2>::zeros([1, count], (&context.device, context.dtype)).scatter(
-        1,
-        context.index_row(slots),
-        row,
-        IndexingUpdateOp::Add,
-    )
-}
-
 fn pick_row(context: &Context, row: Tensor<2>, which: &[u32], count: usize) -> Tensor<2> {
     if is_identity(which, count) {
         return row;
     }
     gather_row(row, &context.index_row(which))
-}
-
-pub(super) fn pick_rays(context: &Context, rays: &Rays, which: &[u32]) -> Rays {
-    let index = context.index_row(which);
-    let departure = rays.departure.as_ref();
-    Rays {
-        origin: rays.origin.gather(&index),
-        direction: rays.direction.gather(&index),
-        time: rays.time.clone().map(|t| gather_row(t, &index)),
-        departure: departure.map(|d| which.iter().map(|&i| d[i as usize]).collect()),
-        arrival: None,
-    }
 }
 
 /// A throughput times a scalar a path; none stands for 1.

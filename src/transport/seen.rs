@@ -3,13 +3,12 @@
 use burn::tensor::Tensor;
 
 use super::cones::Hits;
-use super::paths::{pick_rays, spread};
 use super::surface::{SurfacePoints, look_up};
 use super::tracer::{RayWeights, Transport};
 use crate::error::Result;
-use crate::geometry::{Vec3, detached, host_values};
+use crate::geometry::Vec3;
 use crate::scene::{Channel, Flattened};
-use crate::visibility::SparseWeights;
+use crate::visibility::{Pairs, Weights, spread};
 
 /// Light of emitters and environment that camera rays see: the mean over all their surfaces, not over
 /// drawn ones, which has no noise of a draw. None where all is black.
@@ -27,16 +26,16 @@ pub(crate) fn seen(
     }
     let weights = match weights {
         RayWeights::Hits(hits) => return Ok(Some(seen_by_hits(scene, hits, sky)?)),
-        RayWeights::Dense(weights) => weights,
-        RayWeights::Sparse(weights) => return Ok(Some(seen_by_candidates(scene, weights, sky)?)),
+        RayWeights::Shares(weights) => weights,
     };
-    let front = weights.cosine().clone().lower_elem(0.0);
-    let front = front.float().cast(context.dtype);
     let materials = context.index_row(&scene.topology.material);
     let emission = scene.materials.emission().gather(&materials);
     let mean = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| {
-        let emission = emission.clone().transpose() * front.clone();
-        weights.mean(emission, environment.cloned())
+        let of = |pairs: &Pairs, weights: &Weights| {
+            let front = weights.cosine().clone().lower_elem(0.0);
+            pairs.of(emission) * front.float().cast(context.dtype)
+        };
+        weights.mean(of, environment)
     };
     let environment = sky.as_ref();
     Ok(Some(Vec3::new(
@@ -62,59 +61,14 @@ fn seen_by_hits(scene: &Flattened, hits: &Hits, sky: Option<Vec3>) -> Result<Vec
         .collect();
     if !which.is_empty() {
         let triangle = which.iter().map(|&i| hits.triangle[i as usize]).collect();
-        let points = SurfacePoints::new(scene, &pick_rays(context, &hits.rays, &which), triangle)?;
+        let points = SurfacePoints::new(scene, &hits.rays.pick(context, &which), triangle)?;
         let materials: Vec<u32> = which.iter().map(|&i| materials[i as usize]).collect();
         let index = context.index_row(&materials);
         let light = look_up(context, emission, &materials, &index, &points.uv)?;
-        seen = seen.add(&light.map(|l| spread(scene, l, &which, count)));
+        seen = seen.add(&light.map(|l| spread(context, l, &which, count)));
     }
     Ok(match sky {
         Some(sky) => seen.add(&sky.scale(&hits.row(context, |i| !hits.is_hit(i)))),
         None => seen,
     })
-}
-
-fn seen_by_candidates(
-    scene: &Flattened,
-    weights: &SparseWeights,
-    sky: Option<Vec3>,
-) -> Result<Vec3> {
-    let material = &scene.topology.material;
-    let kinds = &scene.materials.kinds;
-    let channel = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| -> Result<Tensor<2>> {
-        let radiance = host_values(emission)?;
-        let sky = environment.map(host_values).transpose()?;
-        // The same for all rays, or one value a ray.
-        let behind = |i: usize| {
-            let value = sky.as_ref().map(|s| s[if s.len() == 1 { 0 } else { i }]);
-            value.unwrap_or(0.0)
-        };
-        let of = |k: u32, front: bool| {
-            let m = material[k as usize];
-            (front && kinds[m as usize].emits).then_some(m)
-        };
-        let value = |_, k, front| of(k, front).map_or(0.0, |m| radiance[m as usize]);
-        let mut mean = weights.mean(value, behind);
-        if emission.is_tracked()
-            && let Some(row) = weights.spread(emission, |k, front| Some((of(k, front)?, 1.0)))
-        {
-            let value = detached(&row);
-            mean = mean + (row - value);
-        }
-        if let Some(environment) = environment
-            && environment.is_tracked()
-        {
-            let background = detached(&weights.attached_background());
-            let value = detached(environment);
-            mean = mean + (environment.clone() - value) * background;
-        }
-        Ok(mean)
-    };
-    let emission = scene.materials.emission();
-    let environment = sky.as_ref();
-    Ok(Vec3::new(
-        channel(&emission.x, environment.map(|e| &e.x))?,
-        channel(&emission.y, environment.map(|e| &e.y))?,
-        channel(&emission.z, environment.map(|e| &e.z))?,
-    ))
 }

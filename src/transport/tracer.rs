@@ -14,8 +14,8 @@ use crate::sampling::Sampler;
 use crate::sampling::Sampling;
 use crate::scene::Flattened;
 use crate::visibility::{
-    Coverage, CoverageSettings, DepthRange, Rays, Softmax, Sparse, SparseWeights, Weights,
-    coverage, transmittance, weights,
+    Candidates, Coverage, CoverageSettings, DepthRange, Groups, Pairs, Rays, Setting, Shares,
+    Softmax, coverage, grouped, transmittance, weights,
 };
 
 #[derive(Clone, Copy, Debug)]
@@ -39,8 +39,8 @@ pub(crate) enum Sight<'a> {
     /// Hard surfaces, by rays of cones.
     Cones(&'a Cones),
     /// All triangles, shared by the paper's form (lengths in units of the flattened scene), with
-    /// candidates by a hierarchy; without it all triangles are tested, in tensors.
-    Softmax(Softmax, Option<&'a Sparse>),
+    /// candidates of each ray by a hierarchy; without it each ray is paired with all triangles.
+    Softmax(Softmax, Option<&'a Candidates>),
 }
 
 /// A scene with the settings and random numbers of a render.
@@ -65,55 +65,51 @@ pub(crate) struct Tracer<'a> {
 /// The number of draws of a split: surfaces with a weight of at least its inverse are all taken.
 const SPLIT: usize = 4;
 
-/// The weights of the surfaces of each ray: all of it for the one that it hits, or shares, by all triangles
-/// in tensors or by candidates.
-pub(crate) enum RayWeights<'a> {
+/// The weights of the surfaces of each ray: all of it for the one that it hits, or shares.
+pub(crate) enum RayWeights {
     Hits(Box<Hits>),
-    Dense(Box<Weights>),
-    Sparse(Box<SparseWeights<'a>>),
+    Shares(Shares),
 }
 
-impl RayWeights<'_> {
-    pub(super) fn draw(&self, context: &Context, random: &[f64]) -> Result<Vec<u32>> {
+impl RayWeights {
+    pub(super) fn draw(&self, random: Vec<f64>) -> Result<Vec<u32>> {
         match self {
             Self::Hits(h) => Ok(h.triangle.clone()),
-            Self::Dense(w) => w.draw(context, random),
-            Self::Sparse(w) => Ok(w.draw(random)),
+            Self::Shares(w) => {
+                let drawn = w.draw(&[random])?;
+                Ok(drawn.concat().into_iter().map(|d| d.0).collect())
+            }
         }
     }
 
-    pub(super) fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
+    pub(super) fn ratio(&self, drawn: &[u32]) -> Option<Tensor<2>> {
         match self {
             Self::Hits(_) => None,
-            Self::Dense(w) => w.ratio(context, drawn),
-            Self::Sparse(w) => w.ratio(drawn),
+            Self::Shares(w) => w.ratio(drawn),
         }
     }
 
     /// Several surfaces of each ray, (ray, surface, W over the probability of being here): systematic
     /// sampling, in which a surface is taken with probability min(1, 4W). The number of triangles
     /// stands for the background.
-    pub(super) fn split(&self, context: &Context, random: &[f64]) -> Result<Vec<(u32, u32, f64)>> {
-        let weights = match self {
+    pub(super) fn split(&self, random: &[f64]) -> Result<Vec<(u32, u32, f64)>> {
+        let shares = match self {
             Self::Hits(h) => {
                 let all = h.triangle.iter().enumerate();
                 return Ok(all.map(|(i, &k)| (i as u32, k, 1.0)).collect());
             }
-            Self::Sparse(w) => return Ok(w.split(random, SPLIT)),
-            Self::Dense(w) => w,
+            Self::Shares(shares) => shares,
         };
-        let draws = (0..SPLIT).map(|m| {
-            let shifted = random.iter().map(|u| (u + m as f64) / SPLIT as f64);
-            weights.draw(context, &shifted.collect::<Vec<_>>())
-        });
-        let draws = draws.collect::<Result<Vec<_>>>()?;
-        let shares = draws.iter().map(|drawn| weights.of(context, drawn));
-        let shares = shares.collect::<Result<Vec<_>>>()?;
+        let shifted = |m: usize| {
+            let of = |u: &f64| (u + m as f64) / SPLIT as f64;
+            random.iter().map(of).collect()
+        };
+        let draws = shares.draw(&(0..SPLIT).map(shifted).collect::<Vec<_>>())?;
         let mut found = Vec::new();
         for i in 0..random.len() {
-            for m in (0..SPLIT).filter(|&m| m == 0 || draws[m][i] != draws[m - 1][i]) {
-                let share = shares[m][i].max(1.0 / SPLIT as f64);
-                found.push((i as u32, draws[m][i], share));
+            for m in (0..SPLIT).filter(|&m| m == 0 || draws[m][i].0 != draws[m - 1][i].0) {
+                let (drawn, share) = draws[m][i];
+                found.push((i as u32, drawn, share.max(1.0 / SPLIT as f64)));
             }
         }
         Ok(found)
@@ -123,8 +119,7 @@ impl RayWeights<'_> {
     pub fn attached_background(&self, context: &Context) -> Tensor<2> {
         match self {
             Self::Hits(h) => h.row(context, |i| !h.is_hit(i)),
-            Self::Dense(w) => w.attached_background(),
-            Self::Sparse(w) => w.attached_background(),
+            Self::Shares(w) => w.attached_background(),
         }
     }
 }
@@ -179,48 +174,86 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    fn coverage(&self, rays: &Rays, form: Softmax) -> Coverage {
-        let settings = self.coverage_settings(form);
-        let scene = self.scene();
+    /// Rays in groups, paired with the triangles that matter to them. Those that are not needed, and shadow rays that
+    /// something opaque ends, are in no group; but without candidates all are paired with all triangles.
+    fn pairs(
+        &self,
+        rays: &Rays,
+        (form, candidates): (Softmax, Option<&Candidates>),
+        needed: &[bool],
+    ) -> Result<Groups<Pairs>> {
+        let Flattened {
+            context,
+            topology,
+            triangles,
+            ..
+        } = self.scene();
+        let n = rays.len();
         let mut statistics = self.statistics.borrow_mut();
-        statistics.tested += (rays.len() * scene.triangles.len()) as u64;
-        coverage(
-            &scene.context,
-            &scene.triangles,
-            &scene.topology,
-            rays,
-            &settings,
-        )
+        let Some(candidates) = candidates else {
+            statistics.rays += n as u64;
+            statistics.tested += (n * triangles.len()) as u64;
+            let list = vec![((0..n as u32).collect(), Pairs::all(triangles.len()))];
+            return Ok(Groups { rays: n, list });
+        };
+        let setting = Setting {
+            topology,
+            coverage: self.coverage_settings(form),
+            form,
+            radius: self.scene().radius(),
+        };
+        let lists = candidates.of(&setting, rays, needed)?;
+        statistics.rays += needed.iter().filter(|&&n| n).count() as u64;
+        statistics.tested += lists.iter().flatten().map(|l| l.len() as u64).sum::<u64>();
+        let group = |which: Vec<u32>| {
+            let lists = which
+                .iter()
+                .map(|&i| lists[i as usize].as_deref().unwrap_or_default());
+            let pairs = Pairs::own(context, &lists.collect::<Vec<_>>());
+            (which, pairs)
+        };
+        let list = grouped(&lists).map(group).collect();
+        Ok(Groups { rays: n, list })
+    }
+
+    fn coverage(&self, rays: &Rays, pairs: &Pairs, form: Softmax) -> Coverage {
+        let Flattened {
+            context,
+            topology,
+            triangles,
+            ..
+        } = self.scene();
+        let settings = self.coverage_settings(form);
+        coverage(context, (triangles, topology), rays, pairs, &settings)
     }
 
     /// The shares of surfaces and the background in each ray.
-    pub(crate) fn weights(&self, rays: &Rays) -> Result<RayWeights<'a>> {
+    pub(crate) fn weights(&self, rays: &Rays) -> Result<RayWeights> {
         let scene = self.scene();
-        self.statistics.borrow_mut().rays += rays.len() as u64;
-        let (form, sparse) = match self.transport.sight {
-            Sight::Cones(cones) => return Ok(RayWeights::Hits(Box::new(cones.nearest(rays)?))),
-            Sight::Softmax(form, sparse) => (form, sparse),
-        };
-        let range = DepthRange::new(rays, scene.radius());
-        let (context, topology) = (&scene.context, &scene.topology);
-        if let Some(sparse) = sparse {
-            let settings = self.coverage_settings(form);
-            let weights = sparse.weights(context, topology, rays, &settings, form, range)?;
-            let mut statistics = self.statistics.borrow_mut();
-            statistics.tested += weights.offered;
-            for count in weights.counts() {
-                if statistics.surfaces.len() <= count {
-                    statistics.surfaces.resize(count + 1, 0);
-                }
-                statistics.surfaces[count] += 1;
+        let sight = match self.transport.sight {
+            Sight::Cones(cones) => {
+                self.statistics.borrow_mut().rays += rays.len() as u64;
+                return Ok(RayWeights::Hits(Box::new(cones.nearest(rays)?)));
             }
-            return Ok(RayWeights::Sparse(Box::new(weights)));
-        }
-        let weights = weights(self.coverage(rays, form), range, form);
-        if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
-            d.weights(&weights, &scene.triangles.valid)?;
-        }
-        Ok(RayWeights::Dense(Box::new(weights)))
+            Sight::Softmax(form, candidates) => (form, candidates),
+        };
+        let groups = self.pairs(rays, sight, &vec![true; rays.len()])?;
+        let of = |(which, pairs): (Vec<u32>, Pairs)| {
+            let rays = rays.pick(&scene.context, &which);
+            let range = DepthRange::new(&rays, scene.radius());
+            let weights = weights(self.coverage(&rays, &pairs, sight.0), range, sight.0);
+            if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
+                d.weights(&weights, &scene.triangles.valid)?;
+            }
+            Ok((which, (pairs, weights)))
+        };
+        let list = groups.list.into_iter().map(of).collect::<Result<_>>()?;
+        let groups = Groups {
+            rays: groups.rays,
+            list,
+        };
+        let shares = Shares::new(&scene.context, groups, scene.triangles.len());
+        Ok(RayWeights::Shares(shares))
     }
 
     /// The share of light that arrives along shadow rays; 0 of those that are not needed, but where all
@@ -231,26 +264,22 @@ impl<'a> Tracer<'a> {
         needed: &[bool],
         at: AtBounce,
     ) -> Result<Tensor<2>> {
-        let scene = self.scene();
-        let (context, topology) = (&scene.context, &scene.topology);
-        let count = needed.iter().filter(|&&n| n).count() as u64;
-        let (form, sparse) = match self.transport.sight {
+        let context = &self.scene().context;
+        let sight = match self.transport.sight {
             Sight::Cones(cones) => {
+                let count = needed.iter().filter(|&&n| n).count() as u64;
                 self.statistics.borrow_mut().rays += count;
                 return cones.unblocked(context, rays, needed, at);
             }
-            Sight::Softmax(form, sparse) => (form, sparse),
+            Sight::Softmax(form, candidates) => (form, candidates),
         };
-        if let Some(sparse) = sparse {
-            let settings = self.coverage_settings(form);
-            let (passed, offered) =
-                sparse.transmittance(context, topology, rays, &settings, form, needed)?;
-            let mut statistics = self.statistics.borrow_mut();
-            statistics.tested += offered;
-            statistics.rays += count;
-            return Ok(passed);
-        }
-        self.statistics.borrow_mut().rays += rays.len() as u64;
-        Ok(transmittance(&self.coverage(rays, form)))
+        let groups = self.pairs(rays, sight, needed)?;
+        Ok(groups.join(context, |which, pairs| {
+            if pairs.is_empty() {
+                return Tensor::ones([1, which.len()], (&context.device, context.dtype));
+            }
+            let rays = rays.pick(context, which);
+            transmittance(&self.coverage(&rays, pairs, sight.0))
+        }))
     }
 }

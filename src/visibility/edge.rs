@@ -1,7 +1,8 @@
-//! The paper's blurred triangles (Eq. 1), for all pairs of ray and triangle.
+//! The paper's blurred triangles (Eq. 1), for pairs of ray and triangle.
 
 use burn::tensor::{Bool, DType, Tensor, TensorData};
 
+use super::pairs::Pairs;
 use super::rays::{NO_TRIANGLE, Rays};
 use crate::geometry::{Context, Nearest, Topology, Triangles, Vec3, detached, nearest_on_triangle};
 
@@ -19,7 +20,7 @@ pub struct CoverageSettings {
     pub arrival_margin: f64,
 }
 
-/// The coverage of each ray by each triangle: pairs `[T, N]`.
+/// The coverage of rays by triangles, in pairs `[K, N]`.
 #[derive(Clone, Debug)]
 pub struct Coverage {
     /// Distance along the ray to the triangle's plane, without tape.
@@ -112,7 +113,7 @@ pub(crate) fn grazing(dtype: DType) -> f64 {
     if dtype == DType::F64 { 1e-9 } else { 1e-6 }
 }
 
-/// The intersections of all rays with the planes of all triangles `[T, N]`.
+/// The intersections of rays with the planes of triangles `[K, N]`.
 struct PlaneHits {
     /// Distances, and places in the triangles' frames, in the graph where gradients can flow.
     t: Tensor<2>,
@@ -125,29 +126,32 @@ struct PlaneHits {
 }
 
 impl PlaneHits {
-    fn new(context: &Context, triangles: &Triangles, rays: &Rays) -> Self {
+    fn new(context: &Context, triangles: &Triangles, rays: &Rays, pairs: &Pairs) -> Self {
+        let velocity = triangles.velocity.as_ref().map(|v| pairs.vectors(v));
         // Broadcast products, not `matmul`: it is no faster for an inner length of 3, may round to
         // less than f32 on GPUs, and returns zeros on SwiftShader.
         let along = |axis: &Vec3| {
             let along = axis.dot(&rays.origin);
-            match (&rays.time, &triangles.velocity) {
+            match (&rays.time, &velocity) {
                 // n·(o − time·velocity) = n·o − time·(n·velocity)
                 (Some(time), Some(velocity)) => along - axis.dot(velocity) * time.clone(),
                 _ => along,
             }
         };
-        let height = triangles.plane.clone() - along(&triangles.normal);
-        let cosine = triangles.normal.dot(&rays.direction);
+        let normal = pairs.vectors(&triangles.normal);
+        let height = pairs.of(&triangles.plane) - along(&normal);
+        let cosine = normal.dot(&rays.direction);
         let detached_cosine = detached(&cosine);
         let exist = detached_cosine
             .clone()
             .abs()
             .greater_elem(grazing(context.dtype))
-            .bool_and(triangles.valid.clone().expand(cosine.dims()));
+            .bool_and(pairs.valid(&triangles.valid).expand(cosine.dims()));
         // The inputs of the division are made safe: masking its output would not stop NaN.
         let t = height / cosine.mask_fill(exist.clone().bool_not(), 1.0);
         let in_plane = |axis: &Vec3, corner: &Tensor<2>| {
-            along(axis) - corner.clone() + t.clone() * axis.dot(&rays.direction)
+            let axis = &pairs.vectors(axis);
+            along(axis) - pairs.of(corner) + t.clone() * axis.dot(&rays.direction)
         };
         Self {
             x: in_plane(&triangles.u, &triangles.a_u),
@@ -162,7 +166,7 @@ impl PlaneHits {
     fn counted(
         &self,
         context: &Context,
-        topology: &Topology,
+        (topology, pairs): (&Topology, &Pairs),
         rays: &Rays,
         settings: &CoverageSettings,
         nearest: &Nearest,
@@ -181,11 +185,11 @@ impl PlaneHits {
             let end = distance.clone() * (1.0 - settings.arrival_margin);
             counted = counted.bool_and(t.clone().lower(end));
         }
-        let (excluded, softened) = end_masks(context, topology, rays);
+        let (excluded, softened) = end_masks(context, topology, pairs, rays);
         if let Some(excluded) = excluded {
             counted = counted.bool_and(excluded.bool_not());
         }
-        if let Some(hidden) = hidden_sides(context, topology, rays, &self.cosine, &t) {
+        if let Some(hidden) = hidden_sides(context, (topology, pairs), rays, &self.cosine, &t) {
             counted = counted.bool_and(hidden.bool_not());
         }
         if let Some(softened) = &softened {
@@ -201,23 +205,25 @@ impl PlaneHits {
     }
 }
 
-/// Plane hits and edge distances of all pairs (Eq. 1), with the rules at both ends of a ray.
+/// Plane hits and edge distances (Eq. 1), with the rules at both ends of a ray.
 pub fn coverage(
     context: &Context,
-    triangles: &Triangles,
-    topology: &Topology,
+    (triangles, topology): (&Triangles, &Topology),
     rays: &Rays,
+    pairs: &Pairs,
     settings: &CoverageSettings,
 ) -> Coverage {
-    let hits = PlaneHits::new(context, triangles, rays);
+    let hits = PlaneHits::new(context, triangles, rays, pairs);
+    let [base, apex_u, apex_v] =
+        [&triangles.base, &triangles.apex_u, &triangles.apex_v].map(|plane| pairs.of(plane));
     let nearest = nearest_on_triangle(
         &detached(&hits.x),
         &detached(&hits.y),
-        &triangles.base,
-        &triangles.apex_u,
-        &triangles.apex_v,
+        &base,
+        &apex_u,
+        &apex_v,
     );
-    let (counted, softened) = hits.counted(context, topology, rays, settings, &nearest);
+    let (counted, softened) = hits.counted(context, (topology, pairs), rays, settings, &nearest);
     let discounted = counted.clone().bool_not();
     let PlaneHits {
         t, x, y, cosine, ..
@@ -230,10 +236,8 @@ pub fn coverage(
         (nearest.squared_distance.clone() * sign.clone()).mask_fill(discounted.clone(), 0.0);
     let tracked = t.is_tracked() || x.is_tracked() || y.is_tracked();
     let attached = tracked.then(|| {
-        let from_border_x = x
-            - (nearest.weight_b * triangles.base.clone()
-                + nearest.weight_c.clone() * triangles.apex_u.clone());
-        let from_border_y = y - nearest.weight_c * triangles.apex_v.clone();
+        let from_border_x = x - (nearest.weight_b * base + nearest.weight_c.clone() * apex_u);
+        let from_border_y = y - nearest.weight_c * apex_v;
         let squared = from_border_x.clone() * from_border_x + from_border_y.clone() * from_border_y;
         (
             t.mask_fill(discounted.clone(), 0.0),
@@ -261,7 +265,7 @@ pub fn coverage(
 type Masks = (Option<Tensor<2, Bool>>, Option<Tensor<2, Bool>>);
 
 /// The triangles left out (those at the ends of the ray) and softened (their neighbours).
-fn end_masks(context: &Context, topology: &Topology, rays: &Rays) -> Masks {
+fn end_masks(context: &Context, topology: &Topology, pairs: &Pairs, rays: &Rays) -> Masks {
     let ends: Vec<&Vec<u32>> = [
         rays.departure.as_ref(),
         rays.arrival.as_ref().map(|(emitter, _)| emitter),
@@ -272,18 +276,20 @@ fn end_masks(context: &Context, topology: &Topology, rays: &Rays) -> Masks {
     if ends.is_empty() {
         return (None, None);
     }
-    let (triangles, n) = (topology.object.len(), rays.len());
-    let mut excluded = vec![false; triangles * n];
-    let mut softened = vec![false; triangles * n];
+    let (rows, n) = (pairs.rows(), rays.len());
+    let mut excluded = vec![false; rows * n];
+    let mut softened = vec![false; rows * n];
     for end in ends {
         for (i, &k) in end.iter().enumerate().filter(|e| *e.1 != NO_TRIANGLE) {
-            excluded[k as usize * n + i] = true;
-            for j in topology.neighbours.of(k) {
-                softened[j as usize * n + i] = true;
+            if let Some(row) = pairs.row_of(i, k) {
+                excluded[row * n + i] = true;
             }
+            pairs.rows_beside(i, k, &topology.neighbours, |row| {
+                softened[row * n + i] = true
+            });
         }
     }
-    let mask = |v| Tensor::from_data(TensorData::new(v, [triangles, n]), &context.device);
+    let mask = |v| Tensor::from_data(TensorData::new(v, [rows, n]), &context.device);
     (Some(mask(excluded)), Some(mask(softened)))
 }
 
@@ -291,7 +297,7 @@ fn end_masks(context: &Context, topology: &Topology, rays: &Rays) -> Masks {
 /// one that leaves the emitter: there the emitter's object shows the other side.
 fn hidden_sides(
     context: &Context,
-    topology: &Topology,
+    (topology, pairs): (&Topology, &Pairs),
     rays: &Rays,
     cosine: &Tensor<2>,
     t: &Tensor<2>,
@@ -299,7 +305,7 @@ fn hidden_sides(
     if topology.visible_side.iter().all(|&s| s == 0.0) {
         return None;
     }
-    let side = context.column(&topology.visible_side) * cosine.clone();
+    let side = pairs.constant(context, &topology.visible_side) * cosine.clone();
     let hidden = side.clone().lower_elem(0.0);
     let Some((emitter, distance)) = &rays.arrival else {
         return Some(hidden);
@@ -308,8 +314,7 @@ fn hidden_sides(
     if !emitter.iter().any(closed) {
         return Some(hidden);
     }
-    let object = |k: u32| f64::from(topology.object[k as usize]);
-    let objects: Vec<f64> = (0..topology.object.len() as u32).map(object).collect();
+    let objects: Vec<f64> = topology.object.iter().map(|&o| o.into()).collect();
     let object_of = |e: u32| topology.object.get(e as usize).map(|&o| f64::from(o));
     let of_emitter = emitter.iter().map(|&e| object_of(e).unwrap_or(-1.0));
     let of_emitter: Vec<f64> = of_emitter.collect();
@@ -325,8 +330,8 @@ fn hidden_sides(
             if same { 0.5 } else { 0.0 }
         })
         .collect();
-    let near_end = context
-        .column(&objects)
+    let near_end = pairs
+        .constant(context, &objects)
         .equal(context.row(&of_emitter))
         .bool_and(
             t.clone()

@@ -6,9 +6,11 @@
 //! pairs is known in closed form, so only those two enter the graph, multiplied by coefficients that
 //! carry no tape.
 
+mod candidates;
 mod edge;
+mod pairs;
 mod rays;
-mod sparse;
+mod shares;
 #[cfg(test)]
 mod tests;
 mod weights;
@@ -19,10 +21,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
+pub(crate) use candidates::{Candidates, Setting, grouped, hierarchy_of};
 pub(crate) use edge::{Coverage, CoverageSettings, coverage, grazing, transmittance};
+pub(crate) use pairs::Pairs;
 pub(crate) use rays::{DepthRange, NO_TRIANGLE, Rays};
-pub(crate) use sparse::{Sparse, SparseWeights, hierarchy_of};
-pub(crate) use weights::{Softmax, Span, Weights, weights};
+pub(crate) use shares::{Groups, Shares, is_identity, spread};
+pub(crate) use weights::{Softmax, Weights, weights};
 
 /// The form of visibility in a render. Its gradients are derivatives of the image in that form.
 ///

@@ -2,7 +2,8 @@
 
 use burn::tensor::Tensor;
 
-use crate::geometry::Vec3;
+use super::shares::is_identity;
+use crate::geometry::{Context, Vec3, gather_row};
 
 /// The emitter where a shadow ray ends on no surface.
 pub const NO_TRIANGLE: u32 = u32::MAX;
@@ -26,6 +27,23 @@ pub struct Rays {
 impl Rays {
     pub fn len(&self) -> usize {
         self.direction.x.dims()[1]
+    }
+
+    /// Some of them, in any order, as often as they are named.
+    pub(crate) fn pick(&self, context: &Context, which: &[u32]) -> Self {
+        if is_identity(which, self.len()) {
+            return self.clone();
+        }
+        let index = context.index_row(which);
+        let of = |list: &[u32]| which.iter().map(|&i| list[i as usize]).collect();
+        let row = |row: &Tensor<2>| gather_row(row.clone(), &index);
+        Self {
+            origin: self.origin.gather(&index),
+            direction: self.direction.gather(&index),
+            time: self.time.as_ref().map(row),
+            departure: self.departure.as_ref().map(|d| of(d)),
+            arrival: (self.arrival.as_ref()).map(|(emitters, d)| (of(emitters), row(d))),
+        }
     }
 
     /// Origins shifted into the frame of objects with a velocity (one for each ray).

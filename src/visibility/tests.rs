@@ -8,7 +8,7 @@ use burn::tensor::{DType, Device, Tensor, TensorData};
 use serde_json::Value;
 
 use super::{
-    Coverage, CoverageSettings, DepthRange, Rays, Softmax, Weights, coverage, transmittance,
+    Coverage, CoverageSettings, DepthRange, Pairs, Rays, Softmax, Weights, coverage, transmittance,
     weights,
 };
 use crate::geometry::{Context, Neighbours, Topology, Triangles, Vec3, VertexData, host_values};
@@ -124,9 +124,10 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
     // The reference's gradients don't flow through near and far.
     let radius = case.json["radius"].as_f64().expect("radius");
     let range = DepthRange::new(&rays, radius).detached();
+    let (scene, pairs) = ((&triangles, &topology), Pairs::all(case.triangles));
     Built {
-        coverage: coverage(&context, &triangles, &topology, &rays, &settings),
-        cut: coverage(&context, &triangles, &topology, &up_to, &settings),
+        coverage: coverage(&context, scene, &rays, &pairs, &settings),
+        cut: coverage(&context, scene, &up_to, &pairs, &settings),
         corners,
         origins,
         directions,

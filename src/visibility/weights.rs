@@ -6,12 +6,12 @@ use burn::tensor::Tensor;
 use super::edge::Coverage;
 use super::rays::DepthRange;
 use crate::error::{Error, Result};
-use crate::geometry::{Context, detached};
+use crate::geometry::{Context, detached, host_values};
 
 /// The shares of the surfaces of each ray, and of the background.
 #[derive(Clone, Debug)]
 pub struct Weights {
-    /// W_k `[T, N]`, without tape.
+    /// W_k `[K, N]`, without tape.
     pub surfaces: Tensor<2>,
     /// W of the background `[1, N]`, without tape.
     pub background: Tensor<2>,
@@ -23,32 +23,30 @@ pub struct Weights {
 /// Derivatives of the scores.
 #[derive(Clone, Debug)]
 pub(super) struct Slopes {
-    /// By the logits `[T, N]`.
+    /// By the logits `[K, N]`.
     pub logit: Tensor<2>,
-    /// By the distances `[1, N]` or `[T, N]`.
+    /// By the distances `[1, N]` or `[K, N]`.
     pub distance: Tensor<2>,
-    /// By far `[T, N]`, with its change `[1, N]`.
+    /// By far `[K, N]`, with its change `[1, N]`.
     pub far: Option<(Tensor<2>, Tensor<2>)>,
 }
 
 impl Weights {
-    /// Draws one surface a ray with random numbers in [0, 1); the number of triangles stands for
-    /// the background. A surface of weight 0 is never drawn.
-    pub fn draw(&self, context: &Context, random: &[f64]) -> Result<Vec<u32>> {
+    /// Draws surfaces of each ray with lists of random numbers in [0, 1): their rows and weights; the number of rows
+    /// stands for the background. A surface of weight 0 is never drawn.
+    pub fn draw(&self, context: &Context, random: &[Vec<f64>]) -> Result<Vec<Vec<(u32, f64)>>> {
         let cumulative = self.surfaces.clone().cumsum(0);
-        let triangles = cumulative.dims()[0];
-        let total = cumulative.clone().slice([triangles - 1..triangles]) + self.background.clone();
-        let threshold = total * context.row(random);
-        let passed = cumulative.lower_equal(threshold);
-        let index = passed.int().sum_dim(0);
-        let data = index.try_into_data().map_err(Error::read)?;
-        Ok(data.iter::<i64>().map(|k| k as u32).collect())
-    }
-
-    /// W of one surface of each ray, or of the background, on the host.
-    pub fn of(&self, context: &Context, drawn: &[u32]) -> Result<Vec<f64>> {
+        let rows = cumulative.dims()[0];
+        let total = cumulative.clone().slice([rows - 1..rows]) + self.background.clone();
         let all = Tensor::cat(vec![self.surfaces.clone(), self.background.clone()], 0);
-        crate::geometry::host_values(&all.gather(0, context.index_row(drawn)))
+        let one = |random: &Vec<f64>| {
+            let threshold = total.clone() * context.row(random);
+            let row = cumulative.clone().lower_equal(threshold).int().sum_dim(0);
+            let weights = host_values(&all.clone().gather(0, row.clone()))?;
+            let rows = row.try_into_data().map_err(Error::read)?;
+            Ok(rows.iter::<i64>().map(|k| k as u32).zip(weights).collect())
+        };
+        random.iter().map(one).collect()
     }
 
     /// W_k / detach(W_k) of the drawn surfaces `[1, N]`: 1, with the derivative of log W_k.
@@ -59,7 +57,7 @@ impl Weights {
         Some(slopes.change(&self.coverage, share)? + 1.0)
     }
 
-    /// Σ W_k·v_k + W_background·v of a quantity of the surfaces `[T, N]` or `[T, 1]` and of the
+    /// Σ W_k·v_k + W_background·v of a quantity of the surfaces `[K, N]` or `[K, 1]` and of the
     /// background `[1, N]` or `[1, 1]`: a row `[1, N]`, in the graph if a gradient can flow to the
     /// weights or to the quantity.
     pub fn mean(&self, surfaces: Tensor<2>, background: Option<Tensor<2>>) -> Tensor<2> {
@@ -85,12 +83,12 @@ impl Weights {
         self.mean(zero, Some(self.background.ones_like()))
     }
 
-    /// n·d of each pair `[T, N]`, without tape.
+    /// n·d of each pair `[K, N]`, without tape.
     pub fn cosine(&self) -> &Tensor<2> {
         &self.coverage.cosine
     }
 
-    /// Distances to the triangles' planes `[T, N]`, in the graph if a gradient can flow; 0 where
+    /// Distances to the triangles' planes `[K, N]`, in the graph if a gradient can flow; 0 where
     /// a pair does not count.
     pub fn attached_distances(&self) -> Tensor<2> {
         match &self.coverage.attached {
@@ -138,38 +136,17 @@ pub struct Softmax {
     pub epsilon: f64,
 }
 
-/// From where to where a ray's triangles are of interest: near and far (Eq. 3).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Span {
-    pub near: f64,
-    pub far: f64,
-}
-
 impl Softmax {
     /// The score of the background.
     pub fn background(&self) -> f64 {
         self.epsilon / self.gamma
     }
 
-    /// The score of a surface at a distance.
-    pub(super) fn score(&self, span: Span, t: f64) -> f64 {
-        (span.far - t) / ((span.far - span.near) * self.gamma)
-    }
-
     /// The distance along a ray that divides a weight by e, and the one at which a surface has the score of the
     /// background: what lies far behind it can't matter.
-    pub(super) fn falloff(&self, span: Span) -> [f64; 2] {
-        let depth = span.far - span.near;
-        [self.gamma * depth, span.far - self.epsilon * depth]
-    }
-
-    /// The derivatives of a score by t and by far. Outside of the bounds only far − t depends on far; inside,
-    /// where near is 0, its divisor does too.
-    pub(super) fn slopes(&self, span: Span, t: f64) -> [f64; 2] {
-        let depth = span.far - span.near;
-        let per_depth = 1.0 / depth / self.gamma;
-        let kept = if span.near <= 0.0 { t / depth } else { 1.0 };
-        [-per_depth, kept * per_depth]
+    pub(super) fn falloff(&self, near: f64, far: f64) -> [f64; 2] {
+        let depth = far - near;
+        [self.gamma * depth, far - self.epsilon * depth]
     }
 }
 

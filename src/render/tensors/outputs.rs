@@ -3,11 +3,11 @@
 use burn::tensor::Tensor;
 
 use crate::error::Result;
-use crate::geometry::{Vec3, detached, host_values};
+use crate::geometry::{Vec3, detached};
 use crate::render::options::Outputs;
 use crate::scene::Flattened;
 use crate::transport::{Hits, Radiance, RayWeights, SurfacePoints};
-use crate::visibility::SparseWeights;
+use crate::visibility::{Pairs, Weights};
 
 /// Rows `[_, N]`: radiance, opacity, depth, normal, weight of each object.
 pub(super) fn outputs(
@@ -26,36 +26,32 @@ pub(super) fn outputs(
             rows.extend(outputs_of_hits(scene, outputs, &hits)?);
             return Ok(rows);
         }
-        RayWeights::Dense(first) => first,
-        RayWeights::Sparse(first) => {
-            rows.extend(outputs_by_candidates(scene, outputs, &first)?);
-            return Ok(rows);
-        }
+        RayWeights::Shares(first) => first,
     };
     if outputs.depth {
-        rows.push(first.mean(first.attached_distances() * scene.unit, None));
+        let distance = |_: &Pairs, weights: &Weights| weights.attached_distances() * scene.unit;
+        rows.push(first.mean(distance, None));
     }
     if outputs.normals {
         let normal = &scene.triangles.normal;
-        let front = first.cosine().clone().lower_elem(0.0);
-        let side = front.float().cast(scene.context.dtype) * 2.0 - 1.0;
         for axis in [&normal.x, &normal.y, &normal.z] {
-            rows.push(first.mean(side.clone() * axis.clone(), None));
+            let of = |pairs: &Pairs, weights: &Weights| {
+                let front = weights.cosine().clone().lower_elem(0.0);
+                let side = front.float().cast(scene.context.dtype) * 2.0 - 1.0;
+                side * pairs.of(axis)
+            };
+            rows.push(first.mean(of, None));
         }
     }
     if outputs.object_ids {
         let object = &scene.topology.object;
-        let objects = scene.objects();
-        let triangles = object.len();
-        for id in 0..objects as u32 {
-            let member: Vec<f64> = object
-                .iter()
-                .map(|&o| if o == id { 1.0 } else { 0.0 })
-                .collect();
-            let member = scene.context.tensor(&member, [triangles, 1]);
-            rows.push((first.surfaces.clone() * member).sum_dim(0));
+        for id in 0..scene.objects() as u32 {
+            let member = object.iter().map(|&o| f64::from(u8::from(o == id)));
+            let member: Vec<f64> = member.collect();
+            let of = |pairs: &Pairs, _: &Weights| pairs.constant(&scene.context, &member);
+            rows.push(detached(&first.mean(of, None)));
         }
-        rows.push(first.background);
+        rows.push(detached(&first.attached_background()));
     }
     Ok(rows)
 }
@@ -88,39 +84,6 @@ fn outputs_of_hits(scene: &Flattened, outputs: Outputs, hits: &Hits) -> Result<V
             rows.push(hits.row(context, is));
         }
         rows.push(hits.row(context, |i| !hits.is_hit(i)));
-    }
-    Ok(rows)
-}
-
-/// Rows of depth, normal and weight of each object.
-fn outputs_by_candidates(
-    scene: &Flattened,
-    outputs: Outputs,
-    first: &SparseWeights,
-) -> Result<Vec<Tensor<2>>> {
-    let mut rows = Vec::new();
-    if outputs.depth {
-        rows.push(first.mean_distance() * scene.unit);
-    }
-    if outputs.normals {
-        let normal = &scene.triangles.normal;
-        let side = |front: bool| if front { 1.0 } else { -1.0 };
-        for axis in [&normal.x, &normal.y, &normal.z] {
-            let host = host_values(axis)?;
-            let value = |_, k: u32, front| host[k as usize] * side(front);
-            let mut row = first.mean(value, |_| 0.0);
-            if axis.is_tracked()
-                && let Some(turned) = first.spread(axis, |k, front| Some((k, side(front))))
-            {
-                let value = detached(&turned);
-                row = row + (turned - value);
-            }
-            rows.push(row);
-        }
-    }
-    if outputs.object_ids {
-        let (objects, background) = first.by_object(&scene.topology.object, scene.objects());
-        rows.extend([objects, background]);
     }
     Ok(rows)
 }

@@ -17,7 +17,7 @@ use crate::scene::{Camera, Flattened};
 use crate::transport::{
     Cones, Diagnostics, Lights, PathSettings, RayStatistics, Sight, Sky, Transport, trace,
 };
-use crate::visibility::{Rays, Softmax, Sparse, Visibility, hierarchy_of};
+use crate::visibility::{Candidates, Rays, Softmax, Visibility, hierarchy_of};
 
 /// A view, ready to be traced.
 pub(super) struct TensorRenderer<'a> {
@@ -224,7 +224,7 @@ impl<'a> TensorRenderer<'a> {
 /// The visibility of a render, with the boxes that it needs.
 enum HostSight {
     Cones(Cones, PixelFilter),
-    Softmax(Softmax, Option<Box<Sparse>>),
+    Softmax(Softmax, Option<Candidates>),
 }
 
 impl HostSight {
@@ -263,13 +263,11 @@ impl HostSight {
                 // Diagnostics are there in tensors only, and GPUs do without the host.
                 let dense =
                     options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
-                let sparse = if dense {
-                    None
-                } else {
-                    let sparse = Sparse::new(&scene.triangles, hierarchy()?, options.cutoff);
-                    Some(Box::new(sparse))
+                let candidates = match dense {
+                    true => None,
+                    false => Some(Candidates::new(hierarchy()?, options.cutoff)),
                 };
-                Self::Softmax(form, sparse)
+                Self::Softmax(form, candidates)
             }
         })
     }
@@ -278,7 +276,7 @@ impl HostSight {
     fn hierarchy(&self) -> Option<Arc<Hierarchy>> {
         match self {
             Self::Cones(cones, _) => Some(cones.hierarchy()),
-            Self::Softmax(_, sparse) => sparse.as_ref().map(|s| s.hierarchy()),
+            Self::Softmax(_, candidates) => candidates.as_ref().map(Candidates::hierarchy),
         }
     }
 
@@ -286,7 +284,7 @@ impl HostSight {
     fn get(&self) -> Sight<'_> {
         match self {
             Self::Cones(cones, _) => Sight::Cones(cones),
-            Self::Softmax(form, sparse) => Sight::Softmax(*form, sparse.as_deref()),
+            Self::Softmax(form, candidates) => Sight::Softmax(*form, candidates.as_ref()),
         }
     }
 }

@@ -1,0 +1,208 @@
+//! The triangles that may matter to each ray, from a hierarchy of boxes that are grown by the reach of the blur.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::DVec3;
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::edge::CoverageSettings;
+use super::rays::{NO_TRIANGLE, Rays};
+use super::weights::Softmax;
+use crate::accel::{Counts, Hierarchy, HierarchyCache, HostTriangle, Reach};
+use crate::error::Result;
+use crate::geometry::{Topology, Triangles, host_values, host_vectors};
+
+/// Many triangles may be left out of a ray, and gradients are more sensitive than images: each is
+/// allowed this share of the cutoff.
+const SAFETY: f64 = 0.1;
+
+/// Rays a piece of work.
+const PIECE: usize = 512;
+
+/// Finds the triangles that matter to rays.
+pub(crate) struct Candidates {
+    hierarchy: Arc<Hierarchy>,
+    /// Triangles of smaller opacity, and what lies behind more than 1 − this, are left out.
+    cutoff: f64,
+}
+
+/// What rays of the softmax are traced with.
+#[derive(Clone, Copy)]
+pub(crate) struct Setting<'a> {
+    pub topology: &'a Topology,
+    pub coverage: CoverageSettings,
+    pub form: Softmax,
+    /// The radius of the bounds about the point that origins are relative to.
+    pub radius: f64,
+}
+
+/// A ray on the host, with what is known of its ends.
+struct Ray {
+    origin: DVec3,
+    direction: DVec3,
+    time: f64,
+    departure: Option<u32>,
+    emitter: Option<u32>,
+    distance: Option<f64>,
+}
+
+impl Candidates {
+    pub fn new(hierarchy: Arc<Hierarchy>, cutoff: f64) -> Self {
+        Self {
+            hierarchy,
+            cutoff: SAFETY * cutoff,
+        }
+    }
+
+    pub fn hierarchy(&self) -> Arc<Hierarchy> {
+        self.hierarchy.clone()
+    }
+
+    /// The triangles of each ray, upwards; None where something opaque ends a shadow ray, which has an arrival, or
+    /// it is not needed.
+    pub fn of(
+        &self,
+        setting: &Setting,
+        rays: &Rays,
+        needed: &[bool],
+    ) -> Result<Vec<Option<Vec<u32>>>> {
+        let (origin, direction) = (host_vectors(&rays.origin)?, host_vectors(&rays.direction)?);
+        let time = rays.time.as_ref().map(host_values).transpose()?;
+        let distance = rays.arrival.as_ref().map(|(_, d)| host_values(d));
+        let distance = distance.transpose()?;
+        let arch = Arch::new();
+        let of = |i: usize| {
+            let emitter = rays.arrival.as_ref().map(|(e, _)| e[i]);
+            let ray = Ray {
+                origin: origin[i],
+                direction: direction[i],
+                time: time.as_ref().map_or(0.0, |t| t[i]),
+                departure: rays.departure.as_ref().map(|d| d[i]),
+                emitter: emitter.filter(|&e| e != NO_TRIANGLE),
+                distance: distance.as_ref().map(|d| d[i]),
+            };
+            needed[i].then(|| self.of_ray(arch, setting, &ray))?
+        };
+        let all = (0..rays.len()).into_par_iter().with_min_len(PIECE);
+        Ok(all.map(of).collect())
+    }
+
+    #[inline(always)]
+    fn of_ray(&self, arch: Arch, setting: &Setting, ray: &Ray) -> Option<Vec<u32>> {
+        let Topology {
+            object,
+            neighbours,
+            visible_side,
+            ..
+        } = setting.topology;
+        let ends = [ray.departure, ray.emitter];
+        let counts = |k: u32, cosine: f32| {
+            let side = visible_side[k as usize] * f64::from(cosine);
+            // Near its end on an emitter a ray sees the other side of the emitter's object.
+            let turns = ray
+                .emitter
+                .is_some_and(|e| object[e as usize] == object[k as usize]);
+            let uncertain = turns || cosine.abs() < 1e-4;
+            if ends.contains(&Some(k)) || (side < 0.0 && !uncertain) {
+                Counts::Not
+            } else if uncertain || ends.iter().flatten().any(|&e| neighbours.are(e, k)) {
+                Counts::Perhaps
+            } else {
+                Counts::Fully
+            }
+        };
+        let found = (ray.origin, ray.direction, ray.time);
+        let reach = self.reach(setting, ray);
+        let found = self.hierarchy.candidates(arch, found, reach, counts);
+        found.map(|mut list| {
+            list.sort_unstable();
+            list
+        })
+    }
+
+    fn reach(&self, setting: &Setting, ray: &Ray) -> Reach {
+        let CoverageSettings {
+            sigma,
+            t_min,
+            start,
+            arrival_margin,
+        } = setting.coverage;
+        let far_outside = (1.0 / self.cutoff).ln();
+        let nothing = (10.0 / self.cutoff).ln();
+        // From here on a hit is beyond the blurred start of its ray, but for a share of e⁻⁴.
+        let begun = match ray.departure {
+            Some(_) => t_min.max(2.0 * start.sqrt()),
+            None => t_min,
+        };
+        if let Some(distance) = ray.distance {
+            let limit = distance * (1.0 - arrival_margin);
+            return Reach {
+                range: (t_min, limit),
+                most: (sigma * far_outside).sqrt(),
+                penalty: 0.0,
+                // Behind something opaque nothing arrives; the blurred start passes less than the cutoff.
+                deep: (sigma * nothing).sqrt(),
+                begun: begun.max((start * nothing).sqrt()),
+                behind: f64::NEG_INFINITY,
+            };
+        }
+        // A weight is exp(−(t + penalty·squared distance)/falloff), at most, over that of the background, or of a
+        // hit inside of a triangle: p > 1/2 there, and the start is passed.
+        let distance = ray.origin.length();
+        let (near, far) = (
+            (distance - setting.radius).max(0.0),
+            distance + setting.radius,
+        );
+        let [falloff, background] = setting.form.falloff(near, far);
+        let (penalty, limit) = (falloff / sigma, background + falloff * nothing);
+        // A hit before near is as far from every triangle.
+        let half = 0.5 / penalty;
+        Reach {
+            range: (t_min, limit),
+            most: half + (half * half + ((limit - near) / penalty).max(0.0)).sqrt(),
+            penalty,
+            deep: 0.0,
+            begun,
+            behind: falloff * (nothing + 1.0),
+        }
+    }
+}
+
+/// Rays with about as many triangles together: none, 1, 2, up to 4, 8 and so on.
+pub(crate) fn grouped(lists: &[Option<Vec<u32>>]) -> impl Iterator<Item = Vec<u32>> {
+    let mut groups: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+    for (i, list) in lists.iter().enumerate() {
+        if let Some(list) = list {
+            let size = if list.is_empty() {
+                0
+            } else {
+                list.len().next_power_of_two()
+            };
+            groups.entry(size).or_default().push(i as u32);
+        }
+    }
+    groups.into_values()
+}
+
+/// Boxes over triangles that are read back, or those of a cache fitted to them.
+pub(crate) fn hierarchy_of(
+    triangles: &Triangles,
+    cache: Option<&HierarchyCache>,
+) -> Result<Arc<Hierarchy>> {
+    let corners = &triangles.corners;
+    let (a, b) = (host_vectors(&corners.a)?, host_vectors(&corners.b)?);
+    let c = host_vectors(&corners.c)?;
+    let velocity = triangles.velocity.as_ref().map(host_vectors).transpose()?;
+    let valid = host_values(&triangles.valid.clone().float())?;
+    let triangle = |k: usize| {
+        let shift = velocity.as_ref().map_or(DVec3::ZERO, |v| v[k]);
+        HostTriangle::new([a[k], b[k], c[k]], shift, valid[k] > 0.0)
+    };
+    let list = (0..a.len()).into_par_iter().map(triangle).collect();
+    Ok(match cache {
+        Some(cache) => cache.take(list, None),
+        None => Arc::new(Hierarchy::new(list, None)),
+    })
+}
