@@ -62,6 +62,13 @@ impl HostTriangle {
         .map(|(across, offset)| (across, offset - across.dot(a)))
     }
 
+    /// The distance of a point of its plane from the nearest line of its border, positive inside.
+    pub fn distance_to_lines(&self, point: DVec3) -> f64 {
+        let distance = |(across, offset): (DVec3, f64)| across.dot(point) + offset;
+        let lines = self.lines_in_space().map(distance);
+        lines[0].min(lines[1]).min(lines[2])
+    }
+
     /// Weights of the corners in a point of its plane.
     pub(super) fn weights(&self, point: DVec3) -> [f64; 3] {
         let at = point - self.corners[0];

@@ -6,7 +6,7 @@ use burn::tensor::{Int, Tensor};
 use super::options::Outputs;
 use crate::error::Result;
 use crate::geometry::{detached, host_values};
-use crate::transport::{Diagnostics, RayStatistics};
+use crate::tensors::{Diagnostics, RayStatistics};
 
 /// The program that computed an image, which [`Engine::Auto`](super::Engine::Auto) chooses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

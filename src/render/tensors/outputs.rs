@@ -6,8 +6,7 @@ use crate::error::Result;
 use crate::geometry::{Vec3, detached};
 use crate::render::options::Outputs;
 use crate::scene::Flattened;
-use crate::transport::{Hits, Radiance, RayWeights, SurfacePoints};
-use crate::visibility::{Pairs, Weights};
+use crate::tensors::{Group, Hits, Radiance, RayWeights, SurfacePoints};
 
 /// Rows `[_, N]`: radiance, opacity, depth, normal, weight of each object.
 pub(super) fn outputs(
@@ -29,18 +28,13 @@ pub(super) fn outputs(
         RayWeights::Shares(first) => first,
     };
     if outputs.depth {
-        let distance = |_: &Pairs, weights: &Weights| weights.attached_distances() * scene.unit;
-        rows.push(first.mean(distance, None));
+        rows.push(first.mean(|g| g.hits(scene).t * scene.unit, None));
     }
     if outputs.normals {
         let normal = &scene.triangles.normal;
         for axis in [&normal.x, &normal.y, &normal.z] {
-            let of = |pairs: &Pairs, weights: &Weights| {
-                let front = weights.cosine().clone().lower_elem(0.0);
-                let side = front.float().cast(scene.context.dtype) * 2.0 - 1.0;
-                side * pairs.of(axis)
-            };
-            rows.push(first.mean(of, None));
+            let turned = |g: &Group| (g.fronts(scene) * 2.0 - 1.0) * g.pairs.of(axis);
+            rows.push(first.mean(turned, None));
         }
     }
     if outputs.object_ids {
@@ -48,8 +42,8 @@ pub(super) fn outputs(
         for id in 0..scene.objects() as u32 {
             let member = object.iter().map(|&o| f64::from(u8::from(o == id)));
             let member: Vec<f64> = member.collect();
-            let of = |pairs: &Pairs, _: &Weights| pairs.constant(&scene.context, &member);
-            rows.push(detached(&first.mean(of, None)));
+            let is = |g: &Group| g.pairs.constant(&scene.context, &member);
+            rows.push(detached(&first.mean(is, None)));
         }
         rows.push(detached(&first.attached_background()));
     }

@@ -14,10 +14,10 @@ use crate::model::filter::PixelFilter;
 use crate::render::options::{RenderOptions, Tile, sampler, tiles};
 use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Camera, Flattened};
-use crate::transport::{
-    Cones, Diagnostics, Lights, PathSettings, RayStatistics, Sight, Sky, Transport, trace,
+use crate::tensors::{
+    Candidates, Cones, Diagnostics, Lights, PathSettings, RayStatistics, Rays, Sight, Sky, Softmax,
+    Tracer, Transport, Visibility, hierarchy_of, trace,
 };
-use crate::visibility::{Candidates, Rays, Softmax, Visibility, hierarchy_of};
 
 /// A view, ready to be traced.
 pub(super) struct TensorRenderer<'a> {
@@ -72,8 +72,7 @@ impl<'a> TensorRenderer<'a> {
     }
 
     /// Means over samples.
-    pub fn render(&self) -> Result<Traced> {
-        let tiles = self.tiles();
+    pub fn render(&self, tiles: &[Tile]) -> Result<Traced> {
         let done = AtomicUsize::new(0);
         let run = |tile: &Tile| {
             let sums = self.tile(tile);
@@ -109,39 +108,57 @@ impl<'a> TensorRenderer<'a> {
         })
     }
 
-    fn tiles(&self) -> Vec<Tile> {
-        let triangles = self.scene.triangles.len();
-        let pairs = if is_cpu(&self.scene.context.device) {
-            1 << 18
-        } else {
-            1 << 23
+    /// Tiles of the forward pass, and of the backward pass, which keeps a tape as long as its paths: of fewer rays
+    /// where these are paired with many triangles, on average over some camera rays.
+    pub fn tiles(&self) -> Result<[Vec<Tile>; 2]> {
+        let step = self.pixels().div_ceil(256);
+        let probed = (0..self.pixels()).step_by(step);
+        let rays = self.camera_rays(&probed.map(|i| (self.pixel(i), 0)).collect::<Vec<_>>());
+        let pairs_a_ray = Tracer::new(self.transport()).pairs_a_ray(&rays)?;
+        let surfaces = self.settings.bounces as usize + 1;
+        let pairs = match is_cpu(&self.scene.context.device) {
+            true => [1 << 18, (1 << 16) / surfaces],
+            false => [1 << 23, (1 << 23) / surfaces],
         };
-        let rays = match self.sight {
-            HostSight::Softmax(_, None) => (pairs / triangles).clamp(128, 1 << 17),
-            _ => 1 << 13,
+        let tiles = |pass: usize| {
+            let rays = [1 << 13, ((1 << 14) / surfaces).max(256)][pass];
+            let rays = rays
+                .min((pairs[pass] as f64 / pairs_a_ray) as usize)
+                .max(32);
+            tiles(self.options, self.pixels(), rays)
         };
-        let all = self.options.width * self.options.height;
-        let pixels = self.pixels.as_ref().map_or(all, |pixels| pixels.len());
-        tiles(self.options, pixels, rays)
+        Ok([tiles(0), tiles(1)])
     }
 
-    /// The sums over a tile.
-    pub fn tile(&self, tile: &Tile) -> Result<Traced> {
-        let paths: Vec<(u32, u32)> = (tile.first..tile.first + tile.pixels)
-            .map(|i| self.pixels.as_ref().map_or(i as u32, |pixels| pixels[i]))
-            .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel, sample)))
-            .collect();
-        let rays = self.camera_rays(&paths);
-        let samples = (tile.to - tile.from) as usize;
-        let transport = Transport {
+    fn pixels(&self) -> usize {
+        let all = self.options.width * self.options.height;
+        self.pixels.as_ref().map_or(all, |pixels| pixels.len())
+    }
+
+    fn pixel(&self, i: usize) -> u32 {
+        self.pixels.as_ref().map_or(i as u32, |pixels| pixels[i])
+    }
+
+    fn transport(&self) -> Transport<'_> {
+        Transport {
             scene: self.scene,
             settings: &self.settings,
             sampler: &self.sampler,
             lights: &self.lights,
             sky: self.sky.as_ref(),
             sight: self.sight.get(),
-        };
-        let found = trace(transport, rays, &paths, samples)?;
+        }
+    }
+
+    /// The sums over a tile.
+    pub fn tile(&self, tile: &Tile) -> Result<Traced> {
+        let paths: Vec<(u32, u32)> = (tile.first..tile.first + tile.pixels)
+            .map(|i| self.pixel(i))
+            .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel, sample)))
+            .collect();
+        let rays = self.camera_rays(&paths);
+        let samples = (tile.to - tile.from) as usize;
+        let found = trace(self.transport(), rays, &paths, samples)?;
         let statistics = found.statistics.clone();
         let diagnostics = found.diagnostics.clone();
         let rows = Tensor::cat(outputs(self.scene, self.options.outputs, found)?, 0);

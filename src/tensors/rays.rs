@@ -1,8 +1,7 @@
 //! Rays in tensors.
 
-use burn::tensor::Tensor;
+use burn::tensor::{IndexingUpdateOp, Tensor};
 
-use super::shares::is_identity;
 use crate::geometry::{Context, Vec3, gather_row};
 
 /// The emitter where a shadow ray ends on no surface.
@@ -90,4 +89,18 @@ impl DepthRange {
             ..self
         }
     }
+}
+
+/// Whether these are all of so many, in order.
+pub(crate) fn is_identity(which: &[u32], count: usize) -> bool {
+    which.len() == count && which.iter().enumerate().all(|(i, &w)| i == w as usize)
+}
+
+/// A row of some rays as a row of all, zero elsewhere.
+pub(crate) fn spread(context: &Context, row: Tensor<2>, which: &[u32], count: usize) -> Tensor<2> {
+    if is_identity(which, count) {
+        return row;
+    }
+    let zeros = Tensor::<2>::zeros([1, count], (&context.device, context.dtype));
+    zeros.scatter(1, context.index_row(which), row, IndexingUpdateOp::Add)
 }

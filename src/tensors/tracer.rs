@@ -8,15 +8,16 @@ use super::cones::{AtBounce, Cones, Hits};
 use super::diagnostics::Diagnostics;
 use super::lights::Lights;
 use super::lights::Sky;
+use super::rays::{DepthRange, Rays};
+use super::softmax::{
+    Candidates, Coverage, CoverageSettings, Group, Groups, List, Pairs, Setting, Shares, Softmax,
+    Weights, coverage, grouped, transmittance, weights,
+};
 use crate::error::Result;
 use crate::geometry::Context;
 use crate::sampling::Sampler;
 use crate::sampling::Sampling;
 use crate::scene::Flattened;
-use crate::visibility::{
-    Candidates, Coverage, CoverageSettings, DepthRange, Groups, Pairs, Rays, Setting, Shares,
-    Softmax, coverage, grouped, transmittance, weights,
-};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {
@@ -152,6 +153,28 @@ impl RayStatistics {
 }
 
 impl<'a> Tracer<'a> {
+    pub(crate) fn new(transport: Transport<'a>) -> Self {
+        let counted = transport.settings.diagnostics;
+        Self {
+            transport,
+            statistics: RefCell::default(),
+            diagnostics: RefCell::new(counted.then(Diagnostics::default)),
+        }
+    }
+
+    /// How many triangles rays are paired with, on average; 1 for cones.
+    pub(crate) fn pairs_a_ray(&self, rays: &Rays) -> Result<f64> {
+        let Sight::Softmax(form, candidates) = self.transport.sight else {
+            return Ok(1.0);
+        };
+        let groups = self.pairs(rays, (form, candidates), &vec![true; rays.len()])?;
+        let all = groups
+            .list
+            .iter()
+            .map(|(which, pairs)| which.len() * pairs.rows());
+        Ok(all.sum::<usize>() as f64 / rays.len() as f64)
+    }
+
     pub(crate) fn scene(&self) -> &'a Flattened {
         self.transport.scene
     }
@@ -204,15 +227,17 @@ impl<'a> Tracer<'a> {
         };
         let lists = candidates.of(&setting, rays, needed)?;
         statistics.rays += needed.iter().filter(|&&n| n).count() as u64;
-        statistics.tested += lists.iter().flatten().map(|l| l.len() as u64).sum::<u64>();
+        statistics.tested += lists
+            .iter()
+            .flatten()
+            .map(|l| l.triangles.len() as u64)
+            .sum::<u64>();
         let group = |which: Vec<u32>| {
-            let lists = which
-                .iter()
-                .map(|&i| lists[i as usize].as_deref().unwrap_or_default());
-            let pairs = Pairs::own(context, &lists.collect::<Vec<_>>());
+            let lists = which.iter().filter_map(|&i| lists[i as usize].as_ref());
+            let pairs = Pairs::own(context, &lists.collect::<Vec<&List>>());
             (which, pairs)
         };
-        let list = grouped(&lists).map(group).collect();
+        let list = grouped(&lists).into_iter().map(group).collect();
         Ok(Groups { rays: n, list })
     }
 
@@ -240,12 +265,11 @@ impl<'a> Tracer<'a> {
         let groups = self.pairs(rays, sight, &vec![true; rays.len()])?;
         let of = |(which, pairs): (Vec<u32>, Pairs)| {
             let rays = rays.pick(&scene.context, &which);
-            let range = DepthRange::new(&rays, scene.radius());
-            let weights = weights(self.coverage(&rays, &pairs, sight.0), range, sight.0);
-            if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
-                d.weights(&weights, &scene.triangles.valid)?;
-            }
-            Ok((which, (pairs, weights)))
+            let weights = match pairs.is_whole() {
+                true => Weights::whole(&scene.context, rays.len()),
+                false => self.weights_of(&rays, &pairs, sight.0)?,
+            };
+            Ok((which, Group::new(rays, pairs, weights)))
         };
         let list = groups.list.into_iter().map(of).collect::<Result<_>>()?;
         let groups = Groups {
@@ -254,6 +278,17 @@ impl<'a> Tracer<'a> {
         };
         let shares = Shares::new(&scene.context, groups, scene.triangles.len());
         Ok(RayWeights::Shares(shares))
+    }
+
+    fn weights_of(&self, rays: &Rays, pairs: &Pairs, form: Softmax) -> Result<Weights> {
+        let scene = self.scene();
+        let coverage = self.coverage(rays, pairs, form);
+        let cosine = coverage.cosine.clone();
+        let weights = weights(coverage, DepthRange::new(rays, scene.radius()), form);
+        if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
+            d.weights(&weights, &cosine, &scene.triangles.valid)?;
+        }
+        Ok(weights)
     }
 
     /// The share of light that arrives along shadow rays; 0 of those that are not needed, but where all

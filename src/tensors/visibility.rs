@@ -1,32 +1,11 @@
 //! The forms of visibility: hard surfaces along the rays of cones, or the paper's blurred triangles (Eq. 1),
 //! which share a ray by a softmax over depth (Eq. 3).
-//!
-//! The rest of this folder is the softmax. Its weights and transmittances are values without tape and a
-//! *linear* attached part: the derivative of a weight with respect to the logits and distances of its
-//! pairs is known in closed form, so only those two enter the graph, multiplied by coefficients that
-//! carry no tape.
-
-mod candidates;
-mod edge;
-mod pairs;
-mod rays;
-mod shares;
-#[cfg(test)]
-mod tests;
-mod weights;
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-
-pub(crate) use candidates::{Candidates, Setting, grouped, hierarchy_of};
-pub(crate) use edge::{Coverage, CoverageSettings, coverage, grazing, transmittance};
-pub(crate) use pairs::Pairs;
-pub(crate) use rays::{DepthRange, NO_TRIANGLE, Rays};
-pub(crate) use shares::{Groups, Shares, is_identity, spread};
-pub(crate) use weights::{Softmax, Weights, weights};
 
 /// The form of visibility in a render. Its gradients are derivatives of the image in that form.
 ///

@@ -3,8 +3,8 @@
 use burn::tensor::{Bool, DType, Tensor, TensorData};
 
 use super::pairs::Pairs;
-use super::rays::{NO_TRIANGLE, Rays};
 use crate::geometry::{Context, Nearest, Topology, Triangles, Vec3, detached, nearest_on_triangle};
+use crate::tensors::rays::{NO_TRIANGLE, Rays};
 
 /// The parameters of Eq. 1, in the triangles' unit.
 #[derive(Clone, Copy, Debug)]
@@ -114,32 +114,31 @@ pub(crate) fn grazing(dtype: DType) -> f64 {
 }
 
 /// The intersections of rays with the planes of triangles `[K, N]`.
-struct PlaneHits {
-    /// Distances, and places in the triangles' frames, in the graph where gradients can flow.
-    t: Tensor<2>,
-    x: Tensor<2>,
-    y: Tensor<2>,
-    /// n·d, without tape.
-    cosine: Tensor<2>,
+pub struct PlaneHits {
+    /// Distances, in the graph where gradients can flow.
+    pub t: Tensor<2>,
+    /// n·d, without tape: negative where a ray meets the front.
+    pub cosine: Tensor<2>,
     /// Whether the ray is not parallel to the plane, and the triangle has area.
     exist: Tensor<2, Bool>,
 }
 
+/// Along an axis of each pair: the places of the ray's origin, at the time that the triangle is unshifted.
+fn along(axis: &Vec3, triangles: &Triangles, rays: &Rays, pairs: &Pairs) -> Tensor<2> {
+    // Broadcast products, not `matmul`: it is no faster for an inner length of 3, may round to
+    // less than f32 on GPUs, and returns zeros on SwiftShader.
+    let along = axis.dot(&rays.origin);
+    match (&rays.time, &triangles.velocity) {
+        // n·(o − time·velocity) = n·o − time·(n·velocity)
+        (Some(time), Some(velocity)) => along - axis.dot(&pairs.vectors(velocity)) * time.clone(),
+        _ => along,
+    }
+}
+
 impl PlaneHits {
-    fn new(context: &Context, triangles: &Triangles, rays: &Rays, pairs: &Pairs) -> Self {
-        let velocity = triangles.velocity.as_ref().map(|v| pairs.vectors(v));
-        // Broadcast products, not `matmul`: it is no faster for an inner length of 3, may round to
-        // less than f32 on GPUs, and returns zeros on SwiftShader.
-        let along = |axis: &Vec3| {
-            let along = axis.dot(&rays.origin);
-            match (&rays.time, &velocity) {
-                // n·(o − time·velocity) = n·o − time·(n·velocity)
-                (Some(time), Some(velocity)) => along - axis.dot(velocity) * time.clone(),
-                _ => along,
-            }
-        };
+    pub fn new(context: &Context, triangles: &Triangles, rays: &Rays, pairs: &Pairs) -> Self {
         let normal = pairs.vectors(&triangles.normal);
-        let height = pairs.of(&triangles.plane) - along(&normal);
+        let height = pairs.of(&triangles.plane) - along(&normal, triangles, rays, pairs);
         let cosine = normal.dot(&rays.direction);
         let detached_cosine = detached(&cosine);
         let exist = detached_cosine
@@ -147,19 +146,26 @@ impl PlaneHits {
             .abs()
             .greater_elem(grazing(context.dtype))
             .bool_and(pairs.valid(&triangles.valid).expand(cosine.dims()));
-        // The inputs of the division are made safe: masking its output would not stop NaN.
-        let t = height / cosine.mask_fill(exist.clone().bool_not(), 1.0);
-        let in_plane = |axis: &Vec3, corner: &Tensor<2>| {
-            let axis = &pairs.vectors(axis);
-            along(axis) - pairs.of(corner) + t.clone() * axis.dot(&rays.direction)
-        };
         Self {
-            x: in_plane(&triangles.u, &triangles.a_u),
-            y: in_plane(&triangles.v, &triangles.a_v),
-            t,
+            // The inputs of the division are made safe: masking its output would not stop NaN.
+            t: height / cosine.mask_fill(exist.clone().bool_not(), 1.0),
             cosine: detached_cosine,
             exist,
         }
+    }
+
+    /// Their places in the triangles' frames, in the graph where gradients can flow.
+    fn places(&self, triangles: &Triangles, rays: &Rays, pairs: &Pairs) -> [Tensor<2>; 2] {
+        let of = |(axis, corner): (&Vec3, &Tensor<2>)| {
+            let axis = &pairs.vectors(axis);
+            let from = along(axis, triangles, rays, pairs) - pairs.of(corner);
+            from + self.t.clone() * axis.dot(&rays.direction)
+        };
+        [
+            (&triangles.u, &triangles.a_u),
+            (&triangles.v, &triangles.a_v),
+        ]
+        .map(of)
     }
 
     /// The pairs that count, with the rules at both ends of a ray, and those of them that are softened.
@@ -216,18 +222,11 @@ pub fn coverage(
     let hits = PlaneHits::new(context, triangles, rays, pairs);
     let [base, apex_u, apex_v] =
         [&triangles.base, &triangles.apex_u, &triangles.apex_v].map(|plane| pairs.of(plane));
-    let nearest = nearest_on_triangle(
-        &detached(&hits.x),
-        &detached(&hits.y),
-        &base,
-        &apex_u,
-        &apex_v,
-    );
+    let [x, y] = hits.places(triangles, rays, pairs);
+    let nearest = nearest_on_triangle(&detached(&x), &detached(&y), &base, &apex_u, &apex_v);
     let (counted, softened) = hits.counted(context, (topology, pairs), rays, settings, &nearest);
     let discounted = counted.clone().bool_not();
-    let PlaneHits {
-        t, x, y, cosine, ..
-    } = hits;
+    let PlaneHits { t, cosine, .. } = hits;
     let detached_t = detached(&t);
 
     let per_sigma = 1.0 / settings.sigma;

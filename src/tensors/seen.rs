@@ -3,12 +3,12 @@
 use burn::tensor::Tensor;
 
 use super::cones::Hits;
+use super::rays::spread;
 use super::surface::{SurfacePoints, look_up};
 use super::tracer::{RayWeights, Transport};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::scene::{Channel, Flattened};
-use crate::visibility::{Pairs, Weights, spread};
 
 /// Light of emitters and environment that camera rays see: the mean over all their surfaces, not over
 /// drawn ones, which has no noise of a draw. None where all is black.
@@ -31,11 +31,7 @@ pub(crate) fn seen(
     let materials = context.index_row(&scene.topology.material);
     let emission = scene.materials.emission().gather(&materials);
     let mean = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| {
-        let of = |pairs: &Pairs, weights: &Weights| {
-            let front = weights.cosine().clone().lower_elem(0.0);
-            pairs.of(emission) * front.float().cast(context.dtype)
-        };
-        weights.mean(of, environment)
+        weights.mean(|g| g.pairs.of(emission) * g.fronts(scene), environment)
     };
     let environment = sky.as_ref();
     Ok(Some(Vec3::new(

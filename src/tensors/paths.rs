@@ -2,11 +2,11 @@
 
 use burn::tensor::Tensor;
 
+use super::rays::{Rays, is_identity};
 use super::tracer::{RayWeights, Tracer};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values};
 use crate::sampling::Dimension;
-use crate::visibility::{Rays, is_identity};
 
 /// Ends paths at random in proportion to their throughput, and returns those that go on.
 pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> Result<Vec<u32>> {

@@ -7,6 +7,7 @@ use burn::tensor::Tensor;
 use glam::DVec3;
 use pulp::Arch;
 
+use super::rays::Rays;
 use super::surface::SurfacePoints;
 use crate::accel::{Hierarchy, Hit, HitRay, NOTHING};
 use crate::error::Result;
@@ -15,7 +16,6 @@ use crate::model::V3;
 use crate::model::cone::{Bend, bend, lifted, up_to_plane};
 use crate::sampling::Sampler;
 use crate::scene::Holes;
-use crate::visibility::Rays;
 
 /// Paths (pixel, sample) at a bounce, which random numbers belong to.
 #[derive(Clone, Copy)]

@@ -1,9 +1,9 @@
 //! Surface points that light comes to.
 
 use super::cones::AtBounce;
+use super::rays::Rays;
 use super::surface::SurfacePoints;
 use crate::geometry::Context;
-use crate::visibility::Rays;
 
 /// Surface points, the rays that came to them, and their paths.
 #[derive(Clone, Copy)]

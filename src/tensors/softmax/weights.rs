@@ -3,10 +3,10 @@
 
 use burn::tensor::Tensor;
 
-use super::edge::Coverage;
-use super::rays::DepthRange;
+use super::coverage::Coverage;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, detached, host_values};
+use crate::tensors::rays::DepthRange;
 
 /// The shares of the surfaces of each ray, and of the background.
 #[derive(Clone, Debug)]
@@ -15,23 +15,38 @@ pub struct Weights {
     pub surfaces: Tensor<2>,
     /// W of the background `[1, N]`, without tape.
     pub background: Tensor<2>,
-    pub(super) coverage: Coverage,
     /// Derivatives of the scores, where a gradient can flow.
-    pub(super) slopes: Option<Box<Slopes>>,
+    slopes: Option<Box<Slopes>>,
 }
 
 /// Derivatives of the scores.
 #[derive(Clone, Debug)]
-pub(super) struct Slopes {
+struct Slopes {
+    coverage: Coverage,
     /// By the logits `[K, N]`.
-    pub logit: Tensor<2>,
+    logit: Tensor<2>,
     /// By the distances `[1, N]` or `[K, N]`.
-    pub distance: Tensor<2>,
+    distance: Tensor<2>,
     /// By far `[K, N]`, with its change `[1, N]`.
-    pub far: Option<(Tensor<2>, Tensor<2>)>,
+    far: Option<(Tensor<2>, Tensor<2>)>,
 }
 
 impl Weights {
+    /// Of N rays that have one surface each, which fills them whatever changes a little.
+    pub fn whole(context: &Context, rays: usize) -> Self {
+        let background = Tensor::zeros([1, rays], (&context.device, context.dtype));
+        Self {
+            surfaces: background.ones_like(),
+            background,
+            slopes: None,
+        }
+    }
+
+    /// Whether a gradient can flow to them.
+    pub fn is_tracked(&self) -> bool {
+        self.slopes.is_some()
+    }
+
     /// Draws surfaces of each ray with lists of random numbers in [0, 1): their rows and weights; the number of rows
     /// stands for the background. A surface of weight 0 is never drawn.
     pub fn draw(&self, context: &Context, random: &[Vec<f64>]) -> Result<Vec<Vec<(u32, f64)>>> {
@@ -54,7 +69,7 @@ impl Weights {
     pub fn ratio(&self, context: &Context, drawn: &[u32]) -> Option<Tensor<2>> {
         let slopes = self.slopes.as_ref()?;
         let share = one_hot(context, drawn, self.surfaces.dims()[0]) - self.surfaces.clone();
-        Some(slopes.change(&self.coverage, share)? + 1.0)
+        Some(slopes.change(share)? + 1.0)
     }
 
     /// Σ W_k·v_k + W_background·v of a quantity of the surfaces `[K, N]` or `[K, 1]` and of the
@@ -69,7 +84,7 @@ impl Weights {
         let change = self.slopes.as_ref().and_then(|slopes| {
             // ∂ mean/∂ score_k = W_k·(v_k − mean)
             let share = (values - detached(&mean)) * self.surfaces.clone();
-            slopes.change(&self.coverage, share)
+            slopes.change(share)
         });
         match change {
             Some(change) => mean + change,
@@ -82,30 +97,12 @@ impl Weights {
         let zero = self.background.zeros_like().expand(self.surfaces.dims());
         self.mean(zero, Some(self.background.ones_like()))
     }
-
-    /// n·d of each pair `[K, N]`, without tape.
-    pub fn cosine(&self) -> &Tensor<2> {
-        &self.coverage.cosine
-    }
-
-    /// Distances to the triangles' planes `[K, N]`, in the graph if a gradient can flow; 0 where
-    /// a pair does not count.
-    pub fn attached_distances(&self) -> Tensor<2> {
-        match &self.coverage.attached {
-            Some((t, _)) => t.clone(),
-            None => self
-                .coverage
-                .t
-                .clone()
-                .mask_fill(self.coverage.counted.clone().bool_not(), 0.0),
-        }
-    }
 }
 
 impl Slopes {
     /// A row `[1, N]` that is 0 and has the derivative of Σ share_k·score_k.
-    pub fn change(&self, coverage: &Coverage, share: Tensor<2>) -> Option<Tensor<2>> {
-        let change = coverage.linear(
+    fn change(&self, share: Tensor<2>) -> Option<Tensor<2>> {
+        let change = self.coverage.linear(
             share.clone() * self.logit.clone(),
             Some(share.clone() * self.distance.clone()),
         )?;
@@ -182,7 +179,15 @@ pub fn weights(coverage: Coverage, range: DepthRange, form: Softmax) -> Weights 
     let weight = weight.mask_fill(discounted.clone(), 0.0);
     let rest = (largest.neg() + background).exp();
     let total = weight.clone().sum_dim(0) + rest.clone();
-    let slopes = coverage.attached.is_some().then(|| {
+    let weights = Weights {
+        surfaces: weight / total.clone(),
+        background: rest / total,
+        slopes: None,
+    };
+    if coverage.attached.is_none() {
+        return weights;
+    }
+    let slopes = {
         let mut slope = coverage
             .decay
             .clone()
@@ -213,12 +218,11 @@ pub fn weights(coverage: Coverage, range: DepthRange, form: Softmax) -> Weights 
                 None => per_depth.clone().neg(),
             },
             far,
+            coverage,
         }
-    });
+    };
     Weights {
-        surfaces: weight / total.clone(),
-        background: rest / total,
-        coverage,
-        slopes: slopes.map(Box::new),
+        slopes: Some(Box::new(slopes)),
+        ..weights
     }
 }

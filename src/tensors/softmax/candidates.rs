@@ -7,12 +7,13 @@ use glam::DVec3;
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::edge::CoverageSettings;
-use super::rays::{NO_TRIANGLE, Rays};
+use super::coverage::CoverageSettings;
+use super::pairs::List;
 use super::weights::Softmax;
 use crate::accel::{Counts, Hierarchy, HierarchyCache, HostTriangle, Reach};
 use crate::error::Result;
 use crate::geometry::{Topology, Triangles, host_values, host_vectors};
+use crate::tensors::rays::{NO_TRIANGLE, Rays};
 
 /// Many triangles may be left out of a ray, and gradients are more sensitive than images: each is
 /// allowed this share of the cutoff.
@@ -62,12 +63,7 @@ impl Candidates {
 
     /// The triangles of each ray, upwards; None where something opaque ends a shadow ray, which has an arrival, or
     /// it is not needed.
-    pub fn of(
-        &self,
-        setting: &Setting,
-        rays: &Rays,
-        needed: &[bool],
-    ) -> Result<Vec<Option<Vec<u32>>>> {
+    pub fn of(&self, setting: &Setting, rays: &Rays, needed: &[bool]) -> Result<Vec<Option<List>>> {
         let (origin, direction) = (host_vectors(&rays.origin)?, host_vectors(&rays.direction)?);
         let time = rays.time.as_ref().map(host_values).transpose()?;
         let distance = rays.arrival.as_ref().map(|(_, d)| host_values(d));
@@ -90,7 +86,7 @@ impl Candidates {
     }
 
     #[inline(always)]
-    fn of_ray(&self, arch: Arch, setting: &Setting, ray: &Ray) -> Option<Vec<u32>> {
+    fn of_ray(&self, arch: Arch, setting: &Setting, ray: &Ray) -> Option<List> {
         let Topology {
             object,
             neighbours,
@@ -113,13 +109,47 @@ impl Candidates {
                 Counts::Fully
             }
         };
-        let found = (ray.origin, ray.direction, ray.time);
+        let way = (ray.origin, ray.direction, ray.time);
         let reach = self.reach(setting, ray);
-        let found = self.hierarchy.candidates(arch, found, reach, counts);
-        found.map(|mut list| {
-            list.sort_unstable();
-            list
+        let mut triangles = self.hierarchy.candidates(arch, way, reach, counts)?;
+        triangles.sort_unstable();
+        let is_whole = match triangles[..] {
+            [k] => self.is_whole(setting, ray, &reach, k, counts),
+            _ => false,
+        };
+        Some(List {
+            triangles,
+            is_whole,
         })
+    }
+
+    /// Whether the only candidate of a ray fills it: it is hit deep inside, and long before the background matters.
+    fn is_whole(
+        &self,
+        setting: &Setting,
+        ray: &Ray,
+        reach: &Reach,
+        k: u32,
+        counts: impl Fn(u32, f32) -> Counts,
+    ) -> bool {
+        let triangle = &self.hierarchy.triangles[k as usize];
+        let origin = ray.origin - triangle.velocity * ray.time;
+        let cosine = triangle.normal.dot(ray.direction);
+        let t = triangle.normal.dot(triangle.corners[0] - origin) / cosine;
+        let CoverageSettings { sigma, start, .. } = setting.coverage;
+        let nothing = self.nothing();
+        let begun = ray.departure.map_or(0.0, |_| (start * nothing).sqrt());
+        let inside = triangle.distance_to_lines(origin + ray.direction * t);
+        counts(k, cosine as f32) == Counts::Fully
+            && inside > (sigma * nothing).sqrt()
+            && t > begun.max(reach.range.0)
+            // The background counts as far before the limit.
+            && t + 2.0 * reach.behind < reach.range.1
+    }
+
+    /// What counts e to this power less than something opaque is nothing beside it.
+    fn nothing(&self) -> f64 {
+        (10.0 / self.cutoff).ln()
     }
 
     fn reach(&self, setting: &Setting, ray: &Ray) -> Reach {
@@ -130,7 +160,7 @@ impl Candidates {
             arrival_margin,
         } = setting.coverage;
         let far_outside = (1.0 / self.cutoff).ln();
-        let nothing = (10.0 / self.cutoff).ln();
+        let nothing = self.nothing();
         // From here on a hit is beyond the blurred start of its ray, but for a share of e⁻⁴.
         let begun = match ray.departure {
             Some(_) => t_min.max(2.0 * start.sqrt()),
@@ -170,20 +200,39 @@ impl Candidates {
     }
 }
 
-/// Rays with about as many triangles together: none, 1, 2, up to 4, 8 and so on.
-pub(crate) fn grouped(lists: &[Option<Vec<u32>>]) -> impl Iterator<Item = Vec<u32>> {
-    let mut groups: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+/// What a group of rays costs, in pairs.
+const GROUP: usize = 2000;
+
+/// Rays with about as many candidates together: those without, those with one that fills them, and others, of which
+/// those with few are with those with more where they would make a small group.
+pub(crate) fn grouped(lists: &[Option<List>]) -> Vec<Vec<u32>> {
+    let mut groups: BTreeMap<(bool, usize), Vec<u32>> = BTreeMap::new();
     for (i, list) in lists.iter().enumerate() {
-        if let Some(list) = list {
-            let size = if list.is_empty() {
-                0
+        if let Some(List {
+            triangles,
+            is_whole,
+        }) = list
+        {
+            let is_open = !triangles.is_empty() && !is_whole;
+            let count = triangles.len();
+            let size = if is_open {
+                count.next_power_of_two()
             } else {
-                list.len().next_power_of_two()
+                count
             };
-            groups.entry(size).or_default().push(i as u32);
+            groups.entry((is_open, size)).or_default().push(i as u32);
         }
     }
-    groups.into_values()
+    let (mut found, mut few): (Vec<Vec<u32>>, Vec<u32>) = Default::default();
+    let mut groups = groups.into_iter().peekable();
+    while let Some(((is_open, size), mut group)) = groups.next() {
+        group.append(&mut few);
+        match groups.peek() {
+            Some(((_, next), _)) if is_open && group.len() * (next - size) < GROUP => few = group,
+            _ => found.push(group),
+        }
+    }
+    found
 }
 
 /// Boxes over triangles that are read back, or those of a cache fitted to them.

@@ -2,8 +2,16 @@
 
 use burn::tensor::{Bool, Int, Tensor, TensorData};
 
-use super::rays::NO_TRIANGLE;
 use crate::geometry::{Context, Neighbours, Vec3, gather_row};
+use crate::tensors::rays::NO_TRIANGLE;
+
+/// The triangles that may matter to a ray.
+pub(crate) struct List {
+    /// Upwards.
+    pub triangles: Vec<u32>,
+    /// Whether there is one, and nothing matters beside it.
+    pub is_whole: bool,
+}
 
 /// Pairs `[K, N]` of rays and triangles: of each of N rays with all T triangles, or with up to K of its own.
 #[derive(Clone, Debug)]
@@ -22,6 +30,8 @@ struct Own {
     index: Tensor<2, Int>,
     /// Whether there is one `[K, N]`.
     some: Tensor<2, Bool>,
+    /// Whether each ray has one, which fills it.
+    is_whole: bool,
 }
 
 impl Pairs {
@@ -34,12 +44,17 @@ impl Pairs {
     }
 
     /// Each ray with its own triangles, whose numbers go upwards.
-    pub fn own(context: &Context, lists: &[&[u32]]) -> Self {
+    pub fn own(context: &Context, lists: &[&List]) -> Self {
         let rays = lists.len();
-        let rows = lists.iter().map(|l| l.len()).max().unwrap_or(0).max(1);
+        let rows = lists
+            .iter()
+            .map(|l| l.triangles.len())
+            .max()
+            .unwrap_or(0)
+            .max(1);
         let mut triangle = vec![NO_TRIANGLE; rows * rays];
         for (i, list) in lists.iter().enumerate() {
-            for (row, &k) in list.iter().enumerate() {
+            for (row, &k) in list.triangles.iter().enumerate() {
                 triangle[row * rays + i] = k;
             }
         }
@@ -51,6 +66,7 @@ impl Pairs {
         let own = Own {
             index: context.index_row(&index),
             some: Tensor::from_data(TensorData::new(some, [rows, rays]), &context.device),
+            is_whole: lists.iter().all(|l| l.is_whole),
             triangle,
             rays,
         };
@@ -64,6 +80,11 @@ impl Pairs {
     pub fn is_empty(&self) -> bool {
         let empty = |own: &Own| own.triangle.iter().all(|&k| k == NO_TRIANGLE);
         self.own.as_ref().is_some_and(empty)
+    }
+
+    /// Whether each ray has one, which fills it.
+    pub fn is_whole(&self) -> bool {
+        self.own.as_ref().is_some_and(|own| own.is_whole)
     }
 
     /// K.

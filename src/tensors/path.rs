@@ -1,7 +1,5 @@
 //! The path loop: draw a surface, connect it to an emitter, scatter, repeat.
 
-use std::cell::RefCell;
-
 use burn::tensor::Tensor;
 
 use super::bsdf::{self, Scatter};
@@ -10,6 +8,7 @@ use super::diagnostics::Diagnostics;
 use super::direct;
 use super::lights::{Sky, SkyMap};
 use super::paths::{Contribution, PathBatch, roulette, times, weighted};
+use super::rays::{Rays, spread};
 use super::seen;
 use super::shaded::Shaded;
 use super::surface::SurfacePoints;
@@ -19,7 +18,6 @@ use crate::geometry::Vec3;
 use crate::sampling::Dimension;
 use crate::sampling::SurfaceSampling;
 use crate::scene::Flattened;
-use crate::visibility::{Rays, spread};
 
 /// The light of a tile's paths; rows `[1, N]`.
 pub(crate) struct Radiance {
@@ -72,11 +70,7 @@ pub(crate) fn trace<'a>(
     let combined = settings.sampling.multiple_importance;
     let map = sky.and_then(Sky::map).filter(|_| combined);
     let mut tracing = Tracing {
-        tracer: Tracer {
-            transport,
-            statistics: RefCell::default(),
-            diagnostics: RefCell::new(settings.diagnostics.then(Diagnostics::default)),
-        },
+        tracer: Tracer::new(transport),
         batch: PathBatch {
             paths: paths.to_vec(),
             slots: (0..paths.len() as u32).collect(),

@@ -8,10 +8,10 @@ use burn::tensor::{DType, Device, Tensor, TensorData};
 use serde_json::Value;
 
 use super::{
-    Coverage, CoverageSettings, DepthRange, Pairs, Rays, Softmax, Weights, coverage, transmittance,
-    weights,
+    Coverage, CoverageSettings, Pairs, Softmax, Weights, coverage, transmittance, weights,
 };
 use crate::geometry::{Context, Neighbours, Topology, Triangles, Vec3, VertexData, host_values};
+use crate::tensors::rays::{DepthRange, Rays};
 
 struct Case {
     name: String,

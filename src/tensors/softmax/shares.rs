@@ -1,17 +1,56 @@
 //! The shares of surfaces in rays that are in groups, by how many triangles matter to them.
 
-use burn::tensor::{IndexingUpdateOp, Tensor};
+use std::cell::OnceCell;
 
+use burn::tensor::Tensor;
+
+use super::coverage::PlaneHits;
 use super::pairs::Pairs;
 use super::weights::Weights;
 use crate::error::Result;
 use crate::geometry::{Context, gather_row};
+use crate::scene::Flattened;
+use crate::tensors::rays::{Rays, spread};
 
 /// The weights of rays in groups.
 pub(crate) struct Shares {
     context: Context,
-    groups: Groups<(Pairs, Weights)>,
+    groups: Groups<Group>,
     triangles: u32,
+}
+
+/// Rays with the weights of their surfaces.
+pub(crate) struct Group {
+    pub rays: Rays,
+    pub pairs: Pairs,
+    pub weights: Weights,
+    fronts: OnceCell<Tensor<2>>,
+}
+
+impl Group {
+    pub fn new(rays: Rays, pairs: Pairs, weights: Weights) -> Self {
+        Self {
+            rays,
+            pairs,
+            weights,
+            fronts: OnceCell::new(),
+        }
+    }
+
+    /// Where the rays meet the planes of their triangles.
+    pub fn hits(&self, scene: &Flattened) -> PlaneHits {
+        PlaneHits::new(&scene.context, &scene.triangles, &self.rays, &self.pairs)
+    }
+
+    /// 1 for pairs in which the ray meets the front, else 0.
+    pub fn fronts(&self, scene: &Flattened) -> Tensor<2> {
+        let fronts = || {
+            let normal = self.pairs.vectors(&scene.triangles.normal.detached());
+            let cosine = normal.dot(&self.rays.direction.detached());
+            cosine.lower_elem(0.0).float().cast(scene.context.dtype)
+        };
+        self.fronts.get_or_init(fronts).clone()
+    }
 }
 
 /// Rays in groups, with something of each.
@@ -42,7 +81,7 @@ impl<T> Groups<T> {
 }
 
 impl Shares {
-    pub fn new(context: &Context, groups: Groups<(Pairs, Weights)>, triangles: usize) -> Self {
+    pub fn new(context: &Context, groups: Groups<Group>, triangles: usize) -> Self {
         Self {
             context: context.clone(),
             groups,
@@ -50,7 +89,7 @@ impl Shares {
         }
     }
 
-    fn join(&self, row: impl Fn(&[u32], &(Pairs, Weights)) -> Tensor<2>) -> Tensor<2> {
+    fn join(&self, row: impl Fn(&[u32], &Group) -> Tensor<2>) -> Tensor<2> {
         self.groups.join(&self.context, row)
     }
 
@@ -58,7 +97,7 @@ impl Shares {
     /// triangles stands for the background. A surface of weight 0 is never drawn.
     pub fn draw(&self, random: &[Vec<f64>]) -> Result<Vec<Vec<(u32, f64)>>> {
         let mut found = vec![vec![(0, 0.0); self.groups.rays]; random.len()];
-        for (rays, (pairs, weights)) in &self.groups.list {
+        for (rays, Group { pairs, weights, .. }) in &self.groups.list {
             let of = |all: &Vec<f64>| rays.iter().map(|&i| all[i as usize]).collect();
             let random: Vec<Vec<f64>> = random.iter().map(of).collect();
             for (found, drawn) in found.iter_mut().zip(weights.draw(&self.context, &random)?) {
@@ -72,9 +111,9 @@ impl Shares {
 
     /// W / detach(W) of the drawn surfaces `[1, N]`: 1, with the derivative of log W. None if no gradient can flow.
     pub fn ratio(&self, drawn: &[u32]) -> Option<Tensor<2>> {
-        let tracked = |group: &(Vec<u32>, (Pairs, Weights))| group.1.1.slopes.is_some();
+        let tracked = |group: &(Vec<u32>, Group)| group.1.weights.is_tracked();
         self.groups.list.iter().any(tracked).then(|| {
-            self.join(|rays, (pairs, weights)| {
+            self.join(|rays, Group { pairs, weights, .. }| {
                 let row = |(place, &i): (usize, &u32)| match drawn[i as usize] {
                     k if k < self.triangles => pairs.row_of(place, k),
                     _ => None,
@@ -91,34 +130,20 @@ impl Shares {
     /// `[1, N]`, in the graph if a gradient can flow to the weights or to the quantity.
     pub fn mean(
         &self,
-        surfaces: impl Fn(&Pairs, &Weights) -> Tensor<2>,
+        surfaces: impl Fn(&Group) -> Tensor<2>,
         background: Option<&Tensor<2>>,
     ) -> Tensor<2> {
-        self.join(|rays, (pairs, weights)| {
+        self.join(|rays, group| {
             let behind = background.map(|all| match all.dims()[1] {
                 1 => all.clone(),
                 _ => gather_row(all.clone(), &self.context.index_row(rays)),
             });
-            weights.mean(surfaces(pairs, weights), behind)
+            group.weights.mean(surfaces(group), behind)
         })
     }
 
     /// W of the background `[1, N]`, in the graph if a gradient can flow.
     pub fn attached_background(&self) -> Tensor<2> {
-        self.join(|_, (_, weights)| weights.attached_background())
+        self.join(|_, group| group.weights.attached_background())
     }
-}
-
-/// Whether these are all of so many, in order.
-pub(crate) fn is_identity(which: &[u32], count: usize) -> bool {
-    which.len() == count && which.iter().enumerate().all(|(i, &w)| i == w as usize)
-}
-
-/// A row of some rays as a row of all, zero elsewhere.
-pub(crate) fn spread(context: &Context, row: Tensor<2>, which: &[u32], count: usize) -> Tensor<2> {
-    if is_identity(which, count) {
-        return row;
-    }
-    let zeros = Tensor::<2>::zeros([1, count], (&context.device, context.dtype));
-    zeros.scatter(1, context.index_row(which), row, IndexingUpdateOp::Add)
 }
