@@ -23,12 +23,11 @@ mod surface;
 mod tracer;
 mod visibility;
 
-pub(crate) use cones::{Cones, Hits};
+pub(crate) use cones::Cones;
 pub use diagnostics::Diagnostics;
 pub(crate) use lights::{Lights, Sky};
 pub(crate) use path::{Radiance, trace};
 pub(crate) use rays::Rays;
 pub(crate) use softmax::{Candidates, Group, Softmax, hierarchy_of};
-pub(crate) use surface::SurfacePoints;
-pub(crate) use tracer::{PathSettings, RayStatistics, RayWeights, Sight, Tracer, Transport};
+pub(crate) use tracer::{PathSettings, RayStatistics, Sight, Tracer, Transport};
 pub use visibility::Visibility;

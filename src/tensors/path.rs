@@ -11,8 +11,9 @@ use super::paths::{Contribution, PathBatch, roulette, times, weighted};
 use super::rays::{Rays, spread};
 use super::seen;
 use super::shaded::Shaded;
+use super::softmax::Shares;
 use super::surface::SurfacePoints;
-use super::tracer::{RayStatistics, RayWeights, Sight, Tracer, Transport};
+use super::tracer::{RayStatistics, Sight, Tracer, Transport};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::sampling::Dimension;
@@ -23,7 +24,7 @@ use crate::scene::Flattened;
 pub(crate) struct Radiance {
     pub radiance: Vec3,
     /// The shares of surfaces in the camera rays, with those rays.
-    pub first: RayWeights,
+    pub first: Shares,
     pub statistics: RayStatistics,
     /// Counts of degenerate cases, if they were asked for.
     pub diagnostics: Option<Diagnostics>,
@@ -49,7 +50,7 @@ struct Tracing<'a> {
     found: Vec<Contribution>,
     draws: Vec<Draw>,
     /// The shares of surfaces in the camera rays, and the light that these see.
-    first: Option<RayWeights>,
+    first: Option<Shares>,
     seen: Option<Vec3>,
 }
 
@@ -139,17 +140,18 @@ impl<'a> Tracing<'a> {
         let alive = batch.paths.len() as u64;
         tracer.statistics.borrow_mut().bounces.push(alive);
         if bounce == 0 {
-            self.seen = seen::seen(&tracer.transport, &weights, &batch.rays.direction)?;
+            self.seen = seen::seen(&tracer.transport, &weights, &batch.rays)?;
         }
         let [random] = sampler.uniform(&batch.paths, bounce, [Dimension::Surface]);
         let split = bounce == 0 && settings.sampling.surfaces == SurfaceSampling::Split;
         let drawn = if split && dark {
             Vec::new()
         } else if split {
-            batch.split(tracer, &weights, &random, |k| reflects(scene, k))?
+            batch.split(&scene.context, &weights, &random, |k| reflects(scene, k))?
         } else {
             let drawn = weights.draw(random)?;
-            if let Some(ratio) = weights.ratio(&drawn) {
+            let all = (0..).zip(drawn.iter().copied());
+            if let Some(ratio) = weights.ratio(all) {
                 batch.throughput = Some(times(batch.throughput.take(), &ratio));
                 self.draws.push(Draw {
                     bounce,
@@ -252,7 +254,7 @@ impl<'a> Tracing<'a> {
         if let Some(sky) = self.sky {
             let context = &self.tracer.scene().context;
             let rays = &self.batch.rays;
-            let visible = self.tracer.weights(rays)?.attached_background(context);
+            let visible = self.tracer.weights(rays)?.background();
             let light = sky.radiance(context, &rays.direction)?.scale(&visible);
             self.found
                 .push(self.batch.contribution(context, bounce, None, light));

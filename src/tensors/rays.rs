@@ -1,8 +1,10 @@
 //! Rays in tensors.
 
 use burn::tensor::{IndexingUpdateOp, Tensor};
+use glam::DVec3;
 
-use crate::geometry::{Context, Vec3, gather_row};
+use crate::error::Result;
+use crate::geometry::{Context, Vec3, gather_row, host_values, host_vectors};
 
 /// The emitter where a shadow ray ends on no surface.
 pub const NO_TRIANGLE: u32 = u32::MAX;
@@ -54,39 +56,59 @@ impl Rays {
     }
 }
 
+/// A ray on the host, with what is known of its ends.
+#[derive(Clone, Copy, Debug)]
+pub struct HostRay {
+    pub origin: DVec3,
+    pub direction: DVec3,
+    pub time: f64,
+    /// The triangle that it leaves.
+    pub departure: Option<u32>,
+    /// The emitter that it ends on, and where.
+    pub emitter: Option<u32>,
+    pub distance: Option<f64>,
+}
+
+impl Rays {
+    /// Reads them back.
+    pub fn host(&self) -> Result<Vec<HostRay>> {
+        let (origin, direction) = (host_vectors(&self.origin)?, host_vectors(&self.direction)?);
+        let time = self.time.as_ref().map(host_values).transpose()?;
+        let distance = self.arrival.as_ref().map(|(_, d)| host_values(d));
+        let distance = distance.transpose()?;
+        let one = |i: usize| HostRay {
+            origin: origin[i],
+            direction: direction[i],
+            time: time.as_ref().map_or(0.0, |t| t[i]),
+            departure: self.departure.as_ref().map(|d| d[i]),
+            emitter: self
+                .arrival
+                .as_ref()
+                .and_then(|(e, _)| (e[i] != NO_TRIANGLE).then_some(e[i])),
+            distance: distance.as_ref().map(|d| d[i]),
+        };
+        Ok((0..self.len()).map(one).collect())
+    }
+}
+
 /// near and far of each ray (Eq. 3): the distances from its origin between which it may meet the bounds of
 /// the scene.
 #[derive(Clone, Debug)]
 pub struct DepthRange {
-    pub(super) near: Tensor<2>,
-    pub(super) far: Tensor<2>,
-    /// A row that is 0 and has the derivative of `far`.
-    pub(super) change: Option<Tensor<2>>,
+    pub near: Tensor<2>,
+    pub far: Tensor<2>,
 }
 
 impl DepthRange {
     /// For bounds of a radius about the point that origins are relative to. The gradient flows to
     /// the origins, not to the bounds.
     pub fn new(rays: &Rays, radius: f64) -> Self {
-        let origin = rays.origin.detached();
-        let distance = origin.dot(&origin).sqrt();
-        let change = rays.origin.is_tracked().then(|| {
-            let away = origin.map(|x| x / distance.clone().clamp_min(1e-6 * radius));
-            rays.origin.sub(&origin).dot(&away)
-        });
+        // Not 0, where a root has no derivative.
+        let square = rays.origin.dot(&rays.origin);
+        let distance = square.clamp_min(1e-12 * radius * radius).sqrt();
         Self {
             near: (distance.clone() - radius).clamp_min(0.0),
             far: distance + radius,
-            change,
-        }
-    }
-
-    /// The same without gradient.
-    #[cfg(test)]
-    pub fn detached(self) -> Self {
-        Self {
-            change: None,
-            ..self
         }
     }
 }

@@ -28,7 +28,9 @@ pub(super) struct TensorRenderer<'a> {
     lights: Arc<Lights>,
     sky: Option<Sky>,
     settings: PathSettings,
-    sight: HostSight,
+    sight: Sight,
+    /// Of cones.
+    filter: Option<PixelFilter>,
     /// The pixels to render, where that is not all.
     pixels: Option<Arc<Vec<u32>>>,
 }
@@ -48,6 +50,7 @@ impl<'a> TensorRenderer<'a> {
         pixels: Option<Arc<Vec<u32>>>,
         hierarchy: Option<Arc<Hierarchy>>,
     ) -> Result<Self> {
+        let (sight, filter) = sight(scene, camera, options, hierarchy)?;
         Ok(Self {
             scene,
             camera,
@@ -61,14 +64,18 @@ impl<'a> TensorRenderer<'a> {
                 roulette_after: options.roulette_after,
                 sampling: options.sampling,
             },
-            sight: HostSight::new(scene, camera, options, hierarchy)?,
+            sight,
+            filter,
             pixels,
         })
     }
 
     /// The boxes, if there are any.
     pub fn hierarchy(&self) -> Option<Arc<Hierarchy>> {
-        self.sight.hierarchy()
+        match &self.sight {
+            Sight::Cones(cones) => Some(cones.hierarchy()),
+            Sight::Softmax(_, candidates) => candidates.as_ref().map(Candidates::hierarchy),
+        }
     }
 
     /// Means over samples.
@@ -146,7 +153,7 @@ impl<'a> TensorRenderer<'a> {
             sampler: &self.sampler,
             lights: &self.lights,
             sky: self.sky.as_ref(),
-            sight: self.sight.get(),
+            sight: &self.sight,
         }
     }
 
@@ -161,7 +168,7 @@ impl<'a> TensorRenderer<'a> {
         let found = trace(self.transport(), rays, &paths, samples)?;
         let statistics = found.statistics.clone();
         let diagnostics = found.diagnostics.clone();
-        let rows = Tensor::cat(outputs(self.scene, self.options.outputs, found)?, 0);
+        let rows = Tensor::cat(outputs(self.scene, self.options.outputs, found), 0);
         let channels = rows.dims()[0];
         let rows = rows.reshape([channels * tile.pixels, samples]).sum_dim(1);
         Ok(Traced {
@@ -184,15 +191,15 @@ impl<'a> TensorRenderer<'a> {
         };
         let dimensions = [Dimension::FilmX, Dimension::FilmY];
         let jitter = self.sampler.uniform(paths, 0, dimensions);
-        let [x, y] = match &self.sight {
-            HostSight::Softmax(..) => jitter,
-            HostSight::Cones(_, filter) => jitter.map(|numbers| {
+        let [x, y] = match &self.filter {
+            None => jitter,
+            Some(filter) => jitter.map(|numbers| {
                 let of = |u: f64| 0.5 + f64::from(filter.sample(u as f32));
                 numbers.into_iter().map(of).collect()
             }),
         };
-        let spread = match &self.sight {
-            HostSight::Cones(_, filter) if filter.cone_radius() > 0.0 => {
+        let spread = match &self.filter {
+            Some(filter) if filter.cone_radius() > 0.0 => {
                 let row = |jitter: &[f64], size: usize| {
                     let of = |j: &f64| filter.spread(*j as f32 - 0.5) / size as f64;
                     context.row(&jitter.iter().map(of).collect::<Vec<_>>())
@@ -238,70 +245,50 @@ impl<'a> TensorRenderer<'a> {
     }
 }
 
-/// The visibility of a render, with the boxes that it needs.
-enum HostSight {
-    Cones(Cones, PixelFilter),
-    Softmax(Softmax, Option<Candidates>),
-}
-
-impl HostSight {
-    fn new(
-        scene: &Flattened,
-        camera: &Camera,
-        options: &RenderOptions,
-        hierarchy: Option<Arc<Hierarchy>>,
-    ) -> Result<Self> {
-        let hierarchy = || match hierarchy {
-            Some(hierarchy) => Ok(hierarchy),
-            None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
-        };
-        Ok(match options.visibility {
-            Visibility::Cone { angle, pixels } => {
-                let half_height = camera.half_height()?;
-                let least = options.blur.map_or(0.0, f64::tan);
-                let wide = least * 0.5 * options.height as f64 / half_height;
-                let cones = Cones::new(hierarchy()?, scene.holes.clone(), angle, &sampler(options));
-                Self::Cones(cones, PixelFilter::of_cone(pixels, wide))
+/// The visibility of a render, with the boxes that it needs, and the filter of its pixels.
+fn sight(
+    scene: &Flattened,
+    camera: &Camera,
+    options: &RenderOptions,
+    hierarchy: Option<Arc<Hierarchy>>,
+) -> Result<(Sight, Option<PixelFilter>)> {
+    let hierarchy = || match hierarchy {
+        Some(hierarchy) => Ok(hierarchy),
+        None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
+    };
+    match options.visibility {
+        Visibility::Cone { angle, pixels } => {
+            let half_height = camera.half_height()?;
+            let least = options.blur.map_or(0.0, f64::tan);
+            let wide = least * 0.5 * options.height as f64 / half_height;
+            let cones = Cones::new(hierarchy()?, scene.holes.clone(), angle, &sampler(options));
+            Ok((
+                Sight::Cones(cones),
+                Some(PixelFilter::of_cone(pixels, wide)),
+            ))
+        }
+        Visibility::Softmax {
+            sigma,
+            gamma,
+            epsilon,
+        } => {
+            if scene.holes.is_some() {
+                let expected = "none under the softmax: holes are for Visibility::cone";
+                return Err(Error::invalid("scene", "alpha mask", "a mask", expected));
             }
-            Visibility::Softmax {
-                sigma,
+            let form = Softmax {
+                sigma: sigma / (scene.unit * scene.unit),
                 gamma,
                 epsilon,
-            } => {
-                if scene.holes.is_some() {
-                    let expected = "none under the softmax: holes are for Visibility::cone";
-                    return Err(Error::invalid("scene", "alpha mask", "a mask", expected));
-                }
-                let form = Softmax {
-                    sigma: sigma / (scene.unit * scene.unit),
-                    gamma,
-                    epsilon,
-                };
-                // Diagnostics are there in tensors only, and GPUs do without the host.
-                let dense =
-                    options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
-                let candidates = match dense {
-                    true => None,
-                    false => Some(Candidates::new(hierarchy()?, options.cutoff)),
-                };
-                Self::Softmax(form, candidates)
-            }
-        })
-    }
-
-    /// The boxes, if there are any.
-    fn hierarchy(&self) -> Option<Arc<Hierarchy>> {
-        match self {
-            Self::Cones(cones, _) => Some(cones.hierarchy()),
-            Self::Softmax(_, candidates) => candidates.as_ref().map(Candidates::hierarchy),
-        }
-    }
-
-    /// The same, borrowed.
-    fn get(&self) -> Sight<'_> {
-        match self {
-            Self::Cones(cones, _) => Sight::Cones(cones),
-            Self::Softmax(form, candidates) => Sight::Softmax(*form, candidates.as_ref()),
+            };
+            // Diagnostics count all pairs, and GPUs do without the host.
+            let is_dense =
+                options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
+            let candidates = match is_dense {
+                true => None,
+                false => Some(Candidates::new(hierarchy()?, options.cutoff)),
+            };
+            Ok((Sight::Softmax(form, candidates), None))
         }
     }
 }

@@ -13,7 +13,8 @@ use super::weights::Softmax;
 use crate::accel::{Counts, Hierarchy, HierarchyCache, HostTriangle, Reach};
 use crate::error::Result;
 use crate::geometry::{Topology, Triangles, host_values, host_vectors};
-use crate::tensors::rays::{NO_TRIANGLE, Rays};
+use crate::scene::Flattened;
+use crate::tensors::rays::{HostRay, Rays};
 
 /// Many triangles may be left out of a ray, and gradients are more sensitive than images: each is
 /// allowed this share of the cutoff.
@@ -31,22 +32,10 @@ pub(crate) struct Candidates {
 
 /// What rays of the softmax are traced with.
 #[derive(Clone, Copy)]
-pub(crate) struct Setting<'a> {
-    pub topology: &'a Topology,
+pub(crate) struct Form<'a> {
+    pub scene: &'a Flattened,
+    pub softmax: Softmax,
     pub coverage: CoverageSettings,
-    pub form: Softmax,
-    /// The radius of the bounds about the point that origins are relative to.
-    pub radius: f64,
-}
-
-/// A ray on the host, with what is known of its ends.
-struct Ray {
-    origin: DVec3,
-    direction: DVec3,
-    time: f64,
-    departure: Option<u32>,
-    emitter: Option<u32>,
-    distance: Option<f64>,
 }
 
 impl Candidates {
@@ -63,36 +52,23 @@ impl Candidates {
 
     /// The triangles of each ray, upwards; None where something opaque ends a shadow ray, which has an arrival, or
     /// it is not needed.
-    pub fn of(&self, setting: &Setting, rays: &Rays, needed: &[bool]) -> Result<Vec<Option<List>>> {
-        let (origin, direction) = (host_vectors(&rays.origin)?, host_vectors(&rays.direction)?);
-        let time = rays.time.as_ref().map(host_values).transpose()?;
-        let distance = rays.arrival.as_ref().map(|(_, d)| host_values(d));
-        let distance = distance.transpose()?;
+    pub fn of(&self, form: &Form, rays: &Rays, needed: &[bool]) -> Result<Vec<Option<List>>> {
         let arch = Arch::new();
-        let of = |i: usize| {
-            let emitter = rays.arrival.as_ref().map(|(e, _)| e[i]);
-            let ray = Ray {
-                origin: origin[i],
-                direction: direction[i],
-                time: time.as_ref().map_or(0.0, |t| t[i]),
-                departure: rays.departure.as_ref().map(|d| d[i]),
-                emitter: emitter.filter(|&e| e != NO_TRIANGLE),
-                distance: distance.as_ref().map(|d| d[i]),
-            };
-            needed[i].then(|| self.of_ray(arch, setting, &ray))?
-        };
-        let all = (0..rays.len()).into_par_iter().with_min_len(PIECE);
-        Ok(all.map(of).collect())
+        let host = rays.host()?;
+        let all = host.par_iter().zip(needed).with_min_len(PIECE);
+        let one =
+            |(ray, &needed): (&HostRay, &bool)| needed.then(|| self.of_ray(arch, form, ray))?;
+        Ok(all.map(one).collect())
     }
 
     #[inline(always)]
-    fn of_ray(&self, arch: Arch, setting: &Setting, ray: &Ray) -> Option<List> {
+    fn of_ray(&self, arch: Arch, form: &Form, ray: &HostRay) -> Option<List> {
         let Topology {
             object,
             neighbours,
             visible_side,
             ..
-        } = setting.topology;
+        } = &form.scene.topology;
         let ends = [ray.departure, ray.emitter];
         let counts = |k: u32, cosine: f32| {
             let side = visible_side[k as usize] * f64::from(cosine);
@@ -110,11 +86,11 @@ impl Candidates {
             }
         };
         let way = (ray.origin, ray.direction, ray.time);
-        let reach = self.reach(setting, ray);
+        let reach = self.reach(form, ray);
         let mut triangles = self.hierarchy.candidates(arch, way, reach, counts)?;
         triangles.sort_unstable();
         let is_whole = match triangles[..] {
-            [k] => self.is_whole(setting, ray, &reach, k, counts),
+            [k] => self.is_whole(form, ray, &reach, k, counts),
             _ => false,
         };
         Some(List {
@@ -126,8 +102,8 @@ impl Candidates {
     /// Whether the only candidate of a ray fills it: it is hit deep inside, and long before the background matters.
     fn is_whole(
         &self,
-        setting: &Setting,
-        ray: &Ray,
+        form: &Form,
+        ray: &HostRay,
         reach: &Reach,
         k: u32,
         counts: impl Fn(u32, f32) -> Counts,
@@ -136,7 +112,7 @@ impl Candidates {
         let origin = ray.origin - triangle.velocity * ray.time;
         let cosine = triangle.normal.dot(ray.direction);
         let t = triangle.normal.dot(triangle.corners[0] - origin) / cosine;
-        let CoverageSettings { sigma, start, .. } = setting.coverage;
+        let CoverageSettings { sigma, start, .. } = form.coverage;
         let nothing = self.nothing();
         let begun = ray.departure.map_or(0.0, |_| (start * nothing).sqrt());
         let inside = triangle.distance_to_lines(origin + ray.direction * t);
@@ -152,13 +128,13 @@ impl Candidates {
         (10.0 / self.cutoff).ln()
     }
 
-    fn reach(&self, setting: &Setting, ray: &Ray) -> Reach {
+    fn reach(&self, form: &Form, ray: &HostRay) -> Reach {
         let CoverageSettings {
             sigma,
             t_min,
             start,
             arrival_margin,
-        } = setting.coverage;
+        } = form.coverage;
         let far_outside = (1.0 / self.cutoff).ln();
         let nothing = self.nothing();
         // From here on a hit is beyond the blurred start of its ray, but for a share of e⁻⁴.
@@ -180,12 +156,9 @@ impl Candidates {
         }
         // A weight is exp(−(t + penalty·squared distance)/falloff), at most, over that of the background, or of a
         // hit inside of a triangle: p > 1/2 there, and the start is passed.
-        let distance = ray.origin.length();
-        let (near, far) = (
-            (distance - setting.radius).max(0.0),
-            distance + setting.radius,
-        );
-        let [falloff, background] = setting.form.falloff(near, far);
+        let (distance, radius) = (ray.origin.length(), form.scene.radius());
+        let (near, far) = ((distance - radius).max(0.0), distance + radius);
+        let [falloff, background] = form.softmax.falloff(near, far);
         let (penalty, limit) = (falloff / sigma, background + falloff * nothing);
         // A hit before near is as far from every triangle.
         let half = 0.5 / penalty;

@@ -23,88 +23,61 @@ pub struct CoverageSettings {
 /// The coverage of rays by triangles, in pairs `[K, N]`.
 #[derive(Clone, Debug)]
 pub struct Coverage {
-    /// Distance along the ray to the triangle's plane, without tape.
+    /// Distance along the ray to the triangle's plane; 0 where the pair does not count.
     pub t: Tensor<2>,
-    /// ±D/σ, without tape; 0 where the pair does not count.
-    pub logit: Tensor<2>,
+    /// ±D/σ; 0 where the pair does not count.
+    logit: Tensor<2>,
     /// n·d, without tape: negative where the ray meets the triangle's front.
     pub cosine: Tensor<2>,
-    /// exp(−|logit|).
-    pub(crate) decay: Tensor<2>,
-    /// Whether the pair counts at all; softened pairs do only inside.
-    pub counted: Tensor<2, Bool>,
-    /// Pairs that count by max(0, 2p − 1): neighbours of a triangle at an end of the ray.
-    pub(crate) softened: Option<Tensor<2, Bool>>,
-    /// The share of each hit beyond the blurred start of its ray, and the derivative of that by t.
-    pub(crate) begun: Option<(Tensor<2>, Tensor<2>)>,
-    /// Distances and logits in the graph, if a gradient can flow to them.
-    pub(crate) attached: Option<(Tensor<2>, Tensor<2>)>,
+    /// Pairs that do not count.
+    pub discounted: Tensor<2, Bool>,
+    /// Pairs that count by max(0, 2p − 1), and only inside: neighbours of a triangle at an end of the ray.
+    softened: Option<Tensor<2, Bool>>,
+    /// The share of each hit beyond the blurred start of its ray.
+    begun: Option<Tensor<2>>,
 }
 
 impl Coverage {
-    /// p of Eq. 1 as it counts: 0 where the pair doesn't, max(0, 2p − 1) for softened pairs, less
-    /// near the start of a ray that leaves a surface.
+    /// exp(−|logit|).
+    fn decay(&self) -> Tensor<2> {
+        self.logit.clone().abs().neg().exp()
+    }
+
+    /// log p of Eq. 1 as it counts, for pairs that do: that of 2p − 1 for softened pairs, less near the start of a ray
+    /// that leaves a surface.
+    pub fn log_probability(&self) -> Tensor<2> {
+        let decay = self.decay();
+        let mut log = self.logit.clone().clamp_max(0.0) - (decay.clone() + 1.0).log();
+        if let Some(softened) = &self.softened {
+            // 2p − 1 = (1 − e)/(1 + e) with e = exp(−logit).
+            let soft = decay.neg() + 1.0;
+            log = log + soft.mask_fill(softened.clone().bool_not(), 1.0).log();
+        }
+        match &self.begun {
+            Some(share) => log + share.clone().clamp_min(1e-30).log(),
+            None => log,
+        }
+    }
+
+    /// 1 − p as it counts: 1 where a pair doesn't.
+    fn passed(&self) -> Tensor<2> {
+        let decay = self.decay();
+        let outside = self.logit.clone().lower_elem(0.0);
+        // 1 − p = sigmoid(−logit); a softened pair passes 2e/(1 + e).
+        let mut passed = decay.clone().mask_fill(outside, 1.0) / (decay + 1.0);
+        if let Some(softened) = &self.softened {
+            passed = passed.clone().mask_where(softened.clone(), passed * 2.0);
+        }
+        if let Some(share) = &self.begun {
+            passed = passed * share.clone() + share.clone().neg() + 1.0;
+        }
+        passed.mask_fill(self.discounted.clone(), 1.0)
+    }
+
+    /// p as it counts.
     #[cfg(test)]
     pub fn probability(&self) -> Tensor<2> {
-        let p = self.edge_probability();
-        match &self.begun {
-            Some((share, _)) => p * share.clone(),
-            None => p,
-        }
-    }
-
-    /// Without the blurred start.
-    fn edge_probability(&self) -> Tensor<2> {
-        let one_plus = self.decay.clone() + 1.0;
-        let inside = self.inside();
-        let p = self.decay.clone().mask_fill(inside, 1.0) / one_plus.clone();
-        let p = match &self.softened {
-            Some(s) => p.mask_where(s.clone(), (self.decay.clone().neg() + 1.0) / one_plus),
-            None => p,
-        };
-        p.mask_fill(self.counted.clone().bool_not(), 0.0)
-    }
-
-    /// ∂p/∂logit of `probability`.
-    pub(crate) fn slope(&self) -> Tensor<2> {
-        let one_plus = self.decay.clone() + 1.0;
-        let slope = self.decay.clone() / (one_plus.clone() * one_plus);
-        let slope = match &self.softened {
-            Some(s) => slope.clone().mask_where(s.clone(), slope * 2.0),
-            None => slope,
-        };
-        let slope = slope.mask_fill(self.counted.clone().bool_not(), 0.0);
-        match &self.begun {
-            Some((share, _)) => slope * share.clone(),
-            None => slope,
-        }
-    }
-
-    /// `linear` of derivatives with respect to `probability`.
-    pub(crate) fn by_probability(&self, by: Tensor<2>) -> Option<Tensor<2>> {
-        self.attached.as_ref()?;
-        // ∂p/∂t comes from the blurred start alone.
-        let begun = self.begun.as_ref();
-        let by_distance =
-            begun.map(|(_, slope)| by.clone() * (self.edge_probability() * slope.clone()));
-        self.linear(by * self.slope(), by_distance)
-    }
-
-    pub(crate) fn inside(&self) -> Tensor<2, Bool> {
-        self.logit.clone().greater_equal_elem(0.0)
-    }
-
-    /// Σ over triangles of `a`·logit + `b`·t minus its own value: a row `[1, N]` that is zero and
-    /// has that derivative. None if no gradient can flow.
-    pub(crate) fn linear(&self, a: Tensor<2>, b: Option<Tensor<2>>) -> Option<Tensor<2>> {
-        let (t, logit) = self.attached.as_ref()?;
-        let mut sum = a * logit.clone();
-        if let Some(b) = b {
-            sum = sum + b * t.clone();
-        }
-        let sum = sum.sum_dim(0);
-        let value = detached(&sum);
-        Some(sum - value)
+        self.passed().neg() + 1.0
     }
 }
 
@@ -226,38 +199,28 @@ pub fn coverage(
     let nearest = nearest_on_triangle(&detached(&x), &detached(&y), &base, &apex_u, &apex_v);
     let (counted, softened) = hits.counted(context, (topology, pairs), rays, settings, &nearest);
     let discounted = counted.clone().bool_not();
-    let PlaneHits { t, cosine, .. } = hits;
-    let detached_t = detached(&t);
+    let t = hits.t.mask_fill(discounted.clone(), 0.0);
 
+    // The squared distance at a fixed nearest point has the right derivative (envelope theorem).
+    let Nearest {
+        weight_b, weight_c, ..
+    } = nearest;
+    let from_border_x = x - (weight_b * base + weight_c.clone() * apex_u);
+    let from_border_y = y - weight_c * apex_v;
+    let squared = from_border_x.clone() * from_border_x + from_border_y.clone() * from_border_y;
     let per_sigma = 1.0 / settings.sigma;
-    let sign = nearest.inside.clone().float().cast(context.dtype) * (2.0 * per_sigma) - per_sigma;
-    let logit =
-        (nearest.squared_distance.clone() * sign.clone()).mask_fill(discounted.clone(), 0.0);
-    let tracked = t.is_tracked() || x.is_tracked() || y.is_tracked();
-    let attached = tracked.then(|| {
-        let from_border_x = x - (nearest.weight_b * base + nearest.weight_c.clone() * apex_u);
-        let from_border_y = y - nearest.weight_c * apex_v;
-        let squared = from_border_x.clone() * from_border_x + from_border_y.clone() * from_border_y;
-        (
-            t.mask_fill(discounted.clone(), 0.0),
-            (squared * sign).mask_fill(discounted.clone(), 0.0),
-        )
-    });
+    let sign = nearest.inside.float().cast(context.dtype) * (2.0 * per_sigma) - per_sigma;
     let begun = (rays.departure.is_some() && settings.start > 0.0).then(|| {
-        let t = detached_t.clone().mask_fill(discounted, 0.0);
         let scaled = t.clone() * settings.start.recip();
-        let missing = (scaled.clone() * t).neg().exp();
-        (missing.clone().neg() + 1.0, scaled * 2.0 * missing)
+        (scaled * t.clone()).neg().exp().neg() + 1.0
     });
     Coverage {
-        t: detached_t,
+        logit: (squared * sign).mask_fill(discounted.clone(), 0.0),
+        t,
+        cosine: hits.cosine,
+        softened: softened.map(|s| s.bool_and(counted)),
+        discounted,
         begun,
-        cosine,
-        decay: logit.clone().abs().neg().exp(),
-        logit,
-        counted,
-        softened,
-        attached,
     }
 }
 
@@ -339,44 +302,10 @@ fn hidden_sides(
     Some(hidden.mask_where(near_end, side.greater_elem(0.0)))
 }
 
-/// The share of light that passes all counted triangles, ∏(1 − p_k) = exp Σ log(1 − p_k), as a row
-/// `[1, N]`; in the graph if a gradient can flow.
+/// The share of light that passes all counted triangles, ∏(1 − p_k) = exp Σ log(1 − p_k), as a row `[1, N]`.
 ///
 /// The paper writes 1 − ∏(1 − p_k) for it, which is the opacity.
 pub fn transmittance(coverage: &Coverage) -> Tensor<2> {
-    let inside = coverage.inside();
-    let one_plus = coverage.decay.clone() + 1.0;
-    // 1 − p = sigmoid(−logit); a softened pair, which counts only inside,
-    // passes 2e/(1 + e).
-    let mut passed = coverage
-        .decay
-        .clone()
-        .mask_fill(inside.clone().bool_not(), 1.0)
-        / one_plus.clone();
-    let slope = coverage.decay.clone().mask_fill(inside, 1.0) / one_plus;
-    let discounted = coverage.counted.clone().bool_not();
-    if let Some(softened) = &coverage.softened {
-        passed = passed.clone().mask_where(softened.clone(), passed * 2.0);
-    }
-    if let Some((share, _)) = &coverage.begun {
-        // 1 − p·share
-        let passed = passed.mask_fill(discounted, 1.0);
-        let passed = passed.clone() * share.clone() + share.clone().neg() + 1.0;
-        let value = passed.clone().log().sum_dim(0).exp();
-        let inverse = passed.clamp_min(1e-30).recip().neg();
-        return match coverage.by_probability(inverse) {
-            Some(change) => value * (change + 1.0),
-            None => value,
-        };
-    }
-    let value = passed
-        .mask_fill(discounted.clone(), 1.0)
-        .log()
-        .sum_dim(0)
-        .exp();
-    // d log(1 − p)/d logit = −p, for softened pairs too.
-    match coverage.linear(slope.mask_fill(discounted, 0.0).neg(), None) {
-        Some(change) => value * (change + 1.0),
-        None => value,
-    }
+    // Nothing arrives behind what is opaque, and no gradient.
+    coverage.passed().clamp_min(1e-30).log().sum_dim(0).exp()
 }

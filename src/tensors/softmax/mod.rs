@@ -14,7 +14,7 @@ mod shares;
 mod tests;
 mod weights;
 
-pub(crate) use candidates::{Candidates, Setting, grouped, hierarchy_of};
+pub(crate) use candidates::{Candidates, Form, grouped, hierarchy_of};
 pub(super) use coverage::grazing;
 pub(crate) use coverage::{Coverage, CoverageSettings, coverage, transmittance};
 pub(crate) use pairs::{List, Pairs};

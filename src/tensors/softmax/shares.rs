@@ -12,6 +12,9 @@ use crate::geometry::{Context, gather_row};
 use crate::scene::Flattened;
 use crate::tensors::rays::{Rays, spread};
 
+/// The number of draws of a split: surfaces with a weight of at least its inverse are all taken.
+const SPLIT: usize = 4;
+
 /// The weights of rays in groups.
 pub(crate) struct Shares {
     context: Context,
@@ -95,8 +98,8 @@ impl Shares {
 
     /// Draws surfaces of each ray with lists of random numbers in [0, 1): their triangles and weights. The number of
     /// triangles stands for the background. A surface of weight 0 is never drawn.
-    pub fn draw(&self, random: &[Vec<f64>]) -> Result<Vec<Vec<(u32, f64)>>> {
-        let mut found = vec![vec![(0, 0.0); self.groups.rays]; random.len()];
+    fn draws(&self, random: &[Vec<f64>]) -> Result<Vec<Vec<(u32, f64)>>> {
+        let mut found = vec![vec![(self.triangles, 1.0); self.groups.rays]; random.len()];
         for (rays, Group { pairs, weights, .. }) in &self.groups.list {
             let of = |all: &Vec<f64>| rays.iter().map(|&i| all[i as usize]).collect();
             let random: Vec<Vec<f64>> = random.iter().map(of).collect();
@@ -109,21 +112,68 @@ impl Shares {
         Ok(found)
     }
 
-    /// W / detach(W) of the drawn surfaces `[1, N]`: 1, with the derivative of log W. None if no gradient can flow.
-    pub fn ratio(&self, drawn: &[u32]) -> Option<Tensor<2>> {
-        let tracked = |group: &(Vec<u32>, Group)| group.1.weights.is_tracked();
-        self.groups.list.iter().any(tracked).then(|| {
-            self.join(|rays, Group { pairs, weights, .. }| {
-                let row = |(place, &i): (usize, &u32)| match drawn[i as usize] {
-                    k if k < self.triangles => pairs.row_of(place, k),
-                    _ => None,
-                };
-                let rows = rays.iter().enumerate().map(row);
-                let rows: Vec<u32> = rows.map(|r| r.unwrap_or(pairs.rows()) as u32).collect();
-                let none = || Tensor::ones_like(&weights.background);
-                weights.ratio(&self.context, &rows).unwrap_or_else(none)
-            })
-        })
+    /// Draws a surface of each ray.
+    pub fn draw(&self, random: Vec<f64>) -> Result<Vec<u32>> {
+        let drawn = self.draws(&[random])?;
+        Ok(drawn.concat().into_iter().map(|d| d.0).collect())
+    }
+
+    /// Several surfaces of each ray, (ray, surface, W over the probability of being here): systematic
+    /// sampling, in which a surface is taken with probability min(1, 4W).
+    pub fn split(&self, random: &[f64]) -> Result<Vec<(u32, u32, f64)>> {
+        let shifted = |m: usize| {
+            let of = |u: &f64| (u + m as f64) / SPLIT as f64;
+            random.iter().map(of).collect()
+        };
+        let draws = self.draws(&(0..SPLIT).map(shifted).collect::<Vec<_>>())?;
+        let mut found = Vec::new();
+        for i in 0..random.len() {
+            for m in (0..SPLIT).filter(|&m| m == 0 || draws[m][i].0 != draws[m - 1][i].0) {
+                let (drawn, share) = draws[m][i];
+                found.push((i as u32, drawn, share.max(1.0 / SPLIT as f64)));
+            }
+        }
+        Ok(found)
+    }
+
+    /// W / detach(W) of drawn surfaces (ray, triangle), as a row: 1, with the derivative of log W. None if no gradient
+    /// can flow.
+    pub fn ratio(&self, drawn: impl Iterator<Item = (u32, u32)>) -> Option<Tensor<2>> {
+        let groups = &self.groups.list;
+        if !groups.iter().any(|g| g.1.weights.surfaces.is_tracked()) {
+            return None;
+        }
+        let mut places = vec![(0, 0); self.groups.rays];
+        for (number, (rays, _)) in groups.iter().enumerate() {
+            for (place, &i) in rays.iter().enumerate() {
+                places[i as usize] = (number, place);
+            }
+        }
+        let mut of_groups = vec![(Vec::new(), Vec::new()); groups.len()];
+        let mut count = 0;
+        for (i, k) in drawn {
+            let (number, place) = places[i as usize];
+            let pairs = &groups[number].1.pairs;
+            let row = pairs.row_of(place, k).unwrap_or(pairs.rows());
+            of_groups[number].0.push(count);
+            of_groups[number].1.push((row, place));
+            count += 1;
+        }
+        let parts = groups
+            .iter()
+            .zip(&of_groups)
+            .filter(|(_, of)| !of.0.is_empty());
+        let ratio = |((_, group), of): (&(Vec<u32>, Group), &(_, Vec<_>))| {
+            group.weights.ratio(&self.context, &of.1)
+        };
+        let rows: Vec<Tensor<2>> = parts.map(ratio).collect();
+        let which: Vec<u32> = of_groups.into_iter().flat_map(|of| of.0).collect();
+        Some(spread(
+            &self.context,
+            Tensor::cat(rows, 1),
+            &which,
+            count as usize,
+        ))
     }
 
     /// Σ W_k·v_k + W_background·v of a quantity of pairs `[K, n]` or `[T, 1]` and of the background `[1, N]` or `[1, 1]`: a row
@@ -143,7 +193,7 @@ impl Shares {
     }
 
     /// W of the background `[1, N]`, in the graph if a gradient can flow.
-    pub fn attached_background(&self) -> Tensor<2> {
-        self.join(|_, group| group.weights.attached_background())
+    pub fn background(&self) -> Tensor<2> {
+        self.join(|_, group| group.weights.background.clone())
     }
 }
