@@ -91,28 +91,6 @@ impl Rays {
     }
 }
 
-/// near and far of each ray (Eq. 3): the distances from its origin between which it may meet the bounds of
-/// the scene.
-#[derive(Clone, Debug)]
-pub struct DepthRange {
-    pub near: Tensor<2>,
-    pub far: Tensor<2>,
-}
-
-impl DepthRange {
-    /// For bounds of a radius about the point that origins are relative to. The gradient flows to
-    /// the origins, not to the bounds.
-    pub fn new(rays: &Rays, radius: f64) -> Self {
-        // Not 0, where a root has no derivative.
-        let square = rays.origin.dot(&rays.origin);
-        let distance = square.clamp_min(1e-12 * radius * radius).sqrt();
-        Self {
-            near: (distance.clone() - radius).clamp_min(0.0),
-            far: distance + radius,
-        }
-    }
-}
-
 /// Whether these are all of so many, in order.
 pub(crate) fn is_identity(which: &[u32], count: usize) -> bool {
     which.len() == count && which.iter().enumerate().all(|(i, &w)| i == w as usize)

@@ -8,7 +8,7 @@ use super::cones::{AtBounce, Cones};
 use super::diagnostics::Diagnostics;
 use super::lights::Lights;
 use super::lights::Sky;
-use super::rays::{DepthRange, Rays};
+use super::rays::Rays;
 use super::softmax::{
     Candidates, Coverage, CoverageSettings, Form, Group, Groups, List, Pairs, Shares, Softmax,
     Weights, coverage, grouped, transmittance, weights,
@@ -196,7 +196,14 @@ impl<'a> Tracer<'a> {
                 }
                 _ => Weights::certain(&scene.context, rays.len(), !pairs.is_empty()),
             };
-            Ok((which, Group::new(rays, pairs, weights)))
+            Ok((
+                which,
+                Group {
+                    rays,
+                    pairs,
+                    weights,
+                },
+            ))
         };
         let list = list.into_iter().map(of).collect::<Result<_>>()?;
         let groups = Groups { rays: n, list };
@@ -206,7 +213,7 @@ impl<'a> Tracer<'a> {
     fn weights_of(&self, rays: &Rays, pairs: &Pairs, softmax: Softmax) -> Result<Weights> {
         let scene = self.scene();
         let coverage = self.coverage(rays, pairs, softmax);
-        let weights = weights(&coverage, DepthRange::new(rays, scene.radius()), softmax);
+        let weights = weights(&coverage, &rays.origin, scene.radius(), softmax);
         if let Some(d) = self.diagnostics.borrow_mut().as_mut() {
             d.weights(&weights, &coverage.cosine, &scene.triangles.valid)?;
         }

@@ -181,19 +181,13 @@ const GROUP: usize = 2000;
 pub(crate) fn grouped(lists: &[Option<List>]) -> Vec<Vec<u32>> {
     let mut groups: BTreeMap<(bool, usize), Vec<u32>> = BTreeMap::new();
     for (i, list) in lists.iter().enumerate() {
-        if let Some(List {
-            triangles,
-            is_whole,
-        }) = list
-        {
-            let is_open = !triangles.is_empty() && !is_whole;
-            let count = triangles.len();
-            let size = if is_open {
-                count.next_power_of_two()
-            } else {
-                count
+        if let Some(list) = list {
+            let (count, is_whole) = (list.triangles.len(), list.is_whole);
+            let key = match count {
+                1.. if !is_whole => (true, count.next_power_of_two()),
+                _ => (false, count),
             };
-            groups.entry((is_open, size)).or_default().push(i as u32);
+            groups.entry(key).or_default().push(i as u32);
         }
     }
     let (mut found, mut few): (Vec<Vec<u32>>, Vec<u32>) = Default::default();

@@ -1,10 +1,8 @@
 //! The paper's form of visibility: surfaces are blurred (Eq. 1) and share a ray by a softmax over depth (Eq. 2 and 3).
 //!
-//! `coverage` has Eq. 1 of pairs of ray and triangle, and how much light passes these; `weights` has Eq. 2 and 3. Both
-//! are values without tape and a *linear* attached part: the derivative of a weight with respect to the logits and
-//! distances of its pairs is known in closed form, so only those two enter the graph, multiplied by coefficients that
-//! carry no tape. `pairs` says which triangles a ray is paired with: all, or its own, which `candidates` finds by a
-//! hierarchy of boxes; `shares` has the weights of rays in groups, by how many triangles they are paired with.
+//! `coverage` has Eq. 1 of pairs of ray and triangle, and how much light passes these; `weights` has Eq. 2 and 3.
+//! `pairs` says which triangles a ray is paired with: all, or its own, which `candidates` finds by a hierarchy of
+//! boxes; `shares` has the weights of rays in groups, by how many triangles they are paired with.
 
 mod candidates;
 mod coverage;

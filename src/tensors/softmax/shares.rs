@@ -1,7 +1,5 @@
 //! The shares of surfaces in rays that are in groups, by how many triangles matter to them.
 
-use std::cell::OnceCell;
-
 use burn::tensor::Tensor;
 
 use super::coverage::PlaneHits;
@@ -27,19 +25,9 @@ pub(crate) struct Group {
     pub rays: Rays,
     pub pairs: Pairs,
     pub weights: Weights,
-    fronts: OnceCell<Tensor<2>>,
 }
 
 impl Group {
-    pub fn new(rays: Rays, pairs: Pairs, weights: Weights) -> Self {
-        Self {
-            rays,
-            pairs,
-            weights,
-            fronts: OnceCell::new(),
-        }
-    }
-
     /// Where the rays meet the planes of their triangles.
     pub fn hits(&self, scene: &Flattened) -> PlaneHits {
         PlaneHits::new(&scene.context, &scene.triangles, &self.rays, &self.pairs)
@@ -47,12 +35,9 @@ impl Group {
 
     /// 1 for pairs in which the ray meets the front, else 0.
     pub fn fronts(&self, scene: &Flattened) -> Tensor<2> {
-        let fronts = || {
-            let normal = self.pairs.vectors(&scene.triangles.normal.detached());
-            let cosine = normal.dot(&self.rays.direction.detached());
-            cosine.lower_elem(0.0).float().cast(scene.context.dtype)
-        };
-        self.fronts.get_or_init(fronts).clone()
+        let normal = self.pairs.vectors(&scene.triangles.normal.detached());
+        let cosine = normal.dot(&self.rays.direction.detached());
+        cosine.lower_elem(0.0).float().cast(scene.context.dtype)
     }
 }
 

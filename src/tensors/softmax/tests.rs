@@ -11,7 +11,7 @@ use super::{
     Coverage, CoverageSettings, Pairs, Softmax, Weights, coverage, transmittance, weights,
 };
 use crate::geometry::{Context, Neighbours, Topology, Triangles, Vec3, VertexData, host_values};
-use crate::tensors::rays::{DepthRange, Rays};
+use crate::tensors::rays::Rays;
 
 struct Case {
     name: String,
@@ -55,7 +55,9 @@ struct Built {
     corners: Tensor<2>,
     origins: Tensor<2>,
     directions: Tensor<2>,
-    range: DepthRange,
+    /// Without tape: the reference's gradients don't flow through near and far.
+    still: Vec3,
+    radius: f64,
     /// Along the whole ray, and up to `t_max`.
     coverage: Coverage,
     cut: Coverage,
@@ -64,7 +66,7 @@ struct Built {
 
 impl Built {
     fn weights(&self) -> Weights {
-        weights(&self.coverage, self.range.clone(), self.softmax)
+        weights(&self.coverage, &self.still, self.radius, self.softmax)
     }
 }
 
@@ -121,13 +123,7 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         start: 0.0,
         arrival_margin: 0.0,
     };
-    // The reference's gradients don't flow through near and far.
     let radius = case.json["radius"].as_f64().expect("radius");
-    let range = DepthRange::new(&rays, radius);
-    let range = DepthRange {
-        near: range.near.detach(),
-        far: range.far.detach(),
-    };
     let (scene, pairs) = ((&triangles, &topology), Pairs::all(case.triangles));
     Built {
         coverage: coverage(&context, scene, &rays, &pairs, &settings),
@@ -135,7 +131,8 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         corners,
         origins,
         directions,
-        range,
+        still: rays.origin.detached(),
+        radius,
         softmax: Softmax {
             sigma: settings.sigma,
             gamma: case.json["gamma"].as_f64().expect("gamma"),

@@ -4,8 +4,7 @@ use burn::tensor::Tensor;
 
 use super::coverage::Coverage;
 use crate::error::{Error, Result};
-use crate::geometry::{Context, detached, gather_row, host_values};
-use crate::tensors::rays::DepthRange;
+use crate::geometry::{Context, Vec3, detached, gather_row, host_values};
 
 /// The parameters of the paper's form, with its order by depth: the score of a surface is z/γ, z = (far −
 /// t)/(far − near), and that of the background ε/γ.
@@ -37,9 +36,16 @@ pub struct Weights {
     pub background: Tensor<2>,
 }
 
-/// Weights of all surfaces of each ray: softmax over log p_k + z_k/γ and ε/γ for the background.
-pub fn weights(coverage: &Coverage, range: DepthRange, form: Softmax) -> Weights {
-    let DepthRange { near, far } = range;
+/// Weights of all surfaces of each ray: softmax over log p_k + z_k/γ and ε/γ for the background. near and far are where a
+/// ray may meet bounds of a radius about the point that `origin` is relative to; the gradient flows to the origin.
+pub fn weights(coverage: &Coverage, origin: &Vec3, radius: f64, form: Softmax) -> Weights {
+    // Not 0, where a root has no derivative.
+    let square = origin.dot(origin).clamp_min(1e-12 * radius * radius);
+    let distance = square.sqrt();
+    let (near, far) = (
+        (distance.clone() - radius).clamp_min(0.0),
+        distance + radius,
+    );
     let per_depth = (far.clone() - near).recip() / form.gamma;
     let score = (far - coverage.t.clone()) * per_depth;
     let exponent = coverage.log_probability() + score;
