@@ -2,7 +2,7 @@
 //!
 //! 1. `visibility`: what a user chooses; `rays` are what is traced.
 //! 2. `softmax`: the paper's form, Eq. 1 to 3; `cones`: hard surfaces, the specification of the kernels.
-//! 3. `path`: the loop over the bounces of a path, with its state in `paths`; `tracer` asks either form of visibility.
+//! 3. `path`: the loop over the bounces of a path, with its state in `paths`; `tracer` has either form of visibility for it.
 //! 4. `surface`: points of surfaces; `bsdf`: what they scatter.
 //! 5. `direct`: light of emitters and maps at surface points (`shaded`), and of `delta_lights`; `lights` chooses among
 //!    them; `seen` is the light that camera rays see.
