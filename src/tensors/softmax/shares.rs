@@ -88,7 +88,11 @@ impl Shares {
         for (rays, Group { pairs, weights, .. }) in &self.groups.list {
             let of = |all: &Vec<f64>| rays.iter().map(|&i| all[i as usize]).collect();
             let random: Vec<Vec<f64>> = random.iter().map(of).collect();
-            for (found, drawn) in found.iter_mut().zip(weights.draw(&self.context, &random)?) {
+            let drawn = match pairs.is_whole() || pairs.is_empty() {
+                true => vec![vec![(0, 1.0); rays.len()]; random.len()],
+                false => weights.draw(&self.context, &random)?,
+            };
+            for (found, drawn) in found.iter_mut().zip(drawn) {
                 for (place, (&i, (row, weight))) in rays.iter().zip(drawn).enumerate() {
                     found[i as usize] = (pairs.triangle(place, row, self.triangles), weight);
                 }
@@ -112,7 +116,7 @@ impl Shares {
         };
         let draws = self.draws(&(0..SPLIT).map(shifted).collect::<Vec<_>>())?;
         let mut found = Vec::new();
-        for i in 0..random.len() {
+        for (i, _) in random.iter().enumerate() {
             for m in (0..SPLIT).filter(|&m| m == 0 || draws[m][i].0 != draws[m - 1][i].0) {
                 let (drawn, share) = draws[m][i];
                 found.push((i as u32, drawn, share.max(1.0 / SPLIT as f64)));
