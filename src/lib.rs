@@ -47,8 +47,7 @@ pub mod optim;
 pub mod render;
 mod sampling;
 pub mod scene;
-mod transport;
-mod visibility;
+mod tensors;
 
 /// The burn that this crate is built with, so that a program's tensors are of the same one.
 pub use burn;

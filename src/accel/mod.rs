@@ -2,6 +2,7 @@
 //! they are traversed, so that one hierarchy holds for any σ.
 
 mod build;
+mod candidates;
 mod gather;
 #[cfg(feature = "wgpu")]
 mod gpu;
@@ -10,10 +11,10 @@ mod hits;
 mod overlaps;
 mod simd;
 mod triangle;
-mod visit;
 mod wide;
 
 pub(crate) use build::Spare;
+pub(crate) use candidates::{Counts, Reach};
 #[cfg(feature = "wgpu")]
 pub(crate) use gpu::GpuTree;
 pub(crate) use hierarchy::Hierarchy;
@@ -21,5 +22,4 @@ pub use hierarchy::HierarchyCache;
 pub(crate) use hits::{Hit, HitRay, NOTHING};
 pub(crate) use overlaps::Overlaps;
 pub(crate) use simd::{F8, LANES, Lanes, Machine, Mask8, Task, dispatch};
-pub(crate) use triangle::{HostTriangle, PlaneHit};
-pub(crate) use visit::Reach;
+pub(crate) use triangle::HostTriangle;

@@ -120,7 +120,10 @@ pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>
     count_read_back(&tensor.device());
     let data = detached(tensor).try_into_data();
     let data = data.map_err(Error::read)?;
-    Ok(data.iter::<f64>().collect())
+    Ok(match data.as_slice::<f32>() {
+        Ok(values) => values.iter().map(|&v| v.into()).collect(),
+        Err(_) => data.iter::<f64>().collect(),
+    })
 }
 
 /// Sine and cosine to rounding on every device: Vulkan allows their instructions an absolute error

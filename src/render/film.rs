@@ -6,7 +6,7 @@ use burn::tensor::{Int, Tensor};
 use super::options::Outputs;
 use crate::error::Result;
 use crate::geometry::{detached, host_values};
-use crate::transport::{Diagnostics, RayStatistics};
+use crate::tensors::{Diagnostics, RayStatistics};
 
 /// The program that computed an image, which [`Engine::Auto`](super::Engine::Auto) chooses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,15 +30,15 @@ pub struct Statistics {
     pub program: Program,
     /// Camera, bounce and shadow rays.
     pub rays: u64,
-    /// For the softmax: triangles tested, ray by ray.
+    /// For the softmax: pairs of ray and triangle.
     pub tested: u64,
-    /// For the softmax: the numbers of surfaces that matter to a camera or bounce ray.
+    /// For the softmax: the numbers of surfaces that may matter to a camera or bounce ray.
     pub surfaces: SurfacesPerRay,
     /// Paths that looked for their next surface, by bounce: those that survived so far.
     pub bounces: Vec<u64>,
 }
 
-/// The numbers of surfaces that matter to a ray; 0 where all triangles are tested in tensors.
+/// The numbers of surfaces that may matter to a ray; 0 where all triangles are tested.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct SurfacesPerRay {

@@ -21,8 +21,7 @@ use crate::scene::{
 
 pub use crate::accel::HierarchyCache;
 pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
-pub use crate::transport::Diagnostics;
-pub use crate::visibility::Visibility;
+pub use crate::tensors::{Diagnostics, Visibility};
 pub use batch::Batch;
 pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};

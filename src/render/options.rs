@@ -11,7 +11,7 @@ use crate::accel::HierarchyCache;
 use crate::error::{Error, Result};
 use crate::sampling::{Sampler, Sampling};
 use crate::scene::{Bounds, Normalization};
-use crate::visibility::Visibility;
+use crate::tensors::Visibility;
 
 /// Bounces of a path, at most.
 const MOST_BOUNCES: u32 = 10_000;

@@ -85,7 +85,7 @@ pub(crate) enum Dimension {
 
 impl Dimension {
     /// The dimension of a Sobol sequence at a bounce; None for those that a control variate needs
-    /// to be independent of all other paths (`transport/path.rs`).
+    /// to be independent of all other paths (`tensors/path.rs`).
     pub(super) fn of_sequence(self, bounce: u32) -> Option<u32> {
         // Sets of four that are needed together; what matters most in most scenes comes first, since
         // early dimensions are spread best.

@@ -23,7 +23,7 @@ use crate::geometry::host_values;
 use crate::gpu::{Job, pack};
 use crate::kernel::View;
 use crate::scene::{Camera, Scene};
-use crate::transport::Diagnostics;
+use crate::tensors::Diagnostics;
 use backward::Backward;
 use forward::{Forward, Traced, camera_tiles};
 use prepare::{Places, Prepared, prepare};

@@ -17,7 +17,7 @@ use crate::scene::{
     Camera, Collect, HostScene, ParameterId, Scene, Visit, check_devices, look_at_scene, to_host,
     visit_camera,
 };
-use crate::visibility::Visibility;
+use crate::tensors::Visibility;
 
 /// A batch, ready to be traced.
 pub(super) struct Prepared {

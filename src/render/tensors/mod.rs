@@ -18,7 +18,7 @@ use crate::geometry::detached;
 use crate::scene::{
     Camera, Collect, Detach, Flattened, HostScene, Normalization, Scene, SceneFrame, visit_tensors,
 };
-use crate::visibility::Visibility;
+use crate::tensors::Visibility;
 use renderer::{TensorRenderer, Traced};
 use replay::Replay;
 
@@ -84,7 +84,8 @@ fn render_view(
     let flattened = Flattened::new(&still, &host, &still_camera, normalization)?;
     let rays = pixels.clone();
     let renderer = TensorRenderer::new(&flattened, &still_camera, options, rays, None)?;
-    let mut traced = renderer.render()?;
+    let [tiles, replayed] = renderer.tiles()?;
+    let mut traced = renderer.render(&tiles)?;
     if !collected.rows.is_empty() {
         // Forward without tape, backward on paths traced again.
         let parameters = Tensor::cat(collected.rows, 0);
@@ -97,6 +98,7 @@ fn render_view(
             pixels,
             parameters: detached(&parameters),
             hierarchy: renderer.hierarchy(),
+            tiles: replayed,
         };
         let derivative = Derivative::Host(Box::new(move |upstream| replay.gradient(upstream)));
         traced.rows = attach(parameters, traced.rows, derivative);

@@ -14,10 +14,10 @@ use crate::model::filter::PixelFilter;
 use crate::render::options::{RenderOptions, Tile, sampler, tiles};
 use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Camera, Flattened};
-use crate::transport::{
-    Cones, Diagnostics, Lights, PathSettings, RayStatistics, Sight, Sky, Transport, trace,
+use crate::tensors::{
+    Candidates, Cones, Diagnostics, Lights, PathSettings, RayStatistics, Rays, Sight, Sky, Softmax,
+    Tracer, Transport, Visibility, hierarchy_of, trace,
 };
-use crate::visibility::{Rays, Softmax, Sparse, Visibility, hierarchy_of};
 
 /// A view, ready to be traced.
 pub(super) struct TensorRenderer<'a> {
@@ -28,7 +28,9 @@ pub(super) struct TensorRenderer<'a> {
     lights: Arc<Lights>,
     sky: Option<Sky>,
     settings: PathSettings,
-    sight: HostSight,
+    sight: Sight,
+    /// Of cones.
+    filter: Option<PixelFilter>,
     /// The pixels to render, where that is not all.
     pixels: Option<Arc<Vec<u32>>>,
 }
@@ -48,6 +50,7 @@ impl<'a> TensorRenderer<'a> {
         pixels: Option<Arc<Vec<u32>>>,
         hierarchy: Option<Arc<Hierarchy>>,
     ) -> Result<Self> {
+        let (sight, filter) = sight(scene, camera, options, hierarchy)?;
         Ok(Self {
             scene,
             camera,
@@ -61,19 +64,22 @@ impl<'a> TensorRenderer<'a> {
                 roulette_after: options.roulette_after,
                 sampling: options.sampling,
             },
-            sight: HostSight::new(scene, camera, options, hierarchy)?,
+            sight,
+            filter,
             pixels,
         })
     }
 
     /// The boxes, if there are any.
     pub fn hierarchy(&self) -> Option<Arc<Hierarchy>> {
-        self.sight.hierarchy()
+        match &self.sight {
+            Sight::Cones(cones) => Some(cones.hierarchy()),
+            Sight::Softmax(_, candidates) => candidates.as_ref().map(Candidates::hierarchy),
+        }
     }
 
     /// Means over samples.
-    pub fn render(&self) -> Result<Traced> {
-        let tiles = self.tiles();
+    pub fn render(&self, tiles: &[Tile]) -> Result<Traced> {
         let done = AtomicUsize::new(0);
         let run = |tile: &Tile| {
             let sums = self.tile(tile);
@@ -109,42 +115,60 @@ impl<'a> TensorRenderer<'a> {
         })
     }
 
-    fn tiles(&self) -> Vec<Tile> {
-        let triangles = self.scene.triangles.len();
-        let pairs = if is_cpu(&self.scene.context.device) {
-            1 << 18
-        } else {
-            1 << 23
+    /// Tiles of the forward pass, and of the backward pass, which keeps a tape as long as its paths: of fewer rays
+    /// where these are paired with many triangles, on average over some camera rays.
+    pub fn tiles(&self) -> Result<[Vec<Tile>; 2]> {
+        let step = self.pixels().div_ceil(256);
+        let probed = (0..self.pixels()).step_by(step);
+        let rays = self.camera_rays(&probed.map(|i| (self.pixel(i), 0)).collect::<Vec<_>>());
+        let pairs_a_ray = Tracer::new(self.transport()).pairs_a_ray(&rays)?;
+        let surfaces = self.settings.bounces as usize + 1;
+        let pairs = match is_cpu(&self.scene.context.device) {
+            true => [1 << 18, (1 << 16) / surfaces],
+            false => [1 << 23, (1 << 23) / surfaces],
         };
-        let rays = match self.sight {
-            HostSight::Softmax(_, None) => (pairs / triangles).clamp(128, 1 << 17),
-            _ => 1 << 13,
+        let tiles = |pass: usize| {
+            let rays = [1 << 13, ((1 << 14) / surfaces).max(256)][pass];
+            let rays = rays
+                .min((pairs[pass] as f64 / pairs_a_ray) as usize)
+                .max(32);
+            tiles(self.options, self.pixels(), rays)
         };
-        let all = self.options.width * self.options.height;
-        let pixels = self.pixels.as_ref().map_or(all, |pixels| pixels.len());
-        tiles(self.options, pixels, rays)
+        Ok([tiles(0), tiles(1)])
     }
 
-    /// The sums over a tile.
-    pub fn tile(&self, tile: &Tile) -> Result<Traced> {
-        let paths: Vec<(u32, u32)> = (tile.first..tile.first + tile.pixels)
-            .map(|i| self.pixels.as_ref().map_or(i as u32, |pixels| pixels[i]))
-            .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel, sample)))
-            .collect();
-        let rays = self.camera_rays(&paths);
-        let samples = (tile.to - tile.from) as usize;
-        let transport = Transport {
+    fn pixels(&self) -> usize {
+        let all = self.options.width * self.options.height;
+        self.pixels.as_ref().map_or(all, |pixels| pixels.len())
+    }
+
+    fn pixel(&self, i: usize) -> u32 {
+        self.pixels.as_ref().map_or(i as u32, |pixels| pixels[i])
+    }
+
+    fn transport(&self) -> Transport<'_> {
+        Transport {
             scene: self.scene,
             settings: &self.settings,
             sampler: &self.sampler,
             lights: &self.lights,
             sky: self.sky.as_ref(),
-            sight: self.sight.get(),
-        };
-        let found = trace(transport, rays, &paths, samples)?;
+            sight: &self.sight,
+        }
+    }
+
+    /// The sums over a tile.
+    pub fn tile(&self, tile: &Tile) -> Result<Traced> {
+        let paths: Vec<(u32, u32)> = (tile.first..tile.first + tile.pixels)
+            .map(|i| self.pixel(i))
+            .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel, sample)))
+            .collect();
+        let rays = self.camera_rays(&paths);
+        let samples = (tile.to - tile.from) as usize;
+        let found = trace(self.transport(), rays, &paths, samples)?;
         let statistics = found.statistics.clone();
         let diagnostics = found.diagnostics.clone();
-        let rows = Tensor::cat(outputs(self.scene, self.options.outputs, found)?, 0);
+        let rows = Tensor::cat(outputs(self.scene, self.options.outputs, found), 0);
         let channels = rows.dims()[0];
         let rows = rows.reshape([channels * tile.pixels, samples]).sum_dim(1);
         Ok(Traced {
@@ -167,15 +191,15 @@ impl<'a> TensorRenderer<'a> {
         };
         let dimensions = [Dimension::FilmX, Dimension::FilmY];
         let jitter = self.sampler.uniform(paths, 0, dimensions);
-        let [x, y] = match &self.sight {
-            HostSight::Softmax(..) => jitter,
-            HostSight::Cones(_, filter) => jitter.map(|numbers| {
+        let [x, y] = match &self.filter {
+            None => jitter,
+            Some(filter) => jitter.map(|numbers| {
                 let of = |u: f64| 0.5 + f64::from(filter.sample(u as f32));
                 numbers.into_iter().map(of).collect()
             }),
         };
-        let spread = match &self.sight {
-            HostSight::Cones(_, filter) if filter.cone_radius() > 0.0 => {
+        let spread = match &self.filter {
+            Some(filter) if filter.cone_radius() > 0.0 => {
                 let row = |jitter: &[f64], size: usize| {
                     let of = |j: &f64| filter.spread(*j as f32 - 0.5) / size as f64;
                     context.row(&jitter.iter().map(of).collect::<Vec<_>>())
@@ -221,72 +245,50 @@ impl<'a> TensorRenderer<'a> {
     }
 }
 
-/// The visibility of a render, with the boxes that it needs.
-enum HostSight {
-    Cones(Cones, PixelFilter),
-    Softmax(Softmax, Option<Box<Sparse>>),
-}
-
-impl HostSight {
-    fn new(
-        scene: &Flattened,
-        camera: &Camera,
-        options: &RenderOptions,
-        hierarchy: Option<Arc<Hierarchy>>,
-    ) -> Result<Self> {
-        let hierarchy = || match hierarchy {
-            Some(hierarchy) => Ok(hierarchy),
-            None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
-        };
-        Ok(match options.visibility {
-            Visibility::Cone { angle, pixels } => {
-                let half_height = camera.half_height()?;
-                let least = options.blur.map_or(0.0, f64::tan);
-                let wide = least * 0.5 * options.height as f64 / half_height;
-                let cones = Cones::new(hierarchy()?, scene.holes.clone(), angle, &sampler(options));
-                Self::Cones(cones, PixelFilter::of_cone(pixels, wide))
+/// The visibility of a render, with the boxes that it needs, and the filter of its pixels.
+fn sight(
+    scene: &Flattened,
+    camera: &Camera,
+    options: &RenderOptions,
+    hierarchy: Option<Arc<Hierarchy>>,
+) -> Result<(Sight, Option<PixelFilter>)> {
+    let hierarchy = || match hierarchy {
+        Some(hierarchy) => Ok(hierarchy),
+        None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
+    };
+    match options.visibility {
+        Visibility::Cone { angle, pixels } => {
+            let half_height = camera.half_height()?;
+            let least = options.blur.map_or(0.0, f64::tan);
+            let wide = least * 0.5 * options.height as f64 / half_height;
+            let cones = Cones::new(hierarchy()?, scene.holes.clone(), angle, &sampler(options));
+            Ok((
+                Sight::Cones(cones),
+                Some(PixelFilter::of_cone(pixels, wide)),
+            ))
+        }
+        Visibility::Softmax {
+            sigma,
+            gamma,
+            epsilon,
+        } => {
+            if scene.holes.is_some() {
+                let expected = "none under the softmax: holes are for Visibility::cone";
+                return Err(Error::invalid("scene", "alpha mask", "a mask", expected));
             }
-            Visibility::Softmax {
-                sigma,
+            let form = Softmax {
+                sigma: sigma / (scene.unit * scene.unit),
                 gamma,
                 epsilon,
-            } => {
-                if scene.holes.is_some() {
-                    let expected = "none under the softmax: holes are for Visibility::cone";
-                    return Err(Error::invalid("scene", "alpha mask", "a mask", expected));
-                }
-                let form = Softmax {
-                    sigma: sigma / (scene.unit * scene.unit),
-                    gamma,
-                    epsilon,
-                };
-                // Diagnostics are there in tensors only, and GPUs do without the host.
-                let dense =
-                    options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
-                let sparse = if dense {
-                    None
-                } else {
-                    let sparse = Sparse::new(&scene.triangles, hierarchy()?, options.cutoff);
-                    Some(Box::new(sparse))
-                };
-                Self::Softmax(form, sparse)
-            }
-        })
-    }
-
-    /// The boxes, if there are any.
-    fn hierarchy(&self) -> Option<Arc<Hierarchy>> {
-        match self {
-            Self::Cones(cones, _) => Some(cones.hierarchy()),
-            Self::Softmax(_, sparse) => sparse.as_ref().map(|s| s.hierarchy()),
-        }
-    }
-
-    /// The same, borrowed.
-    fn get(&self) -> Sight<'_> {
-        match self {
-            Self::Cones(cones, _) => Sight::Cones(cones),
-            Self::Softmax(form, sparse) => Sight::Softmax(*form, sparse.as_deref()),
+            };
+            // Diagnostics count all pairs, and GPUs do without the host.
+            let is_dense =
+                options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
+            let candidates = match is_dense {
+                true => None,
+                false => Some(Candidates::new(hierarchy()?, options.cutoff)),
+            };
+            Ok((Sight::Softmax(form, candidates), None))
         }
     }
 }

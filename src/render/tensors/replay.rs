@@ -12,12 +12,9 @@ use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::render::kernel;
-use crate::render::options::{RenderOptions, Tile, tiles};
+use crate::render::options::{RenderOptions, Tile};
 use crate::scene::{Camera, Flattened, HostScene, Normalization, Replace, Scene, visit_tensors};
-use crate::visibility::Visibility;
-
-/// Surfaces of the paths of a tile that keeps a tape.
-const REPLAYED_RAYS: usize = 1 << 14;
+use crate::tensors::Visibility;
 
 /// The backward pass of a view.
 pub(super) struct Replay {
@@ -30,6 +27,7 @@ pub(super) struct Replay {
     /// Without tape.
     pub parameters: Tensor<1>,
     pub hierarchy: Option<Arc<Hierarchy>>,
+    pub tiles: Vec<Tile>,
 }
 
 impl Replay {
@@ -83,13 +81,13 @@ impl Replay {
                 None => Ok(vec![0.0; count]),
             }
         };
-        // A tape is as long as its paths.
-        let rays = REPLAYED_RAYS / (self.options.bounces as usize + 1);
-        let tiles = tiles(&self.options, pixels, rays.max(256));
         let parts = if is_cpu(&self.parameters.device()) {
-            tiles.par_iter().map(of_tile).collect::<Result<Vec<_>>>()
+            self.tiles
+                .par_iter()
+                .map(of_tile)
+                .collect::<Result<Vec<_>>>()
         } else {
-            tiles.iter().map(of_tile).collect()
+            self.tiles.iter().map(of_tile).collect()
         };
         // A backward pass can't return an error, and what could fail went well in the forward pass.
         let parts = parts.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));

@@ -2,9 +2,9 @@
 
 use burn::tensor::{Bool, Tensor};
 
+use super::softmax::{Weights, grazing};
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, host_values};
-use crate::visibility::{Weights, grazing};
 
 /// Counts of degenerate cases in a render. Of cones, which have neither weights nor parallel hits, triangles
 /// and light alone are counted. For the softmax counting reads back from the device: it costs time, and nothing
@@ -49,8 +49,12 @@ impl Diagnostics {
     }
 
     /// Counts the weights of a bundle of rays.
-    pub(crate) fn weights(&mut self, weights: &Weights, valid: &Tensor<2, Bool>) -> Result<()> {
-        let cosines = weights.cosine();
+    pub(crate) fn weights(
+        &mut self,
+        weights: &Weights,
+        cosines: &Tensor<2>,
+        valid: &Tensor<2, Bool>,
+    ) -> Result<()> {
         let delta = grazing(cosines.dtype());
         // Degenerate triangles were replaced by one whose cosine says nothing.
         let parallel = cosines.clone().abs().lower_equal_elem(delta);

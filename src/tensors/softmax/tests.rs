@@ -8,10 +8,10 @@ use burn::tensor::{DType, Device, Tensor, TensorData};
 use serde_json::Value;
 
 use super::{
-    Coverage, CoverageSettings, DepthRange, Rays, Softmax, Weights, coverage, transmittance,
-    weights,
+    Coverage, CoverageSettings, Pairs, Softmax, Weights, coverage, transmittance, weights,
 };
 use crate::geometry::{Context, Neighbours, Topology, Triangles, Vec3, VertexData, host_values};
+use crate::tensors::rays::Rays;
 
 struct Case {
     name: String,
@@ -55,7 +55,9 @@ struct Built {
     corners: Tensor<2>,
     origins: Tensor<2>,
     directions: Tensor<2>,
-    range: DepthRange,
+    /// Without tape: the reference's gradients don't flow through near and far.
+    still: Vec3,
+    radius: f64,
     /// Along the whole ray, and up to `t_max`.
     coverage: Coverage,
     cut: Coverage,
@@ -64,7 +66,7 @@ struct Built {
 
 impl Built {
     fn weights(&self) -> Weights {
-        weights(self.coverage.clone(), self.range.clone(), self.softmax)
+        weights(&self.coverage, &self.still, self.radius, self.softmax)
     }
 }
 
@@ -121,16 +123,16 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         start: 0.0,
         arrival_margin: 0.0,
     };
-    // The reference's gradients don't flow through near and far.
     let radius = case.json["radius"].as_f64().expect("radius");
-    let range = DepthRange::new(&rays, radius).detached();
+    let (scene, pairs) = ((&triangles, &topology), Pairs::all(case.triangles));
     Built {
-        coverage: coverage(&context, &triangles, &topology, &rays, &settings),
-        cut: coverage(&context, &triangles, &topology, &up_to, &settings),
+        coverage: coverage(&context, scene, &rays, &pairs, &settings),
+        cut: coverage(&context, scene, &up_to, &pairs, &settings),
         corners,
         origins,
         directions,
-        range,
+        still: rays.origin.detached(),
+        radius,
         softmax: Softmax {
             sigma: settings.sigma,
             gamma: case.json["gamma"].as_f64().expect("gamma"),
@@ -213,7 +215,7 @@ fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
         let weights = built.weights();
         let expected = &case.json["softmax"];
         close("softmax", &weights.surfaces, &expected["weights"]);
-        let background = weights.attached_background();
+        let background = weights.background.clone();
         close("softmax", &background, &expected["background"]);
         let kind = "softmax_gradient";
         let background = cotangent(kind, 1, 1);
@@ -257,7 +259,7 @@ fn check_one_ratio(case: &Case, device: &Device, dtype: DType, k: usize, gradien
         weights.background.clone()
     };
     let possible = weight.clone().greater_elem(1e-12).float().cast(dtype);
-    let drawn: Vec<u32> = values(&possible)
+    let drawn: Vec<(usize, usize)> = values(&possible)
         .iter()
         .enumerate()
         .map(|(i, &p)| {
@@ -268,19 +270,19 @@ fn check_one_ratio(case: &Case, device: &Device, dtype: DType, k: usize, gradien
                 all.extend(column(&weights.background));
                 (0..all.len())
                     .max_by(|&a, &b| all[a].total_cmp(&all[b]))
-                    .expect("some") as u32
+                    .expect("some")
             };
-            if p > 0.0 { k as u32 } else { likeliest() }
+            (if p > 0.0 { k } else { likeliest() }, i)
         })
         .collect();
-    let Some(ratio) = weights.ratio(&context, &drawn) else {
-        return;
-    };
+    let ratio = weights.ratio(&context, &drawn);
     for r in values(&ratio) {
         assert!((r - 1.0).abs() < 1e-12, "{}: {r}", case.name);
     }
     // Σ W · ratio has the gradient of Σ W.
-    let found = (ratio * weight * possible.clone()).sum().backward();
+    let found = (ratio * weight.detach() * possible.clone())
+        .sum()
+        .backward();
     let built_again = build(case, device, dtype);
     let weights = built_again.weights();
     let whole = if k < case.triangles {
@@ -289,7 +291,7 @@ fn check_one_ratio(case: &Case, device: &Device, dtype: DType, k: usize, gradien
             .collect();
         weights.mean(context.column(&one_hot), None)
     } else {
-        weights.attached_background()
+        weights.background.clone()
     };
     let expected = (whole * possible).sum().backward();
     let zero = || vec![0.0; case.triangles * 9];

@@ -9,7 +9,7 @@ use super::{frame, from_frame};
 use crate::geometry::{Context, Vec3, detached, host_values};
 use crate::model::bsdf::Fit;
 use crate::scene::{Bsdf, LEAST_IOR, MOST_IOR, MOST_OF_METAL, MaterialKind};
-use crate::transport::surface::{Model, SurfacePoints};
+use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The least α.
 const LEAST_ALPHA: f64 = 1e-3;

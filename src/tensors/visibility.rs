@@ -1,28 +1,11 @@
 //! The forms of visibility: hard surfaces along the rays of cones, or the paper's blurred triangles (Eq. 1),
 //! which share a ray by a softmax over depth (Eq. 3).
-//!
-//! The rest of this folder is the softmax. Its weights and transmittances are values without tape and a
-//! *linear* attached part: the derivative of a weight with respect to the logits and distances of its
-//! pairs is known in closed form, so only those two enter the graph, multiplied by coefficients that
-//! carry no tape.
-
-mod edge;
-mod rays;
-mod sparse;
-#[cfg(test)]
-mod tests;
-mod weights;
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-
-pub(crate) use edge::{Coverage, CoverageSettings, coverage, grazing, transmittance};
-pub(crate) use rays::{DepthRange, NO_TRIANGLE, Rays};
-pub(crate) use sparse::{Sparse, SparseWeights, hierarchy_of};
-pub(crate) use weights::{Softmax, Span, Weights, weights};
 
 /// The form of visibility in a render. Its gradients are derivatives of the image in that form.
 ///

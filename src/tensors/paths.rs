@@ -1,13 +1,13 @@
 //! The paths of a tile that are on their way, and the light that they bring back.
 
-use burn::tensor::{IndexingUpdateOp, Tensor};
+use burn::tensor::Tensor;
 
-use super::tracer::{RayWeights, Tracer};
+use super::rays::{Rays, is_identity};
+use super::softmax::Shares;
+use super::tracer::Tracer;
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, detached, gather_row, host_values};
+use crate::geometry::{Context, Vec3, detached, host_values};
 use crate::sampling::Dimension;
-use crate::scene::Flattened;
-use crate::visibility::Rays;
 
 /// Ends paths at random in proportion to their throughput, and returns those that go on.
 pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> Result<Vec<u32>> {
@@ -50,63 +50,31 @@ impl PathBatch {
     /// of the surfaces.
     pub fn split(
         &mut self,
-        tracer: &Tracer,
-        weights: &RayWeights,
+        context: &Context,
+        weights: &Shares,
         random: &[f64],
         reflects: impl Fn(u32) -> bool,
     ) -> Result<Vec<u32>> {
-        let context = &tracer.scene().context;
-        let n = self.paths.len();
-        // The first surface of each ray, then all others.
-        let (mut first, mut others): (Vec<(u32, u32, f64)>, Vec<_>) = (Vec::new(), Vec::new());
-        for entry in weights.split(context, random)? {
-            if !reflects(entry.1) {
-                continue;
-            }
-            match first.last() {
-                Some(last) if last.0 == entry.0 => others.push(entry),
-                _ => first.push(entry),
-            }
+        let mut drawn = weights.split(random)?;
+        drawn.retain(|d| reflects(d.1));
+        if drawn.is_empty() {
+            return Ok(Vec::new());
         }
-        let mut change = None;
-        if !first.is_empty() {
-            let mut drawn = vec![tracer.scene().triangles.len() as u32; n];
-            for &(i, k, _) in &first {
-                drawn[i as usize] = k;
-            }
-            let index: Vec<u32> = first.iter().map(|e| e.0).collect();
-            if let Some(ratio) = weights.ratio(context, &drawn) {
-                let ratio = pick_row(context, ratio, &index, n);
-                let index: Vec<u32> = others.iter().map(|e| e.0).collect();
-                change = Some(if index.is_empty() {
-                    ratio
-                } else {
-                    let rays = pick_rays(context, &self.rays, &index);
-                    let drawn: Vec<u32> = others.iter().map(|e| e.1).collect();
-                    let again = tracer.weights(&rays)?.ratio(context, &drawn);
-                    let ones = || ratio.zeros_like().slice([0..1, 0..1]) + 1.0;
-                    let again = again.unwrap_or_else(|| ones().expand([1, index.len()]));
-                    Tensor::cat(vec![ratio, again], 1)
-                });
-            }
-        }
-        first.extend(others);
-        let index: Vec<u32> = first.iter().map(|e| e.0).collect();
-        let share: Vec<f64> = first.iter().map(|e| e.2).collect();
-        self.keep(context, &index);
-        let whole = share.iter().all(|&s| s == 1.0);
-        if !whole && !share.is_empty() {
-            let row = context.row(&share);
-            change = Some(match change {
-                Some(ratio) => ratio * row,
-                None => row,
-            });
-            self.share = Some(share);
-        }
+        let ratio = weights.ratio(drawn.iter().map(|d| (d.0, d.1)));
+        let rays: Vec<u32> = drawn.iter().map(|d| d.0).collect();
+        let share: Vec<f64> = drawn.iter().map(|d| d.2).collect();
+        self.keep(context, &rays);
+        let share = share.iter().any(|&s| s != 1.0).then_some(share);
+        let row = share.as_ref().map(|share| context.row(share));
+        let change = match (ratio, row) {
+            (Some(ratio), Some(row)) => Some(ratio * row),
+            (ratio, row) => ratio.or(row),
+        };
         if let Some(change) = change {
             self.throughput = Some(times(self.throughput.take(), &change));
         }
-        Ok(first.iter().map(|e| e.1).collect())
+        self.share = share;
+        Ok(drawn.iter().map(|d| d.1).collect())
     }
 
     /// Goes on with some paths, as often as they are named.
@@ -122,7 +90,7 @@ impl PathBatch {
         if which.is_empty() {
             return;
         }
-        self.rays = pick_rays(context, &self.rays, which);
+        self.rays = self.rays.pick(context, which);
         let index = context.index_row(which);
         self.throughput = self.throughput.take().map(|t| t.gather(&index));
     }
@@ -158,43 +126,6 @@ pub(super) struct Contribution {
     pub bounce: u32,
     pub slots: Vec<u32>,
     pub light: Vec3,
-}
-
-pub(super) fn is_identity(which: &[u32], count: usize) -> bool {
-    which.len() == count && which.iter().enumerate().all(|(i, &w)| i == w as usize)
-}
-
-/// A row of some paths as a row of all, zero elsewhere.
-pub(super) fn spread(scene: &Flattened, row: Tensor<2>, slots: &[u32], count: usize) -> Tensor<2> {
-    if is_identity(slots, count) {
-        return row;
-    }
-    let context = &scene.context;
-    Tensor::<2>::zeros([1, count], (&context.device, context.dtype)).scatter(
-        1,
-        context.index_row(slots),
-        row,
-        IndexingUpdateOp::Add,
-    )
-}
-
-fn pick_row(context: &Context, row: Tensor<2>, which: &[u32], count: usize) -> Tensor<2> {
-    if is_identity(which, count) {
-        return row;
-    }
-    gather_row(row, &context.index_row(which))
-}
-
-pub(super) fn pick_rays(context: &Context, rays: &Rays, which: &[u32]) -> Rays {
-    let index = context.index_row(which);
-    let departure = rays.departure.as_ref();
-    Rays {
-        origin: rays.origin.gather(&index),
-        direction: rays.direction.gather(&index),
-        time: rays.time.clone().map(|t| gather_row(t, &index)),
-        departure: departure.map(|d| which.iter().map(|&i| d[i as usize]).collect()),
-        arrival: None,
-    }
 }
 
 /// A throughput times a scalar a path; none stands for 1.

@@ -1,10 +1,9 @@
 //! Surface points that light comes to.
 
 use super::cones::AtBounce;
-use super::paths::pick_rays;
+use super::rays::Rays;
 use super::surface::SurfacePoints;
 use crate::geometry::Context;
-use crate::visibility::Rays;
 
 /// Surface points, the rays that came to them, and their paths.
 #[derive(Clone, Copy)]
@@ -20,7 +19,7 @@ impl Shaded<'_> {
         let paths: Vec<_> = which.iter().map(|&i| self.at.paths[i as usize]).collect();
         f(Shaded {
             points: &self.points.pick(context, which),
-            rays: &pick_rays(context, self.rays, which),
+            rays: &self.rays.pick(context, which),
             at: AtBounce {
                 paths: &paths,
                 ..self.at

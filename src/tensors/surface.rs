@@ -2,13 +2,13 @@
 
 use burn::tensor::{Int, Tensor};
 
+use super::rays::Rays;
 use crate::error::Result;
 use crate::geometry::{
     Context, Nearest, Triangles, Vec3, VertexData, detached, gather_row, host_values,
     nearest_on_triangle,
 };
 use crate::scene::{Bsdf, Channel, ChannelPlanes, Flattened, MaterialKind};
-use crate::visibility::Rays;
 
 /// Drawn surface points, rows `[1, N]`.
 pub(crate) struct SurfacePoints {

@@ -1,7 +1,5 @@
 //! The path loop: draw a surface, connect it to an emitter, scatter, repeat.
 
-use std::cell::RefCell;
-
 use burn::tensor::Tensor;
 
 use super::bsdf::{self, Scatter};
@@ -9,23 +7,24 @@ use super::cones::AtBounce;
 use super::diagnostics::Diagnostics;
 use super::direct;
 use super::lights::{Sky, SkyMap};
-use super::paths::{Contribution, PathBatch, roulette, spread, times, weighted};
+use super::paths::{Contribution, PathBatch, roulette, times, weighted};
+use super::rays::{Rays, spread};
 use super::seen;
 use super::shaded::Shaded;
+use super::softmax::Shares;
 use super::surface::SurfacePoints;
-use super::tracer::{RayStatistics, RayWeights, Sight, Tracer, Transport};
+use super::tracer::{RayStatistics, Sight, Tracer, Transport};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::sampling::Dimension;
 use crate::sampling::SurfaceSampling;
 use crate::scene::Flattened;
-use crate::visibility::Rays;
 
 /// The light of a tile's paths; rows `[1, N]`.
-pub(crate) struct Radiance<'a> {
+pub(crate) struct Radiance {
     pub radiance: Vec3,
     /// The shares of surfaces in the camera rays, with those rays.
-    pub first: RayWeights<'a>,
+    pub first: Shares,
     pub statistics: RayStatistics,
     /// Counts of degenerate cases, if they were asked for.
     pub diagnostics: Option<Diagnostics>,
@@ -51,7 +50,7 @@ struct Tracing<'a> {
     found: Vec<Contribution>,
     draws: Vec<Draw>,
     /// The shares of surfaces in the camera rays, and the light that these see.
-    first: Option<RayWeights<'a>>,
+    first: Option<Shares>,
     seen: Option<Vec3>,
 }
 
@@ -62,7 +61,7 @@ pub(crate) fn trace<'a>(
     rays: Rays,
     paths: &[(u32, u32)],
     per_pixel: usize,
-) -> Result<Radiance<'a>> {
+) -> Result<Radiance> {
     let Transport {
         scene,
         settings,
@@ -72,11 +71,7 @@ pub(crate) fn trace<'a>(
     let combined = settings.sampling.multiple_importance;
     let map = sky.and_then(Sky::map).filter(|_| combined);
     let mut tracing = Tracing {
-        tracer: Tracer {
-            transport,
-            statistics: RefCell::default(),
-            diagnostics: RefCell::new(settings.diagnostics.then(Diagnostics::default)),
-        },
+        tracer: Tracer::new(transport),
         batch: PathBatch {
             paths: paths.to_vec(),
             slots: (0..paths.len() as u32).collect(),
@@ -138,7 +133,6 @@ impl<'a> Tracing<'a> {
     fn draw(&mut self, bounce: u32, dark: bool) -> Result<Vec<u32>> {
         let Self { tracer, batch, .. } = self;
         let scene = tracer.scene();
-        let context = &scene.context;
         let Transport {
             settings, sampler, ..
         } = tracer.transport;
@@ -146,17 +140,18 @@ impl<'a> Tracing<'a> {
         let alive = batch.paths.len() as u64;
         tracer.statistics.borrow_mut().bounces.push(alive);
         if bounce == 0 {
-            self.seen = seen::seen(&tracer.transport, &weights, &batch.rays.direction)?;
+            self.seen = seen::seen(&tracer.transport, &weights, &batch.rays)?;
         }
         let [random] = sampler.uniform(&batch.paths, bounce, [Dimension::Surface]);
         let split = bounce == 0 && settings.sampling.surfaces == SurfaceSampling::Split;
         let drawn = if split && dark {
             Vec::new()
         } else if split {
-            batch.split(tracer, &weights, &random, |k| reflects(scene, k))?
+            batch.split(&scene.context, &weights, &random, |k| reflects(scene, k))?
         } else {
-            let drawn = weights.draw(context, &random)?;
-            if let Some(ratio) = weights.ratio(context, &drawn) {
+            let drawn = weights.draw(random)?;
+            let all = (0..).zip(drawn.iter().copied());
+            if let Some(ratio) = weights.ratio(all) {
                 batch.throughput = Some(times(batch.throughput.take(), &ratio));
                 self.draws.push(Draw {
                     bounce,
@@ -259,7 +254,7 @@ impl<'a> Tracing<'a> {
         if let Some(sky) = self.sky {
             let context = &self.tracer.scene().context;
             let rays = &self.batch.rays;
-            let visible = self.tracer.weights(rays)?.attached_background(context);
+            let visible = self.tracer.weights(rays)?.background();
             let light = sky.radiance(context, &rays.direction)?.scale(&visible);
             self.found
                 .push(self.batch.contribution(context, bounce, None, light));
@@ -267,7 +262,7 @@ impl<'a> Tracing<'a> {
         Ok(())
     }
 
-    fn finish(self, count: usize, per_pixel: usize) -> Result<Radiance<'a>> {
+    fn finish(self, count: usize, per_pixel: usize) -> Result<Radiance> {
         let Self {
             tracer,
             batch,
@@ -308,7 +303,7 @@ fn whole(scene: &Flattened, found: &[Contribution], from: u32, count: usize) -> 
     let zero = Tensor::<2>::zeros([1, count], (&scene.context.device, scene.context.dtype));
     let mut sum = Vec3::new(zero.clone(), zero.clone(), zero);
     for c in found.iter().filter(|c| c.bounce >= from) {
-        sum = sum.add(&c.light.map(|l| spread(scene, l, &c.slots, count)));
+        sum = sum.add(&c.light.map(|l| spread(&scene.context, l, &c.slots, count)));
     }
     sum
 }
@@ -326,7 +321,7 @@ fn control_variate(scene: &Flattened, draw: &Draw, later: &Vec3, per_pixel: usiz
     if let Some(share) = &draw.share {
         change = change * scene.context.row(share);
     }
-    let change = spread(scene, change, &draw.slots, count);
+    let change = spread(&scene.context, change, &draw.slots, count);
     Some(later.map(|l| {
         let l = l.reshape([count / per_pixel, per_pixel]);
         let others = (l.clone().sum_dim(1) - l) / (per_pixel - 1) as f64;

@@ -226,7 +226,7 @@ fn along(
         let next = points.ray(towards.clone(), rays.time.clone());
         let passed = match tracer.transport.sight {
             Sight::Cones(_) => tracer.transmittance(&next, &vec![true; which.len()], at)?,
-            Sight::Softmax(..) => tracer.weights(&next)?.attached_background(context),
+            Sight::Softmax(..) => tracer.weights(&next)?.background(),
         };
         let by_bsdf = density_of_scattering(points, &rays.direction, &towards);
         let density = power_heuristic(context.row(&density), by_bsdf, by_scattering);

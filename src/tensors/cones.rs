@@ -7,15 +7,16 @@ use burn::tensor::Tensor;
 use glam::DVec3;
 use pulp::Arch;
 
+use super::rays::{HostRay, Rays};
+use super::softmax::List;
 use super::surface::SurfacePoints;
 use crate::accel::{Hierarchy, Hit, HitRay, NOTHING};
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, host_values, host_vectors};
+use crate::geometry::{Context, Vec3, host_vectors};
 use crate::model::V3;
 use crate::model::cone::{Bend, bend, lifted, up_to_plane};
 use crate::sampling::Sampler;
 use crate::scene::Holes;
-use crate::visibility::Rays;
 
 /// Paths (pixel, sample) at a bounce, which random numbers belong to.
 #[derive(Clone, Copy)]
@@ -32,34 +33,6 @@ pub(crate) struct Cones {
     /// The tangent of the half-angle.
     tangent: f32,
     sampler: Sampler,
-}
-
-#[derive(Clone, Debug)]
-pub(crate) struct Hits {
-    /// The triangle of each; the number of triangles stands for none.
-    pub triangle: Vec<u32>,
-    /// Whether each came to its front.
-    pub front: Vec<bool>,
-    pub rays: Rays,
-    triangles: u32,
-}
-
-impl Hits {
-    pub fn is_hit(&self, ray: usize) -> bool {
-        self.triangle[ray] < self.triangles
-    }
-
-    /// 1 for rays with a property, else 0: a row `[1, N]`.
-    pub fn row(&self, context: &Context, is: impl Fn(usize) -> bool) -> Tensor<2> {
-        let values = (0..self.triangle.len()).map(|i| f64::from(u8::from(is(i))));
-        context.row(&values.collect::<Vec<_>>())
-    }
-}
-
-struct HostRays {
-    origin: Vec<V3>,
-    direction: Vec<V3>,
-    time: Option<Vec<f64>>,
 }
 
 impl Cones {
@@ -91,22 +64,10 @@ impl Cones {
         self.sampler.numbers(at.paths[i]).set(at.bounce)
     }
 
-    fn host(&self, rays: &Rays) -> Result<HostRays> {
-        let vectors = |v: &Vec3| -> Result<Vec<V3>> {
-            Ok(host_vectors(v)?.into_iter().map(V3::from).collect())
-        };
-        Ok(HostRays {
-            origin: vectors(&rays.origin)?,
-            direction: vectors(&rays.direction)?,
-            time: rays.time.as_ref().map(host_values).transpose()?,
-        })
-    }
-
     /// The side's normal of the surface that a ray leaves, if it leaves one.
-    fn normal(&self, rays: &Rays, host: &HostRays, i: usize) -> Option<V3> {
-        let k = rays.departure.as_ref()?[i] as usize;
-        let normal = V3::from(self.hierarchy.triangles[k].normal);
-        let side = if normal.dot(host.direction[i]) < 0.0 {
+    fn normal(&self, ray: &HostRay) -> Option<V3> {
+        let normal = V3::from(self.hierarchy.triangles[ray.departure? as usize].normal);
+        let side = if normal.dot(ray.direction.into()) < 0.0 {
             -1.0
         } else {
             1.0
@@ -114,36 +75,26 @@ impl Cones {
         Some(normal * side)
     }
 
-    /// A ray along a direction, which may be bent from its own.
-    fn ray(&self, host: &HostRays, i: usize, start: V3, direction: V3, limit: f32) -> HitRay {
-        let time = host.time.as_ref().map_or(0.0, |t| t[i]) as f32;
-        HitRay::new(start, direction, time, limit)
-    }
-
-    pub fn nearest(&self, rays: &Rays) -> Result<Hits> {
-        let host = self.host(rays)?;
-        let of = |i: usize| {
-            let start = match self.normal(rays, &host, i) {
-                Some(normal) => lifted(host.origin[i], normal),
-                None => host.origin[i],
-            };
-            self.ray(&host, i, start, host.direction[i], f32::INFINITY)
+    /// The triangle that each ray hits, which fills it.
+    pub fn nearest(&self, rays: &Rays) -> Result<Vec<Option<List>>> {
+        let of = |ray: &HostRay| {
+            let origin = V3::from(ray.origin);
+            let start = self.normal(ray).map_or(origin, |n| lifted(origin, n));
+            let direction = V3::from(ray.direction);
+            HitRay::new(start, direction, ray.time as f32, f32::INFINITY)
         };
-        let list: Vec<HitRay> = (0..rays.len()).map(of).collect();
+        let list: Vec<HitRay> = rays.host()?.iter().map(of).collect();
         let mut hits = Vec::new();
         let holes = self.holes.as_deref();
         (self.hierarchy).hits::<false>(self.arch, holes, &list, &mut hits);
-        let count = self.hierarchy.triangles.len() as u32;
-        let is_front = |(hit, d): (&Hit, &V3)| {
-            let triangle = self.hierarchy.triangles.get(hit.triangle as usize);
-            triangle.is_some_and(|t| V3::from(t.normal).dot(*d) < 0.0)
+        let of = |hit: &Hit| List {
+            triangles: (hit.triangle != NOTHING)
+                .then_some(hit.triangle)
+                .into_iter()
+                .collect(),
+            is_whole: hit.triangle != NOTHING,
         };
-        Ok(Hits {
-            triangle: hits.iter().map(|h| h.triangle.min(count)).collect(),
-            front: hits.iter().zip(&host.direction).map(is_front).collect(),
-            rays: rays.clone(),
-            triangles: count,
-        })
+        Ok(hits.iter().map(|hit| Some(of(hit))).collect())
     }
 
     /// Directions of the cones about those that were drawn at surface points, in the graph: what is added
@@ -190,29 +141,24 @@ impl Cones {
         needed: &[bool],
         at: AtBounce,
     ) -> Result<Tensor<2>> {
-        let host = self.host(rays)?;
-        let distances = rays.arrival.as_ref().map(|(_, d)| host_values(d));
-        let distances = distances.transpose()?;
-        let mut list = Vec::new();
+        let host = rays.host()?;
         let which: Vec<usize> = (0..rays.len()).filter(|&i| needed[i]).collect();
-        for &i in &which {
-            let axis = host.direction[i];
-            let normal = self.normal(rays, &host, i).unwrap_or(V3::ZERO);
-            let start = lifted(host.origin[i], normal);
+        let of = |&i: &usize| {
+            let (ray, axis) = (&host[i], V3::from(host[i].direction));
+            let origin = V3::from(ray.origin);
+            let normal = self.normal(ray).unwrap_or(V3::ZERO);
+            let start = lifted(origin, normal);
             let [_, _, u, v] = self.numbers(at, i);
             let direction = bend(axis, normal, self.tangent, u, v).direction;
-            let limit = match (&rays.arrival, &distances) {
-                (Some((emitters, _)), Some(distances)) => {
-                    let light = host.origin[i] + axis * distances[i] as f32;
-                    let emitter = self.hierarchy.triangles.get(emitters[i] as usize);
-                    // A light without a surface has its plane across the direction to it.
-                    let normal = emitter.map_or(-axis, |e| e.normal.into());
-                    up_to_plane(start, direction, normal, light)
-                }
-                _ => f32::INFINITY,
-            };
-            list.push(self.ray(&host, i, start, direction, limit));
-        }
+            let limit = ray.distance.map_or(f32::INFINITY, |distance| {
+                let emitter = ray.emitter.map(|e| &self.hierarchy.triangles[e as usize]);
+                // A light without a surface has its plane across the direction to it.
+                let normal = emitter.map_or(-axis, |e| e.normal.into());
+                up_to_plane(start, direction, normal, origin + axis * distance as f32)
+            });
+            HitRay::new(start, direction, ray.time as f32, limit)
+        };
+        let list: Vec<HitRay> = which.iter().map(of).collect();
         let mut hits = Vec::new();
         let holes = self.holes.as_deref();
         (self.hierarchy).hits::<true>(self.arch, holes, &list, &mut hits);

@@ -2,11 +2,11 @@
 
 use super::bsdf::scattered;
 use super::lights::ChosenLight;
+use super::rays::NO_TRIANGLE;
 use super::shaded::Shaded;
 use super::tracer::Tracer;
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, gather_row, host_values};
-use crate::visibility::NO_TRIANGLE;
 
 /// The distance of a directional light.
 const FAR: f64 = 1e30;

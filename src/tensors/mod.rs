@@ -1,0 +1,33 @@
+//! The renderer as chains of tensor operations, with burn's derivatives. To be read in this order:
+//!
+//! 1. `visibility`: what a user chooses; `rays` are what is traced.
+//! 2. `softmax`: the paper's form, Eq. 1 to 3; `cones`: hard surfaces, the specification of the kernels.
+//! 3. `path`: the loop over the bounces of a path, with its state in `paths`; `tracer` has either form of visibility for it.
+//! 4. `surface`: points of surfaces; `bsdf`: what they scatter.
+//! 5. `direct`: light of emitters and maps at surface points (`shaded`), and of `delta_lights`; `lights` chooses among
+//!    them; `seen` is the light that camera rays see.
+
+mod bsdf;
+mod cones;
+mod delta_lights;
+mod diagnostics;
+mod direct;
+mod lights;
+mod path;
+mod paths;
+mod rays;
+mod seen;
+mod shaded;
+mod softmax;
+mod surface;
+mod tracer;
+mod visibility;
+
+pub(crate) use cones::Cones;
+pub use diagnostics::Diagnostics;
+pub(crate) use lights::{Lights, Sky};
+pub(crate) use path::{Radiance, trace};
+pub(crate) use rays::Rays;
+pub(crate) use softmax::{Candidates, Group, Softmax, hierarchy_of};
+pub(crate) use tracer::{PathSettings, RayStatistics, Sight, Tracer, Transport};
+pub use visibility::Visibility;
