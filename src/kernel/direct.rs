@@ -28,6 +28,10 @@ impl Shaded<'_> {
         sample: Sample,
         work: &mut Work,
     ) {
+        // It starts behind the light.
+        if limit <= 0.0 {
+            return;
+        }
         let ray = HitRay::new(start, direction, self.time, limit);
         work.rays.push(ray);
         work.candidates.push(Candidate {

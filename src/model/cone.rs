@@ -118,17 +118,22 @@ pub(crate) fn lifted(position: V3, normal: V3) -> V3 {
     position + normal * (LIFT * (0.1 + position.abs().max_element()))
 }
 
-/// The distance after which a ray comes to the plane of a light through a point, but for rounding.
+/// The distance after which a ray comes to the plane of a light through a point, but for rounding; not positive where
+/// it starts behind that plane, as one that passes into glass does in the plane of its own surface.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn up_to_plane(start: V3, direction: V3, normal: V3, light: V3) -> f32 {
     let cosine = normal.dot(direction);
-    if cosine <= GRAZING {
-        let size = 1.0 + light.abs().max_element() + start.abs().max_element();
-        (normal.dot(light - start) + END * size) / cosine
-    } else {
-        f32::MAX
+    let before = normal.dot(start - light);
+    let mut limit = -1.0f32;
+    if before > 0.0 {
+        limit = f32::MAX;
+        if cosine <= GRAZING {
+            let size = 1.0 + light.abs().max_element() + start.abs().max_element();
+            limit = (END * size - before) / cosine;
+        }
     }
+    limit
 }
 
 #[cfg(test)]

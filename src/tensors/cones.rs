@@ -163,8 +163,9 @@ impl Cones {
         let holes = self.holes.as_deref();
         (self.hierarchy).hits::<true>(self.arch, holes, &list, &mut hits);
         let mut passed = vec![0.0; rays.len()];
-        for (&i, hit) in which.iter().zip(&hits) {
-            passed[i] = f64::from(u8::from(hit.triangle == NOTHING));
+        for ((&i, hit), ray) in which.iter().zip(&hits).zip(&list) {
+            let arrives = ray.limit > 0.0 && hit.triangle == NOTHING;
+            passed[i] = f64::from(u8::from(arrives));
         }
         Ok(context.row(&passed))
     }

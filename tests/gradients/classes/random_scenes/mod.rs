@@ -44,9 +44,8 @@ pub fn compare(scenes: &[RandomScene], precision: f64, renders: u64) -> Outcome 
                 let before = row.difference;
                 let again = rows(scene, &[&row.parameter], *step, precision, 4 * renders);
                 row = again.into_iter().next().expect("its row");
-                let errors = before.error.hypot(row.difference.error);
-                let apart = (before.mean - row.difference.mean).abs();
-                if apart <= 3.5 * errors + 0.02 * row.difference.mean.abs() {
+                let moved = (before.mean - row.difference.mean).abs();
+                if moved < 0.2 * (row.gradient.mean - row.difference.mean).abs() {
                     break;
                 }
             }
