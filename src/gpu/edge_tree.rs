@@ -8,6 +8,7 @@ use super::edge_layout::{
 use super::edge_weights::{Query, subtree, weight_of_edge};
 use super::finite::is_positive;
 use super::layout::NONE;
+use super::reading::Scene;
 use crate::model::choice::decided_by;
 
 /// An edge that was drawn, or [`NONE`], and 1 over its probability.
@@ -46,21 +47,19 @@ fn sum_of(room: &mut [u32]) -> f32 {
 /// `Root::sample`.
 #[cube]
 pub(super) fn draw_edge(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     room: &mut [u32],
     tree: usize,
     q: &Query,
     u: f32,
     other: f32,
-    #[comptime] moves: bool,
     #[comptime] nodes: bool,
 ) -> DrawnEdge {
     let mut random = decided_by(u, other);
     let mut total = 0.0f32;
     let mut leaf = 0u32;
-    let leaves = words[tree + LEAF_COUNT];
-    let is_list = words[tree + NODE_COUNT] == 0;
+    let leaves = scene.words[tree + LEAF_COUNT];
+    let is_list = scene.words[tree + NODE_COUNT] == 0;
     let mut budget = BUDGET.runtime();
     let mut large = LARGE.runtime();
     if q.shadows {
@@ -90,9 +89,9 @@ pub(super) fn draw_edge(
             let mut i = 0u32;
             while i < 8 {
                 let mut weight = 0.0f32;
-                if words[(words[tree + LEAF_EDGES] + lanes + i) as usize] != NONE {
-                    let lane = words[tree + LEAVES] + LEAF_STRIDE * (lanes + i);
-                    weight = weight_of_edge(floats, lane, q, moves);
+                if scene.words[(scene.words[tree + LEAF_EDGES] + lanes + i) as usize] != NONE {
+                    let lane = scene.words[tree + LEAVES] + LEAF_STRIDE * (lanes + i);
+                    weight = weight_of_edge(scene, lane, q);
                 }
                 room[i as usize] = weight.to_bits();
                 i += 1;
@@ -122,10 +121,10 @@ pub(super) fn draw_edge(
             let mut taken_weight = 1.0f32;
             let mut i = 0u32;
             while i < 8 {
-                let child = words[(words[tree + CHILDREN] + lanes + i) as usize];
+                let child = scene.words[(scene.words[tree + CHILDREN] + lanes + i) as usize];
                 if child != NONE {
-                    let lane = words[tree + NODES] + NODE_STRIDE * (lanes + i);
-                    let found = subtree(floats, lane, q, large);
+                    let lane = scene.words[tree + NODES] + NODE_STRIDE * (lanes + i);
+                    let found = subtree(scene, lane, q, large);
                     if found.weight > 0.0 {
                         if all && found.enter {
                             let top = STACK + 2 * length as usize;
@@ -170,7 +169,7 @@ pub(super) fn draw_edge(
         while lane < 8 {
             let weight = f32::from_bits(room[KEPT + lane as usize]);
             if weight > 0.0 {
-                drawn.edge = words[(words[tree + LEAF_EDGES] + leaf + lane) as usize];
+                drawn.edge = scene.words[(scene.words[tree + LEAF_EDGES] + leaf + lane) as usize];
                 drawn.per_chance = total / weight;
                 passed += weight;
                 if target < passed {
