@@ -54,7 +54,7 @@ pub(super) fn no_camera_gradient() -> CameraGradient {
 /// Adds the derivatives by the camera of some paths.
 #[cube]
 pub(super) fn add_camera(scene: &Scene, sums: &Totals, g: &CameraGradient) {
-    let first = scene.words[FIRST_SUMS + CAMERA];
+    let first = scene.header[FIRST_SUMS + CAMERA];
     sums.add_vector(first, g.eye, CAMERA);
     sums.add_vector(first + 3, g.across, CAMERA);
     sums.add_vector(first + 6, g.upward, CAMERA);
@@ -128,7 +128,7 @@ pub(super) fn path_backward(
                 cone_u = set.x;
                 cone_v = set.y;
             }
-            let tangent = scene.floats[CONE];
+            let tangent = scene.settings[CONE];
             let geometric = point.shading.geometric;
             let outer = point.shading.outer(scatter.direction);
             let bent = bend(scatter.direction, outer, tangent, cone_u, cone_v);
@@ -224,13 +224,13 @@ pub(super) fn path_backward(
         }
         by_throughput = by_before;
         if comptime!(sums.of.jumps) {
-            jumped(scene.words, records, room, i, &mut by);
+            jumped(scene.header, records, room, i, &mut by);
         }
         let mut by_t = 0.0f32;
         if i == 0 {
             by_t = upstream.depth;
             by.geometric += upstream.normal;
-            let row = (scene.words[OF_MATERIALS] + OF_MATERIAL as u32 * point.material) as usize;
+            let row = (scene.header[OF_MATERIALS] + OF_MATERIAL as u32 * point.material) as usize;
             if point.side > 0.0 && scene.words[row] & EMITS != 0 {
                 let mut constant = true;
                 if comptime!(scene.features.glows) {
@@ -241,7 +241,7 @@ pub(super) fn path_backward(
                 }
                 if comptime!(sums.of.emission) {
                     if constant {
-                        let at = scene.words[FIRST_SUMS + MATERIALS] + 12 * point.material + 9;
+                        let at = scene.header[FIRST_SUMS + MATERIALS] + 12 * point.material + 9;
                         sums.add_vector(at, g, MATERIALS);
                     }
                 }

@@ -4,7 +4,7 @@ use burn::cubecl::{self, prelude::*};
 
 use super::layout::{CAMERA, DUAL, FILTER, SEED, SEED_OF_CONES, WIDTH};
 use super::numbers::{Four, Stream, numbers_of, on_disk};
-use super::reading::Scene;
+use super::reading::{Scene, vector};
 use crate::model::camera::{Camera, CameraRay, Dual};
 use crate::model::filter::sample_filter;
 use crate::model::{Pair, V2, v2};
@@ -12,38 +12,38 @@ use crate::model::{Pair, V2, v2};
 #[cube]
 pub(super) fn camera(scene: &Scene) -> Camera {
     Camera {
-        eye: scene.vector(CAMERA as u32),
-        across: scene.vector(CAMERA as u32 + 3),
-        upward: scene.vector(CAMERA as u32 + 6),
-        forward: scene.vector(CAMERA as u32 + 9),
+        eye: vector(scene.settings, CAMERA as u32),
+        across: vector(scene.settings, CAMERA as u32 + 3),
+        upward: vector(scene.settings, CAMERA as u32 + 6),
+        forward: vector(scene.settings, CAMERA as u32 + 9),
         dual: Dual {
-            x: scene.vector(DUAL as u32),
-            y: scene.vector(DUAL as u32 + 3),
-            z: scene.vector(DUAL as u32 + 6),
+            x: vector(scene.settings, DUAL as u32),
+            y: vector(scene.settings, DUAL as u32 + 3),
+            z: vector(scene.settings, DUAL as u32 + 6),
         },
         lens: Pair {
-            first: scene.vector(CAMERA as u32 + 12),
-            second: scene.vector(CAMERA as u32 + 15),
+            first: vector(scene.settings, CAMERA as u32 + 12),
+            second: vector(scene.settings, CAMERA as u32 + 15),
         },
         aperture: 0.0f32.runtime(),
-        per_focus: scene.floats[CAMERA + 18],
+        per_focus: scene.settings[CAMERA + 18],
         parallel: comptime!(scene.features.parallel).runtime(),
-        width: scene.floats[CAMERA + 19],
-        height: scene.floats[CAMERA + 20],
-        filter: scene.floats[CAMERA + 21],
+        width: scene.settings[CAMERA + 19],
+        height: scene.settings[CAMERA + 20],
+        filter: scene.settings[CAMERA + 21],
     }
 }
 
 /// The film point, in pixels, in the middle of a pixel.
 #[cube]
 pub(super) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
-    let width = scene.words[WIDTH];
+    let width = scene.header[WIDTH];
     v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
 }
 
 #[cube]
 pub(super) fn camera_ray(scene: &Scene, film: Four, more: Four, pixel: u32) -> CameraRay {
-    let table = scene.words[FILTER] as usize;
+    let table = scene.header[FILTER] as usize;
     let middle = middle_of(scene, pixel);
     let x = middle.x + sample_filter(scene.floats, table, film.x);
     let y = middle.y + sample_filter(scene.floats, table, film.y);

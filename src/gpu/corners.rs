@@ -17,13 +17,13 @@ const TINY: f32 = 1e-15;
 /// The place of the rows of a triangle's texture coordinates, which begin with [`NONE`] where it has none.
 #[cube]
 pub(super) fn uv_rows(scene: &Scene, triangle: u32) -> usize {
-    (scene.words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle + 2) as usize
+    (scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle + 2) as usize
 }
 
 /// That of the rows of its normals.
 #[cube]
 pub(super) fn normal_rows(scene: &Scene, triangle: u32) -> usize {
-    (scene.words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle + 5) as usize
+    (scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle + 5) as usize
 }
 
 /// The vectors at the corners of a triangle.
@@ -59,9 +59,9 @@ pub(super) fn uv_at(scene: &Scene, triangle: u32, weights: V3, #[comptime] textu
     if textured {
         let rows = uv_rows(scene, triangle);
         if scene.words[rows] != NONE {
-            let i = (scene.words[UVS] + 2 * scene.words[rows]) as usize;
-            let j = (scene.words[UVS] + 2 * scene.words[rows + 1]) as usize;
-            let k = (scene.words[UVS] + 2 * scene.words[rows + 2]) as usize;
+            let i = (scene.header[UVS] + 2 * scene.words[rows]) as usize;
+            let j = (scene.header[UVS] + 2 * scene.words[rows + 1]) as usize;
+            let k = (scene.header[UVS] + 2 * scene.words[rows + 2]) as usize;
             uv = v2(
                 scene.floats[i] * weights.x
                     + scene.floats[j] * weights.y
@@ -82,7 +82,7 @@ pub(super) fn normal_at(scene: &Scene, triangle: u32, weights: V3, geometric: V3
     if comptime!(scene.features.smooth) {
         let rows = normal_rows(scene, triangle);
         if scene.words[rows] != NONE {
-            let sum = corners_of(scene, scene.words[NORMALS], rows, 3u32).at(weights);
+            let sum = corners_of(scene, scene.header[NORMALS], rows, 3u32).at(weights);
             let mut inverse = 1.0 / sum.length().max(TINY);
             if sum.dot(geometric) < 0.0 {
                 inverse = -inverse;
@@ -114,8 +114,8 @@ pub(super) fn tilt_at(
     uv: V2,
     normal: V3,
 ) -> TiltAt {
-    let map = (scene.words[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize + NORMAL_MAP;
-    let rows = (scene.words[TANGENT_ROWS] + 3 * triangle) as usize;
+    let map = (scene.header[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize + NORMAL_MAP;
+    let rows = (scene.header[TANGENT_ROWS] + 3 * triangle) as usize;
     let mut tilt = Tilt {
         normal,
         tangent: splat(0.0),
@@ -124,8 +124,8 @@ pub(super) fn tilt_at(
     };
     let exists = scene.words[map] != NONE && scene.words[rows] != NONE;
     if exists {
-        tilt.tangent = corners_of(scene, scene.words[TANGENTS], rows, 4u32).at(weights);
-        tilt.side = scene.floats[(scene.words[TANGENTS] + 4 * scene.words[rows] + 3) as usize];
+        tilt.tangent = corners_of(scene, scene.header[TANGENTS], rows, 4u32).at(weights);
+        tilt.side = scene.floats[(scene.header[TANGENTS] + 4 * scene.words[rows] + 3) as usize];
         tilt.texel = look_up(scene, map, uv);
     }
     TiltAt {

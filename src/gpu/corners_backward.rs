@@ -34,7 +34,7 @@ pub(super) fn add_to_rows(
 ) {
     let mut k = 0u32;
     while k < 3 {
-        let at = scene.words[FIRST_SUMS + part] + 3 * scene.words[rows + k as usize];
+        let at = scene.header[FIRST_SUMS + part] + 3 * scene.words[rows + k as usize];
         sums.add_vector(at, g * component(weights, k), part);
         k += 1;
     }
@@ -67,7 +67,7 @@ pub(super) fn corners_backward(
             let more = texture_backward(scene, sums, at.map, p.uv, by.texel, wanted);
             by_uv.x += more.x;
             by_uv.y += more.y;
-            let list = scene.words[TANGENT_VALUES];
+            let list = scene.header[TANGENT_VALUES];
             let corners: Corners = corners_of(scene, list, at.rows, 4u32);
             by_b += by.tangent.dot(corners.b - corners.a);
             by_c += by.tangent.dot(corners.c - corners.a);
@@ -77,9 +77,9 @@ pub(super) fn corners_backward(
         }
     }
     if comptime!(scene.features.tinted) {
-        let rows = (scene.words[COLOUR_ROWS] + 3 * p.triangle) as usize;
+        let rows = (scene.header[COLOUR_ROWS] + 3 * p.triangle) as usize;
         if scene.words[rows] != NONE {
-            let list = scene.words[COLOUR_VALUES];
+            let list = scene.header[COLOUR_VALUES];
             let corners: Corners = corners_of(scene, list, rows, 3u32);
             by_b += by_colour.dot(corners.b - corners.a);
             by_c += by_colour.dot(corners.c - corners.a);
@@ -88,7 +88,7 @@ pub(super) fn corners_backward(
     if comptime!(scene.features.textured) {
         let rows = uv_rows(scene, p.triangle);
         if scene.words[rows] != NONE {
-            let values = scene.words[UV_VALUES];
+            let values = scene.header[UV_VALUES];
             let a = (values + 2 * scene.words[rows]) as usize;
             let b = (values + 2 * scene.words[rows + 1]) as usize;
             let c = (values + 2 * scene.words[rows + 2]) as usize;
@@ -103,7 +103,7 @@ pub(super) fn corners_backward(
     if comptime!(scene.features.smooth) {
         let rows = normal_rows(scene, p.triangle);
         if scene.words[rows] != NONE {
-            let list = scene.words[NORMAL_VALUES];
+            let list = scene.header[NORMAL_VALUES];
             let corners: Corners = corners_of(scene, list, rows, 3u32);
             let sum = corners.at(p.weights);
             let inverse = 1.0 / sum.length().max(1e-15);
@@ -120,7 +120,7 @@ pub(super) fn corners_backward(
             }
         }
     }
-    let at = scene.words[SURFACES] + SURFACE_STRIDE as u32 * p.triangle;
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * p.triangle;
     let slopes = barycentric_slopes(
         scene.vector(at),
         scene.vector(at + 3),

@@ -46,7 +46,7 @@ fn count_rays(
     if ABSOLUTE_POS < piece.paths() as usize {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::new(&floats[which.floats()..], &words[which.words()..], features);
+        let scene = Scene::new(floats, words, which.view, features);
         let mut room = Array::<u32>::new(scene.features.stack);
         let stack = room.as_mut_slice();
         let sample = piece.from + thread / piece.count;

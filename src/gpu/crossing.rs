@@ -29,7 +29,7 @@ impl Flying {
 
 #[cube]
 fn flying(scene: &Scene, triangle: u32, shift: V3) -> Flying {
-    let at = scene.words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * triangle;
     Flying {
         a: scene.vector(at) + shift,
         b: scene.vector(at + 3) + shift,

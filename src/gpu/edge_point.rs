@@ -43,7 +43,7 @@ pub(super) struct EdgePoint {
 /// The object of a triangle.
 #[cube]
 pub(super) fn object_of(scene: &Scene, triangle: u32) -> u32 {
-    scene.words[(scene.words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize + 1]
+    scene.words[(scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize + 1]
 }
 
 /// The vector by which a triangle has moved at a time.
@@ -59,8 +59,8 @@ pub(super) fn shift_of(scene: &Scene, triangle: u32, time: f32) -> V3 {
 /// An edge as it is at a time, but for its object's motion; not yet a point of it.
 #[cube]
 pub(super) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
-    let at = scene.words[EDGES] + 6 * index;
-    let edge = scene.words[OF_EDGES] + OF_EDGE * index;
+    let at = scene.header[EDGES] + 6 * index;
+    let edge = scene.header[OF_EDGES] + OF_EDGE * index;
     let i = edge as usize;
     let crossing = scene.words[(edge + IS_CROSSING) as usize];
     let mut p = EdgePoint {
@@ -151,7 +151,7 @@ pub(super) fn beside(position: V3) -> f32 {
 /// The vector from a point of an edge's line to that corner of a face that is farthest from the line.
 #[cube]
 fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
-    let at = scene.words[SURFACES] + SURFACE_STRIDE as u32 * face;
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * face;
     let mut on_line = p.a;
     if comptime!(scene.features.flying_crossings) {
         if scene.words[(p.edge + IS_CROSSING) as usize] == 2 {
@@ -252,8 +252,8 @@ pub(super) fn add_to_edge(scene: &Scene, sums: &Totals, p: &EdgePoint, g: V3, ti
             }
             let object = object_of(scene, face);
             if is_wanted(scene, object) {
-                let at = scene.words[SURFACES] + SURFACE_STRIDE as u32 * face;
-                let beyond = scene.words[SURFACES] + SURFACE_STRIDE as u32 * other;
+                let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * face;
+                let beyond = scene.header[SURFACES] + SURFACE_STRIDE as u32 * other;
                 let normal = scene.vector(at + 9);
                 let crossed = scene.vector(beyond + 9);
                 let cosine = normal.dot(crossed);
@@ -269,7 +269,7 @@ pub(super) fn add_to_edge(scene: &Scene, sums: &Totals, p: &EdgePoint, g: V3, ti
     } else {
         let object = scene.words[(p.edge + OBJECT_OF_EDGE) as usize];
         if is_wanted(scene, object) {
-            let first = scene.words[FIRST_SUMS + VERTICES];
+            let first = scene.header[FIRST_SUMS + VERTICES];
             let mut k = 0u32;
             while k < 4 {
                 let row = scene.words[(p.edge + ROWS_OF_EDGE + k) as usize];
@@ -282,7 +282,7 @@ pub(super) fn add_to_edge(scene: &Scene, sums: &Totals, p: &EdgePoint, g: V3, ti
                 k += 1;
             }
             if comptime!(sums.of.velocities) {
-                let at = scene.words[FIRST_SUMS + VELOCITIES] + 3 * object;
+                let at = scene.header[FIRST_SUMS + VELOCITIES] + 3 * object;
                 sums.add_vector(at, g * time, VELOCITIES);
             }
         }

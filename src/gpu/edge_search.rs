@@ -64,13 +64,13 @@ pub(super) struct Search {
 /// The cone that a group of emitters fills, widened by that of the rays; the hemisphere if it is wider.
 #[cube]
 fn towards_group(scene: &Scene, group: u32, point: &Point, time: f32) -> Query {
-    let at = scene.words[GROUPS] + GROUP_STRIDE * group;
+    let at = scene.header[GROUPS] + GROUP_STRIDE * group;
     let to = scene.vector(at) + scene.vector(at + 4) * time - point.position;
     let distance = to.length();
     let radius = scene.floats[at as usize + 3];
     let sin = radius / distance.max(radius);
     let cos = (1.0 - sin * sin).max(0.0).sqrt();
-    let half = widened(SinCos { sin, cos }, scene.floats[CONE]);
+    let half = widened(SinCos { sin, cos }, scene.settings[CONE]);
     let mut query = Query {
         x: point.position,
         time,
@@ -96,7 +96,7 @@ fn towards_light(scene: &Scene, k: u32, x: V3, time: f32) -> Query {
             sin: 0.0f32,
             cos: 1.0f32,
         },
-        scene.floats[CONE],
+        scene.settings[CONE],
     );
     Query {
         x,
@@ -136,7 +136,7 @@ pub(super) fn search(
     let x = o.point.position;
     let shading = o.point.shading;
     let counts = o.counts.max(LEAST);
-    let last = o.bounce >= scene.words[BOUNCES];
+    let last = o.bounce >= scene.header[BOUNCES];
     let mut turn = 2u32;
     if of_light {
         turn = 0u32;
@@ -159,7 +159,7 @@ pub(super) fn search(
             rest = choice / gloss;
         }
     }
-    let lobe: Lobe = shading.lobe(of_gloss, rest, scene.floats[CONE]);
+    let lobe: Lobe = shading.lobe(of_gloss, rest, scene.settings[CONE]);
     let mut s = Search {
         query: within(&lobe, x, time),
         lobe,
@@ -190,7 +190,7 @@ pub(super) fn search(
                     group = choice.group;
                     p = choice.chance;
                 }
-                let row = (scene.words[OF_GROUPS] + OF_GROUP * group) as usize;
+                let row = (scene.header[OF_GROUPS] + OF_GROUP * group) as usize;
                 s.first = scene.words[row];
                 s.past = s.first + scene.words[row + 1];
                 if scene.words[row + 2] != 0 {
@@ -201,7 +201,7 @@ pub(super) fn search(
                 if s.is_light {
                     if comptime!(scene.features.lights) {
                         s.query = towards_light(scene, s.first, x, time);
-                        s.asked = scene.floats[CONE] > 0.0;
+                        s.asked = scene.settings[CONE] > 0.0;
                     }
                 } else {
                     s.query = towards_group(scene, group, &o.point, time);

@@ -58,8 +58,8 @@ pub(super) fn draw_edge(
     let mut random = decided_by(u, other);
     let mut total = 0.0f32;
     let mut leaf = 0u32;
-    let leaves = scene.words[tree + LEAF_COUNT];
-    let is_list = scene.words[tree + NODE_COUNT] == 0;
+    let leaves = scene.header[tree + LEAF_COUNT];
+    let is_list = scene.header[tree + NODE_COUNT] == 0;
     let mut budget = BUDGET.runtime();
     let mut large = LARGE.runtime();
     if q.shadows {
@@ -89,8 +89,8 @@ pub(super) fn draw_edge(
             let mut i = 0u32;
             while i < 8 {
                 let mut weight = 0.0f32;
-                if scene.words[(scene.words[tree + LEAF_EDGES] + lanes + i) as usize] != NONE {
-                    let lane = scene.words[tree + LEAVES] + LEAF_STRIDE * (lanes + i);
+                if scene.words[(scene.header[tree + LEAF_EDGES] + lanes + i) as usize] != NONE {
+                    let lane = scene.header[tree + LEAVES] + LEAF_STRIDE * (lanes + i);
                     weight = weight_of_edge(scene, lane, q);
                 }
                 room[i as usize] = weight.to_bits();
@@ -121,9 +121,9 @@ pub(super) fn draw_edge(
             let mut taken_weight = 1.0f32;
             let mut i = 0u32;
             while i < 8 {
-                let child = scene.words[(scene.words[tree + CHILDREN] + lanes + i) as usize];
+                let child = scene.words[(scene.header[tree + CHILDREN] + lanes + i) as usize];
                 if child != NONE {
-                    let lane = scene.words[tree + NODES] + NODE_STRIDE * (lanes + i);
+                    let lane = scene.header[tree + NODES] + NODE_STRIDE * (lanes + i);
                     let found = subtree(scene, lane, q, large);
                     if found.weight > 0.0 {
                         if all && found.enter {
@@ -169,7 +169,7 @@ pub(super) fn draw_edge(
         while lane < 8 {
             let weight = f32::from_bits(room[KEPT + lane as usize]);
             if weight > 0.0 {
-                drawn.edge = scene.words[(scene.words[tree + LEAF_EDGES] + leaf + lane) as usize];
+                drawn.edge = scene.words[(scene.header[tree + LEAF_EDGES] + leaf + lane) as usize];
                 drawn.per_chance = total / weight;
                 passed += weight;
                 if target < passed {

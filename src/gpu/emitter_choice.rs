@@ -21,7 +21,7 @@ pub(super) fn site(scene: &Scene, position: V3, normal: V3, time: f32) -> Site {
     let mut sum = 0.0f32;
     if comptime!(scene.features.by_solid_angle) {
         let mut k = 0u32;
-        while k < scene.words[EMITTER_COUNT] {
+        while k < scene.header[EMITTER_COUNT] {
             sum += seen_from(scene, k, position, time);
             k += 1;
         }
@@ -40,7 +40,7 @@ pub(super) fn site(scene: &Scene, position: V3, normal: V3, time: f32) -> Site {
 /// Radiance times the solid angle under which a point sees an emitter; about the irradiance by a light without extent.
 #[cube]
 fn seen_from(scene: &Scene, k: u32, x: V3, time: f32) -> f32 {
-    let brightness = scene.floats[(scene.words[EMITTERS] + 2 * k) as usize];
+    let brightness = scene.floats[(scene.header[EMITTERS] + 2 * k) as usize];
     let mut seen = 0.0f32;
     if is_light(scene, k) {
         if comptime!(scene.features.lights) {
@@ -55,7 +55,7 @@ fn seen_from(scene: &Scene, k: u32, x: V3, time: f32) -> f32 {
 
 #[cube]
 fn fixed(scene: &Scene, k: u32) -> f32 {
-    scene.floats[(scene.words[EMITTERS] + 2 * k + 1) as usize]
+    scene.floats[(scene.header[EMITTERS] + 2 * k + 1) as usize]
 }
 
 /// The probability of an emitter.
@@ -88,8 +88,8 @@ pub(super) struct GroupChoice {
 #[cube]
 pub(super) fn choose_group(scene: &Scene, u: f32, at: &Site) -> GroupChoice {
     let choice: Choice = choose(scene, u, at);
-    let group = scene.words[(scene.words[GROUP_OF_EMITTERS] + choice.emitter) as usize];
-    let row = (scene.words[OF_GROUPS] + OF_GROUP * group) as usize;
+    let group = scene.words[(scene.header[GROUP_OF_EMITTERS] + choice.emitter) as usize];
+    let row = (scene.header[OF_GROUPS] + OF_GROUP * group) as usize;
     let mut k = scene.words[row];
     let past = k + scene.words[row + 1];
     let mut p = 0.0f32;
@@ -134,8 +134,8 @@ pub(super) fn choose(scene: &Scene, u: f32, at: &Site) -> Choice {
 /// One of many, with probabilities that do not depend on the point.
 #[cube]
 fn choose_by_sums(scene: &Scene, u: f32) -> Choice {
-    let first = scene.words[FIXED_SUMS];
-    let mut k = first_over(scene.floats, first, scene.words[EMITTER_COUNT], 1u32, u);
+    let first = scene.header[FIXED_SUMS];
+    let mut k = first_over(scene.floats, first, scene.header[EMITTER_COUNT], 1u32, u);
     // Rounding may leave the sum a little under 1: then the last that can be is taken.
     while k > 0 && fixed(scene, k) <= 0.0 {
         k -= 1;
@@ -155,7 +155,7 @@ fn choose_by_sums(scene: &Scene, u: f32) -> Choice {
 /// One of so few that all are looked at.
 #[cube]
 fn choose_of_few(scene: &Scene, u: f32, at: &Site) -> Choice {
-    let count = scene.words[EMITTER_COUNT];
+    let count = scene.header[EMITTER_COUNT];
     let mut k = 0u32;
     let mut passed = 0.0f32;
     // Rounding may leave the sum a little under 1: then the last that can be is taken.
@@ -196,7 +196,7 @@ pub(super) fn next_emitter_hit(
         found = next_hit_in_tree(scene, from, x, direction, time);
     } else {
         let mut k = from;
-        while k < scene.words[EMISSIVE_COUNT] && found.emitter == NONE {
+        while k < scene.header[EMISSIVE_COUNT] && found.emitter == NONE {
             found = hits_emitter(scene, k, x, direction, time);
             k += 1;
         }

@@ -10,7 +10,7 @@ use super::film_table::{ALL, DrawnPiece, MOST, OF_FILM, OWN, RADIUS, TOTAL, draw
 use super::finite::{is_finite, is_nonzero};
 use super::hit::{Ray, trace};
 use super::jumps::hides;
-use super::layout::{FLOAT_HEADER, HEADER, HEIGHT, NONE, SEED_OF_CONES, WIDTH};
+use super::layout::{HEIGHT, NONE, SEED_OF_CONES, WIDTH};
 use super::numbers::{numbers_of, numbers_of_film, on_disk};
 use super::passes::{is_asked, upstream_of};
 use super::reading::Scene;
@@ -28,8 +28,8 @@ const NO_PIXEL: u32 = u32::MAX;
 #[cube]
 fn row_of(scene: &Scene, places: &[u32], x: f32, y: f32, #[comptime] listed: bool) -> u32 {
     let mut row = NONE.runtime();
-    if x >= 0.0 && y >= 0.0 && x < scene.words[WIDTH] as f32 && y < scene.words[HEIGHT] as f32 {
-        row = y as u32 * scene.words[WIDTH] + x as u32;
+    if x >= 0.0 && y >= 0.0 && x < scene.header[WIDTH] as f32 && y < scene.header[HEIGHT] as f32 {
+        row = y as u32 * scene.header[WIDTH] + x as u32;
         if listed {
             row = places[row as usize];
         }
@@ -67,11 +67,7 @@ pub(super) fn film_jumps(
         if spread > 0 {
             which = thread / spread.max(1);
         }
-        let scene = Scene::new(
-            &floats[which as usize * FLOAT_HEADER..],
-            &words[which as usize * HEADER..],
-            features,
-        );
+        let scene = Scene::new(floats, words, which, features);
         let sums = Totals::new(&totals[replica_of(thread, replicas, region)..], scales, of);
         let places = &films[(OF_FILM * views) as usize..];
         let film_of = (OF_FILM * which) as usize;
@@ -126,7 +122,7 @@ pub(super) fn film_jumps(
             }
             if row != NONE {
                 let g = upstream_of(
-                    scene.floats,
+                    scene.settings,
                     upstream,
                     which * of_view + row,
                     1.0f32.runtime(),

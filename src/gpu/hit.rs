@@ -165,19 +165,19 @@ pub(super) fn trace(
             safe_inverse(ray.direction.z),
         );
         let mut top = 0u32;
-        let mut node = scene.words[ROOT];
+        let mut node = scene.header[ROOT];
         let mut going = true;
         while going {
             let mut popped = true;
             if node >= LEAF {
-                let leaf = (scene.words[LEAVES] + 2 * (node - LEAF)) as usize;
+                let leaf = (scene.header[LEAVES] + 2 * (node - LEAF)) as usize;
                 let mut k = scene.words[leaf];
                 let past = k + scene.words[leaf + 1];
                 while k < past {
-                    let at = scene.words[HITS] + k * HIT_STRIDE as u32;
+                    let at = scene.header[HITS] + k * HIT_STRIDE as u32;
                     let found = meet(scene, at, ray, margin, t);
                     if found < t {
-                        let number = scene.words[(scene.words[HIT_NUMBERS] + k) as usize];
+                        let number = scene.words[(scene.header[HIT_NUMBERS] + k) as usize];
                         if !select || !unseen.contains(number) {
                             if !passes(scene, at, number, ray, found) {
                                 t = found;
@@ -191,10 +191,10 @@ pub(super) fn trace(
                     top = 0;
                 }
             } else {
-                let at = scene.words[BOXES] + 12 * node;
+                let at = scene.header[BOXES] + 12 * node;
                 let first = enter(scene, at, ray, inverse, margin, t);
                 let second = enter(scene, at + 6, ray, inverse, margin, t);
-                let children = (scene.words[CHILDREN] + 2 * node) as usize;
+                let children = (scene.header[CHILDREN] + 2 * node) as usize;
                 let mut near = scene.words[children];
                 let mut far = scene.words[children + 1];
                 if second < first {
@@ -221,15 +221,15 @@ pub(super) fn trace(
         }
     } else {
         let mut k = 0u32;
-        while k < scene.words[HIT_COUNT] {
-            let at = scene.words[HITS] + k * HIT_STRIDE as u32;
+        while k < scene.header[HIT_COUNT] {
+            let at = scene.header[HITS] + k * HIT_STRIDE as u32;
             let found = meet(scene, at, ray, margin, t);
             if found < t && (!select || !unseen.contains(k)) {
                 if !passes(scene, at, k, ray, found) {
                     t = found;
                     triangle = k;
                     if any {
-                        k = scene.words[HIT_COUNT] - 1;
+                        k = scene.header[HIT_COUNT] - 1;
                     }
                 }
             }

@@ -10,10 +10,10 @@ use crate::model::{V3, v2};
 /// Whether a triangle has a hole at the point with these weights of its corners.
 #[cube]
 pub(super) fn is_open(scene: &Scene, triangle: u32, weights: V3) -> bool {
-    let place = scene.words[(scene.words[MASKED] + triangle) as usize];
+    let place = scene.words[(scene.header[MASKED] + triangle) as usize];
     let mut open = false;
     if place != NONE {
-        let at = (scene.words[MASKED_UVS] + OF_MASKED as u32 * place) as usize;
+        let at = (scene.header[MASKED_UVS] + OF_MASKED as u32 * place) as usize;
         let uv = v2(
             scene.floats[at] * weights.x
                 + scene.floats[at + 2] * weights.y
@@ -22,9 +22,9 @@ pub(super) fn is_open(scene: &Scene, triangle: u32, weights: V3) -> bool {
                 + scene.floats[at + 3] * weights.y
                 + scene.floats[at + 5] * weights.z,
         );
-        let mask = (scene.words[MASKS] + 4 * place) as usize;
+        let mask = (scene.header[MASKS] + 4 * place) as usize;
         let cell = cell_of_texture(scene, mask, uv);
-        let first = scene.words[ALPHAS] + scene.words[mask];
+        let first = scene.header[ALPHAS] + scene.words[mask];
         let a = scene.floats[(first + cell.a) as usize];
         let b = scene.floats[(first + cell.b) as usize];
         let c = scene.floats[(first + cell.c) as usize];

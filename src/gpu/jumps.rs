@@ -112,7 +112,7 @@ fn delta_behind(
     if bent.mirrored {
         image = mirrored(p.to, outer);
     }
-    let density = cone_density(bent.direction, image, scene.floats[CONE]);
+    let density = cone_density(bent.direction, image, scene.settings[CONE]);
     let mut found = no_light();
     found.emission = target.radiance * (target.angle * density);
     found.limit = up_to_target(&target, start, past);
@@ -127,7 +127,7 @@ fn delta_behind(
 pub(super) fn hides(scene: &Scene, hit: Hit, p: &EdgePoint, time: f32) -> bool {
     let mut hidden = false;
     if hit.triangle != NONE && hit.t < p.to.length() {
-        let at = scene.words[SURFACES] + SURFACE_STRIDE as u32 * hit.triangle;
+        let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * hit.triangle;
         let at_rest = p.position - shift_of(scene, hit.triangle, time);
         let off = scene.vector(at + 9).dot(at_rest) - scene.floats[at as usize + 12];
         hidden = off.abs() > TOUCHING * (0.1 + p.position.abs().max_element());
@@ -156,7 +156,7 @@ pub(super) fn jumps_seen_from(
     let x = o.point.position;
     let shading = o.point.shading;
     let geometric = shading.geometric;
-    let last = o.bounce >= scene.words[BOUNCES];
+    let last = o.bounce >= scene.header[BOUNCES];
     let mut turn = 1u32;
     if comptime!(scene.features.emitters) {
         turn = 0u32;
@@ -169,12 +169,12 @@ pub(super) fn jumps_seen_from(
         if !s.moves {
             tree = EDGE_TREES + OF_TREE;
         }
-        if s.asked && scene.words[tree + LEAF_COUNT] > 0 {
+        if s.asked && scene.header[tree + LEAF_COUNT] > 0 {
             let own = o.point.triangle;
             let p = edge_point(scene, edge_room, tree, &s.query, own, s.u, s.v, sums.of);
             let view = p.to.normalize();
             let mut outer = shading.outer(view);
-            let around = bend(view, outer, scene.floats[CONE], s.cone_u, s.cone_v);
+            let around = bend(view, outer, scene.settings[CONE], s.cone_u, s.cone_v);
             let mut axis = around.direction;
             let mut k = s.first;
             let mut past = s.past;

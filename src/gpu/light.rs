@@ -34,9 +34,9 @@ pub(super) struct Emitter {
 
 #[cube]
 pub(super) fn emitter(scene: &Scene, k: u32, time: f32) -> Emitter {
-    let triangle = scene.words[(scene.words[OF_EMITTERS] + k) as usize];
-    let row = (scene.words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize;
-    let at = scene.words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+    let triangle = scene.words[(scene.header[OF_EMITTERS] + k) as usize];
+    let row = (scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize;
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * triangle;
     let material = scene.words[row];
     let object = scene.words[row + 1];
     let shift = displacement(scene, object, time);
@@ -57,7 +57,7 @@ pub(super) fn emitter(scene: &Scene, k: u32, time: f32) -> Emitter {
 pub(super) fn is_light(scene: &Scene, k: u32) -> bool {
     let mut found = false;
     if comptime!(scene.features.lights) {
-        found = k >= scene.words[EMISSIVE_COUNT];
+        found = k >= scene.header[EMISSIVE_COUNT];
     }
     found
 }
@@ -65,9 +65,9 @@ pub(super) fn is_light(scene: &Scene, k: u32) -> bool {
 /// The light without extent that an emitter is.
 #[cube]
 pub(super) fn delta_light(scene: &Scene, k: u32) -> DeltaLight {
-    let i = k - scene.words[EMISSIVE_COUNT];
-    let at = scene.words[LIGHTS] + OF_LIGHT as u32 * i;
-    let bits = scene.words[(scene.words[LIGHT_BITS] + i) as usize];
+    let i = k - scene.header[EMISSIVE_COUNT];
+    let at = scene.header[LIGHTS] + OF_LIGHT as u32 * i;
+    let bits = scene.words[(scene.header[LIGHT_BITS] + i) as usize];
     DeltaLight {
         position: scene.vector(at),
         axis: scene.vector(at + 3),
@@ -144,10 +144,10 @@ pub(super) fn hits_emitter(scene: &Scene, k: u32, x: V3, direction: V3, time: f3
 pub(super) fn sky(scene: &Scene, direction: V3) -> V3 {
     let mut radiance = splat(0.0);
     if comptime!(scene.features.sky_constant) {
-        radiance = scene.vector(scene.words[SKY]);
+        radiance = scene.vector(scene.header[SKY]);
     }
     if comptime!(scene.features.sky_map) {
-        radiance = in_cell(scene, scene.words[SKY], cell_of_map(scene, direction));
+        radiance = in_cell(scene, scene.header[SKY], cell_of_map(scene, direction));
     }
     radiance
 }
@@ -160,12 +160,12 @@ pub(super) fn cell_of_map(scene: &Scene, direction: V3) -> Cell {
     let y = place.y - 0.5;
     let left = x.floor();
     let top = y.floor();
-    let width = scene.words[SKY_WIDTH] as i32;
-    let last = scene.words[SKY_HEIGHT] as i32 - 1;
+    let width = scene.header[SKY_WIDTH] as i32;
+    let last = scene.header[SKY_HEIGHT] as i32 - 1;
     let i = ((left as i32 + width) % width) as u32;
     let j = ((left as i32 + 1 + width) % width) as u32;
-    let above = (top as i32).max(0).min(last) as u32 * scene.words[SKY_WIDTH];
-    let below = (top as i32 + 1).max(0).min(last) as u32 * scene.words[SKY_WIDTH];
+    let above = (top as i32).max(0).min(last) as u32 * scene.header[SKY_WIDTH];
+    let below = (top as i32 + 1).max(0).min(last) as u32 * scene.header[SKY_WIDTH];
     Cell {
         a: above + i,
         b: above + j,
@@ -181,33 +181,33 @@ pub(super) fn cell_of_map(scene: &Scene, direction: V3) -> Cell {
 fn place_in_map(scene: &Scene, d: V3) -> V2 {
     let around = (d.x * d.x + d.z * d.z).sqrt();
     v2(
-        (0.5 + d.x.atan2(-d.z) / TAU) * scene.words[SKY_WIDTH] as f32,
-        around.atan2(d.y) / PI * scene.words[SKY_HEIGHT] as f32,
+        (0.5 + d.x.atan2(-d.z) / TAU) * scene.header[SKY_WIDTH] as f32,
+        around.atan2(d.y) / PI * scene.header[SKY_HEIGHT] as f32,
     )
 }
 
 /// The density per solid angle with which [`choose_direction`] draws a direction.
 #[cube]
 pub(super) fn density_of_direction(scene: &Scene, d: V3) -> f32 {
-    let width = scene.words[SKY_WIDTH];
-    let height = scene.words[SKY_HEIGHT];
+    let width = scene.header[SKY_WIDTH];
+    let height = scene.header[SKY_HEIGHT];
     let place = place_in_map(scene, d);
     let x = (place.x.max(0.0) as u32).min(width - 1);
     let y = (place.y.max(0.0) as u32).min(height - 1);
     let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
-    let p = scene.floats[(scene.words[SKY_CHANCES] + y * width + x) as usize];
+    let p = scene.floats[(scene.header[SKY_CHANCES] + y * width + x) as usize];
     p * (width * height) as f32 / (TAU * PI * sine)
 }
 
 /// A direction to the map for a pair of random numbers.
 #[cube]
 pub(super) fn choose_direction(scene: &Scene, u: f32, v: f32) -> V3 {
-    let width = scene.words[SKY_WIDTH];
-    let height = scene.words[SKY_HEIGHT];
-    let rows = scene.words[SKY_ROWS];
+    let width = scene.header[SKY_WIDTH];
+    let height = scene.header[SKY_HEIGHT];
+    let rows = scene.header[SKY_ROWS];
     let wanted = v * scene.floats[(rows + height - 1) as usize];
     let y = first_over(scene.floats, rows, height, 1u32, wanted);
-    let row = scene.words[SKY_COLUMNS] + y * width;
+    let row = scene.header[SKY_COLUMNS] + y * width;
     let along = u * scene.floats[(row + width - 1) as usize];
     let x = first_over(scene.floats, row, width, 1u32, along);
     let turn = (x as f32 + inside(scene, row, x, along)) / width as f32 - 0.5;

@@ -82,9 +82,9 @@ pub(super) fn light_backward(
             let by_light = seen.backward(e.normal, e.area, by_angle, by_direction);
             if comptime!(sums.of.objects) {
                 if is_wanted(scene, e.object) {
-                    let at = scene.words[FIRST_SUMS + AREAS] + e.triangle;
+                    let at = scene.header[FIRST_SUMS + AREAS] + e.triangle;
                     sums.add(at, by_light.area, AREAS);
-                    let at = scene.words[FIRST_SUMS + TRIANGLES] + 3 * e.triangle;
+                    let at = scene.header[FIRST_SUMS + TRIANGLES] + 3 * e.triangle;
                     sums.add_vector(at, by_light.normal, TRIANGLES);
                     add_to_corners(
                         scene,
@@ -112,9 +112,9 @@ pub(super) fn add_to_light(
     by: &DeltaGradient,
     by_strength: V3,
 ) {
-    let i = k - scene.words[EMISSIVE_COUNT];
-    if scene.words[(scene.words[LIGHT_BITS] + i) as usize] & WANTED != 0 {
-        let first = scene.words[FIRST_SUMS + LIGHTS] + OF_LIGHT as u32 * i;
+    let i = k - scene.header[EMISSIVE_COUNT];
+    if scene.words[(scene.header[LIGHT_BITS] + i) as usize] & WANTED != 0 {
+        let first = scene.header[FIRST_SUMS + LIGHTS] + OF_LIGHT as u32 * i;
         sums.add_vector(first, by.position, LIGHTS);
         sums.add_vector(first + 3, by.axis, LIGHTS);
         sums.add_vector(first + 6, by_strength, LIGHTS);

@@ -56,7 +56,7 @@ fn brings(scene: &Scene, branch: u32, x: V3, normal: V3) -> f32 {
 
 #[cube]
 fn branch_of(scene: &Scene, node: u32, lane: u32) -> u32 {
-    scene.words[LIGHT_BRANCHES] + OF_LIGHT_TREE as u32 * (LANES * node + lane)
+    scene.header[LIGHT_BRANCHES] + OF_LIGHT_TREE as u32 * (LANES * node + lane)
 }
 
 #[cube]
@@ -97,14 +97,14 @@ fn weigh(scene: &Scene, node: u32, at: &Site, weights: &mut [f32]) -> f32 {
 /// The probability of directional lights.
 #[cube]
 pub(super) fn share_of_distant(scene: &Scene, x: V3, normal: V3) -> f32 {
-    let count = scene.words[DISTANT_COUNT];
-    let nodes = scene.words[LIGHT_NODE_COUNT];
+    let count = scene.header[DISTANT_COUNT];
+    let nodes = scene.header[LIGHT_NODE_COUNT];
     let mut share = 1.0f32;
     if nodes > 0 {
         share = 0.0f32;
         if count > 0 {
-            let strength = scene.floats[(scene.words[DISTANT_SUMS] + count - 1) as usize];
-            let seen = facing(scene, scene.words[DISTANT_AXES], normal, 0.0f32.runtime());
+            let strength = scene.floats[(scene.header[DISTANT_SUMS] + count - 1) as usize];
+            let seen = facing(scene, scene.header[DISTANT_AXES], normal, 0.0f32.runtime());
             let distant = 0.5 * strength * seen.max(0.0);
             // All of the tree are behind its nodes.
             let near = brings(scene, branch_of(scene, nodes, 0u32), x, normal);
@@ -127,7 +127,7 @@ pub(super) fn choose_in_tree(scene: &Scene, u: f32, at: &Site) -> Choice {
         rest: 0.0f32,
     };
     let distant = at.sum;
-    if scene.words[LIGHT_NODE_COUNT] > 0 && u >= distant {
+    if scene.header[LIGHT_NODE_COUNT] > 0 && u >= distant {
         let mut room = Array::<f32>::new(8usize);
         let weights = room.as_mut_slice();
         let mut rest = ((u - distant) / (1.0 - distant)).min(MOST);
@@ -154,18 +154,18 @@ pub(super) fn choose_in_tree(scene: &Scene, u: f32, at: &Site) -> Choice {
             rest = ((target - before) / weights[lane as usize])
                 .max(0.0)
                 .min(MOST);
-            let row = scene.words[LIGHT_NODES] + OF_LIGHT_NODE as u32 * node;
+            let row = scene.header[LIGHT_NODES] + OF_LIGHT_NODE as u32 * node;
             node = scene.words[(row + lane) as usize];
             going = scene.words[(row + 10) as usize] == 0;
         }
         choice.emitter = node;
         choice.rest = rest;
     } else {
-        let count = scene.words[DISTANT_COUNT];
-        let sums = scene.words[DISTANT_SUMS];
+        let count = scene.header[DISTANT_COUNT];
+        let sums = scene.header[DISTANT_SUMS];
         let place = u / distant * scene.floats[(sums + count - 1) as usize];
         let i = first_over(scene.floats, sums, count, 1u32, place);
-        choice.emitter = scene.words[(scene.words[DISTANT] + i) as usize];
+        choice.emitter = scene.words[(scene.header[DISTANT] + i) as usize];
     }
     choice
 }
@@ -173,18 +173,18 @@ pub(super) fn choose_in_tree(scene: &Scene, u: f32, at: &Site) -> Choice {
 /// The probability of an emitter, or of the leaf that it is in.
 #[cube]
 pub(super) fn chance_in_tree(scene: &Scene, k: u32, of_leaf: bool, at: &Site) -> f32 {
-    let place = (scene.words[LIGHT_PLACES] + 2 * k) as usize;
+    let place = (scene.header[LIGHT_PLACES] + 2 * k) as usize;
     let mut node = scene.words[place];
     let mut lane = scene.words[place + 1];
     let mut chance = at.sum;
     if node == NONE {
-        let sums = scene.words[DISTANT_SUMS];
+        let sums = scene.header[DISTANT_SUMS];
         let mut before = 0.0f32;
         if lane > 0 {
             before = scene.floats[(sums + lane - 1) as usize];
         }
         let own = scene.floats[(sums + lane) as usize] - before;
-        chance *= own / scene.floats[(sums + scene.words[DISTANT_COUNT] - 1) as usize];
+        chance *= own / scene.floats[(sums + scene.header[DISTANT_COUNT] - 1) as usize];
     } else {
         chance = 1.0 - chance;
         let mut room = Array::<f32>::new(8usize);
@@ -196,7 +196,7 @@ pub(super) fn chance_in_tree(scene: &Scene, k: u32, of_leaf: bool, at: &Site) ->
                 chance *= weights[lane as usize] / total;
             }
             skips = false;
-            let row = scene.words[LIGHT_NODES] + OF_LIGHT_NODE as u32 * node;
+            let row = scene.header[LIGHT_NODES] + OF_LIGHT_NODE as u32 * node;
             node = scene.words[(row + 8) as usize];
             lane = scene.words[(row + 9) as usize];
         }
@@ -215,12 +215,12 @@ pub(super) fn next_hit_in_tree(
 ) -> EmitterHit {
     let mut found: EmitterHit = no_emitter_hit();
     let mut node = 0u32;
-    if scene.words[LIGHT_NODE_COUNT] == 0 {
+    if scene.header[LIGHT_NODE_COUNT] == 0 {
         node = NONE;
     }
     let mut lane = 0u32;
     while node != NONE {
-        let row = (scene.words[LIGHT_NODES] + OF_LIGHT_NODE as u32 * node) as usize;
+        let row = (scene.header[LIGHT_NODES] + OF_LIGHT_NODE as u32 * node) as usize;
         if lane == LANES {
             node = scene.words[row + 8];
             lane = scene.words[row + 9] + 1;
@@ -234,7 +234,7 @@ pub(super) fn next_hit_in_tree(
                     lane = 0u32;
                 } else if child >= from
                     && child < found.emitter
-                    && child < scene.words[EMISSIVE_COUNT]
+                    && child < scene.header[EMISSIVE_COUNT]
                 {
                     let hit = hits_emitter(scene, child, x, direction, time);
                     if hit.emitter != NONE {

@@ -258,7 +258,7 @@ fn render_pixels(
     if ABSOLUTE_POS < (piece.count * chunks) as usize {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::new(&floats[which.floats()..], &words[which.words()..], features);
+        let scene = Scene::new(floats, words, which.view, features);
         let mut room = Array::<u32>::new(scene.features.stack);
         let stack = room.as_mut_slice();
         let rows = comptime!(outputs.rows());
@@ -291,7 +291,7 @@ fn render_pixels(
                 at += 1;
             }
             if comptime!(outputs.depth) {
-                image[at] += seen.depth * scale * scene.floats[UNIT];
+                image[at] += seen.depth * scale * scene.settings[UNIT];
                 at += 1;
             }
             if comptime!(outputs.normals) {
@@ -303,7 +303,7 @@ fn render_pixels(
             if comptime!(outputs.objects > 0) {
                 let mut object = comptime!(outputs.objects as u32 - 1).runtime();
                 if seen.object != NONE {
-                    object = scene.words[(scene.words[COUNTED] + seen.object) as usize];
+                    object = scene.words[(scene.header[COUNTED] + seen.object) as usize];
                 }
                 image[at + object as usize] += scale;
             }

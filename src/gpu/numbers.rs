@@ -63,8 +63,8 @@ fn stream(scene: &Scene, seed: Wide, pixel: u32, sample: u32, samples: u32, pixe
     let mut shuffled = 0u32;
     let mut stage = wide(0u32, 0u32);
     if comptime!(scene.features.sobol) {
-        let x = pixel % scene.words[WIDTH];
-        let y = pixel / scene.words[WIDTH];
+        let x = pixel % scene.header[WIDTH];
+        let y = pixel / scene.header[WIDTH];
         let place = wide(
             spread(x & 0xffff) | (spread(y & 0xffff) << 1),
             spread(x >> 16) | (spread(y >> 16) << 1),
@@ -89,21 +89,21 @@ fn stream(scene: &Scene, seed: Wide, pixel: u32, sample: u32, samples: u32, pixe
 /// The random numbers of a path, of the stream whose seed is at a place of the header.
 #[cube]
 pub(super) fn numbers_of(scene: &Scene, seed: usize, pixel: u32, sample: u32) -> Stream {
-    let seed = wide(scene.words[seed], scene.words[seed + 1]);
+    let seed = wide(scene.header[seed], scene.header[seed + 1]);
     stream(
         scene,
         seed,
         pixel,
         sample,
-        scene.words[SAMPLES_LOG],
-        scene.words[BLOCKS],
+        scene.header[SAMPLES_LOG],
+        scene.header[BLOCKS],
     )
 }
 
 /// Those of samples of the film: a sequence as long as there is for one pixel.
 #[cube]
 pub(super) fn numbers_of_film(scene: &Scene, sample: u32) -> Stream {
-    let seed = wide(scene.words[SEED_OF_FILM], scene.words[SEED_OF_FILM + 1]);
+    let seed = wide(scene.header[SEED_OF_FILM], scene.header[SEED_OF_FILM + 1]);
     let pixel = 0u32.runtime();
     stream(scene, seed, pixel, sample, 16u32.runtime(), pixel)
 }
@@ -126,7 +126,7 @@ impl Stream {
             stage = mix(self.block.xor(wide(0u32, later)));
             shuffled = owen_scramble(self.index.reverse_bits(), stage.low);
         }
-        let first = scene.words[TABLES] + (set % HEIGHT_OF_TABLE) * 256;
+        let first = scene.header[TABLES] + (set % HEIGHT_OF_TABLE) * 256;
         let a = first + (shuffled >> 28) * 4;
         let b = first + 64 + ((shuffled >> 24) & 15) * 4;
         let c = first + 128 + ((shuffled >> 20) & 15) * 4;

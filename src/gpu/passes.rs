@@ -77,8 +77,8 @@ pub(super) fn keep_paths(
     if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::new(&floats[which.floats()..], &words[which.words()..], features);
-        let g = upstream_of(scene.floats, upstream, which.row, scale, outputs);
+        let scene = Scene::new(floats, words, which.view, features);
+        let g = upstream_of(scene.settings, upstream, which.row, scale, outputs);
         if is_asked(&g) {
             let mut room = Array::<u32>::new(scene.features.stack);
             let stack = room.as_mut_slice();
@@ -95,7 +95,7 @@ pub(super) fn keep_paths(
                 false,
                 true,
             );
-            records[points_at(scene.words, room)] = seen.points;
+            records[points_at(scene.header, room)] = seen.points;
         }
     }
 }
@@ -148,14 +148,14 @@ pub(super) fn add_jumps(
         let thread = ABSOLUTE_POS as u32 % threads;
         let k = ABSOLUTE_POS as u32 / threads;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::new(&floats[which.floats()..], &words[which.words()..], features);
+        let scene = Scene::new(floats, words, which.view, features);
         let sums = Totals::new(&totals[replica_of(thread, replicas, region)..], scales, of);
         let typical = scales[TYPICAL + which.view as usize];
         let room = Room { thread, threads };
-        let g = upstream_of(scene.floats, upstream, which.row, scale, outputs);
+        let g = upstream_of(scene.settings, upstream, which.row, scale, outputs);
         let mut points = 0u32;
         if is_asked(&g) {
-            points = records[points_at(scene.words, room)];
+            points = records[points_at(scene.header, room)];
         }
         if k < points {
             let mut by = no_point_gradient();
@@ -183,12 +183,12 @@ pub(super) fn add_jumps(
                 let edges = edge_room.as_mut_slice();
                 jumps_seen_from(&scene, stack, edges, &sums, &path, &at, &mut by);
             }
-            put(scene.words, records, room, k, 0u32, by.position);
-            put(scene.words, records, room, k, 3u32, by.geometric);
-            put(scene.words, records, room, k, 6u32, by.shading.normal);
-            put(scene.words, records, room, k, 9u32, by.shading.incoming);
-            records[jumped_at(scene.words, room, k, 12u32)] = by.shading.exponent.to_bits();
-            records[jumped_at(scene.words, room, k, 13u32)] = by.shading.specular.x.to_bits();
+            put(scene.header, records, room, k, 0u32, by.position);
+            put(scene.header, records, room, k, 3u32, by.geometric);
+            put(scene.header, records, room, k, 6u32, by.shading.normal);
+            put(scene.header, records, room, k, 9u32, by.shading.incoming);
+            records[jumped_at(scene.header, room, k, 12u32)] = by.shading.exponent.to_bits();
+            records[jumped_at(scene.header, room, k, 13u32)] = by.shading.specular.x.to_bits();
         }
     }
 }
@@ -216,15 +216,15 @@ pub(super) fn go_back(
     if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::new(&floats[which.floats()..], &words[which.words()..], features);
+        let scene = Scene::new(floats, words, which.view, features);
         let sums = Totals::new(&totals[replica_of(thread, replicas, region)..], scales, of);
-        let g = upstream_of(scene.floats, upstream, which.row, scale, outputs);
+        let g = upstream_of(scene.settings, upstream, which.row, scale, outputs);
         if is_asked(&g) {
             let mut by_camera = no_camera_gradient();
             let room = Room { thread, threads };
             let sample = piece.from + thread / piece.count;
             let path = begin(&scene, which.pixel, sample);
-            let points = records[points_at(scene.words, room)];
+            let points = records[points_at(scene.header, room)];
             path_backward(
                 &scene,
                 records,

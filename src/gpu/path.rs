@@ -144,7 +144,7 @@ pub(super) fn path_light(
     let mut direction = first.direction;
     let mut limit = f32::MAX.runtime();
     let mut light = splat(0.0);
-    let bounces = scene.words[BOUNCES];
+    let bounces = scene.header[BOUNCES];
     let mut begins = true;
     if beside {
         bounce = start.bounce;
@@ -354,7 +354,7 @@ pub(super) fn path_light(
                 throughput = throughput.times(scatter.weight);
                 let mut survived = 1.0f32;
                 if comptime!(scene.features.roulette) {
-                    if !last && bounce >= scene.words[ROULETTE_AFTER] {
+                    if !last && bounce >= scene.header[ROULETTE_AFTER] {
                         let survival = throughput.max_element().max(0.05).min(1.0);
                         let drawn = numbers.choices(scene, bounce);
                         if drawn.y >= survival {
@@ -376,7 +376,7 @@ pub(super) fn path_light(
                     v = set.y;
                 }
                 let outer = from.point.shading.outer(scatter.direction);
-                let bent = bend(scatter.direction, outer, scene.floats[CONE], u, v);
+                let bent = bend(scatter.direction, outer, scene.settings[CONE], u, v);
                 chosen.start = lifted(from.point.position, outer);
                 chosen.direction = bent.direction;
                 chosen.limit = f32::MAX;

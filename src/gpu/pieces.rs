@@ -2,8 +2,6 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::layout::{FLOAT_HEADER, HEADER};
-
 /// Samples of pixels, which are counted over all views.
 #[derive(CubeType, CubeLaunch, Clone, Copy, Debug)]
 #[expand(derive(Clone, Copy))]
@@ -34,18 +32,6 @@ pub(super) struct PixelAt {
     pub row: u32,
     pub view: u32,
     pub pixel: u32,
-}
-
-#[cube]
-impl PixelAt {
-    /// Where floats and words of its view begin.
-    pub fn floats(&self) -> usize {
-        self.view as usize * FLOAT_HEADER
-    }
-
-    pub fn words(&self) -> usize {
-        self.view as usize * HEADER
-    }
 }
 
 /// A pixel of a piece.

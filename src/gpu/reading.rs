@@ -3,13 +3,17 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
-use super::layout::{SURFACE_STRIDE, SURFACES};
+use super::layout::{FLOAT_HEADER, HEADER, SURFACE_STRIDE, SURFACES};
 use crate::model::triangle::weights_at;
 use crate::model::{V3, v3};
 
 /// A scene as a camera sees it, as two lists ([`layout`](super::layout)), and what kernels of it are compiled for.
 #[derive(CubeType, Clone, Copy)]
 pub(super) struct Scene<'a> {
+    /// Words of the view's header, and its floats: the camera, and settings.
+    pub header: &'a [u32],
+    pub settings: &'a [f32],
+    /// The lists that places in the header are of.
     pub floats: &'a [f32],
     pub words: &'a [u32],
     #[cube(comptime)]
@@ -18,8 +22,16 @@ pub(super) struct Scene<'a> {
 
 #[cube]
 impl<'a> Scene<'a> {
-    pub fn new(floats: &'a [f32], words: &'a [u32], #[comptime] features: Features) -> Scene<'a> {
+    /// A view of those in two buffers.
+    pub fn new(
+        floats: &'a [f32],
+        words: &'a [u32],
+        view: u32,
+        #[comptime] features: Features,
+    ) -> Scene<'a> {
         Scene::<'a> {
+            header: &words[view as usize * HEADER..],
+            settings: &floats[view as usize * FLOAT_HEADER..],
             floats,
             words,
             features,
@@ -42,7 +54,7 @@ pub(super) fn vector(floats: &[f32], at: u32) -> V3 {
 /// Weights of a triangle's corners in a point of it, at the start of the shutter.
 #[cube]
 pub(super) fn weights_in(scene: &Scene, triangle: u32, at_rest: V3) -> V3 {
-    let at = scene.words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * triangle;
     weights_at(
         scene.vector(at),
         scene.vector(at + 3),

@@ -144,7 +144,7 @@ pub(super) fn towards_target(
         let bent = bend(
             direction,
             outer,
-            scene.floats[CONE],
+            scene.settings[CONE],
             from.cone_u,
             from.cone_v,
         );
@@ -181,7 +181,7 @@ pub(super) fn towards_map(
         let bent = bend(
             direction,
             outer,
-            scene.floats[CONE],
+            scene.settings[CONE],
             from.cone_u,
             from.cone_v,
         );

@@ -64,7 +64,7 @@ fn start_beside(scene: &Scene, p: &EdgePoint, behind: &Behind, on_plus: bool, ti
         emits: false,
     };
     if face != NONE {
-        let at = scene.words[SURFACES] + SURFACE_STRIDE as u32 * face;
+        let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * face;
         let mut inward = scene.vector(at + 9).cross(p.along);
         if p.crossing {
             let mut towards = inward.dot(behind.across);
@@ -112,7 +112,7 @@ fn normals_beside(scene: &Scene, p: &EdgePoint, behind: &Behind, time: f32) -> P
 
 #[cube]
 fn material_of(scene: &Scene, triangle: u32) -> u32 {
-    scene.words[(scene.words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize]
+    scene.words[(scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize]
 }
 
 /// The light that arrives beside an edge's point, of paths that begin there at a bounce, if they go on; with `film`

@@ -37,7 +37,7 @@ pub(super) struct Point {
 pub(super) fn displacement(scene: &Scene, object: u32, time: f32) -> V3 {
     let mut shift = splat(0.0);
     if comptime!(scene.features.moves) {
-        shift = scene.vector(scene.words[VELOCITIES] + 3 * object) * time;
+        shift = scene.vector(scene.header[VELOCITIES] + 3 * object) * time;
     }
     shift
 }
@@ -53,10 +53,10 @@ pub(super) fn emission_at(scene: &Scene, triangle: u32, material: u32, weights: 
 /// The point of a triangle, about there, seen along a direction.
 #[cube]
 pub(super) fn point_at(scene: &Scene, triangle: u32, near: V3, direction: V3, time: f32) -> Point {
-    let row = (scene.words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize;
+    let row = (scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize;
     let material = scene.words[row];
     let object = scene.words[row + 1];
-    let at = scene.words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * triangle;
     let a = scene.vector(at);
     let b = scene.vector(at + 3);
     let c = scene.vector(at + 6);
@@ -88,12 +88,12 @@ pub(super) fn point_at(scene: &Scene, triangle: u32, near: V3, direction: V3, ti
             smooth = true;
         }
     }
-    let bits = scene.words[(scene.words[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize];
+    let bits = scene.words[(scene.header[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize];
     let mut diffuse = colour(scene, material, 0u32, uv, textured);
     if comptime!(scene.features.tinted) {
-        let rows = (scene.words[COLOUR_ROWS] + 3 * triangle) as usize;
+        let rows = (scene.header[COLOUR_ROWS] + 3 * triangle) as usize;
         if scene.words[rows] != NONE {
-            let corners: Corners = corners_of(scene, scene.words[COLOURS], rows, 3u32);
+            let corners: Corners = corners_of(scene, scene.header[COLOURS], rows, 3u32);
             diffuse = diffuse.times(corners.at(weights));
         }
     }

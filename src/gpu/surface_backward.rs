@@ -59,18 +59,18 @@ pub(super) struct RayGradient {
 #[cube]
 pub(super) fn sky_backward(scene: &Scene, sums: &Totals, direction: V3, g: V3) -> V3 {
     let mut by_direction = splat(0.0);
-    let first = scene.words[FIRST_SUMS + SKY];
+    let first = scene.header[FIRST_SUMS + SKY];
     if comptime!(scene.features.sky_constant && sums.of.sky) {
         sums.add_vector(first, g, SKY);
     }
     if comptime!(scene.features.sky_map) {
         let cell = cell_of_map(scene, direction);
-        let texels = scene.words[SKY_TEXELS];
+        let texels = scene.header[SKY_TEXELS];
         let by = cell_backward(scene, sums, texels, cell, first, g, SKY, sums.of.sky);
         let d = direction;
         let around = (d.x * d.x + d.z * d.z).max(1e-12);
-        let columns = scene.words[SKY_WIDTH] as f32 / std::f32::consts::TAU;
-        let rows = scene.words[SKY_HEIGHT] as f32 / std::f32::consts::PI;
+        let columns = scene.header[SKY_WIDTH] as f32 / std::f32::consts::TAU;
+        let rows = scene.header[SKY_HEIGHT] as f32 / std::f32::consts::PI;
         by_direction = v3(-d.z, 0.0, d.x) * (by.x * columns / around)
             - v3(0.0, 1.0, 0.0) * (by.y * rows / around.sqrt());
     }
@@ -88,17 +88,17 @@ pub(super) fn add_to_corners(
     g: V3,
     time: f32,
 ) {
-    let rows = (scene.words[VERTEX_ROWS] + 3 * triangle) as usize;
+    let rows = (scene.header[VERTEX_ROWS] + 3 * triangle) as usize;
     add_to_rows(scene, sums, rows, weights, g, VERTICES);
     if comptime!(sums.of.velocities) {
-        let at = scene.words[FIRST_SUMS + VELOCITIES] + 3 * object;
+        let at = scene.header[FIRST_SUMS + VELOCITIES] + 3 * object;
         sums.add_vector(at, g * time, VELOCITIES);
     }
 }
 
 #[cube]
 pub(super) fn is_wanted(scene: &Scene, object: u32) -> bool {
-    scene.words[(scene.words[WANTED_OBJECTS] + object) as usize] != 0
+    scene.words[(scene.header[WANTED_OBJECTS] + object) as usize] != 0
 }
 
 /// Adds the derivatives by the scene's parts of a point that has derivatives by its position, geometric normal,
@@ -119,9 +119,9 @@ pub(super) fn point_backward(
     let mut by_colour = splat(0.0);
     let textured = comptime!(scene.features.textured);
     if comptime!(scene.features.tinted) {
-        let rows = (scene.words[COLOUR_ROWS] + 3 * p.triangle) as usize;
+        let rows = (scene.header[COLOUR_ROWS] + 3 * p.triangle) as usize;
         if scene.words[rows] != NONE {
-            let corners: Corners = corners_of(scene, scene.words[COLOURS], rows, 3u32);
+            let corners: Corners = corners_of(scene, scene.header[COLOURS], rows, 3u32);
             let albedo = colour(scene, p.material, 0u32, p.uv, textured);
             by_colour = by_diffuse.times(albedo);
             by_diffuse = by_diffuse.times(corners.at(p.weights));
@@ -192,7 +192,7 @@ pub(super) fn point_backward(
         let with_plane = hit_backward(front, direction, by_point);
         if comptime!(sums.of.objects) {
             if is_wanted(scene, p.object) {
-                let at = scene.words[FIRST_SUMS + TRIANGLES] + 3 * p.triangle;
+                let at = scene.header[FIRST_SUMS + TRIANGLES] + 3 * p.triangle;
                 sums.add_vector(at, by_normal * p.side, TRIANGLES);
                 let g = with_plane - by_place;
                 add_to_corners(scene, sums, p.triangle, p.object, p.weights, g, time);

@@ -82,14 +82,14 @@ pub(super) fn in_cell(scene: &Scene, texels: u32, cell: Cell) -> V3 {
 /// The colour of a texture.
 #[cube]
 pub(super) fn look_up(scene: &Scene, texture: usize, uv: V2) -> V3 {
-    let texels = scene.words[TEXELS] + 3 * scene.words[texture];
+    let texels = scene.header[TEXELS] + 3 * scene.words[texture];
     in_cell(scene, texels, cell_of_texture(scene, texture, uv))
 }
 
 /// The place of the words of a channel's texture; the first is [`NONE`] where it is a constant.
 #[cube]
 pub(super) fn texture_of(scene: &Scene, material: u32, channel: u32) -> usize {
-    (scene.words[OF_MATERIALS] + OF_MATERIAL as u32 * material + 1 + 4 * channel) as usize
+    (scene.header[OF_MATERIALS] + OF_MATERIAL as u32 * material + 1 + 4 * channel) as usize
 }
 
 /// A channel of a material: a constant, or looked up in its texture.
@@ -101,7 +101,7 @@ pub(super) fn colour(
     uv: V2,
     #[comptime] textured: bool,
 ) -> V3 {
-    let mut found = scene.vector(scene.words[MATERIALS] + 12 * material + 3 * channel);
+    let mut found = scene.vector(scene.header[MATERIALS] + 12 * material + 3 * channel);
     if textured {
         let texture = texture_of(scene, material, channel);
         if scene.words[texture] != NONE {

@@ -65,8 +65,8 @@ pub(super) fn texture_backward(
 ) -> V2 {
     let first = 3 * scene.words[texture];
     let cell = cell_of_texture(scene, texture, uv);
-    let texels = scene.words[TEXEL_VALUES] + first;
-    let first = scene.words[FIRST_SUMS + TEXELS] + first;
+    let texels = scene.header[TEXEL_VALUES] + first;
+    let first = scene.header[FIRST_SUMS + TEXELS] + first;
     let by = cell_backward(scene, sums, texels, cell, first, g, TEXELS, wanted);
     v2(
         by.x * scene.words[texture + 1] as f32,
@@ -98,7 +98,7 @@ pub(super) fn colour_backward(
     }
     if wanted {
         if constant {
-            let at = scene.words[FIRST_SUMS + MATERIALS] + 12 * material + 3 * channel;
+            let at = scene.header[FIRST_SUMS + MATERIALS] + 12 * material + 3 * channel;
             sums.add_vector(at, g, MATERIALS);
         }
     }
@@ -114,7 +114,7 @@ pub(super) fn add_to_uvs(scene: &Scene, sums: &Totals, triangle: u32, weights: V
             let mut k = 0u32;
             while k < 3 {
                 let weight = component(weights, k);
-                let at = scene.words[FIRST_SUMS + UVS] + 2 * scene.words[rows + k as usize];
+                let at = scene.header[FIRST_SUMS + UVS] + 2 * scene.words[rows + k as usize];
                 sums.add(at, by_uv.x * weight, UVS);
                 sums.add(at + 1, by_uv.y * weight, UVS);
                 k += 1;
