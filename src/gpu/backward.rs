@@ -1,6 +1,6 @@
 //! Back along a path that left records: `kernel/backward` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::camera::{Beginning, camera, middle_of};
 use super::emitter_choice::{chance, choose, next_emitter_hit, site};
@@ -25,8 +25,7 @@ use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
 
 /// Derivatives of a loss by what a pixel's rays bring back.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Upstream {
     pub radiance: V3,
     pub opacity: f32,

@@ -1,6 +1,6 @@
 //! The beginning of a path: its random numbers and its camera ray.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::layout::{CAMERA, DUAL, FILTER, SEED, SEED_OF_CONES, WIDTH};
 use super::numbers::{Four, Stream, numbers_of, on_disk};
@@ -55,8 +55,7 @@ pub(super) fn camera_ray(scene: &Scene, film: Four, more: Four, pixel: u32) -> C
 }
 
 /// A path's random numbers, and its camera ray.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Beginning {
     pub numbers: Stream,
     pub cones: Stream,

@@ -1,6 +1,6 @@
 //! Values at the corners of triangles, interpolated at points of them: `kernel/corners` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::layout::{
     NONE, NORMAL_MAP, NORMALS, OF_MATERIAL, OF_MATERIALS, OF_TRIANGLE, OF_TRIANGLES, TANGENT_ROWS,
@@ -27,8 +27,7 @@ pub(super) fn normal_rows(scene: &Scene, triangle: u32) -> usize {
 }
 
 /// The vectors at the corners of a triangle.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Corners {
     pub a: V3,
     pub b: V3,
@@ -94,8 +93,7 @@ pub(super) fn normal_at(scene: &Scene, triangle: u32, weights: V3, geometric: V3
 }
 
 /// A tilt of a normal, if there is one.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct TiltAt {
     pub tilt: Tilt,
     pub exists: bool,

@@ -1,6 +1,6 @@
 //! Derivatives by what is interpolated between corners: `kernel/corners` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::corners::{Corners, corners_of, normal_at, normal_rows, tilt_at, uv_rows};
 use super::layout::{
@@ -15,8 +15,7 @@ use crate::model::triangle::barycentric_slopes;
 use crate::model::{V2, V3, splat};
 
 /// Derivatives by a surface point, which each corner takes less by its weight, and by its geometric normal.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct CornersGradient {
     pub place: V3,
     pub geometric: V3,

@@ -1,7 +1,7 @@
 //! Lines in which two triangles pass through each other at a time in the shutter: `kernel/edges/crossings` in a kernel
 //! of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::layout::{SURFACE_STRIDE, SURFACES};
 use super::reading::Scene;
@@ -9,8 +9,7 @@ use crate::kernel::TOUCHING;
 use crate::model::{V3, splat};
 
 /// A triangle at a time.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Flying {
     a: V3,
     b: V3,
@@ -39,8 +38,7 @@ fn flying(scene: &Scene, triangle: u32, shift: V3) -> Flying {
 }
 
 /// A segment of a line, by the places of its ends along that.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Segment {
     from: f32,
     to: f32,
@@ -112,8 +110,7 @@ fn through_plane(t: &Flying, of: &Flying, along: V3, tolerance: f32) -> Segment 
 }
 
 /// The ends of such a line.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Line {
     pub a: V3,
     pub b: V3,

@@ -1,7 +1,7 @@
 //! Points of edges drawn as a point sees them, the faces on their two sides, and their derivatives:
 //! `kernel/boundary/edge_point` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::Derivatives;
 use super::crossing::{Line, line_of_crossing};
@@ -21,8 +21,7 @@ use crate::model::segment::{clip_to_cone, point_by_angle};
 use crate::model::{V3, splat};
 
 /// A point of an edge that is seen from a point.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct EdgePoint {
     /// Where its words begin.
     pub edge: u32,
@@ -130,8 +129,7 @@ pub(super) fn edge_point(
 
 /// The faces of an edge that are seen on its two sides, or [`NONE`] where one sees past it, the direction from the −
 /// side to the + side (`across`), and that of a ray that passes the edge right beside it, on that side if there is one.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Sides {
     pub minus: u32,
     pub plus: u32,

@@ -1,7 +1,7 @@
 //! Where points of a path look for edges: those of the shadows of emitters, and those that surfaces reflect.
 //! `kernel/boundary/vertex` and `kernel/boundary/reflected` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::Derivatives;
 use super::edge_layout::{GROUP_STRIDE, GROUPS, OF_GROUP, OF_GROUPS};
@@ -19,8 +19,7 @@ use crate::model::cone::widened;
 use crate::model::frame::SinCos;
 
 /// A point of a path that looks at edges.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Observer {
     pub point: Point,
     pub bounce: u32,
@@ -39,8 +38,7 @@ const LEAST: f32 = 0.05;
 const RATE_OF_LIGHT: f32 = 0.25;
 const RATE: f32 = 0.125;
 /// A search for an edge, and what is done with it.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Search {
     pub query: Query,
     pub lobe: Lobe,

@@ -1,6 +1,6 @@
 //! An edge drawn as a point sees it: `kernel/edges` in a kernel of a GPU, lane by lane.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::edge_layout::{
     CHILDREN, LEAF_COUNT, LEAF_EDGES, LEAF_STRIDE, LEAVES, NODE_COUNT, NODE_STRIDE, NODES,
@@ -12,8 +12,7 @@ use super::reading::Scene;
 use crate::model::choice::decided_by;
 
 /// An edge that was drawn, or [`NONE`], and 1 over its probability.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct DrawnEdge {
     pub edge: u32,
     pub per_chance: f32,

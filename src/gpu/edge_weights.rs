@@ -1,13 +1,12 @@
 //! Estimates of what edges contribute, as a point sees them: `kernel/edges/node` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::reading::Scene;
 use crate::model::V3;
 
 /// A search for an edge: a point, a cone of directions seen from it, and a purpose.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Query {
     pub x: V3,
     pub time: f32,
@@ -33,8 +32,7 @@ fn lobe(q: &Query, cosine: f32) -> f32 {
 }
 
 /// The most that may jump at edges, by what makes it jump (`Jumps`), as far as it counts for a query.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Jumps {
     always: f32,
     fold: f32,
@@ -60,8 +58,7 @@ fn jumps_of(scene: &Scene, at: u32, q: &Query) -> Jumps {
 }
 
 /// An estimate of what a subtree contributes, 0 only if it can't, and whether it is to be entered.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Subtree {
     pub weight: f32,
     pub enter: bool,
@@ -151,8 +148,7 @@ pub(super) fn weight_of_edge(scene: &Scene, at: u32, q: &Query) -> f32 {
 }
 
 /// The angle under which an edge is seen, about, and its distance.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Seen {
     angle: f32,
     near: f32,

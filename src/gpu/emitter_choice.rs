@@ -1,6 +1,6 @@
 //! The choice of an emitter that a point is connected to: `sampling/emitters` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::edge_layout::{GROUP_OF_EMITTERS, OF_GROUP, OF_GROUPS};
 use super::finite::is_positive;
@@ -77,8 +77,7 @@ pub(super) fn chance(scene: &Scene, k: u32, at: &Site) -> f32 {
 }
 
 /// A group of emitters, and its probability.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct GroupChoice {
     pub group: u32,
     pub chance: f32,

@@ -1,7 +1,7 @@
 //! Rays through the tree of boxes: the nearest triangle, or whether there is any. The same tests as
 //! `accel/hits`, one triangle at a time.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::holes::is_open_at;
 use super::layout::{
@@ -11,8 +11,7 @@ use super::reading::Scene;
 use crate::model::{V3, v3};
 
 /// A ray, and where hits count.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Ray {
     pub origin: V3,
     pub direction: V3,
@@ -23,16 +22,14 @@ pub(super) struct Ray {
 }
 
 /// A hit: a distance, and a triangle or [`NONE`].
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Hit {
     pub t: f32,
     pub triangle: u32,
 }
 
 /// Up to four triangles that a ray does not see.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Unseen {
     pub a: u32,
     pub b: u32,

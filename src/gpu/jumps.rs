@@ -2,7 +2,7 @@
 //!
 //! Calls are inlined in a kernel, so shadows of emitters and reflected light take turns in one loop.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::camera::Beginning;
 use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES, SEED_OF_SIDES};
@@ -27,8 +27,7 @@ use crate::model::edge::{direction_jump, mirrored};
 use crate::model::{V3, splat, v2, v3};
 
 /// An emitter that lies along an axis behind an edge's point.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct LightBehind {
     /// The limit of a ray to it that passes the edge; less than 0 if there is none.
     limit: f32,

@@ -2,7 +2,7 @@
 
 use std::f32::consts::{PI, TAU};
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::layout::{
     DIRECTIONAL, EMISSIVE_COUNT, LIGHT_BITS, LIGHTS, NONE, OF_EMITTERS, OF_LIGHT, OF_TRIANGLE,
@@ -19,8 +19,7 @@ use crate::model::{V2, V3, splat, v2, v3};
 use crate::sampling::GRAZING;
 
 /// A triangle that emits, at a time in the shutter.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Emitter {
     pub a: V3,
     pub b: V3,
@@ -80,8 +79,7 @@ pub(super) fn delta_light(scene: &Scene, k: u32) -> DeltaLight {
 }
 
 /// A surface point that emitters are chosen for.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Site {
     pub position: V3,
     /// The side's normal.
@@ -92,8 +90,7 @@ pub(super) struct Site {
 }
 
 /// An emitter that was chosen, its probability, and what is left of the random number.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Choice {
     pub emitter: u32,
     pub chance: f32,
@@ -102,8 +99,7 @@ pub(super) struct Choice {
 
 /// An emitter whose front a ray hits, as if nothing were in between, or [`NONE`], and the point's weights
 /// of the corners b and c.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct EmitterHit {
     pub emitter: u32,
     pub distance: f32,

@@ -1,6 +1,6 @@
 //! The random numbers of a path: those of `sampling`, in words of 32 bits.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::edge_layout::SEED_OF_FILM;
 use super::integers::{Wide, mix, product, total, wide};
@@ -9,8 +9,7 @@ use super::reading::Scene;
 use crate::model::{V2, v2};
 
 /// Four random numbers.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Four {
     pub x: f32,
     pub y: f32,
@@ -19,8 +18,7 @@ pub(super) struct Four {
 }
 
 /// A source of random numbers for one path.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Stream {
     seed: Wide,
     pub pixel: u32,

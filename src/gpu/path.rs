@@ -3,7 +3,7 @@
 //! Calls are inlined in a kernel, so there is one place that traces a ray, in a loop over the rays of a path:
 //! the camera's, those to lights, and those with which the path goes on.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::camera::Beginning;
 use super::emitter_choice::{chance, choose, next_emitter_hit, site};
@@ -24,8 +24,7 @@ use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
 
 /// The surface that a camera ray sees, and the light that its path brings back.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct PathLight {
     pub radiance: V3,
     /// 1 where there is a surface.
@@ -51,8 +50,7 @@ pub(super) const ONWARDS: u32 = 5;
 pub(super) const ENDED: u32 = 6;
 
 /// A surface point that a path starts from in place of the camera.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Start {
     pub triangle: u32,
     /// A place about there, and the direction in which it is seen.

@@ -1,6 +1,6 @@
 //! The part of a batch that a launch serves.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 /// Samples of pixels, which are counted over all views.
 #[derive(CubeType, CubeLaunch, Clone, Copy, Debug)]
@@ -25,8 +25,7 @@ impl Piece {
 }
 
 /// A pixel of a view.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct PixelAt {
     /// Its place among those of all views.
     pub row: u32,

@@ -1,6 +1,6 @@
 //! Rays from a surface point to lights: `kernel/direct` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::holes::is_open;
 use super::layout::{CONE, NONE};
@@ -14,8 +14,7 @@ use crate::model::{Pair, V2, V3, splat, v2, v3};
 
 /// A ray to a light, and the light that it brings if nothing is in between. Its limit is less than 0 if there
 /// is none.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct ShadowRay {
     pub start: V3,
     pub direction: V3,
@@ -24,8 +23,7 @@ pub(super) struct ShadowRay {
 }
 
 /// A surface point of a path, and its random numbers there.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Receiver {
     pub point: Point,
     pub cone_u: f32,
@@ -48,8 +46,7 @@ impl Receiver {
 }
 
 /// What of an emitter a point is connected to.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Target {
     /// The unit vector to it.
     pub direction: V3,

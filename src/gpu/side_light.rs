@@ -1,7 +1,7 @@
 //! The light beside an edge's point, on both of its sides: paths that start from the faces there, or from the
 //! surface behind.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::camera::Beginning;
 use super::edge_point::{EdgePoint, beside, shift_of};
@@ -15,8 +15,7 @@ use super::surface::point_at;
 use crate::model::{Pair, V3, splat};
 
 /// What is seen beside an edge's point from a ray's origin: faces on its sides, or [`NONE`], and the hit behind.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Behind {
     pub hit: Hit,
     pub start: V3,
@@ -30,8 +29,7 @@ pub(super) struct Behind {
 }
 
 /// The light on the − side of an edge less that on the + side.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct SideLight {
     pub radiance: V3,
     /// The same of the environment, where it is 1.

@@ -1,6 +1,6 @@
 //! Points of surfaces that rays hit: `kernel/surface` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::corners::{Corners, corners_of, normal_at, normal_rows, tilt_at, uv_at};
 use super::layout::{
@@ -14,8 +14,7 @@ use crate::model::triangle::weights_at;
 use crate::model::{Pair, V2, V3, splat};
 
 /// A point that a ray hit.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Point {
     pub position: V3,
     pub shading: Shading,

@@ -1,6 +1,6 @@
 //! Derivatives by what a surface point is made of: `KernelScene::point_backward` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::corners::{Corners, corners_of};
 use super::corners_backward::{add_to_rows, corners_backward};
@@ -19,8 +19,7 @@ use crate::model::triangle::hit_backward;
 use crate::model::{V3, splat, v2, v3};
 
 /// Derivatives by a surface point, but for those that its incoming ray takes part in.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct PointGradient {
     pub position: V3,
     pub geometric: V3,
@@ -48,8 +47,7 @@ pub(super) fn no_point_gradient() -> PointGradient {
 }
 
 /// Derivatives by a ray.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct RayGradient {
     pub origin: V3,
     pub direction: V3,

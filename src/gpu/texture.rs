@@ -1,6 +1,6 @@
 //! Textures and what they are looked up by: `model/texture` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::layout::{MATERIALS, NONE, OF_MATERIAL, OF_MATERIALS, TEXELS};
 use super::reading::Scene;
@@ -10,8 +10,7 @@ use crate::model::{V2, V3};
 pub(super) const EMISSION: u32 = 3;
 
 /// Four texels about a point, by their numbers, and its place between their centres.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Cell {
     pub a: u32,
     pub b: u32,
