@@ -30,6 +30,7 @@ struct Readme;
 struct Guide;
 
 mod accel;
+mod cube;
 mod debug;
 pub mod device;
 pub mod error;

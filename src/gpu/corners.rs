@@ -1,12 +1,12 @@
 //! Values at the corners of triangles, interpolated at points of them: `kernel/corners` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::layout::{
     NONE, NORMAL_MAP, NORMALS, OF_MATERIAL, OF_MATERIALS, OF_TRIANGLE, OF_TRIANGLES, TANGENT_ROWS,
     TANGENTS, UVS,
 };
-use super::reading::vector;
+use super::reading::Scene;
 use super::texture::look_up;
 use crate::model::normal_map::Tilt;
 use crate::model::{V2, V3, splat, v2};
@@ -16,19 +16,18 @@ const TINY: f32 = 1e-15;
 
 /// The place of the rows of a triangle's texture coordinates, which begin with [`NONE`] where it has none.
 #[cube]
-pub(super) fn uv_rows(words: &[u32], triangle: u32) -> usize {
-    (words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle + 2) as usize
+pub(super) fn uv_rows(scene: &Scene, triangle: u32) -> usize {
+    (scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle + 2) as usize
 }
 
 /// That of the rows of its normals.
 #[cube]
-pub(super) fn normal_rows(words: &[u32], triangle: u32) -> usize {
-    (words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle + 5) as usize
+pub(super) fn normal_rows(scene: &Scene, triangle: u32) -> usize {
+    (scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle + 5) as usize
 }
 
 /// The vectors at the corners of a triangle.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Corners {
     pub a: V3,
     pub b: V3,
@@ -37,17 +36,11 @@ pub(super) struct Corners {
 
 /// Those of a list with a stride, by their rows.
 #[cube]
-pub(super) fn corners_of(
-    floats: &[f32],
-    words: &[u32],
-    list: u32,
-    rows: usize,
-    stride: u32,
-) -> Corners {
+pub(super) fn corners_of(scene: &Scene, list: u32, rows: usize, stride: u32) -> Corners {
     Corners {
-        a: vector(floats, list + stride * words[rows]),
-        b: vector(floats, list + stride * words[rows + 1]),
-        c: vector(floats, list + stride * words[rows + 2]),
+        a: scene.vector(list + stride * scene.words[rows]),
+        b: scene.vector(list + stride * scene.words[rows + 1]),
+        c: scene.vector(list + stride * scene.words[rows + 2]),
     }
 }
 
@@ -60,23 +53,21 @@ impl Corners {
 
 /// Texture coordinates at a point of a triangle; 0 where nothing has a texture.
 #[cube]
-pub(super) fn uv_at(
-    floats: &[f32],
-    words: &[u32],
-    triangle: u32,
-    weights: V3,
-    #[comptime] textured: bool,
-) -> V2 {
+pub(super) fn uv_at(scene: &Scene, triangle: u32, weights: V3, #[comptime] textured: bool) -> V2 {
     let mut uv = v2(0.0, 0.0);
     if textured {
-        let rows = uv_rows(words, triangle);
-        if words[rows] != NONE {
-            let i = (words[UVS] + 2 * words[rows]) as usize;
-            let j = (words[UVS] + 2 * words[rows + 1]) as usize;
-            let k = (words[UVS] + 2 * words[rows + 2]) as usize;
+        let rows = uv_rows(scene, triangle);
+        if scene.words[rows] != NONE {
+            let i = (scene.header[UVS] + 2 * scene.words[rows]) as usize;
+            let j = (scene.header[UVS] + 2 * scene.words[rows + 1]) as usize;
+            let k = (scene.header[UVS] + 2 * scene.words[rows + 2]) as usize;
             uv = v2(
-                floats[i] * weights.x + floats[j] * weights.y + floats[k] * weights.z,
-                floats[i + 1] * weights.x + floats[j + 1] * weights.y + floats[k + 1] * weights.z,
+                scene.floats[i] * weights.x
+                    + scene.floats[j] * weights.y
+                    + scene.floats[k] * weights.z,
+                scene.floats[i + 1] * weights.x
+                    + scene.floats[j + 1] * weights.y
+                    + scene.floats[k + 1] * weights.z,
             );
         }
     }
@@ -85,19 +76,12 @@ pub(super) fn uv_at(
 
 /// The interpolated normal, on the side of the geometric one; that itself where the triangle has none.
 #[cube]
-pub(super) fn normal_at(
-    floats: &[f32],
-    words: &[u32],
-    triangle: u32,
-    weights: V3,
-    geometric: V3,
-    #[comptime] smooth: bool,
-) -> V3 {
+pub(super) fn normal_at(scene: &Scene, triangle: u32, weights: V3, geometric: V3) -> V3 {
     let mut normal = geometric;
-    if smooth {
-        let rows = normal_rows(words, triangle);
-        if words[rows] != NONE {
-            let sum = corners_of(floats, words, words[NORMALS], rows, 3u32).at(weights);
+    if comptime!(scene.features.smooth) {
+        let rows = normal_rows(scene, triangle);
+        if scene.words[rows] != NONE {
+            let sum = corners_of(scene, scene.header[NORMALS], rows, 3u32).at(weights);
             let mut inverse = 1.0 / sum.length().max(TINY);
             if sum.dot(geometric) < 0.0 {
                 inverse = -inverse;
@@ -109,8 +93,7 @@ pub(super) fn normal_at(
 }
 
 /// A tilt of a normal, if there is one.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct TiltAt {
     pub tilt: Tilt,
     pub exists: bool,
@@ -122,27 +105,26 @@ pub(super) struct TiltAt {
 /// The tilt of a normal on the front side by its material's map, if the triangle has tangents.
 #[cube]
 pub(super) fn tilt_at(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     triangle: u32,
     material: u32,
     weights: V3,
     uv: V2,
     normal: V3,
 ) -> TiltAt {
-    let map = (words[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize + NORMAL_MAP;
-    let rows = (words[TANGENT_ROWS] + 3 * triangle) as usize;
+    let map = (scene.header[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize + NORMAL_MAP;
+    let rows = (scene.header[TANGENT_ROWS] + 3 * triangle) as usize;
     let mut tilt = Tilt {
         normal,
         tangent: splat(0.0),
         side: 1.0f32.runtime(),
         texel: splat(0.0),
     };
-    let exists = words[map] != NONE && words[rows] != NONE;
+    let exists = scene.words[map] != NONE && scene.words[rows] != NONE;
     if exists {
-        tilt.tangent = corners_of(floats, words, words[TANGENTS], rows, 4u32).at(weights);
-        tilt.side = floats[(words[TANGENTS] + 4 * words[rows] + 3) as usize];
-        tilt.texel = look_up(floats, words, map, uv);
+        tilt.tangent = corners_of(scene, scene.header[TANGENTS], rows, 4u32).at(weights);
+        tilt.side = scene.floats[(scene.header[TANGENTS] + 4 * scene.words[rows] + 3) as usize];
+        tilt.texel = look_up(scene, map, uv);
     }
     TiltAt {
         tilt,

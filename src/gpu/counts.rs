@@ -14,6 +14,7 @@ use super::job::{GROUP, Job, PATHS, groups};
 use super::layout::BOUNCES;
 use super::path::{from_camera, path_light};
 use super::pieces::{Piece, pixel_at};
+use super::reading::Scene;
 use super::records::Room;
 use crate::device::count_read_back;
 use crate::error::{Error, Result};
@@ -45,12 +46,11 @@ fn count_rays(
     if ABSOLUTE_POS < piece.paths() as usize {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let floats = &floats[which.floats()..];
-        let words = &words[which.words()..];
-        let mut room = Array::<u32>::new(features.stack);
+        let scene = Scene::new(floats, words, which.view, features);
+        let mut room = Array::<u32>::new(scene.features.stack);
         let stack = room.as_mut_slice();
         let sample = piece.from + thread / piece.count;
-        let path = begin(floats, words, which.pixel, sample, features);
+        let path = begin(&scene, which.pixel, sample);
         // Nothing is kept.
         let mut records = Array::<u32>::new(1usize);
         let room = Room {
@@ -58,18 +58,7 @@ fn count_rays(
             threads: 1u32,
         };
         let none = records.as_mut_slice();
-        let seen = path_light(
-            floats,
-            words,
-            stack,
-            none,
-            room,
-            path,
-            from_camera(),
-            false,
-            false,
-            features,
-        );
+        let seen = path_light(&scene, stack, none, room, path, from_camera(), false, false);
         let first = which.view * of_view;
         count(counts, first, seen.rays);
         count(counts, first + seen.looked, 1u32);

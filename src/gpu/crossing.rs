@@ -1,16 +1,15 @@
 //! Lines in which two triangles pass through each other at a time in the shutter: `kernel/edges/crossings` in a kernel
 //! of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::layout::{SURFACE_STRIDE, SURFACES};
-use super::reading::vector;
+use super::reading::Scene;
 use crate::kernel::TOUCHING;
 use crate::model::{V3, splat};
 
 /// A triangle at a time.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Flying {
     a: V3,
     b: V3,
@@ -28,19 +27,18 @@ impl Flying {
 }
 
 #[cube]
-fn flying(floats: &[f32], words: &[u32], triangle: u32, shift: V3) -> Flying {
-    let at = words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+fn flying(scene: &Scene, triangle: u32, shift: V3) -> Flying {
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * triangle;
     Flying {
-        a: vector(floats, at) + shift,
-        b: vector(floats, at + 3) + shift,
-        c: vector(floats, at + 6) + shift,
-        normal: vector(floats, at + 9),
+        a: scene.vector(at) + shift,
+        b: scene.vector(at + 3) + shift,
+        c: scene.vector(at + 6) + shift,
+        normal: scene.vector(at + 9),
     }
 }
 
 /// A segment of a line, by the places of its ends along that.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Segment {
     from: f32,
     to: f32,
@@ -112,8 +110,7 @@ fn through_plane(t: &Flying, of: &Flying, along: V3, tolerance: f32) -> Segment 
 }
 
 /// The ends of such a line.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Line {
     pub a: V3,
     pub b: V3,
@@ -123,15 +120,14 @@ pub(super) struct Line {
 /// The line in which two triangles that have moved pass through each other, if they do so by more than rounding.
 #[cube]
 pub(super) fn line_of_crossing(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     first: u32,
     second: u32,
     shift_of_first: V3,
     shift_of_second: V3,
 ) -> Line {
-    let t = flying(floats, words, first, shift_of_first);
-    let s = flying(floats, words, second, shift_of_second);
+    let t = flying(scene, first, shift_of_first);
+    let s = flying(scene, second, shift_of_second);
     let tolerance = TOUCHING * t.size().max(s.size()).max(0.1);
     let along = t.normal.cross(s.normal);
     let of_second: Segment = through_plane(&s, &t, along, tolerance);

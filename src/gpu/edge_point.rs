@@ -1,8 +1,9 @@
 //! Points of edges drawn as a point sees them, the faces on their two sides, and their derivatives:
 //! `kernel/boundary/edge_point` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
+use super::Derivatives;
 use super::crossing::{Line, line_of_crossing};
 use super::edge_layout::{EDGES, IS_CROSSING, OBJECT_OF_EDGE, OF_EDGE, OF_EDGES, ROWS_OF_EDGE};
 use super::edge_tree::draw_edge;
@@ -10,19 +11,17 @@ use super::edge_weights::Query;
 use super::hit::Unseen;
 use super::holes::is_open_at;
 use super::layout::{FIRST_SUMS, NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
-use super::reading::vector;
+use super::reading::Scene;
 use super::reading::weights_in;
-use super::sums::{VELOCITIES, VERTICES, add_vector};
+use super::sums::{Totals, VELOCITIES, VERTICES};
 use super::surface::displacement;
 use super::surface_backward::{add_to_corners, is_wanted};
-use super::{Derivatives, Features};
 use crate::model::edge::half_plane;
 use crate::model::segment::{clip_to_cone, point_by_angle};
 use crate::model::{V3, splat};
 
 /// A point of an edge that is seen from a point.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct EdgePoint {
     /// Where its words begin.
     pub edge: u32,
@@ -42,49 +41,37 @@ pub(super) struct EdgePoint {
 
 /// The object of a triangle.
 #[cube]
-pub(super) fn object_of(words: &[u32], triangle: u32) -> u32 {
-    words[(words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize + 1]
+pub(super) fn object_of(scene: &Scene, triangle: u32) -> u32 {
+    scene.words[(scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize + 1]
 }
 
 /// The vector by which a triangle has moved at a time.
 #[cube]
-pub(super) fn shift_of(
-    floats: &[f32],
-    words: &[u32],
-    triangle: u32,
-    time: f32,
-    #[comptime] moves: bool,
-) -> V3 {
+pub(super) fn shift_of(scene: &Scene, triangle: u32, time: f32) -> V3 {
     let mut shift = splat(0.0);
-    if moves {
-        shift = displacement(floats, words, object_of(words, triangle), time, moves);
+    if comptime!(scene.features.moves) {
+        shift = displacement(scene, object_of(scene, triangle), time);
     }
     shift
 }
 
 /// An edge as it is at a time, but for its object's motion; not yet a point of it.
 #[cube]
-pub(super) fn edge_of(
-    floats: &[f32],
-    words: &[u32],
-    index: u32,
-    time: f32,
-    #[comptime] features: Features,
-) -> EdgePoint {
-    let at = words[EDGES] + 6 * index;
-    let edge = words[OF_EDGES] + OF_EDGE * index;
+pub(super) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
+    let at = scene.header[EDGES] + 6 * index;
+    let edge = scene.header[OF_EDGES] + OF_EDGE * index;
     let i = edge as usize;
-    let crossing = words[(edge + IS_CROSSING) as usize];
+    let crossing = scene.words[(edge + IS_CROSSING) as usize];
     let mut p = EdgePoint {
         edge,
-        a: vector(floats, at),
-        along: vector(floats, at + 3),
+        a: scene.vector(at),
+        along: scene.vector(at + 3),
         crossing: crossing != 0,
         faces: Unseen {
-            a: words[i],
-            b: words[i + 1],
-            c: words[i + 2],
-            d: words[i + 3],
+            a: scene.words[i],
+            b: scene.words[i + 1],
+            c: scene.words[i + 2],
+            d: scene.words[i + 3],
         },
         lambda: 0.0f32,
         per_density: 0.0f32,
@@ -92,13 +79,13 @@ pub(super) fn edge_of(
         to: splat(0.0),
         position: splat(0.0),
     };
-    if comptime!(features.flying_crossings) {
+    if comptime!(scene.features.flying_crossings) {
         if crossing == 2 {
             let first = p.faces.a;
             let second = p.faces.b;
-            let shift = shift_of(floats, words, first, time, features.moves);
-            let other = shift_of(floats, words, second, time, features.moves);
-            let line: Line = line_of_crossing(floats, words, first, second, shift, other);
+            let shift = shift_of(scene, first, time);
+            let other = shift_of(scene, second, time);
+            let line: Line = line_of_crossing(scene, first, second, shift, other);
             p.exists = line.exists;
             p.a = line.a - shift;
             p.along = line.b - line.a;
@@ -110,27 +97,24 @@ pub(super) fn edge_of(
 /// Draws a point of an edge in a cone of directions, that is not of a triangle.
 #[cube]
 pub(super) fn edge_point(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     room: &mut [u32],
     tree: usize,
     query: &Query,
     triangle: u32,
     u: f32,
     v: f32,
-    #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) -> EdgePoint {
-    let moves = comptime!(features.moves);
     let nodes = comptime!(of.edge_nodes);
-    let drawn = draw_edge(floats, words, room, tree, query, u, v, moves, nodes);
+    let drawn = draw_edge(scene, room, tree, query, u, v, nodes);
     let mut index = 0u32;
     if drawn.edge != NONE {
         index = drawn.edge;
     }
-    let mut p = edge_of(floats, words, index, query.time, features);
+    let mut p = edge_of(scene, index, query.time);
     if drawn.edge != NONE && p.exists && !p.faces.contains(triangle) {
-        let a = p.a + shift_of(floats, words, p.faces.a, query.time, moves) - query.x;
+        let a = p.a + shift_of(scene, p.faces.a, query.time) - query.x;
         let part = clip_to_cone(a, p.along, query.axis, query.cos);
         if part.from < part.to {
             let on = point_by_angle(a, p.along, part, v);
@@ -145,8 +129,7 @@ pub(super) fn edge_point(
 
 /// The faces of an edge that are seen on its two sides, or [`NONE`] where one sees past it, the direction from the −
 /// side to the + side (`across`), and that of a ray that passes the edge right beside it, on that side if there is one.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Sides {
     pub minus: u32,
     pub plus: u32,
@@ -165,25 +148,18 @@ pub(super) fn beside(position: V3) -> f32 {
 
 /// The vector from a point of an edge's line to that corner of a face that is farthest from the line.
 #[cube]
-fn into_face(
-    floats: &[f32],
-    words: &[u32],
-    face: u32,
-    p: &EdgePoint,
-    time: f32,
-    #[comptime] features: Features,
-) -> V3 {
-    let at = words[SURFACES] + SURFACE_STRIDE as u32 * face;
+fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * face;
     let mut on_line = p.a;
-    if comptime!(features.flying_crossings) {
-        if words[(p.edge + IS_CROSSING) as usize] == 2 {
+    if comptime!(scene.features.flying_crossings) {
+        if scene.words[(p.edge + IS_CROSSING) as usize] == 2 {
             // Where the face was at rest.
-            on_line = p.position - shift_of(floats, words, face, time, features.moves);
+            on_line = p.position - shift_of(scene, face, time);
         }
     }
-    let a = vector(floats, at) - on_line;
-    let b = vector(floats, at + 3) - on_line;
-    let c = vector(floats, at + 6) - on_line;
+    let a = scene.vector(at) - on_line;
+    let b = scene.vector(at + 3) - on_line;
+    let c = scene.vector(at + 6) - on_line;
     let far_a = a.cross(p.along).length_squared();
     let far_b = b.cross(p.along).length_squared();
     let far_c = c.cross(p.along).length_squared();
@@ -198,15 +174,7 @@ fn into_face(
 
 /// The faces of an edge that are seen on its two sides, the second towards `side`.
 #[cube]
-pub(super) fn sides(
-    floats: &[f32],
-    words: &[u32],
-    p: &EdgePoint,
-    view: V3,
-    side: V3,
-    time: f32,
-    #[comptime] features: Features,
-) -> Sides {
+pub(super) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32) -> Sides {
     // Across the plane of the edge and the view, so that lateral places are comparable.
     let mut across = p.along.cross(view);
     if across.dot(side) < 0.0 {
@@ -227,17 +195,16 @@ pub(super) fn sides(
         if p.crossing {
             k = i / 2;
         }
-        let face = words[(p.edge + k) as usize];
+        let face = scene.words[(p.edge + k) as usize];
         let mut there = face != NONE;
-        if comptime!(features.holes) {
+        if comptime!(scene.features.holes) {
             if there {
-                let moves = comptime!(features.moves);
-                let at_rest = p.position - shift_of(floats, words, face, time, moves);
-                there = !is_open_at(floats, words, face, at_rest);
+                let at_rest = p.position - shift_of(scene, face, time);
+                there = !is_open_at(scene, face, at_rest);
             }
         }
         if there {
-            let mut inward = into_face(floats, words, face, p, time, features);
+            let mut inward = into_face(scene, face, p, time);
             if p.crossing && i & 1 == 1 {
                 inward = -inward;
             }
@@ -270,17 +237,7 @@ pub(super) fn sides(
 
 /// Adds a derivative by an edge's point, to what the edge moves with.
 #[cube]
-pub(super) fn add_to_edge(
-    floats: &[f32],
-    words: &[u32],
-    totals: &[Atomic<u32>],
-    scales: &[f32],
-    p: &EdgePoint,
-    g: V3,
-    time: f32,
-    #[comptime] features: Features,
-    #[comptime] of: Derivatives,
-) {
+pub(super) fn add_to_edge(scene: &Scene, sums: &Totals, p: &EdgePoint, g: V3, time: f32) {
     if p.crossing {
         // A point of a line in which two planes cross moves with both: n₁·dP and n₂·dP are those of the planes.
         let mut k = 0u32;
@@ -291,42 +248,40 @@ pub(super) fn add_to_edge(
                 face = p.faces.b;
                 other = p.faces.a;
             }
-            let object = object_of(words, face);
-            if is_wanted(words, object) {
-                let at = words[SURFACES] + SURFACE_STRIDE as u32 * face;
-                let beyond = words[SURFACES] + SURFACE_STRIDE as u32 * other;
-                let normal = vector(floats, at + 9);
-                let crossed = vector(floats, beyond + 9);
+            let object = object_of(scene, face);
+            if is_wanted(scene, object) {
+                let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * face;
+                let beyond = scene.header[SURFACES] + SURFACE_STRIDE as u32 * other;
+                let normal = scene.vector(at + 9);
+                let crossed = scene.vector(beyond + 9);
                 let cosine = normal.dot(crossed);
                 let inverse = 1.0 / (1.0 - cosine * cosine).max(1e-12);
                 let dual = (normal - crossed * cosine) * inverse;
-                let at_rest = p.position - shift_of(floats, words, face, time, features.moves);
-                let weights = weights_in(floats, words, face, at_rest);
+                let at_rest = p.position - shift_of(scene, face, time);
+                let weights = weights_in(scene, face, at_rest);
                 let by_plane = normal * g.dot(dual);
-                add_to_corners(
-                    words, totals, scales, face, object, weights, by_plane, time, of,
-                );
+                add_to_corners(scene, sums, face, object, weights, by_plane, time);
             }
             k += 1;
         }
     } else {
-        let object = words[(p.edge + OBJECT_OF_EDGE) as usize];
-        if is_wanted(words, object) {
-            let first = words[FIRST_SUMS + VERTICES];
+        let object = scene.words[(p.edge + OBJECT_OF_EDGE) as usize];
+        if is_wanted(scene, object) {
+            let first = scene.header[FIRST_SUMS + VERTICES];
             let mut k = 0u32;
             while k < 4 {
-                let row = words[(p.edge + ROWS_OF_EDGE + k) as usize];
+                let row = scene.words[(p.edge + ROWS_OF_EDGE + k) as usize];
                 let mut weight = 0.5 * (1.0 - p.lambda);
                 if k & 1 == 1 {
                     weight = 0.5 * p.lambda;
                 }
                 let at = first + 3 * row;
-                add_vector(totals, scales, at, g * weight, VERTICES);
+                sums.add_vector(at, g * weight, VERTICES);
                 k += 1;
             }
-            if comptime!(of.velocities) {
-                let at = words[FIRST_SUMS + VELOCITIES] + 3 * object;
-                add_vector(totals, scales, at, g * time, VELOCITIES);
+            if comptime!(sums.of.velocities) {
+                let at = scene.header[FIRST_SUMS + VELOCITIES] + 3 * object;
+                sums.add_vector(at, g * time, VELOCITIES);
             }
         }
     }

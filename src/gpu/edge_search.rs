@@ -1,8 +1,9 @@
 //! Where points of a path look for edges: those of the shadows of emitters, and those that surfaces reflect.
 //! `kernel/boundary/vertex` and `kernel/boundary/reflected` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
+use super::Derivatives;
 use super::edge_layout::{GROUP_STRIDE, GROUPS, OF_GROUP, OF_GROUPS};
 use super::edge_weights::Query;
 use super::emitter_choice::{GroupChoice, choose_group, site};
@@ -10,17 +11,15 @@ use super::layout::{BOUNCES, CONE};
 use super::light::Site;
 use super::light::{delta_light, is_light};
 use super::numbers::Stream;
-use super::reading::vector;
+use super::reading::Scene;
 use super::surface::Point;
-use super::{Derivatives, Features};
 use crate::model::V3;
 use crate::model::bsdf::Lobe;
 use crate::model::cone::widened;
 use crate::model::frame::SinCos;
 
 /// A point of a path that looks at edges.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Observer {
     pub point: Point,
     pub bounce: u32,
@@ -39,8 +38,7 @@ const LEAST: f32 = 0.05;
 const RATE_OF_LIGHT: f32 = 0.25;
 const RATE: f32 = 0.125;
 /// A search for an edge, and what is done with it.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Search {
     pub query: Query,
     pub lobe: Lobe,
@@ -63,14 +61,14 @@ pub(super) struct Search {
 
 /// The cone that a group of emitters fills, widened by that of the rays; the hemisphere if it is wider.
 #[cube]
-fn towards_group(floats: &[f32], words: &[u32], group: u32, point: &Point, time: f32) -> Query {
-    let at = words[GROUPS] + GROUP_STRIDE * group;
-    let to = vector(floats, at) + vector(floats, at + 4) * time - point.position;
+fn towards_group(scene: &Scene, group: u32, point: &Point, time: f32) -> Query {
+    let at = scene.header[GROUPS] + GROUP_STRIDE * group;
+    let to = scene.vector(at) + scene.vector(at + 4) * time - point.position;
     let distance = to.length();
-    let radius = floats[at as usize + 3];
+    let radius = scene.floats[at as usize + 3];
     let sin = radius / distance.max(radius);
     let cos = (1.0 - sin * sin).max(0.0).sqrt();
-    let half = widened(SinCos { sin, cos }, floats[CONE]);
+    let half = widened(SinCos { sin, cos }, scene.settings[CONE]);
     let mut query = Query {
         x: point.position,
         time,
@@ -90,18 +88,18 @@ fn towards_group(floats: &[f32], words: &[u32], group: u32, point: &Point, time:
 
 /// The cone of rays to a light without extent.
 #[cube]
-fn towards_light(floats: &[f32], words: &[u32], k: u32, x: V3, time: f32) -> Query {
+fn towards_light(scene: &Scene, k: u32, x: V3, time: f32) -> Query {
     let half = widened(
         SinCos {
             sin: 0.0f32,
             cos: 1.0f32,
         },
-        floats[CONE],
+        scene.settings[CONE],
     );
     Query {
         x,
         time,
-        axis: delta_light(floats, words, k).seen_from(x).direction,
+        axis: delta_light(scene, k).seen_from(x).direction,
         cos: half.cos,
         sin: half.sin,
         exponent: 0.0f32,
@@ -126,24 +124,22 @@ fn within(lobe: &Lobe, x: V3, time: f32) -> Query {
 /// A search for an edge of the light of emitters, or of reflected light.
 #[cube]
 pub(super) fn search(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     numbers: &Stream,
     o: &Observer,
     of_light: bool,
     time: f32,
-    #[comptime] features: Features,
     #[comptime] of: Derivatives,
 ) -> Search {
     let x = o.point.position;
     let shading = o.point.shading;
     let counts = o.counts.max(LEAST);
-    let last = o.bounce >= words[BOUNCES];
+    let last = o.bounce >= scene.header[BOUNCES];
     let mut turn = 2u32;
     if of_light {
         turn = 0u32;
     }
-    let drawn = numbers.set(words, 3 * o.bounce + turn, features.sobol);
+    let drawn = numbers.set(scene, 3 * o.bounce + turn);
     let mut of_gloss = false;
     let mut chance = 1.0f32;
     // Of light it is a cone about that, and no lobe.
@@ -161,7 +157,7 @@ pub(super) fn search(
             rest = choice / gloss;
         }
     }
-    let lobe: Lobe = shading.lobe(of_gloss, rest, floats[CONE]);
+    let lobe: Lobe = shading.lobe(of_gloss, rest, scene.settings[CONE]);
     let mut s = Search {
         query: within(&lobe, x, time),
         lobe,
@@ -178,8 +174,8 @@ pub(super) fn search(
         is_light: false,
     };
     if of_light {
-        if comptime!(features.emitters) {
-            let more = numbers.set(words, 3 * o.bounce + 1, features.sobol);
+        if comptime!(scene.features.emitters) {
+            let more = numbers.set(scene, 3 * o.bounce + 1);
             let rate = (RATE_OF_LIGHT * counts).min(1.0);
             s.asked = more.y < rate;
             s.cone_v = more.x;
@@ -187,31 +183,31 @@ pub(super) fn search(
                 let mut group = 0u32;
                 let mut p = 1.0f32;
                 if comptime!(of.grouped) {
-                    let at: Site = site(floats, words, x, shading.geometric, time, features);
-                    let choice: GroupChoice = choose_group(floats, words, drawn.x, &at, features);
+                    let at: Site = site(scene, x, shading.geometric, time);
+                    let choice: GroupChoice = choose_group(scene, drawn.x, &at);
                     group = choice.group;
                     p = choice.chance;
                 }
-                let row = (words[OF_GROUPS] + OF_GROUP * group) as usize;
-                s.first = words[row];
-                s.past = s.first + words[row + 1];
-                if words[row + 2] != 0 {
+                let row = (scene.header[OF_GROUPS] + OF_GROUP * group) as usize;
+                s.first = scene.words[row];
+                s.past = s.first + scene.words[row + 1];
+                if scene.words[row + 2] != 0 {
                     s.moves = true;
                 }
                 s.scale = 1.0 / rate * (1.0 / p);
-                s.is_light = is_light(words, s.first, features);
+                s.is_light = is_light(scene, s.first);
                 if s.is_light {
-                    if comptime!(features.lights) {
-                        s.query = towards_light(floats, words, s.first, x, time);
-                        s.asked = floats[CONE] > 0.0;
+                    if comptime!(scene.features.lights) {
+                        s.query = towards_light(scene, s.first, x, time);
+                        s.asked = scene.settings[CONE] > 0.0;
                     }
                 } else {
-                    s.query = towards_group(floats, words, group, &o.point, time);
+                    s.query = towards_group(scene, group, &o.point, time);
                 }
             }
         }
     } else {
-        let sees = comptime!(features.sees_sky || features.gathers_map);
+        let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
         s.asked = drawn.x < rate && (!last || sees);
         if comptime!(of.turns) {
             s.moves = true;

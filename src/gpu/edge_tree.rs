@@ -1,6 +1,6 @@
 //! An edge drawn as a point sees it: `kernel/edges` in a kernel of a GPU, lane by lane.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::edge_layout::{
     CHILDREN, LEAF_COUNT, LEAF_EDGES, LEAF_STRIDE, LEAVES, NODE_COUNT, NODE_STRIDE, NODES,
@@ -8,11 +8,11 @@ use super::edge_layout::{
 use super::edge_weights::{Query, subtree, weight_of_edge};
 use super::finite::is_positive;
 use super::layout::NONE;
+use super::reading::Scene;
 use crate::model::choice::decided_by;
 
 /// An edge that was drawn, or [`NONE`], and 1 over its probability.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct DrawnEdge {
     pub edge: u32,
     pub per_chance: f32,
@@ -46,21 +46,19 @@ fn sum_of(room: &mut [u32]) -> f32 {
 /// `Root::sample`.
 #[cube]
 pub(super) fn draw_edge(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     room: &mut [u32],
     tree: usize,
     q: &Query,
     u: f32,
     other: f32,
-    #[comptime] moves: bool,
     #[comptime] nodes: bool,
 ) -> DrawnEdge {
     let mut random = decided_by(u, other);
     let mut total = 0.0f32;
     let mut leaf = 0u32;
-    let leaves = words[tree + LEAF_COUNT];
-    let is_list = words[tree + NODE_COUNT] == 0;
+    let leaves = scene.header[tree + LEAF_COUNT];
+    let is_list = scene.header[tree + NODE_COUNT] == 0;
     let mut budget = BUDGET.runtime();
     let mut large = LARGE.runtime();
     if q.shadows {
@@ -90,9 +88,9 @@ pub(super) fn draw_edge(
             let mut i = 0u32;
             while i < 8 {
                 let mut weight = 0.0f32;
-                if words[(words[tree + LEAF_EDGES] + lanes + i) as usize] != NONE {
-                    let lane = words[tree + LEAVES] + LEAF_STRIDE * (lanes + i);
-                    weight = weight_of_edge(floats, lane, q, moves);
+                if scene.words[(scene.header[tree + LEAF_EDGES] + lanes + i) as usize] != NONE {
+                    let lane = scene.header[tree + LEAVES] + LEAF_STRIDE * (lanes + i);
+                    weight = weight_of_edge(scene, lane, q);
                 }
                 room[i as usize] = weight.to_bits();
                 i += 1;
@@ -122,10 +120,10 @@ pub(super) fn draw_edge(
             let mut taken_weight = 1.0f32;
             let mut i = 0u32;
             while i < 8 {
-                let child = words[(words[tree + CHILDREN] + lanes + i) as usize];
+                let child = scene.words[(scene.header[tree + CHILDREN] + lanes + i) as usize];
                 if child != NONE {
-                    let lane = words[tree + NODES] + NODE_STRIDE * (lanes + i);
-                    let found = subtree(floats, lane, q, large);
+                    let lane = scene.header[tree + NODES] + NODE_STRIDE * (lanes + i);
+                    let found = subtree(scene, lane, q, large);
                     if found.weight > 0.0 {
                         if all && found.enter {
                             let top = STACK + 2 * length as usize;
@@ -170,7 +168,7 @@ pub(super) fn draw_edge(
         while lane < 8 {
             let weight = f32::from_bits(room[KEPT + lane as usize]);
             if weight > 0.0 {
-                drawn.edge = words[(words[tree + LEAF_EDGES] + leaf + lane) as usize];
+                drawn.edge = scene.words[(scene.header[tree + LEAF_EDGES] + leaf + lane) as usize];
                 drawn.per_chance = total / weight;
                 passed += weight;
                 if target < passed {

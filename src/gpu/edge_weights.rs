@@ -1,13 +1,12 @@
 //! Estimates of what edges contribute, as a point sees them: `kernel/edges/node` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
-use super::reading::vector;
+use super::reading::Scene;
 use crate::model::V3;
 
 /// A search for an edge: a point, a cone of directions seen from it, and a purpose.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Query {
     pub x: V3,
     pub time: f32,
@@ -33,8 +32,7 @@ fn lobe(q: &Query, cosine: f32) -> f32 {
 }
 
 /// The most that may jump at edges, by what makes it jump (`Jumps`), as far as it counts for a query.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Jumps {
     always: f32,
     fold: f32,
@@ -43,25 +41,24 @@ struct Jumps {
 }
 
 #[cube]
-fn jumps_of(floats: &[f32], at: u32, q: &Query) -> Jumps {
+fn jumps_of(scene: &Scene, at: u32, q: &Query) -> Jumps {
     let i = at as usize;
-    let mut always = floats[i];
-    let mut crease = floats[i + 3];
+    let mut always = scene.floats[i];
+    let mut crease = scene.floats[i + 3];
     if q.shadows {
-        always = floats[i + 1];
+        always = scene.floats[i + 1];
         crease = 0.0f32;
     }
     Jumps {
         always,
-        fold: floats[i + 2],
+        fold: scene.floats[i + 2],
         crease,
-        closed: floats[i + 4] > 0.0,
+        closed: scene.floats[i + 4] > 0.0,
     }
 }
 
 /// An estimate of what a subtree contributes, 0 only if it can't, and whether it is to be entered.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Subtree {
     pub weight: f32,
     pub enter: bool,
@@ -69,13 +66,13 @@ pub(super) struct Subtree {
 
 /// Of a lane of a node; `large` is the sine of the angle under which subtrees are entered.
 #[cube]
-pub(super) fn subtree(floats: &[f32], at: u32, q: &Query, large: f32) -> Subtree {
+pub(super) fn subtree(scene: &Scene, at: u32, q: &Query, large: f32) -> Subtree {
     let i = at as usize;
-    let r = vector(floats, at) - q.x;
-    let radius = floats[i + 3];
-    let cos = floats[i + 7];
-    let sin = floats[i + 8];
-    let jumps = jumps_of(floats, at + 9, q);
+    let r = scene.vector(at) - q.x;
+    let radius = scene.floats[i + 3];
+    let cos = scene.floats[i + 7];
+    let sin = scene.floats[i + 8];
+    let jumps = jumps_of(scene, at + 9, q);
     let squared = r.length_squared();
     let distance = squared.sqrt();
     let along = r.dot(q.axis);
@@ -86,7 +83,7 @@ pub(super) fn subtree(floats: &[f32], at: u32, q: &Query, large: f32) -> Subtree
     let cos_seen = (1.0 - sin_seen * sin_seen).max(0.0).sqrt();
     let sin_sum = sin * cos_seen + cos * sin_seen;
     let cos_sum = cos * cos_seen - sin * sin_seen;
-    let facing = vector(floats, at + 4).dot(r) / distance.max(1e-20);
+    let facing = scene.vector(at + 4).dot(r) / distance.max(1e-20);
     // Where normals and directions spread over more than a half-space anything is possible.
     let narrow = cos_sum > 0.0 && distance >= radius;
     let mut fold = jumps.fold / (sin_sum.abs() + 0.05);
@@ -116,19 +113,19 @@ const TINY: f32 = 1e-30;
 
 /// An estimate of what an edge contributes, of a lane of a leaf; 0 only if it can't.
 #[cube]
-pub(super) fn weight_of_edge(floats: &[f32], at: u32, q: &Query, #[comptime] moves: bool) -> f32 {
-    let mut r = vector(floats, at) - q.x;
-    if moves {
-        r += vector(floats, at + 12) * q.time;
+pub(super) fn weight_of_edge(scene: &Scene, at: u32, q: &Query) -> f32 {
+    let mut r = scene.vector(at) - q.x;
+    if comptime!(scene.features.moves) {
+        r += scene.vector(at + 12) * q.time;
     }
-    let e = vector(floats, at + 3);
-    let half = floats[at as usize + 15];
-    let jumps = jumps_of(floats, at + 16, q);
+    let e = scene.vector(at + 3);
+    let half = scene.floats[at as usize + 15];
+    let jumps = jumps_of(scene, at + 16, q);
     // A length that is not less than the distance to any point of the edge.
     let away = r.abs().element_sum() + half;
     // The point's height over both faces: r leads from it to the edge's middle, which lies in both.
-    let front = -vector(floats, at + 6).dot(r);
-    let back = -vector(floats, at + 9).dot(r);
+    let front = -scene.vector(at + 6).dot(r);
+    let back = -scene.vector(at + 9).dot(r);
     let mut jump = 0.0f32;
     // Edges of a plane that the point lies in are seen from the side alone.
     if front.abs().min(back.abs()) >= away * 1e-6 {
@@ -151,8 +148,7 @@ pub(super) fn weight_of_edge(floats: &[f32], at: u32, q: &Query, #[comptime] mov
 }
 
 /// The angle under which an edge is seen, about, and its distance.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Seen {
     angle: f32,
     near: f32,

@@ -1,8 +1,7 @@
 //! The choice of an emitter that a point is connected to: `sampling/emitters` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
-use super::Features;
 use super::edge_layout::{GROUP_OF_EMITTERS, OF_GROUP, OF_GROUPS};
 use super::finite::is_positive;
 use super::layout::{EMISSIVE_COUNT, EMITTER_COUNT, EMITTERS, FIXED_SUMS, NONE};
@@ -10,7 +9,7 @@ use super::light::{
     Choice, EmitterHit, Site, delta_light, emitter, hits_emitter, is_light, no_emitter_hit,
 };
 use super::light_tree::{chance_in_tree, choose_in_tree, next_hit_in_tree, share_of_distant};
-use super::reading::first_over;
+use super::reading::{Scene, first_over};
 use crate::model::V3;
 use crate::model::choice::MOST;
 use crate::model::triangle::solid_angle;
@@ -18,24 +17,17 @@ use crate::sampling::BY_POWER;
 
 /// A point with a normal.
 #[cube]
-pub(super) fn site(
-    floats: &[f32],
-    words: &[u32],
-    position: V3,
-    normal: V3,
-    time: f32,
-    #[comptime] features: Features,
-) -> Site {
+pub(super) fn site(scene: &Scene, position: V3, normal: V3, time: f32) -> Site {
     let mut sum = 0.0f32;
-    if comptime!(features.by_solid_angle) {
+    if comptime!(scene.features.by_solid_angle) {
         let mut k = 0u32;
-        while k < words[EMITTER_COUNT] {
-            sum += seen_from(floats, words, k, position, time, features);
+        while k < scene.header[EMITTER_COUNT] {
+            sum += seen_from(scene, k, position, time);
             k += 1;
         }
     }
-    if comptime!(features.by_tree) {
-        sum = share_of_distant(floats, words, position, normal);
+    if comptime!(scene.features.by_tree) {
+        sum = share_of_distant(scene, position, normal);
     }
     Site {
         position,
@@ -47,59 +39,45 @@ pub(super) fn site(
 
 /// Radiance times the solid angle under which a point sees an emitter; about the irradiance by a light without extent.
 #[cube]
-fn seen_from(
-    floats: &[f32],
-    words: &[u32],
-    k: u32,
-    x: V3,
-    time: f32,
-    #[comptime] features: Features,
-) -> f32 {
-    let brightness = floats[(words[EMITTERS] + 2 * k) as usize];
+fn seen_from(scene: &Scene, k: u32, x: V3, time: f32) -> f32 {
+    let brightness = scene.floats[(scene.header[EMITTERS] + 2 * k) as usize];
     let mut seen = 0.0f32;
-    if is_light(words, k, features) {
-        if comptime!(features.lights) {
-            seen = delta_light(floats, words, k).seen_from(x).scale;
+    if is_light(scene, k) {
+        if comptime!(scene.features.lights) {
+            seen = delta_light(scene, k).seen_from(x).scale;
         }
     } else {
-        let e = emitter(floats, words, k, time, features);
+        let e = emitter(scene, k, time);
         seen = solid_angle(e.a, e.b, e.c, x).max(0.0);
     }
     brightness * seen
 }
 
 #[cube]
-fn fixed(floats: &[f32], words: &[u32], k: u32) -> f32 {
-    floats[(words[EMITTERS] + 2 * k + 1) as usize]
+fn fixed(scene: &Scene, k: u32) -> f32 {
+    scene.floats[(scene.header[EMITTERS] + 2 * k + 1) as usize]
 }
 
 /// The probability of an emitter.
 #[cube]
-pub(super) fn chance(
-    floats: &[f32],
-    words: &[u32],
-    k: u32,
-    at: &Site,
-    #[comptime] features: Features,
-) -> f32 {
-    let fixed = fixed(floats, words, k);
+pub(super) fn chance(scene: &Scene, k: u32, at: &Site) -> f32 {
+    let fixed = fixed(scene, k);
     let mut p = fixed;
-    if comptime!(features.by_solid_angle) {
+    if comptime!(scene.features.by_solid_angle) {
         if is_positive(at.sum) {
-            let own = seen_from(floats, words, k, at.position, at.time, features);
+            let own = seen_from(scene, k, at.position, at.time);
             p = (1.0 - BY_POWER) * own / at.sum + BY_POWER * fixed;
         }
     }
-    if comptime!(features.by_tree) {
-        let own = chance_in_tree(floats, words, k, false, at);
+    if comptime!(scene.features.by_tree) {
+        let own = chance_in_tree(scene, k, false, at);
         p = (1.0 - BY_POWER) * own + BY_POWER * fixed;
     }
     p
 }
 
 /// A group of emitters, and its probability.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct GroupChoice {
     pub group: u32,
     pub chance: f32,
@@ -107,27 +85,21 @@ pub(super) struct GroupChoice {
 
 /// Chooses a group.
 #[cube]
-pub(super) fn choose_group(
-    floats: &[f32],
-    words: &[u32],
-    u: f32,
-    at: &Site,
-    #[comptime] features: Features,
-) -> GroupChoice {
-    let choice: Choice = choose(floats, words, u, at, features);
-    let group = words[(words[GROUP_OF_EMITTERS] + choice.emitter) as usize];
-    let row = (words[OF_GROUPS] + OF_GROUP * group) as usize;
-    let mut k = words[row];
-    let past = k + words[row + 1];
+pub(super) fn choose_group(scene: &Scene, u: f32, at: &Site) -> GroupChoice {
+    let choice: Choice = choose(scene, u, at);
+    let group = scene.words[(scene.header[GROUP_OF_EMITTERS] + choice.emitter) as usize];
+    let row = (scene.header[OF_GROUPS] + OF_GROUP * group) as usize;
+    let mut k = scene.words[row];
+    let past = k + scene.words[row + 1];
     let mut p = 0.0f32;
-    if comptime!(features.by_tree) {
-        p = (1.0 - BY_POWER) * chance_in_tree(floats, words, k, true, at);
+    if comptime!(scene.features.by_tree) {
+        p = (1.0 - BY_POWER) * chance_in_tree(scene, k, true, at);
     }
     while k < past {
-        if comptime!(features.by_tree) {
-            p += BY_POWER * fixed(floats, words, k);
+        if comptime!(scene.features.by_tree) {
+            p += BY_POWER * fixed(scene, k);
         } else {
-            p += chance(floats, words, k, at, features);
+            p += chance(scene, k, at);
         }
         k += 1;
     }
@@ -136,47 +108,41 @@ pub(super) fn choose_group(
 
 /// Chooses an emitter.
 #[cube]
-pub(super) fn choose(
-    floats: &[f32],
-    words: &[u32],
-    u: f32,
-    at: &Site,
-    #[comptime] features: Features,
-) -> Choice {
+pub(super) fn choose(scene: &Scene, u: f32, at: &Site) -> Choice {
     let mut choice = Choice {
         emitter: 0u32,
         chance: 1.0f32,
         rest: u,
     };
-    if comptime!(features.by_tree) {
+    if comptime!(scene.features.by_tree) {
         if u < BY_POWER {
-            choice = choose_by_sums(floats, words, (u / BY_POWER).min(MOST));
+            choice = choose_by_sums(scene, (u / BY_POWER).min(MOST));
         } else {
             let rest = ((u - BY_POWER) / (1.0 - BY_POWER)).min(MOST);
-            choice = choose_in_tree(floats, words, rest, at);
+            choice = choose_in_tree(scene, rest, at);
         }
-        choice.chance = chance(floats, words, choice.emitter, at, features);
-    } else if comptime!(features.by_sums) {
-        choice = choose_by_sums(floats, words, u);
+        choice.chance = chance(scene, choice.emitter, at);
+    } else if comptime!(scene.features.by_sums) {
+        choice = choose_by_sums(scene, u);
     } else {
-        choice = choose_of_few(floats, words, u, at, features);
+        choice = choose_of_few(scene, u, at);
     }
     choice
 }
 
 /// One of many, with probabilities that do not depend on the point.
 #[cube]
-fn choose_by_sums(floats: &[f32], words: &[u32], u: f32) -> Choice {
-    let first = words[FIXED_SUMS];
-    let mut k = first_over(floats, first, words[EMITTER_COUNT], 1u32, u);
+fn choose_by_sums(scene: &Scene, u: f32) -> Choice {
+    let first = scene.header[FIXED_SUMS];
+    let mut k = first_over(scene.floats, first, scene.header[EMITTER_COUNT], 1u32, u);
     // Rounding may leave the sum a little under 1: then the last that can be is taken.
-    while k > 0 && fixed(floats, words, k) <= 0.0 {
+    while k > 0 && fixed(scene, k) <= 0.0 {
         k -= 1;
     }
-    let p = fixed(floats, words, k);
+    let p = fixed(scene, k);
     let mut before = 0.0f32;
     if k > 0 {
-        before = floats[(first + k - 1) as usize];
+        before = scene.floats[(first + k - 1) as usize];
     }
     Choice {
         emitter: k,
@@ -187,14 +153,8 @@ fn choose_by_sums(floats: &[f32], words: &[u32], u: f32) -> Choice {
 
 /// One of so few that all are looked at.
 #[cube]
-fn choose_of_few(
-    floats: &[f32],
-    words: &[u32],
-    u: f32,
-    at: &Site,
-    #[comptime] features: Features,
-) -> Choice {
-    let count = words[EMITTER_COUNT];
+fn choose_of_few(scene: &Scene, u: f32, at: &Site) -> Choice {
+    let count = scene.header[EMITTER_COUNT];
     let mut k = 0u32;
     let mut passed = 0.0f32;
     // Rounding may leave the sum a little under 1: then the last that can be is taken.
@@ -202,7 +162,7 @@ fn choose_of_few(
     let mut own = 1.0f32;
     let mut before = 0.0f32;
     while k < count {
-        let p = chance(floats, words, k, at, features);
+        let p = chance(scene, k, at);
         if p > 0.0 {
             emitter = k;
             own = p;
@@ -224,21 +184,19 @@ fn choose_of_few(
 /// The first emitter from a number on whose front a ray hits, as if nothing were in between.
 #[cube]
 pub(super) fn next_emitter_hit(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     from: u32,
     x: V3,
     direction: V3,
     time: f32,
-    #[comptime] features: Features,
 ) -> EmitterHit {
     let mut found = no_emitter_hit();
-    if comptime!(features.by_tree) {
-        found = next_hit_in_tree(floats, words, from, x, direction, time, features);
+    if comptime!(scene.features.by_tree) {
+        found = next_hit_in_tree(scene, from, x, direction, time);
     } else {
         let mut k = from;
-        while k < words[EMISSIVE_COUNT] && found.emitter == NONE {
-            found = hits_emitter(floats, words, k, x, direction, time, features);
+        while k < scene.header[EMISSIVE_COUNT] && found.emitter == NONE {
+            found = hits_emitter(scene, k, x, direction, time);
             k += 1;
         }
     }

@@ -10,11 +10,12 @@ use super::film_table::{ALL, DrawnPiece, MOST, OF_FILM, OWN, RADIUS, TOTAL, draw
 use super::finite::{is_finite, is_nonzero};
 use super::hit::{Ray, trace};
 use super::jumps::hides;
-use super::layout::{FLOAT_HEADER, HEADER, HEIGHT, NONE, SEED_OF_CONES, WIDTH};
+use super::layout::{HEIGHT, NONE, SEED_OF_CONES, WIDTH};
 use super::numbers::{numbers_of, numbers_of_film, on_disk};
 use super::passes::{is_asked, upstream_of};
+use super::reading::Scene;
 use super::side_light::{Behind, light_beside};
-use super::sums::{is_skipped, replica_of};
+use super::sums::{Totals, is_skipped, replica_of};
 use super::{Derivatives, Features, Outputs};
 use crate::model::camera::CameraRay;
 use crate::model::filter::film_kernel;
@@ -25,10 +26,10 @@ const NO_PIXEL: u32 = u32::MAX;
 
 /// The place of a pixel of the film in the rows of a view's image, or [`NONE`].
 #[cube]
-fn row_of(words: &[u32], places: &[u32], x: f32, y: f32, #[comptime] listed: bool) -> u32 {
+fn row_of(scene: &Scene, places: &[u32], x: f32, y: f32, #[comptime] listed: bool) -> u32 {
     let mut row = NONE.runtime();
-    if x >= 0.0 && y >= 0.0 && x < words[WIDTH] as f32 && y < words[HEIGHT] as f32 {
-        row = y as u32 * words[WIDTH] + x as u32;
+    if x >= 0.0 && y >= 0.0 && x < scene.header[WIDTH] as f32 && y < scene.header[HEIGHT] as f32 {
+        row = y as u32 * scene.header[WIDTH] + x as u32;
         if listed {
             row = places[row as usize];
         }
@@ -66,9 +67,8 @@ pub(super) fn film_jumps(
         if spread > 0 {
             which = thread / spread.max(1);
         }
-        let floats = &floats[which as usize * FLOAT_HEADER..];
-        let words = &words[which as usize * HEADER..];
-        let totals = &totals[replica_of(thread, replicas, region)..];
+        let scene = Scene::new(floats, words, which, features);
+        let sums = Totals::new(&totals[replica_of(thread, replicas, region)..], scales, of);
         let places = &films[(OF_FILM * views) as usize..];
         let film_of = (OF_FILM * which) as usize;
         let all = films[film_of + OWN];
@@ -81,30 +81,29 @@ pub(super) fn film_jumps(
         let total = f32::from_bits(films[film_of + TOTAL]);
         let radius = f32::from_bits(films[film_of + RADIUS]);
         if sample < all && films[film_of + MOST] > 0 {
-            let numbers = numbers_of_film(words, sample, features.sobol);
-            let film = numbers.film(words, features.sobol);
+            let numbers = numbers_of_film(&scene, sample);
+            let film = numbers.film(&scene);
             let mut more = film;
-            if comptime!(features.lens || features.moves) {
-                more = numbers.lens_and_time(words, features.sobol);
+            if comptime!(scene.features.lens || scene.features.moves) {
+                more = numbers.lens_and_time(&scene);
             }
             let mut lens = v2(0.0, 0.0);
-            if comptime!(features.lens) {
+            if comptime!(scene.features.lens) {
                 lens = on_disk(more.x, more.y);
             }
             let mut time = 0.0f32;
-            if comptime!(features.moves) {
+            if comptime!(scene.features.moves) {
                 time = more.z;
             }
             let drawn: DrawnPiece = draw_piece(pieces, films, which, film.x * total, count);
             let piece = drawn.at;
             let share = drawn.share;
             let length = pieces[piece + 1] - pieces[piece];
-            let mut p = edge_of(floats, words, pieces[piece + 3] as u32, time, features);
+            let mut p = edge_of(&scene, pieces[piece + 3] as u32, time);
             p.lambda = pieces[piece] + length * film.y;
             p.per_density = length * (total / share.max(1e-37)) / all as f32;
-            p.position =
-                p.a + p.along * p.lambda + shift_of(floats, words, p.faces.a, time, features.moves);
-            let c = camera(floats, features.parallel);
+            p.position = p.a + p.along * p.lambda + shift_of(&scene, p.faces.a, time);
+            let c = camera(&scene);
             let origin = c.origin_towards(p.position, lens.x, lens.y);
             p.to = p.position - origin;
             let mut row = NONE.runtime();
@@ -113,30 +112,30 @@ pub(super) fn film_jumps(
             if share > 0.0 && p.exists && p.to.dot(c.dual.z) > 0.0 {
                 // The pixel whose ray would come here.
                 let at = c.project(p.position, lens.x, lens.y);
-                let kernel = numbers_of(words, SEED_OF_EDGES, NO_PIXEL, sample, features.sobol);
-                let drawn = kernel.set(words, 0u32, features.sobol);
+                let kernel = numbers_of(&scene, SEED_OF_EDGES, NO_PIXEL, sample);
+                let drawn = kernel.set(&scene, 0u32);
                 kernel_x = film_kernel(drawn.x);
                 kernel_y = film_kernel(drawn.y);
                 let x = at.x - radius * kernel_x;
                 let y = at.y - radius * kernel_y;
-                row = row_of(words, places, x, y, listed);
+                row = row_of(&scene, places, x, y, listed);
             }
             if row != NONE {
                 let g = upstream_of(
-                    floats,
+                    scene.settings,
                     upstream,
                     which * of_view + row,
                     1.0f32.runtime(),
                     outputs,
                 );
                 if is_asked(&g) {
-                    let mut stack_room = Array::<u32>::new(features.stack);
+                    let mut stack_room = Array::<u32>::new(scene.features.stack);
                     let stack = stack_room.as_mut_slice();
                     let view = p.to.normalize();
                     let along = c.project_along(p.position, p.along, lens.x, lens.y);
                     // To the right of the edge's image, on a film whose y points down.
                     let side = c.across * along.y + c.upward * along.x;
-                    let beside = sides(floats, words, &p, view, side, time, features);
+                    let beside = sides(&scene, &p, view, side, time);
                     let ray = Ray {
                         origin,
                         direction: beside.past,
@@ -144,8 +143,8 @@ pub(super) fn film_jumps(
                         from: 0.0f32,
                         limit: f32::MAX,
                     };
-                    let hit = trace(floats, words, stack, ray, p.faces, false, true, features);
-                    if !hides(floats, words, hit, &p, time, features) {
+                    let hit = trace(&scene, stack, ray, p.faces, false, true);
+                    if !hides(&scene, hit, &p, time) {
                         let behind = Behind {
                             hit,
                             start: origin,
@@ -157,13 +156,7 @@ pub(super) fn film_jumps(
                         };
                         let beginning = Beginning {
                             numbers,
-                            cones: numbers_of(
-                                words,
-                                SEED_OF_CONES,
-                                NO_PIXEL,
-                                sample,
-                                features.sobol,
-                            ),
+                            cones: numbers_of(&scene, SEED_OF_CONES, NO_PIXEL, sample),
                             film,
                             time,
                             ray: CameraRay {
@@ -176,10 +169,8 @@ pub(super) fn film_jumps(
                                 lens_y: lens.y,
                             },
                         };
-                        let light = light_beside(
-                            floats, words, stack, beginning, 0u32, true, &p, &behind, true,
-                            features,
-                        );
+                        let light =
+                            light_beside(&scene, stack, beginning, 0u32, true, &p, &behind, true);
                         let jump = g.radiance.dot(light.radiance) - g.opacity * light.sky
                             + g.depth * light.depth
                             + g.normal.dot(light.normal);
@@ -194,14 +185,12 @@ pub(super) fn film_jumps(
                                 by_film,
                                 &mut by_camera,
                             );
-                            if comptime!(of.camera) {
+                            if comptime!(sums.of.camera) {
                                 // A wider filter moves its points away from the middle, past the edge.
                                 by_camera.filter -= by_film.x * kernel_x + by_film.y * kernel_y;
-                                add_camera(words, totals, scales, &by_camera);
+                                add_camera(&scene, &sums, &by_camera);
                             }
-                            add_to_edge(
-                                floats, words, totals, scales, &p, by_point, time, features, of,
-                            );
+                            add_to_edge(&scene, &sums, &p, by_point, time);
                         }
                     }
                 }

@@ -1,6 +1,6 @@
 //! Edges on the films of views, as kernels have them: pieces, and a table of the films.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 use rayon::prelude::*;
 
 use super::reading::first_over;
@@ -99,8 +99,7 @@ pub(super) fn view_of(table: &[u32], views: u32, number: u32, #[comptime] word: 
 }
 
 /// A piece that was drawn, and its share of the sum of all weights.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct DrawnPiece {
     /// Where its numbers begin.
     pub at: usize,

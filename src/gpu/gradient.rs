@@ -5,9 +5,7 @@ use std::ops::Range;
 
 use burn::cubecl::{self, prelude::*};
 
-use super::layout::{
-    FIRST_SUMS, FLOAT_HEADER, HEADER, SURFACE_STRIDE, SURFACES, VERTEX_CORNERS, VERTEX_STARTS,
-};
+use super::layout::{FIRST_SUMS, HEADER, SURFACE_STRIDE, SURFACES, VERTEX_CORNERS, VERTEX_STARTS};
 use super::reading::vector;
 use super::sum_places::Places;
 use super::sums::{
@@ -153,18 +151,25 @@ fn vector_at(sums: &[u32], scales: &[f32], at: u32, #[comptime] part: u32) -> V3
 
 /// The part of a vertex's derivative that comes from the normals and areas of its triangles.
 #[cube]
-fn of_triangles(floats: &[f32], words: &[u32], sums: &[u32], scales: &[f32], vertex: u32) -> V3 {
+fn of_triangles(
+    header: &[u32],
+    floats: &[f32],
+    words: &[u32],
+    sums: &[u32],
+    scales: &[f32],
+    vertex: u32,
+) -> V3 {
     let mut by = splat(0.0);
-    let starts = (words[VERTEX_STARTS] + vertex) as usize;
+    let starts = (header[VERTEX_STARTS] + vertex) as usize;
     let mut i = words[starts];
     while i < words[starts + 1] {
-        let corner = words[(words[VERTEX_CORNERS] + i) as usize];
+        let corner = words[(header[VERTEX_CORNERS] + i) as usize];
         let k = corner / 3;
-        let normals = words[FIRST_SUMS + TRIANGLES] + 3 * k;
+        let normals = header[FIRST_SUMS + TRIANGLES] + 3 * k;
         let by_normal = vector_at(sums, scales, normals, comptime!(TRIANGLES as u32));
-        let areas = words[FIRST_SUMS + AREAS] + k;
+        let areas = header[FIRST_SUMS + AREAS] + k;
         let by_area = sum_at(sums, scales, areas, comptime!(AREAS as u32));
-        let at = words[SURFACES] + SURFACE_STRIDE as u32 * k;
+        let at = header[SURFACES] + SURFACE_STRIDE as u32 * k;
         let area = floats[at as usize + 13];
         let nothing = by_normal.is_zero() && by_area == 0.0;
         if area > 0.0 && !nothing {
@@ -204,8 +209,7 @@ pub(super) fn write_gradient(
     numbers: u32,
 ) {
     if ABSOLUTE_POS < numbers as usize {
-        let floats = &floats[view as usize * FLOAT_HEADER..];
-        let words = &words[view as usize * HEADER..];
+        let header = &words[view as usize * HEADER..];
         let mut row = 0usize;
         let mut i = ABSOLUTE_POS as u32;
         while i >= table[row + 1] {
@@ -233,8 +237,8 @@ pub(super) fn write_gradient(
                 value = sum_at(sums, scales, first + from * of_sums + column, part);
             }
             if kind == OF_VERTICES {
-                let vertex = (first - words[FIRST_SUMS + VERTICES]) / 3 + from;
-                let more = of_triangles(floats, words, sums, scales, vertex);
+                let vertex = (first - header[FIRST_SUMS + VERTICES]) / 3 + from;
+                let more = of_triangles(header, floats, words, sums, scales, vertex);
                 value += component(more, column);
             }
             value *= factors[factor as usize];

@@ -1,19 +1,17 @@
 //! Rays through the tree of boxes: the nearest triangle, or whether there is any. The same tests as
 //! `accel/hits`, one triangle at a time.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
-use super::Features;
 use super::holes::is_open_at;
 use super::layout::{
     BOXES, CHILDREN, HIT_COUNT, HIT_NUMBERS, HIT_STRIDE, HITS, LEAF, LEAVES, NONE, ROOT,
 };
-use super::reading::vector;
+use super::reading::Scene;
 use crate::model::{V3, v3};
 
 /// A ray, and where hits count.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Ray {
     pub origin: V3,
     pub direction: V3,
@@ -24,16 +22,14 @@ pub(super) struct Ray {
 }
 
 /// A hit: a distance, and a triangle or [`NONE`].
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Hit {
     pub t: f32,
     pub triangle: u32,
 }
 
 /// Up to four triangles that a ray does not see.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Unseen {
     pub a: u32,
     pub b: u32,
@@ -64,30 +60,23 @@ const ROUNDING: f32 = 4e-7;
 
 /// The distance at which a ray hits a triangle, its limit if it does not.
 #[cube]
-fn meet(
-    floats: &[f32],
-    at: u32,
-    ray: Ray,
-    margin: f32,
-    limit: f32,
-    #[comptime] moves: bool,
-) -> f32 {
+fn meet(scene: &Scene, at: u32, ray: Ray, margin: f32, limit: f32) -> f32 {
     let mut origin = ray.origin;
-    if moves {
-        origin -= vector(floats, at + 17) * ray.time;
+    if comptime!(scene.features.moves) {
+        origin -= scene.vector(at + 17) * ray.time;
     }
     let i = at as usize;
-    let normal = vector(floats, at);
+    let normal = scene.vector(at);
     let cosine = normal.dot(ray.direction);
     let mut t = limit;
     if cosine.abs() > 1e-30 {
-        let distance = (floats[i + 3] - normal.dot(origin)) / cosine;
+        let distance = (scene.floats[i + 3] - normal.dot(origin)) / cosine;
         if distance > ray.from && distance < limit {
             let p = origin + ray.direction * distance;
-            let ab = vector(floats, at + 4).dot(p) + floats[i + 7];
-            let bc = vector(floats, at + 8).dot(p) + floats[i + 11];
-            let ca = vector(floats, at + 12).dot(p) + floats[i + 15];
-            if ab.min(bc.min(ca)) > -margin - floats[i + 16] {
+            let ab = scene.vector(at + 4).dot(p) + scene.floats[i + 7];
+            let bc = scene.vector(at + 8).dot(p) + scene.floats[i + 11];
+            let ca = scene.vector(at + 12).dot(p) + scene.floats[i + 15];
+            if ab.min(bc.min(ca)) > -margin - scene.floats[i + 16] {
                 t = distance;
             }
         }
@@ -97,9 +86,9 @@ fn meet(
 
 /// The distance at which a ray enters a box, a number over its limit if it does not.
 #[cube]
-fn enter(floats: &[f32], at: u32, ray: Ray, inverse: V3, margin: f32, limit: f32) -> f32 {
-    let low = vector(floats, at) - ray.origin;
-    let high = vector(floats, at + 3) - ray.origin;
+fn enter(scene: &Scene, at: u32, ray: Ray, inverse: V3, margin: f32, limit: f32) -> f32 {
+    let low = scene.vector(at) - ray.origin;
+    let high = scene.vector(at + 3) - ray.origin;
     let ax = (low.x - margin) * inverse.x;
     let bx = (high.x + margin) * inverse.x;
     let ay = (low.y - margin) * inverse.y;
@@ -117,22 +106,14 @@ fn enter(floats: &[f32], at: u32, ray: Ray, inverse: V3, margin: f32, limit: f32
 
 /// Whether a ray passes a triangle that it meets, since there is a hole.
 #[cube]
-fn passes(
-    floats: &[f32],
-    words: &[u32],
-    at: u32,
-    triangle: u32,
-    ray: Ray,
-    t: f32,
-    #[comptime] features: Features,
-) -> bool {
+fn passes(scene: &Scene, at: u32, triangle: u32, ray: Ray, t: f32) -> bool {
     let mut open = false;
-    if comptime!(features.holes) {
+    if comptime!(scene.features.holes) {
         let mut point = ray.origin + ray.direction * t;
-        if comptime!(features.moves) {
-            point -= vector(floats, at + 17) * ray.time;
+        if comptime!(scene.features.moves) {
+            point -= scene.vector(at + 17) * ray.time;
         }
-        open = is_open_at(floats, words, triangle, point);
+        open = is_open_at(scene, triangle, point);
     }
     open
 }
@@ -153,14 +134,12 @@ fn safe_inverse(d: f32) -> f32 {
 /// The nearest triangle that a ray hits; with `any` any, which takes less time. With `select` some are left out.
 #[cube]
 pub(super) fn trace(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     stack: &mut [u32],
     asked: Ray,
     unseen: Unseen,
     any: bool,
     #[comptime] select: bool,
-    #[comptime] features: Features,
 ) -> Hit {
     // A distant origin would round by more than triangles are large: begin where the ray is nearest to the
     // origin of coordinates.
@@ -176,28 +155,28 @@ pub(super) fn trace(
     let margin = ROUNDING * (1.0 + ray.origin.abs().max_element());
     let mut t = ray.limit;
     let mut triangle = NONE.runtime();
-    if comptime!(features.boxes) {
+    if comptime!(scene.features.boxes) {
         let inverse = v3(
             safe_inverse(ray.direction.x),
             safe_inverse(ray.direction.y),
             safe_inverse(ray.direction.z),
         );
         let mut top = 0u32;
-        let mut node = words[ROOT];
+        let mut node = scene.header[ROOT];
         let mut going = true;
         while going {
             let mut popped = true;
             if node >= LEAF {
-                let leaf = (words[LEAVES] + 2 * (node - LEAF)) as usize;
-                let mut k = words[leaf];
-                let past = k + words[leaf + 1];
+                let leaf = (scene.header[LEAVES] + 2 * (node - LEAF)) as usize;
+                let mut k = scene.words[leaf];
+                let past = k + scene.words[leaf + 1];
                 while k < past {
-                    let at = words[HITS] + k * HIT_STRIDE as u32;
-                    let found = meet(floats, at, ray, margin, t, features.moves);
+                    let at = scene.header[HITS] + k * HIT_STRIDE as u32;
+                    let found = meet(scene, at, ray, margin, t);
                     if found < t {
-                        let number = words[(words[HIT_NUMBERS] + k) as usize];
+                        let number = scene.words[(scene.header[HIT_NUMBERS] + k) as usize];
                         if !select || !unseen.contains(number) {
-                            if !passes(floats, words, at, number, ray, found, features) {
+                            if !passes(scene, at, number, ray, found) {
                                 t = found;
                                 triangle = number;
                             }
@@ -209,15 +188,15 @@ pub(super) fn trace(
                     top = 0;
                 }
             } else {
-                let at = words[BOXES] + 12 * node;
-                let first = enter(floats, at, ray, inverse, margin, t);
-                let second = enter(floats, at + 6, ray, inverse, margin, t);
-                let children = (words[CHILDREN] + 2 * node) as usize;
-                let mut near = words[children];
-                let mut far = words[children + 1];
+                let at = scene.header[BOXES] + 12 * node;
+                let first = enter(scene, at, ray, inverse, margin, t);
+                let second = enter(scene, at + 6, ray, inverse, margin, t);
+                let children = (scene.header[CHILDREN] + 2 * node) as usize;
+                let mut near = scene.words[children];
+                let mut far = scene.words[children + 1];
                 if second < first {
-                    near = words[children + 1];
-                    far = words[children];
+                    near = scene.words[children + 1];
+                    far = scene.words[children];
                 }
                 if first.min(second) < f32::MAX {
                     node = near;
@@ -239,15 +218,15 @@ pub(super) fn trace(
         }
     } else {
         let mut k = 0u32;
-        while k < words[HIT_COUNT] {
-            let at = words[HITS] + k * HIT_STRIDE as u32;
-            let found = meet(floats, at, ray, margin, t, features.moves);
+        while k < scene.header[HIT_COUNT] {
+            let at = scene.header[HITS] + k * HIT_STRIDE as u32;
+            let found = meet(scene, at, ray, margin, t);
             if found < t && (!select || !unseen.contains(k)) {
-                if !passes(floats, words, at, k, ray, found, features) {
+                if !passes(scene, at, k, ray, found) {
                     t = found;
                     triangle = k;
                     if any {
-                        k = words[HIT_COUNT] - 1;
+                        k = scene.header[HIT_COUNT] - 1;
                     }
                 }
             }

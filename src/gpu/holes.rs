@@ -3,38 +3,42 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::layout::{ALPHAS, MASKED, MASKED_UVS, MASKS, NONE, OF_MASKED};
-use super::reading::weights_in;
+use super::reading::{Scene, weights_in};
 use super::texture::cell_of_texture;
 use crate::model::{V3, v2};
 
 /// Whether a triangle has a hole at the point with these weights of its corners.
 #[cube]
-pub(super) fn is_open(floats: &[f32], words: &[u32], triangle: u32, weights: V3) -> bool {
-    let place = words[(words[MASKED] + triangle) as usize];
+pub(super) fn is_open(scene: &Scene, triangle: u32, weights: V3) -> bool {
+    let place = scene.words[(scene.header[MASKED] + triangle) as usize];
     let mut open = false;
     if place != NONE {
-        let at = (words[MASKED_UVS] + OF_MASKED as u32 * place) as usize;
+        let at = (scene.header[MASKED_UVS] + OF_MASKED as u32 * place) as usize;
         let uv = v2(
-            floats[at] * weights.x + floats[at + 2] * weights.y + floats[at + 4] * weights.z,
-            floats[at + 1] * weights.x + floats[at + 3] * weights.y + floats[at + 5] * weights.z,
+            scene.floats[at] * weights.x
+                + scene.floats[at + 2] * weights.y
+                + scene.floats[at + 4] * weights.z,
+            scene.floats[at + 1] * weights.x
+                + scene.floats[at + 3] * weights.y
+                + scene.floats[at + 5] * weights.z,
         );
-        let mask = (words[MASKS] + 4 * place) as usize;
-        let cell = cell_of_texture(words, mask, uv);
-        let first = words[ALPHAS] + words[mask];
-        let a = floats[(first + cell.a) as usize];
-        let b = floats[(first + cell.b) as usize];
-        let c = floats[(first + cell.c) as usize];
-        let d = floats[(first + cell.d) as usize];
+        let mask = (scene.header[MASKS] + 4 * place) as usize;
+        let cell = cell_of_texture(scene, mask, uv);
+        let first = scene.header[ALPHAS] + scene.words[mask];
+        let a = scene.floats[(first + cell.a) as usize];
+        let b = scene.floats[(first + cell.b) as usize];
+        let c = scene.floats[(first + cell.c) as usize];
+        let d = scene.floats[(first + cell.d) as usize];
         let above = a * (1.0 - cell.x) + b * cell.x;
         let below = c * (1.0 - cell.x) + d * cell.x;
-        open = above * (1.0 - cell.y) + below * cell.y < floats[at + 6];
+        open = above * (1.0 - cell.y) + below * cell.y < scene.floats[at + 6];
     }
     open
 }
 
 /// Whether a triangle has a hole at a point of it, at the start of the shutter.
 #[cube]
-pub(super) fn is_open_at(floats: &[f32], words: &[u32], triangle: u32, at_rest: V3) -> bool {
-    let weights = weights_in(floats, words, triangle, at_rest);
-    is_open(floats, words, triangle, weights)
+pub(super) fn is_open_at(scene: &Scene, triangle: u32, at_rest: V3) -> bool {
+    let weights = weights_in(scene, triangle, at_rest);
+    is_open(scene, triangle, weights)
 }

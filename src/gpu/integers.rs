@@ -1,12 +1,12 @@
 //! Integers in kernels: numbers of 64 bits as two words, which few GPUs have.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 pub(super) use crate::model::integers::{product, total};
 
 /// A number of 64 bits.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug, PartialEq)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
+#[derive(PartialEq)]
 pub(super) struct Wide {
     pub low: u32,
     pub high: u32,

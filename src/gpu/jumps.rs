@@ -2,7 +2,7 @@
 //!
 //! Calls are inlined in a kernel, so shadows of emitters and reflected light take turns in one loop.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::camera::Beginning;
 use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES, SEED_OF_SIDES};
@@ -15,20 +15,19 @@ use super::layout::{BOUNCES, CONE, NONE, SURFACE_STRIDE, SURFACES};
 use super::light::{EmitterHit, delta_light, emitter, hits_emitter, sky};
 use super::light_backward::add_to_light;
 use super::numbers::numbers_of;
-use super::reading::vector;
+use super::reading::Scene;
 use super::shadow_rays::{target_of, up_to_target};
 use super::side_light::{Behind, light_beside};
+use super::sums::Totals;
 use super::surface::emission_at;
 use super::surface_backward::{PointGradient, add_to_corners, is_wanted};
-use super::{Derivatives, Features};
 use crate::kernel::TOUCHING;
 use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
 use crate::model::edge::{direction_jump, mirrored};
 use crate::model::{V3, splat, v2, v3};
 
 /// An emitter that lies along an axis behind an edge's point.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct LightBehind {
     /// The limit of a ray to it that passes the edge; less than 0 if there is none.
     limit: f32,
@@ -54,8 +53,7 @@ fn no_light() -> LightBehind {
 
 #[cube]
 fn light_behind(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     k: u32,
     p: &EdgePoint,
     past: V3,
@@ -63,21 +61,20 @@ fn light_behind(
     start: V3,
     axis: V3,
     time: f32,
-    #[comptime] features: Features,
 ) -> LightBehind {
     let mut found = no_light();
     found.limit = -1.0f32;
-    let hit: EmitterHit = hits_emitter(floats, words, k, x, axis, time, features);
+    let hit: EmitterHit = hits_emitter(scene, k, x, axis, time);
     if hit.emitter != NONE {
-        let e = emitter(floats, words, k, time, features);
+        let e = emitter(scene, k, time);
         let w = v3(
             1.0 - hit.weights.x - hit.weights.y,
             hit.weights.x,
             hit.weights.y,
         );
         let mut dark = p.faces.contains(e.triangle);
-        if comptime!(features.holes) {
-            if is_open(floats, words, e.triangle, w) {
+        if comptime!(scene.features.holes) {
+            if is_open(scene, e.triangle, w) {
                 dark = true;
             }
         }
@@ -87,7 +84,7 @@ fn light_behind(
         }
         found.distance = hit.distance;
         found.weights = w;
-        found.emission = emission_at(floats, words, e.triangle, e.material, w, features);
+        found.emission = emission_at(scene, e.triangle, e.material, w);
         found.triangle = e.triangle;
         found.object = e.object;
     }
@@ -99,8 +96,7 @@ fn light_behind(
 /// drawn about the edge's (`kernel/boundary/delta`).
 #[cube]
 fn delta_behind(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     k: u32,
     p: &EdgePoint,
     bent: &Bend,
@@ -109,14 +105,13 @@ fn delta_behind(
     x: V3,
     start: V3,
     time: f32,
-    #[comptime] features: Features,
 ) -> LightBehind {
-    let target = target_of(floats, words, k, v2(0.0, 0.0), x, time, features);
+    let target = target_of(scene, k, v2(0.0, 0.0), x, time);
     let mut image = p.to;
     if bent.mirrored {
         image = mirrored(p.to, outer);
     }
-    let density = cone_density(bent.direction, image, floats[CONE]);
+    let density = cone_density(bent.direction, image, scene.settings[CONE]);
     let mut found = no_light();
     found.emission = target.radiance * (target.angle * density);
     found.limit = up_to_target(&target, start, past);
@@ -128,19 +123,12 @@ fn delta_behind(
 
 /// Whether what a ray hit hides an edge's point, and does not touch it.
 #[cube]
-pub(super) fn hides(
-    floats: &[f32],
-    words: &[u32],
-    hit: Hit,
-    p: &EdgePoint,
-    time: f32,
-    #[comptime] features: Features,
-) -> bool {
+pub(super) fn hides(scene: &Scene, hit: Hit, p: &EdgePoint, time: f32) -> bool {
     let mut hidden = false;
     if hit.triangle != NONE && hit.t < p.to.length() {
-        let at = words[SURFACES] + SURFACE_STRIDE as u32 * hit.triangle;
-        let at_rest = p.position - shift_of(floats, words, hit.triangle, time, features.moves);
-        let off = vector(floats, at + 9).dot(at_rest) - floats[at as usize + 12];
+        let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * hit.triangle;
+        let at_rest = p.position - shift_of(scene, hit.triangle, time);
+        let off = scene.vector(at + 9).dot(at_rest) - scene.floats[at as usize + 12];
         hidden = off.abs() > TOUCHING * (0.1 + p.position.abs().max_element());
     }
     hidden
@@ -149,50 +137,43 @@ pub(super) fn hides(
 /// Adds the derivatives by jumps at edges seen from a point of a path.
 #[cube]
 pub(super) fn jumps_seen_from(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     stack: &mut [u32],
     edge_room: &mut [u32],
-    totals: &[Atomic<u32>],
-    scales: &[f32],
+    sums: &Totals,
     path: &Beginning,
     o: &Observer,
     by: &mut PointGradient,
-    #[comptime] features: Features,
-    #[comptime] of: Derivatives,
 ) {
     let numbers = numbers_of(
-        words,
+        scene,
         SEED_OF_EDGES,
         path.numbers.pixel,
         path.numbers.sample,
-        features.sobol,
     );
     let time = path.time;
     let x = o.point.position;
     let shading = o.point.shading;
     let geometric = shading.geometric;
-    let last = o.bounce >= words[BOUNCES];
+    let last = o.bounce >= scene.header[BOUNCES];
     let mut turn = 1u32;
-    if comptime!(features.emitters) {
+    if comptime!(scene.features.emitters) {
         turn = 0u32;
     }
     while turn < 2 {
         let of_light = turn == 0;
         turn += 1;
-        let s = search(floats, words, &numbers, o, of_light, time, features, of);
+        let s = search(scene, &numbers, o, of_light, time, sums.of);
         let mut tree = EDGE_TREES.runtime();
         if !s.moves {
             tree = EDGE_TREES + OF_TREE;
         }
-        if s.asked && words[tree + LEAF_COUNT] > 0 {
+        if s.asked && scene.header[tree + LEAF_COUNT] > 0 {
             let own = o.point.triangle;
-            let p = edge_point(
-                floats, words, edge_room, tree, &s.query, own, s.u, s.v, features, of,
-            );
+            let p = edge_point(scene, edge_room, tree, &s.query, own, s.u, s.v, sums.of);
             let view = p.to.normalize();
             let mut outer = shading.outer(view);
-            let around = bend(view, outer, floats[CONE], s.cone_u, s.cone_v);
+            let around = bend(view, outer, scene.settings[CONE], s.cone_u, s.cone_v);
             let mut axis = around.direction;
             let mut k = s.first;
             let mut past = s.past;
@@ -209,7 +190,7 @@ pub(super) fn jumps_seen_from(
                 reflected = shading.evaluate(axis);
                 if !of_light && shading.glossy {
                     reflected = reflected * shading.share_of_lobe(axis, s.of_gloss);
-                    if comptime!(features.models.facets()) {
+                    if comptime!(scene.features.models.facets()) {
                         if !s.lobe.holds(axis) {
                             reflected = splat(0.0);
                         }
@@ -230,7 +211,7 @@ pub(super) fn jumps_seen_from(
                     bent.direction = axis;
                 }
                 let jump = direction_jump(p.to, p.along, &bent, normal);
-                let beside: Sides = sides(floats, words, &p, view, jump.side, time, features);
+                let beside: Sides = sides(scene, &p, view, jump.side, time);
                 let on_minus = beside.minus != NONE;
                 let on_plus = beside.plus != NONE;
                 let mut sign = 1.0f32;
@@ -238,12 +219,11 @@ pub(super) fn jumps_seen_from(
                     sign = -1.0f32;
                 }
                 let mut light = no_light();
-                if comptime!(features.emitters) {
+                if comptime!(scene.features.emitters) {
                     if s.is_light {
-                        if comptime!(features.lights) {
+                        if comptime!(scene.features.lights) {
                             light = delta_behind(
-                                floats,
-                                words,
+                                scene,
                                 s.first,
                                 &p,
                                 &bent,
@@ -252,22 +232,10 @@ pub(super) fn jumps_seen_from(
                                 x,
                                 start,
                                 time,
-                                features,
                             );
                         }
                     } else if of_light {
-                        light = light_behind(
-                            floats,
-                            words,
-                            k,
-                            &p,
-                            beside.past,
-                            x,
-                            start,
-                            axis,
-                            time,
-                            features,
-                        );
+                        light = light_behind(scene, k, &p, beside.past, x, start, axis, time);
                     }
                 }
                 // Light passes on one side or on none; at the end of a path only the environment is seen.
@@ -289,7 +257,7 @@ pub(super) fn jumps_seen_from(
                         from: 0.0f32,
                         limit: light.limit,
                     };
-                    hit = trace(floats, words, stack, ray, p.faces, of_light, true, features);
+                    hit = trace(scene, stack, ray, p.faces, of_light, true);
                 }
                 let mut scale = 0.0f32;
                 if of_light {
@@ -297,14 +265,14 @@ pub(super) fn jumps_seen_from(
                         scale = carried.dot(light.emission) * sign;
                         let by_axis = jump.edge.by_axis * scale;
                         if s.is_light {
-                            if comptime!(features.lights) {
-                                let delta = delta_light(floats, words, s.first);
+                            if comptime!(scene.features.lights) {
+                                let delta = delta_light(scene, s.first);
                                 let seen = delta.seen_from(x);
                                 let found = delta.backward(&seen, 0.0f32, by_axis);
                                 by.position -= found.position;
-                                if comptime!(of.lights) {
+                                if comptime!(sums.of.lights) {
                                     let none = splat(0.0);
-                                    add_to_light(words, totals, scales, s.first, &found, none);
+                                    add_to_light(scene, sums, s.first, &found, none);
                                 }
                             }
                         } else {
@@ -312,22 +280,20 @@ pub(super) fn jumps_seen_from(
                             let by_to =
                                 by_axis.reject_from_normalized(axis) * (1.0 / light.distance);
                             by.position -= by_to;
-                            if is_wanted(words, light.object) {
+                            if is_wanted(scene, light.object) {
                                 add_to_corners(
-                                    words,
-                                    totals,
-                                    scales,
+                                    scene,
+                                    sums,
                                     light.triangle,
                                     light.object,
                                     light.weights,
                                     by_to,
                                     time,
-                                    of,
                                 );
                             }
                         }
                     }
-                } else if light.limit > 0.0 && !hides(floats, words, hit, &p, time, features) {
+                } else if light.limit > 0.0 && !hides(scene, hit, &p, time) {
                     let behind = Behind {
                         hit,
                         start,
@@ -338,37 +304,35 @@ pub(super) fn jumps_seen_from(
                         across: beside.across,
                     };
                     let numbers = numbers_of(
-                        words,
+                        scene,
                         SEED_OF_SIDES,
                         path.numbers.pixel,
                         path.numbers.sample,
-                        features.sobol,
                     );
                     let beginning = Beginning {
                         numbers,
                         cones: path.cones,
-                        film: numbers.direction(words, o.bounce, features.sobol),
+                        film: numbers.direction(scene, o.bounce),
                         time,
                         ray: path.ray,
                     };
                     let next = o.bounce + 1;
-                    let light = light_beside(
-                        floats, words, stack, beginning, next, !last, &p, &behind, false, features,
-                    );
+                    let light =
+                        light_beside(scene, stack, beginning, next, !last, &p, &behind, false);
                     scale = carried.dot(light.radiance);
                     // Directions turn with the frame of the lobe.
                     let drawn = shading.as_drawn(axis, s.of_gloss);
                     shading.direction_backward(&drawn, jump.edge.by_axis * scale, &mut by.shading);
-                    if comptime!(features.gathers_map) {
+                    if comptime!(scene.features.gathers_map) {
                         // Directions to a map stay where they are.
-                        let radiance = sky(floats, words, axis, features);
+                        let radiance = sky(scene, axis);
                         scale += carried.dot(radiance) * light.sky;
                     }
                 }
                 if is_nonzero(scale) {
                     let by_to = jump.by_point(p.to, geometric, scale, &mut by.geometric);
                     by.position -= by_to;
-                    add_to_edge(floats, words, totals, scales, &p, by_to, time, features, of);
+                    add_to_edge(scene, sums, &p, by_to, time);
                 }
                 k += 1;
             }

@@ -1,8 +1,7 @@
 //! Views as two buffers: floats, and words that say where they lie.
 //!
 //! Both begin with a header for each view; lists of scenes follow, which views of a scene share. Places in a header's
-//! words are where lists begin, counted from that header: so a kernel looks at both buffers from its view's header
-//! on, and knows nothing of others.
+//! words are where lists begin.
 
 /// Sets of four dimensions in the table of Sobol points.
 pub(super) const HEIGHT_OF_TABLE: u32 = 64;

@@ -2,16 +2,14 @@
 
 use std::f32::consts::{PI, TAU};
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
-use super::Features;
 use super::layout::{
     DIRECTIONAL, EMISSIVE_COUNT, LIGHT_BITS, LIGHTS, NONE, OF_EMITTERS, OF_LIGHT, OF_TRIANGLE,
     OF_TRIANGLES, SKY, SKY_CHANCES, SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SPOT,
     SURFACE_STRIDE, SURFACES,
 };
-use super::reading::first_over;
-use super::reading::vector;
+use super::reading::{Scene, first_over};
 use super::surface::displacement;
 use super::texture::{Cell, in_cell};
 use crate::model::delta_light::DeltaLight;
@@ -21,8 +19,7 @@ use crate::model::{V2, V3, splat, v2, v3};
 use crate::sampling::GRAZING;
 
 /// A triangle that emits, at a time in the shutter.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Emitter {
     pub a: V3,
     pub b: V3,
@@ -35,25 +32,19 @@ pub(super) struct Emitter {
 }
 
 #[cube]
-pub(super) fn emitter(
-    floats: &[f32],
-    words: &[u32],
-    k: u32,
-    time: f32,
-    #[comptime] features: Features,
-) -> Emitter {
-    let triangle = words[(words[OF_EMITTERS] + k) as usize];
-    let row = (words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize;
-    let at = words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
-    let material = words[row];
-    let object = words[row + 1];
-    let shift = displacement(floats, words, object, time, features.moves);
+pub(super) fn emitter(scene: &Scene, k: u32, time: f32) -> Emitter {
+    let triangle = scene.words[(scene.header[OF_EMITTERS] + k) as usize];
+    let row = (scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize;
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+    let material = scene.words[row];
+    let object = scene.words[row + 1];
+    let shift = displacement(scene, object, time);
     Emitter {
-        a: vector(floats, at) + shift,
-        b: vector(floats, at + 3) + shift,
-        c: vector(floats, at + 6) + shift,
-        normal: vector(floats, at + 9),
-        area: floats[at as usize + 13],
+        a: scene.vector(at) + shift,
+        b: scene.vector(at + 3) + shift,
+        c: scene.vector(at + 6) + shift,
+        normal: scene.vector(at + 9),
+        area: scene.floats[at as usize + 13],
         triangle,
         material,
         object,
@@ -62,34 +53,33 @@ pub(super) fn emitter(
 
 /// Whether an emitter is a light without extent.
 #[cube]
-pub(super) fn is_light(words: &[u32], k: u32, #[comptime] features: Features) -> bool {
+pub(super) fn is_light(scene: &Scene, k: u32) -> bool {
     let mut found = false;
-    if comptime!(features.lights) {
-        found = k >= words[EMISSIVE_COUNT];
+    if comptime!(scene.features.lights) {
+        found = k >= scene.header[EMISSIVE_COUNT];
     }
     found
 }
 
 /// The light without extent that an emitter is.
 #[cube]
-pub(super) fn delta_light(floats: &[f32], words: &[u32], k: u32) -> DeltaLight {
-    let i = k - words[EMISSIVE_COUNT];
-    let at = words[LIGHTS] + OF_LIGHT as u32 * i;
-    let bits = words[(words[LIGHT_BITS] + i) as usize];
+pub(super) fn delta_light(scene: &Scene, k: u32) -> DeltaLight {
+    let i = k - scene.header[EMISSIVE_COUNT];
+    let at = scene.header[LIGHTS] + OF_LIGHT as u32 * i;
+    let bits = scene.words[(scene.header[LIGHT_BITS] + i) as usize];
     DeltaLight {
-        position: vector(floats, at),
-        axis: vector(floats, at + 3),
-        strength: vector(floats, at + 6),
+        position: scene.vector(at),
+        axis: scene.vector(at + 3),
+        strength: scene.vector(at + 6),
         directional: bits & DIRECTIONAL != 0,
         spot: bits & SPOT != 0,
-        cos_inner: floats[at as usize + 9],
-        cos_outer: floats[at as usize + 10],
+        cos_inner: scene.floats[at as usize + 9],
+        cos_outer: scene.floats[at as usize + 10],
     }
 }
 
 /// A surface point that emitters are chosen for.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Site {
     pub position: V3,
     /// The side's normal.
@@ -100,8 +90,7 @@ pub(super) struct Site {
 }
 
 /// An emitter that was chosen, its probability, and what is left of the random number.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Choice {
     pub emitter: u32,
     pub chance: f32,
@@ -110,8 +99,7 @@ pub(super) struct Choice {
 
 /// An emitter whose front a ray hits, as if nothing were in between, or [`NONE`], and the point's weights
 /// of the corners b and c.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct EmitterHit {
     pub emitter: u32,
     pub distance: f32,
@@ -129,17 +117,9 @@ pub(super) fn no_emitter_hit() -> EmitterHit {
 
 /// An emitter if a ray hits it.
 #[cube]
-pub(super) fn hits_emitter(
-    floats: &[f32],
-    words: &[u32],
-    k: u32,
-    x: V3,
-    direction: V3,
-    time: f32,
-    #[comptime] features: Features,
-) -> EmitterHit {
+pub(super) fn hits_emitter(scene: &Scene, k: u32, x: V3, direction: V3, time: f32) -> EmitterHit {
     let mut found = no_emitter_hit();
-    let e = emitter(floats, words, k, time, features);
+    let e = emitter(scene, k, time);
     let cosine = e.normal.dot(direction);
     if cosine < -GRAZING {
         let t = e.normal.dot(e.a - x) / cosine;
@@ -157,36 +137,31 @@ pub(super) fn hits_emitter(
 
 /// Radiance of the environment along a direction.
 #[cube]
-pub(super) fn sky(
-    floats: &[f32],
-    words: &[u32],
-    direction: V3,
-    #[comptime] features: Features,
-) -> V3 {
+pub(super) fn sky(scene: &Scene, direction: V3) -> V3 {
     let mut radiance = splat(0.0);
-    if comptime!(features.sky_constant) {
-        radiance = vector(floats, words[SKY]);
+    if comptime!(scene.features.sky_constant) {
+        radiance = scene.vector(scene.header[SKY]);
     }
-    if comptime!(features.sky_map) {
-        radiance = in_cell(floats, words[SKY], cell_of_map(words, direction));
+    if comptime!(scene.features.sky_map) {
+        radiance = in_cell(scene, scene.header[SKY], cell_of_map(scene, direction));
     }
     radiance
 }
 
 /// The texels about a direction: columns wrap, rows end at the poles.
 #[cube]
-pub(super) fn cell_of_map(words: &[u32], direction: V3) -> Cell {
-    let place = place_in_map(words, direction);
+pub(super) fn cell_of_map(scene: &Scene, direction: V3) -> Cell {
+    let place = place_in_map(scene, direction);
     let x = place.x - 0.5;
     let y = place.y - 0.5;
     let left = x.floor();
     let top = y.floor();
-    let width = words[SKY_WIDTH] as i32;
-    let last = words[SKY_HEIGHT] as i32 - 1;
+    let width = scene.header[SKY_WIDTH] as i32;
+    let last = scene.header[SKY_HEIGHT] as i32 - 1;
     let i = ((left as i32 + width) % width) as u32;
     let j = ((left as i32 + 1 + width) % width) as u32;
-    let above = (top as i32).max(0).min(last) as u32 * words[SKY_WIDTH];
-    let below = (top as i32 + 1).max(0).min(last) as u32 * words[SKY_WIDTH];
+    let above = (top as i32).max(0).min(last) as u32 * scene.header[SKY_WIDTH];
+    let below = (top as i32 + 1).max(0).min(last) as u32 * scene.header[SKY_WIDTH];
     Cell {
         a: above + i,
         b: above + j,
@@ -199,40 +174,40 @@ pub(super) fn cell_of_map(words: &[u32], direction: V3) -> Cell {
 
 /// Column and row of a direction in the map, in texels.
 #[cube]
-fn place_in_map(words: &[u32], d: V3) -> V2 {
+fn place_in_map(scene: &Scene, d: V3) -> V2 {
     let around = (d.x * d.x + d.z * d.z).sqrt();
     v2(
-        (0.5 + d.x.atan2(-d.z) / TAU) * words[SKY_WIDTH] as f32,
-        around.atan2(d.y) / PI * words[SKY_HEIGHT] as f32,
+        (0.5 + d.x.atan2(-d.z) / TAU) * scene.header[SKY_WIDTH] as f32,
+        around.atan2(d.y) / PI * scene.header[SKY_HEIGHT] as f32,
     )
 }
 
 /// The density per solid angle with which [`choose_direction`] draws a direction.
 #[cube]
-pub(super) fn density_of_direction(floats: &[f32], words: &[u32], d: V3) -> f32 {
-    let width = words[SKY_WIDTH];
-    let height = words[SKY_HEIGHT];
-    let place = place_in_map(words, d);
+pub(super) fn density_of_direction(scene: &Scene, d: V3) -> f32 {
+    let width = scene.header[SKY_WIDTH];
+    let height = scene.header[SKY_HEIGHT];
+    let place = place_in_map(scene, d);
     let x = (place.x.max(0.0) as u32).min(width - 1);
     let y = (place.y.max(0.0) as u32).min(height - 1);
     let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
-    let p = floats[(words[SKY_CHANCES] + y * width + x) as usize];
+    let p = scene.floats[(scene.header[SKY_CHANCES] + y * width + x) as usize];
     p * (width * height) as f32 / (TAU * PI * sine)
 }
 
 /// A direction to the map for a pair of random numbers.
 #[cube]
-pub(super) fn choose_direction(floats: &[f32], words: &[u32], u: f32, v: f32) -> V3 {
-    let width = words[SKY_WIDTH];
-    let height = words[SKY_HEIGHT];
-    let rows = words[SKY_ROWS];
-    let wanted = v * floats[(rows + height - 1) as usize];
-    let y = first_over(floats, rows, height, 1u32, wanted);
-    let row = words[SKY_COLUMNS] + y * width;
-    let along = u * floats[(row + width - 1) as usize];
-    let x = first_over(floats, row, width, 1u32, along);
-    let turn = (x as f32 + inside(floats, row, x, along)) / width as f32 - 0.5;
-    let polar = (y as f32 + inside(floats, rows, y, wanted)) / height as f32;
+pub(super) fn choose_direction(scene: &Scene, u: f32, v: f32) -> V3 {
+    let width = scene.header[SKY_WIDTH];
+    let height = scene.header[SKY_HEIGHT];
+    let rows = scene.header[SKY_ROWS];
+    let wanted = v * scene.floats[(rows + height - 1) as usize];
+    let y = first_over(scene.floats, rows, height, 1u32, wanted);
+    let row = scene.header[SKY_COLUMNS] + y * width;
+    let along = u * scene.floats[(row + width - 1) as usize];
+    let x = first_over(scene.floats, row, width, 1u32, along);
+    let turn = (x as f32 + inside(scene, row, x, along)) / width as f32 - 0.5;
+    let polar = (y as f32 + inside(scene, rows, y, wanted)) / height as f32;
     let around = sin_cos_of_turns(turn - turn.floor());
     let down = sin_cos_of_turns(0.5 * polar);
     let sine = down.sin.max(1e-6);
@@ -241,11 +216,11 @@ pub(super) fn choose_direction(floats: &[f32], words: &[u32], u: f32, v: f32) ->
 
 /// The place of a number between two of a list, 0 … 1.
 #[cube]
-fn inside(floats: &[f32], first: u32, k: u32, value: f32) -> f32 {
+fn inside(scene: &Scene, first: u32, k: u32, value: f32) -> f32 {
     let mut before = 0.0f32;
     if k > 0 {
-        before = floats[(first + k - 1) as usize];
+        before = scene.floats[(first + k - 1) as usize];
     }
-    let past = floats[(first + k) as usize];
+    let past = scene.floats[(first + k) as usize];
     ((value - before) / (past - before)).max(0.0).min(1.0)
 }

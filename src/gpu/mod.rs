@@ -85,6 +85,7 @@ pub(crate) use packed::{Packed, pack};
 use packed_scene::PackedScene;
 use path::{from_camera, path_light};
 use pieces::{Piece, pixel_at};
+use reading::Scene;
 use records::Room;
 
 /// What a kernel is compiled for: what a scene does not need is not in it.
@@ -257,9 +258,8 @@ fn render_pixels(
     if ABSOLUTE_POS < (piece.count * chunks) as usize {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let floats = &floats[which.floats()..];
-        let words = &words[which.words()..];
-        let mut room = Array::<u32>::new(features.stack);
+        let scene = Scene::new(floats, words, which.view, features);
+        let mut room = Array::<u32>::new(scene.features.stack);
         let stack = room.as_mut_slice();
         let rows = comptime!(outputs.rows());
         let own = (row + thread) as usize * rows;
@@ -273,7 +273,7 @@ fn render_pixels(
         let mut sample = piece.from + thread / piece.count * each;
         let past = (sample + each).min(piece.past);
         while sample < past {
-            let path = begin(floats, words, which.pixel, sample, features);
+            let path = begin(&scene, which.pixel, sample);
             // Nothing is kept.
             let mut records = Array::<u32>::new(1usize);
             let room = Room {
@@ -281,18 +281,7 @@ fn render_pixels(
                 threads: 1u32,
             };
             let none = records.as_mut_slice();
-            let seen = path_light(
-                floats,
-                words,
-                stack,
-                none,
-                room,
-                path,
-                from_camera(),
-                false,
-                false,
-                features,
-            );
+            let seen = path_light(&scene, stack, none, room, path, from_camera(), false, false);
             image[own] += seen.radiance.x * scale;
             image[own + 1] += seen.radiance.y * scale;
             image[own + 2] += seen.radiance.z * scale;
@@ -302,7 +291,7 @@ fn render_pixels(
                 at += 1;
             }
             if comptime!(outputs.depth) {
-                image[at] += seen.depth * scale * floats[UNIT];
+                image[at] += seen.depth * scale * scene.settings[UNIT];
                 at += 1;
             }
             if comptime!(outputs.normals) {
@@ -314,7 +303,7 @@ fn render_pixels(
             if comptime!(outputs.objects > 0) {
                 let mut object = comptime!(outputs.objects as u32 - 1).runtime();
                 if seen.object != NONE {
-                    object = words[(words[COUNTED] + seen.object) as usize];
+                    object = scene.words[(scene.header[COUNTED] + seen.object) as usize];
                 }
                 image[at + object as usize] += scale;
             }

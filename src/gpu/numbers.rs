@@ -1,15 +1,15 @@
 //! The random numbers of a path: those of `sampling`, in words of 32 bits.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::edge_layout::SEED_OF_FILM;
 use super::integers::{Wide, mix, product, total, wide};
 use super::layout::{BLOCKS, HEIGHT_OF_TABLE, SAMPLES_LOG, TABLES, WIDTH};
+use super::reading::Scene;
 use crate::model::{V2, v2};
 
 /// Four random numbers.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Four {
     pub x: f32,
     pub y: f32,
@@ -18,8 +18,7 @@ pub(super) struct Four {
 }
 
 /// A source of random numbers for one path.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Stream {
     seed: Wide,
     pub pixel: u32,
@@ -56,22 +55,14 @@ fn spread(v: u32) -> u32 {
 
 /// The stream of the seed at a place of the header.
 #[cube]
-fn stream(
-    words: &[u32],
-    seed: Wide,
-    pixel: u32,
-    sample: u32,
-    samples: u32,
-    pixels: u32,
-    #[comptime] sobol: bool,
-) -> Stream {
+fn stream(scene: &Scene, seed: Wide, pixel: u32, sample: u32, samples: u32, pixels: u32) -> Stream {
     let mut index = 0u32;
     let mut block = wide(0u32, 0u32);
     let mut shuffled = 0u32;
     let mut stage = wide(0u32, 0u32);
-    if sobol {
-        let x = pixel % words[WIDTH];
-        let y = pixel / words[WIDTH];
+    if comptime!(scene.features.sobol) {
+        let x = pixel % scene.header[WIDTH];
+        let y = pixel / scene.header[WIDTH];
         let place = wide(
             spread(x & 0xffff) | (spread(y & 0xffff) << 1),
             spread(x >> 16) | (spread(y >> 16) << 1),
@@ -95,31 +86,24 @@ fn stream(
 
 /// The random numbers of a path, of the stream whose seed is at a place of the header.
 #[cube]
-pub(super) fn numbers_of(
-    words: &[u32],
-    seed: usize,
-    pixel: u32,
-    sample: u32,
-    #[comptime] sobol: bool,
-) -> Stream {
-    let seed = wide(words[seed], words[seed + 1]);
+pub(super) fn numbers_of(scene: &Scene, seed: usize, pixel: u32, sample: u32) -> Stream {
+    let seed = wide(scene.header[seed], scene.header[seed + 1]);
     stream(
-        words,
+        scene,
         seed,
         pixel,
         sample,
-        words[SAMPLES_LOG],
-        words[BLOCKS],
-        sobol,
+        scene.header[SAMPLES_LOG],
+        scene.header[BLOCKS],
     )
 }
 
 /// Those of samples of the film: a sequence as long as there is for one pixel.
 #[cube]
-pub(super) fn numbers_of_film(words: &[u32], sample: u32, #[comptime] sobol: bool) -> Stream {
-    let seed = wide(words[SEED_OF_FILM], words[SEED_OF_FILM + 1]);
+pub(super) fn numbers_of_film(scene: &Scene, sample: u32) -> Stream {
+    let seed = wide(scene.header[SEED_OF_FILM], scene.header[SEED_OF_FILM + 1]);
     let pixel = 0u32.runtime();
-    stream(words, seed, pixel, sample, 16u32.runtime(), pixel, sobol)
+    stream(scene, seed, pixel, sample, 16u32.runtime(), pixel)
 }
 
 #[cube]
@@ -132,7 +116,7 @@ impl Stream {
     }
 
     /// A set of four dimensions of the sequence of the path's block.
-    fn of_sequence(self, words: &[u32], set: u32) -> Four {
+    fn of_sequence(self, scene: &Scene, set: u32) -> Four {
         let later = set / HEIGHT_OF_TABLE;
         let mut shuffled = self.shuffled;
         let mut stage = self.stage;
@@ -140,7 +124,7 @@ impl Stream {
             stage = mix(self.block.xor(wide(0u32, later)));
             shuffled = owen_scramble(self.index.reverse_bits(), stage.low);
         }
-        let first = words[TABLES] + (set % HEIGHT_OF_TABLE) * 256;
+        let first = scene.header[TABLES] + (set % HEIGHT_OF_TABLE) * 256;
         let a = first + (shuffled >> 28) * 4;
         let b = first + 64 + ((shuffled >> 24) & 15) * 4;
         let c = first + 128 + ((shuffled >> 20) & 15) * 4;
@@ -148,17 +132,17 @@ impl Stream {
         let one = mix(stage.xor(wide(set + 1, 0u32)));
         let two = mix(one);
         Four {
-            x: dimension(words, a, b, c, d, one.low),
-            y: dimension(words, a + 1, b + 1, c + 1, d + 1, one.high),
-            z: dimension(words, a + 2, b + 2, c + 2, d + 2, two.low),
-            w: dimension(words, a + 3, b + 3, c + 3, d + 3, two.high),
+            x: dimension(scene, a, b, c, d, one.low),
+            y: dimension(scene, a + 1, b + 1, c + 1, d + 1, one.high),
+            z: dimension(scene, a + 2, b + 2, c + 2, d + 2, two.low),
+            w: dimension(scene, a + 3, b + 3, c + 3, d + 3, two.high),
         }
     }
 
     /// Film x and y, and for an emitter and a point on it, seen from the first surface.
-    pub fn film(self, words: &[u32], #[comptime] sobol: bool) -> Four {
-        if sobol {
-            self.of_sequence(words, 0u32)
+    pub fn film(self, scene: &Scene) -> Four {
+        if comptime!(scene.features.sobol) {
+            self.of_sequence(scene, 0u32)
         } else {
             Four {
                 x: self.independent(0u32, 0u32),
@@ -170,9 +154,9 @@ impl Stream {
     }
 
     /// Lens radius and angle, and time.
-    pub fn lens_and_time(self, words: &[u32], #[comptime] sobol: bool) -> Four {
-        if sobol {
-            self.of_sequence(words, 1u32)
+    pub fn lens_and_time(self, scene: &Scene) -> Four {
+        if comptime!(scene.features.sobol) {
+            self.of_sequence(scene, 1u32)
         } else {
             Four {
                 x: self.independent(0u32, 2u32),
@@ -184,9 +168,9 @@ impl Stream {
     }
 
     /// For a direction, and for an emitter and a point on it, seen from where it leads.
-    pub fn direction(self, words: &[u32], bounce: u32, #[comptime] sobol: bool) -> Four {
-        if sobol {
-            self.of_sequence(words, 2 + 2 * bounce)
+    pub fn direction(self, scene: &Scene, bounce: u32) -> Four {
+        if comptime!(scene.features.sobol) {
+            self.of_sequence(scene, 2 + 2 * bounce)
         } else {
             Four {
                 x: self.independent(bounce, 11u32),
@@ -198,9 +182,9 @@ impl Stream {
     }
 
     /// For the choice of a lobe, for survival, and for a direction to the environment.
-    pub fn choices(self, words: &[u32], bounce: u32, #[comptime] sobol: bool) -> Four {
-        if sobol {
-            self.of_sequence(words, 3 + 2 * bounce)
+    pub fn choices(self, scene: &Scene, bounce: u32) -> Four {
+        if comptime!(scene.features.sobol) {
+            self.of_sequence(scene, 3 + 2 * bounce)
         } else {
             Four {
                 x: self.independent(bounce, 10u32),
@@ -212,9 +196,9 @@ impl Stream {
     }
 
     /// Four numbers of a stream that serves one purpose.
-    pub fn set(self, words: &[u32], set: u32, #[comptime] sobol: bool) -> Four {
-        if sobol {
-            self.of_sequence(words, set)
+    pub fn set(self, scene: &Scene, set: u32) -> Four {
+        if comptime!(scene.features.sobol) {
+            self.of_sequence(scene, set)
         } else {
             Four {
                 x: self.independent(set, 16u32),
@@ -228,8 +212,11 @@ impl Stream {
 
 /// A scrambled coordinate of a point: the sum, without carry, of those of the parts of its index.
 #[cube]
-fn dimension(words: &[u32], a: u32, b: u32, c: u32, d: u32, scramble: u32) -> f32 {
-    let point = words[a as usize] ^ words[b as usize] ^ words[c as usize] ^ words[d as usize];
+fn dimension(scene: &Scene, a: u32, b: u32, c: u32, d: u32, scramble: u32) -> f32 {
+    let point = scene.words[a as usize]
+        ^ scene.words[b as usize]
+        ^ scene.words[c as usize]
+        ^ scene.words[d as usize];
     uniform(owen_scramble(point, scramble).reverse_bits())
 }
 

@@ -113,13 +113,13 @@ impl Packed {
             });
             let mut header = scene.header;
             for &place in &scene.in_floats {
-                header[place] += (floats - v * FLOAT_HEADER) as u32;
+                header[place] += floats as u32;
             }
             for &place in &scene.in_words {
-                header[place] += (words - v * HEADER) as u32;
+                header[place] += words as u32;
             }
-            header[TABLES] = (tables - v * HEADER) as u32;
-            header[FILTER] = (packed.floats.len() - v * FLOAT_HEADER) as u32;
+            header[TABLES] = tables as u32;
+            header[FILTER] = packed.floats.len() as u32;
             packed.floats.extend(&view.filter.table);
             header[FIRST_SUMS..FIRST_SUMS + PARTS].copy_from_slice(&packed.sums.first[v]);
             add_settings(view, &mut header);

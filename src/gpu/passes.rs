@@ -12,9 +12,10 @@ use super::jumps::jumps_seen_from;
 use super::layout::{BOUNCES, UNIT};
 use super::path::{from_camera, path_light};
 use super::pieces::{Piece, pixel_at};
+use super::reading::Scene;
 use super::records::{Room, kept, kept_vector, record_at};
 use super::records::{jumped_at, points_at, put};
-use super::sums::{TYPICAL, is_skipped, replica_of};
+use super::sums::{TYPICAL, Totals, is_skipped, replica_of};
 use super::surface::point_at;
 use super::surface_backward::is_wanted;
 use super::surface_backward::no_point_gradient;
@@ -76,18 +77,16 @@ pub(super) fn keep_paths(
     if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let floats = &floats[which.floats()..];
-        let words = &words[which.words()..];
-        let g = upstream_of(floats, upstream, which.row, scale, outputs);
+        let scene = Scene::new(floats, words, which.view, features);
+        let g = upstream_of(scene.settings, upstream, which.row, scale, outputs);
         if is_asked(&g) {
-            let mut room = Array::<u32>::new(features.stack);
+            let mut room = Array::<u32>::new(scene.features.stack);
             let stack = room.as_mut_slice();
             let room = Room { thread, threads };
             let sample = piece.from + thread / piece.count;
-            let path = begin(floats, words, which.pixel, sample, features);
+            let path = begin(&scene, which.pixel, sample);
             let seen = path_light(
-                floats,
-                words,
+                &scene,
                 stack,
                 records,
                 room,
@@ -95,9 +94,8 @@ pub(super) fn keep_paths(
                 from_camera(),
                 false,
                 true,
-                features,
             );
-            records[points_at(words, room)] = seen.points;
+            records[points_at(scene.header, room)] = seen.points;
         }
     }
 }
@@ -105,7 +103,7 @@ pub(super) fn keep_paths(
 /// Whether a point of a path moves, or the directions that it looks in turn.
 #[cube]
 fn moves_at(
-    words: &[u32],
+    scene: &Scene,
     records: &mut [u32],
     room: Room,
     point: u32,
@@ -120,7 +118,7 @@ fn moves_at(
     let mut k = 0u32;
     while k <= point && !moves {
         let triangle = records[record_at(room, k, 0u32)];
-        moves = is_wanted(words, object_of(words, triangle));
+        moves = is_wanted(scene, object_of(scene, triangle));
         k += 1;
     }
     moves
@@ -150,15 +148,14 @@ pub(super) fn add_jumps(
         let thread = ABSOLUTE_POS as u32 % threads;
         let k = ABSOLUTE_POS as u32 / threads;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let floats = &floats[which.floats()..];
-        let words = &words[which.words()..];
-        let totals = &totals[replica_of(thread, replicas, region)..];
+        let scene = Scene::new(floats, words, which.view, features);
+        let sums = Totals::new(&totals[replica_of(thread, replicas, region)..], scales, of);
         let typical = scales[TYPICAL + which.view as usize];
         let room = Room { thread, threads };
-        let g = upstream_of(floats, upstream, which.row, scale, outputs);
+        let g = upstream_of(scene.settings, upstream, which.row, scale, outputs);
         let mut points = 0u32;
         if is_asked(&g) {
-            points = records[points_at(words, room)];
+            points = records[points_at(scene.header, room)];
         }
         if k < points {
             let mut by = no_point_gradient();
@@ -169,31 +166,29 @@ pub(super) fn add_jumps(
             let carried = g.radiance.times(kept_vector(records, room, k, 8u32));
             let counts = carried.abs().element_sum() / (typical * scale).max(1e-37);
             let sample = piece.from + thread / piece.count;
-            let path = begin(floats, words, which.pixel, sample, features);
+            let path = begin(&scene, which.pixel, sample);
             let near = origin + incoming * distance;
-            let point = point_at(floats, words, triangle, near, incoming, path.time, features);
+            let point = point_at(&scene, triangle, near, incoming, path.time);
             if counts > 0.0 && point.reflects {
                 let at = Observer {
                     point,
                     bounce: k,
-                    moves: moves_at(words, records, room, k, of),
+                    moves: moves_at(&scene, records, room, k, of),
                     carried,
                     counts,
                 };
-                let mut stack_room = Array::<u32>::new(features.stack);
+                let mut stack_room = Array::<u32>::new(scene.features.stack);
                 let stack = stack_room.as_mut_slice();
-                let mut edge_room = Array::<u32>::new(of.edge_room);
+                let mut edge_room = Array::<u32>::new(sums.of.edge_room);
                 let edges = edge_room.as_mut_slice();
-                jumps_seen_from(
-                    floats, words, stack, edges, totals, scales, &path, &at, &mut by, features, of,
-                );
+                jumps_seen_from(&scene, stack, edges, &sums, &path, &at, &mut by);
             }
-            put(words, records, room, k, 0u32, by.position);
-            put(words, records, room, k, 3u32, by.geometric);
-            put(words, records, room, k, 6u32, by.shading.normal);
-            put(words, records, room, k, 9u32, by.shading.incoming);
-            records[jumped_at(words, room, k, 12u32)] = by.shading.exponent.to_bits();
-            records[jumped_at(words, room, k, 13u32)] = by.shading.specular.x.to_bits();
+            put(scene.header, records, room, k, 0u32, by.position);
+            put(scene.header, records, room, k, 3u32, by.geometric);
+            put(scene.header, records, room, k, 6u32, by.shading.normal);
+            put(scene.header, records, room, k, 9u32, by.shading.incoming);
+            records[jumped_at(scene.header, room, k, 12u32)] = by.shading.exponent.to_bits();
+            records[jumped_at(scene.header, room, k, 13u32)] = by.shading.specular.x.to_bits();
         }
     }
 }
@@ -221,33 +216,28 @@ pub(super) fn go_back(
     if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let floats = &floats[which.floats()..];
-        let words = &words[which.words()..];
-        let totals = &totals[replica_of(thread, replicas, region)..];
-        let g = upstream_of(floats, upstream, which.row, scale, outputs);
+        let scene = Scene::new(floats, words, which.view, features);
+        let sums = Totals::new(&totals[replica_of(thread, replicas, region)..], scales, of);
+        let g = upstream_of(scene.settings, upstream, which.row, scale, outputs);
         if is_asked(&g) {
             let mut by_camera = no_camera_gradient();
             let room = Room { thread, threads };
             let sample = piece.from + thread / piece.count;
-            let path = begin(floats, words, which.pixel, sample, features);
-            let points = records[points_at(words, room)];
+            let path = begin(&scene, which.pixel, sample);
+            let points = records[points_at(scene.header, room)];
             path_backward(
-                floats,
-                words,
+                &scene,
                 records,
-                totals,
-                scales,
+                &sums,
                 room,
                 path,
                 which.pixel,
                 points,
                 g,
                 &mut by_camera,
-                features,
-                of,
             );
-            if comptime!(of.camera) {
-                add_camera(words, totals, scales, &by_camera);
+            if comptime!(sums.of.camera) {
+                add_camera(&scene, &sums, &by_camera);
             }
         }
     }

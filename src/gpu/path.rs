@@ -3,15 +3,15 @@
 //! Calls are inlined in a kernel, so there is one place that traces a ray, in a loop over the rays of a path:
 //! the camera's, those to lights, and those with which the path goes on.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
-use super::Features;
 use super::camera::Beginning;
 use super::emitter_choice::{chance, choose, next_emitter_hit, site};
 use super::hit::{Hit, Ray, see_all, trace};
 use super::layout::{BOUNCES, CONE, NONE, ROULETTE_AFTER};
 use super::light::{Choice, Site};
 use super::light::{choose_direction, sky};
+use super::reading::Scene;
 use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
     keep_vector, record_at,
@@ -24,8 +24,7 @@ use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
 
 /// The surface that a camera ray sees, and the light that its path brings back.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct PathLight {
     pub radiance: V3,
     /// 1 where there is a surface.
@@ -51,8 +50,7 @@ pub(super) const ONWARDS: u32 = 5;
 pub(super) const ENDED: u32 = 6;
 
 /// A surface point that a path starts from in place of the camera.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Start {
     pub triangle: u32,
     /// A place about there, and the direction in which it is seen.
@@ -90,8 +88,7 @@ pub(super) fn from_camera() -> Start {
 /// `keep` the path's points are left in `records`.
 #[cube]
 pub(super) fn path_light(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     stack: &mut [u32],
     records: &mut [u32],
     room: Room,
@@ -99,7 +96,6 @@ pub(super) fn path_light(
     start: Start,
     #[comptime] beside: bool,
     #[comptime] keep: bool,
-    #[comptime] features: Features,
 ) -> PathLight {
     let numbers = path.numbers;
     let cones = path.cones;
@@ -116,7 +112,7 @@ pub(super) fn path_light(
         points: 0u32,
     };
     let mut from = Receiver {
-        point: no_point(features),
+        point: no_point(scene),
         cone_u: 0.0f32,
         cone_v: 0.0f32,
         sum: 0.0f32,
@@ -146,7 +142,7 @@ pub(super) fn path_light(
     let mut direction = first.direction;
     let mut limit = f32::MAX.runtime();
     let mut light = splat(0.0);
-    let bounces = words[BOUNCES];
+    let bounces = scene.header[BOUNCES];
     let mut begins = true;
     if beside {
         bounce = start.bounce;
@@ -174,7 +170,7 @@ pub(super) fn path_light(
                 from: 0.0f32,
                 limit,
             };
-            hit = trace(floats, words, stack, ray, see_all(), any, false, features);
+            hit = trace(scene, stack, ray, see_all(), any, false);
             seen.rays += 1;
             if !any {
                 seen.looked += 1;
@@ -185,17 +181,16 @@ pub(super) fn path_light(
         if arrives {
             if missed {
                 // With a map that is gathered at surfaces, rays that go on bring nothing.
-                if purpose == OF_CAMERA || comptime!(features.sees_sky) {
+                if purpose == OF_CAMERA || comptime!(scene.features.sees_sky) {
                     bits |= ESCAPED;
-                    seen.radiance += throughput.times(sky(floats, words, direction, features));
+                    seen.radiance += throughput.times(sky(scene, direction));
                 }
                 purpose = ENDED;
             } else if purpose == ONWARDS && bounce >= bounces {
                 purpose = ENDED;
             } else {
                 let near = origin + direction * hit.t;
-                let mut point =
-                    point_at(floats, words, hit.triangle, near, direction, time, features);
+                let mut point = point_at(scene, hit.triangle, near, direction, time);
                 if purpose == OF_CAMERA {
                     if beside {
                         hit.t = start.distance;
@@ -229,27 +224,27 @@ pub(super) fn path_light(
                     bit = SAW_ALONG;
                 }
                 seen.points += 1;
-                let goes_on = bounce < bounces || comptime!(features.sees_sky);
-                let by_scattering = comptime!(features.combined) && point.shading.glossy;
+                let goes_on = bounce < bounces || comptime!(scene.features.sees_sky);
+                let by_scattering = comptime!(scene.features.combined) && point.shading.glossy;
                 from.point = point;
                 purpose = TO_EMITTER;
-                if !point.reflects || comptime!(features.dark) {
+                if !point.reflects || comptime!(scene.features.dark) {
                     purpose = ENDED;
                 } else {
-                    if comptime!(features.cones) {
-                        let set = cones.set(words, bounce, features.sobol);
+                    if comptime!(scene.features.cones) {
+                        let set = cones.set(scene, bounce);
                         from.cone_u = set.z;
                         from.cone_v = set.w;
                     }
                     let normal = point.shading.geometric;
-                    let at: Site = site(floats, words, point.position, normal, time, features);
+                    let at: Site = site(scene, point.position, normal, time);
                     from.sum = at.sum;
                 }
-                if goes_on || by_scattering || comptime!(features.gathers_map) {
-                    let drawn = numbers.direction(words, bounce, features.sobol);
+                if goes_on || by_scattering || comptime!(scene.features.gathers_map) {
+                    let drawn = numbers.direction(scene, bounce);
                     let mut lobe = 0.0f32;
                     if point.shading.glossy {
-                        lobe = numbers.choices(words, bounce, features.sobol).x;
+                        lobe = numbers.choices(scene, bounce).x;
                     }
                     scatter = point.shading.sample(drawn.x, drawn.y, lobe);
                     next_u = drawn.z;
@@ -293,7 +288,7 @@ pub(super) fn path_light(
         let mut is_map = false;
         let mut along = false;
         if purpose == TO_EMITTER || purpose == TO_EMITTERS_ALONG {
-            if comptime!(features.emitters) {
+            if comptime!(scene.features.emitters) {
                 is_emitter = true;
             } else {
                 purpose = TO_MAP;
@@ -303,11 +298,11 @@ pub(super) fn path_light(
             let mut k = 0u32;
             let mut weights = v2(0.0, 0.0);
             let mut p = 1.0f32;
-            let combined = comptime!(features.combined) && from.point.shading.glossy;
+            let combined = comptime!(scene.features.combined) && from.point.shading.glossy;
             let x = from.point.position;
             let at: Site = from.site(time);
             if purpose == TO_EMITTER {
-                let choice: Choice = choose(floats, words, emitter_u, &at, features);
+                let choice: Choice = choose(scene, emitter_u, &at);
                 k = choice.emitter;
                 p = choice.chance;
                 weights = uniform_point(choice.rest, emitter_v);
@@ -315,52 +310,51 @@ pub(super) fn path_light(
                 along = true;
                 k = NONE;
                 if combined {
-                    let found =
-                        next_emitter_hit(floats, words, next, x, scatter.direction, time, features);
+                    let found = next_emitter_hit(scene, next, x, scatter.direction, time);
                     k = found.emitter;
                     weights = found.weights;
                     next = k + 1;
                     if k != NONE {
-                        p = chance(floats, words, k, &at, features);
+                        p = chance(scene, k, &at);
                     }
                 }
             }
             if k == NONE {
                 purpose = TO_MAP;
             } else {
-                let target = target_of(floats, words, k, weights, x, time, features);
-                chosen = towards_target(floats, &from, &target, p, combined, along);
+                let target = target_of(scene, k, weights, x, time);
+                chosen = towards_target(scene, &from, &target, p, combined, along);
             }
         }
         if purpose == TO_MAP || purpose == TO_MAP_ALONG {
-            if comptime!(features.gathers_map) {
+            if comptime!(scene.features.gathers_map) {
                 is_map = true;
             } else {
                 purpose = ONWARDS;
             }
         }
-        if comptime!(features.gathers_map) {
+        if comptime!(scene.features.gathers_map) {
             if is_map {
                 let mut towards = scatter.direction;
                 if purpose == TO_MAP {
-                    let drawn = numbers.choices(words, bounce, features.sobol);
-                    towards = choose_direction(floats, words, drawn.z, drawn.w);
+                    let drawn = numbers.choices(scene, bounce);
+                    towards = choose_direction(scene, drawn.z, drawn.w);
                 }
                 let by_scattering = purpose == TO_MAP_ALONG;
-                chosen = towards_map(floats, words, &from, towards, by_scattering, features);
+                chosen = towards_map(scene, &from, towards, by_scattering);
             }
         }
         if purpose == ONWARDS {
             let last = bounce >= bounces;
-            if (last && !comptime!(features.sees_sky)) || scatter.weight.is_zero() {
+            if (last && !comptime!(scene.features.sees_sky)) || scatter.weight.is_zero() {
                 purpose = ENDED;
             } else {
                 throughput = throughput.times(scatter.weight);
                 let mut survived = 1.0f32;
-                if comptime!(features.roulette) {
-                    if !last && bounce >= words[ROULETTE_AFTER] {
+                if comptime!(scene.features.roulette) {
+                    if !last && bounce >= scene.header[ROULETTE_AFTER] {
                         let survival = throughput.max_element().max(0.05).min(1.0);
-                        let drawn = numbers.choices(words, bounce, features.sobol);
+                        let drawn = numbers.choices(scene, bounce);
                         if drawn.y >= survival {
                             purpose = ENDED;
                         }
@@ -374,13 +368,13 @@ pub(super) fn path_light(
                 }
                 let mut u = 0.0f32;
                 let mut v = 0.0f32;
-                if comptime!(features.cones) {
-                    let set = cones.set(words, bounce, features.sobol);
+                if comptime!(scene.features.cones) {
+                    let set = cones.set(scene, bounce);
                     u = set.x;
                     v = set.y;
                 }
                 let outer = from.point.shading.outer(scatter.direction);
-                let bent = bend(scatter.direction, outer, floats[CONE], u, v);
+                let bent = bend(scatter.direction, outer, scene.settings[CONE], u, v);
                 chosen.start = lifted(from.point.position, outer);
                 chosen.direction = bent.direction;
                 chosen.limit = f32::MAX;

@@ -1,8 +1,6 @@
 //! The part of a batch that a launch serves.
 
-use burn::cubecl::{self, prelude::*};
-
-use super::layout::{FLOAT_HEADER, HEADER};
+use crate::cube::*;
 
 /// Samples of pixels, which are counted over all views.
 #[derive(CubeType, CubeLaunch, Clone, Copy, Debug)]
@@ -27,25 +25,12 @@ impl Piece {
 }
 
 /// A pixel of a view.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct PixelAt {
     /// Its place among those of all views.
     pub row: u32,
     pub view: u32,
     pub pixel: u32,
-}
-
-#[cube]
-impl PixelAt {
-    /// Where floats and words of its view begin.
-    pub fn floats(&self) -> usize {
-        self.view as usize * FLOAT_HEADER
-    }
-
-    pub fn words(&self) -> usize {
-        self.view as usize * HEADER
-    }
 }
 
 /// A pixel of a piece.

@@ -1,7 +1,7 @@
 //! How much a loss depends on the pixels of views, and so where edges are drawn on their films, without the host in
 //! between: `kernel/boundary/pieces` and `film_edges` in kernels of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::Outputs;
 use super::film_table::{
@@ -18,8 +18,7 @@ use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
 pub(super) const OF_CELL: u32 = 4;
 
 /// Columns and rows of cells.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Grid {
     columns: u32,
     rows: u32,
@@ -34,8 +33,7 @@ fn grid(words: &[u32]) -> Grid {
 }
 
 /// A cell of a view.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 struct Cell {
     view: u32,
     row: u32,

@@ -2,7 +2,7 @@
 
 use super::layout::BOUNCES;
 use super::surface_backward::PointGradient;
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use crate::model::{V3, v3};
 
@@ -21,8 +21,7 @@ pub(super) const WENT_ON: u32 = 1 << 30;
 pub(super) const ESCAPED: u32 = 1 << 31;
 
 /// Words that a path keeps for its way back, one word of all threads after another.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Room {
     pub thread: u32,
     pub threads: u32,

@@ -1,12 +1,12 @@
 //! Rays from a surface point to lights: `kernel/direct` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
-use super::Features;
 use super::holes::is_open;
 use super::layout::{CONE, NONE};
 use super::light::Site;
 use super::light::{delta_light, density_of_direction, emitter, is_light, sky};
+use super::reading::Scene;
 use super::surface::{Point, emission_at};
 use crate::model::cone::{bend, lifted, up_to_plane};
 use crate::model::emitter::{LightPoint, power_heuristic};
@@ -14,8 +14,7 @@ use crate::model::{Pair, V2, V3, splat, v2, v3};
 
 /// A ray to a light, and the light that it brings if nothing is in between. Its limit is less than 0 if there
 /// is none.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct ShadowRay {
     pub start: V3,
     pub direction: V3,
@@ -24,8 +23,7 @@ pub(super) struct ShadowRay {
 }
 
 /// A surface point of a path, and its random numbers there.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Receiver {
     pub point: Point,
     pub cone_u: f32,
@@ -48,8 +46,7 @@ impl Receiver {
 }
 
 /// What of an emitter a point is connected to.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Target {
     /// The unit vector to it.
     pub direction: V3,
@@ -68,15 +65,7 @@ pub(super) struct Target {
 
 /// The point of an emitter with these weights of its corners b and c, or a light without extent.
 #[cube]
-pub(super) fn target_of(
-    floats: &[f32],
-    words: &[u32],
-    k: u32,
-    weights: V2,
-    x: V3,
-    time: f32,
-    #[comptime] features: Features,
-) -> Target {
+pub(super) fn target_of(scene: &Scene, k: u32, weights: V2, x: V3, time: f32) -> Target {
     let zero = splat(0.0);
     let mut target = Target {
         direction: zero,
@@ -85,11 +74,11 @@ pub(super) fn target_of(
         distant: false.runtime(),
         radiance: zero,
         angle: 0.0f32.runtime(),
-        is_light: is_light(words, k, features),
+        is_light: is_light(scene, k),
     };
     if target.is_light {
-        if comptime!(features.lights) {
-            let light = delta_light(floats, words, k);
+        if comptime!(scene.features.lights) {
+            let light = delta_light(scene, k);
             let seen = light.seen_from(x);
             target.direction = seen.direction;
             target.place = light.position;
@@ -99,18 +88,18 @@ pub(super) fn target_of(
             target.angle = seen.scale;
         }
     } else {
-        let e = emitter(floats, words, k, time, features);
+        let e = emitter(scene, k, time);
         let corners = v3(1.0 - weights.x - weights.y, weights.x, weights.y);
         let place = e.a * corners.x + e.b * corners.y + e.c * corners.z;
         let seen = LightPoint::new(place - x, e.normal);
         let mut open = false;
-        if comptime!(features.holes) {
-            open = is_open(floats, words, e.triangle, corners);
+        if comptime!(scene.features.holes) {
+            open = is_open(scene, e.triangle, corners);
         }
         target.direction = seen.direction;
         target.place = place;
         target.normal = e.normal;
-        target.radiance = emission_at(floats, words, e.triangle, e.material, corners, features);
+        target.radiance = emission_at(scene, e.triangle, e.material, corners);
         if seen.facing > 0.0 && !open {
             target.angle = seen.solid_angle(e.area);
         }
@@ -131,7 +120,7 @@ pub(super) fn up_to_target(target: &Target, start: V3, direction: V3) -> f32 {
 /// A ray to a target. `by_scattering` says by which of two strategies it was found, if `combined`.
 #[cube]
 pub(super) fn towards_target(
-    floats: &[f32],
+    scene: &Scene,
     from: &Receiver,
     target: &Target,
     chance: f32,
@@ -149,7 +138,13 @@ pub(super) fn towards_target(
         light: splat(0.0),
     };
     if target.angle > 0.0 && !reflected.is_zero() {
-        let bent = bend(direction, outer, floats[CONE], from.cone_u, from.cone_v);
+        let bent = bend(
+            direction,
+            outer,
+            scene.settings[CONE],
+            from.cone_u,
+            from.cone_v,
+        );
         ray.direction = bent.direction;
         ray.limit = up_to_target(target, start, bent.direction);
         let mut density = chance;
@@ -165,12 +160,10 @@ pub(super) fn towards_target(
 /// A ray to the map along a direction, which was found by one of two strategies.
 #[cube]
 pub(super) fn towards_map(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     from: &Receiver,
     direction: V3,
     by_scattering: bool,
-    #[comptime] features: Features,
 ) -> ShadowRay {
     let shading = from.point.shading;
     let reflected = shading.evaluate(direction);
@@ -182,19 +175,25 @@ pub(super) fn towards_map(
         light: splat(0.0),
     };
     if !reflected.is_zero() {
-        let bent = bend(direction, outer, floats[CONE], from.cone_u, from.cone_v);
-        let chance = density_of_direction(floats, words, direction);
+        let bent = bend(
+            direction,
+            outer,
+            scene.settings[CONE],
+            from.cone_u,
+            from.cone_v,
+        );
+        let chance = density_of_direction(scene, direction);
         let density = power_heuristic(chance, shading.density(direction), by_scattering);
         ray.direction = bent.direction;
         ray.limit = f32::MAX.runtime();
-        ray.light = reflected.times(sky(floats, words, direction, features)) * (1.0 / density);
+        ray.light = reflected.times(sky(scene, direction)) * (1.0 / density);
     }
     ray
 }
 
 /// A surface point that is not there yet.
 #[cube]
-pub(super) fn no_point(#[comptime] features: Features) -> Point {
+pub(super) fn no_point(scene: &Scene) -> Point {
     let zero = splat(0.0f32.runtime());
     Point {
         position: zero,
@@ -210,7 +209,7 @@ pub(super) fn no_point(#[comptime] features: Features) -> Point {
             model: 0u32.runtime(),
             compensated: false.runtime(),
             inside: false.runtime(),
-            models: comptime!(features.models),
+            models: comptime!(scene.features.models),
             pair: Pair {
                 first: zero,
                 second: zero,

@@ -1,23 +1,21 @@
 //! The light beside an edge's point, on both of its sides: paths that start from the faces there, or from the
 //! surface behind.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
-use super::Features;
 use super::camera::Beginning;
 use super::edge_point::{EdgePoint, beside, shift_of};
 use super::hit::Hit;
 use super::layout::{NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
 use super::light::sky;
 use super::path::{Start, path_light};
-use super::reading::vector;
+use super::reading::Scene;
 use super::records::Room;
 use super::surface::point_at;
 use crate::model::{Pair, V3, splat};
 
 /// What is seen beside an edge's point from a ray's origin: faces on its sides, or [`NONE`], and the hit behind.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Behind {
     pub hit: Hit,
     pub start: V3,
@@ -31,8 +29,7 @@ pub(super) struct Behind {
 }
 
 /// The light on the − side of an edge less that on the + side.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct SideLight {
     pub radiance: V3,
     /// The same of the environment, where it is 1.
@@ -45,15 +42,7 @@ pub(super) struct SideLight {
 /// The point that is seen on a side. That of a face lies so far inside that no ray from it meets the other faces
 /// of the edge by rounding. The line of a crossing divides the face: of its halves the one on that side is seen.
 #[cube]
-fn start_beside(
-    floats: &[f32],
-    words: &[u32],
-    p: &EdgePoint,
-    behind: &Behind,
-    on_plus: bool,
-    time: f32,
-    #[comptime] features: Features,
-) -> Start {
+fn start_beside(scene: &Scene, p: &EdgePoint, behind: &Behind, on_plus: bool, time: f32) -> Start {
     let mut face = behind.minus;
     if on_plus {
         face = behind.plus;
@@ -73,8 +62,8 @@ fn start_beside(
         emits: false,
     };
     if face != NONE {
-        let at = words[SURFACES] + SURFACE_STRIDE as u32 * face;
-        let mut inward = vector(floats, at + 9).cross(p.along);
+        let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * face;
+        let mut inward = scene.vector(at + 9).cross(p.along);
         if p.crossing {
             let mut towards = inward.dot(behind.across);
             if !on_plus {
@@ -84,8 +73,8 @@ fn start_beside(
                 inward = -inward;
             }
         } else {
-            let sum = vector(floats, at) + vector(floats, at + 3) + vector(floats, at + 6);
-            let shift = shift_of(floats, words, face, time, features.moves);
+            let sum = scene.vector(at) + scene.vector(at + 3) + scene.vector(at + 6);
+            let shift = shift_of(scene, face, time);
             inward = sum * (1.0f32 / 3.0f32) + shift - p.position;
         }
         let step = (beside(p.position) / inward.length().max(1e-37)).min(0.1);
@@ -99,14 +88,7 @@ fn start_beside(
 
 /// The normals on both sides, if these are of one material: paths on both sides of a crease go the same ways.
 #[cube]
-fn normals_beside(
-    floats: &[f32],
-    words: &[u32],
-    p: &EdgePoint,
-    behind: &Behind,
-    time: f32,
-    #[comptime] features: Features,
-) -> Pair {
+fn normals_beside(scene: &Scene, p: &EdgePoint, behind: &Behind, time: f32) -> Pair {
     let mut pair = Pair {
         first: splat(0.0f32.runtime()),
         second: splat(0.0f32.runtime()),
@@ -114,16 +96,8 @@ fn normals_beside(
     let mut side = 0u32;
     while side < 2 {
         let on_plus = side == 1;
-        let s = start_beside(floats, words, p, behind, on_plus, time, features);
-        let point = point_at(
-            floats,
-            words,
-            s.triangle,
-            s.near,
-            s.direction,
-            time,
-            features,
-        );
+        let s = start_beside(scene, p, behind, on_plus, time);
+        let point = point_at(scene, s.triangle, s.near, s.direction, time);
         if on_plus {
             pair.second = point.shading.normal;
         } else {
@@ -135,16 +109,15 @@ fn normals_beside(
 }
 
 #[cube]
-fn material_of(words: &[u32], triangle: u32) -> u32 {
-    words[(words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize]
+fn material_of(scene: &Scene, triangle: u32) -> u32 {
+    scene.words[(scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize]
 }
 
 /// The light that arrives beside an edge's point, of paths that begin there at a bounce, if they go on; with `film`
 /// what the camera sees of it.
 #[cube]
 pub(super) fn light_beside(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     stack: &mut [u32],
     beginning: Beginning,
     bounce: u32,
@@ -152,7 +125,6 @@ pub(super) fn light_beside(
     p: &EdgePoint,
     behind: &Behind,
     #[comptime] film: bool,
-    #[comptime] features: Features,
 ) -> SideLight {
     let time = beginning.time;
     let mut light = SideLight {
@@ -167,19 +139,19 @@ pub(super) fn light_beside(
     };
     let mut paired = false;
     if goes_on && behind.minus != NONE && behind.plus != NONE {
-        if material_of(words, behind.minus) == material_of(words, behind.plus) {
-            pair = normals_beside(floats, words, p, behind, time, features);
+        if material_of(scene, behind.minus) == material_of(scene, behind.plus) {
+            pair = normals_beside(scene, p, behind, time);
             paired = true;
         }
     }
     let mut sign = 1.0f32;
     while sign > -2.0f32 {
         let on_plus = sign < 0.0;
-        let mut start = start_beside(floats, words, p, behind, on_plus, time, features);
+        let mut start = start_beside(scene, p, behind, on_plus, time);
         if start.triangle == NONE {
             light.sky += sign;
-            if comptime!(film || features.sees_sky) {
-                light.radiance += sky(floats, words, behind.view, features) * sign;
+            if comptime!(film || scene.features.sees_sky) {
+                light.radiance += sky(scene, behind.view) * sign;
             }
         } else if goes_on {
             start.bounce = bounce;
@@ -193,9 +165,7 @@ pub(super) fn light_beside(
                 thread: 0u32,
                 threads: 1u32,
             };
-            let seen = path_light(
-                floats, words, stack, none, room, beginning, start, true, false, features,
-            );
+            let seen = path_light(scene, stack, none, room, beginning, start, true, false);
             light.radiance += seen.radiance * sign;
             light.depth += seen.depth * sign;
             light.normal += seen.normal * sign;

@@ -8,6 +8,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
+use super::Derivatives;
 use super::finite::{INFINITY, is_nonzero, magnitude, not_a_number};
 use super::integers::total;
 use crate::model::V3;
@@ -272,50 +273,6 @@ pub(super) fn kept(bits: i32, all_measured: bool) -> i32 {
     bits - if all_measured { 1 } else { MORE }
 }
 
-/// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
-#[cube]
-pub(super) fn add(
-    totals: &[Atomic<u32>],
-    scales: &[f32],
-    at: u32,
-    value: f32,
-    #[comptime] part: usize,
-) {
-    if is_nonzero(value) {
-        let scale = scales[part];
-        if scale == MEASURE {
-            totals[part].fetch_max(magnitude(value));
-        } else {
-            let scaled = value * scale;
-            // What is infinite or NaN is above every limit.
-            if magnitude(scaled) < scales[LIMIT].to_bits() {
-                let rounded = (scaled.abs() + 0.5).floor();
-                let upper = (rounded * (1.0f32 / 4_294_967_296.0f32)).floor();
-                let mut low = (rounded - upper * 4_294_967_296.0) as u32;
-                let mut high = upper as u32;
-                if scaled < 0.0 {
-                    // The two's complement.
-                    low = total(!low, 1u32);
-                    high = !high;
-                    if low == 0 {
-                        high = total(high, 1u32);
-                    }
-                }
-                let i = FIRST_SUM + 2 * at as usize;
-                let before = totals[i].fetch_add(low);
-                if total(before, low) < low {
-                    high = total(high, 1u32);
-                }
-                if high != 0 {
-                    totals[i + 1].fetch_add(high);
-                }
-            } else {
-                totals[LOST].fetch_add(1u32);
-            }
-        }
-    }
-}
-
 /// A component of a vector, by its number.
 #[cube]
 pub(super) fn component(v: V3, k: u32) -> f32 {
@@ -328,19 +285,69 @@ pub(super) fn component(v: V3, k: u32) -> f32 {
     found
 }
 
-/// Adds three derivatives.
+/// The sums that a thread adds to, the scales of their parts, and the derivatives that are summed.
+#[derive(CubeType, Clone, Copy)]
+pub(super) struct Totals<'a> {
+    totals: &'a [Atomic<u32>],
+    scales: &'a [f32],
+    #[cube(comptime)]
+    pub of: Derivatives,
+}
+
 #[cube]
-pub(super) fn add_vector(
-    totals: &[Atomic<u32>],
-    scales: &[f32],
-    at: u32,
-    value: V3,
-    #[comptime] part: usize,
-) {
-    let mut k = 0u32;
-    while k < 3 {
-        add(totals, scales, at + k, component(value, k), part);
-        k += 1;
+impl<'a> Totals<'a> {
+    pub fn new(
+        totals: &'a [Atomic<u32>],
+        scales: &'a [f32],
+        #[comptime] of: Derivatives,
+    ) -> Totals<'a> {
+        Totals::<'a> { totals, scales, of }
+    }
+
+    /// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
+    pub fn add(&self, at: u32, value: f32, #[comptime] part: usize) {
+        if is_nonzero(value) {
+            let scale = self.scales[part];
+            if scale == MEASURE {
+                self.totals[part].fetch_max(magnitude(value));
+            } else {
+                let scaled = value * scale;
+                // What is infinite or NaN is above every limit.
+                if magnitude(scaled) < self.scales[LIMIT].to_bits() {
+                    let rounded = (scaled.abs() + 0.5).floor();
+                    let upper = (rounded * (1.0f32 / 4_294_967_296.0f32)).floor();
+                    let mut low = (rounded - upper * 4_294_967_296.0) as u32;
+                    let mut high = upper as u32;
+                    if scaled < 0.0 {
+                        // The two's complement.
+                        low = total(!low, 1u32);
+                        high = !high;
+                        if low == 0 {
+                            high = total(high, 1u32);
+                        }
+                    }
+                    let i = FIRST_SUM + 2 * at as usize;
+                    let before = self.totals[i].fetch_add(low);
+                    if total(before, low) < low {
+                        high = total(high, 1u32);
+                    }
+                    if high != 0 {
+                        self.totals[i + 1].fetch_add(high);
+                    }
+                } else {
+                    self.totals[LOST].fetch_add(1u32);
+                }
+            }
+        }
+    }
+
+    /// Adds three derivatives.
+    pub fn add_vector(&self, at: u32, value: V3, #[comptime] part: usize) {
+        let mut k = 0u32;
+        while k < 3 {
+            self.add(at + k, component(value, k), part);
+            k += 1;
+        }
     }
 }
 

@@ -1,22 +1,20 @@
 //! Points of surfaces that rays hit: `kernel/surface` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
-use super::Features;
 use super::corners::{Corners, corners_of, normal_at, normal_rows, tilt_at, uv_at};
 use super::layout::{
     COLOUR_ROWS, COLOURS, COMPENSATED, EMITS, GLOSSY, MODEL, NONE, OF_MATERIAL, OF_MATERIALS,
     OF_TRIANGLE, OF_TRIANGLES, REFLECTS, SURFACE_STRIDE, SURFACES, VELOCITIES,
 };
-use super::reading::vector;
+use super::reading::Scene;
 use super::texture::{EMISSION, colour};
 use crate::model::bsdf::Shading;
 use crate::model::triangle::weights_at;
 use crate::model::{Pair, V2, V3, splat};
 
 /// A point that a ray hit.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Point {
     pub position: V3,
     pub shading: Shading,
@@ -35,57 +33,36 @@ pub(super) struct Point {
 
 /// The displacement of an object at a time in the shutter.
 #[cube]
-pub(super) fn displacement(
-    floats: &[f32],
-    words: &[u32],
-    object: u32,
-    time: f32,
-    #[comptime] moves: bool,
-) -> V3 {
+pub(super) fn displacement(scene: &Scene, object: u32, time: f32) -> V3 {
     let mut shift = splat(0.0);
-    if moves {
-        shift = vector(floats, words[VELOCITIES] + 3 * object) * time;
+    if comptime!(scene.features.moves) {
+        shift = scene.vector(scene.header[VELOCITIES] + 3 * object) * time;
     }
     shift
 }
 
 /// What a triangle of a material emits from its front, at the point with these weights of its corners.
 #[cube]
-pub(super) fn emission_at(
-    floats: &[f32],
-    words: &[u32],
-    triangle: u32,
-    material: u32,
-    weights: V3,
-    #[comptime] features: Features,
-) -> V3 {
-    let glows = comptime!(features.glows);
-    let uv = uv_at(floats, words, triangle, weights, glows);
-    colour(floats, words, material, EMISSION, uv, glows)
+pub(super) fn emission_at(scene: &Scene, triangle: u32, material: u32, weights: V3) -> V3 {
+    let glows = comptime!(scene.features.glows);
+    let uv = uv_at(scene, triangle, weights, glows);
+    colour(scene, material, EMISSION, uv, glows)
 }
 
 /// The point of a triangle, about there, seen along a direction.
 #[cube]
-pub(super) fn point_at(
-    floats: &[f32],
-    words: &[u32],
-    triangle: u32,
-    near: V3,
-    direction: V3,
-    time: f32,
-    #[comptime] features: Features,
-) -> Point {
-    let row = (words[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize;
-    let material = words[row];
-    let object = words[row + 1];
-    let at = words[SURFACES] + SURFACE_STRIDE as u32 * triangle;
-    let a = vector(floats, at);
-    let b = vector(floats, at + 3);
-    let c = vector(floats, at + 6);
-    let front = vector(floats, at + 9);
-    let plane = floats[at as usize + 12];
-    let area = floats[at as usize + 13];
-    let shift = displacement(floats, words, object, time, features.moves);
+pub(super) fn point_at(scene: &Scene, triangle: u32, near: V3, direction: V3, time: f32) -> Point {
+    let row = (scene.header[OF_TRIANGLES] + OF_TRIANGLE as u32 * triangle) as usize;
+    let material = scene.words[row];
+    let object = scene.words[row + 1];
+    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * triangle;
+    let a = scene.vector(at);
+    let b = scene.vector(at + 3);
+    let c = scene.vector(at + 6);
+    let front = scene.vector(at + 9);
+    let plane = scene.floats[at as usize + 12];
+    let area = scene.floats[at as usize + 13];
+    let shift = displacement(scene, object, time);
     // Back onto the plane: how far off it is was rounded by the ray's length.
     let off = front.dot(near - shift) - plane;
     let at_rest = near - shift - front * off;
@@ -96,49 +73,48 @@ pub(super) fn point_at(
     let geometric = front * side;
     let weights = weights_at(a, b, c, front, area, at_rest);
     let mut smooth = false;
-    if comptime!(features.smooth) {
-        smooth = words[normal_rows(words, triangle)] != NONE;
+    if comptime!(scene.features.smooth) {
+        smooth = scene.words[normal_rows(scene, triangle)] != NONE;
     }
-    let interpolates = comptime!(features.smooth);
-    let mut normal = normal_at(floats, words, triangle, weights, geometric, interpolates);
-    let textured = comptime!(features.textured);
-    let uv = uv_at(floats, words, triangle, weights, textured);
-    if comptime!(features.tilted) {
+    let mut normal = normal_at(scene, triangle, weights, geometric);
+    let textured = comptime!(scene.features.textured);
+    let uv = uv_at(scene, triangle, weights, textured);
+    if comptime!(scene.features.tilted) {
         let front = normal * side;
-        let at = tilt_at(floats, words, triangle, material, weights, uv, front);
+        let at = tilt_at(scene, triangle, material, weights, uv, front);
         if at.exists {
             normal = at.tilt.tilted() * side;
             smooth = true;
         }
     }
-    let bits = words[(words[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize];
-    let mut diffuse = colour(floats, words, material, 0u32, uv, textured);
-    if comptime!(features.tinted) {
-        let rows = (words[COLOUR_ROWS] + 3 * triangle) as usize;
-        if words[rows] != NONE {
-            let corners: Corners = corners_of(floats, words, words[COLOURS], rows, 3u32);
+    let bits = scene.words[(scene.header[OF_MATERIALS] + OF_MATERIAL as u32 * material) as usize];
+    let mut diffuse = colour(scene, material, 0u32, uv, textured);
+    if comptime!(scene.features.tinted) {
+        let rows = (scene.header[COLOUR_ROWS] + 3 * triangle) as usize;
+        if scene.words[rows] != NONE {
+            let corners: Corners = corners_of(scene, scene.header[COLOURS], rows, 3u32);
             diffuse = diffuse.times(corners.at(weights));
         }
     }
     let mut specular = splat(0.0);
     let mut exponent = 0.0f32;
     let mut glossy = false;
-    if comptime!(features.glossy) {
+    if comptime!(scene.features.glossy) {
         if bits & GLOSSY != 0 {
             glossy = true;
-            specular = colour(floats, words, material, 1u32, uv, textured);
-            exponent = colour(floats, words, material, 2u32, uv, textured).x;
+            specular = colour(scene, material, 1u32, uv, textured);
+            exponent = colour(scene, material, 2u32, uv, textured).x;
         }
     }
     let mut model = 0u32;
     let mut compensated = false;
-    if comptime!(features.models.facets()) {
+    if comptime!(scene.features.models.facets()) {
         model = (bits / MODEL) % 8;
         compensated = bits & COMPENSATED != 0;
     }
     let mut emission = splat(0.0);
     if side > 0.0 && bits & EMITS != 0 {
-        emission = colour(floats, words, material, EMISSION, uv, features.glows);
+        emission = colour(scene, material, EMISSION, uv, scene.features.glows);
     }
     Point {
         position: at_rest + shift,
@@ -154,7 +130,7 @@ pub(super) fn point_at(
             model,
             compensated,
             inside: side < 0.0,
-            models: comptime!(features.models),
+            models: comptime!(scene.features.models),
             pair: Pair {
                 first: normal,
                 second: normal,

@@ -1,6 +1,6 @@
 //! Derivatives by what a surface point is made of: `KernelScene::point_backward` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::corners::{Corners, corners_of};
 use super::corners_backward::{add_to_rows, corners_backward};
@@ -9,18 +9,17 @@ use super::layout::{
     WANTED_OBJECTS,
 };
 use super::light::cell_of_map;
-use super::sums::{COLOURS as COLOUR_SUMS, SKY, TRIANGLES, VELOCITIES, VERTICES, add_vector};
+use super::reading::Scene;
+use super::sums::{COLOURS as COLOUR_SUMS, SKY, TRIANGLES, Totals, VELOCITIES, VERTICES};
 use super::surface::Point;
 use super::texture::{EMISSION, colour};
 use super::texture_backward::{cell_backward, colour_backward};
-use super::{Derivatives, Features};
 use crate::model::bsdf::ShadingGradient;
 use crate::model::triangle::hit_backward;
 use crate::model::{V3, splat, v2, v3};
 
 /// Derivatives by a surface point, but for those that its incoming ray takes part in.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct PointGradient {
     pub position: V3,
     pub geometric: V3,
@@ -48,8 +47,7 @@ pub(super) fn no_point_gradient() -> PointGradient {
 }
 
 /// Derivatives by a ray.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct RayGradient {
     pub origin: V3,
     pub direction: V3,
@@ -57,29 +55,20 @@ pub(super) struct RayGradient {
 
 /// Adds the derivatives of g·radiance of the environment; returns that by the direction.
 #[cube]
-pub(super) fn sky_backward(
-    floats: &[f32],
-    words: &[u32],
-    totals: &[Atomic<u32>],
-    scales: &[f32],
-    direction: V3,
-    g: V3,
-    #[comptime] features: Features,
-    #[comptime] of: Derivatives,
-) -> V3 {
+pub(super) fn sky_backward(scene: &Scene, sums: &Totals, direction: V3, g: V3) -> V3 {
     let mut by_direction = splat(0.0);
-    let first = words[FIRST_SUMS + SKY];
-    if comptime!(features.sky_constant && of.sky) {
-        add_vector(totals, scales, first, g, SKY);
+    let first = scene.header[FIRST_SUMS + SKY];
+    if comptime!(scene.features.sky_constant && sums.of.sky) {
+        sums.add_vector(first, g, SKY);
     }
-    if comptime!(features.sky_map) {
-        let cell = cell_of_map(words, direction);
-        let texels = words[SKY_TEXELS];
-        let by = cell_backward(floats, totals, scales, texels, cell, first, g, SKY, of.sky);
+    if comptime!(scene.features.sky_map) {
+        let cell = cell_of_map(scene, direction);
+        let texels = scene.header[SKY_TEXELS];
+        let by = cell_backward(scene, sums, texels, cell, first, g, SKY, sums.of.sky);
         let d = direction;
         let around = (d.x * d.x + d.z * d.z).max(1e-12);
-        let columns = words[SKY_WIDTH] as f32 / std::f32::consts::TAU;
-        let rows = words[SKY_HEIGHT] as f32 / std::f32::consts::PI;
+        let columns = scene.header[SKY_WIDTH] as f32 / std::f32::consts::TAU;
+        let rows = scene.header[SKY_HEIGHT] as f32 / std::f32::consts::PI;
         by_direction = v3(-d.z, 0.0, d.x) * (by.x * columns / around)
             - v3(0.0, 1.0, 0.0) * (by.y * rows / around.sqrt());
     }
@@ -89,66 +78,60 @@ pub(super) fn sky_backward(
 /// Adds a derivative by a point of a triangle, which moves with its corners.
 #[cube]
 pub(super) fn add_to_corners(
-    words: &[u32],
-    totals: &[Atomic<u32>],
-    scales: &[f32],
+    scene: &Scene,
+    sums: &Totals,
     triangle: u32,
     object: u32,
     weights: V3,
     g: V3,
     time: f32,
-    #[comptime] of: Derivatives,
 ) {
-    let rows = (words[VERTEX_ROWS] + 3 * triangle) as usize;
-    add_to_rows(words, totals, scales, rows, weights, g, VERTICES);
-    if comptime!(of.velocities) {
-        let at = words[FIRST_SUMS + VELOCITIES] + 3 * object;
-        add_vector(totals, scales, at, g * time, VELOCITIES);
+    let rows = (scene.header[VERTEX_ROWS] + 3 * triangle) as usize;
+    add_to_rows(scene, sums, rows, weights, g, VERTICES);
+    if comptime!(sums.of.velocities) {
+        let at = scene.header[FIRST_SUMS + VELOCITIES] + 3 * object;
+        sums.add_vector(at, g * time, VELOCITIES);
     }
 }
 
 #[cube]
-pub(super) fn is_wanted(words: &[u32], object: u32) -> bool {
-    words[(words[WANTED_OBJECTS] + object) as usize] != 0
+pub(super) fn is_wanted(scene: &Scene, object: u32) -> bool {
+    scene.words[(scene.header[WANTED_OBJECTS] + object) as usize] != 0
 }
 
 /// Adds the derivatives by the scene's parts of a point that has derivatives by its position, geometric normal,
 /// distance and shading; returns those by the ray that hit it.
 #[cube]
 pub(super) fn point_backward(
-    floats: &[f32],
-    words: &[u32],
-    totals: &[Atomic<u32>],
-    scales: &[f32],
+    scene: &Scene,
+    sums: &Totals,
     p: &Point,
     distance: f32,
     time: f32,
     by: &PointGradient,
     by_t: f32,
-    #[comptime] features: Features,
-    #[comptime] of: Derivatives,
 ) -> RayGradient {
     let shade = by.shading;
     let mut by_uv = v2(0.0, 0.0);
     let mut by_diffuse = shade.diffuse;
     let mut by_colour = splat(0.0);
-    let textured = comptime!(features.textured);
-    if comptime!(features.tinted) {
-        let rows = (words[COLOUR_ROWS] + 3 * p.triangle) as usize;
-        if words[rows] != NONE {
-            let corners: Corners = corners_of(floats, words, words[COLOURS], rows, 3u32);
-            let albedo = colour(floats, words, p.material, 0u32, p.uv, textured);
+    let textured = comptime!(scene.features.textured);
+    if comptime!(scene.features.tinted) {
+        let rows = (scene.header[COLOUR_ROWS] + 3 * p.triangle) as usize;
+        if scene.words[rows] != NONE {
+            let corners: Corners = corners_of(scene, scene.header[COLOURS], rows, 3u32);
+            let albedo = colour(scene, p.material, 0u32, p.uv, textured);
             by_colour = by_diffuse.times(albedo);
             by_diffuse = by_diffuse.times(corners.at(p.weights));
-            if comptime!(of.colours) {
+            if comptime!(sums.of.colours) {
                 let part = comptime!(COLOUR_SUMS);
-                add_to_rows(words, totals, scales, rows, p.weights, by_colour, part);
+                add_to_rows(scene, sums, rows, p.weights, by_colour, part);
             }
         }
     }
-    if comptime!(of.materials || (of.rays && features.textured)) {
+    if comptime!(sums.of.materials || (sums.of.rays && scene.features.textured)) {
         let mut channels = 1u32;
-        if comptime!(features.glossy) {
+        if comptime!(scene.features.glossy) {
             if p.shading.glossy {
                 channels = 3;
             }
@@ -162,35 +145,31 @@ pub(super) fn point_backward(
                 g = v3(shade.exponent, 0.0, 0.0);
             }
             let more = colour_backward(
-                floats,
-                words,
-                totals,
-                scales,
+                scene,
+                sums,
                 p.material,
                 channel,
                 p.uv,
                 g,
                 textured,
-                of.materials,
+                sums.of.materials,
             );
             by_uv.x += more.x;
             by_uv.y += more.y;
             channel += 1;
         }
     }
-    if comptime!(features.glows) {
+    if comptime!(scene.features.glows) {
         if !by.emission.is_zero() {
             let more = colour_backward(
-                floats,
-                words,
-                totals,
-                scales,
+                scene,
+                sums,
                 p.material,
                 EMISSION,
                 p.uv,
                 by.emission,
                 true,
-                of.emission,
+                sums.of.emission,
             );
             by_uv.x += more.x;
             by_uv.y += more.y;
@@ -200,19 +179,8 @@ pub(super) fn point_backward(
         origin: splat(0.0),
         direction: splat(0.0),
     };
-    if comptime!(of.rays) {
-        let by_corners = corners_backward(
-            floats,
-            words,
-            totals,
-            scales,
-            p,
-            by_uv,
-            by_colour,
-            shade.normal,
-            features,
-            of,
-        );
+    if comptime!(sums.of.rays) {
+        let by_corners = corners_backward(scene, sums, p, by_uv, by_colour, shade.normal);
         let by_place = by_corners.place;
         let by_normal = by_corners.geometric + shade.geometric + by.geometric;
         let direction = p.shading.incoming;
@@ -220,14 +188,12 @@ pub(super) fn point_backward(
         let by_point = by.position + by_place + direction * by_t;
         let front = p.shading.geometric * p.side;
         let with_plane = hit_backward(front, direction, by_point);
-        if comptime!(of.objects) {
-            if is_wanted(words, p.object) {
-                let at = words[FIRST_SUMS + TRIANGLES] + 3 * p.triangle;
-                add_vector(totals, scales, at, by_normal * p.side, TRIANGLES);
+        if comptime!(sums.of.objects) {
+            if is_wanted(scene, p.object) {
+                let at = scene.header[FIRST_SUMS + TRIANGLES] + 3 * p.triangle;
+                sums.add_vector(at, by_normal * p.side, TRIANGLES);
                 let g = with_plane - by_place;
-                add_to_corners(
-                    words, totals, scales, p.triangle, p.object, p.weights, g, time, of,
-                );
+                add_to_corners(scene, sums, p.triangle, p.object, p.weights, g, time);
             }
         }
         let through = by_point - with_plane;

@@ -1,17 +1,16 @@
 //! Textures and what they are looked up by: `model/texture` in a kernel of a GPU.
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 use super::layout::{MATERIALS, NONE, OF_MATERIAL, OF_MATERIALS, TEXELS};
-use super::reading::vector;
+use super::reading::Scene;
 use crate::model::{V2, V3};
 
 /// The place of emission among the channels of a material.
 pub(super) const EMISSION: u32 = 3;
 
 /// Four texels about a point, by their numbers, and its place between their centres.
-#[derive(CubeType, CubeTypeMut, Clone, Copy, Debug)]
-#[expand(derive(Clone, Copy))]
+#[apply(record!)]
 pub(super) struct Cell {
     pub a: u32,
     pub b: u32,
@@ -23,10 +22,10 @@ pub(super) struct Cell {
 
 /// The cell of a texture coordinate, of a texture's texels from 0 on.
 #[cube]
-pub(super) fn cell_of_texture(words: &[u32], texture: usize, uv: V2) -> Cell {
-    let width = words[texture + 1];
-    let height = words[texture + 2];
-    let wrap = words[texture + 3];
+pub(super) fn cell_of_texture(scene: &Scene, texture: usize, uv: V2) -> Cell {
+    let width = scene.words[texture + 1];
+    let height = scene.words[texture + 2];
+    let wrap = scene.words[texture + 3];
     let x = uv.x * width as f32 - 0.5;
     let y = (1.0 - uv.y) * height as f32 - 0.5;
     let left = x.floor();
@@ -69,11 +68,11 @@ fn wrapped(i: i32, size: u32, wrap: u32) -> u32 {
 
 /// The colour of a cell of texels from a place among the floats on.
 #[cube]
-pub(super) fn in_cell(floats: &[f32], texels: u32, cell: Cell) -> V3 {
-    let a = vector(floats, texels + 3 * cell.a);
-    let b = vector(floats, texels + 3 * cell.b);
-    let c = vector(floats, texels + 3 * cell.c);
-    let d = vector(floats, texels + 3 * cell.d);
+pub(super) fn in_cell(scene: &Scene, texels: u32, cell: Cell) -> V3 {
+    let a = scene.vector(texels + 3 * cell.a);
+    let b = scene.vector(texels + 3 * cell.b);
+    let c = scene.vector(texels + 3 * cell.c);
+    let d = scene.vector(texels + 3 * cell.d);
     let x = cell.x;
     let y = cell.y;
     a * ((1.0 - x) * (1.0 - y)) + b * (x * (1.0 - y)) + c * ((1.0 - x) * y) + d * (x * y)
@@ -81,32 +80,31 @@ pub(super) fn in_cell(floats: &[f32], texels: u32, cell: Cell) -> V3 {
 
 /// The colour of a texture.
 #[cube]
-pub(super) fn look_up(floats: &[f32], words: &[u32], texture: usize, uv: V2) -> V3 {
-    let texels = words[TEXELS] + 3 * words[texture];
-    in_cell(floats, texels, cell_of_texture(words, texture, uv))
+pub(super) fn look_up(scene: &Scene, texture: usize, uv: V2) -> V3 {
+    let texels = scene.header[TEXELS] + 3 * scene.words[texture];
+    in_cell(scene, texels, cell_of_texture(scene, texture, uv))
 }
 
 /// The place of the words of a channel's texture; the first is [`NONE`] where it is a constant.
 #[cube]
-pub(super) fn texture_of(words: &[u32], material: u32, channel: u32) -> usize {
-    (words[OF_MATERIALS] + OF_MATERIAL as u32 * material + 1 + 4 * channel) as usize
+pub(super) fn texture_of(scene: &Scene, material: u32, channel: u32) -> usize {
+    (scene.header[OF_MATERIALS] + OF_MATERIAL as u32 * material + 1 + 4 * channel) as usize
 }
 
 /// A channel of a material: a constant, or looked up in its texture.
 #[cube]
 pub(super) fn colour(
-    floats: &[f32],
-    words: &[u32],
+    scene: &Scene,
     material: u32,
     channel: u32,
     uv: V2,
     #[comptime] textured: bool,
 ) -> V3 {
-    let mut found = vector(floats, words[MATERIALS] + 12 * material + 3 * channel);
+    let mut found = scene.vector(scene.header[MATERIALS] + 12 * material + 3 * channel);
     if textured {
-        let texture = texture_of(words, material, channel);
-        if words[texture] != NONE {
-            found = look_up(floats, words, texture, uv);
+        let texture = texture_of(scene, material, channel);
+        if scene.words[texture] != NONE {
+            found = look_up(scene, texture, uv);
         }
     }
     found

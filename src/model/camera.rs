@@ -8,16 +8,11 @@
 
 use super::filter::filter_by_radius;
 use super::{Pair, V2, V3, v2, v3};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 /// A camera in a scene's inner units.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default)]
+#[apply(record!)]
+#[derive(Default)]
 pub(crate) struct Camera {
     pub eye: V3,
     pub across: V3,
@@ -41,12 +36,8 @@ pub(crate) struct Camera {
 }
 
 /// Rows of the inverse of a basis.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default)]
+#[apply(record!)]
+#[derive(Default)]
 pub(crate) struct Dual {
     pub x: V3,
     pub y: V3,
@@ -54,12 +45,8 @@ pub(crate) struct Dual {
 }
 
 /// Derivatives by what a camera is made of.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default)]
+#[apply(record!)]
+#[derive(Default)]
 pub(crate) struct CameraGradient {
     pub eye: V3,
     pub across: V3,
@@ -72,12 +59,8 @@ pub(crate) struct CameraGradient {
 }
 
 /// A ray from a point of the lens (on the unit disk) through a point of the film.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default)]
+#[apply(record!)]
+#[derive(Default)]
 pub(crate) struct CameraRay {
     pub origin: V3,
     pub direction: V3,

@@ -1,20 +1,14 @@
 //! Many decisions by one random number.
 
 use super::integers::{hashed, product};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 /// A uniform number in [0, 1) that decides several times: what is left of it after a decision is uniform again.
 ///
 /// Each decision takes bits of it. While it has many, later decisions are as evenly spread as the number was; once
 /// [`LEAST`] of its range is left, a hash takes its place. So its bits never run out, and an error of rounding of
 /// a chance grows no further than by 1 / [`LEAST`].
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct Uniform {
     pub number: f32,
     /// The share of the range of a random number that decisions have left of it.
@@ -24,12 +18,7 @@ pub(crate) struct Uniform {
 }
 
 /// A decision, and the number that the next is made by.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct Decision {
     pub happens: bool,
     pub rest: Uniform,

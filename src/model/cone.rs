@@ -5,16 +5,11 @@ use std::f32::consts::PI;
 use super::filter::disk_kernel;
 use super::frame::{SinCos, frame};
 use super::{V3, splat};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 /// A ray of a cone, and how it follows from the axis.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default)]
+#[apply(record!)]
+#[derive(Default)]
 pub(crate) struct Bend {
     /// The vector that was added to the axis, across it.
     pub offset: V3,

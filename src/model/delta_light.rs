@@ -3,17 +3,11 @@
 use glam::DVec3;
 
 use super::{V3, splat};
+use crate::cube::*;
 use crate::scene::{HostLight, SceneFrame};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// A light without extent.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct DeltaLight {
     /// 0 of a directional one.
     pub position: V3,
@@ -29,12 +23,7 @@ pub(crate) struct DeltaLight {
 }
 
 /// A light as a point sees it.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct DeltaArrival {
     /// The unit vector to it.
     pub direction: V3,
@@ -45,12 +34,7 @@ pub(crate) struct DeltaArrival {
 }
 
 /// Derivatives by a light, but for its strength. That by the point that sees it is less that by its position.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct DeltaGradient {
     pub position: V3,
     pub axis: V3,

@@ -7,16 +7,11 @@
 
 use super::cone::Bend;
 use super::{V2, V3, v2};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 /// An edge seen from a point, beside an axis ω of a blurred direction.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default)]
+#[apply(record!)]
+#[derive(Default)]
 pub(crate) struct DirectionEdge {
     /// n·dl/dλ in the plane across ω: the + side lies towards it.
     pub across: V3,
@@ -47,12 +42,7 @@ pub(crate) fn direction_edge(r: V3, edge: V3, axis: V3) -> DirectionEdge {
 }
 
 /// The motion of an edge's image across an axis, about which rays were bent, perhaps mirrored at a surface.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct DirectionJump {
     pub edge: DirectionEdge,
     /// The direction towards the + side, at the edge itself.

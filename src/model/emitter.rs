@@ -1,9 +1,8 @@
 //! Light of emitters: what they radiate, what arrives from a point of one, and two sampling strategies combined.
 
 use super::V3;
+use crate::cube::*;
 use crate::scene::Channel;
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// The emission of a surface.
 #[derive(Clone, Copy, Debug)]
@@ -38,12 +37,7 @@ impl Emission {
 }
 
 /// A point of an emitter as a surface point sees it.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct LightPoint {
     /// The unit vector from the surface point to it.
     pub direction: V3,
@@ -54,12 +48,7 @@ pub(crate) struct LightPoint {
 }
 
 /// Derivatives by a point of an emitter, less those by the point that sees it; by its normal and area.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct LightGradient {
     pub position: V3,
     pub normal: V3,

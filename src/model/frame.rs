@@ -3,16 +3,10 @@
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2, TAU};
 
 use super::{V3, v3};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 /// Two unit vectors across a unit axis, and across each other (Duff et al. 2017).
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct Frame {
     pub tangent: V3,
     pub bitangent: V3,
@@ -62,12 +56,7 @@ pub(crate) fn to_local(axis: V3, direction: V3) -> V3 {
 }
 
 /// Derivatives by axis and local direction.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct FromLocalGradient {
     pub axis: V3,
     pub local: V3,
@@ -95,12 +84,7 @@ pub(crate) fn from_local_backward(axis: V3, local: V3, g: V3) -> FromLocalGradie
 }
 
 /// Sine and cosine.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct SinCos {
     pub sin: f32,
     pub cos: f32,

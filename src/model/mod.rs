@@ -7,14 +7,6 @@
     reason = "the language of kernels has no other form"
 )]
 
-/// Kernels know it as a constant; elsewhere it is a condition like others.
-#[cfg(not(feature = "wgpu"))]
-macro_rules! comptime {
-    ($condition:expr) => {
-        $condition
-    };
-}
-
 pub(crate) mod bsdf;
 pub(crate) mod camera;
 pub(crate) mod choice;

@@ -1,20 +1,14 @@
 //! Shading normals tilted by a texel of a normal map.
 
 use super::{V3, splat};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 /// Lengths under this have no direction.
 const TINY: f32 = 1e-15;
 
 /// A tilt of a normal N by a texel (x, y, z): N' ∝ x·T + y·B + z·N, where T is the tangent made perpendicular to N,
 /// of unit length, and B = ±N × T. Where there is no such tangent, or the texel is 0, N stays as it is.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct Tilt {
     /// N, of unit length.
     pub normal: V3,
@@ -26,12 +20,7 @@ pub(crate) struct Tilt {
 }
 
 /// Derivatives by what a tilted normal is made of.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct TiltGradient {
     pub normal: V3,
     pub tangent: V3,

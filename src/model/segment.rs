@@ -2,28 +2,17 @@
 
 use super::V3;
 use super::frame::{arc_tangent, sin_cos_of_turns};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 /// A part of a segment, from one λ to another; empty unless the second is larger.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct Part {
     pub from: f32,
     pub to: f32,
 }
 
 /// A point drawn on a segment, and 1 over the density of its λ; 0 where there is none.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct OnSegment {
     pub lambda: f32,
     pub per_density: f32,

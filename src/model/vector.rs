@@ -5,16 +5,11 @@ use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 use glam::DVec3;
 
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
 /// A point, direction or colour.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[apply(record!)]
+#[derive(Default, PartialEq)]
 pub(crate) struct V3 {
     pub x: f32,
     pub y: f32,
@@ -22,24 +17,16 @@ pub(crate) struct V3 {
 }
 
 /// A point or direction in a plane.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[apply(record!)]
+#[derive(Default, PartialEq)]
 pub(crate) struct V2 {
     pub x: f32,
     pub y: f32,
 }
 
 /// Two vectors.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[apply(record!)]
+#[derive(Default, PartialEq)]
 pub(crate) struct Pair {
     pub first: V3,
     pub second: V3,

@@ -2,9 +2,8 @@
 //! error over sums of 20,000 half vectors each, for cosines from 0.03 and α up to 1. Less than what is reflected is
 //! given back rather than more.
 
+use crate::cube::*;
 use crate::model::{V2, v2};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// a + b x + c x² + d x³ and its derivative.
 #[cfg_attr(feature = "wgpu", cube)]
@@ -22,12 +21,7 @@ const MORE: f32 = 1.01;
 const WIDTH: f32 = 0.35;
 
 /// A number that depends on a cosine, α and an index of refraction, with its derivatives.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct Fit {
     pub value: f32,
     pub by_cosine: f32,

@@ -13,18 +13,12 @@ use super::facets::{Facets, FacetsGradient};
 use super::fresnel::dielectric;
 use super::glass_albedo::given_back;
 use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient};
+use crate::cube::*;
 use crate::model::{V3, splat};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// Derivatives of a loss by D, V, the part of light that the interface reflects or lets pass, K, n·v + r_v, which
 /// densities are divided by, cos θ and 1/E.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 struct FactorsGradient {
     d: f32,
     v: f32,
@@ -36,12 +30,7 @@ struct FactorsGradient {
 }
 
 /// A facet that turns the view into a direction, above the surface or below.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 struct Turn {
     /// Whether light is reflected.
     above: bool,

@@ -7,10 +7,9 @@
 use std::f32::consts::{FRAC_1_PI, TAU};
 
 use super::ranges::roughness_of;
+use crate::cube::*;
 use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// The least α: a lobe of a twentieth of a degree, which f32 still resolves.
 const LEAST_ALPHA: f32 = 1e-3;
@@ -20,12 +19,7 @@ const TINY: f32 = 1e-12;
 const LEAST_SQUARE: f32 = 1e-7;
 
 /// Facets about a normal, and the direction that they are seen from.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(super) struct Facets {
     pub normal: V3,
     /// Towards the eye, on the normal's side.
@@ -38,12 +32,7 @@ pub(super) struct Facets {
 }
 
 /// Derivatives by what facets are made of.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(super) struct FacetsGradient {
     pub normal: V3,
     pub view: V3,
@@ -63,12 +52,7 @@ impl FacetsGradient {
 }
 
 /// Derivatives by the normal, the ray's direction and the roughness.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(super) struct SurfaceGradient {
     pub normal: V3,
     pub incoming: V3,
@@ -216,12 +200,7 @@ impl Facets {
 }
 
 /// A half vector that was drawn, and how.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 struct Drawn {
     /// The view in the normal's frame, stretched, and the inverse of its length before it was made a unit vector.
     stretched: V3,

@@ -1,8 +1,7 @@
 //! The share of light that an interface reflects, by the cosine of the angle to its normal.
 
+use crate::cube::*;
 use crate::model::{V3, v3};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// Numbers that are divided by are at least this.
 const TINY: f32 = 1e-12;

@@ -8,9 +8,8 @@
 //! 1.6 % at most, by 2.6 % where light leaves an index under 1.3. Margins of that much keep the albedo at most 1.
 
 use super::albedo::{Fit, cubic};
+use crate::cube::*;
 use crate::model::{V2, V3, splat, v2, v3};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// The largest index of the fit; a larger one loses light.
 const MOST_INDEX: f32 = 2.6;
@@ -33,12 +32,7 @@ const MORE_LEAVING: f32 = 1.015;
 const MORE_FAINT: f32 = 1.0255;
 
 /// A polynomial in t, r and s with its derivatives.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 struct Lost {
     value: f32,
     by_t: f32,
@@ -47,12 +41,7 @@ struct Lost {
 }
 
 /// What is left of light, and its derivatives by the cosine, α and the index.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 struct Left {
     value: f32,
     by: V3,

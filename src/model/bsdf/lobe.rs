@@ -3,11 +3,10 @@
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
 use super::{DIELECTRIC, PHONG, Shading};
+use crate::cube::*;
 use crate::model::cone::widened;
 use crate::model::frame::SinCos;
 use crate::model::{V3, splat};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// Lobes of facets with a smaller cosine of their half-angle are looked for over the whole hemisphere.
 const WIDEST: f32 = 0.36;
@@ -15,12 +14,7 @@ const WIDEST: f32 = 0.36;
 const INNER: f32 = 0.75;
 
 /// Directions of a lobe in which edges are looked for, or a part of them.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct Lobe {
     /// A cone that holds them, by the cosine and sine of its half-angle: about the normal it is the hemisphere.
     pub axis: V3,

@@ -12,9 +12,8 @@ use super::albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::{conductor, conductor_slopes, schlick, schlick_slope};
 use super::{CONDUCTOR, IMPOSSIBLE, METALLIC, Scatter, Shading, ShadingGradient};
+use crate::cube::*;
 use crate::model::{V3, splat, v3};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// The reflectance of what is no metal along the normal.
 pub(crate) const DIELECTRIC_F0: f32 = 0.04;
@@ -24,12 +23,7 @@ const REST: f32 = 1.0 - DIELECTRIC_F0;
 const LEAST_SHARE: f32 = 0.05;
 
 /// Derivatives of a loss by the terms X, Y, D, S and T.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 struct TermsGradient {
     x: V3,
     y: V3,

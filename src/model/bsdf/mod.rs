@@ -21,9 +21,8 @@ mod sample;
 mod tests;
 
 use super::{Pair, V3, splat, v3};
+use crate::cube::*;
 use crate::scene::{CHANNELS, MaterialKind};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 pub(crate) use glass_albedo::given_back;
@@ -35,12 +34,8 @@ pub(crate) use models::{Models, model_of};
 pub(crate) use sample::Scatter;
 
 /// A shaded point: directions, and what its material is there.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default)]
+#[apply(record!)]
+#[derive(Default)]
 pub(crate) struct Shading {
     /// Unit normals on the side that the ray came from.
     pub geometric: V3,
@@ -71,12 +66,8 @@ pub(crate) struct Shading {
 }
 
 /// Derivatives by what a shaded point is made of.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default)]
+#[apply(record!)]
+#[derive(Default)]
 pub(crate) struct ShadingGradient {
     pub geometric: V3,
     pub normal: V3,

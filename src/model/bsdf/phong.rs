@@ -5,10 +5,9 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
 use super::{IMPOSSIBLE, LEAST, Scatter, Shading, ShadingGradient};
+use crate::cube::*;
 use crate::model::frame::{from_local_backward, sin_cos_of_turns};
 use crate::model::{V3, splat, v3};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {

@@ -4,10 +4,9 @@
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
 use super::{CONDUCTOR, METALLIC, Shading, ShadingGradient};
+use crate::cube::*;
 use crate::model::{V3, splat, v3};
 use crate::scene;
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 const MOST_OF_METAL: f32 = scene::MOST_OF_METAL as f32;
 const LEAST_IOR: f32 = scene::LEAST_IOR as f32;

@@ -3,18 +3,13 @@
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
 use super::{DIELECTRIC, IMPOSSIBLE, Shading, ShadingGradient};
+use crate::cube::*;
 use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
 
 /// A direction drawn from the BSDF.
-#[cfg_attr(
-    feature = "wgpu",
-    derive(CubeType, CubeTypeMut),
-    expand(derive(Clone, Copy))
-)]
-#[derive(Clone, Copy, Debug, Default)]
+#[apply(record!)]
+#[derive(Default)]
 pub(crate) struct Scatter {
     pub direction: V3,
     /// f·cos θ over the density of the direction.

@@ -1,0 +1,36 @@
+//! Functions that are Rust on the host, and with the feature `wgpu` kernels of GPUs in CubeCL as well: they have the
+//! attribute `cube`, and their arguments are structs with `#[apply(record!)]`.
+//!
+//! CubeCL compiles a subset of Rust: plain structs and slices, no early returns, closures or arrays.
+
+pub(crate) use macro_rules_attribute::{apply, attribute_alias};
+
+#[cfg(feature = "wgpu")]
+pub(crate) use burn::cubecl::{self, prelude::*};
+
+attribute_alias! {
+    #[apply(record!)] =
+        #[cfg_attr(feature = "wgpu", derive(CubeType, CubeTypeMut), expand(derive(Clone, Copy)))]
+        #[derive(Clone, Copy, Debug)];
+}
+
+/// A condition that a kernel is compiled for; on the host it is one like others.
+#[cfg(not(feature = "wgpu"))]
+macro_rules! comptime {
+    ($condition:expr) => {
+        $condition
+    };
+}
+#[cfg(not(feature = "wgpu"))]
+pub(crate) use comptime;
+
+/// A constant that a kernel may change later; on the host all may.
+#[cfg(not(feature = "wgpu"))]
+pub(crate) trait Runtime: Sized {
+    fn runtime(self) -> Self {
+        self
+    }
+}
+
+#[cfg(not(feature = "wgpu"))]
+impl<T: Copy> Runtime for T {}
