@@ -3,13 +3,13 @@
 
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
-use crate::common::numbers::{largest, mean};
+use crate::common::numbers::mean;
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
 use crate::common::told::warnings;
 use crate::gltf_maker::{Gltf, data_uri};
 use crate::written::{camera, image, near, texels, uvs};
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::Tensor;
 use image::{ImageFormat, Rgba, RgbaImage};
 use serde_json::{Value, json};
 use softray::prelude::*;

@@ -9,9 +9,9 @@ use crate::common::process::alone;
 use crate::common::scenes::{on_axis, under_sky};
 use crate::common::stress::cases::cases;
 use crate::common::stress::{Failures, Outcome, Thing, World};
+use crate::common::tensors::{gradient, leaf};
 use crate::common::{cpu_devices, long};
 use burn::tensor::{DType, Device};
-use crate::common::tensors::{gradient, leaf};
 use softray::prelude::*;
 
 /// Every case on both CPU backends in both float types.
