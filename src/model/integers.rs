@@ -1,5 +1,6 @@
 //! Whole numbers of 32 bits that wrap, in Rust and in kernels of GPUs, and a hash of them.
 
+#[cfg(feature = "wgpu")]
 use crate::cube::*;
 
 /// a·b modulo 2³².

@@ -1,6 +1,7 @@
 //! Points of triangles that rays hit, and how they move.
 
 use super::{Pair, V2, V3, v2, v3};
+#[cfg(feature = "wgpu")]
 use crate::cube::*;
 
 /// Weights of a triangle's corners in a point of its plane. No length is squared, so that triangles may be

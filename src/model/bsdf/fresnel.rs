@@ -1,5 +1,6 @@
 //! The share of light that an interface reflects, by the cosine of the angle to its normal.
 
+#[cfg(feature = "wgpu")]
 use crate::cube::*;
 use crate::model::{V3, v3};
 

@@ -5,6 +5,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
 use super::{IMPOSSIBLE, LEAST, Scatter, Shading, ShadingGradient};
+#[cfg(feature = "wgpu")]
 use crate::cube::*;
 use crate::model::frame::{from_local_backward, sin_cos_of_turns};
 use crate::model::{V3, splat, v3};

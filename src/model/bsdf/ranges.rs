@@ -4,6 +4,7 @@
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
 use super::{CONDUCTOR, METALLIC, Shading, ShadingGradient};
+#[cfg(feature = "wgpu")]
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
 use crate::scene;
