@@ -71,21 +71,8 @@ pub fn gradcheck(
             }));
         }
     }
-    let differences = directions.iter().map(|d| run.difference(d));
-    let differences = differences.collect::<Result<Vec<_>>>()?;
-    let gradients = run.gradients(&directions, &differences)?;
-    let rows = directions
-        .into_iter()
-        .zip(gradients.into_iter().zip(differences))
-        .map(|(direction, (gradient, difference))| Row {
-            verdict: settings.verdict(gradient, difference),
-            parameter: direction.name,
-            gradient,
-            difference,
-        });
-    Ok(Report {
-        rows: rows.collect(),
-    })
+    let rows = run.rows(&directions)?;
+    Ok(Report { rows })
 }
 
 /// Checks that there are parameters, under names that tell them apart.

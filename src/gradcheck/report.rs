@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::settings::GradCheck;
+
 /// A mean over seeds with its standard error.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate {
@@ -46,21 +48,36 @@ pub struct Row {
     pub gradient: Estimate,
     /// By central differences.
     pub difference: Estimate,
+    /// gradient − difference: its error is smaller than both errors where they share noise.
+    pub apart: Estimate,
     /// The outcome.
     pub verdict: Verdict,
 }
 
 impl Row {
+    /// Of gradients and differences by seed.
+    pub(super) fn new(name: &str, gradients: &[f64], differences: &[f64], s: &GradCheck) -> Self {
+        let pairs = gradients.iter().zip(differences);
+        let mut row = Self {
+            parameter: name.to_owned(),
+            gradient: Estimate::of(gradients),
+            difference: Estimate::of(differences),
+            apart: Estimate::of(&pairs.map(|(g, d)| g - d).collect::<Vec<_>>()),
+            verdict: Verdict::Undecided,
+        };
+        row.verdict = s.verdict(&row);
+        row
+    }
+
     /// gradient/difference − 1.
     pub fn relative(&self) -> f64 {
         self.gradient.mean / self.difference.mean - 1.0
     }
 
-    /// |gradient − difference| in standard errors of both.
+    /// |gradient − difference| in standard errors.
     fn standard_errors(&self) -> f64 {
-        let apart = (self.gradient.mean - self.difference.mean).abs();
-        let error = self.gradient.error.hypot(self.difference.error);
-        if apart == 0.0 { 0.0 } else { apart / error }
+        let Estimate { mean, error, .. } = self.apart;
+        if mean == 0.0 { 0.0 } else { mean.abs() / error }
     }
 }
 
@@ -91,20 +108,20 @@ impl fmt::Display for Report {
         let width = width.max().unwrap_or(0).max(9);
         writeln!(
             f,
-            "{:width$}  {:>24}  {:>24}  {:>9}  {:>6}  {:>13}  verdict",
+            "{:width$}  {:>24}  {:>24}  {:>9}  {:>6}  {:>6}  verdict",
             "parameter", "gradient", "difference", "relative", "errors", "seeds"
         )?;
         for r in &self.rows {
             let side = |e: &Estimate| format!("{:.5e} ± {:.1e}", e.mean, e.error);
             writeln!(
                 f,
-                "{:width$}  {:>24}  {:>24}  {:>+8.2} %  {:>6.1}  {:>13}  {}",
+                "{:width$}  {:>24}  {:>24}  {:>+8.2} %  {:>6.1}  {:>6}  {}",
                 r.parameter,
                 side(&r.gradient),
                 side(&r.difference),
                 100.0 * r.relative(),
                 r.standard_errors(),
-                format!("{}, {}", r.gradient.seeds, r.difference.seeds),
+                r.apart.seeds,
                 match r.verdict {
                     Verdict::Agrees => "agrees",
                     Verdict::Disagrees => "DISAGREES",

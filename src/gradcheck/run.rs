@@ -1,10 +1,12 @@
 //! Estimates of derivatives over seeds.
 
+use std::ops::Range;
+
 use burn::tensor::{Tensor, TensorData};
 use rayon::prelude::*;
 
 use super::parameter::{Checked, Point};
-use super::report::Estimate;
+use super::report::Row;
 use super::settings::GradCheck;
 use crate::device::is_cpu;
 use crate::error::{Error, Result};
@@ -50,9 +52,6 @@ pub(super) struct Run<'a, F> {
     pub build: &'a F,
 }
 
-/// Seeds of the differences begin here, so that both sides are independent.
-const DIFFERENCES: u64 = 1 << 40;
-
 impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
     fn objective(&self, point: &Point, seed: u64) -> Result<Tensor<1>> {
         let (scene, camera) = (self.build)(point)?;
@@ -64,50 +63,60 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
         self.parameters.iter().map(|p| p.values.clone()).collect()
     }
 
-    /// Estimates columns of values by seed, adding seeds until all are precise.
-    fn estimate(
+    /// Values by seed.
+    fn over<T: Send>(
         &self,
-        columns: usize,
-        first: u64,
-        f: impl Fn(u64) -> Result<Vec<f64>> + Sync,
-        value: impl Fn(usize, &Estimate) -> f64,
-    ) -> Result<Vec<Estimate>> {
-        let mut found: Vec<Vec<f64>> = Vec::new();
+        seeds: Range<u64>,
+        f: impl Fn(u64) -> Result<T> + Sync,
+    ) -> Result<Vec<T>> {
+        match is_cpu(&self.settings.device) {
+            true => seeds.into_par_iter().map(&f).collect(),
+            false => seeds.map(f).collect(),
+        }
+    }
+
+    /// Both derivatives by each direction. Both take the same seeds, so that the noise that they share does not count;
+    /// a direction takes seeds until the error of what they are apart is small enough.
+    pub fn rows(&self, directions: &[Direction]) -> Result<Vec<Row>> {
+        let mut gradients: Vec<Vec<f64>> = Vec::new();
+        let mut differences = vec![Vec::new(); directions.len()];
+        let mut rows: Vec<Option<Row>> = vec![None; directions.len()];
         let mut wanted = self.settings.least;
         loop {
-            let seeds = first + found.len() as u64..first + wanted;
-            let new: Result<Vec<_>> = match is_cpu(&self.settings.device) {
-                true => seeds.into_par_iter().map(&f).collect(),
-                false => seeds.map(&f).collect(),
-            };
-            found.extend(new?);
-            let estimates: Vec<Estimate> = (0..columns)
-                .map(|c| Estimate::of(&found.iter().map(|v| v[c]).collect::<Vec<_>>()))
-                .collect();
-            let n = found.len() as u64;
-            // The noisiest needs so many times the seeds.
-            let factor = estimates
-                .iter()
-                .enumerate()
-                .filter(|(c, e)| !self.settings.precise(**e, value(*c, e)))
-                .map(|(c, e)| {
-                    let goal = self.settings.precision * value(c, e).abs();
-                    (e.error / goal).powi(2)
-                })
-                .fold(1.0f64, f64::max);
-            if factor <= 1.0 || n >= self.settings.budget {
-                return Ok(estimates);
+            let new = gradients.len() as u64..wanted;
+            gradients.extend(self.over(new.clone(), |seed| self.gradients(directions, seed))?);
+            let mut factor = 1.0f64;
+            for (c, direction) in directions.iter().enumerate() {
+                if rows[c]
+                    .as_ref()
+                    .is_some_and(|row| self.settings.precise(row))
+                {
+                    continue;
+                }
+                let more = self.over(new.clone(), |seed| self.difference(direction, seed))?;
+                differences[c].extend(more);
+                let by_seed: Vec<f64> = gradients.iter().map(|g| g[c]).collect();
+                let row = Row::new(&direction.name, &by_seed, &differences[c], self.settings);
+                if !self.settings.precise(&row) {
+                    // The noisiest needs so many times the seeds.
+                    let goal = self.settings.precision * row.difference.mean.abs();
+                    factor = factor.max((row.apart.error / goal).powi(2));
+                }
+                rows[c] = Some(row);
             }
-            let more = (1.1 * factor).min(8.0) * n as f64;
+            if factor <= 1.0 || wanted >= self.settings.budget {
+                return Ok(rows.into_iter().flatten().collect());
+            }
+            let more = (1.1 * factor).min(8.0) * wanted as f64;
             wanted = (more.ceil() as u64).min(self.settings.budget);
         }
     }
 
     /// A derivative by central differences.
-    pub fn difference(&self, direction: &Direction) -> Result<Estimate> {
+    fn difference(&self, direction: &Direction, seed: u64) -> Result<f64> {
         let parameter = direction.parameter;
         let step = self.parameters[parameter].step;
-        let at = |sign: f64, seed: u64| -> Result<f64> {
+        let at = |sign: f64| -> Result<f64> {
             let mut values = self.values();
             for (v, d) in values[parameter].iter_mut().zip(&direction.vector) {
                 *v += sign * step * d;
@@ -115,35 +124,27 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
             let point = point(self.parameters, self.settings, &values, false);
             Ok(host_values(&self.objective(&point, seed)?)?[0])
         };
-        let one = |seed| Ok(vec![(at(1.0, seed)? - at(-1.0, seed)?) / (2.0 * step)]);
-        Ok(self.estimate(1, DIFFERENCES, one, |_, e| e.mean)?[0])
+        Ok((at(1.0)? - at(-1.0)?) / (2.0 * step))
     }
 
     /// Derivatives by autodiff.
-    pub fn gradients(
-        &self,
-        directions: &[Direction],
-        differences: &[Estimate],
-    ) -> Result<Vec<Estimate>> {
-        let one = |seed| -> Result<Vec<f64>> {
-            let point = point(self.parameters, self.settings, &self.values(), true);
-            let objective = self.objective(&point, seed)?;
-            let tracked = objective.is_tracked();
-            let expected = "a scene that depends on the parameters";
-            Error::unless(tracked, "gradcheck", "objective", "a constant", expected)?;
-            let gradients = objective.backward();
-            let of = |t: &Tensor<1>| match t.grad(&gradients) {
-                Some(g) => host_values(&g),
-                None => Ok(vec![0.0; t.dims()[0]]),
-            };
-            let found = point.tensors.iter().map(|(_, t)| of(t));
-            let found = found.collect::<Result<Vec<_>>>()?;
-            let along = |d: &Direction| -> f64 {
-                let pairs = found[d.parameter].iter().zip(&d.vector);
-                pairs.map(|(g, d)| g * d).sum()
-            };
-            Ok(directions.iter().map(along).collect())
+    fn gradients(&self, directions: &[Direction], seed: u64) -> Result<Vec<f64>> {
+        let point = point(self.parameters, self.settings, &self.values(), true);
+        let objective = self.objective(&point, seed)?;
+        let tracked = objective.is_tracked();
+        let expected = "a scene that depends on the parameters";
+        Error::unless(tracked, "gradcheck", "objective", "a constant", expected)?;
+        let gradients = objective.backward();
+        let of = |t: &Tensor<1>| match t.grad(&gradients) {
+            Some(g) => host_values(&g),
+            None => Ok(vec![0.0; t.dims()[0]]),
         };
-        self.estimate(directions.len(), 0, one, |c, _| differences[c].mean)
+        let found = point.tensors.iter().map(|(_, t)| of(t));
+        let found = found.collect::<Result<Vec<_>>>()?;
+        let along = |d: &Direction| -> f64 {
+            let pairs = found[d.parameter].iter().zip(&d.vector);
+            pairs.map(|(g, d)| g * d).sum()
+        };
+        Ok(directions.iter().map(along).collect())
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use burn::tensor::{DType, Device, Tensor};
 
 use super::parameter::Checked;
-use super::report::{Estimate, Verdict};
+use super::report::{Row, Verdict};
 use crate::device::is_cpu;
 use crate::render::RenderOptions;
 
@@ -59,7 +59,7 @@ impl GradCheck {
         }
     }
 
-    /// Renders are added until both standard errors are under this share of the difference
+    /// Renders are added until the standard error of gradient − difference is under this share of the difference
     /// (1 % by default).
     pub fn precision(mut self, share: f64) -> Self {
         self.precision = share;
@@ -73,8 +73,7 @@ impl GradCheck {
         self
     }
 
-    /// The least and the most seeds for each side: a gradient takes one render a seed, a
-    /// difference two (32 and 4,096 by default).
+    /// The least and the most seeds (32 and 4,096 by default). A gradient takes one render a seed, a difference two.
     pub fn seeds(mut self, least: u64, most: u64) -> Self {
         self.least = least.max(2);
         self.budget = most.max(least).max(2);
@@ -99,16 +98,16 @@ impl GradCheck {
         self
     }
 
-    /// Whether a standard error is small enough beside a value.
-    pub(super) fn precise(&self, e: Estimate, value: f64) -> bool {
-        e.error <= self.precision * value.abs()
+    /// Whether the standard error of a row is small enough beside its difference.
+    pub(super) fn precise(&self, row: &Row) -> bool {
+        row.apart.error <= self.precision * row.difference.mean.abs()
     }
 
-    pub(super) fn verdict(&self, g: Estimate, d: Estimate) -> Verdict {
-        let apart = (g.mean - d.mean).abs();
-        if apart > 3.5 * g.error.hypot(d.error) && apart > self.tolerance * d.mean.abs() {
+    pub(super) fn verdict(&self, row: &Row) -> Verdict {
+        let apart = row.apart.mean.abs();
+        if apart > 3.5 * row.apart.error && apart > self.tolerance * row.difference.mean.abs() {
             Verdict::Disagrees
-        } else if self.precise(g, d.mean) && self.precise(d, d.mean) {
+        } else if self.precise(row) {
             Verdict::Agrees
         } else {
             Verdict::Undecided

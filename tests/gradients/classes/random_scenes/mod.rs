@@ -70,7 +70,7 @@ fn is_zero(row: &Row) -> bool {
 }
 
 fn line(row: &Row) -> String {
-    let error = row.gradient.error.hypot(row.difference.error) / row.difference.mean.abs();
+    let error = row.apart.error / row.difference.mean.abs();
     format!(
         "{}: {:+.3e}, difference {:+.3e}, {:+.1} % ± {:.1} % {:?}",
         row.parameter,
@@ -83,7 +83,7 @@ fn line(row: &Row) -> String {
 }
 
 /// The mean radiance, counted most at a place beside the middle of the image, so that what moves has a derivative.
-fn spot(image: Tensor<3>) -> Tensor<1> {
+pub fn spot(image: Tensor<3>) -> Tensor<1> {
     let [h, w, _] = image.dims();
     let weights: Vec<f64> = (0..h * w)
         .map(|i| {
