@@ -5,7 +5,7 @@ use crate::cube::*;
 
 use super::layout::{SURFACE_STRIDE, SURFACES};
 use super::reading::Scene;
-use crate::kernel::TOUCHING;
+use crate::model::edge::TOUCHING;
 use crate::model::{V3, splat};
 
 /// A triangle at a time.

@@ -16,7 +16,8 @@ use super::reading::weights_in;
 use super::sums::{Totals, VELOCITIES, VERTICES};
 use super::surface::displacement;
 use super::surface_backward::{add_to_corners, is_wanted};
-use crate::model::edge::half_plane;
+use crate::model::bsdf::Shading;
+use crate::model::edge::{half_plane, is_above};
 use crate::model::segment::{clip_to_cone, point_by_angle};
 use crate::model::{V3, splat};
 
@@ -94,14 +95,14 @@ pub(super) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
     p
 }
 
-/// Draws a point of an edge in a cone of directions, that is not of a triangle.
+/// Draws a point of an edge in a cone of directions, above the surface that sees it.
 #[cube]
 pub(super) fn edge_point(
     scene: &Scene,
     room: &mut [u32],
     tree: usize,
     query: &Query,
-    triangle: u32,
+    shading: &Shading,
     u: f32,
     v: f32,
     #[comptime] of: Derivatives,
@@ -113,15 +114,17 @@ pub(super) fn edge_point(
         index = drawn.edge;
     }
     let mut p = edge_of(scene, index, query.time);
-    if drawn.edge != NONE && p.exists && !p.faces.contains(triangle) {
+    if drawn.edge != NONE && p.exists {
         let a = p.a + shift_of(scene, p.faces.a, query.time) - query.x;
         let part = clip_to_cone(a, p.along, query.axis, query.cos);
         if part.from < part.to {
             let on = point_by_angle(a, p.along, part, v);
             p.lambda = on.lambda;
-            p.per_density = on.per_density * drawn.per_chance;
             p.to = a + p.along * on.lambda;
             p.position = query.x + p.to;
+            if is_above(shading, p.to, p.position) {
+                p.per_density = on.per_density * drawn.per_chance;
+            }
         }
     }
     p

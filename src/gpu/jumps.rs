@@ -21,8 +21,8 @@ use super::side_light::{Behind, light_beside};
 use super::sums::Totals;
 use super::surface::emission_at;
 use super::surface_backward::{PointGradient, add_to_corners, is_wanted};
-use crate::kernel::TOUCHING;
 use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
+use crate::model::edge::TOUCHING;
 use crate::model::edge::{direction_jump, mirrored};
 use crate::model::{V3, splat, v2, v3};
 
@@ -169,8 +169,9 @@ pub(super) fn jumps_seen_from(
             tree = EDGE_TREES + OF_TREE;
         }
         if s.asked && scene.header[tree + LEAF_COUNT] > 0 {
-            let own = o.point.triangle;
-            let p = edge_point(scene, edge_room, tree, &s.query, own, s.u, s.v, sums.of);
+            let p = edge_point(
+                scene, edge_room, tree, &s.query, &shading, s.u, s.v, sums.of,
+            );
             let view = p.to.normalize();
             let mut outer = shading.outer(view);
             let around = bend(view, outer, scene.settings[CONE], s.cone_u, s.cone_v);

@@ -5,6 +5,7 @@
 //! of f⁻ to that of f⁺ (Reynolds). dl is that of the
 //! edge's parameter λ ∈ [0, 1] here, so that n·dl is a vector linear in the edge.
 
+use super::bsdf::Shading;
 use super::cone::Bend;
 use super::{V2, V3, v2};
 use crate::cube::*;
@@ -107,6 +108,17 @@ pub(crate) fn half_plane(inward: V3, edge: V3, view: V3, side: V3) -> V2 {
     let g = inward - edge * (inward.dot(across) / across.length_squared());
     let lateral = g.dot(side);
     v2(lateral, g.dot(view) / lateral.abs())
+}
+
+/// What is this near to a plane, over the largest coordinate, touches it: about what places are rounded by.
+pub(crate) const TOUCHING: f32 = 4e-6;
+
+/// Whether a place, `to` from a point of a surface, is above its plane, on the side on which rays that go there leave. In
+/// that plane surfaces are seen edge on, and rays of a cone are mirrored at it: nothing jumps there.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn is_above(shading: &Shading, to: V3, place: V3) -> bool {
+    to.dot(shading.outer(to)) > TOUCHING * (0.1 + place.abs().max_element())
 }
 
 #[cfg(test)]

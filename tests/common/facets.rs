@@ -18,9 +18,15 @@ fn with(name: &'static str, m: Material, d: &Device, t: DType) -> (Scene, Camera
     (change(name, |o| o.material(m.clone()), d, t), camera())
 }
 
+/// A square floor of a material, of two faces, and nothing else.
+fn in_the_open(scene: Scene, m: Material, d: &Device, t: DType) -> (Scene, Camera) {
+    let floor = shapes::plane_grid(500.0, 500.0, 1, 1, d).cast(t);
+    (scene.with(Object::new(floor).material(m)), camera())
+}
+
 /// Every parameter of the models of facets.
 pub fn facet_cases() -> Vec<Case> {
-    vec![
+    let mut cases = vec![
         case("base colour", 0.5, 0.05, 1, |d, t, p| {
             let base = vector(p, [0.9, 0.6, 0.3], d, t);
             with("floor", Material::metallic_roughness(base, 0.4, 0.5), d, t)
@@ -44,6 +50,23 @@ pub fn facet_cases() -> Vec<Case> {
             let m = Material::metallic_roughness([0.7, 0.5, 0.2], 0.8, roughness);
             with("floor", m, d, t)
         }),
+        // Rays of a cone are mirrored at the plane of a surface, where directions about a tilted normal are many.
+        case(
+            "roughness under a tilted normal",
+            0.87,
+            0.03,
+            0,
+            |d, t, p| {
+                let m = Material::metallic_roughness([0.6, 0.6, 0.4], 0.9, p);
+                let tilt = constant(&[0.3, 0.0, 1.0], [1, 1, 3], d, t);
+                in_the_open(
+                    Scene::new().environment([1.0; 3]),
+                    m.normal_map(tilt, 1.0),
+                    d,
+                    t,
+                )
+            },
+        ),
         case("eta", 0.5, 0.03, 1, |d, t, p| {
             let eta = vector(p, [0.4, 0.8, 2.0], d, t);
             with("floor", Material::conductor(eta, EXTINCTION, 0.5), d, t)
@@ -56,6 +79,17 @@ pub fn facet_cases() -> Vec<Case> {
             let m = Material::conductor(ETA, EXTINCTION, p).compensated(false);
             with("ball", m, d, t)
         }),
+        case("metal that moves", 0.0, 0.012, 1, |d, t, p| {
+            let m = Material::metallic_roughness([0.7, 0.5, 0.2], 0.8, 0.5);
+            moved(p, m, d, t)
+        }),
+    ];
+    cases.extend(glass_cases());
+    cases
+}
+
+fn glass_cases() -> Vec<Case> {
+    vec![
         case("ior", 1.5, 0.03, 2, |d, t, p| {
             with("ball", Material::dielectric(p, 0.6), d, t)
         }),
@@ -63,6 +97,22 @@ pub fn facet_cases() -> Vec<Case> {
         case("ior of rough glass", 1.5, 0.03, 1, |d, t, p| {
             with("ball", Material::dielectric(p, 0.9), d, t)
         }),
+        // Directions to a map are fixed, and facets that stand upright refract light from some of them.
+        case(
+            "ior of rough glass under a map",
+            1.25,
+            0.02,
+            0,
+            |d, t, p| {
+                let sky = Scene::new().environment(Environment::map(constant(
+                    &[1.0; 6],
+                    [1, 2, 3],
+                    d,
+                    t,
+                )));
+                in_the_open(sky, Material::dielectric(p, 0.75), d, t)
+            },
+        ),
         case("glass's roughness", 0.6, 0.03, 2, |d, t, p| {
             let m = Material::dielectric(1.5, p).compensated(false);
             with("ball", m, d, t)
@@ -71,10 +121,6 @@ pub fn facet_cases() -> Vec<Case> {
             let mut m = Material::dielectric(1.5, 0.4);
             m.diffuse = vector(p, [1.0, 0.7, 0.5], d, t).into();
             with("ball", m, d, t)
-        }),
-        case("metal that moves", 0.0, 0.012, 1, |d, t, p| {
-            let m = Material::metallic_roughness([0.7, 0.5, 0.2], 0.8, 0.5);
-            moved(p, m, d, t)
         }),
         // What is seen through it moves at every bounce.
         Case {

@@ -4,13 +4,13 @@
 use glam::DVec3;
 
 use crate::accel::{Hit, HitRay, NOTHING};
-use crate::kernel::edges::{Edge, EdgeSets, FACES, Kind, Query, Root, TOUCHING};
+use crate::kernel::edges::{Edge, EdgeSets, FACES, Kind, Query, Root};
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::{Point, PointGradient};
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Vertex, Walk, Walks};
 use crate::model::choice::decided_by;
-use crate::model::edge::{DirectionJump, half_plane};
+use crate::model::edge::{DirectionJump, TOUCHING, half_plane, is_above};
 use crate::model::segment::{OnSegment, clip_to_cone, point_by_angle};
 use crate::model::triangle::barycentric;
 use crate::model::{Pair, V2, V3};
@@ -44,7 +44,7 @@ pub(super) struct EdgePoint {
 }
 
 impl View {
-    /// Draws a point of an edge in a cone of directions.
+    /// Draws a point of an edge in a cone of directions, above the surface that sees it.
     pub(super) fn edge_point(
         &self,
         o: &Observer,
@@ -54,9 +54,6 @@ impl View {
     ) -> Option<EdgePoint> {
         let (index, per_chance) = tree.sample(self.arch, query, decided_by(u, v))?;
         let edge = o.sets.edges[index as usize].at_time(&self.scene, query.time)?;
-        if edge.faces.contains(&o.vertex.point.triangle) {
-            return None;
-        }
         let shift = self.scene.shift(edge.faces[0], query.time);
         let a = edge.a + shift - query.x;
         let part = clip_to_cone(a, edge.along, query.axis, query.cos);
@@ -69,13 +66,16 @@ impl View {
         } = point_by_angle(a, edge.along, part, v);
         let per_density = per_density * per_chance;
         let to = a + edge.along * lambda;
-        (per_density > 0.0).then_some(EdgePoint {
-            edge,
-            lambda,
-            per_density,
-            to,
-            position: query.x + to,
-        })
+        let position = query.x + to;
+        (per_density > 0.0 && is_above(&o.vertex.point.shading, to, position)).then_some(
+            EdgePoint {
+                edge,
+                lambda,
+                per_density,
+                to,
+                position,
+            },
+        )
     }
 
     /// Adds the derivatives by an edge's point and by the point that sees it.

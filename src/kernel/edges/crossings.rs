@@ -3,11 +3,12 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Edge, FACES, Kind, TOUCHING};
+use super::{Edge, FACES, Kind};
 use crate::accel::Overlaps;
 use crate::kernel::lists::Triangle;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
+use crate::model::edge::TOUCHING;
 
 /// Times in the shutter at which moving objects are looked at.
 const TIMES: [f32; 5] = [0.5, 0.0, 1.0, 0.25, 0.75];

@@ -23,8 +23,6 @@ pub(super) use query::Query;
 use tree::EdgeTree;
 pub(super) use tree::Root;
 
-/// Surfaces that lie within this share of the coordinates of an edge touch it.
-pub(crate) const TOUCHING: f32 = 4e-6;
 /// Faces of an edge, at most; if there are more, the others count as what lies behind.
 pub(in crate::kernel) const FACES: usize = 4;
 

@@ -5,6 +5,9 @@
 //! counts, which is less by η² where it is spread over as much more directions. What is reflected downwards or
 //! refracted upwards by a slanted facet is lost, and what facets hide. All is given back by 1/E, where E is the albedo
 //! by the view, α and η (Turquin 2019), if the material is compensated.
+//!
+//! Facets that stand upright still refract, where D does not vanish there, and those beyond don't exist. So K has a
+//! factor that falls to 0 at n·h = 0: light through the surface has no jump, which gradients would have to follow.
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
@@ -16,8 +19,11 @@ use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::{V3, splat};
 
+/// Facets refract in proportion to so many times n·h, up to all.
+pub(crate) const UPRIGHT: f32 = 64.0;
+
 /// Derivatives of a loss by D, V, the part of light that the interface reflects or lets pass, K, n·v + r_v, which
-/// densities are divided by, cos θ and 1/E.
+/// densities are divided by, cos θ, 1/E and the factor of upright facets.
 #[apply(record!)]
 struct FactorsGradient {
     d: f32,
@@ -27,6 +33,7 @@ struct FactorsGradient {
     sum: f32,
     cosine: f32,
     back: f32,
+    upright: f32,
 }
 
 /// A facet that turns the view into a direction, above the surface or below.
@@ -45,6 +52,8 @@ struct Turn {
     /// The part of light that goes this way, and its derivatives by the cosine and η.
     part: V3,
     k: f32,
+    /// The factor of K of upright facets.
+    upright: f32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
@@ -111,7 +120,9 @@ impl Shading {
         let cosine = (a / length).min(1.0);
         let mut part = dielectric(cosine, eta);
         let mut k = 1.0f32;
+        let mut upright = 1.0f32;
         if !above {
+            upright = (UPRIGHT * half.dot(f.normal) / length).min(1.0);
             part = splat(0.0) - part;
             part.x += 1.0;
             let square = 1.0 / (length * length);
@@ -127,6 +138,7 @@ impl Shading {
             cosine,
             part,
             k,
+            upright,
         }
     }
 
@@ -161,8 +173,8 @@ impl Shading {
             let t = self.turn(&f, outgoing);
             let v = f.visibility(nl.abs());
             let back = self.back(&f).value;
-            sum =
-                self.tint(t.above) * (t.part.x * f.distribution(t.half) * v * t.k * cosine * back);
+            sum = self.tint(t.above)
+                * (t.part.x * f.distribution(t.half) * v * t.k * t.upright * cosine * back);
         }
         sum
     }
@@ -184,7 +196,7 @@ impl Shading {
             let v = f.visibility(nl.abs());
             let d = f.distribution(t.half);
             let p = t.part.x;
-            let k = t.k;
+            let k = t.k * t.upright;
             let back = self.back(&f).value;
             if !t.above {
                 gradient.diffuse += g * (p * d * v * k * cosine * back);
@@ -195,10 +207,11 @@ impl Shading {
                 d: g * p * v * k * cosine,
                 v: g * p * d * k * cosine,
                 part: g * d * v * k * cosine,
-                k: g * p * d * v * cosine,
+                k: g * p * d * v * t.upright * cosine,
                 sum: 0.0,
                 cosine: g * p * d * v * k,
                 back: whole * p * d * v * k * cosine,
+                upright: g * p * d * v * t.k * cosine,
             };
             by_outgoing = self.factors_backward(&f, &t, outgoing, &by, gradient);
         }
@@ -233,6 +246,12 @@ impl Shading {
             by_a += fourth * t.b;
             let by_b = fourth * t.a;
             by_square -= 2.0 * g.k * t.k * per * per;
+            if t.upright < 1.0 {
+                let by_nh = UPRIGHT * g.upright * per;
+                by_half += f.normal * by_nh;
+                by.normal += t.half * by_nh;
+                by_square -= 0.5 * t.upright * g.upright * per * per;
+            }
             by_half += f.view * by_a - outgoing * by_b + t.half * (2.0 * by_square);
             let by_half = by_half * t.sign;
             by.view += t.half * by_a + by_half;
@@ -313,10 +332,10 @@ impl Shading {
             let v = f.visibility(nl);
             let sum = f.nv + f.rv;
             let back = self.back(&f).value;
-            let mut scale = 2.0f32;
+            let mut scale = 2.0f32 * t.upright;
             if !t.above {
                 let eta = self.eta();
-                scale = 2.0 / (eta * eta);
+                scale = 2.0 * t.upright / (eta * eta);
                 let weight = scale * v * sum * cosine * back;
                 gradient.diffuse += g * weight;
                 self.eta_backward(-2.0f32 * g.dot(self.diffuse) * weight / eta, gradient);
@@ -331,6 +350,7 @@ impl Shading {
                 sum: g * v * cosine,
                 cosine: g * v * sum,
                 back: whole * v * sum * cosine,
+                upright: whole * v * sum * cosine * back / t.upright,
             };
             by_outgoing = self.factors_backward(&f, &t, outgoing, &by, gradient);
         }

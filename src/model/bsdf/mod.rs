@@ -25,6 +25,7 @@ use crate::cube::*;
 use crate::scene::{CHANNELS, MaterialKind};
 
 pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
+pub(crate) use dielectric::UPRIGHT;
 pub(crate) use glass_albedo::given_back;
 #[cfg(feature = "wgpu")]
 pub(crate) use lobe::Lobe;

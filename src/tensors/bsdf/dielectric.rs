@@ -6,7 +6,7 @@ use super::cosine;
 use super::facets::{Facets, fitted};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
-use crate::model::bsdf::given_back;
+use crate::model::bsdf::{UPRIGHT, given_back};
 use crate::scene::LEAST_CONTRAST;
 
 /// The part of light that is reflected, which comes from the side of index 1 to that of index η.
@@ -27,6 +27,7 @@ struct Turn {
     half: Vec3,
     part: Tensor<2>,
     k: Tensor<2>,
+    upright: Tensor<2>,
     eta: Tensor<2>,
     above: Tensor<2, Bool>,
 }
@@ -55,11 +56,14 @@ impl Facets<'_> {
         let b = outgoing.dot(&half).neg().clamp_min(0.0);
         let vh = (a.clone() / square.clone().sqrt()).clamp_max(1.0);
         let reflected = reflected_part(&vh, &eta);
+        let nh = half.dot(&self.points.normal) / square.clone().sqrt();
+        let upright = (nh * UPRIGHT).clamp_max(1.0);
         let k = a * b * 4.0 / (square.clone() * square);
         Turn {
             half,
             part: (reflected.clone().neg() + 1.0).mask_where(above.clone(), reflected),
             k: k.mask_fill(above.clone(), 1.0),
+            upright: upright.mask_fill(above.clone(), 1.0),
             eta,
             above,
         }
@@ -71,7 +75,7 @@ impl Facets<'_> {
         let v = self.visibility(&self.points.normal.dot(outgoing).abs());
         let below = cosine(self.points, &outgoing.scale_by(-1.0));
         let cosine = below.mask_where(t.above.clone(), cosine(self.points, outgoing));
-        let mut f = t.part * self.distribution(&t.half) * v * t.k * cosine;
+        let mut f = t.part * self.distribution(&t.half) * v * t.k * t.upright * cosine;
         if self.kind.compensated {
             f = f * fitted(context, given_back, [&self.nv, &self.alpha, &t.eta])?;
         }
