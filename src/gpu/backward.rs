@@ -6,7 +6,7 @@ use super::camera::{Beginning, camera, middle_of};
 use super::emitter_choice::{chance, choose, next_emitter_hit, site};
 use super::layout::{CONE, EMITS, FIRST_SUMS, NONE, OF_MATERIAL, OF_MATERIALS};
 use super::light::Site;
-use super::light::{choose_direction, sky};
+use super::light::{map_of, sky};
 use super::light_backward::{light_backward, map_backward};
 use super::reading::Scene;
 use super::records::jumped;
@@ -213,7 +213,7 @@ pub(super) fn path_backward(
                     let along = bit == SAW_MAP_ALONG;
                     let mut towards = scatter.direction;
                     if !along {
-                        towards = choose_direction(scene, choices.z, choices.w);
+                        towards = map_of(scene).choose(scene.floats, choices.z, choices.w);
                     }
                     by_before +=
                         map_backward(scene, sums, &point, towards, along, throughput, g, &mut by);

@@ -4,7 +4,7 @@ use burn::cubecl::{self, prelude::*};
 
 use super::layout::{ALPHAS, MASKED, MASKED_UVS, MASKS, NONE, OF_MASKED};
 use super::reading::{Scene, weights_in};
-use super::texture::cell_of_texture;
+use super::texture::texture_at;
 use crate::model::{V3, v2};
 
 /// Whether a triangle has a hole at the point with these weights of its corners.
@@ -23,15 +23,8 @@ pub(super) fn is_open(scene: &Scene, triangle: u32, weights: V3) -> bool {
                 + scene.floats[at + 5] * weights.z,
         );
         let mask = (scene.header[MASKS] + 4 * place) as usize;
-        let cell = cell_of_texture(scene, mask, uv);
-        let first = scene.header[ALPHAS] + scene.words[mask];
-        let a = scene.floats[(first + cell.a) as usize];
-        let b = scene.floats[(first + cell.b) as usize];
-        let c = scene.floats[(first + cell.c) as usize];
-        let d = scene.floats[(first + cell.d) as usize];
-        let above = a * (1.0 - cell.x) + b * cell.x;
-        let below = c * (1.0 - cell.x) + d * cell.x;
-        open = above * (1.0 - cell.y) + below * cell.y < scene.floats[at + 6];
+        let cell = texture_at(scene, mask).cell_at(uv);
+        open = cell.number(scene.floats, scene.header[ALPHAS]) < scene.floats[at + 6];
     }
     open
 }

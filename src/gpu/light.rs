@@ -1,6 +1,4 @@
-//! Emitters, lights without extent and the environment: `model/delta_light` and `model/sky` in a kernel of a GPU.
-
-use std::f32::consts::{PI, TAU};
+//! Emitters, lights without extent and the environment.
 
 use crate::cube::*;
 
@@ -9,13 +7,12 @@ use super::layout::{
     OF_TRIANGLES, SKY, SKY_CHANCES, SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SPOT,
     SURFACE_STRIDE, SURFACES,
 };
-use super::reading::{Scene, first_over};
+use super::reading::Scene;
 use super::surface::displacement;
-use super::texture::{Cell, in_cell};
 use crate::model::delta_light::DeltaLight;
-use crate::model::frame::sin_cos_of_turns;
+use crate::model::sky::Map;
 use crate::model::triangle::weights_at;
-use crate::model::{V2, V3, splat, v2, v3};
+use crate::model::{V2, V3, splat, v2};
 use crate::sampling::GRAZING;
 
 /// A triangle that emits, at a time in the shutter.
@@ -143,84 +140,20 @@ pub(super) fn sky(scene: &Scene, direction: V3) -> V3 {
         radiance = scene.vector(scene.header[SKY]);
     }
     if comptime!(scene.features.sky_map) {
-        radiance = in_cell(scene, scene.header[SKY], cell_of_map(scene, direction));
+        let cell = map_of(scene).cell(direction);
+        radiance = cell.colour(scene.floats, scene.header[SKY]);
     }
     radiance
 }
 
-/// The texels about a direction: columns wrap, rows end at the poles.
+/// The map of the environment.
 #[cube]
-pub(super) fn cell_of_map(scene: &Scene, direction: V3) -> Cell {
-    let place = place_in_map(scene, direction);
-    let x = place.x - 0.5;
-    let y = place.y - 0.5;
-    let left = x.floor();
-    let top = y.floor();
-    let width = scene.header[SKY_WIDTH] as i32;
-    let last = scene.header[SKY_HEIGHT] as i32 - 1;
-    let i = ((left as i32 + width) % width) as u32;
-    let j = ((left as i32 + 1 + width) % width) as u32;
-    let above = (top as i32).max(0).min(last) as u32 * scene.header[SKY_WIDTH];
-    let below = (top as i32 + 1).max(0).min(last) as u32 * scene.header[SKY_WIDTH];
-    Cell {
-        a: above + i,
-        b: above + j,
-        c: below + i,
-        d: below + j,
-        x: x - left,
-        y: y - top,
+pub(super) fn map_of(scene: &Scene) -> Map {
+    Map {
+        width: scene.header[SKY_WIDTH],
+        height: scene.header[SKY_HEIGHT],
+        rows: scene.header[SKY_ROWS],
+        columns: scene.header[SKY_COLUMNS],
+        chances: scene.header[SKY_CHANCES],
     }
-}
-
-/// Column and row of a direction in the map, in texels.
-#[cube]
-fn place_in_map(scene: &Scene, d: V3) -> V2 {
-    let around = (d.x * d.x + d.z * d.z).sqrt();
-    v2(
-        (0.5 + d.x.atan2(-d.z) / TAU) * scene.header[SKY_WIDTH] as f32,
-        around.atan2(d.y) / PI * scene.header[SKY_HEIGHT] as f32,
-    )
-}
-
-/// The density per solid angle with which [`choose_direction`] draws a direction.
-#[cube]
-pub(super) fn density_of_direction(scene: &Scene, d: V3) -> f32 {
-    let width = scene.header[SKY_WIDTH];
-    let height = scene.header[SKY_HEIGHT];
-    let place = place_in_map(scene, d);
-    let x = (place.x.max(0.0) as u32).min(width - 1);
-    let y = (place.y.max(0.0) as u32).min(height - 1);
-    let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
-    let p = scene.floats[(scene.header[SKY_CHANCES] + y * width + x) as usize];
-    p * (width * height) as f32 / (TAU * PI * sine)
-}
-
-/// A direction to the map for a pair of random numbers.
-#[cube]
-pub(super) fn choose_direction(scene: &Scene, u: f32, v: f32) -> V3 {
-    let width = scene.header[SKY_WIDTH];
-    let height = scene.header[SKY_HEIGHT];
-    let rows = scene.header[SKY_ROWS];
-    let wanted = v * scene.floats[(rows + height - 1) as usize];
-    let y = first_over(scene.floats, rows, height, 1u32, wanted);
-    let row = scene.header[SKY_COLUMNS] + y * width;
-    let along = u * scene.floats[(row + width - 1) as usize];
-    let x = first_over(scene.floats, row, width, 1u32, along);
-    let turn = (x as f32 + inside(scene, row, x, along)) / width as f32 - 0.5;
-    let polar = (y as f32 + inside(scene, rows, y, wanted)) / height as f32;
-    let around = sin_cos_of_turns(turn - turn.floor());
-    let down = sin_cos_of_turns(0.5 * polar);
-    let sine = down.sin.max(1e-6);
-    v3(sine * around.sin, down.cos, -sine * around.cos).normalize()
-}
-
-/// The place of a number between two of a list, 0 … 1.
-#[cube]
-fn inside(scene: &Scene, first: u32, k: u32, value: f32) -> f32 {
-    let mut before = 0.0f32;
-    if k > 0 {
-        before = scene.floats[(first + k - 1) as usize];
-    }
-    let past = scene.floats[(first + k) as usize];
-    ((value - before) / (past - before)).max(0.0).min(1.0)
 }

@@ -4,7 +4,7 @@ use burn::cubecl::{self, prelude::*};
 
 use super::corners::uv_at;
 use super::layout::{EMISSIVE_COUNT, FIRST_SUMS, LIGHT_BITS, WANTED};
-use super::light::{delta_light, density_of_direction, emitter, sky};
+use super::light::{delta_light, emitter, map_of, sky};
 use super::reading::Scene;
 use super::shadow_rays::{Target, target_of};
 use super::sums::{AREAS, LIGHTS, OF_LIGHT, TRIANGLES, Totals};
@@ -136,7 +136,7 @@ pub(super) fn map_backward(
     by: &mut PointGradient,
 ) -> V3 {
     let shading = point.shading;
-    let chance = density_of_direction(scene, direction);
+    let chance = map_of(scene).density(scene.floats, direction);
     let density = power_heuristic(chance, shading.density(direction), by_scattering);
     let reflected = shading.evaluate(direction);
     let radiance = sky(scene, direction);

@@ -9,7 +9,7 @@ use super::layout::{
     FIXED_SUMS, LIGHT_BITS, LIGHT_BRANCHES, LIGHT_NODE_COUNT, LIGHT_NODES, LIGHT_PLACES, LIGHTS,
     MASKED, MASKED_UVS, MASKS, SPOT, TANGENT_ROWS, TANGENTS, WANTED,
 };
-use super::packed_scene::{PackedScene, number_of};
+use super::packed_scene::PackedScene;
 use crate::kernel::View;
 
 impl PackedScene {
@@ -46,8 +46,8 @@ impl PackedScene {
         for mask in &holes.masks {
             let next = self.floats.len() as u32 - self.header[ALPHAS];
             let offset = *known.entry(Arc::as_ptr(&mask.alpha)).or_insert(next);
-            let (width, height) = (mask.width as u32, mask.height as u32);
-            masks.push([offset, width, height, number_of(mask.wrap)]);
+            let [_, size @ ..] = mask.image().words();
+            masks.push([offset, size[0], size[1], size[2]]);
             if offset == next {
                 self.floats.extend(mask.alpha.iter());
             }

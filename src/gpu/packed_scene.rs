@@ -13,9 +13,7 @@ use crate::accel::GpuTree;
 use crate::kernel::View;
 use crate::model::V3;
 use crate::model::bsdf::model_of;
-use crate::model::sky::Sky;
-use crate::model::texture::Texture;
-use crate::scene::Wrap;
+use crate::model::sky::{Map, Sky};
 
 /// A scene as lists, and its part of a header.
 pub(super) struct PackedScene {
@@ -187,12 +185,7 @@ impl PackedScene {
             for texture in textures.chain([m.normal_map]) {
                 self.words.extend(match texture {
                     None => [NONE; 4],
-                    Some(Texture {
-                        offset,
-                        width,
-                        height,
-                        wrap,
-                    }) => [offset as u32, width as u32, height as u32, number_of(wrap)],
+                    Some(t) => t.words(),
                 });
             }
             self.words.resize(end, 0);
@@ -222,28 +215,20 @@ impl PackedScene {
             Sky::Black => {}
             Sky::Constant(radiance) => self.vector(*radiance),
             Sky::Map(map) => {
-                let (width, height) = (map.width, map.height);
-                self.header[SKY_WIDTH] = width as u32;
-                self.header[SKY_HEIGHT] = height as u32;
                 self.floats.extend(&map.texels.0);
-                let (rows, columns, chances) =
-                    (&map.drawn.rows, &map.drawn.columns, &map.drawn.chance);
-                self.floats_at(SKY_ROWS);
-                self.floats.extend(rows);
-                self.floats_at(SKY_COLUMNS);
-                self.floats.extend(columns);
-                self.floats_at(SKY_CHANCES);
-                self.floats.extend(chances);
+                let Map { width, height, .. } = map.drawn.map;
+                self.header[SKY_WIDTH] = width;
+                self.header[SKY_HEIGHT] = height;
+                for (place, first) in [
+                    (SKY_ROWS, map.drawn.map.rows),
+                    (SKY_COLUMNS, map.drawn.map.columns),
+                    (SKY_CHANCES, map.drawn.map.chances),
+                ] {
+                    self.floats_at(place);
+                    self.header[place] += first;
+                }
+                self.floats.extend(&map.drawn.list);
             }
         }
-    }
-}
-
-/// A way to go on outside of a texture, as kernels know it.
-pub(super) fn number_of(wrap: Wrap) -> u32 {
-    match wrap {
-        Wrap::Repeat => 0,
-        Wrap::Clamp => 1,
-        Wrap::Mirror => 2,
     }
 }

@@ -10,7 +10,7 @@ use super::emitter_choice::{chance, choose, next_emitter_hit, site};
 use super::hit::{Hit, Ray, see_all, trace};
 use super::layout::{BOUNCES, CONE, NONE, ROULETTE_AFTER};
 use super::light::{Choice, Site};
-use super::light::{choose_direction, sky};
+use super::light::{map_of, sky};
 use super::reading::Scene;
 use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
@@ -338,7 +338,7 @@ pub(super) fn path_light(
                 let mut towards = scatter.direction;
                 if purpose == TO_MAP {
                     let drawn = numbers.choices(scene, bounce);
-                    towards = choose_direction(scene, drawn.z, drawn.w);
+                    towards = map_of(scene).choose(scene.floats, drawn.z, drawn.w);
                 }
                 let by_scattering = purpose == TO_MAP_ALONG;
                 chosen = towards_map(scene, &from, towards, by_scattering);

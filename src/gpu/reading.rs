@@ -4,8 +4,9 @@ use burn::cubecl::{self, prelude::*};
 
 use super::Features;
 use super::layout::{FLOAT_HEADER, HEADER, SURFACE_STRIDE, SURFACES};
+use crate::model::V3;
+pub(super) use crate::model::lists::{first_over, vector};
 use crate::model::triangle::weights_at;
-use crate::model::{V3, v3};
 
 /// A scene as a camera sees it, as two lists ([`layout`](super::layout)), and what kernels of it are compiled for.
 #[derive(CubeType, Clone, Copy)]
@@ -44,13 +45,6 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// A vector of a list of floats.
-#[cube]
-pub(super) fn vector(floats: &[f32], at: u32) -> V3 {
-    let i = at as usize;
-    v3(floats[i], floats[i + 1], floats[i + 2])
-}
-
 /// Weights of a triangle's corners in a point of it, at the start of the shutter.
 #[cube]
 pub(super) fn weights_in(scene: &Scene, triangle: u32, at_rest: V3) -> V3 {
@@ -63,20 +57,4 @@ pub(super) fn weights_in(scene: &Scene, triangle: u32, at_rest: V3) -> V3 {
         scene.floats[at as usize + 13],
         at_rest,
     )
-}
-
-/// The first of some numbers, which grow and lie a stride apart, that is over a number; the last if none is.
-#[cube]
-pub(super) fn first_over(floats: &[f32], first: u32, count: u32, stride: u32, value: f32) -> u32 {
-    let mut low = 0u32;
-    let mut high = count - 1;
-    while low < high {
-        let middle = (low + high) / 2;
-        if floats[(first + stride * middle) as usize] <= value {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    low
 }

@@ -5,7 +5,7 @@ use crate::cube::*;
 use super::holes::is_open;
 use super::layout::{CONE, NONE};
 use super::light::Site;
-use super::light::{delta_light, density_of_direction, emitter, is_light, sky};
+use super::light::{delta_light, emitter, is_light, map_of, sky};
 use super::reading::Scene;
 use super::surface::{Point, emission_at};
 use crate::model::cone::{bend, lifted, up_to_plane};
@@ -182,7 +182,7 @@ pub(super) fn towards_map(
             from.cone_u,
             from.cone_v,
         );
-        let chance = density_of_direction(scene, direction);
+        let chance = map_of(scene).density(scene.floats, direction);
         let density = power_heuristic(chance, shading.density(direction), by_scattering);
         ray.direction = bent.direction;
         ray.limit = f32::MAX.runtime();

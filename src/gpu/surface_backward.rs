@@ -5,10 +5,9 @@ use crate::cube::*;
 use super::corners::{Corners, corners_of};
 use super::corners_backward::{add_to_rows, corners_backward};
 use super::layout::{
-    COLOUR_ROWS, COLOURS, FIRST_SUMS, NONE, SKY as SKY_TEXELS, SKY_HEIGHT, SKY_WIDTH, VERTEX_ROWS,
-    WANTED_OBJECTS,
+    COLOUR_ROWS, COLOURS, FIRST_SUMS, NONE, SKY as SKY_TEXELS, VERTEX_ROWS, WANTED_OBJECTS,
 };
-use super::light::cell_of_map;
+use super::light::map_of;
 use super::reading::Scene;
 use super::sums::{COLOURS as COLOUR_SUMS, SKY, TRIANGLES, Totals, VELOCITIES, VERTICES};
 use super::surface::Point;
@@ -57,20 +56,14 @@ pub(super) struct RayGradient {
 #[cube]
 pub(super) fn sky_backward(scene: &Scene, sums: &Totals, direction: V3, g: V3) -> V3 {
     let mut by_direction = splat(0.0);
-    let first = scene.header[FIRST_SUMS + SKY];
     if comptime!(scene.features.sky_constant && sums.of.sky) {
-        sums.add_vector(first, g, SKY);
+        sums.add_vector(scene.header[FIRST_SUMS + SKY], g, SKY);
     }
     if comptime!(scene.features.sky_map) {
-        let cell = cell_of_map(scene, direction);
-        let texels = scene.header[SKY_TEXELS];
-        let by = cell_backward(scene, sums, texels, cell, first, g, SKY, sums.of.sky);
-        let d = direction;
-        let around = (d.x * d.x + d.z * d.z).max(1e-12);
-        let columns = scene.header[SKY_WIDTH] as f32 / std::f32::consts::TAU;
-        let rows = scene.header[SKY_HEIGHT] as f32 / std::f32::consts::PI;
-        by_direction = v3(-d.z, 0.0, d.x) * (by.x * columns / around)
-            - v3(0.0, 1.0, 0.0) * (by.y * rows / around.sqrt());
+        let map = map_of(scene);
+        let (cell, texels) = (map.cell(direction), scene.header[SKY_TEXELS]);
+        let by = cell_backward(scene, sums, texels, cell, g, SKY, sums.of.sky);
+        by_direction = map.by_direction(direction, by);
     }
     by_direction
 }

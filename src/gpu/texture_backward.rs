@@ -1,4 +1,4 @@
-//! Derivatives by texels, constants and texture coordinates: `model/texture` in a kernel of a GPU.
+//! Derivatives by texels, constants and texture coordinates.
 
 use burn::cubecl::{self, prelude::*};
 
@@ -6,7 +6,8 @@ use super::corners::uv_rows;
 use super::layout::{FIRST_SUMS, NONE, TEXELS as TEXEL_VALUES};
 use super::reading::Scene;
 use super::sums::{MATERIALS, TEXELS, Totals, UVS, component};
-use super::texture::{Cell, cell_of_texture, texture_of};
+use super::texture::{texture_at, texture_of};
+use crate::model::texture::Cell;
 use crate::model::{V2, V3, v2};
 
 /// Adds the derivatives of g·colour by the texels of a cell; returns those by the point, in texels.
@@ -16,40 +17,19 @@ pub(super) fn cell_backward(
     sums: &Totals,
     texels: u32,
     cell: Cell,
-    first: u32,
     g: V3,
     #[comptime] part: usize,
     #[comptime] wanted: bool,
 ) -> V2 {
-    let x = cell.x;
-    let y = cell.y;
     if wanted {
         let mut k = 0u32;
         while k < 4 {
-            let mut texel = cell.a;
-            let mut weight = (1.0 - x) * (1.0 - y);
-            if k == 1 {
-                texel = cell.b;
-                weight = x * (1.0 - y);
-            } else if k == 2 {
-                texel = cell.c;
-                weight = (1.0 - x) * y;
-            } else if k == 3 {
-                texel = cell.d;
-                weight = x * y;
-            }
-            sums.add_vector(first + 3 * texel, g * weight, part);
+            let at = scene.header[FIRST_SUMS + part] + 3 * cell.texel(k);
+            sums.add_vector(at, g * cell.share(k), part);
             k += 1;
         }
     }
-    let a = scene.vector(texels + 3 * cell.a).dot(g);
-    let b = scene.vector(texels + 3 * cell.b).dot(g);
-    let c = scene.vector(texels + 3 * cell.c).dot(g);
-    let d = scene.vector(texels + 3 * cell.d).dot(g);
-    v2(
-        (1.0 - y) * (b - a) + y * (d - c),
-        (1.0 - x) * (c - a) + x * (d - b),
-    )
+    cell.slopes(scene.floats, texels, g)
 }
 
 /// Adds the derivatives of g·colour by the texels of a texture, if these are `wanted`; returns that by the texture
@@ -63,15 +43,10 @@ pub(super) fn texture_backward(
     g: V3,
     #[comptime] wanted: bool,
 ) -> V2 {
-    let first = 3 * scene.words[texture];
-    let cell = cell_of_texture(scene, texture, uv);
-    let texels = scene.header[TEXEL_VALUES] + first;
-    let first = scene.header[FIRST_SUMS + TEXELS] + first;
-    let by = cell_backward(scene, sums, texels, cell, first, g, TEXELS, wanted);
-    v2(
-        by.x * scene.words[texture + 1] as f32,
-        -by.y * scene.words[texture + 2] as f32,
-    )
+    let image = texture_at(scene, texture);
+    let texels = scene.header[TEXEL_VALUES];
+    let by = cell_backward(scene, sums, texels, image.cell_at(uv), g, TEXELS, wanted);
+    image.by_coordinates(by)
 }
 
 /// Adds the derivatives of g·colour by a channel of a material, if these are `wanted`; returns that by the texture

@@ -2,8 +2,6 @@
 
 use std::fmt;
 
-use super::settings::GradCheck;
-
 /// A mean over seeds with its standard error.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate {
@@ -55,20 +53,6 @@ pub struct Row {
 }
 
 impl Row {
-    /// Of gradients and differences by seed.
-    pub(super) fn new(name: &str, gradients: &[f64], differences: &[f64], s: &GradCheck) -> Self {
-        let pairs = gradients.iter().zip(differences);
-        let mut row = Self {
-            parameter: name.to_owned(),
-            gradient: Estimate::of(gradients),
-            difference: Estimate::of(differences),
-            apart: Estimate::of(&pairs.map(|(g, d)| g - d).collect::<Vec<_>>()),
-            verdict: Verdict::Undecided,
-        };
-        row.verdict = s.verdict(&row);
-        row
-    }
-
     /// gradient/difference − 1.
     pub fn relative(&self) -> f64 {
         self.gradient.mean / self.difference.mean - 1.0

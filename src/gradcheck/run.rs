@@ -96,7 +96,9 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
                 let more = self.over(new.clone(), |seed| self.difference(direction, seed))?;
                 differences[c].extend(more);
                 let by_seed: Vec<f64> = gradients.iter().map(|g| g[c]).collect();
-                let row = Row::new(&direction.name, &by_seed, &differences[c], self.settings);
+                let row = self
+                    .settings
+                    .row(&direction.name, &by_seed, &differences[c]);
                 if !self.settings.precise(&row) {
                     // The noisiest needs so many times the seeds.
                     let goal = self.settings.precision * row.difference.mean.abs();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use burn::tensor::{DType, Device, Tensor};
 
 use super::parameter::Checked;
-use super::report::{Row, Verdict};
+use super::report::{Estimate, Row, Verdict};
 use crate::device::is_cpu;
 use crate::render::RenderOptions;
 
@@ -103,7 +103,21 @@ impl GradCheck {
         row.apart.error <= self.precision * row.difference.mean.abs()
     }
 
-    pub(super) fn verdict(&self, row: &Row) -> Verdict {
+    /// Of gradients and differences by seed.
+    pub(super) fn row(&self, parameter: &str, gradients: &[f64], differences: &[f64]) -> Row {
+        let pairs = gradients.iter().zip(differences);
+        let mut row = Row {
+            parameter: parameter.to_owned(),
+            gradient: Estimate::of(gradients),
+            difference: Estimate::of(differences),
+            apart: Estimate::of(&pairs.map(|(g, d)| g - d).collect::<Vec<_>>()),
+            verdict: Verdict::Undecided,
+        };
+        row.verdict = self.verdict(&row);
+        row
+    }
+
+    fn verdict(&self, row: &Row) -> Verdict {
         let apart = row.apart.mean.abs();
         if apart > 3.5 * row.apart.error && apart > self.tolerance * row.difference.mean.abs() {
             Verdict::Disagrees

@@ -10,6 +10,7 @@ use super::HostImage;
 use super::srgb::{srgb_byte, srgb_word};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
+use crate::model::texture::Texture;
 use crate::scene::Wrap;
 
 /// A texture on the host.
@@ -66,16 +67,14 @@ impl Texels {
         let centre = |i: usize, of: usize, size: usize| {
             ((i as f64 + 0.5) / of as f64 * size as f64 - 0.5) as f32
         };
+        let image = Texture::new(0, [columns, rows], self.wrap);
         let mut values = Vec::with_capacity(height * width * channels);
         for y in 0..height {
             for x in 0..width {
-                let at = [centre(x, width, columns), centre(y, height, rows)];
-                let shares = self.wrap.bilinear(at, [columns, rows]);
+                let cell = image.cell(centre(x, width, columns), centre(y, height, rows));
                 for c in 0..channels {
-                    let parts = shares
-                        .iter()
-                        .map(|&(t, w)| self.values[t * channels + c] * w);
-                    values.push(parts.sum());
+                    let value = |k| self.values[cell.texel(k) as usize * channels + c];
+                    values.push((0..4).map(|k| value(k) * cell.share(k)).sum());
                 }
             }
         }

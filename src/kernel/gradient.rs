@@ -350,13 +350,16 @@ impl Rows {
             Id::Tangents(i) if scene.tilted => (Part::Tangents, object(i).first_tangent, 4, 1.0),
             Id::NormalMap(m) => {
                 let texels = scene.materials[m].normal_map?;
-                (Part::Texels, texels.offset, 3, 1.0)
+                (Part::Texels, texels.first as usize, 3, 1.0)
             }
             Id::Material(m, channel) => {
                 let place = channel.place();
                 match &scene.materials[m].channels[place].texture {
                     None => (Part::Materials, CHANNELS * m + place, numbers, 1.0),
-                    Some(t) => (Part::Texels, t.offset, numbers / (t.width * t.height), 1.0),
+                    Some(t) => {
+                        let texels = (t.width * t.height) as usize;
+                        (Part::Texels, t.first as usize, numbers / texels, 1.0)
+                    }
                 }
             }
             Id::Environment => (Part::Sky, 0, 3, 1.0),

@@ -201,12 +201,11 @@ impl Packed {
                 wrap,
             } => Colour {
                 constant: V3::ZERO,
-                texture: Some(Texture {
-                    offset: self.place(std::mem::take(texels)),
-                    width: *width,
-                    height: *height,
-                    wrap: *wrap,
-                }),
+                texture: Some(Texture::new(
+                    self.place(std::mem::take(texels)),
+                    [*width, *height],
+                    *wrap,
+                )),
             },
         }
     }

@@ -18,6 +18,7 @@ pub(crate) mod film;
 pub(crate) mod filter;
 pub(crate) mod frame;
 pub(crate) mod integers;
+pub(crate) mod lists;
 pub(crate) mod normal_map;
 pub(crate) mod segment;
 pub(crate) mod sky;

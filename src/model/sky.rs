@@ -5,8 +5,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::texture::{Cell, Texels};
-use super::{V3, v3};
+use super::frame::sin_cos_of_turns;
+use super::lists::first_over;
+use super::texture::{AROUND, Cell, Texels, Texture};
+use super::{V2, V3, v2, v3};
+use crate::cube::*;
 use crate::scene::{HostScene, HostTexture};
 
 pub(crate) enum Sky {
@@ -16,8 +19,6 @@ pub(crate) enum Sky {
 }
 
 pub(crate) struct SkyMap {
-    pub width: usize,
-    pub height: usize,
     pub texels: Texels,
     pub drawn: SkyDensity,
 }
@@ -88,48 +89,117 @@ impl SkyMap {
         let texels = Texels(list);
         let brightness = |i: usize| f64::from(texels.at(i).abs().element_sum()) / 3.0;
         Self {
-            width: w,
-            height: h,
             drawn: SkyDensity::new(w, h, brightness),
             texels,
         }
     }
 
-    /// The texels about a direction: columns wrap, rows end at the poles.
-    fn cell(&self, d: V3) -> Cell {
-        let (w, h) = (self.width, self.height);
-        let [x, y] = place(d, w, h);
-        Cell::new(x - 0.5, y - 0.5, |i, j| {
-            let column = i.rem_euclid(w as i64) as usize;
-            let row = j.clamp(0, h as i64 - 1) as usize;
-            row * w + column
-        })
-    }
-
     #[inline(never)]
     pub fn at(&self, direction: V3) -> V3 {
-        self.cell(direction).colour(&self.texels)
+        self.drawn.map.cell(direction).colour(&self.texels.0, 0)
     }
 
     /// Adds the derivatives of g·radiance by texels, where they are asked for; returns those by the direction.
     #[inline(never)]
     pub fn backward(&self, direction: V3, g: V3, texels: &mut [DVec3]) -> V3 {
-        let [by_x, by_y] = self.cell(direction).backward(&self.texels, g, texels);
-        let [slope_x, slope_y] = place_slopes(direction, self.width, self.height);
-        slope_x * by_x + slope_y * by_y
+        let map = &self.drawn.map;
+        let by = map.cell(direction).backward(&self.texels, g, texels);
+        map.by_direction(direction, by)
     }
 }
 
-/// The density with which directions to an equirectangular map are drawn: by texel, in proportion to the
-/// mean radiance about it times the solid angle.
+/// An equirectangular map, whose columns repeat and whose rows end at the poles: its size, and where in a list the
+/// numbers lie that directions are drawn by: sums of probabilities over rows so far, and within each row, and the
+/// probability of each texel.
+#[apply(record!)]
+pub(crate) struct Map {
+    pub width: u32,
+    pub height: u32,
+    pub rows: u32,
+    pub columns: u32,
+    pub chances: u32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Map {
+    /// Column and row of a direction, in texels.
+    #[inline(always)]
+    pub fn place(&self, d: V3) -> V2 {
+        let around = (d.x * d.x + d.z * d.z).sqrt();
+        v2(
+            (0.5 + d.x.atan2(-d.z) / TAU) * self.width as f32,
+            around.atan2(d.y) / PI * self.height as f32,
+        )
+    }
+
+    /// The texels about a direction.
+    #[inline(always)]
+    pub fn cell(&self, direction: V3) -> Cell {
+        let place = self.place(direction);
+        let image = Texture {
+            first: 0,
+            width: self.width,
+            height: self.height,
+            wrap: AROUND,
+        };
+        image.cell(place.x - 0.5, place.y - 0.5)
+    }
+
+    /// Derivatives by a direction, from those by its column and row.
+    #[inline(always)]
+    pub fn by_direction(&self, d: V3, by: V2) -> V3 {
+        let around = (d.x * d.x + d.z * d.z).max(1e-12);
+        let columns = self.width as f32 / TAU;
+        let rows = self.height as f32 / PI;
+        v3(-d.z, 0.0, d.x) * (by.x * columns / around)
+            - v3(0.0, 1.0, 0.0) * (by.y * rows / around.sqrt())
+    }
+
+    /// The density per solid angle with which [`Map::choose`] draws a direction.
+    #[inline(always)]
+    pub fn density(&self, list: &[f32], d: V3) -> f32 {
+        let place = self.place(d);
+        let x = (place.x.max(0.0) as u32).min(self.width - 1);
+        let y = (place.y.max(0.0) as u32).min(self.height - 1);
+        let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
+        let chance = list[(self.chances + y * self.width + x) as usize];
+        chance * (self.width * self.height) as f32 / (TAU * PI * sine)
+    }
+
+    /// A direction for a pair of random numbers.
+    #[inline(always)]
+    pub fn choose(&self, list: &[f32], u: f32, v: f32) -> V3 {
+        let wanted = v * list[(self.rows + self.height - 1) as usize];
+        let y = first_over(list, self.rows, self.height, 1u32, wanted);
+        let row = self.columns + y * self.width;
+        let along = u * list[(row + self.width - 1) as usize];
+        let x = first_over(list, row, self.width, 1u32, along);
+        let turn = (x as f32 + between(list, row, x, along)) / self.width as f32 - 0.5;
+        let polar = (y as f32 + between(list, self.rows, y, wanted)) / self.height as f32;
+        let around = sin_cos_of_turns(turn - turn.floor());
+        let down = sin_cos_of_turns(0.5 * polar);
+        let sine = down.sin.max(1e-6);
+        v3(sine * around.sin, down.cos, -sine * around.cos).normalize()
+    }
+}
+
+/// The place of a number between two of a list, 0 … 1.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn between(list: &[f32], first: u32, k: u32, value: f32) -> f32 {
+    let mut before = 0.0f32;
+    if k > 0 {
+        before = list[(first + k - 1) as usize];
+    }
+    let past = list[(first + k) as usize];
+    ((value - before) / (past - before)).max(0.0).min(1.0)
+}
+
+/// The density with which directions to a map are drawn: by texel, in proportion to the mean radiance about it times the
+/// solid angle.
 pub(crate) struct SkyDensity {
-    width: usize,
-    height: usize,
-    /// Probability of each texel.
-    pub chance: Vec<f32>,
-    /// Sums over rows so far, and within each row.
-    pub rows: Vec<f32>,
-    pub columns: Vec<f32>,
+    pub map: Map,
+    pub list: Vec<f32>,
 }
 
 /// The share of directions that are drawn uniformly: a black part may still have a gradient.
@@ -165,85 +235,40 @@ impl SkyDensity {
                 let share = if total > 0.0 { *p / total } else { uniform };
                 *p = (1.0 - UNIFORM) * share + UNIFORM * uniform;
                 row += *p;
-                columns.push(row as f32);
+                columns.push(row);
             }
             passed += row;
-            rows.push(passed as f32);
+            rows.push(passed);
         }
-        Self {
-            width,
-            height,
-            chance: chance.into_iter().map(|p| p as f32).collect(),
-            rows,
-            columns,
-        }
+        let map = Map {
+            width: w as u32,
+            height: h as u32,
+            rows: 0,
+            columns: h as u32,
+            chances: (h + w * h) as u32,
+        };
+        let list = rows.into_iter().chain(columns).chain(chance);
+        let list = list.map(|p: f64| p as f32).collect();
+        Self { map, list }
     }
 
     /// A direction for a pair of random numbers, with its density per solid angle.
+    #[inline(never)]
     pub fn choose(&self, u: f32, v: f32) -> (V3, f32) {
-        let (w, h) = (self.width, self.height);
-        let total = self.rows[h - 1];
-        let y = self.rows.partition_point(|&p| p <= v * total).min(h - 1);
-        let before = if y == 0 { 0.0 } else { self.rows[y - 1] };
-        let fy = (v * total - before) / (self.rows[y] - before);
-        let row = &self.columns[y * w..(y + 1) * w];
-        let x = row.partition_point(|&p| p <= u * row[w - 1]).min(w - 1);
-        let before = if x == 0 { 0.0 } else { row[x - 1] };
-        let fx = (u * row[w - 1] - before) / (row[x] - before);
-        let polar = PI * (y as f32 + fy.clamp(0.0, 1.0)) / h as f32;
-        let turn = TAU * ((x as f32 + fx.clamp(0.0, 1.0)) / w as f32 - 0.5);
-        let sine = polar.sin().max(1e-6);
-        let d = v3(sine * turn.sin(), polar.cos(), -sine * turn.cos()).normalize();
+        let d = self.map.choose(&self.list, u, v);
         (d, self.density(d))
     }
 
     /// The density per solid angle with which a direction is drawn.
+    #[inline(never)]
     pub fn density(&self, d: V3) -> f32 {
-        let (w, h) = (self.width, self.height);
-        let [x, y] = place(d, w, h);
-        let (x, y) = ((x as usize).min(w - 1), (y as usize).min(h - 1));
-        let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
-        self.chance[y * w + x] * (w * h) as f32 / (TAU * PI * sine)
+        self.map.density(&self.list, d)
     }
-}
-
-/// Column and row of a direction in a map, in texels.
-pub(crate) fn place(d: V3, width: usize, height: usize) -> [f32; 2] {
-    let x = (0.5 + d.x.atan2(-d.z) / TAU) * width as f32;
-    let y = d.y.clamp(-1.0, 1.0).acos() / PI * height as f32;
-    [x, y]
-}
-
-/// Derivatives of column and row by the direction, in texels.
-pub(crate) fn place_slopes(d: V3, width: usize, height: usize) -> [V3; 2] {
-    let around = (d.x * d.x + d.z * d.z).max(1e-12);
-    [
-        v3(-d.z, 0.0, d.x) * (width as f32 / TAU / around),
-        v3(0.0, -(height as f32) / PI / around.sqrt(), 0.0),
-    ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn derivatives_of_places() {
-        let d = v3(0.48, -0.6, 0.64);
-        let slopes = place_slopes(d, 16, 8);
-        // Along the sphere: the row is that of a unit vector.
-        for step in [v3(1.0, 0.0, 0.0), v3(0.0, 1.0, 0.0), v3(0.0, 0.0, 1.0)] {
-            let h = step.reject_from_normalized(d) * 2e-3;
-            let (up, down) = (
-                place((d + h).normalize(), 16, 8),
-                place((d - h).normalize(), 16, 8),
-            );
-            for k in 0..2 {
-                let wanted = (up[k] - down[k]) / 2.0;
-                assert!((slopes[k].dot(h) - wanted).abs() < 2e-5, "{k}");
-            }
-        }
-    }
 
     /// Light of a map, by texels and by the direction along the sphere.
     #[test]

@@ -1,12 +1,14 @@
-//! Colours that are constant or come from textures, and their bilinear look-up.
+//! Colours that are constant or come from textures, masks, and the bilinear look-up in images.
 
 use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::lists::vector;
 use super::triangle::uniform_point;
-use super::{V3, v3};
-use crate::scene::Wrap;
+use super::{V2, V3, v2};
+use crate::cube::*;
+use crate::scene::{Holes, Mask, Masked, Wrap};
 
 /// The colours of textures, three numbers each.
 #[derive(Clone, Debug, Default)]
@@ -19,8 +21,7 @@ impl Texels {
 
     #[inline(always)]
     pub fn at(&self, texel: usize) -> V3 {
-        let t = &self.0[3 * texel..3 * texel + 3];
-        v3(t[0], t[1], t[2])
+        vector(&self.0, 3 * texel as u32)
     }
 
     /// Appends a list; the first is not copied, unless others have it too.
@@ -39,90 +40,202 @@ impl Texels {
     }
 }
 
-/// Four texels about a point, and the point's place between their centres.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Cell {
-    texels: [usize; 4],
-    /// Both coordinates in [0, 1).
-    at: [f32; 2],
+/// Four texels of a list about a point, and the point's place between their centres.
+#[apply(record!)]
+#[derive(Default)]
+pub(crate) struct Cell {
+    pub a: u32,
+    pub b: u32,
+    pub c: u32,
+    pub d: u32,
+    /// In [0, 1).
+    pub x: f32,
+    pub y: f32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Cell {
+    /// A texel by its number in the cell, 0 … 3, and its share in the value at the point.
+    #[inline(always)]
+    pub fn texel(&self, k: u32) -> u32 {
+        let mut texel = self.a;
+        if k == 1 {
+            texel = self.b;
+        } else if k == 2 {
+            texel = self.c;
+        } else if k == 3 {
+            texel = self.d;
+        }
+        texel
+    }
+
+    #[inline(always)]
+    pub fn share(&self, k: u32) -> f32 {
+        let mut x = self.x;
+        if k & 1 == 0 {
+            x = 1.0 - x;
+        }
+        let mut y = self.y;
+        if k < 2 {
+            y = 1.0 - y;
+        }
+        x * y
+    }
+
+    /// The number at the point, of texels from a place of a list on.
+    #[inline(always)]
+    pub fn number(&self, list: &[f32], from: u32) -> f32 {
+        list[(from + self.a) as usize] * self.share(0)
+            + list[(from + self.b) as usize] * self.share(1)
+            + list[(from + self.c) as usize] * self.share(2)
+            + list[(from + self.d) as usize] * self.share(3)
+    }
+
+    /// The colour at the point, of texels of three numbers.
+    #[inline(always)]
+    pub fn colour(&self, list: &[f32], from: u32) -> V3 {
+        vector(list, from + 3 * self.a) * self.share(0)
+            + vector(list, from + 3 * self.b) * self.share(1)
+            + vector(list, from + 3 * self.c) * self.share(2)
+            + vector(list, from + 3 * self.d) * self.share(3)
+    }
+
+    /// The derivatives of g·colour by the point, in texels.
+    #[inline(always)]
+    pub fn slopes(&self, list: &[f32], from: u32, g: V3) -> V2 {
+        let a = vector(list, from + 3 * self.a).dot(g);
+        let b = vector(list, from + 3 * self.b).dot(g);
+        let c = vector(list, from + 3 * self.c).dot(g);
+        let d = vector(list, from + 3 * self.d).dot(g);
+        v2(
+            (1.0 - self.y) * (b - a) + self.y * (d - c),
+            (1.0 - self.x) * (c - a) + self.x * (d - b),
+        )
+    }
 }
 
 impl Cell {
-    /// The cell of a point in texels, whose centres are at whole numbers; `texel` is the index of a column
-    /// and a row.
-    #[inline(always)]
-    pub fn new(x: f32, y: f32, texel: impl Fn(i64, i64) -> usize) -> Self {
-        let (left, top) = (x.floor(), y.floor());
-        let (i, j) = (left as i64, top as i64);
-        Self {
-            texels: [
-                texel(i, j),
-                texel(i + 1, j),
-                texel(i, j + 1),
-                texel(i + 1, j + 1),
-            ],
-            at: [x - left, y - top],
-        }
-    }
-
-    #[inline(always)]
-    fn weights(&self) -> [f32; 4] {
-        let [x, y] = self.at;
-        [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y]
-    }
-
-    /// The colour at the point.
-    #[inline(always)]
-    pub fn colour(&self, texels: &Texels) -> V3 {
-        let mut sum = V3::ZERO;
-        for (&t, w) in self.texels.iter().zip(self.weights()) {
-            sum += texels.at(t) * w;
-        }
-        sum
-    }
-
     /// Adds the derivatives of g·colour by the texels, unless that list is empty; returns those by the
     /// point, in texels.
     #[inline(always)]
-    pub fn backward(&self, texels: &Texels, g: V3, by_texel: &mut [DVec3]) -> [f32; 2] {
+    pub fn backward(&self, texels: &Texels, g: V3, by_texel: &mut [DVec3]) -> V2 {
         if !by_texel.is_empty() {
-            for (&t, w) in self.texels.iter().zip(self.weights()) {
-                by_texel[t] += DVec3::from(g * w);
+            for k in 0..4 {
+                by_texel[self.texel(k) as usize] += DVec3::from(g * self.share(k));
             }
         }
-        let [a, b, c, d] = self.texels.map(|t| texels.at(t).dot(g));
-        let [x, y] = self.at;
-        [
-            (1.0 - y) * (b - a) + y * (d - c),
-            (1.0 - x) * (c - a) + x * (d - b),
-        ]
+        self.slopes(&texels.0, 0, g)
     }
 }
 
-/// The place of a texture among the texels.
-#[derive(Clone, Copy, Debug)]
+/// How an image goes on outside: [`Wrap`] by a number, or columns that repeat and rows that end.
+const REPEAT: u32 = 0;
+const CLAMP: u32 = 1;
+const MIRROR: u32 = 2;
+pub(crate) const AROUND: u32 = 3;
+
+/// A way to go on outside of a texture, by its number.
+pub(crate) fn number_of(wrap: Wrap) -> u32 {
+    match wrap {
+        Wrap::Repeat => REPEAT,
+        Wrap::Clamp => CLAMP,
+        Wrap::Mirror => MIRROR,
+    }
+}
+
+/// The column or row for any whole number.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn wrapped(i: i32, size: u32, wrap: u32) -> u32 {
+    let n = size as i32;
+    let mut texel = i.max(0).min(n - 1);
+    if wrap != CLAMP {
+        let mut period = n;
+        if wrap == MIRROR {
+            period = 2 * n;
+        }
+        texel = ((i % period) + period) % period;
+        if texel >= n {
+            texel = 2 * n - 1 - texel;
+        }
+    }
+    texel as u32
+}
+
+/// Columns and rows from here on are taken for this.
+const FAR: f32 = 1e9;
+
+/// An image in a list of texels: the number of its first one, its size, and how it goes on outside.
+#[apply(record!)]
 pub(crate) struct Texture {
-    pub offset: usize,
-    pub width: usize,
-    pub height: usize,
-    pub wrap: Wrap,
+    pub first: u32,
+    pub width: u32,
+    pub height: u32,
+    pub wrap: u32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Texture {
+    /// The cell of a point in texels, whose centres are at whole numbers.
+    #[inline(always)]
+    pub fn cell(&self, x: f32, y: f32) -> Cell {
+        let left = x.floor();
+        let top = y.floor();
+        let i = left.max(-FAR).min(FAR) as i32;
+        let j = top.max(-FAR).min(FAR) as i32;
+        let mut rows = self.wrap;
+        if rows == AROUND {
+            rows = CLAMP;
+        }
+        let above = self.first + wrapped(j, self.height, rows) * self.width;
+        let below = self.first + wrapped(j + 1, self.height, rows) * self.width;
+        let before = wrapped(i, self.width, self.wrap);
+        let behind = wrapped(i + 1, self.width, self.wrap);
+        Cell {
+            a: above + before,
+            b: above + behind,
+            c: below + before,
+            d: below + behind,
+            x: x - left,
+            y: y - top,
+        }
+    }
+
+    /// The cell of texture coordinates: texel centres are at half-integers, row 0 at the top (v = 1).
+    #[inline(always)]
+    pub fn cell_at(&self, uv: V2) -> Cell {
+        let x = uv.x * self.width as f32 - 0.5;
+        let y = (1.0 - uv.y) * self.height as f32 - 0.5;
+        self.cell(x, y)
+    }
+
+    /// Derivatives by texture coordinates, from those by a cell's point.
+    #[inline(always)]
+    pub fn by_coordinates(&self, by: V2) -> V2 {
+        v2(by.x * self.width as f32, -by.y * self.height as f32)
+    }
 }
 
 impl Texture {
-    /// Texel centres are at half-integers, row 0 at the top (v = 1).
-    fn cell(&self, uv: [f32; 2]) -> Cell {
-        let x = uv[0] * self.width as f32 - 0.5;
-        let y = (1.0 - uv[1]) * self.height as f32 - 0.5;
-        Cell::new(x, y, |i, j| {
-            let column = self.wrap.texel(i, self.width);
-            let row = self.wrap.texel(j, self.height);
-            self.offset + row * self.width + column
-        })
+    /// That of so many columns and rows.
+    pub fn new(first: usize, [width, height]: [usize; 2], wrap: Wrap) -> Self {
+        Self {
+            first: first as u32,
+            width: width as u32,
+            height: height as u32,
+            wrap: number_of(wrap),
+        }
+    }
+
+    /// It as words of a list.
+    #[cfg(feature = "wgpu")]
+    pub fn words(&self) -> [u32; 4] {
+        [self.first, self.width, self.height, self.wrap]
     }
 
     #[inline(never)]
-    pub fn look_up(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
-        self.cell(uv).colour(texels)
+    pub fn look_up(&self, texels: &Texels, [u, v]: [f32; 2]) -> V3 {
+        self.cell_at(v2(u, v)).colour(&texels.0, 0)
     }
 
     /// Adds the derivatives of g·colour by the texels; returns those by the coordinates.
@@ -130,12 +243,40 @@ impl Texture {
     pub fn backward(
         &self,
         texels: &Texels,
-        uv: [f32; 2],
+        [u, v]: [f32; 2],
         g: V3,
         by_texel: &mut [DVec3],
     ) -> [f32; 2] {
-        let [by_x, by_y] = self.cell(uv).backward(texels, g, by_texel);
-        [by_x * self.width as f32, -by_y * self.height as f32]
+        let by = self.cell_at(v2(u, v)).backward(texels, g, by_texel);
+        let by = self.by_coordinates(by);
+        [by.x, by.y]
+    }
+}
+
+impl Mask {
+    pub fn image(&self) -> Texture {
+        Texture::new(0, self.size, self.wrap)
+    }
+}
+
+impl Holes {
+    /// Whether a triangle has a hole at the point with these weights of its corners.
+    #[inline(always)]
+    pub fn open(&self, triangle: u32, weights: impl FnOnce() -> [f32; 3]) -> bool {
+        let place = self.of_triangle[triangle as usize];
+        place != u32::MAX && self.open_at(place, weights())
+    }
+
+    #[inline(never)]
+    fn open_at(&self, place: u32, weights: [f32; 3]) -> bool {
+        let Masked { mask, uvs } = &self.triangles[place as usize];
+        let mut uv = v2(0.0, 0.0);
+        for (w, of_corner) in weights.into_iter().zip(uvs) {
+            uv.x += of_corner[0] * w;
+            uv.y += of_corner[1] * w;
+        }
+        let mask = &self.masks[*mask as usize];
+        mask.image().cell_at(uv).number(&mask.alpha, 0) < mask.cutoff
     }
 }
 
@@ -194,15 +335,16 @@ impl Colour {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::v3;
 
     /// A texture of 3 × 2 texels, each channel another, after one that is not looked at.
     fn textures() -> (Texels, Texture) {
         let texels = Texels((0..21).map(|i| (0.7 * i as f32).sin()).collect());
         let texture = Texture {
-            offset: 1,
+            first: 1,
             width: 3,
             height: 2,
-            wrap: Wrap::Mirror,
+            wrap: MIRROR,
         };
         (texels, texture)
     }

@@ -9,20 +9,10 @@ use super::wrap::Wrap;
 pub(crate) struct Mask {
     /// Row after row.
     pub alpha: Arc<Vec<f32>>,
-    pub width: usize,
-    pub height: usize,
+    /// Columns and rows.
+    pub size: [usize; 2],
     pub wrap: Wrap,
     pub cutoff: f32,
-}
-
-impl Mask {
-    /// Bilinear, texel centres at half-integers, row 0 at the top (v = 1).
-    fn at(&self, [u, v]: [f32; 2]) -> f32 {
-        let (width, height) = (self.width, self.height);
-        let at = [u * width as f32 - 0.5, (1.0 - v) * height as f32 - 0.5];
-        let shares = self.wrap.bilinear(at, [width, height]);
-        shares.iter().map(|&(t, w)| self.alpha[t] * w).sum()
-    }
 }
 
 /// A triangle with a mask: the mask's number, and texture coordinates of the corners.
@@ -75,24 +65,5 @@ impl Holes {
     /// Whether a triangle may have holes.
     pub fn are_in(&self, triangle: usize) -> bool {
         self.of_triangle[triangle] != u32::MAX
-    }
-
-    /// Whether a triangle has a hole at the point with these weights of its corners.
-    #[inline(always)]
-    pub fn open(&self, triangle: u32, weights: impl FnOnce() -> [f32; 3]) -> bool {
-        let place = self.of_triangle[triangle as usize];
-        place != u32::MAX && self.open_at(place, weights())
-    }
-
-    #[inline(never)]
-    fn open_at(&self, place: u32, weights: [f32; 3]) -> bool {
-        let Masked { mask, uvs } = &self.triangles[place as usize];
-        let mut uv = [0.0; 2];
-        for (w, of_corner) in weights.into_iter().zip(uvs) {
-            uv[0] += of_corner[0] * w;
-            uv[1] += of_corner[1] * w;
-        }
-        let mask = &self.masks[*mask as usize];
-        mask.at(uv) < mask.cutoff
     }
 }

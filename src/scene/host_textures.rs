@@ -110,8 +110,7 @@ impl Shared {
         let alpha = once(&mut self.masks, &mask.alpha, || mask.numbers(&material()))?;
         Ok(Mask {
             alpha,
-            width,
-            height,
+            size: [width, height],
             wrap: mask.wrap,
             cutoff,
         })

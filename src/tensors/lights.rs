@@ -163,12 +163,7 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
         let slot = channel.texture[material].as_ref();
         let colour = Colour {
             constant: emission[material].into(),
-            texture: slot.map(|s| Texture {
-                offset: s.offset,
-                width: s.width,
-                height: s.height,
-                wrap: s.wrap,
-            }),
+            texture: slot.map(|s| Texture::new(s.offset, [s.width, s.height], s.wrap)),
         };
         let uv = |v: DVec3| [v.x as f32, v.y as f32];
         let uvs = uvs

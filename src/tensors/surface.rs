@@ -8,6 +8,7 @@ use crate::geometry::{
     Context, Nearest, Triangles, Vec3, VertexData, detached, gather_row, host_values,
     nearest_on_triangle,
 };
+use crate::model::texture::{number_of, wrapped};
 use crate::scene::{Bsdf, Channel, ChannelPlanes, Flattened, MaterialKind};
 
 /// Drawn surface points, rows `[1, N]`.
@@ -330,13 +331,22 @@ pub(crate) fn look_up(
     let (left, top) = (detached(&x).floor(), detached(&y).floor());
     let (host_left, host_top) = (host_values(&left)?, host_values(&top)?);
     let (fx, fy) = (x - left, y - top);
-    let texel = |dx: i64, dy: i64| -> Vec3 {
+    let texel = |dx: i32, dy: i32| -> Vec3 {
         let at: Vec<u32> = (0..n)
             .map(|i| {
                 slots[i].map_or(0, |s| {
-                    let column = s.wrap.texel(host_left[i] as i64 + dx, s.width);
-                    let row = s.wrap.texel(host_top[i] as i64 + dy, s.height);
-                    (s.offset + row * s.width + column) as u32
+                    let wrap = number_of(s.wrap);
+                    let column = wrapped(
+                        host_left[i].clamp(-1e9, 1e9) as i32 + dx,
+                        s.width as u32,
+                        wrap,
+                    );
+                    let row = wrapped(
+                        host_top[i].clamp(-1e9, 1e9) as i32 + dy,
+                        s.height as u32,
+                        wrap,
+                    );
+                    s.offset as u32 + row * s.width as u32 + column
                 })
             })
             .collect();
