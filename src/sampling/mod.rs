@@ -5,12 +5,16 @@ mod emitters;
 mod numbers;
 mod sampler;
 mod strategies;
+mod stream;
 
 #[cfg(feature = "wgpu")]
 pub(crate) use emitters::{BY_POWER, GRAZING, INSIDE, SPREAD};
 pub(crate) use emitters::{Emitter, EmitterHit, Emitters, Met, Receiver};
 pub(crate) use numbers::{Numbers, RUN, Run};
+pub(crate) use sampler::Sampler;
 #[cfg(feature = "wgpu")]
 pub(crate) use sampler::points;
-pub(crate) use sampler::{Dimension, Sampler, mix};
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
+#[cfg(feature = "wgpu")]
+pub(crate) use stream::Stream;
+pub(crate) use stream::{Dimensions, Four};
