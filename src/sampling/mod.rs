@@ -12,9 +12,7 @@ pub(crate) use emitters::{BY_POWER, GRAZING, INSIDE, SPREAD};
 pub(crate) use emitters::{Emitter, EmitterHit, Emitters, Met, Receiver};
 pub(crate) use numbers::{Numbers, RUN, Run};
 pub(crate) use sampler::Sampler;
-#[cfg(feature = "wgpu")]
-pub(crate) use sampler::points;
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
-#[cfg(feature = "wgpu")]
-pub(crate) use stream::Stream;
 pub(crate) use stream::{Dimensions, Four};
+#[cfg(feature = "wgpu")]
+pub(crate) use stream::{Stream, points};

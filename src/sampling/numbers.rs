@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::Sequence;
-use super::sampler::{Sampler, points};
-use super::stream::{Dimensions, Four, Stream, number, point_of, scrambled, scrambles};
+use super::sampler::Sampler;
+use super::stream::{Dimensions, Four, Stream, number, point_of, points, scrambled, scrambles};
 
 /// The random numbers of one path, some of which are drawn already.
 #[derive(Clone, Copy, Debug)]

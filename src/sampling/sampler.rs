@@ -1,10 +1,5 @@
 //! The source of random numbers.
 
-use std::sync::OnceLock;
-
-use sobol_burley::NUM_DIMENSION_SETS_4D;
-use sobol_burley::parts::sobol_rev;
-
 use super::Sequence;
 use super::stream::{Stream, scrambled};
 use crate::cube::*;
@@ -79,7 +74,8 @@ impl Sampler {
             shuffled = scrambled(index.reverse_bits(), stage.low);
         }
         Stream {
-            sampler: self,
+            seed: self.seed,
+            sequence: comptime!(self.sequence),
             pixel,
             sample,
             index,
@@ -88,22 +84,4 @@ impl Sampler {
             shuffled,
         }
     }
-}
-
-/// Sets of four dimensions in a table of points, and the words of each.
-pub(super) const SETS: u32 = 64;
-const _: () = assert!(SETS == NUM_DIMENSION_SETS_4D);
-pub(super) const OF_SET: usize = 256;
-
-/// Points of the Sobol sequence, for each set of four dimensions by four bits of the index at a time: a point is the
-/// sum, without carry, of those of the four parts of its index.
-pub(crate) fn points() -> &'static [u32] {
-    static POINTS: OnceLock<Vec<u32>> = OnceLock::new();
-    POINTS.get_or_init(|| {
-        let of = |i: u32| {
-            let (set, part, bits, d) = (i >> 8, (i >> 6) & 3, (i >> 2) & 15, i & 3);
-            sobol_rev(bits << (28 - 4 * part), 4 * set + d)
-        };
-        (0..SETS * OF_SET as u32).map(of).collect()
-    })
 }

@@ -1,7 +1,11 @@
 //! Random numbers from a stream of them, in Rust and in kernels of GPUs.
 
+use std::sync::OnceLock;
+
+use sobol_burley::NUM_DIMENSION_SETS_4D;
+use sobol_burley::parts::sobol_rev;
+
 use super::Sequence;
-use super::sampler::{OF_SET, SETS, Sampler};
 use crate::cube::*;
 use crate::model::integers::{Wide, mixed, product, total, wide};
 
@@ -102,7 +106,9 @@ fn words(x: u32, y: u32, z: u32, w: u32) -> Words {
 /// What the random numbers of one path are made from.
 #[apply(record!)]
 pub(crate) struct Stream {
-    pub sampler: Sampler,
+    pub seed: Wide,
+    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    pub sequence: Sequence,
     pub pixel: u32,
     pub sample: u32,
     /// The place in the sequence of the path's block of pixels, and what is the block's own.
@@ -119,7 +125,7 @@ impl Stream {
     /// Four numbers, from the points of the Sobol sequence.
     #[inline(always)]
     pub fn draw(self, points: &[u32], what: Dimensions) -> Four {
-        if comptime!(self.sampler.sequence == Sequence::Sobol) {
+        if comptime!(self.sequence == Sequence::Sobol) {
             self.of_sequence(points, what.set)
         } else {
             Four {
@@ -134,7 +140,7 @@ impl Stream {
     /// A number that is independent of all others, for a purpose at a bounce. It has 24 bits.
     #[inline(always)]
     pub(super) fn independent(self, bounce: u32, purpose: u32) -> f32 {
-        let stage = mixed(self.sampler.seed.xor(wide(purpose, bounce)));
+        let stage = mixed(self.seed.xor(wide(purpose, bounce)));
         let h = mixed(stage.xor(wide(self.sample, self.pixel)));
         (h.high >> 8) as f32 * (1.0f32 / 16_777_216.0f32)
     }
@@ -159,6 +165,24 @@ impl Stream {
             w: number(point.w, seeds.w),
         }
     }
+}
+
+/// Sets of four dimensions in a table of points, and the words of each.
+const SETS: u32 = 64;
+const _: () = assert!(SETS == NUM_DIMENSION_SETS_4D);
+const OF_SET: usize = 256;
+
+/// Points of the Sobol sequence, for each set of four dimensions by four bits of the index at a time: a point is the
+/// sum, without carry, of those of the four parts of its index.
+pub(crate) fn points() -> &'static [u32] {
+    static POINTS: OnceLock<Vec<u32>> = OnceLock::new();
+    POINTS.get_or_init(|| {
+        let of = |i: u32| {
+            let (set, part, bits, d) = (i >> 8, (i >> 6) & 3, (i >> 2) & 15, i & 3);
+            sobol_rev(bits << (28 - 4 * part), 4 * set + d)
+        };
+        (0..SETS * OF_SET as u32).map(of).collect()
+    })
 }
 
 /// The seeds that scramble a set of four dimensions.
@@ -208,11 +232,10 @@ pub(super) fn number(coordinate: u32, scramble: u32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use sobol_burley::parts::{owen_scramble_rev, sobol_rev, u32_to_f32_norm};
+    use sobol_burley::parts::{owen_scramble_rev, u32_to_f32_norm};
 
     use super::*;
     use crate::model::integers::mix;
-    use crate::sampling::sampler::points;
 
     #[test]
     fn numbers_are_those_of_sobol_burley() {
