@@ -14,6 +14,35 @@ attribute_alias! {
         #[derive(Clone, Copy, Debug)];
 }
 
+/// Makes a type one of fields that kernels are compiled for (`cube(comptime)`): in their language it stays what it is.
+macro_rules! known_to_kernels {
+    ($type:ty) => {
+        #[cfg(feature = "wgpu")]
+        impl IntoExpand for $type {
+            type Expand = Self;
+
+            fn into_expand(self, _: &Scope) -> Self {
+                self
+            }
+        }
+
+        #[cfg(feature = "wgpu")]
+        impl Assign for $type {
+            fn __expand_assign_method(&mut self, _: &Scope, value: Self) {
+                *self = value;
+            }
+        }
+
+        #[cfg(feature = "wgpu")]
+        impl RuntimeAssign for $type {
+            fn init_mut(&self, _: &Scope) -> Self {
+                *self
+            }
+        }
+    };
+}
+pub(crate) use known_to_kernels;
+
 /// A condition that a kernel is compiled for; on the host it is one like others.
 #[cfg(not(feature = "wgpu"))]
 macro_rules! comptime {

@@ -23,6 +23,7 @@ use crate::model::camera::CameraGradient;
 use crate::model::cone::{bend, bend_backward};
 use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
+use crate::sampling::Dimensions;
 
 /// Derivatives of a loss by what a pixel's rays bring back.
 #[apply(record!)]
@@ -112,9 +113,9 @@ pub(super) fn path_backward(
             v: 0.0f32,
         };
         if bits != 0 {
-            drawn = numbers.direction(scene, i);
+            drawn = numbers.draw(scene.points, Dimensions::direction(i));
             if comptime!(scene.features.glossy || scene.features.gathers_map) {
-                choices = numbers.choices(scene, i);
+                choices = numbers.draw(scene.points, Dimensions::choices(i));
             }
             scatter = point.shading.sample(drawn.x, drawn.y, choices.x);
         }
@@ -123,7 +124,7 @@ pub(super) fn path_backward(
             let mut cone_u = 0.0f32;
             let mut cone_v = 0.0f32;
             if comptime!(scene.features.cones) {
-                let set = path.cones.set(scene, i);
+                let set = path.cones.draw(scene.points, Dimensions::of_set(i));
                 cone_u = set.x;
                 cone_v = set.y;
             }
@@ -184,7 +185,7 @@ pub(super) fn path_backward(
                         let mut u = path.film.z;
                         let mut v = path.film.w;
                         if i > 0 {
-                            let before = numbers.direction(scene, i - 1);
+                            let before = numbers.draw(scene.points, Dimensions::direction(i - 1));
                             u = before.z;
                             v = before.w;
                         }

@@ -2,12 +2,25 @@
 
 use crate::cube::*;
 
-use super::layout::{CAMERA, DUAL, FILTER, SEED, SEED_OF_CONES, WIDTH};
-use super::numbers::{Four, Stream, numbers_of, on_disk};
+use super::layout::{BLOCKS, CAMERA, DUAL, FILTER, SAMPLES_LOG, SEED, SEED_OF_CONES, WIDTH};
 use super::reading::{Scene, vector};
 use crate::model::camera::{Camera, CameraRay, Dual};
-use crate::model::filter::sample_filter;
+use crate::model::filter::{sample_filter, uniform_disk};
+use crate::model::integers::wide;
 use crate::model::{Pair, V2, v2};
+use crate::sampling::{Dimensions, Four, Sampler, Stream};
+
+/// The source of random numbers whose seed is at a place of the header.
+#[cube]
+pub(super) fn sampler(scene: &Scene, seed: usize) -> Sampler {
+    Sampler {
+        seed: wide(scene.header[seed], scene.header[seed + 1]),
+        sequence: comptime!(scene.features.sequence),
+        width: scene.header[WIDTH],
+        samples: scene.header[SAMPLES_LOG],
+        pixels: scene.header[BLOCKS],
+    }
+}
 
 #[cube]
 pub(super) fn camera(scene: &Scene) -> Camera {
@@ -42,16 +55,36 @@ pub(super) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
 }
 
 #[cube]
-pub(super) fn camera_ray(scene: &Scene, film: Four, more: Four, pixel: u32) -> CameraRay {
+fn camera_ray(scene: &Scene, film: Four, lens: V2, pixel: u32) -> CameraRay {
     let table = scene.header[FILTER] as usize;
     let middle = middle_of(scene, pixel);
     let x = middle.x + sample_filter(scene.floats, table, film.x);
     let y = middle.y + sample_filter(scene.floats, table, film.y);
-    let mut on_lens = v2(0.0, 0.0);
-    if comptime!(scene.features.lens) {
-        on_lens = on_disk(more.x, more.y);
+    camera(scene).ray(x, y, lens.x, lens.y)
+}
+
+/// A point of the lens, on the unit disk, and a time in the shutter.
+#[apply(record!)]
+pub(super) struct Exposure {
+    pub lens: V2,
+    pub time: f32,
+}
+
+/// Those of a path.
+#[cube]
+pub(super) fn exposure(scene: &Scene, numbers: &Stream) -> Exposure {
+    let mut lens = v2(0.0, 0.0);
+    let mut time = 0.0f32;
+    if comptime!(scene.features.lens || scene.features.moves) {
+        let drawn = numbers.draw(scene.points, Dimensions::lens_and_time());
+        if comptime!(scene.features.lens) {
+            lens = uniform_disk(drawn.x, drawn.y);
+        }
+        if comptime!(scene.features.moves) {
+            time = drawn.z;
+        }
     }
-    camera(scene).ray(x, y, on_lens.x, on_lens.y)
+    Exposure { lens, time }
 }
 
 /// A path's random numbers, and its camera ray.
@@ -67,22 +100,15 @@ pub(super) struct Beginning {
 /// The beginning of a path of a pixel.
 #[cube]
 pub(super) fn begin(scene: &Scene, pixel: u32, sample: u32) -> Beginning {
-    let numbers = numbers_of(scene, SEED, pixel, sample);
-    let cones = numbers_of(scene, SEED_OF_CONES, pixel, sample);
-    let film = numbers.film(scene);
-    let mut more = film;
-    if comptime!(scene.features.lens || scene.features.moves) {
-        more = numbers.lens_and_time(scene);
-    }
-    let mut time = 0.0f32;
-    if comptime!(scene.features.moves) {
-        time = more.z;
-    }
+    let numbers = sampler(scene, SEED).stream(pixel, sample);
+    let cones = sampler(scene, SEED_OF_CONES).stream(pixel, sample);
+    let film = numbers.draw(scene.points, Dimensions::film());
+    let exposure: Exposure = exposure(scene, &numbers);
     Beginning {
         numbers,
         cones,
         film,
-        time,
-        ray: camera_ray(scene, film, more, pixel),
+        time: exposure.time,
+        ray: camera_ray(scene, film, exposure.lens, pixel),
     }
 }

@@ -9,7 +9,6 @@ use burn::tensor::{DType, Device, Int, Tensor};
 use super::Features;
 use super::camera::begin;
 use super::device::{floats, int_zeros};
-use super::integers::total;
 use super::job::{GROUP, Job, PATHS, groups};
 use super::layout::BOUNCES;
 use super::path::{from_camera, path_light};
@@ -19,6 +18,7 @@ use super::records::Room;
 use crate::device::count_read_back;
 use crate::error::{Error, Result};
 use crate::kernel::RayCounts;
+use crate::model::integers::total;
 
 /// Adds to a count, which has 64 bits in two words.
 #[cube]

@@ -10,13 +10,13 @@ use super::emitter_choice::{GroupChoice, choose_group, site};
 use super::layout::{BOUNCES, CONE};
 use super::light::Site;
 use super::light::{delta_light, is_light};
-use super::numbers::Stream;
 use super::reading::Scene;
 use super::surface::Point;
 use crate::model::V3;
 use crate::model::bsdf::Lobe;
 use crate::model::cone::widened;
 use crate::model::frame::SinCos;
+use crate::sampling::{Dimensions, Stream};
 
 /// A point of a path that looks at edges.
 #[apply(record!)]
@@ -139,7 +139,7 @@ pub(super) fn search(
     if of_light {
         turn = 0u32;
     }
-    let drawn = numbers.set(scene, 3 * o.bounce + turn);
+    let drawn = numbers.draw(scene.points, Dimensions::of_set(3 * o.bounce + turn));
     let mut of_gloss = false;
     let mut chance = 1.0f32;
     // Of light it is a cone about that, and no lobe.
@@ -175,7 +175,7 @@ pub(super) fn search(
     };
     if of_light {
         if comptime!(scene.features.emitters) {
-            let more = numbers.set(scene, 3 * o.bounce + 1);
+            let more = numbers.draw(scene.points, Dimensions::of_set(3 * o.bounce + 1));
             let rate = (RATE_OF_LIGHT * counts).min(1.0);
             s.asked = more.y < rate;
             s.cone_v = more.x;

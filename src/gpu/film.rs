@@ -3,15 +3,14 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::backward::{add_camera, no_camera_gradient};
-use super::camera::{Beginning, camera};
-use super::edge_layout::SEED_OF_EDGES;
+use super::camera::{Beginning, Exposure, camera, exposure, sampler};
+use super::edge_layout::{SEED_OF_EDGES, SEED_OF_FILM};
 use super::edge_point::{add_to_edge, edge_of, shift_of, sides};
 use super::film_table::{ALL, DrawnPiece, MOST, OF_FILM, OWN, RADIUS, TOTAL, draw_piece, view_of};
 use super::finite::{is_finite, is_nonzero};
 use super::hit::{Ray, trace};
 use super::jumps::hides;
 use super::layout::{HEIGHT, NONE, SEED_OF_CONES, WIDTH};
-use super::numbers::{numbers_of, numbers_of_film, on_disk};
 use super::passes::{is_asked, upstream_of};
 use super::reading::Scene;
 use super::side_light::{Behind, light_beside};
@@ -20,6 +19,7 @@ use super::{Derivatives, Features, Outputs};
 use crate::model::camera::CameraRay;
 use crate::model::filter::film_kernel;
 use crate::model::v2;
+use crate::sampling::Dimensions;
 
 /// The pixel of random numbers that are of no pixel.
 const NO_PIXEL: u32 = u32::MAX;
@@ -81,20 +81,11 @@ pub(super) fn film_jumps(
         let total = f32::from_bits(films[film_of + TOTAL]);
         let radius = f32::from_bits(films[film_of + RADIUS]);
         if sample < all && films[film_of + MOST] > 0 {
-            let numbers = numbers_of_film(&scene, sample);
-            let film = numbers.film(&scene);
-            let mut more = film;
-            if comptime!(scene.features.lens || scene.features.moves) {
-                more = numbers.lens_and_time(&scene);
-            }
-            let mut lens = v2(0.0, 0.0);
-            if comptime!(scene.features.lens) {
-                lens = on_disk(more.x, more.y);
-            }
-            let mut time = 0.0f32;
-            if comptime!(scene.features.moves) {
-                time = more.z;
-            }
+            let numbers = sampler(&scene, SEED_OF_FILM)
+                .of_one_pixel()
+                .stream(0u32, sample);
+            let film = numbers.draw(scene.points, Dimensions::film());
+            let Exposure { lens, time } = exposure(&scene, &numbers);
             let drawn: DrawnPiece = draw_piece(pieces, films, which, film.x * total, count);
             let piece = drawn.at;
             let share = drawn.share;
@@ -112,8 +103,8 @@ pub(super) fn film_jumps(
             if share > 0.0 && p.exists && p.to.dot(c.dual.z) > 0.0 {
                 // The pixel whose ray would come here.
                 let at = c.project(p.position, lens.x, lens.y);
-                let kernel = numbers_of(&scene, SEED_OF_EDGES, NO_PIXEL, sample);
-                let drawn = kernel.set(&scene, 0u32);
+                let kernel = sampler(&scene, SEED_OF_EDGES).stream(NO_PIXEL, sample);
+                let drawn = kernel.draw(scene.points, Dimensions::of_set(0u32));
                 kernel_x = film_kernel(drawn.x);
                 kernel_y = film_kernel(drawn.y);
                 let x = at.x - radius * kernel_x;
@@ -156,7 +147,7 @@ pub(super) fn film_jumps(
                         };
                         let beginning = Beginning {
                             numbers,
-                            cones: numbers_of(&scene, SEED_OF_CONES, NO_PIXEL, sample),
+                            cones: sampler(&scene, SEED_OF_CONES).stream(NO_PIXEL, sample),
                             film,
                             time,
                             ray: CameraRay {

@@ -4,7 +4,7 @@
 
 use crate::cube::*;
 
-use super::camera::Beginning;
+use super::camera::{Beginning, sampler};
 use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES, SEED_OF_SIDES};
 use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
 use super::edge_search::{Observer, search};
@@ -14,7 +14,6 @@ use super::holes::is_open;
 use super::layout::{BOUNCES, CONE, NONE, SURFACE_STRIDE, SURFACES};
 use super::light::{EmitterHit, delta_light, emitter, hits_emitter, sky};
 use super::light_backward::add_to_light;
-use super::numbers::numbers_of;
 use super::reading::Scene;
 use super::shadow_rays::{target_of, up_to_target};
 use super::side_light::{Behind, light_beside};
@@ -25,6 +24,7 @@ use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
 use crate::model::edge::TOUCHING;
 use crate::model::edge::{direction_jump, mirrored};
 use crate::model::{V3, splat, v2, v3};
+use crate::sampling::Dimensions;
 
 /// An emitter that lies along an axis behind an edge's point.
 #[apply(record!)]
@@ -145,12 +145,8 @@ pub(super) fn jumps_seen_from(
     o: &Observer,
     by: &mut PointGradient,
 ) {
-    let numbers = numbers_of(
-        scene,
-        SEED_OF_EDGES,
-        path.numbers.pixel,
-        path.numbers.sample,
-    );
+    let edges = sampler(scene, SEED_OF_EDGES);
+    let numbers = edges.stream(path.numbers.pixel, path.numbers.sample);
     let time = path.time;
     let x = o.point.position;
     let shading = o.point.shading;
@@ -304,16 +300,12 @@ pub(super) fn jumps_seen_from(
                         plus: beside.plus,
                         across: beside.across,
                     };
-                    let numbers = numbers_of(
-                        scene,
-                        SEED_OF_SIDES,
-                        path.numbers.pixel,
-                        path.numbers.sample,
-                    );
+                    let sides = sampler(scene, SEED_OF_SIDES);
+                    let numbers = sides.stream(path.numbers.pixel, path.numbers.sample);
                     let beginning = Beginning {
                         numbers,
                         cones: path.cones,
-                        film: numbers.direction(scene, o.bounce),
+                        film: numbers.draw(scene.points, Dimensions::direction(o.bounce)),
                         time,
                         ray: path.ray,
                     };

@@ -3,9 +3,6 @@
 //! Both begin with a header for each view; lists of scenes follow, which views of a scene share. Places in a header's
 //! words are where lists begin.
 
-/// Sets of four dimensions in the table of Sobol points.
-pub(super) const HEIGHT_OF_TABLE: u32 = 64;
-
 /// Words of the header.
 pub(super) const WIDTH: usize = 0;
 pub(super) const HEIGHT: usize = 1;

@@ -36,7 +36,6 @@ mod finite;
 mod gradient;
 mod hit;
 mod holes;
-mod integers;
 mod job;
 mod jumps;
 mod launch;
@@ -47,7 +46,6 @@ mod light;
 mod light_backward;
 mod light_tree;
 mod list;
-mod numbers;
 mod packed;
 mod packed_details;
 mod packed_scene;
@@ -122,7 +120,7 @@ pub(crate) struct Features {
     pub dark: bool,
     pub cones: bool,
     pub roulette: bool,
-    pub sobol: bool,
+    pub sequence: Sequence,
 }
 
 impl Features {
@@ -156,7 +154,7 @@ impl Features {
             dark: view.dark,
             cones: view.cone > 0.0,
             roulette: view.settings.roulette_after.is_some(),
-            sobol: view.settings.sampler.sequence == Sequence::Sobol,
+            sequence: view.settings.sampler.sequence,
         }
     }
 }

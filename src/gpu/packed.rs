@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use super::edge_layout::{SEED_OF_EDGES, SEED_OF_FILM, SEED_OF_SIDES};
 use super::layout::{
-    BLOCKS, BOUNCES, CAMERA, CONE, DUAL, FILTER, FIRST_SUMS, FLOAT_HEADER, HEADER, HEIGHT,
-    HEIGHT_OF_TABLE, NONE, ROULETTE_AFTER, SAMPLES_LOG, SEED, SEED_OF_CONES, TABLES, UNIT, WIDTH,
+    BLOCKS, BOUNCES, CAMERA, CONE, DUAL, FILTER, FIRST_SUMS, FLOAT_HEADER, HEADER, HEIGHT, NONE,
+    ROULETTE_AFTER, SAMPLES_LOG, SEED, SEED_OF_CONES, TABLES, UNIT, WIDTH,
 };
 use super::list::List;
 use super::packed_scene::PackedScene;
@@ -99,10 +99,8 @@ impl Packed {
             sums: Places::new(views.iter().map(|&(view, scene, _)| (view, scene))),
             sent: OnceLock::new(),
         };
-        let table = &points()[..HEIGHT_OF_TABLE as usize];
         let tables = packed.words.len();
-        let of_table = table.iter().flatten().flatten().flatten();
-        packed.words.extend(of_table);
+        packed.words.extend(points());
         let mut begins = HashMap::new();
         for (v, &(view, number, scene)) in views.iter().enumerate() {
             let [floats, words] = *begins.entry(number).or_insert_with(|| {
@@ -158,8 +156,8 @@ fn add_settings(view: &View, words: &mut [u32]) {
         (SEED_OF_FILM, view.film.seed),
     ];
     for (place, seed) in seeds {
-        words[place] = seed as u32;
-        words[place + 1] = (seed >> 32) as u32;
+        words[place] = seed.low;
+        words[place + 1] = seed.high;
     }
 }
 

@@ -22,6 +22,7 @@ use crate::model::bsdf::Scatter;
 use crate::model::cone::{bend, lifted};
 use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
+use crate::sampling::Dimensions;
 
 /// The surface that a camera ray sees, and the light that its path brings back.
 #[apply(record!)]
@@ -232,7 +233,7 @@ pub(super) fn path_light(
                     purpose = ENDED;
                 } else {
                     if comptime!(scene.features.cones) {
-                        let set = cones.set(scene, bounce);
+                        let set = cones.draw(scene.points, Dimensions::of_set(bounce));
                         from.cone_u = set.z;
                         from.cone_v = set.w;
                     }
@@ -241,10 +242,10 @@ pub(super) fn path_light(
                     from.sum = at.sum;
                 }
                 if goes_on || by_scattering || comptime!(scene.features.gathers_map) {
-                    let drawn = numbers.direction(scene, bounce);
+                    let drawn = numbers.draw(scene.points, Dimensions::direction(bounce));
                     let mut lobe = 0.0f32;
                     if point.shading.glossy {
-                        lobe = numbers.choices(scene, bounce).x;
+                        lobe = numbers.draw(scene.points, Dimensions::choices(bounce)).x;
                     }
                     scatter = point.shading.sample(drawn.x, drawn.y, lobe);
                     next_u = drawn.z;
@@ -337,7 +338,7 @@ pub(super) fn path_light(
             if is_map {
                 let mut towards = scatter.direction;
                 if purpose == TO_MAP {
-                    let drawn = numbers.choices(scene, bounce);
+                    let drawn = numbers.draw(scene.points, Dimensions::choices(bounce));
                     towards = map_of(scene).choose(scene.floats, drawn.z, drawn.w);
                 }
                 let by_scattering = purpose == TO_MAP_ALONG;
@@ -354,7 +355,7 @@ pub(super) fn path_light(
                 if comptime!(scene.features.roulette) {
                     if !last && bounce >= scene.header[ROULETTE_AFTER] {
                         let survival = throughput.max_element().max(0.05).min(1.0);
-                        let drawn = numbers.choices(scene, bounce);
+                        let drawn = numbers.draw(scene.points, Dimensions::choices(bounce));
                         if drawn.y >= survival {
                             purpose = ENDED;
                         }
@@ -369,7 +370,7 @@ pub(super) fn path_light(
                 let mut u = 0.0f32;
                 let mut v = 0.0f32;
                 if comptime!(scene.features.cones) {
-                    let set = cones.set(scene, bounce);
+                    let set = cones.draw(scene.points, Dimensions::of_set(bounce));
                     u = set.x;
                     v = set.y;
                 }

@@ -3,7 +3,7 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Features;
-use super::layout::{FLOAT_HEADER, HEADER, SURFACE_STRIDE, SURFACES};
+use super::layout::{FLOAT_HEADER, HEADER, SURFACE_STRIDE, SURFACES, TABLES};
 use crate::model::V3;
 pub(super) use crate::model::lists::{first_over, vector};
 use crate::model::triangle::weights_at;
@@ -17,6 +17,8 @@ pub(super) struct Scene<'a> {
     /// The lists that places in the header are of.
     pub floats: &'a [f32],
     pub words: &'a [u32],
+    /// The points of the Sobol sequence.
+    pub points: &'a [u32],
     #[cube(comptime)]
     pub features: Features,
 }
@@ -30,11 +32,13 @@ impl<'a> Scene<'a> {
         view: u32,
         #[comptime] features: Features,
     ) -> Scene<'a> {
+        let header = &words[view as usize * HEADER..];
         Scene::<'a> {
-            header: &words[view as usize * HEADER..],
+            header,
             settings: &floats[view as usize * FLOAT_HEADER..],
             floats,
             words,
+            points: &words[header[TABLES] as usize..],
             features,
         }
     }

@@ -11,17 +11,17 @@ use crate::accel::{HitRay, NOTHING};
 use crate::model::camera::CameraRay;
 use crate::model::cone::lifted;
 use crate::model::{V2, V3, v2};
-use crate::sampling::Numbers;
+use crate::sampling::{Dimensions, Four, Numbers};
 
 impl View {
     /// The camera ray of a path.
     #[inline(always)]
     fn camera_ray(&self, numbers: &Numbers, pixel: u32) -> CameraRay {
-        let [u, v, ..] = numbers.film();
+        let drawn = numbers.draw(Dimensions::film());
         let middle = self.middle_of(pixel);
-        let (x, y) = (self.filter.sample(u), self.filter.sample(v));
-        let [lens_x, lens_y] = self.lens_point(numbers);
-        self.camera.ray(middle.x + x, middle.y + y, lens_x, lens_y)
+        let (x, y) = (self.filter.sample(drawn.x), self.filter.sample(drawn.y));
+        let lens = self.lens_point(numbers);
+        self.camera.ray(middle.x + x, middle.y + y, lens.x, lens.y)
     }
 
     /// The film point, in pixels, in the middle of a pixel.
@@ -110,7 +110,8 @@ impl View {
         }
         let mut bounce = bounce;
         for (walk, path) in walks.list.iter_mut().zip(paths) {
-            walk.emitter = self.emitter_numbers(path, bounce);
+            let drawn = path.numbers.draw(Dimensions::emitter(bounce));
+            walk.emitter = [drawn.z, drawn.w];
         }
         walks.alive.clear();
         for i in 0..walks.list.len() as u32 {
@@ -276,17 +277,17 @@ impl View {
         let [emitter_u, emitter_v] = walk.emitter;
         let by_scattering = self.combined && point.shading.glossy;
         if goes_on || by_scattering || self.gathers_map {
-            let [u, v, a, b] = path.numbers.direction(bounce);
-            walk.emitter = [a, b];
+            let drawn = path.numbers.draw(Dimensions::direction(bounce));
+            walk.emitter = [drawn.z, drawn.w];
             let lobe = if point.shading.glossy {
-                path.numbers.lobe(bounce)
+                path.numbers.draw(Dimensions::choices(bounce)).x
             } else {
                 0.0
             };
-            walk.scatter = point.shading.sample(u, v, lobe);
+            walk.scatter = point.shading.sample(drawn.x, drawn.y, lobe);
         }
-        let [_, _, cone_u, cone_v] = self.cone_numbers(path, bounce);
-        let cone = [cone_u, cone_v];
+        let cone = self.cone_numbers(path, bounce);
+        let cone = [cone.z, cone.w];
         let from = Shaded {
             walk: i,
             time: path.time,
@@ -297,9 +298,9 @@ impl View {
             self.direct_from_emitters(&from, [emitter_u, emitter_v], cone, along, work);
         }
         if let Some(map) = scene.sky.map().filter(|_| self.gathers_map) {
-            let drawn = path.numbers.environment(bounce);
+            let drawn = path.numbers.draw(Dimensions::choices(bounce));
             let along = walk.scatter.direction;
-            self.direct_from_map(&from, map, drawn, cone, along, work);
+            self.direct_from_map(&from, map, [drawn.z, drawn.w], cone, along, work);
         }
     }
 
@@ -326,14 +327,14 @@ impl View {
                 .is_some_and(|after| bounce >= after)
         {
             survival = walk.throughput.max_element().clamp(0.05, 1.0);
-            if path.numbers.roulette(bounce) >= survival {
+            if path.numbers.draw(Dimensions::choices(bounce)).y >= survival {
                 return None;
             }
             walk.throughput *= 1.0 / survival;
         }
-        let [cone_u, cone_v, ..] = self.cone_numbers(path, bounce);
+        let cone = self.cone_numbers(path, bounce);
         let normal = walk.point.shading.outer(scatter.direction);
-        walk.bend = self.bend(scatter.direction, normal, cone_u, cone_v);
+        walk.bend = self.bend(scatter.direction, normal, cone.x, cone.y);
         if KEEP {
             vertices[walk.vertex].leave = Some(Leave {
                 scatter,
@@ -360,22 +361,12 @@ impl View {
         }
     }
 
-    /// Random numbers for the emitter that a path's point at a bounce is connected to.
-    #[inline(always)]
-    fn emitter_numbers(&self, path: &Path, bounce: u32) -> [f32; 2] {
-        let [_, _, u, v] = match bounce {
-            0 => path.numbers.film(),
-            b => path.numbers.direction(b - 1),
-        };
-        [u, v]
-    }
-
     /// Two pairs of random numbers, for the cones of a bounce and of a shadow ray.
     #[inline(always)]
-    fn cone_numbers(&self, path: &Path, bounce: u32) -> [f32; 4] {
+    fn cone_numbers(&self, path: &Path, bounce: u32) -> Four {
         match &path.cones {
-            Some(numbers) => numbers.set(bounce),
-            None => [0.0; 4],
+            Some(numbers) => numbers.draw(Dimensions::of_set(bounce)),
+            None => Four::default(),
         }
     }
 }

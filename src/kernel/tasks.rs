@@ -122,7 +122,7 @@ impl View {
 
     /// The random numbers of the run of samples that one of them is in, of some pixels.
     #[inline(always)]
-    fn runs(&self, pixels: impl Iterator<Item = u32>, sample: u32) -> Vec<Run<'_>> {
+    fn runs(&self, pixels: impl Iterator<Item = u32>, sample: u32) -> Vec<Run> {
         let first = sample - sample % RUN as u32;
         let mut runs = Vec::with_capacity(TOGETHER);
         for pixel in pixels {

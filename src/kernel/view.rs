@@ -8,12 +8,11 @@ use super::edges::EdgeSets;
 use super::gradient::CameraSums;
 use super::gradient::Wanted;
 use super::scene::KernelScene;
-use crate::model::V3;
 use crate::model::camera::Camera;
 use crate::model::cone::{Bend, bend};
-use crate::model::filter::PixelFilter;
-use crate::model::frame::{SinCos, sin_cos_of_turns};
-use crate::sampling::{Numbers, Sampler};
+use crate::model::filter::{PixelFilter, uniform_disk};
+use crate::model::{V2, V3, v2};
+use crate::sampling::{Dimensions, Numbers, Sampler};
 use crate::scene::ParameterId;
 
 /// A scene as a camera sees it, with the settings of a render.
@@ -92,10 +91,10 @@ impl View {
             camera: model,
             filter,
             cone: settings.cone as f32,
-            cones: settings.sampler.stream(1),
-            edges: settings.sampler.stream(2),
-            sides: settings.sampler.stream(3),
-            film: settings.sampler.stream(4).of_one_pixel(),
+            cones: settings.sampler.of_purpose(1),
+            edges: settings.sampler.of_purpose(2),
+            sides: settings.sampler.of_purpose(3),
+            film: settings.sampler.of_purpose(4).of_one_pixel(),
             arch: pulp::Arch::new(),
             drawn: 0,
             dark: scene.emitters.is_empty() && scene.sky.is_black(),
@@ -126,7 +125,7 @@ impl View {
             .backward(sums, unit, (aspect, filter), places, all);
     }
 
-    /// The sets of random numbers that paths use at their first surfaces (`Dimension::of_sequence`).
+    /// The sets of random numbers that paths use at their first surfaces (`Dimensions`).
     fn sets(&self) -> u8 {
         let glossy = self.scene.glossy;
         let to_the_end = self.sees_sky || self.gathers_map || (glossy && self.combined);
@@ -144,20 +143,19 @@ impl View {
 
     /// A point of the lens, on the unit disk.
     #[inline(always)]
-    pub fn lens_point(&self, numbers: &Numbers) -> [f32; 2] {
+    pub fn lens_point(&self, numbers: &Numbers) -> V2 {
         if self.camera.aperture == 0.0 {
-            return [0.0; 2];
+            return v2(0.0, 0.0);
         }
-        let [radius, angle] = numbers.lens();
-        let SinCos { sin, cos } = sin_cos_of_turns(angle);
-        [radius.sqrt() * cos, radius.sqrt() * sin]
+        let drawn = numbers.draw(Dimensions::lens_and_time());
+        uniform_disk(drawn.x, drawn.y)
     }
 
     /// The time of a path in the shutter.
     #[inline(always)]
     pub fn time(&self, numbers: &Numbers) -> f32 {
         if self.scene.velocities.is_some() {
-            numbers.time()
+            numbers.draw(Dimensions::lens_and_time()).z
         } else {
             0.0
         }

@@ -16,6 +16,14 @@ pub(crate) fn disk_kernel(u: f32, v: f32) -> V2 {
     v2(r * turn.cos, r * turn.sin)
 }
 
+/// A pair of numbers as a point of the unit disk.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn uniform_disk(u: f32, v: f32) -> V2 {
+    let turn = sin_cos_of_turns(v);
+    v2(u.sqrt() * turn.cos, u.sqrt() * turn.sin)
+}
+
 /// The cube root of a number that is not negative: a first guess from its bits, and two steps of Halley's
 /// method.
 #[cfg_attr(feature = "wgpu", cube)]

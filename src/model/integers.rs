@@ -1,48 +1,30 @@
-//! Whole numbers of 32 bits that wrap, in Rust and in kernels of GPUs, and a hash of them.
+//! Whole numbers that wrap, in Rust and in kernels of GPUs: of 32 bits, and of 64 bits as two words, since few GPUs have
+//! more; and hashes of them.
 
-#[cfg(feature = "wgpu")]
 use crate::cube::*;
 
-/// a·b modulo 2³².
-#[inline(always)]
-pub(crate) fn product(a: u32, b: u32) -> u32 {
-    a.wrapping_mul(b)
+/// An operation modulo 2³², on the host and in a kernel.
+macro_rules! modulo {
+    ($name:ident, $on_host:ident, $in_kernel:ident) => {
+        #[inline(always)]
+        pub(crate) fn $name(a: u32, b: u32) -> u32 {
+            a.$on_host(b)
+        }
+
+        #[cfg(feature = "wgpu")]
+        pub(crate) mod $name {
+            use super::*;
+
+            type Word = NativeExpand<u32>;
+
+            pub(crate) fn expand(scope: &Scope, a: Word, b: Word) -> Word {
+                a.$in_kernel(scope, b)
+            }
+        }
+    };
 }
-
-/// In a kernel.
-#[cfg(feature = "wgpu")]
-pub(crate) mod product {
-    use super::*;
-
-    pub(crate) fn expand(
-        scope: &Scope,
-        a: NativeExpand<u32>,
-        b: NativeExpand<u32>,
-    ) -> NativeExpand<u32> {
-        a.__expand_mul_method(scope, b)
-    }
-}
-
-/// a + b modulo 2³².
-#[cfg(feature = "wgpu")]
-#[inline(always)]
-pub(crate) fn total(a: u32, b: u32) -> u32 {
-    a.wrapping_add(b)
-}
-
-/// In a kernel.
-#[cfg(feature = "wgpu")]
-pub(crate) mod total {
-    use super::*;
-
-    pub(crate) fn expand(
-        scope: &Scope,
-        a: NativeExpand<u32>,
-        b: NativeExpand<u32>,
-    ) -> NativeExpand<u32> {
-        a.__expand_add_method(scope, b)
-    }
-}
+modulo!(product, wrapping_mul, __expand_mul_method);
+modulo!(total, wrapping_add, __expand_add_method);
 
 /// A permutation of the numbers of 32 bits of which each bit depends on all others (lowbias32, Wellons 2018).
 #[cfg_attr(feature = "wgpu", cube)]
@@ -51,4 +33,166 @@ pub(crate) fn hashed(x: u32) -> u32 {
     let a = product(x ^ (x >> 16), 0x7feb_352du32);
     let b = product(a ^ (a >> 15), 0x846c_a68bu32);
     b ^ (b >> 16)
+}
+
+/// A number of 64 bits.
+#[apply(record!)]
+#[derive(PartialEq)]
+pub(crate) struct Wide {
+    pub low: u32,
+    pub high: u32,
+}
+
+/// Of two words.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn wide(low: u32, high: u32) -> Wide {
+    Wide { low, high }
+}
+
+impl From<u64> for Wide {
+    #[inline(always)]
+    fn from(x: u64) -> Self {
+        wide(x as u32, (x >> 32) as u32)
+    }
+}
+
+impl From<Wide> for u64 {
+    #[inline(always)]
+    fn from(x: Wide) -> Self {
+        u64::from(x.high) << 32 | u64::from(x.low)
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Wide {
+    #[inline(always)]
+    pub fn xor(self, o: Wide) -> Wide {
+        wide(self.low ^ o.low, self.high ^ o.high)
+    }
+
+    /// Shifted right by less than 32.
+    #[inline(always)]
+    pub fn shifted(self, by: u32) -> Wide {
+        let mut low = self.low;
+        if by > 0 {
+            low = (self.low >> by) | (self.high << (32 - by));
+        }
+        wide(low, self.high >> by)
+    }
+}
+
+/// The finaliser of SplitMix64 (Steele et al. 2014), applied after an odd offset.
+#[inline(always)]
+pub(crate) fn mix(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// [`mix`] of two words.
+#[inline(always)]
+pub(crate) fn mixed(x: Wide) -> Wide {
+    mix(x.into()).into()
+}
+
+/// In a kernel, by words.
+#[cfg(feature = "wgpu")]
+pub(crate) mod mixed {
+    use super::*;
+
+    pub(crate) fn expand(scope: &Scope, x: WideExpand) -> WideExpand {
+        mixed_words::expand(scope, x)
+    }
+
+    #[cube]
+    pub(super) fn mixed_words(x: Wide) -> Wide {
+        let a = plus(x, wide(0x7f4a_7c15u32, 0x9e37_79b9u32));
+        let b = times(
+            a.xor(a.shifted(30u32)),
+            wide(0x1ce4_e5b9u32, 0xbf58_476du32),
+        );
+        let c = times(
+            b.xor(b.shifted(27u32)),
+            wide(0x1331_11ebu32, 0x94d0_49bbu32),
+        );
+        c.xor(c.shifted(31u32))
+    }
+
+    /// a + b modulo 2⁶⁴.
+    #[cube]
+    fn plus(a: Wide, b: Wide) -> Wide {
+        let low = total(a.low, b.low);
+        let mut carry = 0u32;
+        if low < b.low {
+            carry = 1u32;
+        }
+        wide(low, total(total(a.high, b.high), carry))
+    }
+
+    /// a·b modulo 2⁶⁴.
+    #[cube]
+    fn times(a: Wide, b: Wide) -> Wide {
+        let crossed = total(product(a.low, b.high), product(a.high, b.low));
+        wide(product(a.low, b.low), total(upper(a.low, b.low), crossed))
+    }
+
+    /// The upper half of a·b, from halves of the words.
+    #[cube]
+    fn upper(a: u32, b: u32) -> u32 {
+        let a_low = a & 0xffff;
+        let a_high = a >> 16;
+        let b_low = b & 0xffff;
+        let b_high = b >> 16;
+        let middle = a_high * b_low + ((a_low * b_low) >> 16);
+        let other = a_low * b_high + (middle & 0xffff);
+        a_high * b_high + (middle >> 16) + (other >> 16)
+    }
+}
+
+/// The bits of x and y in turn: the place of a point along a Z-order curve.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn morton(x: u32, y: u32) -> Wide {
+    wide(
+        spread(x & 0xffff) | (spread(y & 0xffff) << 1),
+        spread(x >> 16) | (spread(y >> 16) << 1),
+    )
+}
+
+/// The bits of a number below 2¹⁶ with zeros in between.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn spread(v: u32) -> u32 {
+    let a = (v | (v << 8)) & 0x00ff_00ff;
+    let b = (a | (a << 4)) & 0x0f0f_0f0f;
+    let c = (b | (b << 2)) & 0x3333_3333;
+    (c | (c << 1)) & 0x5555_5555
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_of_two_numbers_in_turn() {
+        let (x, y) = (0x8123_4567u32, 0xfedc_ba98u32);
+        let place = u64::from(morton(x, y));
+        for i in 0..32 {
+            assert_eq!(place >> (2 * i) & 1, u64::from(x >> i & 1));
+            assert_eq!(place >> (2 * i + 1) & 1, u64::from(y >> i & 1));
+        }
+    }
+
+    #[cfg(feature = "wgpu")]
+    #[test]
+    fn words_mix_as_numbers_do() {
+        let mut x = 1u64;
+        for _ in 0..1000 {
+            let wanted = mix(x);
+            assert_eq!(mixed::mixed_words(x.into()), Wide::from(wanted));
+            x = wanted;
+        }
+    }
 }

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3};
-use crate::sampling::mix;
+use crate::model::integers::mix;
 use crate::scene::{Mesh, take_rows};
 
 /// Points `[count, 3]` on the faces of a mesh, scene units, uniformly by area (Osada et al. 2002, *Shape

@@ -5,12 +5,14 @@ mod emitters;
 mod numbers;
 mod sampler;
 mod strategies;
+mod stream;
 
 #[cfg(feature = "wgpu")]
 pub(crate) use emitters::{BY_POWER, GRAZING, INSIDE, SPREAD};
 pub(crate) use emitters::{Emitter, EmitterHit, Emitters, Met, Receiver};
 pub(crate) use numbers::{Numbers, RUN, Run};
-#[cfg(feature = "wgpu")]
-pub(crate) use sampler::points;
-pub(crate) use sampler::{Dimension, Sampler, mix};
+pub(crate) use sampler::Sampler;
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
+pub(crate) use stream::{Dimensions, Four};
+#[cfg(feature = "wgpu")]
+pub(crate) use stream::{Stream, points};

@@ -1,40 +1,63 @@
-//! The random numbers of one path, and of neighbouring samples at once.
+//! The random numbers of paths on the host, and those of neighbouring samples at once.
 
 use std::ops::Range;
 
-use sobol_burley::NUM_DIMENSION_SETS_4D;
-use sobol_burley::parts::{owen_scramble_rev, u32_to_f32_norm};
+use super::Sequence;
+use super::sampler::Sampler;
+use super::stream::{Dimensions, Four, Stream, number, point_of, points, scrambled, scrambles};
 
-use super::sampler::{Dimension, Sampler, mix, number, points, round, scrambles, unscrambled};
-use super::strategies::Sequence;
+/// The random numbers of one path, some of which are drawn already.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Numbers<'a> {
+    stream: Stream,
+    /// Sets that are drawn already, one bit each of the first eight, and their numbers.
+    drawn: u8,
+    fours: &'a [Four],
+}
+
+impl Numbers<'_> {
+    /// Pixel and sample.
+    pub fn path(&self) -> (u32, u32) {
+        (self.stream.pixel, self.stream.sample)
+    }
+
+    #[inline(always)]
+    pub fn draw(&self, what: Dimensions) -> Four {
+        if what.set < 8 && self.drawn & (1 << what.set) != 0 {
+            return self.fours[what.set as usize];
+        }
+        self.draw_now(what)
+    }
+
+    #[inline(never)]
+    fn draw_now(&self, what: Dimensions) -> Four {
+        self.stream.draw(points(), what)
+    }
+}
 
 /// Samples of a pixel whose numbers are drawn at once.
 pub(crate) const RUN: usize = 8;
 
 /// The numbers of neighbouring samples of a pixel.
-pub(crate) struct Run<'a> {
-    sampler: &'a Sampler,
-    pixel: u32,
-    first: u32,
-    index: u32,
-    block: u64,
-    stage: u64,
+pub(crate) struct Run {
+    first: Stream,
     shuffled: [u32; RUN],
     drawn: u8,
-    fours: [[[f32; 4]; 8]; RUN],
+    fours: [[Four; 8]; RUN],
 }
 
-impl Run<'_> {
+impl Run {
     /// The numbers of one of the samples.
     pub fn numbers(&self, sample: u32) -> Numbers<'_> {
-        let i = (sample - self.first) as usize % RUN;
+        let i = (sample - self.first.sample) as usize % RUN;
         Numbers {
-            sampler: self.sampler,
-            path: (self.pixel, sample),
-            index: self.index + i as u32,
-            block: self.block,
-            shuffled: self.shuffled[i],
-            stage: self.stage,
+            // Samples of a run share a block, and lie side by side in it.
+            stream: Stream {
+                sample,
+                index: self.first.index + i as u32,
+                shuffled: self.shuffled[i],
+                ..self.first
+            },
             drawn: self.drawn,
             fours: &self.fours[i],
         }
@@ -42,17 +65,10 @@ impl Run<'_> {
 }
 
 impl Sampler {
-    /// The numbers of one path.
-    pub(crate) fn numbers(&self, path: (u32, u32)) -> Numbers<'_> {
-        let (index, block) = self.place(path);
-        let (shuffled, stage) = round(index, block, 0);
+    /// The numbers of one path, each (pixel, sample).
+    pub(crate) fn numbers(&self, (pixel, sample): (u32, u32)) -> Numbers<'static> {
         Numbers {
-            sampler: self,
-            path,
-            index,
-            block,
-            shuffled,
-            stage,
+            stream: self.stream(pixel, sample),
             drawn: 0,
             fours: &[],
         }
@@ -62,203 +78,65 @@ impl Sampler {
     /// of the first eight sets of four dimensions (one bit each) drawn for all at once, which is much
     /// less work than one by one.
     #[inline(always)]
-    pub(crate) fn run(&self, pixel: u32, samples: Range<u32>, sets: u8) -> Run<'_> {
-        // The samples of a run share a block, and lie side by side in it.
-        let (index, block) = self.place((pixel, samples.start));
+    pub(crate) fn run(&self, pixel: u32, samples: Range<u32>, sets: u8) -> Run {
+        let first = self.stream(pixel, samples.start);
         let mut run = Run {
-            sampler: self,
-            pixel,
-            first: samples.start,
-            index,
-            block,
-            stage: mix(block),
+            first,
             shuffled: [0; RUN],
-            drawn: if self.sequence == Sequence::Sobol {
-                sets
-            } else {
-                0
+            drawn: match self.sequence {
+                Sequence::Sobol => sets,
+                Sequence::Independent => 0,
             },
-            fours: [[[0.0; 4]; 8]; RUN],
+            fours: [[Four::default(); 8]; RUN],
         };
         for (i, shuffled) in run.shuffled.iter_mut().enumerate() {
-            let index = index.wrapping_add(i as u32);
-            *shuffled = owen_scramble_rev(index.reverse_bits(), run.stage as u32);
+            let index = first.index + i as u32;
+            *shuffled = scrambled(index.reverse_bits(), first.stage.low);
         }
         let mut left = run.drawn;
         while left != 0 {
             let set = left.trailing_zeros();
             left &= left - 1;
-            let table = &points()[set as usize];
             let mut point = [[0; RUN]; 4];
             for (i, &shuffled) in run.shuffled.iter().enumerate() {
-                let found = unscrambled(table, shuffled);
-                for (values, value) in point.iter_mut().zip(found) {
+                let found = point_of(points(), set, shuffled);
+                for (values, value) in point.iter_mut().zip([found.x, found.y, found.z, found.w]) {
                     values[i] = value;
                 }
             }
-            let scramble = scrambles(run.stage, set);
-            for d in 0..4 {
-                for x in &mut point[d] {
-                    let scrambled = owen_scramble_rev(*x, scramble[d]);
-                    *x = scrambled.reverse_bits();
+            let s = scrambles(first.stage, set);
+            let mut drawn = [[0.0; RUN]; 4];
+            for (d, scramble) in [s.x, s.y, s.z, s.w].into_iter().enumerate() {
+                for i in 0..RUN {
+                    drawn[d][i] = number(point[d][i], scramble);
                 }
-                for (fours, &x) in run.fours.iter_mut().zip(&point[d]) {
-                    fours[set as usize % 8][d] = u32_to_f32_norm(x);
-                }
+            }
+            for (i, fours) in run.fours.iter_mut().enumerate() {
+                let [x, y, z, w] = [drawn[0][i], drawn[1][i], drawn[2][i], drawn[3][i]];
+                fours[set as usize % 8] = Four { x, y, z, w };
             }
         }
         run
     }
-}
 
-/// The random numbers of one path: those of [`Sampler::uniform`], set by set.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Numbers<'a> {
-    sampler: &'a Sampler,
-    path: (u32, u32),
-    /// In the sequence of the path's block.
-    index: u32,
-    block: u64,
-    /// The index shuffled, its bits reversed, and what scrambles are made from, in the first round
-    /// through the dimensions.
-    shuffled: u32,
-    stage: u64,
-    /// Sets that are drawn already, one bit each of the first eight, and their numbers.
-    drawn: u8,
-    fours: &'a [[f32; 4]],
-}
-
-impl Numbers<'_> {
-    /// Film x and y, and for an emitter and a point on it, seen from the first surface.
-    pub fn film(&self) -> [f32; 4] {
-        use Dimension::{EmitterU, EmitterV, FilmX, FilmY};
-        self.whole([(FilmX, 0), (FilmY, 0), (EmitterU, 0), (EmitterV, 0)])
-    }
-
-    pub fn lens(&self) -> [f32; 2] {
-        self.some([(Dimension::LensRadius, 0), (Dimension::LensAngle, 0)])
-    }
-
-    pub fn time(&self) -> f32 {
-        let [time] = self.some([(Dimension::Time, 0)]);
-        time
-    }
-
-    /// For a direction, and for an emitter and a point on it, seen from where it leads.
-    pub fn direction(&self, bounce: u32) -> [f32; 4] {
-        use Dimension::{DirectionU, DirectionV, EmitterU, EmitterV};
-        let next = bounce + 1;
-        self.whole([
-            (DirectionU, bounce),
-            (DirectionV, bounce),
-            (EmitterU, next),
-            (EmitterV, next),
-        ])
-    }
-
-    pub fn lobe(&self, bounce: u32) -> f32 {
-        let [u] = self.some([(Dimension::Lobe, bounce)]);
-        u
-    }
-
-    pub fn environment(&self, bounce: u32) -> [f32; 2] {
-        use Dimension::{EnvironmentU, EnvironmentV};
-        self.some([(EnvironmentU, bounce), (EnvironmentV, bounce)])
-    }
-
-    pub fn path(&self) -> (u32, u32) {
-        self.path
-    }
-
-    pub fn roulette(&self, bounce: u32) -> f32 {
-        let [u] = self.some([(Dimension::Roulette, bounce)]);
-        u
-    }
-
-    /// Four numbers for a purpose of their own, of a stream that serves nothing else.
-    #[inline(always)]
-    pub fn set(&self, set: u32) -> [f32; 4] {
-        match self.sampler.sequence {
-            Sequence::Sobol => self.four(set),
-            Sequence::Independent => [0, 1, 2, 3].map(|d| {
-                let purpose = (u64::from(set) << 32) | (16 + d);
-                number(mix(self.sampler.seed ^ purpose), self.path)
-            }),
-        }
-    }
-
-    /// A set of four dimensions of the sequence of the path's block: Burley's shuffled and scrambled
-    /// points. After 256 dimensions come other scrambles.
-    #[inline(always)]
-    fn four(&self, set: u32) -> [f32; 4] {
-        if set < 8 && self.drawn & (1 << set) != 0 {
-            return self.fours[set as usize];
-        }
-        self.draw(set)
-    }
-
-    #[inline(never)]
-    fn draw(&self, set: u32) -> [f32; 4] {
-        let (shuffled, stage) = match set / NUM_DIMENSION_SETS_4D {
-            0 => (self.shuffled, self.stage),
-            later => round(self.index, self.block, u64::from(later)),
-        };
-        let point = unscrambled(&points()[(set % NUM_DIMENSION_SETS_4D) as usize], shuffled);
-        let scramble = scrambles(stage, set);
-        [0, 1, 2, 3].map(|d| {
-            let scrambled = owen_scramble_rev(point[d], scramble[d]);
-            u32_to_f32_norm(scrambled.reverse_bits())
-        })
-    }
-
-    /// Numbers of dimensions that are a whole set of the sequence, or independent ones.
-    #[inline(always)]
-    fn whole(&self, dimensions: [(Dimension, u32); 4]) -> [f32; 4] {
-        let (first, bounce) = dimensions[0];
-        match (self.sampler.sequence, first.of_sequence(bounce)) {
-            (Sequence::Sobol, Some(place)) => self.four(place / 4),
-            _ => self.independent(dimensions),
-        }
-    }
-
-    /// Numbers of some dimensions of one set of the sequence, or independent ones.
-    fn some<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f32; N] {
-        let places = dimensions.map(|(d, bounce)| d.of_sequence(bounce));
-        match (self.sampler.sequence, places[0]) {
-            (Sequence::Sobol, Some(first)) => {
-                let four = self.four(first / 4);
-                places.map(|d| d.map_or(0.0, |d| four[d as usize % 4]))
-            }
-            _ => self.independent(dimensions),
-        }
-    }
-
-    #[inline(never)]
-    fn independent<const N: usize>(&self, dimensions: [(Dimension, u32); N]) -> [f32; N] {
-        dimensions.map(|(d, bounce)| {
-            let purpose = (u64::from(bounce) << 32) | d as u64;
-            number(mix(self.sampler.seed ^ purpose), self.path)
-        })
-    }
-}
-
-impl Sampler {
-    /// Uniform numbers in [0, 1) for a list of paths, each (pixel, sample), of dimensions of one set: those of
-    /// [`Numbers`]. They have 24 bits, so that they are the same numbers in f32 and f64.
-    pub(crate) fn uniform<const N: usize>(
-        &self,
-        paths: &[(u32, u32)],
-        bounce: u32,
-        dimensions: [Dimension; N],
-    ) -> [Vec<f64>; N] {
-        let mut found = [(); N].map(|()| Vec::with_capacity(paths.len()));
+    /// Numbers of four dimensions for a list of paths, each (pixel, sample). They have 24 bits, so that they are the
+    /// same numbers in f32 and f64.
+    pub(crate) fn uniform(&self, paths: &[(u32, u32)], what: Dimensions) -> [Vec<f64>; 4] {
+        let mut found = [(); 4].map(|()| Vec::with_capacity(paths.len()));
         for &path in paths {
-            let numbers = self.numbers(path).some(dimensions.map(|d| (d, bounce)));
-            for (values, number) in found.iter_mut().zip(numbers) {
+            let Four { x, y, z, w } = self.numbers(path).draw(what);
+            for (values, number) in found.iter_mut().zip([x, y, z, w]) {
                 values.push(f64::from(number));
             }
         }
         found
+    }
+
+    /// For the choice between surfaces that share a ray: the control variate of that needs numbers that are independent
+    /// of all other paths (`tensors/path.rs`).
+    pub(crate) fn of_surfaces(&self, paths: &[(u32, u32)], bounce: u32) -> Vec<f64> {
+        let of = |&(pixel, sample)| f64::from(self.stream(pixel, sample).independent(bounce, 5));
+        paths.iter().map(of).collect()
     }
 }
 
@@ -275,8 +153,8 @@ mod tests {
 
     fn uncorrelated(sampler: Sampler) {
         let paths: Vec<_> = (0..65536).map(|i| (i / 16, i % 16)).collect();
-        let [a] = sampler.uniform(&paths, 0, [Dimension::FilmX]);
-        let [b] = sampler.uniform(&paths, 1, [Dimension::EmitterU]);
+        let [a, ..] = sampler.uniform(&paths, Dimensions::film());
+        let [_, _, b, _] = sampler.uniform(&paths, Dimensions::direction(0));
         let mean = |f: &dyn Fn(usize) -> f64| (0..a.len()).map(f).sum::<f64>() / a.len() as f64;
         // Standard errors: 0.0011 of the mean, 0.0003 of a covariance; four of them.
         assert!((mean(&|i| a[i]) - 0.5).abs() < 0.0045);
@@ -291,21 +169,21 @@ mod tests {
     /// other seeds, pixels and rounds are others.
     #[test]
     fn sobol_numbers_are_stratified() {
-        let of = |seed, pixel: u32, bounce, d| {
+        let of = |seed, pixel: u32, what| {
             let paths: Vec<_> = (0..64).map(|s| (pixel, s)).collect();
-            let sampler = Sampler::new(seed, Sequence::Sobol, 8, 64);
-            let [values] = sampler.uniform(&paths, bounce, [d]);
-            values
+            Sampler::new(seed, Sequence::Sobol, 8, 64).uniform(&paths, what)
         };
         let mut seen: Vec<Vec<f64>> = Vec::new();
         for (seed, pixel) in [(1, 0), (2, 0), (1, 1)] {
             for bounce in [0, 1, 30, 31, 40, 100] {
-                for d in [Dimension::EmitterU, Dimension::DirectionV, Dimension::Lobe] {
-                    let values = of(seed, pixel, bounce, d);
+                let [_, _, emitter, _] = of(seed, pixel, Dimensions::emitter(bounce));
+                let [_, direction, ..] = of(seed, pixel, Dimensions::direction(bounce));
+                let [lobe, ..] = of(seed, pixel, Dimensions::choices(bounce));
+                for (d, values) in [emitter, direction, lobe].into_iter().enumerate() {
                     let mut cells: Vec<u32> = values.iter().map(|v| (v * 64.0) as u32).collect();
                     cells.sort_unstable();
-                    assert!(cells.iter().copied().eq(0..64), "{bounce}, {d:?}");
-                    assert!(!seen.contains(&values), "{bounce}, {d:?}");
+                    assert!(cells.iter().copied().eq(0..64), "{bounce}, {d}");
+                    assert!(!seen.contains(&values), "{bounce}, {d}");
                     seen.push(values);
                 }
             }
@@ -313,12 +191,12 @@ mod tests {
         // Past 2¹⁶ samples another scramble goes on.
         let paths: Vec<_> = (0..1 << 17).map(|s| (7, s)).collect();
         let sampler = Sampler::new(1, Sequence::Sobol, 8, 1 << 17);
-        let [values] = sampler.uniform(&paths, 0, [Dimension::FilmX]);
+        let [values, ..] = sampler.uniform(&paths, Dimensions::film());
         assert_ne!(values[..1 << 16], values[1 << 16..]);
         // The pixels of a block together.
         let paths: Vec<_> = (0..64).flat_map(|p| (0..16).map(move |s| (p, s))).collect();
         let sampler = Sampler::new(5, Sequence::Sobol, 8, 16);
-        let [values] = sampler.uniform(&paths, 1, [Dimension::EmitterU]);
+        let [_, _, values, _] = sampler.uniform(&paths, Dimensions::direction(0));
         let mut cells: Vec<u32> = values.iter().map(|v| (v * 1024.0) as u32).collect();
         cells.sort_unstable();
         assert!(cells.into_iter().eq(0..1024));

@@ -2,8 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::cube::*;
+
 /// The source of a render's random numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Sequence {
     /// Independent uniform numbers.
@@ -16,6 +18,8 @@ pub enum Sequence {
     #[default]
     Sobol,
 }
+
+known_to_kernels!(Sequence);
 
 /// The probabilities with which emitters, which are triangles and lights without a surface, are connected to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::geometry::{Context, Vec3, host_vectors};
 use crate::model::V3;
 use crate::model::cone::{Bend, bend, lifted, up_to_plane};
-use crate::sampling::Sampler;
+use crate::sampling::{Dimensions, Four, Sampler};
 use crate::scene::Holes;
 
 /// Paths (pixel, sample) at a bounce, which random numbers belong to.
@@ -48,7 +48,7 @@ impl Cones {
             holes,
             arch: Arch::new(),
             tangent: angle.tan() as f32,
-            sampler: sampler.stream(1),
+            sampler: sampler.of_purpose(1),
         }
     }
 
@@ -57,11 +57,12 @@ impl Cones {
     }
 
     /// Random numbers for the cones of a bounce (two) and of a shadow ray (two).
-    fn numbers(&self, at: AtBounce, i: usize) -> [f32; 4] {
+    fn numbers(&self, at: AtBounce, i: usize) -> Four {
         if self.tangent == 0.0 {
-            return [0.0; 4];
+            return Four::default();
         }
-        self.sampler.numbers(at.paths[i]).set(at.bounce)
+        let numbers = self.sampler.numbers(at.paths[i]);
+        numbers.draw(Dimensions::of_set(at.bounce))
     }
 
     /// The side's normal of the surface that a ray leaves, if it leaves one.
@@ -116,7 +117,7 @@ impl Cones {
         let clear = points.clear()?;
         let bends: Vec<Bend> = (0..axes.len())
             .map(|i| {
-                let [u, v, ..] = self.numbers(at, i);
+                let Four { x: u, y: v, .. } = self.numbers(at, i);
                 // A refracted ray leaves on the other side.
                 let refracted = clear.get(i) == Some(&true) && axes[i].dot(normals[i]) < 0.0;
                 let outer = normals[i] * if refracted { -1.0 } else { 1.0 };
@@ -148,7 +149,7 @@ impl Cones {
             let origin = V3::from(ray.origin);
             let normal = self.normal(ray).unwrap_or(V3::ZERO);
             let start = lifted(origin, normal);
-            let [_, _, u, v] = self.numbers(at, i);
+            let Four { z: u, w: v, .. } = self.numbers(at, i);
             let direction = bend(axis, normal, self.tangent, u, v).direction;
             let limit = ray.distance.map_or(f32::INFINITY, |distance| {
                 let emitter = ray.emitter.map(|e| &self.hierarchy.triangles[e as usize]);

@@ -11,7 +11,7 @@ use super::surface::look_up;
 use super::tracer::{Sight, Tracer};
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
-use crate::sampling::Dimension;
+use crate::sampling::Dimensions;
 use crate::scene::Channel;
 
 /// Light from one point of one emitter triangle at each surface point: planes of
@@ -39,9 +39,9 @@ pub(super) fn connect(
         }),
         false => None,
     };
-    let dimensions = [Dimension::EmitterU, Dimension::EmitterV];
     let AtBounce { paths, bounce } = shaded.at;
-    let [u, v] = tracer.transport.sampler.uniform(paths, bounce, dimensions);
+    let sampler = tracer.transport.sampler;
+    let [_, _, u, v] = sampler.uniform(paths, Dimensions::emitter(bounce));
     let (chosen, of_lights) = lights.choose(views.as_ref(), &u, &v);
     let mut found = Vec::new();
     if of_lights.is_empty() {
@@ -185,9 +185,9 @@ pub(super) fn from_map(
     shaded: Shaded,
     scattered: &Vec3,
 ) -> Result<Vec<(Option<Vec<u32>>, Vec3)>> {
-    let dimensions = [Dimension::EnvironmentU, Dimension::EnvironmentV];
     let AtBounce { paths, bounce } = shaded.at;
-    let [u, v] = tracer.transport.sampler.uniform(paths, bounce, dimensions);
+    let sampler = tracer.transport.sampler;
+    let [_, _, u, v] = sampler.uniform(paths, Dimensions::choices(bounce));
     let drawn = map.choose(&u, &v);
     let scattered = host_vectors(scattered)?;
     let densities = scattered.iter().map(|&d| map.density(d)).collect();

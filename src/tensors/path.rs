@@ -16,7 +16,6 @@ use super::surface::SurfacePoints;
 use super::tracer::{RayStatistics, Sight, Tracer, Transport};
 use crate::error::Result;
 use crate::geometry::Vec3;
-use crate::sampling::Dimension;
 use crate::sampling::SurfaceSampling;
 use crate::scene::Flattened;
 
@@ -142,7 +141,7 @@ impl<'a> Tracing<'a> {
         if bounce == 0 {
             self.seen = seen::seen(&tracer.transport, &weights, &batch.rays)?;
         }
-        let [random] = sampler.uniform(&batch.paths, bounce, [Dimension::Surface]);
+        let random = sampler.of_surfaces(&batch.paths, bounce);
         let split = bounce == 0 && settings.sampling.surfaces == SurfaceSampling::Split;
         let drawn = if split && dark {
             Vec::new()

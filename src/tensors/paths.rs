@@ -7,7 +7,7 @@ use super::softmax::Shares;
 use super::tracer::Tracer;
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, host_values};
-use crate::sampling::Dimension;
+use crate::sampling::Dimensions;
 
 /// Ends paths at random in proportion to their throughput, and returns those that go on.
 pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> Result<Vec<u32>> {
@@ -24,7 +24,7 @@ pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> R
         .map(|q| q.clamp(0.05, 1.0))
         .collect();
     let sampler = tracer.transport.sampler;
-    let [random] = sampler.uniform(&batch.paths, bounce, [Dimension::Roulette]);
+    let [_, random, ..] = sampler.uniform(&batch.paths, Dimensions::choices(bounce));
     let inverse: Vec<f64> = survival.iter().map(|q| q.recip()).collect();
     *current = current.scale(&tracer.scene().context.row(&inverse));
     Ok((0..count)

@@ -16,6 +16,7 @@ use crate::kernel::walk::{Path, Seen, Work};
 use crate::model::camera::CameraGradient;
 use crate::model::filter::film_kernel;
 use crate::model::{V2, V3, v2};
+use crate::sampling::Dimensions;
 
 /// [`View::film_backward`] as a task.
 struct FilmSamples<'a> {
@@ -58,10 +59,13 @@ impl FilmSamples<'_> {
         let V2 {
             x: film_x,
             y: film_y,
-        } = view.camera.project(point.position, lens[0], lens[1]);
-        let [kernel_u, kernel_v, ..] = view.edges.numbers((u32::MAX, sample)).set(0);
+        } = view.camera.project(point.position, lens.x, lens.y);
+        let drawn = view
+            .edges
+            .numbers((u32::MAX, sample))
+            .draw(Dimensions::of_set(0));
         let radius = view.filter.radius();
-        let kernel = v2(film_kernel(kernel_u), film_kernel(kernel_v));
+        let kernel = v2(film_kernel(drawn.x), film_kernel(drawn.y));
         let (x, y) = (film_x - radius * kernel.x, film_y - radius * kernel.y);
         let Some(g) = self.pixels.get(x, y).filter(|g| **g != Seen::default()) else {
             return;
@@ -72,7 +76,7 @@ impl FilmSamples<'_> {
             y: along_y,
         } = view
             .camera
-            .project_along(point.position, point.edge.along, lens[0], lens[1]);
+            .project_along(point.position, point.edge.along, lens.x, lens.y);
         // To the right of the edge's image, on a film whose y points down.
         let side = view.camera.across * along_y + view.camera.upward * along_x;
         let sides = view.sides(&point, direction, side, path.time);
@@ -99,7 +103,7 @@ impl FilmSamples<'_> {
         let mut camera = CameraGradient::default();
         let by_point =
             view.camera
-                .project_backward(point.position, lens[0], lens[1], by_film, &mut camera);
+                .project_backward(point.position, lens.x, lens.y, by_film, &mut camera);
         if view.wanted.camera {
             // A wider filter moves its points away from the middle, past the edge.
             camera.filter -= by_film.x * kernel.x + by_film.y * kernel.y;
@@ -139,16 +143,16 @@ impl View {
         &self,
         edges: &FilmEdges,
         path: &Path,
-        [lens_x, lens_y]: [f32; 2],
+        lens: V2,
         count: u32,
     ) -> Option<(EdgePoint, V3)> {
         let sets = self.edge_sets.as_ref()?;
-        let [u, v, ..] = path.numbers.film();
-        let drawn = edges.choose(u, v)?;
+        let drawn = path.numbers.draw(Dimensions::film());
+        let drawn = edges.choose(drawn.x, drawn.y)?;
         let edge = sets.edges[drawn.edge].at_time(&self.scene, path.time)?;
         let shift = self.scene.shift(edge.faces[0], path.time);
         let position = edge.a + edge.along * drawn.lambda + shift;
-        let origin = self.camera.origin_towards(position, lens_x, lens_y);
+        let origin = self.camera.origin_towards(position, lens.x, lens.y);
         let point = EdgePoint {
             edge,
             lambda: drawn.lambda,

@@ -8,6 +8,7 @@ use crate::kernel::edges::{Edge, Kind};
 use crate::kernel::view::View;
 use crate::kernel::walk::Seen;
 use crate::model::film::{CELL, NEIGHBOURS};
+use crate::model::integers::morton;
 use crate::model::segment::clip_linear;
 
 /// Edges are drawn in pieces of about so many pixels.
@@ -28,16 +29,9 @@ pub(crate) struct Piece {
 
 /// The place of a point of the film along a Z-order curve, in quarters of pixels.
 fn place(x: f32, y: f32, last: bool) -> u64 {
-    let spread = |v: f32| {
-        // Film coordinates from −2¹⁷ on.
-        let mut b = (4.0 * v + 524_288.0).clamp(0.0, 1_048_575.0) as u64;
-        b = (b | (b << 16)) & 0x0000_ffff_0000_ffff;
-        b = (b | (b << 8)) & 0x00ff_00ff_00ff_00ff;
-        b = (b | (b << 4)) & 0x0f0f_0f0f_0f0f_0f0f;
-        b = (b | (b << 2)) & 0x3333_3333_3333_3333;
-        (b | (b << 1)) & 0x5555_5555_5555_5555
-    };
-    spread(x) | (spread(y) << 1) | (u64::from(last) << 63)
+    // Film coordinates from −2¹⁷ on.
+    let [x, y] = [x, y].map(|v| (4.0 * v + 524_288.0).clamp(0.0, 1_048_575.0) as u32);
+    u64::from(morton(x, y)) | (u64::from(last) << 63)
 }
 
 impl View {

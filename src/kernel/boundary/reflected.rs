@@ -11,6 +11,7 @@ use crate::kernel::walk::Path;
 use crate::kernel::walk::Work;
 use crate::model::V3;
 use crate::model::edge::direction_jump;
+use crate::sampling::Dimensions;
 
 /// The probability with which edges of reflected light are looked for at a point of a path that counts as
 /// much as a camera ray does on average: half that of the lights' shadows, since it takes two more paths.
@@ -37,7 +38,8 @@ impl View {
             return;
         }
         let tree = o.sets.seen_by(o.moves || self.wanted.turns());
-        let [pick, u, v, cone_v] = o.numbers.set(3 * o.bounce + 2);
+        let drawn = o.numbers.draw(Dimensions::of_set(3 * o.bounce + 2));
+        let (pick, u, v, cone_v) = (drawn.x, drawn.y, drawn.z, drawn.w);
         let rate = (RATE * o.counts).min(1.0);
         if pick >= rate || tree.is_empty() {
             return;

@@ -11,7 +11,7 @@ use crate::model::V3;
 use crate::model::cone::{up_to_plane, widened};
 use crate::model::edge::{DirectionJump, direction_jump};
 use crate::model::frame::SinCos;
-use crate::sampling::EmitterHit;
+use crate::sampling::{Dimensions, EmitterHit};
 
 /// Points count at least for this share of an average camera ray.
 const LEAST: f32 = 0.05;
@@ -83,8 +83,10 @@ impl View {
         if emitters.is_empty() {
             return;
         }
-        let [choice, u, v, cone_u] = o.numbers.set(3 * o.bounce);
-        let [cone_v, pick, ..] = o.numbers.set(3 * o.bounce + 1);
+        let drawn = o.numbers.draw(Dimensions::of_set(3 * o.bounce));
+        let (choice, u, v, cone_u) = (drawn.x, drawn.y, drawn.z, drawn.w);
+        let more = o.numbers.draw(Dimensions::of_set(3 * o.bounce + 1));
+        let (cone_v, pick) = (more.x, more.y);
         let rate = (RATE * o.counts).min(1.0);
         if pick >= rate {
             return;

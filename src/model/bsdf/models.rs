@@ -1,8 +1,7 @@
 //! The models of BSDFs, by number, and which of them a shading may be of.
 
+use crate::cube::*;
 use crate::scene::Bsdf;
-#[cfg(feature = "wgpu")]
-use burn::cubecl::prelude::*;
 
 /// Models of [`Shading::model`](super::Shading::model).
 pub(super) const PHONG: u32 = 0;
@@ -63,26 +62,4 @@ impl Models {
     }
 }
 
-/// In the language of kernels it stays what it is.
-#[cfg(feature = "wgpu")]
-impl IntoExpand for Models {
-    type Expand = Self;
-
-    fn into_expand(self, _: &Scope) -> Self {
-        self
-    }
-}
-
-#[cfg(feature = "wgpu")]
-impl Assign for Models {
-    fn __expand_assign_method(&mut self, _: &Scope, value: Self) {
-        *self = value;
-    }
-}
-
-#[cfg(feature = "wgpu")]
-impl RuntimeAssign for Models {
-    fn init_mut(&self, _: &Scope) -> Self {
-        *self
-    }
-}
+known_to_kernels!(Models);

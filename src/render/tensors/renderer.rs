@@ -12,7 +12,7 @@ use crate::device::is_cpu;
 use crate::error::{Error, Result};
 use crate::model::filter::PixelFilter;
 use crate::render::options::{RenderOptions, Tile, sampler, tiles};
-use crate::sampling::{Dimension, Sampler};
+use crate::sampling::{Dimensions, Sampler};
 use crate::scene::{Camera, Flattened};
 use crate::tensors::{
     Candidates, Cones, Diagnostics, Lights, PathSettings, RayStatistics, Rays, Sight, Sky, Softmax,
@@ -189,11 +189,10 @@ impl<'a> TensorRenderer<'a> {
                 .collect();
             context.row(&values)
         };
-        let dimensions = [Dimension::FilmX, Dimension::FilmY];
-        let jitter = self.sampler.uniform(paths, 0, dimensions);
+        let [x, y, ..] = self.sampler.uniform(paths, Dimensions::film());
         let [x, y] = match &self.filter {
-            None => jitter,
-            Some(filter) => jitter.map(|numbers| {
+            None => [x, y],
+            Some(filter) => [x, y].map(|numbers| {
                 let of = |u: f64| 0.5 + f64::from(filter.sample(u as f32));
                 numbers.into_iter().map(of).collect()
             }),
@@ -213,8 +212,7 @@ impl<'a> TensorRenderer<'a> {
             film(|pixel, width| pixel / width, y, height),
         ];
         let disk = self.camera.has_lens().then(|| {
-            let dimensions = [Dimension::LensRadius, Dimension::LensAngle];
-            let [radius, angle] = self.sampler.uniform(paths, 0, dimensions);
+            let [radius, angle, ..] = self.sampler.uniform(paths, Dimensions::lens_and_time());
             let on_disk = |along: fn(f64) -> f64| {
                 let polar = radius.iter().zip(&angle);
                 let values = polar.map(|(r, a)| r.sqrt() * along(std::f64::consts::TAU * a));
@@ -224,7 +222,7 @@ impl<'a> TensorRenderer<'a> {
         });
         let moves = self.scene.triangles.velocity.is_some();
         let time = moves.then(|| {
-            let [time] = self.sampler.uniform(paths, 0, [Dimension::Time]);
+            let [_, _, time, _] = self.sampler.uniform(paths, Dimensions::lens_and_time());
             context.row(&time)
         });
         let (origin, direction) = self.camera.rays(

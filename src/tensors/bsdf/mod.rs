@@ -13,7 +13,7 @@ use super::surface::SurfacePoints;
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::HORIZON;
-use crate::sampling::{Dimension, Sampler};
+use crate::sampling::{Dimensions, Sampler};
 use crate::scene::Bsdf;
 use facets::Facets;
 
@@ -125,9 +125,8 @@ pub(crate) fn sample(
     paths: &[(u32, u32)],
     bounce: u32,
 ) -> Result<Scatter> {
-    let dimensions = [Dimension::DirectionU, Dimension::DirectionV];
-    let [u, v] = sampler.uniform(paths, bounce, dimensions);
-    let [lobe] = sampler.uniform(paths, bounce, [Dimension::Lobe]);
+    let [u, v, ..] = sampler.uniform(paths, Dimensions::direction(bounce));
+    let [lobe, ..] = sampler.uniform(paths, Dimensions::choices(bounce));
     let list = |f: &dyn Fn(usize) -> f64| -> Tensor<2> {
         context.row(&(0..u.len()).map(f).collect::<Vec<_>>())
     };
