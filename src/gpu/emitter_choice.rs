@@ -3,7 +3,6 @@
 use crate::cube::*;
 
 use super::edge_layout::{GROUP_OF_EMITTERS, OF_GROUP, OF_GROUPS};
-use super::finite::is_positive;
 use super::layout::{EMISSIVE_COUNT, EMITTER_COUNT, EMITTERS, FIXED_SUMS, NONE};
 use super::light::{
     Choice, EmitterHit, Site, delta_light, emitter, hits_emitter, is_light, no_emitter_hit,
@@ -11,7 +10,7 @@ use super::light::{
 use super::light_tree::{chance_in_tree, choose_in_tree, next_hit_in_tree, share_of_distant};
 use super::reading::{Scene, first_over};
 use crate::model::V3;
-use crate::model::choice::MOST;
+use crate::model::choice::{MOST, is_positive};
 use crate::model::triangle::solid_angle;
 use crate::sampling::BY_POWER;
 

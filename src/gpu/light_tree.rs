@@ -2,7 +2,6 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::finite::is_positive;
 use super::layout::{
     DISTANT, DISTANT_AXES, DISTANT_COUNT, DISTANT_SUMS, EMISSIVE_COUNT, LIGHT_BRANCHES,
     LIGHT_NODE_COUNT, LIGHT_NODES, LIGHT_PLACES, NONE, OF_LIGHT_NODE, OF_LIGHT_TREE,
@@ -11,7 +10,7 @@ use super::light::{Choice, Site};
 use super::light::{EmitterHit, hits_emitter, no_emitter_hit};
 use super::reading::{Scene, first_over};
 use crate::model::V3;
-use crate::model::choice::MOST;
+use crate::model::choice::{MOST, is_positive};
 use crate::sampling::{INSIDE, SPREAD};
 
 /// Branches of a node.

@@ -13,6 +13,7 @@ pub(crate) mod choice;
 pub(crate) mod cone;
 pub(crate) mod delta_light;
 pub(crate) mod edge;
+pub(crate) mod edge_weight;
 pub(crate) mod emitter;
 pub(crate) mod film;
 pub(crate) mod filter;
