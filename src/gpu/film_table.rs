@@ -3,8 +3,8 @@
 use crate::cube::*;
 use rayon::prelude::*;
 
-use super::reading::first_over;
 use crate::kernel::{Piece, View};
+use crate::model::choice::first_over;
 use crate::model::film::BLOCK;
 
 /// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its

@@ -9,9 +9,10 @@ use super::layout::{
     OF_TRIANGLES, SKY, SKY_CHANCES, SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SPOT,
     SURFACE_STRIDE, SURFACES,
 };
-use super::reading::{Scene, first_over};
+use super::reading::Scene;
 use super::surface::displacement;
 use super::texture::{Cell, in_cell};
+use crate::model::choice::first_over;
 use crate::model::delta_light::DeltaLight;
 use crate::model::frame::sin_cos_of_turns;
 use crate::model::triangle::weights_at;
@@ -87,14 +88,6 @@ pub(super) struct Site {
     pub time: f32,
     /// What the probabilities of few are divided by; of many the probability of directional lights.
     pub sum: f32,
-}
-
-/// An emitter that was chosen, its probability, and what is left of the random number.
-#[apply(record!)]
-pub(super) struct Choice {
-    pub emitter: u32,
-    pub chance: f32,
-    pub rest: f32,
 }
 
 /// An emitter whose front a ray hits, as if nothing were in between, or [`NONE`], and the point's weights

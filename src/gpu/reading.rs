@@ -64,19 +64,3 @@ pub(super) fn weights_in(scene: &Scene, triangle: u32, at_rest: V3) -> V3 {
         at_rest,
     )
 }
-
-/// The first of some numbers, which grow and lie a stride apart, that is over a number; the last if none is.
-#[cube]
-pub(super) fn first_over(floats: &[f32], first: u32, count: u32, stride: u32, value: f32) -> u32 {
-    let mut low = 0u32;
-    let mut high = count - 1;
-    while low < high {
-        let middle = (low + high) / 2;
-        if floats[(first + stride * middle) as usize] <= value {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    low
-}

@@ -39,6 +39,23 @@ pub(crate) fn is_positive(x: f32) -> bool {
     bits > 0 && bits < INFINITY
 }
 
+/// The first of some numbers, which grow and lie a stride apart, that is over a number; the last if none is.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn first_over(floats: &[f32], first: u32, count: u32, stride: u32, value: f32) -> u32 {
+    let mut low = 0u32;
+    let mut high = count - 1;
+    while low < high {
+        let middle = (low + high) / 2;
+        if floats[(first + stride * middle) as usize] <= value {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
 /// The number u; a second one, independent of it, tells hashes of samples with the same u apart.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]

@@ -19,6 +19,7 @@ pub(crate) mod film;
 pub(crate) mod filter;
 pub(crate) mod frame;
 pub(crate) mod integers;
+pub(crate) mod light_bounds;
 pub(crate) mod normal_map;
 pub(crate) mod segment;
 pub(crate) mod sky;

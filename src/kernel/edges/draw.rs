@@ -8,7 +8,7 @@
 
 use pulp::Arch;
 
-use crate::accel::eights::{number, vector};
+use crate::accel::eights::{number, sum_of, vector, weight};
 use crate::accel::{LANES, Machine, Task, dispatch};
 use crate::cube::*;
 use crate::model::V3;
@@ -182,12 +182,6 @@ fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn weight(weights: &[u32], i: usize) -> f32 {
-    f32::from_bits(weights[i])
-}
-
 /// Puts a child on the stack, which is come to with a probability, given by its inverse.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
@@ -279,16 +273,6 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
         }
     }
     edge_of_leaf(tree, &room[KEPT..STACK], kept, total, random.number)
-}
-
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn sum_of(weights: &[u32]) -> f32 {
-    let a = weight(weights, 0) + weight(weights, 4);
-    let b = weight(weights, 2) + weight(weights, 6);
-    let c = weight(weights, 1) + weight(weights, 5);
-    let d = weight(weights, 3) + weight(weights, 7);
-    (a + b) + (c + d)
 }
 
 /// An edge of the leaf that stays, in proportion to its weight.
