@@ -3,6 +3,7 @@
 
 mod build;
 mod candidates;
+pub(crate) mod eights;
 mod gather;
 #[cfg(feature = "wgpu")]
 mod gpu;
@@ -21,5 +22,5 @@ pub(crate) use hierarchy::Hierarchy;
 pub use hierarchy::HierarchyCache;
 pub(crate) use hits::{Hit, HitRay, NOTHING};
 pub(crate) use overlaps::Overlaps;
-pub(crate) use simd::{F8, LANES, Lanes, Machine, Mask8, Task, dispatch};
+pub(crate) use simd::{LANES, Machine, Task, dispatch};
 pub(crate) use triangle::HostTriangle;

@@ -5,9 +5,9 @@ use crate::cube::*;
 
 use super::Derivatives;
 use super::crossing::{Line, line_of_crossing};
-use super::edge_layout::{EDGES, IS_CROSSING, OBJECT_OF_EDGE, OF_EDGE, OF_EDGES, ROWS_OF_EDGE};
-use super::edge_tree::draw_edge;
-use super::edge_weights::Query;
+use super::edge_layout::{
+    EDGES, IS_CROSSING, OBJECT_OF_EDGE, OF_EDGE, OF_EDGES, ROWS_OF_EDGE, root_of,
+};
 use super::hit::Unseen;
 use super::holes::is_open_at;
 use super::layout::{FIRST_SUMS, NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
@@ -16,8 +16,11 @@ use super::reading::weights_in;
 use super::sums::{Totals, VELOCITIES, VERTICES};
 use super::surface::displacement;
 use super::surface_backward::{add_to_corners, is_wanted};
+use crate::kernel::{DrawnEdge, NO_EDGE, draw_edge};
 use crate::model::bsdf::Shading;
+use crate::model::choice::decided_by;
 use crate::model::edge::{half_plane, is_above};
+use crate::model::edge_weight::Query;
 use crate::model::segment::{clip_to_cone, point_by_angle};
 use crate::model::{V3, splat};
 
@@ -107,14 +110,14 @@ pub(super) fn edge_point(
     v: f32,
     #[comptime] of: Derivatives,
 ) -> EdgePoint {
-    let nodes = comptime!(of.edge_nodes);
-    let drawn = draw_edge(scene, room, tree, query, u, v, nodes);
+    let root = root_of(scene, tree, comptime!(of.edge_nodes));
+    let drawn: DrawnEdge = draw_edge(&root, room, query, decided_by(u, v));
     let mut index = 0u32;
-    if drawn.edge != NONE {
+    if drawn.edge != NO_EDGE {
         index = drawn.edge;
     }
     let mut p = edge_of(scene, index, query.time);
-    if drawn.edge != NONE && p.exists {
+    if drawn.edge != NO_EDGE && p.exists {
         let a = p.a + shift_of(scene, p.faces.a, query.time) - query.x;
         let part = clip_to_cone(a, p.along, query.axis, query.cos);
         if part.from < part.to {

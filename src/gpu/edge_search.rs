@@ -5,7 +5,6 @@ use crate::cube::*;
 
 use super::Derivatives;
 use super::edge_layout::{GROUP_STRIDE, GROUPS, OF_GROUP, OF_GROUPS};
-use super::edge_weights::Query;
 use super::emitter_choice::{GroupChoice, choose_group, site};
 use super::layout::{BOUNCES, CONE};
 use super::light::Site;
@@ -15,6 +14,7 @@ use super::surface::Point;
 use crate::model::V3;
 use crate::model::bsdf::Lobe;
 use crate::model::cone::widened;
+use crate::model::edge_weight::Query;
 use crate::model::frame::SinCos;
 use crate::sampling::{Dimensions, Stream};
 

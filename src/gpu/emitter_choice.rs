@@ -1,19 +1,18 @@
-//! The choice of an emitter that a point is connected to: `sampling/emitters` in a kernel of a GPU.
+//! The choice of an emitter that a point is connected to.
 
 use crate::cube::*;
 
 use super::edge_layout::{GROUP_OF_EMITTERS, OF_GROUP, OF_GROUPS};
-use super::finite::is_positive;
-use super::layout::{EMISSIVE_COUNT, EMITTER_COUNT, EMITTERS, FIXED_SUMS, NONE};
+use super::layout::{EMISSIVE_COUNT, EMITTER_COUNT, EMITTERS, FIXED, NONE};
 use super::light::{
-    Choice, EmitterHit, Site, delta_light, emitter, hits_emitter, is_light, no_emitter_hit,
+    EmitterHit, Site, delta_light, emitter, hits_emitter, is_light, no_emitter_hit,
 };
-use super::light_tree::{chance_in_tree, choose_in_tree, next_hit_in_tree, share_of_distant};
-use super::reading::{Scene, first_over};
+use super::light_tree::{fixed_of, light_tree_of, next_hit_in_tree};
+use super::reading::Scene;
 use crate::model::V3;
-use crate::model::choice::MOST;
+use crate::model::choice::{MOST, is_positive};
 use crate::model::triangle::solid_angle;
-use crate::sampling::BY_POWER;
+use crate::sampling::{BY_POWER, Chosen};
 
 /// A point with a normal.
 #[cube]
@@ -27,7 +26,7 @@ pub(super) fn site(scene: &Scene, position: V3, normal: V3, time: f32) -> Site {
         }
     }
     if comptime!(scene.features.by_tree) {
-        sum = share_of_distant(scene, position, normal);
+        sum = light_tree_of(scene).share_of_distant(position, normal);
     }
     Site {
         position,
@@ -40,7 +39,7 @@ pub(super) fn site(scene: &Scene, position: V3, normal: V3, time: f32) -> Site {
 /// Radiance times the solid angle under which a point sees an emitter; about the irradiance by a light without extent.
 #[cube]
 fn seen_from(scene: &Scene, k: u32, x: V3, time: f32) -> f32 {
-    let brightness = scene.floats[(scene.header[EMITTERS] + 2 * k) as usize];
+    let brightness = scene.floats[(scene.header[EMITTERS] + k) as usize];
     let mut seen = 0.0f32;
     if is_light(scene, k) {
         if comptime!(scene.features.lights) {
@@ -55,7 +54,7 @@ fn seen_from(scene: &Scene, k: u32, x: V3, time: f32) -> f32 {
 
 #[cube]
 fn fixed(scene: &Scene, k: u32) -> f32 {
-    scene.floats[(scene.header[EMITTERS] + 2 * k + 1) as usize]
+    scene.floats[(scene.header[FIXED] + k) as usize]
 }
 
 /// The probability of an emitter.
@@ -70,8 +69,9 @@ pub(super) fn chance(scene: &Scene, k: u32, at: &Site) -> f32 {
         }
     }
     if comptime!(scene.features.by_tree) {
-        let own = chance_in_tree(scene, k, false, at);
-        p = (1.0 - BY_POWER) * own + BY_POWER * fixed;
+        let mut room = Array::<u32>::new(8usize);
+        let room = room.as_mut_slice();
+        p = light_tree_of(scene).chance(k, at.sum, at.position, at.normal, room);
     }
     p
 }
@@ -86,14 +86,18 @@ pub(super) struct GroupChoice {
 /// Chooses a group.
 #[cube]
 pub(super) fn choose_group(scene: &Scene, u: f32, at: &Site) -> GroupChoice {
-    let choice: Choice = choose(scene, u, at);
+    let choice: Chosen = choose(scene, u, at);
     let group = scene.words[(scene.header[GROUP_OF_EMITTERS] + choice.emitter) as usize];
     let row = (scene.header[OF_GROUPS] + OF_GROUP * group) as usize;
     let mut k = scene.words[row];
     let past = k + scene.words[row + 1];
     let mut p = 0.0f32;
     if comptime!(scene.features.by_tree) {
-        p = (1.0 - BY_POWER) * chance_in_tree(scene, k, true, at);
+        let mut room = Array::<u32>::new(8usize);
+        let room = room.as_mut_slice();
+        let tree = light_tree_of(scene);
+        let by_place = tree.chance_by_place(k, true, at.sum, at.position, at.normal, room);
+        p = (1.0 - BY_POWER) * by_place;
     }
     while k < past {
         if comptime!(scene.features.by_tree) {
@@ -108,52 +112,27 @@ pub(super) fn choose_group(scene: &Scene, u: f32, at: &Site) -> GroupChoice {
 
 /// Chooses an emitter.
 #[cube]
-pub(super) fn choose(scene: &Scene, u: f32, at: &Site) -> Choice {
-    let mut choice = Choice {
+pub(super) fn choose(scene: &Scene, u: f32, at: &Site) -> Chosen {
+    let mut choice = Chosen {
         emitter: 0u32,
         chance: 1.0f32,
         rest: u,
     };
     if comptime!(scene.features.by_tree) {
-        if u < BY_POWER {
-            choice = choose_by_sums(scene, (u / BY_POWER).min(MOST));
-        } else {
-            let rest = ((u - BY_POWER) / (1.0 - BY_POWER)).min(MOST);
-            choice = choose_in_tree(scene, rest, at);
-        }
-        choice.chance = chance(scene, choice.emitter, at);
+        let mut room = Array::<u32>::new(8usize);
+        let room = room.as_mut_slice();
+        choice = light_tree_of(scene).choose(u, at.sum, at.position, at.normal, room);
     } else if comptime!(scene.features.by_sums) {
-        choice = choose_by_sums(scene, u);
+        choice = fixed_of(scene).choose(u);
     } else {
         choice = choose_of_few(scene, u, at);
     }
     choice
 }
 
-/// One of many, with probabilities that do not depend on the point.
-#[cube]
-fn choose_by_sums(scene: &Scene, u: f32) -> Choice {
-    let first = scene.header[FIXED_SUMS];
-    let mut k = first_over(scene.floats, first, scene.header[EMITTER_COUNT], 1u32, u);
-    // Rounding may leave the sum a little under 1: then the last that can be is taken.
-    while k > 0 && fixed(scene, k) <= 0.0 {
-        k -= 1;
-    }
-    let p = fixed(scene, k);
-    let mut before = 0.0f32;
-    if k > 0 {
-        before = scene.floats[(first + k - 1) as usize];
-    }
-    Choice {
-        emitter: k,
-        chance: p,
-        rest: ((u - before) / p).max(0.0).min(MOST),
-    }
-}
-
 /// One of so few that all are looked at.
 #[cube]
-fn choose_of_few(scene: &Scene, u: f32, at: &Site) -> Choice {
+fn choose_of_few(scene: &Scene, u: f32, at: &Site) -> Chosen {
     let count = scene.header[EMITTER_COUNT];
     let mut k = 0u32;
     let mut passed = 0.0f32;
@@ -174,7 +153,7 @@ fn choose_of_few(scene: &Scene, u: f32, at: &Site) -> Choice {
         passed += p;
         k += 1;
     }
-    Choice {
+    Chosen {
         emitter,
         chance: own,
         rest: ((u - before) / own).max(0.0).min(MOST),

@@ -3,9 +3,9 @@
 use crate::cube::*;
 use rayon::prelude::*;
 
-use super::reading::first_over;
 use crate::kernel::{Piece, View};
 use crate::model::film::BLOCK;
+use crate::model::lists::first_over;
 
 /// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
 /// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to [`WHOLE`].

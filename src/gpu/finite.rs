@@ -3,8 +3,7 @@
 
 use burn::cubecl::{self, prelude::*};
 
-/// The bits of an infinite number.
-pub(super) const INFINITY: u32 = 0x7f80_0000;
+use crate::model::choice::INFINITY;
 
 /// The bits of |x|, which have the order of the numbers; those of NaN are above all others.
 #[cube]
@@ -23,13 +22,6 @@ pub(super) fn is_nonzero(x: f32) -> bool {
     magnitude(x) > 0
 }
 
-/// Whether it is above 0 and finite.
-#[cube]
-pub(super) fn is_positive(x: f32) -> bool {
-    let bits = x.to_bits();
-    bits > 0 && bits < INFINITY
-}
-
 /// NaN, from the bits of any number: WGSL has no constant that is NaN.
 #[cube]
 pub(super) fn not_a_number(any: f32) -> f32 {
@@ -39,6 +31,7 @@ pub(super) fn not_a_number(any: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::choice::is_positive;
 
     #[test]
     fn bits_tell_what_comparisons_tell() {

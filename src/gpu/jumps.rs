@@ -5,7 +5,7 @@
 use crate::cube::*;
 
 use super::camera::{Beginning, sampler};
-use super::edge_layout::{EDGE_TREES, LEAF_COUNT, OF_TREE, SEED_OF_EDGES, SEED_OF_SIDES};
+use super::edge_layout::{COUNT, EDGE_TREES, OF_TREE, SEED_OF_EDGES, SEED_OF_SIDES};
 use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
 use super::edge_search::{Observer, search};
 use super::finite::is_nonzero;
@@ -164,7 +164,7 @@ pub(super) fn jumps_seen_from(
         if !s.moves {
             tree = EDGE_TREES + OF_TREE;
         }
-        if s.asked && scene.header[tree + LEAF_COUNT] > 0 {
+        if s.asked && scene.header[tree + COUNT] > 0 {
             let p = edge_point(
                 scene, edge_room, tree, &s.query, &shading, s.u, s.v, sums.of,
             );

@@ -35,7 +35,7 @@ pub(super) const NORMALS: usize = 21;
 pub(super) const MATERIALS: usize = 22;
 pub(super) const OF_MATERIALS: usize = 23;
 pub(super) const TEXELS: usize = 24;
-/// Words: triangles of emitters. Floats: brightness and fixed probability of each, and of lights without extent.
+/// Words: triangles of emitters. Floats: brightness of each, and of lights without extent.
 pub(super) const EMITTERS: usize = 25;
 pub(super) const OF_EMITTERS: usize = 26;
 pub(super) const EMITTER_COUNT: usize = 27;
@@ -75,10 +75,11 @@ pub(super) const LIGHTS: usize = 88;
 pub(super) const LIGHT_BITS: usize = 89;
 /// The number of triangles among emitters; lights without extent follow them.
 pub(super) const EMISSIVE_COUNT: usize = 90;
-/// Floats: sums of the fixed probabilities of emitters, where these are many.
+/// Floats: fixed probabilities of emitters, and sums of these, where they are many.
+pub(super) const FIXED: usize = 102;
 pub(super) const FIXED_SUMS: usize = 91;
-/// A tree over emitters. Floats: [`OF_LIGHT_TREE`] for each of eight branches of a node, then for all of them. Words:
-/// [`OF_LIGHT_NODE`] for each node, and two for each emitter (`FlatLights`).
+/// A tree over emitters ([`LightTree`](crate::sampling::LightTree)). Floats: its branches. Words: its nodes, and the
+/// places of emitters.
 pub(super) const LIGHT_BRANCHES: usize = 92;
 pub(super) const LIGHT_NODES: usize = 93;
 pub(super) const LIGHT_NODE_COUNT: usize = 94;
@@ -109,8 +110,6 @@ pub(super) const OF_MATERIAL: usize = 24;
 /// The texture of a material's normal map among its words.
 pub(super) const NORMAL_MAP: usize = 17;
 pub(super) const OF_LIGHT: usize = 11;
-pub(super) const OF_LIGHT_TREE: usize = 14;
-pub(super) const OF_LIGHT_NODE: usize = 11;
 /// Texture coordinates of the corners of a triangle with a mask, and the alpha under which it has a hole.
 pub(super) const OF_MASKED: usize = 8;
 /// A child that is a leaf.

@@ -86,14 +86,6 @@ pub(super) struct Site {
     pub sum: f32,
 }
 
-/// An emitter that was chosen, its probability, and what is left of the random number.
-#[apply(record!)]
-pub(super) struct Choice {
-    pub emitter: u32,
-    pub chance: f32,
-    pub rest: f32,
-}
-
 /// An emitter whose front a ray hits, as if nothing were in between, or [`NONE`], and the point's weights
 /// of the corners b and c.
 #[apply(record!)]

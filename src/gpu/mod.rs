@@ -27,8 +27,6 @@ mod device;
 mod edge_layout;
 mod edge_point;
 mod edge_search;
-mod edge_tree;
-mod edge_weights;
 mod emitter_choice;
 mod film;
 mod film_table;
@@ -66,7 +64,7 @@ mod texture_backward;
 
 use burn::cubecl::{self, prelude::*};
 
-use crate::kernel::{KernelScene, Material, View};
+use crate::kernel::{KernelScene, Material, ROOM, View};
 use crate::model::bsdf::Models;
 use crate::model::sky::Sky;
 use crate::sampling::Sequence;
@@ -74,8 +72,6 @@ pub(crate) use batch::gradient_of;
 use camera::begin;
 pub(crate) use counts::counts_of;
 pub(crate) use device::check;
-use edge_layout::{EDGE_TREES, NODE_COUNT};
-use edge_tree::ROOM;
 pub(crate) use job::Job;
 pub(crate) use launch::trace;
 use layout::{COUNTED, NONE, UNIT};
@@ -144,8 +140,8 @@ impl Features {
             emitters: !scene.emitters.is_empty(),
             lights: !scene.emitters.lights().is_empty(),
             by_solid_angle: scene.emitters.by_solid_angle(),
-            by_tree: scene.emitters.by_tree(),
-            by_sums: scene.emitters.running_sums().is_some(),
+            by_tree: scene.emitters.tree().is_some(),
+            by_sums: scene.emitters.by_sums(),
             combined: view.combined,
             sky_constant: matches!(scene.sky, Sky::Constant(_)),
             sky_map: scene.sky.map().is_some(),
@@ -191,13 +187,13 @@ pub(crate) struct Derivatives {
 }
 
 impl Derivatives {
-    fn of(view: &View, packed: &PackedScene) -> Self {
+    fn of(view: &View) -> Self {
         let wanted = &view.wanted;
         let jumps = view.has_edges && !view.dark;
         Self {
             turns: wanted.turns(),
             jumps,
-            edge_nodes: packed.header[EDGE_TREES + NODE_COUNT] > 0,
+            edge_nodes: (view.edge_sets.as_ref()).is_some_and(|e| e.seen_by(true).has_nodes),
             grouped: view.scene.emitters.groups.len() > 1,
             edge_room: if jumps { ROOM } else { 1 },
             rays: wanted.rays,

@@ -59,7 +59,7 @@ pub(crate) fn pack(views: &[&View]) -> Vec<(Range<usize>, Packed)> {
     };
     let kernels = |v: usize| {
         let features = Features::of(views[v], scene(v));
-        (features, Derivatives::of(views[v], scene(v)))
+        (features, Derivatives::of(views[v]))
     };
     let mut groups = Vec::new();
     let mut first = 0;

@@ -73,23 +73,23 @@ impl PackedScene {
             }
             self.floats.extend([light.cos_inner, light.cos_outer]);
         }
-        if let Some(sums) = emitters.running_sums() {
+        if emitters.by_sums() {
             self.floats_at(FIXED_SUMS);
-            self.floats.extend(sums);
+            self.floats.extend(emitters.by_power().sums);
         }
-        if let Some(tree) = emitters.flat() {
+        if let Some(tree) = emitters.tree() {
             self.floats_at(LIGHT_BRANCHES);
-            self.floats.extend(tree.branches.iter().flatten());
-            self.header[LIGHT_NODE_COUNT] = tree.nodes.len() as u32;
+            self.floats.extend(tree.branches);
+            self.header[LIGHT_NODE_COUNT] = tree.count;
             self.words_at(LIGHT_NODES);
-            self.words.extend(tree.nodes.iter().flatten());
+            self.words.extend(tree.nodes);
             self.words_at(LIGHT_PLACES);
-            self.words.extend(tree.places.iter().flatten());
-            self.header[DISTANT_COUNT] = tree.distant.len() as u32;
+            self.words.extend(tree.places);
+            self.header[DISTANT_COUNT] = tree.distant_count;
             self.words_at(DISTANT);
-            self.words.extend(&tree.distant);
+            self.words.extend(tree.distant);
             self.floats_at(DISTANT_SUMS);
-            self.floats.extend(&tree.sums);
+            self.floats.extend(tree.sums);
             self.floats_at(DISTANT_AXES);
             self.floats.extend(tree.axes);
         }

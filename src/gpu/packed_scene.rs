@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use super::layout::{
-    BOXES, CHILDREN, COMPENSATED, COUNTED, EMISSIVE_COUNT, EMITS, EMITTER_COUNT, EMITTERS, GLOSSY,
-    HEADER, HIT_COUNT, HIT_NUMBERS, HITS, LEAVES, MATERIALS, MODEL, NONE, NORMALS, OF_EMITTERS,
-    OF_MATERIAL, OF_MATERIALS, OF_TRIANGLES, REFLECTS, ROOT, SKY, SKY_CHANCES, SKY_COLUMNS,
-    SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SURFACES, TEXELS, UVS, VELOCITIES, VERTEX_CORNERS,
-    VERTEX_ROWS, VERTEX_STARTS, WANTED_OBJECTS,
+    BOXES, CHILDREN, COMPENSATED, COUNTED, EMISSIVE_COUNT, EMITS, EMITTER_COUNT, EMITTERS, FIXED,
+    GLOSSY, HEADER, HIT_COUNT, HIT_NUMBERS, HITS, LEAVES, MATERIALS, MODEL, NONE, NORMALS,
+    OF_EMITTERS, OF_MATERIAL, OF_MATERIALS, OF_TRIANGLES, REFLECTS, ROOT, SKY, SKY_CHANCES,
+    SKY_COLUMNS, SKY_HEIGHT, SKY_ROWS, SKY_WIDTH, SURFACES, TEXELS, UVS, VELOCITIES,
+    VERTEX_CORNERS, VERTEX_ROWS, VERTEX_STARTS, WANTED_OBJECTS,
 };
 use crate::accel::GpuTree;
 use crate::kernel::View;
@@ -203,10 +203,10 @@ impl PackedScene {
         let triangles = emitters.all().map(|k| emitters.get(k).triangle);
         self.words.extend(triangles);
         self.floats_at(EMITTERS);
-        for k in 0..count {
-            let numbers = [emitters.brightness(k), emitters.fixed[k]];
-            self.floats.extend(numbers);
-        }
+        self.floats
+            .extend((0..count).map(|k| emitters.brightness(k)));
+        self.floats_at(FIXED);
+        self.floats.extend(&emitters.fixed);
     }
 
     fn add_sky(&mut self, view: &View) {

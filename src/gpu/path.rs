@@ -9,7 +9,7 @@ use super::camera::Beginning;
 use super::emitter_choice::{chance, choose, next_emitter_hit, site};
 use super::hit::{Hit, Ray, see_all, trace};
 use super::layout::{BOUNCES, CONE, NONE, ROULETTE_AFTER};
-use super::light::{Choice, Site};
+use super::light::Site;
 use super::light::{map_of, sky};
 use super::reading::Scene;
 use super::records::{
@@ -22,7 +22,7 @@ use crate::model::bsdf::Scatter;
 use crate::model::cone::{bend, lifted};
 use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
-use crate::sampling::Dimensions;
+use crate::sampling::{Chosen, Dimensions};
 
 /// The surface that a camera ray sees, and the light that its path brings back.
 #[apply(record!)]
@@ -303,7 +303,7 @@ pub(super) fn path_light(
             let x = from.point.position;
             let at: Site = from.site(time);
             if purpose == TO_EMITTER {
-                let choice: Choice = choose(scene, emitter_u, &at);
+                let choice: Chosen = choose(scene, emitter_u, &at);
                 k = choice.emitter;
                 p = choice.chance;
                 weights = uniform_point(choice.rest, emitter_v);

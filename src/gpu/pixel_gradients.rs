@@ -7,10 +7,11 @@ use super::Outputs;
 use super::film_table::{
     BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, view_of,
 };
-use super::finite::{is_finite, is_nonzero, is_positive};
+use super::finite::{is_finite, is_nonzero};
 use super::layout::{FLOAT_HEADER, HEIGHT, NONE, WIDTH};
 use super::passes::upstream_of;
 use super::sums::TYPICAL;
+use crate::model::choice::is_positive;
 use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
 
 /// Numbers of a cell, and of a row of cells: how much the loss depends on their pixels, how many of these it asks for,

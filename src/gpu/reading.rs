@@ -5,7 +5,7 @@ use burn::cubecl::{self, prelude::*};
 use super::Features;
 use super::layout::{FLOAT_HEADER, HEADER, SURFACE_STRIDE, SURFACES, TABLES};
 use crate::model::V3;
-pub(super) use crate::model::lists::{first_over, vector};
+pub(super) use crate::model::lists::vector;
 use crate::model::triangle::weights_at;
 
 /// A scene as a camera sees it, as two lists ([`layout`](super::layout)), and what kernels of it are compiled for.

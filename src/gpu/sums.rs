@@ -9,8 +9,9 @@
 use burn::cubecl::{self, prelude::*};
 
 use super::Derivatives;
-use super::finite::{INFINITY, is_nonzero, magnitude, not_a_number};
+use super::finite::{is_nonzero, magnitude, not_a_number};
 use crate::model::V3;
+use crate::model::choice::INFINITY;
 use crate::model::integers::total;
 
 /// Parts of a scene, each with a power of two of its own.

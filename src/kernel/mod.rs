@@ -32,7 +32,7 @@ pub(crate) use camera::HostCamera;
 pub(crate) use delta_sums::DeltaSums;
 pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]
-pub(crate) use edges::FlatTree;
+pub(crate) use edges::{DrawnEdge, Kind, NO_EDGE, ROOM, Root, draw_edge};
 #[cfg(feature = "wgpu")]
 pub(crate) use gradient::{CameraSums, Part, Rows};
 pub(crate) use gradient::{Sums, Wanted};

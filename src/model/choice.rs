@@ -27,6 +27,17 @@ pub(crate) struct Decision {
 /// The share of a number's range that is used up, at most.
 const LEAST: f32 = 1.0 / 256.0;
 pub(crate) const MOST: f32 = 1.0 - f32::EPSILON;
+/// The bits of an infinite number.
+pub(crate) const INFINITY: u32 = 0x7f80_0000;
+
+/// Whether a sum of weights is above 0 and finite: by its bits, since compilers of shaders may assume that all numbers
+/// are finite.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn is_positive(x: f32) -> bool {
+    let bits = x.to_bits();
+    bits > 0 && bits < INFINITY
+}
 
 /// The number u; a second one, independent of it, tells hashes of samples with the same u apart.
 #[cfg_attr(feature = "wgpu", cube)]

@@ -8,7 +8,7 @@ mod strategies;
 mod stream;
 
 #[cfg(feature = "wgpu")]
-pub(crate) use emitters::{BY_POWER, GRAZING, INSIDE, SPREAD};
+pub(crate) use emitters::{BY_POWER, Chosen, Fixed, GRAZING, LightTree};
 pub(crate) use emitters::{Emitter, EmitterHit, Emitters, Met, Receiver};
 pub(crate) use numbers::{Numbers, RUN, Run};
 pub(crate) use sampler::Sampler;

@@ -26,7 +26,6 @@ impl Machine for pulp::x86::V3 {
         mul_add(a, b, c) = fma._mm256_fmadd_ps;
         min(a, b) = avx._mm256_min_ps;
         max(a, b) = avx._mm256_max_ps;
-        sqrt(a) = avx._mm256_sqrt_ps;
         and(a, b) = avx._mm256_and_ps;
         or(a, b) = avx._mm256_or_ps;
     }

@@ -26,7 +26,6 @@ pub(crate) trait Machine: Copy {
     /// b where one is not a number.
     fn min(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    fn sqrt(self, a: Self::Floats) -> Self::Floats;
     fn abs(self, a: Self::Floats) -> Self::Floats;
     /// a < b, false where one is not a number.
     fn less(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
@@ -87,13 +86,6 @@ impl<M: Machine> F8<M> {
     pub fn least(self) -> f32 {
         self.machine.least(self.floats)
     }
-
-    /// The sum of all lanes.
-    #[inline(always)]
-    pub fn sum(self) -> f32 {
-        let a = self.lanes();
-        ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]))
-    }
 }
 
 /// Operations of a machine on the numbers of a type.
@@ -118,7 +110,6 @@ operations! { F8, floats:
     div(b);
     min(b);
     max(b);
-    sqrt();
     abs();
 }
 

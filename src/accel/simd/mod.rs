@@ -7,7 +7,7 @@ mod plain;
 
 use pulp::Arch;
 
-pub(crate) use float8::{F8, LANES, Lanes, Machine, Mask8};
+pub(crate) use float8::{F8, LANES, Lanes, Machine};
 use plain::Plain;
 
 /// Something to do in code for what the machine has. Not a closure: those that only borrow go through a

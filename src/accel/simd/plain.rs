@@ -39,7 +39,6 @@ impl<const FUSED: bool> Machine for Plain<FUSED> {
         div(a: Floats, b: Floats) -> Floats = |i| a[i] / b[i];
         min(a: Floats, b: Floats) -> Floats = |i| if a[i] < b[i] { a[i] } else { b[i] };
         max(a: Floats, b: Floats) -> Floats = |i| if a[i] > b[i] { a[i] } else { b[i] };
-        sqrt(a: Floats) -> Floats = |i| a[i].sqrt();
         abs(a: Floats) -> Floats = |i| a[i].abs();
         less(a: Floats, b: Floats) -> Mask = |i| a[i] < b[i];
         and(a: Mask, b: Mask) -> Mask = |i| a[i] & b[i];

@@ -3,13 +3,13 @@
 use super::edge_point::Observer;
 use crate::accel::{HitRay, NOTHING};
 use crate::kernel::delta_lights::up_to_light;
-use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
 use crate::model::V3;
 use crate::model::cone::{Bend, cone_density, widened};
 use crate::model::edge::{direction_jump, mirrored};
+use crate::model::edge_weight::Query;
 use crate::model::frame::SinCos;
 
 impl View {
@@ -47,7 +47,7 @@ impl View {
             exponent: 0.0,
             shadows: true,
         };
-        let Some(p) = self.edge_point(o, tree, &query, numbers) else {
+        let Some(p) = self.edge_point(o, &tree, &query, numbers) else {
             return;
         };
         let normal = point.shading.outer(seen.direction);

@@ -4,13 +4,14 @@
 use glam::DVec3;
 
 use crate::accel::{Hit, HitRay, NOTHING};
-use crate::kernel::edges::{Edge, EdgeSets, FACES, Kind, Query, Root};
+use crate::kernel::edges::{Edge, EdgeSets, FACES, Kind, Root};
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::{Point, PointGradient};
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Vertex, Walk, Walks};
 use crate::model::choice::decided_by;
 use crate::model::edge::{DirectionJump, TOUCHING, half_plane, is_above};
+use crate::model::edge_weight::Query;
 use crate::model::segment::{OnSegment, clip_to_cone, point_by_angle};
 use crate::model::triangle::barycentric;
 use crate::model::{Pair, V2, V3};
@@ -48,7 +49,7 @@ impl View {
     pub(super) fn edge_point(
         &self,
         o: &Observer,
-        tree: Root,
+        tree: &Root,
         query: &Query,
         [u, v]: [f32; 2],
     ) -> Option<EdgePoint> {

@@ -3,7 +3,6 @@
 use super::edge_point::Sides;
 use super::edge_point::{EdgePoint, Observer};
 use crate::accel::{Hit, NOTHING};
-use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
@@ -11,6 +10,7 @@ use crate::kernel::walk::Path;
 use crate::kernel::walk::Work;
 use crate::model::V3;
 use crate::model::edge::direction_jump;
+use crate::model::edge_weight::Query;
 use crate::sampling::Dimensions;
 
 /// The probability with which edges of reflected light are looked for at a point of a path that counts as
@@ -67,7 +67,7 @@ impl View {
             exponent: lobe.exponent,
             shadows: false,
         };
-        let Some(p) = self.edge_point(o, tree, &query, [u, v]) else {
+        let Some(p) = self.edge_point(o, &tree, &query, [u, v]) else {
             return;
         };
         let view = p.to.normalize();

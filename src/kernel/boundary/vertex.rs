@@ -2,7 +2,6 @@
 
 use super::edge_point::{EdgePoint, Observer};
 use crate::accel::{HitRay, NOTHING};
-use crate::kernel::edges::Query;
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
@@ -10,6 +9,7 @@ use crate::kernel::walk::{Path, Vertex, Work};
 use crate::model::V3;
 use crate::model::cone::{up_to_plane, widened};
 use crate::model::edge::{DirectionJump, direction_jump};
+use crate::model::edge_weight::Query;
 use crate::model::frame::SinCos;
 use crate::sampling::{Dimensions, EmitterHit};
 
@@ -109,7 +109,7 @@ impl View {
         }
         let carried = o.carried * (1.0 / rate) * (1.0 / chance);
         let query = self.group_query(o, group);
-        let Some(p) = self.edge_point(o, tree, &query, [u, v]) else {
+        let Some(p) = self.edge_point(o, &tree, &query, [u, v]) else {
             return;
         };
         let view = p.to.normalize();

@@ -1,8 +1,82 @@
 //! Bounds of edges: a sphere, a cone of normals, and what jumps.
 
-use super::Kind;
-use super::query::{EdgeList, Jumps};
+use rayon::prelude::*;
+
+use super::{Edge, Kind};
+use crate::kernel::scene::KernelScene;
+use crate::model::edge_weight::{Jumps, SeenEdge, Subtree};
 use crate::model::{V3, v3};
+
+/// Edges with the triangles that they belong to.
+pub(super) struct EdgeList<'a> {
+    pub edges: &'a [Edge],
+    pub scene: &'a KernelScene,
+    /// Their middles: trees are built by these.
+    middles: Vec<V3>,
+}
+
+impl<'a> EdgeList<'a> {
+    pub fn new(edges: &'a [Edge], scene: &'a KernelScene) -> Self {
+        let middles = edges.par_iter().map(|e| e.a + e.along * 0.5);
+        Self {
+            middles: middles.collect(),
+            edges,
+            scene,
+        }
+    }
+
+    /// The way of an edge over the shutter.
+    pub fn velocity(&self, e: &Edge) -> V3 {
+        let all = &self.scene.velocities;
+        all.as_ref().map_or(V3::ZERO, |v| v[e.object as usize])
+    }
+
+    pub fn middle(&self, index: u32) -> V3 {
+        self.middles[index as usize]
+    }
+
+    /// An edge as it is seen from the origin at the start of the shutter.
+    pub fn seen(&self, index: u32) -> SeenEdge {
+        let e = &self.edges[index as usize];
+        let [front, back] = self.normals(e);
+        SeenEdge {
+            to: self.middle(index),
+            half: 0.5 * e.along.length(),
+            along: e.along,
+            front,
+            back,
+            jumps: e.jumps(),
+        }
+    }
+
+    /// The normals of the first two faces; twice that of the only one.
+    fn normals(&self, e: &Edge) -> [V3; 2] {
+        let [first, second, ..] = e.faces;
+        let second = if second == u32::MAX { first } else { second };
+        [first, second].map(|k| self.scene.triangles[k as usize].normal)
+    }
+}
+
+impl Edge {
+    fn jumps(&self) -> Jumps {
+        let mut jumps = Jumps {
+            closed: f32::from(u8::from(self.closed)),
+            ..Jumps::default()
+        };
+        match self.kind {
+            Kind::Fold => {
+                jumps.fold = 1.0;
+                jumps.crease = self.crease;
+            }
+            Kind::Border => {
+                jumps.seen_always = 1.0;
+                jumps.passes_always = 1.0;
+            }
+            Kind::Crossing => jumps.seen_always = 1.0,
+        }
+        jumps
+    }
+}
 
 /// Bounds of some edges.
 #[derive(Clone, Copy)]
@@ -13,7 +87,7 @@ pub(super) struct Bounds {
     normals: V3,
     angle: f32,
     /// Jumps times lengths; where a fold is a silhouette, times the angle of the fold.
-    pub jumps: Jumps,
+    jumps: Jumps,
 }
 
 /// The direction of a sum of normals.
@@ -46,7 +120,7 @@ impl Bounds {
                 low = low.min(p);
                 high = high.max(p);
             }
-            let (length, own) = (e.along.length(), Jumps::of(e));
+            let (length, own) = (e.along.length(), e.jumps());
             jumps.seen_always += length * own.seen_always;
             jumps.passes_always += length * own.passes_always;
             jumps.crease += length * own.crease;
@@ -56,7 +130,7 @@ impl Bounds {
             let [n, m] = source.normals(e);
             normals += n + m;
             jumps.fold += e.along.length() * (n - m).length();
-            jumps.closed = jumps.closed.min(Jumps::of(e).closed);
+            jumps.closed = jumps.closed.min(e.jumps().closed);
         }
         let axis = direction(normals);
         let angles = folds().flat_map(|e| source.normals(e).map(|n| angle(n, axis)));
@@ -69,22 +143,17 @@ impl Bounds {
         }
     }
 
-    pub fn centre(&self) -> V3 {
-        (self.low + self.high) * 0.5
-    }
-
-    /// Of a sphere about the centre.
-    pub fn radius(&self) -> f32 {
-        (self.high - self.low).length() * 0.5 * (1.0 + 1e-5)
-    }
-
-    /// Of the cone of normals, and the cosine of its half-angle.
-    pub fn axis(&self) -> V3 {
-        direction(self.normals)
-    }
-
-    pub fn cos(&self) -> f32 {
-        self.angle.min(std::f32::consts::PI).cos()
+    pub fn subtree(&self) -> Subtree {
+        // With a margin for rounding.
+        let cos = self.angle.min(std::f32::consts::PI).cos() - 1e-5;
+        Subtree {
+            centre: (self.low + self.high) * 0.5,
+            radius: (self.high - self.low).length() * 0.5 * (1.0 + 1e-5),
+            axis: direction(self.normals),
+            cos,
+            sin: (1.0 - cos * cos).max(0.0).sqrt(),
+            jumps: self.jumps,
+        }
     }
 
     /// Of all, at least one.

@@ -1,34 +1,30 @@
 //! The edges at which visibility or colours jump, and the choice of one that is seen from a point.
 //!
-//! `meshes` finds those of meshes, `crossings` the lines in which triangles pass through each other; a `tree`
-//! draws one.
+//! `meshes` finds those of meshes, `crossings` the lines in which triangles pass through each other; `tree` is built over
+//! them, and `draw` draws one from it.
 
 mod bounds;
 mod crossings;
-#[cfg(feature = "wgpu")]
-mod flat;
+mod draw;
 mod meshes;
-mod node;
-mod query;
 mod tree;
 
 use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
 use crate::scene::HostScene;
+use bounds::EdgeList;
+pub(crate) use draw::Root;
 #[cfg(feature = "wgpu")]
-pub(crate) use flat::FlatTree;
-use query::EdgeList;
-pub(super) use query::Query;
+pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, draw_edge};
 use tree::EdgeTree;
-pub(super) use tree::Root;
 
 /// Faces of an edge, at most; if there are more, the others count as what lies behind.
 pub(in crate::kernel) const FACES: usize = 4;
 
 /// An edge, in inner coordinates at the start of the shutter.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::kernel) struct Edge {
+pub(crate) struct Edge {
     pub a: V3,
     /// The vector from a to b.
     pub along: V3,
@@ -60,7 +56,7 @@ impl Edge {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::kernel) enum Kind {
+pub(crate) enum Kind {
     /// An edge between two faces of opposite direction: it jumps where one is seen from the front, one from
     /// behind.
     Fold,
@@ -72,7 +68,7 @@ pub(in crate::kernel) enum Kind {
 
 /// Edges that something can jump at, and trees over them.
 pub(crate) struct EdgeSets {
-    pub(in crate::kernel) edges: Vec<Edge>,
+    pub(crate) edges: Vec<Edge>,
     all: EdgeTree,
     moving: Moving,
 }
@@ -83,14 +79,8 @@ enum Moving {
     All,
     /// One of its own.
     Own(EdgeTree),
-    /// In the tree over all, from node 1 and leaf 0 on: so many nodes and leaves.
-    Part(
-        #[cfg_attr(
-            not(feature = "wgpu"),
-            expect(dead_code, reason = "kernels of GPUs have it apart")
-        )]
-        [usize; 2],
-    ),
+    /// In the tree over all, from node 1 on.
+    Part,
 }
 
 impl EdgeSets {
@@ -110,10 +100,15 @@ impl EdgeSets {
             let own = EdgeTree::new(&source, moving);
             (EdgeTree::new(&source, numbers.collect()), Moving::Own(own))
         } else {
-            let (all, size) = EdgeTree::joint(&source, moving, others);
-            (all, Moving::Part(size))
+            (EdgeTree::joint(&source, moving, others), Moving::Part)
         };
         Self { all, moving, edges }
+    }
+
+    /// Whether a line of a crossing moves while the shutter is open.
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn any_apart(&self) -> bool {
+        self.edges.iter().any(|e| e.apart)
     }
 
     pub fn is_empty(&self) -> bool {
@@ -121,12 +116,11 @@ impl EdgeSets {
     }
 
     /// The tree over the edges that matter to rays: all to rays that move, else those that move.
-    pub(in crate::kernel) fn seen_by(&self, rays_move: bool) -> Root<'_> {
-        let (tree, node) = match &self.moving {
-            Moving::Own(own) if !rays_move => (own, 0),
-            Moving::Part(_) if !rays_move => (&self.all, 1),
-            _ => (&self.all, 0),
-        };
-        Root { tree, node }
+    pub(crate) fn seen_by(&self, rays_move: bool) -> Root<'_> {
+        match &self.moving {
+            Moving::Own(own) if !rays_move => own.root(0),
+            Moving::Part if !rays_move => self.all.root(1),
+            _ => self.all.root(0),
+        }
     }
 }

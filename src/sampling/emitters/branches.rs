@@ -1,7 +1,11 @@
-//! Emitters divided into branches of a tree: bounds of some of them, and where estimates of both halves are best.
+//! Emitters divided into branches of a tree where estimates of both halves are best, by bounds of their power, place and
+//! orientation.
 
+use super::tree::{BRANCH, IS_LEAF, OF_NODE, PARENT};
 use crate::accel::LANES;
+use crate::accel::eights::{Divide, NONE, Shape, set};
 use crate::model::V3;
+use crate::model::light_bounds::{Axes, Sphere};
 
 /// What a tree knows of an emitter.
 #[derive(Clone, Copy, Debug)]
@@ -18,65 +22,8 @@ pub(super) struct Item {
     pub alone: bool,
 }
 
-/// How the axes n of emitters lie, weighted by power.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Axes {
-    /// Their mean a.
-    pub mean: V3,
-    /// The mean of their products, M = E[n nᵀ]: xx, yy, zz, xy, xz, yz.
-    pub moments: [f32; 6],
-}
-
-impl Axes {
-    /// Of axes with their shares of the power; none where light goes in all directions.
-    pub fn new(all: impl Iterator<Item = (Option<V3>, f32)>) -> Self {
-        let mut this = Self::default();
-        for (axis, share) in all {
-            let products = match axis {
-                None => [4.0, 4.0, 4.0, 0.0, 0.0, 0.0],
-                Some(n) => {
-                    this.mean += n * share;
-                    let (
-                        V3 { x, y, z },
-                        V3 {
-                            x: x2,
-                            y: y2,
-                            z: z2,
-                        },
-                    ) = (n, n * n);
-                    [x2, y2, z2, x * y, x * z, y * z]
-                }
-            };
-            for (sum, product) in this.moments.iter_mut().zip(products) {
-                *sum += product * share;
-            }
-        }
-        this
-    }
-
-    /// About the mean of max(n·d, 0) = (n·d + |n·d|)/2, that is (a·d + √(dᵀM d))/2: nothing is under it. `spread` is what
-    /// directions differ by, squared.
-    #[inline(always)]
-    pub fn facing(&self, d: V3, spread: f32) -> f32 {
-        let [xx, yy, zz, xy, xz, yz] = self.moments;
-        let products = xx * d.x * d.x + yy * d.y * d.y + zz * d.z * d.z;
-        let crossed = xy * d.x * d.y + xz * d.x * d.z + yz * d.y * d.z;
-        let square = (products + 2.0 * crossed + spread).max(0.0);
-        (0.5 * (self.mean.dot(d) + square.sqrt())).max(0.0)
-    }
-}
-
-/// Some emitters: a sphere around them, their axes and power.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sphere {
-    pub centre: V3,
-    pub radius: f32,
-    pub axes: Axes,
-    pub power: f32,
-}
-
 impl Sphere {
-    pub fn new(items: &[Item]) -> Self {
+    pub(super) fn new(items: &[Item]) -> Self {
         let (low, high) = bounds(items);
         let power: f32 = items.iter().map(|i| i.power).sum();
         let axis = |i: &Item| (!i.all_round).then_some(i.axis);
@@ -87,29 +34,6 @@ impl Sphere {
             power,
         }
     }
-}
-
-/// Divides emitters into up to eight parts, of which the one whose estimate is worst is divided next.
-pub(super) fn parts(items: &mut [Item]) -> Vec<&mut [Item]> {
-    let cost = |part: &[Item]| match part.len() {
-        1 => -1.0,
-        _ => part
-            .iter()
-            .fold(Bin::EMPTY, |sum, i| sum.and(&Bin::of(i)))
-            .cost(),
-    };
-    let (mut costs, mut parts) = (vec![cost(items)], vec![items]);
-    while parts.len() < LANES {
-        let worst = (0..costs.len()).max_by(|&a, &b| costs[a].total_cmp(&costs[b]));
-        let Some(worst) = worst.filter(|&i| parts[i].len() > 1) else {
-            break;
-        };
-        costs.swap_remove(worst);
-        let (left, right) = split(parts.swap_remove(worst));
-        costs.extend([cost(left), cost(right)]);
-        parts.extend([left, right]);
-    }
-    parts
 }
 
 fn bounds(items: &[Item]) -> (V3, V3) {
@@ -183,53 +107,132 @@ impl Bin {
     }
 }
 
-/// Divides emitters in two where estimates of both halves are best.
-fn split(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
-    let middle = |item: &Item| ((item.low + item.high) * 0.5).to_array();
-    let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
-    for item in items.iter() {
-        for (axis, m) in middle(item).into_iter().enumerate() {
-            low[axis] = low[axis].min(m);
-            high[axis] = high[axis].max(m);
-        }
+/// Emitters are divided where estimates of both halves are best.
+struct ByEstimates;
+
+impl Divide<Item> for ByEstimates {
+    fn is_leaf(&self, items: &[Item]) -> bool {
+        items.len() == 1 || (items.len() <= LANES && !items.iter().any(|i| i.alone))
     }
-    let bin_of = |item: &Item, axis: usize| {
-        let place = (middle(item)[axis] - low[axis]) / (high[axis] - low[axis]);
-        ((place * BINS as f32) as usize).min(BINS - 1)
-    };
-    let mut best = (f32::INFINITY, 0, 0);
-    for axis in 0..3 {
-        if high[axis] <= low[axis] {
-            continue;
-        }
-        let mut bins = [Bin::EMPTY; BINS];
+
+    fn cost(&self, items: &[Item]) -> f32 {
+        let bins = items.iter().map(Bin::of);
+        bins.fold(Bin::EMPTY, |sum, bin| sum.and(&bin)).cost()
+    }
+
+    fn split<'a>(&self, items: &'a mut [Item]) -> [&'a mut [Item]; 2] {
+        let middle = |item: &Item| ((item.low + item.high) * 0.5).to_array();
+        let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
         for item in items.iter() {
-            let bin = &mut bins[bin_of(item, axis)];
-            *bin = bin.and(&Bin::of(item));
-        }
-        let mut after = [0.0; BINS];
-        let mut sum = Bin::EMPTY;
-        for i in (1..BINS).rev() {
-            sum = sum.and(&bins[i]);
-            after[i] = sum.cost();
-        }
-        let mut sum = Bin::EMPTY;
-        for i in 1..BINS {
-            sum = sum.and(&bins[i - 1]);
-            let cost = sum.cost() + after[i];
-            if cost < best.0 {
-                best = (cost, axis, i);
+            for (axis, m) in middle(item).into_iter().enumerate() {
+                low[axis] = low[axis].min(m);
+                high[axis] = high[axis].max(m);
             }
         }
+        let bin_of = |item: &Item, axis: usize| {
+            let place = (middle(item)[axis] - low[axis]) / (high[axis] - low[axis]);
+            ((place * BINS as f32) as usize).min(BINS - 1)
+        };
+        let mut best = (f32::INFINITY, 0, 0);
+        for axis in 0..3 {
+            if high[axis] <= low[axis] {
+                continue;
+            }
+            let mut bins = [Bin::EMPTY; BINS];
+            for item in items.iter() {
+                let bin = &mut bins[bin_of(item, axis)];
+                *bin = bin.and(&Bin::of(item));
+            }
+            let mut after = [0.0; BINS];
+            let mut sum = Bin::EMPTY;
+            for i in (1..BINS).rev() {
+                sum = sum.and(&bins[i]);
+                after[i] = sum.cost();
+            }
+            let mut sum = Bin::EMPTY;
+            for i in 1..BINS {
+                sum = sum.and(&bins[i - 1]);
+                let cost = sum.cost() + after[i];
+                if cost < best.0 {
+                    best = (cost, axis, i);
+                }
+            }
+        }
+        let (_, axis, bin) = best;
+        let mut count = 0;
+        if bin > 0 {
+            items.sort_by_key(|item| bin_of(item, axis) >= bin);
+            count = items.iter().filter(|item| bin_of(item, axis) < bin).count();
+        }
+        if count == 0 || count == items.len() {
+            count = items.len() / 2;
+        }
+        items.split_at_mut(count).into()
     }
-    let (_, axis, bin) = best;
-    let mut count = 0;
-    if bin > 0 {
-        items.sort_by_key(|item| bin_of(item, axis) >= bin);
-        count = items.iter().filter(|item| bin_of(item, axis) < bin).count();
+}
+
+/// The lists of a [`LightTree`](super::tree::LightTree).
+#[derive(Default)]
+pub(super) struct Lists {
+    pub branches: Vec<f32>,
+    pub nodes: Vec<u32>,
+    pub places: Vec<[u32; 2]>,
+}
+
+impl Lists {
+    /// Divides emitters, which are put into the order of the tree's leaves.
+    pub fn shape(items: &mut [Item]) -> Shape {
+        if items.is_empty() {
+            return Shape::default();
+        }
+        Shape::of(0, items, &ByEstimates)
     }
-    if count == 0 || count == items.len() {
-        count = items.len() / 2;
+
+    /// Of emitters that were divided, counted up to `count`.
+    pub fn new(shape: &Shape, items: &[Item], count: usize) -> Self {
+        let inner = shape.nodes.len();
+        // Leaves come after other nodes.
+        let node = |child: u32| child as usize / 2 + inner * (child as usize % 2);
+        let mut of_nodes = vec![0..0; inner];
+        of_nodes.extend_from_slice(&shape.leaves);
+        for (at, children) in shape.nodes.iter().enumerate().rev() {
+            let parts = children
+                .iter()
+                .filter(|c| **c != NONE)
+                .map(|&c| &of_nodes[node(c)]);
+            let first = parts.clone().map(|p| p.start).min();
+            let past = parts.map(|p| p.end).max();
+            of_nodes[at] = first.unwrap_or(0)..past.unwrap_or(0);
+        }
+        let mut lists = Self {
+            branches: vec![0.0; LANES * BRANCH * (of_nodes.len() + 1)],
+            nodes: vec![NONE; OF_NODE * of_nodes.len()],
+            places: vec![[NONE, 0]; count],
+        };
+        let blocks = lists.branches.chunks_mut(LANES * BRANCH);
+        for (at, block) in blocks.enumerate() {
+            let mut set = |i, items| set(block, i, Sphere::new(items).numbers());
+            let first = OF_NODE * at;
+            if at == of_nodes.len() {
+                set(0, items);
+            } else if at >= inner {
+                lists.nodes[first + IS_LEAF] = 1;
+                for (i, item) in items[of_nodes[at].clone()].iter().enumerate() {
+                    set(i, std::slice::from_ref(item));
+                    lists.nodes[first + i] = item.emitter;
+                    lists.places[item.emitter as usize] = [at as u32, i as u32];
+                }
+            } else {
+                lists.nodes[first + IS_LEAF] = 0;
+                let children = shape.nodes[at].iter().filter(|c| **c != NONE);
+                for (i, child) in children.map(|&c| node(c)).enumerate() {
+                    set(i, &items[of_nodes[child].clone()]);
+                    lists.nodes[first + i] = child as u32;
+                    let parent = OF_NODE * child + PARENT;
+                    lists.nodes[parent..parent + 2].copy_from_slice(&[at as u32, i as u32]);
+                }
+            }
+        }
+        lists
     }
-    items.split_at_mut(count)
 }

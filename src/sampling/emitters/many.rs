@@ -1,24 +1,25 @@
 //! The choice of one of many emitters, by a tree over those that are somewhere, beside directional lights.
 
-use super::branches::{Axes, Item};
+use pulp::Arch;
+
+use super::branches::{Item, Lists};
+use super::fixed::Chosen;
 use super::powers::{mean, running_sums};
-use super::tree::{LightTree, Met};
-use super::{BY_POWER, Emitter, EmitterGroup, Emitters, Receiver};
+use super::tree::{LightTree, OF_NODE};
+use super::{Emitter, EmitterGroup, Emitters, Receiver};
+use crate::accel::eights::NONE;
+use crate::accel::{LANES, Machine, Task, dispatch};
 use crate::model::V3;
+use crate::model::light_bounds::{Axes, Sphere};
 
-/// A tree over emitters, and directional lights. A share of [`BY_POWER`] is chosen by power, whatever the point.
+/// A tree over emitters, and directional lights: what a [`LightTree`] reads. What is called is compiled for the machine.
 pub(super) struct ManyEmitters {
-    /// None if all are directional.
-    pub(super) tree: Option<LightTree>,
-    /// Directional lights, and the sums of their strengths up to each.
-    pub(super) distant: Vec<u32>,
-    pub(super) sums: Vec<f32>,
-    /// The directions to them.
-    pub(super) axes: Axes,
+    arch: Arch,
+    tree: Lists,
+    distant: Vec<u32>,
+    sums: Vec<f32>,
+    axes: [f32; 9],
 }
-
-/// The greatest part of a number under 1.
-const MOST: f32 = 1.0 - f32::EPSILON;
 
 /// A triangle as an item of the tree.
 fn item(k: usize, e: &Emitter) -> Item {
@@ -59,39 +60,37 @@ impl ManyEmitters {
             });
         }
         let count = triangles + all.lights.len();
-        let (mut tree, leaves) = match items.is_empty() {
-            true => (None, Vec::new()),
-            false => {
-                let (tree, leaves) = LightTree::new(&mut items, count);
-                (Some(tree), leaves)
-            }
-        };
+        let shape = Lists::shape(&mut items);
         let old = all.list.clone();
         let old_chances = all.fixed.clone();
         let mut next = 0;
-        let mut new: Vec<u32> = (0..count as u32).collect();
-        let mut groups = Vec::with_capacity(leaves.len() + distant.len());
-        for leaf in leaves {
-            let mut group = EmitterGroup {
-                centre: leaf.centre,
-                radius: leaf.radius,
-                ..EmitterGroup::default()
-            };
-            for k in leaf.emitters {
-                if (k as usize) < triangles {
-                    all.list[next] = old[k as usize];
-                    all.fixed[next] = old_chances[k as usize];
-                    group.members.push(next as u32);
-                    new[k as usize] = next as u32;
-                    next += 1;
-                } else {
-                    group.members.push(k);
-                }
+        let mut groups = Vec::with_capacity(shape.leaves.len() + distant.len());
+        for leaf in shape.leaves.iter().rev() {
+            let items = &mut items[leaf.clone()];
+            let sphere = Sphere::new(items);
+            for item in items
+                .iter_mut()
+                .filter(|i| (i.emitter as usize) < triangles)
+            {
+                let k = item.emitter as usize;
+                (all.list[next], all.fixed[next]) = (old[k], old_chances[k]);
+                item.emitter = next as u32;
+                next += 1;
             }
-            groups.push(group);
+            groups.push(EmitterGroup {
+                members: items.iter().map(|i| i.emitter).collect(),
+                centre: sphere.centre,
+                radius: sphere.radius,
+                ..EmitterGroup::default()
+            });
         }
-        if let Some(tree) = &mut tree {
-            tree.rename(&new);
+        let mut tree = match items.is_empty() {
+            true => Lists::default(),
+            false => Lists::new(&shape, &items, count),
+        };
+        tree.places.resize(count, [NONE, 0]);
+        for (i, &k) in distant.iter().enumerate() {
+            tree.places[k as usize] = [NONE, i as u32];
         }
         groups.extend(distant.iter().map(|&k| EmitterGroup {
             members: vec![k],
@@ -105,107 +104,147 @@ impl ManyEmitters {
             let light = &all.lights[k as usize - triangles];
             (Some(light.axis * -1.0), strength(&k) / total)
         };
-        let axes = Axes::new(distant.iter().map(axis));
         let many = Self {
+            arch: Arch::new(),
             tree,
+            axes: Axes::new(distant.iter().map(axis)).numbers(),
             distant,
             sums,
-            axes,
         };
         (many, groups)
     }
 
-    /// The probability of directional lights.
-    #[inline(always)]
-    fn of_distant(&self, at: &Receiver) -> f32 {
-        match (&self.tree, self.sums.last()) {
-            (None, _) => 1.0,
-            (_, None) => 0.0,
-            (Some(tree), Some(&strength)) => {
-                let distant = strength * self.axes.facing(at.normal, 0.0);
-                let near = tree.all(at.position, at.normal);
-                // Neither, as far as this sees: then any.
-                if distant + near > 0.0 {
-                    distant / (distant + near)
-                } else {
-                    0.5
-                }
-            }
+    /// What is read to choose one of all.
+    pub fn tree<'a>(&'a self, all: &'a Emitters) -> LightTree<'a> {
+        LightTree {
+            branches: &self.tree.branches,
+            nodes: &self.tree.nodes,
+            count: (self.tree.nodes.len() / OF_NODE) as u32,
+            places: self.tree.places.as_flattened(),
+            distant: &self.distant,
+            distant_count: self.distant.len() as u32,
+            sums: &self.sums,
+            axes: &self.axes,
+            fixed: all.by_power(),
         }
     }
 
-    /// The probability of a directional light among these.
-    fn among_distant(&self, emitter: usize) -> f32 {
-        let i = self.distant.partition_point(|&k| (k as usize) < emitter);
-        let before = if i == 0 { 0.0 } else { self.sums[i - 1] };
-        (self.sums[i] - before) / self.sums[self.sums.len() - 1]
-    }
-
-    /// An emitter for a random number, its probability, and what is left of the number.
+    /// An emitter for a random number.
     #[inline(never)]
-    pub fn choose(&self, all: &Emitters, at: &Receiver, u: f32) -> (usize, f32, f32) {
-        if u < BY_POWER {
-            let (k, _, rest) = all.by_sums((u / BY_POWER).min(MOST));
-            return (k, self.chance(all, at, k), rest);
-        }
-        let u = ((u - BY_POWER) / (1.0 - BY_POWER)).min(MOST);
-        let distant = self.of_distant(at);
-        let (k, chance, rest) = match &self.tree {
-            Some(tree) if u >= distant => {
-                let u = ((u - distant) / (1.0 - distant)).min(MOST);
-                let chosen = tree.choose(at.position, at.normal, u);
-                let chance = (1.0 - distant) * chosen.chance;
-                (chosen.emitter as usize, chance, chosen.rest)
-            }
-            _ => {
-                let total = self.sums[self.sums.len() - 1];
-                let place = u / distant * total;
-                let i = self.sums.partition_point(|&sum| sum <= place);
-                let k = self.distant[i.min(self.distant.len() - 1)] as usize;
-                (k, distant * self.among_distant(k), 0.0)
-            }
-        };
-        let chance = (1.0 - BY_POWER) * chance + BY_POWER * all.fixed[k];
-        (k, chance, rest)
+    pub fn choose(&self, all: &Emitters, at: &Receiver, u: f32) -> Chosen {
+        let tree = self.tree(all);
+        dispatch(self.arch, Choose { tree, at, u })
     }
 
-    /// The probability of an emitter.
+    /// The probability of an emitter, or of the leaf that it is in, among those that are not chosen by power.
     #[inline(never)]
-    pub fn chance(&self, all: &Emitters, at: &Receiver, emitter: usize) -> f32 {
-        let distant = self.of_distant(at);
-        let chance = match &self.tree {
-            Some(tree) if !self.is_distant(emitter) => {
-                (1.0 - distant) * tree.chance(emitter, at.position, at.normal)
-            }
-            _ => distant * self.among_distant(emitter),
+    pub fn chance(&self, all: &Emitters, at: &Receiver, emitter: usize, of_leaf: bool) -> f32 {
+        let task = Chance {
+            tree: self.tree(all),
+            at,
+            emitter,
+            of_leaf,
         };
-        (1.0 - BY_POWER) * chance + BY_POWER * all.fixed[emitter]
-    }
-
-    fn is_distant(&self, emitter: usize) -> bool {
-        self.distant.binary_search(&(emitter as u32)).is_ok()
-    }
-
-    /// The probability of a group.
-    pub fn chance_of_group(&self, all: &Emitters, at: &Receiver, group: usize) -> f32 {
-        let fixed: f32 = all.members(group).map(|k| all.fixed[k]).sum();
-        let leaves = all.groups.len() - self.distant.len();
-        let distant = self.of_distant(at);
-        let chance = match &self.tree {
-            Some(tree) if group < leaves => {
-                (1.0 - distant) * tree.chance_of_leaf(group, at.position, at.normal)
-            }
-            _ => distant * self.among_distant(all.groups[group].members[0] as usize),
-        };
-        (1.0 - BY_POWER) * chance + BY_POWER * fixed
+        dispatch(self.arch, task)
     }
 
     /// Finds the emitters that are somewhere whose spheres a ray meets.
+    pub fn meet(&self, all: &Emitters, at: &Receiver, direction: V3, met: &mut Met) {
+        let task = Meet {
+            tree: self.tree(all),
+            at,
+            direction,
+            met,
+        };
+        dispatch(self.arch, task);
+    }
+}
+
+/// [`LightTree::choose`] as a task.
+struct Choose<'a> {
+    tree: LightTree<'a>,
+    at: &'a Receiver,
+    u: f32,
+}
+
+impl Task for Choose<'_> {
+    type Output = Chosen;
+
     #[inline(always)]
-    pub fn meet(&self, x: V3, direction: V3, met: &mut Met) {
-        match &self.tree {
-            Some(tree) => tree.meet(x, direction, met),
-            None => met.emitters.clear(),
+    fn run<M: Machine>(self, _: M) -> Chosen {
+        let Receiver {
+            position, normal, ..
+        } = *self.at;
+        let share = self.tree.share_of_distant(position, normal);
+        let weights = &mut [0; LANES];
+        self.tree.choose(self.u, share, position, normal, weights)
+    }
+}
+
+/// [`LightTree::chance_by_place`] as a task.
+struct Chance<'a> {
+    tree: LightTree<'a>,
+    at: &'a Receiver,
+    emitter: usize,
+    of_leaf: bool,
+}
+
+impl Task for Chance<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, _: M) -> f32 {
+        let (
+            Receiver {
+                position, normal, ..
+            },
+            k,
+        ) = (*self.at, self.emitter as u32);
+        let share = self.tree.share_of_distant(position, normal);
+        let weights = &mut [0; LANES];
+        let (tree, of_leaf) = (self.tree, self.of_leaf);
+        tree.chance_by_place(k, of_leaf, share, position, normal, weights)
+    }
+}
+
+/// The emitters whose spheres a ray meets, and nodes that are left to look into.
+#[derive(Default)]
+pub(crate) struct Met {
+    open: Vec<u32>,
+    pub emitters: Vec<u32>,
+}
+
+/// Finds the emitters whose spheres a ray meets.
+struct Meet<'a> {
+    tree: LightTree<'a>,
+    at: &'a Receiver,
+    direction: V3,
+    met: &'a mut Met,
+}
+
+impl Task for Meet<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<M: Machine>(self, _: M) {
+        let Met { open, emitters } = self.met;
+        emitters.clear();
+        open.clear();
+        if self.tree.count > 0 {
+            open.push(0);
+        }
+        while let Some(node) = open.pop() {
+            let to = if self.tree.is_leaf(node) {
+                &mut *emitters
+            } else {
+                &mut *open
+            };
+            let met = self.tree.met(node, self.at.position, self.direction);
+            for (i, is_met) in met.into_iter().enumerate() {
+                if is_met {
+                    to.push(self.tree.word(node, i));
+                }
+            }
         }
     }
 }

@@ -1,11 +1,9 @@
 //! Emitters, and the choice of one that a surface point is connected to; it carries no gradient.
 
 mod branches;
-#[cfg(feature = "wgpu")]
-mod flat;
+mod fixed;
 mod groups;
 mod many;
-mod node;
 mod powers;
 #[cfg(test)]
 mod tests;
@@ -15,13 +13,17 @@ use super::strategies::EmitterSampling;
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 use crate::model::triangle::{barycentric, solid_angle};
+#[cfg(feature = "wgpu")]
+pub(crate) use fixed::Chosen;
+pub(crate) use fixed::Fixed;
+use fixed::one_of;
 pub(crate) use groups::EmitterGroup;
 use groups::group;
 use many::ManyEmitters;
-#[cfg(feature = "wgpu")]
-pub(crate) use node::{INSIDE, SPREAD};
+pub(crate) use many::Met;
 use powers::{mean, powers_of_lights, running_sums};
-pub(crate) use tree::Met;
+#[cfg(feature = "wgpu")]
+pub(crate) use tree::LightTree;
 
 /// The emitters of a scene: triangles, then lights without extent, in one count.
 pub(crate) struct Emitters {
@@ -237,23 +239,42 @@ impl Emitters {
     #[inline(always)]
     pub fn choose(&self, at: &Receiver, u: f32, room: &mut Vec<f32>) -> (usize, f32, f32) {
         match &self.by {
-            Choice::Fixed if self.fixed.len() > FEW => self.by_sums(u),
+            Choice::Fixed if self.fixed.len() > FEW => self.by_power().choose(u).parts(),
             Choice::Fixed => one_of(&self.fixed, u),
             Choice::SolidAngle => one_of(self.seen_from(at, room), u),
-            Choice::Tree(many) => many.choose(self, at, u),
+            Choice::Tree(many) => many.choose(self, at, u).parts(),
         }
     }
 
-    /// One of many, with probabilities that do not depend on the point.
-    #[inline(never)]
-    fn by_sums(&self, u: f32) -> (usize, f32, f32) {
-        let mut k = self.sums.partition_point(|&sum| sum <= u);
-        if k >= self.fixed.len() {
-            k = self.fixed.iter().rposition(|&p| p > 0.0).unwrap_or(0);
+    /// Probabilities that do not depend on the point.
+    #[inline(always)]
+    pub fn by_power(&self) -> Fixed<'_> {
+        Fixed {
+            chances: &self.fixed,
+            sums: &self.sums,
+            count: self.fixed.len() as u32,
         }
-        let p = self.fixed[k];
-        let before = if k == 0 { 0.0 } else { self.sums[k - 1] };
-        (k, p, ((u - before) / p).clamp(0.0, 1.0 - f32::EPSILON))
+    }
+
+    /// The tree that one is chosen by, if there is one.
+    #[cfg(feature = "wgpu")]
+    pub fn tree(&self) -> Option<LightTree<'_>> {
+        match &self.by {
+            Choice::Tree(many) => Some(many.tree(self)),
+            _ => None,
+        }
+    }
+
+    /// Whether they are chosen by the solid angles of all.
+    #[cfg(feature = "wgpu")]
+    pub fn by_solid_angle(&self) -> bool {
+        matches!(self.by, Choice::SolidAngle)
+    }
+
+    /// Whether they are so many that one is searched for by sums of their fixed probabilities.
+    #[cfg(feature = "wgpu")]
+    pub fn by_sums(&self) -> bool {
+        self.fixed.len() > FEW
     }
 
     /// The probability of an emitter at a point.
@@ -262,7 +283,10 @@ impl Emitters {
         match &self.by {
             Choice::Fixed => self.fixed[emitter],
             Choice::SolidAngle => self.seen_from(at, room)[emitter],
-            Choice::Tree(many) => many.chance(self, at, emitter),
+            Choice::Tree(many) => {
+                let by_place = many.chance(self, at, emitter, false);
+                (1.0 - BY_POWER) * by_place + BY_POWER * self.fixed[emitter]
+            }
         }
     }
 
@@ -280,7 +304,11 @@ impl Emitters {
                 let p = self.seen_from(at, room);
                 members.map(|k| p[k]).sum()
             }
-            Choice::Tree(many) => many.chance_of_group(self, at, group),
+            Choice::Tree(many) => {
+                let by_place = many.chance(self, at, k, true);
+                let fixed: f32 = members.map(|k| self.fixed[k]).sum();
+                (1.0 - BY_POWER) * by_place + BY_POWER * fixed
+            }
         };
         (group, chance)
     }
@@ -296,7 +324,7 @@ impl Emitters {
     ) {
         match &self.by {
             Choice::Tree(many) => {
-                many.meet(at.position, direction, met);
+                many.meet(self, at, direction, met);
                 let triangles = met.emitters.iter().map(|&k| k as usize);
                 let triangles = triangles.filter(|&k| k < self.list.len());
                 self.each_hit(triangles, at, direction, visit);
@@ -366,25 +394,4 @@ fn brings(light: &DeltaLight, at: &Receiver) -> f32 {
 #[inline(always)]
 fn brightness(light: &DeltaLight) -> f32 {
     mean(light.strength).max(1e-30)
-}
-
-/// An index drawn with its probability, that, and what is left of the number.
-#[inline(always)]
-fn one_of(p: &[f32], u: f32) -> (usize, f32, f32) {
-    let (mut k, mut passed) = (0, 0.0);
-    // Rounding may leave the sum a little under 1: then the last that can be is taken.
-    let mut taken = (0, 0.0);
-    while k < p.len() {
-        if p[k] > 0.0 {
-            taken = (k, passed);
-            if u < passed + p[k] {
-                break;
-            }
-        }
-        passed += p[k];
-        k += 1;
-    }
-    let (k, before) = taken;
-    let rest = (u - before) / p[k];
-    (k, p[k], rest.clamp(0.0, 1.0 - f32::EPSILON))
 }

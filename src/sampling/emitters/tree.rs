@@ -1,278 +1,287 @@
-//! A tree over many emitters, from which one is drawn in about the proportion of the light that it brings to a point
-//! (Conty Estevez and Kulla 2018): where a branch divides in eight, by bounds of their power, place and orientation.
+//! The choice of one of many emitters, by a tree over those that are somewhere, beside directional lights: in about the
+//! proportion of the light that they bring to a point (Conty Estevez and Kulla 2018).
 
-use pulp::Arch;
+#![allow(
+    clippy::collapsible_if,
+    clippy::manual_clamp,
+    clippy::needless_range_loop,
+    reason = "the language of kernels has no other form"
+)]
 
-use super::branches::{Item, Sphere, parts};
-use super::node::{INSIDE, NONE, Node, Place, Query, SPREAD};
-use crate::accel::{LANES, Machine, Task, dispatch};
-use crate::model::V3;
+use super::BY_POWER;
+use super::fixed::{Chosen, Fixed};
+use crate::accel::LANES;
+use crate::accel::eights::{NONE, number, sum_of, vector};
+#[cfg(feature = "wgpu")]
+use crate::cube::*;
+use crate::model::choice::{MOST, is_positive};
+use crate::model::light_bounds::{Axes, Sphere};
+use crate::model::lists::first_over;
+use crate::model::{V3, v3};
 
-/// A tree whose nodes have eight branches. What is called is compiled for the machine.
-pub(super) struct LightTree {
-    arch: Arch,
-    pub(super) nodes: Vec<Node>,
-    /// The node of each leaf.
-    leaves: Vec<u32>,
-    /// The places of emitters.
-    pub(super) places: Vec<Place>,
-    /// The power of all.
-    pub(super) root: Sphere,
+/// A tree over emitters, and directional lights. A share of [`BY_POWER`] is chosen by power, whatever the point.
+#[cfg_attr(feature = "wgpu", derive(CubeType))]
+#[derive(Clone, Copy)]
+pub(crate) struct LightTree<'a> {
+    /// Blocks of the eight branches of each node, [`BRANCH`] numbers each; then one whose first branch is all of them.
+    pub branches: &'a [f32],
+    /// [`OF_NODE`] for each node: its children, which are nodes, or emitters of a leaf; its parent, or [`NONE`], and
+    /// which branch of that it is; whether it is a leaf.
+    pub nodes: &'a [u32],
+    pub count: u32,
+    /// Two for each emitter: its node and branch, or [`NONE`] and its place among directional lights.
+    pub places: &'a [u32],
+    pub distant: &'a [u32],
+    pub distant_count: u32,
+    /// Sums of the strengths of directional lights up to each, and how the directions to them lie.
+    pub sums: &'a [f32],
+    pub axes: &'a [f32],
+    /// Probabilities of emitters that do not depend on the point.
+    pub fixed: Fixed<'a>,
 }
 
-/// The emitters of a leaf, and the sphere around them.
-pub(super) struct LeafItems {
-    pub emitters: Vec<u32>,
-    pub centre: V3,
-    pub radius: f32,
-}
+/// Numbers of a branch: centre, radius, axes, power.
+pub(super) const BRANCH: usize = 14;
+pub(super) const OF_NODE: usize = 11;
+pub(super) const PARENT: usize = 8;
+pub(super) const IS_LEAF: usize = 10;
 
-/// The emitters whose spheres a ray meets, and nodes that are left to look into.
-#[derive(Default)]
-pub(crate) struct Met {
-    open: Vec<u32>,
-    pub emitters: Vec<u32>,
-}
-
-/// A choice that was made.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Chosen {
-    pub emitter: u32,
-    pub chance: f32,
-    /// What is left of the random number.
-    pub rest: f32,
-}
-
-impl LightTree {
-    /// Of at least one emitter, counted up to `count`; with the leaves, by the numbers of their groups.
-    pub fn new(items: &mut [Item], count: usize) -> (Self, Vec<LeafItems>) {
-        let mut tree = Self {
-            arch: Arch::new(),
-            nodes: Vec::new(),
-            leaves: Vec::new(),
-            places: vec![Place::NONE; count],
-            root: Sphere::new(items),
-        };
-        let mut leaves = Vec::new();
-        let mut open = vec![(Place::NONE, items)];
-        while let Some((parent, items)) = open.pop() {
-            let at = tree.nodes.len() as u32;
-            if let Some(node) = tree.nodes.get_mut(parent.node as usize) {
-                node.child[parent.lane as usize] = at;
-            }
-            let mut node = Node::empty(parent);
-            let small = items.len() <= LANES && !items.iter().any(|i| i.alone);
-            if items.len() == 1 || small {
-                let sphere = Sphere::new(items);
-                leaves.push(LeafItems {
-                    emitters: items.iter().map(|i| i.emitter).collect(),
-                    centre: sphere.centre,
-                    radius: sphere.radius,
-                });
-                for (lane, item) in items.iter().enumerate() {
-                    node.set(lane, &Sphere::new(std::slice::from_ref(item)));
-                    node.child[lane] = item.emitter;
-                    tree.places[item.emitter as usize] = Place {
-                        node: at,
-                        lane: lane as u32,
-                    };
-                }
-                node.group = Some(tree.leaves.len() as u32);
-                tree.leaves.push(at);
-            } else {
-                for (lane, part) in parts(items).into_iter().enumerate() {
-                    node.set(lane, &Sphere::new(part));
-                    let lane = lane as u32;
-                    open.push((Place { node: at, lane }, part));
-                }
-            }
-            tree.nodes.push(node);
-        }
-        (tree, leaves)
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn sphere(block: &[f32], branch: usize) -> Sphere {
+    Sphere {
+        centre: vector(block, 0, branch),
+        radius: number(block, 3, branch),
+        axes: Axes {
+            mean: vector(block, 4, branch),
+            squares: vector(block, 7, branch),
+            products: vector(block, 10, branch),
+        },
+        power: number(block, 13, branch),
     }
+}
 
-    /// Renames emitters.
-    pub fn rename(&mut self, new: &[u32]) {
-        let old = self.places.clone();
-        for (emitter, place) in old.into_iter().enumerate() {
-            self.places[new[emitter] as usize] = place;
-        }
-        for &leaf in &self.leaves {
-            let node = &mut self.nodes[leaf as usize];
-            for child in node.child.iter_mut().filter(|c| **c != NONE) {
-                *child = new[*child as usize];
-            }
-        }
+impl Sphere {
+    pub(super) fn numbers(&self) -> [f32; BRANCH] {
+        let mut all = [self.radius; BRANCH];
+        all[..3].copy_from_slice(&self.centre.to_array());
+        all[4..13].copy_from_slice(&self.axes.numbers());
+        all[13] = self.power;
+        all
     }
+}
 
-    /// About the irradiance of a point with a normal by all of them.
+#[cfg_attr(feature = "wgpu", cube)]
+impl<'a> LightTree<'a> {
+    /// Weights of a node's branches: about the irradiance of a point, or power where all are 0. Returns their sum.
     #[inline(always)]
-    pub fn all(&self, x: V3, normal: V3) -> f32 {
-        let Sphere { radius, axes, .. } = &self.root;
-        let to = self.root.centre - x;
-        let squared = to.length_squared().max(1e-30);
-        let inverse = 1.0 / squared.sqrt();
-        let seen = (radius * inverse).clamp(1e-6, 1.0);
-        let emits = axes.facing(to * -inverse, SPREAD * seen * seen);
-        let incident = to.dot(normal) * inverse;
-        let above = (incident + seen).max(0.0);
-        let receives = if incident < seen {
-            above * above / (4.0 * seen)
+    fn weigh(&self, node: u32, x: V3, normal: V3, weights: &mut [u32]) -> f32 {
+        let block = self.block(node);
+        for i in 0..LANES {
+            let branch = sphere(block, i);
+            let mut own = 0.0f32;
+            if branch.power > 0.0 {
+                own = branch.irradiance(x, normal);
+            }
+            weights[i] = own.to_bits();
+        }
+        let mut total = sum_of(&weights[..LANES]);
+        let known = is_positive(total);
+        if !known {
+            for i in 0..LANES {
+                weights[i] = number(block, 13, i).to_bits();
+            }
+            total = sum_of(&weights[..LANES]);
+        }
+        total
+    }
+
+    #[inline(always)]
+    fn block(&self, node: u32) -> &[f32] {
+        let first = LANES * BRANCH * node as usize;
+        &self.branches[first..first + LANES * BRANCH]
+    }
+
+    /// Of a node: a child, or what follows them.
+    #[inline(always)]
+    pub fn word(&self, node: u32, k: usize) -> u32 {
+        self.nodes[OF_NODE * node as usize + k]
+    }
+
+    /// Whether a ray meets a branch.
+    #[cfg(feature = "wgpu")]
+    pub fn is_met(&self, node: u32, branch: u32, x: V3, direction: V3) -> bool {
+        sphere(self.block(node), branch as usize).is_met(x, direction)
+    }
+
+    #[inline(always)]
+    pub fn is_leaf(&self, node: u32) -> bool {
+        self.word(node, IS_LEAF) != 0
+    }
+
+    /// The parent of a node, or [`NONE`], and which branch of that it is.
+    #[inline(always)]
+    pub fn parent(&self, node: u32) -> u32 {
+        self.word(node, PARENT)
+    }
+
+    #[inline(always)]
+    pub fn branch_of_parent(&self, node: u32) -> u32 {
+        self.word(node, PARENT + 1)
+    }
+
+    /// The probability of directional lights.
+    #[inline(always)]
+    pub fn share_of_distant(&self, x: V3, normal: V3) -> f32 {
+        let mut share = 1.0f32;
+        if self.count > 0 {
+            share = 0.0f32;
+            if self.distant_count > 0 {
+                let axes = Axes {
+                    mean: v3(self.axes[0], self.axes[1], self.axes[2]),
+                    squares: v3(self.axes[3], self.axes[4], self.axes[5]),
+                    products: v3(self.axes[6], self.axes[7], self.axes[8]),
+                };
+                let strength = self.sums[(self.distant_count - 1) as usize];
+                let distant = strength * axes.facing(normal, 0.0);
+                let near = sphere(self.block(self.count), 0).irradiance(x, normal);
+                // Neither, as far as this sees: then any.
+                share = 0.5f32;
+                if distant + near > 0.0 {
+                    share = distant / (distant + near);
+                }
+            }
+        }
+        share
+    }
+
+    /// An emitter for a random number, where directional lights have a share; eight words are room for weights.
+    #[inline(always)]
+    pub fn choose(&self, u: f32, share: f32, x: V3, normal: V3, weights: &mut [u32]) -> Chosen {
+        let mut chosen = Chosen {
+            emitter: 0u32,
+            chance: 1.0f32,
+            rest: 0.0f32,
+        };
+        if u < BY_POWER {
+            chosen = self.fixed.choose((u / BY_POWER).min(MOST));
+            chosen.chance = self.chance(chosen.emitter, share, x, normal, weights);
         } else {
-            incident
-        };
-        self.root.power * emits * receives / squared.max(INSIDE * radius * radius)
+            let u = ((u - BY_POWER) / (1.0 - BY_POWER)).min(MOST);
+            if self.count > 0 && u >= share {
+                let rest = ((u - share) / (1.0 - share)).min(MOST);
+                chosen = self.choose_near(rest, x, normal, weights);
+                chosen.chance *= 1.0 - share;
+            } else {
+                let place = u / share * self.sums[(self.distant_count - 1) as usize];
+                let i = first_over(self.sums, 0u32, self.distant_count, 1u32, place);
+                chosen.emitter = self.distant[i as usize];
+                chosen.chance = share * self.among_distant(i);
+            }
+            let fixed = self.fixed.chances[chosen.emitter as usize];
+            chosen.chance = (1.0 - BY_POWER) * chosen.chance + BY_POWER * fixed;
+        }
+        chosen
     }
 
-    /// An emitter for a random number.
-    pub fn choose(&self, x: V3, normal: V3, u: f32) -> Chosen {
-        dispatch(
-            self.arch,
-            Choose {
-                tree: self,
-                x,
-                normal,
-                u,
-            },
-        )
-    }
-
-    /// The probability of an emitter.
-    pub fn chance(&self, emitter: usize, x: V3, normal: V3) -> f32 {
-        self.chance_at(self.places[emitter], x, normal)
-    }
-
-    /// The probability of a leaf.
-    pub fn chance_of_leaf(&self, leaf: usize, x: V3, normal: V3) -> f32 {
-        self.chance_at(self.nodes[self.leaves[leaf] as usize].parent, x, normal)
-    }
-
-    fn chance_at(&self, place: Place, x: V3, normal: V3) -> f32 {
-        dispatch(
-            self.arch,
-            Chance {
-                tree: self,
-                place,
-                x,
-                normal,
-            },
-        )
-    }
-
-    /// Finds the emitters whose spheres a ray meets.
-    pub fn meet(&self, x: V3, direction: V3, met: &mut Met) {
-        dispatch(
-            self.arch,
-            Meet {
-                tree: self,
-                x,
-                direction,
-                met,
-            },
-        );
-    }
-}
-
-/// [`LightTree::choose`] as a task.
-struct Choose<'a> {
-    tree: &'a LightTree,
-    x: V3,
-    normal: V3,
-    u: f32,
-}
-
-impl Task for Choose<'_> {
-    type Output = Chosen;
-
+    /// One of those that are somewhere.
     #[inline(always)]
-    fn run<M: Machine>(self, machine: M) -> Chosen {
-        let query = Query::new(machine, self.x, self.normal);
-        let (mut at, mut chance, mut u) = (0, 1.0, self.u);
-        loop {
-            let node = &self.tree.nodes[at];
-            let (weights, total) = node.weights(machine, &query);
-            let target = u * total;
-            let (mut lane, mut before, mut passed) = (0, 0.0, 0.0);
-            let mut i = 0;
+    fn choose_near(&self, u: f32, x: V3, normal: V3, weights: &mut [u32]) -> Chosen {
+        let mut rest = u;
+        let mut chance = 1.0f32;
+        let mut node = 0u32;
+        let mut going = true;
+        while going {
+            let total = self.weigh(node, x, normal, weights);
+            let target = rest * total;
+            let mut branch = 0usize;
+            let mut before = 0.0f32;
+            let mut passed = 0.0f32;
+            let mut i = 0usize;
             while i < LANES {
-                if weights[i] > 0.0 {
-                    (lane, before) = (i, passed);
-                    passed += weights[i];
+                let own = f32::from_bits(weights[i]);
+                if own > 0.0 {
+                    branch = i;
+                    before = passed;
+                    passed += own;
                     if target < passed {
-                        break;
+                        i = LANES;
                     }
                 }
                 i += 1;
             }
-            chance *= weights[lane] / total;
-            u = ((target - before) / weights[lane]).clamp(0.0, 1.0 - f32::EPSILON);
-            if node.group.is_some() {
-                return Chosen {
-                    emitter: node.child[lane],
-                    chance,
-                    rest: u,
-                };
-            }
-            at = node.child[lane] as usize;
+            let own = f32::from_bits(weights[branch]);
+            chance *= own / total;
+            rest = ((target - before) / own).max(0.0).min(MOST);
+            going = !self.is_leaf(node);
+            node = self.word(node, branch);
+        }
+        Chosen {
+            emitter: node,
+            chance,
+            rest,
         }
     }
-}
 
-/// [`LightTree::chance`] as a task.
-struct Chance<'a> {
-    tree: &'a LightTree,
-    place: Place,
-    x: V3,
-    normal: V3,
-}
-
-impl Task for Chance<'_> {
-    type Output = f32;
-
+    /// The probability of a directional light among these.
     #[inline(always)]
-    fn run<M: Machine>(self, machine: M) -> f32 {
-        let query = Query::new(machine, self.x, self.normal);
-        let (mut place, mut chance) = (self.place, 1.0);
-        while place.node != u32::MAX {
-            let node = &self.tree.nodes[place.node as usize];
-            let (weights, total) = node.weights(machine, &query);
-            chance *= weights[place.lane as usize] / total;
-            place = node.parent;
+    fn among_distant(&self, i: u32) -> f32 {
+        let mut before = 0.0f32;
+        if i > 0 {
+            before = self.sums[(i - 1) as usize];
+        }
+        (self.sums[i as usize] - before) / self.sums[(self.distant_count - 1) as usize]
+    }
+
+    /// The probability of an emitter.
+    #[inline(always)]
+    pub fn chance(&self, k: u32, share: f32, x: V3, normal: V3, weights: &mut [u32]) -> f32 {
+        let by_place = self.chance_by_place(k, false, share, x, normal, weights);
+        (1.0 - BY_POWER) * by_place + BY_POWER * self.fixed.chances[k as usize]
+    }
+
+    /// The probability of an emitter, or of the leaf that it is in, among those that are not chosen by power.
+    #[inline(always)]
+    pub fn chance_by_place(
+        &self,
+        k: u32,
+        of_leaf: bool,
+        share: f32,
+        x: V3,
+        normal: V3,
+        weights: &mut [u32],
+    ) -> f32 {
+        let mut node = self.places[2 * k as usize];
+        let mut branch = self.places[2 * k as usize + 1];
+        let mut chance = share;
+        if node == NONE {
+            chance *= self.among_distant(branch);
+        } else {
+            chance = 1.0 - share;
+            let mut skips = of_leaf;
+            while node != NONE {
+                if !skips {
+                    let total = self.weigh(node, x, normal, weights);
+                    chance *= f32::from_bits(weights[branch as usize]) / total;
+                }
+                skips = false;
+                branch = self.branch_of_parent(node);
+                node = self.parent(node);
+            }
         }
         chance
     }
 }
 
-/// [`LightTree::meet`] as a task.
-struct Meet<'a> {
-    tree: &'a LightTree,
-    x: V3,
-    direction: V3,
-    met: &'a mut Met,
-}
-
-impl Task for Meet<'_> {
-    type Output = ();
-
+impl LightTree<'_> {
+    /// The branches of a node that a ray meets.
     #[inline(always)]
-    fn run<M: Machine>(self, machine: M) {
-        let ray = Query::new(machine, self.x, self.direction);
-        let Met { open, emitters } = self.met;
-        emitters.clear();
-        open.clear();
-        open.push(0);
-        while let Some(at) = open.pop() {
-            let node = &self.tree.nodes[at as usize];
-            let to = if node.group.is_some() {
-                &mut *emitters
-            } else {
-                &mut *open
-            };
-            let mut met = node.met_by(machine, &ray);
-            while met != 0 {
-                to.push(node.child[met.trailing_zeros() as usize]);
-                met &= met - 1;
-            }
+    pub fn met(&self, node: u32, x: V3, direction: V3) -> [bool; LANES] {
+        let block = self.block(node);
+        let mut met = [false; LANES];
+        for i in 0..LANES {
+            met[i] = sphere(block, i).is_met(x, direction);
         }
+        met
     }
 }

@@ -1,0 +1,343 @@
+//! The choice of an edge from a tree, in proportion to an estimate of what it contributes.
+
+#![allow(
+    clippy::implicit_saturating_sub,
+    clippy::needless_range_loop,
+    reason = "the language of kernels has no other form"
+)]
+
+use pulp::Arch;
+
+use crate::accel::eights::{number, sum_of, vector, weight};
+use crate::accel::{LANES, Machine, Task, dispatch};
+use crate::cube::*;
+use crate::model::V3;
+use crate::model::choice::{Uniform, is_positive};
+use crate::model::edge_weight::{Jumps, Query, SeenEdge, Subtree};
+
+/// A tree over edges, the part of it under a node, or a list of leaves.
+#[cfg_attr(feature = "wgpu", derive(CubeType))]
+#[derive(Clone, Copy)]
+pub(crate) struct Root<'a> {
+    /// Blocks of the bounds of eight branches, [`NODE`] numbers each, and the child of each: twice the index of a
+    /// node, or of a leaf plus one. Branches that are not there have no weight.
+    pub nodes: &'a [f32],
+    pub children: &'a [u32],
+    /// Blocks of eight edges, [`LEAF`] numbers each, and which edges they are.
+    pub leaves: &'a [f32],
+    pub edges: &'a [u32],
+    /// The child that a draw starts at, and how many it starts at, which follow each other if they are leaves.
+    pub start: u32,
+    pub count: u32,
+    /// Whether there may be nodes.
+    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    pub has_nodes: bool,
+    /// Whether edges may move while the shutter is open.
+    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    pub moves: bool,
+}
+
+/// An edge that was drawn, and 1 over its probability.
+#[apply(record!)]
+pub(crate) struct DrawnEdge {
+    /// [`NO_EDGE`] where none contributes.
+    pub edge: u32,
+    pub per_chance: f32,
+}
+
+pub(crate) const NO_EDGE: u32 = u32::MAX;
+
+/// Numbers of a branch of a node: centre, radius, axis, cosine, sine, jumps.
+pub(super) const NODE: usize = 14;
+/// Of an edge of a leaf: middle, half the length, vector along, both normals, jumps, velocity.
+pub(super) const LEAF: usize = 21;
+const JUMPS_OF_NODE: usize = 9;
+const JUMPS_OF_LEAF: usize = 13;
+const VELOCITY: usize = 18;
+
+/// Nodes whose children are all entered, at most, and subtrees that are: those seen under a larger angle (its sine).
+const BUDGET: u32 = 64;
+const LARGE: f32 = 0.25;
+/// The same for the light of emitters, which fill a narrow cone, in which few edges lie: they are looked at closely.
+const BUDGET_OF_LIGHT: u32 = 1024;
+const LARGE_OF_LIGHT: f32 = 0.015;
+
+/// Room that a draw needs, in words: eight weights, whether those are entered, the weights of the leaf that is kept, and
+/// nodes that are to be entered with 1 over their probabilities.
+pub(crate) const ROOM: usize = STACK + 2 * ENTERED as usize;
+const ENTERS: usize = 8;
+const KEPT: usize = 16;
+const STACK: usize = 24;
+const ENTERED: u32 = 64;
+
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn jumps_of(block: &[f32], k: usize, branch: usize) -> Jumps {
+    Jumps {
+        seen_always: number(block, k, branch),
+        passes_always: number(block, k + 1, branch),
+        fold: number(block, k + 2, branch),
+        crease: number(block, k + 3, branch),
+        closed: number(block, k + 4, branch),
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn subtree(block: &[f32], branch: usize) -> Subtree {
+    Subtree {
+        centre: vector(block, 0, branch),
+        radius: number(block, 3, branch),
+        axis: vector(block, 4, branch),
+        cos: number(block, 7, branch),
+        sin: number(block, 8, branch),
+        jumps: jumps_of(block, JUMPS_OF_NODE, branch),
+    }
+}
+
+impl Subtree {
+    pub(super) fn numbers(&self) -> [f32; NODE] {
+        let ([x, y, z], [u, v, w]) = (self.centre.to_array(), self.axis.to_array());
+        let [a, b, c, d, e] = self.jumps.numbers();
+        let (radius, cos, sin) = (self.radius, self.cos, self.sin);
+        [x, y, z, radius, u, v, w, cos, sin, a, b, c, d, e]
+    }
+}
+
+impl Jumps {
+    fn numbers(&self) -> [f32; 5] {
+        [
+            self.seen_always,
+            self.passes_always,
+            self.fold,
+            self.crease,
+            self.closed,
+        ]
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn seen_edge(tree: &Root, block: &[f32], branch: usize, q: &Query) -> SeenEdge {
+    let mut to = vector(block, 0, branch) - q.x;
+    if comptime!(tree.moves) {
+        to += vector(block, VELOCITY, branch) * q.time;
+    }
+    SeenEdge {
+        to,
+        half: number(block, 3, branch),
+        along: vector(block, 4, branch),
+        front: vector(block, 7, branch),
+        back: vector(block, 10, branch),
+        jumps: jumps_of(block, JUMPS_OF_LEAF, branch),
+    }
+}
+
+impl SeenEdge {
+    /// As it is seen from the origin at the start of the shutter.
+    pub(super) fn numbers(&self, velocity: V3) -> [f32; LEAF] {
+        let mut all = [self.half; LEAF];
+        let vectors = [self.to, self.along, self.front, self.back, velocity];
+        for (v, first) in vectors.into_iter().zip([0, 4, 7, 10, VELOCITY]) {
+            all[first..first + 3].copy_from_slice(&v.to_array());
+        }
+        all[JUMPS_OF_LEAF..VELOCITY].copy_from_slice(&self.jumps.numbers());
+        all
+    }
+}
+
+/// The weights of the branches of a node, and whether they are to be entered.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32]) {
+    let first = LANES * NODE * node;
+    let block = &tree.nodes[first..first + LANES * NODE];
+    for i in 0..LANES {
+        let found = subtree(block, i).estimate(q, large);
+        let mut enters = 0u32;
+        if found.enter {
+            enters = 1u32;
+        }
+        room[i] = found.weight.to_bits();
+        room[ENTERS + i] = enters;
+    }
+}
+
+/// The weights of the edges of a leaf.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) {
+    let first = LANES * LEAF * leaf;
+    let block = &tree.leaves[first..first + LANES * LEAF];
+    if q.cos > 0.0 {
+        for i in 0..LANES {
+            room[i] = seen_edge(tree, block, i, q).weight_in_cone(q).to_bits();
+        }
+    } else {
+        for i in 0..LANES {
+            room[i] = seen_edge(tree, block, i, q)
+                .weight_over_horizon(q)
+                .to_bits();
+        }
+    }
+}
+
+/// Puts a child on the stack, which is come to with a probability, given by its inverse.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn push(room: &mut [u32], length: u32, child: u32, inverse: f32) {
+    let top = STACK + 2 * length as usize;
+    room[top] = child;
+    room[top + 1] = inverse.to_bits();
+}
+
+/// Draws an edge in proportion to its weight.
+///
+/// Subtrees that are near or lie in the cone in part are entered, all of them; of those that are far and lie in it
+/// whole one is taken at random. Of all leaves that it comes to one stays (weighted reservoir sampling), so that no list
+/// is kept.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) -> DrawnEdge {
+    let mut random = u;
+    let mut total = 0.0f32;
+    let mut kept = 0usize;
+    let mut budget = BUDGET.runtime();
+    let mut large = LARGE.runtime();
+    if q.shadows {
+        budget = BUDGET_OF_LIGHT;
+        large = LARGE_OF_LIGHT;
+    }
+    let mut length = 0u32;
+    while length < tree.count {
+        push(
+            room,
+            length,
+            tree.start + 2 * (tree.count - 1 - length),
+            1.0,
+        );
+        length += 1;
+    }
+    while length > 0 {
+        length -= 1;
+        let top = STACK + 2 * length as usize;
+        let child = room[top];
+        let inverse = f32::from_bits(room[top + 1]);
+        let index = (child / 2) as usize;
+        if child & 1 == 1 {
+            weigh_leaf(tree, index, q, room);
+            let sum = sum_of(&room[..LANES]);
+            if sum > 0.0 {
+                let share = sum * inverse;
+                total += share;
+                let decision = random.decide(share / total);
+                random = decision.rest;
+                if decision.happens {
+                    kept = index;
+                    for i in 0..LANES {
+                        room[KEPT + i] = room[i];
+                    }
+                }
+            }
+        } else if comptime!(tree.has_nodes) {
+            weigh_node(tree, index, q, large, room);
+            if budget > 0 {
+                budget -= 1;
+            }
+            let all = budget > 0 && length + LANES as u32 <= ENTERED;
+            let mut far = 0.0f32;
+            let mut taken = 0.0f32;
+            let mut branch = 0usize;
+            for i in 0..LANES {
+                let own = f32::from_bits(room[i]);
+                if own > 0.0 {
+                    if all && room[ENTERS + i] == 1 {
+                        push(room, length, tree.children[LANES * index + i], inverse);
+                        length += 1;
+                    } else {
+                        far += own;
+                        let decision = random.decide(own / far);
+                        random = decision.rest;
+                        if decision.happens {
+                            branch = i;
+                            taken = own;
+                        }
+                    }
+                }
+            }
+            if taken > 0.0 {
+                let child = tree.children[LANES * index + branch];
+                push(room, length, child, inverse * far / taken);
+                length += 1;
+            }
+        }
+    }
+    edge_of_leaf(tree, &room[KEPT..STACK], kept, total, random.number)
+}
+
+/// An edge of the leaf that stays, in proportion to its weight.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn edge_of_leaf(tree: &Root, weights: &[u32], leaf: usize, total: f32, u: f32) -> DrawnEdge {
+    let mut drawn = DrawnEdge {
+        edge: NO_EDGE.runtime(),
+        per_chance: 0.0f32.runtime(),
+    };
+    if is_positive(total) {
+        let mut sum = 0.0f32;
+        for i in 0..LANES {
+            sum += weight(weights, i);
+        }
+        let target = u * sum;
+        let mut passed = 0.0f32;
+        let mut i = 0usize;
+        while i < LANES {
+            let own = weight(weights, i);
+            if own > 0.0 {
+                drawn.edge = tree.edges[LANES * leaf + i];
+                drawn.per_chance = total / own;
+                passed += own;
+                if target < passed {
+                    i = LANES;
+                }
+            }
+            i += 1;
+        }
+    }
+    drawn
+}
+
+impl Root<'_> {
+    /// An edge, drawn in proportion to its weight, and one over its probability. None where there is none.
+    pub(crate) fn sample(&self, arch: Arch, query: &Query, random: Uniform) -> Option<(u32, f32)> {
+        let drawn = dispatch(
+            arch,
+            Sample {
+                root: self,
+                query,
+                random,
+            },
+        );
+        (drawn.edge != NO_EDGE).then_some((drawn.edge, drawn.per_chance))
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+}
+
+/// [`draw_edge`] as a task.
+struct Sample<'a> {
+    root: &'a Root<'a>,
+    query: &'a Query,
+    random: Uniform,
+}
+
+impl Task for Sample<'_> {
+    type Output = DrawnEdge;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, _: M) -> DrawnEdge {
+        draw_edge(self.root, &mut [0; ROOM], self.query, self.random)
+    }
+}

@@ -1,0 +1,107 @@
+//! Estimates of the light that emitters bring to a point, by bounds of their place, orientation and power.
+
+use super::V3;
+use crate::cube::*;
+
+/// How the axes n of emitters lie, weighted by power.
+#[apply(record!)]
+#[derive(Default)]
+pub(crate) struct Axes {
+    /// Their mean a.
+    pub mean: V3,
+    /// The mean of their products, M = E[n nᵀ]: xx, yy, zz, and xy, xz, yz.
+    pub squares: V3,
+    pub products: V3,
+}
+
+/// Some emitters: a sphere around them, their axes and power, which is 0 where there are none.
+#[apply(record!)]
+pub(crate) struct Sphere {
+    pub centre: V3,
+    pub radius: f32,
+    pub axes: Axes,
+    pub power: f32,
+}
+
+/// How much directions to the points of a sphere that is seen under 90° add to a squared cosine: an emitter that is seen
+/// along its surface has then the mean of those around.
+const SPREAD: f32 = 0.25;
+/// Emitters around a point bring about as much light as from this share of their sphere's squared radius: a mean of 1/r²
+/// over a box is six times that at the corners.
+const INSIDE: f32 = 0.125;
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Axes {
+    /// About the mean of max(n·d, 0) = (n·d + |n·d|)/2, that is (a·d + √(dᵀM d))/2: nothing is under it. `spread` is what
+    /// directions differ by, squared.
+    #[inline(always)]
+    pub fn facing(&self, d: V3, spread: f32) -> f32 {
+        let squares = self.squares.dot(d.times(d));
+        let products =
+            self.products.x * d.x * d.y + self.products.y * d.x * d.z + self.products.z * d.y * d.z;
+        let square = (squares + 2.0 * products + spread).max(0.0);
+        (0.5 * (self.mean.dot(d) + square.sqrt())).max(0.0)
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Sphere {
+    /// About the irradiance of a point with a normal by all of them.
+    #[inline(always)]
+    pub fn irradiance(&self, x: V3, normal: V3) -> f32 {
+        let to = self.centre - x;
+        let squared = to.length_squared().max(1e-30);
+        let inverse = 1.0 / squared.sqrt();
+        // The sine of the angle under which the sphere is seen.
+        let seen = (self.radius * inverse).min(1.0).max(1e-6);
+        let emits = self.axes.facing(to * -inverse, SPREAD * seen * seen);
+        // The mean of cosines over the sphere, where the horizon divides it.
+        let incident = to.dot(normal) * inverse;
+        let above = (incident + seen).max(0.0);
+        let mut receives = incident;
+        if incident < seen {
+            receives = above * above / (4.0 * seen);
+        }
+        self.power * emits * receives / squared.max(INSIDE * self.radius * self.radius)
+    }
+
+    /// Whether a ray meets it.
+    #[inline(always)]
+    pub fn is_met(&self, x: V3, direction: V3) -> bool {
+        let to = self.centre - x;
+        let along = to.dot(direction);
+        let across = to - direction * along;
+        // With a margin for rounding far away.
+        let reach = along.abs() * 1e-6 + self.radius;
+        self.power > 0.0 && across.length_squared() < reach * reach && along + reach > 0.0
+    }
+}
+
+impl Axes {
+    /// Of axes with their shares of the power; none where light goes in all directions.
+    pub fn new(all: impl Iterator<Item = (Option<V3>, f32)>) -> Self {
+        let mut this = Self::default();
+        for (axis, share) in all {
+            let Some(n) = axis else {
+                this.squares += V3::ONE * (4.0 * share);
+                continue;
+            };
+            let crossed = super::v3(n.x * n.y, n.x * n.z, n.y * n.z);
+            this.mean += n * share;
+            this.squares += n * n * share;
+            this.products += crossed * share;
+        }
+        this
+    }
+
+    pub fn numbers(&self) -> [f32; 9] {
+        let vectors = [self.mean, self.squares, self.products];
+        let mut all = [0.0; 9];
+        all.as_chunks_mut::<3>()
+            .0
+            .iter_mut()
+            .zip(vectors)
+            .for_each(|(to, v)| *to = v.to_array());
+        all
+    }
+}
