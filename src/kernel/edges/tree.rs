@@ -52,16 +52,10 @@ impl EdgeTree {
 
     /// A tree of a shape, over edges in its order.
     fn shaped(source: &EdgeList, which: &[u32], shape: &Shape) -> Self {
-        let mut past = 0;
-        let lists = shape.leaves.iter().map(|leaf| {
-            past += leaf.len();
-            past - leaf.len()..past
-        });
-        let lists: Vec<std::ops::Range<usize>> = lists.collect();
-        let mut leaves = vec![0.0; LANES * LEAF * lists.len()];
-        let mut edges = vec![NONE; LANES * lists.len()];
+        let mut leaves = vec![0.0; LANES * LEAF * shape.leaves.len()];
+        let mut edges = vec![NONE; LANES * shape.leaves.len()];
         let blocks = leaves.par_chunks_mut(LANES * LEAF);
-        let blocks = blocks.zip(edges.par_chunks_mut(LANES)).zip(&lists);
+        let blocks = blocks.zip(edges.par_chunks_mut(LANES)).zip(&shape.leaves);
         let of_leaves = blocks.map(|((block, edges), list)| {
             let list = &which[list.clone()];
             edges[..list.len()].copy_from_slice(list);
