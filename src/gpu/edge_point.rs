@@ -19,8 +19,9 @@ use super::surface_backward::{add_to_corners, is_wanted};
 use crate::kernel::{DrawnEdge, NO_EDGE, draw_edge};
 use crate::model::bsdf::Shading;
 use crate::model::choice::decided_by;
-use crate::model::edge::{half_plane, is_above};
+use crate::model::edge::is_above;
 use crate::model::edge_weight::Query;
+use crate::model::jumps::{Sides, by_crossing_plane, farthest};
 use crate::model::segment::{clip_to_cone, point_by_angle};
 use crate::model::{V3, splat};
 
@@ -133,25 +134,6 @@ pub(super) fn edge_point(
     p
 }
 
-/// The faces of an edge that are seen on its two sides, or [`NONE`] where one sees past it, the direction from the −
-/// side to the + side (`across`), and that of a ray that passes the edge right beside it, on that side if there is one.
-#[apply(record!)]
-pub(super) struct Sides {
-    pub minus: u32,
-    pub plus: u32,
-    pub across: V3,
-    pub past: V3,
-}
-
-/// Points beside an edge are this far from it, over the largest coordinate.
-const BESIDE: f32 = 2e-5;
-
-/// How far a point beside an edge's point is from it.
-#[cube]
-pub(super) fn beside(position: V3) -> f32 {
-    BESIDE * (0.1 + position.abs().max_element())
-}
-
 /// The vector from a point of an edge's line to that corner of a face that is farthest from the line.
 #[cube]
 fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
@@ -163,33 +145,18 @@ fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
             on_line = p.position - shift_of(scene, face, time);
         }
     }
-    let a = scene.vector(at) - on_line;
-    let b = scene.vector(at + 3) - on_line;
-    let c = scene.vector(at + 6) - on_line;
-    let far_a = a.cross(p.along).length_squared();
-    let far_b = b.cross(p.along).length_squared();
-    let far_c = c.cross(p.along).length_squared();
-    let mut inward = c;
-    if far_a >= far_b && far_a >= far_c {
-        inward = a;
-    } else if far_b >= far_c {
-        inward = b;
-    }
-    inward
+    farthest(
+        scene.vector(at) - on_line,
+        scene.vector(at + 3) - on_line,
+        scene.vector(at + 6) - on_line,
+        p.along,
+    )
 }
 
 /// The faces of an edge that are seen on its two sides, the second towards `side`.
 #[cube]
 pub(super) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32) -> Sides {
-    // Across the plane of the edge and the view, so that lateral places are comparable.
-    let mut across = p.along.cross(view);
-    if across.dot(side) < 0.0 {
-        across = -across;
-    }
-    let mut minus = NONE.runtime();
-    let mut plus = NONE.runtime();
-    let mut least_minus = f32::MAX.runtime();
-    let mut least_plus = f32::MAX.runtime();
+    let mut sides = Sides::new(p.along, view, side);
     // Of a crossing both halves of each face.
     let mut halves = 4u32;
     if p.crossing {
@@ -214,38 +181,19 @@ pub(super) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32)
             if p.crossing && i & 1 == 1 {
                 inward = -inward;
             }
-            let half = half_plane(inward, p.along, view, across);
-            if half.x > 0.0 {
-                if half.y < least_plus {
-                    least_plus = half.y;
-                    plus = face;
-                }
-            } else if half.y < least_minus {
-                least_minus = half.y;
-                minus = face;
-            }
+            sides.add(face, inward, p.along, view);
         }
         i += 1;
     }
-    let mut step = beside(p.position) / across.length();
-    if minus == NONE {
-        step = -step;
-    } else if plus != NONE {
-        step = 0.0f32;
-    }
-    Sides {
-        minus,
-        plus,
-        across,
-        past: (p.to + across * step).normalize(),
-    }
+    sides.pass(p.to, p.position);
+    sides
 }
 
 /// Adds a derivative by an edge's point, to what the edge moves with.
 #[cube]
 pub(super) fn add_to_edge(scene: &Scene, sums: &Totals, p: &EdgePoint, g: V3, time: f32) {
     if p.crossing {
-        // A point of a line in which two planes cross moves with both: n₁·dP and n₂·dP are those of the planes.
+        // A point of a line in which two planes cross moves with both.
         let mut k = 0u32;
         while k < 2 {
             let mut face = p.faces.a;
@@ -260,12 +208,9 @@ pub(super) fn add_to_edge(scene: &Scene, sums: &Totals, p: &EdgePoint, g: V3, ti
                 let beyond = scene.header[SURFACES] + SURFACE_STRIDE as u32 * other;
                 let normal = scene.vector(at + 9);
                 let crossed = scene.vector(beyond + 9);
-                let cosine = normal.dot(crossed);
-                let inverse = 1.0 / (1.0 - cosine * cosine).max(1e-12);
-                let dual = (normal - crossed * cosine) * inverse;
                 let at_rest = p.position - shift_of(scene, face, time);
                 let weights = weights_in(scene, face, at_rest);
-                let by_plane = normal * g.dot(dual);
+                let by_plane = by_crossing_plane(normal, crossed, g);
                 add_to_corners(scene, sums, face, object, weights, by_plane, time);
             }
             k += 1;

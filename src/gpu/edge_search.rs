@@ -1,5 +1,4 @@
 //! Where points of a path look for edges: those of the shadows of emitters, and those that surfaces reflect.
-//! `kernel/boundary/vertex` and `kernel/boundary/reflected` in a kernel of a GPU.
 
 use crate::cube::*;
 
@@ -13,9 +12,10 @@ use super::reading::Scene;
 use super::surface::Point;
 use crate::model::V3;
 use crate::model::bsdf::Lobe;
-use crate::model::cone::widened;
 use crate::model::edge_weight::Query;
-use crate::model::frame::SinCos;
+use crate::model::jumps::{
+    LobeSearch, OF_REFLECTED, OF_SHADOWS, of_lobe, probability, towards_group, towards_light,
+};
 use crate::sampling::{Dimensions, Stream};
 
 /// A point of a path that looks at edges.
@@ -31,12 +31,6 @@ pub(super) struct Observer {
     pub counts: f32,
 }
 
-/// Points count at least for this share of an average camera ray.
-const LEAST: f32 = 0.05;
-/// The probabilities with which edges of the lights' shadows and of reflected light are looked for at a point of a
-/// path that counts as much as a camera ray does on average.
-const RATE_OF_LIGHT: f32 = 0.25;
-const RATE: f32 = 0.125;
 /// A search for an edge, and what is done with it.
 #[apply(record!)]
 pub(super) struct Search {
@@ -59,68 +53,6 @@ pub(super) struct Search {
     pub is_light: bool,
 }
 
-/// The cone that a group of emitters fills, widened by that of the rays; the hemisphere if it is wider.
-#[cube]
-fn towards_group(scene: &Scene, group: u32, point: &Point, time: f32) -> Query {
-    let at = scene.header[GROUPS] + GROUP_STRIDE * group;
-    let to = scene.vector(at) + scene.vector(at + 4) * time - point.position;
-    let distance = to.length();
-    let radius = scene.floats[at as usize + 3];
-    let sin = radius / distance.max(radius);
-    let cos = (1.0 - sin * sin).max(0.0).sqrt();
-    let half = widened(SinCos { sin, cos }, scene.settings[CONE]);
-    let mut query = Query {
-        x: point.position,
-        time,
-        axis: point.shading.outer(to),
-        cos: 0.0f32,
-        sin: 1.0f32,
-        exponent: 0.0f32,
-        shadows: true,
-    };
-    if half.cos > 0.0 {
-        query.axis = to * (1.0 / distance);
-        query.cos = half.cos;
-        query.sin = half.sin;
-    }
-    query
-}
-
-/// The cone of rays to a light without extent.
-#[cube]
-fn towards_light(scene: &Scene, k: u32, x: V3, time: f32) -> Query {
-    let half = widened(
-        SinCos {
-            sin: 0.0f32,
-            cos: 1.0f32,
-        },
-        scene.settings[CONE],
-    );
-    Query {
-        x,
-        time,
-        axis: delta_light(scene, k).seen_from(x).direction,
-        cos: half.cos,
-        sin: half.sin,
-        exponent: 0.0f32,
-        shadows: true,
-    }
-}
-
-/// A query of a lobe.
-#[cube]
-fn within(lobe: &Lobe, x: V3, time: f32) -> Query {
-    Query {
-        x,
-        time,
-        axis: lobe.axis,
-        cos: lobe.cos,
-        sin: lobe.sin,
-        exponent: lobe.exponent,
-        shadows: false,
-    }
-}
-
 /// A search for an edge of the light of emitters, or of reflected light.
 #[cube]
 pub(super) fn search(
@@ -133,34 +65,19 @@ pub(super) fn search(
 ) -> Search {
     let x = o.point.position;
     let shading = o.point.shading;
-    let counts = o.counts.max(LEAST);
+    let tangent = scene.settings[CONE];
     let last = o.bounce >= scene.header[BOUNCES];
     let mut turn = 2u32;
     if of_light {
         turn = 0u32;
     }
     let drawn = numbers.draw(scene.points, Dimensions::of_set(3 * o.bounce + turn));
-    let mut of_gloss = false;
-    let mut chance = 1.0f32;
     // Of light it is a cone about that, and no lobe.
-    let mut rest = drawn.x;
-    let rate = (RATE * counts).min(1.0);
-    if !of_light {
-        let choice = drawn.x / rate;
-        let gloss = shading.gloss();
-        // Beside the lobe's probability, the rest of the first number, uniform again.
-        chance = (1.0 - gloss).max(1e-20);
-        rest = (choice - gloss) / chance;
-        if choice < gloss {
-            of_gloss = true;
-            chance = gloss;
-            rest = choice / gloss;
-        }
-    }
-    let lobe: Lobe = shading.lobe(of_gloss, rest, scene.settings[CONE]);
+    let rate = probability(OF_REFLECTED, o.counts);
+    let reflected: LobeSearch = of_lobe(&shading, x, time, drawn.x / rate, tangent);
     let mut s = Search {
-        query: within(&lobe, x, time),
-        lobe,
+        query: reflected.query,
+        lobe: reflected.lobe,
         asked: false,
         moves: o.moves,
         u: drawn.y,
@@ -168,7 +85,7 @@ pub(super) fn search(
         cone_u: drawn.w,
         cone_v: drawn.w,
         scale: 1.0f32,
-        of_gloss,
+        of_gloss: reflected.of_gloss,
         first: 0u32,
         past: 1u32,
         is_light: false,
@@ -176,7 +93,7 @@ pub(super) fn search(
     if of_light {
         if comptime!(scene.features.emitters) {
             let more = numbers.draw(scene.points, Dimensions::of_set(3 * o.bounce + 1));
-            let rate = (RATE_OF_LIGHT * counts).min(1.0);
+            let rate = probability(OF_SHADOWS, o.counts);
             s.asked = more.y < rate;
             s.cone_v = more.x;
             if s.asked {
@@ -198,11 +115,15 @@ pub(super) fn search(
                 s.is_light = is_light(scene, s.first);
                 if s.is_light {
                     if comptime!(scene.features.lights) {
-                        s.query = towards_light(scene, s.first, x, time);
+                        let axis = delta_light(scene, s.first).seen_from(x).direction;
+                        s.query = towards_light(x, time, axis, tangent);
                         s.asked = scene.settings[CONE] > 0.0;
                     }
                 } else {
-                    s.query = towards_group(scene, group, &o.point, time);
+                    let at = scene.header[GROUPS] + GROUP_STRIDE * group;
+                    let to = scene.vector(at) + scene.vector(at + 4) * time - x;
+                    let radius = scene.floats[at as usize + 3];
+                    s.query = towards_group(&shading, x, time, to, radius, tangent);
                 }
             }
         }
@@ -212,8 +133,8 @@ pub(super) fn search(
         if comptime!(of.turns) {
             s.moves = true;
         }
-        s.scale = 1.0 / rate / (chance * lobe.chance);
-        s.cone_u = lobe.rest.max(0.0).min(1.0);
+        s.scale = 1.0 / rate / reflected.chance;
+        s.cone_u = reflected.cone_u;
     }
     s
 }

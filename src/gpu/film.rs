@@ -140,10 +140,7 @@ pub(super) fn film_jumps(
                             hit,
                             start: origin,
                             view,
-                            past: beside.past,
-                            minus: beside.minus,
-                            plus: beside.plus,
-                            across: beside.across,
+                            sides: beside,
                         };
                         let beginning = Beginning {
                             numbers,

@@ -6,7 +6,7 @@ use crate::cube::*;
 
 use super::camera::{Beginning, sampler};
 use super::edge_layout::{COUNT, EDGE_TREES, OF_TREE, SEED_OF_EDGES, SEED_OF_SIDES};
-use super::edge_point::{EdgePoint, Sides, add_to_edge, edge_point, shift_of, sides};
+use super::edge_point::{EdgePoint, add_to_edge, edge_point, shift_of, sides};
 use super::edge_search::{Observer, search};
 use super::finite::is_nonzero;
 use super::hit::{Hit, Ray, trace};
@@ -23,6 +23,7 @@ use super::surface_backward::{PointGradient, add_to_corners, is_wanted};
 use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
 use crate::model::edge::TOUCHING;
 use crate::model::edge::{direction_jump, mirrored};
+use crate::model::jumps::Sides;
 use crate::model::{V3, splat, v2, v3};
 use crate::sampling::Dimensions;
 
@@ -295,10 +296,7 @@ pub(super) fn jumps_seen_from(
                         hit,
                         start,
                         view,
-                        past: beside.past,
-                        minus: beside.minus,
-                        plus: beside.plus,
-                        across: beside.across,
+                        sides: beside,
                     };
                     let sides = sampler(scene, SEED_OF_SIDES);
                     let numbers = sides.stream(path.numbers.pixel, path.numbers.sample);

@@ -4,7 +4,7 @@
 use crate::cube::*;
 
 use super::camera::Beginning;
-use super::edge_point::{EdgePoint, beside, shift_of};
+use super::edge_point::{EdgePoint, shift_of};
 use super::hit::Hit;
 use super::layout::{NONE, OF_TRIANGLE, OF_TRIANGLES, SURFACE_STRIDE, SURFACES};
 use super::light::sky;
@@ -12,6 +12,7 @@ use super::path::{Start, path_light};
 use super::reading::Scene;
 use super::records::Room;
 use super::surface::point_at;
+use crate::model::jumps::{Sides, half_beside, inside};
 use crate::model::{Pair, V3, splat};
 
 /// What is seen beside an edge's point from a ray's origin: faces on its sides, or [`NONE`], and the hit behind.
@@ -19,13 +20,9 @@ use crate::model::{Pair, V3, splat};
 pub(super) struct Behind {
     pub hit: Hit,
     pub start: V3,
-    /// The direction to the edge's point, and that of a ray that passes it.
+    /// The direction to the edge's point.
     pub view: V3,
-    pub past: V3,
-    pub minus: u32,
-    pub plus: u32,
-    /// The direction from the − side to the + side.
-    pub across: V3,
+    pub sides: Sides,
 }
 
 /// The light on the − side of an edge less that on the + side.
@@ -39,47 +36,41 @@ pub(super) struct SideLight {
     pub normal: V3,
 }
 
-/// The point that is seen on a side. That of a face lies so far inside that no ray from it meets the other faces
-/// of the edge by rounding. The line of a crossing divides the face: of its halves the one on that side is seen.
+/// The point that is seen on a side. The line of a crossing divides the face: of its halves the one on that side is seen.
 #[cube]
 fn start_beside(scene: &Scene, p: &EdgePoint, behind: &Behind, on_plus: bool, time: f32) -> Start {
-    let mut face = behind.minus;
+    let mut face = behind.sides.minus;
     if on_plus {
-        face = behind.plus;
+        face = behind.sides.plus;
     }
     let hit = behind.hit;
     let mut start = Start {
         triangle: hit.triangle,
-        near: behind.start + behind.past * hit.t,
-        direction: behind.past,
+        near: behind.start + behind.sides.past * hit.t,
+        direction: behind.sides.past,
         distance: hit.t,
         bounce: 0u32,
         pair: Pair {
-            first: behind.past,
-            second: behind.past,
+            first: behind.sides.past,
+            second: behind.sides.past,
         },
         paired: false,
         emits: false,
     };
     if face != NONE {
         let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * face;
-        let mut inward = scene.vector(at + 9).cross(p.along);
-        if p.crossing {
-            let mut towards = inward.dot(behind.across);
-            if !on_plus {
-                towards = -towards;
-            }
-            if towards < 0.0 {
-                inward = -inward;
-            }
-        } else {
+        let mut across = behind.sides.across;
+        if !on_plus {
+            across = -across;
+        }
+        let mut inward = half_beside(scene.vector(at + 9), p.along, across);
+        if !p.crossing {
             let sum = scene.vector(at) + scene.vector(at + 3) + scene.vector(at + 6);
             let shift = shift_of(scene, face, time);
             inward = sum * (1.0f32 / 3.0f32) + shift - p.position;
         }
-        let step = (beside(p.position) / inward.length().max(1e-37)).min(0.1);
         start.triangle = face;
-        start.near = p.position + inward * step;
+        start.near = inside(p.position, inward);
         start.direction = behind.view;
         start.distance = p.to.length();
     }
@@ -138,8 +129,8 @@ pub(super) fn light_beside(
         second: behind.view,
     };
     let mut paired = false;
-    if goes_on && behind.minus != NONE && behind.plus != NONE {
-        if material_of(scene, behind.minus) == material_of(scene, behind.plus) {
+    if goes_on && behind.sides.minus != NONE && behind.sides.plus != NONE {
+        if material_of(scene, behind.sides.minus) == material_of(scene, behind.sides.plus) {
             pair = normals_beside(scene, p, behind, time);
             paired = true;
         }

@@ -1,6 +1,7 @@
 //! Lists of numbers: vectors in them, and numbers that grow.
 
 use super::{V3, v3};
+#[cfg(feature = "wgpu")]
 use crate::cube::*;
 
 /// A vector of a list.

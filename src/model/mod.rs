@@ -19,6 +19,7 @@ pub(crate) mod film;
 pub(crate) mod filter;
 pub(crate) mod frame;
 pub(crate) mod integers;
+pub(crate) mod jumps;
 pub(crate) mod light_bounds;
 pub(crate) mod lists;
 pub(crate) mod normal_map;

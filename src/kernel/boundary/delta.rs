@@ -7,10 +7,9 @@ use crate::kernel::gradient::Sums;
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
 use crate::model::V3;
-use crate::model::cone::{Bend, cone_density, widened};
+use crate::model::cone::{Bend, cone_density};
 use crate::model::edge::{direction_jump, mirrored};
-use crate::model::edge_weight::Query;
-use crate::model::frame::SinCos;
+use crate::model::jumps::towards_light;
 
 impl View {
     /// Adds the derivatives by jumps of the light of a light without extent, times `carried`. Edges are drawn in the
@@ -37,16 +36,7 @@ impl View {
         if carried == 0.0 {
             return;
         }
-        let SinCos { sin, cos } = widened(SinCos { sin: 0.0, cos: 1.0 }, self.cone);
-        let query = Query {
-            x: point.position,
-            time,
-            axis: seen.direction,
-            cos,
-            sin,
-            exponent: 0.0,
-            shadows: true,
-        };
+        let query = towards_light(point.position, time, seen.direction, self.cone);
         let Some(p) = self.edge_point(o, &tree, &query, numbers) else {
             return;
         };
@@ -74,7 +64,7 @@ impl View {
             let jump = direction_jump(p.to, p.edge.along, &bend, normal);
             let sides = self.sides(&p, view, jump.side, time);
             // Light passes on one side or on none.
-            let sign = match sides.faces.map(|face| face == NOTHING) {
+            let sign = match [sides.minus, sides.plus].map(|face| face == NOTHING) {
                 [true, false] => 1.0,
                 [false, true] => -1.0,
                 _ => return,

@@ -4,17 +4,18 @@
 use glam::DVec3;
 
 use crate::accel::{Hit, HitRay, NOTHING};
-use crate::kernel::edges::{Edge, EdgeSets, FACES, Kind, Root};
+use crate::kernel::edges::{Edge, EdgeSets, Kind, Root};
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::{Point, PointGradient};
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Vertex, Walk, Walks};
 use crate::model::choice::decided_by;
-use crate::model::edge::{DirectionJump, TOUCHING, half_plane, is_above};
+use crate::model::edge::{DirectionJump, TOUCHING, is_above};
 use crate::model::edge_weight::Query;
+use crate::model::jumps::{Sides, by_crossing_plane, farthest, half_beside, inside};
 use crate::model::segment::{OnSegment, clip_to_cone, point_by_angle};
 use crate::model::triangle::barycentric;
-use crate::model::{Pair, V2, V3};
+use crate::model::{Pair, V3};
 use crate::sampling::Numbers;
 
 /// A point of a path that looks at edges.
@@ -115,96 +116,47 @@ impl View {
         }
     }
 
-    /// A point of a line in which two planes cross moves with both: n₁·dP and n₂·dP are those of the
-    /// planes.
+    /// A point of a line in which two planes cross moves with both.
     fn add_to_crossing(&self, p: &EdgePoint, g: V3, time: f32, sums: &mut Sums) {
         let [k, l] = [p.edge.faces[0] as usize, p.edge.faces[1] as usize];
         let (t, s) = (&self.scene.triangles[k], &self.scene.triangles[l]);
-        let cosine = t.normal.dot(s.normal);
-        let inverse = 1.0 / (1.0 - cosine * cosine).max(1e-12);
         for (k, t, other) in [(k, t, s.normal), (l, s, t.normal)] {
             if !self.wanted.objects[t.object as usize] {
                 continue;
             }
-            let dual = (t.normal - other * cosine) * inverse;
             let at_rest = p.position - self.scene.shift(k as u32, time);
             let weights = barycentric(t.corners, t.normal, t.area, at_rest);
-            let by_plane = t.normal * g.dot(dual);
+            let by_plane = by_crossing_plane(t.normal, other, g);
             self.add_to_corners(k, weights, by_plane, time, sums);
         }
     }
 }
 
-/// The faces seen on the two sides of an edge's point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sides {
-    /// The triangle of the edge that is seen on the − and + side, or [`NOTHING`] where one sees past it.
-    pub faces: [u32; 2],
-    /// Points from the − side to the + side, at a right angle to the edge and to the direction in which it is seen.
-    across: V3,
-    /// The direction of a ray that passes the edge right beside it, on that side if there is one.
-    pub past: V3,
-}
-
-/// Points beside an edge are this far from it, over the largest coordinate.
-const BESIDE: f32 = 2e-5;
-
 impl View {
     /// The faces of an edge that are seen on its two sides, the second towards `side`.
     pub(super) fn sides(&self, p: &EdgePoint, view: V3, side: V3, time: f32) -> Sides {
-        let mut faces = [NOTHING; 2];
-        let mut least = [f32::INFINITY; 2];
-        // Across the plane of the edge and the view, so that lateral places are comparable.
-        let across = p.edge.along.cross(view);
-        let across = across * if across.dot(side) < 0.0 { -1.0 } else { 1.0 };
-        let mut halves = [(NOTHING, V3::ZERO); FACES];
-        for (half, &face) in halves.iter_mut().zip(&p.edge.faces) {
+        let mut sides = Sides::new(p.edge.along, view, side);
+        for &face in &p.edge.faces {
             if face == NOTHING || self.is_open_at(face, p.position, time) {
                 continue;
             }
-            let corners = self.scene.triangles[face as usize].corners;
-            // The corner that is farthest from the edge's line, on which its point is where the face was at rest.
+            // On the line, where the face was at rest.
             let on_line = if p.edge.apart {
                 p.position - self.scene.shift(face, time)
             } else {
                 p.edge.a
             };
-            let from_a = corners.map(|c| c - on_line);
-            let far = from_a.map(|d| d.cross(p.edge.along).length_squared());
-            let k = if far[0] >= far[1] && far[0] >= far[2] {
-                0
-            } else if far[1] >= far[2] {
-                1
-            } else {
-                2
-            };
-            *half = (face, from_a[k]);
-        }
-        for &(face, inward) in halves.iter().filter(|h| h.0 != NOTHING) {
-            let both = if p.edge.kind == Kind::Crossing { 2 } else { 1 };
-            for inward in [inward, -inward].into_iter().take(both) {
-                let V2 {
-                    x: lateral,
-                    y: depth,
-                } = half_plane(inward, p.edge.along, view, across);
-                let to = usize::from(lateral > 0.0);
-                if depth < least[to] {
-                    least[to] = depth;
-                    faces[to] = face;
-                }
+            let [a, b, c] = self.scene.triangles[face as usize]
+                .corners
+                .map(|c| c - on_line);
+            let inward = farthest(a, b, c, p.edge.along);
+            sides.add(face, inward, p.edge.along, view);
+            if p.edge.kind == Kind::Crossing {
+                sides.add(face, -inward, p.edge.along, view);
             }
         }
-        let towards = match faces {
-            [NOTHING, _] => -1.0,
-            [_, NOTHING] => 1.0,
-            _ => 0.0,
-        };
-        let step = BESIDE * (0.1 + p.position.abs().max_element()) * towards / across.length();
-        Sides {
-            faces,
-            across,
-            past: (p.to + across * step).normalize(),
-        }
+        sides.pass(p.to, p.position);
+        sides
     }
 
     /// Whether a triangle has a hole at a point of it.
@@ -255,7 +207,7 @@ impl View {
         walks: &mut Walks,
     ) {
         walks.clear();
-        for (&face, across) in sides.faces.iter().zip([-sides.across, sides.across]) {
+        for (face, across) in [(sides.minus, -sides.across), (sides.plus, sides.across)] {
             let mut walk = Walk::new();
             if face != NOTHING {
                 walk.seen = face;
@@ -266,28 +218,24 @@ impl View {
             }
             walks.list.push(walk);
         }
-        if !sides.faces.contains(&NOTHING) {
+        if sides.minus != NOTHING && sides.plus != NOTHING {
             self.pair(&mut walks.list);
         }
     }
 
-    /// The point of a face of an edge right beside the edge's point, seen along a direction: so far inside
-    /// that no ray from it meets the other faces of the edge by rounding. The line of a crossing divides the face:
-    /// of its halves the one towards `across` is seen.
+    /// The point of a face of an edge right beside the edge's point, seen along a direction. The line of a crossing
+    /// divides the face: of its halves the one towards `across` is seen.
     fn beside(&self, p: &EdgePoint, (face, across): (u32, V3), view: V3, time: f32) -> Point {
         let tri = &self.scene.triangles[face as usize];
         let inward = if p.edge.kind == Kind::Crossing {
-            let half = tri.normal.cross(p.edge.along);
-            half * half.dot(across).signum()
+            half_beside(tri.normal, p.edge.along, across)
         } else {
             let [a, b, c] = tri.corners;
             (a + b + c) * (1.0 / 3.0) + self.scene.shift(face, time) - p.position
         };
-        let distance = inward.length().max(f32::MIN_POSITIVE);
-        let step = (BESIDE * (0.1 + p.position.abs().max_element()) / distance).min(0.1);
         let t = p.to.length();
         self.scene
-            .point_at(face, p.position + inward * step, t, view, time)
+            .point_at(face, inside(p.position, inward), t, view, time)
     }
 
     /// Lets the paths on both sides of a crease go the same ways if these are of one material.

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::edge_point::{EdgePoint, Sides};
+use super::edge_point::EdgePoint;
 use super::film_edges::FilmEdges;
 use super::pieces::PixelGradients;
 use crate::accel::{Hit, Machine, Task, dispatch};
@@ -15,6 +15,7 @@ use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Seen, Work};
 use crate::model::camera::CameraGradient;
 use crate::model::filter::film_kernel;
+use crate::model::jumps::Sides;
 use crate::model::{V2, V3, v2};
 use crate::sampling::Dimensions;
 

@@ -1,6 +1,5 @@
 //! Edges that surfaces reflect: jumps of the light of other surfaces and of the environment.
 
-use super::edge_point::Sides;
 use super::edge_point::{EdgePoint, Observer};
 use crate::accel::{Hit, NOTHING};
 use crate::kernel::gradient::Sums;
@@ -10,12 +9,8 @@ use crate::kernel::walk::Path;
 use crate::kernel::walk::Work;
 use crate::model::V3;
 use crate::model::edge::direction_jump;
-use crate::model::edge_weight::Query;
+use crate::model::jumps::{OF_REFLECTED, Sides, of_lobe, probability};
 use crate::sampling::Dimensions;
-
-/// The probability with which edges of reflected light are looked for at a point of a path that counts as
-/// much as a camera ray does on average: half that of the lights' shadows, since it takes two more paths.
-const RATE: f32 = 0.125;
 
 /// The light beside an edge, on its − and + side.
 struct SideLight {
@@ -40,69 +35,50 @@ impl View {
         let tree = o.sets.seen_by(o.moves || self.wanted.turns());
         let drawn = o.numbers.draw(Dimensions::of_set(3 * o.bounce + 2));
         let (pick, u, v, cone_v) = (drawn.x, drawn.y, drawn.z, drawn.w);
-        let rate = (RATE * o.counts).min(1.0);
+        let rate = probability(OF_REFLECTED, o.counts);
         if pick >= rate || tree.is_empty() {
             return;
         }
-        let lobe = pick / rate;
         let carried = o.carried * (1.0 / rate);
         let (point, time) = (&o.vertex.point, o.path.time);
         let shading = &point.shading;
-        let gloss = shading.gloss();
-        let of_gloss = lobe < gloss;
-        // Beside the lobe's probability, the rest of the first number, uniform again.
-        let (chance, cone_u) = if of_gloss {
-            (gloss, lobe / gloss)
-        } else {
-            (1.0 - gloss, (lobe - gloss) / (1.0 - gloss))
-        };
-        let lobe = shading.lobe(of_gloss, cone_u, self.cone);
-        let (chance, cone_u) = (chance * lobe.chance, lobe.rest);
-        let query = Query {
-            x: point.position,
-            time,
-            axis: lobe.axis,
-            cos: lobe.cos,
-            sin: lobe.sin,
-            exponent: lobe.exponent,
-            shadows: false,
-        };
-        let Some(p) = self.edge_point(o, &tree, &query, [u, v]) else {
+        let s = of_lobe(shading, point.position, time, pick / rate, self.cone);
+        let Some(p) = self.edge_point(o, &tree, &s.query, [u, v]) else {
             return;
         };
         let view = p.to.normalize();
         let outer = shading.outer(view);
-        let bend = self.bend(view, outer, cone_u.clamp(0.0, 1.0), cone_v);
+        let bend = self.bend(view, outer, s.cone_u, cone_v);
         let axis = bend.direction;
         let mut reflected = shading.evaluate(axis);
         if shading.glossy {
-            reflected *= shading.share_of_lobe(axis, of_gloss);
+            reflected *= shading.share_of_lobe(axis, s.of_gloss);
         }
-        if reflected == V3::ZERO || !lobe.holds(axis) {
+        if reflected == V3::ZERO || !s.lobe.holds(axis) {
             return;
         }
         let jump = direction_jump(p.to, p.edge.along, &bend, shading.geometric);
         let sides = self.sides(&p, view, jump.side, time);
-        if last && !sides.faces.contains(&NOTHING) {
+        if last && sides.minus != NOTHING && sides.plus != NOTHING {
             return;
         }
         let Some(behind) = self.behind(&p, point.start(view), sides.past, time) else {
             return;
         };
         let light = self.light_beside(o, &p, &sides, behind, view, work);
-        let scale = carried * reflected * (p.per_density / chance);
+        let scale = carried * reflected * (p.per_density / s.chance);
         let jumps = scale.dot(light.radiance[0] - light.radiance[1]);
         if jumps != 0.0 {
             self.edge_point_backward(&p, &jump, (point, time), jumps, by, sums);
             // Directions turn with the frame of the lobe.
-            let scatter = shading.as_drawn(axis, of_gloss);
+            let scatter = shading.as_drawn(axis, s.of_gloss);
             shading.direction_backward(&scatter, jump.edge.by_axis * jumps, &mut by.shading);
         }
         let [minus, plus] = light.sky;
         if self.gathers_map && minus != plus {
             // Directions to a map stay where they are.
             let radiance = self.scene.sky.at(axis);
-            let jumps = (carried * reflected).dot(radiance) * (p.per_density / chance);
+            let jumps = (carried * reflected).dot(radiance) * (p.per_density / s.chance);
             self.edge_point_backward(&p, &jump, (point, time), jumps * (minus - plus), by, sums);
         }
     }

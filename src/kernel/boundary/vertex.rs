@@ -7,14 +7,10 @@ use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
 use crate::kernel::walk::{Path, Vertex, Work};
 use crate::model::V3;
-use crate::model::cone::{up_to_plane, widened};
+use crate::model::cone::up_to_plane;
 use crate::model::edge::{DirectionJump, direction_jump};
-use crate::model::edge_weight::Query;
-use crate::model::frame::SinCos;
+use crate::model::jumps::{OF_SHADOWS, probability, towards_group};
 use crate::sampling::{Dimensions, EmitterHit};
-
-/// Points count at least for this share of an average camera ray.
-const LEAST: f32 = 0.05;
 
 impl View {
     /// Adds the derivatives by jumps at edges seen from a point of a path, times `g`, whose channels add up
@@ -45,7 +41,7 @@ impl View {
             bounce,
             moves,
             carried,
-            counts: counts.max(LEAST),
+            counts,
             numbers: self.edges.numbers(path.numbers.path()),
             sets,
         };
@@ -53,10 +49,6 @@ impl View {
         self.reflected_edges(&observer, work, by, sums);
     }
 }
-
-/// The probability with which edges of the lights' shadows are looked for at a point of a path that counts
-/// as much as a camera ray does on average; those that count for less are asked less often.
-const RATE: f32 = 0.25;
 
 /// A point of a shadow's edge, seen along the axis of a shadow ray.
 struct ShadowEdge<'a> {
@@ -87,7 +79,7 @@ impl View {
         let (choice, u, v, cone_u) = (drawn.x, drawn.y, drawn.z, drawn.w);
         let more = o.numbers.draw(Dimensions::of_set(3 * o.bounce + 1));
         let (cone_v, pick) = (more.x, more.y);
-        let rate = (RATE * o.counts).min(1.0);
+        let rate = probability(OF_SHADOWS, o.counts);
         if pick >= rate {
             return;
         }
@@ -108,7 +100,9 @@ impl View {
             return;
         }
         let carried = o.carried * (1.0 / rate) * (1.0 / chance);
-        let query = self.group_query(o, group);
+        let (x, time, seen) = (point.position, o.path.time, &emitters.groups[group]);
+        let to = seen.centre + seen.velocity * time - x;
+        let query = towards_group(&point.shading, x, time, to, seen.radius, self.cone);
         let Some(p) = self.edge_point(o, &tree, &query, [u, v]) else {
             return;
         };
@@ -121,8 +115,7 @@ impl View {
         let jump = direction_jump(p.to, p.edge.along, &bend, point.shading.geometric);
         let sides = self.sides(&p, view, jump.side, o.path.time);
         // Light passes on one side or on none.
-        let [minus, plus] = sides.faces;
-        let sign = match (minus == NOTHING, plus == NOTHING) {
+        let sign = match (sides.minus == NOTHING, sides.plus == NOTHING) {
             (true, false) => 1.0,
             (false, true) => -1.0,
             _ => return,
@@ -138,31 +131,6 @@ impl View {
         emitters.each_hit(emitters.members(group), &at, edge.axis, |hit| {
             self.shadow_edge_backward(o, &edge, hit, by, sums);
         });
-    }
-
-    /// The cone that a group of emitters fills, widened by that of the rays; the hemisphere if it is wider.
-    fn group_query(&self, o: &Observer, group: usize) -> Query {
-        let point = &o.vertex.point;
-        let seen = &self.scene.emitters.groups[group];
-        let to = seen.centre + seen.velocity * o.path.time - point.position;
-        let distance = to.length();
-        let sin = seen.radius / distance.max(seen.radius);
-        let cos = (1.0 - sin * sin).max(0.0).sqrt();
-        let SinCos { sin, cos } = widened(SinCos { sin, cos }, self.cone);
-        let mut query = Query {
-            x: point.position,
-            time: o.path.time,
-            axis: to * (1.0 / distance),
-            cos,
-            sin,
-            exponent: 0.0,
-            shadows: true,
-        };
-        if cos.is_nan() || cos <= 0.0 {
-            query.axis = point.shading.outer(to);
-            (query.cos, query.sin) = (0.0, 1.0);
-        }
-        query
     }
 
     /// Adds the derivatives by the jump of one emitter's light, if nothing else hides it at the edge.

@@ -27,7 +27,6 @@ use crate::scene::{CHANNELS, MaterialKind};
 pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 pub(crate) use dielectric::UPRIGHT;
 pub(crate) use glass_albedo::given_back;
-#[cfg(feature = "wgpu")]
 pub(crate) use lobe::Lobe;
 pub(crate) use metal::DIELECTRIC_F0;
 use models::{CONDUCTOR, DIELECTRIC, METALLIC, PHONG};
