@@ -15,7 +15,7 @@ use super::layout::{BOUNCES, CONE, NONE, SURFACE_STRIDE, SURFACES};
 use super::light::{EmitterHit, delta_light, emitter, hits_emitter, sky};
 use super::light_backward::add_to_light;
 use super::reading::Scene;
-use super::shadow_rays::{target_of, up_to_target};
+use super::shadow_rays::target_of;
 use super::side_light::{Behind, light_beside};
 use super::sums::Totals;
 use super::surface::emission_at;
@@ -107,7 +107,7 @@ fn delta_behind(
     start: V3,
     time: f32,
 ) -> LightBehind {
-    let target = target_of(scene, k, v2(0.0, 0.0), x, time);
+    let target = target_of(scene, k, v2(0.0, 0.0), x, time, false);
     let mut image = p.to;
     if bent.mirrored {
         image = mirrored(p.to, outer);
@@ -115,7 +115,7 @@ fn delta_behind(
     let density = cone_density(bent.direction, image, scene.settings[CONE]);
     let mut found = no_light();
     found.emission = target.radiance * (target.angle * density);
-    found.limit = up_to_target(&target, start, past);
+    found.limit = target.limit(start, past);
     if found.emission.is_zero() || p.to.dot(outer) <= 0.0 || p.to.length() >= found.limit {
         found.limit = -1.0f32;
     }

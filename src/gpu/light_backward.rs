@@ -1,19 +1,20 @@
-//! Back over light that arrives at a point of a path: `kernel/backward` and `kernel/delta_lights` in a kernel of a GPU.
+//! Back over light that arrives at a point of a path.
 
 use burn::cubecl::{self, prelude::*};
 
 use super::corners::uv_at;
 use super::layout::{EMISSIVE_COUNT, FIRST_SUMS, LIGHT_BITS, WANTED};
-use super::light::{delta_light, emitter, map_of, sky};
+use super::light::{delta_light, emitter, is_light, map_of, sky};
 use super::reading::Scene;
-use super::shadow_rays::{Target, target_of};
+use super::shadow_rays::target_of;
 use super::sums::{AREAS, LIGHTS, OF_LIGHT, TRIANGLES, Totals};
 use super::surface::Point;
 use super::surface_backward::{PointGradient, add_to_corners, is_wanted, sky_backward};
 use super::texture::EMISSION;
 use super::texture_backward::{add_to_uvs, colour_backward};
+use crate::model::connection::Target;
 use crate::model::delta_light::DeltaGradient;
-use crate::model::emitter::{LightPoint, power_heuristic};
+use crate::model::emitter::LightPoint;
 use crate::model::{V2, V3, v3};
 
 /// Back over light from a point of an emitter, which stays where it is on it, or from a light without extent; returns
@@ -33,30 +34,19 @@ pub(super) fn light_backward(
     g: V3,
     by: &mut PointGradient,
 ) -> V3 {
-    let target: Target = target_of(scene, k, weights, point.position, time);
-    let direction = target.direction;
-    let reflected = point.shading.evaluate(direction);
-    let mut density = chance;
-    if combined && !target.is_light {
-        let other = point.shading.density(direction) * target.angle;
-        density = power_heuristic(chance, other, by_scattering);
-    }
-    let scale = target.angle / density;
-    let carried = g.times(throughput);
-    let by_reflected = carried.times(target.radiance) * scale;
-    let by_direction = point
-        .shading
-        .evaluate_backward(direction, by_reflected, &mut by.shading);
-    let by_angle = carried.times(reflected).dot(target.radiance) / density;
-    let by_radiance = carried.times(reflected) * scale;
-    if target.is_light {
+    let shading = point.shading;
+    let target: Target = target_of(scene, k, weights, point.position, time, combined);
+    let reflected = shading.evaluate(target.direction);
+    let density = target.divisor(&shading, chance, by_scattering);
+    let by_target = target.backward(&shading, reflected, density, g, throughput, &mut by.shading);
+    if is_light(scene, k) {
         if comptime!(scene.features.lights) {
             let light = delta_light(scene, k);
             let seen = light.seen_from(point.position);
-            let by_light = light.backward(&seen, by_angle, by_direction);
+            let by_light = light.backward(&seen, by_target.angle, by_target.direction);
             by.position -= by_light.position;
             if comptime!(sums.of.lights) {
-                add_to_light(scene, sums, k, &by_light, by_radiance);
+                add_to_light(scene, sums, k, &by_light, by_target.radiance);
             }
         }
     } else {
@@ -71,7 +61,7 @@ pub(super) fn light_backward(
                 e.material,
                 EMISSION,
                 uv,
-                by_radiance,
+                by_target.radiance,
                 glows,
                 sums.of.emission,
             );
@@ -79,7 +69,7 @@ pub(super) fn light_backward(
         }
         if comptime!(sums.of.rays) {
             let seen = LightPoint::new(target.place - point.position, e.normal);
-            let by_light = seen.backward(e.normal, e.area, by_angle, by_direction);
+            let by_light = seen.backward(e.normal, e.area, by_target.angle, by_target.direction);
             if comptime!(sums.of.objects) {
                 if is_wanted(scene, e.object) {
                     let at = scene.header[FIRST_SUMS + AREAS] + e.triangle;
@@ -100,7 +90,7 @@ pub(super) fn light_backward(
             by.position -= by_light.position;
         }
     }
-    g.times(reflected).times(target.radiance) * scale
+    by_target.throughput
 }
 
 /// Adds the derivatives by a light without extent, if they are asked for.
@@ -137,15 +127,12 @@ pub(super) fn map_backward(
 ) -> V3 {
     let shading = point.shading;
     let chance = map_of(scene).density(scene.floats, direction);
-    let density = power_heuristic(chance, shading.density(direction), by_scattering);
+    let target: Target = Target::of_map(direction, sky(scene, direction));
     let reflected = shading.evaluate(direction);
-    let radiance = sky(scene, direction);
-    let scale = 1.0 / density;
-    let carried = g.times(throughput) * scale;
+    let density = target.divisor(&shading, chance, by_scattering);
+    let by_target = target.backward(&shading, reflected, density, g, throughput, &mut by.shading);
     if comptime!(sums.of.sky) {
-        let by_sky = carried.times(reflected);
-        sky_backward(scene, sums, direction, by_sky);
+        sky_backward(scene, sums, direction, by_target.radiance);
     }
-    shading.evaluate_backward(direction, carried.times(radiance), &mut by.shading);
-    g.times(reflected).times(radiance) * scale
+    by_target.throughput
 }

@@ -16,10 +16,12 @@ use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
     keep_vector, record_at,
 };
-use super::shadow_rays::{Receiver, ShadowRay, no_point, target_of, towards_map, towards_target};
+use super::shadow_rays::{Receiver, no_point, target_of};
 use super::surface::point_at;
 use crate::model::bsdf::Scatter;
+use crate::model::choice::survival;
 use crate::model::cone::{bend, lifted};
+use crate::model::connection::{ConeKernel, Target, no_connection};
 use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
 use crate::sampling::{Chosen, Dimensions};
@@ -114,8 +116,11 @@ pub(super) fn path_light(
     };
     let mut from = Receiver {
         point: no_point(scene),
-        cone_u: 0.0f32,
-        cone_v: 0.0f32,
+        cone: ConeKernel {
+            tangent: scene.settings[CONE],
+            u: 0.0f32,
+            v: 0.0f32,
+        },
         sum: 0.0f32,
     };
     let mut throughput = splat(1.0);
@@ -234,8 +239,8 @@ pub(super) fn path_light(
                 } else {
                     if comptime!(scene.features.cones) {
                         let set = cones.draw(scene.points, Dimensions::of_set(bounce));
-                        from.cone_u = set.z;
-                        from.cone_v = set.w;
+                        from.cone.u = set.z;
+                        from.cone.v = set.w;
                     }
                     let normal = point.shading.geometric;
                     let at: Site = site(scene, point.position, normal, time);
@@ -279,14 +284,11 @@ pub(super) fn path_light(
             }
         }
         // The next ray.
-        let mut chosen = ShadowRay {
-            start: splat(0.0),
-            direction: splat(0.0),
-            limit: (-1.0f32).runtime(),
-            light: splat(0.0),
-        };
+        let mut chosen = no_connection(from.point.position);
+        let mut target = Target::of_map(scatter.direction, scatter.direction);
+        target.angle = 0.0f32;
+        let mut p = 1.0f32;
         let mut is_emitter = false;
-        let mut is_map = false;
         let mut along = false;
         if purpose == TO_EMITTER || purpose == TO_EMITTERS_ALONG {
             if comptime!(scene.features.emitters) {
@@ -298,7 +300,6 @@ pub(super) fn path_light(
         if is_emitter {
             let mut k = 0u32;
             let mut weights = v2(0.0, 0.0);
-            let mut p = 1.0f32;
             let combined = comptime!(scene.features.combined) && from.point.shading.glossy;
             let x = from.point.position;
             let at: Site = from.site(time);
@@ -323,27 +324,26 @@ pub(super) fn path_light(
             if k == NONE {
                 purpose = TO_MAP;
             } else {
-                let target = target_of(scene, k, weights, x, time);
-                chosen = towards_target(scene, &from, &target, p, combined, along);
+                target = target_of(scene, k, weights, x, time, combined);
             }
         }
         if purpose == TO_MAP || purpose == TO_MAP_ALONG {
             if comptime!(scene.features.gathers_map) {
-                is_map = true;
-            } else {
-                purpose = ONWARDS;
-            }
-        }
-        if comptime!(scene.features.gathers_map) {
-            if is_map {
                 let mut towards = scatter.direction;
                 if purpose == TO_MAP {
                     let drawn = numbers.draw(scene.points, Dimensions::choices(bounce));
                     towards = map_of(scene).choose(scene.floats, drawn.z, drawn.w);
                 }
-                let by_scattering = purpose == TO_MAP_ALONG;
-                chosen = towards_map(scene, &from, towards, by_scattering);
+                along = purpose == TO_MAP_ALONG;
+                p = map_of(scene).density(scene.floats, towards);
+                target = Target::of_map(towards, sky(scene, towards));
+            } else {
+                purpose = ONWARDS;
             }
+        }
+        if comptime!(scene.features.emitters || scene.features.gathers_map) {
+            let at = from.point;
+            chosen = target.connect(&at.shading, at.position, p, along, from.cone);
         }
         if purpose == ONWARDS {
             let last = bounce >= bounces;
@@ -354,7 +354,7 @@ pub(super) fn path_light(
                 let mut survived = 1.0f32;
                 if comptime!(scene.features.roulette) {
                     if !last && bounce >= scene.header[ROULETTE_AFTER] {
-                        let survival = throughput.max_element().max(0.05).min(1.0);
+                        let survival = survival(throughput);
                         let drawn = numbers.draw(scene.points, Dimensions::choices(bounce));
                         if drawn.y >= survival {
                             purpose = ENDED;

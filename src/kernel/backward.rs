@@ -11,6 +11,7 @@ use crate::accel::NOTHING;
 use crate::model::V3;
 use crate::model::camera::{CameraGradient, CameraRay};
 use crate::model::cone::bend_backward;
+use crate::model::connection::Target;
 
 impl View {
     /// Goes back along a path that was kept: adds the derivatives of the light that it brought, times
@@ -204,25 +205,29 @@ impl View {
         let uv = self.scene.uv_at(k, light.weights);
         let material = self.scene.material(light.triangle);
         let emission = material.emission(&self.scene.texels, uv);
-        let emission = emission.towards(seen.facing);
-        let scale = seen.solid_angle(tri.area) / light.density;
-        let carried = g * vertex.throughput;
-        let by_throughput = g * light.reflected * emission * scale;
+        let normal = tri.normal;
+        let target = Target {
+            radiance: emission.towards(seen.facing),
+            ..Target::of_emitter(seen, V3::ZERO, normal, tri.area)
+        };
+        let by_target = target.backward(
+            &vertex.point.shading,
+            light.reflected,
+            light.density,
+            g,
+            vertex.throughput,
+            &mut by.shading,
+        );
         if self.wanted.emission || (self.wanted.uvs && material.glows()) {
-            let by_emission = carried * light.reflected * scale;
-            let by_uv = self.emission_backward(k, uv, seen.facing, by_emission, sums);
+            let by_uv = self.emission_backward(k, uv, seen.facing, by_target.radiance, sums);
             if material.glows() {
                 self.add_to_uvs(k, light.weights, by_uv, sums);
             }
         }
-        let by_reflected = carried * emission * scale;
-        let shading = &vertex.point.shading;
-        let by_direction = shading.evaluate_backward(seen.direction, by_reflected, &mut by.shading);
         if !self.wanted.rays {
-            return by_throughput;
+            return by_target.throughput;
         }
-        let by_angle = (carried * light.reflected).dot(emission) / light.density;
-        let found = seen.backward(tri.normal, tri.area, by_angle, by_direction);
+        let found = seen.backward(normal, tri.area, by_target.angle, by_target.direction);
         if self.wanted.objects[tri.object as usize] {
             let to = &mut sums.triangles[k];
             to.area += f64::from(found.area);
@@ -230,7 +235,7 @@ impl View {
             self.add_to_corners(k, light.weights, found.position, path.time, sums);
         }
         by.position -= found.position;
-        by_throughput
+        by_target.throughput
     }
 
     /// Back over light of a map along a direction, which is fixed.
@@ -243,17 +248,19 @@ impl View {
         by: &mut PointGradient,
         sums: &mut Sums,
     ) -> V3 {
-        let shading = &vertex.point.shading;
-        let reflected = shading.evaluate(sample.direction);
-        let radiance = self.scene.sky.at(sample.direction);
-        let scale = 1.0 / sample.density;
-        let carried = g * vertex.throughput * scale;
+        let target = Target::of_map(sample.direction, self.scene.sky.at(sample.direction));
+        let found = target.backward(
+            &vertex.point.shading,
+            sample.reflected,
+            sample.density,
+            g,
+            vertex.throughput,
+            &mut by.shading,
+        );
         if self.wanted.sky {
-            self.scene
-                .sky
-                .backward(sample.direction, carried * reflected, &mut sums.sky);
+            let sky = &self.scene.sky;
+            sky.backward(sample.direction, found.radiance, &mut sums.sky);
         }
-        shading.evaluate_backward(sample.direction, carried * radiance, &mut by.shading);
-        g * reflected * radiance * scale
+        found.throughput
     }
 }

@@ -5,8 +5,8 @@ use super::view::View;
 use super::walk::{Candidate, LightSample, Sample, SkySample, Work};
 use crate::accel::HitRay;
 use crate::model::V3;
-use crate::model::cone::{lifted, up_to_plane};
-use crate::model::emitter::{LightPoint, power_heuristic};
+use crate::model::connection::{ConeKernel, Connection, Target};
+use crate::model::emitter::LightPoint;
 use crate::model::sky::SkyMap;
 use crate::model::triangle::{at, uniform_point};
 
@@ -18,26 +18,29 @@ pub(super) struct Shaded<'a> {
 }
 
 impl Shaded<'_> {
-    /// Light that arrives along a direction if nothing is in between.
+    /// Light that arrives from a target if nothing is in between. It was drawn with a probability or density, or found
+    /// by scattering; `sample` is what is kept of it.
     #[inline(always)]
-    pub(super) fn propose(
+    pub(super) fn connect(
         &self,
-        (start, direction): (V3, V3),
-        limit: f32,
-        light: V3,
-        sample: Sample,
+        target: &Target,
+        (chance, by_scattering): (f32, bool),
+        cone: ConeKernel,
+        sample: impl FnOnce(&Connection) -> Sample,
         work: &mut Work,
     ) {
-        // It starts behind the light.
-        if limit <= 0.0 {
+        let (shading, position) = (&self.point.shading, self.point.position);
+        let found = target.connect(shading, position, chance, by_scattering, cone);
+        // It starts behind the light, or there is none.
+        if found.limit <= 0.0 {
             return;
         }
-        let ray = HitRay::new(start, direction, self.time, limit);
+        let ray = HitRay::new(found.start, found.direction, self.time, found.limit);
         work.rays.push(ray);
         work.candidates.push(Candidate {
             walk: self.walk,
-            light,
-            sample,
+            light: found.light,
+            sample: sample(&found),
         });
     }
 }
@@ -49,7 +52,7 @@ impl View {
         &self,
         from: &Shaded,
         [u, v]: [f32; 2],
-        cone: [f32; 2],
+        cone: ConeKernel,
         along: Option<V3>,
         work: &mut Work,
     ) {
@@ -84,46 +87,34 @@ impl View {
         from: &Shaded,
         (emitter, [b, c], chance): (usize, [f32; 2], f32),
         combined: Option<bool>,
-        [cone_u, cone_v]: [f32; 2],
+        cone: ConeKernel,
         work: &mut Work,
     ) {
-        let point = from.point;
         let e = self.scene.emitters.get(emitter);
         let weights = [1.0 - b - c, b, c];
-        let light = at(e.corners, weights) + e.velocity * from.time;
-        let seen = LightPoint::new(light - point.position, e.normal);
+        let place = at(e.corners, weights) + e.velocity * from.time;
+        let seen = LightPoint::new(place - from.point.position, e.normal);
         if seen.facing <= 0.0 || self.scene.is_open(e.triangle, weights) {
             return;
         }
-        let direction = seen.direction;
-        let reflected = point.shading.evaluate(direction);
-        if reflected == V3::ZERO {
-            return;
-        }
-        let outer = point.shading.outer(direction);
-        let start = lifted(point.position, outer);
-        let bend = self.bend(direction, outer, cone_u, cone_v);
-        let limit = up_to_plane(start, bend.direction, e.normal, light);
-        let triangle = &self.scene.triangles[e.triangle as usize];
-        let angle = seen.solid_angle(triangle.area);
-        let density = match combined {
-            Some(by_scattering) => {
-                let other = point.shading.density(direction) * angle;
-                power_heuristic(chance, other, by_scattering)
-            }
-            None => chance,
-        };
+        let area = self.scene.triangles[e.triangle as usize].area;
         let emission = self.scene.emission(e.triangle as usize, weights);
-        let emission = emission.towards(seen.facing);
-        let sample = Sample::Light(LightSample {
-            triangle: e.triangle,
-            weights,
-            seen,
-            reflected,
-            density,
-        });
-        let light = reflected * emission * (angle / density);
-        from.propose((start, bend.direction), limit, light, sample, work);
+        let target = Target {
+            radiance: emission.towards(seen.facing),
+            combined: combined.is_some(),
+            ..Target::of_emitter(&seen, place, e.normal, area)
+        };
+        let sample = |found: &Connection| {
+            Sample::Light(LightSample {
+                triangle: e.triangle,
+                weights,
+                seen,
+                reflected: found.reflected,
+                density: found.density,
+            })
+        };
+        let drawn = (chance, combined == Some(true));
+        from.connect(&target, drawn, cone, sample, work);
     }
 
     /// Light of a map along a direction drawn from it, and along that in which the path goes on.
@@ -133,28 +124,24 @@ impl View {
         from: &Shaded,
         map: &SkyMap,
         [u, v]: [f32; 2],
-        [cone_u, cone_v]: [f32; 2],
+        cone: ConeKernel,
         along: V3,
         work: &mut Work,
     ) {
-        let shading = &from.point.shading;
         let (drawn, chance) = map.drawn.choose(u, v);
         for (by_scattering, direction, chance) in [
             (false, drawn, chance),
             (true, along, map.drawn.density(along)),
         ] {
-            let reflected = shading.evaluate(direction);
-            if reflected == V3::ZERO {
-                continue;
-            }
-            let outer = shading.outer(direction);
-            let start = lifted(from.point.position, outer);
-            let bend = self.bend(direction, outer, cone_u, cone_v);
-            let other = shading.density(direction);
-            let density = power_heuristic(chance, other, by_scattering);
-            let light = reflected * map.at(direction) * (1.0 / density);
-            let sample = Sample::Sky(SkySample { direction, density });
-            from.propose((start, bend.direction), f32::INFINITY, light, sample, work);
+            let target = Target::of_map(direction, map.at(direction));
+            let sample = |found: &Connection| {
+                Sample::Sky(SkySample {
+                    direction,
+                    reflected: found.reflected,
+                    density: found.density,
+                })
+            };
+            from.connect(&target, (chance, by_scattering), cone, sample, work);
         }
     }
 }

@@ -9,7 +9,9 @@ use super::walk::{Leave, Sample, Vertex, Work};
 use super::walk::{Path, Walk, Walks};
 use crate::accel::{HitRay, NOTHING};
 use crate::model::camera::CameraRay;
+use crate::model::choice;
 use crate::model::cone::lifted;
+use crate::model::connection::ConeKernel;
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Dimensions, Four, Numbers};
 
@@ -287,7 +289,11 @@ impl View {
             walk.scatter = point.shading.sample(drawn.x, drawn.y, lobe);
         }
         let cone = self.cone_numbers(path, bounce);
-        let cone = [cone.z, cone.w];
+        let cone = ConeKernel {
+            tangent: self.cone,
+            u: cone.z,
+            v: cone.w,
+        };
         let from = Shaded {
             walk: i,
             time: path.time,
@@ -326,7 +332,7 @@ impl View {
                 .roulette_after
                 .is_some_and(|after| bounce >= after)
         {
-            survival = walk.throughput.max_element().clamp(0.05, 1.0);
+            survival = choice::survival(walk.throughput);
             if path.numbers.draw(Dimensions::choices(bounce)).y >= survival {
                 return None;
             }

@@ -174,6 +174,8 @@ pub(super) struct DeltaSample {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SkySample {
     pub direction: V3,
+    /// f·cos θ at the surface.
+    pub reflected: V3,
     pub density: f32,
 }
 

@@ -1,5 +1,6 @@
 //! Many decisions by one random number.
 
+use super::V3;
 use super::integers::{hashed, product};
 use crate::cube::*;
 
@@ -75,6 +76,13 @@ impl Uniform {
             rest: Uniform { number, left, key },
         }
     }
+}
+
+/// The probability with which a path of a throughput goes on (Russian roulette).
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn survival(throughput: V3) -> f32 {
+    throughput.max_element().max(0.05).min(1.0)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::connection::Target;
 use super::{V3, splat};
 use crate::cube::*;
 use crate::scene::{HostLight, SceneFrame};
@@ -96,6 +97,20 @@ impl DeltaLight {
             direction,
             distance,
             scale,
+        }
+    }
+
+    /// What a point is connected to.
+    #[inline(always)]
+    pub fn target(&self, seen: &DeltaArrival) -> Target {
+        Target {
+            direction: seen.direction,
+            place: self.position,
+            normal: -seen.direction,
+            distant: self.directional,
+            radiance: self.strength,
+            angle: seen.scale,
+            combined: false.runtime(),
         }
     }
 

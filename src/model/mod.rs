@@ -11,6 +11,7 @@ pub(crate) mod bsdf;
 pub(crate) mod camera;
 pub(crate) mod choice;
 pub(crate) mod cone;
+pub(crate) mod connection;
 pub(crate) mod delta_light;
 pub(crate) mod edge;
 pub(crate) mod edge_weight;

@@ -2,7 +2,6 @@
 
 use super::edge_point::Observer;
 use crate::accel::{HitRay, NOTHING};
-use crate::kernel::delta_lights::up_to_light;
 use crate::kernel::gradient::Sums;
 use crate::kernel::surface::PointGradient;
 use crate::kernel::view::View;
@@ -69,7 +68,7 @@ impl View {
                 [false, true] => -1.0,
                 _ => return,
             };
-            let limit = up_to_light(delta, &seen, start, sides.past);
+            let limit = delta.target(&seen).limit(start, sides.past);
             if p.to.length() >= limit {
                 return;
             }
