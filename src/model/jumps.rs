@@ -197,7 +197,7 @@ fn beside(position: V3) -> f32 {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn inside(position: V3, inward: V3) -> V3 {
-    let step = (beside(position) / inward.length().max(f32::MIN_POSITIVE)).min(0.1);
+    let step = (beside(position) / inward.length().max(1e-37)).min(0.1);
     position + inward * step
 }
 
