@@ -127,7 +127,8 @@ pub(super) fn map_backward(
 ) -> V3 {
     let shading = point.shading;
     let chance = map_of(scene).density(scene.floats, direction);
-    let target: Target = Target::of_map(direction, sky(scene, direction));
+    let mut target = Target::of_map(direction);
+    target.radiance = sky(scene, direction);
     let reflected = shading.evaluate(direction);
     let density = target.divisor(&shading, chance, by_scattering);
     let by_target = target.backward(&shading, reflected, density, g, throughput, &mut by.shading);

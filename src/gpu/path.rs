@@ -285,8 +285,7 @@ pub(super) fn path_light(
         }
         // The next ray.
         let mut chosen = no_connection(from.point.position);
-        let mut target = Target::of_map(scatter.direction, scatter.direction);
-        target.angle = 0.0f32;
+        let mut target = Target::none();
         let mut p = 1.0f32;
         let mut is_emitter = false;
         let mut along = false;
@@ -336,7 +335,7 @@ pub(super) fn path_light(
                 }
                 along = purpose == TO_MAP_ALONG;
                 p = map_of(scene).density(scene.floats, towards);
-                target = Target::of_map(towards, sky(scene, towards));
+                target = Target::of_map(towards);
             } else {
                 purpose = ONWARDS;
             }
@@ -344,6 +343,12 @@ pub(super) fn path_light(
         if comptime!(scene.features.emitters || scene.features.gathers_map) {
             let at = from.point;
             chosen = target.connect(&at.shading, at.position, p, along, from.cone);
+            if comptime!(scene.features.gathers_map) {
+                if chosen.limit > 0.0 && purpose >= TO_MAP {
+                    target.radiance = sky(scene, target.direction);
+                }
+            }
+            light = chosen.reflected.times(target.radiance) * chosen.scale;
         }
         if purpose == ONWARDS {
             let last = bounce >= bounces;
@@ -384,7 +389,6 @@ pub(super) fn path_light(
         origin = chosen.start;
         direction = chosen.direction;
         limit = chosen.limit;
-        light = chosen.light;
     }
     if keep {
         if seen.points > 0 {

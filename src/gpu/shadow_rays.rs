@@ -45,8 +45,7 @@ pub(super) fn target_of(
     combined: bool,
 ) -> Target {
     let is_light = is_light(scene, k);
-    let mut target = Target::of_map(x, x);
-    target.angle = 0.0f32;
+    let mut target = Target::none();
     if is_light {
         if comptime!(scene.features.lights) {
             let light = delta_light(scene, k);

@@ -248,7 +248,10 @@ impl View {
         by: &mut PointGradient,
         sums: &mut Sums,
     ) -> V3 {
-        let target = Target::of_map(sample.direction, self.scene.sky.at(sample.direction));
+        let target = Target {
+            radiance: self.scene.sky.at(sample.direction),
+            ..Target::of_map(sample.direction)
+        };
         let found = target.backward(
             &vertex.point.shading,
             sample.reflected,

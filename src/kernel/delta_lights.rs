@@ -32,7 +32,9 @@ impl View {
                 chance,
             })
         };
-        from.connect(&delta.target(&seen), (chance, false), cone, sample, work);
+        let radiance = || delta.strength;
+        let drawn = (chance, false);
+        from.connect(&delta.target(&seen), drawn, cone, radiance, sample, work);
     }
 
     /// Back over light from a light without extent.

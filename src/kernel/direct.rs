@@ -19,13 +19,14 @@ pub(super) struct Shaded<'a> {
 
 impl Shaded<'_> {
     /// Light that arrives from a target if nothing is in between. It was drawn with a probability or density, or found
-    /// by scattering; `sample` is what is kept of it.
+    /// by scattering; its radiance is looked up where it counts, and `sample` is what is kept of it.
     #[inline(always)]
     pub(super) fn connect(
         &self,
         target: &Target,
         (chance, by_scattering): (f32, bool),
         cone: ConeKernel,
+        radiance: impl FnOnce() -> V3,
         sample: impl FnOnce(&Connection) -> Sample,
         work: &mut Work,
     ) {
@@ -39,7 +40,7 @@ impl Shaded<'_> {
         work.rays.push(ray);
         work.candidates.push(Candidate {
             walk: self.walk,
-            light: found.light,
+            light: found.reflected * radiance() * found.scale,
             sample: sample(&found),
         });
     }
@@ -98,11 +99,13 @@ impl View {
             return;
         }
         let area = self.scene.triangles[e.triangle as usize].area;
-        let emission = self.scene.emission(e.triangle as usize, weights);
         let target = Target {
-            radiance: emission.towards(seen.facing),
             combined: combined.is_some(),
             ..Target::of_emitter(&seen, place, e.normal, area)
+        };
+        let radiance = || {
+            let emission = self.scene.emission(e.triangle as usize, weights);
+            emission.towards(seen.facing)
         };
         let sample = |found: &Connection| {
             Sample::Light(LightSample {
@@ -114,7 +117,7 @@ impl View {
             })
         };
         let drawn = (chance, combined == Some(true));
-        from.connect(&target, drawn, cone, sample, work);
+        from.connect(&target, drawn, cone, radiance, sample, work);
     }
 
     /// Light of a map along a direction drawn from it, and along that in which the path goes on.
@@ -133,7 +136,8 @@ impl View {
             (false, drawn, chance),
             (true, along, map.drawn.density(along)),
         ] {
-            let target = Target::of_map(direction, map.at(direction));
+            let target = Target::of_map(direction);
+            let radiance = || map.at(direction);
             let sample = |found: &Connection| {
                 Sample::Sky(SkySample {
                     direction,
@@ -141,7 +145,8 @@ impl View {
                     density: found.density,
                 })
             };
-            from.connect(&target, (chance, by_scattering), cone, sample, work);
+            let drawn = (chance, by_scattering);
+            from.connect(&target, drawn, cone, radiance, sample, work);
         }
     }
 }

@@ -33,16 +33,18 @@ pub(crate) struct ConeKernel {
     pub v: f32,
 }
 
-/// A ray to a light, and the light that it brings if nothing is in between. Its limit is not positive if there is none.
+/// A ray to a light, which brings `reflected` times `scale` of its radiance if nothing is in between. Its limit is not
+/// positive if there is none.
 #[apply(record!)]
 pub(crate) struct Connection {
     pub start: V3,
     pub direction: V3,
     pub limit: f32,
-    pub light: V3,
     /// f·cos θ at the surface, and the divisor of the sample.
     pub reflected: V3,
     pub density: f32,
+    /// The angle over that.
+    pub scale: f32,
 }
 
 /// None, of a point.
@@ -53,26 +55,37 @@ pub(crate) fn no_connection(position: V3) -> Connection {
         start: position,
         direction: position,
         limit: (-1.0f32).runtime(),
-        light: splat(0.0),
         reflected: splat(0.0),
         density: 1.0f32.runtime(),
+        scale: 0.0f32.runtime(),
     }
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Target {
-    /// A direction of a map.
+    /// Nothing.
     #[inline(always)]
-    pub fn of_map(direction: V3, radiance: V3) -> Target {
+    pub fn none() -> Target {
+        let zero = splat(0.0f32.runtime());
         Target {
-            direction,
-            place: direction,
-            normal: direction,
+            direction: zero,
+            place: zero,
+            normal: zero,
             distant: true.runtime(),
-            radiance,
-            angle: 1.0f32.runtime(),
-            combined: true.runtime(),
+            radiance: zero,
+            angle: 0.0f32.runtime(),
+            combined: false.runtime(),
         }
+    }
+
+    /// A direction of a map; without its radiance.
+    #[inline(always)]
+    pub fn of_map(direction: V3) -> Target {
+        let mut target = Target::none();
+        target.direction = direction;
+        target.angle = 1.0f32.runtime();
+        target.combined = true.runtime();
+        target
     }
 
     /// A point of an emitter, of which all points are seen alike; without its radiance.
@@ -131,7 +144,7 @@ impl Target {
             found.direction = bent.direction;
             found.limit = self.limit(found.start, bent.direction);
             found.density = self.divisor(shading, chance, by_scattering);
-            found.light = found.reflected.times(self.radiance) * (self.angle / found.density);
+            found.scale = self.angle / found.density;
         }
         found
     }

@@ -3,6 +3,7 @@
 use super::pieces::{Piece, PixelGradients};
 use crate::kernel::view::View;
 use crate::model::film::BLOCK;
+use crate::model::lists;
 
 /// Pieces of edges on the film of a view.
 pub(crate) struct FilmEdges {
@@ -41,10 +42,8 @@ impl FilmEdges {
     /// Draws a point of an edge for two uniform numbers.
     #[inline(always)]
     pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
-        // The last of those that are searched, if rounding leaves none.
         let first_over = |sums: &[f32], value: f32| {
-            let i = sums.partition_point(|&sum| sum <= value);
-            i.min(sums.len() - 1)
+            lists::first_over(sums, 0, sums.len() as u32, 1, value) as usize
         };
         let before = |sums: &[f32], i: usize| if i == 0 { 0.0 } else { sums[i - 1] };
         let total = self.blocks[self.blocks.len() - 1];
