@@ -49,6 +49,7 @@ pub mod render;
 mod sampling;
 pub mod scene;
 mod tensors;
+mod trace;
 
 /// The burn that this crate is built with, so that a program's tensors are of the same one.
 pub use burn;

@@ -16,13 +16,17 @@ pub(crate) struct GpuTree {
     pub children: Vec<[u32; 2]>,
     /// First and number of triangles of each leaf.
     pub leaves: Vec<[u32; 2]>,
-    /// Numbers of triangles, leaf by leaf.
+    /// Numbers of triangles, leaf by leaf, and how rays meet them.
     pub triangles: Vec<u32>,
+    pub hits: Vec<[f32; HIT_STRIDE as usize]>,
     /// Nodes that a traversal has to remember at most.
     pub depth: usize,
 }
 
-const LEAF: u32 = 1 << 31;
+/// A child that is a leaf.
+pub(crate) const LEAF: u32 = 1 << 31;
+/// Numbers of a triangle as rays meet it.
+pub(crate) const HIT_STRIDE: u32 = 20;
 
 impl Hierarchy {
     /// The tree as GPUs traverse it; without nodes where there are few triangles.
@@ -36,6 +40,8 @@ impl Hierarchy {
             }
             None => tree.triangles = (0..self.triangles.len() as u32).collect(),
         }
+        let met = |&k: &u32| self.triangles[k as usize].as_met();
+        tree.hits = tree.triangles.iter().map(met).collect();
         tree
     }
 
@@ -82,8 +88,8 @@ impl GpuTree {
 impl HostTriangle {
     /// Normal and plane, the lines of the borders as distances that are positive inside, the rounding of
     /// these, and the displacement over the shutter; zeros for a triangle that is never hit.
-    pub(crate) fn as_met(&self) -> [f32; 20] {
-        let mut numbers = [0.0; 20];
+    fn as_met(&self) -> [f32; HIT_STRIDE as usize] {
+        let mut numbers = [0.0; HIT_STRIDE as usize];
         if self.valid {
             let plane = self.normal.dot(self.corners[0]);
             let all = std::iter::once((self.normal, plane)).chain(self.lines_in_space());

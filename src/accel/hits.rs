@@ -10,6 +10,8 @@ use super::HostTriangle;
 use super::hierarchy::Hierarchy;
 use super::simd::{F8, LANES, Lanes, Machine, Task, dispatch};
 use super::wide::{Grown, Leaf, Planes8, ROUNDING, Ray8, Visitor, Wide};
+use crate::model::texture::Masks;
+use crate::model::v3;
 use crate::scene::Holes;
 
 /// No triangle.
@@ -99,7 +101,7 @@ impl Leaf {
 /// Holes of triangles, which rays pass.
 #[derive(Clone, Copy)]
 pub(crate) struct Pierced<'a> {
-    holes: &'a Holes,
+    masks: Masks<'a>,
     triangles: &'a [HostTriangle],
 }
 
@@ -107,12 +109,15 @@ impl Pierced<'_> {
     /// Whether a ray passes a triangle that it meets at a distance.
     #[inline(always)]
     fn passes(&self, ray: &HitRay, t: f32, k: u32) -> bool {
-        self.holes.open(k, || {
-            let triangle = &self.triangles[k as usize];
-            let point = (ray.origin + ray.direction * t).as_dvec3();
-            let at_rest = point - triangle.velocity * f64::from(ray.time);
-            triangle.weights(at_rest).map(|w| w as f32)
-        })
+        let place = self.masks.masked[k as usize];
+        if place == NOTHING {
+            return false;
+        }
+        let triangle = &self.triangles[k as usize];
+        let point = (ray.origin + ray.direction * t).as_dvec3();
+        let at_rest = point - triangle.velocity * f64::from(ray.time);
+        let [x, y, z] = triangle.weights(at_rest).map(|w| w as f32);
+        self.masks.open_at(place, v3(x, y, z))
     }
 }
 
@@ -312,7 +317,10 @@ impl Hierarchy {
         hits: &mut [Hit],
     ) {
         let (wide, triangles) = (&self.wide, self.triangles.as_slice());
-        let pierced = holes.map(|holes| Pierced { holes, triangles });
+        let pierced = holes.map(|holes| Pierced {
+            masks: holes.masks(),
+            triangles,
+        });
         if pierced.is_some() {
             let task = Hits::<ANY, SELECT, true> {
                 wide,

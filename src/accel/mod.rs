@@ -17,7 +17,7 @@ mod wide;
 pub(crate) use build::Spare;
 pub(crate) use candidates::{Counts, Reach};
 #[cfg(feature = "wgpu")]
-pub(crate) use gpu::GpuTree;
+pub(crate) use gpu::{GpuTree, HIT_STRIDE, LEAF};
 pub(crate) use hierarchy::Hierarchy;
 pub use hierarchy::HierarchyCache;
 pub(crate) use hits::{Hit, HitRay, NOTHING};

@@ -2,67 +2,33 @@
 
 use crate::cube::*;
 
-use super::camera::{Beginning, camera, middle_of};
-use super::emitter_choice::{chance, choose, next_emitter_hit, site};
-use super::layout::{CONE, EMITS, FIRST_SUMS, NONE, OF_MATERIAL, OF_MATERIALS};
-use super::light::Site;
-use super::light::{map_of, sky};
-use super::light_backward::{light_backward, map_backward};
-use super::reading::Scene;
+use super::camera::{Beginning, camera};
+use super::emitters_along::next_emitter_hit;
 use super::records::jumped;
 use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON, kept,
     kept_vector, record_at,
 };
-use super::sums::{CAMERA, MATERIALS, Totals};
-use super::surface::point_at;
-use super::surface_backward::{no_point_gradient, point_backward, sky_backward};
-use super::texture::{EMISSION, texture_of};
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraGradient;
-use crate::model::cone::{bend, bend_backward};
+use crate::model::cone::bend;
+use crate::model::connection::Target;
 use crate::model::triangle::uniform_point;
-use crate::model::{Pair, V3, splat, v2};
-use crate::sampling::Dimensions;
+use crate::model::{splat, v2};
+use crate::sampling::{Chosen, Dimensions, Receiver};
+use crate::trace::{
+    Arrived, CONE, EMITS, NONE, Point, RayGradient, Scene, Seen, Sums, density_of_map,
+    emission_backward, emitters_of, glows, leave_backward, light_backward, map_backward, map_of,
+    middle_of, no_point_gradient, point_at, point_backward, sky_backward, target_of,
+};
 
-/// Derivatives of a loss by what a pixel's rays bring back.
-#[apply(record!)]
-pub(super) struct Upstream {
-    pub radiance: V3,
-    pub opacity: f32,
-    pub depth: f32,
-    pub normal: V3,
-}
-
+/// Light of a target that was drawn with a density, or found by scattering.
 #[cube]
-pub(super) fn no_camera_gradient() -> CameraGradient {
-    let zero = splat(0.0f32.runtime());
-    CameraGradient {
-        eye: zero,
-        across: zero,
-        upward: zero,
-        forward: zero,
-        lens: Pair {
-            first: zero,
-            second: zero,
-        },
-        per_focus: 0.0f32.runtime(),
-        filter: 0.0f32.runtime(),
+fn arrived(point: &Point, target: &Target, chance: f32, by_scattering: bool) -> Arrived {
+    Arrived {
+        reflected: point.shading.evaluate(target.direction),
+        density: target.divisor(&point.shading, chance, by_scattering),
     }
-}
-
-/// Adds the derivatives by the camera of some paths.
-#[cube]
-pub(super) fn add_camera(scene: &Scene, sums: &Totals, g: &CameraGradient) {
-    let first = scene.header[FIRST_SUMS + CAMERA];
-    sums.add_vector(first, g.eye, CAMERA);
-    sums.add_vector(first + 3, g.across, CAMERA);
-    sums.add_vector(first + 6, g.upward, CAMERA);
-    sums.add_vector(first + 9, g.forward, CAMERA);
-    sums.add_vector(first + 12, g.lens.first, CAMERA);
-    sums.add_vector(first + 15, g.lens.second, CAMERA);
-    sums.add(first + 18, g.per_focus, CAMERA);
-    sums.add(first + 19, g.filter, CAMERA);
 }
 
 /// Back along a path: adds the derivatives of the light that it brought, times `upstream`.
@@ -70,22 +36,25 @@ pub(super) fn add_camera(scene: &Scene, sums: &Totals, g: &CameraGradient) {
 pub(super) fn path_backward(
     scene: &Scene,
     records: &mut [u32],
-    sums: &Totals,
+    choice: &mut [u32],
+    sums: &Sums,
     room: Room,
     path: Beginning,
     pixel: u32,
     points: u32,
-    upstream: Upstream,
+    upstream: Seen,
     by_camera: &mut CameraGradient,
 ) {
     let g = upstream.radiance;
     let numbers = path.numbers;
     let time = path.time;
     let mut by_throughput = splat(0.0);
-    let mut by_origin = splat(0.0);
-    let mut by_direction = splat(0.0);
+    let mut by_ray = RayGradient {
+        origin: splat(0.0),
+        direction: splat(0.0),
+    };
     if points == 0 {
-        by_direction = sky_backward(scene, sums, path.ray.direction, g);
+        by_ray.direction = sky_backward(scene, sums, path.ray.direction, g);
     }
     let mut left = points;
     while left > 0 {
@@ -98,7 +67,7 @@ pub(super) fn path_backward(
         let throughput = kept_vector(records, room, i, 8u32);
         let bits = records[record_at(room, i, 11u32)];
         let near = origin + incoming * distance;
-        let point = point_at(scene, triangle, near, incoming, time);
+        let point = point_at(scene, triangle, near, distance, incoming, time);
         let mut by = no_point_gradient();
         let mut by_before = splat(0.0);
         // The way on, and the light that it ended in.
@@ -129,39 +98,35 @@ pub(super) fn path_backward(
                 cone_v = set.y;
             }
             let tangent = scene.settings[CONE];
-            let geometric = point.shading.geometric;
             let outer = point.shading.outer(scatter.direction);
             let bent = bend(scatter.direction, outer, tangent, cone_u, cone_v);
-            by.position += by_origin;
-            let mut by_leaving = by_direction;
-            let mut by_after = by_throughput;
-            if bits & ESCAPED != 0 {
-                let after = throughput.times(scatter.weight) * (1.0 / survival);
-                by_after += g.times(sky(scene, bent.direction));
-                let towards = bent.direction;
-                by_leaving += sky_backward(scene, sums, towards, g.times(after));
-            }
-            let by_survivor = by_after * (1.0 / survival);
-            by_before += by_survivor.times(scatter.weight);
-            let by_axis = bend_backward(
+            by_before += leave_backward(
+                scene,
+                sums,
+                &point,
+                &scatter,
                 &bent,
-                scatter.direction,
-                geometric,
-                by_leaving,
-                &mut by.geometric,
+                survival,
+                bits & ESCAPED != 0,
+                throughput,
+                by_throughput,
+                by_ray,
+                g,
+                &mut by,
             );
-            let by_weight = by_survivor.times(throughput);
-            point
-                .shading
-                .sample_backward(&scatter, by_weight, by_axis, &mut by.shading);
         }
         // Light that arrived.
         if comptime!(scene.features.emitters) {
             let seen_along = (bits >> 1) & ((1u32 << MOST_ALONG) - 1);
             if bits & SAW_EMITTER != 0 || seen_along != 0 {
                 let x = point.position;
-                let normal = point.shading.geometric;
-                let at: Site = site(scene, x, normal, time);
+                let at = Receiver {
+                    position: x,
+                    normal: point.shading.geometric,
+                    time,
+                };
+                let emitters = emitters_of(scene);
+                let share = emitters.look(&at, choice);
                 let combined = comptime!(scene.features.combined) && point.shading.glossy;
                 let mut next = 0u32;
                 let mut bit = SAW_EMITTER.runtime();
@@ -179,7 +144,7 @@ pub(super) fn path_backward(
                         next = k;
                         if k != NONE {
                             next = k + 1;
-                            p = chance(scene, k, &at);
+                            p = emitters.chance(k, &at, share, choice);
                         }
                     } else {
                         let mut u = path.film.z;
@@ -189,15 +154,17 @@ pub(super) fn path_backward(
                             u = before.z;
                             v = before.w;
                         }
-                        let choice = choose(scene, u, &at);
-                        k = choice.emitter;
-                        p = choice.chance;
-                        weights = uniform_point(choice.rest, v);
+                        let drawn: Chosen = emitters.choose(u, &at, share, choice);
+                        k = drawn.emitter;
+                        p = drawn.chance;
+                        weights = uniform_point(drawn.rest, v);
                     }
                     if k != NONE && bits & bit != 0 {
+                        let target: Target = target_of(scene, k, weights, x, time, combined);
+                        let arrived: Arrived = arrived(&point, &target, p, along);
                         by_before += light_backward(
-                            scene, sums, &point, k, weights, p, combined, along, throughput, time,
-                            g, &mut by,
+                            scene, sums, &point, k, weights, target, arrived, throughput, time, g,
+                            &mut by,
                         );
                     }
                     bit *= 2;
@@ -214,49 +181,41 @@ pub(super) fn path_backward(
                     let along = bit == SAW_MAP_ALONG;
                     let mut towards = scatter.direction;
                     if !along {
-                        towards = map_of(scene).choose(scene.floats, choices.z, choices.w);
+                        towards = map_of(scene).choose(scene.sky_density, choices.z, choices.w);
                     }
+                    let target = Target::of_map(towards);
+                    let p = density_of_map(scene, towards);
+                    let arrived: Arrived = arrived(&point, &target, p, along);
                     by_before +=
-                        map_backward(scene, sums, &point, towards, along, throughput, g, &mut by);
+                        map_backward(scene, sums, &point, target, arrived, throughput, g, &mut by);
                 }
                 bit *= 2;
             }
         }
         by_throughput = by_before;
         if comptime!(sums.of.jumps) {
-            jumped(scene.header, records, room, i, &mut by);
+            jumped(scene.bounces, records, room, i, &mut by);
         }
         let mut by_t = 0.0f32;
         if i == 0 {
             by_t = upstream.depth;
             by.geometric += upstream.normal;
-            let row = (scene.header[OF_MATERIALS] + OF_MATERIAL as u32 * point.material) as usize;
-            if point.side > 0.0 && scene.words[row] & EMITS != 0 {
-                let mut constant = true;
-                if comptime!(scene.features.glows) {
-                    if scene.words[texture_of(scene, point.material, EMISSION)] != NONE {
-                        constant = false;
-                        by.emission = g;
-                    }
-                }
-                if comptime!(sums.of.emission) {
-                    if constant {
-                        let at = scene.header[FIRST_SUMS + MATERIALS] + 12 * point.material + 9;
-                        sums.add_vector(at, g, MATERIALS);
-                    }
+            if point.side > 0.0 && scene.bits_of(point.material) & EMITS != 0 {
+                if glows(scene, point.material) {
+                    by.emission = g;
+                } else {
+                    emission_backward(scene, sums, point.material, point.uv, g);
                 }
             }
         }
-        let by_ray = point_backward(scene, sums, &point, distance, time, &by, by_t);
-        by_origin = by_ray.origin;
-        by_direction = by_ray.direction;
+        by_ray = point_backward(scene, sums, &point, time, &by, by_t);
     }
     if comptime!(sums.of.camera) {
         camera(scene).ray_backward(
             &path.ray,
             middle_of(scene, pixel),
-            by_origin,
-            by_direction,
+            by_ray.origin,
+            by_ray.direction,
             by_camera,
         );
     }

@@ -2,64 +2,63 @@
 
 use crate::cube::*;
 
-use super::layout::{BLOCKS, CAMERA, DUAL, FILTER, SAMPLES_LOG, SEED, SEED_OF_CONES, WIDTH};
-use super::reading::{Scene, vector};
 use crate::model::camera::{Camera, CameraRay, Dual};
 use crate::model::filter::{sample_filter, uniform_disk};
 use crate::model::integers::wide;
+use crate::model::lists::vector;
 use crate::model::{Pair, V2, v2};
 use crate::sampling::{Dimensions, Four, Sampler, Stream};
+use crate::trace::{CAMERA, DUAL, Scene, middle_of};
 
-/// The source of random numbers whose seed is at a place of the header.
+/// Seeds of random numbers: of paths, of cones, of edges, of paths on both sides of these, and of samples on the film.
+pub(super) const SEED: usize = 0;
+pub(super) const SEED_OF_CONES: usize = 2;
+pub(super) const SEED_OF_EDGES: usize = 4;
+pub(super) const SEED_OF_SIDES: usize = 6;
+pub(super) const SEED_OF_FILM: usize = 8;
+
+/// The source of random numbers with a seed.
 #[cube]
 pub(super) fn sampler(scene: &Scene, seed: usize) -> Sampler {
     Sampler {
-        seed: wide(scene.header[seed], scene.header[seed + 1]),
+        seed: wide(scene.seeds[seed], scene.seeds[seed + 1]),
         sequence: comptime!(scene.features.sequence),
-        width: scene.header[WIDTH],
-        samples: scene.header[SAMPLES_LOG],
-        pixels: scene.header[BLOCKS],
+        width: scene.width,
+        samples: scene.samples_log,
+        pixels: scene.sample_blocks,
     }
 }
 
 #[cube]
 pub(super) fn camera(scene: &Scene) -> Camera {
     Camera {
-        eye: vector(scene.settings, CAMERA as u32),
-        across: vector(scene.settings, CAMERA as u32 + 3),
-        upward: vector(scene.settings, CAMERA as u32 + 6),
-        forward: vector(scene.settings, CAMERA as u32 + 9),
+        eye: vector(scene.settings, CAMERA),
+        across: vector(scene.settings, CAMERA + 3),
+        upward: vector(scene.settings, CAMERA + 6),
+        forward: vector(scene.settings, CAMERA + 9),
         dual: Dual {
-            x: vector(scene.settings, DUAL as u32),
-            y: vector(scene.settings, DUAL as u32 + 3),
-            z: vector(scene.settings, DUAL as u32 + 6),
+            x: vector(scene.settings, DUAL),
+            y: vector(scene.settings, DUAL + 3),
+            z: vector(scene.settings, DUAL + 6),
         },
         lens: Pair {
-            first: vector(scene.settings, CAMERA as u32 + 12),
-            second: vector(scene.settings, CAMERA as u32 + 15),
+            first: vector(scene.settings, CAMERA + 12),
+            second: vector(scene.settings, CAMERA + 15),
         },
         aperture: 0.0f32.runtime(),
-        per_focus: scene.settings[CAMERA + 18],
+        per_focus: scene.settings[18],
         parallel: comptime!(scene.features.parallel).runtime(),
-        width: scene.settings[CAMERA + 19],
-        height: scene.settings[CAMERA + 20],
-        filter: scene.settings[CAMERA + 21],
+        width: scene.settings[19],
+        height: scene.settings[20],
+        filter: scene.settings[21],
     }
-}
-
-/// The film point, in pixels, in the middle of a pixel.
-#[cube]
-pub(super) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
-    let width = scene.header[WIDTH];
-    v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
 }
 
 #[cube]
 fn camera_ray(scene: &Scene, film: Four, lens: V2, pixel: u32) -> CameraRay {
-    let table = scene.header[FILTER] as usize;
     let middle = middle_of(scene, pixel);
-    let x = middle.x + sample_filter(scene.floats, table, film.x);
-    let y = middle.y + sample_filter(scene.floats, table, film.y);
+    let x = middle.x + sample_filter(scene.filter, 0usize, film.x);
+    let y = middle.y + sample_filter(scene.filter, 0usize, film.y);
     camera(scene).ray(x, y, lens.x, lens.y)
 }
 

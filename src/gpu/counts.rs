@@ -6,19 +6,17 @@ use burn::backend::{Backend, Cube, Dispatch, backend_extension};
 use burn::cubecl::{self, prelude::*};
 use burn::tensor::{DType, Device, Int, Tensor};
 
-use super::Features;
 use super::camera::begin;
 use super::device::{floats, int_zeros};
 use super::job::{GROUP, Job, PATHS, groups};
-use super::layout::BOUNCES;
 use super::path::{from_camera, path_light};
 use super::pieces::{Piece, pixel_at};
-use super::reading::Scene;
 use super::records::Room;
 use crate::device::count_read_back;
 use crate::error::{Error, Result};
 use crate::kernel::RayCounts;
 use crate::model::integers::total;
+use crate::trace::{BOUNCES, Features, Scene};
 
 /// Adds to a count, which has 64 bits in two words.
 #[cube]
@@ -46,7 +44,7 @@ fn count_rays(
     if ABSOLUTE_POS < piece.paths() as usize {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::new(floats, words, which.view, features);
+        let scene = Scene::of_view(floats, words, which.view, features);
         let mut room = Array::<u32>::new(scene.features.stack);
         let stack = room.as_mut_slice();
         let sample = piece.from + thread / piece.count;
@@ -57,8 +55,20 @@ fn count_rays(
             thread: 0u32,
             threads: 1u32,
         };
+        let mut choice_room = Array::<u32>::new(scene.features.of_emitters.room);
+        let choice = choice_room.as_mut_slice();
         let none = records.as_mut_slice();
-        let seen = path_light(&scene, stack, none, room, path, from_camera(), false, false);
+        let seen = path_light(
+            &scene,
+            stack,
+            choice,
+            none,
+            room,
+            path,
+            from_camera(),
+            false,
+            false,
+        );
         let first = which.view * of_view;
         count(counts, first, seen.rays);
         count(counts, first + seen.looked, 1u32);

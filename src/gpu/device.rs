@@ -11,9 +11,9 @@ use burn::tensor::{Device, FloatDType, IntDType, Shape, Slice};
 
 use super::job::Job;
 use super::list::List;
-use super::sums::FIRST_SUM;
 use crate::device::label;
 use crate::error::{Error, Result};
+use crate::trace::FIRST_SUM;
 
 /// Lists that a kernel takes, at most.
 const LISTS: u32 = 7;

@@ -2,24 +2,20 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::backward::{add_camera, no_camera_gradient};
-use super::camera::{Beginning, Exposure, camera, exposure, sampler};
-use super::edge_layout::{SEED_OF_EDGES, SEED_OF_FILM};
-use super::edge_point::{add_to_edge, edge_of, shift_of, sides};
+use super::Outputs;
+use super::camera::{
+    Beginning, Exposure, SEED_OF_CONES, SEED_OF_EDGES, SEED_OF_FILM, camera, exposure, sampler,
+};
 use super::film_table::{ALL, DrawnPiece, MOST, OF_FILM, OWN, RADIUS, TOTAL, draw_piece, view_of};
-use super::finite::{is_finite, is_nonzero};
 use super::hit::{Ray, trace};
-use super::jumps::hides;
-use super::layout::{HEIGHT, NONE, SEED_OF_CONES, WIDTH};
 use super::passes::{is_asked, upstream_of};
-use super::reading::Scene;
-use super::side_light::{Behind, light_beside};
-use super::sums::{Totals, is_skipped, replica_of};
-use super::{Derivatives, Features, Outputs};
+use super::side_light::{Approach, light_beside};
+use super::sums::{is_skipped, replica_of, sums_at};
 use crate::model::camera::CameraRay;
-use crate::model::filter::film_kernel;
-use crate::model::v2;
+use crate::model::jumps::Sides;
+use crate::model::numbers::{is_finite, is_nonzero};
 use crate::sampling::Dimensions;
+use crate::trace::{Behind, Derivatives, Features, FilmPoint, NONE, Scene, film_point, hides};
 
 /// The pixel of random numbers that are of no pixel.
 const NO_PIXEL: u32 = u32::MAX;
@@ -28,8 +24,8 @@ const NO_PIXEL: u32 = u32::MAX;
 #[cube]
 fn row_of(scene: &Scene, places: &[u32], x: f32, y: f32, #[comptime] listed: bool) -> u32 {
     let mut row = NONE.runtime();
-    if x >= 0.0 && y >= 0.0 && x < scene.header[WIDTH] as f32 && y < scene.header[HEIGHT] as f32 {
-        row = y as u32 * scene.header[WIDTH] + x as u32;
+    if x >= 0.0 && y >= 0.0 && x < scene.width as f32 && y < scene.height as f32 {
+        row = y as u32 * scene.width + x as u32;
         if listed {
             row = places[row as usize];
         }
@@ -67,8 +63,13 @@ pub(super) fn film_jumps(
         if spread > 0 {
             which = thread / spread.max(1);
         }
-        let scene = Scene::new(floats, words, which, features);
-        let sums = Totals::new(&totals[replica_of(thread, replicas, region)..], scales, of);
+        let scene = Scene::of_view(floats, words, which, features);
+        let sums = sums_at(
+            &scene,
+            &totals[replica_of(thread, replicas, region)..],
+            scales,
+            of,
+        );
         let places = &films[(OF_FILM * views) as usize..];
         let film_of = (OF_FILM * which) as usize;
         let all = films[film_of + OWN];
@@ -90,26 +91,18 @@ pub(super) fn film_jumps(
             let piece = drawn.at;
             let share = drawn.share;
             let length = pieces[piece + 1] - pieces[piece];
-            let mut p = edge_of(&scene, pieces[piece + 3] as u32, time);
-            p.lambda = pieces[piece] + length * film.y;
-            p.per_density = length * (total / share.max(1e-37)) / all as f32;
-            p.position = p.a + p.along * p.lambda + shift_of(&scene, p.faces.a, time);
+            let lambda = pieces[piece] + length * film.y;
+            let per_density = length * (total / share.max(1e-37)) / all as f32;
             let c = camera(&scene);
-            let origin = c.origin_towards(p.position, lens.x, lens.y);
-            p.to = p.position - origin;
+            let edge = pieces[piece + 3] as u32;
+            let mut f: FilmPoint = film_point(&scene, &c, edge, lambda, per_density, lens, time);
             let mut row = NONE.runtime();
-            let mut kernel_x = 0.0f32;
-            let mut kernel_y = 0.0f32;
-            if share > 0.0 && p.exists && p.to.dot(c.dual.z) > 0.0 {
+            if share > 0.0 && f.is_seen {
                 // The pixel whose ray would come here.
-                let at = c.project(p.position, lens.x, lens.y);
                 let kernel = sampler(&scene, SEED_OF_EDGES).stream(NO_PIXEL, sample);
                 let drawn = kernel.draw(scene.points, Dimensions::of_set(0u32));
-                kernel_x = film_kernel(drawn.x);
-                kernel_y = film_kernel(drawn.y);
-                let x = at.x - radius * kernel_x;
-                let y = at.y - radius * kernel_y;
-                row = row_of(&scene, places, x, y, listed);
+                f.project(&c, drawn.x, drawn.y, radius);
+                row = row_of(&scene, places, f.film.x, f.film.y, listed);
             }
             if row != NONE {
                 let g = upstream_of(
@@ -122,25 +115,29 @@ pub(super) fn film_jumps(
                 if is_asked(&g) {
                     let mut stack_room = Array::<u32>::new(scene.features.stack);
                     let stack = stack_room.as_mut_slice();
+                    let mut choice_room = Array::<u32>::new(scene.features.of_emitters.room);
+                    let choice = choice_room.as_mut_slice();
+                    let p = f.point;
                     let view = p.to.normalize();
-                    let along = c.project_along(p.position, p.along, lens.x, lens.y);
-                    // To the right of the edge's image, on a film whose y points down.
-                    let side = c.across * along.y + c.upward * along.x;
-                    let beside = sides(&scene, &p, view, side, time);
+                    let sides: Sides = f.sides(&scene, &c, view, time);
                     let ray = Ray {
-                        origin,
-                        direction: beside.past,
+                        origin: f.origin,
+                        direction: sides.past,
                         time,
                         from: 0.0f32,
                         limit: f32::MAX,
                     };
                     let hit = trace(&scene, stack, ray, p.faces, false, true);
-                    if !hides(&scene, hit, &p, time) {
-                        let behind = Behind {
-                            hit,
-                            start: origin,
+                    if !hides(&scene, hit.triangle, hit.t, &p, time) {
+                        let approach = Approach {
+                            point: p,
+                            origin: f.origin,
                             view,
-                            sides: beside,
+                            sides,
+                            behind: Behind {
+                                triangle: hit.triangle,
+                                distance: hit.t,
+                            },
                         };
                         let beginning = Beginning {
                             numbers,
@@ -148,7 +145,7 @@ pub(super) fn film_jumps(
                             film,
                             time,
                             ray: CameraRay {
-                                origin,
+                                origin: f.origin,
                                 direction: view,
                                 length: 1.0f32,
                                 x: 0.0f32,
@@ -157,28 +154,13 @@ pub(super) fn film_jumps(
                                 lens_y: lens.y,
                             },
                         };
-                        let light =
-                            light_beside(&scene, stack, beginning, 0u32, true, &p, &behind, true);
-                        let jump = g.radiance.dot(light.radiance) - g.opacity * light.sky
-                            + g.depth * light.depth
-                            + g.normal.dot(light.normal);
+                        let light = light_beside(
+                            &scene, stack, choice, beginning, 0u32, true, &approach, true,
+                        );
+                        let jump = g.jump(&light);
                         let scale = jump * p.per_density;
                         if is_nonzero(scale) && is_finite(scale) {
-                            let mut by_camera = no_camera_gradient();
-                            let by_film = v2(along.y * scale, -along.x * scale);
-                            let by_point = c.project_backward(
-                                p.position,
-                                lens.x,
-                                lens.y,
-                                by_film,
-                                &mut by_camera,
-                            );
-                            if comptime!(sums.of.camera) {
-                                // A wider filter moves its points away from the middle, past the edge.
-                                by_camera.filter -= by_film.x * kernel_x + by_film.y * kernel_y;
-                                add_camera(&scene, &sums, &by_camera);
-                            }
-                            add_to_edge(&scene, &sums, &p, by_point, time);
+                            f.backward(&scene, &sums, &c, jump, time);
                         }
                     }
                 }

@@ -1,20 +1,17 @@
-//! Sums turned into the gradient of the tensors that they are of: `Sums::resolve` and `Sums::write` of
-//! `kernel/gradient` in a kernel of a GPU.
+//! Sums turned into the gradient of the tensors that they are of, on the device.
 
 use std::ops::Range;
 
 use burn::cubecl::{self, prelude::*};
 
-use super::layout::{FIRST_SUMS, HEADER, SURFACE_STRIDE, SURFACES, VERTEX_CORNERS, VERTEX_STARTS};
-use super::reading::vector;
 use super::sum_places::Places;
-use super::sums::{
-    AREAS, CAMERA, COLOURS, LIGHTS, MATERIALS, NORMALS, OF_CAMERA, OF_LIGHT, SKY, TANGENTS, TEXELS,
-    TRIANGLES, UVS, VELOCITIES, VERTICES, component, sum_at,
-};
-use crate::kernel::{CameraSums, DeltaSums, Part, Rows, View};
-use crate::model::{V3, splat, v3};
+use super::sums::sum_at;
+use crate::kernel::{DeltaSums, Rows, View};
+use crate::model::{V3, component, splat, v3};
 use crate::scene::{LightPart, ParameterId};
+use crate::trace::{
+    AREAS, CAMERAS, Features, LIGHTS, OF_CAMERA, OF_LIGHT, Scene, TRIANGLES, VERTICES,
+};
 
 /// The places of a view's tensors in a gradient.
 pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
@@ -29,21 +26,6 @@ const OF_TENSOR: usize = 8;
 const ROWS: u32 = 0;
 const OF_VERTICES: u32 = 1;
 const MATRIX: u32 = 2;
-
-/// A part's number, and the numbers of a row of it.
-fn part_of(part: Part) -> (usize, usize) {
-    match part {
-        Part::Vertices => (VERTICES, 3),
-        Part::Velocities => (VELOCITIES, 3),
-        Part::Uvs => (UVS, 2),
-        Part::Normals => (NORMALS, 3),
-        Part::Colours => (COLOURS, 3),
-        Part::Tangents => (TANGENTS, 3),
-        Part::Materials => (MATERIALS, 3),
-        Part::Texels => (TEXELS, 3),
-        Part::Sky => (SKY, 3),
-    }
-}
 
 /// How the gradient of a view's tensors follows from sums.
 pub(super) struct Table {
@@ -70,31 +52,31 @@ impl Table {
         let first = &sums.first[v];
         for (id, to) in scene.iter().filter(|_| sums.owns(v)) {
             if let ParameterId::Light(light, part) = *id {
-                let own = first[LIGHTS] + (OF_LIGHT * light) as u32;
+                let own = first[LIGHTS as usize] + OF_LIGHT * light as u32;
                 table.add_light(view, (light, part), to, own);
             } else if let Some(rows) = Rows::of(&view.scene, *id, to.len()) {
-                let (part, of_sums) = part_of(rows.part);
-                let own = first[part] + (of_sums * rows.first) as u32;
+                let part = rows.part;
+                let own = first[part as usize] + (rows.width * rows.first) as u32;
                 let kind = if part == VERTICES { OF_VERTICES } else { ROWS };
-                let lengths = [rows.length, of_sums];
+                let lengths = [rows.length, rows.width];
                 table.add(to, (part, own), kind, lengths, [rows.factor]);
             }
         }
-        table.add_camera(view, camera, first[CAMERA]);
+        table.add_camera(view, camera, first[CAMERAS as usize]);
         table
     }
 
     fn add(
         &mut self,
         to: &Range<usize>,
-        (part, first): (usize, u32),
+        (part, first): (u32, u32),
         kind: u32,
         [own, of_sums]: [usize; 2],
         factors: impl IntoIterator<Item = f64>,
     ) {
         let at = self.factors.len() as u32;
         let (begin, count) = (to.start as u32, to.len() as u32);
-        self.words.extend([begin, count, first, part as u32]);
+        self.words.extend([begin, count, first, part]);
         self.words.extend([kind, own as u32, of_sums as u32, at]);
         self.factors.extend(factors.into_iter().map(|f| f as f32));
         self.numbers += to.len();
@@ -113,9 +95,15 @@ impl Table {
             one.write(&view.scene, light, part, &mut by);
             by
         };
-        let columns: Vec<Vec<f64>> = (0..OF_LIGHT).map(column).collect();
+        let columns: Vec<Vec<f64>> = (0..OF_LIGHT as usize).map(column).collect();
         let matrix = (0..to.len()).flat_map(|i| columns.iter().map(move |c| c[i]));
-        self.add(to, (LIGHTS, first), MATRIX, [to.len(), OF_LIGHT], matrix);
+        self.add(
+            to,
+            (LIGHTS, first),
+            MATRIX,
+            [to.len(), OF_LIGHT as usize],
+            matrix,
+        );
     }
 
     fn add_camera(&mut self, view: &View, places: TensorPlaces, first: u32) {
@@ -128,20 +116,22 @@ impl Table {
         let alone: Vec<(ParameterId, Range<usize>)> = alone.collect();
         let column = |k: usize| {
             let mut by = vec![0.0; size];
-            let one = CameraSums::of(|j| f64::from(u8::from(j == k)));
+            let mut one = [0.0; OF_CAMERA as usize];
+            one[k] = 1.0;
             view.write_camera(&one, &alone, &mut by);
             by
         };
-        let columns: Vec<Vec<f64>> = (0..OF_CAMERA).map(column).collect();
+        let columns: Vec<Vec<f64>> = (0..OF_CAMERA as usize).map(column).collect();
         for ((_, to), (_, own)) in places.iter().zip(&alone) {
             let matrix = own.clone().flat_map(|i| columns.iter().map(move |c| c[i]));
-            self.add(to, (CAMERA, first), MATRIX, [to.len(), OF_CAMERA], matrix);
+            let lengths = [to.len(), OF_CAMERA as usize];
+            self.add(to, (CAMERAS, first), MATRIX, lengths, matrix);
         }
     }
 }
 
 #[cube]
-fn vector_at(sums: &[u32], scales: &[f32], at: u32, #[comptime] part: u32) -> V3 {
+fn vector_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> V3 {
     v3(
         sum_at(sums, scales, at, part),
         sum_at(sums, scales, at + 1, part),
@@ -151,43 +141,27 @@ fn vector_at(sums: &[u32], scales: &[f32], at: u32, #[comptime] part: u32) -> V3
 
 /// The part of a vertex's derivative that comes from the normals and areas of its triangles.
 #[cube]
-fn of_triangles(
-    header: &[u32],
-    floats: &[f32],
-    words: &[u32],
-    sums: &[u32],
-    scales: &[f32],
-    vertex: u32,
-) -> V3 {
+fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 {
     let mut by = splat(0.0);
-    let starts = (header[VERTEX_STARTS] + vertex) as usize;
-    let mut i = words[starts];
-    while i < words[starts + 1] {
-        let corner = words[(header[VERTEX_CORNERS] + i) as usize];
+    let mut i = scene.vertex_starts[vertex as usize];
+    while i < scene.vertex_starts[vertex as usize + 1] {
+        let corner = scene.vertex_corners[i as usize];
         let k = corner / 3;
-        let normals = header[FIRST_SUMS + TRIANGLES] + 3 * k;
-        let by_normal = vector_at(sums, scales, normals, comptime!(TRIANGLES as u32));
-        let areas = header[FIRST_SUMS + AREAS] + k;
-        let by_area = sum_at(sums, scales, areas, comptime!(AREAS as u32));
-        let at = header[SURFACES] + SURFACE_STRIDE as u32 * k;
-        let area = floats[at as usize + 13];
+        let normals = scene.first_sums[comptime!(TRIANGLES as usize)] + 3 * k;
+        let by_normal = vector_at(sums, scales, normals, TRIANGLES);
+        let areas = scene.first_sums[comptime!(AREAS as usize)] + k;
+        let by_area = sum_at(sums, scales, areas, AREAS);
+        let triangle = scene.triangle(k);
         let nothing = by_normal.is_zero() && by_area == 0.0;
-        if area > 0.0 && !nothing {
-            let a = vector(floats, at);
-            let ab = vector(floats, at + 3) - a;
-            let ac = vector(floats, at + 6) - a;
-            let normal = vector(floats, at + 9);
-            let across = by_normal.reject_from_normalized(normal);
-            let by_cross = across * (0.5 / area) + normal * (0.5 * by_area);
-            let by_ab = ac.cross(by_cross);
-            let by_ac = by_cross.cross(ab);
+        if triangle.area > 0.0 && !nothing {
+            let sides = triangle.sides_backward(by_normal, by_area);
             let which = corner - 3 * k;
             if which == 0 {
-                by -= by_ab + by_ac;
+                by -= sides.first + sides.second;
             } else if which == 1 {
-                by += by_ab;
+                by += sides.first;
             } else {
-                by += by_ac;
+                by += sides.second;
             }
         }
         i += 1;
@@ -209,7 +183,7 @@ pub(super) fn write_gradient(
     numbers: u32,
 ) {
     if ABSOLUTE_POS < numbers as usize {
-        let header = &words[view as usize * HEADER..];
+        let scene = Scene::of_view(floats, words, view, comptime!(Features::default()));
         let mut row = 0usize;
         let mut i = ABSOLUTE_POS as u32;
         while i >= table[row + 1] {
@@ -237,8 +211,8 @@ pub(super) fn write_gradient(
                 value = sum_at(sums, scales, first + from * of_sums + column, part);
             }
             if kind == OF_VERTICES {
-                let vertex = (first - header[FIRST_SUMS + VERTICES]) / 3 + from;
-                let more = of_triangles(header, floats, words, sums, scales, vertex);
+                let vertices = scene.first_sums[comptime!(VERTICES as usize)];
+                let more = of_triangles(&scene, sums, scales, (first - vertices) / 3 + from);
                 value += component(more, column);
             }
             value *= factors[factor as usize];

@@ -3,12 +3,10 @@
 
 use crate::cube::*;
 
-use super::holes::is_open_at;
-use super::layout::{
-    BOXES, CHILDREN, HIT_COUNT, HIT_NUMBERS, HIT_STRIDE, HITS, LEAF, LEAVES, NONE, ROOT,
-};
-use super::reading::Scene;
+use crate::accel::{HIT_STRIDE, LEAF};
+use crate::model::lists::vector;
 use crate::model::{V3, v3};
+use crate::trace::{Faces, NONE, Scene, is_open};
 
 /// A ray, and where hits count.
 #[apply(record!)]
@@ -28,26 +26,10 @@ pub(super) struct Hit {
     pub triangle: u32,
 }
 
-/// Up to four triangles that a ray does not see.
-#[apply(record!)]
-pub(super) struct Unseen {
-    pub a: u32,
-    pub b: u32,
-    pub c: u32,
-    pub d: u32,
-}
-
-#[cube]
-impl Unseen {
-    pub fn contains(self, triangle: u32) -> bool {
-        triangle == self.a || triangle == self.b || triangle == self.c || triangle == self.d
-    }
-}
-
 /// All triangles are seen.
 #[cube]
-pub(super) fn see_all() -> Unseen {
-    Unseen {
+pub(super) fn see_all() -> Faces {
+    Faces {
         a: NONE,
         b: NONE,
         c: NONE,
@@ -63,20 +45,20 @@ const ROUNDING: f32 = 4e-7;
 fn meet(scene: &Scene, at: u32, ray: Ray, margin: f32, limit: f32) -> f32 {
     let mut origin = ray.origin;
     if comptime!(scene.features.moves) {
-        origin -= scene.vector(at + 17) * ray.time;
+        origin -= vector(scene.hits, at + 17) * ray.time;
     }
     let i = at as usize;
-    let normal = scene.vector(at);
+    let normal = vector(scene.hits, at);
     let cosine = normal.dot(ray.direction);
     let mut t = limit;
     if cosine.abs() > 1e-30 {
-        let distance = (scene.floats[i + 3] - normal.dot(origin)) / cosine;
+        let distance = (scene.hits[i + 3] - normal.dot(origin)) / cosine;
         if distance > ray.from && distance < limit {
             let p = origin + ray.direction * distance;
-            let ab = scene.vector(at + 4).dot(p) + scene.floats[i + 7];
-            let bc = scene.vector(at + 8).dot(p) + scene.floats[i + 11];
-            let ca = scene.vector(at + 12).dot(p) + scene.floats[i + 15];
-            if ab.min(bc.min(ca)) > -margin - scene.floats[i + 16] {
+            let ab = vector(scene.hits, at + 4).dot(p) + scene.hits[i + 7];
+            let bc = vector(scene.hits, at + 8).dot(p) + scene.hits[i + 11];
+            let ca = vector(scene.hits, at + 12).dot(p) + scene.hits[i + 15];
+            if ab.min(bc.min(ca)) > -margin - scene.hits[i + 16] {
                 t = distance;
             }
         }
@@ -87,8 +69,8 @@ fn meet(scene: &Scene, at: u32, ray: Ray, margin: f32, limit: f32) -> f32 {
 /// The distance at which a ray enters a box, a number over its limit if it does not.
 #[cube]
 fn enter(scene: &Scene, at: u32, ray: Ray, inverse: V3, margin: f32, limit: f32) -> f32 {
-    let low = scene.vector(at) - ray.origin;
-    let high = scene.vector(at + 3) - ray.origin;
+    let low = vector(scene.boxes, at) - ray.origin;
+    let high = vector(scene.boxes, at + 3) - ray.origin;
     let ax = (low.x - margin) * inverse.x;
     let bx = (high.x + margin) * inverse.x;
     let ay = (low.y - margin) * inverse.y;
@@ -111,9 +93,9 @@ fn passes(scene: &Scene, at: u32, triangle: u32, ray: Ray, t: f32) -> bool {
     if comptime!(scene.features.holes) {
         let mut point = ray.origin + ray.direction * t;
         if comptime!(scene.features.moves) {
-            point -= scene.vector(at + 17) * ray.time;
+            point -= vector(scene.hits, at + 17) * ray.time;
         }
-        open = is_open_at(scene, triangle, point);
+        open = is_open(scene, triangle, scene.triangle(triangle).weights(point));
     }
     open
 }
@@ -137,7 +119,7 @@ pub(super) fn trace(
     scene: &Scene,
     stack: &mut [u32],
     asked: Ray,
-    unseen: Unseen,
+    unseen: Faces,
     any: bool,
     #[comptime] select: bool,
 ) -> Hit {
@@ -162,19 +144,19 @@ pub(super) fn trace(
             safe_inverse(ray.direction.z),
         );
         let mut top = 0u32;
-        let mut node = scene.header[ROOT];
+        let mut node = scene.root;
         let mut going = true;
         while going {
             let mut popped = true;
             if node >= LEAF {
-                let leaf = (scene.header[LEAVES] + 2 * (node - LEAF)) as usize;
-                let mut k = scene.words[leaf];
-                let past = k + scene.words[leaf + 1];
+                let leaf = (2 * (node - LEAF)) as usize;
+                let mut k = scene.leaves[leaf];
+                let past = k + scene.leaves[leaf + 1];
                 while k < past {
-                    let at = scene.header[HITS] + k * HIT_STRIDE as u32;
+                    let at = k * HIT_STRIDE;
                     let found = meet(scene, at, ray, margin, t);
                     if found < t {
-                        let number = scene.words[(scene.header[HIT_NUMBERS] + k) as usize];
+                        let number = scene.hit_numbers[k as usize];
                         if !select || !unseen.contains(number) {
                             if !passes(scene, at, number, ray, found) {
                                 t = found;
@@ -188,15 +170,15 @@ pub(super) fn trace(
                     top = 0;
                 }
             } else {
-                let at = scene.header[BOXES] + 12 * node;
+                let at = 12 * node;
                 let first = enter(scene, at, ray, inverse, margin, t);
                 let second = enter(scene, at + 6, ray, inverse, margin, t);
-                let children = (scene.header[CHILDREN] + 2 * node) as usize;
-                let mut near = scene.words[children];
-                let mut far = scene.words[children + 1];
+                let children = (2 * node) as usize;
+                let mut near = scene.children[children];
+                let mut far = scene.children[children + 1];
                 if second < first {
-                    near = scene.words[children + 1];
-                    far = scene.words[children];
+                    near = scene.children[children + 1];
+                    far = scene.children[children];
                 }
                 if first.min(second) < f32::MAX {
                     node = near;
@@ -218,15 +200,15 @@ pub(super) fn trace(
         }
     } else {
         let mut k = 0u32;
-        while k < scene.header[HIT_COUNT] {
-            let at = scene.header[HITS] + k * HIT_STRIDE as u32;
+        while k < scene.hit_count {
+            let at = k * HIT_STRIDE;
             let found = meet(scene, at, ray, margin, t);
             if found < t && (!select || !unseen.contains(k)) {
                 if !passes(scene, at, k, ray, found) {
                     t = found;
                     triangle = k;
                     if any {
-                        k = scene.header[HIT_COUNT] - 1;
+                        k = scene.hit_count - 1;
                     }
                 }
             }

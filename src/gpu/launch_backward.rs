@@ -14,9 +14,9 @@ use super::list::List;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::sums::{
-    FIRST_SUM, MEASURE, PARTS, TYPICAL, add_replicas, bits_of_each, choose_scales, clear, kept,
-    look_again, take_scales,
+    TYPICAL, add_replicas, bits_of_each, choose_scales, clear, kept, look_again, take_scales,
 };
+use crate::trace::{FIRST_SUM, MEASURE, PARTS};
 
 /// Words of a launch's records at most.
 const RECORDS: usize = 1 << 24;
@@ -335,7 +335,7 @@ fn region(numbers: usize) -> u32 {
 
 /// Points of a path at most.
 fn points(job: &Job) -> usize {
-    job.views.words[super::layout::BOUNCES] as usize + 1
+    job.views.words[crate::trace::BOUNCES] as usize + 1
 }
 
 /// Words of a path's records.

@@ -4,10 +4,10 @@ use burn::cubecl::prelude::*;
 
 use super::job::{GROUP, groups};
 use super::launch_backward::Pass;
-use super::layout::{HEIGHT, WIDTH};
 use super::list::List;
 use super::pixel_gradients::{OF_CELL, look_around, look_at_cells, sum_blocks, sum_views};
 use crate::model::film::CELL;
+use crate::trace::{HEIGHT, WIDTH};
 
 impl Pass<'_> {
     /// Looks at how much the loss depends on pixels, and so where edges are drawn on films.

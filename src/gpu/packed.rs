@@ -1,4 +1,5 @@
-//! Views packed into buffers ([`layout`](super::layout)), in groups that the same kernels serve.
+//! Views packed into two buffers, floats and words, in groups that the same kernels serve. The words begin with a header
+//! for each view, which says where the lists of its [`Scene`](crate::trace::Scene) lie; views share what is the same.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -7,19 +8,12 @@ use std::sync::{Arc, OnceLock};
 use burn::cubecl::prelude::Client;
 use rayon::prelude::*;
 
-use super::edge_layout::{SEED_OF_EDGES, SEED_OF_FILM, SEED_OF_SIDES};
-use super::layout::{
-    BLOCKS, BOUNCES, CAMERA, CONE, DUAL, FILTER, FIRST_SUMS, FLOAT_HEADER, HEADER, HEIGHT, NONE,
-    ROULETTE_AFTER, SAMPLES_LOG, SEED, SEED_OF_CONES, TABLES, UNIT, WIDTH,
-};
 use super::list::List;
-use super::packed_scene::PackedScene;
+use super::of_scene::OfScene;
 use super::sum_places::Places;
-use super::sums::PARTS;
-use super::{Derivatives, Features};
 use crate::kernel::View;
-use crate::model::V3;
 use crate::sampling::points;
+use crate::trace::{Derivatives, Features, HEADER};
 
 /// Views of a group at most.
 const VIEWS: usize = 64;
@@ -50,16 +44,20 @@ pub(crate) fn pack(views: &[&View]) -> Vec<(Range<usize>, Packed)> {
                 .or_insert(v)
         })
         .collect();
-    let pack = |v: usize| (of_view[v] == v).then(|| PackedScene::new(views[v]));
-    let scenes: Vec<Option<PackedScene>> = (0..views.len()).into_par_iter().map(pack).collect();
+    let pack = |v: usize| (of_view[v] == v).then(|| OfScene::new(views[v]));
+    let scenes: Vec<Option<OfScene>> = (0..views.len()).into_par_iter().map(pack).collect();
     let scene = |v: usize| {
         scenes[of_view[v]]
             .as_ref()
             .expect("the first view packs it")
     };
     let kernels = |v: usize| {
-        let features = Features::of(views[v], scene(v));
-        (features, Derivatives::of(views[v]))
+        let features = Features {
+            boxes: !scene(v).tree.boxes.is_empty(),
+            stack: scene(v).tree.depth.next_multiple_of(16).max(16),
+            ..views[v].features
+        };
+        (features, views[v].wanted.of)
     };
     let mut groups = Vec::new();
     let mut first = 0;
@@ -67,7 +65,7 @@ pub(crate) fn pack(views: &[&View]) -> Vec<(Range<usize>, Packed)> {
         let (mut past, mut numbers) = (first, 0);
         while past < views.len() && past - first < VIEWS && kernels(past) == kernels(first) {
             if !of_view[first..past].contains(&of_view[past]) {
-                numbers += scene(past).floats.len();
+                numbers += scene(past).numbers(views[past]);
             }
             if past > first && numbers > NUMBERS {
                 break;
@@ -84,45 +82,52 @@ pub(crate) fn pack(views: &[&View]) -> Vec<(Range<usize>, Packed)> {
 }
 
 impl Packed {
-    /// Packs views, each with the number of its scene.
+    /// Packs views, each with the number of its scene and its own lists.
     fn new(
-        views: Vec<(&View, usize, &PackedScene)>,
+        views: Vec<(&View, usize, &OfScene)>,
         features: Features,
         derivatives: Derivatives,
     ) -> Self {
+        let sums = Places::new(views.iter().map(|&(view, scene, _)| (view, scene)));
         let mut packed = Self {
-            floats: vec![0.0; views.len() * FLOAT_HEADER],
+            floats: Vec::new(),
             words: vec![0; views.len() * HEADER],
             views: views.len(),
             features,
             derivatives,
-            sums: Places::new(views.iter().map(|&(view, scene, _)| (view, scene))),
+            sums,
             sent: OnceLock::new(),
         };
-        let tables = packed.words.len();
-        packed.words.extend(points());
-        let mut begins = HashMap::new();
-        for (v, &(view, number, scene)) in views.iter().enumerate() {
-            let [floats, words] = *begins.entry(number).or_insert_with(|| {
-                let begin = [packed.floats.len(), packed.words.len()];
-                packed.floats.extend(&scene.floats);
-                packed.words.extend(&scene.words);
-                begin
-            });
-            let mut header = scene.header;
-            for &place in &scene.in_floats {
-                header[place] += floats as u32;
+        // Where lists begin that are in the buffers.
+        let (mut floats, mut words) = (HashMap::new(), HashMap::new());
+        let sums = packed.sums.first.clone();
+        let table = points();
+        for (v, &(view, _, of_scene)) in views.iter().enumerate() {
+            let mut scene = of_scene.add_to(view.lists());
+            (scene.first_sums, scene.points) = (&sums[v], &table);
+            let mut header = [0; HEADER];
+            for (place, list) in scene.float_lists() {
+                let first = packed.floats.len() as u32;
+                let at = *floats
+                    .entry((list.as_ptr(), list.len()))
+                    .or_insert_with(|| {
+                        packed.floats.extend(list);
+                        first
+                    });
+                header[place as usize] = at;
             }
-            for &place in &scene.in_words {
-                header[place] += words as u32;
+            for (place, list) in scene.word_lists() {
+                let first = packed.words.len() as u32;
+                let at = *words.entry((list.as_ptr(), list.len())).or_insert_with(|| {
+                    packed.words.extend(list);
+                    first
+                });
+                header[place as usize] = at;
             }
-            header[TABLES] = tables as u32;
-            header[FILTER] = packed.floats.len() as u32;
-            packed.floats.extend(&view.filter.table);
-            header[FIRST_SUMS..FIRST_SUMS + PARTS].copy_from_slice(&packed.sums.first[v]);
-            add_settings(view, &mut header);
+            for (place, number) in scene.numbers() {
+                header[place as usize] = number;
+            }
             packed.words[v * HEADER..][..HEADER].copy_from_slice(&header);
-            add_camera(view, &mut packed.floats[v * FLOAT_HEADER..][..FLOAT_HEADER]);
         }
         packed
     }
@@ -137,52 +142,4 @@ impl Packed {
         };
         self.sent.get_or_init(send).clone()
     }
-}
-
-fn add_settings(view: &View, words: &mut [u32]) {
-    let settings = &view.settings;
-    let sampler = &settings.sampler;
-    words[WIDTH] = settings.width;
-    words[HEIGHT] = settings.height;
-    words[BOUNCES] = settings.bounces;
-    words[ROULETTE_AFTER] = settings.roulette_after.unwrap_or(NONE);
-    words[SAMPLES_LOG] = sampler.samples;
-    words[BLOCKS] = sampler.pixels;
-    let seeds = [
-        (SEED, sampler.seed),
-        (SEED_OF_CONES, view.cones.seed),
-        (SEED_OF_EDGES, view.edges.seed),
-        (SEED_OF_SIDES, view.sides.seed),
-        (SEED_OF_FILM, view.film.seed),
-    ];
-    for (place, seed) in seeds {
-        words[place] = seed.low;
-        words[place + 1] = seed.high;
-    }
-}
-
-fn add_camera(view: &View, floats: &mut [f32]) {
-    let c = &view.camera;
-    let (lens, dual) = (c.lens, c.dual);
-    let vectors = [
-        c.eye,
-        c.across,
-        c.upward,
-        c.forward,
-        lens.first,
-        lens.second,
-    ];
-    let numbers = vectors.into_iter().flat_map(V3::to_array);
-    let numbers = numbers.chain([c.per_focus, c.width, c.height, c.filter]);
-    floats[CAMERA..]
-        .iter_mut()
-        .zip(numbers)
-        .for_each(|(to, n)| *to = n);
-    let rows = [dual.x, dual.y, dual.z].into_iter().flat_map(V3::to_array);
-    floats[DUAL..]
-        .iter_mut()
-        .zip(rows)
-        .for_each(|(to, n)| *to = n);
-    floats[CONE] = view.cone;
-    floats[UNIT] = view.scene.frame.unit as f32;
 }

@@ -3,24 +3,22 @@
 
 use burn::cubecl::{self, prelude::*};
 
-use super::backward::{Upstream, add_camera, no_camera_gradient, path_backward};
+use super::Outputs;
+use super::backward::path_backward;
 use super::camera::begin;
-use super::edge_point::object_of;
-use super::edge_search::Observer;
-use super::finite::is_nonzero;
 use super::jumps::jumps_seen_from;
-use super::layout::{BOUNCES, UNIT};
 use super::path::{from_camera, path_light};
 use super::pieces::{Piece, pixel_at};
-use super::reading::Scene;
 use super::records::{Room, kept, kept_vector, record_at};
 use super::records::{jumped_at, points_at, put};
-use super::sums::{TYPICAL, Totals, is_skipped, replica_of};
-use super::surface::point_at;
-use super::surface_backward::is_wanted;
-use super::surface_backward::no_point_gradient;
-use super::{Derivatives, Features, Outputs};
+use super::sums::{TYPICAL, is_skipped, replica_of, sums_at};
+use crate::model::camera::CameraGradient;
+use crate::model::numbers::is_nonzero;
 use crate::model::{splat, v3};
+use crate::trace::{
+    BOUNCES, Derivatives, Features, Observer, Scene, Seen, UNIT, add_to_camera, no_point_gradient,
+    point_at,
+};
 
 /// Derivatives by the rows of a pixel, of one of its samples.
 #[cube]
@@ -30,9 +28,9 @@ pub(super) fn upstream_of(
     i: u32,
     scale: f32,
     #[comptime] outputs: Outputs,
-) -> Upstream {
+) -> Seen {
     let own = i as usize * comptime!(outputs.rows());
-    let mut g = Upstream {
+    let mut g = Seen {
         radiance: v3(upstream[own], upstream[own + 1], upstream[own + 2]) * scale,
         opacity: 0.0f32,
         depth: 0.0f32,
@@ -53,7 +51,7 @@ pub(super) fn upstream_of(
 }
 
 #[cube]
-pub(super) fn is_asked(g: &Upstream) -> bool {
+pub(super) fn is_asked(g: &Seen) -> bool {
     let more = g.opacity.abs() + g.depth.abs() + g.normal.abs().element_sum();
     is_nonzero(g.radiance.abs().element_sum() + more)
 }
@@ -77,7 +75,7 @@ pub(super) fn keep_paths(
     if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::new(floats, words, which.view, features);
+        let scene = Scene::of_view(floats, words, which.view, features);
         let g = upstream_of(scene.settings, upstream, which.row, scale, outputs);
         if is_asked(&g) {
             let mut room = Array::<u32>::new(scene.features.stack);
@@ -85,9 +83,12 @@ pub(super) fn keep_paths(
             let room = Room { thread, threads };
             let sample = piece.from + thread / piece.count;
             let path = begin(&scene, which.pixel, sample);
+            let mut choice_room = Array::<u32>::new(scene.features.of_emitters.room);
+            let choice = choice_room.as_mut_slice();
             let seen = path_light(
                 &scene,
                 stack,
+                choice,
                 records,
                 room,
                 path,
@@ -95,7 +96,7 @@ pub(super) fn keep_paths(
                 false,
                 true,
             );
-            records[points_at(scene.header, room)] = seen.points;
+            records[points_at(scene.bounces, room)] = seen.points;
         }
     }
 }
@@ -118,7 +119,7 @@ fn moves_at(
     let mut k = 0u32;
     while k <= point && !moves {
         let triangle = records[record_at(room, k, 0u32)];
-        moves = is_wanted(scene, object_of(scene, triangle));
+        moves = scene.is_wanted(scene.object_of(triangle));
         k += 1;
     }
     moves
@@ -148,14 +149,19 @@ pub(super) fn add_jumps(
         let thread = ABSOLUTE_POS as u32 % threads;
         let k = ABSOLUTE_POS as u32 / threads;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::new(floats, words, which.view, features);
-        let sums = Totals::new(&totals[replica_of(thread, replicas, region)..], scales, of);
+        let scene = Scene::of_view(floats, words, which.view, features);
+        let sums = sums_at(
+            &scene,
+            &totals[replica_of(thread, replicas, region)..],
+            scales,
+            of,
+        );
         let typical = scales[TYPICAL + which.view as usize];
         let room = Room { thread, threads };
         let g = upstream_of(scene.settings, upstream, which.row, scale, outputs);
         let mut points = 0u32;
         if is_asked(&g) {
-            points = records[points_at(scene.header, room)];
+            points = records[points_at(scene.bounces, room)];
         }
         if k < points {
             let mut by = no_point_gradient();
@@ -168,7 +174,7 @@ pub(super) fn add_jumps(
             let sample = piece.from + thread / piece.count;
             let path = begin(&scene, which.pixel, sample);
             let near = origin + incoming * distance;
-            let point = point_at(&scene, triangle, near, incoming, path.time);
+            let point = point_at(&scene, triangle, near, distance, incoming, path.time);
             if counts > 0.0 && point.reflects {
                 let at = Observer {
                     point,
@@ -181,14 +187,16 @@ pub(super) fn add_jumps(
                 let stack = stack_room.as_mut_slice();
                 let mut edge_room = Array::<u32>::new(sums.of.edge_room);
                 let edges = edge_room.as_mut_slice();
-                jumps_seen_from(&scene, stack, edges, &sums, &path, &at, &mut by);
+                let mut choice_room = Array::<u32>::new(scene.features.of_emitters.room);
+                let choice = choice_room.as_mut_slice();
+                jumps_seen_from(&scene, stack, edges, choice, &sums, &path, &at, &mut by);
             }
-            put(scene.header, records, room, k, 0u32, by.position);
-            put(scene.header, records, room, k, 3u32, by.geometric);
-            put(scene.header, records, room, k, 6u32, by.shading.normal);
-            put(scene.header, records, room, k, 9u32, by.shading.incoming);
-            records[jumped_at(scene.header, room, k, 12u32)] = by.shading.exponent.to_bits();
-            records[jumped_at(scene.header, room, k, 13u32)] = by.shading.specular.x.to_bits();
+            put(scene.bounces, records, room, k, 0u32, by.position);
+            put(scene.bounces, records, room, k, 3u32, by.geometric);
+            put(scene.bounces, records, room, k, 6u32, by.shading.normal);
+            put(scene.bounces, records, room, k, 9u32, by.shading.incoming);
+            records[jumped_at(scene.bounces, room, k, 12u32)] = by.shading.exponent.to_bits();
+            records[jumped_at(scene.bounces, room, k, 13u32)] = by.shading.specular.x.to_bits();
         }
     }
 }
@@ -216,18 +224,26 @@ pub(super) fn go_back(
     if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::new(floats, words, which.view, features);
-        let sums = Totals::new(&totals[replica_of(thread, replicas, region)..], scales, of);
+        let scene = Scene::of_view(floats, words, which.view, features);
+        let sums = sums_at(
+            &scene,
+            &totals[replica_of(thread, replicas, region)..],
+            scales,
+            of,
+        );
         let g = upstream_of(scene.settings, upstream, which.row, scale, outputs);
         if is_asked(&g) {
-            let mut by_camera = no_camera_gradient();
+            let mut by_camera = CameraGradient::none();
             let room = Room { thread, threads };
             let sample = piece.from + thread / piece.count;
             let path = begin(&scene, which.pixel, sample);
-            let points = records[points_at(scene.header, room)];
+            let points = records[points_at(scene.bounces, room)];
+            let mut choice_room = Array::<u32>::new(scene.features.of_emitters.room);
+            let choice = choice_room.as_mut_slice();
             path_backward(
                 &scene,
                 records,
+                choice,
                 &sums,
                 room,
                 path,
@@ -237,7 +253,7 @@ pub(super) fn go_back(
                 &mut by_camera,
             );
             if comptime!(sums.of.camera) {
-                add_camera(&scene, &sums, &by_camera);
+                add_to_camera(&sums, &by_camera);
             }
         }
     }

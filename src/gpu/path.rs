@@ -6,25 +6,22 @@
 use crate::cube::*;
 
 use super::camera::Beginning;
-use super::emitter_choice::{chance, choose, next_emitter_hit, site};
+use super::emitters_along::next_emitter_hit;
 use super::hit::{Hit, Ray, see_all, trace};
-use super::layout::{BOUNCES, CONE, NONE, ROULETTE_AFTER};
-use super::light::Site;
-use super::light::{map_of, sky};
-use super::reading::Scene;
 use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
     keep_vector, record_at,
 };
-use super::shadow_rays::{Receiver, no_point, target_of};
-use super::surface::point_at;
-use crate::model::bsdf::Scatter;
-use crate::model::choice::survival;
-use crate::model::cone::{bend, lifted};
+use crate::model::bsdf::{Scatter, Shading};
+use crate::model::cone::Bend;
 use crate::model::connection::{ConeKernel, Target, no_connection};
 use crate::model::triangle::uniform_point;
 use crate::model::{Pair, V3, splat, v2};
-use crate::sampling::{Chosen, Dimensions};
+use crate::sampling::{Chosen, Dimensions, Receiver};
+use crate::trace::{
+    CONE, Leaving, NONE, Point, Scene, density_of_map, emitted, emitters_of, leave, map_of,
+    point_at, radiance_of, sky, target_of,
+};
 
 /// The surface that a camera ray sees, and the light that its path brings back.
 #[apply(record!)]
@@ -41,6 +38,63 @@ pub(super) struct PathLight {
     pub looked: u32,
     /// Points of surfaces that it came to.
     pub points: u32,
+}
+
+/// A surface point of a path, and its random numbers there.
+#[apply(record!)]
+struct Place {
+    point: Point,
+    cone: ConeKernel,
+    /// The probability of directional lights among many emitters.
+    share: f32,
+}
+
+#[cube]
+impl Place {
+    /// As a point that emitters are chosen for.
+    fn receiver(&self, time: f32) -> Receiver {
+        Receiver {
+            position: self.point.position,
+            normal: self.point.shading.geometric,
+            time,
+        }
+    }
+}
+
+/// A surface point that is not there yet.
+#[cube]
+fn no_point(scene: &Scene) -> Point {
+    let zero = splat(0.0f32.runtime());
+    Point {
+        triangle: NONE.runtime(),
+        material: 0u32.runtime(),
+        object: 0u32.runtime(),
+        distance: 0.0f32.runtime(),
+        position: zero,
+        weights: zero,
+        side: 1.0f32.runtime(),
+        uv: v2(0.0, 0.0),
+        shading: Shading {
+            geometric: zero,
+            normal: zero,
+            incoming: zero,
+            diffuse: zero,
+            specular: zero,
+            exponent: 0.0f32.runtime(),
+            glossy: false.runtime(),
+            smooth: false.runtime(),
+            model: 0u32.runtime(),
+            compensated: false.runtime(),
+            inside: false.runtime(),
+            models: comptime!(scene.features.models),
+            pair: Pair {
+                first: zero,
+                second: zero,
+            },
+            paired: false.runtime(),
+        },
+        reflects: false.runtime(),
+    }
 }
 
 /// What the next ray of a path is for.
@@ -87,12 +141,13 @@ pub(super) fn from_camera() -> Start {
     }
 }
 
-/// Traces a path from its beginning, or with `beside` from a point. `stack` is room for nodes of the tree; with
-/// `keep` the path's points are left in `records`.
+/// Traces a path from its beginning, or with `beside` from a point. `stack` is room for nodes of the tree, `choice` for the
+/// choice of an emitter; with `keep` the path's points are left in `records`.
 #[cube]
 pub(super) fn path_light(
     scene: &Scene,
     stack: &mut [u32],
+    choice: &mut [u32],
     records: &mut [u32],
     room: Room,
     path: Beginning,
@@ -114,15 +169,18 @@ pub(super) fn path_light(
         looked: 0u32,
         points: 0u32,
     };
-    let mut from = Receiver {
+    let mut from = Place {
         point: no_point(scene),
         cone: ConeKernel {
             tangent: scene.settings[CONE],
             u: 0.0f32,
             v: 0.0f32,
         },
-        sum: 0.0f32,
+        share: 0.0f32,
     };
+    // The emitter that the path's point is connected to.
+    let mut k = NONE.runtime();
+    let mut weights = v2(0.0, 0.0);
     let mut throughput = splat(1.0);
     let mut scatter = Scatter {
         direction: splat(0.0),
@@ -148,7 +206,7 @@ pub(super) fn path_light(
     let mut direction = first.direction;
     let mut limit = f32::MAX.runtime();
     let mut light = splat(0.0);
-    let bounces = scene.header[BOUNCES];
+    let bounces = scene.bounces;
     let mut begins = true;
     if beside {
         bounce = start.bounce;
@@ -196,17 +254,22 @@ pub(super) fn path_light(
                 purpose = ENDED;
             } else {
                 let near = origin + direction * hit.t;
-                let mut point = point_at(scene, hit.triangle, near, direction, time);
+                let mut emits = true;
+                if beside {
+                    if purpose == OF_CAMERA {
+                        hit.t = start.distance;
+                        emits = start.emits;
+                    }
+                }
+                let mut point = point_at(scene, hit.triangle, near, hit.t, direction, time);
                 if purpose == OF_CAMERA {
                     if beside {
-                        hit.t = start.distance;
                         point.shading.pair = start.pair;
                         point.shading.paired = start.paired;
-                        if !start.emits {
-                            point.emission = splat(0.0);
-                        }
                     }
-                    seen.radiance += point.emission;
+                    if emits {
+                        seen.radiance += emitted(scene, &point);
+                    }
                     seen.opacity = 1.0;
                     seen.depth = hit.t;
                     seen.normal = point.shading.geometric;
@@ -242,9 +305,9 @@ pub(super) fn path_light(
                         from.cone.u = set.z;
                         from.cone.v = set.w;
                     }
-                    let normal = point.shading.geometric;
-                    let at: Site = site(scene, point.position, normal, time);
-                    from.sum = at.sum;
+                    if comptime!(scene.features.emitters) {
+                        from.share = emitters_of(scene).look(&from.receiver(time), choice);
+                    }
                 }
                 if goes_on || by_scattering || comptime!(scene.features.gathers_map) {
                     let drawn = numbers.draw(scene.points, Dimensions::direction(bounce));
@@ -297,16 +360,14 @@ pub(super) fn path_light(
             }
         }
         if is_emitter {
-            let mut k = 0u32;
-            let mut weights = v2(0.0, 0.0);
             let combined = comptime!(scene.features.combined) && from.point.shading.glossy;
             let x = from.point.position;
-            let at: Site = from.site(time);
+            let at: Receiver = from.receiver(time);
             if purpose == TO_EMITTER {
-                let choice: Chosen = choose(scene, emitter_u, &at);
-                k = choice.emitter;
-                p = choice.chance;
-                weights = uniform_point(choice.rest, emitter_v);
+                let drawn: Chosen = emitters_of(scene).choose(emitter_u, &at, from.share, choice);
+                k = drawn.emitter;
+                p = drawn.chance;
+                weights = uniform_point(drawn.rest, emitter_v);
             } else {
                 along = true;
                 k = NONE;
@@ -316,7 +377,7 @@ pub(super) fn path_light(
                     weights = found.weights;
                     next = k + 1;
                     if k != NONE {
-                        p = chance(scene, k, &at);
+                        p = emitters_of(scene).chance(k, &at, from.share, choice);
                     }
                 }
             }
@@ -331,10 +392,10 @@ pub(super) fn path_light(
                 let mut towards = scatter.direction;
                 if purpose == TO_MAP {
                     let drawn = numbers.draw(scene.points, Dimensions::choices(bounce));
-                    towards = map_of(scene).choose(scene.floats, drawn.z, drawn.w);
+                    towards = map_of(scene).choose(scene.sky_density, drawn.z, drawn.w);
                 }
                 along = purpose == TO_MAP_ALONG;
-                p = map_of(scene).density(scene.floats, towards);
+                p = density_of_map(scene, towards);
                 target = Target::of_map(towards);
             } else {
                 purpose = ONWARDS;
@@ -343,8 +404,12 @@ pub(super) fn path_light(
         if comptime!(scene.features.emitters || scene.features.gathers_map) {
             let at = from.point;
             chosen = target.connect(&at.shading, at.position, p, along, from.cone);
-            if comptime!(scene.features.gathers_map) {
-                if chosen.limit > 0.0 && purpose >= TO_MAP {
+            if chosen.limit > 0.0 {
+                if purpose < TO_MAP {
+                    if comptime!(scene.features.emitters) {
+                        target.radiance = radiance_of(scene, k, weights);
+                    }
+                } else if comptime!(scene.features.gathers_map) {
                     target.radiance = sky(scene, target.direction);
                 }
             }
@@ -352,38 +417,51 @@ pub(super) fn path_light(
         }
         if purpose == ONWARDS {
             let last = bounce >= bounces;
-            if (last && !comptime!(scene.features.sees_sky)) || scatter.weight.is_zero() {
-                purpose = ENDED;
-            } else {
-                throughput = throughput.times(scatter.weight);
-                let mut survived = 1.0f32;
-                if comptime!(scene.features.roulette) {
-                    if !last && bounce >= scene.header[ROULETTE_AFTER] {
-                        let survival = survival(throughput);
-                        let drawn = numbers.draw(scene.points, Dimensions::choices(bounce));
-                        if drawn.y >= survival {
-                            purpose = ENDED;
-                        }
-                        throughput = throughput * (1.0 / survival);
-                        survived = survival;
-                    }
-                }
-                if keep {
-                    bits |= WENT_ON;
-                    records[record_at(room, seen.points - 1, 12u32)] = survived.to_bits();
-                }
+            let mut left = Leaving {
+                goes_on: false,
+                start: chosen.start,
+                bend: Bend {
+                    offset: chosen.start,
+                    mirrored: false,
+                    direction: chosen.start,
+                },
+                throughput,
+                survival: 1.0f32,
+            };
+            if !last || comptime!(scene.features.sees_sky) {
                 let mut u = 0.0f32;
-                let mut v = 0.0f32;
+                if comptime!(scene.features.roulette) {
+                    u = numbers.draw(scene.points, Dimensions::choices(bounce)).y;
+                }
+                let mut cone_u = 0.0f32;
+                let mut cone_v = 0.0f32;
                 if comptime!(scene.features.cones) {
                     let set = cones.draw(scene.points, Dimensions::of_set(bounce));
-                    u = set.x;
-                    v = set.y;
+                    cone_u = set.x;
+                    cone_v = set.y;
                 }
-                let outer = from.point.shading.outer(scatter.direction);
-                let bent = bend(scatter.direction, outer, scene.settings[CONE], u, v);
-                chosen.start = lifted(from.point.position, outer);
-                chosen.direction = bent.direction;
-                chosen.limit = f32::MAX;
+                left = leave(
+                    scene,
+                    &from.point,
+                    &scatter,
+                    throughput,
+                    bounce,
+                    u,
+                    cone_u,
+                    cone_v,
+                );
+            }
+            throughput = left.throughput;
+            chosen.start = left.start;
+            chosen.direction = left.bend.direction;
+            chosen.limit = f32::MAX;
+            if left.goes_on {
+                if keep {
+                    bits |= WENT_ON;
+                    records[record_at(room, seen.points - 1, 12u32)] = left.survival.to_bits();
+                }
+            } else {
+                purpose = ENDED;
             }
         }
         origin = chosen.start;

@@ -7,12 +7,12 @@ use super::Outputs;
 use super::film_table::{
     BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, view_of,
 };
-use super::finite::{is_finite, is_nonzero};
-use super::layout::{FLOAT_HEADER, HEIGHT, NONE, WIDTH};
 use super::passes::upstream_of;
 use super::sums::TYPICAL;
 use crate::model::choice::is_positive;
 use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
+use crate::model::numbers::{is_finite, is_nonzero};
+use crate::trace::{HEADER, HEIGHT, NONE, Place, WIDTH};
 
 /// Numbers of a cell, and of a row of cells: how much the loss depends on their pixels, how many of these it asks for,
 /// how much it depends on their radiance, and on that of how many.
@@ -75,7 +75,8 @@ pub(super) fn look_at_cells(
         let column = cell.column;
         let row = cell.row;
         let view = cell.view;
-        let floats = &floats[view as usize * FLOAT_HEADER..];
+        let settings = words[view as usize * HEADER + comptime!(Place::settings as usize)];
+        let floats = &floats[settings as usize..];
         let places = &films[(OF_FILM * views) as usize..];
         let mut weight = 0.0f32;
         let mut asked = 0.0f32;

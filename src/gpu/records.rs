@@ -1,10 +1,9 @@
 //! Records that a path leaves for its way back.
 
-use super::layout::BOUNCES;
-use super::surface_backward::PointGradient;
 use crate::cube::*;
 
 use crate::model::{V3, v3};
+use crate::trace::PointGradient;
 
 /// Words of a record of a path's point: its triangle, what it was hit by (distance, origin, direction), the
 /// throughput that arrives, what was seen from it, and the probability with which the path went on.
@@ -59,47 +58,47 @@ pub(super) const JUMPED: u32 = 14;
 
 /// The place of the number of a path's points.
 #[cube]
-pub(super) fn points_at(words: &[u32], room: Room) -> usize {
-    ((words[BOUNCES] + 1) * RECORD * room.threads + room.thread) as usize
+pub(super) fn points_at(bounces: u32, room: Room) -> usize {
+    ((bounces + 1) * RECORD * room.threads + room.thread) as usize
 }
 
 /// The place of a word of what jumps add at a point.
 #[cube]
-pub(super) fn jumped_at(words: &[u32], room: Room, point: u32, word: u32) -> usize {
-    let before = (words[BOUNCES] + 1) * RECORD + 1;
+pub(super) fn jumped_at(bounces: u32, room: Room, point: u32, word: u32) -> usize {
+    let before = (bounces + 1) * RECORD + 1;
     ((before + point * JUMPED + word) * room.threads + room.thread) as usize
 }
 
 #[cube]
-pub(super) fn get(words: &[u32], records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
+pub(super) fn get(bounces: u32, records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
     v3(
-        f32::from_bits(records[jumped_at(words, room, point, word)]),
-        f32::from_bits(records[jumped_at(words, room, point, word + 1)]),
-        f32::from_bits(records[jumped_at(words, room, point, word + 2)]),
+        f32::from_bits(records[jumped_at(bounces, room, point, word)]),
+        f32::from_bits(records[jumped_at(bounces, room, point, word + 1)]),
+        f32::from_bits(records[jumped_at(bounces, room, point, word + 2)]),
     )
 }
 
 /// What jumps added at a point of a path.
 #[cube]
 pub(super) fn jumped(
-    words: &[u32],
+    bounces: u32,
     records: &mut [u32],
     room: Room,
     point: u32,
     by: &mut PointGradient,
 ) {
-    by.position += get(words, records, room, point, 0u32);
-    by.geometric += get(words, records, room, point, 3u32);
-    by.shading.normal += get(words, records, room, point, 6u32);
-    by.shading.incoming += get(words, records, room, point, 9u32);
-    by.shading.exponent += f32::from_bits(records[jumped_at(words, room, point, 12u32)]);
+    by.position += get(bounces, records, room, point, 0u32);
+    by.geometric += get(bounces, records, room, point, 3u32);
+    by.shading.normal += get(bounces, records, room, point, 6u32);
+    by.shading.incoming += get(bounces, records, room, point, 9u32);
+    by.shading.exponent += f32::from_bits(records[jumped_at(bounces, room, point, 12u32)]);
     // The index of refraction turns what passes a surface.
-    by.shading.specular.x += f32::from_bits(records[jumped_at(words, room, point, 13u32)]);
+    by.shading.specular.x += f32::from_bits(records[jumped_at(bounces, room, point, 13u32)]);
 }
 
 #[cube]
-pub(super) fn put(words: &[u32], records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
-    records[jumped_at(words, room, point, word)] = v.x.to_bits();
-    records[jumped_at(words, room, point, word + 1)] = v.y.to_bits();
-    records[jumped_at(words, room, point, word + 2)] = v.z.to_bits();
+pub(super) fn put(bounces: u32, records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
+    records[jumped_at(bounces, room, point, word)] = v.x.to_bits();
+    records[jumped_at(bounces, room, point, word + 1)] = v.y.to_bits();
+    records[jumped_at(bounces, room, point, word + 2)] = v.z.to_bits();
 }

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::sums::{CAMERA, OF_CAMERA, OF_LIGHT, PARTS};
-use crate::kernel::{Sums, View};
+use crate::kernel::View;
+use crate::trace::{CAMERAS, OF_CAMERA, PARTS};
 
 /// Numbers of the sums of all replicas together, about.
 const REPLICATED: usize = 1 << 16;
@@ -29,30 +29,17 @@ impl Places {
             let owner = *known.entry(scene).or_insert(v);
             let mut first = [0; PARTS];
             if owner == v {
-                let sums = Sums::new(&view.scene, &view.wanted);
-                let counts = [
-                    3 * sums.vertices.len(),
-                    3 * sums.triangles.len(),
-                    sums.triangles.len(),
-                    3 * sums.velocities.len(),
-                    2 * sums.uvs.len(),
-                    3 * sums.normals.len(),
-                    12 * sums.materials.len(),
-                    3 * sums.texels.len(),
-                    3 * sums.sky.len(),
-                    3 * sums.colours.len(),
-                    3 * sums.tangents.len(),
-                    OF_LIGHT * sums.lights.len(),
-                ];
-                for (first, n) in first.iter_mut().zip(counts) {
+                let counts = view.wanted.lengths(&view.scene);
+                // The camera's are last.
+                for (first, n) in first.iter_mut().zip(counts).take(CAMERAS as usize) {
                     *first = places.count as u32;
                     places.count += n;
                 }
             } else {
                 first = places.first[owner];
             }
-            first[CAMERA] = places.count as u32;
-            places.count += OF_CAMERA;
+            first[CAMERAS as usize] = places.count as u32;
+            places.count += OF_CAMERA as usize;
             places.first.push(first);
             places.owner.push(owner);
         }

@@ -1,51 +1,17 @@
-//! Sums of derivatives in kernels, by atomic additions of whole numbers, so that they are the same whatever the
-//! order: few GPUs add floats, and none in an order that repeats. Threads of a launch add to 64 bits in two words, of
-//! several replicas; after it these are added to sums of 96 bits.
-//!
-//! A derivative is multiplied by a power of two and rounded. The powers are one for each part of a scene, and
-//! come from the largest derivatives of some of the paths. One that is so large that 64 bits might not hold all of a
-//! launch is not added but counted as lost.
+//! The scales of sums in kernels ([`Totals`](crate::trace::Totals)), and launches that add them up.
 
 use burn::cubecl::{self, prelude::*};
 
-use super::Derivatives;
-use super::finite::{is_nonzero, magnitude, not_a_number};
-use crate::model::V3;
 use crate::model::choice::INFINITY;
 use crate::model::integers::total;
+use crate::model::numbers::not_a_number;
+use crate::trace::{
+    Derivatives, FIRST_SUM, LIMIT, LOST, MEASURE, PARTS, Scene, Sums, Totals, sums_of,
+};
 
-/// Parts of a scene, each with a power of two of its own.
-pub(super) const VERTICES: usize = 0;
-pub(super) const TRIANGLES: usize = 1;
-pub(super) const AREAS: usize = 2;
-pub(super) const VELOCITIES: usize = 3;
-pub(super) const UVS: usize = 4;
-pub(super) const NORMALS: usize = 5;
-pub(super) const MATERIALS: usize = 6;
-pub(super) const TEXELS: usize = 7;
-pub(super) const SKY: usize = 8;
-pub(super) const COLOURS: usize = 9;
-pub(super) const TANGENTS: usize = 10;
-pub(super) const LIGHTS: usize = 11;
-pub(super) const CAMERA: usize = 12;
-pub(super) const PARTS: usize = 13;
-
-/// Behind the scales of all parts: how large a derivative may be, times its scale, to be added; and for each view how much
-/// a loss depends on the radiance of a pixel, then how much on a pixel as a whole, on average.
-pub(super) const LIMIT: usize = PARTS;
-pub(super) const TYPICAL: usize = PARTS + 1;
-
-/// Sums of a light without extent ([`DeltaSums`]) and of a camera ([`CameraSums`]).
-///
-/// [`DeltaSums`]: crate::kernel::DeltaSums
-/// [`CameraSums`]: crate::kernel::CameraSums
-pub(super) const OF_LIGHT: usize = 11;
-pub(super) const OF_CAMERA: usize = 20;
-
-/// Words before the sums of a replica: the largest derivative of each part, by its bits, then the number of those
-/// that no sum holds.
-pub(super) const FIRST_SUM: usize = 16;
-pub(super) const LOST: usize = 15;
+/// Behind the scales of all parts and [`LIMIT`], for each view how much a loss depends on the radiance of a pixel, then
+/// how much on a pixel as a whole, on average.
+pub(super) const TYPICAL: usize = LIMIT + 1;
 
 /// The scale of a part with derivatives that are not finite.
 const NO_SCALE: f32 = -1.0;
@@ -251,14 +217,22 @@ pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     value
 }
 
+/// The sums of a replica, as stages add to them.
+#[cube]
+pub(super) fn sums_at<'a>(
+    scene: &Scene<'a>,
+    totals: &'a [Atomic<u32>],
+    scales: &'a [f32],
+    #[comptime] of: Derivatives,
+) -> Sums<'a> {
+    sums_of(Totals::new(totals, scales, scene.first_sums, of))
+}
+
 /// Where the words of a thread's replica begin.
 #[cube]
 pub(super) fn replica_of(thread: u32, replicas: u32, region: u32) -> usize {
     (thread % replicas * region) as usize
 }
-
-/// The scale of parts of whose derivatives only the sizes are looked at.
-pub(super) const MEASURE: f32 = 0.0;
 
 /// Bits of derivatives, times their scale, of which so many have room in a sum: those of derivatives that were all
 /// measured.
@@ -272,84 +246,6 @@ const MORE: i32 = 12;
 /// Bits of the largest derivative that was measured: one less than there is room for, since a power of two takes all.
 pub(super) fn kept(bits: i32, all_measured: bool) -> i32 {
     bits - if all_measured { 1 } else { MORE }
-}
-
-/// A component of a vector, by its number.
-#[cube]
-pub(super) fn component(v: V3, k: u32) -> f32 {
-    let mut found = v.x;
-    if k == 1 {
-        found = v.y;
-    } else if k == 2 {
-        found = v.z;
-    }
-    found
-}
-
-/// The sums that a thread adds to, the scales of their parts, and the derivatives that are summed.
-#[derive(CubeType, Clone, Copy)]
-pub(super) struct Totals<'a> {
-    totals: &'a [Atomic<u32>],
-    scales: &'a [f32],
-    #[cube(comptime)]
-    pub of: Derivatives,
-}
-
-#[cube]
-impl<'a> Totals<'a> {
-    pub fn new(
-        totals: &'a [Atomic<u32>],
-        scales: &'a [f32],
-        #[comptime] of: Derivatives,
-    ) -> Totals<'a> {
-        Totals::<'a> { totals, scales, of }
-    }
-
-    /// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
-    pub fn add(&self, at: u32, value: f32, #[comptime] part: usize) {
-        if is_nonzero(value) {
-            let scale = self.scales[part];
-            if scale == MEASURE {
-                self.totals[part].fetch_max(magnitude(value));
-            } else {
-                let scaled = value * scale;
-                // What is infinite or NaN is above every limit.
-                if magnitude(scaled) < self.scales[LIMIT].to_bits() {
-                    let rounded = (scaled.abs() + 0.5).floor();
-                    let upper = (rounded * (1.0f32 / 4_294_967_296.0f32)).floor();
-                    let mut low = (rounded - upper * 4_294_967_296.0) as u32;
-                    let mut high = upper as u32;
-                    if scaled < 0.0 {
-                        // The two's complement.
-                        low = total(!low, 1u32);
-                        high = !high;
-                        if low == 0 {
-                            high = total(high, 1u32);
-                        }
-                    }
-                    let i = FIRST_SUM + 2 * at as usize;
-                    let before = self.totals[i].fetch_add(low);
-                    if total(before, low) < low {
-                        high = total(high, 1u32);
-                    }
-                    if high != 0 {
-                        self.totals[i + 1].fetch_add(high);
-                    }
-                } else {
-                    self.totals[LOST].fetch_add(1u32);
-                }
-            }
-        }
-    }
-
-    /// Adds three derivatives.
-    pub fn add_vector(&self, at: u32, value: V3, #[comptime] part: usize) {
-        let mut k = 0u32;
-        while k < 3 {
-            self.add(at + k, component(value, k), part);
-            k += 1;
-        }
-    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::gradient::CameraSums;
 use crate::error::Result;
 use crate::model::Pair;
 use crate::model::camera::{Camera as Model, Dual};
@@ -45,6 +44,33 @@ struct Frame {
     up: DVec3,
     scale: [f64; 2],
     shift: [f64; 2],
+}
+
+/// Derivatives by what a [`Model`] is made of.
+pub(crate) struct CameraSums {
+    eye: DVec3,
+    across: DVec3,
+    upward: DVec3,
+    forward: DVec3,
+    lens: [DVec3; 2],
+    per_focus: f64,
+    filter: f64,
+}
+
+impl CameraSums {
+    /// From a list of numbers ([`OF_CAMERA`](crate::trace::OF_CAMERA)).
+    pub fn of(numbers: &[f64]) -> Self {
+        let vector = |k: usize| DVec3::from_slice(&numbers[3 * k..]);
+        Self {
+            eye: vector(0),
+            across: vector(1),
+            upward: vector(2),
+            forward: vector(3),
+            lens: [vector(4), vector(5)],
+            per_focus: numbers[18],
+            filter: numbers[19],
+        }
+    }
 }
 
 impl HostCamera {

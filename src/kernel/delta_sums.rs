@@ -1,44 +1,21 @@
 //! Sums of derivatives by lights without extent.
 
-use std::ops::AddAssign;
-
 use glam::DVec3;
 
 use super::scene::KernelScene;
-use crate::model::delta_light::DeltaGradient;
 use crate::scene::LightPart;
 
 /// Derivatives by a light, in inner units.
-#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct DeltaSums {
     position: DVec3,
     axis: DVec3,
-    pub strength: DVec3,
+    strength: DVec3,
     cos_inner: f64,
     cos_outer: f64,
 }
 
-impl AddAssign for DeltaSums {
-    fn add_assign(&mut self, o: Self) {
-        self.position += o.position;
-        self.axis += o.axis;
-        self.strength += o.strength;
-        self.cos_inner += o.cos_inner;
-        self.cos_outer += o.cos_outer;
-    }
-}
-
 impl DeltaSums {
-    #[inline(always)]
-    pub fn add(&mut self, by: &DeltaGradient) {
-        self.position += DVec3::from(by.position);
-        self.axis += DVec3::from(by.axis);
-        self.cos_inner += f64::from(by.cos_inner);
-        self.cos_outer += f64::from(by.cos_outer);
-    }
-
     /// From its numbers: position, axis, strength and both cosines.
-    #[cfg(feature = "wgpu")]
     pub fn of(number: impl Fn(usize) -> f64) -> Self {
         let vector = |first: usize| DVec3::new(number(first), number(first + 1), number(first + 2));
         Self {

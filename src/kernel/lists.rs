@@ -4,8 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::accel::HostTriangle;
-use crate::model::{V3, v3};
 use crate::scene::{HostAttribute, HostScene, SceneFrame};
+use crate::trace::{NONE, SURFACE, TRIANGLE};
 
 /// The place of an object's parts in the scene's lists.
 #[derive(Clone, Debug)]
@@ -21,42 +21,35 @@ pub(crate) struct ObjectPart {
     pub smooth: bool,
 }
 
-/// A triangle, in inner coordinates at the start of the shutter.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Triangle {
-    pub corners: [V3; 3],
-    /// Unit normal of the front.
-    pub normal: V3,
-    /// normal · corner.
-    pub plane: f32,
-    pub area: f32,
-    pub material: u32,
-    pub object: u32,
-}
-
 /// Values at the corners of triangles that few scenes have; empty in the others.
 #[derive(Default)]
-pub(crate) struct Corners {
-    /// Rows of the values at the corners of each triangle, `u32::MAX` where it has none.
+pub(crate) struct Corners<const C: usize> {
+    /// Rows of the values at the corners of each triangle, [`NONE`] where it has none.
     pub rows: Vec<[u32; 3]>,
-    pub values: Vec<V3>,
+    pub values: Vec<[f32; C]>,
 }
 
-impl Corners {
-    /// Adds those of an object with so many faces, unless no object of the scene has any; takes the first three
-    /// numbers of each row.
-    fn add<const C: usize>(&mut self, of: Option<&HostAttribute<C>>, faces: usize, any: bool) {
+impl<const C: usize> Corners<C> {
+    /// The value at a corner of a triangle.
+    pub fn at(&self, k: usize, corner: usize) -> Option<[f32; C]> {
+        match self.rows.get(k)?[corner] {
+            NONE => None,
+            row => Some(self.values[row as usize]),
+        }
+    }
+
+    /// Adds those of an object with so many faces, unless no object of the scene has any.
+    fn add(&mut self, of: Option<&HostAttribute<C>>, faces: usize, any: bool) {
         if !any {
             return;
         }
         let first = self.values.len() as u32;
         match of {
-            None => self.rows.resize(self.rows.len() + faces, [u32::MAX; 3]),
+            None => self.rows.resize(self.rows.len() + faces, [NONE; 3]),
             Some(a) => {
                 let rows = a.faces.iter().map(|f| f.map(|row| row + first));
                 self.rows.extend(rows);
-                self.values
-                    .extend(a.values.iter().map(|v| v3(v[0], v[1], v[2])));
+                self.values.extend(&a.values);
             }
         }
     }
@@ -65,33 +58,36 @@ impl Corners {
 /// Vertices of an object that several cores are worth waking for.
 const TOGETHER: usize = 4096;
 
-/// Lists of a scene that grow object by object.
+/// Lists of a scene's triangles ([`Scene`](crate::trace::Scene)).
 #[derive(Default)]
-pub(super) struct Lists {
+pub(crate) struct Lists {
     /// Vertices, in inner coordinates.
-    pub vertices: Vec<DVec3>,
-    /// The material and the object of each triangle.
-    pub owners: Vec<[u32; 2]>,
+    vertices: Vec<DVec3>,
     pub objects: Vec<ObjectPart>,
     pub counted: Vec<usize>,
+    pub surfaces: Vec<[f32; SURFACE as usize]>,
+    pub triangles: Vec<[u32; TRIANGLE as usize]>,
     pub vertex_rows: Vec<[u32; 3]>,
-    pub uv_rows: Vec<[u32; 3]>,
-    pub normal_rows: Vec<[u32; 3]>,
     pub uvs: Vec<[f32; 2]>,
-    pub normals: Vec<V3>,
-    pub colours: Corners,
-    pub tangents: Corners,
-    pub tangent_sides: Vec<f32>,
+    pub normals: Vec<[f32; 3]>,
+    pub colours: Corners<3>,
+    pub tangents: Corners<4>,
 }
 
 impl Lists {
-    /// Those of all objects of a scene.
+    /// Those of all objects of a scene, but for its surfaces.
     pub fn new(scene: &HostScene, frame: &SceneFrame) -> Self {
         let mut lists = Self::default();
         let coloured = scene.objects.iter().any(|o| o.colours.is_some());
         let tangents = scene.objects.iter().any(|o| o.tangents.is_some());
         for i in 0..scene.objects.len() {
             lists.add_object(scene, i, frame, [coloured, tangents]);
+        }
+        // Colours count where the model of a material has an albedo.
+        for (rows, words) in lists.colours.rows.iter_mut().zip(&lists.triangles) {
+            if !scene.materials[words[0] as usize].kind.bsdf.is_tinted() {
+                *rows = [NONE; 3];
+            }
         }
         lists
     }
@@ -106,7 +102,7 @@ impl Lists {
     ) {
         let o = &scene.objects[i];
         let part = ObjectPart {
-            first_triangle: self.owners.len(),
+            first_triangle: self.triangles.len(),
             first_vertex: self.vertices.len(),
             vertices: o.positions.len(),
             first_uv: self.uvs.len(),
@@ -124,34 +120,30 @@ impl Lists {
         } else {
             self.vertices.par_extend(o.positions.par_iter().map(inner));
         }
-        let owner = |f: usize| {
-            let own = o.face_materials.get(f).copied().unwrap_or(0);
-            [o.first_material as u32 + own, i as u32]
+        let rows = |of: Option<&Vec<[u32; 3]>>, f: usize, first: usize| match of {
+            None => [NONE; 3],
+            Some(faces) => faces[f].map(|v| v + first as u32),
         };
-        self.owners.extend((0..o.faces.len()).map(owner));
-        let rows = |to: &mut Vec<[u32; 3]>, faces: Option<&Vec<[u32; 3]>>, first: usize| match faces
-        {
-            None => to.resize(to.len() + o.faces.len(), [u32::MAX; 3]),
-            Some(faces) => to.extend(faces.iter().map(|face| face.map(|v| v + first as u32))),
-        };
-        rows(&mut self.vertex_rows, Some(&o.faces), part.first_vertex);
         let of_uvs = o.uvs.as_ref().map(|a| &*a.faces);
-        rows(&mut self.uv_rows, of_uvs, part.first_uv);
         let of_normals = o.normals.as_ref().map(|a| &*a.faces);
-        rows(&mut self.normal_rows, of_normals, part.first_normal);
+        self.triangles.extend((0..o.faces.len()).map(|f| {
+            let own = o.face_materials.get(f).copied().unwrap_or(0);
+            let [a, b, c] = rows(of_uvs, f, part.first_uv);
+            let [p, q, r] = rows(of_normals, f, part.first_normal);
+            [o.first_material as u32 + own, i as u32, a, b, c, p, q, r]
+        }));
+        let vertices = (0..o.faces.len()).map(|f| rows(Some(&o.faces), f, part.first_vertex));
+        self.vertex_rows.extend(vertices);
         if let Some(HostAttribute { values, .. }) = &o.uvs {
             self.uvs.extend_from_slice(values);
         }
         if let Some(HostAttribute { values, .. }) = &o.normals {
-            self.normals
-                .extend(values.iter().map(|n| v3(n[0], n[1], n[2])));
+            self.normals.extend_from_slice(values);
         }
         self.colours
             .add(o.colours.as_ref(), o.faces.len(), coloured);
         self.tangents
             .add(o.tangents.as_ref(), o.faces.len(), tangents);
-        let tangents = o.tangents.iter().flat_map(|t| &t.values);
-        self.tangent_sides.extend(tangents.map(|t| t[3]));
         self.objects.push(part);
     }
 
@@ -164,33 +156,40 @@ impl Lists {
     /// All triangles as boxes are made about them, from the ways of objects over the shutter. One whose area has no
     /// inverse in f32 counts as without area and is never hit.
     pub fn for_boxes(&self, velocity: impl Fn(u32) -> DVec3 + Sync) -> Vec<HostTriangle> {
-        let triangle = |(k, &[_, object]): (usize, &[u32; 2])| {
+        let triangle = |k: usize| {
+            let object = self.triangles[k][1];
             let mut t = HostTriangle::new(self.corners(k), velocity(object), true);
             let area = t.area() as f32;
             t.valid &= area > 1e-35 && area.is_finite();
             t
         };
-        self.owners.par_iter().enumerate().map(triangle).collect()
+        (0..self.triangles.len())
+            .into_par_iter()
+            .map(triangle)
+            .collect()
     }
 
-    /// All triangles as paths meet them, from those in boxes.
-    pub fn triangles(&self, in_boxes: &[HostTriangle]) -> Vec<Triangle> {
-        let both = self.owners.par_iter().zip(in_boxes);
-        let triangle = |(&[material, object], t): (&[u32; 2], &HostTriangle)| {
-            let (mut normal, mut plane) = (v3(0.0, 0.0, 1.0), 0.0);
+    /// Adds all triangles as paths meet them, from those in boxes.
+    pub fn add_surfaces(&mut self, in_boxes: &[HostTriangle]) {
+        let surface = |t: &HostTriangle| {
+            let (mut normal, mut plane) = (DVec3::Z, 0.0);
             if t.valid {
-                normal = t.normal.into();
-                plane = t.normal.dot(t.corners[0]) as f32;
+                normal = t.normal;
+                plane = t.normal.dot(t.corners[0]);
             }
-            Triangle {
-                corners: t.corners.map(|c| c.into()),
-                normal,
-                plane,
-                area: t.area() as f32,
-                material,
-                object,
-            }
+            let [a, b, c] = t.corners;
+            let mut surface = [0.0; SURFACE as usize];
+            let vectors = [a, b, c, normal].map(|v| v.to_array());
+            let numbers = vectors.as_flattened().iter().copied();
+            let numbers = numbers.chain([plane, t.area()]);
+            surface
+                .iter_mut()
+                .zip(numbers)
+                .for_each(|(to, n)| *to = n as f32);
+            surface
         };
-        both.map(triangle).collect()
+        self.surfaces = in_boxes.par_iter().map(surface).collect();
+        // They are in the surfaces now.
+        self.vertices = Vec::new();
     }
 }

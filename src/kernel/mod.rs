@@ -8,8 +8,6 @@
 mod backward;
 mod boundary;
 mod camera;
-mod corners;
-mod delta_lights;
 mod delta_sums;
 mod direct;
 mod edges;
@@ -17,7 +15,6 @@ mod gradient;
 mod lists;
 mod path;
 mod scene;
-mod surface;
 mod tasks;
 #[cfg(test)]
 mod tests;
@@ -32,12 +29,10 @@ pub(crate) use camera::HostCamera;
 pub(crate) use delta_sums::DeltaSums;
 pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]
-pub(crate) use edges::{DrawnEdge, Kind, NO_EDGE, ROOM, Root, draw_edge};
+pub(crate) use edges::{DrawnEdge, NO_EDGE, Root, draw_edge};
 #[cfg(feature = "wgpu")]
-pub(crate) use gradient::{CameraSums, Part, Rows};
-pub(crate) use gradient::{Sums, Wanted};
+pub(crate) use gradient::Rows;
+pub(crate) use gradient::{HostSums, Wanted};
 pub(crate) use scene::KernelScene;
-#[cfg(feature = "wgpu")]
-pub(crate) use scene::Material;
 pub(crate) use view::{View, ViewSettings};
 pub(crate) use walk::{RayCounts, Seen, Work};

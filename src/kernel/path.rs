@@ -3,34 +3,25 @@
 use std::ops::Range;
 
 use super::direct::Shaded;
-use super::surface::Point;
-use super::view::View;
-use super::walk::{Leave, Sample, Vertex, Work};
+use super::view::Tracer;
+use super::walk::{Leave, Vertex, Work};
 use super::walk::{Path, Walk, Walks};
-use crate::accel::{HitRay, NOTHING};
+use crate::accel::{Hit, HitRay, NOTHING};
+use crate::model::V3;
 use crate::model::camera::CameraRay;
-use crate::model::choice;
-use crate::model::cone::lifted;
 use crate::model::connection::ConeKernel;
-use crate::model::{V2, V3, v2};
 use crate::sampling::{Dimensions, Four, Numbers};
+use crate::trace::{Point, emitted, leave, middle_of, point_at, sky};
 
-impl View {
+impl Tracer<'_> {
     /// The camera ray of a path.
     #[inline(always)]
     fn camera_ray(&self, numbers: &Numbers, pixel: u32) -> CameraRay {
         let drawn = numbers.draw(Dimensions::film());
-        let middle = self.middle_of(pixel);
+        let middle = middle_of(&self.lists, pixel);
         let (x, y) = (self.filter.sample(drawn.x), self.filter.sample(drawn.y));
         let lens = self.lens_point(numbers);
         self.camera.ray(middle.x + x, middle.y + y, lens.x, lens.y)
-    }
-
-    /// The film point, in pixels, in the middle of a pixel.
-    #[inline(always)]
-    pub(super) fn middle_of(&self, pixel: u32) -> V2 {
-        let width = self.settings.width;
-        v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
     }
 
     /// Traces paths from their camera rays to their ends. With `KEEP` their records stay in `work`.
@@ -65,12 +56,12 @@ impl View {
             walk.seen = hit.triangle;
             let camera = &walk.camera;
             if hit.triangle == NOTHING {
-                walk.radiance = self.scene.sky.at(camera.direction);
+                walk.radiance = sky(&self.lists, camera.direction);
                 continue;
             }
             let (o, d) = (camera.origin, camera.direction);
-            walk.begin_at(self.scene.point(hit, o, d, path.time));
-            walk.radiance = self.emission(&walk.point);
+            walk.begin_at(self.point(hit, o, d, path.time));
+            walk.radiance = emitted(&self.lists, &walk.point);
         }
         self.reflected::<KEEP>(paths, walks, 0, work);
     }
@@ -85,16 +76,11 @@ impl View {
             .hits::<ANY>(self.arch, holes, &work.rays, hits);
     }
 
-    /// The light that a surface point emits towards the point that sees it.
+    /// The point that a ray hit, which came with a time in the shutter.
     #[inline(always)]
-    pub(super) fn emission(&self, point: &Point) -> V3 {
-        let m = self.scene.material(point.triangle);
-        if m.kind.emits {
-            let emission = m.emission(&self.scene.texels, point.uv);
-            emission.towards(point.side)
-        } else {
-            V3::ZERO
-        }
+    pub(super) fn point(&self, hit: Hit, origin: V3, direction: V3, time: f32) -> Point {
+        let (near, t) = (origin + direction * hit.t, hit.t);
+        point_at(&self.lists, hit.triangle, near, t, direction, time)
     }
 
     /// Adds the light that surface points reflect towards the points that see them, after some bounces,
@@ -107,7 +93,7 @@ impl View {
         bounce: u32,
         work: &mut Work,
     ) {
-        if self.dark {
+        if self.features.dark {
             return;
         }
         let mut bounce = bounce;
@@ -123,7 +109,7 @@ impl View {
         }
         while !walks.alive.is_empty() {
             let last = bounce >= self.settings.bounces;
-            let goes_on = !last || self.sees_sky;
+            let goes_on = !last || self.features.sees_sky;
             self.gather_lights::<KEEP>(paths, walks, bounce, goes_on, work);
             if !goes_on {
                 return;
@@ -151,13 +137,13 @@ impl View {
     ) {
         work.rays.clear();
         work.candidates.clear();
-        let (list, scene) = (&mut walks.list, &*self.scene);
+        let list = &mut walks.list;
         // Loops with a count of those that stay: what closures do is not compiled for the machine.
         let mut count = 0;
         for k in 0..walks.alive.len() {
             let i = walks.alive[k];
             let walk = &mut list[i as usize];
-            if scene.material(walk.point.triangle).kind.reflects {
+            if walk.point.reflects {
                 walks.alive[count] = i;
                 count += 1;
                 let path = &paths[i as usize];
@@ -175,11 +161,7 @@ impl View {
             walk.radiance += walk.throughput * candidate.light;
             if KEEP {
                 let vertex = &mut work.vertices[walk.vertex];
-                match candidate.sample {
-                    Sample::Light(sample) => keep(&mut vertex.lights, &mut work.lights, sample),
-                    Sample::Delta(sample) => keep(&mut vertex.deltas, &mut work.deltas, sample),
-                    Sample::Sky(sample) => keep(&mut vertex.skies, &mut work.skies, sample),
-                }
+                keep(&mut vertex.lights, &mut work.lights, candidate.sample);
             }
         }
     }
@@ -231,7 +213,6 @@ impl View {
         bounce: u32,
         work: &mut Work,
     ) {
-        let scene = &*self.scene;
         self.find_hits::<false>(work);
         let mut count = 0;
         for k in 0..walks.alive.len() {
@@ -241,10 +222,10 @@ impl View {
             work.counts.add_bounce(bounce);
             if hit.triangle != NOTHING {
                 let time = paths[i as usize].time;
-                walk.point = scene.point(hit, ray.origin.into(), walk.bend.direction, time);
+                walk.point = self.point(hit, ray.origin.into(), walk.bend.direction, time);
                 walks.alive[count] = i;
                 count += 1;
-            } else if self.sees_sky {
+            } else if self.features.sees_sky {
                 self.escape::<KEEP>(walk, &mut work.vertices);
             }
         }
@@ -262,7 +243,6 @@ impl View {
         goes_on: bool,
         work: &mut Work,
     ) {
-        let scene = &*self.scene;
         let point = &walk.point;
         if KEEP {
             let previous = std::mem::replace(&mut walk.vertex, work.vertices.len());
@@ -270,15 +250,13 @@ impl View {
                 point: *point,
                 throughput: walk.throughput,
                 lights: 0..0,
-                deltas: 0..0,
-                skies: 0..0,
                 leave: None,
                 previous,
             });
         }
         let [emitter_u, emitter_v] = walk.emitter;
-        let by_scattering = self.combined && point.shading.glossy;
-        if goes_on || by_scattering || self.gathers_map {
+        let by_scattering = self.features.combined && point.shading.glossy;
+        if goes_on || by_scattering || self.features.gathers_map {
             let drawn = path.numbers.draw(Dimensions::direction(bounce));
             walk.emitter = [drawn.z, drawn.w];
             let lobe = if point.shading.glossy {
@@ -298,15 +276,16 @@ impl View {
             walk: i,
             time: path.time,
             point,
+            cone,
         };
-        if !scene.emitters.is_empty() {
+        if self.features.emitters {
             let along = by_scattering.then_some(walk.scatter.direction);
-            self.direct_from_emitters(&from, [emitter_u, emitter_v], cone, along, work);
+            self.direct_from_emitters(&from, [emitter_u, emitter_v], along, work);
         }
-        if let Some(map) = scene.sky.map().filter(|_| self.gathers_map) {
+        if self.features.gathers_map {
             let drawn = path.numbers.draw(Dimensions::choices(bounce));
             let along = walk.scatter.direction;
-            self.direct_from_map(&from, map, [drawn.z, drawn.w], cone, along, work);
+            self.direct_from_map(&from, [drawn.z, drawn.w], along, work);
         }
     }
 
@@ -324,43 +303,43 @@ impl View {
         if scatter.weight == V3::ZERO {
             return None;
         }
-        walk.throughput = walk.throughput * scatter.weight;
-        let mut survival = 1.0;
-        if !last
-            && self
-                .settings
-                .roulette_after
-                .is_some_and(|after| bounce >= after)
-        {
-            survival = choice::survival(walk.throughput);
-            if path.numbers.draw(Dimensions::choices(bounce)).y >= survival {
-                return None;
-            }
-            walk.throughput *= 1.0 / survival;
-        }
+        let u = if self.features.roulette && !last {
+            path.numbers.draw(Dimensions::choices(bounce)).y
+        } else {
+            0.0
+        };
         let cone = self.cone_numbers(path, bounce);
-        let normal = walk.point.shading.outer(scatter.direction);
-        walk.bend = self.bend(scatter.direction, normal, cone.x, cone.y);
+        let (lists, before) = (&self.lists, walk.throughput);
+        let left = leave(
+            lists,
+            &walk.point,
+            &scatter,
+            before,
+            bounce,
+            u,
+            cone.x,
+            cone.y,
+        );
+        if !left.goes_on {
+            return None;
+        }
+        (walk.throughput, walk.bend) = (left.throughput, left.bend);
         if KEEP {
             vertices[walk.vertex].leave = Some(Leave {
                 scatter,
-                survival,
-                bend: walk.bend,
+                survival: left.survival,
+                bend: left.bend,
                 escaped: false,
             });
         }
-        Some(HitRay::new(
-            lifted(walk.point.position, normal),
-            walk.bend.direction,
-            path.time,
-            f32::INFINITY,
-        ))
+        let (start, direction) = (left.start, left.bend.direction);
+        Some(HitRay::new(start, direction, path.time, f32::INFINITY))
     }
 
     /// Adds the light of the environment, which a path came to.
     #[inline(always)]
     fn escape<const KEEP: bool>(&self, walk: &mut Walk, vertices: &mut [Vertex]) {
-        let light = self.scene.sky.at(walk.bend.direction);
+        let light = sky(&self.lists, walk.bend.direction);
         walk.radiance += walk.throughput * light;
         if KEEP && let Some(leave) = &mut vertices[walk.vertex].leave {
             leave.escaped = true;

@@ -1,62 +1,95 @@
-//! A scene as kernels trace it: flat lists in f32.
+//! A scene as the host's kernels trace it, and as GPUs take it from.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::lists::{Corners, Lists, ObjectPart, Triangle};
+use super::lists::Lists;
 use crate::accel::{Hierarchy, HierarchyCache, Spare};
 use crate::model::V3;
+use crate::model::bsdf::{Models, model_of};
 use crate::model::delta_light::DeltaLight;
-use crate::model::emitter::Emission;
-use crate::model::sky::Sky;
+use crate::model::sky::SkyDensity;
 use crate::model::texture::{Colour, Texels, Texture};
-use crate::sampling::{Emitter, EmitterSampling, Emitters};
+use crate::sampling::{Emitter, EmitterGroup, EmitterSampling, Emitters};
 use crate::scene::{
     CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, MaterialKind, SceneFrame,
+};
+use crate::trace::{
+    COMPENSATED, EMITS, Features, GLOSSY, MATERIAL, MODEL, NONE, REFLECTS, Scene, Triangle,
 };
 
 /// A scene as kernels trace it.
 pub(crate) struct KernelScene {
     pub frame: SceneFrame,
-    pub triangles: Vec<Triangle>,
     pub hierarchy: Arc<Hierarchy>,
+    pub lists: Lists,
     /// The way of each object over the shutter, if any moves.
-    pub velocities: Option<Vec<V3>>,
+    pub velocities: Option<Vec<[f32; 3]>>,
     /// Holes, if any surface has any.
     pub holes: Option<Arc<Holes>>,
-    pub objects: Vec<ObjectPart>,
-    /// The object of the scene that each object with triangles is, in order.
-    pub counted: Vec<usize>,
-    /// Rows of all vertices, texture coordinates and normals at the corners.
-    pub vertex_rows: Vec<[u32; 3]>,
-    pub uv_rows: Vec<[u32; 3]>,
-    pub normal_rows: Vec<[u32; 3]>,
-    pub uvs: Vec<[f32; 2]>,
-    pub normals: Vec<V3>,
-    pub colours: Corners,
-    pub tangents: Corners,
-    /// The sides of the bitangents of all tangents, 1 or −1.
-    pub tangent_sides: Vec<f32>,
     pub materials: Vec<Material>,
     pub texels: Texels,
     pub emitters: Emitters,
     /// Lengths of the directions of lights, as they are given.
     pub lengths_of_axes: Vec<f64>,
     pub sky: Sky,
-    /// Whether any material has a texture, any object shading normals, any material a gloss.
-    pub textured: bool,
-    pub smooth: bool,
-    pub glossy: bool,
-    /// Whether any material has a normal map.
-    pub tilted: bool,
+    pub features: Features,
+    flat: Flat,
+}
+
+/// Parts of a scene that stages read as lists.
+#[derive(Default)]
+struct Flat {
+    materials: Vec<[[f32; 3]; CHANNELS]>,
+    of_materials: Vec<[u32; MATERIAL as usize]>,
+    emitters: Vec<u32>,
+    groups: Vec<[f32; 7]>,
+    group_of_emitters: Vec<u32>,
+}
+
+/// The environment: black without values, a constant, or texels of a map, from which directions are drawn.
+#[derive(Default)]
+pub(crate) struct Sky {
+    pub values: Vec<f32>,
+    pub drawn: Option<SkyDensity>,
+}
+
+impl Sky {
+    fn new(scene: &mut HostScene) -> Self {
+        if !scene.shines {
+            return Self::default();
+        }
+        match &mut scene.environment {
+            HostTexture::Constant(c) => Self {
+                values: c.map(|v| v as f32).to_vec(),
+                drawn: None,
+            },
+            HostTexture::Image {
+                texels,
+                width,
+                height,
+                ..
+            } => {
+                let values = Arc::unwrap_or_clone(std::mem::take(texels));
+                let brightness = |i: usize| {
+                    let texel = &values[3 * i..3 * i + 3];
+                    texel.iter().map(|&v| f64::from(v.abs())).sum::<f64>() / 3.0
+                };
+                Self {
+                    drawn: Some(SkyDensity::new(*width, *height, brightness)),
+                    values,
+                }
+            }
+        }
+    }
 }
 
 impl KernelScene {
     /// The number of triangles without area.
     pub fn degenerate(&self) -> u64 {
-        self.triangles.iter().filter(|t| t.area <= 0.0).count() as u64
+        self.lists.surfaces.iter().filter(|t| t[13] <= 0.0).count() as u64
     }
 
     /// Packs a scene; boxes are fitted to those of another where they still serve.
@@ -68,104 +101,203 @@ impl KernelScene {
     ) -> Self {
         let frame = SceneFrame::new(scene);
         let moves = scene.objects.iter().any(|o| o.velocity.is_some());
-        let lists = Lists::new(scene, &frame);
+        let mut lists = Lists::new(scene, &frame);
         let ways = scene.objects.iter();
         let ways = ways.map(|o| DVec3::from(o.velocity.unwrap_or([0.0; 3])) / frame.unit);
         let ways: Vec<DVec3> = ways.collect();
-        let velocities: Option<Vec<V3>> = moves.then(|| ways.iter().map(|&v| v.into()).collect());
+        let velocities = moves.then(|| ways.iter().map(|v| v.as_vec3().to_array()).collect());
         let way = |object: u32| ways[object as usize];
         // As in the last render, while a fit looks at a scene from elsewhere or by other light.
         let last = cache.and_then(HierarchyCache::last);
-        let triangle = |k: usize| (lists.corners(k), way(lists.owners[k][1]));
+        let triangle = |k: usize| (lists.corners(k), way(lists.triangles[k][1]));
         // Rays don't tell triangles from copies of them, unless they emit or have holes.
         let (materials, holes) = (&scene.materials, &scene.holes);
         let plain = |k: usize| {
-            let emits = materials[lists.owners[k][0] as usize].kind.emits;
+            let emits = materials[lists.triangles[k][0] as usize].kind.emits;
             !emits && holes.as_ref().is_none_or(|holes| !holes.are_in(k))
         };
         let spare: Spare = Some(&plain);
         let hierarchy = match (last, like, cache) {
-            (Some(last), ..) if last.is_of(lists.owners.len(), triangle) => last,
+            (Some(last), ..) if last.is_of(lists.triangles.len(), triangle) => last,
             (_, None, Some(cache)) => cache.take(lists.for_boxes(way), spare),
             _ => Arc::new(Hierarchy::like(lists.for_boxes(way), like, spare).0),
         };
-        let triangles = lists.triangles(&hierarchy.triangles);
+        lists.add_surfaces(&hierarchy.triangles);
         let mut packed = Packed::default();
         let materials = scene.materials.iter_mut();
         let materials: Vec<Material> = materials.map(|m| packed.material(m)).collect();
-        let texels = packed.texels;
-        let emits =
-            |t: &(usize, &Triangle)| t.1.area > 0.0 && materials[t.1.material as usize].kind.emits;
-        let list = triangles.iter().enumerate().filter(emits);
-        let list = list.map(|(k, t)| {
-            let emission = &materials[t.material as usize].channels[Channel::Emission.place()];
-            let uv = |row: u32| lists.uvs.get(row as usize).copied().unwrap_or_default();
-            let radiance = emission.mean_over(&texels, lists.uv_rows[k].map(uv));
-            let velocity = velocities.as_ref().map(|v| v[t.object as usize]);
-            t.emitter(k, velocity.unwrap_or(V3::ZERO), radiance)
-        });
-        let lights = scene
-            .lights
-            .iter()
-            .map(|l| DeltaLight::new(l, &frame))
-            .collect();
-        let moves = velocities.is_some();
-        let emitters = Emitters::new(list.collect(), lights, (moves, 1.0), sampling);
-        Self {
-            textured: materials.iter().any(|m| m.is_textured()),
+        let mut this = Self {
             lengths_of_axes: (scene.lights.iter())
                 .map(|l| DVec3::from(l.direction).length())
                 .collect(),
-            smooth: lists.objects.iter().any(|o| o.smooth),
-            tilted: materials.iter().any(|m| m.normal_map.is_some()),
-            glossy: materials.iter().any(|m| m.kind.glossy),
             sky: Sky::new(scene),
             frame,
-            triangles,
             hierarchy,
+            lists,
             velocities,
             holes: scene.holes.clone(),
-            objects: lists.objects,
-            counted: lists.counted,
-            vertex_rows: lists.vertex_rows,
-            uv_rows: lists.uv_rows,
-            normal_rows: lists.normal_rows,
-            uvs: lists.uvs,
-            normals: lists.normals,
-            colours: lists.colours,
-            tangents: lists.tangents,
-            tangent_sides: lists.tangent_sides,
             materials,
-            texels,
-            emitters,
+            texels: packed.texels,
+            emitters: Emitters::new(Vec::new(), Vec::new(), (false, 1.0), sampling),
+            features: Features::default(),
+            flat: Flat::default(),
+        };
+        let lights = scene.lights.iter();
+        let lights = lights.map(|l| DeltaLight::new(l, &this.frame)).collect();
+        this.emitters = Emitters::new(this.emissive(), lights, (moves, 1.0), sampling);
+        this.features = this.features();
+        this.flat = this.flat();
+        this
+    }
+
+    /// The triangles that emit.
+    fn emissive(&self) -> Vec<Emitter> {
+        let emitter = |k: usize| {
+            let (t, words) = (self.triangle(k as u32), &self.lists.triangles[k]);
+            let material = &self.materials[words[0] as usize];
+            if t.area <= 0.0 || !material.kind.emits {
+                return None;
+            }
+            let emission = &material.channels[Channel::Emission.place()];
+            let uv = |row: u32| self.lists.uvs.get(row as usize).copied();
+            let uvs = [words[2], words[3], words[4]].map(|row| uv(row).unwrap_or_default());
+            let velocities = self.velocities.as_ref();
+            Some(Emitter {
+                triangle: k as u32,
+                object: words[1],
+                corners: t.corners(),
+                normal: t.normal,
+                area: t.area,
+                velocity: velocities.map_or(V3::ZERO, |v| v[words[1] as usize].into()),
+                radiance: emission.mean_over(&self.texels, uvs),
+                group: 0,
+            })
+        };
+        (0..self.lists.surfaces.len()).filter_map(emitter).collect()
+    }
+
+    /// What it has; a view adds what it has.
+    fn features(&self) -> Features {
+        let models = self.materials.iter().map(|m| Models::of(m.kind.bsdf));
+        let lists = &self.lists;
+        Features {
+            moves: self.velocities.is_some(),
+            smooth: lists.objects.iter().any(|o| o.smooth),
+            textured: self.materials.iter().any(|m| m.is_textured()),
+            tinted: !lists.colours.values.is_empty(),
+            tilted: self.materials.iter().any(|m| m.normal_map.is_some())
+                && !lists.tangents.values.is_empty(),
+            glows: self.materials.iter().any(Material::glows),
+            holes: self.holes.is_some(),
+            glossy: self.materials.iter().any(|m| m.kind.glossy),
+            models: models.reduce(Models::or).unwrap_or_default(),
+            emitters: !self.emitters.is_empty(),
+            of_emitters: self.emitters.kinds,
+            sky_constant: !self.sky.values.is_empty() && self.sky.drawn.is_none(),
+            sky_map: self.sky.drawn.is_some(),
+            dark: self.emitters.is_empty() && self.sky.values.is_empty(),
+            ..Features::default()
         }
+    }
+
+    fn flat(&self) -> Flat {
+        let emitters = &self.emitters;
+        let count = emitters.all().len() + emitters.lights().len();
+        let group = |g: &EmitterGroup| {
+            let ([a, b, c], [x, y, z]) = (g.centre.to_array(), g.velocity.to_array());
+            [a, b, c, g.radius, x, y, z]
+        };
+        let constants = |m: &Material| m.channels.map(|c| c.constant.to_array());
+        Flat {
+            materials: self.materials.iter().map(constants).collect(),
+            of_materials: self.materials.iter().map(Material::words).collect(),
+            emitters: emitters.all().map(|k| emitters.get(k).triangle).collect(),
+            groups: emitters.groups.iter().map(group).collect(),
+            group_of_emitters: (0..count).map(|k| emitters.group_of(k) as u32).collect(),
+        }
+    }
+
+    /// Its lists; a view adds its own.
+    #[inline(always)]
+    pub fn scene(&self) -> Scene<'_> {
+        let (lists, flat, emitters) = (&self.lists, &self.flat, self.emitters.lists());
+        let mut scene = Scene {
+            features: self.features,
+            surfaces: lists.surfaces.as_flattened(),
+            triangles: lists.triangles.as_flattened(),
+            vertex_rows: lists.vertex_rows.as_flattened(),
+            uvs: lists.uvs.as_flattened(),
+            normals: lists.normals.as_flattened(),
+            colours: lists.colours.values.as_flattened(),
+            colour_rows: lists.colours.rows.as_flattened(),
+            tangents: lists.tangents.values.as_flattened(),
+            tangent_rows: lists.tangents.rows.as_flattened(),
+            materials: flat.materials.as_flattened().as_flattened(),
+            of_materials: flat.of_materials.as_flattened(),
+            texels: &self.texels.0,
+            lights: emitters.lights,
+            light_bits: emitters.bits,
+            emitters: &flat.emitters,
+            emitter_triangles: emitters.triangles,
+            brightness: emitters.brightness,
+            fixed: emitters.tree.fixed.chances,
+            fixed_sums: emitters.tree.fixed.sums,
+            emitter_count: emitters.tree.fixed.count,
+            emissive_count: emitters.triangle_count,
+            light_branches: emitters.tree.branches,
+            light_nodes: emitters.tree.nodes,
+            light_node_count: emitters.tree.count,
+            light_places: emitters.tree.places,
+            distant: emitters.tree.distant,
+            distant_count: emitters.tree.distant_count,
+            distant_sums: emitters.tree.sums,
+            distant_axes: emitters.tree.axes,
+            groups: flat.groups.as_flattened(),
+            group_of_emitters: &flat.group_of_emitters,
+            sky: &self.sky.values,
+            ..Scene::default()
+        };
+        if let Some(velocities) = &self.velocities {
+            scene.velocities = velocities.as_flattened();
+        }
+        if let Some(holes) = &self.holes {
+            let masks = holes.masks();
+            (scene.masked, scene.masks) = (masks.masked, masks.images);
+            (scene.masked_uvs, scene.alphas) = (masks.uvs, masks.alphas);
+        }
+        if let Some(drawn) = &self.sky.drawn {
+            (scene.sky_width, scene.sky_height) = (drawn.map.width, drawn.map.height);
+            scene.sky_density = &drawn.list;
+        }
+        scene
+    }
+
+    /// A triangle, in inner coordinates at the start of the shutter.
+    #[inline(always)]
+    pub fn triangle(&self, k: u32) -> Triangle {
+        self.scene().triangle(k)
+    }
+
+    /// The object of a triangle.
+    #[inline(always)]
+    pub fn object_of(&self, triangle: u32) -> u32 {
+        self.lists.triangles[triangle as usize][1]
     }
 
     /// The vector by which a triangle has moved at a time in the shutter.
     #[inline(always)]
     pub fn shift(&self, triangle: u32, time: f32) -> V3 {
-        match &self.velocities {
-            Some(v) => v[self.triangles[triangle as usize].object as usize] * time,
-            None => V3::ZERO,
-        }
+        self.scene().shift(triangle, time)
     }
 
-    /// Whether a triangle has a hole at the point with these weights of its corners.
-    #[inline(always)]
-    pub fn is_open(&self, triangle: u32, weights: [f32; 3]) -> bool {
-        let holes = self.holes.as_ref();
-        holes.is_some_and(|holes| holes.open(triangle, || weights))
-    }
-
-    /// The emission of a triangle at a point given by weights of its corners.
-    #[inline(always)]
-    pub fn emission(&self, triangle: usize, weights: [f32; 3]) -> Emission {
-        let uv = self.uv_at(triangle, weights);
-        self.material(triangle as u32).emission(&self.texels, uv)
+    /// The number of all vertices.
+    pub fn vertices(&self) -> usize {
+        let last = self.lists.objects.last();
+        last.map_or(0, |o| o.first_vertex + o.vertices)
     }
 
     pub fn material(&self, triangle: u32) -> &Material {
-        &self.materials[self.triangles[triangle as usize].material as usize]
+        &self.materials[self.lists.triangles[triangle as usize][0] as usize]
     }
 }
 
@@ -225,22 +357,6 @@ impl Packed {
     }
 }
 
-impl Triangle {
-    /// The emitter that it is, by its number, with its velocity and mean radiance.
-    fn emitter(&self, k: usize, velocity: V3, radiance: f32) -> Emitter {
-        Emitter {
-            triangle: k as u32,
-            object: self.object,
-            corners: self.corners,
-            normal: self.normal,
-            area: self.area,
-            velocity,
-            radiance,
-            group: 0,
-        }
-    }
-}
-
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Material {
     /// Each at its place ([`Channel::place`](crate::scene::Channel::place)).
@@ -250,18 +366,32 @@ pub(crate) struct Material {
 }
 
 impl Material {
-    #[inline(always)]
-    pub fn emission(&self, texels: &Texels, uv: [f32; 2]) -> Emission {
-        Emission::of(|channel| self.channels[channel.place()].at(texels, uv))
-    }
-
     /// Whether its emission is a texture.
-    #[inline(always)]
     pub fn glows(&self) -> bool {
         self.channels[Channel::Emission.place()].texture.is_some()
     }
 
     pub fn is_textured(&self) -> bool {
         self.normal_map.is_some() || self.channels.iter().any(|c| c.texture.is_some())
+    }
+
+    /// Bits, and the textures of its channels and of its normal map.
+    fn words(&self) -> [u32; MATERIAL as usize] {
+        let kind = &self.kind;
+        let bit = |is: bool, bit: u32| if is { bit } else { 0 };
+        let mut words = [NONE; MATERIAL as usize];
+        words[0] = bit(kind.emits, EMITS)
+            | bit(kind.reflects, REFLECTS)
+            | bit(kind.glossy, GLOSSY)
+            | bit(kind.compensated, COMPENSATED)
+            | (MODEL * model_of(kind.bsdf));
+        let textures = self.channels.iter().map(|c| c.texture);
+        let textures = textures.chain([self.normal_map]);
+        for (to, texture) in words[1..].chunks_exact_mut(4).zip(textures) {
+            if let Some(texture) = texture {
+                to.copy_from_slice(&texture.words());
+            }
+        }
+        words
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::gradient::Sums;
+use super::gradient::HostSums;
 use super::view::View;
 use super::walk::Work;
 use super::walk::{Path, Seen, Walks};
@@ -49,7 +49,7 @@ impl View {
         typical: f32,
         samples: Range<u32>,
         work: &mut Work,
-        sums: &mut Sums,
+        sums: &mut HostSums,
     ) {
         let backward = Backward {
             view: self,
@@ -78,7 +78,7 @@ impl Task for Forward<'_> {
     #[inline(always)]
     fn run<M: Machine>(self, _machine: M) -> Vec<Seen> {
         let (view, pixels, samples, work) = (self.view, self.pixels, self.samples, self.work);
-        let mut objects = self.objects;
+        let (tracer, mut objects) = (view.tracer(), self.objects);
         let mut all = vec![Seen::default(); pixels.len()];
         let mut walks = Walks::default();
         let (together, mut first) = (view.together(&samples), 0);
@@ -89,10 +89,10 @@ impl Task for Forward<'_> {
                 let past = next_run(from).min(samples.end);
                 let runs = view.runs(pixels[some.clone()].iter().copied(), from);
                 let paths = view.paths(&runs, from..past);
-                view.camera_walks::<false>(&paths, &mut walks, work);
+                tracer.camera_walks::<false>(&paths, &mut walks, work);
                 for (k, walk) in walks.list.iter().enumerate() {
                     let i = first + k / (past - from) as usize;
-                    all[i].add(walk);
+                    walk.add_to(&mut all[i]);
                     if let Some(objects) = &mut objects {
                         view.count_object(i, walk.seen, objects);
                     }
@@ -156,10 +156,11 @@ impl View {
 
     /// Counts an object that a ray of the i-th pixel hit; the last is the background.
     fn count_object(&self, i: usize, triangle: u32, objects: &mut [f32]) {
-        let width = self.scene.counted.len() + 1;
-        let k = match self.scene.triangles.get(triangle as usize) {
-            Some(t) => {
-                let found = self.scene.counted.binary_search(&(t.object as usize));
+        let lists = &self.scene.lists;
+        let width = lists.counted.len() + 1;
+        let k = match lists.triangles.get(triangle as usize) {
+            Some(&[_, object, ..]) => {
+                let found = lists.counted.binary_search(&(object as usize));
                 found.unwrap_or(width - 1)
             }
             None => width - 1,
@@ -175,7 +176,7 @@ struct Backward<'a> {
     typical: f32,
     samples: Range<u32>,
     work: &'a mut Work,
-    sums: &'a mut Sums,
+    sums: &'a mut HostSums,
 }
 
 impl Task for Backward<'_> {
@@ -184,6 +185,7 @@ impl Task for Backward<'_> {
     #[inline(always)]
     fn run<M: Machine>(self, _machine: M) {
         let (view, samples, work) = (self.view, self.samples, self.work);
+        let (tracer, sums) = (view.tracer(), &self.sums.sums());
         let mut walks = Walks::default();
         let asked: Vec<_> = self
             .pixels
@@ -197,10 +199,10 @@ impl Task for Backward<'_> {
                 let runs = view.runs(some.iter().map(|p| p.0), from);
                 let paths = view.paths(&runs, from..past);
                 work.clear();
-                view.camera_walks::<true>(&paths, &mut walks, work);
+                tracer.camera_walks::<true>(&paths, &mut walks, work);
                 for (k, (path, walk)) in paths.iter().zip(&walks.list).enumerate() {
                     let (_, upstream) = some[k / (past - from) as usize];
-                    view.walk_backward(path, walk, (upstream, self.typical), work, self.sums);
+                    tracer.walk_backward(path, walk, (upstream, self.typical), work, sums);
                 }
                 from = past;
             }

@@ -1,19 +1,18 @@
 //! A scene as a camera sees it.
 
-use std::ops::Range;
-use std::sync::Arc;
+use std::ops::{Deref, Range};
+use std::sync::{Arc, Once};
 
-use super::camera::HostCamera;
-use super::edges::EdgeSets;
-use super::gradient::CameraSums;
+use super::camera::{CameraSums, HostCamera};
+use super::edges::{EdgeSets, ROOM};
 use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::camera::Camera;
-use crate::model::cone::{Bend, bend};
 use crate::model::filter::{PixelFilter, uniform_disk};
 use crate::model::{V2, V3, v2};
-use crate::sampling::{Dimensions, Numbers, Sampler};
+use crate::sampling::{Dimensions, EmitterGroup, Numbers, Sampler};
 use crate::scene::ParameterId;
+use crate::trace::{Features, NONE, Scene};
 
 /// A scene as a camera sees it, with the settings of a render.
 pub(crate) struct View {
@@ -35,18 +34,35 @@ pub(crate) struct View {
     pub arch: pulp::Arch,
     /// The sets of random numbers that most paths use (`Sampler::run`).
     pub drawn: u8,
-    /// Whether there is no light at all.
-    pub dark: bool,
-    /// Whether bounce rays that miss bring light of the environment; that of a map is gathered at
-    /// surfaces instead, if strategies are combined.
-    pub sees_sky: bool,
-    pub gathers_map: bool,
-    /// Whether points on emitters are chosen by the BSDF as well.
-    pub combined: bool,
+    pub features: Features,
     pub wanted: Wanted,
+    /// What stages read beside the lists of the scene ([`Scene`]).
+    flat: Flat,
     /// Edges that something can jump at.
     pub edge_sets: Option<Arc<EdgeSets>>,
     pub has_edges: bool,
+}
+
+#[derive(Default)]
+struct Flat {
+    settings: Vec<f32>,
+    of_groups: Vec<[u32; 3]>,
+    seeds: [[u32; 2]; 5],
+}
+
+/// A view while its paths are traced: with the lists that stages read.
+pub(super) struct Tracer<'a> {
+    view: &'a View,
+    pub lists: Scene<'a>,
+}
+
+impl Deref for Tracer<'_> {
+    type Target = View;
+
+    #[inline(always)]
+    fn deref(&self) -> &View {
+        self.view
+    }
 }
 
 /// The settings that a view is made from beside scene and camera.
@@ -76,16 +92,11 @@ impl View {
         wanted: Wanted,
         edge_sets: Option<Arc<EdgeSets>>,
     ) -> Self {
-        let frame = &scene.frame;
-        let mut model = camera.model(frame, settings.width, settings.height);
+        let mut model = camera.model(&scene.frame, settings.width, settings.height);
         let pixels_per_tangent = 0.5 * f64::from(settings.height) / camera.half_height;
         let wide = settings.camera_cone * pixels_per_tangent;
         let filter = PixelFilter::of_cone(settings.pixels, wide);
         model.filter = filter.cone_radius();
-        let has_map = scene.sky.map().is_some();
-        let gathers_map = has_map && settings.multiple_importance;
-        let sees_sky = !scene.sky.is_black() && !gathers_map;
-        let combined = settings.multiple_importance && !scene.emitters.all().is_empty();
         let mut view = Self {
             host_camera: camera,
             camera: model,
@@ -97,27 +108,130 @@ impl View {
             film: settings.sampler.of_purpose(4).of_one_pixel(),
             arch: pulp::Arch::new(),
             drawn: 0,
-            dark: scene.emitters.is_empty() && scene.sky.is_black(),
-            sees_sky,
-            gathers_map,
-            combined,
+            features: Features::default(),
+            flat: Flat::default(),
             has_edges: edge_sets.as_ref().is_some_and(|e| !e.is_empty()),
             edge_sets,
             wanted,
             scene,
             settings,
         };
+        view.features = view.features();
+        view.add_derivatives();
+        view.flat = view.flat();
         view.drawn = view.sets();
         view
+    }
+
+    fn features(&self) -> Features {
+        let settings = &self.settings;
+        let of_scene = self.scene.features;
+        let gathers_map = of_scene.sky_map && settings.multiple_importance;
+        let shines = of_scene.sky_map || of_scene.sky_constant;
+        Features {
+            flying_crossings: (self.edge_sets.as_ref()).is_some_and(|e| e.any_apart()),
+            lens: self.camera.aperture > 0.0,
+            parallel: self.camera.parallel,
+            // Points on emitters are chosen by the BSDF as well.
+            combined: settings.multiple_importance && !self.scene.emitters.all().is_empty(),
+            sees_sky: shines && !gathers_map,
+            gathers_map,
+            cones: self.cone > 0.0,
+            roulette: settings.roulette_after.is_some(),
+            sequence: settings.sampler.sequence,
+            ..of_scene
+        }
+    }
+
+    /// Adds what is known of jumps to what derivatives are asked for.
+    fn add_derivatives(&mut self) {
+        let sets = self.edge_sets.as_ref();
+        let of = &mut self.wanted.of;
+        of.jumps = self.has_edges && !self.features.dark;
+        of.edge_nodes = sets.is_some_and(|e| e.seen_by(true).has_nodes);
+        of.grouped = self.scene.emitters.groups.len() > 1;
+        of.edge_room = if of.jumps { ROOM } else { 1 };
+    }
+
+    fn flat(&self) -> Flat {
+        let c = &self.camera;
+        let vectors = [
+            c.eye,
+            c.across,
+            c.upward,
+            c.forward,
+            c.lens.first,
+            c.lens.second,
+        ];
+        let mut settings: Vec<f32> = vectors.into_iter().flat_map(V3::to_array).collect();
+        settings.extend([c.per_focus, c.width, c.height, c.filter]);
+        settings.extend([self.cone, self.scene.frame.unit as f32]);
+        let dual = [c.dual.x, c.dual.y, c.dual.z];
+        settings.extend(dual.into_iter().flat_map(V3::to_array));
+        let emitters = &self.scene.emitters;
+        let group = |g: &EmitterGroup| {
+            // Members follow each other.
+            let moves = g.members.iter().any(|&k| match emitters.light(k as usize) {
+                None => self.wanted.objects[emitters.get(k as usize).object as usize] != 0,
+                Some(light) => self.wanted.moving_lights[light],
+            });
+            [g.members[0], g.members.len() as u32, u32::from(moves)]
+        };
+        let samplers = [
+            &self.settings.sampler,
+            &self.cones,
+            &self.edges,
+            &self.sides,
+            &self.film,
+        ];
+        Flat {
+            settings,
+            of_groups: emitters.groups.iter().map(group).collect(),
+            seeds: samplers.map(|s| [s.seed.low, s.seed.high]),
+        }
+    }
+
+    /// With the lists that stages read.
+    pub(super) fn tracer(&self) -> Tracer<'_> {
+        Tracer {
+            view: self,
+            lists: self.lists(),
+        }
+    }
+
+    /// The lists of the scene, and its own.
+    pub fn lists(&self) -> Scene<'_> {
+        let (settings, flat) = (&self.settings, &self.flat);
+        let mut scene = Scene {
+            features: self.features,
+            filter: &self.filter.table,
+            settings: &flat.settings,
+            of_groups: flat.of_groups.as_flattened(),
+            wanted_objects: &self.wanted.objects,
+            wanted_lights: &self.wanted.lights,
+            seeds: flat.seeds.as_flattened(),
+            width: settings.width,
+            height: settings.height,
+            bounces: settings.bounces,
+            roulette_after: settings.roulette_after.unwrap_or(NONE),
+            samples_log: settings.sampler.samples,
+            sample_blocks: settings.sampler.pixels,
+            ..self.scene.scene()
+        };
+        if let Some(sets) = &self.edge_sets {
+            sets.add_to(&mut scene);
+        }
+        scene
     }
 
     /// Adds the derivatives by parameters of the camera at their places.
     pub fn write_camera(
         &self,
-        sums: &CameraSums,
+        sums: &[f64],
         places: &[(ParameterId, Range<usize>)],
         all: &mut [f64],
     ) {
+        let sums = &CameraSums::of(sums);
         let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
         let unit = self.scene.frame.unit;
         let filter = f64::from(self.camera.filter);
@@ -127,12 +241,14 @@ impl View {
 
     /// The sets of random numbers that paths use at their first surfaces (`Dimensions`).
     fn sets(&self) -> u8 {
-        let glossy = self.scene.glossy;
-        let to_the_end = self.sees_sky || self.gathers_map || (glossy && self.combined);
+        let glossy = self.features.glossy;
+        let to_the_end = self.features.sees_sky
+            || self.features.gathers_map
+            || (glossy && self.features.combined);
         let directions = self.settings.bounces.saturating_add(u32::from(to_the_end));
-        let more = glossy || self.gathers_map || self.settings.roulette_after.is_some();
+        let more = glossy || self.features.gathers_map || self.settings.roulette_after.is_some();
         let mut sets = 1;
-        if self.camera.aperture > 0.0 || self.scene.velocities.is_some() {
+        if self.camera.aperture > 0.0 || self.features.moves {
             sets |= 2;
         }
         for bounce in 0..directions.min(3) {
@@ -154,16 +270,26 @@ impl View {
     /// The time of a path in the shutter.
     #[inline(always)]
     pub fn time(&self, numbers: &Numbers) -> f32 {
-        if self.scene.velocities.is_some() {
+        if self.features.moves {
             numbers.draw(Dimensions::lens_and_time()).z
         } else {
             0.0
         }
     }
 
-    /// A ray of the cone about an axis, on the outer side of a surface.
-    #[inline(always)]
-    pub fn bend(&self, axis: V3, normal: V3, u: f32, v: f32) -> Bend {
-        bend(axis, normal, self.cone, u, v)
+    /// Tells that shadows of lights without extent have hard edges, whose derivative is left out.
+    pub fn warn_of_hard_shadows(&self) {
+        static ONCE: Once = Once::new();
+        let turns = self.wanted.of.turns && self.settings.bounces > 0;
+        let seen = !self.scene.emitters.lights().is_empty() && (self.wanted.shifts() || turns);
+        if self.cone == 0.0 && seen {
+            ONCE.call_once(|| {
+                log::warn!(
+                    "the shadows of point, spot and directional lights have hard edges without cones, and \
+                     gradients leave out that these move: render with an angle (RenderOptions::visibility, \
+                     Visibility::cone)"
+                );
+            });
+        }
     }
 }

@@ -2,15 +2,14 @@
 
 use std::ops::Range;
 
-use super::surface::Point;
 use crate::accel::{Hit, HitRay, NOTHING};
-use crate::model::V3;
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
 use crate::model::cone::Bend;
-use crate::model::delta_light::DeltaArrival;
-use crate::model::emitter::LightPoint;
-use crate::sampling::{EmitterHit, Met, Numbers};
+use crate::model::{V2, V3};
+use crate::sampling::{EmitterHit, EmitterKinds, Met, Numbers};
+pub(crate) use crate::trace::Seen;
+use crate::trace::{Arrived, Point};
 
 /// The constants of a path.
 #[derive(Clone, Copy)]
@@ -63,7 +62,7 @@ impl Walk {
     /// The path comes to its first surface point.
     #[inline(always)]
     pub fn begin_at(&mut self, point: Point) {
-        self.first = (point.t, point.shading.geometric);
+        self.first = (point.distance, point.shading.geometric);
         self.point = point;
         self.on_surface = true;
     }
@@ -83,37 +82,15 @@ impl Walks {
     }
 }
 
-/// The surface that a camera ray sees, and the light that its path brings back.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Seen {
-    pub radiance: V3,
-    /// 1 where there is a surface.
-    pub opacity: f32,
-    /// The distance to it.
-    pub depth: f32,
-    /// Its geometric normal on the side that is seen.
-    pub normal: V3,
-}
-
-impl Seen {
-    pub fn times(&self, factor: f32) -> Self {
-        Self {
-            radiance: self.radiance * factor,
-            opacity: self.opacity * factor,
-            depth: self.depth * factor,
-            normal: self.normal * factor,
-        }
-    }
-
-    /// Adds the surface that a path's camera ray saw and the light that it brought back.
+impl Walk {
+    /// Adds the surface that the camera ray saw and the light that the path brought back.
     #[inline(always)]
-    pub fn add(&mut self, walk: &Walk) {
-        self.radiance += walk.radiance;
-        if walk.seen != NOTHING {
-            let first = &walk.first;
-            self.opacity += 1.0;
-            self.depth += first.0;
-            self.normal += first.1;
+    pub fn add_to(&self, seen: &mut Seen) {
+        seen.radiance += self.radiance;
+        if self.seen != NOTHING {
+            seen.opacity += 1.0;
+            seen.depth += self.first.0;
+            seen.normal += self.first.1;
         }
     }
 }
@@ -124,10 +101,8 @@ pub(super) struct Vertex {
     pub point: Point,
     /// The throughput of the path where it arrives here.
     pub throughput: V3,
-    /// Light that arrives, in [`Work::lights`], [`Work::deltas`] and [`Work::skies`].
+    /// Light that arrives, in [`Work::lights`].
     pub lights: Range<u32>,
-    pub deltas: Range<u32>,
-    pub skies: Range<u32>,
     /// The way on; None where the path ends.
     pub leave: Option<Leave>,
     /// The point before it, `usize::MAX` for the first.
@@ -145,38 +120,15 @@ pub(super) struct Leave {
     pub escaped: bool,
 }
 
-/// Light from a point of an emitter that was seen.
+/// Light that was seen: from a point of an emitter, from a delta light, or along a direction of a map.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightSample {
-    /// The triangle of the scene.
-    pub triangle: u32,
-    pub weights: [f32; 3],
-    pub seen: LightPoint,
-    /// f·cos θ at the surface.
-    pub reflected: V3,
-    /// The divisor of the sample, in units of the emitter's area.
-    pub density: f32,
-}
-
-/// Light from a light without extent that was seen.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct DeltaSample {
-    /// Its place among these.
-    pub light: u32,
-    pub seen: DeltaArrival,
-    /// f·cos θ at the surface.
-    pub reflected: V3,
-    /// The probability with which it was chosen.
-    pub chance: f32,
-}
-
-/// Light of a map along a direction in which nothing hid it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SkySample {
+    /// [`NONE`](crate::trace::NONE) of a map.
+    pub emitter: u32,
+    /// Weights of the emitter's corners b and c.
+    pub weights: V2,
     pub direction: V3,
-    /// f·cos θ at the surface.
-    pub reflected: V3,
-    pub density: f32,
+    pub arrived: Arrived,
 }
 
 /// Light that arrives if nothing is in between.
@@ -184,14 +136,7 @@ pub(super) struct SkySample {
 pub(super) struct Candidate {
     pub walk: u32,
     pub light: V3,
-    pub sample: Sample,
-}
-
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Sample {
-    Light(LightSample),
-    Delta(DeltaSample),
-    Sky(SkySample),
+    pub sample: LightSample,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -226,12 +171,11 @@ impl RayCounts {
 pub(crate) struct Work {
     pub(super) vertices: Vec<Vertex>,
     pub(super) lights: Vec<LightSample>,
-    pub(super) deltas: Vec<DeltaSample>,
-    pub(super) skies: Vec<SkySample>,
     pub(super) rays: Vec<HitRay>,
     pub(super) hits: Vec<Hit>,
     pub(super) candidates: Vec<Candidate>,
-    pub(super) chances: Vec<f32>,
+    /// Of a choice of an emitter.
+    pub(super) room: Vec<u32>,
     pub(super) met: Met,
     pub(super) emitter_hits: Vec<EmitterHit>,
     pub(super) side_walks: Walks,
@@ -241,7 +185,10 @@ pub(crate) struct Work {
 
 impl Work {
     pub fn new(bounces: u32) -> Self {
-        let mut work = Self::default();
+        let mut work = Self {
+            room: vec![0; EmitterKinds::MOST_ROOM],
+            ..Self::default()
+        };
         work.counts.bounces = vec![0; bounces.min(1 << 16) as usize + 1];
         work
     }
@@ -249,7 +196,5 @@ impl Work {
     pub(super) fn clear(&mut self) {
         self.vertices.clear();
         self.lights.clear();
-        self.deltas.clear();
-        self.skies.clear();
     }
 }

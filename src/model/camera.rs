@@ -7,7 +7,7 @@
 //! square are all in them, and a point is projected by the inverse of the basis.
 
 use super::filter::filter_by_radius;
-use super::{Pair, V2, V3, v2, v3};
+use super::{Pair, V2, V3, splat, v2, v3};
 use crate::cube::*;
 
 /// A camera in a scene's inner units.
@@ -56,6 +56,26 @@ pub(crate) struct CameraGradient {
     pub per_focus: f32,
     /// By the filter's radius.
     pub filter: f32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl CameraGradient {
+    #[inline(always)]
+    pub fn none() -> CameraGradient {
+        let zero = splat(0.0f32.runtime());
+        CameraGradient {
+            eye: zero,
+            across: zero,
+            upward: zero,
+            forward: zero,
+            lens: Pair {
+                first: zero,
+                second: zero,
+            },
+            per_focus: 0.0f32.runtime(),
+            filter: 0.0f32.runtime(),
+        }
+    }
 }
 
 /// A ray from a point of the lens (on the unit disk) through a point of the film.

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::connection::Target;
+use super::lists::vector;
 use super::{V3, splat};
 use crate::cube::*;
 use crate::scene::{HostLight, SceneFrame};
@@ -46,7 +47,42 @@ pub(crate) struct DeltaGradient {
 /// The least difference of the cosines between which a spot falls off.
 const NARROW: f32 = 1e-3;
 
+/// Bits of a light in a list.
+const DIRECTIONAL: u32 = 1;
+const SPOT: u32 = 2;
+
+/// A light of a list: of its numbers in the order of its fields, and of its bits.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn delta_light_at(numbers: &[f32], bits: &[u32], i: u32) -> DeltaLight {
+    let list = &numbers[11 * i as usize..];
+    let bits = bits[i as usize];
+    let cos_outer = list[10];
+    DeltaLight {
+        position: vector(list, 0u32),
+        axis: vector(list, 3u32),
+        strength: vector(list, 6u32),
+        directional: bits & DIRECTIONAL != 0,
+        spot: bits & SPOT != 0,
+        cos_inner: list[9],
+        cos_outer,
+    }
+}
+
 impl DeltaLight {
+    /// Its numbers in a list, in the order of its fields.
+    pub fn numbers(&self) -> [f32; 11] {
+        let mut numbers = [0.0; 11];
+        let vectors = [self.position, self.axis, self.strength].map(V3::to_array);
+        numbers[..9].copy_from_slice(vectors.as_flattened());
+        numbers[9..].copy_from_slice(&[self.cos_inner, self.cos_outer]);
+        numbers
+    }
+
+    pub fn bits(&self) -> u32 {
+        DIRECTIONAL * u32::from(self.directional) + SPOT * u32::from(self.spot)
+    }
+
     /// Packs a light, in inner coordinates.
     pub fn new(light: &HostLight, frame: &SceneFrame) -> Self {
         let [inner, outer] = light.angles;

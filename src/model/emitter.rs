@@ -1,39 +1,46 @@
-//! Light of emitters: what they radiate, what arrives from a point of one, and two sampling strategies combined.
+//! Light of emitters: what arrives from a point of one, and two sampling strategies combined.
 
-use super::V3;
+use super::triangle::weights_at;
+use super::{V2, V3, v2};
 use crate::cube::*;
-use crate::scene::Channel;
 
-/// The emission of a surface.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Emission {
-    radiance: V3,
+/// Rays that are more parallel to an emitter than this don't meet it.
+const GRAZING: f32 = 1e-6;
+
+/// The point of an emitter's front that a ray hits, as if nothing were in between: its distance, not positive if there
+/// is none, and the weights of the corners b and c.
+#[apply(record!)]
+pub(crate) struct FrontHit {
+    pub distance: f32,
+    pub weights: V2,
 }
 
-impl Emission {
-    /// That of a material with these parameters.
-    #[inline(always)]
-    pub fn of(values: impl Fn(Channel) -> V3) -> Self {
-        Self {
-            radiance: values(Channel::Emission),
+/// Where a ray from x hits the front of a triangle.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn hit_front(
+    a: V3,
+    b: V3,
+    c: V3,
+    normal: V3,
+    area: f32,
+    x: V3,
+    direction: V3,
+) -> FrontHit {
+    let mut found = FrontHit {
+        distance: 0.0f32.runtime(),
+        weights: v2(0.0, 0.0),
+    };
+    let cosine = normal.dot(direction);
+    if cosine < -GRAZING {
+        let t = normal.dot(a - x) / cosine;
+        let w = weights_at(a, b, c, normal, area, x + direction * t);
+        if w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 {
+            found.distance = t;
+            found.weights = v2(w.y, w.z);
         }
     }
-
-    /// Radiance in a direction by its cosine to the front's normal.
-    #[inline(always)]
-    pub fn towards(&self, cosine: f32) -> V3 {
-        let mut radiance = V3::ZERO;
-        if cosine > 0.0 {
-            radiance = self.radiance;
-        }
-        radiance
-    }
-
-    /// The derivative of g·radiance by the emission.
-    #[inline(always)]
-    pub fn backward(cosine: f32, g: V3) -> V3 {
-        if cosine > 0.0 { g } else { V3::ZERO }
-    }
+    found
 }
 
 /// A point of an emitter as a surface point sees it.
@@ -169,18 +176,5 @@ mod tests {
         }
         let by_area = (value(to, normal, area + h) - value(to, normal, area - h)) / (2.0 * h);
         assert!((found.area - by_area).abs() < 1e-3, "{by_area}");
-    }
-
-    #[test]
-    fn only_the_front_radiates() {
-        let g = v3(0.1, -0.4, 0.7);
-        for cosine in [0.6, -0.6] {
-            let value = |e: V3| g.dot(Emission { radiance: e }.towards(cosine));
-            let by = Emission::backward(cosine, g);
-            for step in V3::AXES {
-                let slope = (value(V3::ONE + step) - value(V3::ONE - step)) / 2.0;
-                assert!((by.dot(step) - slope).abs() < 1e-6);
-            }
-        }
     }
 }

@@ -9,7 +9,10 @@ use crate::cube::*;
 #[inline(always)]
 pub(crate) fn vector(list: &[f32], at: u32) -> V3 {
     let i = at as usize;
-    v3(list[i], list[i + 1], list[i + 2])
+    // The last number first: then the host checks one index.
+    let z = list[i + 2];
+    let y = list[i + 1];
+    v3(list[i], y, z)
 }
 
 /// The first of some numbers, which grow and lie a stride apart, that is over a number; the last if none is.

@@ -24,6 +24,7 @@ pub(crate) mod jumps;
 pub(crate) mod light_bounds;
 pub(crate) mod lists;
 pub(crate) mod normal_map;
+pub(crate) mod numbers;
 pub(crate) mod segment;
 pub(crate) mod sky;
 pub(crate) mod texture;
@@ -31,4 +32,4 @@ pub(crate) mod triangle;
 
 mod vector;
 
-pub(crate) use vector::{Pair, V2, V3, splat, v2, v3};
+pub(crate) use vector::{Pair, V2, V3, component, splat, v2, v3};

@@ -1,123 +1,19 @@
 //! The environment: its radiance along directions, and directions drawn from a map of it.
 
 use std::f32::consts::{PI, TAU};
-use std::sync::Arc;
-
-use glam::DVec3;
 
 use super::frame::sin_cos_of_turns;
 use super::lists::first_over;
-use super::texture::{AROUND, Cell, Texels, Texture};
+use super::texture::{AROUND, Cell, Texture};
 use super::{V2, V3, v2, v3};
 use crate::cube::*;
-use crate::scene::{HostScene, HostTexture};
 
-pub(crate) enum Sky {
-    Black,
-    Constant(V3),
-    Map(Box<SkyMap>),
-}
-
-pub(crate) struct SkyMap {
-    pub texels: Texels,
-    pub drawn: SkyDensity,
-}
-
-impl Sky {
-    pub fn new(scene: &mut HostScene) -> Self {
-        match &mut scene.environment {
-            _ if !scene.shines => Self::Black,
-            HostTexture::Constant(c) => Self::Constant(DVec3::from(*c).into()),
-            HostTexture::Image {
-                texels,
-                width,
-                height,
-                ..
-            } => {
-                let texels = Arc::unwrap_or_clone(std::mem::take(texels));
-                Self::Map(Box::new(SkyMap::new(texels, *width, *height)))
-            }
-        }
-    }
-
-    #[inline(always)]
-    pub fn at(&self, direction: V3) -> V3 {
-        match self {
-            Self::Black => V3::ZERO,
-            Self::Constant(radiance) => *radiance,
-            Self::Map(map) => map.at(direction),
-        }
-    }
-
-    /// Adds the derivatives of g·radiance by texels, where they are asked for; returns those by the direction.
-    #[inline(always)]
-    pub fn backward(&self, direction: V3, g: V3, texels: &mut [DVec3]) -> V3 {
-        match self {
-            Self::Black => V3::ZERO,
-            Self::Constant(_) => {
-                if let Some(sum) = texels.first_mut() {
-                    *sum += DVec3::from(g);
-                }
-                V3::ZERO
-            }
-            Self::Map(map) => map.backward(direction, g, texels),
-        }
-    }
-
-    pub fn map(&self) -> Option<&SkyMap> {
-        match self {
-            Self::Map(map) => Some(map),
-            _ => None,
-        }
-    }
-
-    pub fn is_black(&self) -> bool {
-        matches!(self, Self::Black)
-    }
-
-    pub fn len(&self) -> usize {
-        match self {
-            Self::Black => 0,
-            Self::Constant(_) => 1,
-            Self::Map(map) => map.texels.len(),
-        }
-    }
-}
-
-impl SkyMap {
-    fn new(list: Vec<f32>, w: usize, h: usize) -> Self {
-        let texels = Texels(list);
-        let brightness = |i: usize| f64::from(texels.at(i).abs().element_sum()) / 3.0;
-        Self {
-            drawn: SkyDensity::new(w, h, brightness),
-            texels,
-        }
-    }
-
-    #[inline(never)]
-    pub fn at(&self, direction: V3) -> V3 {
-        self.drawn.map.cell(direction).colour(&self.texels.0, 0)
-    }
-
-    /// Adds the derivatives of g·radiance by texels, where they are asked for; returns those by the direction.
-    #[inline(never)]
-    pub fn backward(&self, direction: V3, g: V3, texels: &mut [DVec3]) -> V3 {
-        let map = &self.drawn.map;
-        let by = map.cell(direction).backward(&self.texels, g, texels);
-        map.by_direction(direction, by)
-    }
-}
-
-/// An equirectangular map, whose columns repeat and whose rows end at the poles: its size, and where in a list the
-/// numbers lie that directions are drawn by: sums of probabilities over rows so far, and within each row, and the
-/// probability of each texel.
+/// An equirectangular map, whose columns repeat and whose rows end at the poles. Directions are drawn by a list: sums of
+/// probabilities over rows so far, and within each row, and the probability of each texel.
 #[apply(record!)]
 pub(crate) struct Map {
     pub width: u32,
     pub height: u32,
-    pub rows: u32,
-    pub columns: u32,
-    pub chances: u32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
@@ -162,20 +58,20 @@ impl Map {
         let x = (place.x.max(0.0) as u32).min(self.width - 1);
         let y = (place.y.max(0.0) as u32).min(self.height - 1);
         let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
-        let chance = list[(self.chances + y * self.width + x) as usize];
+        let chance = list[(self.height + (self.height + y) * self.width + x) as usize];
         chance * (self.width * self.height) as f32 / (TAU * PI * sine)
     }
 
     /// A direction for a pair of random numbers.
     #[inline(always)]
     pub fn choose(&self, list: &[f32], u: f32, v: f32) -> V3 {
-        let wanted = v * list[(self.rows + self.height - 1) as usize];
-        let y = first_over(list, self.rows, self.height, 1u32, wanted);
-        let row = self.columns + y * self.width;
+        let wanted = v * list[(self.height - 1) as usize];
+        let y = first_over(list, 0u32, self.height, 1u32, wanted);
+        let row = self.height + y * self.width;
         let along = u * list[(row + self.width - 1) as usize];
         let x = first_over(list, row, self.width, 1u32, along);
         let turn = (x as f32 + between(list, row, x, along)) / self.width as f32 - 0.5;
-        let polar = (y as f32 + between(list, self.rows, y, wanted)) / self.height as f32;
+        let polar = (y as f32 + between(list, 0u32, y, wanted)) / self.height as f32;
         let around = sin_cos_of_turns(turn - turn.floor());
         let down = sin_cos_of_turns(0.5 * polar);
         let sine = down.sin.max(1e-6);
@@ -243,9 +139,6 @@ impl SkyDensity {
         let map = Map {
             width: w as u32,
             height: h as u32,
-            rows: 0,
-            columns: h as u32,
-            chances: (h + w * h) as u32,
         };
         let list = rows.into_iter().chain(columns).chain(chance);
         let list = list.map(|p: f64| p as f32).collect();
@@ -270,11 +163,14 @@ impl SkyDensity {
 mod tests {
     use super::*;
 
-    /// Light of a map, by texels and by the direction along the sphere.
+    /// Light of a map, by the direction along the sphere.
     #[test]
     fn derivatives_of_light() {
         let texels: Vec<f32> = (0..96).map(|i| (0.7 * i as f32).sin()).collect();
-        let map = SkyMap::new(texels, 8, 4);
+        let map = Map {
+            width: 8,
+            height: 4,
+        };
         let g = v3(0.3, -0.8, 0.5);
         for d in [
             v3(0.48, -0.6, 0.64),
@@ -282,23 +178,16 @@ mod tests {
             v3(0.02, 0.1, 0.99),
         ] {
             let d = d.normalize();
-            let mut by_texel = vec![DVec3::ZERO; map.texels.len()];
-            let by_direction = map.backward(d, g, &mut by_texel);
+            let at = |d: V3| g.dot(map.cell(d.normalize()).colour(&texels, 0));
+            let by_direction = map.by_direction(d, map.cell(d).slopes(&texels, 0, g));
             for step in V3::AXES {
                 let h = step.reject_from_normalized(d) * 1e-3;
-                let at = |d: V3| g.dot(map.at(d.normalize()));
                 let wanted = (at(d + h) - at(d - h)) / 2.0;
                 assert!(
                     (by_direction.dot(h) - wanted).abs() < 2e-5,
                     "{d:?}: {wanted}"
                 );
             }
-            // The colour is linear in the texels.
-            let mut sum = 0.0;
-            for (t, by) in by_texel.iter().enumerate() {
-                sum += by.dot(map.texels.at(t).into());
-            }
-            assert!((sum - f64::from(g.dot(map.at(d)))).abs() < 1e-5, "{d:?}");
         }
     }
 

@@ -2,13 +2,11 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
-
 use super::lists::vector;
 use super::triangle::uniform_point;
 use super::{V2, V3, v2};
 use crate::cube::*;
-use crate::scene::{Holes, Mask, Masked, Wrap};
+use crate::scene::{Holes, OF_MASKED, Wrap};
 
 /// The colours of textures, three numbers each.
 #[derive(Clone, Debug, Default)]
@@ -17,11 +15,6 @@ pub(crate) struct Texels(pub Vec<f32>);
 impl Texels {
     pub fn len(&self) -> usize {
         self.0.len() / 3
-    }
-
-    #[inline(always)]
-    pub fn at(&self, texel: usize) -> V3 {
-        vector(&self.0, 3 * texel as u32)
     }
 
     /// Appends a list; the first is not copied, unless others have it too.
@@ -114,34 +107,10 @@ impl Cell {
     }
 }
 
-impl Cell {
-    /// Adds the derivatives of g·colour by the texels, unless that list is empty; returns those by the
-    /// point, in texels.
-    #[inline(always)]
-    pub fn backward(&self, texels: &Texels, g: V3, by_texel: &mut [DVec3]) -> V2 {
-        if !by_texel.is_empty() {
-            for k in 0..4 {
-                by_texel[self.texel(k) as usize] += DVec3::from(g * self.share(k));
-            }
-        }
-        self.slopes(&texels.0, 0, g)
-    }
-}
-
-/// How an image goes on outside: [`Wrap`] by a number, or columns that repeat and rows that end.
-const REPEAT: u32 = 0;
-const CLAMP: u32 = 1;
-const MIRROR: u32 = 2;
+/// How an image goes on outside: [`Wrap`] by its number, or columns that repeat and rows that end.
+const CLAMP: u32 = Wrap::Clamp as u32;
+const MIRROR: u32 = Wrap::Mirror as u32;
 pub(crate) const AROUND: u32 = 3;
-
-/// A way to go on outside of a texture, by its number.
-pub(crate) fn number_of(wrap: Wrap) -> u32 {
-    match wrap {
-        Wrap::Repeat => REPEAT,
-        Wrap::Clamp => CLAMP,
-        Wrap::Mirror => MIRROR,
-    }
-}
 
 /// The column or row for any whole number.
 #[cfg_attr(feature = "wgpu", cube)]
@@ -223,60 +192,78 @@ impl Texture {
             first: first as u32,
             width: width as u32,
             height: height as u32,
-            wrap: number_of(wrap),
+            wrap: wrap as u32,
         }
     }
 
     /// It as words of a list.
-    #[cfg(feature = "wgpu")]
     pub fn words(&self) -> [u32; 4] {
         [self.first, self.width, self.height, self.wrap]
     }
+}
 
-    #[inline(never)]
-    pub fn look_up(&self, texels: &Texels, [u, v]: [f32; 2]) -> V3 {
-        self.cell_at(v2(u, v)).colour(&texels.0, 0)
-    }
-
-    /// Adds the derivatives of g·colour by the texels; returns those by the coordinates.
-    #[inline(never)]
-    pub fn backward(
-        &self,
-        texels: &Texels,
-        [u, v]: [f32; 2],
-        g: V3,
-        by_texel: &mut [DVec3],
-    ) -> [f32; 2] {
-        let by = self.cell_at(v2(u, v)).backward(texels, g, by_texel);
-        let by = self.by_coordinates(by);
-        [by.x, by.y]
+/// An image, by the place of its words.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn texture_at(words: &[u32], at: u32) -> Texture {
+    let i = at as usize;
+    let wrap = words[i + 3];
+    Texture {
+        first: words[i],
+        width: words[i + 1],
+        height: words[i + 2],
+        wrap,
     }
 }
 
-impl Mask {
-    pub fn image(&self) -> Texture {
-        Texture::new(0, self.size, self.wrap)
+/// The masks of triangles.
+#[cfg_attr(feature = "wgpu", derive(CubeType))]
+#[derive(Clone, Copy)]
+pub(crate) struct Masks<'a> {
+    /// The place of each triangle among those with a mask, `u32::MAX` for one without.
+    pub masked: &'a [u32],
+    /// The image of each of these, and [`OF_MASKED`] numbers: texture coordinates of its corners, and the alpha under
+    /// which it has a hole.
+    pub images: &'a [u32],
+    pub uvs: &'a [f32],
+    pub alphas: &'a [f32],
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl<'a> Masks<'a> {
+    /// Whether a triangle has a hole at the point with these weights of its corners.
+    #[inline(always)]
+    pub fn open(&self, triangle: u32, weights: V3) -> bool {
+        let place = self.masked[triangle as usize];
+        let mut open = false;
+        if place != u32::MAX {
+            open = self.open_at(place, weights);
+        }
+        open
+    }
+
+    /// The same of a triangle with a mask, by its place among these.
+    #[inline(never)]
+    pub fn open_at(&self, place: u32, weights: V3) -> bool {
+        let of = &self.uvs[OF_MASKED * place as usize..];
+        let cutoff = of[6];
+        let uv = v2(
+            of[0] * weights.x + of[2] * weights.y + of[4] * weights.z,
+            of[1] * weights.x + of[3] * weights.y + of[5] * weights.z,
+        );
+        let cell = texture_at(self.images, 4 * place).cell_at(uv);
+        cell.number(self.alphas, 0u32) < cutoff
     }
 }
 
 impl Holes {
-    /// Whether a triangle has a hole at the point with these weights of its corners.
-    #[inline(always)]
-    pub fn open(&self, triangle: u32, weights: impl FnOnce() -> [f32; 3]) -> bool {
-        let place = self.of_triangle[triangle as usize];
-        place != u32::MAX && self.open_at(place, weights())
-    }
-
-    #[inline(never)]
-    fn open_at(&self, place: u32, weights: [f32; 3]) -> bool {
-        let Masked { mask, uvs } = &self.triangles[place as usize];
-        let mut uv = v2(0.0, 0.0);
-        for (w, of_corner) in weights.into_iter().zip(uvs) {
-            uv.x += of_corner[0] * w;
-            uv.y += of_corner[1] * w;
+    pub fn masks(&self) -> Masks<'_> {
+        Masks {
+            masked: &self.of_triangle,
+            images: &self.images,
+            uvs: &self.uvs,
+            alphas: &self.alphas,
         }
-        let mask = &self.masks[*mask as usize];
-        mask.image().cell_at(uv).number(&mask.alpha, 0) < mask.cutoff
     }
 }
 
@@ -292,7 +279,7 @@ impl Colour {
     pub fn at(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
         match &self.texture {
             None => self.constant,
-            Some(texture) => texture.look_up(texels, uv),
+            Some(texture) => texture.cell_at(v2(uv[0], uv[1])).colour(&texels.0, 0),
         }
     }
 
@@ -311,24 +298,6 @@ impl Colour {
             mean(self.at(texels, [at(0), at(1)]))
         };
         (0..SIDE * SIDE).map(of_part).sum::<f32>() / (SIDE * SIDE) as f32
-    }
-
-    /// Adds the derivatives of g·colour by the constant or the texels; returns those by the coordinates.
-    #[inline(always)]
-    pub fn backward(
-        &self,
-        texels: &Texels,
-        uv: [f32; 2],
-        g: V3,
-        (constant, by_texel): (&mut DVec3, &mut [DVec3]),
-    ) -> [f32; 2] {
-        match &self.texture {
-            None => {
-                *constant += DVec3::from(g);
-                [0.0; 2]
-            }
-            Some(texture) => texture.backward(texels, uv, g, by_texel),
-        }
     }
 }
 
@@ -349,39 +318,44 @@ mod tests {
         (texels, texture)
     }
 
+    fn look_up((texels, texture): &(Texels, Texture), [u, v]: [f32; 2]) -> V3 {
+        texture.cell_at(v2(u, v)).colour(&texels.0, 0)
+    }
+
     #[test]
     fn the_middle_of_a_texel_has_its_colour() {
-        let (texels, texture) = textures();
-        assert_eq!(texture.look_up(&texels, [0.5, 0.75]), texels.at(2));
-        assert_eq!(texture.look_up(&texels, [0.5, 0.25]), texels.at(5));
+        let image = textures();
+        let texel = |k: u32| vector(&image.0.0, 3 * k);
+        assert_eq!(look_up(&image, [0.5, 0.75]), texel(2));
+        assert_eq!(look_up(&image, [0.5, 0.25]), texel(5));
     }
 
     #[test]
     fn derivatives_by_texels_and_coordinates() {
-        let (mut texels, texture) = textures();
+        let mut image = textures();
         let g = v3(0.3, -0.8, 0.5);
         for uv in [[0.4, 0.55], [0.95, 0.1], [-0.3, 1.4]] {
-            let mut by_texel = vec![DVec3::ZERO; texels.len()];
-            let by_uv = texture.backward(&texels, uv, g, &mut by_texel);
+            let (texels, texture) = &image;
+            let cell = texture.cell_at(v2(uv[0], uv[1]));
+            let by = texture.by_coordinates(cell.slopes(&texels.0, 0, g));
             let h = 1e-3;
-            for k in 0..2 {
+            for (k, by) in [by.x, by.y].into_iter().enumerate() {
                 let at = |h: f32| {
                     let mut uv = uv;
                     uv[k] += h;
-                    g.dot(texture.look_up(&texels, uv))
+                    g.dot(look_up(&image, uv))
                 };
                 let wanted = (at(h) - at(-h)) / (2.0 * h);
-                assert!(
-                    (by_uv[k] - wanted).abs() < 1e-3,
-                    "{uv:?}: {by_uv:?} {wanted}"
-                );
+                assert!((by - wanted).abs() < 1e-3, "{uv:?}: {by:?} {wanted}");
             }
-            for (t, by) in by_texel.iter().enumerate() {
-                let before = g.dot(texture.look_up(&texels, uv));
-                texels.0[3 * t + 1] += 1.0;
-                let wanted = g.dot(texture.look_up(&texels, uv)) - before;
-                texels.0[3 * t + 1] -= 1.0;
-                assert!((by.y - f64::from(wanted)).abs() < 1e-5, "{t}");
+            for t in 0..image.0.len() {
+                let shares = (0..4).filter(|&k| cell.texel(k) as usize == t);
+                let share: f32 = shares.map(|k| cell.share(k)).sum();
+                let before = look_up(&image, uv).y;
+                image.0.0[3 * t + 1] += 1.0;
+                let wanted = look_up(&image, uv).y - before;
+                image.0.0[3 * t + 1] -= 1.0;
+                assert!((share - wanted).abs() < 1e-5, "{t}");
             }
         }
     }

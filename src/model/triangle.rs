@@ -6,13 +6,6 @@ use crate::cube::*;
 
 /// Weights of a triangle's corners in a point of its plane. No length is squared, so that triangles may be
 /// tiny and huge.
-#[inline(always)]
-pub(crate) fn barycentric(corners: [V3; 3], normal: V3, area: f32, point: V3) -> [f32; 3] {
-    let [a, b, c] = corners;
-    weights_at(a, b, c, normal, area, point).to_array()
-}
-
-/// [`barycentric`], the weights as components.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn weights_at(a: V3, b: V3, c: V3, normal: V3, area: f32, point: V3) -> V3 {
@@ -34,12 +27,6 @@ pub(crate) fn barycentric_slopes(a: V3, b: V3, c: V3, normal: V3, area: f32) -> 
         first: (c - a).cross(normal) * inverse,
         second: normal.cross(b - a) * inverse,
     }
-}
-
-/// The weighted sum of the corners.
-#[inline(always)]
-pub(crate) fn at(corners: [V3; 3], weights: [f32; 3]) -> V3 {
-    corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
 }
 
 /// The solid angle under which a point sees a triangle, negative from behind (Van Oosterom and Strackee
@@ -75,10 +62,20 @@ pub(crate) fn uniform_point(u: f32, v: f32) -> V2 {
     v2(root * (1.0 - v), root * v)
 }
 
+/// The weighted sum of the corners.
+#[cfg(test)]
+pub(crate) fn at(corners: [V3; 3], weights: [f32; 3]) -> V3 {
+    corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::model::v3;
+
+    fn barycentric([a, b, c]: [V3; 3], normal: V3, area: f32, point: V3) -> [f32; 3] {
+        weights_at(a, b, c, normal, area, point).to_array()
+    }
 
     const CORNERS: [V3; 3] = [v3(0.2, -0.3, 1.2), v3(1.3, -0.2, 2.1), v3(0.4, 1.1, 1.5)];
     const STEPS: [V3; 3] = V3::AXES;

@@ -184,6 +184,26 @@ impl V3 {
     }
 }
 
+/// A component of a vector, by its number.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn component(v: V3, k: u32) -> f32 {
+    let mut found = v.x;
+    if k == 1 {
+        found = v.y;
+    } else if k == 2 {
+        found = v.z;
+    }
+    found
+}
+
+impl From<[f32; 3]> for V3 {
+    #[inline(always)]
+    fn from([x, y, z]: [f32; 3]) -> Self {
+        v3(x, y, z)
+    }
+}
+
 impl From<DVec3> for V3 {
     fn from(v: DVec3) -> Self {
         v.as_vec3().into()

@@ -7,9 +7,10 @@ mod sampler;
 mod strategies;
 mod stream;
 
-#[cfg(feature = "wgpu")]
-pub(crate) use emitters::{BY_POWER, Chosen, Fixed, GRAZING, LightTree};
-pub(crate) use emitters::{Emitter, EmitterHit, Emitters, Met, Receiver};
+pub(crate) use emitters::{
+    Chosen, Emitter, EmitterGroup, EmitterHit, EmitterKinds, EmitterLists, EmitterTriangle,
+    Emitters, Fixed, LightTree, Met, Receiver, no_emitter_hit,
+};
 pub(crate) use numbers::{Numbers, RUN, Run};
 pub(crate) use sampler::Sampler;
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};

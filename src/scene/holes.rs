@@ -1,5 +1,6 @@
 //! Holes in surfaces, by alpha masks.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::wrap::Wrap;
@@ -15,21 +16,20 @@ pub(crate) struct Mask {
     pub cutoff: f32,
 }
 
-/// A triangle with a mask: the mask's number, and texture coordinates of the corners.
-#[derive(Debug)]
-pub(crate) struct Masked {
-    pub mask: u32,
-    pub uvs: [[f32; 2]; 3],
-}
-
-/// The holes of a scene's triangles.
-#[derive(Debug)]
+/// The holes of a scene's triangles, as flat lists.
+#[derive(Debug, Default)]
 pub(crate) struct Holes {
     /// The place of each triangle among those with a mask, `u32::MAX` for one without.
     pub of_triangle: Vec<u32>,
-    pub triangles: Vec<Masked>,
-    pub masks: Vec<Mask>,
+    /// The image of each of these: the place of its first alpha, columns, rows, and how it goes on outside.
+    pub images: Vec<u32>,
+    /// [`OF_MASKED`] numbers of each: texture coordinates of its corners, and the alpha under which it has a hole.
+    pub uvs: Vec<f32>,
+    /// What all masks hold, once.
+    pub alphas: Vec<f32>,
 }
+
+pub(crate) const OF_MASKED: usize = 7;
 
 impl Holes {
     /// Those of faces, each with the number of its material and texture coordinates if it has any, by the masks of all
@@ -38,28 +38,33 @@ impl Holes {
         faces: impl Iterator<Item = (usize, Option<[[f32; 2]; 3]>)>,
         of_materials: Vec<Option<Mask>>,
     ) -> Option<Self> {
-        let mut masks = Vec::new();
-        let mut number = |mask: Option<Mask>| {
-            let mask = mask?;
-            masks.push(mask);
-            Some(masks.len() as u32 - 1)
-        };
-        let numbers: Vec<Option<u32>> = of_materials.into_iter().map(&mut number).collect();
-        let (mut of_triangle, mut triangles) = (Vec::new(), Vec::new());
-        for (material, uvs) in faces {
-            of_triangle.push(match (numbers[material], uvs) {
-                (Some(mask), Some(uvs)) => {
-                    triangles.push(Masked { mask, uvs });
-                    triangles.len() as u32 - 1
-                }
-                _ => u32::MAX,
+        let mut holes = Self::default();
+        let mut known: HashMap<*const Vec<f32>, u32> = HashMap::new();
+        let mut image = |mask: &Option<Mask>| {
+            let Mask {
+                alpha, size, wrap, ..
+            } = mask.as_ref()?;
+            let first = *known.entry(Arc::as_ptr(alpha)).or_insert_with(|| {
+                holes.alphas.extend(alpha.iter());
+                (holes.alphas.len() - alpha.len()) as u32
             });
+            Some([first, size[0] as u32, size[1] as u32, *wrap as u32])
+        };
+        let images: Vec<Option<[u32; 4]>> = of_materials.iter().map(&mut image).collect();
+        let mut count = 0;
+        for (material, uvs) in faces {
+            holes.of_triangle.push(u32::MAX);
+            let (Some(mask), Some(uvs)) = (&of_materials[material], uvs) else {
+                continue;
+            };
+            holes.of_triangle.pop();
+            holes.of_triangle.push(count);
+            count += 1;
+            holes.images.extend(images[material].into_iter().flatten());
+            holes.uvs.extend(uvs.as_flattened());
+            holes.uvs.push(mask.cutoff);
         }
-        (!triangles.is_empty()).then_some(Self {
-            of_triangle,
-            triangles,
-            masks,
-        })
+        (count > 0).then_some(holes)
     }
 
     /// Whether a triangle may have holes.

@@ -35,7 +35,7 @@ pub(crate) use check::{check_devices, check_scene};
 pub use corners::CornerAttribute;
 pub use environment::Environment;
 pub(crate) use flatten::{EnvironmentMap, Flattened, Normalization, SkyTensors};
-pub(crate) use holes::{Holes, Mask, Masked};
+pub(crate) use holes::{Holes, OF_MASKED};
 pub(crate) use host::{HostAttribute, HostMaterial, HostScene, SceneFrame};
 pub(crate) use host_textures::HostTexture;
 pub use light::Light;

@@ -11,6 +11,7 @@ use super::surface::look_up;
 use super::tracer::{Sight, Tracer};
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
+use crate::model::v3;
 use crate::sampling::Dimensions;
 use crate::scene::Channel;
 
@@ -157,9 +158,9 @@ fn arriving(
         Some(holes) => {
             let weights = |c: &Chosen| {
                 let [u, v] = c.weights.map(|w| w as f32);
-                [1.0 - u - v, u, v]
+                v3(1.0 - u - v, u, v)
             };
-            let shines = |c: &Chosen| u8::from(!holes.open(c.emitter, || weights(c)));
+            let shines = |c: &Chosen| u8::from(!holes.masks().open(c.emitter, weights(c)));
             let shines: Vec<f64> = chosen.iter().map(|c| shines(c).into()).collect();
             per_area * context.row(&shines)
         }

@@ -83,7 +83,7 @@ impl Lights {
         v: &[f64],
     ) -> (Vec<Chosen>, Vec<ChosenLight>) {
         let pieces = u.par_iter().zip(v).enumerate().with_min_len(PIECE);
-        let one = |room: &mut Vec<f32>, (i, (&u, &v)): (usize, (&f64, &f64))| {
+        let one = |room: &mut Vec<u32>, (i, (&u, &v)): (usize, (&f64, &f64))| {
             let nowhere = Receiver {
                 position: V3::ZERO,
                 normal: V3::ZERO,
@@ -120,9 +120,9 @@ impl Lights {
             emitters.each_hit_of_all(&at, directions[i].into(), &mut met, |hit| {
                 hits.push(Chosen {
                     path: i as u32,
-                    emitter: emitters.get(hit.emitter).triangle,
-                    weights: hit.weights.map(f64::from),
-                    chance: emitters.chance(&at, hit.emitter, &mut room).into(),
+                    emitter: emitters.get(hit.emitter as usize).triangle,
+                    weights: [hit.weights.x, hit.weights.y].map(f64::from),
+                    chance: emitters.chance(&at, hit.emitter as usize, &mut room).into(),
                 });
             });
             hits

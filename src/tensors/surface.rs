@@ -8,7 +8,7 @@ use crate::geometry::{
     Context, Nearest, Triangles, Vec3, VertexData, detached, gather_row, host_values,
     nearest_on_triangle,
 };
-use crate::model::texture::{number_of, wrapped};
+use crate::model::texture::wrapped;
 use crate::scene::{Bsdf, Channel, ChannelPlanes, Flattened, MaterialKind};
 
 /// Drawn surface points, rows `[1, N]`.
@@ -335,7 +335,7 @@ pub(crate) fn look_up(
         let at: Vec<u32> = (0..n)
             .map(|i| {
                 slots[i].map_or(0, |s| {
-                    let wrap = number_of(s.wrap);
+                    let wrap = s.wrap as u32;
                     let column = wrapped(
                         host_left[i].clamp(-1e9, 1e9) as i32 + dx,
                         s.width as u32,

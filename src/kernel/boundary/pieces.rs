@@ -43,7 +43,7 @@ impl View {
             return Vec::new();
         };
         // A camera that moves sees all edges move.
-        let seen = |e: &Edge| self.wanted.camera || e.moves(&self.scene, &self.wanted);
+        let seen = |e: &Edge| self.wanted.of.camera || e.moves(&self.scene, &self.wanted);
         const CHUNK: usize = 4096;
         let lists: Vec<Vec<Piece>> = sets
             .edges
@@ -76,11 +76,11 @@ impl View {
         }
         let c = &self.camera;
         let above = |k: u32| {
-            let t = &self.scene.triangles[k as usize];
+            let t = self.scene.triangle(k);
             if c.parallel {
                 -t.normal.dot(c.forward)
             } else {
-                t.normal.dot(c.eye) - t.plane
+                t.above(c.eye)
             }
         };
         let (front, back) = (above(e.faces[0]), above(e.faces[1]));

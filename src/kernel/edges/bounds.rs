@@ -27,8 +27,8 @@ impl<'a> EdgeList<'a> {
 
     /// The way of an edge over the shutter.
     pub fn velocity(&self, e: &Edge) -> V3 {
-        let all = &self.scene.velocities;
-        all.as_ref().map_or(V3::ZERO, |v| v[e.object as usize])
+        let all = self.scene.velocities.as_ref();
+        all.map_or(V3::ZERO, |v| v[e.object as usize].into())
     }
 
     pub fn middle(&self, index: u32) -> V3 {
@@ -53,7 +53,7 @@ impl<'a> EdgeList<'a> {
     fn normals(&self, e: &Edge) -> [V3; 2] {
         let [first, second, ..] = e.faces;
         let second = if second == u32::MAX { first } else { second };
-        [first, second].map(|k| self.scene.triangles[k as usize].normal)
+        [first, second].map(|k| self.scene.triangle(k).normal)
     }
 }
 

@@ -5,10 +5,10 @@ use rayon::prelude::*;
 
 use super::{Edge, FACES, Kind};
 use crate::accel::Overlaps;
-use crate::kernel::lists::Triangle;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 use crate::model::edge::TOUCHING;
+use crate::trace::Triangle;
 
 /// Times in the shutter at which moving objects are looked at.
 const TIMES: [f32; 5] = [0.5, 0.0, 1.0, 0.25, 0.75];
@@ -16,9 +16,8 @@ const TIMES: [f32; 5] = [0.5, 0.0, 1.0, 0.25, 0.75];
 /// The corners of a triangle at a time.
 fn corners(scene: &KernelScene, k: u32, time: f32) -> [DVec3; 3] {
     let shift = scene.shift(k, time);
-    scene.triangles[k as usize]
-        .corners
-        .map(|c| (c + shift).into())
+    let corners = scene.triangle(k).corners();
+    corners.map(|c| (c + shift).into())
 }
 
 /// The segment in which two triangles pass through each other at a time, if they do so by more than
@@ -113,29 +112,29 @@ pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
 
 /// Whether two triangles might pass through each other, told by corners and planes.
 fn may_cross(scene: &KernelScene, k: u32, l: u32) -> bool {
-    let (t, s) = (&scene.triangles[k as usize], &scene.triangles[l as usize]);
-    if s.area <= 0.0 || t.area <= 0.0 || t.corners.iter().any(|c| s.corners.contains(c)) {
+    let (t, s) = (scene.triangle(k), scene.triangle(l));
+    if s.area <= 0.0 || t.area <= 0.0 || t.corners().iter().any(|c| s.corners().contains(c)) {
         return false;
     }
     if scene.velocities.is_some() {
         return true;
     }
     let passes = |plane: &Triangle, other: &Triangle| {
-        let above = other.corners.map(|c| plane.normal.dot(c) - plane.plane);
+        let above = other.corners().map(|c| plane.above(c));
         above.iter().any(|&d| d > 0.0) && above.iter().any(|&d| d < 0.0)
     };
-    passes(t, s) && passes(s, t)
+    passes(&t, &s) && passes(&s, &t)
 }
 
 fn crossing(scene: &KernelScene, k: u32, l: u32, [a, b]: [V3; 2], time: f32) -> Edge {
     let mut faces = [u32::MAX; FACES];
     faces[..2].copy_from_slice(&[k, l]);
-    let object = scene.triangles[k as usize].object;
+    let object = scene.object_of(k);
     // At the start of the shutter, as if both moved like the first.
     let shift = scene.shift(k, time);
     let apart = match &scene.velocities {
         Some(v) => {
-            let other = scene.triangles[l as usize].object;
+            let other = scene.object_of(l);
             v[object as usize] != v[other as usize]
         }
         None => false,
@@ -150,21 +149,5 @@ fn crossing(scene: &KernelScene, k: u32, l: u32, [a, b]: [V3; 2], time: f32) -> 
         crease: 1.0,
         closed: false,
         apart,
-    }
-}
-
-impl Edge {
-    /// The edge as it is at a time, but for its object's motion. None where there is none then.
-    pub fn at_time(&self, scene: &KernelScene, time: f32) -> Option<Self> {
-        if !self.apart {
-            return Some(*self);
-        }
-        let [k, l] = [self.faces[0], self.faces[1]];
-        let [a, b] = segment(scene, k, l, time)?;
-        Some(Self {
-            a: a - scene.shift(k, time),
-            along: b - a,
-            ..*self
-        })
     }
 }

@@ -4,10 +4,10 @@ use rayon::prelude::*;
 
 use super::{Edge, FACES, Kind};
 use crate::geometry::Weld;
-use crate::kernel::lists::{Corners, Triangle};
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 use crate::scene::Bsdf;
+use crate::trace::NONE;
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;
@@ -24,14 +24,14 @@ pub(super) fn of_object(
     faces: &[[u32; 3]],
 ) -> Vec<Edge> {
     let weld = Weld::new(positions);
-    let part = &scene.objects[object];
+    let part = &scene.lists.objects[object];
     // Both ends, ascending, and its place: a face's i-th edge runs from its i-th corner to the next.
     let mut all: Vec<(u64, u32)> = faces
         .par_iter()
         .enumerate()
         .flat_map_iter(|(f, face)| {
             let w = face.map(|v| u64::from(weld.place(v)));
-            let valid = scene.triangles[part.first_triangle + f].area > 0.0;
+            let valid = scene.lists.surfaces[part.first_triangle + f][13] > 0.0;
             (0..3).filter_map(move |i| {
                 let (p, q) = (w[i], w[(i + 1) % 3]);
                 (valid && p != q).then_some(((p.min(q) << 32) | p.max(q), 4 * f as u32 + i as u32))
@@ -60,15 +60,15 @@ fn edge_of(
     group: &[(u64, u32)],
     closed: bool,
 ) -> Option<Edge> {
-    let part = &scene.objects[object];
+    let part = &scene.lists.objects[object];
     let ends = |at: u32| {
         let (f, i) = ((at / 4) as usize, (at % 4) as usize);
         let k = part.first_triangle + f;
         (k, i, (i + 1) % 3)
     };
     let (k, i, j) = ends(group[0].1);
-    let corners = scene.triangles[k].corners;
-    let rows = scene.vertex_rows[k];
+    let corners = scene.triangle(k as u32).corners();
+    let rows = scene.lists.vertex_rows[k];
     let own = [rows[i], rows[j]];
     let mut edge = Edge {
         a: corners[i],
@@ -88,7 +88,7 @@ fn edge_of(
         return Some(edge);
     }
     let (k2, i2, j2) = ends(group[1].1);
-    let rows2 = scene.vertex_rows[k2];
+    let rows2 = scene.lists.vertex_rows[k2];
     let turned = weld.place(faces[(group[0].1 / 4) as usize][i])
         == weld.place(faces[(group[1].1 / 4) as usize][i2]);
     edge.rows[1] = if turned {
@@ -101,54 +101,61 @@ fn edge_of(
         return Some(edge);
     }
     edge.kind = Kind::Fold;
-    let (t, t2) = (&scene.triangles[k], &scene.triangles[k2]);
-    edge.crease = crease(scene, (k, t, [i, j]), (k2, t2, [j2, i2]));
-    let flat = (t.normal - t2.normal).length() < FLAT;
+    let normals = [k, k2].map(|k| scene.triangle(k as u32).normal);
+    edge.crease = crease(scene, [k, k2], normals, [[i, j], [j2, i2]]);
+    let flat = (normals[0] - normals[1]).length() < FLAT;
     (!flat || edge.crease > 0.0).then_some(edge)
 }
 
-/// The most by which colours may jump where both faces are seen.
+/// The most by which colours may jump where both faces are seen: two triangles with their normals, and the corners of
+/// each at the ends of the edge.
 fn crease(
     scene: &KernelScene,
-    (k, t, ends): (usize, &Triangle, [usize; 2]),
-    (k2, t2, ends2): (usize, &Triangle, [usize; 2]),
+    [k, k2]: [usize; 2],
+    geometric: [V3; 2],
+    [ends, ends2]: [[usize; 2]; 2],
 ) -> f32 {
-    if t.material != t2.material {
+    let lists = &scene.lists;
+    let (words, words2) = (&lists.triangles[k], &lists.triangles[k2]);
+    if words[0] != words2[0] {
         return 1.0;
     }
-    let material = &scene.materials[t.material as usize];
+    let material = &scene.materials[words[0] as usize];
     if !material.kind.reflects && !material.glows() {
         return 0.0;
     }
     let textured = material.is_textured();
+    let distance = |p: &[f32], q: &[f32]| {
+        let square = |(p, q): (&f32, &f32)| (p - q) * (p - q);
+        p.iter().zip(q).map(square).sum::<f32>().sqrt()
+    };
     // Geometric normals count where light comes from near the horizon.
-    let mut jump: f32 = SMOOTH * (t.normal - t2.normal).length();
+    let mut jump: f32 = SMOOTH * (geometric[0] - geometric[1]).length();
     for (c, c2) in ends.into_iter().zip(ends2) {
-        let normal = |k: usize, t: &Triangle, c: usize| match scene.normal_rows[k][c] {
-            u32::MAX => t.normal,
-            row => scene.normals[row as usize].normalize(),
+        let normal = |words: &[u32], c: usize, geometric: V3| match words[5 + c] {
+            NONE => geometric,
+            row => V3::from(lists.normals[row as usize]).normalize(),
         };
-        jump = jump.max((normal(k, t, c) - normal(k2, t2, c2)).length());
+        let normals = [
+            normal(words, c, geometric[0]),
+            normal(words2, c2, geometric[1]),
+        ];
+        jump = jump.max((normals[0] - normals[1]).length());
         if textured {
-            let at = |k: usize, c: usize| match scene.uv_rows[k][c] {
-                u32::MAX => [0.0; 2],
-                row => scene.uvs[row as usize],
+            let at = |words: &[u32], c: usize| match words[2 + c] {
+                NONE => [0.0; 2],
+                row => lists.uvs[row as usize],
             };
-            let (p, q) = (at(k, c), at(k2, c2));
-            if (p[0] - q[0]).abs() + (p[1] - q[1]).abs() > 1e-6 {
+            if distance(&at(words, c), &at(words2, c2)) > 1e-6 {
                 return 1.0;
             }
         }
-        let apart = |corners: &Corners, without: V3| {
-            let at = |k: usize, c: usize| match corners.rows.get(k).map(|rows| rows[c]) {
-                None | Some(u32::MAX) => without,
-                Some(row) => corners.values[row as usize],
-            };
-            (at(k, c) - at(k2, c2)).length()
-        };
-        jump = jump.max(apart(&scene.colours, V3::ONE) / CREASE);
+        let colours = [(k, c), (k2, c2)].map(|(k, c)| lists.colours.at(k, c).unwrap_or([1.0; 3]));
+        jump = jump.max(distance(&colours[0], &colours[1]) / CREASE);
         if material.normal_map.is_some() {
-            jump = jump.max(apart(&scene.tangents, V3::ZERO));
+            let tangents = [(k, c), (k2, c2)].map(|(k, c)| lists.tangents.at(k, c));
+            let [p, q] = tangents.map(Option::unwrap_or_default);
+            jump = jump.max(distance(&p[..3], &q[..3]));
         }
     }
     if jump < FLAT {

@@ -13,10 +13,12 @@ use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
 use crate::scene::HostScene;
+use crate::trace::{OF_EDGE, Scene};
 use bounds::EdgeList;
+pub(crate) use draw::ROOM;
 pub(crate) use draw::Root;
 #[cfg(feature = "wgpu")]
-pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, draw_edge};
+pub(crate) use draw::{DrawnEdge, NO_EDGE, draw_edge};
 use tree::EdgeTree;
 
 /// Faces of an edge, at most; if there are more, the others count as what lies behind.
@@ -46,12 +48,21 @@ impl Edge {
     /// Whether it has derivatives.
     pub fn moves(&self, scene: &KernelScene, wanted: &Wanted) -> bool {
         if self.kind == Kind::Crossing {
-            return self.faces[..2].iter().any(|&k| {
-                let object = scene.triangles[k as usize].object;
-                wanted.objects[object as usize]
-            });
+            return self.faces[..2]
+                .iter()
+                .any(|&k| wanted.objects[scene.object_of(k) as usize] != 0);
         }
-        wanted.objects[self.object as usize]
+        wanted.objects[self.object as usize] != 0
+    }
+}
+
+impl Edge {
+    /// Its words in a list ([`EdgePoint`](crate::trace::EdgePoint)).
+    fn words(&self) -> [u32; OF_EDGE] {
+        let crossing = u32::from(self.kind == Kind::Crossing) + u32::from(self.apart);
+        let [[a, b], [c, d]] = self.rows;
+        let [k, l, m, n] = self.faces;
+        [k, l, m, n, a, b, c, d, self.object, crossing]
     }
 }
 
@@ -69,6 +80,9 @@ pub(crate) enum Kind {
 /// Edges that something can jump at, and trees over them.
 pub(crate) struct EdgeSets {
     pub(crate) edges: Vec<Edge>,
+    /// What stages read of them.
+    flat: Vec<[[f32; 3]; 2]>,
+    words: Vec<[u32; OF_EDGE]>,
     all: EdgeTree,
     moving: Moving,
 }
@@ -102,11 +116,26 @@ impl EdgeSets {
         } else {
             (EdgeTree::joint(&source, moving, others), Moving::Part)
         };
-        Self { all, moving, edges }
+        Self {
+            flat: edges
+                .iter()
+                .map(|e| [e.a, e.along].map(V3::to_array))
+                .collect(),
+            words: edges.iter().map(Edge::words).collect(),
+            all,
+            moving,
+            edges,
+        }
+    }
+
+    /// Adds them to the lists of a view.
+    #[inline(always)]
+    pub fn add_to<'a>(&'a self, scene: &mut Scene<'a>) {
+        scene.edges = self.flat.as_flattened().as_flattened();
+        scene.of_edges = self.words.as_flattened();
     }
 
     /// Whether a line of a crossing moves while the shutter is open.
-    #[cfg(feature = "wgpu")]
     pub(crate) fn any_apart(&self) -> bool {
         self.edges.iter().any(|e| e.apart)
     }

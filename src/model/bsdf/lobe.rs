@@ -33,6 +33,22 @@ pub(crate) struct Lobe {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Lobe {
+    /// The hemisphere about a normal.
+    #[inline(always)]
+    pub fn whole(normal: V3) -> Lobe {
+        Lobe {
+            axis: normal,
+            cos: 0.0f32.runtime(),
+            sin: 1.0f32.runtime(),
+            exponent: 0.0f32.runtime(),
+            core: splat(0.0),
+            core_cos: (-1.0f32).runtime(),
+            inside: true.runtime(),
+            chance: 1.0f32.runtime(),
+            rest: 0.0f32.runtime(),
+        }
+    }
+
     /// Whether a direction belongs to the part.
     #[inline(always)]
     pub fn holds(&self, direction: V3) -> bool {

@@ -22,7 +22,6 @@ mod tests;
 
 use super::{Pair, V3, splat, v3};
 use crate::cube::*;
-use crate::scene::{CHANNELS, MaterialKind};
 
 pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 pub(crate) use dielectric::UPRIGHT;
@@ -77,43 +76,12 @@ pub(crate) struct ShadingGradient {
     pub exponent: f32,
 }
 
-impl ShadingGradient {
-    /// The derivatives by a material's parameters, each at its place ([`Channel::place`]).
-    ///
-    /// [`Channel::place`]: crate::scene::Channel::place
-    #[inline(always)]
-    pub fn channels(&self) -> [V3; CHANNELS] {
-        let mut by = [V3::ZERO; CHANNELS];
-        by[0] = self.diffuse;
-        by[1] = self.specular;
-        by[2] = v3(self.exponent, 0.0, 0.0);
-        by
-    }
-}
-
 /// Directions drawn by a number nearer to 0 or 1 have derivatives without bound.
 const LEAST: f32 = 1e-7;
 /// The cosine to the shading normal counts up to so many times that to the geometric one.
 pub(crate) const HORIZON: f32 = 4.0;
 /// Densities under this can't have been drawn.
 const IMPOSSIBLE: f32 = 1e-20;
-
-impl Shading {
-    /// The shading of a material with these parameters at the point.
-    #[inline(always)]
-    pub fn of(values: [V3; CHANNELS], kind: MaterialKind) -> Self {
-        Self {
-            diffuse: values[0],
-            specular: values[1],
-            exponent: values[2].x,
-            glossy: kind.glossy,
-            model: model_of(kind.bsdf),
-            compensated: kind.compensated,
-            models: Models::of(kind.bsdf),
-            ..Self::default()
-        }
-    }
-}
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {

@@ -52,7 +52,6 @@ impl Models {
         self.metal || self.dielectric
     }
 
-    #[cfg(feature = "wgpu")]
     pub fn or(self, other: Self) -> Self {
         Self {
             phong: self.phong || other.phong,

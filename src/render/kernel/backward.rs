@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::forward::camera_tiles;
 use super::prepare::Places;
 use super::rows::Rows;
-use crate::kernel::{FilmEdges, PixelGradients, Seen, Sums, View, Work};
+use crate::kernel::{FilmEdges, HostSums, PixelGradients, Seen, View, Work};
 use crate::model::film::samples_of_film;
 use crate::render::options::{RenderOptions, Tile};
 
@@ -65,11 +65,11 @@ impl Backward {
     /// Adds the derivatives by the scenes and cameras of some views.
     fn add_group(&self, views: &[(View, Places)], rows: &[f64], all: &mut [f64]) {
         let of_view = self.rows.count() * self.pixels.len();
-        let sums: Vec<Sums> = views
+        let sums: Vec<HostSums> = views
             .par_iter()
             .zip(rows.par_chunks(of_view))
             .map(|((view, _), rows)| {
-                let mut sums = Sums::new(&view.scene, &view.wanted);
+                let mut sums = HostSums::new(&view.scene, &view.wanted);
                 self.add(view, &self.asked(view, rows), &mut sums);
                 sums.resolve(&view.scene);
                 sums
@@ -77,7 +77,7 @@ impl Backward {
             .collect();
         for ((view, places), sums) in views.iter().zip(&sums) {
             sums.write(&view.scene, &places.scene, all);
-            view.write_camera(&sums.camera, &places.camera, all);
+            view.write_camera(sums.camera(), &places.camera, all);
         }
     }
 
@@ -106,14 +106,14 @@ impl Backward {
     }
 
     /// Adds the derivatives of a view.
-    fn add(&self, view: &View, asked: &Asked, all: &mut Sums) {
+    fn add(&self, view: &View, asked: &Asked, all: &mut HostSums) {
         let jumps = view.has_edges;
         if !view.settings.interior && !jumps {
             return;
         }
         // Tiles in accumulators that have their sums to themselves: as many whatever the machine, so that
         // sums come out the same.
-        let zero = Sums::new(&view.scene, &view.wanted);
+        let zero = HostSums::new(&view.scene, &view.wanted);
         let accumulators = (ACCUMULATED / zero.len()).clamp(4, 64);
         let each = self.tiles.len().div_ceil(accumulators).max(1);
         let per_sample = f64::from(self.samples).recip() as f32;
@@ -133,14 +133,14 @@ impl Backward {
             }
             sums
         };
-        let sums: Vec<Sums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
+        let sums: Vec<HostSums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
         sums.iter().for_each(|s| all.add(s));
         let Some(film) = asked.film.as_ref().filter(|f| !f.edges.is_empty()) else {
             return;
         };
         let count = film.samples;
         let each = count.div_ceil(accumulators as u32).max(256);
-        let sums: Vec<Sums> = (0..count.div_ceil(each))
+        let sums: Vec<HostSums> = (0..count.div_ceil(each))
             .into_par_iter()
             .map(|i| {
                 let mut sums = zero.clone();

@@ -111,7 +111,7 @@ impl Forward<'_> {
 
     /// Sums over the samples of a tile `[P, C]`.
     fn tile(&self, view: &View, tile: &Tile) -> (Vec<f64>, Traced) {
-        let own = view.scene.counted.len();
+        let own = view.scene.lists.counted.len();
         let range = tile.first..tile.first + tile.pixels;
         let all: Vec<u32>;
         let pixels = match self.pixels {

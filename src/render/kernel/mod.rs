@@ -43,7 +43,7 @@ pub(super) fn jumps(
     if !prepared.views.iter().any(|(view, _)| view.has_edges) {
         return Ok(vec![0.0; size]);
     }
-    let objects = prepared.views[0].0.scene.counted.len();
+    let objects = prepared.views[0].0.scene.lists.counted.len();
     let rows = Rows::new(options.outputs, objects);
     let backward = Backward::new(prepared.views, size, rows, options, pixels);
     Ok(backward.gradient(upstream))
@@ -61,7 +61,7 @@ pub(super) fn render(
         context,
         lit,
     } = prepare(batch, options, true)?;
-    let objects = views.iter().map(|(v, _)| v.scene.counted.len()).max();
+    let objects = views.iter().map(|(v, _)| v.scene.lists.counted.len()).max();
     let objects = objects.unwrap_or(0);
     let rows = Rows::new(options.outputs, objects);
     let count = match &pixels {

@@ -48,32 +48,3 @@ impl<'a> Fixed<'a> {
         }
     }
 }
-
-impl Chosen {
-    /// The emitter, its probability, and what is left of the number.
-    #[inline(always)]
-    pub(super) fn parts(self) -> (usize, f32, f32) {
-        (self.emitter as usize, self.chance, self.rest)
-    }
-}
-
-/// An index drawn with its probability, that, and what is left of the number.
-#[inline(always)]
-pub(super) fn one_of(p: &[f32], u: f32) -> (usize, f32, f32) {
-    let (mut k, mut passed) = (0, 0.0);
-    // Rounding may leave the sum a little under 1: then the last that can be is taken.
-    let mut taken = (0, 0.0);
-    while k < p.len() {
-        if p[k] > 0.0 {
-            taken = (k, passed);
-            if u < passed + p[k] {
-                break;
-            }
-        }
-        passed += p[k];
-        k += 1;
-    }
-    let (k, before) = taken;
-    let rest = (u - before) / p[k];
-    (k, p[k], rest.clamp(0.0, 1.0 - f32::EPSILON))
-}

@@ -3,12 +3,11 @@
 use pulp::Arch;
 
 use super::branches::{Item, Lists};
-use super::fixed::Chosen;
 use super::powers::{mean, running_sums};
 use super::tree::{LightTree, OF_NODE};
-use super::{Emitter, EmitterGroup, Emitters, Receiver};
+use super::{Emitter, EmitterGroup, Emitters, Fixed, Receiver};
 use crate::accel::eights::NONE;
-use crate::accel::{LANES, Machine, Task, dispatch};
+use crate::accel::{Machine, Task, dispatch};
 use crate::model::V3;
 use crate::model::light_bounds::{Axes, Sphere};
 
@@ -115,7 +114,8 @@ impl ManyEmitters {
     }
 
     /// What is read to choose one of all.
-    pub fn tree<'a>(&'a self, all: &'a Emitters) -> LightTree<'a> {
+    #[inline(always)]
+    pub fn tree<'a>(&'a self, fixed: Fixed<'a>) -> LightTree<'a> {
         LightTree {
             branches: &self.tree.branches,
             nodes: &self.tree.nodes,
@@ -125,85 +125,19 @@ impl ManyEmitters {
             distant_count: self.distant.len() as u32,
             sums: &self.sums,
             axes: &self.axes,
-            fixed: all.by_power(),
+            fixed,
         }
-    }
-
-    /// An emitter for a random number.
-    #[inline(never)]
-    pub fn choose(&self, all: &Emitters, at: &Receiver, u: f32) -> Chosen {
-        let tree = self.tree(all);
-        dispatch(self.arch, Choose { tree, at, u })
-    }
-
-    /// The probability of an emitter, or of the leaf that it is in, among those that are not chosen by power.
-    #[inline(never)]
-    pub fn chance(&self, all: &Emitters, at: &Receiver, emitter: usize, of_leaf: bool) -> f32 {
-        let task = Chance {
-            tree: self.tree(all),
-            at,
-            emitter,
-            of_leaf,
-        };
-        dispatch(self.arch, task)
     }
 
     /// Finds the emitters that are somewhere whose spheres a ray meets.
     pub fn meet(&self, all: &Emitters, at: &Receiver, direction: V3, met: &mut Met) {
         let task = Meet {
-            tree: self.tree(all),
+            tree: all.lists().tree,
             at,
             direction,
             met,
         };
         dispatch(self.arch, task);
-    }
-}
-
-/// [`LightTree::choose`] as a task.
-struct Choose<'a> {
-    tree: LightTree<'a>,
-    at: &'a Receiver,
-    u: f32,
-}
-
-impl Task for Choose<'_> {
-    type Output = Chosen;
-
-    #[inline(always)]
-    fn run<M: Machine>(self, _: M) -> Chosen {
-        let Receiver {
-            position, normal, ..
-        } = *self.at;
-        let share = self.tree.share_of_distant(position, normal);
-        let weights = &mut [0; LANES];
-        self.tree.choose(self.u, share, position, normal, weights)
-    }
-}
-
-/// [`LightTree::chance_by_place`] as a task.
-struct Chance<'a> {
-    tree: LightTree<'a>,
-    at: &'a Receiver,
-    emitter: usize,
-    of_leaf: bool,
-}
-
-impl Task for Chance<'_> {
-    type Output = f32;
-
-    #[inline(always)]
-    fn run<M: Machine>(self, _: M) -> f32 {
-        let (
-            Receiver {
-                position, normal, ..
-            },
-            k,
-        ) = (*self.at, self.emitter as u32);
-        let share = self.tree.share_of_distant(position, normal);
-        let weights = &mut [0; LANES];
-        let (tree, of_leaf) = (self.tree, self.of_leaf);
-        tree.chance_by_place(k, of_leaf, share, position, normal, weights)
     }
 }
 

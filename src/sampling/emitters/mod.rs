@@ -3,6 +3,7 @@
 mod branches;
 mod fixed;
 mod groups;
+mod lists;
 mod many;
 mod powers;
 #[cfg(test)]
@@ -10,19 +11,21 @@ mod tests;
 mod tree;
 
 use super::strategies::EmitterSampling;
+use crate::accel::LANES;
+use crate::accel::eights::NONE;
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
-use crate::model::triangle::{barycentric, solid_angle};
-#[cfg(feature = "wgpu")]
 pub(crate) use fixed::Chosen;
 pub(crate) use fixed::Fixed;
-use fixed::one_of;
 pub(crate) use groups::EmitterGroup;
 use groups::group;
+use lists::FEW;
+pub(crate) use lists::{
+    EmitterHit, EmitterKinds, EmitterLists, EmitterTriangle, OF_EMITTER, Receiver, no_emitter_hit,
+};
 use many::ManyEmitters;
 pub(crate) use many::Met;
 use powers::{mean, powers_of_lights, running_sums};
-#[cfg(feature = "wgpu")]
 pub(crate) use tree::LightTree;
 
 /// The emitters of a scene: triangles, then lights without extent, in one count.
@@ -34,10 +37,41 @@ pub(crate) struct Emitters {
     /// Sums of these up to each emitter.
     sums: Vec<f32>,
     by: Choice,
+    pub kinds: EmitterKinds,
+    flat: Flat,
     /// Emitters that are near to each other, whose shadows are sampled together; then lights without extent, one by one.
     pub groups: Vec<EmitterGroup>,
     /// The group of each light without extent.
     group_of_light: Vec<u32>,
+}
+
+/// What [`EmitterLists`] read.
+#[derive(Default)]
+struct Flat {
+    triangles: Vec<[f32; OF_EMITTER]>,
+    lights: Vec<[f32; 11]>,
+    bits: Vec<u32>,
+    brightness: Vec<f32>,
+}
+
+impl Flat {
+    fn new(list: &[Emitter], lights: &[DeltaLight]) -> Self {
+        let triangle = |e: &Emitter| {
+            let [a, b, c] = e.corners;
+            let vectors = [a, b, c, e.normal, e.velocity].map(V3::to_array);
+            let mut numbers = [e.area; OF_EMITTER];
+            numbers[..12].copy_from_slice(vectors[..4].as_flattened());
+            numbers[13..].copy_from_slice(&vectors[4]);
+            numbers
+        };
+        let of_triangles = list.iter().map(|e| e.radiance);
+        Self {
+            triangles: list.iter().map(triangle).collect(),
+            lights: lights.iter().map(DeltaLight::numbers).collect(),
+            bits: lights.iter().map(DeltaLight::bits).collect(),
+            brightness: of_triangles.chain(lights.iter().map(brightness)).collect(),
+        }
+    }
 }
 
 /// The choice of an emitter.
@@ -48,16 +82,6 @@ enum Choice {
     SolidAngle,
     /// By a tree.
     Tree(ManyEmitters),
-}
-
-/// A surface point that emitters are chosen for.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Receiver {
-    pub position: V3,
-    /// The side's normal.
-    pub normal: V3,
-    /// Time in the shutter.
-    pub time: f32,
 }
 
 /// A triangle that emits from its front, in inner coordinates at the start of the shutter.
@@ -76,23 +100,9 @@ pub(crate) struct Emitter {
     pub group: u32,
 }
 
-/// A point of an emitter that a ray hits, as if nothing were in between.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct EmitterHit {
-    pub emitter: usize,
-    pub distance: f32,
-    /// Weights of the corners b and c.
-    pub weights: [f32; 2],
-}
-
-/// Up to so many emitters have their solid angles computed at every point.
-const FEW: usize = 64;
 /// Emitters under a glancing angle are chosen with at least this share of their power's probability:
 /// their light is small there, but its derivative is not.
 pub(crate) const BY_POWER: f32 = 0.1;
-
-/// Rays that are more parallel to an emitter than this don't meet it.
-pub(crate) const GRAZING: f32 = 1e-6;
 
 impl Emitters {
     /// Of a list in the order of the scene's triangles; `moves` says whether any velocity counts. `size` is the typical
@@ -134,6 +144,8 @@ impl Emitters {
         let mut this = Self {
             group_of_light: vec![0; lights.len()],
             sums: Vec::new(),
+            kinds: EmitterKinds::default(),
+            flat: Flat::default(),
             by: Choice::Fixed,
             groups: Vec::new(),
             list,
@@ -164,6 +176,18 @@ impl Emitters {
             }
         }
         this.sums = running_sums(this.fixed.iter().copied());
+        this.kinds = EmitterKinds {
+            lights: !this.lights.is_empty(),
+            moves,
+            by_solid_angle: matches!(this.by, Choice::SolidAngle),
+            by_tree: matches!(this.by, Choice::Tree(_)),
+            by_sums: count > FEW,
+            room: match this.by {
+                Choice::SolidAngle => FEW,
+                _ => LANES,
+            },
+        };
+        this.flat = Flat::new(&this.list, &this.lights);
         this
     }
 
@@ -175,11 +199,6 @@ impl Emitters {
     #[inline(always)]
     pub fn light(&self, emitter: usize) -> Option<usize> {
         emitter.checked_sub(self.list.len())
-    }
-
-    /// The light without extent that a group is.
-    pub fn light_of_group(&self, group: usize) -> Option<usize> {
-        self.light(*self.groups[group].members.first()? as usize)
     }
 
     pub fn group_of(&self, emitter: usize) -> usize {
@@ -202,115 +221,43 @@ impl Emitters {
         &self.list[emitter]
     }
 
-    /// What an emitter brings to a point is multiplied by: mean radiance, intensity or irradiance.
-    #[cfg(feature = "wgpu")]
-    pub fn brightness(&self, emitter: usize) -> f32 {
-        match self.light(emitter) {
-            None => self.list[emitter].radiance,
-            Some(light) => brightness(&self.lights[light]),
-        }
-    }
-
-    /// Probabilities of few emitters at a point; `room` is room for them.
-    #[inline(never)]
-    fn seen_from<'a>(&'a self, at: &Receiver, room: &'a mut Vec<f32>) -> &'a [f32] {
-        room.clear();
-        let mut total = 0.0;
-        for e in &self.list {
-            let p = e.brings(at);
-            total += p;
-            room.push(p);
-        }
-        for light in &self.lights {
-            let p = brings(light, at);
-            total += p;
-            room.push(p);
-        }
-        if !(total > 0.0 && total.is_finite()) {
-            return &self.fixed;
-        }
-        for (p, fixed) in room.iter_mut().zip(&self.fixed) {
-            *p = (1.0 - BY_POWER) * *p / total + BY_POWER * fixed;
-        }
-        room
-    }
-
-    /// An emitter for a random number, its probability, and what is left of the number, uniform again.
+    /// What a choice reads.
     #[inline(always)]
-    pub fn choose(&self, at: &Receiver, u: f32, room: &mut Vec<f32>) -> (usize, f32, f32) {
-        match &self.by {
-            Choice::Fixed if self.fixed.len() > FEW => self.by_power().choose(u).parts(),
-            Choice::Fixed => one_of(&self.fixed, u),
-            Choice::SolidAngle => one_of(self.seen_from(at, room), u),
-            Choice::Tree(many) => many.choose(self, at, u).parts(),
-        }
-    }
-
-    /// Probabilities that do not depend on the point.
-    #[inline(always)]
-    pub fn by_power(&self) -> Fixed<'_> {
-        Fixed {
+    pub fn lists(&self) -> EmitterLists<'_> {
+        let fixed = Fixed {
             chances: &self.fixed,
             sums: &self.sums,
             count: self.fixed.len() as u32,
+        };
+        EmitterLists {
+            triangles: self.flat.triangles.as_flattened(),
+            triangle_count: self.list.len() as u32,
+            lights: self.flat.lights.as_flattened(),
+            bits: &self.flat.bits,
+            brightness: &self.flat.brightness,
+            tree: match &self.by {
+                Choice::Tree(many) => many.tree(fixed),
+                _ => LightTree::none(fixed),
+            },
+            kinds: self.kinds,
         }
     }
 
-    /// The tree that one is chosen by, if there is one.
-    #[cfg(feature = "wgpu")]
-    pub fn tree(&self) -> Option<LightTree<'_>> {
-        match &self.by {
-            Choice::Tree(many) => Some(many.tree(self)),
-            _ => None,
-        }
-    }
-
-    /// Whether they are chosen by the solid angles of all.
-    #[cfg(feature = "wgpu")]
-    pub fn by_solid_angle(&self) -> bool {
-        matches!(self.by, Choice::SolidAngle)
-    }
-
-    /// Whether they are so many that one is searched for by sums of their fixed probabilities.
-    #[cfg(feature = "wgpu")]
-    pub fn by_sums(&self) -> bool {
-        self.fixed.len() > FEW
+    /// An emitter for a random number, its probability, and what is left of the number, uniform again.
+    pub fn choose(&self, at: &Receiver, u: f32, room: &mut Vec<u32>) -> (usize, f32, f32) {
+        let lists = self.lists();
+        room.resize(self.kinds.room, 0);
+        let share = lists.look(at, room);
+        let choice = lists.choose(u, at, share, room);
+        (choice.emitter as usize, choice.chance, choice.rest)
     }
 
     /// The probability of an emitter at a point.
-    #[inline(always)]
-    pub fn chance(&self, at: &Receiver, emitter: usize, room: &mut Vec<f32>) -> f32 {
-        match &self.by {
-            Choice::Fixed => self.fixed[emitter],
-            Choice::SolidAngle => self.seen_from(at, room)[emitter],
-            Choice::Tree(many) => {
-                let by_place = many.chance(self, at, emitter, false);
-                (1.0 - BY_POWER) * by_place + BY_POWER * self.fixed[emitter]
-            }
-        }
-    }
-
-    /// A group for a random number, and its probability.
-    pub fn choose_group(&self, at: &Receiver, u: f32, room: &mut Vec<f32>) -> (usize, f32) {
-        if self.groups.len() == 1 {
-            return (0, 1.0);
-        }
-        let (k, _, _) = self.choose(at, u, room);
-        let group = self.group_of(k);
-        let members = self.groups[group].members.iter().map(|&k| k as usize);
-        let chance = match &self.by {
-            Choice::Fixed => members.map(|k| self.fixed[k]).sum(),
-            Choice::SolidAngle => {
-                let p = self.seen_from(at, room);
-                members.map(|k| p[k]).sum()
-            }
-            Choice::Tree(many) => {
-                let by_place = many.chance(self, at, k, true);
-                let fixed: f32 = members.map(|k| self.fixed[k]).sum();
-                (1.0 - BY_POWER) * by_place + BY_POWER * fixed
-            }
-        };
-        (group, chance)
+    pub fn chance(&self, at: &Receiver, emitter: usize, room: &mut Vec<u32>) -> f32 {
+        let lists = self.lists();
+        room.resize(self.kinds.room, 0);
+        let share = lists.look(at, room);
+        lists.chance(emitter as u32, at, share, room)
     }
 
     /// Visits all emitters whose front a ray hits, as if nothing were in between; `met` is room for some of them.
@@ -342,25 +289,11 @@ impl Emitters {
         direction: V3,
         mut visit: impl FnMut(EmitterHit),
     ) {
+        let lists = self.lists();
         for k in members {
-            let e = &self.list[k];
-            let cosine = e.normal.dot(direction);
-            if cosine >= -GRAZING {
-                continue;
-            }
-            let from_a = at.position - e.velocity * at.time - e.corners[0];
-            let t = -e.normal.dot(from_a) / cosine;
-            if t <= 0.0 {
-                continue;
-            }
-            let point = e.corners[0] + from_a + direction * t;
-            let [a, b, c] = barycentric(e.corners, e.normal, e.area, point);
-            if a >= 0.0 && b >= 0.0 && c >= 0.0 {
-                visit(EmitterHit {
-                    emitter: k,
-                    distance: t,
-                    weights: [b, c],
-                });
+            let hit = lists.hit(k as u32, at.position, direction, at.time);
+            if hit.emitter != NONE {
+                visit(hit);
             }
         }
     }
@@ -369,26 +302,6 @@ impl Emitters {
     pub fn all(&self) -> std::ops::Range<usize> {
         0..self.list.len()
     }
-
-    pub fn members(&self, group: usize) -> impl Iterator<Item = usize> + '_ {
-        self.groups[group].members.iter().map(|&k| k as usize)
-    }
-}
-
-impl Emitter {
-    /// About the irradiance of a point that faces it.
-    #[inline(always)]
-    fn brings(&self, at: &Receiver) -> f32 {
-        let [a, b, c] = self.corners;
-        let x = at.position - self.velocity * at.time;
-        self.radiance * solid_angle(a, b, c, x).max(0.0)
-    }
-}
-
-/// About the irradiance of a point that faces a light.
-#[inline(always)]
-fn brings(light: &DeltaLight, at: &Receiver) -> f32 {
-    brightness(light) * light.seen_from(at.position).scale
 }
 
 #[inline(always)]

@@ -134,8 +134,12 @@ fn many_emitters_are_drawn_with_their_probabilities() {
             assert!((0.0..1.0).contains(&rest));
             counts[k] += 1;
             if i % 16 == 0 {
-                let (group, chance) = all.choose_group(&at, u, &mut room);
-                let members: f32 = all.members(group).map(|k| chances[k]).sum();
+                let members = &all.groups[all.group_of(k)].members;
+                let (first, past) = (members[0], members[0] + members.len() as u32);
+                let lists = all.lists();
+                let share = lists.look(&at, &mut room);
+                let chance = lists.chance_of_group(first, past, &at, share, &mut room);
+                let members: f32 = members.iter().map(|&k| chances[k as usize]).sum();
                 assert!((chance / members - 1.0).abs() < 1e-3, "{chance} {members}");
             }
         }
@@ -147,10 +151,7 @@ fn many_emitters_are_drawn_with_their_probabilities() {
             );
         }
         // E[(light/chance)²], which is the square of the mean at best.
-        let brings = |k: usize| match all.light(k) {
-            Some(i) => brings(&all.lights[i], &at),
-            None => all.list[k].brings(&at),
-        };
+        let brings = |k: usize| all.lists().brings(k as u32, &at);
         let facing = |k: usize| match all.light(k) {
             Some(i) => all.lights[i].seen_from(x).direction.dot(normal),
             None => (all.list[k].corners[0] - x).normalize().dot(normal),

@@ -273,7 +273,23 @@ impl<'a> LightTree<'a> {
     }
 }
 
-impl LightTree<'_> {
+impl<'a> LightTree<'a> {
+    /// Where emitters are chosen otherwise.
+    #[inline(always)]
+    pub fn none(fixed: Fixed<'a>) -> Self {
+        Self {
+            branches: &[],
+            nodes: &[],
+            count: 0,
+            places: &[],
+            distant: &[],
+            distant_count: 0,
+            sums: &[],
+            axes: &[],
+            fixed,
+        }
+    }
+
     /// The branches of a node that a ray meets.
     #[inline(always)]
     pub fn met(&self, node: u32, x: V3, direction: V3) -> [bool; LANES] {

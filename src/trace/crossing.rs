@@ -1,40 +1,28 @@
-//! Lines in which two triangles pass through each other at a time in the shutter: `kernel/edges/crossings` in a kernel
-//! of a GPU.
+//! Lines in which two triangles pass through each other at a time in the shutter.
 
 use crate::cube::*;
 
-use super::layout::{SURFACE_STRIDE, SURFACES};
-use super::reading::Scene;
+use super::scene::{Scene, Triangle};
 use crate::model::edge::TOUCHING;
 use crate::model::{V3, splat};
 
 /// A triangle at a time.
-#[apply(record!)]
-struct Flying {
-    a: V3,
-    b: V3,
-    c: V3,
-    normal: V3,
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn flying(scene: &Scene, triangle: u32, shift: V3) -> Triangle {
+    let mut t = scene.triangle(triangle);
+    t.a += shift;
+    t.b += shift;
+    t.c += shift;
+    t
 }
 
-#[cube]
-impl Flying {
-    fn size(&self) -> f32 {
-        let a = self.a.abs().max_element();
-        a.max(self.b.abs().max_element())
-            .max(self.c.abs().max_element())
-    }
-}
-
-#[cube]
-fn flying(scene: &Scene, triangle: u32, shift: V3) -> Flying {
-    let at = scene.header[SURFACES] + SURFACE_STRIDE as u32 * triangle;
-    Flying {
-        a: scene.vector(at) + shift,
-        b: scene.vector(at + 3) + shift,
-        c: scene.vector(at + 6) + shift,
-        normal: scene.vector(at + 9),
-    }
+/// The largest coordinate of its corners.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn size(t: &Triangle) -> f32 {
+    let a = t.a.abs().max_element();
+    a.max(t.b.abs().max_element()).max(t.c.abs().max_element())
 }
 
 /// A segment of a line, by the places of its ends along that.
@@ -48,8 +36,9 @@ struct Segment {
 }
 
 /// The segment in which a triangle passes through the plane of another, if it does so by more than a tolerance.
-#[cube]
-fn through_plane(t: &Flying, of: &Flying, along: V3, tolerance: f32) -> Segment {
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn through_plane(t: &Triangle, of: &Triangle, along: V3, tolerance: f32) -> Segment {
     let mut found = Segment {
         from: 0.0f32,
         to: 0.0f32,
@@ -111,15 +100,16 @@ fn through_plane(t: &Flying, of: &Flying, along: V3, tolerance: f32) -> Segment 
 
 /// The ends of such a line.
 #[apply(record!)]
-pub(super) struct Line {
+pub(crate) struct Line {
     pub a: V3,
     pub b: V3,
     pub exists: bool,
 }
 
 /// The line in which two triangles that have moved pass through each other, if they do so by more than rounding.
-#[cube]
-pub(super) fn line_of_crossing(
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn line_of_crossing(
     scene: &Scene,
     first: u32,
     second: u32,
@@ -128,7 +118,7 @@ pub(super) fn line_of_crossing(
 ) -> Line {
     let t = flying(scene, first, shift_of_first);
     let s = flying(scene, second, shift_of_second);
-    let tolerance = TOUCHING * t.size().max(s.size()).max(0.1);
+    let tolerance = TOUCHING * size(&t).max(size(&s)).max(0.1);
     let along = t.normal.cross(s.normal);
     let of_second: Segment = through_plane(&s, &t, along, tolerance);
     let of_first: Segment = through_plane(&t, &s, along, tolerance);

@@ -2,13 +2,9 @@
 
 use crate::cube::*;
 
-use super::Derivatives;
-use super::edge_layout::{GROUP_STRIDE, GROUPS, OF_GROUP, OF_GROUPS};
-use super::emitter_choice::{GroupChoice, choose_group, site};
-use super::layout::{BOUNCES, CONE};
-use super::light::Site;
-use super::light::{delta_light, is_light};
-use super::reading::Scene;
+use super::lights::{GroupChoice, choose_group, delta_light, is_light};
+use super::scene::{CONE, GROUP, Scene};
+use super::sums::Sums;
 use super::surface::Point;
 use crate::model::V3;
 use crate::model::bsdf::Lobe;
@@ -16,11 +12,12 @@ use crate::model::edge_weight::Query;
 use crate::model::jumps::{
     LobeSearch, OF_REFLECTED, OF_SHADOWS, of_lobe, probability, towards_group, towards_light,
 };
-use crate::sampling::{Dimensions, Stream};
+use crate::model::lists::vector;
+use crate::sampling::{Four, Receiver};
 
 /// A point of a path that looks at edges.
 #[apply(record!)]
-pub(super) struct Observer {
+pub(crate) struct Observer {
     pub point: Point,
     pub bounce: u32,
     /// Whether it moves, or the directions that it looks in turn.
@@ -33,10 +30,12 @@ pub(super) struct Observer {
 
 /// A search for an edge, and what is done with it.
 #[apply(record!)]
-pub(super) struct Search {
+pub(crate) struct Search {
     pub query: Query,
     pub lobe: Lobe,
     pub asked: bool,
+    /// Whether it is of the light of emitters.
+    pub of_light: bool,
     pub moves: bool,
     /// For a point of the edge, and for the kernel of the cone.
     pub u: f32,
@@ -49,92 +48,93 @@ pub(super) struct Search {
     /// Emitters whose shadow it is of.
     pub first: u32,
     pub past: u32,
-    /// Whether that is a light without extent.
+    /// Whether that is a delta light.
     pub is_light: bool,
 }
 
-/// A search for an edge of the light of emitters, or of reflected light.
-#[cube]
-pub(super) fn search(
+/// A search for an edge of the light of emitters, or of reflected light, by four uniform numbers; of light by two more.
+/// `room` is that of a choice of an emitter, and `grouped` says whether emitters are in several groups.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn search(
     scene: &Scene,
-    numbers: &Stream,
+    drawn: Four,
+    more: Four,
     o: &Observer,
     of_light: bool,
     time: f32,
-    #[comptime] of: Derivatives,
+    room: &mut [u32],
+    sums: &Sums,
 ) -> Search {
     let x = o.point.position;
     let shading = o.point.shading;
     let tangent = scene.settings[CONE];
-    let last = o.bounce >= scene.header[BOUNCES];
-    let mut turn = 2u32;
-    if of_light {
-        turn = 0u32;
-    }
-    let drawn = numbers.draw(scene.points, Dimensions::of_set(3 * o.bounce + turn));
-    // Of light it is a cone about that, and no lobe.
-    let rate = probability(OF_REFLECTED, o.counts);
-    let reflected: LobeSearch = of_lobe(&shading, x, time, drawn.x / rate, tangent);
+    let last = o.bounce >= scene.bounces;
     let mut s = Search {
-        query: reflected.query,
-        lobe: reflected.lobe,
+        query: towards_light(x, time, shading.geometric, tangent),
+        lobe: Lobe::whole(shading.geometric),
         asked: false,
+        of_light,
         moves: o.moves,
         u: drawn.y,
         v: drawn.z,
         cone_u: drawn.w,
         cone_v: drawn.w,
         scale: 1.0f32,
-        of_gloss: reflected.of_gloss,
+        of_gloss: false,
         first: 0u32,
         past: 1u32,
         is_light: false,
     };
     if of_light {
         if comptime!(scene.features.emitters) {
-            let more = numbers.draw(scene.points, Dimensions::of_set(3 * o.bounce + 1));
             let rate = probability(OF_SHADOWS, o.counts);
             s.asked = more.y < rate;
             s.cone_v = more.x;
             if s.asked {
-                let mut group = 0u32;
-                let mut p = 1.0f32;
-                if comptime!(of.grouped) {
-                    let at: Site = site(scene, x, shading.geometric, time);
-                    let choice: GroupChoice = choose_group(scene, drawn.x, &at);
-                    group = choice.group;
-                    p = choice.chance;
-                }
-                let row = (scene.header[OF_GROUPS] + OF_GROUP * group) as usize;
-                s.first = scene.words[row];
-                s.past = s.first + scene.words[row + 1];
-                if scene.words[row + 2] != 0 {
+                let at = Receiver {
+                    position: x,
+                    normal: shading.geometric,
+                    time,
+                };
+                let grouped = comptime!(sums.of.grouped);
+                let choice: GroupChoice = choose_group(scene, drawn.x, &at, room, grouped);
+                s.first = choice.first;
+                s.past = choice.past;
+                if choice.moves {
                     s.moves = true;
                 }
-                s.scale = 1.0 / rate * (1.0 / p);
+                s.scale = 1.0 / rate * (1.0 / choice.chance);
                 s.is_light = is_light(scene, s.first);
                 if s.is_light {
-                    if comptime!(scene.features.lights) {
+                    if comptime!(scene.features.of_emitters.lights) {
                         let axis = delta_light(scene, s.first).seen_from(x).direction;
                         s.query = towards_light(x, time, axis, tangent);
                         s.asked = scene.settings[CONE] > 0.0;
                     }
                 } else {
-                    let at = scene.header[GROUPS] + GROUP_STRIDE * group;
-                    let to = scene.vector(at) + scene.vector(at + 4) * time - x;
-                    let radius = scene.floats[at as usize + 3];
+                    let of = &scene.groups[(GROUP * choice.group) as usize..];
+                    let to = vector(of, 0u32) + vector(of, 4u32) * time - x;
+                    let radius = of[3];
                     s.query = towards_group(&shading, x, time, to, radius, tangent);
                 }
             }
         }
     } else {
         let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
+        let rate = probability(OF_REFLECTED, o.counts);
         s.asked = drawn.x < rate && (!last || sees);
-        if comptime!(of.turns) {
+        if comptime!(sums.of.turns) {
             s.moves = true;
         }
-        s.scale = 1.0 / rate / reflected.chance;
-        s.cone_u = reflected.cone_u;
+        if s.asked {
+            let found: LobeSearch = of_lobe(&shading, x, time, drawn.x / rate, tangent);
+            s.query = found.query;
+            s.lobe = found.lobe;
+            s.of_gloss = found.of_gloss;
+            s.scale = 1.0 / rate / found.chance;
+            s.cone_u = found.cone_u;
+        }
     }
     s
 }

@@ -1,30 +1,36 @@
 //! Numbers that may not be finite, by their bits. Compilers of shaders may assume that there are none; and NaN is not
 //! unequal to 0 there, since `!=` is compiled into an ordered comparison.
 
-use burn::cubecl::{self, prelude::*};
+#![cfg_attr(not(feature = "wgpu"), allow(dead_code, reason = "kernels use them"))]
 
+#[cfg(feature = "wgpu")]
+use crate::cube::*;
 use crate::model::choice::INFINITY;
 
 /// The bits of |x|, which have the order of the numbers; those of NaN are above all others.
-#[cube]
-pub(super) fn magnitude(x: f32) -> u32 {
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn magnitude(x: f32) -> u32 {
     x.to_bits() & 0x7fff_ffff
 }
 
-#[cube]
-pub(super) fn is_finite(x: f32) -> bool {
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn is_finite(x: f32) -> bool {
     magnitude(x) < INFINITY
 }
 
 /// Whether it is not 0, which NaN is not.
-#[cube]
-pub(super) fn is_nonzero(x: f32) -> bool {
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn is_nonzero(x: f32) -> bool {
     magnitude(x) > 0
 }
 
 /// NaN, from the bits of any number: WGSL has no constant that is NaN.
-#[cube]
-pub(super) fn not_a_number(any: f32) -> f32 {
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn not_a_number(any: f32) -> f32 {
     f32::from_bits(any.to_bits() | 0x7fc0_0000)
 }
 

@@ -1,0 +1,346 @@
+//! Values at the corners of triangles, interpolated at points of them: texture coordinates, normals, colours and
+//! tangents, and their derivatives.
+
+use crate::cube::*;
+
+use super::scene::{MATERIAL, NONE, NORMAL_MAP, Scene, TRIANGLE};
+use super::sums::{NORMALS, Sums, TANGENTS, UVS, VELOCITIES, VERTICES};
+use super::surface::Point;
+use super::texture::{look_up, texture_backward};
+use crate::model::lists::vector;
+use crate::model::normal_map::Tilt;
+use crate::model::{V2, V3, component, splat, v2};
+
+/// Normals of corners may cancel where they are interpolated.
+const TINY: f32 = 1e-15;
+
+/// Three rows of a list.
+#[apply(record!)]
+pub(crate) struct Rows {
+    pub a: u32,
+    pub b: u32,
+    pub c: u32,
+}
+
+/// Those from a place of a list on.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn rows_at(list: &[u32], at: u32) -> Rows {
+    let i = at as usize;
+    let c = list[i + 2];
+    let b = list[i + 1];
+    Rows { a: list[i], b, c }
+}
+
+/// The vectors at the corners of a triangle.
+#[apply(record!)]
+pub(crate) struct Corners {
+    pub a: V3,
+    pub b: V3,
+    pub c: V3,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Corners {
+    #[inline(always)]
+    pub fn at(&self, weights: V3) -> V3 {
+        self.a * weights.x + self.b * weights.y + self.c * weights.z
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Rows {
+    /// Whether there are any.
+    #[inline(always)]
+    pub fn exist(&self) -> bool {
+        self.a != NONE
+    }
+
+    /// The vectors of a list with a stride.
+    #[inline(always)]
+    pub fn of(&self, list: &[f32], stride: u32) -> Corners {
+        Corners {
+            a: vector(list, stride * self.a),
+            b: vector(list, stride * self.b),
+            c: vector(list, stride * self.c),
+        }
+    }
+
+    #[inline(always)]
+    fn row(&self, k: u32) -> u32 {
+        let mut row = self.a;
+        if k == 1 {
+            row = self.b;
+        } else if k == 2 {
+            row = self.c;
+        }
+        row
+    }
+
+    /// Adds a derivative by an interpolated vector to those by the vectors at a triangle's corners.
+    #[inline(always)]
+    pub fn add(&self, sums: &Sums, weights: V3, g: V3, part: u32) {
+        let mut k = 0u32;
+        while k < 3 {
+            sums.add_vector(3 * self.row(k), g * component(weights, k), part);
+            k += 1;
+        }
+    }
+}
+
+/// The rows of a triangle's texture coordinates.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn uv_rows(scene: &Scene, triangle: u32) -> Rows {
+    rows_at(scene.triangles, TRIANGLE * triangle + 2)
+}
+
+/// The rows of its normals.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn normal_rows(scene: &Scene, triangle: u32) -> Rows {
+    rows_at(scene.triangles, TRIANGLE * triangle + 5)
+}
+
+/// Texture coordinates of a row.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn uv_of(scene: &Scene, row: u32) -> V2 {
+    let i = 2 * row as usize;
+    let v = scene.uvs[i + 1];
+    v2(scene.uvs[i], v)
+}
+
+/// Texture coordinates at a point of a triangle; 0 where nothing has a texture.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn uv_at(scene: &Scene, triangle: u32, weights: V3) -> V2 {
+    let mut uv = v2(0.0, 0.0);
+    if comptime!(scene.features.textured) {
+        let rows = uv_rows(scene, triangle);
+        if rows.exist() {
+            let a = uv_of(scene, rows.a);
+            let b = uv_of(scene, rows.b);
+            let c = uv_of(scene, rows.c);
+            uv = v2(
+                a.x * weights.x + b.x * weights.y + c.x * weights.z,
+                a.y * weights.x + b.y * weights.y + c.y * weights.z,
+            );
+        }
+    }
+    uv
+}
+
+/// The rows of the colours that a triangle's diffuse albedo is multiplied by.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn colour_rows(scene: &Scene, triangle: u32) -> Rows {
+    rows_at(scene.colour_rows, 3 * triangle)
+}
+
+/// A sum with weights, of unit length and on the side of a geometric normal, and what it was multiplied by.
+#[apply(record!)]
+struct Facing {
+    normal: V3,
+    factor: f32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn facing(sum: V3, geometric: V3) -> Facing {
+    let mut factor = 1.0 / sum.length().max(TINY);
+    if sum.dot(geometric) < 0.0 {
+        factor = -factor;
+    }
+    Facing {
+        normal: sum * factor,
+        factor,
+    }
+}
+
+/// The interpolated normal, on the side of the geometric one; that itself where the triangle has none.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn normal_at(scene: &Scene, triangle: u32, weights: V3, geometric: V3) -> V3 {
+    let mut normal = geometric;
+    if comptime!(scene.features.smooth) {
+        let rows = normal_rows(scene, triangle);
+        if rows.exist() {
+            normal = facing(rows.of(scene.normals, 3u32).at(weights), geometric).normal;
+        }
+    }
+    normal
+}
+
+/// A tilt of a normal, if there is one.
+#[apply(record!)]
+pub(crate) struct TiltAt {
+    pub tilt: Tilt,
+    pub exists: bool,
+    /// The place of the words of the normal map, and the rows of tangents.
+    map: u32,
+    rows: Rows,
+}
+
+/// The tilt of a normal on the front side by its material's map, if the triangle has tangents.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn tilt_at(
+    scene: &Scene,
+    triangle: u32,
+    material: u32,
+    weights: V3,
+    uv: V2,
+    normal: V3,
+) -> TiltAt {
+    let map = MATERIAL * material + NORMAL_MAP;
+    let rows = rows_at(scene.tangent_rows, 3 * triangle);
+    let mut tilt = Tilt {
+        normal,
+        tangent: splat(0.0),
+        side: 1.0f32.runtime(),
+        texel: splat(0.0),
+    };
+    let exists = scene.of_materials[map as usize] != NONE && rows.exist();
+    if exists {
+        tilt.tangent = rows.of(scene.tangents, 4u32).at(weights);
+        tilt.side = scene.tangents[(4 * rows.a + 3) as usize];
+        tilt.texel = look_up(scene, map, uv);
+    }
+    TiltAt {
+        tilt,
+        exists,
+        map,
+        rows,
+    }
+}
+
+/// Adds a derivative by the texture coordinates at a point of a triangle.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn add_to_uvs(scene: &Scene, sums: &Sums, triangle: u32, weights: V3, by_uv: V2) {
+    if comptime!(sums.of.uvs && scene.features.textured) {
+        let rows = uv_rows(scene, triangle);
+        if rows.exist() {
+            let mut k = 0u32;
+            while k < 3 {
+                let weight = component(weights, k);
+                let at = 2 * rows.row(k);
+                sums.add(at, by_uv.x * weight, UVS);
+                sums.add(at + 1, by_uv.y * weight, UVS);
+                k += 1;
+            }
+        }
+    }
+}
+
+/// Adds a derivative by a point of a triangle, which moves with its corners.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn add_to_corners(
+    scene: &Scene,
+    sums: &Sums,
+    triangle: u32,
+    weights: V3,
+    g: V3,
+    time: f32,
+) {
+    rows_at(scene.vertex_rows, 3 * triangle).add(sums, weights, g, VERTICES);
+    if comptime!(sums.of.velocities) {
+        sums.add_vector(3 * scene.object_of(triangle), g * time, VELOCITIES);
+    }
+}
+
+/// Derivatives by a surface point, which each corner takes less by its weight, and by its geometric normal.
+#[apply(record!)]
+pub(crate) struct CornersGradient {
+    pub place: V3,
+    pub geometric: V3,
+}
+
+/// Adds the derivatives by a surface point's texture coordinates, colour and shading normal to those of the values
+/// at its triangle's corners and of its normal map.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn corners_backward(
+    scene: &Scene,
+    sums: &Sums,
+    p: &Point,
+    by_uv: V2,
+    by_colour: V3,
+    by_normal: V3,
+) -> CornersGradient {
+    // By the weights of the second and third corner.
+    let mut by_b = 0.0f32;
+    let mut by_c = 0.0f32;
+    let mut by_uv = by_uv;
+    let mut by_normal = by_normal;
+    if comptime!(scene.features.tilted) {
+        let geometric = p.shading.geometric;
+        let normal = normal_at(scene, p.triangle, p.weights, geometric);
+        let front = normal * p.side;
+        let at = tilt_at(scene, p.triangle, p.material, p.weights, p.uv, front);
+        if at.exists {
+            let by = at.tilt.backward(by_normal * p.side);
+            by_normal = by.normal * p.side;
+            let wanted = comptime!(sums.of.materials);
+            let more = texture_backward(scene, sums, at.map, p.uv, by.texel, wanted);
+            by_uv.x += more.x;
+            by_uv.y += more.y;
+            let corners = at.rows.of(scene.tangents, 4u32);
+            by_b += by.tangent.dot(corners.b - corners.a);
+            by_c += by.tangent.dot(corners.c - corners.a);
+            if comptime!(sums.of.tangents) {
+                at.rows.add(sums, p.weights, by.tangent, TANGENTS);
+            }
+        }
+    }
+    if comptime!(scene.features.tinted) {
+        let rows = colour_rows(scene, p.triangle);
+        if rows.exist() {
+            let corners = rows.of(scene.colours, 3u32);
+            by_b += by_colour.dot(corners.b - corners.a);
+            by_c += by_colour.dot(corners.c - corners.a);
+        }
+    }
+    if comptime!(scene.features.textured) {
+        let rows = uv_rows(scene, p.triangle);
+        if rows.exist() {
+            let a = uv_of(scene, rows.a);
+            let b = uv_of(scene, rows.b);
+            let c = uv_of(scene, rows.c);
+            by_b += by_uv.x * (b.x - a.x) + by_uv.y * (b.y - a.y);
+            by_c += by_uv.x * (c.x - a.x) + by_uv.y * (c.y - a.y);
+            add_to_uvs(scene, sums, p.triangle, p.weights, by_uv);
+        }
+    }
+    let mut by_geometric = by_normal;
+    if comptime!(scene.features.smooth) {
+        let rows = normal_rows(scene, p.triangle);
+        if rows.exist() {
+            let corners = rows.of(scene.normals, 3u32);
+            let found = facing(corners.at(p.weights), p.shading.geometric);
+            let by_sum = by_normal.reject_from_normalized(found.normal) * found.factor;
+            by_geometric = splat(0.0);
+            by_b += by_sum.dot(corners.b - corners.a);
+            by_c += by_sum.dot(corners.c - corners.a);
+            if comptime!(sums.of.normals) {
+                rows.add(sums, p.weights, by_sum, NORMALS);
+            }
+        }
+    }
+    let mut place = splat(0.0);
+    if comptime!(
+        scene.features.tilted
+            || scene.features.tinted
+            || scene.features.textured
+            || scene.features.smooth
+    ) {
+        let slopes = scene.triangle(p.triangle).slopes();
+        place = slopes.first * by_b + slopes.second * by_c;
+    }
+    CornersGradient {
+        place,
+        geometric: by_geometric,
+    }
+}

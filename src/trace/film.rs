@@ -1,0 +1,138 @@
+//! Jumps of the image that the camera sees, at an edge on the film.
+
+use crate::cube::*;
+
+use super::edge_points::{EdgePoint, add_to_edge, edge_of, sides};
+use super::jumps::SideLight;
+use super::scene::Scene;
+use super::sums::{Sums, add_to_camera};
+use crate::model::camera::{Camera, CameraGradient};
+use crate::model::filter::film_kernel;
+use crate::model::jumps::Sides;
+use crate::model::{V2, V3, v2};
+
+/// A point of an edge, and how the camera sees it through a point of its lens.
+#[apply(record!)]
+pub(crate) struct FilmPoint {
+    pub point: EdgePoint,
+    /// Where the ray starts that comes to it.
+    pub origin: V3,
+    pub lens: V2,
+    /// Whether it is there, and before the camera.
+    pub is_seen: bool,
+    /// A point of the pixel filter, in parts of its radius, and the film point in pixels of the ray that would come here.
+    kernel: V2,
+    pub film: V2,
+    /// The image of the vector along the edge.
+    along: V2,
+}
+
+/// The film point, in pixels, in the middle of a pixel.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
+    let width = scene.width;
+    v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
+}
+
+/// A point of an edge by its place on it and 1 over the density of that.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn film_point(
+    scene: &Scene,
+    c: &Camera,
+    edge: u32,
+    lambda: f32,
+    per_density: f32,
+    lens: V2,
+    time: f32,
+) -> FilmPoint {
+    let mut p = edge_of(scene, edge, time);
+    p.lambda = lambda;
+    p.per_density = per_density;
+    p.position = p.a + p.along * lambda + scene.shift(p.faces.a, time);
+    let origin = c.origin_towards(p.position, lens.x, lens.y);
+    p.to = p.position - origin;
+    FilmPoint {
+        point: p,
+        origin,
+        lens,
+        is_seen: p.exists && p.to.dot(c.dual.z) > 0.0,
+        kernel: v2(0.0, 0.0),
+        film: v2(0.0, 0.0),
+        along: v2(0.0, 0.0),
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl FilmPoint {
+    /// Chooses the film point, by two uniform numbers and the radius of the pixel filter.
+    #[inline(always)]
+    pub fn project(&mut self, c: &Camera, u: f32, v: f32, radius: f32) {
+        let at = c.project(self.point.position, self.lens.x, self.lens.y);
+        self.kernel = v2(film_kernel(u), film_kernel(v));
+        self.film = v2(at.x - radius * self.kernel.x, at.y - radius * self.kernel.y);
+    }
+
+    /// The faces that are seen beside it.
+    #[inline(always)]
+    pub fn sides(&mut self, scene: &Scene, c: &Camera, view: V3, time: f32) -> Sides {
+        let p = self.point;
+        self.along = c.project_along(p.position, p.along, self.lens.x, self.lens.y);
+        // To the right of the edge's image, on a film whose y points down.
+        let side = c.across * self.along.y + c.upward * self.along.x;
+        sides(scene, &p, view, side, time)
+    }
+
+    /// Adds the derivatives by the jump from one side to the other, of a loss that depends on what is seen.
+    #[inline(always)]
+    pub fn backward(&self, scene: &Scene, sums: &Sums, c: &Camera, jump: f32, time: f32) {
+        let mut by_camera = CameraGradient::none();
+        let scale = jump * self.point.per_density;
+        let by_film = v2(self.along.y * scale, -self.along.x * scale);
+        let lens = self.lens;
+        let at = self.point.position;
+        let by_point = c.project_backward(at, lens.x, lens.y, by_film, &mut by_camera);
+        if comptime!(sums.of.camera) {
+            // A wider filter moves its points away from the middle, past the edge.
+            by_camera.filter -= by_film.x * self.kernel.x + by_film.y * self.kernel.y;
+            add_to_camera(sums, &by_camera);
+        }
+        add_to_edge(scene, sums, &self.point, by_point, time);
+    }
+}
+
+/// The surface that a camera ray sees, and the light that its path brings back; or the derivatives of a loss by these.
+#[apply(record!)]
+#[derive(Default, PartialEq)]
+pub(crate) struct Seen {
+    pub radiance: V3,
+    /// 1 where there is a surface.
+    pub opacity: f32,
+    /// The distance to it.
+    pub depth: f32,
+    /// Its geometric normal on the side that is seen.
+    pub normal: V3,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Seen {
+    /// How much a loss with these derivatives changes from one side of an edge to the other.
+    #[inline(always)]
+    pub fn jump(&self, light: &SideLight) -> f32 {
+        self.radiance.dot(light.radiance) - self.opacity * light.sky
+            + self.depth * light.depth
+            + self.normal.dot(light.normal)
+    }
+}
+
+impl Seen {
+    pub fn times(&self, factor: f32) -> Self {
+        Self {
+            radiance: self.radiance * factor,
+            opacity: self.opacity * factor,
+            depth: self.depth * factor,
+            normal: self.normal * factor,
+        }
+    }
+}

@@ -1,0 +1,415 @@
+//! Jumps of the light that arrives at a point of a path, at an edge that it sees: what is traced for them, and what they
+//! add to derivatives.
+
+use crate::cube::*;
+
+use super::corners::add_to_corners;
+use super::edge_points::{EdgePoint, add_to_edge, sides};
+use super::edge_search::{Observer, Search};
+use super::lights::{delta_light, emitters_of, of_corners, radiance_of, target_of};
+use super::scene::{CONE, NONE, Scene};
+use super::sums::{Sums, add_to_light};
+use super::surface::PointGradient;
+use super::texture::{emission_at, is_open, sky};
+use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
+use crate::model::edge::{DirectionJump, TOUCHING, direction_jump, mirrored};
+use crate::model::jumps::{Sides, half_beside, inside};
+use crate::model::numbers::is_nonzero;
+use crate::model::{V3, splat, v2};
+use crate::sampling::{EmitterHit, no_emitter_hit};
+
+/// A point of an edge as a point of a path looks at it.
+#[apply(record!)]
+pub(crate) struct EdgeView {
+    pub point: EdgePoint,
+    /// The direction to it, and the axis that rays there are bent about.
+    pub view: V3,
+    pub axis: V3,
+    around: Bend,
+    /// The normal on the side on which rays leave, and where they start.
+    outer: V3,
+    pub start: V3,
+    /// The derivative of the loss by the light that arrives.
+    carried: V3,
+    /// Of what light it hides: emitters, or for a delta light rays that come to the edge straight and mirrored.
+    pub first: u32,
+    pub past: u32,
+}
+
+/// A point of an edge as a point of a path looks at it, for a search.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -> EdgeView {
+    let shading = o.point.shading;
+    let view = p.to.normalize();
+    let mut outer = shading.outer(view);
+    let around = bend(view, outer, scene.settings[CONE], s.cone_u, s.cone_v);
+    let mut axis = around.direction;
+    let mut first = s.first;
+    let mut past = s.past;
+    if s.is_light {
+        axis = s.query.axis;
+        outer = shading.outer(axis);
+        first = 0u32;
+        past = 2u32;
+    }
+    let mut reflected = splat(0.0);
+    if p.per_density > 0.0 {
+        reflected = shading.evaluate(axis);
+        if !s.of_light && shading.glossy {
+            reflected = reflected * shading.share_of_lobe(axis, s.of_gloss);
+            if !s.lobe.holds(axis) {
+                reflected = splat(0.0);
+            }
+        }
+    }
+    if reflected.is_zero() {
+        past = first;
+    }
+    EdgeView {
+        point: p,
+        view,
+        axis,
+        around,
+        outer,
+        start: lifted(o.point.position, outer),
+        carried: o.carried.times(reflected) * (s.scale * p.per_density),
+        first,
+        past,
+    }
+}
+
+/// A light that lies along an axis behind an edge's point.
+#[apply(record!)]
+struct LightBehind {
+    /// The limit of a ray to it that passes the edge; less than 0 if there is none.
+    limit: f32,
+    distance: f32,
+    weights: V3,
+    emission: V3,
+    triangle: u32,
+}
+
+/// Where no light is looked for: a ray has no end.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn no_light() -> LightBehind {
+    LightBehind {
+        limit: f32::MAX.runtime(),
+        distance: 1.0f32.runtime(),
+        weights: splat(0.0),
+        emission: splat(0.0),
+        triangle: 0u32.runtime(),
+    }
+}
+
+/// A jump at an edge, and the ray that says what is behind it: from where the view starts along `sides.past`.
+#[apply(record!)]
+pub(crate) struct Jump {
+    motion: DirectionJump,
+    pub sides: Sides,
+    /// How far the ray goes; not positive where there is no jump.
+    pub limit: f32,
+    /// 1 where light passes on the − side, else −1.
+    sign: f32,
+    light: LightBehind,
+}
+
+/// The jump of the light of the k-th emitter, or of reflected light.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn jump_at(
+    scene: &Scene,
+    o: &Observer,
+    s: &Search,
+    e: &EdgeView,
+    k: u32,
+    time: f32,
+) -> Jump {
+    let p = e.point;
+    let x = o.point.position;
+    let mut bent = e.around;
+    let mut normal = o.point.shading.geometric;
+    let mut there = true;
+    let mut hit: EmitterHit = no_emitter_hit();
+    if s.is_light {
+        normal = e.outer;
+        bent.offset = splat(0.0);
+        bent.mirrored = k == 1;
+        bent.direction = e.axis;
+    } else if s.of_light {
+        if comptime!(scene.features.emitters) {
+            hit = emitters_of(scene).hit(k, x, e.axis, time);
+            there = hit.emitter != NONE;
+        }
+    }
+    let motion = direction_jump(p.to, p.along, &bent, normal);
+    let mut jump = Jump {
+        motion,
+        sides: Sides::new(p.along, e.view, motion.side),
+        limit: (-1.0f32).runtime(),
+        sign: 1.0f32.runtime(),
+        light: no_light(),
+    };
+    if there {
+        jump.sides = sides(scene, &p, e.view, motion.side, time);
+        let on_minus = jump.sides.minus != NONE;
+        let on_plus = jump.sides.plus != NONE;
+        if on_minus {
+            jump.sign = -1.0f32;
+        }
+        if comptime!(scene.features.emitters) {
+            if s.is_light {
+                if comptime!(scene.features.of_emitters.lights) {
+                    jump.light = delta_behind(scene, s.first, e, &bent, jump.sides.past, x, time);
+                }
+            } else if s.of_light {
+                jump.light = light_behind(scene, e, &hit, jump.sides.past, x, k, time);
+            }
+        }
+        jump.limit = jump.light.limit;
+        // Light passes on one side or on none; at the end of a path only the environment is seen.
+        if s.of_light && ((on_minus && on_plus) || (!on_minus && !on_plus)) {
+            jump.limit = -1.0f32;
+        }
+        if !s.of_light && o.bounce >= scene.bounces && on_minus && on_plus {
+            jump.limit = -1.0f32;
+        }
+    }
+    jump
+}
+
+/// The point of an emitter that the axis of an edge's view hits.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn light_behind(
+    scene: &Scene,
+    e: &EdgeView,
+    hit: &EmitterHit,
+    past: V3,
+    x: V3,
+    k: u32,
+    time: f32,
+) -> LightBehind {
+    let mut found = no_light();
+    found.triangle = scene.emitters[k as usize];
+    found.distance = hit.distance;
+    found.weights = of_corners(hit.weights);
+    let normal = emitters_of(scene).triangle(k, time).normal;
+    found.limit = up_to_plane(e.start, past, normal, x + e.axis * hit.distance);
+    let dark = e.point.faces.contains(found.triangle);
+    if dark || e.point.to.length() >= found.limit || is_open(scene, found.triangle, found.weights) {
+        found.limit = -1.0f32;
+    }
+    found.emission = emission_at(scene, found.triangle, found.weights);
+    found
+}
+
+/// A delta light behind an edge's point that rays bent about the direction to it come to. Its direction is fixed, so the
+/// integral over directions reduces to the cone's density at that direction about the edge's.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn delta_behind(
+    scene: &Scene,
+    k: u32,
+    e: &EdgeView,
+    bent: &Bend,
+    past: V3,
+    x: V3,
+    time: f32,
+) -> LightBehind {
+    let to = e.point.to;
+    let target = target_of(scene, k, v2(0.0, 0.0), x, time, false);
+    let mut image = to;
+    if bent.mirrored {
+        image = mirrored(to, e.outer);
+    }
+    let density = cone_density(bent.direction, image, scene.settings[CONE]);
+    let mut found = no_light();
+    found.emission = radiance_of(scene, k, v2(0.0, 0.0)) * (target.angle * density);
+    found.limit = target.limit(e.start, past);
+    if found.emission.is_zero() || to.dot(e.outer) <= 0.0 || to.length() >= found.limit {
+        found.limit = -1.0f32;
+    }
+    found
+}
+
+/// Adds the derivatives by the jump of an emitter's light that nothing else hides.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn shadow_backward(
+    scene: &Scene,
+    sums: &Sums,
+    o: &Observer,
+    s: &Search,
+    e: &EdgeView,
+    jump: &Jump,
+    time: f32,
+    by: &mut PointGradient,
+) {
+    let light = jump.light;
+    let scale = e.carried.dot(light.emission) * jump.sign;
+    let by_axis = jump.motion.edge.by_axis * scale;
+    if s.is_light {
+        if comptime!(scene.features.of_emitters.lights) {
+            let delta = delta_light(scene, s.first);
+            let seen = delta.seen_from(o.point.position);
+            let found = delta.backward(&seen, 0.0f32, by_axis);
+            by.position -= found.position;
+            let i = s.first - scene.emissive_count;
+            if comptime!(sums.of.lights) {
+                if scene.wanted_lights[i as usize] != 0 {
+                    add_to_light(sums, i, &found, splat(0.0));
+                }
+            }
+        }
+    } else {
+        // The axis points to a point of the light, which stays where it is on it.
+        let by_to = by_axis.reject_from_normalized(e.axis) * (1.0 / light.distance);
+        by.position -= by_to;
+        if scene.is_wanted(scene.object_of(light.triangle)) {
+            add_to_corners(scene, sums, light.triangle, light.weights, by_to, time);
+        }
+    }
+    edge_backward(scene, sums, o, e, jump, scale, time, by);
+}
+
+/// The light on the − side of an edge less that on the + side.
+#[apply(record!)]
+pub(crate) struct SideLight {
+    pub radiance: V3,
+    /// The same of the environment, where it is 1.
+    pub sky: f32,
+    /// The same of the distance of the surface that is seen and of its normal.
+    pub depth: f32,
+    pub normal: V3,
+}
+
+/// Adds the derivatives by the jump of light that is reflected, or comes from the environment.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn reflected_backward(
+    scene: &Scene,
+    sums: &Sums,
+    o: &Observer,
+    s: &Search,
+    e: &EdgeView,
+    jump: &Jump,
+    light: &SideLight,
+    time: f32,
+    by: &mut PointGradient,
+) {
+    let shading = o.point.shading;
+    let mut scale = e.carried.dot(light.radiance);
+    // Directions turn with the frame of the lobe.
+    let drawn = shading.as_drawn(e.axis, s.of_gloss);
+    shading.direction_backward(&drawn, jump.motion.edge.by_axis * scale, &mut by.shading);
+    if comptime!(scene.features.gathers_map) {
+        // Directions to a map stay where they are.
+        scale += e.carried.dot(sky(scene, e.axis)) * light.sky;
+    }
+    edge_backward(scene, sums, o, e, jump, scale, time, by);
+}
+
+/// Adds the derivatives by an edge's point and by the point that sees it.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn edge_backward(
+    scene: &Scene,
+    sums: &Sums,
+    o: &Observer,
+    e: &EdgeView,
+    jump: &Jump,
+    scale: f32,
+    time: f32,
+    by: &mut PointGradient,
+) {
+    let normal = o.point.shading.geometric;
+    let p = e.point;
+    if is_nonzero(scale) {
+        let by_to = jump.motion.by_point(p.to, normal, scale, &mut by.geometric);
+        by.position -= by_to;
+        add_to_edge(scene, sums, &p, by_to, time);
+    }
+}
+
+/// Whether what a ray hit at a distance hides an edge's point, and does not touch it.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn hides(scene: &Scene, triangle: u32, distance: f32, p: &EdgePoint, time: f32) -> bool {
+    let mut hidden = false;
+    if triangle != NONE && distance < p.to.length() {
+        let at_rest = p.position - scene.shift(triangle, time);
+        let off = scene.triangle(triangle).above(at_rest);
+        hidden = off.abs() > TOUCHING * (0.1 + p.position.abs().max_element());
+    }
+    hidden
+}
+
+/// A surface point beside an edge, by a place about there, seen along a direction from a distance; or the environment.
+#[apply(record!)]
+pub(crate) struct Beside {
+    /// [`NONE`] where the environment is seen.
+    pub triangle: u32,
+    pub near: V3,
+    pub direction: V3,
+    pub distance: f32,
+}
+
+/// What is seen beside an edge's point from a ray's origin, if a ray past the edge hits a triangle at a distance, or
+/// [`NONE`]. The line of a crossing divides the face: of its halves the one on that side is seen.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn beside(
+    scene: &Scene,
+    p: &EdgePoint,
+    sides: &Sides,
+    origin: V3,
+    behind: &Behind,
+    on_plus: bool,
+    time: f32,
+) -> Beside {
+    let mut face = sides.minus;
+    let mut across = -sides.across;
+    if on_plus {
+        face = sides.plus;
+        across = sides.across;
+    }
+    let mut found = Beside {
+        triangle: behind.triangle,
+        near: origin + sides.past * behind.distance,
+        direction: sides.past,
+        distance: behind.distance,
+    };
+    if face != NONE {
+        let on = scene.triangle(face);
+        let mut inward = half_beside(on.normal, p.along, across);
+        if !p.crossing {
+            let middle = (on.a + on.b + on.c) * (1.0f32 / 3.0f32);
+            inward = middle + scene.shift(face, time) - p.position;
+        }
+        found.triangle = face;
+        found.near = inside(p.position, inward);
+        found.direction = p.to.normalize();
+        found.distance = p.to.length();
+    }
+    found
+}
+
+/// What a ray past an edge hits: a triangle or [`NONE`], and its distance.
+#[apply(record!)]
+pub(crate) struct Behind {
+    pub triangle: u32,
+    pub distance: f32,
+}
+
+/// Whether the faces on both sides are of one material: then paths there go the same ways.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn is_crease(scene: &Scene, sides: &Sides) -> bool {
+    let mut crease = false;
+    if sides.minus != NONE && sides.plus != NONE {
+        crease = scene.material_of(sides.minus) == scene.material_of(sides.plus);
+    }
+    crease
+}

@@ -1,0 +1,108 @@
+//! The ray with which a path leaves a surface point, and the way back over it.
+
+use crate::cube::*;
+
+use super::scene::{CONE, Scene};
+use super::sums::Sums;
+use super::surface::{Point, PointGradient, RayGradient};
+use super::texture::{sky, sky_backward};
+use crate::model::V3;
+use crate::model::bsdf::Scatter;
+use crate::model::choice::survival;
+use crate::model::cone::{Bend, bend, bend_backward, lifted};
+
+/// A ray with which a path leaves a surface point.
+#[apply(record!)]
+#[derive(Default)]
+pub(crate) struct Leaving {
+    /// Whether the path goes on.
+    pub goes_on: bool,
+    pub start: V3,
+    pub bend: Bend,
+    pub throughput: V3,
+    /// The probability with which it goes on.
+    pub survival: f32,
+}
+
+/// Leaves a surface point in a direction that was drawn, after some bounces; by a uniform number for the roulette and two
+/// for the kernel of the cone.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn leave(
+    scene: &Scene,
+    p: &Point,
+    scatter: &Scatter,
+    throughput: V3,
+    bounce: u32,
+    u: f32,
+    cone_u: f32,
+    cone_v: f32,
+) -> Leaving {
+    let mut goes_on = !scatter.weight.is_zero();
+    let mut throughput = throughput.times(scatter.weight);
+    let mut survived = 1.0f32;
+    if comptime!(scene.features.roulette) {
+        if bounce < scene.bounces && bounce >= scene.roulette_after {
+            survived = survival(throughput);
+            if u >= survived {
+                goes_on = false;
+            }
+            throughput = throughput * (1.0 / survived);
+        }
+    }
+    let outer = p.shading.outer(scatter.direction);
+    Leaving {
+        goes_on,
+        start: lifted(p.position, outer),
+        bend: bend(
+            scatter.direction,
+            outer,
+            scene.settings[CONE],
+            cone_u,
+            cone_v,
+        ),
+        throughput,
+        survival: survived,
+    }
+}
+
+/// Back over a ray that left a surface point, and over light of the environment if it `escaped` there: from derivatives
+/// by the throughput behind the point and by the ray to those by the point; returns that by the throughput before it.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn leave_backward(
+    scene: &Scene,
+    sums: &Sums,
+    p: &Point,
+    scatter: &Scatter,
+    bent: &Bend,
+    survival: f32,
+    escaped: bool,
+    throughput: V3,
+    by_throughput: V3,
+    by_ray: RayGradient,
+    g: V3,
+    by: &mut PointGradient,
+) -> V3 {
+    by.position += by_ray.origin;
+    let mut by_direction = by_ray.direction;
+    let mut by_after = by_throughput;
+    if escaped {
+        let after = throughput.times(scatter.weight) * (1.0 / survival);
+        by_after += g.times(sky(scene, bent.direction));
+        by_direction += sky_backward(scene, sums, bent.direction, g.times(after));
+    }
+    let by_survivor = by_after * (1.0 / survival);
+    let geometric = p.shading.geometric;
+    let by_axis = bend_backward(
+        bent,
+        scatter.direction,
+        geometric,
+        by_direction,
+        &mut by.geometric,
+    );
+    let by_weight = by_survivor.times(throughput);
+    p.shading
+        .sample_backward(scatter, by_weight, by_axis, &mut by.shading);
+    by_survivor.times(scatter.weight)
+}

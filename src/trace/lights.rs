@@ -1,0 +1,274 @@
+//! Lights that surface points are connected to: emitters, delta lights and the map of the environment, and their
+//! derivatives.
+
+use crate::cube::*;
+
+use super::corners::{add_to_corners, add_to_uvs, uv_at};
+use super::scene::{OF_GROUP, Scene};
+use super::sums::{AREAS, Sums, TRIANGLES, add_to_light};
+use super::surface::{Point, PointGradient};
+use super::texture::{emission_at, emission_backward, glows, is_open, map_of, sky, sky_backward};
+use crate::model::connection::Target;
+use crate::model::delta_light::DeltaLight;
+use crate::model::emitter::LightPoint;
+use crate::model::{V2, V3, v3};
+use crate::sampling::{Chosen, EmitterLists, EmitterTriangle, Fixed, LightTree, Receiver};
+
+/// The emitters.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn emitters_of<'a>(scene: &Scene<'a>) -> EmitterLists<'a> {
+    EmitterLists::<'a> {
+        triangles: scene.emitter_triangles,
+        triangle_count: scene.emissive_count,
+        lights: scene.lights,
+        bits: scene.light_bits,
+        brightness: scene.brightness,
+        tree: LightTree::<'a> {
+            branches: scene.light_branches,
+            nodes: scene.light_nodes,
+            count: scene.light_node_count,
+            places: scene.light_places,
+            distant: scene.distant,
+            distant_count: scene.distant_count,
+            sums: scene.distant_sums,
+            axes: scene.distant_axes,
+            fixed: Fixed::<'a> {
+                chances: scene.fixed,
+                sums: scene.fixed_sums,
+                count: scene.emitter_count,
+            },
+        },
+        kinds: comptime!(scene.features.of_emitters),
+    }
+}
+
+/// Whether an emitter is a delta light.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn is_light(scene: &Scene, k: u32) -> bool {
+    emitters_of(scene).is_light(k)
+}
+
+/// The delta light that an emitter is.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn delta_light(scene: &Scene, k: u32) -> DeltaLight {
+    emitters_of(scene).light(k)
+}
+
+/// The triangle that an emitter is, at a time in the shutter.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn emitter(scene: &Scene, k: u32, time: f32) -> EmitterTriangle {
+    emitters_of(scene).triangle(k, time)
+}
+
+/// A group of emitters that was chosen, the first and the one past the last of them, and its probability.
+#[apply(record!)]
+pub(crate) struct GroupChoice {
+    pub group: u32,
+    pub first: u32,
+    pub past: u32,
+    pub chance: f32,
+    /// Whether any of them moves.
+    pub moves: bool,
+}
+
+/// Chooses a group for a random number; `grouped` says whether there are several. `room` is that of a choice of an
+/// emitter.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn choose_group(
+    scene: &Scene,
+    u: f32,
+    at: &Receiver,
+    room: &mut [u32],
+    grouped: bool,
+) -> GroupChoice {
+    let mut choice = GroupChoice {
+        group: 0u32,
+        first: 0u32,
+        past: 0u32,
+        chance: 1.0f32,
+        moves: false,
+    };
+    let emitters = emitters_of(scene);
+    let mut share = 0.0f32;
+    if grouped {
+        share = emitters.look(at, room);
+        let chosen: Chosen = emitters.choose(u, at, share, room);
+        choice.group = scene.group_of_emitters[chosen.emitter as usize];
+    }
+    let row = &scene.of_groups[(OF_GROUP * choice.group) as usize..];
+    choice.first = row[0];
+    choice.past = choice.first + row[1];
+    choice.moves = row[2] != 0;
+    if grouped {
+        choice.chance = emitters.chance_of_group(choice.first, choice.past, at, share, room);
+    }
+    choice
+}
+
+/// The weights of all corners, from those of b and c.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn of_corners(weights: V2) -> V3 {
+    v3(1.0 - weights.x - weights.y, weights.x, weights.y)
+}
+
+/// The point of an emitter with these weights of its corners b and c, or a delta light; without its radiance.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn target_of(
+    scene: &Scene,
+    k: u32,
+    weights: V2,
+    x: V3,
+    time: f32,
+    combined: bool,
+) -> Target {
+    let mut target = Target::none();
+    if is_light(scene, k) {
+        if comptime!(scene.features.of_emitters.lights) {
+            let light = delta_light(scene, k);
+            target = light.target(&light.seen_from(x));
+        }
+    } else {
+        let on = emitter(scene, k, time);
+        let corners = of_corners(weights);
+        let place = on.a * corners.x + on.b * corners.y + on.c * corners.z;
+        let seen = LightPoint::new(place - x, on.normal);
+        target = Target::of_emitter(&seen, place, on.normal, on.area);
+        target.combined = combined;
+        if is_open(scene, scene.emitters[k as usize], corners) {
+            target.angle = 0.0f32;
+        }
+    }
+    target
+}
+
+/// The radiance of that point, or what a delta light brings.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2) -> V3 {
+    let mut radiance = v3(0.0, 0.0, 0.0);
+    if is_light(scene, k) {
+        if comptime!(scene.features.of_emitters.lights) {
+            radiance = delta_light(scene, k).strength;
+        }
+    } else {
+        radiance = emission_at(scene, scene.emitters[k as usize], of_corners(weights));
+    }
+    radiance
+}
+
+/// Light that was seen: f·cos θ at the surface, and the divisor of the sample.
+#[apply(record!)]
+pub(crate) struct Arrived {
+    pub reflected: V3,
+    pub density: f32,
+}
+
+/// Back over light from a point of an emitter, which stays where it is on it, or from a delta light; returns the
+/// derivative by the throughput.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn light_backward(
+    scene: &Scene,
+    sums: &Sums,
+    point: &Point,
+    k: u32,
+    weights: V2,
+    target: Target,
+    arrived: Arrived,
+    throughput: V3,
+    time: f32,
+    g: V3,
+    by: &mut PointGradient,
+) -> V3 {
+    let shading = point.shading;
+    let mut target = target;
+    target.radiance = radiance_of(scene, k, weights);
+    let found = target.backward(
+        &shading,
+        arrived.reflected,
+        arrived.density,
+        g,
+        throughput,
+        &mut by.shading,
+    );
+    if is_light(scene, k) {
+        if comptime!(scene.features.of_emitters.lights) {
+            let light = delta_light(scene, k);
+            let seen = light.seen_from(point.position);
+            let by_light = light.backward(&seen, found.angle, found.direction);
+            by.position -= by_light.position;
+            let i = k - scene.emissive_count;
+            if comptime!(sums.of.lights) && scene.wanted_lights[i as usize] != 0 {
+                add_to_light(sums, i, &by_light, found.radiance);
+            }
+        }
+    } else {
+        let triangle = scene.emitters[k as usize];
+        let on = emitter(scene, k, time);
+        let corners = of_corners(weights);
+        if comptime!(sums.of.emission || (sums.of.uvs && scene.features.glows)) {
+            let material = scene.material_of(triangle);
+            let uv = uv_at(scene, triangle, corners);
+            let by_uv = emission_backward(scene, sums, material, uv, found.radiance);
+            if glows(scene, material) {
+                add_to_uvs(scene, sums, triangle, corners, by_uv);
+            }
+        }
+        if comptime!(sums.of.rays) {
+            let seen = LightPoint::new(target.place - point.position, on.normal);
+            let by_light = seen.backward(on.normal, on.area, found.angle, found.direction);
+            if comptime!(sums.of.objects) {
+                if scene.is_wanted(scene.object_of(triangle)) {
+                    sums.add(triangle, by_light.area, AREAS);
+                    sums.add_vector(3 * triangle, by_light.normal, TRIANGLES);
+                    add_to_corners(scene, sums, triangle, corners, by_light.position, time);
+                }
+            }
+            by.position -= by_light.position;
+        }
+    }
+    found.throughput
+}
+
+/// The density with which a direction to the map is drawn.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn density_of_map(scene: &Scene, direction: V3) -> f32 {
+    map_of(scene).density(scene.sky_density, direction)
+}
+
+/// Back over light of a map along a direction, which is fixed; returns the derivative by the throughput.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn map_backward(
+    scene: &Scene,
+    sums: &Sums,
+    point: &Point,
+    target: Target,
+    arrived: Arrived,
+    throughput: V3,
+    g: V3,
+    by: &mut PointGradient,
+) -> V3 {
+    let mut target = target;
+    target.radiance = sky(scene, target.direction);
+    let found = target.backward(
+        &point.shading,
+        arrived.reflected,
+        arrived.density,
+        g,
+        throughput,
+        &mut by.shading,
+    );
+    if comptime!(sums.of.sky) {
+        sky_backward(scene, sums, target.direction, found.radiance);
+    }
+    found.throughput
+}

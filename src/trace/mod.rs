@@ -1,0 +1,42 @@
+//! The stages of a path: small pure functions over a packed scene, one source for the host and for kernels of GPUs.
+//!
+//! `scene` holds the lists, `corners` what is interpolated between the corners of triangles, `texture` what is looked up
+//! in images, `surface` the points that rays hit; each with the way back of its derivatives, which go to `sums`.
+
+#![allow(unused_assignments)] // Variables of a kernel need a first value.
+#![allow(clippy::too_many_arguments)] // Kernels have no globals.
+#![allow(
+    clippy::assign_op_pattern,
+    clippy::collapsible_if,
+    reason = "the language of kernels has no other form, or conditions of compilation are nested so"
+)]
+
+mod corners;
+mod crossing;
+mod edge_points;
+mod edge_search;
+mod features;
+mod film;
+mod jumps;
+mod leaving;
+mod lights;
+mod scene;
+mod sums;
+mod surface;
+mod texture;
+#[cfg(feature = "wgpu")]
+mod totals;
+
+pub(crate) use edge_points::*;
+pub(crate) use edge_search::*;
+pub(crate) use features::{Derivatives, Features};
+pub(crate) use film::*;
+pub(crate) use jumps::*;
+pub(crate) use leaving::*;
+pub(crate) use lights::*;
+pub(crate) use scene::*;
+pub(crate) use sums::*;
+pub(crate) use surface::*;
+pub(crate) use texture::*;
+#[cfg(feature = "wgpu")]
+pub(crate) use totals::*;

@@ -1,0 +1,112 @@
+//! Sums of derivatives: on the host in f64, on a GPU those of [`Totals`](super::Totals).
+
+use std::cell::Cell;
+
+use super::Derivatives;
+#[cfg(feature = "wgpu")]
+use super::totals::{Totals, TotalsExpand};
+#[cfg(feature = "wgpu")]
+use crate::cube::*;
+use crate::model::V3;
+use crate::model::camera::CameraGradient;
+use crate::model::delta_light::DeltaGradient;
+
+/// Parts of the sums of a scene and its camera.
+pub(crate) const VERTICES: u32 = 0;
+/// By the normals of triangles and by their areas, which go to the vertices at the end.
+pub(crate) const TRIANGLES: u32 = 1;
+pub(crate) const AREAS: u32 = 2;
+/// One vector for each object.
+pub(crate) const VELOCITIES: u32 = 3;
+pub(crate) const UVS: u32 = 4;
+pub(crate) const NORMALS: u32 = 5;
+/// As many vectors as a material has channels.
+pub(crate) const MATERIALS: u32 = 6;
+pub(crate) const TEXELS: u32 = 7;
+pub(crate) const SKY: u32 = 8;
+pub(crate) const COLOURS: u32 = 9;
+pub(crate) const TANGENTS: u32 = 10;
+/// [`OF_LIGHT`] numbers of each delta light, and [`OF_CAMERA`] of the camera.
+pub(crate) const LIGHTS: u32 = 11;
+pub(crate) const CAMERAS: u32 = 12;
+pub(crate) const PARTS: usize = 13;
+
+/// Position, axis, strength and both cosines of a delta light.
+pub(crate) const OF_LIGHT: u32 = 11;
+/// The fields of a [`CameraGradient`], in their order.
+pub(crate) const OF_CAMERA: u32 = 20;
+
+/// The sums that derivatives are added to, and which are asked for.
+#[derive(Clone, Copy)]
+pub(crate) struct Sums<'a> {
+    numbers: &'a [Cell<f64>],
+    /// The first of each part.
+    first: &'a [u32],
+    pub of: Derivatives,
+}
+
+/// In a kernel they are others.
+#[cfg(feature = "wgpu")]
+impl<'a> CubeType for Sums<'a> {
+    type ExpandType = TotalsExpand<'a>;
+}
+
+impl<'a> Sums<'a> {
+    pub fn new(numbers: &'a mut [f64], first: &'a [u32], of: Derivatives) -> Self {
+        Self {
+            numbers: Cell::from_mut(numbers).as_slice_of_cells(),
+            first,
+            of,
+        }
+    }
+
+    /// Adds a derivative to a sum of a part.
+    #[inline(always)]
+    pub fn add(&self, at: u32, value: f32, part: u32) {
+        let to = &self.numbers[(self.first[part as usize] + at) as usize];
+        to.set(to.get() + f64::from(value));
+    }
+
+    /// Adds three derivatives.
+    #[inline(always)]
+    pub fn add_vector(&self, at: u32, value: V3, part: u32) {
+        let first = (self.first[part as usize] + at) as usize;
+        let to = &self.numbers[first..first + 3];
+        to[0].set(to[0].get() + f64::from(value.x));
+        to[1].set(to[1].get() + f64::from(value.y));
+        to[2].set(to[2].get() + f64::from(value.z));
+    }
+}
+
+#[cfg(feature = "wgpu")]
+#[cube]
+#[allow(unused_variables)]
+pub(crate) fn sums_of<'a>(totals: Totals<'a>) -> Sums<'a> {
+    intrinsic!(|_| totals)
+}
+
+/// Adds the derivatives by a delta light.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn add_to_light(sums: &Sums, light: u32, by: &DeltaGradient, by_strength: V3) {
+    let first = OF_LIGHT * light;
+    sums.add_vector(first, by.position, LIGHTS);
+    sums.add_vector(first + 3, by.axis, LIGHTS);
+    sums.add_vector(first + 6, by_strength, LIGHTS);
+    sums.add(first + 9, by.cos_inner, LIGHTS);
+    sums.add(first + 10, by.cos_outer, LIGHTS);
+}
+
+/// Adds the derivatives by the camera of some paths.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn add_to_camera(sums: &Sums, by: &CameraGradient) {
+    sums.add_vector(0u32, by.eye, CAMERAS);
+    sums.add_vector(3u32, by.across, CAMERAS);
+    sums.add_vector(6u32, by.upward, CAMERAS);
+    sums.add_vector(9u32, by.forward, CAMERAS);
+    sums.add_vector(12u32, by.lens.first, CAMERAS);
+    sums.add_vector(15u32, by.lens.second, CAMERAS);
+    sums.add(18u32, by.per_focus, CAMERAS);
+    sums.add(19u32, by.filter, CAMERAS);
+}

@@ -1,0 +1,268 @@
+//! Points of surfaces that rays hit: position, normals, and what their material is there.
+
+use crate::cube::*;
+
+use super::corners::{
+    add_to_corners, colour_rows, corners_backward, normal_at, normal_rows, tilt_at, uv_at,
+};
+use super::scene::{COMPENSATED, EMITS, GLOSSY, MODEL, REFLECTS, Scene};
+use super::sums::{COLOURS, Sums, TRIANGLES};
+use super::texture::{colour, colour_backward, emission_backward, emission_of};
+use crate::model::bsdf::{Shading, ShadingGradient};
+use crate::model::triangle::hit_backward;
+use crate::model::{Pair, V2, V3, splat, v2, v3};
+use crate::sampling::Receiver;
+
+/// A point that a ray hit.
+#[apply(record!)]
+#[derive(Default)]
+pub(crate) struct Point {
+    pub triangle: u32,
+    pub material: u32,
+    pub object: u32,
+    /// Distance along the ray.
+    pub distance: f32,
+    /// Its position at the ray's time.
+    pub position: V3,
+    /// Weights of the triangle's corners in it.
+    pub weights: V3,
+    /// 1 if the ray came from the triangle's front, else −1.
+    pub side: f32,
+    pub uv: V2,
+    pub shading: Shading,
+    /// Whether it scatters any light.
+    pub reflects: bool,
+}
+
+/// Derivatives by a surface point, but for those that its incoming ray takes part in.
+#[apply(record!)]
+#[derive(Default)]
+pub(crate) struct PointGradient {
+    pub position: V3,
+    pub geometric: V3,
+    pub shading: ShadingGradient,
+    /// By the radiance that it emits, where that is a texture.
+    pub emission: V3,
+}
+
+#[cfg(feature = "wgpu")]
+#[cube]
+pub(crate) fn no_point_gradient() -> PointGradient {
+    let zero = splat(0.0f32.runtime());
+    PointGradient {
+        position: zero,
+        geometric: zero,
+        shading: ShadingGradient {
+            geometric: zero,
+            normal: zero,
+            incoming: zero,
+            diffuse: zero,
+            specular: zero,
+            exponent: 0.0f32.runtime(),
+        },
+        emission: zero,
+    }
+}
+
+/// Derivatives by a ray.
+#[apply(record!)]
+#[derive(Default)]
+pub(crate) struct RayGradient {
+    pub origin: V3,
+    pub direction: V3,
+}
+
+/// The point of a triangle, about there, seen along a direction from a distance at a time in the shutter.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn point_at(
+    scene: &Scene,
+    triangle: u32,
+    near: V3,
+    distance: f32,
+    direction: V3,
+    time: f32,
+) -> Point {
+    let material = scene.material_of(triangle);
+    let object = scene.object_of(triangle);
+    let tri = scene.triangle(triangle);
+    let shift = scene.displacement(object, time);
+    let mut at_rest = near - shift;
+    // Back onto the plane: how far off it is was rounded by the ray's length.
+    at_rest -= tri.normal * tri.above(at_rest);
+    let mut side = (-1.0f32).runtime();
+    if tri.normal.dot(direction) < 0.0 {
+        side = 1.0f32;
+    }
+    let weights = tri.weights(at_rest);
+    let geometric = tri.normal * side;
+    let uv = uv_at(scene, triangle, weights);
+    let mut smooth = false;
+    let mut normal = geometric;
+    if comptime!(scene.features.smooth) {
+        smooth = normal_rows(scene, triangle).exist();
+        normal = normal_at(scene, triangle, weights, geometric);
+    }
+    if comptime!(scene.features.tilted) {
+        let at = tilt_at(scene, triangle, material, weights, uv, normal * side);
+        if at.exists {
+            normal = at.tilt.tilted() * side;
+            smooth = true;
+        }
+    }
+    let bits = scene.bits_of(material);
+    let mut diffuse = colour(scene, material, 0u32, uv);
+    if comptime!(scene.features.tinted) {
+        let rows = colour_rows(scene, triangle);
+        if rows.exist() {
+            diffuse = diffuse.times(rows.of(scene.colours, 3u32).at(weights));
+        }
+    }
+    let mut specular = splat(0.0);
+    let mut exponent = 0.0f32;
+    let mut glossy = false;
+    if comptime!(scene.features.glossy) {
+        if bits & GLOSSY != 0 {
+            glossy = true;
+            specular = colour(scene, material, 1u32, uv);
+            exponent = colour(scene, material, 2u32, uv).x;
+        }
+    }
+    let mut model = 0u32;
+    let mut compensated = false;
+    if comptime!(scene.features.models.facets()) {
+        model = (bits / MODEL) % 8;
+        compensated = bits & COMPENSATED != 0;
+    }
+    Point {
+        triangle,
+        material,
+        object,
+        distance,
+        position: at_rest + shift,
+        weights,
+        side,
+        uv,
+        shading: Shading {
+            geometric,
+            normal,
+            incoming: direction,
+            diffuse,
+            specular,
+            exponent,
+            glossy,
+            smooth,
+            model,
+            compensated,
+            inside: side < 0.0,
+            models: comptime!(scene.features.models),
+            pair: Pair {
+                first: normal,
+                second: normal,
+            },
+            paired: false,
+        },
+        reflects: bits & REFLECTS != 0,
+    }
+}
+
+/// The light that a surface point emits towards the point that sees it.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
+    let mut emission = splat(0.0);
+    if p.side > 0.0 && scene.bits_of(p.material) & EMITS != 0 {
+        emission = emission_of(scene, p.material, p.uv);
+    }
+    emission
+}
+
+/// Adds the derivatives by the scene's parts of a point that has derivatives by its position, geometric normal,
+/// distance and shading; returns those by the ray that hit it.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn point_backward(
+    scene: &Scene,
+    sums: &Sums,
+    p: &Point,
+    time: f32,
+    by: &PointGradient,
+    by_distance: f32,
+) -> RayGradient {
+    let shade = by.shading;
+    let mut by_uv = v2(0.0, 0.0);
+    let mut by_diffuse = shade.diffuse;
+    let mut by_colour = splat(0.0);
+    if comptime!(scene.features.tinted) {
+        let rows = colour_rows(scene, p.triangle);
+        if rows.exist() {
+            by_colour = by_diffuse.times(colour(scene, p.material, 0u32, p.uv));
+            by_diffuse = by_diffuse.times(rows.of(scene.colours, 3u32).at(p.weights));
+            if comptime!(sums.of.colours) {
+                rows.add(sums, p.weights, by_colour, COLOURS);
+            }
+        }
+    }
+    if comptime!(sums.of.materials || (sums.of.rays && scene.features.textured)) {
+        let mut channels = 1u32;
+        if comptime!(scene.features.glossy) {
+            if p.shading.glossy {
+                channels = 3;
+            }
+        }
+        let mut channel = 0u32;
+        while channel < channels {
+            let mut g = by_diffuse;
+            if channel == 1 {
+                g = shade.specular;
+            } else if channel == 2 {
+                g = v3(shade.exponent, 0.0, 0.0);
+            }
+            let wanted = comptime!(sums.of.materials);
+            let more = colour_backward(scene, sums, p.material, channel, p.uv, g, wanted);
+            by_uv.x += more.x;
+            by_uv.y += more.y;
+            channel += 1;
+        }
+    }
+    if comptime!(scene.features.glows) {
+        if !by.emission.is_zero() {
+            let more = emission_backward(scene, sums, p.material, p.uv, by.emission);
+            by_uv.x += more.x;
+            by_uv.y += more.y;
+        }
+    }
+    let mut by_ray = RayGradient {
+        origin: splat(0.0),
+        direction: splat(0.0),
+    };
+    if comptime!(sums.of.rays) {
+        let by_corners = corners_backward(scene, sums, p, by_uv, by_colour, shade.normal);
+        let by_place = by_corners.place;
+        let by_normal = by_corners.geometric + shade.geometric + by.geometric;
+        let direction = p.shading.incoming;
+        // Barycentric coordinates see the point from the corners, which are where the triangle is.
+        let by_point = by.position + by_place + direction * by_distance;
+        let with_plane = hit_backward(p.shading.geometric, direction, by_point);
+        if comptime!(sums.of.objects) {
+            if scene.is_wanted(p.object) {
+                sums.add_vector(3 * p.triangle, by_normal * p.side, TRIANGLES);
+                let g = with_plane - by_place;
+                add_to_corners(scene, sums, p.triangle, p.weights, g, time);
+            }
+        }
+        let through = by_point - with_plane;
+        by_ray.origin = through - direction * by_distance;
+        by_ray.direction = through * p.distance + shade.incoming;
+    }
+    by_ray
+}
+
+/// A point as emitters are chosen for it.
+pub(crate) fn receiver_of(point: &Point, time: f32) -> Receiver {
+    Receiver {
+        position: point.position,
+        normal: point.shading.geometric,
+        time,
+    }
+}
