@@ -52,6 +52,19 @@ pub(crate) struct Search {
     pub is_light: bool,
 }
 
+/// Whether a point looks for an edge of the light of emitters, or of reflected light, by a uniform number.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn looks_for_edges(scene: &Scene, o: &Observer, of_light: bool, u: f32) -> bool {
+    let mut looks = u < probability(OF_SHADOWS, o.counts);
+    if !of_light {
+        // At the end of a path only the environment is seen.
+        let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
+        looks = u < probability(OF_REFLECTED, o.counts) && (o.bounce < scene.bounces || sees);
+    }
+    looks
+}
+
 /// A search for an edge of the light of emitters, or of reflected light, by four uniform numbers; of light by two more.
 /// `room` is that of a choice of an emitter, and `grouped` says whether emitters are in several groups.
 #[cfg_attr(feature = "wgpu", cube)]
@@ -69,7 +82,6 @@ pub(crate) fn search(
     let x = o.point.position;
     let shading = o.point.shading;
     let tangent = scene.settings[CONE];
-    let last = o.bounce >= scene.bounces;
     let mut s = Search {
         query: towards_light(x, time, shading.geometric, tangent),
         lobe: Lobe::whole(shading.geometric),
@@ -89,7 +101,7 @@ pub(crate) fn search(
     if of_light {
         if comptime!(scene.features.emitters) {
             let rate = probability(OF_SHADOWS, o.counts);
-            s.asked = more.y < rate;
+            s.asked = looks_for_edges(scene, o, true, more.y);
             s.cone_v = more.x;
             if s.asked {
                 let at = Receiver {
@@ -121,9 +133,8 @@ pub(crate) fn search(
             }
         }
     } else {
-        let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
         let rate = probability(OF_REFLECTED, o.counts);
-        s.asked = drawn.x < rate && (!last || sees);
+        s.asked = looks_for_edges(scene, o, false, drawn.x);
         if comptime!(sums.of.turns) {
             s.moves = true;
         }

@@ -6,10 +6,11 @@ use crate::kernel::walk::{Path, Vertex, Walk, Work};
 use crate::model::choice::decided_by;
 use crate::model::jumps::Sides;
 use crate::model::{Pair, V3};
-use crate::sampling::{Dimensions, Four};
+use crate::sampling::{Dimensions, Numbers};
 use crate::trace::{
     Behind, EdgePoint, Observer, PointGradient, SideLight, Sums, beside, edge_point, edge_view,
-    emitted, hides, is_crease, jump_at, point_at, reflected_backward, search, shadow_backward, sky,
+    emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward, search,
+    shadow_backward, sky,
 };
 
 /// A ray that comes to an edge's point, and the faces that are seen beside it.
@@ -23,6 +24,7 @@ pub(super) struct Approach<'a> {
 impl Tracer<'_> {
     /// Adds the derivatives by jumps at edges seen from a point of a path, times `g`, whose channels add up
     /// to `typical` on average.
+    #[inline(always)]
     #[allow(clippy::too_many_arguments)] // one place, called once
     pub(in crate::kernel) fn edges_backward(
         &self,
@@ -47,18 +49,23 @@ impl Tracer<'_> {
             carried,
             counts,
         };
-        if self.features.emitters {
-            self.jumps(path, &observer, true, work, by, sums);
+        let numbers = self.edges.numbers(path.numbers.path());
+        for of_light in [true, false] {
+            if self.features.emitters || !of_light {
+                self.jumps(path, &observer, of_light, &numbers, work, by, sums);
+            }
         }
-        self.jumps(path, &observer, false, work, by, sums);
     }
 
     /// Those of the light of emitters, or of reflected light.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // one place, called once
     fn jumps(
         &self,
         path: &Path,
         o: &Observer,
         of_light: bool,
+        numbers: &Numbers,
         work: &mut Work,
         by: &mut PointGradient,
         sums: &Sums,
@@ -67,16 +74,22 @@ impl Tracer<'_> {
             return;
         };
         let (lists, time) = (&self.lists, path.time);
-        let numbers = self.edges.numbers(path.numbers.path());
-        let draw = |set: u32| numbers.draw(Dimensions::of_set(3 * o.bounce + set));
-        let (drawn, more) = if of_light {
-            (draw(0), draw(1))
-        } else {
-            (draw(2), Four::default())
-        };
+        let set = 3 * o.bounce;
+        let mut drawn = numbers.draw(Dimensions::of_set(if of_light { set + 1 } else { set + 2 }));
+        let more = drawn;
+        let pick = if of_light { more.y } else { drawn.x };
+        if !looks_for_edges(lists, o, of_light, pick) {
+            return;
+        }
+        if of_light {
+            drawn = numbers.draw(Dimensions::of_set(set));
+        }
         let s = search(lists, drawn, more, o, of_light, time, &mut work.room, sums);
+        if !s.asked {
+            return;
+        }
         let tree = sets.seen_by(s.moves);
-        if !s.asked || tree.is_empty() {
+        if tree.is_empty() {
             return;
         }
         let random = decided_by(s.u, s.v);
@@ -128,6 +141,7 @@ impl Tracer<'_> {
 
     /// The light beside an edge's point, of paths that begin there at a bounce if they go on; with `film` what the camera
     /// sees of it. None where something hides the edge.
+    #[inline(always)]
     pub(super) fn light_beside(
         &self,
         approach: &Approach,
