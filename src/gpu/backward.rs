@@ -1,4 +1,4 @@
-//! Back along a path that left records: `kernel/backward` in a kernel of a GPU.
+//! Back along a path that left records, in a thread of a GPU.
 
 use crate::cube::*;
 

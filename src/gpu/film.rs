@@ -1,4 +1,4 @@
-//! Jumps of the image that the camera sees, one thread a sample: `kernel/boundary/film` in a kernel of a GPU.
+//! Jumps of the image that the camera sees, one thread a sample.
 
 use burn::cubecl::{self, prelude::*};
 

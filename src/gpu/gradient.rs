@@ -6,7 +6,7 @@ use burn::cubecl::{self, prelude::*};
 
 use super::sum_places::Places;
 use super::sums::sum_at;
-use crate::kernel::{DeltaSums, Rows, View};
+use crate::kernel::{Rows, View};
 use crate::model::{V3, component, splat, v3};
 use crate::scene::{LightPart, ParameterId};
 use crate::trace::{
@@ -90,12 +90,10 @@ impl Table {
         first: u32,
     ) {
         let column = |k: usize| {
-            let mut by = vec![0.0; to.len()];
-            let one = DeltaSums::of(|j| f64::from(u8::from(j == k)));
-            one.write(&view.scene, light, part, &mut by);
-            by
+            let one = std::array::from_fn(|j| f64::from(u8::from(j == k)));
+            view.scene.by_light(light, part, one)
         };
-        let columns: Vec<Vec<f64>> = (0..OF_LIGHT as usize).map(column).collect();
+        let columns: Vec<[f64; 3]> = (0..OF_LIGHT as usize).map(column).collect();
         let matrix = (0..to.len()).flat_map(|i| columns.iter().map(move |c| c[i]));
         self.add(
             to,

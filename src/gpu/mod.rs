@@ -1,5 +1,5 @@
-//! Kernels on GPUs: whole paths, one thread a pixel, in the language of CubeCL. Formulas are those of
-//! `model`, so that the host and GPUs share them; what is here finds what they are applied to.
+//! Kernels on GPUs: whole paths, one thread a pixel, in the language of CubeCL. The stages of a path are those of
+//! `trace`, which the host runs too; what is here calls them, traces rays and keeps records.
 
 #![allow(unused_assignments)] // Variables of a kernel need a first value.
 #![allow(clippy::too_many_arguments)] // Kernels have no globals.

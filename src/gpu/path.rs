@@ -1,4 +1,4 @@
-//! A path from the camera to its end: `kernel/path` and `kernel/direct` in a kernel of a GPU.
+//! A path from the camera to its end, in a thread of a GPU.
 //!
 //! Calls are inlined in a kernel, so there is one place that traces a ray, in a loop over the rays of a path:
 //! the camera's, those to lights, and those with which the path goes on.

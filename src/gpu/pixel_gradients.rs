@@ -1,5 +1,5 @@
 //! How much a loss depends on the pixels of views, and so where edges are drawn on their films, without the host in
-//! between: `kernel/boundary/pieces` and `film_edges` in kernels of a GPU.
+//! between.
 
 use crate::cube::*;
 

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use super::delta_sums::DeltaSums;
 use super::scene::KernelScene;
 use crate::model::{V3, v3};
 use crate::scene::{CHANNELS, Channel, LightPart, ParameterId};
@@ -196,7 +195,8 @@ impl HostSums {
             let to = &mut all[range.clone()];
             if let ParameterId::Light(i, part) = *id {
                 let own = &self.part(LIGHTS)[OF_LIGHT as usize * i..];
-                DeltaSums::of(|k| own[k]).write(scene, i, part, to);
+                let by = scene.by_light(i, part, std::array::from_fn(|k| own[k]));
+                add_each(to, &by);
             } else if let Some(rows) = Rows::of(scene, *id, to.len()) {
                 let own = self.part(rows.part).get(rows.width * rows.first..);
                 let own = own.unwrap_or_default().chunks_exact(rows.width);

@@ -1,14 +1,14 @@
-//! Path tracing on the host, each path from camera to end in one go, in f32, with derivatives by hand.
+//! Path tracing on the host, in f32, with derivatives by hand: the stages of [`trace`](crate::trace) over paths that go
+//! together.
 //!
-//! `scene` holds the packed scene, made of `lists` of triangles, `corners` what is interpolated between their corners, `view` adds a camera and settings. `path` traces forward with direct light
-//! of `direct` and `delta_lights`; `backward` traces a path again and goes back along it. `edges` finds and draws edges at which
-//! visibility jumps, `boundary` adds what the jumps contribute. `gradient` holds the sums of derivatives,
-//! `tasks` deals pixels to the machine.
+//! `scene` holds a scene's lists, made of `lists` of triangles, `view` adds a camera and settings. `path` traces forward
+//! with direct light of `direct`; `backward` traces a path again and goes back along it. `edges` finds and draws edges at
+//! which visibility jumps, `boundary` traces what the jumps contribute. `gradient` holds the sums of derivatives, `tasks`
+//! deals pixels to the machine.
 
 mod backward;
 mod boundary;
 mod camera;
-mod delta_sums;
 mod direct;
 mod edges;
 mod gradient;
@@ -25,8 +25,6 @@ mod walk;
 pub(crate) use boundary::Piece;
 pub(crate) use boundary::{FilmEdges, PixelGradients};
 pub(crate) use camera::HostCamera;
-#[cfg(feature = "wgpu")]
-pub(crate) use delta_sums::DeltaSums;
 pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]
 pub(crate) use edges::{DrawnEdge, NO_EDGE, Root, draw_edge};

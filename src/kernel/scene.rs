@@ -14,7 +14,8 @@ use crate::model::sky::SkyDensity;
 use crate::model::texture::{Colour, Texels, Texture};
 use crate::sampling::{Emitter, EmitterGroup, EmitterSampling, Emitters};
 use crate::scene::{
-    CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, MaterialKind, SceneFrame,
+    CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart, MaterialKind,
+    SceneFrame,
 };
 use crate::trace::{
     COMPENSATED, EMITS, Features, GLOSSY, MATERIAL, MODEL, NONE, REFLECTS, Scene, Triangle,
@@ -288,6 +289,12 @@ impl KernelScene {
     #[inline(always)]
     pub fn shift(&self, triangle: u32, time: f32) -> V3 {
         self.scene().shift(triangle, time)
+    }
+
+    /// The derivative by a parameter of the i-th delta light, from those by its numbers in a list.
+    pub fn by_light(&self, i: usize, part: LightPart, by: [f64; 11]) -> [f64; 3] {
+        let light = &self.emitters.lights()[i];
+        light.by_part(by, part, self.frame.unit, self.lengths_of_axes[i])
     }
 
     /// The number of all vertices.

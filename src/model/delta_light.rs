@@ -6,7 +6,7 @@ use super::connection::Target;
 use super::lists::vector;
 use super::{V3, splat};
 use crate::cube::*;
-use crate::scene::{HostLight, SceneFrame};
+use crate::scene::{HostLight, LightPart, SceneFrame};
 
 /// A light without extent.
 #[apply(record!)]
@@ -77,6 +77,43 @@ impl DeltaLight {
         numbers[..9].copy_from_slice(vectors.as_flattened());
         numbers[9..].copy_from_slice(&[self.cos_inner, self.cos_outer]);
         numbers
+    }
+
+    /// The derivative by a parameter that a user set, from those by its numbers in a list; for scene units in an inner one
+    /// and the length of the direction as it was given.
+    pub fn by_part(&self, by: [f64; 11], part: LightPart, unit: f64, length: f64) -> [f64; 3] {
+        let [position, axis, strength] = [0, 3, 6].map(|k| DVec3::from_slice(&by[k..]));
+        // The derivative of a cosine by its angle.
+        let slope = |cosine: f32| -(1.0 - f64::from(cosine).powi(2)).max(0.0).sqrt();
+        match part {
+            LightPart::Position => (position / unit).to_array(),
+            LightPart::Direction => {
+                let own = DVec3::from(self.axis);
+                ((axis - own * own.dot(axis)) / length).to_array()
+            }
+            LightPart::Intensity => (strength / (unit * unit)).to_array(),
+            LightPart::Irradiance => strength.to_array(),
+            LightPart::Inner => [by[9] * slope(self.cos_inner), 0.0, 0.0],
+            LightPart::Outer => [by[10] * slope(self.cos_outer), 0.0, 0.0],
+        }
+    }
+
+    /// The mean of its strength's channels.
+    pub fn mean(&self) -> f32 {
+        self.strength.abs().element_sum() / 3.0
+    }
+
+    /// About its power over π in a scene of a size, which for a triangle is area times radiance.
+    pub fn power(&self, size: f64) -> f64 {
+        let per_strength = if self.directional {
+            size * size
+        } else if self.spot {
+            // Of the solid angle about half-way between both angles.
+            2.0 - f64::from(self.cos_inner + self.cos_outer)
+        } else {
+            4.0
+        };
+        f64::from(self.mean()) * per_strength
     }
 
     pub fn bits(&self) -> u32 {

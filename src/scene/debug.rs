@@ -4,8 +4,8 @@
 use std::fmt::{Debug, Formatter, Result};
 
 use super::{
-    Albedo, Bsdf, CornerAttribute, Environment, Light, Material, Mesh, Object, Parameter,
-    ScalarTexture, Scene,
+    Albedo, Bsdf, CornerAttribute, Environment, Material, Mesh, Object, Parameter, ScalarTexture,
+    Scene,
 };
 use crate::debug::{Text, graph, place, tensor};
 
@@ -52,31 +52,6 @@ impl Debug for Environment {
         match self {
             Self::Constant(p) => p.fmt(f),
             Self::Map(texels) => write!(f, "map {:?}", tensor(texels)),
-        }
-    }
-}
-
-impl Debug for Light {
-    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        match self {
-            Self::Point {
-                position,
-                intensity,
-            } => write!(f, "point at {position:?}, intensity {intensity:?}"),
-            Self::Spot {
-                position,
-                direction,
-                intensity,
-                inner,
-                outer,
-            } => write!(
-                f,
-                "spot at {position:?} towards {direction:?}, intensity {intensity:?}, angles {inner:?} to {outer:?}"
-            ),
-            Self::Directional {
-                direction,
-                irradiance,
-            } => write!(f, "light towards {direction:?}, irradiance {irradiance:?}"),
         }
     }
 }

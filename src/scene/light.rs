@@ -1,5 +1,7 @@
 //! Lights without a surface: points, spots and distant ones.
 
+use std::fmt;
+
 use burn::tensor::Tensor;
 
 use super::Parameter;
@@ -56,6 +58,31 @@ pub enum Light {
         /// Irradiance of a surface that faces the light, RGB.
         irradiance: Parameter<3>,
     },
+}
+
+impl fmt::Debug for Light {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Point {
+                position,
+                intensity,
+            } => write!(f, "point at {position:?}, intensity {intensity:?}"),
+            Self::Spot {
+                position,
+                direction,
+                intensity,
+                inner,
+                outer,
+            } => write!(
+                f,
+                "spot at {position:?} towards {direction:?}, intensity {intensity:?}, angles {inner:?} to {outer:?}"
+            ),
+            Self::Directional {
+                direction,
+                irradiance,
+            } => write!(f, "light towards {direction:?}, irradiance {irradiance:?}"),
+        }
+    }
 }
 
 /// A parameter of a light.

@@ -6,7 +6,9 @@ use super::rays::NO_TRIANGLE;
 use super::shaded::Shaded;
 use super::tracer::Tracer;
 use crate::error::Result;
-use crate::geometry::{Vec3, detached, gather_row, host_values};
+use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
+use crate::model::delta_light::DeltaLight;
+use crate::scene::LightPlanes;
 
 /// The distance of a directional light.
 const FAR: f64 = 1e30;
@@ -61,4 +63,24 @@ pub(super) fn from_delta_lights(
     let strength = lights.strength.gather(&index);
     let light = strength.scale(&(scale * passed / context.row(&chances)));
     Ok(reflected.mul(&light))
+}
+
+/// The lights without extent, read back.
+pub(super) fn read_back(planes: &LightPlanes) -> Result<Vec<DeltaLight>> {
+    let (position, axis) = (host_vectors(&planes.position)?, host_vectors(&planes.axis)?);
+    let strength = host_vectors(&planes.strength)?;
+    let (inner, outer) = (
+        host_values(&planes.cos_inner)?,
+        host_values(&planes.cos_outer)?,
+    );
+    let one = |i: usize| DeltaLight {
+        position: position[i].into(),
+        axis: axis[i].into(),
+        strength: strength[i].into(),
+        directional: planes.directional[i],
+        spot: planes.spot[i],
+        cos_inner: inner[i] as f32,
+        cos_outer: outer[i] as f32,
+    };
+    Ok((0..position.len()).map(one).collect())
 }

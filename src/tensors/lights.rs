@@ -8,14 +8,14 @@ use glam::DVec3;
 use rayon::iter::Either;
 use rayon::prelude::*;
 
+use super::delta_lights::read_back;
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
 use crate::model::V3;
-use crate::model::delta_light::DeltaLight;
 use crate::model::sky::SkyDensity;
 use crate::model::texture::{Colour, Texels, Texture};
 use crate::sampling::{Emitter, EmitterSampling, Emitters, Met, Receiver};
-use crate::scene::{Channel, EnvironmentMap, Flattened, LightPlanes, SkyTensors};
+use crate::scene::{Channel, EnvironmentMap, Flattened, SkyTensors};
 
 /// The emitters of a scene, for lists of points.
 pub(crate) struct Lights {
@@ -70,7 +70,7 @@ impl Lights {
     pub fn new(scene: &Flattened, sampling: EmitterSampling) -> Result<Self> {
         let moves = scene.triangles.velocity.is_some();
         let size = scene.lights.as_ref().map_or(1.0, |l| l.size);
-        let lights = scene.lights.as_ref().map_or(Ok(Vec::new()), delta_lights)?;
+        let lights = scene.lights.as_ref().map_or(Ok(Vec::new()), read_back)?;
         let emitters = Emitters::new(triangles(scene)?, lights, (moves, size), sampling);
         Ok(Self { emitters })
     }
@@ -188,26 +188,6 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
     };
     let all = index.iter().enumerate().map(one);
     Ok(all.filter(|e| e.area > 0.0).collect())
-}
-
-/// The lights without extent, read back.
-fn delta_lights(planes: &LightPlanes) -> Result<Vec<DeltaLight>> {
-    let (position, axis) = (host_vectors(&planes.position)?, host_vectors(&planes.axis)?);
-    let strength = host_vectors(&planes.strength)?;
-    let (inner, outer) = (
-        host_values(&planes.cos_inner)?,
-        host_values(&planes.cos_outer)?,
-    );
-    let one = |i: usize| DeltaLight {
-        position: position[i].into(),
-        axis: axis[i].into(),
-        strength: strength[i].into(),
-        directional: planes.directional[i],
-        spot: planes.spot[i],
-        cos_inner: inner[i] as f32,
-        cos_outer: outer[i] as f32,
-    };
-    Ok((0..position.len()).map(one).collect())
 }
 
 /// An environment, with the host-side tables of a map.

@@ -1,7 +1,9 @@
-//! The stages of a path: small pure functions over a packed scene, one source for the host and for kernels of GPUs.
+//! The stages of a path: small functions over the lists of a scene, one source for the host and for kernels of GPUs.
 //!
-//! `scene` holds the lists, `corners` what is interpolated between the corners of triangles, `texture` what is looked up
-//! in images, `surface` the points that rays hit; each with the way back of its derivatives, which go to `sums`.
+//! `scene` holds the lists, `features` what is in them. `corners`, `texture` and `surface` make the point that a ray hits,
+//! `lights` connects it to lights, `leaving` sends the path on. `edge_search`, `edge_points`, `jumps` and `film` are of the
+//! jumps at edges. Beside each stage is its way back, whose derivatives go to `sums`. What calls the stages, traces rays
+//! and keeps records is in `kernel` and `gpu`.
 
 #![allow(unused_assignments)] // Variables of a kernel need a first value.
 #![allow(clippy::too_many_arguments)] // Kernels have no globals.

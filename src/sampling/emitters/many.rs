@@ -3,7 +3,7 @@
 use pulp::Arch;
 
 use super::branches::{Item, Lists};
-use super::powers::{mean, running_sums};
+use super::powers::running_sums;
 use super::tree::{LightTree, OF_NODE};
 use super::{Emitter, EmitterGroup, Emitters, Fixed, Receiver};
 use crate::accel::eights::NONE;
@@ -54,7 +54,7 @@ impl ManyEmitters {
                 high: light.position,
                 axis: light.axis,
                 all_round: !light.spot,
-                power: mean(light.strength).clamp(1e-30, 1e30),
+                power: light.mean().clamp(1e-30, 1e30),
                 alone: true,
             });
         }
@@ -95,8 +95,7 @@ impl ManyEmitters {
             members: vec![k],
             ..EmitterGroup::default()
         }));
-        let strength =
-            |&k: &u32| mean(all.lights[k as usize - triangles].strength).clamp(1e-30, 1e30);
+        let strength = |&k: &u32| all.lights[k as usize - triangles].mean().clamp(1e-30, 1e30);
         let sums: Vec<f32> = running_sums(distant.iter().map(strength));
         let total = sums.last().copied().unwrap_or(1.0);
         let axis = |&k: &u32| {

@@ -25,7 +25,7 @@ pub(crate) use lists::{
 };
 use many::ManyEmitters;
 pub(crate) use many::Met;
-use powers::{mean, powers_of_lights, running_sums};
+use powers::{powers_of_lights, running_sums};
 pub(crate) use tree::LightTree;
 
 /// The emitters of a scene: triangles, then lights without extent, in one count.
@@ -69,7 +69,9 @@ impl Flat {
             triangles: list.iter().map(triangle).collect(),
             lights: lights.iter().map(DeltaLight::numbers).collect(),
             bits: lights.iter().map(DeltaLight::bits).collect(),
-            brightness: of_triangles.chain(lights.iter().map(brightness)).collect(),
+            brightness: of_triangles
+                .chain(lights.iter().map(|l| l.mean().max(1e-30)))
+                .collect(),
         }
     }
 }
@@ -302,9 +304,4 @@ impl Emitters {
     pub fn all(&self) -> std::ops::Range<usize> {
         0..self.list.len()
     }
-}
-
-#[inline(always)]
-fn brightness(light: &DeltaLight) -> f32 {
-    mean(light.strength).max(1e-30)
 }

@@ -1,6 +1,5 @@
 //! Powers of lights, and sums of them.
 
-use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 
 /// The sums of numbers up to each.
@@ -12,24 +11,9 @@ pub(super) fn running_sums(numbers: impl Iterator<Item = f32>) -> Vec<f32> {
     sums.collect()
 }
 
-/// The mean of a colour's channels.
-pub(super) fn mean(colour: V3) -> f32 {
-    colour.abs().element_sum() / 3.0
-}
-
 /// Powers of lights over π, which for a triangle is area times radiance; those that are black for now count a little.
 pub(super) fn powers_of_lights(lights: &[DeltaLight], size: f64) -> impl Iterator<Item = f64> {
-    let power = move |l: &DeltaLight| {
-        let per_strength = if l.directional {
-            size * size
-        } else if l.spot {
-            // Of the solid angle about half-way between both angles.
-            2.0 - f64::from(l.cos_inner + l.cos_outer)
-        } else {
-            4.0
-        };
-        f64::from(mean(l.strength)) * per_strength
-    };
+    let power = move |l: &DeltaLight| l.power(size);
     let largest = lights.iter().map(power).fold(0.0, f64::max);
     let least = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
     lights.iter().map(move |l| power(l).max(least))
