@@ -38,6 +38,7 @@ mod passes;
 mod path;
 mod pieces;
 mod pixel_gradients;
+mod places;
 mod records;
 mod side_light;
 mod sum_places;
@@ -53,8 +54,9 @@ pub(crate) use device::check;
 pub(crate) use job::Job;
 pub(crate) use launch::trace;
 pub(crate) use packed::{Packed, pack};
-use path::{from_camera, path_light};
+use path::path_light;
 use pieces::{Piece, pixel_at};
+use places::from_camera;
 use records::Room;
 
 /// The rows of an image that are asked for beside radiance.

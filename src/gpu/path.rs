@@ -8,94 +8,21 @@ use crate::cube::*;
 use super::camera::Beginning;
 use super::emitters_along::next_emitter_hit;
 use super::hit::{Hit, Ray, see_all, trace};
+use super::places::{PathLight, Place, Start, no_point};
 use super::records::{
     ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
     keep_vector, record_at,
 };
-use crate::model::bsdf::{Scatter, Shading};
+use crate::model::bsdf::Scatter;
 use crate::model::cone::Bend;
 use crate::model::connection::{ConeKernel, Target, no_connection};
 use crate::model::triangle::uniform_point;
-use crate::model::{Pair, V3, splat, v2};
+use crate::model::{splat, v2};
 use crate::sampling::{Chosen, Dimensions, Receiver};
 use crate::trace::{
-    CONE, Leaving, NONE, Point, Scene, density_of_map, emitted, emitters_of, leave, map_of,
-    point_at, radiance_of, sky, target_of,
+    CONE, Leaving, NONE, Scene, density_of_map, emitted, emitters_of, leave, map_of, point_at,
+    radiance_of, sky, target_of,
 };
-
-/// The surface that a camera ray sees, and the light that its path brings back.
-#[apply(record!)]
-pub(super) struct PathLight {
-    pub radiance: V3,
-    /// 1 where there is a surface.
-    pub opacity: f32,
-    pub depth: f32,
-    pub normal: V3,
-    /// The object that is seen, or [`NONE`].
-    pub object: u32,
-    pub rays: u32,
-    /// How often it looked for its next surface.
-    pub looked: u32,
-    /// Points of surfaces that it came to.
-    pub points: u32,
-}
-
-/// A surface point of a path, and its random numbers there.
-#[apply(record!)]
-struct Place {
-    point: Point,
-    cone: ConeKernel,
-    /// The probability of directional lights among many emitters.
-    share: f32,
-}
-
-#[cube]
-impl Place {
-    /// As a point that emitters are chosen for.
-    fn receiver(&self, time: f32) -> Receiver {
-        Receiver {
-            position: self.point.position,
-            normal: self.point.shading.geometric,
-            time,
-        }
-    }
-}
-
-/// A surface point that is not there yet.
-#[cube]
-fn no_point(scene: &Scene) -> Point {
-    let zero = splat(0.0f32.runtime());
-    Point {
-        triangle: NONE.runtime(),
-        material: 0u32.runtime(),
-        object: 0u32.runtime(),
-        distance: 0.0f32.runtime(),
-        position: zero,
-        weights: zero,
-        side: 1.0f32.runtime(),
-        uv: v2(0.0, 0.0),
-        shading: Shading {
-            geometric: zero,
-            normal: zero,
-            incoming: zero,
-            diffuse: zero,
-            specular: zero,
-            exponent: 0.0f32.runtime(),
-            glossy: false.runtime(),
-            smooth: false.runtime(),
-            model: 0u32.runtime(),
-            compensated: false.runtime(),
-            inside: false.runtime(),
-            models: comptime!(scene.features.models),
-            pair: Pair {
-                first: zero,
-                second: zero,
-            },
-            paired: false.runtime(),
-        },
-        reflects: false.runtime(),
-    }
-}
 
 /// What the next ray of a path is for.
 pub(super) const OF_CAMERA: u32 = 0;
@@ -105,41 +32,6 @@ pub(super) const TO_MAP: u32 = 3;
 pub(super) const TO_MAP_ALONG: u32 = 4;
 pub(super) const ONWARDS: u32 = 5;
 pub(super) const ENDED: u32 = 6;
-
-/// A surface point that a path starts from in place of the camera.
-#[apply(record!)]
-pub(super) struct Start {
-    pub triangle: u32,
-    /// A place about there, and the direction in which it is seen.
-    pub near: V3,
-    pub direction: V3,
-    pub distance: f32,
-    pub bounce: u32,
-    /// Normals about which directions are drawn, if it is paired ([`Shading`](crate::model::bsdf::Shading)).
-    pub pair: Pair,
-    pub paired: bool,
-    /// Whether what it emits counts.
-    pub emits: bool,
-}
-
-/// The camera.
-#[cube]
-pub(super) fn from_camera() -> Start {
-    let zero = splat(0.0f32.runtime());
-    Start {
-        triangle: NONE,
-        near: zero,
-        direction: zero,
-        distance: 0.0f32,
-        bounce: 0u32,
-        pair: Pair {
-            first: zero,
-            second: zero,
-        },
-        paired: false,
-        emits: true,
-    }
-}
 
 /// Traces a path from its beginning, or with `beside` from a point. `stack` is room for nodes of the tree, `choice` for the
 /// choice of an emitter; with `keep` the path's points are left in `records`.

@@ -4,7 +4,8 @@
 use crate::cube::*;
 
 use super::camera::Beginning;
-use super::path::{Start, path_light};
+use super::path::path_light;
+use super::places::Start;
 use super::records::Room;
 use crate::model::jumps::Sides;
 use crate::model::{Pair, V3, splat};

@@ -10,7 +10,7 @@ use crate::accel::{Hierarchy, HierarchyCache, Spare};
 use crate::model::V3;
 use crate::model::bsdf::{Models, model_of};
 use crate::model::delta_light::DeltaLight;
-use crate::model::sky::SkyDensity;
+use crate::model::sky::Sky;
 use crate::model::texture::{Colour, Texels, Texture};
 use crate::sampling::{Emitter, EmitterGroup, EmitterSampling, Emitters};
 use crate::scene::{
@@ -48,43 +48,6 @@ struct Flat {
     emitters: Vec<u32>,
     groups: Vec<[f32; 7]>,
     group_of_emitters: Vec<u32>,
-}
-
-/// The environment: black without values, a constant, or texels of a map, from which directions are drawn.
-#[derive(Default)]
-pub(crate) struct Sky {
-    pub values: Vec<f32>,
-    pub drawn: Option<SkyDensity>,
-}
-
-impl Sky {
-    fn new(scene: &mut HostScene) -> Self {
-        if !scene.shines {
-            return Self::default();
-        }
-        match &mut scene.environment {
-            HostTexture::Constant(c) => Self {
-                values: c.map(|v| v as f32).to_vec(),
-                drawn: None,
-            },
-            HostTexture::Image {
-                texels,
-                width,
-                height,
-                ..
-            } => {
-                let values = Arc::unwrap_or_clone(std::mem::take(texels));
-                let brightness = |i: usize| {
-                    let texel = &values[3 * i..3 * i + 3];
-                    texel.iter().map(|&v| f64::from(v.abs())).sum::<f64>() / 3.0
-                };
-                Self {
-                    drawn: Some(SkyDensity::new(*width, *height, brightness)),
-                    values,
-                }
-            }
-        }
-    }
 }
 
 impl KernelScene {

@@ -1,12 +1,51 @@
 //! The environment: its radiance along directions, and directions drawn from a map of it.
 
 use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
 
 use super::frame::sin_cos_of_turns;
 use super::lists::first_over;
 use super::texture::{AROUND, Cell, Texture};
 use super::{V2, V3, v2, v3};
 use crate::cube::*;
+use crate::scene::{HostScene, HostTexture};
+
+/// The environment: black without values, a constant, or texels of a map, from which directions are drawn.
+#[derive(Default)]
+pub(crate) struct Sky {
+    pub values: Vec<f32>,
+    pub drawn: Option<SkyDensity>,
+}
+
+impl Sky {
+    pub fn new(scene: &mut HostScene) -> Self {
+        if !scene.shines {
+            return Self::default();
+        }
+        match &mut scene.environment {
+            HostTexture::Constant(c) => Self {
+                values: c.map(|v| v as f32).to_vec(),
+                drawn: None,
+            },
+            HostTexture::Image {
+                texels,
+                width,
+                height,
+                ..
+            } => {
+                let values = Arc::unwrap_or_clone(std::mem::take(texels));
+                let brightness = |i: usize| {
+                    let texel = &values[3 * i..3 * i + 3];
+                    texel.iter().map(|&v| f64::from(v.abs())).sum::<f64>() / 3.0
+                };
+                Self {
+                    drawn: Some(SkyDensity::new(*width, *height, brightness)),
+                    values,
+                }
+            }
+        }
+    }
+}
 
 /// An equirectangular map, whose columns repeat and whose rows end at the poles. Directions are drawn by a list: sums of
 /// probabilities over rows so far, and within each row, and the probability of each texel.

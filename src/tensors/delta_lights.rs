@@ -1,7 +1,6 @@
 //! Light of lights without extent at surface points.
 
 use super::bsdf::scattered;
-use super::lights::ChosenLight;
 use super::rays::NO_TRIANGLE;
 use super::shaded::Shaded;
 use super::tracer::Tracer;
@@ -14,6 +13,16 @@ use crate::scene::LightPlanes;
 const FAR: f64 = 1e30;
 /// The least difference of the cosines between which a spot falls off.
 const NARROW: f64 = 1e-3;
+
+/// A light without extent that a path is connected to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChosenLight {
+    pub path: u32,
+    /// Its place among these lights.
+    pub light: u32,
+    /// Probability of the light among all emitters.
+    pub chance: f64,
+}
 
 /// Light from one light at each surface point, over its probability: planes of f·cos θ·intensity·falloff/r²·T, or
 /// f·cos θ·irradiance·T.

@@ -8,7 +8,7 @@ use glam::DVec3;
 use rayon::iter::Either;
 use rayon::prelude::*;
 
-use super::delta_lights::read_back;
+use super::delta_lights::{ChosenLight, read_back};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
 use crate::model::V3;
@@ -39,16 +39,6 @@ impl Views {
             time: self.time.as_ref().map_or(0.0, |t| t[i] as f32),
         }
     }
-}
-
-/// A light without extent that a path is connected to.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ChosenLight {
-    pub path: u32,
-    /// Its place among these lights.
-    pub light: u32,
-    /// Probability of the light among all emitters.
-    pub chance: f64,
 }
 
 /// A point of an emitter that a path is connected to.

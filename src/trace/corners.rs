@@ -3,10 +3,10 @@
 
 use crate::cube::*;
 
+use super::parts::{UVS, VELOCITIES, VERTICES};
 use super::scene::{MATERIAL, NONE, NORMAL_MAP, Scene, TRIANGLE};
-use super::sums::{NORMALS, Sums, TANGENTS, UVS, VELOCITIES, VERTICES};
-use super::surface::Point;
-use super::texture::{look_up, texture_backward};
+use super::sums::Sums;
+use super::texture::look_up;
 use crate::model::lists::vector;
 use crate::model::normal_map::Tilt;
 use crate::model::{V2, V3, component, splat, v2};
@@ -105,7 +105,7 @@ pub(crate) fn normal_rows(scene: &Scene, triangle: u32) -> Rows {
 /// Texture coordinates of a row.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-fn uv_of(scene: &Scene, row: u32) -> V2 {
+pub(super) fn uv_of(scene: &Scene, row: u32) -> V2 {
     let i = 2 * row as usize;
     let v = scene.uvs[i + 1];
     v2(scene.uvs[i], v)
@@ -140,14 +140,14 @@ pub(crate) fn colour_rows(scene: &Scene, triangle: u32) -> Rows {
 
 /// A sum with weights, of unit length and on the side of a geometric normal, and what it was multiplied by.
 #[apply(record!)]
-struct Facing {
-    normal: V3,
-    factor: f32,
+pub(super) struct Facing {
+    pub normal: V3,
+    pub factor: f32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-fn facing(sum: V3, geometric: V3) -> Facing {
+pub(super) fn facing(sum: V3, geometric: V3) -> Facing {
     let mut factor = 1.0 / sum.length().max(TINY);
     if sum.dot(geometric) < 0.0 {
         factor = -factor;
@@ -178,8 +178,8 @@ pub(crate) struct TiltAt {
     pub tilt: Tilt,
     pub exists: bool,
     /// The place of the words of the normal map, and the rows of tangents.
-    map: u32,
-    rows: Rows,
+    pub map: u32,
+    pub rows: Rows,
 }
 
 /// The tilt of a normal on the front side by its material's map, if the triangle has tangents.
@@ -248,99 +248,5 @@ pub(crate) fn add_to_corners(
     rows_at(scene.vertex_rows, 3 * triangle).add(sums, weights, g, VERTICES);
     if comptime!(sums.of.velocities) {
         sums.add_vector(3 * scene.object_of(triangle), g * time, VELOCITIES);
-    }
-}
-
-/// Derivatives by a surface point, which each corner takes less by its weight, and by its geometric normal.
-#[apply(record!)]
-pub(crate) struct CornersGradient {
-    pub place: V3,
-    pub geometric: V3,
-}
-
-/// Adds the derivatives by a surface point's texture coordinates, colour and shading normal to those of the values
-/// at its triangle's corners and of its normal map.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn corners_backward(
-    scene: &Scene,
-    sums: &Sums,
-    p: &Point,
-    by_uv: V2,
-    by_colour: V3,
-    by_normal: V3,
-) -> CornersGradient {
-    // By the weights of the second and third corner.
-    let mut by_b = 0.0f32;
-    let mut by_c = 0.0f32;
-    let mut by_uv = by_uv;
-    let mut by_normal = by_normal;
-    if comptime!(scene.features.tilted) {
-        let geometric = p.shading.geometric;
-        let normal = normal_at(scene, p.triangle, p.weights, geometric);
-        let front = normal * p.side;
-        let at = tilt_at(scene, p.triangle, p.material, p.weights, p.uv, front);
-        if at.exists {
-            let by = at.tilt.backward(by_normal * p.side);
-            by_normal = by.normal * p.side;
-            let wanted = comptime!(sums.of.materials);
-            let more = texture_backward(scene, sums, at.map, p.uv, by.texel, wanted);
-            by_uv.x += more.x;
-            by_uv.y += more.y;
-            let corners = at.rows.of(scene.tangents, 4u32);
-            by_b += by.tangent.dot(corners.b - corners.a);
-            by_c += by.tangent.dot(corners.c - corners.a);
-            if comptime!(sums.of.tangents) {
-                at.rows.add(sums, p.weights, by.tangent, TANGENTS);
-            }
-        }
-    }
-    if comptime!(scene.features.tinted) {
-        let rows = colour_rows(scene, p.triangle);
-        if rows.exist() {
-            let corners = rows.of(scene.colours, 3u32);
-            by_b += by_colour.dot(corners.b - corners.a);
-            by_c += by_colour.dot(corners.c - corners.a);
-        }
-    }
-    if comptime!(scene.features.textured) {
-        let rows = uv_rows(scene, p.triangle);
-        if rows.exist() {
-            let a = uv_of(scene, rows.a);
-            let b = uv_of(scene, rows.b);
-            let c = uv_of(scene, rows.c);
-            by_b += by_uv.x * (b.x - a.x) + by_uv.y * (b.y - a.y);
-            by_c += by_uv.x * (c.x - a.x) + by_uv.y * (c.y - a.y);
-            add_to_uvs(scene, sums, p.triangle, p.weights, by_uv);
-        }
-    }
-    let mut by_geometric = by_normal;
-    if comptime!(scene.features.smooth) {
-        let rows = normal_rows(scene, p.triangle);
-        if rows.exist() {
-            let corners = rows.of(scene.normals, 3u32);
-            let found = facing(corners.at(p.weights), p.shading.geometric);
-            let by_sum = by_normal.reject_from_normalized(found.normal) * found.factor;
-            by_geometric = splat(0.0);
-            by_b += by_sum.dot(corners.b - corners.a);
-            by_c += by_sum.dot(corners.c - corners.a);
-            if comptime!(sums.of.normals) {
-                rows.add(sums, p.weights, by_sum, NORMALS);
-            }
-        }
-    }
-    let mut place = splat(0.0);
-    if comptime!(
-        scene.features.tilted
-            || scene.features.tinted
-            || scene.features.textured
-            || scene.features.smooth
-    ) {
-        let slopes = scene.triangle(p.triangle).slopes();
-        place = slopes.first * by_b + slopes.second * by_c;
-    }
-    CornersGradient {
-        place,
-        geometric: by_geometric,
     }
 }

@@ -4,8 +4,9 @@ use crate::cube::*;
 
 use super::corners::add_to_corners;
 use super::crossing::{Line, line_of_crossing};
+use super::parts::{VELOCITIES, VERTICES};
 use super::scene::{NONE, Scene};
-use super::sums::{Sums, VELOCITIES, VERTICES};
+use super::sums::Sums;
 use super::texture::is_open_at;
 use crate::model::bsdf::Shading;
 use crate::model::edge::is_above;

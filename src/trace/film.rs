@@ -3,7 +3,7 @@
 use crate::cube::*;
 
 use super::edge_points::{EdgePoint, add_to_edge, edge_of, sides};
-use super::jumps::SideLight;
+use super::edge_sides::SideLight;
 use super::scene::Scene;
 use super::sums::{Sums, add_to_camera};
 use crate::model::camera::{Camera, CameraGradient};

@@ -4,8 +4,9 @@
 use crate::cube::*;
 
 use super::corners::{add_to_corners, add_to_uvs, uv_at};
+use super::parts::{AREAS, TRIANGLES};
 use super::scene::{OF_GROUP, Scene};
-use super::sums::{AREAS, Sums, TRIANGLES, add_to_light};
+use super::sums::{Sums, add_to_light};
 use super::surface::{Point, PointGradient};
 use super::texture::{emission_at, emission_backward, glows, is_open, map_of, sky, sky_backward};
 use crate::model::connection::Target;

@@ -3,11 +3,13 @@
 use crate::cube::*;
 
 use super::corners::{
-    add_to_corners, colour_rows, corners_backward, normal_at, normal_rows, tilt_at, uv_at,
+    add_to_corners, add_to_uvs, colour_rows, facing, normal_at, normal_rows, tilt_at, uv_at, uv_of,
+    uv_rows,
 };
+use super::parts::{COLOURS, NORMALS, TANGENTS, TRIANGLES};
 use super::scene::{COMPENSATED, EMITS, GLOSSY, MODEL, REFLECTS, Scene};
-use super::sums::{COLOURS, Sums, TRIANGLES};
-use super::texture::{colour, colour_backward, emission_backward, emission_of};
+use super::sums::Sums;
+use super::texture::{colour, colour_backward, emission_backward, emission_of, texture_backward};
 use crate::model::bsdf::{Shading, ShadingGradient};
 use crate::model::triangle::hit_backward;
 use crate::model::{Pair, V2, V3, splat, v2, v3};
@@ -264,5 +266,99 @@ pub(crate) fn receiver_of(point: &Point, time: f32) -> Receiver {
         position: point.position,
         normal: point.shading.geometric,
         time,
+    }
+}
+
+/// Derivatives by a surface point, which each corner takes less by its weight, and by its geometric normal.
+#[apply(record!)]
+struct CornersGradient {
+    place: V3,
+    geometric: V3,
+}
+
+/// Adds the derivatives by a surface point's texture coordinates, colour and shading normal to those of the values
+/// at its triangle's corners and of its normal map.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn corners_backward(
+    scene: &Scene,
+    sums: &Sums,
+    p: &Point,
+    by_uv: V2,
+    by_colour: V3,
+    by_normal: V3,
+) -> CornersGradient {
+    // By the weights of the second and third corner.
+    let mut by_b = 0.0f32;
+    let mut by_c = 0.0f32;
+    let mut by_uv = by_uv;
+    let mut by_normal = by_normal;
+    if comptime!(scene.features.tilted) {
+        let geometric = p.shading.geometric;
+        let normal = normal_at(scene, p.triangle, p.weights, geometric);
+        let front = normal * p.side;
+        let at = tilt_at(scene, p.triangle, p.material, p.weights, p.uv, front);
+        if at.exists {
+            let by = at.tilt.backward(by_normal * p.side);
+            by_normal = by.normal * p.side;
+            let wanted = comptime!(sums.of.materials);
+            let more = texture_backward(scene, sums, at.map, p.uv, by.texel, wanted);
+            by_uv.x += more.x;
+            by_uv.y += more.y;
+            let corners = at.rows.of(scene.tangents, 4u32);
+            by_b += by.tangent.dot(corners.b - corners.a);
+            by_c += by.tangent.dot(corners.c - corners.a);
+            if comptime!(sums.of.tangents) {
+                at.rows.add(sums, p.weights, by.tangent, TANGENTS);
+            }
+        }
+    }
+    if comptime!(scene.features.tinted) {
+        let rows = colour_rows(scene, p.triangle);
+        if rows.exist() {
+            let corners = rows.of(scene.colours, 3u32);
+            by_b += by_colour.dot(corners.b - corners.a);
+            by_c += by_colour.dot(corners.c - corners.a);
+        }
+    }
+    if comptime!(scene.features.textured) {
+        let rows = uv_rows(scene, p.triangle);
+        if rows.exist() {
+            let a = uv_of(scene, rows.a);
+            let b = uv_of(scene, rows.b);
+            let c = uv_of(scene, rows.c);
+            by_b += by_uv.x * (b.x - a.x) + by_uv.y * (b.y - a.y);
+            by_c += by_uv.x * (c.x - a.x) + by_uv.y * (c.y - a.y);
+            add_to_uvs(scene, sums, p.triangle, p.weights, by_uv);
+        }
+    }
+    let mut by_geometric = by_normal;
+    if comptime!(scene.features.smooth) {
+        let rows = normal_rows(scene, p.triangle);
+        if rows.exist() {
+            let corners = rows.of(scene.normals, 3u32);
+            let found = facing(corners.at(p.weights), p.shading.geometric);
+            let by_sum = by_normal.reject_from_normalized(found.normal) * found.factor;
+            by_geometric = splat(0.0);
+            by_b += by_sum.dot(corners.b - corners.a);
+            by_c += by_sum.dot(corners.c - corners.a);
+            if comptime!(sums.of.normals) {
+                rows.add(sums, p.weights, by_sum, NORMALS);
+            }
+        }
+    }
+    let mut place = splat(0.0);
+    if comptime!(
+        scene.features.tilted
+            || scene.features.tinted
+            || scene.features.textured
+            || scene.features.smooth
+    ) {
+        let slopes = scene.triangle(p.triangle).slopes();
+        place = slopes.first * by_b + slopes.second * by_c;
+    }
+    CornersGradient {
+        place,
+        geometric: by_geometric,
     }
 }

@@ -3,8 +3,9 @@
 use crate::cube::*;
 
 use super::corners::uv_at;
+use super::parts::{MATERIALS, SKY, TEXELS};
 use super::scene::{MATERIAL, NONE, Scene};
-use super::sums::{MATERIALS, SKY, Sums, TEXELS};
+use super::sums::Sums;
 use crate::model::lists::vector;
 use crate::model::sky::Map;
 use crate::model::texture::{Cell, Masks, texture_at};

@@ -11,7 +11,7 @@
 use crate::cube::*;
 
 use super::Derivatives;
-use super::sums::PARTS;
+use super::parts::PARTS;
 use crate::model::integers::total;
 use crate::model::numbers::{is_nonzero, magnitude};
 use crate::model::{V3, component};

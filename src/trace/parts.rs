@@ -1,0 +1,26 @@
+//! The parts of the sums of derivatives.
+
+/// Parts of the sums of a scene and its camera.
+pub(crate) const VERTICES: u32 = 0;
+/// By the normals of triangles and by their areas, which go to the vertices at the end.
+pub(crate) const TRIANGLES: u32 = 1;
+pub(crate) const AREAS: u32 = 2;
+/// One vector for each object.
+pub(crate) const VELOCITIES: u32 = 3;
+pub(crate) const UVS: u32 = 4;
+pub(crate) const NORMALS: u32 = 5;
+/// As many vectors as a material has channels.
+pub(crate) const MATERIALS: u32 = 6;
+pub(crate) const TEXELS: u32 = 7;
+pub(crate) const SKY: u32 = 8;
+pub(crate) const COLOURS: u32 = 9;
+pub(crate) const TANGENTS: u32 = 10;
+/// [`OF_LIGHT`] numbers of each delta light, and [`OF_CAMERA`] of the camera.
+pub(crate) const LIGHTS: u32 = 11;
+pub(crate) const CAMERAS: u32 = 12;
+pub(crate) const PARTS: usize = 13;
+
+/// Position, axis, strength and both cosines of a delta light.
+pub(crate) const OF_LIGHT: u32 = 11;
+/// The fields of a [`CameraGradient`], in their order.
+pub(crate) const OF_CAMERA: u32 = 20;
