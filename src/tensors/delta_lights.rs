@@ -1,28 +1,17 @@
 //! Light of lights without extent at surface points.
 
 use super::bsdf::scattered;
+use super::lights::ChosenLight;
 use super::rays::NO_TRIANGLE;
 use super::shaded::Shaded;
 use super::tracer::Tracer;
 use crate::error::Result;
-use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
-use crate::model::delta_light::DeltaLight;
-use crate::scene::LightPlanes;
+use crate::geometry::{Vec3, detached, gather_row, host_values};
 
 /// The distance of a directional light.
 const FAR: f64 = 1e30;
 /// The least difference of the cosines between which a spot falls off.
 const NARROW: f64 = 1e-3;
-
-/// A light without extent that a path is connected to.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ChosenLight {
-    pub path: u32,
-    /// Its place among these lights.
-    pub light: u32,
-    /// Probability of the light among all emitters.
-    pub chance: f64,
-}
 
 /// Light from one light at each surface point, over its probability: planes of f·cos θ·intensity·falloff/r²·T, or
 /// f·cos θ·irradiance·T.
@@ -72,24 +61,4 @@ pub(super) fn from_delta_lights(
     let strength = lights.strength.gather(&index);
     let light = strength.scale(&(scale * passed / context.row(&chances)));
     Ok(reflected.mul(&light))
-}
-
-/// The lights without extent, read back.
-pub(super) fn read_back(planes: &LightPlanes) -> Result<Vec<DeltaLight>> {
-    let (position, axis) = (host_vectors(&planes.position)?, host_vectors(&planes.axis)?);
-    let strength = host_vectors(&planes.strength)?;
-    let (inner, outer) = (
-        host_values(&planes.cos_inner)?,
-        host_values(&planes.cos_outer)?,
-    );
-    let one = |i: usize| DeltaLight {
-        position: position[i].into(),
-        axis: axis[i].into(),
-        strength: strength[i].into(),
-        directional: planes.directional[i],
-        spot: planes.spot[i],
-        cos_inner: inner[i] as f32,
-        cos_outer: outer[i] as f32,
-    };
-    Ok((0..position.len()).map(one).collect())
 }

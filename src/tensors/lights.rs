@@ -8,14 +8,14 @@ use glam::DVec3;
 use rayon::iter::Either;
 use rayon::prelude::*;
 
-use super::delta_lights::{ChosenLight, read_back};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
 use crate::model::V3;
+use crate::model::delta_light::DeltaLight;
 use crate::model::sky::SkyDensity;
 use crate::model::texture::{Colour, Texels, Texture};
 use crate::sampling::{Emitter, EmitterSampling, Emitters, Met, Receiver};
-use crate::scene::{Channel, EnvironmentMap, Flattened, SkyTensors};
+use crate::scene::{Channel, EnvironmentMap, Flattened, LightPlanes, SkyTensors};
 
 /// The emitters of a scene, for lists of points.
 pub(crate) struct Lights {
@@ -39,6 +39,16 @@ impl Views {
             time: self.time.as_ref().map_or(0.0, |t| t[i] as f32),
         }
     }
+}
+
+/// A light without extent that a path is connected to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChosenLight {
+    pub path: u32,
+    /// Its place among these lights.
+    pub light: u32,
+    /// Probability of the light among all emitters.
+    pub chance: f64,
 }
 
 /// A point of an emitter that a path is connected to.
@@ -178,6 +188,26 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
     };
     let all = index.iter().enumerate().map(one);
     Ok(all.filter(|e| e.area > 0.0).collect())
+}
+
+/// The lights without extent, read back.
+fn read_back(planes: &LightPlanes) -> Result<Vec<DeltaLight>> {
+    let (position, axis) = (host_vectors(&planes.position)?, host_vectors(&planes.axis)?);
+    let strength = host_vectors(&planes.strength)?;
+    let (inner, outer) = (
+        host_values(&planes.cos_inner)?,
+        host_values(&planes.cos_outer)?,
+    );
+    let one = |i: usize| DeltaLight {
+        position: position[i].into(),
+        axis: axis[i].into(),
+        strength: strength[i].into(),
+        directional: planes.directional[i],
+        spot: planes.spot[i],
+        cos_inner: inner[i] as f32,
+        cos_outer: outer[i] as f32,
+    };
+    Ok((0..position.len()).map(one).collect())
 }
 
 /// An environment, with the host-side tables of a map.

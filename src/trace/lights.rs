@@ -8,11 +8,11 @@ use super::parts::{AREAS, TRIANGLES};
 use super::scene::{OF_GROUP, Scene};
 use super::sums::{Sums, add_to_light};
 use super::surface::{Point, PointGradient};
-use super::texture::{emission_at, emission_backward, glows, is_open, map_of, sky, sky_backward};
+use super::texture::{emission_backward, emission_of, glows, is_open, map_of, sky, sky_backward};
 use crate::model::connection::Target;
 use crate::model::delta_light::DeltaLight;
 use crate::model::emitter::LightPoint;
-use crate::model::{V2, V3, v3};
+use crate::model::{V2, V3, v2, v3};
 use crate::sampling::{Chosen, EmitterLists, EmitterTriangle, Fixed, LightTree, Receiver};
 
 /// The emitters.
@@ -147,6 +147,17 @@ pub(crate) fn target_of(
         }
     }
     target
+}
+
+/// What a triangle emits from its front, at the point with these weights of its corners.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3) -> V3 {
+    let mut uv = v2(0.0, 0.0);
+    if comptime!(scene.features.glows) {
+        uv = uv_at(scene, triangle, weights);
+    }
+    emission_of(scene, scene.material_of(triangle), uv)
 }
 
 /// The radiance of that point, or what a delta light brings.

@@ -2,7 +2,6 @@
 
 use crate::cube::*;
 
-use super::corners::uv_at;
 use super::parts::{MATERIALS, SKY, TEXELS};
 use super::scene::{MATERIAL, NONE, Scene};
 use super::sums::Sums;
@@ -65,17 +64,6 @@ pub(crate) fn emission_of(scene: &Scene, material: u32, uv: V2) -> V3 {
         found = colour(scene, material, EMISSION, uv);
     }
     found
-}
-
-/// What a triangle emits from its front, at the point with these weights of its corners.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3) -> V3 {
-    let mut uv = v2(0.0, 0.0);
-    if comptime!(scene.features.glows) {
-        uv = uv_at(scene, triangle, weights);
-    }
-    emission_of(scene, scene.material_of(triangle), uv)
 }
 
 /// Whether the emission of a material is a texture.
