@@ -19,7 +19,7 @@ use crate::sampling::{Chosen, Dimensions, Receiver};
 use crate::trace::{
     Arrived, CONE, EMITS, NONE, Point, RayGradient, Scene, Seen, Sums, density_of_map,
     emission_backward, emitters_of, glows, leave_backward, light_backward, map_backward, map_of,
-    middle_of, no_point_gradient, point_at, point_backward, sky_backward, target_of,
+    middle_of, no_point_gradient, point_at, point_backward, receiver_of, sky_backward, target_of,
 };
 
 /// Light of a target that was drawn with a density, or found by scattering.
@@ -120,11 +120,7 @@ pub(super) fn path_backward(
             let seen_along = (bits >> 1) & ((1u32 << MOST_ALONG) - 1);
             if bits & SAW_EMITTER != 0 || seen_along != 0 {
                 let x = point.position;
-                let at = Receiver {
-                    position: x,
-                    normal: point.shading.geometric,
-                    time,
-                };
+                let at: Receiver = receiver_of(&point, time);
                 let emitters = emitters_of(scene);
                 let share = emitters.look(&at, choice);
                 let combined = comptime!(scene.features.combined) && point.shading.glossy;

@@ -21,7 +21,7 @@ use crate::model::{splat, v2};
 use crate::sampling::{Chosen, Dimensions, Receiver};
 use crate::trace::{
     CONE, Leaving, NONE, Scene, density_of_map, emitted, emitters_of, leave, map_of, point_at,
-    radiance_of, sky, target_of,
+    radiance_of, receiver_of, sky, target_of,
 };
 
 /// What the next ray of a path is for.
@@ -198,7 +198,8 @@ pub(super) fn path_light(
                         from.cone.v = set.w;
                     }
                     if comptime!(scene.features.emitters) {
-                        from.share = emitters_of(scene).look(&from.receiver(time), choice);
+                        from.share =
+                            emitters_of(scene).look(&receiver_of(&from.point, time), choice);
                     }
                 }
                 if goes_on || by_scattering || comptime!(scene.features.gathers_map) {
@@ -254,7 +255,7 @@ pub(super) fn path_light(
         if is_emitter {
             let combined = comptime!(scene.features.combined) && from.point.shading.glossy;
             let x = from.point.position;
-            let at: Receiver = from.receiver(time);
+            let at: Receiver = receiver_of(&from.point, time);
             if purpose == TO_EMITTER {
                 let drawn: Chosen = emitters_of(scene).choose(emitter_u, &at, from.share, choice);
                 k = drawn.emitter;

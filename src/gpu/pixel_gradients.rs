@@ -12,7 +12,7 @@ use super::sums::TYPICAL;
 use crate::model::choice::is_positive;
 use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
 use crate::model::numbers::{is_finite, is_nonzero};
-use crate::trace::{HEADER, HEIGHT, NONE, Place, WIDTH};
+use crate::trace::{HEADER, HEIGHT, HeaderWord, NONE, WIDTH};
 
 /// Numbers of a cell, and of a row of cells: how much the loss depends on their pixels, how many of these it asks for,
 /// how much it depends on their radiance, and on that of how many.
@@ -75,7 +75,7 @@ pub(super) fn look_at_cells(
         let column = cell.column;
         let row = cell.row;
         let view = cell.view;
-        let settings = words[view as usize * HEADER + comptime!(Place::settings as usize)];
+        let settings = words[view as usize * HEADER + comptime!(HeaderWord::settings as usize)];
         let floats = &floats[settings as usize..];
         let places = &films[(OF_FILM * views) as usize..];
         let mut weight = 0.0f32;

@@ -5,7 +5,6 @@ use crate::cube::*;
 use crate::model::bsdf::Shading;
 use crate::model::connection::ConeKernel;
 use crate::model::{Pair, V3, splat, v2};
-use crate::sampling::Receiver;
 use crate::trace::{NONE, Point, Scene};
 
 /// The surface that a camera ray sees, and the light that its path brings back.
@@ -32,18 +31,6 @@ pub(super) struct Place {
     pub cone: ConeKernel,
     /// The probability of directional lights among many emitters.
     pub share: f32,
-}
-
-#[cube]
-impl Place {
-    /// As a point that emitters are chosen for.
-    pub fn receiver(&self, time: f32) -> Receiver {
-        Receiver {
-            position: self.point.position,
-            normal: self.point.shading.geometric,
-            time,
-        }
-    }
 }
 
 /// A surface point that is not there yet.

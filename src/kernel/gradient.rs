@@ -132,7 +132,7 @@ impl HostSums {
         let mut count = 0;
         let first = wanted.lengths(scene).map(|length| {
             count += length;
-            (count - length) as u32
+            u32::try_from(count - length).expect("a scene has less than 2³² derivatives")
         });
         Self {
             numbers: vec![0.0; count],
@@ -182,6 +182,8 @@ impl HostSums {
             sums.add_vector(3 * b, by.first, VERTICES);
             sums.add_vector(3 * c, by.second, VERTICES);
         }
+        let [first, past] = [TRIANGLES, AREAS + 1].map(|part| self.first[part as usize] as usize);
+        self.numbers[first..past].fill(0.0);
     }
 
     /// Adds the derivatives by parameters of the scene at their places; the sums must be resolved.

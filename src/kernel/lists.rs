@@ -64,6 +64,7 @@ pub(crate) struct Lists {
     /// Vertices, in inner coordinates.
     vertices: Vec<DVec3>,
     pub objects: Vec<ObjectPart>,
+    /// The object of the scene that each object with triangles is, in order.
     pub counted: Vec<usize>,
     pub surfaces: Vec<[f32; SURFACE as usize]>,
     pub triangles: Vec<[u32; TRIANGLE as usize]>,

@@ -303,7 +303,8 @@ impl Tracer<'_> {
         if scatter.weight == V3::ZERO {
             return None;
         }
-        let u = if self.features.roulette && !last {
+        let plays = self.features.roulette && bounce >= self.lists.roulette_after;
+        let u = if plays && !last {
             path.numbers.draw(Dimensions::choices(bounce)).y
         } else {
             0.0

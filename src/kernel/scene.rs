@@ -18,7 +18,8 @@ use crate::scene::{
     SceneFrame,
 };
 use crate::trace::{
-    COMPENSATED, EMITS, Features, GLOSSY, MATERIAL, MODEL, NONE, REFLECTS, Scene, Triangle,
+    AREA, COMPENSATED, EMITS, Features, GLOSSY, MATERIAL, MODEL, NONE, REFLECTS, Scene, Triangle,
+    triangle_at,
 };
 
 /// A scene as kernels trace it.
@@ -53,7 +54,11 @@ struct Flat {
 impl KernelScene {
     /// The number of triangles without area.
     pub fn degenerate(&self) -> u64 {
-        self.lists.surfaces.iter().filter(|t| t[13] <= 0.0).count() as u64
+        self.lists
+            .surfaces
+            .iter()
+            .filter(|t| t[AREA] <= 0.0)
+            .count() as u64
     }
 
     /// Packs a scene; boxes are fitted to those of another where they still serve.
@@ -117,9 +122,13 @@ impl KernelScene {
     /// The triangles that emit.
     fn emissive(&self) -> Vec<Emitter> {
         let emitter = |k: usize| {
-            let (t, words) = (self.triangle(k as u32), &self.lists.triangles[k]);
+            let words = &self.lists.triangles[k];
             let material = &self.materials[words[0] as usize];
-            if t.area <= 0.0 || !material.kind.emits {
+            if !material.kind.emits {
+                return None;
+            }
+            let t = self.triangle(k as u32);
+            if t.area <= 0.0 {
                 return None;
             }
             let emission = &material.channels[Channel::Emission.place()];
@@ -239,7 +248,7 @@ impl KernelScene {
     /// A triangle, in inner coordinates at the start of the shutter.
     #[inline(always)]
     pub fn triangle(&self, k: u32) -> Triangle {
-        self.scene().triangle(k)
+        triangle_at(self.lists.surfaces.as_flattened(), k)
     }
 
     /// The object of a triangle.
@@ -251,7 +260,10 @@ impl KernelScene {
     /// The vector by which a triangle has moved at a time in the shutter.
     #[inline(always)]
     pub fn shift(&self, triangle: u32, time: f32) -> V3 {
-        self.scene().shift(triangle, time)
+        match &self.velocities {
+            Some(v) => V3::from(v[self.object_of(triangle) as usize]) * time,
+            None => V3::ZERO,
+        }
     }
 
     /// The derivative by a parameter of the i-th delta light, from those by its numbers in a list.

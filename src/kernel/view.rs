@@ -43,6 +43,7 @@ pub(crate) struct View {
     pub has_edges: bool,
 }
 
+/// Lists of a view that stages read.
 #[derive(Default)]
 struct Flat {
     settings: Vec<f32>,
@@ -277,7 +278,7 @@ impl View {
         }
     }
 
-    /// Tells that shadows of lights without extent have hard edges, whose derivative is left out.
+    /// Tells that shadows of delta lights have hard edges, whose derivative is left out.
     pub fn warn_of_hard_shadows(&self) {
         static ONCE: Once = Once::new();
         let turns = self.wanted.of.turns && self.settings.bounces > 0;

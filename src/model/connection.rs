@@ -6,7 +6,7 @@ use super::emitter::{LightPoint, power_heuristic};
 use super::{V3, splat};
 use crate::cube::*;
 
-/// What a point is connected to: a point of an emitter, a light without extent, or a direction of a map.
+/// What a point is connected to: a point of an emitter, a delta light, or a direction of a map.
 #[apply(record!)]
 pub(crate) struct Target {
     /// The unit vector to it.
@@ -16,9 +16,9 @@ pub(crate) struct Target {
     pub normal: V3,
     /// Whether it is far away from everything.
     pub distant: bool,
-    /// Radiance, or the strength of a light without extent.
+    /// Radiance, or the strength of a delta light.
     pub radiance: V3,
-    /// What radiance is multiplied by where all of it arrives: a solid angle, the scale of a light without extent, or 1;
+    /// What radiance is multiplied by where all of it arrives: a solid angle, the scale of a delta light, or 1;
     /// 0 where nothing arrives.
     pub angle: f32,
     /// Whether directions that the surface scatters find it too.

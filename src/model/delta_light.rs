@@ -1,4 +1,4 @@
-//! Lights without extent: points, spots and distant ones. Their light comes to a point from one direction.
+//! Delta lights: points, spots and distant ones. Their light comes to a point from one direction.
 
 use glam::DVec3;
 
@@ -8,7 +8,7 @@ use super::{V3, splat};
 use crate::cube::*;
 use crate::scene::{HostLight, LightPart, SceneFrame};
 
-/// A light without extent.
+/// A delta light.
 #[apply(record!)]
 pub(crate) struct DeltaLight {
     /// 0 of a directional one.

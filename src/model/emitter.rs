@@ -34,10 +34,12 @@ pub(crate) fn hit_front(
     let cosine = normal.dot(direction);
     if cosine < -GRAZING {
         let t = normal.dot(a - x) / cosine;
-        let w = weights_at(a, b, c, normal, area, x + direction * t);
-        if w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 {
-            found.distance = t;
-            found.weights = v2(w.y, w.z);
+        if t > 0.0 {
+            let w = weights_at(a, b, c, normal, area, x + direction * t);
+            if w.x >= 0.0 && w.y >= 0.0 && w.z >= 0.0 {
+                found.distance = t;
+                found.weights = v2(w.y, w.z);
+            }
         }
     }
     found

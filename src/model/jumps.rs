@@ -59,7 +59,7 @@ pub(crate) fn towards_group(
     query
 }
 
-/// The search in the cone of rays about the direction to a light without extent.
+/// The search in the cone of rays about the direction to a delta light.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn towards_light(x: V3, time: f32, axis: V3, tangent: f32) -> Query {

@@ -20,7 +20,7 @@ pub(crate) fn is_finite(x: f32) -> bool {
     magnitude(x) < INFINITY
 }
 
-/// Whether it is not 0, which NaN is not.
+/// Whether it is not 0; true of NaN.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn is_nonzero(x: f32) -> bool {

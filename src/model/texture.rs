@@ -257,6 +257,7 @@ impl<'a> Masks<'a> {
 }
 
 impl Holes {
+    #[inline(always)]
     pub fn masks(&self) -> Masks<'_> {
         Masks {
             masked: &self.of_triangle,

@@ -53,11 +53,10 @@ impl Holes {
         let images: Vec<Option<[u32; 4]>> = of_materials.iter().map(&mut image).collect();
         let mut count = 0;
         for (material, uvs) in faces {
-            holes.of_triangle.push(u32::MAX);
             let (Some(mask), Some(uvs)) = (&of_materials[material], uvs) else {
+                holes.of_triangle.push(u32::MAX);
                 continue;
             };
-            holes.of_triangle.pop();
             holes.of_triangle.push(count);
             count += 1;
             holes.images.extend(images[material].into_iter().flatten());

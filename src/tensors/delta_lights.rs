@@ -1,4 +1,4 @@
-//! Light of lights without extent at surface points.
+//! Light of delta lights at surface points.
 
 use super::bsdf::scattered;
 use super::lights::ChosenLight;

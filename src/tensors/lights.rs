@@ -41,7 +41,7 @@ impl Views {
     }
 }
 
-/// A light without extent that a path is connected to.
+/// A delta light that a path is connected to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChosenLight {
     pub path: u32,
@@ -75,7 +75,7 @@ impl Lights {
         Ok(Self { emitters })
     }
 
-    /// A point of an emitter, or a light without extent, for each pair of random numbers.
+    /// A point of an emitter, or a delta light, for each pair of random numbers.
     pub(super) fn choose(
         &self,
         views: Option<&Views>,
@@ -190,7 +190,7 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
     Ok(all.filter(|e| e.area > 0.0).collect())
 }
 
-/// The lights without extent, read back.
+/// The delta lights, read back.
 fn read_back(planes: &LightPlanes) -> Result<Vec<DeltaLight>> {
     let (position, axis) = (host_vectors(&planes.position)?, host_vectors(&planes.axis)?);
     let strength = host_vectors(&planes.strength)?;

@@ -4,7 +4,7 @@
 use crate::cube::*;
 
 use super::parts::{UVS, VELOCITIES, VERTICES};
-use super::scene::{MATERIAL, NONE, NORMAL_MAP, Scene, TRIANGLE};
+use super::scene::{MATERIAL, NONE, NORMAL_MAP, NORMAL_ROWS, Scene, TRIANGLE, UV_ROWS};
 use super::sums::Sums;
 use super::texture::look_up;
 use crate::model::lists::vector;
@@ -92,14 +92,14 @@ impl Rows {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn uv_rows(scene: &Scene, triangle: u32) -> Rows {
-    rows_at(scene.triangles, TRIANGLE * triangle + 2)
+    rows_at(scene.triangles, TRIANGLE * triangle + UV_ROWS)
 }
 
 /// The rows of its normals.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn normal_rows(scene: &Scene, triangle: u32) -> Rows {
-    rows_at(scene.triangles, TRIANGLE * triangle + 5)
+    rows_at(scene.triangles, TRIANGLE * triangle + NORMAL_ROWS)
 }
 
 /// Texture coordinates of a row.

@@ -5,7 +5,7 @@ use crate::cube::*;
 use super::lights::{GroupChoice, choose_group, delta_light, is_light};
 use super::scene::{CONE, GROUP, Scene};
 use super::sums::Sums;
-use super::surface::Point;
+use super::surface::{Point, receiver_of};
 use crate::model::V3;
 use crate::model::bsdf::Lobe;
 use crate::model::edge_weight::Query;
@@ -55,12 +55,18 @@ pub(crate) struct Search {
 /// Whether a point looks for an edge of the light of emitters, or of reflected light, by a uniform number.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn looks_for_edges(scene: &Scene, o: &Observer, of_light: bool, u: f32) -> bool {
-    let mut looks = u < probability(OF_SHADOWS, o.counts);
+pub(crate) fn looks_for_edges(
+    scene: &Scene,
+    bounce: u32,
+    counts: f32,
+    of_light: bool,
+    u: f32,
+) -> bool {
+    let mut looks = u < probability(OF_SHADOWS, counts);
     if !of_light {
         // At the end of a path only the environment is seen.
         let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
-        looks = u < probability(OF_REFLECTED, o.counts) && (o.bounce < scene.bounces || sees);
+        looks = u < probability(OF_REFLECTED, counts) && (bounce < scene.bounces || sees);
     }
     looks
 }
@@ -101,14 +107,10 @@ pub(crate) fn search(
     if of_light {
         if comptime!(scene.features.emitters) {
             let rate = probability(OF_SHADOWS, o.counts);
-            s.asked = looks_for_edges(scene, o, true, more.y);
+            s.asked = looks_for_edges(scene, o.bounce, o.counts, true, more.y);
             s.cone_v = more.x;
             if s.asked {
-                let at = Receiver {
-                    position: x,
-                    normal: shading.geometric,
-                    time,
-                };
+                let at: Receiver = receiver_of(&o.point, time);
                 let grouped = comptime!(sums.of.grouped);
                 let choice: GroupChoice = choose_group(scene, drawn.x, &at, room, grouped);
                 s.first = choice.first;
@@ -120,9 +122,10 @@ pub(crate) fn search(
                 s.is_light = is_light(scene, s.first);
                 if s.is_light {
                     if comptime!(scene.features.of_emitters.lights) {
-                        let axis = delta_light(scene, s.first).seen_from(x).direction;
-                        s.query = towards_light(x, time, axis, tangent);
-                        s.asked = scene.settings[CONE] > 0.0;
+                        let seen = delta_light(scene, s.first).seen_from(x);
+                        s.query = towards_light(x, time, seen.direction, tangent);
+                        // Without a cone its shadow's edge is none of an integral.
+                        s.asked = tangent > 0.0 && seen.scale > 0.0;
                     }
                 } else {
                     let of = &scene.groups[(GROUP * choice.group) as usize..];
@@ -134,7 +137,7 @@ pub(crate) fn search(
         }
     } else {
         let rate = probability(OF_REFLECTED, o.counts);
-        s.asked = looks_for_edges(scene, o, false, drawn.x);
+        s.asked = looks_for_edges(scene, o.bounce, o.counts, false, drawn.x);
         if comptime!(sums.of.turns) {
             s.moves = true;
         }

@@ -7,7 +7,7 @@ use crate::sampling::{EmitterKinds, Sequence};
 /// What a scene and its view have.
 #[derive(Clone, Copy, Debug, Default, Hash, PartialEq, Eq)]
 pub(crate) struct Features {
-    /// Room for nodes, of a tree that has any.
+    /// Whether the tree of boxes has nodes, and room for a stack of them.
     pub boxes: bool,
     pub stack: usize,
     pub moves: bool,

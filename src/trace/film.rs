@@ -117,7 +117,7 @@ pub(crate) struct Seen {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Seen {
-    /// How much a loss with these derivatives changes from one side of an edge to the other.
+    /// Of derivatives: how much the loss changes from one side of an edge to the other.
     #[inline(always)]
     pub fn jump(&self, light: &SideLight) -> f32 {
         self.radiance.dot(light.radiance) - self.opacity * light.sky

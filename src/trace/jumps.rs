@@ -291,12 +291,16 @@ pub(crate) fn reflected_backward(
 ) {
     let shading = o.point.shading;
     let mut scale = e.carried.dot(light.radiance);
-    // Directions turn with the frame of the lobe.
-    let drawn = shading.as_drawn(e.axis, s.of_gloss);
-    shading.direction_backward(&drawn, jump.motion.edge.by_axis * scale, &mut by.shading);
+    if is_nonzero(scale) {
+        // Directions turn with the frame of the lobe.
+        let drawn = shading.as_drawn(e.axis, s.of_gloss);
+        shading.direction_backward(&drawn, jump.motion.edge.by_axis * scale, &mut by.shading);
+    }
     if comptime!(scene.features.gathers_map) {
-        // Directions to a map stay where they are.
-        scale += e.carried.dot(sky(scene, e.axis)) * light.sky;
+        if light.sky != 0.0 {
+            // Directions to a map stay where they are.
+            scale += e.carried.dot(sky(scene, e.axis)) * light.sky;
+        }
     }
     edge_backward(scene, sums, o, e, jump, scale, time, by);
 }

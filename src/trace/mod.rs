@@ -1,8 +1,9 @@
 //! The stages of a path: small functions over the lists of a scene, one source for the host and for kernels of GPUs.
 //!
 //! `scene` holds the lists, `features` what is in them. `corners`, `texture` and `surface` make the point that a ray hits,
-//! `lights` connects it to lights, `leaving` sends the path on. `edge_search`, `edge_points`, `jumps` and `film` are of the
-//! jumps at edges. Beside each stage is its way back, whose derivatives go to `sums`. What calls the stages, traces rays
+//! `lights` connects it to lights, `leaving` sends the path on. `edge_search`, `edge_points`, `crossing`, `edge_sides`,
+//! `jumps` and `film` are of the jumps at edges. Beside each stage is its way back, whose derivatives go to `sums`, by
+//! `parts`; in kernels these are `totals`. What calls the stages, traces rays
 //! and keeps records is in `kernel` and `gpu`.
 
 #![allow(unused_assignments)] // Variables of a kernel need a first value.

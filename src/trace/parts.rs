@@ -22,5 +22,5 @@ pub(crate) const PARTS: usize = 13;
 
 /// Position, axis, strength and both cosines of a delta light.
 pub(crate) const OF_LIGHT: u32 = 11;
-/// The fields of a [`CameraGradient`], in their order.
+/// The numbers of a camera's derivatives, in the order of their fields.
 pub(crate) const OF_CAMERA: u32 = 20;

@@ -9,6 +9,7 @@ use crate::cube::*;
 use crate::model::lists::vector;
 use crate::model::triangle::{barycentric_slopes, weights_at};
 use crate::model::{Pair, V3, splat};
+use crate::scene::Channel;
 
 use super::Features;
 
@@ -34,20 +35,20 @@ macro_rules! lists {
         #[cfg(feature = "wgpu")]
         #[allow(non_camel_case_types)]
         #[derive(Clone, Copy)]
-        pub(crate) enum Place { $($float,)* $($word,)* $($number,)* End }
+        pub(crate) enum HeaderWord { $($float,)* $($word,)* $($number,)* End }
 
         #[cfg(feature = "wgpu")]
         impl Scene<'_> {
-            pub fn float_lists(&self) -> Vec<(Place, &[f32])> {
-                vec![$((Place::$float, self.$float),)*]
+            pub fn float_lists(&self) -> Vec<(HeaderWord, &[f32])> {
+                vec![$((HeaderWord::$float, self.$float),)*]
             }
 
-            pub fn word_lists(&self) -> Vec<(Place, &[u32])> {
-                vec![$((Place::$word, self.$word),)*]
+            pub fn word_lists(&self) -> Vec<(HeaderWord, &[u32])> {
+                vec![$((HeaderWord::$word, self.$word),)*]
             }
 
-            pub fn numbers(&self) -> Vec<(Place, u32)> {
-                vec![$((Place::$number, self.$number),)*]
+            pub fn numbers(&self) -> Vec<(HeaderWord, u32)> {
+                vec![$((HeaderWord::$number, self.$number),)*]
             }
         }
 
@@ -63,9 +64,9 @@ macro_rules! lists {
             ) -> Scene<'a> {
                 let header = &words[view as usize * HEADER..];
                 Scene::<'a> {
-                    $($float: &floats[header[comptime!(Place::$float as usize)] as usize..],)*
-                    $($word: &words[header[comptime!(Place::$word as usize)] as usize..],)*
-                    $($number: header[comptime!(Place::$number as usize)],)*
+                    $($float: &floats[header[comptime!(HeaderWord::$float as usize)] as usize..],)*
+                    $($word: &words[header[comptime!(HeaderWord::$word as usize)] as usize..],)*
+                    $($number: header[comptime!(HeaderWord::$number as usize)],)*
                     features,
                 }
             }
@@ -111,7 +112,7 @@ lists! {
         groups,
         /// Of each edge an end, and the vector to the other.
         edges,
-        /// Of the trees over all edges and over those that move ([`Root`](crate::kernel::Root)), one behind the other.
+        /// Of the trees over all edges and over those that move, one behind the other.
         edge_nodes,
         edge_leaves,
         /// Both boxes of nodes of the tree that GPUs traverse, and triangles as rays meet them.
@@ -138,6 +139,7 @@ lists! {
         /// The triangle of each emitter; delta lights follow them. Their bits.
         emitters,
         light_bits,
+        /// Of the tree over emitters.
         light_nodes,
         light_places,
         distant,
@@ -191,19 +193,26 @@ lists! {
 
 /// Words of a header.
 #[cfg(feature = "wgpu")]
-pub(crate) const HEADER: usize = Place::End as usize;
+pub(crate) const HEADER: usize = HeaderWord::End as usize;
 #[cfg(feature = "wgpu")]
-pub(crate) const WIDTH: usize = Place::width as usize;
+pub(crate) const WIDTH: usize = HeaderWord::width as usize;
 #[cfg(feature = "wgpu")]
-pub(crate) const HEIGHT: usize = Place::height as usize;
+pub(crate) const HEIGHT: usize = HeaderWord::height as usize;
 #[cfg(feature = "wgpu")]
-pub(crate) const BOUNCES: usize = Place::bounces as usize;
+pub(crate) const BOUNCES: usize = HeaderWord::bounces as usize;
 
 pub(crate) const SURFACE: u32 = 14;
+/// The place of a triangle's area among its numbers, and those of its rows among its words.
+pub(crate) const AREA: usize = 13;
+pub(crate) const UV_ROWS: u32 = 2;
+pub(crate) const NORMAL_ROWS: u32 = 5;
 pub(crate) const TRIANGLE: u32 = 8;
-pub(crate) const MATERIAL: u32 = 21;
+/// Channels of a material, and the place of emission among them.
+pub(crate) const CHANNELS: u32 = crate::scene::CHANNELS as u32;
+pub(crate) const EMISSION: u32 = Channel::Emission.place() as u32;
 /// The place of a material's normal map among its words.
-pub(crate) const NORMAL_MAP: u32 = 17;
+pub(crate) const NORMAL_MAP: u32 = 1 + 4 * CHANNELS;
+pub(crate) const MATERIAL: u32 = NORMAL_MAP + 4;
 pub(crate) const GROUP: u32 = 7;
 pub(crate) const OF_GROUP: u32 = 3;
 /// No row, or no triangle.
@@ -260,10 +269,13 @@ impl Triangle {
     #[inline(always)]
     pub fn sides_backward(&self, by_normal: V3, by_area: f32) -> Pair {
         let across = by_normal.reject_from_normalized(self.normal);
-        let by_cross = across * (0.5 / self.area) + self.normal * (0.5 * by_area);
+        let ab = self.b - self.a;
+        let ac = self.c - self.a;
+        // Lengths before they are divided by the area, which may be tiny.
+        let per_area = 0.5 / self.area;
         Pair {
-            first: (self.c - self.a).cross(by_cross),
-            second: by_cross.cross(self.b - self.a),
+            first: ac.cross(across) * per_area + ac.cross(self.normal) * (0.5 * by_area),
+            second: across.cross(ab) * per_area + self.normal.cross(ab) * (0.5 * by_area),
         }
     }
 
@@ -274,21 +286,28 @@ impl Triangle {
     }
 }
 
+/// A triangle of a list of surfaces.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn triangle_at(surfaces: &[f32], k: u32) -> Triangle {
+    let list = &surfaces[SURFACE as usize * k as usize..];
+    // The last number first: then the host checks one index.
+    let area = list[AREA];
+    Triangle {
+        a: vector(list, 0u32),
+        b: vector(list, 3u32),
+        c: vector(list, 6u32),
+        normal: vector(list, 9u32),
+        plane: list[12],
+        area,
+    }
+}
+
 #[cfg_attr(feature = "wgpu", cube)]
 impl<'a> Scene<'a> {
     #[inline(always)]
     pub fn triangle(&self, k: u32) -> Triangle {
-        let list = &self.surfaces[SURFACE as usize * k as usize..];
-        // The last number first: then the host checks one index.
-        let area = list[13];
-        Triangle {
-            a: vector(list, 0u32),
-            b: vector(list, 3u32),
-            c: vector(list, 6u32),
-            normal: vector(list, 9u32),
-            plane: list[12],
-            area,
-        }
+        triangle_at(self.surfaces, k)
     }
 
     #[inline(always)]

@@ -21,7 +21,7 @@ pub(crate) struct Sums<'a> {
     pub of: Derivatives,
 }
 
-/// In a kernel they are others.
+/// In kernels the type stands for [`Totals`], which has the same methods and field; [`sums_of`] makes one of the other.
 #[cfg(feature = "wgpu")]
 impl<'a> CubeType for Sums<'a> {
     type ExpandType = TotalsExpand<'a>;
@@ -54,6 +54,7 @@ impl<'a> Sums<'a> {
     }
 }
 
+/// The sums of a kernel, as stages add to them.
 #[cfg(feature = "wgpu")]
 #[cube]
 #[allow(unused_variables)]

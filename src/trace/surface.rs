@@ -11,6 +11,7 @@ use super::scene::{COMPENSATED, EMITS, GLOSSY, MODEL, REFLECTS, Scene};
 use super::sums::Sums;
 use super::texture::{colour, colour_backward, emission_backward, emission_of, texture_backward};
 use crate::model::bsdf::{Shading, ShadingGradient};
+use crate::model::numbers::is_nonzero;
 use crate::model::triangle::hit_backward;
 use crate::model::{Pair, V2, V3, splat, v2, v3};
 use crate::sampling::Receiver;
@@ -261,6 +262,8 @@ pub(crate) fn point_backward(
 }
 
 /// A point as emitters are chosen for it.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
 pub(crate) fn receiver_of(point: &Point, time: f32) -> Receiver {
     Receiver {
         position: point.position,
@@ -348,12 +351,7 @@ fn corners_backward(
         }
     }
     let mut place = splat(0.0);
-    if comptime!(
-        scene.features.tilted
-            || scene.features.tinted
-            || scene.features.textured
-            || scene.features.smooth
-    ) {
+    if is_nonzero(by_b) || is_nonzero(by_c) {
         let slopes = scene.triangle(p.triangle).slopes();
         place = slopes.first * by_b + slopes.second * by_c;
     }

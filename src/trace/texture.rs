@@ -3,17 +3,12 @@
 use crate::cube::*;
 
 use super::parts::{MATERIALS, SKY, TEXELS};
-use super::scene::{MATERIAL, NONE, Scene};
+use super::scene::{CHANNELS, EMISSION, MATERIAL, NONE, Scene};
 use super::sums::Sums;
 use crate::model::lists::vector;
 use crate::model::sky::Map;
 use crate::model::texture::{Cell, Masks, texture_at};
 use crate::model::{V2, V3, splat, v2};
-
-/// The place of emission among the channels of a material.
-pub(crate) const EMISSION: u32 = 3;
-/// Channels of a material.
-pub(crate) const CHANNELS: u32 = 4;
 
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]

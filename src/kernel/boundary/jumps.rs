@@ -6,7 +6,7 @@ use crate::kernel::walk::{Path, Vertex, Walk, Work};
 use crate::model::choice::decided_by;
 use crate::model::jumps::Sides;
 use crate::model::{Pair, V3};
-use crate::sampling::{Dimensions, Numbers};
+use crate::sampling::{Dimensions, Four};
 use crate::trace::{
     Behind, EdgePoint, Observer, PointGradient, SideLight, Sums, beside, edge_point, edge_view,
     emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward, search,
@@ -42,18 +42,29 @@ impl Tracer<'_> {
         if counts.is_nan() || counts <= 0.0 {
             return;
         }
-        let observer = Observer {
-            point: vertex.point,
-            bounce,
-            moves,
-            carried,
-            counts,
-        };
         let numbers = self.edges.numbers(path.numbers.path());
         for of_light in [true, false] {
-            if self.features.emitters || !of_light {
-                self.jumps(path, &observer, of_light, &numbers, work, by, sums);
+            if !self.features.emitters && of_light {
+                continue;
             }
+            let set = Dimensions::of_set(3 * bounce + if of_light { 1 } else { 2 });
+            let pair = numbers.draw(set);
+            let pick = if of_light { pair.y } else { pair.x };
+            if !looks_for_edges(&self.lists, bounce, counts, of_light, pick) {
+                continue;
+            }
+            let mut drawn = pair;
+            if of_light {
+                drawn = numbers.draw(Dimensions::of_set(3 * bounce));
+            }
+            let observer = Observer {
+                point: vertex.point,
+                bounce,
+                moves,
+                carried,
+                counts,
+            };
+            self.jumps(path, &observer, of_light, [drawn, pair], work, by, sums);
         }
     }
 
@@ -65,7 +76,7 @@ impl Tracer<'_> {
         path: &Path,
         o: &Observer,
         of_light: bool,
-        numbers: &Numbers,
+        [drawn, more]: [Four; 2],
         work: &mut Work,
         by: &mut PointGradient,
         sums: &Sums,
@@ -74,16 +85,6 @@ impl Tracer<'_> {
             return;
         };
         let (lists, time) = (&self.lists, path.time);
-        let set = 3 * o.bounce;
-        let mut drawn = numbers.draw(Dimensions::of_set(if of_light { set + 1 } else { set + 2 }));
-        let more = drawn;
-        let pick = if of_light { more.y } else { drawn.x };
-        if !looks_for_edges(lists, o, of_light, pick) {
-            return;
-        }
-        if of_light {
-            drawn = numbers.draw(Dimensions::of_set(set));
-        }
         let s = search(lists, drawn, more, o, of_light, time, &mut work.room, sums);
         if !s.asked {
             return;

@@ -7,7 +7,7 @@ use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 use crate::scene::Bsdf;
-use crate::trace::NONE;
+use crate::trace::{AREA, NONE, NORMAL_ROWS, UV_ROWS};
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;
@@ -31,7 +31,7 @@ pub(super) fn of_object(
         .enumerate()
         .flat_map_iter(|(f, face)| {
             let w = face.map(|v| u64::from(weld.place(v)));
-            let valid = scene.lists.surfaces[part.first_triangle + f][13] > 0.0;
+            let valid = scene.lists.surfaces[part.first_triangle + f][AREA] > 0.0;
             (0..3).filter_map(move |i| {
                 let (p, q) = (w[i], w[(i + 1) % 3]);
                 (valid && p != q).then_some(((p.min(q) << 32) | p.max(q), 4 * f as u32 + i as u32))
@@ -132,7 +132,8 @@ fn crease(
     // Geometric normals count where light comes from near the horizon.
     let mut jump: f32 = SMOOTH * (geometric[0] - geometric[1]).length();
     for (c, c2) in ends.into_iter().zip(ends2) {
-        let normal = |words: &[u32], c: usize, geometric: V3| match words[5 + c] {
+        let normal = |words: &[u32], c: usize, geometric: V3| match words[NORMAL_ROWS as usize + c]
+        {
             NONE => geometric,
             row => V3::from(lists.normals[row as usize]).normalize(),
         };
@@ -142,7 +143,7 @@ fn crease(
         ];
         jump = jump.max((normals[0] - normals[1]).length());
         if textured {
-            let at = |words: &[u32], c: usize| match words[2 + c] {
+            let at = |words: &[u32], c: usize| match words[UV_ROWS as usize + c] {
                 NONE => [0.0; 2],
                 row => lists.uvs[row as usize],
             };

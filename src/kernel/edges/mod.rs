@@ -83,6 +83,7 @@ pub(crate) struct EdgeSets {
     /// What stages read of them.
     flat: Vec<[[f32; 3]; 2]>,
     words: Vec<[u32; OF_EDGE]>,
+    any_apart: bool,
     all: EdgeTree,
     moving: Moving,
 }
@@ -117,6 +118,7 @@ impl EdgeSets {
             (EdgeTree::joint(&source, moving, others), Moving::Part)
         };
         Self {
+            any_apart: edges.iter().any(|e| e.apart),
             flat: edges
                 .iter()
                 .map(|e| [e.a, e.along].map(V3::to_array))
@@ -137,7 +139,7 @@ impl EdgeSets {
 
     /// Whether a line of a crossing moves while the shutter is open.
     pub(crate) fn any_apart(&self) -> bool {
-        self.edges.iter().any(|e| e.apart)
+        self.any_apart
     }
 
     pub fn is_empty(&self) -> bool {

@@ -36,6 +36,7 @@ pub(crate) struct EmitterKinds {
 }
 
 impl EmitterKinds {
+    /// Words of room that any choice needs.
     pub const MOST_ROOM: usize = FEW;
 }
 
@@ -198,7 +199,7 @@ impl<'a> EmitterLists<'a> {
         share
     }
 
-    /// The probability of an emitter where one was looked at.
+    /// The probability of an emitter, after [`look`](Self::look) from the same point.
     #[inline(always)]
     pub fn chance(&self, k: u32, at: &Receiver, share: f32, room: &mut [u32]) -> f32 {
         let mut chance = 0.0f32;
@@ -220,7 +221,7 @@ impl<'a> EmitterLists<'a> {
         chance
     }
 
-    /// An emitter for a random number.
+    /// An emitter for a random number, after [`look`](Self::look) from the same point.
     #[inline(always)]
     pub fn choose(&self, u: f32, at: &Receiver, share: f32, room: &mut [u32]) -> Chosen {
         let mut choice = Chosen {

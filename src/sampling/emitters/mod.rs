@@ -28,7 +28,7 @@ pub(crate) use many::Met;
 use powers::{powers_of_lights, running_sums};
 pub(crate) use tree::LightTree;
 
-/// The emitters of a scene: triangles, then lights without extent, in one count.
+/// The emitters of a scene: triangles, then delta lights, in one count.
 pub(crate) struct Emitters {
     list: Vec<Emitter>,
     lights: Vec<DeltaLight>,
@@ -39,9 +39,9 @@ pub(crate) struct Emitters {
     by: Choice,
     pub kinds: EmitterKinds,
     flat: Flat,
-    /// Emitters that are near to each other, whose shadows are sampled together; then lights without extent, one by one.
+    /// Emitters that are near to each other, whose shadows are sampled together; then delta lights, one by one.
     pub groups: Vec<EmitterGroup>,
-    /// The group of each light without extent.
+    /// The group of each delta light.
     group_of_light: Vec<u32>,
 }
 
@@ -185,7 +185,7 @@ impl Emitters {
             by_tree: matches!(this.by, Choice::Tree(_)),
             by_sums: count > FEW,
             room: match this.by {
-                Choice::SolidAngle => FEW,
+                Choice::SolidAngle => count.next_power_of_two().max(LANES),
                 _ => LANES,
             },
         };
@@ -197,7 +197,7 @@ impl Emitters {
         self.list.is_empty() && self.lights.is_empty()
     }
 
-    /// The light without extent that an emitter is, by its place among those.
+    /// The delta light that an emitter is, by its place among those.
     #[inline(always)]
     pub fn light(&self, emitter: usize) -> Option<usize> {
         emitter.checked_sub(self.list.len())
