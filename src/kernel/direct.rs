@@ -7,8 +7,7 @@ use crate::model::connection::{ConeKernel, Target};
 use crate::model::triangle::uniform_point;
 use crate::model::{V2, V3, v2};
 use crate::trace::{
-    Arrived, NONE, Point, density_of_map, emitters_of, map_of, radiance_of, receiver_of, sky,
-    target_of,
+    Arrived, NONE, Point, density_of_map, map_of, radiance_of, receiver_of, sky, target_of,
 };
 
 /// A point of a path that is connected to lights.
@@ -65,7 +64,7 @@ impl Tracer<'_> {
         along: Option<V3>,
         work: &mut Work,
     ) {
-        let emitters = emitters_of(&self.lists);
+        let emitters = &self.emitters;
         let at = receiver_of(from.point, from.time);
         let mut room = std::mem::take(&mut work.room);
         let share = emitters.look(&at, &mut room);

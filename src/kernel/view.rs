@@ -10,9 +10,9 @@ use super::scene::KernelScene;
 use crate::model::camera::Camera;
 use crate::model::filter::{PixelFilter, uniform_disk};
 use crate::model::{V2, V3, v2};
-use crate::sampling::{Dimensions, EmitterGroup, Numbers, Sampler};
+use crate::sampling::{Dimensions, EmitterGroup, EmitterLists, Numbers, Sampler};
 use crate::scene::ParameterId;
-use crate::trace::{Features, NONE, Scene};
+use crate::trace::{Features, NONE, Scene, emitters_of};
 
 /// A scene as a camera sees it, with the settings of a render.
 pub(crate) struct View {
@@ -55,6 +55,7 @@ struct Flat {
 pub(super) struct Tracer<'a> {
     view: &'a View,
     pub lists: Scene<'a>,
+    pub emitters: EmitterLists<'a>,
 }
 
 impl Deref for Tracer<'_> {
@@ -194,9 +195,11 @@ impl View {
 
     /// With the lists that stages read.
     pub(super) fn tracer(&self) -> Tracer<'_> {
+        let lists = self.lists();
         Tracer {
             view: self,
-            lists: self.lists(),
+            lists,
+            emitters: emitters_of(&lists),
         }
     }
 
