@@ -53,7 +53,7 @@ macro_rules! lanes {
         const _: () = {
             #[derive(Clone, Copy, Default)]
             pub struct Eight {
-                $($field: <$type as crate::lanes::Record>::Lanes,)*
+                $(pub $field: <$type as crate::lanes::Record>::Lanes,)*
             }
 
             impl crate::lanes::Record for $name {
@@ -127,14 +127,14 @@ impl<T: Record> Block<T> {
         value.set(&mut self.eights[i / LANES], i);
     }
 
-    /// The eight records from 8 k on.
+    /// The lanes of the record i.
     #[inline(always)]
-    pub fn eight(&self, k: usize) -> &T::Lanes {
-        &self.eights[k]
+    pub fn lanes(&self, i: usize) -> &T::Lanes {
+        &self.eights[i / LANES]
     }
 
     #[inline(always)]
-    pub fn eight_mut(&mut self, k: usize) -> &mut T::Lanes {
-        &mut self.eights[k]
+    pub fn lanes_mut(&mut self, i: usize) -> &mut T::Lanes {
+        &mut self.eights[i / LANES]
     }
 }

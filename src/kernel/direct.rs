@@ -1,16 +1,20 @@
 //! Direct light: connections of surface points to emitters, delta lights and directions of a map.
 
+use std::ops::Range;
+
 use macro_rules_attribute::apply;
 
+use super::eights::{self, Eight};
 use super::view::Tracer;
-use super::walk::{Candidate, Level, LightSample, Path, Work};
+use super::walk::{Along, Candidate, Level, LightSample, Path, Work};
 use crate::accel::{HitRay, stage};
-use crate::model::connection::{ConeKernel, Target};
+use crate::lanes::{LANES, Record};
+use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::triangle::uniform_point;
-use crate::model::{V3, v2};
-use crate::sampling::Dimensions;
+use crate::model::{V2, V3, v2};
+use crate::sampling::{Chosen, Dimensions, EmitterTriangle, Receiver};
 use crate::trace::{
-    Arrived, NONE, Point, density_of_map, map_of, radiance_of, receiver_of, sky, target_of,
+    Arrived, NONE, Point, density_of_map, is_light, map_of, radiance_of, sky, target_of,
 };
 
 /// A connection of a point to a light before its ray is traced: its point, how it was drawn, and how likely.
@@ -83,48 +87,170 @@ pub(super) fn direct_from_emitters<'a>(
     bounce: u32,
     work: &'a mut Work,
 ) {
-    let emitters = &tracer.emitters;
+    let lists = &tracer.lists;
+    let simple = tracer.cone == 0.0 && !lists.features.holes;
+    for first in (0..level.len).step_by(LANES) {
+        let lanes = first..level.len.min(first + LANES);
+        let points = level.points.lanes(first);
+        let mut times = [0.0; LANES];
+        for lane in lanes.clone() {
+            times[lane % LANES] = paths[level.paths[lane] as usize].time;
+        }
+        let at = eights::receivers(points, &times);
+        let matt = eights::are_matt(points, lanes.len());
+        let chosen = choose_emitters(tracer, level, lanes.clone(), matt, &at, work);
+        let numbers = level.emitters.lanes(first);
+        let mut weights = Eight::<V2>::default();
+        for i in 0..LANES {
+            uniform_point(chosen.rest[i], numbers.y[i]).set(&mut weights, i);
+        }
+        let are_triangles = lanes
+            .clone()
+            .all(|i| !is_light(lists, chosen.emitter[i % LANES]));
+        if simple && matt && are_triangles {
+            connect_matt(tracer, paths, level, lanes, (&chosen, &weights), work);
+            continue;
+        }
+        let mut along = 0;
+        for lane in lanes {
+            let point = &level.points.get(lane);
+            if !point.reflects {
+                continue;
+            }
+            let index = level.paths[lane];
+            let path = &paths[index as usize];
+            let own = Chosen::get(&chosen, lane);
+            let weights = V2::get(&weights, lane);
+            let combined = tracer.features.combined && point.shading.glossy;
+            let mut connecting = Connecting {
+                point,
+                path: index,
+                time: path.time,
+                cone: cone_of_shadow(tracer, path, bounce),
+                sample: LightSample::of_emitter(lane as u32, own.emitter, weights),
+                chance: own.chance,
+                by_scattering: false,
+                throughput: level.throughputs.get(lane),
+            };
+            connecting.to_emitter(tracer, combined, work);
+            connecting.by_scattering = true;
+            while let Some(found) = work.along.get(along).filter(|a| a.lane == lane as u32) {
+                along += 1;
+                connecting.chance = found.chance;
+                let (k, weights) = (found.emitter, found.weights);
+                connecting.sample = LightSample::of_emitter(lane as u32, k, weights);
+                connecting.to_emitter(tracer, combined, work);
+            }
+        }
+    }
+}
+
+/// Chooses an emitter for each of some lanes; those along the directions in which glossy paths go on are left in
+/// `work.along`, with their probabilities.
+#[inline(always)]
+fn choose_emitters(
+    tracer: &Tracer,
+    level: &Level,
+    lanes: Range<usize>,
+    matt: bool,
+    at: &Eight<Receiver>,
+    work: &mut Work,
+) -> Eight<Chosen> {
+    let (emitters, kinds) = (&tracer.emitters, tracer.emitters.kinds);
+    let mut chosen = Eight::<Chosen>::default();
     let mut room = std::mem::take(&mut work.room);
-    let mut hits = std::mem::take(&mut work.emitter_hits);
-    for lane in 0..level.len {
-        let point = &level.points.get(lane);
+    let few = &mut work.few[..];
+    work.along.clear();
+    if kinds.by_solid_angle {
+        let few = &mut few[..emitters.tree.fixed.count as usize];
+        eights::look(emitters, at, few);
+        eights::choose(level.emitters.lanes(lanes.start), few, &mut chosen);
+    }
+    if kinds.by_solid_angle && (matt || !tracer.features.combined) {
+        work.room = room;
+        return chosen;
+    }
+    for lane in lanes {
+        let point = level.points.get(lane);
         if !point.reflects {
             continue;
         }
-        let index = level.paths[lane];
-        let path = &paths[index as usize];
-        let at = receiver_of(point, path.time);
-        let share = emitters.look(&at, &mut room);
-        let numbers = level.emitters.get(lane);
-        let choice = emitters.choose(numbers.x, &at, share, &mut room);
-        let weights = uniform_point(choice.rest, numbers.y);
-        let mut connecting = Connecting {
-            point,
-            path: index,
-            time: path.time,
-            cone: cone_of_shadow(tracer, path, bounce),
-            sample: LightSample::of_emitter(lane as u32, choice.emitter, weights),
-            chance: choice.chance,
-            by_scattering: false,
-            throughput: level.throughputs.get(lane),
-        };
-        let combined = tracer.features.combined && point.shading.glossy;
-        connecting.to_emitter(tracer, combined, work);
-        if !combined {
-            continue;
+        let own = Receiver::get(at, lane);
+        let mut share = 0.0;
+        if kinds.by_solid_angle {
+            for (room, few) in room.iter_mut().zip(&work.few) {
+                *room = few[lane % LANES].to_bits();
+            }
+        } else {
+            share = emitters.look(&own, &mut room);
+            let u = level.emitters.get(lane).x;
+            let choice = emitters.choose(u, &own, share, &mut room);
+            choice.set(&mut chosen, lane);
         }
-        connecting.by_scattering = true;
-        let direction = level.scatters.get(lane).direction;
-        hits.clear();
-        let all = &tracer.scene.emitters;
-        all.each_hit_of_all(&at, direction, &mut work.met, |hit| hits.push(hit));
-        for hit in &hits {
-            connecting.chance = emitters.chance(hit.emitter, &at, share, &mut room);
-            connecting.sample = LightSample::of_emitter(lane as u32, hit.emitter, hit.weights);
-            connecting.to_emitter(tracer, combined, work);
+        if tracer.features.combined && point.shading.glossy {
+            let direction = level.scatters.get(lane).direction;
+            let (met, along) = (&mut work.met, &mut work.along);
+            (tracer.scene.emitters).each_hit_of_all(&own, direction, met, |hit| {
+                along.push(Along {
+                    lane: lane as u32,
+                    emitter: hit.emitter,
+                    weights: hit.weights,
+                    chance: emitters.chance(hit.emitter, &own, share, &mut room),
+                });
+            });
         }
     }
-    (work.room, work.emitter_hits) = (room, hits);
+    work.room = room;
+    chosen
+}
+
+/// Connects matt surfaces to points of triangles, all lanes at once.
+#[inline(always)]
+fn connect_matt(
+    tracer: &Tracer,
+    paths: &[Path],
+    level: &Level,
+    lanes: Range<usize>,
+    (chosen, weights): (&Eight<Chosen>, &Eight<V2>),
+    work: &mut Work,
+) {
+    let mut on = Eight::<EmitterTriangle>::default();
+    for lane in lanes.clone() {
+        let time = paths[level.paths[lane] as usize].time;
+        let triangle = tracer.emitters.triangle(chosen.emitter[lane % LANES], time);
+        triangle.set(&mut on, lane);
+    }
+    let mut directions = Eight::<V3>::default();
+    let mut found = Eight::<Connection>::default();
+    let points = level.points.lanes(lanes.start);
+    eights::connect(points, &on, weights, chosen, &mut directions, &mut found);
+    for lane in lanes {
+        let found = Connection::get(&found, lane);
+        // It starts behind the light, or there is none.
+        if found.limit <= 0.0 || !points.reflects[lane % LANES] {
+            continue;
+        }
+        let path = level.paths[lane];
+        let time = paths[path as usize].time;
+        let ray = HitRay::new(found.start, found.direction, time, found.limit);
+        work.rays.push(ray);
+        let (k, weights) = (chosen.emitter[lane % LANES], V2::get(weights, lane));
+        let radiance = radiance_of(&tracer.lists, k, weights);
+        work.candidates.push(Candidate {
+            path,
+            light: level.throughputs.get(lane) * (found.reflected * radiance * found.scale),
+            sample: LightSample {
+                lane: lane as u32,
+                emitter: k,
+                weights,
+                direction: V3::get(&directions, lane),
+                arrived: Arrived {
+                    reflected: found.reflected,
+                    density: found.density,
+                },
+            },
+        });
+    }
 }
 
 /// Light of a map along a direction drawn from it, and along that in which the path goes on.

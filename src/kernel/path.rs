@@ -4,9 +4,11 @@
 use macro_rules_attribute::apply;
 
 use super::direct::{direct_from_emitters, direct_from_map};
+use super::eights::{self, Eight};
 use super::view::Tracer;
 use super::walk::{Level, Path, Walk, Walks, Way, Work};
 use crate::accel::{Hit, HitRay, NOTHING, stage};
+use crate::lanes::{LANES, Record};
 use crate::model::{V3, v2};
 use crate::sampling::{Dimensions, Four};
 use crate::trace::{Point, emitted, leave, middle_of, point_at, sky};
@@ -189,21 +191,38 @@ fn scatter<'a>(
     goes_on: bool,
 ) {
     let always = goes_on || tracer.features.gathers_map;
-    for lane in 0..level.len {
-        let point = level.points.get(lane);
-        let glossy = point.shading.glossy;
-        if !point.reflects || !(always || (tracer.features.combined && glossy)) {
+    let mut drawn = Eight::<Four>::default();
+    for first in (0..level.len).step_by(LANES) {
+        let lanes = first..level.len.min(first + LANES);
+        let matt = eights::are_matt(level.points.lanes(first), lanes.len());
+        if matt && !always {
             continue;
         }
-        let numbers = &paths[level.paths[lane] as usize].numbers;
-        let drawn = numbers.draw(Dimensions::direction(bounce));
-        let mut lobe = 0.0;
-        if glossy {
-            lobe = numbers.draw(Dimensions::choices(bounce)).x;
+        for lane in lanes.clone() {
+            let numbers = &paths[level.paths[lane] as usize].numbers;
+            let own = numbers.draw(Dimensions::direction(bounce));
+            level.ahead.set(lane, v2(own.z, own.w));
+            own.set(&mut drawn, lane);
         }
-        level.ahead.set(lane, v2(drawn.z, drawn.w));
-        let scatter = point.shading.sample(drawn.x, drawn.y, lobe);
-        level.scatters.set(lane, scatter);
+        if matt {
+            let scatters = level.scatters.lanes_mut(first);
+            eights::scatter(level.points.lanes(first), &drawn, scatters);
+            continue;
+        }
+        for lane in lanes {
+            let point = level.points.get(lane);
+            let glossy = point.shading.glossy;
+            if point.reflects && (always || (tracer.features.combined && glossy)) {
+                let mut lobe = 0.0;
+                if glossy {
+                    let numbers = &paths[level.paths[lane] as usize].numbers;
+                    lobe = numbers.draw(Dimensions::choices(bounce)).x;
+                }
+                let own = Four::get(&drawn, lane);
+                let scatter = point.shading.sample(own.x, own.y, lobe);
+                level.scatters.set(lane, scatter);
+            }
+        }
     }
 }
 

@@ -1,11 +1,12 @@
 //! The state of paths on their way, bounce by bounce, which is also the record that they leave for the backward pass.
 
+use super::eights::Eight;
 use crate::accel::{Hit, HitRay, NOTHING};
 use crate::lanes::Block;
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
 use crate::model::{V2, V3};
-use crate::sampling::{EmitterHit, EmitterKinds, Met, Numbers};
+use crate::sampling::{EmitterKinds, Met, Numbers};
 pub(crate) use crate::trace::Seen;
 use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient, SideLight};
 
@@ -183,6 +184,14 @@ impl LightSample {
     }
 }
 
+/// A point of an emitter along the direction in which a path goes on, and the probability of the emitter.
+pub(super) struct Along {
+    pub lane: u32,
+    pub emitter: u32,
+    pub weights: V2,
+    pub chance: f32,
+}
+
 /// Light that arrives if nothing is in between.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
@@ -226,10 +235,11 @@ pub(crate) struct Work {
     /// The lanes that rays belong to.
     pub(super) lanes: Vec<u32>,
     pub(super) candidates: Vec<Candidate>,
-    /// Of a choice of an emitter.
+    /// Of a choice of an emitter, of one path and of eight; and emitters that are met.
     pub(super) room: Vec<u32>,
+    pub(super) few: Vec<Eight<f32>>,
     pub(super) met: Met,
-    pub(super) emitter_hits: Vec<EmitterHit>,
+    pub(super) along: Vec<Along>,
     /// Paths on both sides of edges.
     pub(super) side_walks: Walks,
     pub(super) side_lights: Vec<Option<SideLight>>,
@@ -257,6 +267,7 @@ impl Work {
     pub fn new(bounces: u32) -> Self {
         let mut work = Self {
             room: vec![0; EmitterKinds::MOST_ROOM],
+            few: vec![Eight::<f32>::default(); EmitterKinds::MOST_ROOM],
             ..Self::default()
         };
         work.counts.bounces = vec![0; bounces.min(1 << 16) as usize + 1];
