@@ -27,6 +27,7 @@ struct Connecting<'a> {
     chance: f32,
     by_scattering: bool,
     throughput: V3,
+    keep: bool,
 }
 
 impl Connecting<'_> {
@@ -55,15 +56,17 @@ impl Connecting<'_> {
         work.candidates.push(Candidate {
             path: self.path,
             light: self.throughput * (found.reflected * radiance() * found.scale),
-            sample: LightSample {
+        });
+        if self.keep {
+            work.samples.push(LightSample {
                 direction: target.direction,
                 arrived: Arrived {
                     reflected: found.reflected,
                     density: found.density,
                 },
                 ..self.sample
-            },
-        });
+            });
+        }
     }
 }
 
@@ -85,6 +88,7 @@ pub(super) fn direct_from_emitters<'a>(
     paths: &'a [Path<'a>],
     level: &'a Level,
     bounce: u32,
+    keep: bool,
     work: &'a mut Work,
 ) {
     let lists = &tracer.lists;
@@ -108,7 +112,7 @@ pub(super) fn direct_from_emitters<'a>(
             .clone()
             .all(|i| !is_light(lists, chosen.emitter[i % LANES]));
         if simple && matt && are_triangles {
-            connect_matt(tracer, paths, level, lanes, (&chosen, &weights), work);
+            connect_matt(tracer, paths, level, lanes, (&chosen, &weights), keep, work);
             continue;
         }
         let mut along = 0;
@@ -131,6 +135,7 @@ pub(super) fn direct_from_emitters<'a>(
                 chance: own.chance,
                 by_scattering: false,
                 throughput: level.throughputs.get(lane),
+                keep,
             };
             connecting.to_emitter(tracer, combined, work);
             connecting.by_scattering = true;
@@ -161,12 +166,19 @@ fn choose_emitters(
     let mut room = std::mem::take(&mut work.room);
     let few = &mut work.few[..];
     work.along.clear();
-    if kinds.by_solid_angle {
+    let are_few = !kinds.by_tree && !kinds.by_sums;
+    if are_few {
         let few = &mut few[..emitters.tree.fixed.count as usize];
-        eights::look(emitters, at, few);
+        if kinds.by_solid_angle {
+            eights::look(emitters, at, few);
+        } else {
+            for (few, &chance) in few.iter_mut().zip(emitters.tree.fixed.chances) {
+                *few = [chance; LANES];
+            }
+        }
         eights::choose(level.emitters.lanes(lanes.start), few, &mut chosen);
     }
-    if kinds.by_solid_angle && (matt || !tracer.features.combined) {
+    if are_few && (matt || !tracer.features.combined) {
         work.room = room;
         return chosen;
     }
@@ -177,7 +189,7 @@ fn choose_emitters(
         }
         let own = Receiver::get(at, lane);
         let mut share = 0.0;
-        if kinds.by_solid_angle {
+        if are_few {
             for (room, few) in room.iter_mut().zip(&work.few) {
                 *room = few[lane % LANES].to_bits();
             }
@@ -212,6 +224,7 @@ fn connect_matt(
     level: &Level,
     lanes: Range<usize>,
     (chosen, weights): (&Eight<Chosen>, &Eight<V2>),
+    keep: bool,
     work: &mut Work,
 ) {
     let mut on = Eight::<EmitterTriangle>::default();
@@ -239,7 +252,9 @@ fn connect_matt(
         work.candidates.push(Candidate {
             path,
             light: level.throughputs.get(lane) * (found.reflected * radiance * found.scale),
-            sample: LightSample {
+        });
+        if keep {
+            work.samples.push(LightSample {
                 lane: lane as u32,
                 emitter: k,
                 weights,
@@ -248,8 +263,8 @@ fn connect_matt(
                     reflected: found.reflected,
                     density: found.density,
                 },
-            },
-        });
+            });
+        }
     }
 }
 
@@ -260,6 +275,7 @@ pub(super) fn direct_from_map<'a>(
     paths: &'a [Path<'a>],
     level: &'a Level,
     bounce: u32,
+    keep: bool,
     work: &'a mut Work,
 ) {
     let lists = &tracer.lists;
@@ -283,6 +299,7 @@ pub(super) fn direct_from_map<'a>(
                 chance: density_of_map(lists, direction),
                 by_scattering,
                 throughput: level.throughputs.get(lane),
+                keep,
             };
             let target = Target::of_map(direction);
             connecting.connect(&target, || sky(lists, direction), work);

@@ -6,7 +6,9 @@ use crate::model::bsdf::Scatter;
 use crate::model::connection::{ConeKernel, Connection};
 use crate::model::{V2, V3};
 use crate::sampling::{Choosing, Chosen, EmitterLists, EmitterTriangle, Four, Receiver};
-use crate::trace::{Point, target_on};
+use crate::trace::{
+    HitTriangle, Leaving, Point, Triangle, leave_sharply, on_triangle, plain_point, target_on,
+};
 
 /// The lanes of a record.
 pub(super) type Eight<T> = <T as Record>::Lanes;
@@ -15,6 +17,41 @@ pub(super) type Eight<T> = <T as Record>::Lanes;
 #[inline(always)]
 pub(super) fn are_matt(points: &Eight<Point>, lanes: usize) -> bool {
     (0..lanes).all(|i| Point::get(points, i).shading.is_matt())
+}
+
+/// The points of triangles that rays hit, about there, where these are plain ([`Features::plain_points`]).
+///
+/// [`Features::plain_points`]: crate::trace::Features::plain_points
+#[inline(always)]
+pub(super) fn plain_points(
+    triangles: &Eight<Triangle>,
+    shifts: &Eight<V3>,
+    nears: &Eight<V3>,
+    hits: &Eight<HitTriangle>,
+    out: &mut Eight<Point>,
+) {
+    for i in 0..LANES {
+        let hit = HitTriangle::get(hits, i);
+        let (near, shift) = (V3::get(nears, i), V3::get(shifts, i));
+        let on = on_triangle(&Triangle::get(triangles, i), shift, near, hit.direction);
+        plain_point(&on, &hit).set(out, i);
+    }
+}
+
+/// The rays with which paths leave matt surfaces, without cones and roulette.
+#[inline(always)]
+pub(super) fn leave(
+    points: &Eight<Point>,
+    scatters: &Eight<Scatter>,
+    throughputs: &Eight<V3>,
+    out: &mut Eight<Leaving>,
+) {
+    for i in 0..LANES {
+        let mut point = Point::get(points, i);
+        point.shading = point.shading.as_matt();
+        let (scatter, throughput) = (Scatter::get(scatters, i), V3::get(throughputs, i));
+        leave_sharply(&point, &scatter, throughput).set(out, i);
+    }
 }
 
 /// Draws the directions in which paths leave matt surfaces.

@@ -11,7 +11,9 @@ use crate::accel::{Hit, HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
 use crate::model::{V3, v2};
 use crate::sampling::{Dimensions, Four};
-use crate::trace::{Point, emitted, leave, middle_of, point_at, sky};
+use crate::trace::{
+    HitTriangle, Point, Triangle, emitted, hit_triangle, leave, middle_of, point_at, sky,
+};
 
 impl Tracer<'_> {
     /// Traces paths from their camera rays to their ends; all levels stay, if they are to be kept.
@@ -58,7 +60,7 @@ impl Tracer<'_> {
             let goes_on = !last || self.features.sees_sky;
             let level = &mut walks.levels[at];
             scatter(self, paths, level, bounce, goes_on);
-            self.gather_lights(paths, level, &mut walks.list, bounce, work);
+            self.gather_lights(paths, level, &mut walks.list, bounce, keep, work);
             if !goes_on {
                 return;
             }
@@ -90,22 +92,28 @@ impl Tracer<'_> {
         level: &mut Level,
         list: &mut [Walk],
         bounce: u32,
+        keep: bool,
         work: &mut Work,
     ) {
         work.rays.clear();
         work.candidates.clear();
+        work.samples.clear();
         if self.features.emitters {
-            direct_from_emitters(self, paths, level, bounce, work);
+            direct_from_emitters(self, paths, level, bounce, keep, work);
         }
         if self.features.gathers_map {
-            direct_from_map(self, paths, level, bounce, work);
+            direct_from_map(self, paths, level, bounce, keep, work);
         }
         self.find_hits::<true>(work);
         work.counts.rays += work.rays.len() as u64;
         for (candidate, blocker) in work.candidates.iter().zip(&work.hits) {
             if blocker.triangle == NOTHING {
                 list[candidate.path as usize].radiance += candidate.light;
-                level.lights.push(candidate.sample);
+            }
+        }
+        for (sample, blocker) in work.samples.iter().zip(&work.hits) {
+            if blocker.triangle == NOTHING {
+                level.lights.push(*sample);
             }
         }
     }
@@ -160,15 +168,62 @@ fn begin<'a>(
     walks: &'a mut Walks,
     work: &'a mut Work,
 ) {
+    let lists = &tracer.lists;
+    let Walks { list, levels, .. } = walks;
+    let first = &mut levels[0];
+    let mut rays = std::mem::take(&mut work.arriving);
+    rays.clear();
     for i in 0..paths.len() {
-        let (hit, ray) = (work.hits[i], &work.rays[i]);
-        if hit.triangle == NOTHING {
-            walks.list[i].radiance = sky(&tracer.lists, ray.direction.into());
+        if work.hits[i].triangle == NOTHING {
+            list[i].radiance = sky(lists, work.rays[i].direction.into());
+        } else {
+            rays.push(i as u32);
+            first.add(i as u32, i as u32, V3::ONE);
+        }
+    }
+    points(tracer, first, &rays, work);
+    work.arriving = rays;
+    for (lane, &path) in first.paths.iter().enumerate() {
+        let (walk, point) = (&mut list[path as usize], first.points.get(lane));
+        walk.see(&point);
+        walk.radiance = emitted(lists, &point);
+    }
+}
+
+/// Finds the points that rays hit, one for each lane of a level.
+#[inline(always)]
+fn points(tracer: &Tracer, level: &mut Level, rays: &[u32], work: &Work) {
+    let lists = &tracer.lists;
+    let plain = lists.features.plain_points();
+    for first in (0..level.len).step_by(LANES) {
+        let lanes = first..level.len.min(first + LANES);
+        let of = |lane: usize| {
+            let k = rays[lane] as usize;
+            (work.hits[k], &work.rays[k])
+        };
+        if !plain {
+            for lane in lanes {
+                let (hit, ray) = of(lane);
+                level.points.set(lane, tracer.point(hit, ray));
+            }
             continue;
         }
-        let point = tracer.point(hit, ray);
-        walks.list[i].radiance = emitted(&tracer.lists, &point);
-        walks.begin_at(i, &point);
+        let mut triangles = Eight::<Triangle>::default();
+        let mut hits = Eight::<HitTriangle>::default();
+        let [mut shifts, mut nears] = [Eight::<V3>::default(); 2];
+        for lane in lanes {
+            let (Hit { t, triangle }, ray) = of(lane);
+            let (origin, direction) = (V3::from(ray.origin), V3::from(ray.direction));
+            let hit = hit_triangle(lists, triangle, t, direction);
+            lists
+                .displacement(hit.object, ray.time)
+                .set(&mut shifts, lane);
+            lists.triangle(triangle).set(&mut triangles, lane);
+            (origin + direction * t).set(&mut nears, lane);
+            hit.set(&mut hits, lane);
+        }
+        let out = level.points.lanes_mut(first);
+        eights::plain_points(&triangles, &shifts, &nears, &hits, out);
     }
 }
 
@@ -240,28 +295,40 @@ fn leave_surfaces<'a>(
     work.lanes.clear();
     let lists = &tracer.lists;
     let plays = tracer.features.roulette && bounce >= lists.roulette_after && !last;
-    for lane in 0..level.len {
-        let point = level.points.get(lane);
-        let scatter = level.scatters.get(lane);
-        if !point.reflects || scatter.weight == V3::ZERO {
-            continue;
+    let sharp = !plays && !lists.features.cones;
+    for first in (0..level.len).step_by(LANES) {
+        let lanes = first..level.len.min(first + LANES);
+        let points = level.points.lanes(first);
+        let at_once = sharp && eights::are_matt(points, lanes.len());
+        if at_once {
+            let (scatters, before) = (level.scatters.lanes(first), level.throughputs.lanes(first));
+            eights::leave(points, scatters, before, level.leavings.lanes_mut(first));
         }
-        let path = &paths[level.paths[lane] as usize];
-        let u = if plays {
-            path.numbers.draw(Dimensions::choices(bounce)).y
-        } else {
-            0.0
-        };
-        let cone = tracer.cone_numbers(path, bounce);
-        let before = level.throughputs.get(lane);
-        let left = leave(lists, &point, &scatter, before, bounce, u, cone.x, cone.y);
-        if left.goes_on {
-            level.ways[lane] = Way::On;
-            level.leavings.set(lane, left);
-            work.lanes.push(lane as u32);
-            let (start, direction) = (left.start, left.bend.direction);
-            let ray = HitRay::new(start, direction, path.time, f32::INFINITY);
-            work.rays.push(ray);
+        for lane in lanes {
+            if !points.reflects[lane % LANES] {
+                continue;
+            }
+            let path = &paths[level.paths[lane] as usize];
+            if !at_once {
+                let u = if plays {
+                    path.numbers.draw(Dimensions::choices(bounce)).y
+                } else {
+                    0.0
+                };
+                let cone = tracer.cone_numbers(path, bounce);
+                let (point, scatter) = (level.points.get(lane), level.scatters.get(lane));
+                let before = level.throughputs.get(lane);
+                let left = leave(lists, &point, &scatter, before, bounce, u, cone.x, cone.y);
+                level.leavings.set(lane, left);
+            }
+            let left = level.leavings.get(lane);
+            if left.goes_on {
+                level.ways[lane] = Way::On;
+                work.lanes.push(lane as u32);
+                let (start, direction) = (left.start, left.bend.direction);
+                let ray = HitRay::new(start, direction, path.time, f32::INFINITY);
+                work.rays.push(ray);
+            }
         }
     }
 }
@@ -270,15 +337,19 @@ fn leave_surfaces<'a>(
 #[apply(stage!)]
 fn arrive<'a>(tracer: &'a Tracer<'a>, from: &'a Level, to: &'a mut Level, work: &'a mut Work) {
     to.clear(work.rays.len());
-    let rays = work.lanes.iter().zip(&work.rays).zip(&work.hits);
-    for ((&lane, ray), &hit) in rays {
+    let mut rays = std::mem::take(&mut work.arriving);
+    rays.clear();
+    for (k, (&lane, hit)) in work.lanes.iter().zip(&work.hits).enumerate() {
         if hit.triangle != NOTHING {
-            let (lane, path) = (lane as usize, from.paths[lane as usize]);
-            let throughput = from.leavings.get(lane).throughput;
-            to.emitters.set(to.len, from.ahead.get(lane));
-            to.push(path, lane as u32, &tracer.point(hit, ray), throughput);
+            rays.push(k as u32);
+            let from_lane = lane as usize;
+            to.emitters.set(to.len, from.ahead.get(from_lane));
+            let throughput = from.leavings.get(from_lane).throughput;
+            to.add(from.paths[from_lane], lane, throughput);
         }
     }
+    points(tracer, to, &rays, work);
+    work.arriving = rays;
 }
 
 /// Adds the light of the environment where rays hit nothing.

@@ -8,7 +8,7 @@ use super::gradient::HostSums;
 use super::view::{Tracer, View};
 use super::walk::{Path, Seen, TOGETHER, Walks, Work};
 use crate::accel::stage;
-use crate::sampling::{RUN, Run};
+use crate::sampling::{Numbers, RUN, Run};
 
 impl View {
     /// Sums over samples of pixels. `objects` counts, for each pixel, what its rays hit.
@@ -26,7 +26,8 @@ impl View {
         for (block, pixels) in pixels.chunks(together).enumerate() {
             for samples in runs_of(&samples) {
                 let runs = draw_runs(&tracer, pixels, samples.start);
-                let paths = self.paths(&runs, samples.clone());
+                let cones = self.cones(&runs, &samples);
+                let paths = self.paths(&runs, &cones, &samples);
                 tracer.camera_walks(&paths, &mut walks, false, work);
                 for (k, walk) in walks.list.iter().enumerate() {
                     let i = block * together + k / samples.len();
@@ -71,7 +72,8 @@ impl View {
         for (pixels, gradients) in pixels.chunks(together).zip(gradients.chunks(together)) {
             for samples in runs_of(&samples) {
                 let runs = draw_runs(&tracer, pixels, samples.start);
-                let paths = self.paths(&runs, samples.clone());
+                let cones = self.cones(&runs, &samples);
+                let paths = self.paths(&runs, &cones, &samples);
                 tracer.camera_walks(&paths, &mut walks, true, work);
                 let of_paths = gradients
                     .iter()
@@ -82,15 +84,30 @@ impl View {
         }
     }
 
+    /// Random numbers for the cones of samples of all runs, if there are cones.
+    fn cones(&self, runs: &[Run], samples: &Range<u32>) -> Vec<Numbers<'static>> {
+        let with_cones = if self.cone > 0.0 { runs } else { &[] };
+        let of_run = |run: &Run| {
+            let pixel = run.pixel();
+            samples.clone().map(move |s| self.cones.numbers((pixel, s)))
+        };
+        with_cones.iter().flat_map(of_run).collect()
+    }
+
     /// Samples of all runs, those of one after another.
-    fn paths<'a>(&'a self, runs: &'a [Run], samples: Range<u32>) -> Vec<Path<'a>> {
-        let mut paths = Vec::with_capacity(runs.len() * RUN);
+    fn paths<'a>(
+        &'a self,
+        runs: &'a [Run],
+        cones: &'a [Numbers<'static>],
+        samples: &Range<u32>,
+    ) -> Vec<Path<'a>> {
+        let mut paths = Vec::with_capacity(runs.len() * samples.len());
         for run in runs {
             for sample in samples.clone() {
                 let numbers = run.numbers(sample);
                 paths.push(Path {
                     time: self.time(&numbers),
-                    cones: (self.cone > 0.0).then(|| self.cones.numbers(numbers.path())),
+                    cones: cones.get(paths.len()),
                     numbers,
                 });
             }

@@ -19,7 +19,7 @@ pub(super) const TOGETHER: usize = 64;
 pub(crate) struct Path<'a> {
     pub numbers: Numbers<'a>,
     /// Random numbers for the kernels of cones.
-    pub cones: Option<Numbers<'a>>,
+    pub cones: Option<&'a Numbers<'static>>,
     pub time: f32,
 }
 
@@ -39,6 +39,13 @@ impl Walk {
         first: (0.0, V3::ZERO),
         radiance: V3::ZERO,
     };
+
+    /// The first ray hit a surface point.
+    #[inline(always)]
+    pub fn see(&mut self, point: &Point) {
+        self.seen = point.triangle;
+        self.first = (point.distance, point.shading.geometric);
+    }
 
     /// Adds the surface that the camera ray saw and the light that the path brought back.
     #[inline(always)]
@@ -76,10 +83,10 @@ impl Walks {
     /// A path comes to its first surface point.
     #[inline(always)]
     pub fn begin_at(&mut self, path: usize, point: &Point) {
-        let walk = &mut self.list[path];
-        walk.seen = point.triangle;
-        walk.first = (point.distance, point.shading.geometric);
-        self.levels[0].push(path as u32, path as u32, point, V3::ONE);
+        self.list[path].see(point);
+        let first = &mut self.levels[0];
+        first.points.set(first.len, *point);
+        first.add(path as u32, path as u32, V3::ONE);
     }
 
     fn level(&mut self, index: usize) -> &mut Level {
@@ -137,13 +144,12 @@ impl Level {
         self.leavings.reserve(room);
     }
 
-    /// A path comes to a surface point.
+    /// A path comes to a surface point, which is set apart from this.
     #[inline(always)]
-    pub fn push(&mut self, path: u32, before: u32, point: &Point, throughput: V3) {
+    pub fn add(&mut self, path: u32, before: u32, throughput: V3) {
         let lane = self.len;
         self.paths.push(path);
         self.before.push(before);
-        self.points.set(lane, *point);
         self.throughputs.set(lane, throughput);
         self.len = lane + 1;
     }
@@ -197,7 +203,6 @@ pub(super) struct Along {
 pub(super) struct Candidate {
     pub path: u32,
     pub light: V3,
-    pub sample: LightSample,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -234,7 +239,11 @@ pub(crate) struct Work {
     pub(super) hits: Vec<Hit>,
     /// The lanes that rays belong to.
     pub(super) lanes: Vec<u32>,
+    /// Rays that hit surfaces.
+    pub(super) arriving: Vec<u32>,
     pub(super) candidates: Vec<Candidate>,
+    /// What is kept of each.
+    pub(super) samples: Vec<LightSample>,
     /// Of a choice of an emitter, of one path and of eight; and emitters that are met.
     pub(super) room: Vec<u32>,
     pub(super) few: Vec<Eight<f32>>,

@@ -15,7 +15,7 @@ use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Path, Seen, TOGETHER, Work};
-use crate::sampling::Dimensions;
+use crate::sampling::{Dimensions, Numbers};
 use crate::trace::{FilmPoint, Sums, film_point};
 
 /// What samples of edges on the film are drawn from.
@@ -74,13 +74,19 @@ impl FilmSamples<'_> {
 
 /// Draws points of edges by some samples.
 #[apply(stage!)]
-fn draw<'a>(view: &'a Tracer<'a>, film: &'a FilmSamples<'a>, samples: Range<u32>) -> Asked<'a> {
+fn draw<'a>(
+    view: &'a Tracer<'a>,
+    film: &'a FilmSamples<'a>,
+    samples: Range<u32>,
+    cones: &'a [Numbers<'static>],
+) -> Asked<'a> {
     let mut asked = Asked::default();
+    let first = samples.start;
     for sample in samples {
         let numbers = view.film.numbers((0, sample));
         let path = Path {
             time: view.time(&numbers),
-            cones: (view.cone > 0.0).then(|| view.cones.numbers((u32::MAX, sample))),
+            cones: cones.get((sample - first) as usize),
             numbers,
         };
         if let Some((point, g, approach)) = film.sample(view, sample, &path) {
@@ -127,7 +133,10 @@ impl View {
         let mut from = range.start;
         while from < range.end {
             let past = range.end.min(from.saturating_add(TOGETHER as u32));
-            let asked = draw(&tracer, &film, from..past);
+            let with_cones = if self.cone > 0.0 { from..past } else { 0..0 };
+            let cones = with_cones.map(|sample| self.cones.numbers((u32::MAX, sample)));
+            let cones: Vec<Numbers> = cones.collect();
+            let asked = draw(&tracer, &film, from..past, &cones);
             let Asked {
                 approaches, paths, ..
             } = &asked;
