@@ -15,12 +15,9 @@ attribute_alias! {
         #[macro_rules_attribute::macro_rules_derive(crate::lanes::lanes)];
 }
 
-/// Makes a type one of fields that kernels are compiled for (`cube(comptime)`): in their language it stays what it is, and
-/// paths share it.
+/// Makes a type one of fields that kernels are compiled for (`cube(comptime)`): in their language it stays what it is.
 macro_rules! known_to_kernels {
     ($type:ty) => {
-        crate::lanes::shared_by_lanes!($type);
-
         #[cfg(feature = "wgpu")]
         impl IntoExpand for $type {
             type Expand = Self;

@@ -108,8 +108,10 @@ fn brings(emitters: &EmitterLists, k: u32, at: Eight<Receiver>) -> Eight<f32> {
             out[i] = emitters.brings(k, &Receiver::get(&at, i));
         }
     } else {
+        let (at_rest, velocity) = (emitters.at_rest(k), emitters.velocity(k));
         for i in 0..LANES {
-            out[i] = emitters.angle_of_triangle(k, &Receiver::get(&at, i));
+            let at = Receiver::get(&at, i);
+            out[i] = at_rest.moved(velocity * at.time).angle(at.position);
         }
         let brightness = emitters.brightness[k as usize];
         for i in 0..LANES {

@@ -20,6 +20,7 @@ pub enum Sequence {
 }
 
 known_to_kernels!(Sequence);
+crate::lanes::shared_by_lanes!(Sequence);
 
 /// The probabilities with which emitters, which are triangles and lights without a surface, are connected to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

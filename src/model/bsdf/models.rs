@@ -23,6 +23,7 @@ pub(crate) fn model_of(bsdf: Bsdf) -> u32 {
 /// The models that a shading may be of. Kernels on GPUs know them when they are compiled, so that they need not hold
 /// what a scene does not have.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+#[macro_rules_attribute::macro_rules_derive(crate::lanes::lanes)]
 pub(crate) struct Models {
     pub phong: bool,
     /// [`METALLIC`] and [`CONDUCTOR`].

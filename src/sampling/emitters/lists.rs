@@ -82,6 +82,27 @@ pub(crate) struct EmitterTriangle {
     pub area: f32,
 }
 
+#[cfg_attr(feature = "wgpu", cube)]
+impl EmitterTriangle {
+    /// It moved by a vector.
+    #[inline(always)]
+    pub fn moved(&self, shift: V3) -> EmitterTriangle {
+        EmitterTriangle {
+            a: self.a + shift,
+            b: self.b + shift,
+            c: self.c + shift,
+            normal: self.normal,
+            area: self.area,
+        }
+    }
+
+    /// The solid angle under which a point sees its front.
+    #[inline(always)]
+    pub fn angle(&self, from: V3) -> f32 {
+        solid_angle(self.a, self.b, self.c, from).max(0.0)
+    }
+}
+
 /// A point of an emitter's front that a ray hits, as if nothing were in between.
 #[apply(record!)]
 pub(crate) struct EmitterHit {
@@ -170,22 +191,30 @@ impl<'a> EmitterLists<'a> {
     /// A triangle.
     #[inline(always)]
     pub fn triangle(&self, k: u32, time: f32) -> EmitterTriangle {
+        let mut found = self.at_rest(k);
+        if comptime!(self.kinds.moves) {
+            found = found.moved(self.velocity(k) * time);
+        }
+        found
+    }
+
+    /// A triangle at the start of the shutter.
+    #[inline(always)]
+    pub fn at_rest(&self, k: u32) -> EmitterTriangle {
         let list = &self.triangles[OF_EMITTER * k as usize..];
-        let velocity = vector(list, 13u32);
-        let mut found = EmitterTriangle {
+        EmitterTriangle {
             a: vector(list, 0u32),
             b: vector(list, 3u32),
             c: vector(list, 6u32),
             normal: vector(list, 9u32),
             area: list[12],
-        };
-        if comptime!(self.kinds.moves) {
-            let shift = velocity * time;
-            found.a += shift;
-            found.b += shift;
-            found.c += shift;
         }
-        found
+    }
+
+    /// The displacement of a triangle over the shutter.
+    #[inline(always)]
+    pub fn velocity(&self, k: u32) -> V3 {
+        vector(self.triangles, OF_EMITTER as u32 * k + 13)
     }
 
     /// Whether an emitter is a delta light.
@@ -213,16 +242,9 @@ impl<'a> EmitterLists<'a> {
                 seen = self.light(k).seen_from(at.position).scale;
             }
         } else {
-            seen = self.angle_of_triangle(k, at);
+            seen = self.triangle(k, at.time).angle(at.position);
         }
         self.brightness[k as usize] * seen
-    }
-
-    /// The solid angle under which a point sees a triangle's front.
-    #[inline(always)]
-    pub fn angle_of_triangle(&self, k: u32, at: &Receiver) -> f32 {
-        let on = self.triangle(k, at.time);
-        solid_angle(on.a, on.b, on.c, at.position).max(0.0)
     }
 
     /// Looks at emitters from a point, for choices there: leaves the bits of the probabilities of few in `room`, and
