@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::lists::Lists;
 use crate::accel::{Hierarchy, HierarchyCache, Spare};
 use crate::model::V3;
-use crate::model::bsdf::{Models, model_of};
+use crate::model::bsdf::Models;
 use crate::model::delta_light::DeltaLight;
 use crate::model::sky::Sky;
 use crate::model::texture::{Colour, Texels, Texture};
@@ -366,7 +366,7 @@ impl Material {
             | bit(kind.reflects, REFLECTS)
             | bit(kind.glossy, GLOSSY)
             | bit(kind.compensated, COMPENSATED)
-            | (MODEL * model_of(kind.bsdf));
+            | (MODEL * kind.bsdf as u32);
         let textures = self.channels.iter().map(|c| c.texture);
         let textures = textures.chain([self.normal_map]);
         for (to, texture) in words[1..].chunks_exact_mut(4).zip(textures) {

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use burn::tensor::Tensor;
 
-use super::material::Value;
+use super::albedo::Value;
 use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
 use super::{Camera, Object, Parameter, Scene};
 use crate::device::{self, label};
@@ -244,7 +244,7 @@ impl Object {
                 }
             }
             let is_image = |v: &Value| matches!(v, Value::Image(..) | Value::ScalarImage(..));
-            let mut channels = material.channels().into_iter();
+            let mut channels = material.channels();
             if let Some((channel, _)) = channels.find(|(_, v)| is_image(v)) {
                 let expected =
                     "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them";

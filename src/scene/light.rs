@@ -5,7 +5,7 @@ use std::fmt;
 use burn::tensor::Tensor;
 
 use super::Parameter;
-use super::material::Value;
+use super::albedo::Value;
 use super::parameter::Range;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};

@@ -2,7 +2,9 @@
 
 use burn::tensor::Tensor;
 
-use super::material::{CHANNELS, Channel, MaterialKind, Value};
+use super::albedo::Value;
+use super::kind::MaterialKind;
+use super::material::{CHANNELS, Channel};
 use super::parameter::without_tape;
 use super::{Material, Parameter, Wrap};
 use crate::geometry::{Context, Vec3};
@@ -44,7 +46,7 @@ impl Materials {
         let kinds = materials.iter().map(Material::kind).collect();
         let channels = (0..CHANNELS).map(|place| {
             let all = materials.iter_mut();
-            let values = all.filter_map(|m| Some(m.channels().into_iter().nth(place)?.1));
+            let values = all.filter_map(|m| Some(m.channels().nth(place)?.1));
             planes(values.collect(), context)
         });
         Self {

@@ -1,5 +1,6 @@
 //! Scenes of tensors: meshes, materials, transforms, objects, environments and cameras.
 
+mod albedo;
 mod bounds;
 mod camera;
 mod check;
@@ -11,6 +12,7 @@ mod flatten;
 mod holes;
 mod host;
 mod host_textures;
+mod kind;
 mod light;
 mod list;
 mod maps;
@@ -21,7 +23,6 @@ mod normals;
 mod parameter;
 mod parameters;
 mod placement;
-mod reflection;
 pub mod shapes;
 mod tangents;
 mod transfer;
@@ -29,6 +30,7 @@ mod transform;
 mod viewpoint;
 mod wrap;
 
+pub use albedo::{Albedo, ScalarTexture};
 pub use bounds::Bounds;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::{check_devices, check_scene};
@@ -38,12 +40,13 @@ pub(crate) use flatten::{EnvironmentMap, Flattened, Normalization, SkyTensors};
 pub(crate) use holes::{Holes, OF_MASKED};
 pub(crate) use host::{HostAttribute, HostMaterial, HostScene, SceneFrame};
 pub(crate) use host_textures::HostTexture;
+pub(crate) use kind::MaterialKind;
 pub use light::Light;
 pub(crate) use light::{HostLight, LightPart, LightPlanes};
 pub use list::List;
 pub use maps::{AlphaMask, NormalMap};
-pub use material::{Albedo, Bsdf, Material, ScalarTexture};
-pub(crate) use material::{CHANNELS, Channel, MaterialKind};
+pub use material::{Bsdf, Material};
+pub(crate) use material::{CHANNELS, Channel, LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL};
 pub(crate) use material_planes::ChannelPlanes;
 pub use mesh::Mesh;
 pub(crate) use mesh::{host_tensor, take_rows};
@@ -54,7 +57,6 @@ pub(crate) use parameters::{
     visit_tensors,
 };
 pub use placement::Scale;
-pub(crate) use reflection::{LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL};
 pub(crate) use transfer::to_host;
 pub use transform::Transform;
 pub(crate) use viewpoint::Framing;
@@ -116,6 +118,12 @@ impl Scene {
         let mut materials = self.objects.iter().flat_map(|o| &o.materials);
         let lights = self.lights.iter().any(Light::shines);
         lights || self.environment.has_light() || materials.any(|m| m.emission.shines())
+    }
+
+    /// Whether any material refracts.
+    pub(crate) fn refracts(&self) -> bool {
+        let mut all = self.objects.iter().flat_map(|o| &o.materials);
+        all.any(|m| m.bsdf.refracts())
     }
 
     /// The names of its objects.

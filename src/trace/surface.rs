@@ -133,7 +133,7 @@ pub(crate) fn point_at(
     }
     let mut model = 0u32;
     let mut compensated = false;
-    if comptime!(scene.features.models.facets()) {
+    if comptime!(scene.features.models.has_others()) {
         model = (bits / MODEL) % 8;
         compensated = bits & COMPENSATED != 0;
     }

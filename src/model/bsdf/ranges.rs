@@ -3,7 +3,8 @@
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
-use super::{CONDUCTOR, METALLIC, Shading, ShadingGradient};
+use super::metal::{CONDUCTOR, METALLIC};
+use super::{Shading, ShadingGradient};
 #[cfg(feature = "wgpu")]
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
