@@ -85,6 +85,14 @@ impl fmt::Debug for Light {
     }
 }
 
+/// What a light is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LightKind {
+    Point,
+    Spot,
+    Directional,
+}
+
 /// A parameter of a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum LightPart {
@@ -148,12 +156,12 @@ impl Light {
         }
     }
 
-    fn is_directional(&self) -> bool {
-        matches!(self, Self::Directional { .. })
-    }
-
-    fn is_spot(&self) -> bool {
-        matches!(self, Self::Spot { .. })
+    fn kind(&self) -> LightKind {
+        match self {
+            Self::Point { .. } => LightKind::Point,
+            Self::Spot { .. } => LightKind::Spot,
+            Self::Directional { .. } => LightKind::Directional,
+        }
     }
 
     /// Its intensity or irradiance.
@@ -206,8 +214,7 @@ impl Light {
     /// Reads it back, and checks what no parameter says for itself.
     pub(crate) fn host(&self, name: &str) -> Result<HostLight> {
         let mut host = HostLight {
-            directional: self.is_directional(),
-            spot: self.is_spot(),
+            kind: self.kind(),
             position: [0.0; 3],
             direction: [0.0, 0.0, -1.0],
             strength: self.strength().values()?,
@@ -250,8 +257,7 @@ impl Light {
 
 /// A light on the host.
 pub(crate) struct HostLight {
-    pub directional: bool,
-    pub spot: bool,
+    pub kind: LightKind,
     /// Scene units.
     pub position: [f64; 3],
     /// Of any length but 0.
@@ -273,8 +279,7 @@ pub(crate) struct LightPlanes {
     pub strength: Vec3,
     pub cos_inner: Tensor<2>,
     pub cos_outer: Tensor<2>,
-    pub directional: Vec<bool>,
-    pub spot: Vec<bool>,
+    pub kinds: Vec<LightKind>,
     /// The typical size of the scene, in their unit.
     pub size: f64,
 }
@@ -336,8 +341,7 @@ impl LightPlanes {
             strength,
             cos_inner,
             cos_outer,
-            directional: lights.iter().map(Light::is_directional).collect(),
-            spot: lights.iter().map(Light::is_spot).collect(),
+            kinds: lights.iter().map(Light::kind).collect(),
             size,
         })
     }

@@ -42,7 +42,7 @@ pub(crate) use host::{HostAttribute, HostMaterial, HostScene, SceneFrame};
 pub(crate) use host_textures::HostTexture;
 pub(crate) use kind::MaterialKind;
 pub use light::Light;
-pub(crate) use light::{HostLight, LightPart, LightPlanes};
+pub(crate) use light::{HostLight, LightKind, LightPart, LightPlanes};
 pub use list::List;
 pub use maps::{AlphaMask, NormalMap};
 pub use material::{Bsdf, Material};

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::model::v3;
+use crate::scene::LightKind;
 
 /// Emitters are drawn as often as their probabilities say, which add up to 1; what is left of the number is
 /// uniform.
@@ -26,8 +27,7 @@ fn emitters_are_drawn_with_their_probabilities() {
             position: v3(0.5, 0.7, 2.0),
             axis: v3(0.0, 0.0, -1.0),
             strength: V3::ONE * 2.0,
-            directional: false,
-            spot: true,
+            kind: LightKind::Spot as u32,
             cos_inner: 0.9,
             cos_outer: 0.3,
         };
