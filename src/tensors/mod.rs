@@ -28,6 +28,7 @@ pub use diagnostics::Diagnostics;
 pub(crate) use lights::{Lights, Sky};
 pub(crate) use path::{Radiance, trace};
 pub(crate) use rays::Rays;
-pub(crate) use softmax::{Candidates, Group, Softmax, hierarchy_of};
+pub(crate) use softmax::{Candidates, Group, hierarchy_of};
 pub(crate) use tracer::{PathSettings, RayStatistics, Sight, Tracer, Transport};
 pub use visibility::Visibility;
+pub(crate) use visibility::VisibilityForm;

@@ -15,8 +15,8 @@ use crate::render::options::{RenderOptions, Tile, sampler, tiles};
 use crate::sampling::{Dimensions, Sampler};
 use crate::scene::{Camera, Flattened};
 use crate::tensors::{
-    Candidates, Cones, Diagnostics, Lights, PathSettings, RayStatistics, Rays, Sight, Sky, Softmax,
-    Tracer, Transport, Visibility, hierarchy_of, trace,
+    Candidates, Cones, Diagnostics, Lights, PathSettings, RayStatistics, Rays, Sight, Sky, Tracer,
+    Transport, VisibilityForm, hierarchy_of, trace,
 };
 
 /// A view, ready to be traced.
@@ -254,8 +254,8 @@ fn sight(
         Some(hierarchy) => Ok(hierarchy),
         None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
     };
-    match options.visibility {
-        Visibility::Cone { angle, pixels } => {
+    match options.visibility.form(scene.unit) {
+        VisibilityForm::Cones { angle, pixels } => {
             let half_height = camera.half_height()?;
             let least = options.blur.map_or(0.0, f64::tan);
             let wide = least * 0.5 * options.height as f64 / half_height;
@@ -265,20 +265,11 @@ fn sight(
                 Some(PixelFilter::of_cone(pixels, wide)),
             ))
         }
-        Visibility::Softmax {
-            sigma,
-            gamma,
-            epsilon,
-        } => {
+        VisibilityForm::Softmax(form) => {
             if scene.holes.is_some() {
                 let expected = "none under the softmax: holes are for Visibility::cone";
                 return Err(Error::invalid("scene", "alpha mask", "a mask", expected));
             }
-            let form = Softmax {
-                sigma: sigma / (scene.unit * scene.unit),
-                gamma,
-                epsilon,
-            };
             // Diagnostics count all pairs, and GPUs do without the host.
             let is_dense =
                 options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
