@@ -99,7 +99,7 @@ impl Tracer<'_> {
         let (x, time) = (from.point.position, from.time);
         let target = target_of(&self.lists, k, weights, x, time, combined.is_some());
         let drawn = (chance, combined == Some(true));
-        let radiance = || radiance_of(&self.lists, k, weights);
+        let radiance = || radiance_of(&self.lists, k, weights, target.facing());
         from.connect(&target, drawn, (k, weights), radiance, work);
     }
 

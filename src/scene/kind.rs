@@ -11,6 +11,8 @@ pub(crate) struct MaterialKind {
     /// Whether it has a specular part.
     pub glossy: bool,
     pub emits: bool,
+    /// Whether what its front emits is not the same everywhere and in all directions.
+    pub glows: bool,
     pub bsdf: Bsdf,
     /// Whether light lost between facets is given back.
     pub compensated: bool,
@@ -23,6 +25,7 @@ impl MaterialKind {
             reflects: self.reflects || o.reflects,
             glossy: self.glossy || o.glossy,
             emits: self.emits || o.emits,
+            glows: self.glows || o.glows,
             ..self
         }
     }
@@ -43,6 +46,7 @@ impl Material {
             glossy,
             reflects: glossy || self.diffuse.reflects(),
             emits: self.emits(),
+            glows: self.glows(),
             bsdf: self.bsdf,
             compensated: facets && self.compensated,
         }

@@ -1,6 +1,6 @@
 //! Parameters of materials as planes.
 
-use burn::tensor::Tensor;
+use burn::tensor::{Bool, Tensor};
 
 use super::albedo::Value;
 use super::kind::MaterialKind;
@@ -60,9 +60,18 @@ impl Materials {
         &self.channels[place]
     }
 
-    /// Emitted radiance, `[1, M]`.
-    pub fn emission(&self) -> &Vec3 {
-        &self.channel(Channel::Emission.place()).constant
+    /// Radiance that fronts emit the same everywhere and in all directions, `[1, M]`; 0 of others.
+    pub fn even_emission(&self) -> Vec3 {
+        let emission = &self.channel(Channel::Emission.place()).constant;
+        if !self.kind().glows {
+            return emission.clone();
+        }
+        let glows = self.kinds.iter().map(|kind| kind.glows);
+        let glows = Tensor::<1, Bool>::from_data(
+            glows.collect::<Vec<_>>().as_slice(),
+            &emission.x.device(),
+        );
+        emission.map(|x| x.mask_fill(glows.clone().unsqueeze(), 0.0))
     }
 
     /// The parts that any has.

@@ -12,6 +12,7 @@ mod cones;
 mod delta_lights;
 mod diagnostics;
 mod direct;
+mod emission;
 mod lights;
 mod path;
 mod paths;

@@ -174,8 +174,9 @@ pub(crate) fn point_at(
 #[inline(always)]
 pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
     let mut emission = splat(0.0);
-    if p.side > 0.0 && scene.bits_of(p.material) & EMITS != 0 {
-        emission = emission_of(scene, p.material, p.uv);
+    if scene.bits_of(p.material) & EMITS != 0 {
+        let cosine = -p.side * p.shading.geometric.dot(p.shading.incoming);
+        emission = emission_of(scene, p.material, p.uv, cosine);
     }
     emission
 }

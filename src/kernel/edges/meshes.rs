@@ -120,7 +120,7 @@ fn crease(
         return 1.0;
     }
     let material = &scene.materials[words[0] as usize];
-    if !material.kind.reflects && !material.glows() {
+    if !material.kind.reflects && !material.kind.glows {
         return 0.0;
     }
     let textured = material.is_textured();
