@@ -95,7 +95,9 @@ impl Debug for Material {
         for (channel, value) in self.clone().channels() {
             let is_shown = match channel {
                 Channel::Specular | Channel::Shininess => self.specular.reflects(),
-                Channel::Emission => self.emits(),
+                _ if channel.place() >= Channel::Emission.place() => {
+                    value.constants().is_empty() || value.constants().iter().any(|&v| v != 0.0)
+                }
                 _ => true,
             };
             if is_shown {

@@ -1,7 +1,6 @@
 //! What parts materials have.
 
-use super::albedo::Albedo;
-use super::material::{Bsdf, Material};
+use super::Bsdf;
 
 /// The parts that a material has: reflection, a specular lobe, emission.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,31 +33,5 @@ impl MaterialKind {
     #[inline(always)]
     pub fn shading(self) -> usize {
         if self.glossy { 3 } else { 1 }
-    }
-}
-
-impl Material {
-    /// The parts that it has. A parameter in a graph counts as present, since a fit may change it.
-    pub(crate) fn kind(&self) -> MaterialKind {
-        let facets = self.bsdf != Bsdf::Phong;
-        let glossy = facets || self.specular.reflects();
-        MaterialKind {
-            glossy,
-            reflects: glossy || self.diffuse.reflects(),
-            emits: self.emits(),
-            glows: self.glows(),
-            bsdf: self.bsdf,
-            compensated: facets && self.compensated,
-        }
-    }
-
-    /// Whether its emission may be other than 0: false only for a constant 0.
-    pub(crate) fn emits(&self) -> bool {
-        self.emission.reflects()
-    }
-
-    /// Whether its emission is a texture.
-    pub(crate) fn glows(&self) -> bool {
-        matches!(self.emission, Albedo::Texture { .. })
     }
 }

@@ -62,26 +62,11 @@ pub enum Light {
 
 impl fmt::Debug for Light {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Point {
-                position,
-                intensity,
-            } => write!(f, "point at {position:?}, intensity {intensity:?}"),
-            Self::Spot {
-                position,
-                direction,
-                intensity,
-                inner,
-                outer,
-            } => write!(
-                f,
-                "spot at {position:?} towards {direction:?}, intensity {intensity:?}, angles {inner:?} to {outer:?}"
-            ),
-            Self::Directional {
-                direction,
-                irradiance,
-            } => write!(f, "light towards {direction:?}, irradiance {irradiance:?}"),
+        write!(f, "{:?} light", self.kind())?;
+        for (part, value) in self.clone().parts() {
+            write!(f, ", {} {value:?}", part.row().0)?;
         }
+        Ok(())
     }
 }
 
@@ -172,6 +157,19 @@ impl Light {
         }
     }
 
+    /// Its position and its direction, of which there is one at least.
+    fn placement(&self) -> [Option<&Parameter<3>>; 2] {
+        match self {
+            Self::Point { position, .. } => [Some(position), None],
+            Self::Spot {
+                position,
+                direction,
+                ..
+            } => [Some(position), Some(direction)],
+            Self::Directional { direction, .. } => [None, Some(direction)],
+        }
+    }
+
     /// Whether its intensity is above 0 in any colour.
     pub(super) fn shines(&self) -> bool {
         self.strength().shines()
@@ -220,31 +218,19 @@ impl Light {
             strength: self.strength().values()?,
             angles: [0.0, std::f64::consts::PI],
         };
-        match self {
-            Self::Point { position, .. } => host.position = position.values()?,
-            Self::Directional { direction, .. } => host.direction = direction.values()?,
-            Self::Spot {
-                position,
-                direction,
-                inner,
-                outer,
-                ..
-            } => {
-                host.position = position.values()?;
-                host.direction = direction.values()?;
-                host.angles = [inner.values()?[0], outer.values()?[0]];
-                let [inner, outer] = host.angles;
-                if inner > outer || outer > std::f64::consts::FRAC_PI_2 + 1e-6 {
-                    let found = format!("[{inner}, {outer}]");
-                    let expected = "inner ≤ outer ≤ π/2, in radians";
-                    return Err(Error::invalid(
-                        name,
-                        "inner and outer angle",
-                        found,
-                        expected,
-                    ));
-                }
-            }
+        let [position, direction] = self.placement();
+        if let Some(position) = position {
+            host.position = position.values()?;
+        }
+        if let Some(direction) = direction {
+            host.direction = direction.values()?;
+        }
+        if let Self::Spot { inner, outer, .. } = self {
+            host.angles = [inner.values()?[0], outer.values()?[0]];
+            let [inner, outer] = host.angles;
+            let valid = inner <= outer && outer <= std::f64::consts::FRAC_PI_2 + 1e-6;
+            let (field, found) = ("inner and outer angle", format!("[{inner}, {outer}]"));
+            Error::unless(valid, name, field, found, "inner ≤ outer ≤ π/2, in radians")?;
         }
         let length = glam::DVec3::from(host.direction).length();
         if !(1e-18..=1e18).contains(&length) {
@@ -301,31 +287,18 @@ impl LightPlanes {
         let mut parts: [Vec<Vec3>; 3] = Default::default();
         let mut cosines: [Vec<Tensor<2>>; 2] = Default::default();
         for light in lights {
-            let ([inner, outer], place, axis, per_unit) = match light {
-                Light::Point { position, .. } => {
-                    ([number(1.0), number(-1.0)], Some(position), away(), unit)
-                }
-                Light::Directional { direction, .. } => {
-                    ([number(1.0), number(-1.0)], None, plane(direction), 1.0)
-                }
-                Light::Spot {
-                    position,
-                    direction,
-                    inner,
-                    outer,
-                    ..
-                } => {
-                    let cosine = |p: &Parameter<1>| {
-                        let [angle] = p.planes(context);
-                        sin_cos(angle).1
-                    };
-                    let both = [cosine(inner), cosine(outer)];
-                    (both, Some(position), plane(direction), unit)
-                }
+            let [position, direction] = light.placement();
+            let [inner, outer] = match light {
+                Light::Spot { inner, outer, .. } => [inner, outer].map(|angle| {
+                    let [angle] = angle.planes(context);
+                    sin_cos(angle).1
+                }),
+                _ => [number(1.0), number(-1.0)],
             };
-            let place = match place {
-                Some(p) => plane(p).sub(&centre).scale_by(unit.recip()),
-                None => Vec3::constant(context, [0.0; 3]),
+            let axis = direction.map_or_else(away, plane);
+            let (place, per_unit) = match position {
+                Some(p) => (plane(p).sub(&centre).scale_by(unit.recip()), unit),
+                None => (Vec3::constant(context, [0.0; 3]), 1.0),
             };
             let strength = plane(light.strength()).scale_by((per_unit * per_unit).recip());
             let all = [place, axis.normalized(), strength];

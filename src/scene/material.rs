@@ -1,9 +1,9 @@
 //! Materials: BSDFs with their parameters, what constants of these may be, and emission.
 
 use super::albedo::{Albedo, ScalarTexture, Value};
+use super::kind::MaterialKind;
 use super::parameter::{Parameter, Range};
 use super::{AlphaMask, NormalMap};
-use crate::error::{Error, Result};
 
 /// The largest constant exponent of a Phong lobe, which is then a tenth of a degree wide: f32 resolves little less.
 const MOST_SHININESS: f64 = 1e6;
@@ -97,7 +97,7 @@ impl Channel {
     }
 
     /// The range of constants of BSDFs other than Phong's, and of an exponent.
-    fn constants(self) -> Range {
+    pub(super) fn constants(self) -> Range {
         match self {
             Self::Diffuse | Self::Metallic | Self::Roughness => Range::Share,
             Self::Specular => Range::NotNegative,
@@ -276,7 +276,7 @@ impl Material {
     }
 
     /// All of its parameters, in the order of their places ([`Channel::place`]).
-    fn all_channels(&mut self) -> [(Channel, Value<'_>); 9] {
+    pub(super) fn all_channels(&mut self) -> [(Channel, Value<'_>); 9] {
         [
             (Channel::Diffuse, self.diffuse.value()),
             (Channel::Eta, Value::Colour(&mut self.eta)),
@@ -299,45 +299,27 @@ impl Material {
         all.filter(move |(channel, _)| is_used(*channel))
     }
 
-    /// That constants make no energy and are in their ranges. Tensors may wander outside for a step of a fit.
-    pub(crate) fn check_energy(&self, name: &str) -> Result<()> {
-        let (kd, ks) = (self.diffuse.constant(), self.specular.constant());
-        for (field, albedo) in [("diffuse", kd), ("specular", ks)] {
-            Range::NotNegative.check(name, field, albedo.as_ref().map_or(&[], |v| v))?;
+    /// The parts that it has. A parameter in a graph counts as present, since a fit may change it.
+    pub(crate) fn kind(&self) -> MaterialKind {
+        let facets = self.bsdf != Bsdf::Phong;
+        let glossy = facets || self.specular.reflects();
+        MaterialKind {
+            glossy,
+            reflects: glossy || self.diffuse.reflects(),
+            emits: self.emits(),
+            glows: self.glows(),
+            bsdf: self.bsdf,
+            compensated: facets && self.compensated,
         }
-        let is_phong = self.bsdf == Bsdf::Phong;
-        for (channel, value) in self.clone().all_channels() {
-            if is_phong == (channel == Channel::Shininess) {
-                let range = channel.constants();
-                range.check(name, channel.row().0, value.constants())?;
-            }
-        }
-        if !is_phong {
-            return self.check_contrast(name);
-        }
-        let (Some(d), Some(s)) = (kd, ks) else {
-            return Ok(());
-        };
-        let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
-        if sum.iter().all(|&x| x <= 1.0 + 1e-6) {
-            return Ok(());
-        }
-        let field = match (self.diffuse.reflects(), self.specular.reflects()) {
-            (_, false) => "diffuse",
-            (false, _) => "specular",
-            _ => "diffuse + specular",
-        };
-        let expected = "at most 1, or energy is made";
-        Err(Error::invalid(name, field, format!("{sum:?}"), expected))
     }
 
-    /// That a constant index of refraction is not 1.
-    fn check_contrast(&self, name: &str) -> Result<()> {
-        let ScalarTexture::Constant(Parameter::Constant([ior])) = self.ior else {
-            return Ok(());
-        };
-        let expected = "a number that is at least 0.001 away from 1, or nothing is refracted";
-        let refracts = (ior - 1.0).abs() >= LEAST_CONTRAST;
-        Error::unless(refracts, name, "ior", ior, expected)
+    /// Whether its emission may be other than 0: false only for a constant 0.
+    pub(crate) fn emits(&self) -> bool {
+        self.emission.reflects()
+    }
+
+    /// Whether its emission is a texture.
+    pub(crate) fn glows(&self) -> bool {
+        matches!(self.emission, Albedo::Texture { .. })
     }
 }

@@ -4,7 +4,8 @@
 /// it computes.
 ///
 /// A file has these functions of a shading: `gloss`, `evaluate`, `evaluate_backward`, `densities`, `draw`,
-/// `weight_backward`, `as_drawn`, `direction_backward` and `lobe`, which the methods of [`Shading`] here describe.
+/// `weight_backward`, `as_drawn`, `direction_backward` and `lobe`, which the methods of [`Shading`] here describe. Calls
+/// begin with `self`, since what `cube` adds to them has the hygiene of their first word.
 macro_rules! models {
     ($($model:ident: $($bsdf:ident)|+;)+) => {
         /// The models that a shading may be of. Kernels on GPUs know them when they are compiled, so that they need not
@@ -77,7 +78,7 @@ macro_rules! models {
                 let mut found = 0.0f32;
                 $(if comptime!(self.models.$model) {
                     if is::$model(self) {
-                        found = $model::gloss(self);
+                        found = self::$model::gloss(self);
                     }
                 })+
                 found
@@ -89,7 +90,7 @@ macro_rules! models {
                 let mut found = splat(0.0);
                 $(if comptime!(self.models.$model) {
                     if is::$model(self) {
-                        found = $model::evaluate(self, outgoing);
+                        found = self::$model::evaluate(self, outgoing);
                     }
                 })+
                 found
@@ -106,7 +107,7 @@ macro_rules! models {
                 let mut found = splat(0.0);
                 $(if comptime!(self.models.$model) {
                     if is::$model(self) {
-                        found = $model::evaluate_backward(self, outgoing, g, gradient);
+                        found = self::$model::evaluate_backward(self, outgoing, g, gradient);
                     }
                 })+
                 found
@@ -119,7 +120,7 @@ macro_rules! models {
                 let mut found = splat(0.0);
                 $(if comptime!(self.models.$model) {
                     if is::$model(self) {
-                        found = $model::densities(self, normal, outgoing);
+                        found = self::$model::densities(self, normal, outgoing);
                     }
                 })+
                 found
@@ -131,7 +132,7 @@ macro_rules! models {
             fn draw(&self, drawn: &mut Scatter, normal: V3, lobe: f32) {
                 $(if comptime!(self.models.$model) {
                     if is::$model(self) {
-                        $model::draw(self, drawn, normal, lobe);
+                        self::$model::draw(self, drawn, normal, lobe);
                     }
                 })+
             }
@@ -142,7 +143,7 @@ macro_rules! models {
                 let mut found = splat(0.0);
                 $(if comptime!(self.models.$model) {
                     if is::$model(self) {
-                        found = $model::weight_backward(self, drawn, g, gradient);
+                        found = self::$model::weight_backward(self, drawn, g, gradient);
                     }
                 })+
                 found
@@ -154,7 +155,7 @@ macro_rules! models {
             fn set_numbers(&self, drawn: &mut Scatter) {
                 $(if comptime!(self.models.$model) {
                     if is::$model(self) {
-                        $model::as_drawn(self, drawn);
+                        self::$model::as_drawn(self, drawn);
                     }
                 })+
             }
@@ -169,7 +170,7 @@ macro_rules! models {
             ) {
                 $(if comptime!(self.models.$model) {
                     if is::$model(self) {
-                        $model::direction_backward(self, drawn, g, gradient);
+                        self::$model::direction_backward(self, drawn, g, gradient);
                     }
                 })+
             }
@@ -179,7 +180,7 @@ macro_rules! models {
             fn narrow_lobe(&self, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
                 $(if comptime!(self.models.$model) {
                     if is::$model(self) {
-                        $model::lobe(self, lobe, of_gloss, tangent);
+                        self::$model::lobe(self, lobe, of_gloss, tangent);
                     }
                 })+
             }
