@@ -32,6 +32,7 @@ mod wrap;
 
 pub use albedo::{Albedo, ScalarTexture};
 pub use bounds::Bounds;
+pub(crate) use camera::HostProjection;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::{check_devices, check_scene};
 pub use corners::CornerAttribute;
