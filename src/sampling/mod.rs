@@ -8,8 +8,8 @@ mod strategies;
 mod stream;
 
 pub(crate) use emitters::{
-    Chosen, Emitter, EmitterGroup, EmitterHit, EmitterKinds, EmitterLists, EmitterTriangle,
-    Emitters, Fixed, LightTree, Met, Receiver, no_emitter_hit,
+    Choosing, Chosen, Emitter, EmitterGroup, EmitterHit, EmitterKinds, EmitterLists,
+    EmitterTriangle, Emitters, Fixed, LightTree, Met, Receiver, no_emitter_hit,
 };
 pub(crate) use numbers::{Numbers, RUN, Run};
 pub(crate) use sampler::Sampler;

@@ -3,8 +3,7 @@
 use burn::tensor::{Bool, Tensor};
 
 use super::albedo::Value;
-use super::kind::MaterialKind;
-use super::material::{CHANNELS, Channel};
+use super::material::{CHANNELS, Channel, MaterialKind};
 use super::parameter::without_tape;
 use super::{Material, Parameter, Wrap};
 use crate::geometry::{Context, Vec3};

@@ -12,7 +12,6 @@ mod flatten;
 mod holes;
 mod host;
 mod host_textures;
-mod kind;
 mod light;
 mod list;
 mod maps;
@@ -41,13 +40,14 @@ pub(crate) use flatten::{EnvironmentMap, Flattened, Normalization, SkyTensors};
 pub(crate) use holes::{Holes, OF_MASKED};
 pub(crate) use host::{HostAttribute, HostMaterial, HostScene, SceneFrame};
 pub(crate) use host_textures::HostTexture;
-pub(crate) use kind::MaterialKind;
 pub use light::Light;
 pub(crate) use light::{HostLight, LightKind, LightPart, LightPlanes};
 pub use list::List;
 pub use maps::{AlphaMask, NormalMap};
 pub use material::{Bsdf, Material};
-pub(crate) use material::{CHANNELS, Channel, LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL};
+pub(crate) use material::{
+    CHANNELS, Channel, LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL, MaterialKind,
+};
 pub(crate) use material_planes::ChannelPlanes;
 pub use mesh::Mesh;
 pub(crate) use mesh::{host_tensor, take_rows};

@@ -11,15 +11,12 @@ use super::ShadingExpand;
 use super::albedo::{dielectric_facets, mean_of_dielectric_facets};
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::schlick;
+use super::ranges::METALLIC;
 use super::reflectance::DIELECTRIC_F0;
 use super::{IMPOSSIBLE, Lobe, Scatter, Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::frame::{from_local, from_local_backward};
 use crate::model::{V3, splat, v3};
-use crate::scene::Bsdf;
-
-pub(super) const METALLIC: u32 = Bsdf::MetallicRoughness as u32;
-pub(super) const CONDUCTOR: u32 = Bsdf::Conductor as u32;
 
 /// The least probability of each of two lobes that there are.
 const LEAST_SHARE: f32 = 0.05;

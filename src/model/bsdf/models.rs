@@ -17,7 +17,7 @@ macro_rules! models {
 
         impl Default for Models {
             fn default() -> Self {
-                Self::of(Bsdf::Phong)
+                Self::MATT
             }
         }
 
@@ -27,8 +27,10 @@ macro_rules! models {
                 $($model: true),+
             };
 
+            pub const MATT: Self = Self::of(Bsdf::Phong);
+
             #[inline(always)]
-            pub fn of(bsdf: Bsdf) -> Self {
+            pub const fn of(bsdf: Bsdf) -> Self {
                 Self {
                     $($model: matches!(bsdf, $(Bsdf::$bsdf)|+)),+
                 }
@@ -37,8 +39,7 @@ macro_rules! models {
             /// Whether any is not Phong's.
             #[inline(always)]
             pub fn has_others(self) -> bool {
-                let phong = Self::default();
-                false $(|| self.$model && !phong.$model)+
+                false $(|| self.$model && !Self::MATT.$model)+
             }
 
             pub fn or(self, other: Self) -> Self {

@@ -5,7 +5,7 @@ use super::ShadingExpand;
 use super::albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::{conductor, conductor_slopes, schlick, schlick_slope};
-use super::metal::CONDUCTOR;
+use super::ranges::CONDUCTOR;
 use super::{Shading, ShadingGradient};
 #[cfg(feature = "wgpu")]
 use crate::cube::*;
