@@ -300,7 +300,7 @@ pub(super) fn path_light(
             if chosen.limit > 0.0 {
                 if purpose < TO_MAP {
                     if comptime!(scene.features.emitters) {
-                        target.radiance = radiance_of(scene, k, weights);
+                        target.radiance = radiance_of(scene, k, weights, target.facing());
                     }
                 } else if comptime!(scene.features.gathers_map) {
                     target.radiance = sky(scene, target.direction);

@@ -6,25 +6,31 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 use crate::error::Result;
-use crate::scene::Light;
+use crate::scene::{Light, LightKind};
 
 /// A light, and the node that places it, but for the light's number.
 pub(super) fn light(light: &Light, name: &str, path: &Path) -> Result<[Value; 2]> {
     let host = light.host(name)?;
     let mut node = json!({"name": name});
-    if !host.directional {
+    if host.kind != LightKind::Directional {
         node["translation"] = json!(host.position);
     }
-    let mut json = match (host.directional, host.spot) {
-        (true, _) => json!({"type": "directional"}),
-        (false, false) => json!({"type": "point"}),
-        (false, true) => {
+    let mut json = match host.kind {
+        LightKind::Directional => json!({"type": "directional"}),
+        LightKind::Spot => {
             let [inner, outer] = host.angles;
             let spot = json!({"innerConeAngle": inner, "outerConeAngle": outer});
             json!({"type": "spot", "spot": spot})
         }
+        kind => {
+            if kind != LightKind::Point {
+                let file = path.display();
+                log::warn!("{file}: {name} is written as a point, since glTF has no {kind:?}");
+            }
+            json!({"type": "point"})
+        }
     };
-    if host.directional || host.spot {
+    if host.kind != LightKind::Point {
         // Lights shine along −z.
         let direction = DVec3::from(host.direction).normalize();
         let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, direction);

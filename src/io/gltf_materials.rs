@@ -45,7 +45,6 @@ impl<'a> Materials<'a> {
     fn describe(&mut self, material: &Material, object: &str) -> Result<Value> {
         let place = format!("{object}, material {}", material.name);
         let mut json = match material.bsdf {
-            Bsdf::Phong => self.phong(material, &place)?,
             Bsdf::MetallicRoughness => {
                 let mut json = self.base(&material.diffuse, material, &place)?;
                 let numbers = (Some(&material.metallic), &material.roughness);
@@ -54,6 +53,12 @@ impl<'a> Materials<'a> {
             }
             Bsdf::Conductor => self.conductor(material, &place)?,
             Bsdf::Dielectric => self.dielectric(material, &place)?,
+            bsdf => {
+                if bsdf != Bsdf::Phong {
+                    self.warn(&place, "is written without its BSDF, but for its colours");
+                }
+                self.phong(material, &place)?
+            }
         };
         if !material.compensated {
             json["extras"]["softray"]["compensated"] = json!(false);

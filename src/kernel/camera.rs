@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::error::Result;
 use crate::model::Pair;
 use crate::model::camera::{Camera as Model, Dual};
-use crate::scene::{Camera, ParameterId, Projection, SceneFrame};
+use crate::scene::{Camera, HostProjection, ParameterId, SceneFrame};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HostCamera {
@@ -19,21 +19,6 @@ pub(crate) struct HostCamera {
     lens: Option<[f64; 2]>,
     /// Half the height of what is seen at a distance of 1.
     pub half_height: f64,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum HostProjection {
-    Perspective {
-        fov_y: f64,
-    },
-    Intrinsics {
-        focal: [f64; 2],
-        principal: [f64; 2],
-        size: [f64; 2],
-    },
-    Orthographic {
-        height: f64,
-    },
 }
 
 /// Unit vectors of a camera, and what a film point (x, y) in halves of the image's height is multiplied by and
@@ -84,28 +69,11 @@ impl HostCamera {
             }
             _ => None,
         };
-        let projection = match &camera.projection {
-            Projection::Perspective { fov_y } => HostProjection::Perspective {
-                fov_y: fov_y.values()?[0],
-            },
-            Projection::Intrinsics {
-                focal,
-                principal,
-                size,
-            } => HostProjection::Intrinsics {
-                focal: focal.values()?,
-                principal: principal.values()?,
-                size: size.map(|n| n as f64),
-            },
-            Projection::Orthographic { height } => HostProjection::Orthographic {
-                height: height.values()?[0],
-            },
-        };
         Ok(Self {
             eye: camera.eye.values()?.into(),
             target: camera.target.values()?.into(),
             up: camera.up.values()?.into(),
-            projection,
+            projection: camera.projection.host()?,
             lens,
             half_height: camera.half_height()?,
         })
@@ -114,27 +82,13 @@ impl HostCamera {
     fn frame(&self, unit: f64, aspect: f64) -> Frame {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(self.up.normalize()).normalize();
-        let (scale, shift) = match self.projection {
-            HostProjection::Perspective { fov_y } => {
-                let half = (0.5 * fov_y).to_radians().tan();
-                ([half; 2], [0.0; 2])
-            }
-            HostProjection::Intrinsics {
-                focal: [fx, fy],
-                principal: [cx, cy],
-                size: [width, height],
-            } => (
-                [0.5 * width / (fx * aspect), 0.5 * height / fy],
-                [(0.5 * width - cx) / fx, (cy - 0.5 * height) / fy],
-            ),
-            HostProjection::Orthographic { height } => ([0.5 * height / unit; 2], [0.0; 2]),
-        };
+        let [sx, sy, tx, ty] = self.projection.film(unit, aspect);
         Frame {
             forward,
             right,
             up: right.cross(forward),
-            scale,
-            shift,
+            scale: [sx, sy],
+            shift: [tx, ty],
         }
     }
 
@@ -170,7 +124,7 @@ impl HostCamera {
             },
             aperture: aperture as f32,
             per_focus: per_focus as f32,
-            parallel: matches!(self.projection, HostProjection::Orthographic { .. }),
+            parallel: self.projection.is_parallel(),
             width: width as f32,
             height: height as f32,
             filter: 0.0,
@@ -206,49 +160,38 @@ impl HostCamera {
         let mut by_view = (by_forward - f.forward * f.forward.dot(by_forward)) / view.length();
         // The radius of a cone in pixels is in proportion to 1 over the height of what is seen at a distance of 1.
         let by_filter = g.filter * filter;
-        if matches!(self.projection, HostProjection::Orthographic { .. }) {
+        if self.projection.is_parallel() {
             by_view += f.forward * (by_filter / view.length());
         }
-        let by_scale = [g.across.dot(f.right), g.upward.dot(f.up)];
+        let by_height = g.upward.dot(f.up) - by_filter / f.scale[1];
         let by_shift = [g.forward.dot(f.right), g.forward.dot(f.up)];
+        let by_film = [g.across.dot(f.right), by_height, by_shift[0], by_shift[1]];
+        let slopes = self.projection.slopes(unit, aspect).into_iter();
+        let by = |slopes: [f64; 4]| slopes.iter().zip(by_film).map(|(s, g)| s * g).sum();
+        let by_numbers: Vec<f64> = slopes.map(by).collect();
         for (id, range) in places {
             let add = |all: &mut [f64], by: &[f64]| {
                 for (to, by) in all[range.clone()].iter_mut().zip(by) {
                     *to += by;
                 }
             };
-            match (id, self.projection) {
-                (ParameterId::Eye, _) => add(all, &(g.eye / unit - by_view).to_array()),
-                (ParameterId::Target, _) => add(all, &by_view.to_array()),
-                (ParameterId::Up, _) => {
+            match id {
+                ParameterId::Eye => add(all, &(g.eye / unit - by_view).to_array()),
+                ParameterId::Target => add(all, &by_view.to_array()),
+                ParameterId::Up => {
                     let by = (by_up - up * up.dot(by_up)) / self.up.length();
                     add(all, &by.to_array());
                 }
-                (ParameterId::FieldOfView, HostProjection::Perspective { fov_y }) => {
-                    let cos = (0.5 * fov_y).to_radians().cos();
-                    let by_half = by_scale[0] + by_scale[1] - by_filter / f.scale[1];
-                    add(all, &[by_half * 0.5f64.to_radians() / (cos * cos)]);
-                }
-                (ParameterId::FocalLength, HostProjection::Intrinsics { focal, .. }) => {
-                    let by = |i: usize| {
-                        -(by_scale[i] * f.scale[i] + by_shift[i] * f.shift[i]) / focal[i]
-                    };
-                    add(all, &[by(0), by(1) + by_filter / focal[1]]);
-                }
-                (ParameterId::PrincipalPoint, HostProjection::Intrinsics { focal, .. }) => {
-                    add(all, &[-by_shift[0] / focal[0], by_shift[1] / focal[1]]);
-                }
-                (ParameterId::ViewHeight, HostProjection::Orthographic { height }) => {
-                    let by_half = by_scale[0] + by_scale[1];
-                    add(all, &[by_half * 0.5 / unit - by_filter / height]);
-                }
-                (ParameterId::Aperture, _) => {
+                ParameterId::Aperture => {
                     add(
                         all,
                         &[(g.lens[0].dot(f.right) + g.lens[1].dot(f.up)) / unit],
                     );
                 }
-                (ParameterId::Focus, _) => add(all, &[-g.per_focus * unit / (focus * focus)]),
+                ParameterId::Focus => add(all, &[-g.per_focus * unit / (focus * focus)]),
+                ParameterId::FieldOfView | ParameterId::ViewHeight => add(all, &by_numbers),
+                ParameterId::FocalLength => add(all, &by_numbers[..2]),
+                ParameterId::PrincipalPoint => add(all, &by_numbers[2..]),
                 _ => {}
             }
         }

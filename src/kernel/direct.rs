@@ -36,7 +36,8 @@ impl Connecting<'_> {
         let (k, weights) = (self.sample.emitter, self.sample.weights);
         let (x, time) = (self.point.position, self.time);
         let target = target_of(&tracer.lists, k, weights, x, time, combined);
-        self.connect(&target, || radiance_of(&tracer.lists, k, weights), work);
+        let radiance = || radiance_of(&tracer.lists, k, weights, target.facing());
+        self.connect(&target, radiance, work);
     }
 
     /// Adds the ray to a target and the light that arrives if nothing is in between; its radiance is looked up where it
@@ -242,7 +243,9 @@ fn connect_matt(
         let ray = HitRay::new(found.start, found.direction, time, found.limit);
         work.rays.push(ray);
         let (k, weights) = (chosen.emitter[lane % LANES], V2::get(weights, lane));
-        let radiance = radiance_of(&tracer.lists, k, weights);
+        let direction = V3::get(&directions, lane);
+        let cosine = -EmitterTriangle::get(&on, lane).normal.dot(direction);
+        let radiance = radiance_of(&tracer.lists, k, weights, cosine);
         work.candidates.push(Candidate {
             path,
             light: level.throughputs.get(lane) * (found.reflected * radiance * found.scale),
@@ -252,7 +255,7 @@ fn connect_matt(
                 lane: lane as u32,
                 emitter: k,
                 weights,
-                direction: V3::get(&directions, lane),
+                direction,
                 arrived: Arrived {
                     reflected: found.reflected,
                     density: found.density,

@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::lists::Lists;
 use crate::accel::{Hierarchy, HierarchyCache, Spare};
 use crate::model::V3;
-use crate::model::bsdf::{Models, model_of};
+use crate::model::bsdf::Models;
 use crate::model::delta_light::DeltaLight;
 use crate::model::sky::Sky;
 use crate::model::texture::{Colour, Texels, Texture};
@@ -18,8 +18,8 @@ use crate::scene::{
     SceneFrame,
 };
 use crate::trace::{
-    AREA, COMPENSATED, EMITS, Features, GLOSSY, MATERIAL, MODEL, NONE, REFLECTS, Scene, Triangle,
-    triangle_at,
+    AREA, COMPENSATED, EMITS, Features, GLOSSY, GLOWS, MATERIAL, MODEL, NONE, REFLECTS, Scene,
+    Triangle, triangle_at,
 };
 
 /// A scene as kernels trace it.
@@ -160,7 +160,7 @@ impl KernelScene {
             tinted: !lists.colours.values.is_empty(),
             tilted: self.materials.iter().any(|m| m.normal_map.is_some())
                 && !lists.tangents.values.is_empty(),
-            glows: self.materials.iter().any(Material::glows),
+            glows: self.materials.iter().any(|m| m.kind.glows),
             holes: self.holes.is_some(),
             glossy: self.materials.iter().any(|m| m.kind.glossy),
             models: models.reduce(Models::or).unwrap_or_default(),
@@ -348,11 +348,6 @@ pub(crate) struct Material {
 }
 
 impl Material {
-    /// Whether its emission is a texture.
-    pub fn glows(&self) -> bool {
-        self.channels[Channel::Emission.place()].texture.is_some()
-    }
-
     pub fn is_textured(&self) -> bool {
         self.normal_map.is_some() || self.channels.iter().any(|c| c.texture.is_some())
     }
@@ -366,7 +361,8 @@ impl Material {
             | bit(kind.reflects, REFLECTS)
             | bit(kind.glossy, GLOSSY)
             | bit(kind.compensated, COMPENSATED)
-            | (MODEL * model_of(kind.bsdf));
+            | bit(kind.glows, GLOWS)
+            | (MODEL * kind.bsdf as u32);
         let textures = self.channels.iter().map(|c| c.texture);
         let textures = textures.chain([self.normal_map]);
         for (to, texture) in words[1..].chunks_exact_mut(4).zip(textures) {

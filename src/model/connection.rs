@@ -102,6 +102,12 @@ impl Target {
         }
     }
 
+    /// The cosine of the direction to it to its normal, where it has one.
+    #[inline(always)]
+    pub fn facing(&self) -> f32 {
+        -self.normal.dot(self.direction)
+    }
+
     /// The distance at which a ray about the direction to it ends.
     #[inline(always)]
     pub fn limit(&self, start: V3, direction: V3) -> f32 {

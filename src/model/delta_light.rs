@@ -6,7 +6,7 @@ use super::connection::Target;
 use super::lists::vector;
 use super::{V3, splat};
 use crate::cube::*;
-use crate::scene::{HostLight, LightPart, SceneFrame};
+use crate::scene::{HostLight, LightKind, LightPart, SceneFrame};
 
 /// A delta light.
 #[apply(record!)]
@@ -17,8 +17,8 @@ pub(crate) struct DeltaLight {
     pub axis: V3,
     /// Intensity, or the irradiance of a directional light.
     pub strength: V3,
-    pub directional: bool,
-    pub spot: bool,
+    /// The number of its [`LightKind`].
+    pub kind: u32,
     /// Cosines of the angles to the axis between which a spot's intensity falls off.
     pub cos_inner: f32,
     pub cos_outer: f32,
@@ -47,23 +47,20 @@ pub(crate) struct DeltaGradient {
 /// The least difference of the cosines between which a spot falls off.
 const NARROW: f32 = 1e-3;
 
-/// Bits of a light in a list.
-const DIRECTIONAL: u32 = 1;
-const SPOT: u32 = 2;
+const SPOT: u32 = LightKind::Spot as u32;
+const DIRECTIONAL: u32 = LightKind::Directional as u32;
 
-/// A light of a list: of its numbers in the order of its fields, and of its bits.
+/// A light of a list, of its numbers in the order of its fields, and of the list of kinds.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn delta_light_at(numbers: &[f32], bits: &[u32], i: u32) -> DeltaLight {
+pub(crate) fn delta_light_at(numbers: &[f32], kinds: &[u32], i: u32) -> DeltaLight {
     let list = &numbers[11 * i as usize..];
-    let bits = bits[i as usize];
     let cos_outer = list[10];
     DeltaLight {
         position: vector(list, 0u32),
         axis: vector(list, 3u32),
         strength: vector(list, 6u32),
-        directional: bits & DIRECTIONAL != 0,
-        spot: bits & SPOT != 0,
+        kind: kinds[i as usize],
         cos_inner: list[9],
         cos_outer,
     }
@@ -105,9 +102,9 @@ impl DeltaLight {
 
     /// About its power over π in a scene of a size, which for a triangle is area times radiance.
     pub fn power(&self, size: f64) -> f64 {
-        let per_strength = if self.directional {
+        let per_strength = if self.is_directional() {
             size * size
-        } else if self.spot {
+        } else if self.kind == SPOT {
             // Of the solid angle about half-way between both angles.
             2.0 - f64::from(self.cos_inner + self.cos_outer)
         } else {
@@ -116,8 +113,9 @@ impl DeltaLight {
         f64::from(self.mean()) * per_strength
     }
 
-    pub fn bits(&self) -> u32 {
-        DIRECTIONAL * u32::from(self.directional) + SPOT * u32::from(self.spot)
+    /// Whether it shines the same in all directions.
+    pub fn is_isotropic(&self) -> bool {
+        self.kind == LightKind::Point as u32
     }
 
     /// Packs a light, in inner coordinates.
@@ -127,12 +125,11 @@ impl DeltaLight {
             position: V3::ZERO,
             axis: DVec3::from(light.direction).normalize().into(),
             strength: DVec3::from(light.strength).into(),
-            directional: light.directional,
-            spot: light.spot,
+            kind: light.kind as u32,
             cos_inner: inner.cos() as f32,
             cos_outer: outer.cos() as f32,
         };
-        if !light.directional {
+        if light.kind != LightKind::Directional {
             packed.position = frame.inner(light.position.into()).into();
             packed.strength = (DVec3::from(light.strength) / (frame.unit * frame.unit)).into();
         }
@@ -142,6 +139,11 @@ impl DeltaLight {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl DeltaLight {
+    #[inline(always)]
+    pub fn is_directional(&self) -> bool {
+        self.kind == DIRECTIONAL
+    }
+
     /// The place between the outer angle (0) and the inner one (1) of a direction from the light.
     #[inline(always)]
     fn within(&self, cosine: f32) -> f32 {
@@ -155,13 +157,13 @@ impl DeltaLight {
         let mut direction = -self.axis;
         let mut distance = 3.4e38f32;
         let mut scale = 1.0f32;
-        if !self.directional {
+        if self.kind != DIRECTIONAL {
             let to = self.position - x;
             let squared = to.length_squared().max(1e-37);
             distance = squared.sqrt();
             direction = to * (1.0 / distance);
             scale = 1.0 / squared;
-            if self.spot {
+            if self.kind == SPOT {
                 let within = self.within(-direction.dot(self.axis));
                 scale *= within * within;
             }
@@ -180,7 +182,7 @@ impl DeltaLight {
             direction: seen.direction,
             place: self.position,
             normal: -seen.direction,
-            distant: self.directional,
+            distant: self.is_directional(),
             radiance: self.strength,
             angle: seen.scale,
             combined: false.runtime(),
@@ -196,12 +198,12 @@ impl DeltaLight {
             cos_inner: 0.0f32,
             cos_outer: 0.0f32,
         };
-        if self.directional {
+        if self.kind == DIRECTIONAL {
             by.axis = -by_direction;
         } else {
             let inverse = 1.0 / seen.distance;
             let mut towards = by_direction;
-            if self.spot {
+            if self.kind == SPOT {
                 let within = self.within(-seen.direction.dot(self.axis));
                 if within > 0.0 && within < 1.0 {
                     let width = self.cos_inner - self.cos_outer;
@@ -234,8 +236,7 @@ mod tests {
             position: v3(0.3, 1.2, -0.2),
             axis: v3(0.1, -1.0, 0.2).normalize(),
             strength: V3::ONE,
-            directional: false,
-            spot: true,
+            kind: SPOT,
             cos_inner: 0.97,
             cos_outer: 0.6,
         }
@@ -265,11 +266,11 @@ mod tests {
     fn derivatives_of_what_arrives() {
         let (by_scale, by_direction) = (0.8, v3(-0.3, 0.6, 0.2));
         let point = DeltaLight {
-            spot: false,
+            kind: LightKind::Point as u32,
             ..spot()
         };
         let distant = DeltaLight {
-            directional: true,
+            kind: DIRECTIONAL,
             ..point
         };
         // Inside of the falloff, and where all of the intensity is there.

@@ -176,19 +176,24 @@ impl MaterialParams {
             config.roughness = Some(number("roughness", &material.roughness)?);
         }
         match material.bsdf {
-            Bsdf::Phong => {}
             Bsdf::MetallicRoughness => config.metallic = number("metallic", &material.metallic)?,
             Bsdf::Conductor => {
                 let least = |p: &Parameter<3>| Ok(p.values()?.map(|x| x.max(LEAST)));
                 config.conductor = Some([least(&material.eta)?, least(&material.extinction)?]);
             }
             Bsdf::Dielectric => config.ior = Some(number("ior", &material.ior)?),
-        }
-        if material.bsdf == Bsdf::Phong && material.specular.reflects() {
-            let [shininess] = material.shininess.values()?;
-            config = config
-                .with_specular(Some(colour("specular", &material.specular)?))
-                .with_shininess(shininess);
+            bsdf => {
+                let object = format!("material {}", material.name);
+                let expected = "a BSDF that has trainable parameters";
+                let found = format!("{bsdf:?}");
+                Error::unless(bsdf == Bsdf::Phong, &object, "bsdf", found, expected)?;
+                if material.specular.reflects() {
+                    let [shininess] = material.shininess.values()?;
+                    config = config
+                        .with_specular(Some(colour("specular", &material.specular)?))
+                        .with_shininess(shininess);
+                }
+            }
         }
         if material.emits() {
             config = config.with_emission(Some(colour("emission", &material.emission)?));

@@ -144,7 +144,7 @@ fn render_views(
     };
     let all = size[0] as u128 * size[1] as u128 * batch.views.len() as u128;
     options.check_memory(all)?;
-    let is_softmax = matches!(options.visibility, Visibility::Softmax { .. });
+    let is_softmax = options.visibility.is_softmax();
     let refracts = batch.scenes.iter().any(Scene::refracts);
     let glows = |s: &Scene| {
         let mut materials = s.objects.iter().flat_map(|o| &o.materials);
@@ -165,11 +165,10 @@ fn render_views(
             expected,
         ));
     }
-    let mut means = match options.visibility {
-        Visibility::Cone { .. } if options.engine != Engine::Tensors => {
-            kernel::render(batch, options, pixels)?
-        }
-        _ => tensors::render(batch, options, pixels)?,
+    let mut means = match options.engine {
+        Engine::Tensors => tensors::render(batch, options, pixels)?,
+        _ if is_softmax => tensors::render(batch, options, pixels)?,
+        _ => kernel::render(batch, options, pixels)?,
     };
     means.mean = with_gradient(means.mean, batch);
     Ok(means.images(size, options.outputs))

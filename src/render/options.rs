@@ -216,13 +216,8 @@ impl RenderOptions {
     /// radians, of camera rays too where that is wider than the pixel filter; or σ of the softmax in
     /// scene units squared. [`RenderOptions::visibility`] sets each on its own.
     pub fn blur(mut self, blur: f64) -> Self {
-        match &mut self.visibility {
-            Visibility::Cone { angle, .. } => {
-                *angle = blur;
-                self.blur = Some(blur);
-            }
-            Visibility::Softmax { sigma, .. } => *sigma = blur,
-        }
+        self.visibility.set_blur(blur);
+        self.blur = (!self.visibility.is_softmax()).then_some(blur);
         self
     }
 
@@ -321,7 +316,7 @@ impl RenderOptions {
             return wrong("cutoff", &self.cutoff, "a number in (0, 0.5)");
         }
         self.visibility.check()?;
-        if self.engine == Engine::Kernels && matches!(self.visibility, Visibility::Softmax { .. }) {
+        if self.engine == Engine::Kernels && self.visibility.is_softmax() {
             return wrong("engine", &"Kernels", "Auto or Tensors for the softmax");
         }
         if let Some(b) = self.bounds {

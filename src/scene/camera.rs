@@ -2,7 +2,7 @@ use burn::tensor::Tensor;
 
 use super::Parameter;
 use crate::error::{Error, Result};
-use crate::geometry::{Context, Vec3, detached, sin_cos};
+use crate::geometry::{Context, Vec3, detached};
 
 /// A camera in right-handed coordinates. Pixel (0, 0) is at the upper left. By default it is a pinhole with a
 /// perspective projection.
@@ -185,6 +185,9 @@ impl Camera {
     /// points (rows, on the unit disk). Origins are relative to `centre`, in units of `unit`. `spread` (rows) is by how much
     /// film points move away from their pixels, where that is in proportion to 1/[`half_height`](Self::half_height): its
     /// derivative is in the graph.
+    ///
+    /// # Errors
+    /// If a tensor can't be read.
     pub(crate) fn rays(
         &self,
         context: &Context,
@@ -193,32 +196,28 @@ impl Camera {
         film: &[Tensor<2>; 2],
         spread: Option<&[Tensor<2>; 2]>,
         disk: Option<&[Tensor<2>; 2]>,
-    ) -> (Vec3, Vec3) {
+    ) -> Result<(Vec3, Vec3)> {
         let per_unit = unit.recip();
         let eye = self.eye.vector(context);
         let eye = eye.sub(&Vec3::constant(context, centre));
         let eye = eye.scale_by(per_unit);
         let [forward, right, up] = self.axes(context);
-        let ([wide, high], shift) = self.projection.planes(context, unit, aspect);
+        let [wide, high, to_right, upwards] = self.projection.planes(context, unit, aspect)?;
         let [mut x, mut y] = film.clone();
         if let Some([by_x, by_y]) = spread {
             let growth = self.growth(context, &high);
             x = x + by_x.clone() * growth.clone();
             y = y + by_y.clone() * growth;
         }
-        let mut sx = (x * 2.0 - 1.0) * (wide * aspect);
-        let mut sy = (y * (-2.0) + 1.0) * high;
-        if let Some([x, y]) = shift {
-            sx = sx + x;
-            sy = sy + y;
-        }
+        let sx = (x * 2.0 - 1.0) * (wide * aspect) + to_right;
+        let sy = (y * (-2.0) + 1.0) * high + upwards;
         let n = film[0].dims()[1];
         let beside = right.scale(&sx).add(&up.scale(&sy));
         if self.projection.is_parallel() {
-            return (eye.add(&beside), forward.map(|x| x.expand([1, n])));
+            return Ok((eye.add(&beside), forward.map(|x| x.expand([1, n]))));
         }
         let through = beside.add(&forward);
-        match (&self.lens, disk) {
+        Ok(match (&self.lens, disk) {
             (Some(lens), Some(disk)) => {
                 let [aperture] = lens.aperture_radius.planes(context).map(|a| a * per_unit);
                 let [focus] = lens.focus_distance.planes(context).map(|f| f * per_unit);
@@ -229,7 +228,7 @@ impl Camera {
                 (eye.add(&on_lens), direction)
             }
             _ => (eye.map(|x| x.expand([1, n])), through.normalized()),
-        }
+        })
     }
 
     /// Returns the depths along the view axis (PyTorch3D's `zbuf`, a rasteriser's depth) for depths along the rays
@@ -254,7 +253,7 @@ impl Camera {
         let rows: Vec<f64> = pixels.map(|i| middle(i / width, height)).collect();
         let film = [context.row(&columns), context.row(&rows)];
         let aspect = width as f64 / height as f64;
-        let (_, direction) = self.rays(&context, ([0.0; 3], 1.0), aspect, &film, None, None);
+        let (_, direction) = self.rays(&context, ([0.0; 3], 1.0), aspect, &film, None, None)?;
         let [forward, ..] = self.axes(&context);
         let cosine = forward.dot(&direction).reshape([height, width]);
         Ok(depth * detached(&cosine))
@@ -273,14 +272,12 @@ impl Camera {
     /// If a value is out of range or can't be read.
     pub(crate) fn half_height(&self) -> Result<f64> {
         self.check(None)?;
-        Ok(match &self.projection {
-            Projection::Perspective { fov_y } => (0.5 * fov_y.values()?[0]).to_radians().tan(),
-            Projection::Intrinsics { focal, size, .. } => 0.5 * size[1] as f64 / focal.values()?[1],
-            Projection::Orthographic { height } => {
-                let (eye, target) = (self.eye.values()?, self.target.values()?);
-                0.5 * height.values()?[0] / glam::DVec3::from(eye).distance(target.into())
-            }
-        })
+        let [_, half, ..] = self.projection.host()?.film(1.0, 1.0);
+        if !self.projection.is_parallel() {
+            return Ok(half);
+        }
+        let (eye, target) = (self.eye.values()?, self.target.values()?);
+        Ok(half / glam::DVec3::from(eye).distance(target.into()))
     }
 }
 
@@ -289,39 +286,113 @@ impl Projection {
         matches!(self, Self::Orthographic { .. })
     }
 
-    /// Scale and shift of film points (x, y) in halves of the image's height, (0, 0) its middle, y up. One is seen along
-    /// (x·scale[0] + shift[0])·right + (y·scale[1] + shift[1])·up + forward; or with parallel rays, whose lengths are in
-    /// units of `unit`, from there, without `forward`.
-    #[allow(clippy::type_complexity)]
-    fn planes(
-        &self,
-        context: &Context,
-        unit: f64,
-        aspect: f64,
-    ) -> ([Tensor<2>; 2], Option<[Tensor<2>; 2]>) {
-        match self {
-            Self::Perspective { fov_y } => {
-                let [fov] = fov_y.planes(context);
-                let (sin, cos) = sin_cos(fov * (std::f64::consts::PI / 360.0));
-                let half = sin / cos;
-                ([half.clone(), half], None)
-            }
+    /// Its numbers.
+    ///
+    /// # Errors
+    /// If a tensor can't be read.
+    pub(crate) fn host(&self) -> Result<HostProjection> {
+        Ok(match self {
+            Self::Perspective { fov_y } => HostProjection::Perspective {
+                fov_y: fov_y.values()?[0],
+            },
             Self::Intrinsics {
                 focal,
                 principal,
                 size,
-            } => {
-                let [x, y] = focal.planes(context).map(|f| f.recip());
-                let [cx, cy] = principal.planes(context);
-                let [w, h] = size.map(|n| 0.5 * n as f64);
-                let shift = [(cx * (-1.0) + w) * x.clone(), (cy - h) * y.clone()];
-                ([x * (w / aspect), y * h], Some(shift))
+            } => HostProjection::Intrinsics {
+                focal: focal.values()?,
+                principal: principal.values()?,
+                size: size.map(|n| n as f64),
+            },
+            Self::Orthographic { height } => HostProjection::Orthographic {
+                height: height.values()?[0],
+            },
+        })
+    }
+
+    /// The film of it ([`HostProjection::film`]) as planes `[1, 1]`, in the graph by its derivatives.
+    fn planes(&self, context: &Context, unit: f64, aspect: f64) -> Result<[Tensor<2>; 4]> {
+        let host = self.host()?;
+        let mut planes = host.film(unit, aspect).map(|x| context.row(&[x]));
+        let numbers: Vec<Tensor<2>> = match self {
+            Self::Perspective { fov_y } => fov_y.planes(context).into(),
+            Self::Intrinsics {
+                focal, principal, ..
+            } => [focal.planes(context), principal.planes(context)].concat(),
+            Self::Orthographic { height } => height.planes(context).into(),
+        };
+        for (p, slopes) in numbers.iter().zip(host.slopes(unit, aspect)) {
+            let change = p.clone() - detached(p);
+            for (plane, slope) in planes.iter_mut().zip(slopes) {
+                *plane = plane.clone() + change.clone() * slope;
             }
-            Self::Orthographic { height } => {
-                let [height] = height.planes(context);
-                let half = height * (0.5 / unit);
-                ([half.clone(), half], None)
+        }
+        Ok(planes)
+    }
+}
+
+/// The numbers of a projection.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum HostProjection {
+    Perspective {
+        fov_y: f64,
+    },
+    Intrinsics {
+        focal: [f64; 2],
+        principal: [f64; 2],
+        size: [f64; 2],
+    },
+    Orthographic {
+        height: f64,
+    },
+}
+
+impl HostProjection {
+    pub fn is_parallel(&self) -> bool {
+        matches!(self, Self::Orthographic { .. })
+    }
+
+    /// Scale and shift of film points (x, y) in halves of the image's height, (0, 0) its middle, y up: s_x, s_y, t_x and
+    /// t_y. One is seen along (x·s_x + t_x)·right + (y·s_y + t_y)·up + forward; or with parallel rays, whose lengths are
+    /// in units of `unit`, from there, without `forward`.
+    pub fn film(&self, unit: f64, aspect: f64) -> [f64; 4] {
+        match *self {
+            Self::Perspective { fov_y } => {
+                let half = (0.5 * fov_y).to_radians().tan();
+                [half, half, 0.0, 0.0]
             }
+            Self::Intrinsics {
+                focal: [fx, fy],
+                principal: [cx, cy],
+                size: [width, height],
+            } => [
+                0.5 * width / (fx * aspect),
+                0.5 * height / fy,
+                (0.5 * width - cx) / fx,
+                (cy - 0.5 * height) / fy,
+            ],
+            Self::Orthographic { height } => [0.5 * height / unit, 0.5 * height / unit, 0.0, 0.0],
+        }
+    }
+
+    /// The derivatives of the film by each of its numbers: a field of view, two focal lengths and a principal point, or a
+    /// height.
+    pub fn slopes(&self, unit: f64, aspect: f64) -> Vec<[f64; 4]> {
+        let [sx, sy, tx, ty] = self.film(unit, aspect);
+        match *self {
+            Self::Perspective { .. } => {
+                let slope = (1.0 + sx * sx) * 0.5f64.to_radians();
+                vec![[slope, slope, 0.0, 0.0]]
+            }
+            Self::Intrinsics {
+                focal: [fx, fy], ..
+            } => vec![
+                [-sx / fx, 0.0, -tx / fx, 0.0],
+                [0.0, -sy / fy, 0.0, -ty / fy],
+                [0.0, 0.0, -1.0 / fx, 0.0],
+                [0.0, 0.0, 0.0, 1.0 / fy],
+            ],
+            Self::Orthographic { .. } => vec![[0.5 / unit, 0.5 / unit, 0.0, 0.0]],
         }
     }
 }

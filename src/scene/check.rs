@@ -4,9 +4,11 @@ use std::collections::HashSet;
 
 use burn::tensor::Tensor;
 
-use super::material::Value;
+use super::albedo::{ScalarTexture, Value};
+use super::material::LEAST_CONTRAST;
+use super::parameter::Range;
 use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
-use super::{Camera, Object, Parameter, Scene};
+use super::{Bsdf, Camera, Channel, Material, Object, Parameter, Scene};
 use crate::device::{self, label};
 use crate::error::{Error, Result};
 use crate::geometry::{Context, first_outside, place_of};
@@ -81,6 +83,50 @@ impl Camera {
         };
         visit_camera(&mut self.clone(), &mut check);
         check.found
+    }
+}
+
+impl Material {
+    /// That constants make no energy and are in their ranges. Tensors may wander outside for a step of a fit.
+    pub(crate) fn check_energy(&self, name: &str) -> Result<()> {
+        let (kd, ks) = (self.diffuse.constant(), self.specular.constant());
+        for (field, albedo) in [("diffuse", kd), ("specular", ks)] {
+            Range::NotNegative.check(name, field, albedo.as_ref().map_or(&[], |v| v))?;
+        }
+        let is_phong = self.bsdf == Bsdf::Phong;
+        for (channel, value) in self.clone().all_channels() {
+            if is_phong == (channel == Channel::Shininess) {
+                let range = channel.constants();
+                range.check(name, channel.row().0, value.constants())?;
+            }
+        }
+        if !is_phong {
+            return self.check_contrast(name);
+        }
+        let (Some(d), Some(s)) = (kd, ks) else {
+            return Ok(());
+        };
+        let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
+        if sum.iter().all(|&x| x <= 1.0 + 1e-6) {
+            return Ok(());
+        }
+        let field = match (self.diffuse.reflects(), self.specular.reflects()) {
+            (_, false) => "diffuse",
+            (false, _) => "specular",
+            _ => "diffuse + specular",
+        };
+        let expected = "at most 1, or energy is made";
+        Err(Error::invalid(name, field, format!("{sum:?}"), expected))
+    }
+
+    /// That a constant index of refraction is not 1.
+    fn check_contrast(&self, name: &str) -> Result<()> {
+        let ScalarTexture::Constant(Parameter::Constant([ior])) = self.ior else {
+            return Ok(());
+        };
+        let expected = "a number that is at least 0.001 away from 1, or nothing is refracted";
+        let refracts = (ior - 1.0).abs() >= LEAST_CONTRAST;
+        Error::unless(refracts, name, "ior", ior, expected)
     }
 }
 
@@ -244,7 +290,7 @@ impl Object {
                 }
             }
             let is_image = |v: &Value| matches!(v, Value::Image(..) | Value::ScalarImage(..));
-            let mut channels = material.channels().into_iter();
+            let mut channels = material.channels();
             if let Some((channel, _)) = channels.find(|(_, v)| is_image(v)) {
                 let expected =
                     "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them";

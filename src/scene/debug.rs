@@ -3,9 +3,10 @@
 
 use std::fmt::{Debug, Formatter, Result};
 
+use super::albedo::Value;
 use super::{
-    Albedo, Bsdf, CornerAttribute, Environment, Material, Mesh, Object, Parameter, ScalarTexture,
-    Scene,
+    Albedo, Bsdf, Channel, CornerAttribute, Environment, Material, Mesh, Object, Parameter,
+    ScalarTexture, Scene,
 };
 use crate::debug::{Text, graph, place, tensor};
 
@@ -25,25 +26,26 @@ impl<const C: usize> Debug for Parameter<C> {
     }
 }
 
-impl Debug for Albedo {
+impl Debug for Value<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         match self {
-            Self::Constant(p) => p.fmt(f),
-            Self::Texture { texels, wrap } => {
-                write!(f, "texture {:?}, {wrap:?}", tensor(texels))
-            }
+            Self::Colour(p) => p.fmt(f),
+            Self::Scalar(p) => p.fmt(f),
+            Self::Image(texels, wrap) => write!(f, "texture {:?}, {wrap:?}", tensor(texels)),
+            Self::ScalarImage(texels, wrap) => write!(f, "texture {:?}, {wrap:?}", tensor(texels)),
         }
+    }
+}
+
+impl Debug for Albedo {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        self.clone().value().fmt(f)
     }
 }
 
 impl Debug for ScalarTexture {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        match self {
-            Self::Constant(p) => p.fmt(f),
-            Self::Texture { texels, wrap } => {
-                write!(f, "texture {:?}, {wrap:?}", tensor(texels))
-            }
-        }
+        self.clone().value().fmt(f)
     }
 }
 
@@ -87,33 +89,20 @@ impl Debug for Material {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let name = format!("Material {:?}", self.name);
         let mut all = f.debug_struct(&name);
-        let facets = self.bsdf != Bsdf::Phong;
-        if facets {
+        if self.bsdf != Bsdf::Phong {
             all.field("bsdf", &self.bsdf);
         }
-        match self.bsdf {
-            Bsdf::Conductor => {
-                all.field("eta", &self.eta);
-                all.field("extinction", &self.extinction);
+        for (channel, value) in self.clone().channels() {
+            let is_shown = match channel {
+                Channel::Specular | Channel::Shininess => self.specular.reflects(),
+                _ if channel.place() >= Channel::Emission.place() => {
+                    value.constants().is_empty() || value.constants().iter().any(|&v| v != 0.0)
+                }
+                _ => true,
+            };
+            if is_shown {
+                all.field(channel.row().0, &value);
             }
-            Bsdf::Dielectric => {
-                all.field("ior", &self.ior);
-            }
-            _ => {
-                all.field("diffuse", &self.diffuse);
-            }
-        }
-        if self.bsdf == Bsdf::MetallicRoughness {
-            all.field("metallic", &self.metallic);
-        }
-        if facets {
-            all.field("roughness", &self.roughness);
-        } else if self.specular.reflects() {
-            all.field("specular", &self.specular);
-            all.field("shininess", &self.shininess);
-        }
-        if self.emits() {
-            all.field("emission", &self.emission);
         }
         if let Some(map) = &self.normal_map {
             all.field("normal_map", &tensor(&map.texels));

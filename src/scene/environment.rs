@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 
-use super::material::Value;
+use super::albedo::Value;
 use super::{Parameter, Wrap};
 use crate::geometry::any_positive;
 

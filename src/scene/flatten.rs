@@ -5,8 +5,8 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use glam::DVec3;
 
+use super::albedo::Value;
 use super::host::{HostAttribute, HostObject};
-use super::material::Value;
 use super::material_planes::{ChannelPlanes, Materials, planes, texel_rows};
 use super::mesh::take_rows;
 use super::{

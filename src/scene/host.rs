@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::albedo::Value;
 use super::check::{check_devices, check_values};
 use super::host_textures::{HostTexture, Shared};
 use super::light::HostLight;
-use super::material::{Channel, MaterialKind, Value};
+use super::material::{Channel, MaterialKind};
 use super::transfer::to_host;
 use super::{CornerAttribute, Holes, Parameter, Scene};
 use crate::error::Result;
@@ -124,7 +125,7 @@ impl HostScene {
                 materials.push(HostMaterial {
                     kind,
                     normal_map: map.transpose()?,
-                    channels: (m.channels().into_iter())
+                    channels: (m.channels())
                         .map(|(_, value)| read.texture(value))
                         .collect::<Result<_>>()?,
                 });

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
+use super::albedo::Value;
 use super::holes::Mask;
 use super::maps::AlphaMask;
-use super::material::Value;
 use super::wrap::Wrap;
 use crate::error::{Error, Result};
 use crate::geometry::{by_rows, place_of};

@@ -5,7 +5,7 @@ use std::fmt;
 use burn::tensor::Tensor;
 
 use super::Parameter;
-use super::material::Value;
+use super::albedo::Value;
 use super::parameter::Range;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
@@ -62,27 +62,20 @@ pub enum Light {
 
 impl fmt::Debug for Light {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Point {
-                position,
-                intensity,
-            } => write!(f, "point at {position:?}, intensity {intensity:?}"),
-            Self::Spot {
-                position,
-                direction,
-                intensity,
-                inner,
-                outer,
-            } => write!(
-                f,
-                "spot at {position:?} towards {direction:?}, intensity {intensity:?}, angles {inner:?} to {outer:?}"
-            ),
-            Self::Directional {
-                direction,
-                irradiance,
-            } => write!(f, "light towards {direction:?}, irradiance {irradiance:?}"),
+        write!(f, "{:?} light", self.kind())?;
+        for (part, value) in self.clone().parts() {
+            write!(f, ", {} {value:?}", part.row().0)?;
         }
+        Ok(())
     }
+}
+
+/// What a light is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LightKind {
+    Point,
+    Spot,
+    Directional,
 }
 
 /// A parameter of a light.
@@ -148,12 +141,12 @@ impl Light {
         }
     }
 
-    fn is_directional(&self) -> bool {
-        matches!(self, Self::Directional { .. })
-    }
-
-    fn is_spot(&self) -> bool {
-        matches!(self, Self::Spot { .. })
+    fn kind(&self) -> LightKind {
+        match self {
+            Self::Point { .. } => LightKind::Point,
+            Self::Spot { .. } => LightKind::Spot,
+            Self::Directional { .. } => LightKind::Directional,
+        }
     }
 
     /// Its intensity or irradiance.
@@ -161,6 +154,19 @@ impl Light {
         match self {
             Self::Point { intensity, .. } | Self::Spot { intensity, .. } => intensity,
             Self::Directional { irradiance, .. } => irradiance,
+        }
+    }
+
+    /// Its position and its direction, of which there is one at least.
+    fn placement(&self) -> [Option<&Parameter<3>>; 2] {
+        match self {
+            Self::Point { position, .. } => [Some(position), None],
+            Self::Spot {
+                position,
+                direction,
+                ..
+            } => [Some(position), Some(direction)],
+            Self::Directional { direction, .. } => [None, Some(direction)],
         }
     }
 
@@ -206,38 +212,25 @@ impl Light {
     /// Reads it back, and checks what no parameter says for itself.
     pub(crate) fn host(&self, name: &str) -> Result<HostLight> {
         let mut host = HostLight {
-            directional: self.is_directional(),
-            spot: self.is_spot(),
+            kind: self.kind(),
             position: [0.0; 3],
             direction: [0.0, 0.0, -1.0],
             strength: self.strength().values()?,
             angles: [0.0, std::f64::consts::PI],
         };
-        match self {
-            Self::Point { position, .. } => host.position = position.values()?,
-            Self::Directional { direction, .. } => host.direction = direction.values()?,
-            Self::Spot {
-                position,
-                direction,
-                inner,
-                outer,
-                ..
-            } => {
-                host.position = position.values()?;
-                host.direction = direction.values()?;
-                host.angles = [inner.values()?[0], outer.values()?[0]];
-                let [inner, outer] = host.angles;
-                if inner > outer || outer > std::f64::consts::FRAC_PI_2 + 1e-6 {
-                    let found = format!("[{inner}, {outer}]");
-                    let expected = "inner ≤ outer ≤ π/2, in radians";
-                    return Err(Error::invalid(
-                        name,
-                        "inner and outer angle",
-                        found,
-                        expected,
-                    ));
-                }
-            }
+        let [position, direction] = self.placement();
+        if let Some(position) = position {
+            host.position = position.values()?;
+        }
+        if let Some(direction) = direction {
+            host.direction = direction.values()?;
+        }
+        if let Self::Spot { inner, outer, .. } = self {
+            host.angles = [inner.values()?[0], outer.values()?[0]];
+            let [inner, outer] = host.angles;
+            let valid = inner <= outer && outer <= std::f64::consts::FRAC_PI_2 + 1e-6;
+            let (field, found) = ("inner and outer angle", format!("[{inner}, {outer}]"));
+            Error::unless(valid, name, field, found, "inner ≤ outer ≤ π/2, in radians")?;
         }
         let length = glam::DVec3::from(host.direction).length();
         if !(1e-18..=1e18).contains(&length) {
@@ -250,8 +243,7 @@ impl Light {
 
 /// A light on the host.
 pub(crate) struct HostLight {
-    pub directional: bool,
-    pub spot: bool,
+    pub kind: LightKind,
     /// Scene units.
     pub position: [f64; 3],
     /// Of any length but 0.
@@ -273,8 +265,7 @@ pub(crate) struct LightPlanes {
     pub strength: Vec3,
     pub cos_inner: Tensor<2>,
     pub cos_outer: Tensor<2>,
-    pub directional: Vec<bool>,
-    pub spot: Vec<bool>,
+    pub kinds: Vec<LightKind>,
     /// The typical size of the scene, in their unit.
     pub size: f64,
 }
@@ -296,31 +287,18 @@ impl LightPlanes {
         let mut parts: [Vec<Vec3>; 3] = Default::default();
         let mut cosines: [Vec<Tensor<2>>; 2] = Default::default();
         for light in lights {
-            let ([inner, outer], place, axis, per_unit) = match light {
-                Light::Point { position, .. } => {
-                    ([number(1.0), number(-1.0)], Some(position), away(), unit)
-                }
-                Light::Directional { direction, .. } => {
-                    ([number(1.0), number(-1.0)], None, plane(direction), 1.0)
-                }
-                Light::Spot {
-                    position,
-                    direction,
-                    inner,
-                    outer,
-                    ..
-                } => {
-                    let cosine = |p: &Parameter<1>| {
-                        let [angle] = p.planes(context);
-                        sin_cos(angle).1
-                    };
-                    let both = [cosine(inner), cosine(outer)];
-                    (both, Some(position), plane(direction), unit)
-                }
+            let [position, direction] = light.placement();
+            let [inner, outer] = match light {
+                Light::Spot { inner, outer, .. } => [inner, outer].map(|angle| {
+                    let [angle] = angle.planes(context);
+                    sin_cos(angle).1
+                }),
+                _ => [number(1.0), number(-1.0)],
             };
-            let place = match place {
-                Some(p) => plane(p).sub(&centre).scale_by(unit.recip()),
-                None => Vec3::constant(context, [0.0; 3]),
+            let axis = direction.map_or_else(away, plane);
+            let (place, per_unit) = match position {
+                Some(p) => (plane(p).sub(&centre).scale_by(unit.recip()), unit),
+                None => (Vec3::constant(context, [0.0; 3]), 1.0),
             };
             let strength = plane(light.strength()).scale_by((per_unit * per_unit).recip());
             let all = [place, axis.normalized(), strength];
@@ -336,8 +314,7 @@ impl LightPlanes {
             strength,
             cos_inner,
             cos_outer,
-            directional: lights.iter().map(Light::is_directional).collect(),
-            spot: lights.iter().map(Light::is_spot).collect(),
+            kinds: lights.iter().map(Light::kind).collect(),
             size,
         })
     }

@@ -1,8 +1,9 @@
 //! Parameters of materials as planes.
 
-use burn::tensor::Tensor;
+use burn::tensor::{Bool, Tensor};
 
-use super::material::{CHANNELS, Channel, MaterialKind, Value};
+use super::albedo::Value;
+use super::material::{CHANNELS, Channel, MaterialKind};
 use super::parameter::without_tape;
 use super::{Material, Parameter, Wrap};
 use crate::geometry::{Context, Vec3};
@@ -44,7 +45,7 @@ impl Materials {
         let kinds = materials.iter().map(Material::kind).collect();
         let channels = (0..CHANNELS).map(|place| {
             let all = materials.iter_mut();
-            let values = all.filter_map(|m| Some(m.channels().into_iter().nth(place)?.1));
+            let values = all.filter_map(|m| Some(m.channels().nth(place)?.1));
             planes(values.collect(), context)
         });
         Self {
@@ -58,9 +59,18 @@ impl Materials {
         &self.channels[place]
     }
 
-    /// Emitted radiance, `[1, M]`.
-    pub fn emission(&self) -> &Vec3 {
-        &self.channel(Channel::Emission.place()).constant
+    /// Radiance that fronts emit the same everywhere and in all directions, `[1, M]`; 0 of others.
+    pub fn even_emission(&self) -> Vec3 {
+        let emission = &self.channel(Channel::Emission.place()).constant;
+        if !self.kind().glows {
+            return emission.clone();
+        }
+        let glows = self.kinds.iter().map(|kind| kind.glows);
+        let glows = Tensor::<1, Bool>::from_data(
+            glows.collect::<Vec<_>>().as_slice(),
+            &emission.x.device(),
+        );
+        emission.map(|x| x.mask_fill(glows.clone().unsqueeze(), 0.0))
     }
 
     /// The parts that any has.

@@ -1,5 +1,6 @@
 //! Scenes of tensors: meshes, materials, transforms, objects, environments and cameras.
 
+mod albedo;
 mod bounds;
 mod camera;
 mod check;
@@ -21,7 +22,6 @@ mod normals;
 mod parameter;
 mod parameters;
 mod placement;
-mod reflection;
 pub mod shapes;
 mod tangents;
 mod transfer;
@@ -29,7 +29,9 @@ mod transform;
 mod viewpoint;
 mod wrap;
 
+pub use albedo::{Albedo, ScalarTexture};
 pub use bounds::Bounds;
+pub(crate) use camera::HostProjection;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::{check_devices, check_scene};
 pub use corners::CornerAttribute;
@@ -39,11 +41,13 @@ pub(crate) use holes::{Holes, OF_MASKED};
 pub(crate) use host::{HostAttribute, HostMaterial, HostScene, SceneFrame};
 pub(crate) use host_textures::HostTexture;
 pub use light::Light;
-pub(crate) use light::{HostLight, LightPart, LightPlanes};
+pub(crate) use light::{HostLight, LightKind, LightPart, LightPlanes};
 pub use list::List;
 pub use maps::{AlphaMask, NormalMap};
-pub use material::{Albedo, Bsdf, Material, ScalarTexture};
-pub(crate) use material::{CHANNELS, Channel, MaterialKind};
+pub use material::{Bsdf, Material};
+pub(crate) use material::{
+    CHANNELS, Channel, LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL, MaterialKind,
+};
 pub(crate) use material_planes::ChannelPlanes;
 pub use mesh::Mesh;
 pub(crate) use mesh::{host_tensor, take_rows};
@@ -54,7 +58,6 @@ pub(crate) use parameters::{
     visit_tensors,
 };
 pub use placement::Scale;
-pub(crate) use reflection::{LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL};
 pub(crate) use transfer::to_host;
 pub use transform::Transform;
 pub(crate) use viewpoint::Framing;
@@ -116,6 +119,12 @@ impl Scene {
         let mut materials = self.objects.iter().flat_map(|o| &o.materials);
         let lights = self.lights.iter().any(Light::shines);
         lights || self.environment.has_light() || materials.any(|m| m.emission.shines())
+    }
+
+    /// Whether any material refracts.
+    pub(crate) fn refracts(&self) -> bool {
+        let mut all = self.objects.iter().flat_map(|o| &o.materials);
+        all.any(|m| m.bsdf.refracts())
     }
 
     /// The names of its objects.

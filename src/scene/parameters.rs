@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use burn::tensor::Tensor;
 
+use super::albedo::Value;
 use super::light::LightPart;
-use super::material::{Channel, Value};
+use super::material::Channel;
 use super::parameter::Range as Values;
 use super::{Camera, Light, Object, Parameter, Projection, Scene};
 

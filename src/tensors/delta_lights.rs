@@ -7,6 +7,7 @@ use super::shaded::Shaded;
 use super::tracer::Tracer;
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, gather_row, host_values};
+use crate::scene::LightKind;
 
 /// The distance of a directional light.
 const FAR: f64 = 1e30;
@@ -28,11 +29,12 @@ pub(super) fn from_delta_lights(
         return Ok(Vec3::constant(context, [0.0; 3]).map(|x| x.expand([1, n])));
     };
     let index: Vec<u32> = chosen.iter().map(|c| c.light).collect();
-    let is = |kind: &[bool]| {
-        let flags = index.iter().map(|&l| f64::from(u8::from(kind[l as usize])));
-        context.row(&flags.collect::<Vec<_>>()).greater_elem(0.5)
+    let is = |kind: LightKind| {
+        let flags = index.iter().map(|&l| lights.kinds[l as usize] == kind);
+        let flags: Vec<f64> = flags.map(|is| u8::from(is).into()).collect();
+        context.row(&flags).greater_elem(0.5)
     };
-    let (directional, no_spot) = (is(&lights.directional), is(&lights.spot).bool_not());
+    let (directional, no_spot) = (is(LightKind::Directional), is(LightKind::Spot).bool_not());
     let index = context.index_row(&index);
     let axis = lights.axis.gather(&index);
     let to = lights.position.gather(&index).sub(&points.position);

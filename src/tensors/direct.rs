@@ -5,15 +5,14 @@ use burn::tensor::Tensor;
 use super::bsdf::{density as density_of_scattering, scattered};
 use super::cones::AtBounce;
 use super::delta_lights::from_delta_lights;
+use super::emission::emission;
 use super::lights::{Chosen, SkyMap, Views, nonzero};
 use super::shaded::Shaded;
-use super::surface::look_up;
 use super::tracer::{Sight, Tracer};
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
 use crate::model::v3;
 use crate::sampling::Dimensions;
-use crate::scene::Channel;
 
 /// Light from one point of one emitter triangle at each surface point: planes of
 /// f·cos θ·cos θ_e/r²·L_e·T over the density. With `scattered`, the direction in which each path goes
@@ -124,7 +123,7 @@ fn arriving(
     let distance = squared.clone().sqrt();
     let direction = to_light.map(|x| x / distance.clone());
     let cosine = scene.triangles.normal.gather(&index).dot(&direction).neg();
-    let facing = cosine.clamp_min(0.0);
+    let facing = cosine.clone().clamp_min(0.0);
     let area = gather_row(scene.triangles.area.clone(), &index);
     let material = |&k: &u32| scene.topology.material[k as usize];
     let materials: Vec<u32> = emitter.iter().map(material).collect();
@@ -136,9 +135,8 @@ fn arriving(
         };
         [at(|v| &v.x), at(|v| &v.y)]
     });
-    let emission = scene.materials.channel(Channel::Emission.place());
     let of_material = context.index_row(&materials);
-    let emission = look_up(context, emission, &materials, &of_material, &uv)?;
+    let emission = emission(scene, &materials, &of_material, &uv, &cosine)?;
     let mut shadow = points.ray(direction, time.clone());
     shadow.arrival = Some((emitter, detached(&distance)));
     // Where the light or the surface faces away, or the surface reflects nothing there, nothing

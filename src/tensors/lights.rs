@@ -202,8 +202,7 @@ fn read_back(planes: &LightPlanes) -> Result<Vec<DeltaLight>> {
         position: position[i].into(),
         axis: axis[i].into(),
         strength: strength[i].into(),
-        directional: planes.directional[i],
-        spot: planes.spot[i],
+        kind: planes.kinds[i] as u32,
         cos_inner: inner[i] as f32,
         cos_outer: outer[i] as f32,
     };

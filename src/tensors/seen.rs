@@ -2,13 +2,14 @@
 
 use burn::tensor::Tensor;
 
+use super::emission::emission;
 use super::rays::{Rays, spread};
 use super::softmax::Shares;
-use super::surface::{SurfacePoints, look_up};
+use super::surface::SurfacePoints;
 use super::tracer::Transport;
 use crate::error::Result;
 use crate::geometry::Vec3;
-use crate::scene::{Channel, Flattened};
+use crate::scene::Flattened;
 
 /// Light of emitters and environment that camera rays see: the mean over all their surfaces, not over
 /// drawn ones, which has no noise of a draw. None where all is black.
@@ -21,7 +22,7 @@ pub(crate) fn seen(transport: &Transport, weights: &Shares, rays: &Rays) -> Resu
         return Ok(None);
     }
     let materials = context.index_row(&scene.topology.material);
-    let emission = scene.materials.emission().gather(&materials);
+    let emission = scene.materials.even_emission().gather(&materials);
     let mean = |emission: &Tensor<2>, environment: Option<&Tensor<2>>| {
         weights.mean(|g| g.pairs.of(emission) * g.fronts(scene), environment)
     };
@@ -31,33 +32,36 @@ pub(crate) fn seen(transport: &Transport, weights: &Shares, rays: &Rays) -> Resu
         mean(&emission.y, environment.map(|e| &e.y)),
         mean(&emission.z, environment.map(|e| &e.z)),
     );
-    if let Some(light) = textured(scene, weights, rays)? {
+    if let Some(light) = uneven(scene, weights, rays)? {
         seen = seen.add(&light);
     }
     Ok(Some(seen))
 }
 
-/// Light of emitters with textures, which only cones see.
-fn textured(scene: &Flattened, weights: &Shares, rays: &Rays) -> Result<Option<Vec3>> {
+/// Light of emitters whose fronts do not emit the same everywhere and in all directions, which only cones see.
+fn uneven(scene: &Flattened, weights: &Shares, rays: &Rays) -> Result<Option<Vec3>> {
     let (context, material) = (&scene.context, &scene.topology.material);
-    let emission = scene.materials.channel(Channel::Emission.place());
-    if emission.texture.iter().all(Option::is_none) {
+    let count = rays.len();
+    let kinds = &scene.materials.kinds;
+    if !kinds.iter().any(|kind| kind.glows) {
         return Ok(None);
     }
-    let hit = weights.draw(vec![0.0; rays.len()])?;
-    let has_texture = |i: &u32| {
+    let hit = weights.draw(vec![0.0; count])?;
+    let glows = |i: &u32| {
         let material = material.get(hit[*i as usize] as usize);
-        material.is_some_and(|&m| emission.texture[m as usize].is_some())
+        material.is_some_and(|&m| kinds[m as usize].glows)
     };
-    let which: Vec<u32> = (0..rays.len() as u32).filter(has_texture).collect();
+    let which: Vec<u32> = (0..count as u32).filter(glows).collect();
     if which.is_empty() {
         return Ok(None);
     }
     let triangles: Vec<u32> = which.iter().map(|&i| hit[i as usize]).collect();
     let materials: Vec<u32> = triangles.iter().map(|&k| material[k as usize]).collect();
-    let points = SurfacePoints::new(scene, &rays.pick(context, &which), triangles)?;
+    let rays = rays.pick(context, &which);
+    let points = SurfacePoints::new(scene, &rays, triangles)?;
     let index = context.index_row(&materials);
-    let light = look_up(context, emission, &materials, &index, &points.uv)?;
-    let light = light.scale(&(points.inside.neg() + 1.0));
-    Ok(Some(light.map(|l| spread(context, l, &which, rays.len()))))
+    let side = points.inside.clone() * 2.0 - 1.0;
+    let cosine = points.geometric_normal.dot(&rays.direction) * side;
+    let light = emission(scene, &materials, &index, &points.uv, &cosine)?;
+    Ok(Some(light.map(|l| spread(context, l, &which, count))))
 }

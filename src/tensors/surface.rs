@@ -48,7 +48,7 @@ impl SurfacePoints {
     /// Whether each is of clear matter, which refracts; empty if none is.
     pub(crate) fn clear(&self) -> Result<Vec<bool>> {
         let mut models = self.models.iter();
-        let Some(model) = models.find(|m| m.kind.bsdf == Bsdf::Dielectric) else {
+        let Some(model) = models.find(|m| m.kind.bsdf.refracts()) else {
             return Ok(Vec::new());
         };
         Ok(host_values(&model.row)?.iter().map(|&x| x > 0.5).collect())

@@ -5,6 +5,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::softmax::Softmax;
 use crate::error::{Error, Result};
 
 /// The form of visibility in a render. Its gradients are derivatives of the image in that form.
@@ -42,6 +43,12 @@ pub enum Visibility {
     },
 }
 
+/// What is computed for a form of visibility.
+pub(crate) enum VisibilityForm {
+    Cones { angle: f64, pixels: f64 },
+    Softmax(Softmax),
+}
+
 impl Default for Visibility {
     /// Cones without an angle, and a pixel filter with a radius of half a pixel.
     fn default() -> Self {
@@ -76,6 +83,34 @@ impl Visibility {
             sigma,
             gamma,
             epsilon: 1e-3,
+        }
+    }
+
+    /// What is computed for it, with lengths in a unit.
+    pub(crate) fn form(&self, unit: f64) -> VisibilityForm {
+        match *self {
+            Self::Cone { angle, pixels } => VisibilityForm::Cones { angle, pixels },
+            Self::Softmax {
+                sigma,
+                gamma,
+                epsilon,
+            } => VisibilityForm::Softmax(Softmax {
+                sigma: sigma / (unit * unit),
+                gamma,
+                epsilon,
+            }),
+        }
+    }
+
+    pub(crate) fn is_softmax(&self) -> bool {
+        matches!(self.form(1.0), VisibilityForm::Softmax(_))
+    }
+
+    /// Sets the blur of rays: the half-angle of cones, or σ.
+    pub(crate) fn set_blur(&mut self, blur: f64) {
+        match self {
+            Self::Cone { angle, .. } => *angle = blur,
+            Self::Softmax { sigma, .. } => *sigma = blur,
         }
     }
 

@@ -202,7 +202,8 @@ fn light_behind(
     if dark || e.point.to.length() >= found.limit || is_open(scene, found.triangle, found.weights) {
         found.limit = -1.0f32;
     }
-    found.emission = emission_at(scene, found.triangle, found.weights);
+    let cosine = -normal.dot(e.axis);
+    found.emission = emission_at(scene, found.triangle, found.weights, cosine);
     found
 }
 
@@ -227,7 +228,8 @@ fn delta_behind(
     }
     let density = cone_density(bent.direction, image, scene.settings[CONE]);
     let mut found = no_light();
-    found.emission = radiance_of(scene, k, v2(0.0, 0.0)) * (target.angle * density);
+    let radiance = radiance_of(scene, k, v2(0.0, 0.0), target.facing());
+    found.emission = radiance * (target.angle * density);
     found.limit = target.limit(e.start, past);
     if found.emission.is_zero() || to.dot(e.outer) <= 0.0 || to.length() >= found.limit {
         found.limit = -1.0f32;

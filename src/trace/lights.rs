@@ -155,28 +155,29 @@ pub(crate) fn target_on(on: &EmitterTriangle, weights: V2, x: V3) -> Target {
     Target::of_emitter(&seen, place, on.normal, on.area)
 }
 
-/// What a triangle emits from its front, at the point with these weights of its corners.
+/// What a triangle emits at a cosine to its normal, at the point with these weights of its corners.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3) -> V3 {
+pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3, cosine: f32) -> V3 {
     let mut uv = v2(0.0, 0.0);
     if comptime!(scene.features.glows) {
         uv = uv_at(scene, triangle, weights);
     }
-    emission_of(scene, scene.material_of(triangle), uv)
+    emission_of(scene, scene.material_of(triangle), uv, cosine)
 }
 
-/// The radiance of that point, or what a delta light brings.
+/// The radiance of that point at a cosine to the emitter's normal, or what a delta light brings.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2) -> V3 {
+pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3 {
     let mut radiance = v3(0.0, 0.0, 0.0);
     if is_light(scene, k) {
         if comptime!(scene.features.of_emitters.lights) {
             radiance = delta_light(scene, k).strength;
         }
     } else {
-        radiance = emission_at(scene, scene.emitters[k as usize], of_corners(weights));
+        let triangle = scene.emitters[k as usize];
+        radiance = emission_at(scene, triangle, of_corners(weights), cosine);
     }
     radiance
 }
@@ -208,7 +209,7 @@ pub(crate) fn light_backward(
 ) -> V3 {
     let shading = point.shading;
     let mut target = target;
-    target.radiance = radiance_of(scene, k, weights);
+    target.radiance = radiance_of(scene, k, weights, target.facing());
     let found = target.backward(
         &shading,
         arrived.reflected,

@@ -218,12 +218,13 @@ pub(crate) const OF_GROUP: u32 = 3;
 /// No row, or no triangle.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Bits of a material, and what the number of its BSDF is multiplied by.
+/// Bits of a material, and what the number of its BSDF, which is under 8, is multiplied by.
 pub(crate) const EMITS: u32 = 1;
 pub(crate) const REFLECTS: u32 = 2;
 pub(crate) const GLOSSY: u32 = 4;
 pub(crate) const COMPENSATED: u32 = 8;
 pub(crate) const MODEL: u32 = 16;
+pub(crate) const GLOWS: u32 = 8 * MODEL;
 
 /// A view's settings: the camera, the tangent of the half-angle of cones, scene units in a unit of the lists, and the
 /// rows of the inverse of the camera's basis.

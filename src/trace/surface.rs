@@ -227,7 +227,7 @@ pub(crate) fn point_at(
             p.shading.exponent = colour(scene, material, 2u32, p.uv).x;
         }
     }
-    if comptime!(scene.features.models.facets()) {
+    if comptime!(scene.features.models.has_others()) {
         p.shading.model = (hit.bits / MODEL) % 8;
         p.shading.compensated = hit.bits & COMPENSATED != 0;
     }
@@ -241,8 +241,9 @@ pub(crate) fn point_at(
 #[inline(always)]
 pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
     let mut emission = splat(0.0);
-    if p.side > 0.0 && scene.bits_of(p.material) & EMITS != 0 {
-        emission = emission_of(scene, p.material, p.uv);
+    if scene.bits_of(p.material) & EMITS != 0 {
+        let cosine = -p.side * p.shading.geometric.dot(p.shading.incoming);
+        emission = emission_of(scene, p.material, p.uv, cosine);
     }
     emission
 }

@@ -3,7 +3,7 @@
 use crate::cube::*;
 
 use super::parts::{MATERIALS, SKY, TEXELS};
-use super::scene::{CHANNELS, EMISSION, MATERIAL, NONE, Scene};
+use super::scene::{CHANNELS, EMISSION, GLOWS, MATERIAL, NONE, Scene};
 use super::sums::Sums;
 use crate::model::lists::vector;
 use crate::model::sky::Map;
@@ -50,24 +50,28 @@ pub(crate) fn colour(scene: &Scene, material: u32, channel: u32, uv: V2) -> V3 {
     found
 }
 
-/// What a material emits from its front, where its texture has these coordinates.
+/// What a material emits, where its texture has these coordinates, at a cosine to the normal of its front: from behind
+/// nothing.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn emission_of(scene: &Scene, material: u32, uv: V2) -> V3 {
-    let mut found = constant_of(scene, material, EMISSION);
-    if comptime!(scene.features.glows) {
-        found = colour(scene, material, EMISSION, uv);
+pub(crate) fn emission_of(scene: &Scene, material: u32, uv: V2, cosine: f32) -> V3 {
+    let mut found = splat(0.0);
+    if cosine > 0.0 {
+        found = constant_of(scene, material, EMISSION);
+        if comptime!(scene.features.glows) {
+            found = colour(scene, material, EMISSION, uv);
+        }
     }
     found
 }
 
-/// Whether the emission of a material is a texture.
+/// Whether what the front of a material emits is not the same everywhere and in all directions.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn glows(scene: &Scene, material: u32) -> bool {
     let mut found = false;
     if comptime!(scene.features.glows) {
-        found = scene.of_materials[texture_of(material, EMISSION) as usize] != NONE;
+        found = scene.bits_of(material) & GLOWS != 0;
     }
     found
 }

@@ -6,7 +6,6 @@ use super::{Edge, FACES, Kind};
 use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
-use crate::scene::Bsdf;
 use crate::trace::{AREA, NONE, NORMAL_ROWS, UV_ROWS};
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
@@ -40,7 +39,7 @@ pub(super) fn of_object(
         .collect();
     all.par_sort_unstable();
     let groups: Vec<&[(u64, u32)]> = all.chunk_by(|a, b| a.0 == b.0).collect();
-    let transparent = |k: usize| scene.material(k as u32).kind.bsdf == Bsdf::Dielectric;
+    let transparent = |k: usize| scene.material(k as u32).kind.bsdf.refracts();
     let triangles = part.first_triangle..part.first_triangle + faces.len();
     let closed = !groups.is_empty() && groups.iter().all(|g| g.len() == 2);
     let pierced = |k: usize| scene.holes.as_ref().is_some_and(|h| h.are_in(k));
@@ -121,7 +120,7 @@ fn crease(
         return 1.0;
     }
     let material = &scene.materials[words[0] as usize];
-    if !material.kind.reflects && !material.glows() {
+    if !material.kind.reflects && !material.kind.glows {
         return 0.0;
     }
     let textured = material.is_textured();

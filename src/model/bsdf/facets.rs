@@ -6,7 +6,10 @@
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
+#[cfg(feature = "wgpu")]
+use super::ShadingExpand;
 use super::ranges::roughness_of;
+use super::{Scatter, Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
@@ -197,6 +200,12 @@ impl Facets {
     pub fn visible(&self, half: V3) -> f32 {
         2.0 * self.distribution(half) / (self.nv + self.rv)
     }
+
+    /// The direction in which a facet with a half vector reflects the view.
+    #[inline(always)]
+    pub fn reflected(&self, half: V3) -> V3 {
+        half * (2.0 * self.view.dot(half)) - self.view
+    }
 }
 
 /// A half vector that was drawn, and how.
@@ -286,5 +295,45 @@ impl Facets {
         turn -= turn.floor();
         let u = ((1.0 - cap.z) / (1.0 + stretched.z)).clamp(0.0, 1.0);
         v3(u, turn, 0.0)
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Shading {
+    /// Facets about a normal.
+    #[inline(always)]
+    pub(super) fn facets_about(&self, normal: V3) -> Facets {
+        Facets::new(normal, self.incoming, self.exponent)
+    }
+
+    /// Adds the derivatives by facets.
+    #[inline(always)]
+    pub(super) fn add_facets(
+        &self,
+        f: &Facets,
+        by: &FacetsGradient,
+        gradient: &mut ShadingGradient,
+    ) {
+        let found = f.backward(self.incoming, self.exponent, by);
+        gradient.normal += found.normal;
+        gradient.incoming += found.incoming;
+        gradient.exponent += found.roughness;
+    }
+
+    /// Adds the derivatives of g·direction of a direction that facets reflected, at fixed random numbers.
+    #[inline(never)]
+    pub(super) fn reflected_backward(
+        &self,
+        drawn: &Scatter,
+        g: V3,
+        gradient: &mut ShadingGradient,
+    ) {
+        let f = self.facets_about(self.normal);
+        let half = f.draw(drawn.u, drawn.v);
+        let mut by = FacetsGradient::zero();
+        by.view = half * (2.0 * g.dot(half)) - g;
+        let by_half = g * (2.0 * f.view.dot(half)) + f.view * (2.0 * g.dot(half));
+        f.draw_backward(drawn.u, drawn.v, by_half, &mut by);
+        self.add_facets(&f, &by, gradient);
     }
 }

@@ -1,8 +1,8 @@
 //! Where light that a surface scatters comes from, for searches of edges.
 
+use super::Shading;
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
-use super::{DIELECTRIC, PHONG, Shading};
 use crate::cube::*;
 use crate::model::cone::widened;
 use crate::model::frame::SinCos;
@@ -62,13 +62,43 @@ impl Lobe {
 
     /// Takes a cone, widened by that of the rays, of which `tangent` is that of the half-angle.
     #[inline(always)]
-    fn narrow(&mut self, cos: f32, tangent: f32) {
+    pub(super) fn narrow(&mut self, cos: f32, tangent: f32) {
         let half = SinCos {
             sin: (1.0 - cos * cos).max(0.0).sqrt(),
             cos,
         };
         self.cos = widened(half, tangent).cos.max(0.0);
         self.sin = (1.0 - self.cos * self.cos).max(0.0).sqrt();
+    }
+
+    /// Takes a part of the lobe of facets about the direction `core` of smooth ones, where directions turn `turns` times
+    /// as far as facets of α do.
+    #[inline(always)]
+    pub(super) fn take_facets(&mut self, core: V3, turns: f32, alpha: f32, tangent: f32) {
+        self.core = core;
+        // A cone that holds 94 % of facets' light.
+        let half = 2.0 * turns * alpha;
+        let square = half * half;
+        let cos = (1.0 - square) / (1.0 + square);
+        if cos > WIDEST {
+            self.core_cos = cos;
+            self.inside = self.rest < INNER;
+            if self.inside {
+                self.chance = INNER;
+                let rest = self.rest;
+                self.rest = rest / INNER;
+                let width = turns * alpha;
+                self.axis = core;
+                // It falls about as 1/(1 + (1 − cos) (n − 1))².
+                self.exponent = 1.0 + 2.0 / (width * width);
+                self.narrow(cos, tangent);
+            } else {
+                self.chance = const { 1.0 - INNER };
+                self.rest = (self.rest - INNER) / const { 1.0 - INNER };
+            }
+        } else {
+            self.core_cos = const { -2.0f32 };
+        }
     }
 }
 
@@ -88,59 +118,7 @@ impl Shading {
             chance: 1.0,
             rest: choice,
         };
-        if comptime!(self.models.facets()) {
-            let of_facets = self.model != PHONG && (of_gloss || self.model == DIELECTRIC);
-            if of_facets {
-                self.lobe_of_facets(&mut lobe, of_gloss, tangent);
-            }
-        }
-        if of_gloss && self.model == PHONG {
-            lobe.axis = self.mirror();
-            lobe.exponent = self.exponent;
-            // The lobe has fallen to 1e-4 there.
-            let exponent = self.exponent.max(1e-3);
-            lobe.narrow((const { -9.2f32 } / exponent).exp(), tangent);
-        }
+        self.narrow_lobe(&mut lobe, of_gloss, tangent);
         lobe
-    }
-
-    /// The lobe of light that facets reflect, or that passes them.
-    #[inline(never)]
-    fn lobe_of_facets(&self, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
-        let f = self.facets_about(self.normal);
-        // The direction of smooth facets, the normal on that side, and how far a direction turns when its facet does.
-        let mut turns = 2.0f32;
-        if of_gloss {
-            lobe.core = self.reflected_at(&f, self.normal);
-        } else {
-            lobe.axis = -self.normal;
-            if comptime!(self.models.dielectric) {
-                lobe.core = self.refracted_at(&f, self.normal).normalize();
-                turns = self.bending();
-            }
-        }
-        // A cone that holds 94 % of facets' light.
-        let half = 2.0 * turns * f.alpha;
-        let square = half * half;
-        let cos = (1.0 - square) / (1.0 + square);
-        if cos > WIDEST {
-            lobe.core_cos = cos;
-            lobe.inside = lobe.rest < INNER;
-            if lobe.inside {
-                lobe.chance = INNER;
-                let rest = lobe.rest;
-                lobe.rest = rest / INNER;
-                let width = turns * f.alpha;
-                lobe.axis = lobe.core;
-                // It falls about as 1/(1 + (1 − cos) (n − 1))².
-                lobe.exponent = 1.0 + 2.0 / (width * width);
-                lobe.narrow(cos, tangent);
-            } else {
-                lobe.chance = const { 1.0 - INNER };
-                lobe.rest = (lobe.rest - INNER) / const { 1.0 - INNER };
-            }
-        } else {
-            lobe.core_cos = const { -2.0f32 };
-        }
     }
 }

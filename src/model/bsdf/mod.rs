@@ -1,4 +1,4 @@
-//! How surfaces scatter light, a file a model, on both sides of a surface.
+//! How surfaces scatter light, a file a model ([`models`]), on both sides of a surface.
 //!
 //! cos θ is that to the shading normal, but where a direction comes close to the geometric horizon, at
 //! most four times the cosine to the geometric normal: so what is reflected vanishes at the horizon, where
@@ -16,21 +16,29 @@ mod metal;
 mod models;
 mod phong;
 mod ranges;
+mod reflectance;
+mod refraction;
 mod sample;
 #[cfg(test)]
 mod tests;
 
-use super::{Pair, V3, splat, v3};
+use super::{Pair, V3, splat};
 use crate::cube::*;
+use crate::scene::Bsdf;
 
 pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
-pub(crate) use dielectric::UPRIGHT;
 pub(crate) use glass_albedo::given_back;
 pub(crate) use lobe::Lobe;
-pub(crate) use metal::DIELECTRIC_F0;
-use models::{CONDUCTOR, DIELECTRIC, METALLIC, PHONG};
-pub(crate) use models::{Models, model_of};
+use models::models;
+pub(crate) use reflectance::DIELECTRIC_F0;
+pub(crate) use refraction::UPRIGHT;
 pub(crate) use sample::Scatter;
+
+models! {
+    phong: Phong;
+    metal: MetallicRoughness | Conductor;
+    dielectric: Dielectric;
+}
 
 /// A shaded point: directions, and what its material is there.
 #[apply(record!)]
@@ -50,6 +58,7 @@ pub(crate) struct Shading {
     pub glossy: bool,
     /// Whether the two normals are not the same.
     pub smooth: bool,
+    /// The number of its [`Bsdf`].
     pub model: u32,
     /// Whether light that facets lose is given back.
     pub compensated: bool,
@@ -68,13 +77,13 @@ impl Shading {
     /// Whether it is matt alone: what it scatters then takes the same steps for every direction.
     #[inline(always)]
     pub fn is_matt(&self) -> bool {
-        self.model == PHONG && !self.glossy && !self.paired
+        self.model == Bsdf::Phong as u32 && !self.glossy && !self.paired
     }
 
     /// It as one that is known to be matt.
     #[inline(always)]
     pub fn as_matt(mut self) -> Self {
-        self.model = PHONG;
+        self.model = Bsdf::Phong as u32;
         self.models = Models::MATT;
         (self.glossy, self.paired) = (false, false);
         self
@@ -102,20 +111,6 @@ const IMPOSSIBLE: f32 = 1e-20;
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    #[inline(always)]
-    fn is_metal(&self) -> bool {
-        self.model == METALLIC || self.model == CONDUCTOR
-    }
-
-    #[inline(always)]
-    fn is_phong(&self) -> bool {
-        let mut is_phong = true;
-        if comptime!(self.models.facets()) {
-            is_phong = self.model == PHONG;
-        }
-        is_phong
-    }
-
     /// The mirror direction.
     #[inline(always)]
     pub fn mirror(&self) -> V3 {
@@ -161,72 +156,6 @@ impl Shading {
         by_outgoing
     }
 
-    /// The probability of the specular lobe, about its share of what is scattered.
-    #[inline(always)]
-    pub fn gloss(&self) -> f32 {
-        let mut found = 0.0f32;
-        if comptime!(self.models.phong) {
-            if self.is_phong() {
-                found = self.phong_gloss();
-            }
-        }
-        if comptime!(self.models.metal) {
-            if self.is_metal() {
-                found = self.metal_gloss();
-            }
-        }
-        if comptime!(self.models.dielectric) {
-            if self.model == DIELECTRIC {
-                found = self.interface_gloss();
-            }
-        }
-        found
-    }
-
-    /// f·cos θ.
-    #[inline(always)]
-    pub fn evaluate(&self, outgoing: V3) -> V3 {
-        let mut found = splat(0.0);
-        if comptime!(self.models.phong) {
-            if self.is_phong() {
-                found = self.phong(outgoing);
-            }
-        }
-        if comptime!(self.models.metal) {
-            if self.is_metal() {
-                found = self.metal(outgoing);
-            }
-        }
-        if comptime!(self.models.dielectric) {
-            if self.model == DIELECTRIC {
-                found = self.interface(outgoing);
-            }
-        }
-        found
-    }
-
-    /// Adds the derivatives of g·f·cos θ; returns that by the outgoing direction.
-    #[inline(always)]
-    pub fn evaluate_backward(&self, outgoing: V3, g: V3, gradient: &mut ShadingGradient) -> V3 {
-        let mut found = splat(0.0);
-        if comptime!(self.models.phong) {
-            if self.is_phong() {
-                found = self.phong_backward(outgoing, g, gradient);
-            }
-        }
-        if comptime!(self.models.metal) {
-            if self.is_metal() {
-                found = self.metal_backward(outgoing, g, gradient);
-            }
-        }
-        if comptime!(self.models.dielectric) {
-            if self.model == DIELECTRIC {
-                found = self.interface_backward(outgoing, g, gradient);
-            }
-        }
-        found
-    }
-
     /// The density per solid angle with which [`Shading::sample`] draws a direction.
     #[inline(always)]
     pub fn density(&self, outgoing: V3) -> f32 {
@@ -241,76 +170,22 @@ impl Shading {
         // A kernel has one place for each function that is called.
         let mut density = 0.0f32;
         while left > 0 {
-            density += share * self.density_about(normal, outgoing);
+            let densities = self.densities(normal, outgoing);
+            density += share * (densities.x + densities.y);
             normal = self.pair.second;
             left -= 1;
         }
         density
     }
 
-    /// The density of directions about a normal.
-    #[inline(always)]
-    fn density_about(&self, normal: V3, outgoing: V3) -> f32 {
-        let mut found = 0.0f32;
-        if comptime!(self.models.phong) {
-            if self.is_phong() {
-                found = self.phong_density(normal, outgoing);
-            }
-        }
-        if comptime!(self.models.metal) {
-            if self.is_metal() {
-                found = self.metal_densities(normal, outgoing).element_sum();
-            }
-        }
-        if comptime!(self.models.dielectric) {
-            if self.model == DIELECTRIC {
-                found = self.interface_density(normal, outgoing);
-            }
-        }
-        found
-    }
-
     /// The share of a lobe in the density of a direction.
     #[inline(always)]
     pub fn share_of_lobe(&self, outgoing: V3, of_gloss: bool) -> f32 {
-        let above = self.normal.dot(outgoing) > 0.0;
-        let mut densities = splat(0.0);
-        if comptime!(self.models.phong) {
-            if self.is_phong() {
-                densities = self.phong_densities(outgoing);
-            }
-        }
-        if comptime!(self.models.metal) {
-            if self.is_metal() {
-                densities = self.metal_densities(self.normal, outgoing);
-            }
-        }
-        if comptime!(self.models.dielectric) {
-            if self.model == DIELECTRIC {
-                // Light is reflected above and refracted below.
-                densities.y = 1.0;
-                if above {
-                    densities = v3(1.0, 0.0, 0.0);
-                }
-            }
-        }
+        let densities = self.densities(self.normal, outgoing);
         let mut own = densities.y;
         if of_gloss {
             own = densities.x;
         }
         own / (densities.x + densities.y).max(IMPOSSIBLE)
-    }
-
-    /// The geometric normal on the side on which a ray leaves: the other one, if it is refracted.
-    #[inline(always)]
-    pub fn outer(&self, direction: V3) -> V3 {
-        let mut normal = self.geometric;
-        if comptime!(self.models.dielectric) {
-            let refracted = self.model == DIELECTRIC && self.geometric.dot(direction) < 0.0;
-            if refracted {
-                normal = -normal;
-            }
-        }
-        normal
     }
 }

@@ -4,25 +4,180 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
-use super::{IMPOSSIBLE, LEAST, Scatter, Shading, ShadingGradient};
+use super::{IMPOSSIBLE, LEAST, Lobe, Scatter, Shading, ShadingGradient};
 #[cfg(feature = "wgpu")]
 use crate::cube::*;
-use crate::model::frame::{from_local_backward, sin_cos_of_turns};
+use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
+
+/// The share of the specular lobe in the albedo.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn gloss(shading: &Shading) -> f32 {
+    let mut share = 0.0;
+    if shading.glossy {
+        let specular = shading.specular.element_sum().abs();
+        share = specular / (shading.diffuse.element_sum().abs() + specular).max(IMPOSSIBLE);
+    }
+    share
+}
+
+/// f·cos θ.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
+    let mut f = shading.matt(outgoing);
+    if shading.glossy {
+        f += shading.specular(outgoing);
+    }
+    f
+}
+
+/// Adds the derivatives of g·f·cos θ; returns that by the outgoing direction.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn evaluate_backward(
+    shading: &Shading,
+    outgoing: V3,
+    g: V3,
+    gradient: &mut ShadingGradient,
+) -> V3 {
+    let cosine = shading.cosine(outgoing);
+    let mut by_outgoing = splat(0.0);
+    if cosine > 0.0 {
+        gradient.diffuse += g * (cosine * FRAC_1_PI);
+        let mut by_cosine = g.dot(shading.diffuse) * FRAC_1_PI;
+        if shading.glossy {
+            let lobe = phong(shading.exponent, shading.mirror().dot(outgoing));
+            let norm = (shading.exponent + 2.0) / TAU;
+            let along = g.dot(shading.specular);
+            gradient.specular += g * (lobe * norm * cosine);
+            gradient.exponent += along * lobe * cosine / TAU;
+            by_cosine += along * lobe * norm;
+            by_outgoing += shading.lobe_backward(outgoing, lobe, along * norm * cosine, gradient);
+        }
+        by_outgoing += shading.cosine_backward(outgoing, by_cosine, gradient);
+    }
+    by_outgoing
+}
+
+/// The densities of the lobe about the mirror direction, and of the cosine.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
+    let mut found = v3(0.0, normal.dot(outgoing).max(0.0) * FRAC_1_PI, 0.0);
+    if shading.glossy {
+        let share = gloss(shading);
+        let lobe = phong(shading.exponent, shading.mirror_about(normal).dot(outgoing));
+        found.x = lobe * (shading.exponent + 1.0) / TAU * share;
+        found.y *= 1.0 - share;
+    }
+    found
+}
+
+/// Draws from the cosine about a normal, or from the lobe about the mirror direction.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32) {
+    drawn.of_gloss = shading.glossy && lobe < gloss(shading);
+    let mut axis = normal;
+    if drawn.of_gloss {
+        axis = shading.mirror_about(normal);
+        drawn.local = shading.phong_local(drawn.u, drawn.v);
+    }
+    drawn.direction = from_local(axis, drawn.local);
+    drawn.weight = splat(1.0);
+}
+
+/// Adds the derivatives of g·weight of a direction that was drawn; returns that by the direction.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn weight_backward(
+    shading: &Shading,
+    drawn: &Scatter,
+    g: V3,
+    gradient: &mut ShadingGradient,
+) -> V3 {
+    let direction = drawn.direction;
+    let mut by_drawn = splat(0.0);
+    if !shading.glossy && !shading.smooth {
+        gradient.diffuse += g;
+    } else {
+        let densities = densities(shading, shading.normal, direction);
+        let density = densities.x + densities.y;
+        if density > IMPOSSIBLE {
+            by_drawn += evaluate_backward(shading, direction, g * (1.0 / density), gradient);
+            let by_density = -g.dot(drawn.weight) / density;
+            let share = gloss(shading);
+            if shading.normal.dot(direction) > 0.0 {
+                let by_cosine = by_density * (1.0 - share) * FRAC_1_PI;
+                gradient.normal += direction * by_cosine;
+                by_drawn += shading.normal * by_cosine;
+            }
+            let lobe = phong(shading.exponent, shading.mirror().dot(direction));
+            gradient.exponent += by_density * lobe * share / TAU;
+            let by_lobe = by_density * (shading.exponent + 1.0) / TAU * share;
+            by_drawn += shading.lobe_backward(direction, lobe, by_lobe, gradient);
+        }
+    }
+    by_drawn
+}
+
+/// The numbers that a direction of the specular lobe would have been drawn by.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
+    if drawn.of_gloss {
+        let local = to_local(shading.mirror(), drawn.direction);
+        let turn = local.y.atan2(local.x) / TAU;
+        drawn.local = local;
+        drawn.u = phong(shading.exponent + 1.0, local.z);
+        drawn.v = turn - turn.floor();
+    }
+}
+
+/// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn direction_backward(
+    shading: &Shading,
+    drawn: &Scatter,
+    g: V3,
+    gradient: &mut ShadingGradient,
+) {
+    if drawn.of_gloss {
+        let by = from_local_backward(shading.mirror(), drawn.local, g);
+        shading.mirror_backward(by.axis, gradient);
+        let turn = sin_cos_of_turns(drawn.v);
+        let log = drawn.u.clamp(LEAST, 1.0 - LEAST).ln() / (shading.exponent + 1.0);
+        let square = (2.0 * log).exp();
+        let mut by_log = by.local.z * log.exp();
+        let rest = -(2.0 * log).exp_m1();
+        if rest > LEAST {
+            let by_sine = by.local.x * turn.cos + by.local.y * turn.sin;
+            by_log -= by_sine * square / rest.sqrt();
+        }
+        gradient.exponent -= by_log * log / (shading.exponent + 1.0);
+    } else {
+        gradient.normal += from_local_backward(shading.normal, drawn.local, g).axis;
+    }
+}
+
+/// The cone about the mirror direction outside of which the glossy lobe is nearly 0.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
+    if of_gloss {
+        lobe.axis = shading.mirror();
+        lobe.exponent = shading.exponent;
+        // The lobe has fallen to 1e-4 there.
+        let exponent = shading.exponent.max(1e-3);
+        lobe.narrow((const { -9.2f32 } / exponent).exp(), tangent);
+    }
+}
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// The probability of the specular lobe: its share of the albedo.
-    #[inline(always)]
-    pub(super) fn phong_gloss(&self) -> f32 {
-        let mut share = 0.0;
-        if self.glossy {
-            let specular = self.specular.element_sum().abs();
-            share = specular / (self.diffuse.element_sum().abs() + specular).max(IMPOSSIBLE);
-        }
-        share
-    }
-
     /// f·cos θ of the matt lobe.
     #[inline(always)]
     fn matt(&self, outgoing: V3) -> V3 {
@@ -34,38 +189,6 @@ impl Shading {
     fn specular(&self, outgoing: V3) -> V3 {
         let lobe = phong(self.exponent, self.mirror().dot(outgoing));
         self.specular * (lobe * (self.exponent + 2.0) / TAU * self.cosine(outgoing))
-    }
-
-    /// f·cos θ.
-    #[inline(always)]
-    pub(super) fn phong(&self, outgoing: V3) -> V3 {
-        let mut f = self.matt(outgoing);
-        if self.glossy {
-            f += self.specular(outgoing);
-        }
-        f
-    }
-
-    /// Adds the derivatives of g·f·cos θ; returns that by the outgoing direction.
-    #[inline(always)]
-    pub(super) fn phong_backward(&self, outgoing: V3, g: V3, gradient: &mut ShadingGradient) -> V3 {
-        let cosine = self.cosine(outgoing);
-        let mut by_outgoing = splat(0.0);
-        if cosine > 0.0 {
-            gradient.diffuse += g * (cosine * FRAC_1_PI);
-            let mut by_cosine = g.dot(self.diffuse) * FRAC_1_PI;
-            if self.glossy {
-                let lobe = phong(self.exponent, self.mirror().dot(outgoing));
-                let norm = (self.exponent + 2.0) / TAU;
-                let along = g.dot(self.specular);
-                gradient.specular += g * (lobe * norm * cosine);
-                gradient.exponent += along * lobe * cosine / TAU;
-                by_cosine += along * lobe * norm;
-                by_outgoing += self.lobe_backward(outgoing, lobe, along * norm * cosine, gradient);
-            }
-            by_outgoing += self.cosine_backward(outgoing, by_cosine, gradient);
-        }
-        by_outgoing
     }
 
     /// Derivatives of g·cosⁿα; returns that by the outgoing direction.
@@ -83,99 +206,13 @@ impl Shading {
         by_outgoing
     }
 
-    #[inline(always)]
-    pub(super) fn phong_density(&self, normal: V3, outgoing: V3) -> f32 {
-        let mut density = normal.dot(outgoing).max(0.0) * FRAC_1_PI;
-        if self.glossy {
-            let gloss = self.phong_gloss();
-            let lobe = phong(self.exponent, self.mirror_about(normal).dot(outgoing));
-            density = density * (1.0 - gloss) + lobe * (self.exponent + 1.0) / TAU * gloss;
-        }
-        density
-    }
-
-    /// The density of directions of the specular lobe, and of the matt one: each times its probability.
-    #[inline(always)]
-    pub(super) fn phong_densities(&self, outgoing: V3) -> V3 {
-        let gloss = self.phong_gloss();
-        let lobe = phong(self.exponent, self.mirror().dot(outgoing));
-        let matt = self.normal.dot(outgoing).max(0.0) * FRAC_1_PI * (1.0 - gloss);
-        v3(lobe * (self.exponent + 1.0) / TAU * gloss, matt, 0.0)
-    }
-
     /// A direction of the specular lobe about the mirror direction.
     #[inline(always)]
-    pub(super) fn phong_local(&self, u: f32, v: f32) -> V3 {
+    fn phong_local(&self, u: f32, v: f32) -> V3 {
         let turn = sin_cos_of_turns(v);
         let log = u.clamp(LEAST, 1.0 - LEAST).ln() / (self.exponent + 1.0);
         let sine = (-(2.0 * log).exp_m1()).max(LEAST).sqrt();
         v3(sine * turn.cos, sine * turn.sin, log.exp())
-    }
-
-    /// Adds the derivatives of g·weight of a direction that was drawn; returns that by the direction.
-    #[inline(always)]
-    pub(super) fn phong_weight_backward(
-        &self,
-        s: &Scatter,
-        g: V3,
-        gradient: &mut ShadingGradient,
-    ) -> V3 {
-        let direction = s.direction;
-        let mut by_drawn = splat(0.0);
-        if !self.glossy && !self.smooth {
-            gradient.diffuse += g;
-        } else {
-            let density = self.phong_density(self.normal, direction);
-            if density > IMPOSSIBLE {
-                by_drawn += self.phong_backward(direction, g * (1.0 / density), gradient);
-                let by_density = -g.dot(s.weight) / density;
-                let gloss = self.phong_gloss();
-                if self.normal.dot(direction) > 0.0 {
-                    let by_cosine = by_density * (1.0 - gloss) * FRAC_1_PI;
-                    gradient.normal += direction * by_cosine;
-                    by_drawn += self.normal * by_cosine;
-                }
-                let lobe = phong(self.exponent, self.mirror().dot(direction));
-                gradient.exponent += by_density * lobe * gloss / TAU;
-                let by_lobe = by_density * (self.exponent + 1.0) / TAU * gloss;
-                by_drawn += self.lobe_backward(direction, lobe, by_lobe, gradient);
-            }
-        }
-        by_drawn
-    }
-
-    /// The numbers that a direction of the specular lobe would have been drawn by.
-    #[inline(always)]
-    pub(super) fn phong_numbers(&self, local: V3) -> V3 {
-        let mut turn = local.y.atan2(local.x) / TAU;
-        turn -= turn.floor();
-        v3(phong(self.exponent + 1.0, local.z), turn, 0.0)
-    }
-
-    /// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
-    #[inline(always)]
-    pub(super) fn phong_direction_backward(
-        &self,
-        s: &Scatter,
-        g: V3,
-        gradient: &mut ShadingGradient,
-    ) {
-        if s.of_gloss {
-            let by = from_local_backward(self.mirror(), s.local, g);
-            self.mirror_backward(by.axis, gradient);
-            let turn = sin_cos_of_turns(s.v);
-            let log = s.u.clamp(LEAST, 1.0 - LEAST).ln() / (self.exponent + 1.0);
-            let square = (2.0 * log).exp();
-            let mut by_log = by.local.z * log.exp();
-            let rest = -(2.0 * log).exp_m1();
-            if rest > LEAST {
-                let by_sine = by.local.x * turn.cos + by.local.y * turn.sin;
-                by_log -= by_sine * square / rest.sqrt();
-            }
-            gradient.exponent -= by_log * log / (self.exponent + 1.0);
-        } else {
-            gradient.normal += from_local_backward(self.normal, s.local, g).axis;
-        }
     }
 }
 

@@ -3,11 +3,14 @@
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
-use super::{CONDUCTOR, METALLIC, Shading, ShadingGradient};
+use super::{Shading, ShadingGradient};
 #[cfg(feature = "wgpu")]
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
-use crate::scene;
+use crate::scene::{self, Bsdf};
+
+pub(super) const METALLIC: u32 = Bsdf::MetallicRoughness as u32;
+pub(super) const CONDUCTOR: u32 = Bsdf::Conductor as u32;
 
 const MOST_OF_METAL: f32 = scene::MOST_OF_METAL as f32;
 const LEAST_IOR: f32 = scene::LEAST_IOR as f32;

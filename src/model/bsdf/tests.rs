@@ -6,12 +6,12 @@ mod ranges;
 
 use super::*;
 use crate::model::frame::{SinCos, sin_cos_of_turns};
+use crate::model::v3;
 
-const ALL_MODELS: Models = Models {
-    phong: true,
-    metal: true,
-    dielectric: true,
-};
+const PHONG: u32 = Bsdf::Phong as u32;
+const METALLIC: u32 = Bsdf::MetallicRoughness as u32;
+const CONDUCTOR: u32 = Bsdf::Conductor as u32;
+const DIELECTRIC: u32 = Bsdf::Dielectric as u32;
 
 /// A gloss and a matt surface, flat and smooth.
 fn surfaces() -> Vec<Shading> {
@@ -60,7 +60,7 @@ fn of_facets() -> Vec<Shading> {
                 model,
                 compensated,
                 inside,
-                models: ALL_MODELS,
+                models: Models::ALL,
                 ..Shading::default()
             });
         }
@@ -111,7 +111,7 @@ fn the_density_integrates_to_one() {
         let d = v3(0.2, 0.3, 0.9).normalize();
         let shares = s.share_of_lobe(d, false) + s.share_of_lobe(d, true);
         assert!((shares - 1.0).abs() < 1e-6);
-        if s.models.facets() {
+        if s.models.has_others() {
             continue;
         }
         s.incoming = -s.normal;
@@ -131,7 +131,7 @@ fn the_density_integrates_to_one() {
 fn the_albedo_is_at_most_one() {
     for mut s in surfaces()
         .into_iter()
-        .filter(|s| !s.smooth && !s.models.facets())
+        .filter(|s| !s.smooth && !s.models.has_others())
     {
         for incoming in [-V3::AXES[2], s.incoming, v3(0.99, 0.0, -0.1).normalize()] {
             s.incoming = incoming;

@@ -18,7 +18,6 @@ use crate::geometry::detached;
 use crate::scene::{
     Camera, Collect, Detach, Flattened, HostScene, Normalization, Scene, SceneFrame, visit_tensors,
 };
-use crate::tensors::Visibility;
 use renderer::{TensorRenderer, Traced};
 use replay::Replay;
 
@@ -70,7 +69,7 @@ fn render_view(
     visit_tensors(&mut still, &mut still_camera, &mut Detach);
     let host = HostScene::new(&still)?;
     still_camera.check(Some(&host.context))?;
-    let normalization = if matches!(options.visibility, Visibility::Cone { .. }) {
+    let normalization = if !options.visibility.is_softmax() {
         // As the kernels have it.
         let frame = SceneFrame::new(&host);
         Normalization {

@@ -15,8 +15,8 @@ use crate::render::options::{RenderOptions, Tile, sampler, tiles};
 use crate::sampling::{Dimensions, Sampler};
 use crate::scene::{Camera, Flattened};
 use crate::tensors::{
-    Candidates, Cones, Diagnostics, Lights, PathSettings, RayStatistics, Rays, Sight, Sky, Softmax,
-    Tracer, Transport, Visibility, hierarchy_of, trace,
+    Candidates, Cones, Diagnostics, Lights, PathSettings, RayStatistics, Rays, Sight, Sky, Tracer,
+    Transport, VisibilityForm, hierarchy_of, trace,
 };
 
 /// A view, ready to be traced.
@@ -120,7 +120,7 @@ impl<'a> TensorRenderer<'a> {
     pub fn tiles(&self) -> Result<[Vec<Tile>; 2]> {
         let step = self.pixels().div_ceil(256);
         let probed = (0..self.pixels()).step_by(step);
-        let rays = self.camera_rays(&probed.map(|i| (self.pixel(i), 0)).collect::<Vec<_>>());
+        let rays = self.camera_rays(&probed.map(|i| (self.pixel(i), 0)).collect::<Vec<_>>())?;
         let pairs_a_ray = Tracer::new(self.transport()).pairs_a_ray(&rays)?;
         let surfaces = self.settings.bounces as usize + 1;
         let pairs = match is_cpu(&self.scene.context.device) {
@@ -163,7 +163,7 @@ impl<'a> TensorRenderer<'a> {
             .map(|i| self.pixel(i))
             .flat_map(|pixel| (tile.from..tile.to).map(move |sample| (pixel, sample)))
             .collect();
-        let rays = self.camera_rays(&paths);
+        let rays = self.camera_rays(&paths)?;
         let samples = (tile.to - tile.from) as usize;
         let found = trace(self.transport(), rays, &paths, samples)?;
         let statistics = found.statistics.clone();
@@ -178,7 +178,7 @@ impl<'a> TensorRenderer<'a> {
         })
     }
 
-    fn camera_rays(&self, paths: &[(u32, u32)]) -> Rays {
+    fn camera_rays(&self, paths: &[(u32, u32)]) -> Result<Rays> {
         let context = &self.scene.context;
         let (width, height) = (self.options.width, self.options.height);
         let film = |place: fn(usize, usize) -> usize, jitter: Vec<f64>, size: usize| {
@@ -232,14 +232,14 @@ impl<'a> TensorRenderer<'a> {
             &film,
             spread.as_ref(),
             disk.as_ref(),
-        );
-        Rays {
+        )?;
+        Ok(Rays {
             origin,
             direction,
             time,
             departure: None,
             arrival: None,
-        }
+        })
     }
 }
 
@@ -254,8 +254,8 @@ fn sight(
         Some(hierarchy) => Ok(hierarchy),
         None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
     };
-    match options.visibility {
-        Visibility::Cone { angle, pixels } => {
+    match options.visibility.form(scene.unit) {
+        VisibilityForm::Cones { angle, pixels } => {
             let half_height = camera.half_height()?;
             let least = options.blur.map_or(0.0, f64::tan);
             let wide = least * 0.5 * options.height as f64 / half_height;
@@ -265,20 +265,11 @@ fn sight(
                 Some(PixelFilter::of_cone(pixels, wide)),
             ))
         }
-        Visibility::Softmax {
-            sigma,
-            gamma,
-            epsilon,
-        } => {
+        VisibilityForm::Softmax(form) => {
             if scene.holes.is_some() {
                 let expected = "none under the softmax: holes are for Visibility::cone";
                 return Err(Error::invalid("scene", "alpha mask", "a mask", expected));
             }
-            let form = Softmax {
-                sigma: sigma / (scene.unit * scene.unit),
-                gamma,
-                epsilon,
-            };
             // Diagnostics count all pairs, and GPUs do without the host.
             let is_dense =
                 options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);

@@ -14,7 +14,6 @@ use crate::geometry::host_values;
 use crate::render::kernel;
 use crate::render::options::{RenderOptions, Tile};
 use crate::scene::{Camera, Flattened, HostScene, Normalization, Replace, Scene, visit_tensors};
-use crate::tensors::Visibility;
 
 /// The backward pass of a view.
 pub(super) struct Replay {
@@ -34,7 +33,7 @@ impl Replay {
     /// The gradient of the parameters from that of the means `[C, P]`.
     pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let interior = self.interior(upstream);
-        if let Visibility::Softmax { .. } = self.options.visibility {
+        if self.options.visibility.is_softmax() {
             return interior;
         }
         let (_, scene, camera) = self.anew();

@@ -44,7 +44,7 @@ impl ManyEmitters {
         let mut items: Vec<Item> = items.map(|(k, e)| item(k, e)).collect();
         let mut distant = Vec::new();
         for (i, light) in all.lights.iter().enumerate() {
-            if light.directional {
+            if light.is_directional() {
                 distant.push((triangles + i) as u32);
                 continue;
             }
@@ -53,7 +53,7 @@ impl ManyEmitters {
                 low: light.position,
                 high: light.position,
                 axis: light.axis,
-                all_round: !light.spot,
+                all_round: light.is_isotropic(),
                 power: light.mean().clamp(1e-30, 1e30),
                 alone: true,
             });

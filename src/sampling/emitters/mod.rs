@@ -69,7 +69,7 @@ impl Flat {
         Self {
             triangles: list.iter().map(triangle).collect(),
             lights: lights.iter().map(DeltaLight::numbers).collect(),
-            bits: lights.iter().map(DeltaLight::bits).collect(),
+            bits: lights.iter().map(|light| light.kind).collect(),
             brightness: of_triangles
                 .chain(lights.iter().map(|l| l.mean().max(1e-30)))
                 .collect(),

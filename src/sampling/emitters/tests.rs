@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::model::v3;
+use crate::scene::LightKind;
 
 /// Emitters are drawn as often as their probabilities say, which add up to 1; what is left of the number is
 /// uniform.
@@ -26,8 +27,7 @@ fn emitters_are_drawn_with_their_probabilities() {
             position: v3(0.5, 0.7, 2.0),
             axis: v3(0.0, 0.0, -1.0),
             strength: V3::ONE * 2.0,
-            directional: false,
-            spot: true,
+            kind: LightKind::Spot as u32,
             cos_inner: 0.9,
             cos_outer: 0.3,
         };
@@ -82,17 +82,16 @@ fn many() -> (Vec<Emitter>, Vec<DeltaLight>) {
         }
     });
     let triangles = triangles.collect();
-    let light = |directional, spot| DeltaLight {
+    let light = |kind: LightKind| DeltaLight {
         position: v3(0.3, -0.4, 0.9),
         axis: v3(0.0, 0.6, -0.8),
         strength: V3::ONE * 0.3,
-        directional,
-        spot,
+        kind: kind as u32,
         cos_inner: 0.9,
         cos_outer: 0.3,
     };
-    let lights = vec![light(false, false), light(true, false), light(false, true)];
-    (triangles, lights)
+    let kinds = [LightKind::Point, LightKind::Directional, LightKind::Spot];
+    (triangles, kinds.map(light).to_vec())
 }
 
 /// The same for a tree, from many places, with the groups that shadows are sampled for; and light over probability has

@@ -2,12 +2,13 @@
 
 use burn::tensor::{Bool, Tensor};
 
-use super::cosine;
-use super::facets::{Facets, fitted};
+use super::facets::{Facets, clamped, fitted};
+use super::{Drawn, Numbers, TensorBsdf, cosine};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::{UPRIGHT, given_back};
-use crate::scene::LEAST_CONTRAST;
+use crate::scene::{LEAST_CONTRAST, LEAST_IOR, MOST_IOR};
+use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The part of light that is reflected, which comes from the side of index 1 to that of index η.
 fn reflected_part(cosine: &Tensor<2>, eta: &Tensor<2>) -> Tensor<2> {
@@ -32,31 +33,41 @@ struct Turn {
     above: Tensor<2, Bool>,
 }
 
-impl Facets<'_> {
+/// Facets that reflect and refract.
+pub(super) struct Dielectric<'a>(Facets<'a>);
+
+impl<'a> Dielectric<'a> {
+    pub fn new(points: &'a SurfacePoints, model: &Model, incoming: &Vec3) -> Self {
+        let mut facets = Facets::new(points, model, incoming);
+        facets.second.x = clamped(&facets.second.x, LEAST_IOR, MOST_IOR);
+        Self(facets)
+    }
+
     /// The index of refraction on the other side over that on the view's.
     fn eta(&self) -> Tensor<2> {
-        let ior = self.second.x.clone();
+        let ior = self.0.second.x.clone();
         let near = (detached(&ior) - 1.0).abs().lower_elem(LEAST_CONTRAST);
         let ior = ior.mask_fill(near, 1.0 + LEAST_CONTRAST);
-        let inside = self.points.inside.clone().greater_elem(0.5);
+        let inside = self.0.points.inside.clone().greater_elem(0.5);
         ior.clone().mask_where(inside, ior.recip())
     }
 
     fn turn(&self, outgoing: &Vec3) -> Turn {
-        let above = detached(&self.points.normal.dot(outgoing)).greater_elem(0.0);
+        let above = detached(&self.0.points.normal.dot(outgoing)).greater_elem(0.0);
         let eta = self.eta();
         let ones = eta.ones_like().detach();
         let half = self
+            .0
             .view
             .add(&outgoing.scale(&eta.clone().mask_where(above.clone(), ones)));
-        let down = detached(&half.dot(&self.points.normal)).lower_elem(0.0);
+        let down = detached(&half.dot(&self.0.points.normal)).lower_elem(0.0);
         let half = half.map(|x| x.clone().mask_where(down.clone(), x.neg()));
         let square = half.dot(&half).clamp_min(1e-24);
-        let a = self.view.dot(&half).clamp_min(0.0);
+        let a = self.0.view.dot(&half).clamp_min(0.0);
         let b = outgoing.dot(&half).neg().clamp_min(0.0);
         let vh = (a.clone() / square.clone().sqrt()).clamp_max(1.0);
         let reflected = reflected_part(&vh, &eta);
-        let nh = half.dot(&self.points.normal) / square.clone().sqrt();
+        let nh = half.dot(&self.0.points.normal) / square.clone().sqrt();
         let upright = (nh * UPRIGHT).clamp_max(1.0);
         let k = a * b * 4.0 / (square.clone() * square);
         Turn {
@@ -69,42 +80,56 @@ impl Facets<'_> {
         }
     }
 
-    /// f·cos θ of reflected and refracted light.
-    pub fn interface(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3> {
-        let t = self.turn(outgoing);
-        let v = self.visibility(&self.points.normal.dot(outgoing).abs());
-        let below = cosine(self.points, &outgoing.scale_by(-1.0));
-        let cosine = below.mask_where(t.above.clone(), cosine(self.points, outgoing));
-        let mut f = t.part * self.distribution(&t.half) * v * t.k * t.upright * cosine;
-        if self.kind.compensated {
-            f = f * fitted(context, given_back, [&self.nv, &self.alpha, &t.eta])?;
-        }
-        Ok(self
-            .first
-            .map(|tint| tint.mask_fill(t.above.clone(), 1.0) * f.clone()))
-    }
-
-    /// The density of directions; the part of light that goes their way has no tape.
-    pub fn interface_density(&self, outgoing: &Vec3) -> Tensor<2> {
-        let t = self.turn(outgoing);
-        let below = t.eta.clone() * t.eta * t.k;
-        let jacobian = below.mask_fill(t.above, 1.0) * 0.25;
-        detached(&t.part) * self.visible(&t.half) * jacobian
-    }
-
     /// The part of light that facets with half vectors reflect, without tape.
-    pub fn part_reflected(&self, half: &Vec3) -> Tensor<2> {
-        let cosine = detached(&self.view.dot(half)).clamp(0.0, 1.0);
+    fn part_reflected(&self, half: &Vec3) -> Tensor<2> {
+        let cosine = detached(&self.0.view.dot(half)).clamp(0.0, 1.0);
         reflected_part(&cosine, &detached(&self.eta()))
     }
 
     /// The directions in which facets refract the view.
-    pub fn refracted(&self, half: &Vec3) -> Vec3 {
+    fn refracted(&self, half: &Vec3) -> Vec3 {
         let eta = self.eta();
-        let c = self.view.dot(half);
+        let c = self.0.view.dot(half);
         let square = ((c.clone() * c.clone()).neg() + 1.0) / (eta.clone() * eta.clone());
         let passed = (square.neg() + 1.0).clamp_min(1e-8).sqrt();
         let along = half.scale(&(c / eta.clone() - passed));
-        along.sub(&self.view.scale(&eta.recip()))
+        along.sub(&self.0.view.scale(&eta.recip()))
+    }
+}
+
+impl TensorBsdf for Dielectric<'_> {
+    fn evaluate(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3> {
+        let t = self.turn(outgoing);
+        let v = self.0.visibility(&self.0.points.normal.dot(outgoing).abs());
+        let below = cosine(self.0.points, &outgoing.scale_by(-1.0));
+        let cosine = below.mask_where(t.above.clone(), cosine(self.0.points, outgoing));
+        let mut f = t.part * self.0.distribution(&t.half) * v * t.k * t.upright * cosine;
+        if self.0.kind.compensated {
+            f = f * fitted(context, given_back, [&self.0.nv, &self.0.alpha, &t.eta])?;
+        }
+        Ok(self
+            .0
+            .first
+            .map(|tint| tint.mask_fill(t.above.clone(), 1.0) * f.clone()))
+    }
+
+    fn density(&self, outgoing: &Vec3) -> Tensor<2> {
+        let t = self.turn(outgoing);
+        let below = t.eta.clone() * t.eta * t.k;
+        let jacobian = below.mask_fill(t.above, 1.0) * 0.25;
+        detached(&t.part) * self.0.visible(&t.half) * jacobian
+    }
+
+    fn draw(&self, context: &Context, numbers: &Numbers) -> Drawn {
+        let half = self.0.draw(context, numbers);
+        let of_gloss = numbers.lobe.clone().lower(self.part_reflected(&half));
+        let (reflected, refracted) = (self.0.reflected(&half), self.refracted(&half));
+        let direction = refracted.zip(&reflected, |o, r| o.mask_where(of_gloss.clone(), r));
+        // What a slanted facet turns to the wrong side is lost.
+        let above = detached(&self.0.points.normal.dot(&direction)).greater_elem(0.0);
+        Drawn {
+            direction,
+            lost: Some(above.not_equal(of_gloss)),
+        }
     }
 }

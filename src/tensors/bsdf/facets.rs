@@ -5,10 +5,10 @@ use std::f64::consts::{PI, TAU};
 
 use burn::tensor::Tensor;
 
-use super::{frame, from_frame};
+use super::{Numbers, frame, from_frame};
 use crate::geometry::{Context, Vec3, detached, host_values};
 use crate::model::bsdf::Fit;
-use crate::scene::{Bsdf, LEAST_IOR, MOST_IOR, MOST_OF_METAL, MaterialKind};
+use crate::scene::MaterialKind;
 use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The least α.
@@ -45,15 +45,6 @@ impl<'a> Facets<'a> {
         };
         let roughness = clamped(&safe(2, 0.5).x, 0.0, 1.0);
         let alpha = (roughness.clone() * roughness).clamp_min(LEAST_ALPHA);
-        let (mut first, mut second) = (safe(0, 0.5), safe(1, 1.5));
-        match model.kind.bsdf {
-            Bsdf::Conductor => {
-                [first, second] =
-                    [first, second].map(|v| v.map(|x| clamped(&x, 0.0, MOST_OF_METAL)));
-            }
-            Bsdf::Dielectric => second.x = clamped(&second.x, LEAST_IOR, MOST_IOR),
-            _ => second.x = clamped(&second.x, 0.0, 1.0),
-        }
         let along = points.normal.dot(incoming);
         // Mirrored where an interpolated normal turns away.
         let behind = along.clone().clamp_min(0.0) * 2.0;
@@ -65,13 +56,9 @@ impl<'a> Facets<'a> {
             rv: slant(&(alpha.clone() * alpha.clone()), &nv),
             alpha,
             nv,
-            first,
-            second,
+            first: safe(0, 0.5),
+            second: safe(1, 1.5),
         }
-    }
-
-    pub fn is(&self, bsdf: Bsdf) -> bool {
-        self.kind.bsdf == bsdf
     }
 
     fn square(&self) -> Tensor<2> {
@@ -104,7 +91,8 @@ impl<'a> Facets<'a> {
     }
 
     /// The half vector of a visible facet, for two uniform numbers (Dupuy and Benyoub 2023).
-    pub fn draw(&self, context: &Context, u: &[f64], v: &[f64]) -> Vec3 {
+    pub fn draw(&self, context: &Context, numbers: &Numbers) -> Vec3 {
+        let Numbers { u, v, .. } = numbers;
         let axes = frame(&self.points.normal);
         let [x, y] = axes.map(|axis| axis.dot(&self.view));
         let z = self.points.normal.dot(&self.view);
@@ -136,7 +124,7 @@ impl<'a> Facets<'a> {
 }
 
 /// Numbers in a range, without a derivative where they are clamped.
-fn clamped(x: &Tensor<2>, low: f64, high: f64) -> Tensor<2> {
+pub(super) fn clamped(x: &Tensor<2>, low: f64, high: f64) -> Tensor<2> {
     let (below, above) = (detached(x).lower_elem(low), detached(x).greater_elem(high));
     x.clone().mask_fill(below, low).mask_fill(above, high)
 }

@@ -4,12 +4,13 @@ use std::f64::consts::PI;
 
 use burn::tensor::Tensor;
 
-use super::cosine;
-use super::facets::{Facets, fitted};
+use super::facets::{Facets, clamped, fitted};
+use super::{Drawn, Numbers, TensorBsdf, cosine};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::{DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_dielectric_facets};
-use crate::scene::Bsdf;
+use crate::scene::{Bsdf, MOST_OF_METAL};
+use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The least probability of each of two lobes that there are.
 const LEAST_SHARE: f64 = 0.05;
@@ -44,31 +45,52 @@ fn schlick(cosine: &Tensor<2>) -> Tensor<2> {
     (cosine.clone().neg() + 1.0).clamp_min(0.0).powi_scalar(5)
 }
 
-impl Facets<'_> {
+/// Facets that reflect.
+pub(super) struct Metal<'a>(Facets<'a>);
+
+impl<'a> Metal<'a> {
+    pub fn new(points: &'a SurfacePoints, model: &Model, incoming: &Vec3) -> Self {
+        let mut metal = Self(Facets::new(points, model, incoming));
+        let Facets { first, second, .. } = &mut metal.0;
+        if model.kind.bsdf == Bsdf::Conductor {
+            for v in [first, second] {
+                *v = v.map(|x| clamped(&x, 0.0, MOST_OF_METAL));
+            }
+        } else {
+            second.x = clamped(&second.x, 0.0, 1.0);
+        }
+        metal
+    }
+
+    fn is_conductor(&self) -> bool {
+        self.0.kind.bsdf == Bsdf::Conductor
+    }
+
     /// Fresnel's reflectance of a conductor.
     fn fresnel(&self, cosine: &Tensor<2>) -> Vec3 {
-        self.first
-            .zip(&self.second, |eta, k| conductor(cosine, eta, k))
+        self.0
+            .first
+            .zip(&self.0.second, |eta, k| conductor(cosine, eta, k))
     }
 
     /// What facets reflect, with what is given back of the light that they lose: of metallic–roughness that of metal
     /// and that of what is none, each by its share.
     fn reflectance(&self, context: &Context, cosine: &Tensor<2>) -> Result<Vec3> {
-        let lost = match self.kind.compensated {
-            true => self.fitted(context, lost, &self.nv)?,
-            false => self.nv.zeros_like().detach(),
+        let lost = match self.0.kind.compensated {
+            true => self.fitted(context, lost, &self.0.nv)?,
+            false => self.0.nv.zeros_like().detach(),
         };
-        if self.is(Bsdf::Conductor) {
+        if self.is_conductor() {
             let f0 = self.fresnel(&cosine.ones_like().detach());
             let more = f0.map(|f0| f0 * lost.clone() + 1.0);
             return Ok(self.fresnel(cosine).mul(&more));
         }
         let f0 = f64::from(DIELECTRIC_F0);
         let white = schlick(cosine);
-        let metal = &self.second.x;
+        let metal = &self.0.second.x;
         let rest = (white.clone() * (1.0 - f0) + f0) * (lost.clone() * f0 + 1.0);
         let rest = rest * (metal.clone().neg() + 1.0);
-        Ok(self.first.map(|base| {
+        Ok(self.0.first.map(|base| {
             let of_metal = (base.clone().neg() + 1.0) * white.clone() + base.clone();
             of_metal * (base * lost.clone() + 1.0) * metal.clone() + rest.clone()
         }))
@@ -82,20 +104,41 @@ impl Facets<'_> {
         cosine: &Tensor<2>,
     ) -> Result<Tensor<2>> {
         let by_two = |c: f32, a: f32, _: f32| fit(c, a);
-        fitted(context, by_two, [cosine, &self.alpha, &self.alpha])
+        fitted(context, by_two, [cosine, &self.0.alpha, &self.0.alpha])
     }
 
-    /// f·cos θ of metal and of metallic–roughness.
-    pub fn metal(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3> {
-        let half = self.view.add(outgoing);
-        let nl = self.points.normal.dot(outgoing).clamp_min(0.0);
-        let cosine = cosine(self.points, outgoing);
+    /// The probability of directions of facets, without tape.
+    fn gloss(&self) -> Tensor<2> {
+        if self.is_conductor() {
+            return self.0.nv.ones_like().detach();
+        }
+        let sum = |v: &Vec3| detached(&v.x).abs() + detached(&v.y).abs() + detached(&v.z).abs();
+        let metal = detached(&self.0.second.x);
+        let white = schlick(&self.0.nv);
+        let rest = (metal.clone().neg() + 1.0) * f64::from(DIELECTRIC_F0);
+        let f0 = self.0.first.scale(&metal).map(|x| x + rest.clone());
+        let reflected = f0.map(|f0| (f0.clone().neg() + 1.0) * white.clone() + f0);
+        let reflected = sum(&reflected);
+        let below = (metal.neg() + 1.0) * sum(&self.0.first);
+        let all = below.clone().lower_equal_elem(0.0);
+        let share = reflected.clone() / (reflected + below);
+        share
+            .clamp(LEAST_SHARE, 1.0 - LEAST_SHARE)
+            .mask_fill(all, 1.0)
+    }
+}
+
+impl TensorBsdf for Metal<'_> {
+    fn evaluate(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3> {
+        let half = self.0.view.add(outgoing);
+        let nl = self.0.points.normal.dot(outgoing).clamp_min(0.0);
+        let cosine = cosine(self.0.points, outgoing);
         let vh = half.dot(&half).clamp_min(1e-24).sqrt() * 0.5;
-        let facing = self.distribution(&half) * self.visibility(&nl) * cosine.clone();
+        let facing = self.0.distribution(&half) * self.0.visibility(&nl) * cosine.clone();
         let mut f = self.reflectance(context, &vh)?.scale(&facing);
-        if self.is(Bsdf::MetallicRoughness) {
+        if !self.is_conductor() {
             let fit = |c: &Tensor<2>| self.fitted(context, dielectric_facets, c);
-            let seen = fit(&self.nv)?.neg() + 1.0;
+            let seen = fit(&self.0.nv)?.neg() + 1.0;
             let lit = fit(&nl)?.neg() + 1.0;
             let mean = |_: f32, alpha: f32| {
                 let mean = mean_of_dielectric_facets(alpha);
@@ -106,39 +149,28 @@ impl Facets<'_> {
                     by_eta: 0.0,
                 }
             };
-            let mean = self.fitted(context, mean, &self.nv)?;
+            let mean = self.fitted(context, mean, &self.0.nv)?;
             let through = seen * lit / (mean.neg() + 1.0);
-            let below = (self.second.x.clone().neg() + 1.0) * (1.0 / PI) * cosine;
-            f = f.add(&self.first.scale(&(below * through)));
+            let below = (self.0.second.x.clone().neg() + 1.0) * (1.0 / PI) * cosine;
+            f = f.add(&self.0.first.scale(&(below * through)));
         }
         Ok(f)
     }
 
-    /// The probability of directions of facets, without tape.
-    pub fn metal_gloss(&self) -> Tensor<2> {
-        if self.is(Bsdf::Conductor) {
-            return self.nv.ones_like().detach();
-        }
-        let sum = |v: &Vec3| detached(&v.x).abs() + detached(&v.y).abs() + detached(&v.z).abs();
-        let metal = detached(&self.second.x);
-        let white = schlick(&self.nv);
-        let rest = (metal.clone().neg() + 1.0) * f64::from(DIELECTRIC_F0);
-        let f0 = self.first.scale(&metal).map(|x| x + rest.clone());
-        let reflected = f0.map(|f0| (f0.clone().neg() + 1.0) * white.clone() + f0);
-        let reflected = sum(&reflected);
-        let below = (metal.neg() + 1.0) * sum(&self.first);
-        let all = below.clone().lower_equal_elem(0.0);
-        let share = reflected.clone() / (reflected + below);
-        share
-            .clamp(LEAST_SHARE, 1.0 - LEAST_SHARE)
-            .mask_fill(all, 1.0)
+    fn density(&self, outgoing: &Vec3) -> Tensor<2> {
+        let gloss = self.gloss();
+        let facets = self.0.visible(&self.0.view.add(outgoing)) * 0.25;
+        let below = self.0.points.normal.dot(outgoing).clamp_min(0.0) * (1.0 / PI);
+        facets * gloss.clone() + below * (gloss.neg() + 1.0)
     }
 
-    /// The density of directions; its probabilities of lobes have no tape.
-    pub fn metal_density(&self, outgoing: &Vec3) -> Tensor<2> {
-        let gloss = self.metal_gloss();
-        let facets = self.visible(&self.view.add(outgoing)) * 0.25;
-        let below = self.points.normal.dot(outgoing).clamp_min(0.0) * (1.0 / PI);
-        facets * gloss.clone() + below * (gloss.neg() + 1.0)
+    fn draw(&self, context: &Context, numbers: &Numbers) -> Drawn {
+        let reflected = self.0.reflected(&self.0.draw(context, numbers));
+        let of_gloss = numbers.lobe.clone().lower(self.gloss());
+        let matt = &numbers.matt;
+        Drawn {
+            direction: matt.zip(&reflected, |m, r| m.mask_where(of_gloss.clone(), r)),
+            lost: None,
+        }
     }
 }

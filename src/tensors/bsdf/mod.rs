@@ -1,21 +1,61 @@
-//! How surfaces scatter light, in tensors: Lambert plus normalised Phong, f = k_d/π + k_s (n + 2)/(2π) cosⁿα, here, and
-//! facets.
+//! How surfaces scatter light, in tensors: a file a model ([`formulas`]).
 
 mod dielectric;
 mod facets;
 mod metal;
+mod phong;
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use burn::tensor::{Bool, Tensor};
 
-use super::surface::SurfacePoints;
+use super::surface::{Model, SurfacePoints};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::HORIZON;
 use crate::sampling::{Dimensions, Sampler};
 use crate::scene::Bsdf;
-use facets::Facets;
+use dielectric::Dielectric;
+use metal::Metal;
+use phong::Phong;
+
+/// A model at surface points.
+trait TensorBsdf {
+    /// f(wi, wo)·cos θ_i as planes; zero where nothing is scattered.
+    fn evaluate(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3>;
+
+    /// The density of directions; the probabilities of lobes have no tape.
+    fn density(&self, outgoing: &Vec3) -> Tensor<2>;
+
+    fn draw(&self, context: &Context, numbers: &Numbers) -> Drawn;
+}
+
+/// Uniform numbers of surface points, and directions of matt surfaces that are drawn by the first two.
+struct Numbers {
+    u: Vec<f64>,
+    v: Vec<f64>,
+    lobe: Tensor<2>,
+    matt: Vec3,
+}
+
+/// Directions, and which of them are lost.
+struct Drawn {
+    direction: Vec3,
+    lost: Option<Tensor<2, Bool>>,
+}
+
+/// The formulas of a model, with the parameters of some material at other points. `incoming` is the ray's direction.
+fn formulas<'a>(
+    points: &'a SurfacePoints,
+    model: &Model,
+    incoming: &'a Vec3,
+) -> Box<dyn TensorBsdf + 'a> {
+    match model.kind.bsdf {
+        Bsdf::Phong => Box::new(Phong { points, incoming }),
+        Bsdf::MetallicRoughness | Bsdf::Conductor => Box::new(Metal::new(points, model, incoming)),
+        Bsdf::Dielectric => Box::new(Dielectric::new(points, model, incoming)),
+    }
+}
 
 /// Values of some points in place of others.
 fn replaced(all: Vec3, row: &Tensor<2>, some: &Vec3) -> Vec3 {
@@ -30,32 +70,12 @@ pub(crate) fn scattered(
     incoming: &Vec3,
     outgoing: &Vec3,
 ) -> Result<Vec3> {
-    let mut f = by_phong(points, incoming, outgoing);
+    let mut f = Phong { points, incoming }.evaluate(context, outgoing)?;
     for model in &points.models {
-        let facets = Facets::new(points, model, incoming);
-        let own = match model.kind.bsdf {
-            Bsdf::Dielectric => facets.interface(context, outgoing)?,
-            _ => facets.metal(context, outgoing)?,
-        };
+        let own = formulas(points, model, incoming).evaluate(context, outgoing)?;
         f = replaced(f, &model.row, &own);
     }
     Ok(f)
-}
-
-fn by_phong(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Vec3 {
-    let cosine = cosine(points, outgoing);
-    let mut f = points.parameters[0].scale_by(1.0 / PI);
-    if let Some((specular, exponent)) = gloss(points) {
-        let lobe = phong(exponent, &mirror_cosine(points, incoming, outgoing));
-        let norm = (exponent.clone() + 2.0) * (1.0 / TAU);
-        f = f.add(&specular.scale(&(lobe * norm)));
-    }
-    f.scale(&cosine)
-}
-
-/// k_s and exponent, if any material of the scene is glossy.
-fn gloss(points: &SurfacePoints) -> Option<(&Vec3, &Tensor<2>)> {
-    Some((points.parameters.get(1)?, &points.parameters[2].x))
 }
 
 /// cos θ to the shading normal, but at most four times that to the geometric normal
@@ -78,34 +98,12 @@ pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) 
 
 /// The density with which [`sample`] draws a direction; the probabilities of lobes have no tape.
 fn density_of(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
-    let mut density = phong_density(points, incoming, outgoing);
+    let mut density = Phong { points, incoming }.density(outgoing);
     for model in &points.models {
-        let facets = Facets::new(points, model, incoming);
-        let own = match model.kind.bsdf {
-            Bsdf::Dielectric => facets.interface_density(outgoing),
-            _ => facets.metal_density(outgoing),
-        };
+        let own = formulas(points, model, incoming).density(outgoing);
         density = density.mask_where(model.row.clone().greater_elem(0.5), own);
     }
     density
-}
-
-fn phong_density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
-    let cosine = points.normal.dot(outgoing).clamp_min(0.0) * (1.0 / PI);
-    let Some((specular, exponent)) = gloss(points) else {
-        return cosine;
-    };
-    let p_specular = share_of_gloss(points, specular);
-    let lobe = phong(exponent, &mirror_cosine(points, incoming, outgoing));
-    cosine * (p_specular.clone().neg() + 1.0)
-        + lobe * ((exponent.clone() + 1.0) * (1.0 / TAU)) * p_specular
-}
-
-/// The probability of the specular lobe: its share of the albedo, without tape.
-fn share_of_gloss(points: &SurfacePoints, specular: &Vec3) -> Tensor<2> {
-    let sum = |k: &Vec3| detached(&(k.x.clone() + k.y.clone() + k.z.clone())).abs();
-    let (kd, ks) = (sum(&points.parameters[0]), sum(specular));
-    ks.clone() / (kd + ks).clamp_min(1e-20)
 }
 
 /// A sampled direction and the throughput f·cos/pdf along it.
@@ -136,58 +134,32 @@ pub(crate) fn sample(
         list(&|i| u[i].sqrt() * (TAU * v[i]).sin()),
         list(&|i| (1.0 - u[i]).sqrt()),
     ];
-    let diffuse = from_frame(&points.normal, &local);
-    let Some((specular, exponent)) = gloss(points) else {
+    let matt = from_frame(&points.normal, &local);
+    let phong = Phong { points, incoming };
+    if phong.gloss().is_none() {
         // f·cos/pdf is k_d, whatever the direction, but near the horizon of a smooth surface.
         let mut weight = points.parameters[0].clone();
         if points.smooth {
-            let drawn_by = points.normal.dot(&diffuse).clamp_min(1e-7);
-            weight = weight.scale(&(cosine(points, &diffuse) / drawn_by));
+            let drawn_by = points.normal.dot(&matt).clamp_min(1e-7);
+            weight = weight.scale(&(cosine(points, &matt) / drawn_by));
         }
         return Ok(Scatter {
             weight,
-            direction: diffuse,
+            direction: matt,
         });
-    };
-    // Phong lobe about the mirror direction: cos α = u^(1/(n + 1)). The number is kept off 0 and
-    // 1, where the derivative of the square root has no bound.
-    let log_u = list(&|i| u[i].clamp(1e-7, 1.0 - 1e-7).ln());
-    let log_cosine = log_u / (exponent.clone() + 1.0);
-    let cosine = log_cosine.clone().exp();
-    let sine = ((log_cosine * 2.0).exp().neg() + 1.0)
-        .clamp_min(context.epsilon())
-        .sqrt();
-    let local = [
-        sine.clone() * list(&|i| (TAU * v[i]).cos()),
-        sine * list(&|i| (TAU * v[i]).sin()),
-        cosine,
-    ];
-    let glossy = from_frame(&mirror(points, incoming), &local);
-
+    }
     let lobe = context.row(&lobe);
-    let of_gloss = lobe.clone().lower(share_of_gloss(points, specular));
-    let mut direction = diffuse.zip(&glossy, |d, g| d.mask_where(of_gloss.clone(), g));
+    let numbers = Numbers { u, v, lobe, matt };
+    let mut direction = phong.draw(context, &numbers).direction;
     // Below this the direction can't have been drawn, and the value is zero as well.
-    let mut impossible = lobe.zeros_like().greater_elem(0.5);
+    let mut impossible = numbers.lobe.zeros_like().greater_elem(0.5);
     for model in &points.models {
-        let facets = Facets::new(points, model, incoming);
-        let half = facets.draw(context, &u, &v);
-        let is_interface = model.kind.bsdf == Bsdf::Dielectric;
-        let chance = match is_interface {
-            true => facets.part_reflected(&half),
-            false => facets.metal_gloss(),
-        };
-        let of_gloss = lobe.clone().lower(chance);
-        let (reflected, other) = (facets.reflected(&half), facets.refracted(&half));
-        let other = if is_interface { other } else { diffuse.clone() };
-        let own = other.zip(&reflected, |o, r| o.mask_where(of_gloss.clone(), r));
-        if is_interface {
-            // What a slanted facet turns to the wrong side is lost.
-            let above = detached(&points.normal.dot(&own)).greater_elem(0.0);
+        let drawn = formulas(points, model, incoming).draw(context, &numbers);
+        if let Some(lost) = drawn.lost {
             let own = model.row.clone().greater_elem(0.5);
-            impossible = impossible.bool_or(above.not_equal(of_gloss).bool_and(own));
+            impossible = impossible.bool_or(lost.bool_and(own));
         }
-        direction = replaced(direction, &model.row, &own);
+        direction = replaced(direction, &model.row, &drawn.direction);
     }
     let value = scattered(context, points, incoming, &direction)?;
     let density = density_of(points, incoming, &direction);
@@ -197,26 +169,6 @@ pub(crate) fn sample(
         weight: value.map(|f| f.mask_fill(impossible.clone(), 0.0) / density.clone()),
         direction,
     })
-}
-
-fn mirror(points: &SurfacePoints, incoming: &Vec3) -> Vec3 {
-    let along = points.normal.dot(incoming) * 2.0;
-    incoming.sub(&points.normal.scale(&along))
-}
-
-fn mirror_cosine(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
-    mirror(points, incoming).dot(outgoing)
-}
-
-/// cosⁿα, 0 for α over 90°.
-fn phong(exponent: &Tensor<2>, cosine: &Tensor<2>) -> Tensor<2> {
-    let behind = detached(cosine).lower_equal_elem(1e-12);
-    let log = cosine
-        .clone()
-        .mask_fill(behind.clone(), 1.0)
-        .clamp_max(1.0)
-        .log();
-    (log * exponent.clone()).exp().mask_fill(behind, 0.0)
 }
 
 /// Two unit vectors across a unit axis, and across each other (Duff et al. 2017).

@@ -155,11 +155,12 @@ impl Candidates {
             };
         }
         // A weight is exp(−(t + penalty·squared distance)/falloff), at most, over that of the background, or of a
-        // hit inside of a triangle: p > 1/2 there, and the start is passed.
+        // hit inside of a triangle: p > 1/2 there, and the start is passed. In front of these the least falloff holds,
+        // behind them the largest.
         let (distance, radius) = (ray.origin.length(), form.scene.radius());
         let (near, far) = ((distance - radius).max(0.0), distance + radius);
-        let [falloff, background] = form.softmax.falloff(near, far);
-        let (penalty, limit) = (falloff / sigma, background + falloff * nothing);
+        let [least, most, background] = form.softmax.falloff(near, far);
+        let (penalty, limit) = (least / sigma, background + most * nothing);
         // A hit before near is as far from every triangle.
         let half = 0.5 / penalty;
         Reach {
@@ -168,7 +169,7 @@ impl Candidates {
             penalty,
             deep: 0.0,
             begun,
-            behind: falloff * (nothing + 1.0),
+            behind: most * (nothing + 1.0),
         }
     }
 }

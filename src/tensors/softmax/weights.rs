@@ -19,11 +19,12 @@ pub struct Softmax {
 }
 
 impl Softmax {
-    /// The distance along a ray that divides a weight by e, and the one at which a surface has the score of the
-    /// background: what lies far behind it can't matter.
-    pub(super) fn falloff(&self, near: f64, far: f64) -> [f64; 2] {
+    /// The least and the largest distance along a ray that divides a weight by e, and the one at which a surface has the
+    /// score of the background: what lies far behind it can't matter.
+    pub(super) fn falloff(&self, near: f64, far: f64) -> [f64; 3] {
         let depth = far - near;
-        [self.gamma * depth, far - self.epsilon * depth]
+        let falloff = self.gamma * depth;
+        [falloff, falloff, far - self.epsilon * depth]
     }
 }
 

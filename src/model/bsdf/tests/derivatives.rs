@@ -97,7 +97,7 @@ fn derivatives_of_samples() {
                     PHONG => 1.0,
                     DIELECTRIC => part(moved, &found) / part(&s, &drawn),
                     _ => {
-                        let by = moved.metal_densities(moved.normal, found.direction);
+                        let by = metal::densities(moved, moved.normal, found.direction);
                         let (old, new) = (s.gloss(), moved.gloss());
                         let below = if new < 1.0 {
                             (1.0 - old) / (1.0 - new)
@@ -113,7 +113,7 @@ fn derivatives_of_samples() {
             s.sample_backward(&drawn, g, by_direction, &mut found);
             // Colours change the share of gloss, but for those of a matt surface.
             let colour = |i: usize| (8..11).contains(&i) || i == 12;
-            let matters = |i: usize| match (s.models.facets(), s.glossy) {
+            let matters = |i: usize| match (s.models.has_others(), s.glossy) {
                 (true, _) => true,
                 (false, true) => !colour(i),
                 (false, false) => i < 10,

@@ -18,7 +18,7 @@ fn white(model: u32, specular: f32, roughness: f32, degrees: f32) -> Shading {
         glossy: true,
         model,
         compensated: true,
-        models: ALL_MODELS,
+        models: Models::ALL,
         ..Shading::default()
     }
 }

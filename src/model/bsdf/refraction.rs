@@ -1,0 +1,160 @@
+//! Facets that refract or reflect at an interface, and the directions that they turn the view to.
+
+#[cfg(feature = "wgpu")]
+use super::ShadingExpand;
+use super::facets::{Facets, FacetsGradient};
+use super::fresnel::dielectric;
+use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient};
+use crate::cube::*;
+use crate::model::{V3, splat};
+
+/// Facets refract in proportion to so many times n·h, up to all.
+pub(crate) const UPRIGHT: f32 = 64.0;
+
+/// A facet that turns the view into a direction, above the surface or below.
+#[apply(record!)]
+pub(super) struct Turn {
+    /// Whether light is reflected.
+    pub above: bool,
+    /// H, its length, and 1 or −1 with H = ± (v + η l).
+    pub half: V3,
+    pub length: f32,
+    pub sign: f32,
+    /// v·H and −l·H, of which none is negative where a facet refracts, and v·h.
+    pub a: f32,
+    pub b: f32,
+    pub cosine: f32,
+    /// The part of light that goes this way, and its derivatives by the cosine and η.
+    pub part: V3,
+    pub k: f32,
+    /// The factor of K of upright facets.
+    pub upright: f32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Shading {
+    /// The index of refraction on the other side over that on the view's.
+    #[inline(always)]
+    pub(super) fn eta(&self) -> f32 {
+        let mut eta = self.ior();
+        if self.inside {
+            eta = 1.0 / eta;
+        }
+        eta
+    }
+
+    /// How far a refracted direction turns when its facet does, along the normal.
+    #[inline(always)]
+    pub(super) fn bending(&self) -> f32 {
+        (1.0 - 1.0 / self.eta()).abs()
+    }
+
+    #[inline(always)]
+    pub(super) fn eta_backward(&self, g: f32, gradient: &mut ShadingGradient) {
+        let mut by = g;
+        if self.inside {
+            let eta = self.eta();
+            by = -g * eta * eta;
+        }
+        if self.has_own_ior() {
+            gradient.specular.x += by;
+        }
+    }
+
+    /// The facet that turns the view into a direction.
+    #[inline(always)]
+    pub(super) fn turn(&self, f: &Facets, outgoing: V3) -> Turn {
+        let above = f.normal.dot(outgoing) > 0.0;
+        let eta = self.eta();
+        let mut half = f.view + outgoing;
+        let mut sign = 1.0f32;
+        if !above {
+            half = f.view + outgoing * eta;
+            if half.dot(f.normal) < 0.0 {
+                sign = -1.0f32;
+                half = -half;
+            }
+        }
+        let length = half.length().max(IMPOSSIBLE);
+        let a = f.view.dot(half).max(0.0);
+        let b = (-outgoing.dot(half)).max(0.0);
+        let cosine = (a / length).min(1.0);
+        let mut part = dielectric(cosine, eta);
+        let mut k = 1.0f32;
+        let mut upright = 1.0f32;
+        if !above {
+            upright = (UPRIGHT * half.dot(f.normal) / length).min(1.0);
+            part = splat(0.0) - part;
+            part.x += 1.0;
+            let square = 1.0 / (length * length);
+            k = 4.0 * a * b * square * square;
+        }
+        Turn {
+            above,
+            half,
+            length,
+            sign,
+            a,
+            b,
+            cosine,
+            part,
+            k,
+            upright,
+        }
+    }
+
+    /// The part of light that a facet with a half vector reflects.
+    #[inline(always)]
+    pub(super) fn part_reflected(&self, f: &Facets, half: V3) -> f32 {
+        dielectric(f.view.dot(half).clamp(0.0, 1.0), self.eta()).x
+    }
+
+    /// The direction in which a facet with a half vector refracts the view.
+    #[inline(always)]
+    pub(super) fn refracted_at(&self, f: &Facets, half: V3) -> V3 {
+        let eta = self.eta();
+        let c = f.view.dot(half);
+        let passed = (1.0 - (1.0 - c * c) / (eta * eta)).max(IMPOSSIBLE).sqrt();
+        half * (c / eta - passed) - f.view * (1.0 / eta)
+    }
+
+    /// Adds the derivatives of g·direction of a direction that a facet refracted, at fixed random numbers.
+    #[inline(never)]
+    pub(super) fn refracted_backward(
+        &self,
+        drawn: &Scatter,
+        g: V3,
+        gradient: &mut ShadingGradient,
+    ) {
+        let f = self.facets_about(self.normal);
+        let half = f.draw(drawn.u, drawn.v);
+        let eta = self.eta();
+        let inverse = 1.0 / eta;
+        let c = f.view.dot(half);
+        let square = (1.0 - c * c) * inverse * inverse;
+        let passed = (1.0 - square).max(1e-8).sqrt();
+        let along = g.dot(half);
+        let by_c = along * (inverse - c * inverse * inverse / passed);
+        let by_eta = g.dot(f.view) * inverse * inverse
+            - along * (c * inverse * inverse + square * inverse / passed);
+        self.eta_backward(by_eta, gradient);
+        let mut by = FacetsGradient::zero();
+        by.view = half * by_c - g * inverse;
+        let by_half = g * (c * inverse - passed) + f.view * by_c;
+        f.draw_backward(drawn.u, drawn.v, by_half, &mut by);
+        self.add_facets(&f, &by, gradient);
+    }
+
+    /// A vector along the half vector of the facet that turns the view into a direction, and whether it reflects.
+    #[inline(always)]
+    pub(super) fn half_of(&self, f: &Facets, outgoing: V3, of_gloss: bool) -> V3 {
+        let mut half = f.view + outgoing;
+        if !of_gloss {
+            half = f.view + outgoing * self.eta();
+            if half.dot(f.normal) < 0.0 {
+                half = -half;
+            }
+        }
+        half
+    }
+}

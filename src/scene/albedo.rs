@@ -1,0 +1,122 @@
+//! Values over surfaces: constants or textures.
+
+use burn::tensor::Tensor;
+
+use super::Parameter;
+use super::wrap::Wrap;
+use crate::geometry::any_positive;
+
+/// The value of what may have several forms: a parameter of a material, or an environment.
+pub(crate) enum Value<'a> {
+    Colour(&'a mut Parameter<3>),
+    Image(&'a mut Tensor<3>, Wrap),
+    Scalar(&'a mut Parameter<1>),
+    /// `[H, W]`, numbers that are the first of three.
+    ScalarImage(&'a mut Tensor<2>, Wrap),
+}
+
+impl Value<'_> {
+    /// Its numbers, where it is neither a texture nor a tensor.
+    pub(super) fn constants(&self) -> &[f64] {
+        match self {
+            Self::Colour(Parameter::Constant(v)) => v.as_slice(),
+            Self::Scalar(Parameter::Constant(v)) => v.as_slice(),
+            _ => &[],
+        }
+    }
+}
+
+/// An albedo, or the radiance of an emitter: a constant RGB, or a texture.
+#[derive(Clone)]
+pub enum Albedo {
+    /// RGB.
+    Constant(Parameter<3>),
+    /// `[H, W, 3]`, row 0 at the top (v = 1), looked up bilinearly; texel centres at half-integers.
+    Texture {
+        /// The texels.
+        texels: Tensor<3>,
+        /// Outside of the unit square.
+        wrap: Wrap,
+    },
+}
+
+impl<P: Into<Parameter<3>>> From<P> for Albedo {
+    fn from(p: P) -> Self {
+        Self::Constant(p.into())
+    }
+}
+
+impl Albedo {
+    /// A texture `[H, W, 3]` that repeats.
+    pub fn texture(texels: Tensor<3>) -> Self {
+        Self::Texture {
+            texels,
+            wrap: Wrap::Repeat,
+        }
+    }
+
+    /// Whether it may be other than 0: false only for a constant 0.
+    pub(crate) fn reflects(&self) -> bool {
+        self.constant() != Some([0.0; 3])
+    }
+
+    /// Whether any of its values is above 0.
+    pub(crate) fn shines(&self) -> bool {
+        match self {
+            Self::Constant(p) => p.shines(),
+            Self::Texture { texels, .. } => any_positive(texels),
+        }
+    }
+
+    pub(super) fn value(&mut self) -> Value<'_> {
+        match self {
+            Self::Constant(p) => Value::Colour(p),
+            Self::Texture { texels, wrap } => Value::Image(texels, *wrap),
+        }
+    }
+
+    /// Its numbers, where it is neither a texture nor a tensor.
+    pub(super) fn constant(&self) -> Option<[f64; 3]> {
+        match self {
+            Self::Constant(Parameter::Constant(v)) => Some(*v),
+            _ => None,
+        }
+    }
+}
+
+/// A number of a material: a constant, or a texture of one channel.
+#[derive(Clone)]
+pub enum ScalarTexture {
+    /// One number.
+    Constant(Parameter<1>),
+    /// `[H, W]`, row 0 at the top (v = 1), looked up bilinearly; texel centres at half-integers.
+    Texture {
+        /// The texels.
+        texels: Tensor<2>,
+        /// Outside of the unit square.
+        wrap: Wrap,
+    },
+}
+
+impl<P: Into<Parameter<1>>> From<P> for ScalarTexture {
+    fn from(p: P) -> Self {
+        Self::Constant(p.into())
+    }
+}
+
+impl ScalarTexture {
+    /// A texture `[H, W]` that repeats.
+    pub fn texture(texels: Tensor<2>) -> Self {
+        Self::Texture {
+            texels,
+            wrap: Wrap::Repeat,
+        }
+    }
+
+    pub(super) fn value(&mut self) -> Value<'_> {
+        match self {
+            Self::Constant(p) => Value::Scalar(p),
+            Self::Texture { texels, wrap } => Value::ScalarImage(texels, *wrap),
+        }
+    }
+}
