@@ -56,19 +56,10 @@ pub(super) struct MeshDescription {
 }
 
 /// Values of corners with their own index, as far as all faces have them.
+#[derive(Default)]
 pub(super) struct Corners<const C: usize> {
     pub values: Vec<[f64; C]>,
     pub faces: Vec<[u32; 3]>,
-}
-
-// Derived, it would ask for a default of `[f64; C]`.
-impl<const C: usize> Default for Corners<C> {
-    fn default() -> Self {
-        Self {
-            values: Vec::new(),
-            faces: Vec::new(),
-        }
-    }
 }
 
 impl<const C: usize> Corners<C> {

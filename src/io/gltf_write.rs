@@ -1,6 +1,5 @@
 //! Meshes and scenes as glTF 2.0 files.
 
-use std::io::Write;
 use std::path::Path;
 
 use glam::DVec3;
@@ -85,9 +84,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
     let name = format!("{}.bin", in_line(&stem, "scene"));
     json["buffers"][0]["uri"] = json!(utf8_percent_encode(&name, ESCAPED).to_string());
     let beside = path.with_file_name(name);
-    let buffer = Part::write(&beside, |f| {
-        f.write_all(&file.buffer.bytes).map_err(Error::io(&beside))
-    })?;
+    let buffer = Part::of(&beside, &[&file.buffer.bytes])?;
     let text = Part::write(path, |f| {
         serde_json::to_writer_pretty(f, &json).map_err(|e| Error::io(path)(e.into()))
     })?;
@@ -108,21 +105,18 @@ fn container(path: &Path, json: Value, mut buffer: Vec<u8>) -> Result<Part> {
     };
     let all = length(28 + json.len() + buffer.len())?;
     let (of_json, of_buffer) = (length(json.len())?, length(buffer.len())?);
-    Part::write(path, |file| {
-        let chunks: [&[u8]; 9] = [
-            b"glTF",
-            &2u32.to_le_bytes(),
-            &all.to_le_bytes(),
-            &of_json.to_le_bytes(),
-            b"JSON",
-            &json,
-            &of_buffer.to_le_bytes(),
-            b"BIN\0",
-            &buffer,
-        ];
-        let mut put = |bytes: &&[u8]| file.write_all(bytes).map_err(Error::io(path));
-        chunks.iter().try_for_each(&mut put)
-    })
+    let chunks: [&[u8]; 9] = [
+        b"glTF",
+        &2u32.to_le_bytes(),
+        &all.to_le_bytes(),
+        &of_json.to_le_bytes(),
+        b"JSON",
+        &json,
+        &of_buffer.to_le_bytes(),
+        b"BIN\0",
+        &buffer,
+    ];
+    Part::of(path, &chunks)
 }
 
 /// Lists of a file in the making.

@@ -132,11 +132,7 @@ impl HostImage {
     /// # Errors
     /// As [`HostImage::check_path`], and when the disk is full.
     pub fn check_room(path: impl AsRef<Path>, width: usize, height: usize) -> Result<()> {
-        Self::check_bytes(path.as_ref(), width.saturating_mul(height))
-    }
-
-    /// Checks a path and that there is room for so many pixels.
-    fn check_bytes(path: &Path, pixels: usize) -> Result<()> {
+        let (path, pixels) = (path.as_ref(), width.saturating_mul(height));
         Self::check_place(path)?;
         let of_pixel = match format_of(path)? {
             ImageFormat::OpenExr => 12,

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use serde::de::DeserializeOwned;
@@ -136,6 +136,25 @@ impl LoadLimits {
     /// Sets whether a file may refer to files outside of its own folder; false by default.
     pub fn outside(self, outside: bool) -> Self {
         Self { outside, ..self }
+    }
+
+    /// The file of a name that another file has, which lies in its folder or below it unless files outside are allowed.
+    pub(super) fn beside(&self, path: &Path, name: &str) -> Result<PathBuf> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let file = folder.join(name);
+        self.check_place(&file, folder, &path.display().to_string())?;
+        Ok(file)
+    }
+
+    /// Checks a number of triangles; the message is for an error of the file.
+    pub(super) fn check_triangles(&self, count: u64) -> std::result::Result<(), String> {
+        let most = self.triangles;
+        match count <= most {
+            true => Ok(()),
+            false => Err(format!(
+                "there are more than {most} triangles: LoadLimits::triangles raises the limit"
+            )),
+        }
     }
 
     /// Checks that a file lies in a folder or below it, unless files outside are allowed.

@@ -35,6 +35,14 @@ impl Part {
         Ok(this)
     }
 
+    /// Writes bytes one after the other.
+    pub fn of(path: &Path, bytes: &[&[u8]]) -> Result<Self> {
+        Self::write(path, |file| {
+            let written = bytes.iter().try_for_each(|bytes| file.write_all(bytes));
+            written.map_err(Error::io(path))
+        })
+    }
+
     /// Gives it its name.
     pub fn publish(self) -> Result<()> {
         fs::rename(&self.part, &self.path).map_err(Error::io(&self.path))

@@ -25,27 +25,22 @@ impl<const C: usize> Debug for Parameter<C> {
     }
 }
 
-impl Debug for Albedo {
-    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        match self {
-            Self::Constant(p) => p.fmt(f),
-            Self::Texture { texels, wrap } => {
-                write!(f, "texture {:?}, {wrap:?}", tensor(texels))
+macro_rules! textures {
+    ($($texture:ident)*) => {$(
+        impl Debug for $texture {
+            fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+                match self {
+                    Self::Constant(p) => p.fmt(f),
+                    Self::Texture { texels, wrap } => {
+                        write!(f, "texture {:?}, {wrap:?}", tensor(texels))
+                    }
+                }
             }
         }
-    }
+    )*};
 }
 
-impl Debug for ScalarTexture {
-    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        match self {
-            Self::Constant(p) => p.fmt(f),
-            Self::Texture { texels, wrap } => {
-                write!(f, "texture {:?}, {wrap:?}", tensor(texels))
-            }
-        }
-    }
-}
+textures!(Albedo ScalarTexture);
 
 impl Debug for Environment {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {

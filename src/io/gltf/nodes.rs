@@ -196,11 +196,11 @@ impl Walk<'_> {
         let known = match self.meshes.get(&index) {
             Some(&known) => known,
             None => {
-                self.found
-                    .meshes
-                    .push(mesh(document, index, self.materials)?);
-                self.meshes.insert(index, self.found.meshes.len() - 1);
-                self.found.meshes.len() - 1
+                let next = self.found.meshes.len();
+                let mesh = mesh(document, index, self.materials)?;
+                self.found.meshes.push(mesh);
+                self.meshes.insert(index, next);
+                next
             }
         };
         if !self.found.meshes[known].faces.is_empty() {
