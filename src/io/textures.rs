@@ -130,9 +130,7 @@ impl<'a> Textures<'a> {
                 self.memory.read = self.memory.read.saturating_add(bytes);
                 Decoded::read_size(BufReader::new(file), path)
             }
-            ImageSource::Bytes { name, bytes } => {
-                Decoded::read_size(Cursor::new(bytes.slice()), name)
-            }
+            ImageSource::Bytes { name, bytes } => Decoded::read_size(Cursor::new(bytes), name),
         }?;
         check_size(size, name(source), self.place.limits)?;
         Ok(size)
@@ -232,7 +230,7 @@ impl<'a> Textures<'a> {
         match &self.description.images[image] {
             ImageSource::File(path) => Decoded::of_file(path, self.place.limits),
             ImageSource::Bytes { name, bytes } => {
-                Decoded::read(Cursor::new(bytes.slice()), name, self.place.limits)
+                Decoded::read(Cursor::new(bytes), name, self.place.limits)
             }
         }
     }

@@ -1,10 +1,11 @@
 //! Arrays of numbers, read where they lie in their buffers (glTF 2.0, section 3.6.2): an array takes no memory,
 //! whatever it claims to hold.
 
+use bytes::Bytes;
+
 use super::Document;
 use super::schema::Sparse as SparseJson;
 use crate::error::Result;
-use crate::io::description::Bytes;
 use crate::io::numbers::Kind;
 
 /// The kind of OpenGL's number.
@@ -21,7 +22,7 @@ fn kind(number: u32) -> Option<Kind> {
 }
 
 /// Rows of numbers.
-pub(super) struct Accessor<'a> {
+pub(super) struct Accessor {
     /// The number of rows.
     pub count: usize,
     /// Numbers in a row.
@@ -29,22 +30,22 @@ pub(super) struct Accessor<'a> {
     component: Kind,
     normalized: bool,
     /// None where all is 0.
-    base: Option<Strided<'a>>,
-    sparse: Option<Sparse<'a>>,
+    base: Option<Strided>,
+    sparse: Option<Sparse>,
 }
 
 /// Rows at equal distances.
-struct Strided<'a> {
-    bytes: &'a [u8],
+struct Strided {
+    bytes: Bytes,
     stride: usize,
 }
 
 /// Rows that differ from the base, by increasing number.
-struct Sparse<'a> {
+struct Sparse {
     count: usize,
     index: Kind,
-    indices: Strided<'a>,
-    values: Strided<'a>,
+    indices: Strided,
+    values: Strided,
 }
 
 impl Document<'_> {
@@ -58,12 +59,9 @@ impl Document<'_> {
         let bytes = &self.buffers[view.buffer];
         let offset = view.byte_offset;
         let end = offset.checked_add(view.byte_length);
-        let length = bytes.range.len();
+        let length = bytes.len();
         match end.filter(|&end| end <= length as u64) {
-            Some(end) => Ok(Bytes {
-                buffer: bytes.buffer.clone(),
-                range: bytes.range.start + offset as usize..bytes.range.start + end as usize,
-            }),
+            Some(end) => Ok(bytes.slice(offset as usize..end as usize)),
             None => {
                 let message = format!(
                     "ends after byte {} of buffers[{}], which has {length}",
@@ -76,7 +74,7 @@ impl Document<'_> {
     }
 
     /// An accessor all of whose rows lie in their views.
-    pub fn accessor(&self, index: usize, place: &str) -> Result<Accessor<'_>> {
+    pub fn accessor(&self, index: usize, place: &str) -> Result<Accessor> {
         let json = self.get(&self.root.accessors, index, place, "accessors")?;
         let name = format!("accessors[{index}]");
         let component = self.component(json.component_type, &name)?;
@@ -100,7 +98,7 @@ impl Document<'_> {
             }
             None => {
                 // Rows of zeros that nothing stands for: not more than the file has bytes.
-                let most: usize = self.buffers.iter().map(|b| b.range.len()).sum();
+                let most: usize = self.buffers.iter().map(|b| b.len()).sum();
                 let message = format_args!("is {claimed} without a bufferView in {most} bytes");
                 let valid = claimed <= most as u64;
                 self.unless(valid, format_args!("{name}.count"), message)?;
@@ -124,7 +122,7 @@ impl Document<'_> {
         kind(number).ok_or_else(|| self.fail(format!("{name}.componentType"), unknown()))
     }
 
-    fn sparse(&self, json: &SparseJson, size: usize, name: &str) -> Result<Sparse<'_>> {
+    fn sparse(&self, json: &SparseJson, size: usize, name: &str) -> Result<Sparse> {
         let (count, size) = (json.count, size as u64);
         let (indices, values) = (&json.indices, &json.values);
         let field = format!("{name}.sparse.indices");
@@ -164,11 +162,8 @@ impl Document<'_> {
         offset: u64,
         [count, size, stride]: [u64; 3],
         name: &str,
-    ) -> Result<Strided<'_>> {
+    ) -> Result<Strided> {
         let bytes = self.view(view, &format!("{name}.bufferView"))?;
-        let buffer = self.get(&self.root.buffer_views, view, name, "bufferViews")?;
-        let all = self.buffers[buffer.buffer].buffer.as_slice();
-        let bytes = &all[bytes.range];
         let end = match count {
             0 => Some(0),
             _ => (count - 1).checked_mul(stride).and_then(|last| {
@@ -178,11 +173,11 @@ impl Document<'_> {
         };
         match end.filter(|&end| end <= bytes.len() as u64) {
             Some(0) => Ok(Strided {
-                bytes: &[],
+                bytes: Bytes::new(),
                 stride: 0,
             }),
             Some(end) => Ok(Strided {
-                bytes: &bytes[offset as usize..end as usize],
+                bytes: bytes.slice(offset as usize..end as usize),
                 stride: stride as usize,
             }),
             None => {
@@ -198,7 +193,7 @@ impl Document<'_> {
     }
 }
 
-impl Accessor<'_> {
+impl Accessor {
     /// A row's first numbers, 0 where it has fewer.
     pub fn row<const N: usize>(&self, row: usize) -> [f64; N] {
         let place = self.place(row);
@@ -241,7 +236,7 @@ impl Accessor<'_> {
     }
 }
 
-impl Sparse<'_> {
+impl Sparse {
     /// Where the values of a row stand, if it differs from the base.
     fn find(&self, row: usize) -> Option<usize> {
         let at = |i: usize| {

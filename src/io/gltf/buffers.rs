@@ -3,14 +3,13 @@
 use std::collections::HashMap;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
+use bytes::Bytes;
 use data_encoding::BASE64_NOPAD;
 use percent_encoding::percent_decode_str;
 
 use super::Document;
 use crate::error::Result;
-use crate::io::description::Bytes;
 use crate::io::limits::read_bytes;
 
 /// Where a URI leads.
@@ -21,7 +20,7 @@ pub(super) enum Target {
 
 /// The bytes of all buffers, and how many of them are in other files; a file is read once however many buffers name it.
 pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<Bytes>, u64)> {
-    let mut files: HashMap<PathBuf, Arc<Vec<u8>>> = HashMap::new();
+    let mut files: HashMap<PathBuf, Bytes> = HashMap::new();
     let mut buffers = Vec::with_capacity(document.root.buffers.len());
     for (i, json) in document.root.buffers.iter().enumerate() {
         let place = format!("buffers[{i}]");
@@ -32,38 +31,30 @@ pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<By
                     "has no uri, which only the first one of a .glb with a binary chunk may lack";
                 return Err(document.fail(place, message));
             }
-            (Some(uri), _) => {
-                let buffer = match document.target(uri, &place)? {
-                    Target::Data(data) => Arc::new(data),
-                    Target::File(file) => {
-                        // Whatever way leads to it.
-                        let key = file.canonicalize().unwrap_or_else(|_| file.clone());
-                        match files.get(&key) {
-                            Some(read) => read.clone(),
-                            None => {
-                                let read = Arc::new(read_bytes(&file, document.limits)?);
-                                files.insert(key, read.clone());
-                                read
-                            }
+            (Some(uri), _) => match document.target(uri, &place)? {
+                Target::Data(data) => data.into(),
+                Target::File(file) => {
+                    // Whatever way leads to it.
+                    let key = file.canonicalize().unwrap_or_else(|_| file.clone());
+                    match files.get(&key) {
+                        Some(read) => read.clone(),
+                        None => {
+                            let read = Bytes::from(read_bytes(&file, document.limits)?);
+                            files.insert(key, read.clone());
+                            read
                         }
                     }
-                };
-                let range = 0..buffer.len();
-                Bytes { buffer, range }
-            }
+                }
+            },
         };
-        let (found, claimed) = (bytes.range.len() as u64, json.byte_length);
+        let (found, claimed) = (bytes.len() as u64, json.byte_length);
         let message = format_args!("is {claimed}, but there are {found} bytes");
         document.unless(
             claimed <= found,
             format_args!("{place}.byteLength"),
             message,
         )?;
-        let end = bytes.range.start + claimed as usize;
-        buffers.push(Bytes {
-            range: bytes.range.start..end,
-            ..bytes
-        });
+        buffers.push(bytes.slice(..claimed as usize));
     }
     let read = files.values().map(|file| file.len() as u64).sum();
     Ok((buffers, read))

@@ -100,13 +100,13 @@ struct Builder<'a> {
 }
 
 /// The arrays of a primitive.
-struct Arrays<'a> {
-    positions: Accessor<'a>,
-    indices: Option<Accessor<'a>>,
-    normals: Option<Accessor<'a>>,
-    uvs: Option<(Accessor<'a>, Option<Coordinates>)>,
-    colours: Option<Accessor<'a>>,
-    tangents: Option<Accessor<'a>>,
+struct Arrays {
+    positions: Accessor,
+    indices: Option<Accessor>,
+    normals: Option<Accessor>,
+    uvs: Option<(Accessor, Option<Coordinates>)>,
+    colours: Option<Accessor>,
+    tangents: Option<Accessor>,
 }
 
 /// Where a vertex of a primitive went: its place, and its rows of attributes.
@@ -191,7 +191,7 @@ impl<'a> Builder<'a> {
         primitive: &Primitive,
         place: &str,
         coordinates: Option<Coordinates>,
-    ) -> Result<Arrays<'a>> {
+    ) -> Result<Arrays> {
         let document = self.document;
         let Some(index) = position(primitive) else {
             return Err(document.fail(format!("{place}.attributes"), "has no POSITION"));

@@ -15,19 +15,19 @@ mod schema;
 
 use std::fmt::Display;
 use std::path::Path;
-use std::sync::Arc;
 
+use bytes::Bytes;
 use schema::Root;
 
 use super::LoadLimits;
-use super::description::{Bytes, Description};
+use super::description::Description;
 use super::limits::{parse_json, read_bytes};
 use super::notes::Notes;
 use crate::error::{Error, Result};
 
 /// Reads a file, with the buffers that it names.
 pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
-    let bytes = Arc::new(read_bytes(path, limits)?);
+    let bytes = Bytes::from(read_bytes(path, limits)?);
     let (json, binary) = container::split(&bytes).map_err(|m| Error::format(path, m))?;
     let root: Root = parse_json(path, &bytes[json])?;
     let mut document = Document {
@@ -39,10 +39,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         notes: Notes::default(),
     };
     document.check_version()?;
-    let binary = binary.map(|range| Bytes {
-        buffer: bytes.clone(),
-        range,
-    });
+    let binary = binary.map(|range| bytes.slice(range));
     let (buffers, more) = buffers::load(&document, binary)?;
     document.buffers = buffers;
     document.bytes += more;
