@@ -7,7 +7,7 @@ mod accessors;
 mod buffers;
 mod container;
 mod extensions;
-mod material_schema;
+mod fields;
 mod materials;
 mod meshes;
 mod nodes;
@@ -93,23 +93,6 @@ impl Document<'_> {
             let message = format!("is {index}, expected an index of {name}, which has {count}");
             self.fail(place, message)
         })
-    }
-
-    /// A number in [0, 1].
-    fn unit(&self, value: f32, place: impl Display) -> Result<f64> {
-        // Numbers of files are rounded.
-        let valid = (-1e-6..=1.0 + 1e-6).contains(&value);
-        let message = format_args!("is {value}, expected a number in [0, 1]");
-        self.unless(valid, place, message)?;
-        Ok(f64::from(value.clamp(0.0, 1.0)))
-    }
-
-    /// A finite number of at least 0.
-    fn not_negative(&self, value: f32, place: impl Display) -> Result<f64> {
-        let valid = value.is_finite() && value >= 0.0;
-        let message = format_args!("is {value}, expected a finite number ≥ 0");
-        self.unless(valid, place, message)?;
-        Ok(f64::from(value))
     }
 
     fn check_version(&self) -> Result<()> {

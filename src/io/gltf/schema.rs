@@ -1,4 +1,4 @@
-//! The JSON of glTF 2.0, as far as it is read. References are numbers that are checked where they are followed.
+//! The JSON of glTF 2.0, as far as it is read, but for what has many fields ([`Fields`](super::fields::Fields)): references are numbers that are checked where they are followed.
 //!
 //! The `gltf` crate has all of it, but it is not made for files that nobody trusts: in 1.4.1 its validation panics
 //! on the number of an accessor that is not there, and what it offers without validation unwraps.
@@ -6,8 +6,7 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
-
-use super::material_schema::Material;
+use serde_json::Value;
 
 /// A file.
 #[derive(Default, Deserialize)]
@@ -23,11 +22,11 @@ pub(super) struct Root {
     pub accessors: Vec<Accessor>,
     pub buffer_views: Vec<View>,
     pub buffers: Vec<Buffer>,
-    pub materials: Vec<Material>,
+    pub materials: Vec<Value>,
     pub textures: Vec<Texture>,
     pub images: Vec<Image>,
     pub samplers: Vec<Sampler>,
-    pub cameras: Vec<Camera>,
+    pub cameras: Vec<Value>,
     pub animations: Vec<Anything>,
     pub extensions: RootExtensions,
 }
@@ -52,18 +51,7 @@ pub(super) struct RootExtensions {
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Lights {
-    pub lights: Vec<Light>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Light {
-    #[serde(rename = "type")]
-    pub kind: LightType,
-    pub color: Option<[f32; 3]>,
-    pub intensity: Option<f32>,
-    pub range: Option<f32>,
-    #[serde(default)]
-    pub spot: Spot,
+    pub lights: Vec<Value>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -72,13 +60,6 @@ pub(super) enum LightType {
     Point,
     Spot,
     Directional,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Spot {
-    pub inner_cone_angle: f32,
-    pub outer_cone_angle: Option<f32>,
 }
 
 #[derive(Deserialize)]
@@ -222,15 +203,6 @@ pub(super) struct Sampler {
     pub wrap_t: Option<u32>,
 }
 
-#[derive(Deserialize)]
-pub(super) struct Camera {
-    pub name: Option<String>,
-    #[serde(rename = "type")]
-    pub kind: CameraType,
-    pub perspective: Option<Perspective>,
-    pub orthographic: Option<Orthographic>,
-}
-
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum CameraType {
@@ -238,15 +210,11 @@ pub(super) enum CameraType {
     Orthographic,
 }
 
-#[derive(Deserialize)]
-pub(super) struct Perspective {
-    #[serde(rename = "aspectRatio")]
-    pub aspect_ratio: Option<f32>,
-    pub yfov: f32,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Orthographic {
-    pub xmag: f32,
-    pub ymag: f32,
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub(super) enum AlphaMode {
+    #[default]
+    Opaque,
+    Mask,
+    Blend,
 }
