@@ -21,17 +21,19 @@ pub(super) enum Target {
 /// The bytes of all buffers, and how many of them are in other files; a file is read once however many buffers name it.
 pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<Bytes>, u64)> {
     let mut files: HashMap<PathBuf, Bytes> = HashMap::new();
-    let mut buffers = Vec::with_capacity(document.root.buffers.len());
-    for (i, json) in document.root.buffers.iter().enumerate() {
-        let place = format!("buffers[{i}]");
-        let bytes = match (&json.uri, &binary) {
+    let all = &document.root.buffers;
+    let mut buffers = Vec::with_capacity(all.len());
+    for i in 0..all.len() {
+        let json = document.fields(all, i, "", "buffers")?;
+        let (uri, place) = (json.get("uri")?, &json.place);
+        let bytes = match (uri, &binary) {
             (None, Some(binary)) if i == 0 => binary.clone(),
             (None, _) => {
                 let message =
                     "has no uri, which only the first one of a .glb with a binary chunk may lack";
                 return Err(document.fail(place, message));
             }
-            (Some(uri), _) => match document.target(uri, &place)? {
+            (Some(uri), _) => match document.target(uri, place)? {
                 Target::Data(data) => data.into(),
                 Target::File(file) => {
                     // Whatever way leads to it.
@@ -47,13 +49,9 @@ pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<By
                 }
             },
         };
-        let (found, claimed) = (bytes.len() as u64, json.byte_length);
+        let (found, claimed): (_, u64) = (bytes.len() as u64, json.required("byteLength")?);
         let message = format_args!("is {claimed}, but there are {found} bytes");
-        document.unless(
-            claimed <= found,
-            format_args!("{place}.byteLength"),
-            message,
-        )?;
+        document.unless(claimed <= found, json.at("byteLength"), message)?;
         buffers.push(bytes.slice(..claimed as usize));
     }
     let read = files.values().map(|file| file.len() as u64).sum();

@@ -63,6 +63,15 @@ impl<'a> Fields<'a> {
         Ok(json)
     }
 
+    /// The object that a field is.
+    pub fn within(&self, path: &str) -> Result<Self> {
+        Ok(Self {
+            document: self.document,
+            json: self.value(path)?,
+            place: self.at(path),
+        })
+    }
+
     /// The value of a field; None where it is not there.
     pub fn get<T: Deserialize<'a>>(&self, path: &str) -> Result<Option<T>> {
         let found = Option::<T>::deserialize(self.value(path)?);

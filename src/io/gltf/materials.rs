@@ -49,12 +49,13 @@ pub(super) fn materials(document: &Document) -> Result<Vec<Material>> {
 
 /// All images of a file. Data is decoded from base64 here, pictures when they are first used.
 pub(super) fn images(document: &Document) -> Result<Vec<ImageSource>> {
-    let all = document.root.images.iter().enumerate();
-    let images = all.map(|(i, json)| {
-        let place = format!("images[{i}]");
-        let bytes = match (&json.uri, json.buffer_view) {
-            (_, Some(view)) => document.view(view, &format!("{place}.bufferView"))?,
-            (Some(uri), None) => match document.target(uri, &place)? {
+    let all = &document.root.images;
+    let images = (0..all.len()).map(|i| {
+        let json = document.fields(all, i, "", "images")?;
+        let (uri, place) = (json.get::<&str>("uri")?, &json.place);
+        let bytes = match (uri, json.get("bufferView")?) {
+            (_, Some(view)) => document.view(view, &json.at("bufferView"))?,
+            (Some(uri), None) => match document.target(uri, place)? {
                 Target::File(file) => return Ok(ImageSource::File(file)),
                 Target::Data(data) => data.into(),
             },
@@ -67,11 +68,7 @@ pub(super) fn images(document: &Document) -> Result<Vec<ImageSource>> {
 }
 
 fn material(document: &Document, index: usize) -> Result<Material> {
-    let json = Fields {
-        document,
-        json: &document.root.materials[index],
-        place: format!("materials[{index}]"),
-    };
+    let json = document.fields(&document.root.materials, index, "", "materials")?;
     let mut textures = Textures {
         document,
         coordinates: None,
@@ -185,15 +182,10 @@ impl Textures<'_> {
     /// A texture, unless it is looked up elsewhere than others of the material.
     fn of(&mut self, material: &Fields, path: &str) -> Result<Option<TextureUse>> {
         let document = self.document;
-        let json = material.value(path)?;
-        if json.is_null() {
+        let info = material.within(path)?;
+        if info.json.is_null() {
             return Ok(None);
         }
-        let info = Fields {
-            document,
-            json,
-            place: material.at(path),
-        };
         let transform = |field: &str| format!("extensions.KHR_texture_transform.{field}");
         let set = info.get(&transform("texCoord"))?.or(info.get("texCoord")?);
         let coordinates = Coordinates {
@@ -205,29 +197,28 @@ impl Textures<'_> {
         let root = &document.root;
         let index = info.required("index")?;
         let field = path.rsplit('.').next().unwrap_or(path);
-        let json = document.get(&root.textures, index, &info.place, "textures")?;
-        let place = format!("textures[{index}]");
-        let webp = json.extensions.webp.as_ref().and_then(|w| w.source);
+        let json = document.fields(&root.textures, index, &info.place, "textures")?;
+        let webp = json.get("extensions.EXT_texture_webp.source")?;
         // Where there is one in glTF's own formats, that of the extension is the same.
-        let Some(image) = json.source.or(webp) else {
+        let Some(image) = json.get("source")?.or(webp) else {
             document.skip("textures without a source in PNG, JPEG or WebP");
             return Ok(None);
         };
-        document.get(&root.images, image, format!("{place}.source"), "images")?;
+        document.get(&root.images, image, json.at("source"), "images")?;
         let mut wrap = Wrap::Repeat;
-        if let Some(sampler) = json.sampler {
-            let field = format!("{place}.sampler");
-            let json = document.get(&root.samplers, sampler, field, "samplers")?;
-            if json.wrap_s.unwrap_or(10497) != json.wrap_t.unwrap_or(10497) {
+        if let Some(sampler) = json.get("sampler")? {
+            let json = document.fields(&root.samplers, sampler, json.at("sampler"), "samplers")?;
+            let [s, t] = [json.get("wrapS")?, json.get("wrapT")?].map(|w| w.unwrap_or(10497u32));
+            if s != t {
                 document.skip("wrapT where it differs from wrapS");
             }
-            wrap = match json.wrap_s {
-                None | Some(10497) => Wrap::Repeat,
-                Some(33071) => Wrap::Clamp,
-                Some(33648) => Wrap::Mirror,
-                Some(other) => {
+            wrap = match s {
+                10497 => Wrap::Repeat,
+                33071 => Wrap::Clamp,
+                33648 => Wrap::Mirror,
+                other => {
                     let message = format!("is {other}, expected 10497, 33071 or 33648");
-                    return Err(document.fail(format!("samplers[{sampler}].wrapS"), message));
+                    return Err(document.fail(json.at("wrapS"), message));
                 }
             };
         }

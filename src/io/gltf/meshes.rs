@@ -3,11 +3,12 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
+use serde_json::Value;
 
 use super::Document;
 use super::accessors::Accessor;
 use super::materials::{Coordinates, Material};
-use super::schema::{Accessor as AccessorJson, Mesh, Primitive};
+use super::schema::{Mesh, Primitive};
 use crate::error::Result;
 use crate::io::description::MeshDescription;
 
@@ -55,7 +56,8 @@ pub(super) fn most_triangles(document: &Document, mesh: &Mesh) -> u64 {
         let corners = primitive.indices.or_else(|| position(primitive));
         let corners = corners.and_then(|i| document.root.accessors.get(i));
         let mode = Mode::of(primitive);
-        mode.map_or(0, |mode| mode.triangles(corners.map_or(0, |a| a.count)))
+        let count = corners.and_then(|a| a["count"].as_u64()).unwrap_or(0);
+        mode.map_or(0, |mode| mode.triangles(count))
     };
     let each = mesh.primitives.iter().map(of);
     each.fold(0, u64::saturating_add)
@@ -196,7 +198,7 @@ impl<'a> Builder<'a> {
         let Some(index) = position(primitive) else {
             return Err(document.fail(format!("{place}.attributes"), "has no POSITION"));
         };
-        let is_empty = |a: &AccessorJson| a.buffer_view.is_none() && a.sparse.is_none();
+        let is_empty = |a: &Value| a["bufferView"].is_null() && a["sparse"].is_null();
         if primitive.extensions.draco.is_some()
             && document.root.accessors.get(index).is_some_and(is_empty)
         {

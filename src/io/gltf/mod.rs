@@ -17,7 +17,9 @@ use std::fmt::Display;
 use std::path::Path;
 
 use bytes::Bytes;
+use fields::Fields;
 use schema::Root;
+use serde_json::Value;
 
 use super::LoadLimits;
 use super::description::Description;
@@ -92,6 +94,21 @@ impl Document<'_> {
             let count = list.len();
             let message = format!("is {index}, expected an index of {name}, which has {count}");
             self.fail(place, message)
+        })
+    }
+
+    /// The fields of the element of a list that a field refers to.
+    fn fields<'b>(
+        &'b self,
+        list: &'b [Value],
+        index: usize,
+        place: impl Display,
+        name: &str,
+    ) -> Result<Fields<'b>> {
+        Ok(Fields {
+            document: self,
+            json: self.get(list, index, place, name)?,
+            place: format!("{name}[{index}]"),
         })
     }
 

@@ -164,11 +164,7 @@ impl Walk<'_> {
         }
         if let Some(index) = node.camera {
             let place = format!("nodes[{i}].camera");
-            let json = Fields {
-                document,
-                json: document.get(&root.cameras, index, &place, "cameras")?,
-                place: format!("cameras[{index}]"),
-            };
+            let json = document.fields(&root.cameras, index, &place, "cameras")?;
             let name = name(json.get("name")?, "camera");
             let (camera, aspect) = self.camera(&json, to_world, &place)?;
             self.found.cameras.push((name, camera, aspect));
@@ -176,15 +172,9 @@ impl Walk<'_> {
         if let Some(light) = &node.extensions.light {
             let place = format!("nodes[{i}].extensions.KHR_lights_punctual.light");
             let lights = &root.extensions.lights.lights;
-            let json = document.get(lights, light.light, &place, "lights")?;
+            let json = document.fields(lights, light.light, &place, "lights")?;
             let taken = self.found.memory.take(1, LIGHT, document.limits);
             taken.map_err(|message| document.fail(&place, message))?;
-            let place = format!("lights[{}]", light.light);
-            let json = Fields {
-                document,
-                json,
-                place,
-            };
             self.found.lights.push(self.light(&json, to_world)?);
         }
         Ok(())

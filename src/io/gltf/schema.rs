@@ -1,4 +1,5 @@
-//! The JSON of glTF 2.0, as far as it is read, but for what has many fields ([`Fields`](super::fields::Fields)): references are numbers that are checked where they are followed.
+//! The JSON of glTF 2.0, as far as it is read. References are numbers that are checked where they are followed. Objects
+//! that stay JSON here have many fields, which [`Fields`](super::fields::Fields) reads.
 //!
 //! The `gltf` crate has all of it, but it is not made for files that nobody trusts: in 1.4.1 its validation panics
 //! on the number of an accessor that is not there, and what it offers without validation unwraps.
@@ -6,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use serde_json::Value;
 
 /// A file.
@@ -19,21 +21,17 @@ pub(super) struct Root {
     pub scenes: Vec<Scene>,
     pub nodes: Vec<Node>,
     pub meshes: Vec<Mesh>,
-    pub accessors: Vec<Accessor>,
-    pub buffer_views: Vec<View>,
-    pub buffers: Vec<Buffer>,
+    pub accessors: Vec<Value>,
+    pub buffer_views: Vec<Value>,
+    pub buffers: Vec<Value>,
     pub materials: Vec<Value>,
-    pub textures: Vec<Texture>,
-    pub images: Vec<Image>,
-    pub samplers: Vec<Sampler>,
+    pub textures: Vec<Value>,
+    pub images: Vec<Value>,
+    pub samplers: Vec<Value>,
     pub cameras: Vec<Value>,
-    pub animations: Vec<Anything>,
+    pub animations: Vec<IgnoredAny>,
     pub extensions: RootExtensions,
 }
-
-/// What is only counted.
-#[derive(Deserialize)]
-pub(super) struct Anything {}
 
 #[derive(Default, Deserialize)]
 #[serde(default)]
@@ -108,7 +106,7 @@ pub(super) struct Primitive {
     pub material: Option<usize>,
     pub mode: Option<u32>,
     #[serde(default)]
-    pub targets: Vec<Anything>,
+    pub targets: Vec<IgnoredAny>,
     #[serde(default)]
     pub extensions: PrimitiveExtensions,
 }
@@ -116,91 +114,7 @@ pub(super) struct Primitive {
 #[derive(Default, Deserialize)]
 pub(super) struct PrimitiveExtensions {
     #[serde(rename = "KHR_draco_mesh_compression")]
-    pub draco: Option<Anything>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Accessor {
-    pub buffer_view: Option<usize>,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub component_type: u32,
-    #[serde(default)]
-    pub normalized: bool,
-    pub count: u64,
-    #[serde(rename = "type")]
-    pub kind: String,
-    pub sparse: Option<Box<Sparse>>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Sparse {
-    pub count: u64,
-    pub indices: SparseRows,
-    pub values: SparseRows,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct SparseRows {
-    pub buffer_view: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-    /// Of indices.
-    #[serde(default)]
-    pub component_type: u32,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct View {
-    pub buffer: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub byte_length: u64,
-    pub byte_stride: Option<usize>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Buffer {
-    pub uri: Option<String>,
-    pub byte_length: u64,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Image {
-    pub uri: Option<String>,
-    pub buffer_view: Option<usize>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Texture {
-    pub source: Option<usize>,
-    pub sampler: Option<usize>,
-    #[serde(default)]
-    pub extensions: TextureExtensions,
-}
-
-#[derive(Default, Deserialize)]
-pub(super) struct TextureExtensions {
-    #[serde(rename = "EXT_texture_webp")]
-    pub webp: Option<Source>,
-}
-
-/// An image in another format than glTF's own.
-#[derive(Deserialize)]
-pub(super) struct Source {
-    pub source: Option<usize>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Sampler {
-    pub wrap_s: Option<u32>,
-    pub wrap_t: Option<u32>,
+    pub draco: Option<IgnoredAny>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
