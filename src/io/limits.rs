@@ -162,12 +162,8 @@ impl LoadLimits {
         if self.outside {
             return Ok(());
         }
-        let folder = match folder.as_os_str().is_empty() {
-            true => Path::new("."),
-            false => folder,
-        };
-        // Files that are not there are told of when they are read.
-        let (Ok(file), Ok(folder)) = (file.canonicalize(), folder.canonicalize()) else {
+        // Files that are not there are told of when they are read. An empty folder is the current one.
+        let (Ok(file), Ok(folder)) = (file.canonicalize(), folder.join(".").canonicalize()) else {
             return Ok(());
         };
         if file.starts_with(&folder) {
