@@ -1,4 +1,4 @@
-//! Objects of JSON with many fields, each of which is read by its path where it is used.
+//! Objects of JSON, each field of which is read by its path where it is used.
 
 use serde::Deserialize;
 use serde_json::Value;

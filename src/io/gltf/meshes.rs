@@ -199,7 +199,9 @@ impl<'a> Builder<'a> {
             return Err(document.fail(format!("{place}.attributes"), "has no POSITION"));
         };
         let is_empty = |a: &Value| a["bufferView"].is_null() && a["sparse"].is_null();
-        if primitive.extensions.draco.is_some()
+        if primitive
+            .extensions
+            .contains_key("KHR_draco_mesh_compression")
             && document.root.accessors.get(index).is_some_and(is_empty)
         {
             let message = "is compressed by Draco (KHR_draco_mesh_compression), expected a file without compression";

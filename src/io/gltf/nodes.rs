@@ -74,17 +74,12 @@ pub(super) fn walk(document: &Document) -> Result<Description> {
 /// The nodes that have no parent, and where the file names them.
 fn roots(document: &Document) -> Result<Vec<(usize, String)>> {
     let root = &document.root;
-    let scene = match root.scene {
-        Some(index) => {
-            document.get(&root.scenes, index, "scene", "scenes")?;
-            Some(index)
-        }
-        None => (!root.scenes.is_empty()).then_some(0),
-    };
-    if let Some(s) = scene {
-        let nodes = root.scenes[s].nodes.iter().enumerate();
-        let named = nodes.map(|(k, &node)| {
-            let place = format!("scenes[{s}].nodes[{k}]");
+    let first = (!root.scenes.is_empty()).then_some(0);
+    if let Some(s) = root.scene.or(first) {
+        let scene = document.fields(&root.scenes, s, "scene", "scenes")?;
+        let nodes: Vec<usize> = scene.get("nodes")?.unwrap_or_default();
+        let named = nodes.into_iter().enumerate().map(|(k, node)| {
+            let place = scene.at(&format!("nodes[{k}]"));
             document.get(&root.nodes, node, &place, "nodes")?;
             Ok((node, place))
         });
@@ -169,10 +164,18 @@ impl Walk<'_> {
             let (camera, aspect) = self.camera(&json, to_world, &place)?;
             self.found.cameras.push((name, camera, aspect));
         }
-        if let Some(light) = &node.extensions.light {
-            let place = format!("nodes[{i}].extensions.KHR_lights_punctual.light");
-            let lights = &root.extensions.lights.lights;
-            let json = document.fields(lights, light.light, &place, "lights")?;
+        let extensions = Fields {
+            document,
+            json: &node.extensions,
+            place: format!("nodes[{i}].extensions"),
+        };
+        let path = "KHR_lights_punctual.light";
+        if let Some(index) = extensions.get(path)? {
+            let place = extensions.at(path);
+            let lights = root.extensions.get("KHR_lights_punctual");
+            let lights = lights.and_then(|l| l["lights"].as_array());
+            let lights = lights.map_or(&[][..], Vec::as_slice);
+            let json = document.fields(lights, index, &place, "lights")?;
             let taken = self.found.memory.take(1, LIGHT, document.limits);
             taken.map_err(|message| document.fail(&place, message))?;
             self.found.lights.push(self.light(&json, to_world)?);

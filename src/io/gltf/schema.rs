@@ -1,5 +1,5 @@
-//! The JSON of glTF 2.0, as far as it is read. References are numbers that are checked where they are followed. Objects
-//! that stay JSON here have many fields, which [`Fields`](super::fields::Fields) reads.
+//! The JSON of glTF 2.0, as far as it is read. References are numbers that are checked where they are followed. What
+//! stays JSON here is read by [`Fields`](super::fields::Fields).
 //!
 //! The `gltf` crate has all of it, but it is not made for files that nobody trusts: in 1.4.1 its validation panics
 //! on the number of an accessor that is not there, and what it offers without validation unwraps.
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 /// A file.
 #[derive(Default, Deserialize)]
@@ -18,7 +18,7 @@ pub(super) struct Root {
     pub extensions_used: Vec<String>,
     pub extensions_required: Vec<String>,
     pub scene: Option<usize>,
-    pub scenes: Vec<Scene>,
+    pub scenes: Vec<Value>,
     pub nodes: Vec<Node>,
     pub meshes: Vec<Mesh>,
     pub accessors: Vec<Value>,
@@ -30,7 +30,7 @@ pub(super) struct Root {
     pub samplers: Vec<Value>,
     pub cameras: Vec<Value>,
     pub animations: Vec<IgnoredAny>,
-    pub extensions: RootExtensions,
+    pub extensions: Map<String, Value>,
 }
 
 #[derive(Default, Deserialize)]
@@ -39,31 +39,12 @@ pub(super) struct Asset {
     pub version: String,
 }
 
-#[derive(Default, Deserialize)]
-#[serde(default)]
-pub(super) struct RootExtensions {
-    #[serde(rename = "KHR_lights_punctual")]
-    pub lights: Lights,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Lights {
-    pub lights: Vec<Value>,
-}
-
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum LightType {
     Point,
     Spot,
     Directional,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Scene {
-    #[serde(default)]
-    pub nodes: Vec<usize>,
 }
 
 #[derive(Deserialize)]
@@ -79,18 +60,7 @@ pub(super) struct Node {
     pub camera: Option<usize>,
     pub skin: Option<usize>,
     #[serde(default)]
-    pub extensions: NodeExtensions,
-}
-
-#[derive(Default, Deserialize)]
-pub(super) struct NodeExtensions {
-    #[serde(rename = "KHR_lights_punctual")]
-    pub light: Option<NodeLight>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct NodeLight {
-    pub light: usize,
+    pub extensions: Value,
 }
 
 #[derive(Deserialize)]
@@ -108,13 +78,7 @@ pub(super) struct Primitive {
     #[serde(default)]
     pub targets: Vec<IgnoredAny>,
     #[serde(default)]
-    pub extensions: PrimitiveExtensions,
-}
-
-#[derive(Default, Deserialize)]
-pub(super) struct PrimitiveExtensions {
-    #[serde(rename = "KHR_draco_mesh_compression")]
-    pub draco: Option<IgnoredAny>,
+    pub extensions: Map<String, Value>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
