@@ -25,17 +25,14 @@ const SCALE: (usize, usize, usize) = (8, 14, 5);
 #[derive(Clone, Debug)]
 pub struct Panel {
     caption: String,
-    /// Columns and rows.
-    size: [usize; 2],
     content: Content,
 }
 
 #[derive(Clone, Debug)]
 enum Content {
-    /// Three values a pixel.
-    Radiance(Vec<f32>),
-    /// One value a pixel, and their colours.
-    Signed(Vec<f64>, Diverging),
+    Radiance(HostImage),
+    /// Columns and rows, one value a pixel, and their colours.
+    Signed([usize; 2], Vec<f64>, Diverging),
 }
 
 impl Panel {
@@ -43,8 +40,7 @@ impl Panel {
     pub fn new(caption: impl Into<String>, image: &HostImage) -> Self {
         Self {
             caption: caption.into(),
-            size: [image.width, image.height],
-            content: Content::Radiance(image.pixels.clone()),
+            content: Content::Radiance(image.clone()),
         }
     }
 
@@ -60,8 +56,7 @@ impl Panel {
         let colours = Diverging::of(&values);
         Self {
             caption: caption.into(),
-            size: [width, height],
-            content: Content::Signed(values, colours),
+            content: Content::Signed([width, height], values, colours),
         }
     }
 
@@ -91,7 +86,7 @@ impl Panel {
     /// Sets the colours of a signed image, so that several images share a scale. An image of radiance
     /// does not change.
     pub fn colours(mut self, map: Diverging) -> Self {
-        if let Content::Signed(_, colours) = &mut self.content {
+        if let Content::Signed(.., colours) = &mut self.content {
             *colours = map;
         }
         self
@@ -100,20 +95,15 @@ impl Panel {
     /// The colours of a signed image.
     fn map(&self) -> Option<Diverging> {
         match self.content {
-            Content::Signed(_, colours) => Some(colours),
+            Content::Signed(.., colours) => Some(colours),
             Content::Radiance(_) => None,
         }
     }
 
     fn image(&self) -> Result<HostImage> {
-        let [width, height] = self.size;
         let image = match &self.content {
-            Content::Signed(values, colours) => colours.image(width, height, values)?,
-            Content::Radiance(pixels) => HostImage {
-                width,
-                height,
-                pixels: pixels.clone(),
-            },
+            Content::Signed([width, height], values, map) => map.image(*width, *height, values)?,
+            Content::Radiance(image) => image.clone(),
         };
         check(&self.caption, &image)?;
         Ok(image)

@@ -1,10 +1,9 @@
 //! A scene as files describe it: numbers on the host and images that are not decoded yet, with all that
 //! files say of surfaces. `build` makes a [`Scene`](crate::scene::Scene) of it.
 
-use std::ops::Range;
 use std::path::PathBuf;
-use std::sync::Arc;
 
+use bytes::Bytes;
 use glam::DAffine3;
 
 use super::limits::Memory;
@@ -56,19 +55,10 @@ pub(super) struct MeshDescription {
 }
 
 /// Values of corners with their own index, as far as all faces have them.
+#[derive(Default)]
 pub(super) struct Corners<const C: usize> {
     pub values: Vec<[f64; C]>,
     pub faces: Vec<[u32; 3]>,
-}
-
-// Derived, it would ask for a default of `[f64; C]`.
-impl<const C: usize> Default for Corners<C> {
-    fn default() -> Self {
-        Self {
-            values: Vec::new(),
-            faces: Vec::new(),
-        }
-    }
 }
 
 impl<const C: usize> Corners<C> {
@@ -195,26 +185,4 @@ pub(super) enum ImageSource {
         name: PathBuf,
         bytes: Bytes,
     },
-}
-
-/// A part of a buffer.
-#[derive(Clone)]
-pub(super) struct Bytes {
-    pub buffer: Arc<Vec<u8>>,
-    pub range: Range<usize>,
-}
-
-impl From<Vec<u8>> for Bytes {
-    fn from(bytes: Vec<u8>) -> Self {
-        Self {
-            range: 0..bytes.len(),
-            buffer: Arc::new(bytes),
-        }
-    }
-}
-
-impl Bytes {
-    pub fn slice(&self) -> &[u8] {
-        self.buffer.get(self.range.clone()).unwrap_or(&[])
-    }
 }

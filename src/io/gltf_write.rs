@@ -1,9 +1,9 @@
 //! Meshes and scenes as glTF 2.0 files.
 
-use std::io::Write;
 use std::path::Path;
 
 use glam::DVec3;
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::{Value, json};
 
 use super::gltf_lights::light;
@@ -19,6 +19,13 @@ const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 const OF_VERTICES: u32 = 34962;
 const OF_INDICES: u32 = 34963;
+
+/// The bytes that are escaped in the URI of a name.
+const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC
+    .remove(b'-')
+    .remove(b'.')
+    .remove(b'_')
+    .remove(b'~');
 
 /// Writes a mesh of the default material.
 pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
@@ -75,11 +82,9 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let name = format!("{}.bin", in_line(&stem, "scene"));
-    json["buffers"][0]["uri"] = json!(escaped(&name));
+    json["buffers"][0]["uri"] = json!(utf8_percent_encode(&name, ESCAPED).to_string());
     let beside = path.with_file_name(name);
-    let buffer = Part::write(&beside, |f| {
-        f.write_all(&file.buffer.bytes).map_err(Error::io(&beside))
-    })?;
+    let buffer = Part::of(&beside, &[&file.buffer.bytes])?;
     let text = Part::write(path, |f| {
         serde_json::to_writer_pretty(f, &json).map_err(|e| Error::io(path)(e.into()))
     })?;
@@ -100,31 +105,18 @@ fn container(path: &Path, json: Value, mut buffer: Vec<u8>) -> Result<Part> {
     };
     let all = length(28 + json.len() + buffer.len())?;
     let (of_json, of_buffer) = (length(json.len())?, length(buffer.len())?);
-    Part::write(path, |file| {
-        let chunks: [&[u8]; 9] = [
-            b"glTF",
-            &2u32.to_le_bytes(),
-            &all.to_le_bytes(),
-            &of_json.to_le_bytes(),
-            b"JSON",
-            &json,
-            &of_buffer.to_le_bytes(),
-            b"BIN\0",
-            &buffer,
-        ];
-        let mut put = |bytes: &&[u8]| file.write_all(bytes).map_err(Error::io(path));
-        chunks.iter().try_for_each(&mut put)
-    })
-}
-
-/// A name as part of a URI.
-fn escaped(name: &str) -> String {
-    let plain = |b: u8| b.is_ascii_alphanumeric() || b"-._~".contains(&b);
-    let of = |b: u8| match plain(b) {
-        true => (b as char).to_string(),
-        false => format!("%{b:02X}"),
-    };
-    name.bytes().map(of).collect()
+    let chunks: [&[u8]; 9] = [
+        b"glTF",
+        &2u32.to_le_bytes(),
+        &all.to_le_bytes(),
+        &of_json.to_le_bytes(),
+        b"JSON",
+        &json,
+        &of_buffer.to_le_bytes(),
+        b"BIN\0",
+        &buffer,
+    ];
+    Part::of(path, &chunks)
 }
 
 /// Lists of a file in the making.

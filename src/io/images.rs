@@ -8,7 +8,7 @@ use image::{ImageBuffer, ImageFormat, Rgb, RgbImage};
 use super::LoadLimits;
 use super::decode::Decoded;
 use super::srgb::{srgb_byte, srgb_table};
-use super::whole::{check_writable, ending, write_whole};
+use super::whole::{check_writable, ending, folder_of, write_whole};
 use crate::debug::numbers;
 use crate::error::{Error, Result};
 
@@ -132,11 +132,7 @@ impl HostImage {
     /// # Errors
     /// As [`HostImage::check_path`], and when the disk is full.
     pub fn check_room(path: impl AsRef<Path>, width: usize, height: usize) -> Result<()> {
-        Self::check_bytes(path.as_ref(), width.saturating_mul(height))
-    }
-
-    /// Checks a path and that there is room for so many pixels.
-    fn check_bytes(path: &Path, pixels: usize) -> Result<()> {
+        let (path, pixels) = (path.as_ref(), width.saturating_mul(height));
         Self::check_place(path)?;
         let of_pixel = match format_of(path)? {
             ImageFormat::OpenExr => 12,
@@ -154,14 +150,12 @@ impl HostImage {
                 "it is a folder, expected a file's name",
             ));
         }
-        let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
-        match folder {
-            Some(folder) if !folder.is_dir() => {
-                let message = format!("there is no folder {}", folder.display());
-                Err(Error::format(path, message))
-            }
-            _ => Ok(()),
+        let folder = folder_of(path);
+        if !folder.is_dir() {
+            let message = format!("there is no folder {}", folder.display());
+            return Err(Error::format(path, message));
         }
+        Ok(())
     }
 
     /// Writes by the file's ending: `.exr` as linear 32-bit floats, `.png` as 8-bit sRGB clipped

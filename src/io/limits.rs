@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use serde::de::DeserializeOwned;
@@ -138,17 +138,32 @@ impl LoadLimits {
         Self { outside, ..self }
     }
 
+    /// The file of a name that another file has, which lies in its folder or below it unless files outside are allowed.
+    pub(super) fn beside(&self, path: &Path, name: &str) -> Result<PathBuf> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let file = folder.join(name);
+        self.check_place(&file, folder, &path.display().to_string())?;
+        Ok(file)
+    }
+
+    /// Checks a number of triangles; the message is for an error of the file.
+    pub(super) fn check_triangles(&self, count: u64) -> std::result::Result<(), String> {
+        let most = self.triangles;
+        match count <= most {
+            true => Ok(()),
+            false => Err(format!(
+                "there are more than {most} triangles: LoadLimits::triangles raises the limit"
+            )),
+        }
+    }
+
     /// Checks that a file lies in a folder or below it, unless files outside are allowed.
     pub(crate) fn check_place(&self, file: &Path, folder: &Path, named_by: &str) -> Result<()> {
         if self.outside {
             return Ok(());
         }
-        let folder = match folder.as_os_str().is_empty() {
-            true => Path::new("."),
-            false => folder,
-        };
-        // Files that are not there are told of when they are read.
-        let (Ok(file), Ok(folder)) = (file.canonicalize(), folder.canonicalize()) else {
+        // Files that are not there are told of when they are read. An empty folder is the current one.
+        let (Ok(file), Ok(folder)) = (file.canonicalize(), folder.join(".").canonicalize()) else {
             return Ok(());
         };
         if file.starts_with(&folder) {

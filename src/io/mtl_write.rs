@@ -2,14 +2,13 @@
 
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
 use burn::tensor::DType;
 
 use super::HostImage;
 use super::whole::Part;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::{Albedo, Material, Parameter, Wrap};
 
 /// Characters of a material's name in a file's name.
@@ -154,9 +153,7 @@ impl<'a> Library<'a> {
             parts.push(Part::write(&path, |f| image.encode(&path, f))?);
         }
         let path = self.path.with_file_name(self.file_name());
-        parts.push(Part::write(&path, |f| {
-            write!(f, "# softray\n{}", self.text).map_err(Error::io(&path))
-        })?);
+        parts.push(Part::of(&path, &[b"# softray\n", self.text.as_bytes()])?);
         if !self.names.renamed.is_empty() {
             log::info!("materials of {}: {}", path.display(), self.names.told());
         }

@@ -258,17 +258,13 @@ impl SceneFile {
                 return Err(Error::format(path, message));
             }
         }
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let named_by = path.display().to_string();
-        let file = folder.join(&document.scene);
-        limits.check_place(&file, folder, &named_by)?;
+        let file = limits.beside(path, &document.scene)?;
         let (mut scene, _) = load(&file, device, limits)?;
         if let Some(value) = document.environment {
-            let map = value.as_str().map(|file| folder.join(file));
             let constant = serde_json::from_value::<[f64; 3]>(value.clone()).ok();
-            scene = match (map, constant) {
+            scene = match (value.as_str(), constant) {
                 (Some(file), _) => {
-                    limits.check_place(&file, folder, &named_by)?;
+                    let file = limits.beside(path, file)?;
                     let map = HostImage::read_within(file, limits)?.into_tensor(device);
                     scene.environment(Environment::map(map))
                 }

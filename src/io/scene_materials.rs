@@ -42,11 +42,7 @@ fn ones() -> [f64; 3] {
 impl Place<'_> {
     /// The image of a name, decoded by a function.
     fn image<T>(&self, name: &str, read: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
-        let folder = self.path.parent().unwrap_or(Path::new(""));
-        let path = folder.join(name);
-        let named_by = self.path.display().to_string();
-        self.limits.check_place(&path, folder, &named_by)?;
-        read(&path)
+        read(&self.limits.beside(self.path, name)?)
     }
 
     fn wrong<T>(&self, field: &str, value: &Value, expected: &str) -> Result<T> {

@@ -24,10 +24,19 @@ enum Taken {
     Alpha,
 }
 
+impl Taken {
+    fn channels(self) -> usize {
+        match self {
+            Self::Colours | Self::Tilts => 3,
+            Self::Channel(_) | Self::Alpha => 1,
+        }
+    }
+}
+
 /// A texture: the number of its image, what is taken from that, and the bits of the factors of the channels.
 type Key = (usize, Taken, [u64; 3]);
 
-/// A texture of colours.
+/// A texture.
 #[derive(Clone)]
 pub(super) struct Texels {
     pub tensor: Tensor<3>,
@@ -48,8 +57,7 @@ pub(super) struct Textures<'a> {
     sizes: HashMap<usize, Option<[usize; 2]>>,
     /// Images that were decoded before.
     sound: HashSet<usize>,
-    colours: HashMap<Key, Texels>,
-    numbers: HashMap<Key, Tensor<2>>,
+    made: HashMap<Key, Texels>,
     /// The image that was decoded last: what is taken from one comes one after the other.
     last: Option<(usize, Decoded)>,
 }
@@ -65,8 +73,7 @@ impl<'a> Textures<'a> {
             counting: true,
             sizes: HashMap::new(),
             sound: HashSet::new(),
-            colours: HashMap::new(),
-            numbers: HashMap::new(),
+            made: HashMap::new(),
             last: None,
         }
     }
@@ -74,8 +81,7 @@ impl<'a> Textures<'a> {
     /// Decodes images from now on.
     pub fn decode(&mut self) {
         self.counting = false;
-        self.colours.clear();
-        self.numbers.clear();
+        self.made.clear();
     }
 
     /// A texture, unless its image is missing or is none that is known: then there is a warning, and the surface is as it
@@ -124,9 +130,7 @@ impl<'a> Textures<'a> {
                 self.memory.read = self.memory.read.saturating_add(bytes);
                 Decoded::read_size(BufReader::new(file), path)
             }
-            ImageSource::Bytes { name, bytes } => {
-                Decoded::read_size(Cursor::new(bytes.slice()), name)
-            }
+            ImageSource::Bytes { name, bytes } => Decoded::read_size(Cursor::new(bytes), name),
         }?;
         check_size(size, name(source), self.place.limits)?;
         Ok(size)
@@ -134,50 +138,44 @@ impl<'a> Textures<'a> {
 
     /// Colours in sRGB, times a factor.
     pub fn colours(&mut self, image: usize, factor: [f64; 3]) -> Result<Texels> {
-        self.of_three((image, Taken::Colours, factor.map(f64::to_bits)))
+        self.texels((image, Taken::Colours, factor.map(f64::to_bits)))
     }
 
     /// A normal map, its x and y times a factor.
     pub fn tilts(&mut self, image: usize, factor: f64) -> Result<Tensor<3>> {
         let factors = [factor, factor, 1.0].map(f64::to_bits);
-        Ok(self.of_three((image, Taken::Tilts, factors))?.tensor)
+        Ok(self.texels((image, Taken::Tilts, factors))?.tensor)
     }
 
     /// A channel times a factor.
     pub fn channel(&mut self, image: usize, channel: usize, factor: f64) -> Result<Tensor<2>> {
-        self.of_one((image, Taken::Channel(channel), [factor.to_bits(); 3]))
+        let key = (image, Taken::Channel(channel), [factor.to_bits(); 3]);
+        Ok(self.texels(key)?.tensor.squeeze_dim(2))
     }
 
     /// The alpha times a factor.
     pub fn alpha(&mut self, image: usize, factor: f64) -> Result<Tensor<2>> {
-        self.of_one((image, Taken::Alpha, [factor.to_bits(); 3]))
+        let key = (image, Taken::Alpha, [factor.to_bits(); 3]);
+        Ok(self.texels(key)?.tensor.squeeze_dim(2))
     }
 
-    fn of_three(&mut self, key: Key) -> Result<Texels> {
-        if let Some(known) = self.colours.get(&key) {
+    /// A texture of one number or three a texel.
+    fn texels(&mut self, key: Key) -> Result<Texels> {
+        if let Some(known) = self.made.get(&key) {
             return Ok(known.clone());
         }
-        let (values, [height, width]) = self.values(key)?;
+        let ((values, [height, width]), channels) = (self.values(key)?, key.1.channels());
         let mut largest = [0.0f32; 3];
-        for texel in values.chunks_exact(3) {
-            largest = std::array::from_fn(|c| largest[c].max(texel[c]));
+        for texel in values.chunks_exact(channels) {
+            let both = largest.iter_mut().zip(texel);
+            both.for_each(|(largest, &v)| *largest = largest.max(v));
         }
-        let data = TensorData::new(values, [height, width, 3]);
+        let data = TensorData::new(values, [height, width, channels]);
         let texels = Texels {
             tensor: Tensor::from_data(data, self.place.device),
             largest: largest.map(f64::from),
         };
-        self.colours.insert(key, texels.clone());
-        Ok(texels)
-    }
-
-    fn of_one(&mut self, key: Key) -> Result<Tensor<2>> {
-        if let Some(known) = self.numbers.get(&key) {
-            return Ok(known.clone());
-        }
-        let (values, size) = self.values(key)?;
-        let texels = Tensor::from_data(TensorData::new(values, size), self.place.device);
-        self.numbers.insert(key, texels.clone());
+        self.made.insert(key, texels.clone());
         Ok(texels)
     }
 
@@ -188,8 +186,7 @@ impl<'a> Textures<'a> {
             self.take(image)?;
         }
         if self.counting {
-            let three = matches!(taken, Taken::Colours | Taken::Tilts);
-            return Ok((vec![0.0; if three { 3 } else { 1 }], [1, 1]));
+            return Ok((vec![0.0; taken.channels()], [1, 1]));
         }
         let decoded = self.decoded(image)?;
         let [width, height] = decoded.size();
@@ -233,7 +230,7 @@ impl<'a> Textures<'a> {
         match &self.description.images[image] {
             ImageSource::File(path) => Decoded::of_file(path, self.place.limits),
             ImageSource::Bytes { name, bytes } => {
-                Decoded::read(Cursor::new(bytes.slice()), name, self.place.limits)
+                Decoded::read(Cursor::new(bytes), name, self.place.limits)
             }
         }
     }

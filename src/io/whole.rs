@@ -35,6 +35,14 @@ impl Part {
         Ok(this)
     }
 
+    /// Writes bytes one after the other.
+    pub fn of(path: &Path, bytes: &[&[u8]]) -> Result<Self> {
+        Self::write(path, |file| {
+            let written = bytes.iter().try_for_each(|bytes| file.write_all(bytes));
+            written.map_err(Error::io(path))
+        })
+    }
+
     /// Gives it its name.
     pub fn publish(self) -> Result<()> {
         fs::rename(&self.part, &self.path).map_err(Error::io(&self.path))
@@ -67,13 +75,18 @@ pub(super) fn check_writable(path: &Path, bytes: usize) -> Result<()> {
         Err(Error::Io { source, .. }) => source,
         Err(other) => return Err(other),
     };
-    let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
-    let folder = folder.unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let message = format!(
         "{bytes} bytes for it can't be written to the folder {}: {error}",
         folder.display()
     );
     Err(Error::format(path, message))
+}
+
+/// The folder that a file is in.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
 }
 
 /// The one of some endings that a path has, in letters of either case.

@@ -194,7 +194,7 @@ impl Mesh {
         Ok(())
     }
 
-    fn check_attribute(
+    pub(super) fn check_attribute(
         &self,
         object: &str,
         field: &str,

@@ -70,19 +70,32 @@ fn vertex_normals(vertices: &Tensor<2>, faces: &[[u32; 3]]) -> Tensor<2> {
     let turned = |i: usize| weighted_normal(&sides[i], &sides[(i + 2) % 3], epsilon).rows();
     let weighted = Tensor::cat(vec![turned(0), turned(1), turned(2)], 1);
 
+    unit_sums(weighted, index, count, [0.0, 0.0, 1.0], &context)
+}
+
+/// The directions `[C, 3]` of sums of vectors `[3, N]`; `index` `[1, N]` says which sum a vector is part of. A sum of
+/// about 0 has another direction instead, without gradient.
+pub(super) fn unit_sums(
+    vectors: Tensor<2>,
+    index: Tensor<2, Int>,
+    count: usize,
+    otherwise: [f64; 3],
+    context: &Context,
+) -> Tensor<2> {
+    let index = index.expand(vectors.dims());
     let zeros = Tensor::zeros([3, count], (&context.device, context.dtype));
-    let index = index.expand([3, 3 * n]);
-    let sums = zeros.scatter(1, index, weighted, IndexingUpdateOp::Add);
-    let sums = split(&sums);
+    let sums = split(&zeros.scatter(1, index, vectors, IndexingUpdateOp::Add));
     let square = sums.dot(&sums);
-    let none = square.clone().lower_elem((16.0 * epsilon).powi(2));
+    let least = (16.0 * context.epsilon()).powi(2);
+    let none = square.clone().lower_elem(least);
     let length = square.mask_fill(none.clone(), 1.0).sqrt();
     let axis = |sum: Tensor<2>, otherwise: f64| {
         let unit = sum / length.clone();
         unit.mask_fill(none.clone(), otherwise)
     };
-    let normals = Vec3::new(axis(sums.x, 0.0), axis(sums.y, 0.0), axis(sums.z, 1.0));
-    normals.rows().swap_dims(0, 1)
+    let [x, y, z] = otherwise;
+    let unit = Vec3::new(axis(sums.x, x), axis(sums.y, y), axis(sums.z, z));
+    unit.rows().swap_dims(0, 1)
 }
 
 /// The unit vector of each; 0 stays 0.

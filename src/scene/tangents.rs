@@ -4,13 +4,13 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 
-use super::Mesh;
-use super::mesh::{check_indices, take_rows};
-use super::normals::unit_or_zero;
+use super::mesh::take_rows;
+use super::normals::{unit_or_zero, unit_sums};
+use super::{CornerAttribute, Mesh};
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, host_values, length, split, unit_size};
+use crate::geometry::{Context, Vec3, length, unit_size};
 
 impl Mesh {
     /// Sets tangents by MikkTSpace, which normal maps are made for, from vertices, texture coordinates and normals
@@ -32,9 +32,11 @@ impl Mesh {
     /// assert_eq!(tangents.values.slice([0..1]).into_data().iter::<f32>().collect::<Vec<_>>(), [1.0, 0.0, 0.0, 1.0]);
     /// ```
     pub fn mikktspace_tangents(mut self) -> Self {
-        if let Ok(Some(corners)) = Corners::new(&self) {
+        if let Some(uvs) = self.uvs.as_ref().filter(|_| !self.faces.is_empty())
+            && let Ok(corners) = Corners::new(&self, uvs)
+        {
             let spaces = Spaces::new(&corners);
-            let tangents = spaces.tangents(&self);
+            let tangents = spaces.tangents(&self, uvs);
             self = self.with_tangents(tangents, spaces.faces);
         }
         self
@@ -52,36 +54,24 @@ struct Corners {
 }
 
 impl Corners {
-    /// None where there are no texture coordinates or no faces.
-    fn new(mesh: &Mesh) -> Result<Option<Self>> {
-        let Some(uvs) = &mesh.uvs else {
-            return Ok(None);
-        };
-        let count = mesh.faces.len();
-        let lists = [Some(uvs), mesh.normals.as_ref()];
-        let short = lists.iter().flatten().any(|a| a.faces.len() != count);
-        if count == 0 || short {
-            return Ok(None);
-        }
-        check_indices("mesh", "vertices", mesh.vertices.dims(), 3, &mesh.faces)?;
-        check_indices("mesh", "uvs", uvs.values.dims(), 2, &uvs.faces)?;
-        if let Some(normals) = &mesh.normals {
-            check_indices("mesh", "normals", normals.values.dims(), 3, &normals.faces)?;
-        }
-        let places = mesh.host_vertices()?;
-        let normals = mesh.normals.as_ref().map(|a| host_values(&a.values));
-        let (normals, coordinates) = (normals.transpose()?, host_values(&uvs.values)?);
+    /// The corners of a mesh with these texture coordinates.
+    fn new(mesh: &Mesh, uvs: &CornerAttribute) -> Result<Self> {
+        let places = mesh.checked_vertices("mesh")?;
+        let coordinates = mesh.check_attribute("mesh", "uvs", uvs, 2)?;
+        let normals = mesh.normals.as_ref();
+        let rows = normals.map(|a| mesh.check_attribute("mesh", "normals", a, 3));
+        let normals = normals.zip(rows.transpose()?);
         let uv = |row: u32| -> [f64; 2] { [0, 1].map(|i| coordinates[2 * row as usize + i]) };
         let mut known: HashMap<Key, u32> = HashMap::new();
+        let count = mesh.faces.len();
         let (mut numbers, mut texture) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (f, face) in mesh.faces.iter().enumerate() {
             let corners = face.map(|v| places[v as usize]);
             let own_normal = cross(corners);
             let key = |i: usize| {
-                let normal = match (&normals, &mesh.normals) {
-                    (Some(all), Some(a)) => [0, 1, 2].map(|k| all[3 * a.faces[f][i] as usize + k]),
-                    _ => own_normal,
-                };
+                let normal = normals.as_ref().map_or(own_normal, |(a, rows)| {
+                    [0, 1, 2].map(|k| rows[3 * a.faces[f][i] as usize + k])
+                });
                 let bits = |v: f64| (v + 0.0).to_bits();
                 let at = uv(uvs.faces[f][i]);
                 (corners[i].map(bits), normal.map(bits), at.map(bits))
@@ -95,7 +85,7 @@ impl Corners {
             let has_area = own_normal != [0.0; 3];
             texture.push(has_area.then_some(area));
         }
-        Ok(Some(Self { numbers, texture }))
+        Ok(Self { numbers, texture })
     }
 }
 
@@ -174,7 +164,7 @@ impl Spaces {
     }
 
     /// The tangents `[N, 4]` of the spaces, in the graph of the mesh.
-    fn tangents(&self, mesh: &Mesh) -> Tensor<2> {
+    fn tangents(&self, mesh: &Mesh, uvs: &CornerAttribute) -> Tensor<2> {
         let context = Context {
             device: mesh.vertices.device().inner(),
             dtype: mesh.vertices.dtype(),
@@ -202,16 +192,11 @@ impl Spaces {
         let normal = unit_or_zero(&normal);
         let flat = |v: &Vec3| v.sub(&normal.scale(&normal.dot(v)));
 
-        let tangent = mesh.uvs.as_ref().map_or_else(
-            || next.clone(),
-            |a| {
-                let v = |turn| rows(&a.values, &a.faces, turn).narrow(1, 1, 1);
-                let own = v(0);
-                // Its derivative along u, times twice the signed area in the texture.
-                let scaled = next.scale(&(v(2) - own.clone()));
-                scaled.sub(&before.scale(&(v(1) - own)))
-            },
-        );
+        let v = |turn| rows(&uvs.values, &uvs.faces, turn).narrow(1, 1, 1);
+        // Its derivative along u, times twice the signed area in the texture.
+        let tangent = next
+            .scale(&(v(2) - v(0)))
+            .sub(&before.scale(&(v(1) - v(0))));
         let n = self.counted.len();
         let sides = self.counted.iter().map(|c| self.sides[c.2 as usize]);
         let sides = context.tensor(&sides.collect::<Vec<_>>(), [n, 1]);
@@ -223,20 +208,10 @@ impl Spaces {
         let weighted = tangent.scale(&angle).columns().swap_dims(0, 1);
 
         let index: Vec<i32> = self.counted.iter().map(|c| c.2 as i32).collect();
-        let index = Tensor::<2, Int>::from_data(TensorData::new(index, [1, n]), &context.device);
-        let zeros = Tensor::zeros([3, spaces], (&context.device, context.dtype));
-        let index = index.expand([3, n]);
-        let sums = split(&zeros.scatter(1, index, weighted, IndexingUpdateOp::Add));
-        let size = length(&sums);
-        let none = size.clone().lower_elem(16.0 * context.epsilon());
-        let size = size.mask_fill(none.clone(), 1.0);
-        let axis = |x: Tensor<2>, without: f64| {
-            let unit = x / size.clone();
-            unit.mask_fill(none.clone(), without)
-        };
-        let unit = Vec3::new(axis(sums.x, 1.0), axis(sums.y, 0.0), axis(sums.z, 0.0));
+        let index = Tensor::from_data(TensorData::new(index, [1, n]), &context.device);
+        let unit = unit_sums(weighted, index, spaces, [1.0, 0.0, 0.0], &context);
         let sides = context.tensor(&self.sides, [spaces, 1]);
-        Tensor::cat(vec![unit.rows().swap_dims(0, 1), sides], 1)
+        Tensor::cat(vec![unit, sides], 1)
     }
 }
 

@@ -1,27 +1,32 @@
 //! Arrays of numbers, read where they lie in their buffers (glTF 2.0, section 3.6.2): an array takes no memory,
 //! whatever it claims to hold.
 
+use bytes::Bytes;
+
 use super::Document;
-use super::schema::Sparse as SparseJson;
+use super::fields::Fields;
 use crate::error::Result;
-use crate::io::description::Bytes;
 use crate::io::numbers::Kind;
 
-/// The kind of OpenGL's number.
-fn kind(number: u32) -> Option<Kind> {
-    Some(match number {
+/// The kind of an array's numbers, which OpenGL has numbers for.
+fn component(json: &Fields) -> Result<Kind> {
+    let path = "componentType";
+    Ok(match json.required(path)? {
         5120 => Kind::I8,
         5121 => Kind::U8,
         5122 => Kind::I16,
         5123 => Kind::U16,
         5125 => Kind::U32,
         5126 => Kind::F32,
-        _ => return None,
+        other => {
+            let message = format!("is {other}, expected 5120 to 5123, 5125 or 5126");
+            return Err(json.document.fail(json.at(path), message));
+        }
     })
 }
 
 /// Rows of numbers.
-pub(super) struct Accessor<'a> {
+pub(super) struct Accessor {
     /// The number of rows.
     pub count: usize,
     /// Numbers in a row.
@@ -29,146 +34,119 @@ pub(super) struct Accessor<'a> {
     component: Kind,
     normalized: bool,
     /// None where all is 0.
-    base: Option<Strided<'a>>,
-    sparse: Option<Sparse<'a>>,
+    base: Option<Strided>,
+    sparse: Option<Sparse>,
 }
 
 /// Rows at equal distances.
-struct Strided<'a> {
-    bytes: &'a [u8],
+struct Strided {
+    bytes: Bytes,
     stride: usize,
 }
 
 /// Rows that differ from the base, by increasing number.
-struct Sparse<'a> {
+struct Sparse {
     count: usize,
     index: Kind,
-    indices: Strided<'a>,
-    values: Strided<'a>,
+    indices: Strided,
+    values: Strided,
 }
 
 impl Document<'_> {
     /// The bytes of a buffer's view.
     pub fn view(&self, index: usize, place: &str) -> Result<Bytes> {
-        let view = self.get(&self.root.buffer_views, index, place, "bufferViews")?;
-        let name = format!("bufferViews[{index}]");
-        let field = format!("{name}.buffer");
-        // Of the buffers that were read there are as many as the file has.
-        let _ = self.get(&self.root.buffers, view.buffer, &field, "buffers")?;
-        let bytes = &self.buffers[view.buffer];
-        let offset = view.byte_offset;
-        let end = offset.checked_add(view.byte_length);
-        let length = bytes.range.len();
+        let json = self.fields(&self.root.buffer_views, index, place, "bufferViews")?;
+        let buffer = json.required("buffer")?;
+        let bytes = self.get(&self.buffers, buffer, json.at("buffer"), "buffers")?;
+        let offset: u64 = json.get("byteOffset")?.unwrap_or(0);
+        let claimed: u64 = json.required("byteLength")?;
+        let end = offset.checked_add(claimed);
+        let length = bytes.len();
         match end.filter(|&end| end <= length as u64) {
-            Some(end) => Ok(Bytes {
-                buffer: bytes.buffer.clone(),
-                range: bytes.range.start + offset as usize..bytes.range.start + end as usize,
-            }),
+            Some(end) => Ok(bytes.slice(offset as usize..end as usize)),
             None => {
                 let message = format!(
-                    "ends after byte {} of buffers[{}], which has {length}",
-                    u128::from(offset) + u128::from(view.byte_length),
-                    view.buffer
+                    "ends after byte {} of buffers[{buffer}], which has {length}",
+                    u128::from(offset) + u128::from(claimed),
                 );
-                Err(self.fail(name, message))
+                Err(self.fail(json.place, message))
             }
         }
     }
 
     /// An accessor all of whose rows lie in their views.
-    pub fn accessor(&self, index: usize, place: &str) -> Result<Accessor<'_>> {
-        let json = self.get(&self.root.accessors, index, place, "accessors")?;
-        let name = format!("accessors[{index}]");
-        let component = self.component(json.component_type, &name)?;
-        let width = match json.kind.as_str() {
+    pub fn accessor(&self, index: usize, place: &str) -> Result<Accessor> {
+        let json = self.fields(&self.root.accessors, index, place, "accessors")?;
+        let component = component(&json)?;
+        let width = match json.required("type")? {
             "SCALAR" => 1,
             "VEC2" => 2,
             "VEC3" => 3,
             "VEC4" => 4,
             kind => {
                 let message = format!("is {kind:?}, expected SCALAR, VEC2, VEC3 or VEC4");
-                return Err(self.fail(format!("{name}.type"), message));
+                return Err(self.fail(json.at("type"), message));
             }
         };
         let size = width * component.size();
-        let claimed = json.count;
-        let base = match json.buffer_view {
+        let claimed: u64 = json.required("count")?;
+        let base = match json.get("bufferView")? {
             Some(view) => {
-                let stride = self.stride(view, size, &name)?;
-                let shape = [claimed, size as u64, stride];
-                Some(self.strided(view, json.byte_offset, shape, &name)?)
+                let stride = self.stride(view, size, json.at("bufferView"))?;
+                Some(self.strided(&json, [claimed, size as u64, stride])?)
             }
             None => {
                 // Rows of zeros that nothing stands for: not more than the file has bytes.
-                let most: usize = self.buffers.iter().map(|b| b.range.len()).sum();
+                let most: usize = self.buffers.iter().map(|b| b.len()).sum();
                 let message = format_args!("is {claimed} without a bufferView in {most} bytes");
                 let valid = claimed <= most as u64;
-                self.unless(valid, format_args!("{name}.count"), message)?;
+                self.unless(valid, json.at("count"), message)?;
                 None
             }
         };
-        let sparse = json.sparse.as_ref().map(|s| self.sparse(s, size, &name));
         Ok(Accessor {
             count: claimed as usize,
             width,
             component,
-            normalized: json.normalized,
+            normalized: json.get("normalized")?.unwrap_or(false),
             base,
-            sparse: sparse.transpose()?,
+            sparse: self.sparse(&json.within("sparse")?, size as u64)?,
         })
     }
 
-    fn component(&self, number: u32, name: &str) -> Result<Kind> {
-        let expected = "expected 5120 to 5123, 5125 or 5126";
-        let unknown = || format!("is {number}, {expected}");
-        kind(number).ok_or_else(|| self.fail(format!("{name}.componentType"), unknown()))
-    }
-
-    fn sparse(&self, json: &SparseJson, size: usize, name: &str) -> Result<Sparse<'_>> {
-        let (count, size) = (json.count, size as u64);
-        let (indices, values) = (&json.indices, &json.values);
-        let field = format!("{name}.sparse.indices");
-        let index = self.component(indices.component_type, &field)?;
+    fn sparse(&self, json: &Fields, size: u64) -> Result<Option<Sparse>> {
+        if json.json.is_null() {
+            return Ok(None);
+        }
+        let count: u64 = json.required("count")?;
+        let (indices, values) = (json.within("indices")?, json.within("values")?);
+        let index = component(&indices)?;
         let wide = index.size() as u64;
-        let (view, offset) = (indices.buffer_view, indices.byte_offset);
-        let at = self.strided(view, offset, [count, wide, wide], &field)?;
-        let field = format!("{name}.sparse.values");
-        let (view, offset) = (values.buffer_view, values.byte_offset);
-        let values = self.strided(view, offset, [count, size, size], &field)?;
-        Ok(Sparse {
+        Ok(Some(Sparse {
             count: count as usize,
             index,
-            indices: at,
-            values,
-        })
+            indices: self.strided(&indices, [count, wide, wide])?,
+            values: self.strided(&values, [count, size, size])?,
+        }))
     }
 
     /// The distance between rows of a size.
-    fn stride(&self, view: usize, size: usize, name: &str) -> Result<u64> {
-        let field = format!("{name}.bufferView");
-        let json = self.get(&self.root.buffer_views, view, field, "bufferViews")?;
+    fn stride(&self, view: usize, size: usize, place: String) -> Result<u64> {
+        let json = self.fields(&self.root.buffer_views, view, place, "bufferViews")?;
         // Some files say 0 for rows without gaps.
-        let given = json.byte_stride.filter(|&s| s > 0);
+        let given = json.get("byteStride")?.filter(|&s| s > 0);
         let stride = given.unwrap_or(size);
-        let place = format_args!("bufferViews[{view}].byteStride");
         let message =
             format_args!("is {stride}, but a row of accessors that use it has {size} bytes");
-        self.unless(stride >= size, place, message)?;
+        self.unless(stride >= size, json.at("byteStride"), message)?;
         Ok(stride as u64)
     }
 
-    /// Rows of a view: a number of them, their size and their distance.
-    fn strided(
-        &self,
-        view: usize,
-        offset: u64,
-        [count, size, stride]: [u64; 3],
-        name: &str,
-    ) -> Result<Strided<'_>> {
-        let bytes = self.view(view, &format!("{name}.bufferView"))?;
-        let buffer = self.get(&self.root.buffer_views, view, name, "bufferViews")?;
-        let all = self.buffers[buffer.buffer].buffer.as_slice();
-        let bytes = &all[bytes.range];
+    /// Rows of the view of an object: a number of them, their size and their distance.
+    fn strided(&self, json: &Fields, [count, size, stride]: [u64; 3]) -> Result<Strided> {
+        let view = json.required("bufferView")?;
+        let bytes = self.view(view, &json.at("bufferView"))?;
+        let offset: u64 = json.get("byteOffset")?.unwrap_or(0);
         let end = match count {
             0 => Some(0),
             _ => (count - 1).checked_mul(stride).and_then(|last| {
@@ -178,27 +156,26 @@ impl Document<'_> {
         };
         match end.filter(|&end| end <= bytes.len() as u64) {
             Some(0) => Ok(Strided {
-                bytes: &[],
+                bytes: Bytes::new(),
                 stride: 0,
             }),
             Some(end) => Ok(Strided {
-                bytes: &bytes[offset as usize..end as usize],
+                bytes: bytes.slice(offset as usize..end as usize),
                 stride: stride as usize,
             }),
             None => {
                 let length = bytes.len();
                 let message = format!(
-                    "has {count} rows of {size} bytes from byte {} on, more than bufferViews[{view}] \
-                     holds in {length} bytes",
-                    offset
+                    "has {count} rows of {size} bytes from byte {offset} on, more than \
+                     bufferViews[{view}] holds in {length} bytes"
                 );
-                Err(self.fail(name, message))
+                Err(self.fail(&json.place, message))
             }
         }
     }
 }
 
-impl Accessor<'_> {
+impl Accessor {
     /// A row's first numbers, 0 where it has fewer.
     pub fn row<const N: usize>(&self, row: usize) -> [f64; N] {
         let place = self.place(row);
@@ -241,7 +218,7 @@ impl Accessor<'_> {
     }
 }
 
-impl Sparse<'_> {
+impl Sparse {
     /// Where the values of a row stand, if it differs from the base.
     fn find(&self, row: usize) -> Option<usize> {
         let at = |i: usize| {

@@ -3,11 +3,13 @@
 use std::collections::HashMap;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+
+use bytes::Bytes;
+use data_encoding::BASE64_NOPAD;
+use percent_encoding::percent_decode_str;
 
 use super::Document;
 use crate::error::Result;
-use crate::io::description::Bytes;
 use crate::io::limits::read_bytes;
 
 /// Where a URI leads.
@@ -18,49 +20,39 @@ pub(super) enum Target {
 
 /// The bytes of all buffers, and how many of them are in other files; a file is read once however many buffers name it.
 pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<Bytes>, u64)> {
-    let mut files: HashMap<PathBuf, Arc<Vec<u8>>> = HashMap::new();
-    let mut buffers = Vec::with_capacity(document.root.buffers.len());
-    for (i, json) in document.root.buffers.iter().enumerate() {
-        let place = format!("buffers[{i}]");
-        let bytes = match (&json.uri, &binary) {
+    let mut files: HashMap<PathBuf, Bytes> = HashMap::new();
+    let all = &document.root.buffers;
+    let mut buffers = Vec::with_capacity(all.len());
+    for i in 0..all.len() {
+        let json = document.fields(all, i, "", "buffers")?;
+        let (uri, place) = (json.get("uri")?, &json.place);
+        let bytes = match (uri, &binary) {
             (None, Some(binary)) if i == 0 => binary.clone(),
             (None, _) => {
                 let message =
                     "has no uri, which only the first one of a .glb with a binary chunk may lack";
                 return Err(document.fail(place, message));
             }
-            (Some(uri), _) => {
-                let buffer = match document.target(uri, &place)? {
-                    Target::Data(data) => Arc::new(data),
-                    Target::File(file) => {
-                        // Whatever way leads to it.
-                        let key = file.canonicalize().unwrap_or_else(|_| file.clone());
-                        match files.get(&key) {
-                            Some(read) => read.clone(),
-                            None => {
-                                let read = Arc::new(read_bytes(&file, document.limits)?);
-                                files.insert(key, read.clone());
-                                read
-                            }
+            (Some(uri), _) => match document.target(uri, place)? {
+                Target::Data(data) => data.into(),
+                Target::File(file) => {
+                    // Whatever way leads to it.
+                    let key = file.canonicalize().unwrap_or_else(|_| file.clone());
+                    match files.get(&key) {
+                        Some(read) => read.clone(),
+                        None => {
+                            let read = Bytes::from(read_bytes(&file, document.limits)?);
+                            files.insert(key, read.clone());
+                            read
                         }
                     }
-                };
-                let range = 0..buffer.len();
-                Bytes { buffer, range }
-            }
+                }
+            },
         };
-        let (found, claimed) = (bytes.range.len() as u64, json.byte_length);
+        let (found, claimed): (_, u64) = (bytes.len() as u64, json.required("byteLength")?);
         let message = format_args!("is {claimed}, but there are {found} bytes");
-        document.unless(
-            claimed <= found,
-            format_args!("{place}.byteLength"),
-            message,
-        )?;
-        let end = bytes.range.start + claimed as usize;
-        buffers.push(Bytes {
-            range: bytes.range.start..end,
-            ..bytes
-        });
+        document.unless(claimed <= found, json.at("byteLength"), message)?;
+        buffers.push(bytes.slice(..claimed as usize));
     }
     let read = files.values().map(|file| file.len() as u64).sum();
     Ok((buffers, read))
@@ -77,7 +69,7 @@ impl Document<'_> {
             if !kind.ends_with(";base64") {
                 return Err(self.fail(place, format!("is data of {kind:?}, expected base64")));
             }
-            let data = base64(data.as_bytes());
+            let data = base64(data);
             let data = data.ok_or_else(|| self.fail(place, "is data that is no base64"))?;
             return Ok(Target::Data(data));
         }
@@ -89,7 +81,7 @@ impl Document<'_> {
             return Err(self.fail(place, message));
         }
         let folder = self.path.parent().unwrap_or(Path::new(""));
-        let file = folder.join(percent_decoded(uri));
+        let file = folder.join(&*percent_decode_str(uri).decode_utf8_lossy());
         let from = format!("{}, {place}", self.path.display());
         self.limits.check_place(&file, folder, &from)?;
         Ok(Target::File(file))
@@ -97,51 +89,11 @@ impl Document<'_> {
 }
 
 /// The bytes of base64 (RFC 4648), or None where it is malformed. Padding may be missing.
-fn base64(text: &[u8]) -> Option<Vec<u8>> {
-    let end = text.iter().rposition(|&c| c != b'=').map_or(0, |i| i + 1);
-    let digit = |c: u8| {
-        Some(match c {
-            b'A'..=b'Z' => c - b'A',
-            b'a'..=b'z' => c - b'a' + 26,
-            b'0'..=b'9' => c - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            _ => return None,
-        })
-    };
-    let mut bytes = Vec::with_capacity(end / 4 * 3 + 2);
-    for group in text[..end].chunks(4) {
-        if group.len() == 1 {
-            return None;
-        }
-        let mut all = 0u32;
-        for &c in group {
-            all = all << 6 | u32::from(digit(c)?);
-        }
-        all <<= 6 * (4 - group.len());
-        bytes.extend_from_slice(&all.to_be_bytes()[1..group.len()]);
-    }
-    Some(bytes)
-}
-
-/// A name with its `%20` and the like replaced; what is no such pair of digits stays.
-fn percent_decoded(uri: &str) -> String {
-    let (mut decoded, mut rest) = (Vec::with_capacity(uri.len()), uri.as_bytes());
-    while let [first, after @ ..] = rest {
-        let pair = after.get(..2).filter(|_| *first == b'%');
-        let pair = pair.and_then(|pair| std::str::from_utf8(pair).ok());
-        match pair.and_then(|pair| u8::from_str_radix(pair, 16).ok()) {
-            Some(byte) => {
-                decoded.push(byte);
-                rest = &after[2..];
-            }
-            None => {
-                decoded.push(*first);
-                rest = after;
-            }
-        }
-    }
-    String::from_utf8_lossy(&decoded).into_owned()
+fn base64(text: &str) -> Option<Vec<u8>> {
+    let mut lenient = BASE64_NOPAD.specification();
+    lenient.check_trailing_bits = false;
+    let encoding = lenient.encoding().ok()?;
+    encoding.decode(text.trim_end_matches('=').as_bytes()).ok()
 }
 
 #[cfg(test)]
@@ -159,18 +111,11 @@ mod tests {
             ("Zm9v", "foo"),
             ("Zm9vYmFy", "foobar"),
         ] {
-            assert_eq!(base64(text.as_bytes()), Some(expected.into()), "{text}");
+            assert_eq!(base64(text), Some(expected.into()), "{text}");
         }
-        assert_eq!(base64(b"++//"), Some(vec![0xfb, 0xef, 0xff]));
+        assert_eq!(base64("++//"), Some(vec![0xfb, 0xef, 0xff]));
         for malformed in ["Z", "Zm9vY", "Zm 9v", "=Zg"] {
-            assert_eq!(base64(malformed.as_bytes()), None, "{malformed}");
+            assert_eq!(base64(malformed), None, "{malformed}");
         }
-    }
-
-    #[test]
-    fn names_are_decoded() {
-        assert_eq!(percent_decoded("oak%20wood%C3%A9.png"), "oak woodé.png");
-        assert_eq!(percent_decoded("100%"), "100%");
-        assert_eq!(percent_decoded("%zz%4"), "%zz%4");
     }
 }

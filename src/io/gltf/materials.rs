@@ -1,8 +1,11 @@
 //! Materials and the images that they name.
 
+use serde_json::Value;
+
 use super::Document;
 use super::buffers::Target;
-use super::material_schema::{AlphaMode, Info, MaterialExtensions, Own};
+use super::fields::{Fields, Range::NotNegative, Range::Unit};
+use super::schema::AlphaMode;
 use crate::error::Result;
 use crate::io::description::{
     Alpha, Colour, ImageSource, MaterialDescription, OwnBsdf, TextureUse,
@@ -46,12 +49,13 @@ pub(super) fn materials(document: &Document) -> Result<Vec<Material>> {
 
 /// All images of a file. Data is decoded from base64 here, pictures when they are first used.
 pub(super) fn images(document: &Document) -> Result<Vec<ImageSource>> {
-    let all = document.root.images.iter().enumerate();
-    let images = all.map(|(i, json)| {
-        let place = format!("images[{i}]");
-        let bytes = match (&json.uri, json.buffer_view) {
-            (_, Some(view)) => document.view(view, &format!("{place}.bufferView"))?,
-            (Some(uri), None) => match document.target(uri, &place)? {
+    let all = &document.root.images;
+    let images = (0..all.len()).map(|i| {
+        let json = document.fields(all, i, "", "images")?;
+        let (uri, place) = (json.get::<&str>("uri")?, &json.place);
+        let bytes = match (uri, json.get("bufferView")?) {
+            (_, Some(view)) => document.view(view, &json.at("bufferView"))?,
+            (Some(uri), None) => match document.target(uri, place)? {
                 Target::File(file) => return Ok(ImageSource::File(file)),
                 Target::Data(data) => data.into(),
             },
@@ -64,67 +68,48 @@ pub(super) fn images(document: &Document) -> Result<Vec<ImageSource>> {
 }
 
 fn material(document: &Document, index: usize) -> Result<Material> {
-    let json = &document.root.materials[index];
-    let place = format!("materials[{index}]");
+    let json = document.fields(&document.root.materials, index, "", "materials")?;
     let mut textures = Textures {
         document,
         coordinates: None,
     };
-    let pbr = &json.pbr_metallic_roughness;
-    let of_pbr = |field: &str| format!("{place}.pbrMetallicRoughness.{field}");
-    let unit = |value: f32, field: String| document.unit(value, field);
-    let [r, g, b, a] = pbr.base_color_factor.unwrap_or([1.0; 4]);
-    let rgb = [r, g, b].map(|v| unit(v, of_pbr("baseColorFactor")));
-    let base_colour = three(rgb)?;
-    let factor = unit(a, of_pbr("baseColorFactor"))?;
-    let strength = json.extensions.emissive.emissive_strength.unwrap_or(1.0);
-    let strength = document.not_negative(strength, format!("{place}.emissiveStrength"))?;
-    let emission = json.emissive_factor;
-    let emission = emission.map(|v| document.not_negative(v, format!("{place}.emissiveFactor")));
-    let emission = three(emission)?.map(|v| v * strength);
-    let texture = textures.of(pbr.base_color_texture.as_ref(), "baseColorTexture")?;
-    let name = json.name.clone();
+    let path = "pbrMetallicRoughness.baseColorFactor";
+    let base = json.get(path)?.unwrap_or([1.0; 4]);
+    let [r, g, b, factor] = json.check(path, base, Unit)?;
+    let strength = "extensions.KHR_materials_emissive_strength.emissiveStrength";
+    let strength = json.number(strength, 1.0, NotNegative)?;
+    let emission = json.three("emissiveFactor", [0.0; 3], NotNegative)?;
+    let texture = textures.of(&json, "pbrMetallicRoughness.baseColorTexture")?;
+    let name = json.get("name")?;
     let mut description = MaterialDescription {
         name: name.unwrap_or_else(|| format!("material {index}")),
-        base_colour: Colour::times(base_colour, texture),
-        alpha: match json.alpha_mode {
+        base_colour: Colour::times([r, g, b], texture),
+        alpha: match json.get("alphaMode")?.unwrap_or_default() {
             AlphaMode::Opaque => Alpha::Opaque,
             AlphaMode::Mask => {
-                let field = format!("{place}.alphaCutoff");
-                let cutoff = document.not_negative(json.alpha_cutoff.unwrap_or(0.5), field)?;
+                let cutoff = json.number("alphaCutoff", 0.5, NotNegative)?;
                 Alpha::Mask { factor, cutoff }
             }
             AlphaMode::Blend => Alpha::Blend { factor },
         },
-        metallic: unit(pbr.metallic_factor.unwrap_or(1.0), of_pbr("metallicFactor"))?,
-        roughness: unit(
-            pbr.roughness_factor.unwrap_or(1.0),
-            of_pbr("roughnessFactor"),
-        )?,
-        metallic_roughness_texture: textures.of(
-            pbr.metallic_roughness_texture.as_ref(),
-            "metallicRoughnessTexture",
-        )?,
-        double_sided: json.double_sided,
+        metallic: json.number("pbrMetallicRoughness.metallicFactor", 1.0, Unit)?,
+        roughness: json.number("pbrMetallicRoughness.roughnessFactor", 1.0, Unit)?,
+        metallic_roughness_texture: textures
+            .of(&json, "pbrMetallicRoughness.metallicRoughnessTexture")?,
+        double_sided: json.get("doubleSided")?.unwrap_or(false),
         ..MaterialDescription::default()
     };
-    let texture = textures.of(json.emissive_texture.as_ref(), "emissiveTexture")?;
-    description.emission = Colour::times(emission, texture);
+    let texture = textures.of(&json, "emissiveTexture")?;
+    description.emission = Colour::times(emission.map(|v| v * strength), texture);
     if texture.is_some() {
         // Without the texture that says where a surface shines, all of it would.
         description.emission.plain = [0.0; 3];
     }
-    if let Some(normal) = &json.normal_texture {
-        let texture = textures.of(Some(normal), "normalTexture")?;
-        description.normal = texture.map(|t| (t, f64::from(normal.scale.unwrap_or(1.0))));
-    }
-    extend(&mut description, &json.extensions, document, &place)?;
-    extras(
-        &mut description,
-        &json.extras.softray,
-        &mut textures,
-        &place,
-    )?;
+    let normal = textures.of(&json, "normalTexture")?;
+    let scale: f32 = json.get("normalTexture.scale")?.unwrap_or(1.0);
+    description.normal = normal.map(|texture| (texture, f64::from(scale)));
+    extend(&mut description, &json)?;
+    extras(&mut description, &json, &mut textures)?;
     Ok(Material {
         description,
         coordinates: textures.coordinates,
@@ -132,65 +117,55 @@ fn material(document: &Document, index: usize) -> Result<Material> {
 }
 
 /// The extensions of a material.
-fn extend(
-    description: &mut MaterialDescription,
-    json: &MaterialExtensions,
-    document: &Document,
-    place: &str,
-) -> Result<()> {
-    let field = |name: &str| format!("{place}.extensions.{name}");
-    let (transmission, specular) = (&json.transmission, &json.specular);
+fn extend(description: &mut MaterialDescription, json: &Fields) -> Result<()> {
+    let at = |path: &str| format!("extensions.KHR_materials_{path}");
+    let number = |path: &str, default, range| json.number(&at(path), default, range);
+    let has = |path: &str| Result::Ok(!json.value(&at(path))?.is_null());
     // 0 stands for a surface that reflects all.
-    description.ior =
-        document.not_negative(json.ior.ior.unwrap_or(1.5), field("KHR_materials_ior.ior"))?;
-    let of = field("KHR_materials_transmission.transmissionFactor");
-    description.transmission = document.unit(transmission.transmission_factor, of)?;
-    if transmission.transmission_texture.is_some() {
-        document.skip("transmissionTexture");
+    description.ior = number("ior.ior", 1.5, NotNegative)?;
+    description.transmission = number("transmission.transmissionFactor", 0.0, Unit)?;
+    if has("transmission.transmissionTexture")? {
+        json.document.skip("transmissionTexture");
     }
-    let of = field("KHR_materials_volume.thicknessFactor");
-    description.solid = document.not_negative(json.volume.thickness_factor, of)? > 0.0;
-    if json.volume.attenuation_distance.is_some() {
-        document.skip("attenuation of volumes");
+    description.solid = number("volume.thicknessFactor", 0.0, NotNegative)? > 0.0;
+    if has("volume.attenuationDistance")? {
+        json.document.skip("attenuation of volumes");
     }
-    let of = field("KHR_materials_specular.specularFactor");
-    description.specular = document.unit(specular.specular_factor.unwrap_or(1.0), of)?;
-    if specular
-        .specular_color_factor
-        .is_some_and(|c| c != [1.0; 3])
-        || specular.specular_texture.is_some()
-        || specular.specular_color_texture.is_some()
+    description.specular = number("specular.specularFactor", 1.0, Unit)?;
+    let colour = json.get::<[f32; 3]>(&at("specular.specularColorFactor"))?;
+    if colour.is_some_and(|c| c != [1.0; 3])
+        || has("specular.specularTexture")?
+        || has("specular.specularColorTexture")?
     {
-        document.skip("specularTexture and specularColor");
+        json.document.skip("specularTexture and specularColor");
     }
     Ok(())
 }
 
-/// What this crate has written of a BSDF.
+/// What this crate has written of a BSDF. What others keep in `extras` is theirs.
 fn extras(
     description: &mut MaterialDescription,
-    json: &Own,
+    json: &Fields,
     textures: &mut Textures,
-    place: &str,
 ) -> Result<()> {
-    let document = textures.document;
-    let field = |name: &str| format!("{place}.extras.softray.{name}");
-    description.compensated = json.compensated.unwrap_or(true);
-    if let Some(phong) = &json.phong {
-        let albedo = phong.specular_factor;
-        let albedo = albedo.map(|v| document.unit(v, field("phong.specularFactor")));
-        let texture = textures.of(phong.specular_texture.as_ref(), "specularTexture")?;
+    let own = json.json.pointer("/extras/softray");
+    let json = Fields {
+        json: own.unwrap_or(&Value::Null),
+        place: json.at("extras.softray"),
+        ..*json
+    };
+    description.compensated = json.get("compensated")?.unwrap_or(true);
+    if !json.value("phong")?.is_null() {
+        let albedo = json.three("phong.specularFactor", [0.0; 3], Unit)?;
+        let texture = textures.of(&json, "phong.specularTexture")?;
         description.own = Some(OwnBsdf::Phong {
-            albedo: Colour::times(three(albedo)?, texture),
-            shininess: document.not_negative(phong.shininess, field("phong.shininess"))?,
+            albedo: Colour::times(albedo, texture),
+            shininess: json.number("phong.shininess", 1.0, NotNegative)?,
         });
-    } else if let Some(conductor) = &json.conductor {
-        let part = |values: [f32; 3], name: &str| {
-            three(values.map(|v| document.not_negative(v, field(name))))
-        };
+    } else if !json.value("conductor")?.is_null() {
         description.own = Some(OwnBsdf::Conductor {
-            eta: part(conductor.eta, "conductor.eta")?,
-            extinction: part(conductor.extinction, "conductor.extinction")?,
+            eta: json.three("conductor.eta", [0.0; 3], NotNegative)?,
+            extinction: json.three("conductor.extinction", [1.0; 3], NotNegative)?,
         });
     }
     Ok(())
@@ -205,45 +180,45 @@ struct Textures<'a> {
 
 impl Textures<'_> {
     /// A texture, unless it is looked up elsewhere than others of the material.
-    fn of(&mut self, info: Option<&Info>, field: &str) -> Result<Option<TextureUse>> {
-        let Some(info) = info else {
-            return Ok(None);
-        };
-        let transform = info.extensions.transform.as_ref();
-        let coordinates = Coordinates {
-            set: transform
-                .and_then(|t| t.tex_coord)
-                .unwrap_or(info.tex_coord),
-            offset: transform.map_or([0.0; 2], |t| t.offset),
-            rotation: transform.map_or(0.0, |t| t.rotation),
-            scale: transform.and_then(|t| t.scale).unwrap_or([1.0; 2]),
-        };
-        let index = info.index;
+    fn of(&mut self, material: &Fields, path: &str) -> Result<Option<TextureUse>> {
         let document = self.document;
+        let info = material.within(path)?;
+        if info.json.is_null() {
+            return Ok(None);
+        }
+        let transform = |field: &str| format!("extensions.KHR_texture_transform.{field}");
+        let set = info.get(&transform("texCoord"))?.or(info.get("texCoord")?);
+        let coordinates = Coordinates {
+            set: set.unwrap_or(0),
+            offset: info.get(&transform("offset"))?.unwrap_or_default(),
+            rotation: info.get(&transform("rotation"))?.unwrap_or_default(),
+            scale: info.get(&transform("scale"))?.unwrap_or([1.0; 2]),
+        };
         let root = &document.root;
-        let json = document.get(&root.textures, index, field, "textures")?;
-        let place = format!("textures[{index}]");
-        let webp = json.extensions.webp.as_ref().and_then(|w| w.source);
+        let index = info.required("index")?;
+        let field = path.rsplit('.').next().unwrap_or(path);
+        let json = document.fields(&root.textures, index, &info.place, "textures")?;
+        let webp = json.get("extensions.EXT_texture_webp.source")?;
         // Where there is one in glTF's own formats, that of the extension is the same.
-        let Some(image) = json.source.or(webp) else {
+        let Some(image) = json.get("source")?.or(webp) else {
             document.skip("textures without a source in PNG, JPEG or WebP");
             return Ok(None);
         };
-        document.get(&root.images, image, format!("{place}.source"), "images")?;
+        document.get(&root.images, image, json.at("source"), "images")?;
         let mut wrap = Wrap::Repeat;
-        if let Some(sampler) = json.sampler {
-            let field = format!("{place}.sampler");
-            let json = document.get(&root.samplers, sampler, field, "samplers")?;
-            if json.wrap_s.unwrap_or(10497) != json.wrap_t.unwrap_or(10497) {
+        if let Some(sampler) = json.get("sampler")? {
+            let json = document.fields(&root.samplers, sampler, json.at("sampler"), "samplers")?;
+            let [s, t] = [json.get("wrapS")?, json.get("wrapT")?].map(|w| w.unwrap_or(10497u32));
+            if s != t {
                 document.skip("wrapT where it differs from wrapS");
             }
-            wrap = match json.wrap_s {
-                None | Some(10497) => Wrap::Repeat,
-                Some(33071) => Wrap::Clamp,
-                Some(33648) => Wrap::Mirror,
-                Some(other) => {
+            wrap = match s {
+                10497 => Wrap::Repeat,
+                33071 => Wrap::Clamp,
+                33648 => Wrap::Mirror,
+                other => {
                     let message = format!("is {other}, expected 10497, 33071 or 33648");
-                    return Err(document.fail(format!("samplers[{sampler}].wrapS"), message));
+                    return Err(document.fail(json.at("wrapS"), message));
                 }
             };
         }
@@ -255,9 +230,4 @@ impl Textures<'_> {
         }
         Ok(Some(TextureUse { image, wrap }))
     }
-}
-
-fn three(values: [Result<f64>; 3]) -> Result<[f64; 3]> {
-    let [a, b, c] = values;
-    Ok([a?, b?, c?])
 }

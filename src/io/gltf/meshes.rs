@@ -3,11 +3,12 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
+use serde_json::Value;
 
 use super::Document;
 use super::accessors::Accessor;
 use super::materials::{Coordinates, Material};
-use super::schema::{Accessor as AccessorJson, Mesh, Primitive};
+use super::schema::{Mesh, Primitive};
 use crate::error::Result;
 use crate::io::description::MeshDescription;
 
@@ -55,7 +56,8 @@ pub(super) fn most_triangles(document: &Document, mesh: &Mesh) -> u64 {
         let corners = primitive.indices.or_else(|| position(primitive));
         let corners = corners.and_then(|i| document.root.accessors.get(i));
         let mode = Mode::of(primitive);
-        mode.map_or(0, |mode| mode.triangles(corners.map_or(0, |a| a.count)))
+        let count = corners.and_then(|a| a["count"].as_u64()).unwrap_or(0);
+        mode.map_or(0, |mode| mode.triangles(count))
     };
     let each = mesh.primitives.iter().map(of);
     each.fold(0, u64::saturating_add)
@@ -100,13 +102,13 @@ struct Builder<'a> {
 }
 
 /// The arrays of a primitive.
-struct Arrays<'a> {
-    positions: Accessor<'a>,
-    indices: Option<Accessor<'a>>,
-    normals: Option<Accessor<'a>>,
-    uvs: Option<(Accessor<'a>, Option<Coordinates>)>,
-    colours: Option<Accessor<'a>>,
-    tangents: Option<Accessor<'a>>,
+struct Arrays {
+    positions: Accessor,
+    indices: Option<Accessor>,
+    normals: Option<Accessor>,
+    uvs: Option<(Accessor, Option<Coordinates>)>,
+    colours: Option<Accessor>,
+    tangents: Option<Accessor>,
 }
 
 /// Where a vertex of a primitive went: its place, and its rows of attributes.
@@ -191,13 +193,15 @@ impl<'a> Builder<'a> {
         primitive: &Primitive,
         place: &str,
         coordinates: Option<Coordinates>,
-    ) -> Result<Arrays<'a>> {
+    ) -> Result<Arrays> {
         let document = self.document;
         let Some(index) = position(primitive) else {
             return Err(document.fail(format!("{place}.attributes"), "has no POSITION"));
         };
-        let is_empty = |a: &AccessorJson| a.buffer_view.is_none() && a.sparse.is_none();
-        if primitive.extensions.draco.is_some()
+        let is_empty = |a: &Value| a["bufferView"].is_null() && a["sparse"].is_null();
+        if primitive
+            .extensions
+            .contains_key("KHR_draco_mesh_compression")
             && document.root.accessors.get(index).is_some_and(is_empty)
         {
             let message = "is compressed by Draco (KHR_draco_mesh_compression), expected a file without compression";

@@ -7,7 +7,7 @@ mod accessors;
 mod buffers;
 mod container;
 mod extensions;
-mod material_schema;
+mod fields;
 mod materials;
 mod meshes;
 mod nodes;
@@ -15,19 +15,21 @@ mod schema;
 
 use std::fmt::Display;
 use std::path::Path;
-use std::sync::Arc;
 
+use bytes::Bytes;
+use fields::Fields;
 use schema::Root;
+use serde_json::Value;
 
 use super::LoadLimits;
-use super::description::{Bytes, Description};
+use super::description::Description;
 use super::limits::{parse_json, read_bytes};
 use super::notes::Notes;
 use crate::error::{Error, Result};
 
 /// Reads a file, with the buffers that it names.
 pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
-    let bytes = Arc::new(read_bytes(path, limits)?);
+    let bytes = Bytes::from(read_bytes(path, limits)?);
     let (json, binary) = container::split(&bytes).map_err(|m| Error::format(path, m))?;
     let root: Root = parse_json(path, &bytes[json])?;
     let mut document = Document {
@@ -39,10 +41,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         notes: Notes::default(),
     };
     document.check_version()?;
-    let binary = binary.map(|range| Bytes {
-        buffer: bytes.clone(),
-        range,
-    });
+    let binary = binary.map(|range| bytes.slice(range));
     let (buffers, more) = buffers::load(&document, binary)?;
     document.buffers = buffers;
     document.bytes += more;
@@ -98,21 +97,19 @@ impl Document<'_> {
         })
     }
 
-    /// A number in [0, 1].
-    fn unit(&self, value: f32, place: impl Display) -> Result<f64> {
-        // Numbers of files are rounded.
-        let valid = (-1e-6..=1.0 + 1e-6).contains(&value);
-        let message = format_args!("is {value}, expected a number in [0, 1]");
-        self.unless(valid, place, message)?;
-        Ok(f64::from(value.clamp(0.0, 1.0)))
-    }
-
-    /// A finite number of at least 0.
-    fn not_negative(&self, value: f32, place: impl Display) -> Result<f64> {
-        let valid = value.is_finite() && value >= 0.0;
-        let message = format_args!("is {value}, expected a finite number ≥ 0");
-        self.unless(valid, place, message)?;
-        Ok(f64::from(value))
+    /// The fields of the element of a list that a field refers to.
+    fn fields<'b>(
+        &'b self,
+        list: &'b [Value],
+        index: usize,
+        place: impl Display,
+        name: &str,
+    ) -> Result<Fields<'b>> {
+        Ok(Fields {
+            document: self,
+            json: self.get(list, index, place, name)?,
+            place: format!("{name}[{index}]"),
+        })
     }
 
     fn check_version(&self) -> Result<()> {

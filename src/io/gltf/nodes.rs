@@ -6,12 +6,13 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 
+use super::fields::{Fields, Range};
 use super::materials::{images, materials};
 use super::meshes::{mesh, most_triangles};
-use super::schema::{CameraType, Light as LightJson, LightType, Node};
+use super::schema::{CameraType, LightType, Node};
 use super::{Document, materials::Material};
 use crate::error::{Error, Result};
-use crate::io::description::{Description, NamedCamera, ObjectDescription};
+use crate::io::description::{Description, ObjectDescription};
 use crate::io::limits::{LIGHT, Memory, OBJECT, TRIANGLE};
 use crate::scene::{Camera, Light};
 
@@ -73,17 +74,12 @@ pub(super) fn walk(document: &Document) -> Result<Description> {
 /// The nodes that have no parent, and where the file names them.
 fn roots(document: &Document) -> Result<Vec<(usize, String)>> {
     let root = &document.root;
-    let scene = match root.scene {
-        Some(index) => {
-            document.get(&root.scenes, index, "scene", "scenes")?;
-            Some(index)
-        }
-        None => (!root.scenes.is_empty()).then_some(0),
-    };
-    if let Some(s) = scene {
-        let nodes = root.scenes[s].nodes.iter().enumerate();
-        let named = nodes.map(|(k, &node)| {
-            let place = format!("scenes[{s}].nodes[{k}]");
+    let first = (!root.scenes.is_empty()).then_some(0);
+    if let Some(s) = root.scene.or(first) {
+        let scene = document.fields(&root.scenes, s, "scene", "scenes")?;
+        let nodes: Vec<usize> = scene.get("nodes")?.unwrap_or_default();
+        let named = nodes.into_iter().enumerate().map(|(k, node)| {
+            let place = scene.at(&format!("nodes[{k}]"));
             document.get(&root.nodes, node, &place, "nodes")?;
             Ok((node, place))
         });
@@ -148,14 +144,14 @@ struct Walk<'a> {
 impl Walk<'_> {
     fn node(&mut self, node: &Node, i: usize, to_world: DAffine3) -> Result<()> {
         let (document, root) = (self.document, &self.document.root);
-        let name = |of: Option<&String>, kind: &str| {
-            let name = node.name.as_ref().or(of).cloned();
-            name.unwrap_or_else(|| format!("{kind} {i}"))
+        let name = |of: Option<&str>, kind: &str| {
+            let name = node.name.as_deref().or(of);
+            name.map_or_else(|| format!("{kind} {i}"), str::to_owned)
         };
         if let Some(index) = node.mesh {
             let place = format!("nodes[{i}].mesh");
             let json = document.get(&root.meshes, index, &place, "meshes")?;
-            let name = name(json.name.as_ref(), "node");
+            let name = name(json.name.as_deref(), "node");
             self.instance(index, name, to_world, &place)?;
             if node.skin.is_some() {
                 document.skip("skins");
@@ -163,19 +159,26 @@ impl Walk<'_> {
         }
         if let Some(index) = node.camera {
             let place = format!("nodes[{i}].camera");
-            let json = document.get(&root.cameras, index, &place, "cameras")?;
-            let name = name(json.name.as_ref(), "camera");
-            let camera = self.camera(index, name, to_world, &place)?;
-            self.found.cameras.push(camera);
+            let json = document.fields(&root.cameras, index, &place, "cameras")?;
+            let name = name(json.get("name")?, "camera");
+            let (camera, aspect) = self.camera(&json, to_world, &place)?;
+            self.found.cameras.push((name, camera, aspect));
         }
-        if let Some(light) = &node.extensions.light {
-            let place = format!("nodes[{i}].extensions.KHR_lights_punctual.light");
-            let lights = &root.extensions.lights.lights;
-            let json = document.get(lights, light.light, &place, "lights")?;
+        let extensions = Fields {
+            document,
+            json: &node.extensions,
+            place: format!("nodes[{i}].extensions"),
+        };
+        let path = "KHR_lights_punctual.light";
+        if let Some(index) = extensions.get(path)? {
+            let place = extensions.at(path);
+            let lights = root.extensions.get("KHR_lights_punctual");
+            let lights = lights.and_then(|l| l["lights"].as_array());
+            let lights = lights.map_or(&[][..], Vec::as_slice);
+            let json = document.fields(lights, index, &place, "lights")?;
             let taken = self.found.memory.take(1, LIGHT, document.limits);
             taken.map_err(|message| document.fail(&place, message))?;
-            let light = self.light(json, to_world, &format!("lights[{}]", light.light))?;
-            self.found.lights.push(light);
+            self.found.lights.push(self.light(&json, to_world)?);
         }
         Ok(())
     }
@@ -196,11 +199,11 @@ impl Walk<'_> {
         let known = match self.meshes.get(&index) {
             Some(&known) => known,
             None => {
-                self.found
-                    .meshes
-                    .push(mesh(document, index, self.materials)?);
-                self.meshes.insert(index, self.found.meshes.len() - 1);
-                self.found.meshes.len() - 1
+                let next = self.found.meshes.len();
+                let mesh = mesh(document, index, self.materials)?;
+                self.found.meshes.push(mesh);
+                self.meshes.insert(index, next);
+                next
             }
         };
         if !self.found.meshes[known].faces.is_empty() {
@@ -214,10 +217,8 @@ impl Walk<'_> {
     }
 
     /// A camera looks along its node's −z, whose scale doesn't count.
-    fn camera(&self, index: usize, name: String, to: DAffine3, place: &str) -> Result<NamedCamera> {
+    fn camera(&self, json: &Fields, to: DAffine3, place: &str) -> Result<(Camera, Option<f64>)> {
         let document = self.document;
-        let json = &document.root.cameras[index];
-        let at = |field: &str| format!("cameras[{index}].{field}");
         let axes = [-to.matrix3.z_axis, to.matrix3.y_axis].map(|a| a.try_normalize());
         let [Some(forward), Some(up)] = axes else {
             let message = "is at a node whose axes have no directions";
@@ -225,66 +226,58 @@ impl Walk<'_> {
         };
         let message = "is at a node whose y and z axes are parallel";
         document.unless(forward.cross(up).length() >= 1e-6, place, message)?;
-        let positive = |value: f32, field: &str| {
-            let valid = value.is_finite() && value > 0.0;
-            let message = format_args!("is {value}, expected a finite number > 0");
-            document.unless(valid, at(field), message)?;
-            Result::Ok(f64::from(value))
+        let positive = |path: &str, value: f32| {
+            let [value] = json.check(path, [value], Range::Positive)?;
+            Result::Ok(value)
         };
-        let missing = |field: &str| document.fail(at(field), "is not there");
         let eye = to.translation;
         let camera = Camera::look_at(eye.to_array(), (eye + forward).to_array()).up(up.to_array());
-        let (camera, aspect) = match json.kind {
+        Ok(match json.required("type")? {
             CameraType::Perspective => {
-                let p = json.perspective.as_ref();
-                let p = p.ok_or_else(|| missing("perspective"))?;
-                let fov_y = positive(p.yfov, "perspective.yfov")?.to_degrees();
-                let message = format_args!("is {}, expected an angle under π", p.yfov);
-                document.unless(fov_y < 180.0, at("perspective.yfov"), message)?;
-                let aspect = p.aspect_ratio;
-                let aspect = aspect.map(|a| positive(a, "perspective.aspectRatio"));
+                let path = "perspective.yfov";
+                let yfov = json.required(path)?;
+                let fov_y = positive(path, yfov)?.to_degrees();
+                let message = format_args!("is {yfov}, expected an angle under π");
+                document.unless(fov_y < 180.0, json.at(path), message)?;
+                let path = "perspective.aspectRatio";
+                let aspect = json.get(path)?.map(|a| positive(path, a));
                 (camera.fov_y(fov_y), aspect.transpose()?)
             }
             CameraType::Orthographic => {
-                let o = json.orthographic.as_ref();
-                let o = o.ok_or_else(|| missing("orthographic"))?;
-                // Files may mirror the image by a negative one.
-                let high = positive(o.ymag.abs(), "orthographic.ymag")?;
-                let wide = positive(o.xmag.abs(), "orthographic.xmag")?;
+                let size = |path: &str| {
+                    // Files may mirror the image by a negative one.
+                    positive(path, json.required::<f32>(path)?.abs())
+                };
+                let (high, wide) = (size("orthographic.ymag")?, size("orthographic.xmag")?);
                 (camera.orthographic(2.0 * high), Some(wide / high))
             }
-        };
-        Ok((name, camera, aspect))
+        })
     }
 
     /// A light shines along its node's −z, whose scale doesn't count. Photometric units count as those of the scene:
     /// candela for radiant intensity, lux for irradiance.
-    fn light(&self, json: &LightJson, to: DAffine3, place: &str) -> Result<Light> {
-        let document = self.document;
-        let at = |field: &str| format!("{place}.{field}");
-        let strength = document.not_negative(json.intensity.unwrap_or(1.0), at("intensity"))?;
-        let mut intensity = [strength; 3];
-        for (value, colour) in intensity.iter_mut().zip(json.color.unwrap_or([1.0; 3])) {
-            *value *= document.not_negative(colour, at("color"))?;
-        }
-        if json.range.is_some() {
-            document.skip("range of lights");
+    fn light(&self, json: &Fields, to: DAffine3) -> Result<Light> {
+        let strength = json.number("intensity", 1.0, Range::NotNegative)?;
+        let colour = json.three("color", [1.0; 3], Range::NotNegative)?;
+        let intensity = colour.map(|v| v * strength);
+        if json.get::<f32>("range")?.is_some() {
+            self.document.skip("range of lights");
         }
         let position = to.translation.to_array();
         let direction = (-to.matrix3.z_axis).try_normalize();
         let direction = direction.unwrap_or(DVec3::NEG_Z).to_array();
-        Ok(match json.kind {
+        Ok(match json.required("type")? {
             LightType::Point => Light::point(position, intensity),
             LightType::Directional => Light::directional(direction, intensity),
             LightType::Spot => {
-                let (inner, outer) = (json.spot.inner_cone_angle, json.spot.outer_cone_angle);
-                let outer = outer.unwrap_or(FRAC_PI_4);
+                let inner: f32 = json.get("spot.innerConeAngle")?.unwrap_or(0.0);
+                let outer = json.get("spot.outerConeAngle")?.unwrap_or(FRAC_PI_4);
                 // The file's numbers are rounded.
                 let valid = 0.0 <= inner && inner <= outer && outer <= 1.571;
                 let message = format_args!(
                     "has the angles {inner} and {outer}, expected 0 ≤ innerConeAngle ≤ outerConeAngle ≤ π/2"
                 );
-                document.unless(valid, at("spot"), message)?;
+                self.document.unless(valid, json.at("spot"), message)?;
                 let [inner, outer] = [inner, outer].map(|a| [f64::from(a).min(FRAC_PI_2)]);
                 Light::spot(position, direction, intensity, inner, outer)
             }

@@ -1,4 +1,5 @@
-//! The JSON of glTF 2.0, as far as it is read. References are numbers that are checked where they are followed.
+//! The JSON of glTF 2.0, as far as it is read. References are numbers that are checked where they are followed. What
+//! stays JSON here is read by [`Fields`](super::fields::Fields).
 //!
 //! The `gltf` crate has all of it, but it is not made for files that nobody trusts: in 1.4.1 its validation panics
 //! on the number of an accessor that is not there, and what it offers without validation unwraps.
@@ -6,8 +7,8 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
-
-use super::material_schema::Material;
+use serde::de::IgnoredAny;
+use serde_json::{Map, Value};
 
 /// A file.
 #[derive(Default, Deserialize)]
@@ -17,53 +18,25 @@ pub(super) struct Root {
     pub extensions_used: Vec<String>,
     pub extensions_required: Vec<String>,
     pub scene: Option<usize>,
-    pub scenes: Vec<Scene>,
+    pub scenes: Vec<Value>,
     pub nodes: Vec<Node>,
     pub meshes: Vec<Mesh>,
-    pub accessors: Vec<Accessor>,
-    pub buffer_views: Vec<View>,
-    pub buffers: Vec<Buffer>,
-    pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
-    pub images: Vec<Image>,
-    pub samplers: Vec<Sampler>,
-    pub cameras: Vec<Camera>,
-    pub animations: Vec<Anything>,
-    pub extensions: RootExtensions,
+    pub accessors: Vec<Value>,
+    pub buffer_views: Vec<Value>,
+    pub buffers: Vec<Value>,
+    pub materials: Vec<Value>,
+    pub textures: Vec<Value>,
+    pub images: Vec<Value>,
+    pub samplers: Vec<Value>,
+    pub cameras: Vec<Value>,
+    pub animations: Vec<IgnoredAny>,
+    pub extensions: Map<String, Value>,
 }
-
-/// What is only counted.
-#[derive(Deserialize)]
-pub(super) struct Anything {}
 
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Asset {
     pub version: String,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default)]
-pub(super) struct RootExtensions {
-    #[serde(rename = "KHR_lights_punctual")]
-    pub lights: Lights,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Lights {
-    pub lights: Vec<Light>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Light {
-    #[serde(rename = "type")]
-    pub kind: LightType,
-    pub color: Option<[f32; 3]>,
-    pub intensity: Option<f32>,
-    pub range: Option<f32>,
-    #[serde(default)]
-    pub spot: Spot,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -72,19 +45,6 @@ pub(super) enum LightType {
     Point,
     Spot,
     Directional,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Spot {
-    pub inner_cone_angle: f32,
-    pub outer_cone_angle: Option<f32>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Scene {
-    #[serde(default)]
-    pub nodes: Vec<usize>,
 }
 
 #[derive(Deserialize)]
@@ -100,18 +60,7 @@ pub(super) struct Node {
     pub camera: Option<usize>,
     pub skin: Option<usize>,
     #[serde(default)]
-    pub extensions: NodeExtensions,
-}
-
-#[derive(Default, Deserialize)]
-pub(super) struct NodeExtensions {
-    #[serde(rename = "KHR_lights_punctual")]
-    pub light: Option<NodeLight>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct NodeLight {
-    pub light: usize,
+    pub extensions: Value,
 }
 
 #[derive(Deserialize)]
@@ -127,108 +76,9 @@ pub(super) struct Primitive {
     pub material: Option<usize>,
     pub mode: Option<u32>,
     #[serde(default)]
-    pub targets: Vec<Anything>,
+    pub targets: Vec<IgnoredAny>,
     #[serde(default)]
-    pub extensions: PrimitiveExtensions,
-}
-
-#[derive(Default, Deserialize)]
-pub(super) struct PrimitiveExtensions {
-    #[serde(rename = "KHR_draco_mesh_compression")]
-    pub draco: Option<Anything>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Accessor {
-    pub buffer_view: Option<usize>,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub component_type: u32,
-    #[serde(default)]
-    pub normalized: bool,
-    pub count: u64,
-    #[serde(rename = "type")]
-    pub kind: String,
-    pub sparse: Option<Box<Sparse>>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Sparse {
-    pub count: u64,
-    pub indices: SparseRows,
-    pub values: SparseRows,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct SparseRows {
-    pub buffer_view: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-    /// Of indices.
-    #[serde(default)]
-    pub component_type: u32,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct View {
-    pub buffer: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub byte_length: u64,
-    pub byte_stride: Option<usize>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Buffer {
-    pub uri: Option<String>,
-    pub byte_length: u64,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Image {
-    pub uri: Option<String>,
-    pub buffer_view: Option<usize>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Texture {
-    pub source: Option<usize>,
-    pub sampler: Option<usize>,
-    #[serde(default)]
-    pub extensions: TextureExtensions,
-}
-
-#[derive(Default, Deserialize)]
-pub(super) struct TextureExtensions {
-    #[serde(rename = "EXT_texture_webp")]
-    pub webp: Option<Source>,
-}
-
-/// An image in another format than glTF's own.
-#[derive(Deserialize)]
-pub(super) struct Source {
-    pub source: Option<usize>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Sampler {
-    pub wrap_s: Option<u32>,
-    pub wrap_t: Option<u32>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Camera {
-    pub name: Option<String>,
-    #[serde(rename = "type")]
-    pub kind: CameraType,
-    pub perspective: Option<Perspective>,
-    pub orthographic: Option<Orthographic>,
+    pub extensions: Map<String, Value>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -238,15 +88,11 @@ pub(super) enum CameraType {
     Orthographic,
 }
 
-#[derive(Deserialize)]
-pub(super) struct Perspective {
-    #[serde(rename = "aspectRatio")]
-    pub aspect_ratio: Option<f32>,
-    pub yfov: f32,
-}
-
-#[derive(Deserialize)]
-pub(super) struct Orthographic {
-    pub xmag: f32,
-    pub ymag: f32,
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub(super) enum AlphaMode {
+    #[default]
+    Opaque,
+    Mask,
+    Blend,
 }

@@ -237,13 +237,8 @@ impl<'a> Reader<'a> {
             return self.notes.fault(self.fail(line, message), self.limits);
         }
         self.triangles += words.len() as u64 - 2;
-        let most = self.limits.triangles;
-        if self.triangles > most {
-            let message = format!(
-                "there are more than {most} triangles: LoadLimits::triangles raises the limit"
-            );
-            return Err(self.fail(line, message));
-        }
+        let allowed = self.limits.check_triangles(self.triangles);
+        allowed.map_err(|m| self.fail(line, m))?;
         let (object, material) = match self.part {
             Some(part) => part,
             None => self.begin_part().map_err(|m| self.fail(line, m))?,

@@ -177,13 +177,9 @@ impl Reader<'_> {
                 return Err(self.fail(place(), message));
             }
             let face: Vec<u32> = list.iter().map(|&v| v as u32).collect();
-            if (self.mesh.faces.len() + face.len() - 2) as u64 > self.limits.triangles {
-                let most = self.limits.triangles;
-                let message = format!(
-                    "there are more than {most} triangles: LoadLimits::triangles raises the limit"
-                );
-                return Err(self.fail(place(), message));
-            }
+            let triangles = (self.mesh.faces.len() + face.len() - 2) as u64;
+            let allowed = self.limits.check_triangles(triangles);
+            allowed.map_err(|m| self.fail(place(), m))?;
             let positions = &self.mesh.positions;
             let places = face.iter().map(|&v| DVec3::from(positions[v as usize]));
             let triangles = polygons.triangles(&places.collect::<Vec<_>>());
@@ -229,10 +225,7 @@ impl Reader<'_> {
             if !more.is_empty() {
                 log::warn!("{}: of its textures only {name} is read", path.display());
             }
-            let folder = path.parent().unwrap_or(Path::new(""));
-            let file = folder.join(name);
-            let from = path.display().to_string();
-            self.limits.check_place(&file, folder, &from)?;
+            let file = self.limits.beside(path, name)?;
             description.images.push(ImageSource::File(file));
             mesh.materials = vec![Some(0)];
             let texture = TextureUse {

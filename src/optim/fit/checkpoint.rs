@@ -246,15 +246,13 @@ fn lock(path: &Path, folder: &Path, warn: &mut dyn FnMut(Warning)) -> Result<Fil
 }
 
 fn entries(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
-    let mut all = Vec::new();
-    for entry in fs::read_dir(folder).map_err(Error::io(folder))? {
+    let all = fs::read_dir(folder).map_err(Error::io(folder))?;
+    let all = all.map(|entry| {
         let entry = entry.map_err(Error::io(folder))?;
-        all.push((
-            entry.file_name().to_string_lossy().into_owned(),
-            entry.path(),
-        ));
-    }
-    Ok(all)
+        let name = entry.file_name().to_string_lossy().into_owned();
+        Ok((name, entry.path()))
+    });
+    all.collect()
 }
 
 /// Waits until a file or folder has reached the disk.
