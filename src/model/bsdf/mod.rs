@@ -33,8 +33,7 @@ pub(crate) use models::{Models, model_of};
 pub(crate) use sample::Scatter;
 
 /// A shaded point: directions, and what its material is there.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Shading {
     /// Unit normals on the side that the ray came from.
     pub geometric: V3,
@@ -65,8 +64,7 @@ pub(crate) struct Shading {
 }
 
 /// Derivatives by what a shaded point is made of.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct ShadingGradient {
     pub geometric: V3,
     pub normal: V3,

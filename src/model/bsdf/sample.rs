@@ -8,8 +8,7 @@ use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_
 use crate::model::{V3, splat, v3};
 
 /// A direction drawn from the BSDF.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Scatter {
     pub direction: V3,
     /// f·cos θ over the density of the direction.

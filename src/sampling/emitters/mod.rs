@@ -15,8 +15,9 @@ use crate::accel::LANES;
 use crate::accel::eights::NONE;
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
-pub(crate) use fixed::Chosen;
-pub(crate) use fixed::Fixed;
+#[cfg(feature = "wgpu")]
+pub(crate) use fixed::EmitterPlace;
+pub(crate) use fixed::{Chosen, Fixed};
 pub(crate) use groups::EmitterGroup;
 use groups::group;
 use lists::FEW;
