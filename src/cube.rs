@@ -12,10 +12,12 @@ pub(crate) use burn::cubecl::{self, prelude::*};
 attribute_alias! {
     #[apply(record!)] =
         #[cfg_attr(feature = "wgpu", derive(CubeType, CubeTypeMut), expand(derive(Clone, Copy)))]
-        #[derive(Clone, Copy, Debug)];
+        #[derive(Clone, Copy, Debug)]
+        #[macro_rules_attribute::macro_rules_derive(crate::lanes::lanes)];
     #[apply(zeroed!)] =
         #[cfg_attr(feature = "wgpu", derive(CubeType, CubeTypeMut, IntoRuntime), expand(derive(Clone, Copy)))]
-        #[derive(Clone, Copy, Debug, Default)];
+        #[derive(Clone, Copy, Debug, Default)]
+        #[macro_rules_attribute::macro_rules_derive(crate::lanes::lanes)];
 }
 
 #[cfg(feature = "wgpu")]
@@ -24,9 +26,12 @@ attribute_alias! {
     #[apply(argument!)] = #[derive(CubeType, CubeLaunch, Clone, Copy)] #[expand(derive(Clone, Copy))];
 }
 
-/// Makes a type one of fields that kernels are compiled for (`cube(comptime)`): in their language it stays what it is.
+/// Makes a type one of fields that kernels are compiled for (`cube(comptime)`): in their language it stays what it is, and
+/// paths share it.
 macro_rules! known_to_kernels {
     ($type:ty) => {
+        crate::lanes::shared_by_lanes!($type);
+
         #[cfg(feature = "wgpu")]
         impl IntoExpand for $type {
             type Expand = Self;

@@ -42,6 +42,7 @@ mod gpu;
 pub mod gradcheck;
 pub mod io;
 mod kernel;
+mod lanes;
 mod model;
 pub mod modules;
 pub mod optim;

@@ -280,9 +280,10 @@ impl<M: Machine, const ANY: bool, const SELECT: bool, const HOLES: bool> Visitor
 }
 
 impl Hierarchy {
-    /// The hit of each ray: the nearest triangle, or with `ANY` any, which takes less time. All triangles
-    /// are seen but for their holes.
-    pub(crate) fn hits<const ANY: bool>(
+    /// The hit of each ray: the nearest triangle, or with `ANY` any, which takes less time. `SELECT` leaves out the ray's
+    /// unseen triangles. Scenes without holes have a traversal of their own.
+    #[inline(always)]
+    pub(crate) fn hits<const ANY: bool, const SELECT: bool>(
         &self,
         arch: Arch,
         holes: Option<&Holes>,
@@ -291,31 +292,6 @@ impl Hierarchy {
     ) {
         hits.clear();
         hits.resize(rays.len(), Hit::NONE);
-        self.find::<ANY, false>(arch, holes, rays, hits);
-    }
-
-    /// The hit of a ray on all but its unseen triangles: the nearest, or with `ANY` any.
-    #[inline]
-    pub(crate) fn hit_seen<const ANY: bool>(
-        &self,
-        arch: Arch,
-        holes: Option<&Holes>,
-        ray: &HitRay,
-    ) -> Hit {
-        let mut hit = [Hit::NONE];
-        self.find::<ANY, true>(arch, holes, std::slice::from_ref(ray), &mut hit);
-        hit[0]
-    }
-
-    /// Scenes without holes have a traversal of their own.
-    #[inline(always)]
-    fn find<const ANY: bool, const SELECT: bool>(
-        &self,
-        arch: Arch,
-        holes: Option<&Holes>,
-        rays: &[HitRay],
-        hits: &mut [Hit],
-    ) {
         let (wide, triangles) = (&self.wide, self.triangles.as_slice());
         let pierced = holes.map(|holes| Pierced {
             masks: holes.masks(),

@@ -22,5 +22,5 @@ pub(crate) use hierarchy::Hierarchy;
 pub use hierarchy::HierarchyCache;
 pub(crate) use hits::{Hit, HitRay, NOTHING};
 pub(crate) use overlaps::Overlaps;
-pub(crate) use simd::{LANES, Machine, Task, dispatch};
+pub(crate) use simd::{LANES, Machine, Task, dispatch, stage};
 pub(crate) use triangle::HostTriangle;

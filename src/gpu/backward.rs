@@ -15,9 +15,9 @@ use crate::model::connection::Target;
 use crate::model::{V3, splat};
 use crate::sampling::{EmitterPlace, Four};
 use crate::trace::{
-    Arrived, CONE, EMITS, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums,
-    density_of_map, emission_backward, emitters_of, glows, leave_backward, light_backward,
-    map_backward, map_of, middle_of, point_backward, receiver_of, sky_backward, target_of,
+    Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, density_of_map,
+    emitters_of, leave_backward, light_backward, map_backward, map_of, middle_of, point_backward,
+    receiver_of, seen_backward, sky_backward, target_of,
 };
 
 /// A point of a path on the way back.
@@ -119,15 +119,7 @@ pub(super) fn path_backward(
         }
         let mut by_t = 0.0f32;
         if i == 0 {
-            by_t = upstream.depth;
-            by.geometric += upstream.normal;
-            if point.side > 0.0 && scene.bits_of(point.material) & EMITS != 0 {
-                if glows(scene, point.material) {
-                    by.emission = g;
-                } else {
-                    emission_backward(scene, sums, point.material, point.uv, g);
-                }
-            }
+            by_t = seen_backward(scene, sums, &point, &upstream, &mut by);
         }
         by_ray = point_backward(scene, sums, &point, path.time, &by, by_t);
     }

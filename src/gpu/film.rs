@@ -117,7 +117,7 @@ pub(super) fn view_of(table: &[u32], views: u32, number: u32, #[comptime] word: 
 #[apply(record!)]
 struct DrawnPiece {
     /// Where its numbers begin.
-    at: usize,
+    at: u32,
     share: f32,
 }
 
@@ -145,10 +145,10 @@ fn draw_piece(pieces: &[f32], films: &[u32], view: u32, part: f32, count: u32) -
     let first = films[film + FIRST_PIECE] + BLOCK * block;
     let own = BLOCK.min(films[film + PAST_PIECE] - first);
     let i = first_over(pieces, OF_PIECE * first + 2, own, OF_PIECE, part - before);
-    let at = (OF_PIECE * (first + i)) as usize;
-    let mut share = pieces[at + 2];
+    let at = OF_PIECE * (first + i);
+    let mut share = pieces[at as usize + 2];
     if i > 0 {
-        share -= pieces[at + 2 - OF_PIECE as usize];
+        share -= pieces[(at + 2 - OF_PIECE) as usize];
     }
     DrawnPiece { at, share }
 }
@@ -237,7 +237,7 @@ pub(super) fn film_jumps(
             let film = numbers.draw(scene.points, Dimensions::film());
             let Exposure { lens, time } = exposure(&scene, &numbers);
             let drawn: DrawnPiece = draw_piece(pieces, films, which, film.x * total, samples.count);
-            let piece = drawn.at;
+            let piece = drawn.at as usize;
             let share = drawn.share;
             let length = pieces[piece + 1] - pieces[piece];
             let lambda = pieces[piece] + length * film.y;

@@ -11,6 +11,7 @@ mod boundary;
 mod camera;
 mod direct;
 mod edges;
+mod eights;
 mod gradient;
 mod lists;
 mod path;

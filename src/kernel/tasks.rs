@@ -1,12 +1,13 @@
-//! Pixels of a view rendered, and their derivatives, as tasks of one core.
+//! Pixels of a view rendered, and their derivatives, on one core.
 
 use std::ops::Range;
 
+use macro_rules_attribute::apply;
+
 use super::gradient::HostSums;
-use super::view::View;
-use super::walk::Work;
-use super::walk::{Path, Seen, Walks};
-use crate::accel::{Machine, Task, dispatch};
+use super::view::{Tracer, View};
+use super::walk::{Path, Seen, TOGETHER, Walks, Work};
+use crate::accel::stage;
 use crate::sampling::{Numbers, RUN, Run};
 
 impl View {
@@ -16,16 +17,28 @@ impl View {
         pixels: &[u32],
         samples: Range<u32>,
         work: &mut Work,
-        objects: Option<&mut [f32]>,
+        mut objects: Option<&mut [f32]>,
     ) -> Vec<Seen> {
-        let forward = Forward {
-            view: self,
-            pixels,
-            samples,
-            work,
-            objects,
-        };
-        dispatch(self.arch, forward)
+        let tracer = self.tracer();
+        let mut all = vec![Seen::default(); pixels.len()];
+        let mut walks = Walks::default();
+        let together = together(&samples);
+        for (block, pixels) in pixels.chunks(together).enumerate() {
+            for samples in runs_of(&samples) {
+                let runs = draw_runs(&tracer, pixels, samples.start);
+                let cones = self.cones(&runs, &samples);
+                let paths = self.paths(&runs, &cones, &samples);
+                tracer.camera_walks(&paths, &mut walks, false, work);
+                for (k, walk) in walks.list.iter().enumerate() {
+                    let i = block * together + k / samples.len();
+                    walk.add_to(&mut all[i]);
+                    if let Some(objects) = &mut objects {
+                        self.count_object(i, walk.seen, objects);
+                    }
+                }
+            }
+        }
+        all
     }
 
     /// The mean of how much a loss depends on the radiance of a pixel, over those that it depends on.
@@ -51,107 +64,55 @@ impl View {
         work: &mut Work,
         sums: &mut HostSums,
     ) {
-        let backward = Backward {
-            view: self,
-            pixels,
-            typical,
-            samples,
-            work,
-            sums,
-        };
-        dispatch(self.arch, backward);
-    }
-}
-
-/// [`View::render`] as a task.
-struct Forward<'a> {
-    view: &'a View,
-    pixels: &'a [u32],
-    samples: Range<u32>,
-    work: &'a mut Work,
-    objects: Option<&'a mut [f32]>,
-}
-
-impl Task for Forward<'_> {
-    type Output = Vec<Seen>;
-
-    #[inline(always)]
-    fn run<M: Machine>(self, _machine: M) -> Vec<Seen> {
-        let (view, pixels, samples, work) = (self.view, self.pixels, self.samples, self.work);
-        let (tracer, mut objects) = (view.tracer(), self.objects);
-        let mut all = vec![Seen::default(); pixels.len()];
+        let (tracer, sums) = (self.tracer(), &sums.sums());
         let mut walks = Walks::default();
-        let (together, mut first) = (view.together(&samples), 0);
-        while first < pixels.len() {
-            let some = first..pixels.len().min(first + together);
-            let mut from = samples.start;
-            while from < samples.end {
-                let past = next_run(from).min(samples.end);
-                let runs = view.runs(pixels[some.clone()].iter().copied(), from);
-                let paths = view.paths(&runs, from..past);
-                tracer.camera_walks::<false>(&paths, &mut walks, work);
-                for (k, walk) in walks.list.iter().enumerate() {
-                    let i = first + k / (past - from) as usize;
-                    walk.add_to(&mut all[i]);
-                    if let Some(objects) = &mut objects {
-                        view.count_object(i, walk.seen, objects);
-                    }
-                }
-                from = past;
+        let asked = pixels.iter().filter(|p| p.1 != Seen::default());
+        let (pixels, gradients): (Vec<u32>, Vec<&Seen>) = asked.map(|(i, g)| (*i, g)).unzip();
+        let together = together(&samples);
+        for (pixels, gradients) in pixels.chunks(together).zip(gradients.chunks(together)) {
+            for samples in runs_of(&samples) {
+                let runs = draw_runs(&tracer, pixels, samples.start);
+                let cones = self.cones(&runs, &samples);
+                let paths = self.paths(&runs, &cones, &samples);
+                tracer.camera_walks(&paths, &mut walks, true, work);
+                let of_paths = gradients
+                    .iter()
+                    .flat_map(|&g| samples.clone().map(move |_| g));
+                let upstream: Vec<&Seen> = of_paths.collect();
+                tracer.walks_backward(&paths, &walks, &upstream, typical, work, sums);
             }
-            first = some.end;
         }
-        all
-    }
-}
-
-/// The first sample of the next run.
-fn next_run(sample: u32) -> u32 {
-    (sample - sample % RUN as u32).saturating_add(RUN as u32)
-}
-
-/// Paths that go together, about: so many that the machine has others to do while it waits for one.
-const TOGETHER: usize = 16;
-
-impl View {
-    /// The number of pixels whose paths go together.
-    fn together(&self, samples: &Range<u32>) -> usize {
-        let of_pixel = (samples.end - samples.start).clamp(1, RUN as u32);
-        TOGETHER.div_ceil(of_pixel as usize)
     }
 
-    /// The random numbers of the run of samples that one of them is in, of some pixels.
-    #[inline(always)]
-    fn runs(&self, pixels: impl Iterator<Item = u32>, sample: u32) -> Vec<Run> {
-        let first = sample - sample % RUN as u32;
-        let mut runs = Vec::with_capacity(TOGETHER);
-        for pixel in pixels {
-            let samples = first..next_run(first);
-            runs.push(self.settings.sampler.run(pixel, samples, self.drawn));
-        }
-        runs
+    /// Random numbers for the cones of samples of all runs, if there are cones.
+    fn cones(&self, runs: &[Run], samples: &Range<u32>) -> Vec<Numbers<'static>> {
+        let with_cones = if self.cone > 0.0 { runs } else { &[] };
+        let of_run = |run: &Run| {
+            let pixel = run.pixel();
+            samples.clone().map(move |s| self.cones.numbers((pixel, s)))
+        };
+        with_cones.iter().flat_map(of_run).collect()
     }
 
     /// Samples of all runs, those of one after another.
-    #[inline(always)]
-    fn paths<'a>(&'a self, runs: &'a [Run], samples: Range<u32>) -> Vec<Path<'a>> {
-        let mut paths = Vec::with_capacity(runs.len() * RUN);
+    fn paths<'a>(
+        &'a self,
+        runs: &'a [Run],
+        cones: &'a [Numbers<'static>],
+        samples: &Range<u32>,
+    ) -> Vec<Path<'a>> {
+        let mut paths = Vec::with_capacity(runs.len() * samples.len());
         for run in runs {
             for sample in samples.clone() {
-                paths.push(self.path(run.numbers(sample)));
+                let numbers = run.numbers(sample);
+                paths.push(Path {
+                    time: self.time(&numbers),
+                    cones: cones.get(paths.len()),
+                    numbers,
+                });
             }
         }
         paths
-    }
-
-    #[inline(always)]
-    fn path<'a>(&'a self, numbers: Numbers<'a>) -> Path<'a> {
-        let cones = (self.cone > 0.0).then(|| self.cones.numbers(numbers.path()));
-        Path {
-            time: self.time(&numbers),
-            numbers,
-            cones,
-        }
     }
 
     /// Counts an object that a ray of the i-th pixel hit; the last is the background.
@@ -169,43 +130,30 @@ impl View {
     }
 }
 
-/// [`View::backward`] as a task.
-struct Backward<'a> {
-    view: &'a View,
-    pixels: &'a [(u32, Seen)],
-    typical: f32,
-    samples: Range<u32>,
-    work: &'a mut Work,
-    sums: &'a mut HostSums,
+/// The number of pixels whose paths go together.
+fn together(samples: &Range<u32>) -> usize {
+    TOGETHER.div_ceil(samples.len().clamp(1, RUN))
 }
 
-impl Task for Backward<'_> {
-    type Output = ();
+/// Samples in runs, whose numbers are drawn at once.
+fn runs_of(samples: &Range<u32>) -> impl Iterator<Item = Range<u32>> + use<> {
+    let run = RUN as u32;
+    let (start, end) = (samples.start, samples.end);
+    (start / run..end.div_ceil(run)).map(move |k| {
+        let past = (k * run).saturating_add(run);
+        start.max(k * run)..end.min(past)
+    })
+}
 
-    #[inline(always)]
-    fn run<M: Machine>(self, _machine: M) {
-        let (view, samples, work) = (self.view, self.samples, self.work);
-        let (tracer, sums) = (view.tracer(), &self.sums.sums());
-        let mut walks = Walks::default();
-        let asked: Vec<_> = self
-            .pixels
-            .iter()
-            .filter(|p| p.1 != Seen::default())
-            .collect();
-        for some in asked.chunks(view.together(&samples)) {
-            let mut from = samples.start;
-            while from < samples.end {
-                let past = next_run(from).min(samples.end);
-                let runs = view.runs(some.iter().map(|p| p.0), from);
-                let paths = view.paths(&runs, from..past);
-                work.clear();
-                tracer.camera_walks::<true>(&paths, &mut walks, work);
-                for (k, (path, walk)) in paths.iter().zip(&walks.list).enumerate() {
-                    let (_, upstream) = some[k / (past - from) as usize];
-                    tracer.walk_backward(path, walk, (upstream, self.typical), work, sums);
-                }
-                from = past;
-            }
-        }
+/// The random numbers of the run of samples that one of them is in, of some pixels.
+#[apply(stage!)]
+fn draw_runs<'a>(tracer: &'a Tracer<'a>, pixels: &'a [u32], sample: u32) -> Vec<Run> {
+    let first = sample - sample % RUN as u32;
+    let mut runs = Vec::with_capacity(pixels.len());
+    for &pixel in pixels {
+        let samples = first..first.saturating_add(RUN as u32);
+        let run = tracer.settings.sampler.run(pixel, samples, tracer.drawn);
+        runs.push(run);
     }
+    runs
 }

@@ -1,88 +1,52 @@
-//! The state of paths on their way, and the records that they leave for the backward pass.
+//! The state of paths on their way, bounce by bounce, which is also the record that they leave for the backward pass.
 
-use std::ops::Range;
-
+use super::eights::Eight;
 use crate::accel::{Hit, HitRay, NOTHING};
+use crate::lanes::Block;
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
-use crate::model::cone::Bend;
 use crate::model::{V2, V3};
-use crate::sampling::{EmitterHit, EmitterKinds, Met, Numbers};
+use crate::sampling::{EmitterKinds, Met, Numbers};
 pub(crate) use crate::trace::Seen;
-use crate::trace::{Arrived, Point};
+use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient, SideLight};
+
+/// Paths that go together, about: so many that stages fill their lanes, and the machine has others to do while it waits
+/// for one.
+pub(super) const TOGETHER: usize = 64;
 
 /// The constants of a path.
 #[derive(Clone, Copy)]
 pub(crate) struct Path<'a> {
     pub numbers: Numbers<'a>,
     /// Random numbers for the kernels of cones.
-    pub cones: Option<Numbers<'a>>,
+    pub cones: Option<&'a Numbers<'static>>,
     pub time: f32,
 }
 
-/// A path on its way.
-#[derive(Clone)]
+/// What a path saw first, and the light that it brought back so far.
+#[derive(Clone, Copy)]
 pub(crate) struct Walk {
-    pub camera: CameraRay,
-    /// The triangle that the camera ray hit, or [`NOTHING`].
+    /// The triangle that the first ray hit, or [`NOTHING`].
     pub seen: u32,
-    /// The surface point that the path came to, if it did.
-    pub point: Point,
-    pub on_surface: bool,
     /// Distance and geometric normal of the first surface.
     pub first: (f32, V3),
-    pub throughput: V3,
-    /// The light that it brought back so far.
     pub radiance: V3,
-    /// Random numbers for the next emitter.
-    pub emitter: [f32; 2],
-    pub scatter: Scatter,
-    pub bend: Bend,
-    /// Its last point among those that are kept.
-    pub vertex: usize,
 }
 
 impl Walk {
-    pub fn new() -> Self {
-        Self {
-            camera: CameraRay::default(),
-            seen: NOTHING,
-            point: Point::default(),
-            on_surface: false,
-            first: (0.0, V3::ZERO),
-            throughput: V3::ONE,
-            radiance: V3::ZERO,
-            emitter: [0.0; 2],
-            scatter: Scatter::default(),
-            bend: Bend::default(),
-            vertex: usize::MAX,
-        }
-    }
+    pub const NEW: Self = Self {
+        seen: NOTHING,
+        first: (0.0, V3::ZERO),
+        radiance: V3::ZERO,
+    };
 
-    /// The path comes to its first surface point.
+    /// The first ray hit a surface point.
     #[inline(always)]
-    pub fn begin_at(&mut self, point: Point) {
+    pub fn see(&mut self, point: &Point) {
+        self.seen = point.triangle;
         self.first = (point.distance, point.shading.geometric);
-        self.point = point;
-        self.on_surface = true;
     }
-}
 
-/// Paths that go together.
-#[derive(Default)]
-pub(crate) struct Walks {
-    pub list: Vec<Walk>,
-    pub alive: Vec<u32>,
-}
-
-impl Walks {
-    pub fn clear(&mut self) {
-        self.list.clear();
-        self.alive.clear();
-    }
-}
-
-impl Walk {
     /// Adds the surface that the camera ray saw and the light that the path brought back.
     #[inline(always)]
     pub fn add_to(&self, seen: &mut Seen) {
@@ -95,34 +59,116 @@ impl Walk {
     }
 }
 
-/// A point of a path.
-#[derive(Clone, Debug)]
-pub(super) struct Vertex {
-    pub point: Point,
-    /// The throughput of the path where it arrives here.
-    pub throughput: V3,
-    /// Light that arrives, in [`Work::lights`].
-    pub lights: Range<u32>,
-    /// The way on; None where the path ends.
-    pub leave: Option<Leave>,
-    /// The point before it, `usize::MAX` for the first.
-    pub previous: usize,
+/// Paths that go together.
+#[derive(Default)]
+pub(crate) struct Walks {
+    pub list: Vec<Walk>,
+    pub cameras: Block<CameraRay>,
+    /// The surface points that paths come to, bounce by bounce. Where they are not kept two take turns.
+    pub levels: Vec<Level>,
+    /// The number of levels that paths came to.
+    pub depth: usize,
 }
 
-/// The way in which a path leaves a point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Leave {
-    pub scatter: Scatter,
-    /// The probability with which it goes on.
-    pub survival: f32,
-    pub bend: Bend,
-    /// Whether the ray hit nothing, and brought light of the environment.
-    pub escaped: bool,
+impl Walks {
+    /// Begins with a number of paths, none of which has come to a surface.
+    pub fn clear(&mut self, count: usize) {
+        self.list.clear();
+        self.list.resize(count, Walk::NEW);
+        self.cameras.reserve(count);
+        self.level(0).clear(count);
+        self.depth = 1;
+    }
+
+    /// A path comes to its first surface point.
+    #[inline(always)]
+    pub fn begin_at(&mut self, path: usize, point: &Point) {
+        self.list[path].see(point);
+        let first = &mut self.levels[0];
+        first.points.set(first.len, *point);
+        first.add(path as u32, path as u32, V3::ONE);
+    }
+
+    fn level(&mut self, index: usize) -> &mut Level {
+        while self.levels.len() <= index {
+            self.levels.push(Level::default());
+        }
+        &mut self.levels[index]
+    }
+
+    /// A level and another, which may be new.
+    pub fn levels_at(&mut self, from: usize, to: usize) -> [&mut Level; 2] {
+        self.level(to);
+        let [low, high] = [from.min(to), from.max(to)];
+        let (before, after) = self.levels.split_at_mut(high);
+        let (low, high) = (&mut before[low], &mut after[0]);
+        if from < to { [low, high] } else { [high, low] }
+    }
+}
+
+/// The paths of a block that came to a surface point after some bounces: what each has there is in a lane of its own.
+#[derive(Default)]
+pub(crate) struct Level {
+    pub len: usize,
+    /// The path of each lane, and its lane a bounce before.
+    pub paths: Vec<u32>,
+    pub before: Vec<u32>,
+    pub points: Block<Point>,
+    /// The throughput of the path where it arrives.
+    pub throughputs: Block<V3>,
+    /// Random numbers for the emitter that it is connected to here, and at the next point.
+    pub emitters: Block<V2>,
+    pub ahead: Block<V2>,
+    /// The way on, where the path goes on.
+    pub scatters: Block<Scatter>,
+    pub leavings: Block<Leaving>,
+    pub ways: Vec<Way>,
+    /// Light that arrives.
+    pub lights: Vec<LightSample>,
+}
+
+impl Level {
+    /// Makes room for a number of paths; none is there.
+    pub fn clear(&mut self, room: usize) {
+        self.len = 0;
+        self.paths.clear();
+        self.before.clear();
+        self.lights.clear();
+        self.ways.clear();
+        self.ways.resize(room, Way::Ends);
+        self.points.reserve(room);
+        self.throughputs.reserve(room);
+        self.emitters.reserve(room);
+        self.ahead.reserve(room);
+        self.scatters.reserve(room);
+        self.leavings.reserve(room);
+    }
+
+    /// A path comes to a surface point, which is set apart from this.
+    #[inline(always)]
+    pub fn add(&mut self, path: u32, before: u32, throughput: V3) {
+        let lane = self.len;
+        self.paths.push(path);
+        self.before.push(before);
+        self.throughputs.set(lane, throughput);
+        self.len = lane + 1;
+    }
+}
+
+/// How a path leaves a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Way {
+    /// It doesn't.
+    Ends,
+    On,
+    /// Its ray hit nothing, and brought light of the environment.
+    Escaped,
 }
 
 /// Light that was seen: from a point of an emitter, from a delta light, or along a direction of a map.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightSample {
+    pub lane: u32,
     /// [`NONE`](crate::trace::NONE) of a map.
     pub emitter: u32,
     /// Weights of the emitter's corners b and c.
@@ -131,12 +177,32 @@ pub(super) struct LightSample {
     pub arrived: Arrived,
 }
 
+impl LightSample {
+    /// A point of an emitter, or a delta light.
+    pub fn of_emitter(lane: u32, emitter: u32, weights: V2) -> Self {
+        Self {
+            lane,
+            emitter,
+            weights,
+            direction: V3::ZERO,
+            arrived: Arrived::default(),
+        }
+    }
+}
+
+/// A point of an emitter along the direction in which a path goes on, and the probability of the emitter.
+pub(super) struct Along {
+    pub lane: u32,
+    pub emitter: u32,
+    pub weights: V2,
+    pub chance: f32,
+}
+
 /// Light that arrives if nothing is in between.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
-    pub walk: u32,
+    pub path: u32,
     pub light: V3,
-    pub sample: LightSample,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -149,9 +215,9 @@ pub(crate) struct RayCounts {
 
 impl RayCounts {
     #[inline(always)]
-    pub(super) fn add_bounce(&mut self, bounce: u32) {
+    pub(super) fn add_bounces_at(&mut self, bounce: u32, paths: usize) {
         if let Some(count) = self.bounces.get_mut(bounce as usize) {
-            *count += 1;
+            *count += paths as u64;
         }
     }
 
@@ -169,32 +235,51 @@ impl RayCounts {
 /// Memory of paths that go together, used again for the next.
 #[derive(Default)]
 pub(crate) struct Work {
-    pub(super) vertices: Vec<Vertex>,
-    pub(super) lights: Vec<LightSample>,
     pub(super) rays: Vec<HitRay>,
     pub(super) hits: Vec<Hit>,
+    /// The lanes that rays belong to.
+    pub(super) lanes: Vec<u32>,
+    /// Rays that hit surfaces.
+    pub(super) arriving: Vec<u32>,
     pub(super) candidates: Vec<Candidate>,
-    /// Of a choice of an emitter.
+    /// What is kept of each.
+    pub(super) samples: Vec<LightSample>,
+    /// Of a choice of an emitter, of one path and of eight; and emitters that are met.
     pub(super) room: Vec<u32>,
+    pub(super) few: Vec<Eight<f32>>,
     pub(super) met: Met,
-    pub(super) emitter_hits: Vec<EmitterHit>,
+    pub(super) along: Vec<Along>,
+    /// Paths on both sides of edges.
     pub(super) side_walks: Walks,
-    pub(super) chain: Vec<usize>,
+    pub(super) side_lights: Vec<Option<SideLight>>,
+    pub(super) side_rays: Vec<HitRay>,
+    pub(super) side_hits: Vec<Hit>,
+    pub(super) back: Back,
     pub(crate) counts: RayCounts,
+}
+
+/// Derivatives on the way back, one a lane.
+#[derive(Default)]
+pub(super) struct Back {
+    pub points: Vec<PointGradient>,
+    /// By the throughput behind a point, then by that before it; and by the ray that leaves it.
+    pub throughputs: Vec<V3>,
+    pub rays: Vec<RayGradient>,
+    /// By the throughput that leaves the point before, and by its ray.
+    pub throughputs_before: Vec<V3>,
+    pub rays_before: Vec<RayGradient>,
+    /// Of each level whether points move, or the directions in which they are seen turn.
+    pub moves: Vec<Vec<bool>>,
 }
 
 impl Work {
     pub fn new(bounces: u32) -> Self {
         let mut work = Self {
             room: vec![0; EmitterKinds::MOST_ROOM],
+            few: vec![Eight::<f32>::default(); EmitterKinds::MOST_ROOM],
             ..Self::default()
         };
         work.counts.bounces = vec![0; bounces.min(1 << 16) as usize + 1];
         work
-    }
-
-    pub(super) fn clear(&mut self) {
-        self.vertices.clear();
-        self.lights.clear();
     }
 }

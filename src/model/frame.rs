@@ -1,6 +1,6 @@
 //! Directions about an axis.
 
-use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2, TAU};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, SQRT_2, TAU};
 
 use super::{V3, v3};
 use crate::cube::*;
@@ -146,6 +146,24 @@ pub(crate) fn arc_tangent(tangent: f32) -> f32 {
     angle
 }
 
+/// The angle from the x axis to a point (x, y), in (−π, π]; 0 at the origin.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn arc_tangent_of(y: f32, x: f32) -> f32 {
+    let mut angle = arc_tangent(y / x);
+    if x < 0.0 {
+        let mut turn = PI.runtime();
+        if y < 0.0 {
+            turn = -PI;
+        }
+        angle += turn;
+    }
+    if y == 0.0 && x == 0.0 {
+        angle = 0.0f32;
+    }
+    angle
+}
+
 /// The tangents of one and three eighths of 180°.
 const TAN_1: f32 = SQRT_2 - 1.0;
 const TAN_3: f32 = SQRT_2 + 1.0;
@@ -166,6 +184,18 @@ mod tests {
             let found = f64::from(arc_tangent(angle.tan() as f32));
             assert!((found - angle).abs() < 2e-7, "{found} {angle}");
         }
+    }
+
+    #[test]
+    fn angles_of_points() {
+        for i in -2000..=2000 {
+            let angle = f64::from(i) * std::f64::consts::PI / 2000.5;
+            let found = f64::from(arc_tangent_of(angle.sin() as f32, angle.cos() as f32));
+            assert!((found - angle).abs() < 4e-7, "{found} {angle}");
+        }
+        assert_eq!(arc_tangent_of(0.0, 0.0), 0.0);
+        assert!((arc_tangent_of(1.0, 0.0) - FRAC_PI_2).abs() < 2e-7);
+        assert!((arc_tangent_of(-1.0, 0.0) + FRAC_PI_2).abs() < 2e-7);
     }
 
     #[test]

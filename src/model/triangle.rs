@@ -1,5 +1,6 @@
 //! Points of triangles that rays hit, and how they move.
 
+use super::frame::arc_tangent_of;
 use super::{Pair, V2, V3, v2, v3};
 #[cfg(feature = "wgpu")]
 use crate::cube::*;
@@ -42,7 +43,7 @@ pub(crate) fn solid_angle(first: V3, second: V3, third: V3, from: V3) -> f32 {
     let lc = c.length();
     let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
     // Seen from the front corners run counter-clockwise, and the triple product is negative.
-    -2.0f32 * a.dot(b.cross(c)).atan2(below)
+    -2.0f32 * arc_tangent_of(a.dot(b.cross(c)), below)
 }
 
 /// The derivative of the hit point o + t·d of a ray with a plane, at fixed weights of the corners: the

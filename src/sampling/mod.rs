@@ -10,8 +10,8 @@ mod stream;
 #[cfg(feature = "wgpu")]
 pub(crate) use emitters::EmitterPlace;
 pub(crate) use emitters::{
-    Chosen, Emitter, EmitterGroup, EmitterHit, EmitterKinds, EmitterLists, EmitterTriangle,
-    Emitters, Fixed, LightTree, Met, Receiver, no_emitter_hit,
+    Choosing, Chosen, Emitter, EmitterGroup, EmitterHit, EmitterKinds, EmitterLists,
+    EmitterTriangle, Emitters, Fixed, LightTree, Met, Receiver, no_emitter_hit,
 };
 pub(crate) use numbers::{Numbers, RUN, Run};
 pub(crate) use sampler::Sampler;

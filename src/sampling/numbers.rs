@@ -47,6 +47,10 @@ pub(crate) struct Run {
 }
 
 impl Run {
+    pub fn pixel(&self) -> u32 {
+        self.first.pixel
+    }
+
     /// The numbers of one of the samples.
     pub fn numbers(&self, sample: u32) -> Numbers<'_> {
         let i = (sample - self.first.sample) as usize % RUN;

@@ -21,7 +21,7 @@ pub(crate) struct Four {
 
 /// Four words.
 #[apply(record!)]
-pub(super) struct Words {
+pub(crate) struct Words {
     pub x: u32,
     pub y: u32,
     pub z: u32,

@@ -87,7 +87,7 @@ impl Cones {
         let list: Vec<HitRay> = rays.host()?.iter().map(of).collect();
         let mut hits = Vec::new();
         let holes = self.holes.as_deref();
-        (self.hierarchy).hits::<false>(self.arch, holes, &list, &mut hits);
+        (self.hierarchy).hits::<false, false>(self.arch, holes, &list, &mut hits);
         let of = |hit: &Hit| List {
             triangles: (hit.triangle != NOTHING)
                 .then_some(hit.triangle)
@@ -162,7 +162,7 @@ impl Cones {
         let list: Vec<HitRay> = which.iter().map(of).collect();
         let mut hits = Vec::new();
         let holes = self.holes.as_deref();
-        (self.hierarchy).hits::<true>(self.arch, holes, &list, &mut hits);
+        (self.hierarchy).hits::<true, false>(self.arch, holes, &list, &mut hits);
         let mut passed = vec![0.0; rays.len()];
         for ((&i, hit), ray) in which.iter().zip(&hits).zip(&list) {
             let arrives = ray.limit > 0.0 && hit.triangle == NOTHING;

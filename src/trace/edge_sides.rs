@@ -19,6 +19,15 @@ pub(crate) struct SideLight {
     pub normal: V3,
 }
 
+impl SideLight {
+    pub const NONE: Self = Self {
+        radiance: V3::ZERO,
+        sky: 0.0,
+        depth: 0.0,
+        normal: V3::ZERO,
+    };
+}
+
 /// Whether what a ray hit at a distance hides an edge's point, and does not touch it.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]

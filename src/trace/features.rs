@@ -40,6 +40,13 @@ pub(crate) struct Features {
     pub sequence: Sequence,
 }
 
+impl Features {
+    /// Whether points have the normals of their triangles, and materials that are matt and constant.
+    pub fn plain_points(&self) -> bool {
+        !(self.smooth || self.tilted || self.textured || self.tinted || self.glossy)
+    }
+}
+
 /// The derivatives that are asked for.
 #[derive(Clone, Copy, Debug, Default, Hash, PartialEq, Eq)]
 pub(crate) struct Derivatives {

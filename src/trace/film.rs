@@ -5,6 +5,9 @@ use crate::cube::*;
 use super::edge_points::{EdgePoint, add_to_edge, edge_of, sides};
 use super::edge_sides::SideLight;
 use super::scene::Scene;
+use super::seen::Seen;
+#[cfg(feature = "wgpu")]
+use super::seen::SeenExpand;
 use super::sums::{Sums, add_to_camera};
 #[cfg(feature = "wgpu")]
 use crate::model::camera::CameraRay;
@@ -124,19 +127,6 @@ impl FilmPoint {
     }
 }
 
-/// The surface that a camera ray sees, and the light that its path brings back; or the derivatives of a loss by these.
-#[apply(zeroed!)]
-#[derive(PartialEq)]
-pub(crate) struct Seen {
-    pub radiance: V3,
-    /// 1 where there is a surface.
-    pub opacity: f32,
-    /// The distance to it.
-    pub depth: f32,
-    /// Its geometric normal on the side that is seen.
-    pub normal: V3,
-}
-
 #[cfg_attr(feature = "wgpu", cube)]
 impl Seen {
     /// Of derivatives: how much the loss changes from one side of an edge to the other.
@@ -145,25 +135,5 @@ impl Seen {
         self.radiance.dot(light.radiance) - self.opacity * light.sky
             + self.depth * light.depth
             + self.normal.dot(light.normal)
-    }
-
-    /// The sum of the sizes of all numbers.
-    #[inline(always)]
-    pub fn size(&self) -> f32 {
-        self.radiance.abs().element_sum()
-            + self.opacity.abs()
-            + self.depth.abs()
-            + self.normal.abs().element_sum()
-    }
-}
-
-impl Seen {
-    pub fn times(&self, factor: f32) -> Self {
-        Self {
-            radiance: self.radiance * factor,
-            opacity: self.opacity * factor,
-            depth: self.depth * factor,
-            normal: self.normal * factor,
-        }
     }
 }

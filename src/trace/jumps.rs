@@ -82,7 +82,7 @@ pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -
 
 /// A light that lies along an axis behind an edge's point.
 #[apply(record!)]
-struct LightBehind {
+pub(crate) struct LightBehind {
     /// The limit of a ray to it that passes the edge; less than 0 if there is none.
     limit: f32,
     distance: f32,

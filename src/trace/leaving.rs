@@ -6,10 +6,10 @@ use super::scene::{CONE, Scene};
 use super::sums::Sums;
 use super::surface::{Point, PointGradient, RayGradient};
 use super::texture::{sky, sky_backward};
-use crate::model::V3;
 use crate::model::bsdf::Scatter;
 use crate::model::choice::survival;
 use crate::model::cone::{Bend, bend, bend_backward, lifted};
+use crate::model::{V3, splat};
 
 /// A ray with which a path leaves a surface point.
 #[apply(zeroed!)]
@@ -37,31 +37,39 @@ pub(crate) fn leave(
     cone_u: f32,
     cone_v: f32,
 ) -> Leaving {
-    let mut goes_on = !scatter.weight.is_zero();
-    let mut throughput = throughput.times(scatter.weight);
-    let mut survived = 1.0f32;
+    let mut left = leave_sharply(p, scatter, throughput);
     if comptime!(scene.features.roulette) {
         if bounce < scene.bounces && bounce >= scene.roulette_after {
-            survived = survival(throughput);
-            if u >= survived {
-                goes_on = false;
+            left.survival = survival(left.throughput);
+            if u >= left.survival {
+                left.goes_on = false;
             }
-            throughput = throughput * (1.0 / survived);
+            left.throughput = left.throughput * (1.0 / left.survival);
         }
     }
-    let outer = p.shading.outer(scatter.direction);
+    if comptime!(scene.features.cones) {
+        let direction = scatter.direction;
+        let outer = p.shading.outer(direction);
+        left.bend = bend(direction, outer, scene.settings[CONE], cone_u, cone_v);
+    }
+    left
+}
+
+/// Leaves a surface point in the very direction that was drawn, for sure.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn leave_sharply(p: &Point, scatter: &Scatter, throughput: V3) -> Leaving {
+    let direction = scatter.direction;
     Leaving {
-        goes_on,
-        start: lifted(p.position, outer),
-        bend: bend(
-            scatter.direction,
-            outer,
-            scene.settings[CONE],
-            cone_u,
-            cone_v,
-        ),
-        throughput,
-        survival: survived,
+        goes_on: !scatter.weight.is_zero(),
+        start: lifted(p.position, p.shading.outer(direction)),
+        bend: Bend {
+            offset: splat(0.0),
+            mirrored: false.runtime(),
+            direction,
+        },
+        throughput: throughput.times(scatter.weight),
+        survival: 1.0f32.runtime(),
     }
 }
 

@@ -136,17 +136,23 @@ pub(crate) fn target_of(
             target = light.target(&light.seen_from(x));
         }
     } else {
-        let on = emitter(scene, k, time);
-        let corners = of_corners(weights);
-        let place = on.a * corners.x + on.b * corners.y + on.c * corners.z;
-        let seen = LightPoint::new(place - x, on.normal);
-        target = Target::of_emitter(&seen, place, on.normal, on.area);
+        target = target_on(&emitter(scene, k, time), weights, x);
         target.combined = combined;
-        if is_open(scene, scene.emitters[k as usize], corners) {
+        if is_open(scene, scene.emitters[k as usize], of_corners(weights)) {
             target.angle = 0.0f32;
         }
     }
     target
+}
+
+/// The point of a triangle that emits, without holes.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn target_on(on: &EmitterTriangle, weights: V2, x: V3) -> Target {
+    let corners = of_corners(weights);
+    let place = on.a * corners.x + on.b * corners.y + on.c * corners.z;
+    let seen = LightPoint::new(place - x, on.normal);
+    Target::of_emitter(&seen, place, on.normal, on.area)
 }
 
 /// What a triangle emits from its front, at the point with these weights of its corners.
@@ -176,7 +182,7 @@ pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2) -> V3 {
 }
 
 /// Light that was seen: f·cos θ at the surface, and the divisor of the sample.
-#[apply(record!)]
+#[apply(zeroed!)]
 pub(crate) struct Arrived {
     pub reflected: V3,
     pub density: f32,

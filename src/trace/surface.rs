@@ -7,10 +7,13 @@ use super::corners::{
     uv_rows,
 };
 use super::parts::{COLOURS, NORMALS, TANGENTS, TRIANGLES};
-use super::scene::{COMPENSATED, EMITS, GLOSSY, MODEL, REFLECTS, Scene};
+use super::scene::{COMPENSATED, EMITS, GLOSSY, MODEL, REFLECTS, Scene, Triangle};
+use super::seen::Seen;
 use super::sums::Sums;
-use super::texture::{colour, colour_backward, emission_backward, emission_of, texture_backward};
-use crate::model::bsdf::{Shading, ShadingGradient};
+use super::texture::{
+    colour, colour_backward, constant_of, emission_backward, emission_of, glows, texture_backward,
+};
+use crate::model::bsdf::{Models, Shading, ShadingGradient};
 use crate::model::numbers::is_nonzero;
 use crate::model::triangle::hit_backward;
 use crate::model::{Pair, V2, V3, splat, v2, v3};
@@ -53,6 +56,107 @@ pub(crate) struct RayGradient {
     pub direction: V3,
 }
 
+/// A point of a triangle and the side that is seen, without what its material is there.
+#[apply(record!)]
+pub(crate) struct OnTriangle {
+    position: V3,
+    weights: V3,
+    side: f32,
+    geometric: V3,
+}
+
+/// The point of a triangle that has moved by a shift, about there, seen along a direction.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn on_triangle(tri: &Triangle, shift: V3, near: V3, direction: V3) -> OnTriangle {
+    let mut at_rest = near - shift;
+    // Back onto the plane: how far off it is was rounded by the ray's length.
+    at_rest -= tri.normal * tri.above(at_rest);
+    let mut side = (-1.0f32).runtime();
+    if tri.normal.dot(direction) < 0.0 {
+        side = 1.0f32;
+    }
+    OnTriangle {
+        position: at_rest + shift,
+        weights: tri.weights(at_rest),
+        side,
+        geometric: tri.normal * side,
+    }
+}
+
+/// A triangle that a ray hit, from a distance along a direction, and its material.
+#[apply(zeroed!)]
+pub(crate) struct HitTriangle {
+    pub triangle: u32,
+    pub material: u32,
+    pub object: u32,
+    /// The bits of the material, and its first colour where it is a constant.
+    pub bits: u32,
+    pub diffuse: V3,
+    pub distance: f32,
+    pub direction: V3,
+    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    pub models: Models,
+}
+
+/// A point whose normal is that of its triangle, and whose material is matt and the same everywhere.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn plain_point(on: &OnTriangle, hit: &HitTriangle) -> Point {
+    Point {
+        triangle: hit.triangle,
+        material: hit.material,
+        object: hit.object,
+        distance: hit.distance,
+        position: on.position,
+        weights: on.weights,
+        side: on.side,
+        uv: v2(0.0, 0.0),
+        shading: Shading {
+            geometric: on.geometric,
+            normal: on.geometric,
+            incoming: hit.direction,
+            diffuse: hit.diffuse,
+            specular: splat(0.0),
+            exponent: 0.0f32.runtime(),
+            glossy: false.runtime(),
+            smooth: false.runtime(),
+            model: 0u32.runtime(),
+            compensated: false.runtime(),
+            inside: on.side < 0.0,
+            models: comptime!(hit.models),
+            pair: Pair {
+                first: on.geometric,
+                second: on.geometric,
+            },
+            paired: false.runtime(),
+        },
+        reflects: hit.bits & REFLECTS != 0,
+    }
+}
+
+/// A triangle that a ray hits, and its material.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn hit_triangle(
+    scene: &Scene,
+    triangle: u32,
+    distance: f32,
+    direction: V3,
+) -> HitTriangle {
+    let material = scene.material_of(triangle);
+    HitTriangle {
+        triangle,
+        material,
+        object: scene.object_of(triangle),
+        bits: scene.bits_of(material),
+        diffuse: constant_of(scene, material, 0u32),
+        distance,
+        direction,
+        models: comptime!(scene.features.models),
+    }
+}
+
 /// The point of a triangle, about there, seen along a direction from a distance at a time in the shutter.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
@@ -64,87 +168,49 @@ pub(crate) fn point_at(
     direction: V3,
     time: f32,
 ) -> Point {
-    let material = scene.material_of(triangle);
-    let object = scene.object_of(triangle);
+    let hit = hit_triangle(scene, triangle, distance, direction);
+    let shift = scene.displacement(hit.object, time);
     let tri = scene.triangle(triangle);
-    let shift = scene.displacement(object, time);
-    let mut at_rest = near - shift;
-    // Back onto the plane: how far off it is was rounded by the ray's length.
-    at_rest -= tri.normal * tri.above(at_rest);
-    let mut side = (-1.0f32).runtime();
-    if tri.normal.dot(direction) < 0.0 {
-        side = 1.0f32;
-    }
-    let weights = tri.weights(at_rest);
-    let geometric = tri.normal * side;
-    let uv = uv_at(scene, triangle, weights);
-    let mut smooth = false;
-    let mut normal = geometric;
+    let on = on_triangle(&tri, shift, near, direction);
+    let mut p = plain_point(&on, &hit);
+    let material = hit.material;
+    p.uv = uv_at(scene, triangle, on.weights);
     if comptime!(scene.features.smooth) {
-        smooth = normal_rows(scene, triangle).exist();
-        normal = normal_at(scene, triangle, weights, geometric);
+        p.shading.smooth = normal_rows(scene, triangle).exist();
+        p.shading.normal = normal_at(scene, triangle, on.weights, on.geometric);
     }
     if comptime!(scene.features.tilted) {
-        let at = tilt_at(scene, triangle, material, weights, uv, normal * side);
+        let front = p.shading.normal * p.side;
+        let at = tilt_at(scene, triangle, material, on.weights, p.uv, front);
         if at.exists {
-            normal = at.tilt.tilted() * side;
-            smooth = true;
+            p.shading.normal = at.tilt.tilted() * p.side;
+            p.shading.smooth = true;
         }
     }
-    let bits = scene.bits_of(material);
-    let mut diffuse = colour(scene, material, 0u32, uv);
+    if comptime!(scene.features.textured) {
+        p.shading.diffuse = colour(scene, material, 0u32, p.uv);
+    }
     if comptime!(scene.features.tinted) {
         let rows = colour_rows(scene, triangle);
         if rows.exist() {
-            diffuse = diffuse.times(rows.of(scene.colours, 3u32).at(weights));
+            let tint = rows.of(scene.colours, 3u32).at(on.weights);
+            p.shading.diffuse = p.shading.diffuse.times(tint);
         }
     }
-    let mut specular = splat(0.0);
-    let mut exponent = 0.0f32;
-    let mut glossy = false;
     if comptime!(scene.features.glossy) {
-        if bits & GLOSSY != 0 {
-            glossy = true;
-            specular = colour(scene, material, 1u32, uv);
-            exponent = colour(scene, material, 2u32, uv).x;
+        if hit.bits & GLOSSY != 0 {
+            p.shading.glossy = true;
+            p.shading.specular = colour(scene, material, 1u32, p.uv);
+            p.shading.exponent = colour(scene, material, 2u32, p.uv).x;
         }
     }
-    let mut model = 0u32;
-    let mut compensated = false;
     if comptime!(scene.features.models.facets()) {
-        model = (bits / MODEL) % 8;
-        compensated = bits & COMPENSATED != 0;
+        p.shading.model = (hit.bits / MODEL) % 8;
+        p.shading.compensated = hit.bits & COMPENSATED != 0;
     }
-    Point {
-        triangle,
-        material,
-        object,
-        distance,
-        position: at_rest + shift,
-        weights,
-        side,
-        uv,
-        shading: Shading {
-            geometric,
-            normal,
-            incoming: direction,
-            diffuse,
-            specular,
-            exponent,
-            glossy,
-            smooth,
-            model,
-            compensated,
-            inside: side < 0.0,
-            models: comptime!(scene.features.models),
-            pair: Pair {
-                first: normal,
-                second: normal,
-            },
-            paired: false,
-        },
-        reflects: bits & REFLECTS != 0,
-    }
+    p.shading.pair.first = p.shading.normal;
+    p.shading.pair.second = p.shading.normal;
+    p
 }
 
 /// The light that a surface point emits towards the point that sees it.
@@ -156,6 +222,28 @@ pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
         emission = emission_of(scene, p.material, p.uv);
     }
     emission
+}
+
+/// Back over what the camera sees of a surface point, times the derivatives of a loss by that: light that it emits, where
+/// its place counts if that is a texture, its normal, and its distance, by which it returns the derivative.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn seen_backward(
+    scene: &Scene,
+    sums: &Sums,
+    p: &Point,
+    upstream: &Seen,
+    by: &mut PointGradient,
+) -> f32 {
+    if p.side > 0.0 && scene.bits_of(p.material) & EMITS != 0 {
+        if glows(scene, p.material) {
+            by.emission = upstream.radiance;
+        } else {
+            emission_backward(scene, sums, p.material, p.uv, upstream.radiance);
+        }
+    }
+    by.geometric += upstream.normal;
+    upstream.depth
 }
 
 /// Adds the derivatives by the scene's parts of a point that has derivatives by its position, geometric normal,

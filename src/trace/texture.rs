@@ -32,7 +32,7 @@ pub(crate) fn texture_of(material: u32, channel: u32) -> u32 {
 
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-fn constant_of(scene: &Scene, material: u32, channel: u32) -> V3 {
+pub(super) fn constant_of(scene: &Scene, material: u32, channel: u32) -> V3 {
     vector(scene.materials, 3 * (CHANNELS * material + channel))
 }
 

@@ -19,6 +19,38 @@ pub(crate) trait Task {
     fn run<M: Machine>(self, machine: M) -> Self::Output;
 }
 
+/// Makes a function a [`Task`], done on the machine that `arch` of its first argument names.
+macro_rules! stage {
+    (
+        $(#[$meta:meta])*
+        $vis:vis fn $name:ident<'a>($first:ident: $of_first:ty $(, $argument:ident: $type:ty)* $(,)?)
+        $(-> $output:ty)? $body:block
+    ) => {
+        $(#[$meta])*
+        $vis fn $name<'a>($first: $of_first $(, $argument: $type)*) $(-> $output)? {
+            struct Stage<'a> {
+                $first: $of_first,
+                $($argument: $type,)*
+            }
+
+            impl<'a> $crate::accel::Task for Stage<'a> {
+                type Output = $crate::accel::stage!(@output $($output)?);
+
+                #[inline(always)]
+                fn run<M: $crate::accel::Machine>(self, _: M) -> Self::Output {
+                    let Self { $first, $($argument,)* } = self;
+                    $body
+                }
+            }
+
+            $crate::accel::dispatch($first.arch, Stage { $first, $($argument,)* })
+        }
+    };
+    (@output) => { () };
+    (@output $output:ty) => { $output };
+}
+pub(crate) use stage;
+
 struct OnMachine<T, M>(T, M);
 
 impl<T: Task, M: Machine> pulp::WithSimd for OnMachine<T, M> {

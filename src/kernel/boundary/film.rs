@@ -6,84 +6,109 @@
 
 use std::ops::Range;
 
+use macro_rules_attribute::apply;
+
 use super::film_edges::FilmEdges;
 use super::jumps::Approach;
 use super::pieces::PixelGradients;
-use crate::accel::{Machine, Task, dispatch};
+use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
 use crate::kernel::view::{Tracer, View};
-use crate::kernel::walk::{Path, Seen, Work};
-use crate::sampling::Dimensions;
-use crate::trace::{Sums, film_point};
+use crate::kernel::walk::{Path, Seen, TOGETHER, Work};
+use crate::sampling::{Dimensions, Numbers};
+use crate::trace::{FilmPoint, Sums, film_point};
 
-/// [`View::film_backward`] as a task.
+/// What samples of edges on the film are drawn from.
 struct FilmSamples<'a> {
-    view: Tracer<'a>,
     edges: &'a FilmEdges,
     pixels: &'a PixelGradients,
-    range: Range<u32>,
     count: u32,
-    work: &'a mut Work,
-    sums: Sums<'a>,
 }
 
-impl Task for FilmSamples<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<M: Machine>(mut self, _machine: M) {
-        for i in self.range.clone() {
-            self.sample(i);
-        }
-    }
+/// Points of edges on the film, how much the loss depends on the pixels that see them, and the paths and rays that come
+/// there.
+#[derive(Default)]
+struct Asked<'a> {
+    points: Vec<(FilmPoint, &'a Seen)>,
+    approaches: Vec<Approach>,
+    paths: Vec<Path<'a>>,
 }
 
 impl FilmSamples<'_> {
-    /// Adds the derivatives by one sample.
+    /// The point of an edge that a sample draws, and the ray that comes there, where the loss depends on it.
     #[inline(always)]
-    fn sample(&mut self, sample: u32) {
-        let view = &self.view;
-        let numbers = view.film.numbers((0, sample));
-        let path = Path {
-            time: view.time(&numbers),
-            cones: (view.cone > 0.0).then(|| view.cones.numbers((u32::MAX, sample))),
-            numbers,
-        };
+    fn sample(
+        &self,
+        view: &Tracer,
+        sample: u32,
+        path: &Path,
+    ) -> Option<(FilmPoint, &Seen, Approach)> {
         let (lists, c, time) = (&view.lists, &view.camera, path.time);
         let lens = view.lens_point(&path.numbers);
         let drawn = path.numbers.draw(Dimensions::film());
-        let Some(drawn) = self.edges.choose(drawn.x, drawn.y) else {
-            return;
-        };
+        let drawn = self.edges.choose(drawn.x, drawn.y)?;
         let (edge, per_density) = (drawn.edge as u32, drawn.per_density / self.count as f32);
         let mut point = film_point(lists, c, edge, drawn.lambda, per_density, lens, time);
         if !point.is_seen {
-            return;
+            return None;
         }
         // The pixel whose ray would come here.
         let kernel = view.edges.numbers((u32::MAX, sample));
         let kernel = kernel.draw(Dimensions::of_set(0));
         point.project(c, kernel.x, kernel.y, view.filter.radius());
-        let g = self.pixels.get(point.film.x, point.film.y);
-        let Some(g) = g.filter(|g| **g != Seen::default()) else {
-            return;
-        };
+        let g = self.pixels.get(point.film.x, point.film.y)?;
+        if *g == Seen::default() {
+            return None;
+        }
         let direction = point.point.to.normalize();
-        let sides = &point.sides(lists, c, direction, time);
+        let sides = point.sides(lists, c, direction, time);
         let approach = Approach {
-            point: &point.point,
+            point: point.point,
             origin: point.origin,
             view: direction,
             sides,
         };
-        let work = &mut *self.work;
-        let Some(light) = view.light_beside(&approach, &path, Some(0), true, work) else {
-            return;
+        Some((point, g, approach))
+    }
+}
+
+/// Draws points of edges by some samples.
+#[apply(stage!)]
+fn draw<'a>(
+    view: &'a Tracer<'a>,
+    film: &'a FilmSamples<'a>,
+    samples: Range<u32>,
+    cones: &'a [Numbers<'static>],
+) -> Asked<'a> {
+    let mut asked = Asked::default();
+    let first = samples.start;
+    for sample in samples {
+        let numbers = view.film.numbers((0, sample));
+        let path = Path {
+            time: view.time(&numbers),
+            cones: cones.get((sample - first) as usize),
+            numbers,
         };
-        let jump = g.jump(&light);
-        let scale = jump * point.point.per_density;
-        if scale.is_finite() && scale != 0.0 {
-            point.backward(lists, &self.sums, c, jump, time);
+        if let Some((point, g, approach)) = film.sample(view, sample, &path) {
+            asked.points.push((point, g));
+            asked.approaches.push(approach);
+            asked.paths.push(path);
+        }
+    }
+    asked
+}
+
+/// Adds the derivatives by jumps at points of edges on the film.
+#[apply(stage!)]
+fn backward<'a>(view: &'a Tracer<'a>, asked: &'a Asked<'a>, work: &'a Work, sums: &'a Sums<'a>) {
+    let points = asked.points.iter().zip(&asked.paths);
+    for (((point, g), path), light) in points.zip(&work.side_lights) {
+        if let Some(light) = light {
+            let jump = g.jump(light);
+            let scale = jump * point.point.per_density;
+            if scale.is_finite() && scale != 0.0 {
+                point.backward(&view.lists, sums, &view.camera, jump, path.time);
+            }
         }
     }
 }
@@ -99,15 +124,25 @@ impl View {
         work: &mut Work,
         sums: &mut HostSums,
     ) {
-        let samples = FilmSamples {
-            view: self.tracer(),
+        let (tracer, sums) = (self.tracer(), sums.sums());
+        let film = FilmSamples {
             edges,
             pixels,
-            range,
             count,
-            work,
-            sums: sums.sums(),
         };
-        dispatch(self.arch, samples);
+        let mut from = range.start;
+        while from < range.end {
+            let past = range.end.min(from.saturating_add(TOGETHER as u32));
+            let with_cones = if self.cone > 0.0 { from..past } else { 0..0 };
+            let cones = with_cones.map(|sample| self.cones.numbers((u32::MAX, sample)));
+            let cones: Vec<Numbers> = cones.collect();
+            let asked = draw(&tracer, &film, from..past, &cones);
+            let Asked {
+                approaches, paths, ..
+            } = &asked;
+            tracer.light_beside(approaches, paths, Some(0), true, work);
+            backward(&tracer, &asked, work, &sums);
+            from = past;
+        }
     }
 }

@@ -1,212 +1,358 @@
 //! Jumps of the light that arrives at points of paths, and the light beside edges.
 
-use crate::accel::{Hit, HitRay, NOTHING};
+use macro_rules_attribute::apply;
+
+use crate::accel::{HitRay, NOTHING, stage};
 use crate::kernel::view::Tracer;
-use crate::kernel::walk::{Path, Vertex, Walk, Work};
+use crate::kernel::walk::{Back, Level, Path, Seen, Walk, Walks, Work};
 use crate::model::choice::decided_by;
 use crate::model::jumps::Sides;
 use crate::model::{Pair, V3};
 use crate::sampling::{Dimensions, Four};
 use crate::trace::{
-    Behind, EdgePoint, Observer, PointGradient, SideLight, Sums, beside, edge_point, edge_view,
-    emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward, search,
-    shadow_backward, sky,
+    Behind, EdgePoint, EdgeView, Jump, Observer, Point, Search, SideLight, Sums, beside,
+    edge_point, edge_view, emitted, hides, is_crease, jump_at, looks_for_edges, point_at,
+    reflected_backward, search, shadow_backward, sky,
 };
 
 /// A ray that comes to an edge's point, and the faces that are seen beside it.
-pub(super) struct Approach<'a> {
-    pub point: &'a EdgePoint,
+pub(super) struct Approach {
+    pub point: EdgePoint,
     pub origin: V3,
     pub view: V3,
-    pub sides: &'a Sides,
+    pub sides: Sides,
+}
+
+impl Approach {
+    /// A ray past the edge, which does not see its faces.
+    #[inline(always)]
+    fn ray(&self, time: f32, limit: f32) -> HitRay {
+        let faces = self.point.faces;
+        HitRay {
+            unseen: [faces.a, faces.b, faces.c, faces.d],
+            ..HitRay::new(self.origin, self.sides.past, time, limit)
+        }
+    }
+}
+
+/// A jump at an edge that the point in a lane sees.
+struct Found {
+    lane: usize,
+    observer: Observer,
+    search: Search,
+    view: EdgeView,
+    jump: Jump,
+}
+
+impl Found {
+    fn approach(&self) -> Approach {
+        Approach {
+            point: self.view.point,
+            origin: self.view.start,
+            view: self.view.view,
+            sides: self.jump.sides,
+        }
+    }
 }
 
 impl Tracer<'_> {
-    /// Adds the derivatives by jumps at edges seen from a point of a path, times `g`, whose channels add up
-    /// to `typical` on average.
-    #[inline(always)]
+    /// Adds the derivatives by jumps at edges seen from points of paths, times the part of `upstream` of each, whose
+    /// channels add up to `typical` on average.
     #[allow(clippy::too_many_arguments)] // one place, called once
     pub(in crate::kernel) fn edges_backward(
         &self,
-        path: &Path,
-        vertex: &Vertex,
+        paths: &[Path],
+        level: &Level,
         bounce: u32,
-        moves: bool,
-        (g, typical): (V3, f32),
+        (upstream, typical): (&[&Seen], f32),
+        back: &mut Back,
         work: &mut Work,
-        by: &mut PointGradient,
         sums: &Sums,
     ) {
-        let carried = g * vertex.throughput;
-        let counts = carried.abs().element_sum() / typical;
-        if counts.is_nan() || counts <= 0.0 {
-            return;
+        let moves = &back.moves[bounce as usize];
+        let (mut shadows, mut reflections) = (Vec::new(), Vec::new());
+        let lists = [&mut reflections, &mut shadows];
+        find_jumps(
+            self, paths, level, bounce, upstream, typical, moves, work, sums, lists,
+        );
+        rays_past(paths, level, &shadows, &mut work.side_rays);
+        self.find_beside::<true>(work);
+        shadows_backward(self, &shadows, back, work, sums);
+        let approaches: Vec<Approach> = reflections.iter().map(Found::approach).collect();
+        let beside = |found: &Found| {
+            let path = &paths[level.paths[found.lane] as usize];
+            Path {
+                numbers: self.sides.numbers(path.numbers.path()),
+                ..*path
+            }
+        };
+        let beside: Vec<Path> = reflections.iter().map(beside).collect();
+        let bounce = (bounce < self.settings.bounces).then_some(bounce + 1);
+        self.light_beside(&approaches, &beside, bounce, false, work);
+        reflections_backward(self, &reflections, &beside, back, work, sums);
+    }
+
+    /// The hits of rays past edges.
+    fn find_beside<const ANY: bool>(&self, work: &mut Work) {
+        let holes = self.scene.holes.as_deref();
+        let (rays, hits) = (&work.side_rays, &mut work.side_hits);
+        (self.scene.hierarchy).hits::<ANY, true>(self.arch, holes, rays, hits);
+    }
+
+    /// Finds the light beside points of edges, of paths that begin there at a bounce if they go on; with `film` what the
+    /// camera sees of it. None where something hides the edge.
+    pub(super) fn light_beside(
+        &self,
+        approaches: &[Approach],
+        paths: &[Path],
+        bounce: Option<u32>,
+        film: bool,
+        work: &mut Work,
+    ) {
+        work.side_rays.clear();
+        for (approach, path) in approaches.iter().zip(paths) {
+            let ray = approach.ray(path.time, f32::INFINITY);
+            work.side_rays.push(ray);
         }
-        let numbers = self.edges.numbers(path.numbers.path());
+        self.find_beside::<false>(work);
+        let mut walks = std::mem::take(&mut work.side_walks);
+        walks.clear(2 * approaches.len());
+        begin_beside(self, approaches, paths, film, &mut walks, work);
+        if let Some(bounce) = bounce {
+            let both: Vec<Path> = paths.iter().flat_map(|path| [*path; 2]).collect();
+            self.reflected(&both, &mut walks, bounce, false, work);
+        }
+        for (light, pair) in work.side_lights.iter_mut().zip(walks.list.chunks_exact(2)) {
+            if let Some(light) = light {
+                *light = difference(&pair[0], &pair[1]);
+            }
+        }
+        work.side_walks = walks;
+    }
+}
+
+/// Draws edges that points of paths see, and finds the jumps there of reflected light and of the light of emitters.
+#[apply(stage!)]
+#[allow(clippy::too_many_arguments)] // one place, called once
+fn find_jumps<'a>(
+    tracer: &'a Tracer<'a>,
+    paths: &'a [Path<'a>],
+    level: &'a Level,
+    bounce: u32,
+    upstream: &'a [&'a Seen],
+    typical: f32,
+    moves: &'a [bool],
+    work: &'a mut Work,
+    sums: &'a Sums<'a>,
+    found: [&'a mut Vec<Found>; 2],
+) {
+    for lane in 0..level.len {
+        let point = level.points.get(lane);
+        let index = level.paths[lane] as usize;
+        let carried = upstream[index].radiance * level.throughputs.get(lane);
+        let counts = carried.abs().element_sum() / typical;
+        if !point.reflects || counts.is_nan() || counts <= 0.0 {
+            continue;
+        }
+        let observer = Observer {
+            point,
+            bounce,
+            moves: moves[lane],
+            carried,
+            counts,
+        };
+        let path = &paths[index];
+        let numbers = tracer.edges.numbers(path.numbers.path());
         for of_light in [true, false] {
-            if !self.features.emitters && of_light {
+            if !tracer.features.emitters && of_light {
                 continue;
             }
             let set = Dimensions::of_set(3 * bounce + if of_light { 1 } else { 2 });
             let pair = numbers.draw(set);
             let pick = if of_light { pair.y } else { pair.x };
-            if !looks_for_edges(&self.lists, bounce, counts, of_light, pick) {
+            if !looks_for_edges(&tracer.lists, bounce, counts, of_light, pick) {
                 continue;
             }
             let mut drawn = pair;
             if of_light {
                 drawn = numbers.draw(Dimensions::of_set(3 * bounce));
             }
-            let observer = Observer {
-                point: vertex.point,
-                bounce,
-                moves,
-                carried,
-                counts,
-            };
-            self.jumps(path, &observer, of_light, [drawn, pair], work, by, sums);
-        }
-    }
-
-    /// Those of the light of emitters, or of reflected light.
-    #[inline(always)]
-    #[allow(clippy::too_many_arguments)] // one place, called once
-    fn jumps(
-        &self,
-        path: &Path,
-        o: &Observer,
-        of_light: bool,
-        [drawn, more]: [Four; 2],
-        work: &mut Work,
-        by: &mut PointGradient,
-        sums: &Sums,
-    ) {
-        let Some(sets) = &self.edge_sets else {
-            return;
-        };
-        let (lists, time) = (&self.lists, path.time);
-        let s = search(lists, drawn, more, o, of_light, time, &mut work.room, sums);
-        if !s.asked {
-            return;
-        }
-        let tree = sets.seen_by(s.moves);
-        if tree.is_empty() {
-            return;
-        }
-        let random = decided_by(s.u, s.v);
-        let Some((edge, per_chance)) = tree.sample(self.arch, &s.query, random) else {
-            return;
-        };
-        let p = edge_point(lists, edge, per_chance, &s.query, &o.point.shading, s.v);
-        if p.per_density <= 0.0 {
-            return;
-        }
-        let e = edge_view(lists, o, &s, p);
-        for k in e.first..e.past {
-            let jump = jump_at(lists, o, &s, &e, k, time);
-            if jump.limit <= 0.0 {
-                continue;
-            }
-            let ray = HitRay::new(e.start, jump.sides.past, time, jump.limit);
-            if of_light {
-                if self.hit_beside::<true>(ray, &p).triangle == NOTHING {
-                    shadow_backward(lists, sums, o, &s, &e, &jump, time, by);
+            let numbers = [drawn, pair];
+            let jumps = jumps_at_edge(tracer, path.time, &observer, of_light, numbers, work, sums);
+            let found = &mut *found[usize::from(of_light)];
+            if let Some((search, view)) = jumps {
+                for k in view.first..view.past {
+                    let jump = jump_at(&tracer.lists, &observer, &search, &view, k, path.time);
+                    if jump.limit > 0.0 {
+                        found.push(Found {
+                            lane,
+                            observer,
+                            search,
+                            view,
+                            jump,
+                        });
+                    }
                 }
-                continue;
-            }
-            let approach = Approach {
-                point: &p,
-                origin: e.start,
-                view: e.view,
-                sides: &jump.sides,
-            };
-            let path = Path {
-                numbers: self.sides.numbers(path.numbers.path()),
-                ..*path
-            };
-            let goes_on = o.bounce < self.settings.bounces;
-            let bounce = goes_on.then_some(o.bounce + 1);
-            if let Some(light) = self.light_beside(&approach, &path, bounce, false, work) {
-                reflected_backward(lists, sums, o, &s, &e, &jump, &light, time, by);
             }
         }
     }
+}
 
-    /// The hit of a ray on all but the faces of an edge: the nearest, or with `ANY` any.
-    fn hit_beside<const ANY: bool>(&self, ray: HitRay, p: &EdgePoint) -> Hit {
-        let unseen = [p.faces.a, p.faces.b, p.faces.c, p.faces.d];
-        let ray = HitRay { unseen, ..ray };
-        let holes = self.scene.holes.as_deref();
-        self.scene.hierarchy.hit_seen::<ANY>(self.arch, holes, &ray)
+/// Draws an edge that a point sees, for the light of emitters or for reflected light.
+#[inline(always)]
+fn jumps_at_edge(
+    tracer: &Tracer,
+    time: f32,
+    o: &Observer,
+    of_light: bool,
+    [drawn, more]: [Four; 2],
+    work: &mut Work,
+    sums: &Sums,
+) -> Option<(Search, EdgeView)> {
+    let (lists, room) = (&tracer.lists, &mut work.room);
+    let s = search(lists, drawn, more, o, of_light, time, room, sums);
+    if !s.asked {
+        return None;
     }
+    let tree = tracer.edge_sets.as_ref()?.seen_by(s.moves);
+    if tree.is_empty() {
+        return None;
+    }
+    let random = decided_by(s.u, s.v);
+    let (edge, per_chance) = tree.sample(tracer.arch, &s.query, random)?;
+    let p = edge_point(lists, edge, per_chance, &s.query, &o.point.shading, s.v);
+    (p.per_density > 0.0).then(|| (s, edge_view(lists, o, &s, p)))
+}
 
-    /// The light beside an edge's point, of paths that begin there at a bounce if they go on; with `film` what the camera
-    /// sees of it. None where something hides the edge.
-    #[inline(always)]
-    pub(super) fn light_beside(
-        &self,
-        approach: &Approach,
-        path: &Path,
-        bounce: Option<u32>,
-        film: bool,
-        work: &mut Work,
-    ) -> Option<SideLight> {
-        let (lists, time) = (&self.lists, path.time);
-        let Approach {
-            point: p,
-            origin,
-            view,
-            sides,
-        } = *approach;
-        let ray = HitRay::new(origin, sides.past, time, f32::INFINITY);
-        let hit = self.hit_beside::<false>(ray, p);
-        if hides(lists, hit.triangle, hit.t, p, time) {
-            return None;
+/// Makes the rays past edges to the emitters behind them.
+fn rays_past(paths: &[Path], level: &Level, list: &[Found], rays: &mut Vec<HitRay>) {
+    rays.clear();
+    for found in list {
+        let time = paths[level.paths[found.lane] as usize].time;
+        rays.push(found.approach().ray(time, found.jump.limit));
+    }
+}
+
+/// Adds the derivatives by jumps of the light of emitters, where nothing else hides it.
+#[apply(stage!)]
+fn shadows_backward<'a>(
+    tracer: &'a Tracer<'a>,
+    list: &'a [Found],
+    back: &'a mut Back,
+    work: &'a Work,
+    sums: &'a Sums<'a>,
+) {
+    for (found, (ray, hit)) in list.iter().zip(work.side_rays.iter().zip(&work.side_hits)) {
+        if hit.triangle == NOTHING {
+            let Found { view, jump, .. } = found;
+            let (o, s, by) = (&found.observer, &found.search, &mut back.points[found.lane]);
+            shadow_backward(&tracer.lists, sums, o, s, view, jump, ray.time, by);
         }
+    }
+}
+
+/// Adds the derivatives by jumps of light that surfaces reflect, and of the environment.
+#[apply(stage!)]
+fn reflections_backward<'a>(
+    tracer: &'a Tracer<'a>,
+    list: &'a [Found],
+    beside: &'a [Path<'a>],
+    back: &'a mut Back,
+    work: &'a Work,
+    sums: &'a Sums<'a>,
+) {
+    for ((found, path), light) in list.iter().zip(beside).zip(&work.side_lights) {
+        if let Some(light) = light {
+            let Found { view, jump, .. } = found;
+            let (o, s, by) = (&found.observer, &found.search, &mut back.points[found.lane]);
+            reflected_backward(&tracer.lists, sums, o, s, view, jump, light, path.time, by);
+        }
+    }
+}
+
+/// Begins paths on both sides of edges that nothing hides.
+#[apply(stage!)]
+fn begin_beside<'a>(
+    tracer: &'a Tracer<'a>,
+    approaches: &'a [Approach],
+    paths: &'a [Path<'a>],
+    film: bool,
+    walks: &'a mut Walks,
+    work: &'a mut Work,
+) {
+    let lists = &tracer.lists;
+    work.side_lights.clear();
+    for (i, (approach, path)) in approaches.iter().zip(paths).enumerate() {
+        let (hit, p) = (work.side_hits[i], &approach.point);
         let behind = Behind {
             triangle: hit.triangle,
             distance: hit.t,
         };
-        let mut walks = std::mem::take(&mut work.side_walks);
-        walks.clear();
-        for on_plus in [false, true] {
-            let at = beside(lists, p, sides, origin, &behind, on_plus, time);
-            let mut walk = Walk::new();
-            if at.triangle != NOTHING {
-                let (k, near) = (at.triangle, at.near);
-                walk.seen = k;
-                walk.begin_at(point_at(lists, k, near, at.distance, at.direction, time));
-                if film {
-                    walk.radiance = emitted(lists, &walk.point);
-                }
-            } else if film || self.features.sees_sky {
-                walk.radiance = sky(lists, view);
-            }
-            walks.list.push(walk);
+        let hidden = hides(lists, hit.triangle, hit.t, p, path.time);
+        work.side_lights.push((!hidden).then_some(SideLight::NONE));
+        if hidden {
+            continue;
         }
-        if is_crease(lists, sides) {
+        let mut points = [
+            point_beside(tracer, approach, &behind, false, path.time),
+            point_beside(tracer, approach, &behind, true, path.time),
+        ];
+        if let [Some(minus), Some(plus)] = &mut points
+            && is_crease(lists, &approach.sides)
+        {
             // Paths on both sides of a crease go the same ways.
             let pair = Pair {
-                first: walks.list[0].point.shading.normal,
-                second: walks.list[1].point.shading.normal,
+                first: minus.shading.normal,
+                second: plus.shading.normal,
             };
-            for walk in &mut walks.list {
-                walk.point.shading.pair = pair;
-                walk.point.shading.paired = true;
+            for point in [minus, plus] {
+                point.shading.pair = pair;
+                point.shading.paired = true;
             }
         }
-        if let Some(bounce) = bounce {
-            self.reflected::<false>(&[*path; 2], &mut walks, bounce, work);
+        for (k, point) in points.iter().enumerate() {
+            if let Some(point) = point {
+                walks.begin_at(2 * i + k, point);
+            }
+            let walk = &mut walks.list[2 * i + k];
+            match point {
+                Some(point) if film => walk.radiance = emitted(lists, point),
+                None if film || tracer.features.sees_sky => {
+                    walk.radiance = sky(lists, approach.view);
+                }
+                _ => {}
+            }
         }
-        let (minus, plus) = (&walks.list[0], &walks.list[1]);
-        let sky_of = |walk: &Walk| if walk.seen == NOTHING { 1.0 } else { 0.0 };
-        let light = SideLight {
-            radiance: minus.radiance - plus.radiance,
-            sky: sky_of(minus) - sky_of(plus),
-            depth: minus.first.0 - plus.first.0,
-            normal: minus.first.1 - plus.first.1,
-        };
-        work.side_walks = walks;
-        Some(light)
+    }
+}
+
+/// The surface point on a side of an edge's point; None where the environment is seen.
+#[inline(always)]
+fn point_beside(
+    tracer: &Tracer,
+    approach: &Approach,
+    behind: &Behind,
+    on_plus: bool,
+    time: f32,
+) -> Option<Point> {
+    let lists = &tracer.lists;
+    let (point, sides) = (&approach.point, &approach.sides);
+    let at = beside(lists, point, sides, approach.origin, behind, on_plus, time);
+    let (k, near) = (at.triangle, at.near);
+    if k == NOTHING {
+        return None;
+    }
+    Some(point_at(lists, k, near, at.distance, at.direction, time))
+}
+
+/// What is seen on the − side of an edge less that on the + side.
+#[inline(always)]
+fn difference(minus: &Walk, plus: &Walk) -> SideLight {
+    let sky_of = |walk: &Walk| if walk.seen == NOTHING { 1.0 } else { 0.0 };
+    SideLight {
+        radiance: minus.radiance - plus.radiance,
+        sky: sky_of(minus) - sky_of(plus),
+        depth: minus.first.0 - plus.first.0,
+        normal: minus.first.1 - plus.first.1,
     }
 }

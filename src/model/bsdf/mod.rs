@@ -63,6 +63,23 @@ pub(crate) struct Shading {
     pub paired: bool,
 }
 
+impl Shading {
+    /// Whether it is matt alone: what it scatters then takes the same steps for every direction.
+    #[inline(always)]
+    pub fn is_matt(&self) -> bool {
+        self.model == PHONG && !self.glossy && !self.paired
+    }
+
+    /// It as one that is known to be matt.
+    #[inline(always)]
+    pub fn as_matt(mut self) -> Self {
+        self.model = PHONG;
+        self.models = Models::MATT;
+        (self.glossy, self.paired) = (false, false);
+        self
+    }
+}
+
 /// Derivatives by what a shaded point is made of.
 #[apply(zeroed!)]
 pub(crate) struct ShadingGradient {

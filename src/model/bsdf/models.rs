@@ -37,6 +37,12 @@ impl Default for Models {
 }
 
 impl Models {
+    pub const MATT: Self = Self {
+        phong: true,
+        metal: false,
+        dielectric: false,
+    };
+
     #[inline(always)]
     pub fn of(bsdf: Bsdf) -> Self {
         Self {

@@ -108,6 +108,54 @@ pub(crate) fn no_emitter_hit() -> EmitterHit {
     }
 }
 
+/// A choice among few emitters, which passes one after another.
+#[apply(zeroed!)]
+pub(crate) struct Choosing {
+    emitter: u32,
+    chance: f32,
+    /// The sums of the probabilities before it and before the next.
+    before: f32,
+    passed: f32,
+    /// Whether it is the one.
+    found: bool,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Choosing {
+    #[inline(always)]
+    pub fn begin() -> Choosing {
+        Choosing {
+            emitter: 0u32.runtime(),
+            chance: 1.0f32.runtime(),
+            before: 0.0f32.runtime(),
+            passed: 0.0f32.runtime(),
+            found: false.runtime(),
+        }
+    }
+
+    /// Passes an emitter with a probability, which is chosen where it takes the sum over a random number. Rounding may
+    /// leave the sum of all a little under 1: then the last that can be is taken.
+    #[inline(always)]
+    pub fn pass(&mut self, k: u32, chance: f32, u: f32) {
+        if !self.found && chance > 0.0 {
+            self.emitter = k;
+            self.chance = chance;
+            self.before = self.passed;
+            self.found = u < self.passed + chance;
+        }
+        self.passed += chance;
+    }
+
+    #[inline(always)]
+    pub fn end(&self, u: f32) -> Chosen {
+        Chosen {
+            emitter: self.emitter,
+            chance: self.chance,
+            rest: ((u - self.before) / self.chance).max(0.0).min(MOST),
+        }
+    }
+}
+
 #[cfg_attr(feature = "wgpu", cube)]
 impl<'a> EmitterLists<'a> {
     /// A triangle if a ray hits it.
@@ -170,10 +218,16 @@ impl<'a> EmitterLists<'a> {
                 seen = self.light(k).seen_from(at.position).scale;
             }
         } else {
-            let on = self.triangle(k, at.time);
-            seen = solid_angle(on.a, on.b, on.c, at.position).max(0.0);
+            seen = self.angle_of_triangle(k, at);
         }
         self.brightness[k as usize] * seen
+    }
+
+    /// The solid angle under which a point sees a triangle's front.
+    #[inline(always)]
+    pub fn angle_of_triangle(&self, k: u32, at: &Receiver) -> f32 {
+        let on = self.triangle(k, at.time);
+        solid_angle(on.a, on.b, on.c, at.position).max(0.0)
     }
 
     /// Looks at emitters from a point, for choices there: leaves the bits of the probabilities of few in `room`, and
@@ -188,21 +242,25 @@ impl<'a> EmitterLists<'a> {
                 total += brings;
                 room[k as usize] = brings.to_bits();
             }
-            let known = is_positive(total);
             for k in 0..self.tree.fixed.count {
-                let fixed = self.tree.fixed.chances[k as usize];
                 let brings = f32::from_bits(room[k as usize]);
-                let mut chance = fixed;
-                if known {
-                    chance = (1.0 - BY_POWER) * brings / total + BY_POWER * fixed;
-                }
-                room[k as usize] = chance.to_bits();
+                room[k as usize] = self.chance_of_few(k, brings, total).to_bits();
             }
         }
         if comptime!(self.kinds.by_tree) {
             share = self.tree.share_of_distant(at.position, at.normal);
         }
         share
+    }
+
+    /// The probability of one of few, of what it brings and of what all bring.
+    #[inline(always)]
+    pub fn chance_of_few(&self, k: u32, brings: f32, total: f32) -> f32 {
+        let mut chance = self.tree.fixed.chances[k as usize];
+        if is_positive(total) {
+            chance = (1.0 - BY_POWER) * brings / total + BY_POWER * chance;
+        }
+        chance
     }
 
     /// The probability of an emitter, after [`look`](Self::look) from the same point.
@@ -336,31 +394,11 @@ impl<'a> EmitterLists<'a> {
     /// One of so few that all are looked at.
     #[inline(always)]
     fn choose_of_few(&self, u: f32, room: &mut [u32]) -> Chosen {
-        let count = self.tree.fixed.count;
-        let mut k = 0u32;
-        let mut passed = 0.0f32;
-        // Rounding may leave the sum a little under 1: then the last that can be is taken.
-        let mut emitter = 0u32;
-        let mut own = 1.0f32;
-        let mut before = 0.0f32;
-        while k < count {
-            let p = self.known(k, room);
-            if p > 0.0 {
-                emitter = k;
-                own = p;
-                before = passed;
-                if u < passed + p {
-                    k = count;
-                }
-            }
-            passed += p;
-            k += 1;
+        let mut choosing = Choosing::begin();
+        for k in 0..self.tree.fixed.count {
+            choosing.pass(k, self.known(k, room), u);
         }
-        Chosen {
-            emitter,
-            chance: own,
-            rest: ((u - before) / own).max(0.0).min(MOST),
-        }
+        choosing.end(u)
     }
 
     /// The probability of a group of emitters, which follow each other from the first on.

@@ -22,7 +22,8 @@ pub(crate) use groups::EmitterGroup;
 use groups::group;
 use lists::FEW;
 pub(crate) use lists::{
-    EmitterHit, EmitterKinds, EmitterLists, EmitterTriangle, OF_EMITTER, Receiver, no_emitter_hit,
+    Choosing, EmitterHit, EmitterKinds, EmitterLists, EmitterTriangle, OF_EMITTER, Receiver,
+    no_emitter_hit,
 };
 use many::ManyEmitters;
 pub(crate) use many::Met;

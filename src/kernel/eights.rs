@@ -1,0 +1,164 @@
+//! Stages of eight paths at once: loops that compilers make vector instructions of. They are of matt surfaces, of which all
+//! paths take the same steps; what else there is goes path by path.
+
+use crate::lanes::{LANES, Record};
+use crate::model::bsdf::Scatter;
+use crate::model::connection::{ConeKernel, Connection};
+use crate::model::{V2, V3};
+use crate::sampling::{Choosing, Chosen, EmitterLists, EmitterTriangle, Four, Receiver};
+use crate::trace::{
+    HitTriangle, Leaving, Point, Triangle, leave_sharply, on_triangle, plain_point, target_on,
+};
+
+/// The lanes of a record.
+pub(super) type Eight<T> = <T as Record>::Lanes;
+
+/// Whether all of the first lanes are of matt surfaces.
+#[inline(always)]
+pub(super) fn are_matt(points: &Eight<Point>, lanes: usize) -> bool {
+    (0..lanes).all(|i| Point::get(points, i).shading.is_matt())
+}
+
+/// The points of triangles that rays hit, about there, where these are plain ([`Features::plain_points`]).
+///
+/// [`Features::plain_points`]: crate::trace::Features::plain_points
+#[inline(always)]
+pub(super) fn plain_points(
+    triangles: &Eight<Triangle>,
+    shifts: &Eight<V3>,
+    nears: &Eight<V3>,
+    hits: &Eight<HitTriangle>,
+    out: &mut Eight<Point>,
+) {
+    for i in 0..LANES {
+        let hit = HitTriangle::get(hits, i);
+        let (near, shift) = (V3::get(nears, i), V3::get(shifts, i));
+        let on = on_triangle(&Triangle::get(triangles, i), shift, near, hit.direction);
+        plain_point(&on, &hit).set(out, i);
+    }
+}
+
+/// The rays with which paths leave matt surfaces, without cones and roulette.
+#[inline(always)]
+pub(super) fn leave(
+    points: &Eight<Point>,
+    scatters: &Eight<Scatter>,
+    throughputs: &Eight<V3>,
+    out: &mut Eight<Leaving>,
+) {
+    for i in 0..LANES {
+        let mut point = Point::get(points, i);
+        point.shading = point.shading.as_matt();
+        let (scatter, throughput) = (Scatter::get(scatters, i), V3::get(throughputs, i));
+        leave_sharply(&point, &scatter, throughput).set(out, i);
+    }
+}
+
+/// Draws the directions in which paths leave matt surfaces.
+#[inline(always)]
+pub(super) fn scatter(points: &Eight<Point>, numbers: &Eight<Four>, out: &mut Eight<Scatter>) {
+    for i in 0..LANES {
+        let drawn = Four::get(numbers, i);
+        let shading = Point::get(points, i).shading.as_matt();
+        shading.sample(drawn.x, drawn.y, 0.0).set(out, i);
+    }
+}
+
+/// Points as emitters are chosen for them.
+#[inline(always)]
+pub(super) fn receivers(points: &Eight<Point>, times: &Eight<f32>) -> Eight<Receiver> {
+    let mut out = Eight::<Receiver>::default();
+    for i in 0..LANES {
+        let point = Point::get(points, i);
+        let receiver = Receiver {
+            position: point.position,
+            normal: point.shading.geometric,
+            time: times[i],
+        };
+        receiver.set(&mut out, i);
+    }
+    out
+}
+
+/// Looks at few emitters from points ([`EmitterLists::look`]): leaves their probabilities in `room`.
+#[inline(always)]
+pub(super) fn look(emitters: &EmitterLists, at: &Eight<Receiver>, room: &mut [Eight<f32>]) {
+    let mut totals = [0.0; LANES];
+    for (k, room) in room.iter_mut().enumerate() {
+        *room = brings(emitters, k as u32, at);
+        for i in 0..LANES {
+            totals[i] += room[i];
+        }
+    }
+    for (k, room) in room.iter_mut().enumerate() {
+        for i in 0..LANES {
+            room[i] = emitters.chance_of_few(k as u32, room[i], totals[i]);
+        }
+    }
+}
+
+/// What one emitter brings to points.
+#[inline(always)]
+fn brings(emitters: &EmitterLists, k: u32, at: &Eight<Receiver>) -> Eight<f32> {
+    let mut out = [0.0; LANES];
+    if emitters.is_light(k) {
+        for i in 0..LANES {
+            out[i] = emitters.brings(k, &Receiver::get(at, i));
+        }
+    } else {
+        for i in 0..LANES {
+            out[i] = emitters.angle_of_triangle(k, &Receiver::get(at, i));
+        }
+        let brightness = emitters.brightness[k as usize];
+        for i in 0..LANES {
+            out[i] *= brightness;
+        }
+    }
+    out
+}
+
+/// Chooses one of few emitters for each random number.
+#[inline(always)]
+pub(super) fn choose(numbers: &Eight<V2>, room: &[Eight<f32>], out: &mut Eight<Chosen>) {
+    let mut choosing = Eight::<Choosing>::default();
+    for i in 0..LANES {
+        Choosing::begin().set(&mut choosing, i);
+    }
+    for (k, chances) in room.iter().enumerate() {
+        for i in 0..LANES {
+            let mut own = Choosing::get(&choosing, i);
+            own.pass(k as u32, chances[i], numbers.x[i]);
+            own.set(&mut choosing, i);
+        }
+    }
+    for i in 0..LANES {
+        let chosen = Choosing::get(&choosing, i).end(numbers.x[i]);
+        chosen.set(out, i);
+    }
+}
+
+/// Connections of matt surfaces to points of emitters, and the directions to these; without cones.
+#[inline(always)]
+pub(super) fn connect(
+    points: &Eight<Point>,
+    on: &Eight<EmitterTriangle>,
+    weights: &Eight<V2>,
+    chosen: &Eight<Chosen>,
+    directions: &mut Eight<V3>,
+    out: &mut Eight<Connection>,
+) {
+    for i in 0..LANES {
+        let point = Point::get(points, i);
+        let on = EmitterTriangle::get(on, i);
+        let target = target_on(&on, V2::get(weights, i), point.position);
+        let sharp = ConeKernel {
+            tangent: 0.0,
+            u: 0.0,
+            v: 0.0,
+        };
+        let (shading, chance) = (point.shading.as_matt(), chosen.chance[i]);
+        let found = target.connect(&shading, point.position, chance, false, sharp);
+        target.direction.set(directions, i);
+        found.set(out, i);
+    }
+}
