@@ -5,13 +5,9 @@
     reason = "the language of kernels has no other form"
 )]
 
-#[cfg(feature = "wgpu")]
-use crate::accel::eights::NONE;
 use crate::cube::*;
 use crate::model::choice::MOST;
 use crate::model::lists::first_over;
-#[cfg(feature = "wgpu")]
-use crate::model::{V2, v2};
 
 /// Probabilities that do not depend on the point, and sums of these up to each emitter.
 #[cfg_attr(feature = "wgpu", derive(CubeType))]
@@ -28,29 +24,6 @@ pub(crate) struct Chosen {
     pub emitter: u32,
     pub chance: f32,
     pub rest: f32,
-}
-
-/// An emitter that a surface point is connected to, or [`NONE`], a place on it, and the probability with which it was
-/// chosen.
-#[cfg(feature = "wgpu")]
-#[apply(record!)]
-pub(crate) struct EmitterPlace {
-    pub emitter: u32,
-    /// Weights of the corners b and c.
-    pub weights: V2,
-    pub chance: f32,
-}
-
-#[cfg(feature = "wgpu")]
-#[cube]
-impl EmitterPlace {
-    pub fn none() -> EmitterPlace {
-        EmitterPlace {
-            emitter: NONE.runtime(),
-            weights: v2(0.0, 0.0),
-            chance: 1.0f32.runtime(),
-        }
-    }
 }
 
 #[cfg_attr(feature = "wgpu", cube)]

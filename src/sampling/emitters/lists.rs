@@ -10,11 +10,7 @@
 
 use super::BY_POWER;
 use super::fixed::Chosen;
-#[cfg(feature = "wgpu")]
-use super::fixed::EmitterPlace;
 use super::tree::LightTree;
-#[cfg(feature = "wgpu")]
-use crate::accel::LANES;
 use crate::accel::eights::NONE;
 use crate::cube::*;
 use crate::model::choice::{MOST, is_positive};
@@ -22,8 +18,6 @@ use crate::model::delta_light::{DeltaLight, delta_light_at};
 use crate::model::emitter::hit_front;
 use crate::model::lists::vector;
 use crate::model::triangle::solid_angle;
-#[cfg(feature = "wgpu")]
-use crate::model::triangle::uniform_point;
 use crate::model::{V2, V3, v2};
 
 /// How emitters are chosen, and what they are; kernels on GPUs know it when they are compiled.
@@ -301,94 +295,6 @@ impl<'a> EmitterLists<'a> {
             choice = self.choose_of_few(u, room);
         }
         choice
-    }
-
-    /// A place on an emitter for two random numbers, after [`look`](Self::look) from the same point.
-    #[cfg(feature = "wgpu")]
-    pub fn choose_place(
-        &self,
-        u: f32,
-        v: f32,
-        at: &Receiver,
-        share: f32,
-        room: &mut [u32],
-    ) -> EmitterPlace {
-        let chosen: Chosen = self.choose(u, at, share, room);
-        EmitterPlace {
-            emitter: chosen.emitter,
-            weights: uniform_point(chosen.rest, v),
-            chance: chosen.chance,
-        }
-    }
-
-    /// The place that a ray from a point hits on the first emitter from a number on whose front it hits, as if nothing
-    /// were in between, after [`look`](Self::look) from that point.
-    #[cfg(feature = "wgpu")]
-    pub fn place_along(
-        &self,
-        from: u32,
-        direction: V3,
-        at: &Receiver,
-        share: f32,
-        room: &mut [u32],
-    ) -> EmitterPlace {
-        let mut found = no_emitter_hit();
-        if comptime!(self.kinds.by_tree) {
-            found = self.first_hit_in_tree(from, at.position, direction, at.time);
-        } else {
-            found = self.first_hit_in_list(from, at.position, direction, at.time);
-        }
-        let mut place = EmitterPlace::none();
-        if found.emitter != NONE {
-            place.emitter = found.emitter;
-            place.weights = found.weights;
-            place.chance = self.chance(found.emitter, at, share, room);
-        }
-        place
-    }
-
-    #[cfg(feature = "wgpu")]
-    fn first_hit_in_list(&self, from: u32, x: V3, direction: V3, time: f32) -> EmitterHit {
-        let mut found = no_emitter_hit();
-        let mut k = from;
-        while k < self.triangle_count && found.emitter == NONE {
-            found = self.hit(k, x, direction, time);
-            k += 1;
-        }
-        found
-    }
-
-    #[cfg(feature = "wgpu")]
-    fn first_hit_in_tree(&self, from: u32, x: V3, direction: V3, time: f32) -> EmitterHit {
-        let mut found = no_emitter_hit();
-        let mut node = 0u32;
-        if self.tree.count == 0 {
-            node = NONE;
-        }
-        let mut branch = 0u32;
-        while node != NONE {
-            if branch == LANES as u32 {
-                branch = self.tree.branch_of_parent(node) + 1;
-                node = self.tree.parent(node);
-            } else {
-                let meets = self.tree.is_met(node, branch, x, direction);
-                let child = self.tree.word(node, branch as usize);
-                branch += 1;
-                if meets {
-                    if !self.tree.is_leaf(node) {
-                        node = child;
-                        branch = 0u32;
-                    } else if child >= from && child < found.emitter && child < self.triangle_count
-                    {
-                        let hit = self.hit(child, x, direction, time);
-                        if hit.emitter != NONE {
-                            found = hit;
-                        }
-                    }
-                }
-            }
-        }
-        found
     }
 
     /// One of so few that all are looked at.
