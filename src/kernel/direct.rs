@@ -10,7 +10,6 @@ use super::walk::{Along, Candidate, Level, LightSample, Path, Work};
 use crate::accel::{HitRay, stage};
 use crate::lanes::{LANES, Record};
 use crate::model::connection::{ConeKernel, Connection, Target};
-use crate::model::triangle::uniform_point;
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Chosen, Dimensions, EmitterTriangle, Receiver};
 use crate::trace::{
@@ -100,14 +99,11 @@ pub(super) fn direct_from_emitters<'a>(
         for lane in lanes.clone() {
             times[lane % LANES] = paths[level.paths[lane] as usize].time;
         }
-        let at = eights::receivers(points, &times);
+        let at = eights::receivers(points, times);
         let matt = eights::are_matt(points, lanes.len());
         let chosen = choose_emitters(tracer, level, lanes.clone(), matt, &at, work);
         let numbers = level.emitters.lanes(first);
-        let mut weights = Eight::<V2>::default();
-        for i in 0..LANES {
-            uniform_point(chosen.rest[i], numbers.y[i]).set(&mut weights, i);
-        }
+        let weights = eights::uniform_points(chosen.rest, numbers.y);
         let are_triangles = lanes
             .clone()
             .all(|i| !is_light(lists, chosen.emitter[i % LANES]));
@@ -176,7 +172,7 @@ fn choose_emitters(
                 *few = [chance; LANES];
             }
         }
-        eights::choose(level.emitters.lanes(lanes.start), few, &mut chosen);
+        chosen = eights::choose(level.emitters.lanes(lanes.start).x, few);
     }
     if are_few && (matt || !tracer.features.combined) {
         work.room = room;
@@ -233,10 +229,8 @@ fn connect_matt(
         let triangle = tracer.emitters.triangle(chosen.emitter[lane % LANES], time);
         triangle.set(&mut on, lane);
     }
-    let mut directions = Eight::<V3>::default();
-    let mut found = Eight::<Connection>::default();
     let points = level.points.lanes(lanes.start);
-    eights::connect(points, &on, weights, chosen, &mut directions, &mut found);
+    let (directions, found) = eights::connect(*points, on, *weights, chosen.chance);
     for lane in lanes {
         let found = Connection::get(&found, lane);
         // It starts behind the light, or there is none.

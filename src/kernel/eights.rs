@@ -1,9 +1,13 @@
 //! Stages of eight paths at once: loops that compilers make vector instructions of. They are of matt surfaces, of which all
 //! paths take the same steps; what else there is goes path by path.
+//!
+//! Lanes come and go by value: compilers have to see that what a loop reads is not what it writes, which they do not see of
+//! references once functions are inlined.
 
 use crate::lanes::{LANES, Record};
-use crate::model::bsdf::Scatter;
+use crate::model::bsdf::{Scatter, Shading};
 use crate::model::connection::{ConeKernel, Connection};
+use crate::model::triangle::uniform_point;
 use crate::model::{V2, V3};
 use crate::sampling::{Choosing, Chosen, EmitterLists, EmitterTriangle, Four, Receiver};
 use crate::trace::{
@@ -24,60 +28,58 @@ pub(super) fn are_matt(points: &Eight<Point>, lanes: usize) -> bool {
 /// [`Features::plain_points`]: crate::trace::Features::plain_points
 #[inline(always)]
 pub(super) fn plain_points(
-    triangles: &Eight<Triangle>,
-    shifts: &Eight<V3>,
-    nears: &Eight<V3>,
-    hits: &Eight<HitTriangle>,
-    out: &mut Eight<Point>,
-) {
+    triangles: Eight<Triangle>,
+    shifts: Eight<V3>,
+    nears: Eight<V3>,
+    hits: Eight<HitTriangle>,
+) -> Eight<Point> {
+    let mut out = Eight::<Point>::default();
     for i in 0..LANES {
-        let hit = HitTriangle::get(hits, i);
-        let (near, shift) = (V3::get(nears, i), V3::get(shifts, i));
-        let on = on_triangle(&Triangle::get(triangles, i), shift, near, hit.direction);
-        plain_point(&on, &hit).set(out, i);
+        let hit = HitTriangle::get(&hits, i);
+        let (near, shift) = (V3::get(&nears, i), V3::get(&shifts, i));
+        let on = on_triangle(&Triangle::get(&triangles, i), shift, near, hit.direction);
+        plain_point(&on, &hit).set(&mut out, i);
     }
+    out
 }
 
 /// The rays with which paths leave matt surfaces, without cones and roulette.
 #[inline(always)]
 pub(super) fn leave(
-    points: &Eight<Point>,
-    scatters: &Eight<Scatter>,
-    throughputs: &Eight<V3>,
-    out: &mut Eight<Leaving>,
-) {
+    points: Eight<Point>,
+    scatters: Eight<Scatter>,
+    throughputs: Eight<V3>,
+) -> Eight<Leaving> {
+    let mut out = Eight::<Leaving>::default();
     for i in 0..LANES {
-        let mut point = Point::get(points, i);
+        let mut point = Point::get(&points, i);
         point.shading = point.shading.as_matt();
-        let (scatter, throughput) = (Scatter::get(scatters, i), V3::get(throughputs, i));
-        leave_sharply(&point, &scatter, throughput).set(out, i);
+        let (scatter, throughput) = (Scatter::get(&scatters, i), V3::get(&throughputs, i));
+        leave_sharply(&point, &scatter, throughput).set(&mut out, i);
     }
+    out
 }
 
 /// Draws the directions in which paths leave matt surfaces.
 #[inline(always)]
-pub(super) fn scatter(points: &Eight<Point>, numbers: &Eight<Four>, out: &mut Eight<Scatter>) {
+pub(super) fn scatter(points: Eight<Shading>, numbers: Eight<Four>) -> Eight<Scatter> {
+    let mut out = Eight::<Scatter>::default();
     for i in 0..LANES {
-        let drawn = Four::get(numbers, i);
-        let shading = Point::get(points, i).shading.as_matt();
-        shading.sample(drawn.x, drawn.y, 0.0).set(out, i);
+        let drawn = Four::get(&numbers, i);
+        let shading = Shading::get(&points, i).as_matt();
+        shading.sample(drawn.x, drawn.y, 0.0).set(&mut out, i);
     }
+    out
 }
 
 /// Points as emitters are chosen for them.
 #[inline(always)]
-pub(super) fn receivers(points: &Eight<Point>, times: &Eight<f32>) -> Eight<Receiver> {
-    let mut out = Eight::<Receiver>::default();
-    for i in 0..LANES {
-        let point = Point::get(points, i);
-        let receiver = Receiver {
-            position: point.position,
-            normal: point.shading.geometric,
-            time: times[i],
-        };
-        receiver.set(&mut out, i);
+pub(super) fn receivers(points: &Eight<Point>, times: Eight<f32>) -> Eight<Receiver> {
+    Eight::<Receiver> {
+        position: points.position,
+        normal: points.shading.geometric,
+        time: times,
     }
-    out
 }
 
 /// Looks at few emitters from points ([`EmitterLists::look`]): leaves their probabilities in `room`.
@@ -85,7 +87,7 @@ pub(super) fn receivers(points: &Eight<Point>, times: &Eight<f32>) -> Eight<Rece
 pub(super) fn look(emitters: &EmitterLists, at: &Eight<Receiver>, room: &mut [Eight<f32>]) {
     let mut totals = [0.0; LANES];
     for (k, room) in room.iter_mut().enumerate() {
-        *room = brings(emitters, k as u32, at);
+        *room = brings(emitters, k as u32, *at);
         for i in 0..LANES {
             totals[i] += room[i];
         }
@@ -99,15 +101,15 @@ pub(super) fn look(emitters: &EmitterLists, at: &Eight<Receiver>, room: &mut [Ei
 
 /// What one emitter brings to points.
 #[inline(always)]
-fn brings(emitters: &EmitterLists, k: u32, at: &Eight<Receiver>) -> Eight<f32> {
+fn brings(emitters: &EmitterLists, k: u32, at: Eight<Receiver>) -> Eight<f32> {
     let mut out = [0.0; LANES];
     if emitters.is_light(k) {
         for i in 0..LANES {
-            out[i] = emitters.brings(k, &Receiver::get(at, i));
+            out[i] = emitters.brings(k, &Receiver::get(&at, i));
         }
     } else {
         for i in 0..LANES {
-            out[i] = emitters.angle_of_triangle(k, &Receiver::get(at, i));
+            out[i] = emitters.angle_of_triangle(k, &Receiver::get(&at, i));
         }
         let brightness = emitters.brightness[k as usize];
         for i in 0..LANES {
@@ -119,46 +121,58 @@ fn brings(emitters: &EmitterLists, k: u32, at: &Eight<Receiver>) -> Eight<f32> {
 
 /// Chooses one of few emitters for each random number.
 #[inline(always)]
-pub(super) fn choose(numbers: &Eight<V2>, room: &[Eight<f32>], out: &mut Eight<Chosen>) {
+pub(super) fn choose(numbers: Eight<f32>, room: &[Eight<f32>]) -> Eight<Chosen> {
     let mut choosing = Eight::<Choosing>::default();
     for i in 0..LANES {
         Choosing::begin().set(&mut choosing, i);
     }
-    for (k, chances) in room.iter().enumerate() {
+    for (k, &chances) in room.iter().enumerate() {
         for i in 0..LANES {
             let mut own = Choosing::get(&choosing, i);
-            own.pass(k as u32, chances[i], numbers.x[i]);
+            own.pass(k as u32, chances[i], numbers[i]);
             own.set(&mut choosing, i);
         }
     }
+    let mut out = Eight::<Chosen>::default();
     for i in 0..LANES {
-        let chosen = Choosing::get(&choosing, i).end(numbers.x[i]);
-        chosen.set(out, i);
+        let chosen = Choosing::get(&choosing, i).end(numbers[i]);
+        chosen.set(&mut out, i);
     }
+    out
+}
+
+/// Points of emitters, by what is left of the numbers that chose these, and another.
+#[inline(always)]
+pub(super) fn uniform_points(u: Eight<f32>, v: Eight<f32>) -> Eight<V2> {
+    let mut out = Eight::<V2>::default();
+    for i in 0..LANES {
+        uniform_point(u[i], v[i]).set(&mut out, i);
+    }
+    out
 }
 
 /// Connections of matt surfaces to points of emitters, and the directions to these; without cones.
 #[inline(always)]
 pub(super) fn connect(
-    points: &Eight<Point>,
-    on: &Eight<EmitterTriangle>,
-    weights: &Eight<V2>,
-    chosen: &Eight<Chosen>,
-    directions: &mut Eight<V3>,
-    out: &mut Eight<Connection>,
-) {
+    points: Eight<Point>,
+    on: Eight<EmitterTriangle>,
+    weights: Eight<V2>,
+    chances: Eight<f32>,
+) -> (Eight<V3>, Eight<Connection>) {
+    let (mut directions, mut out) = (Eight::<V3>::default(), Eight::<Connection>::default());
     for i in 0..LANES {
-        let point = Point::get(points, i);
-        let on = EmitterTriangle::get(on, i);
-        let target = target_on(&on, V2::get(weights, i), point.position);
+        let point = Point::get(&points, i);
+        let on = EmitterTriangle::get(&on, i);
+        let target = target_on(&on, V2::get(&weights, i), point.position);
         let sharp = ConeKernel {
             tangent: 0.0,
             u: 0.0,
             v: 0.0,
         };
-        let (shading, chance) = (point.shading.as_matt(), chosen.chance[i]);
+        let (shading, chance) = (point.shading.as_matt(), chances[i]);
         let found = target.connect(&shading, point.position, chance, false, sharp);
-        target.direction.set(directions, i);
-        found.set(out, i);
+        target.direction.set(&mut directions, i);
+        found.set(&mut out, i);
     }
+    (directions, out)
 }

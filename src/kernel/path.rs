@@ -222,8 +222,7 @@ fn points(tracer: &Tracer, level: &mut Level, rays: &[u32], work: &Work) {
             (origin + direction * t).set(&mut nears, lane);
             hit.set(&mut hits, lane);
         }
-        let out = level.points.lanes_mut(first);
-        eights::plain_points(&triangles, &shifts, &nears, &hits, out);
+        *level.points.lanes_mut(first) = eights::plain_points(triangles, shifts, nears, hits);
     }
 }
 
@@ -260,8 +259,8 @@ fn scatter<'a>(
             own.set(&mut drawn, lane);
         }
         if matt {
-            let scatters = level.scatters.lanes_mut(first);
-            eights::scatter(level.points.lanes(first), &drawn, scatters);
+            let shadings = level.points.lanes(first).shading;
+            *level.scatters.lanes_mut(first) = eights::scatter(shadings, drawn);
             continue;
         }
         for lane in lanes {
@@ -302,7 +301,7 @@ fn leave_surfaces<'a>(
         let at_once = sharp && eights::are_matt(points, lanes.len());
         if at_once {
             let (scatters, before) = (level.scatters.lanes(first), level.throughputs.lanes(first));
-            eights::leave(points, scatters, before, level.leavings.lanes_mut(first));
+            *level.leavings.lanes_mut(first) = eights::leave(*points, *scatters, *before);
         }
         for lane in lanes {
             if !points.reflects[lane % LANES] {
