@@ -1,5 +1,6 @@
 //! Functions that are Rust on the host, and with the feature `wgpu` kernels of GPUs in CubeCL as well: they have the
-//! attribute `cube`, and their arguments are structs with `#[apply(record!)]`.
+//! attribute `cube`, and their arguments are structs with `#[apply(record!)]`, or `#[apply(zeroed!)]` if both languages
+//! begin them as zeros, by `default()`.
 //!
 //! CubeCL compiles a subset of Rust: plain structs and slices, no early returns, closures or arrays.
 
@@ -13,6 +14,16 @@ attribute_alias! {
         #[cfg_attr(feature = "wgpu", derive(CubeType, CubeTypeMut), expand(derive(Clone, Copy)))]
         #[derive(Clone, Copy, Debug)]
         #[macro_rules_attribute::macro_rules_derive(crate::lanes::lanes)];
+    #[apply(zeroed!)] =
+        #[cfg_attr(feature = "wgpu", derive(CubeType, CubeTypeMut, IntoRuntime), expand(derive(Clone, Copy)))]
+        #[derive(Clone, Copy, Debug, Default)]
+        #[macro_rules_attribute::macro_rules_derive(crate::lanes::lanes)];
+}
+
+#[cfg(feature = "wgpu")]
+attribute_alias! {
+    // Arguments of kernels, lists and numbers together.
+    #[apply(argument!)] = #[derive(CubeType, CubeLaunch, Clone, Copy)] #[expand(derive(Clone, Copy))];
 }
 
 /// Makes a type one of fields that kernels are compiled for (`cube(comptime)`): in their language it stays what it is.

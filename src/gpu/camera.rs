@@ -3,12 +3,12 @@
 use crate::cube::*;
 
 use crate::model::camera::{Camera, CameraRay, Dual};
-use crate::model::filter::{sample_filter, uniform_disk};
+use crate::model::filter::uniform_disk;
 use crate::model::integers::wide;
 use crate::model::lists::vector;
 use crate::model::{Pair, V2, v2};
 use crate::sampling::{Dimensions, Four, Sampler, Stream};
-use crate::trace::{CAMERA, DUAL, Scene, middle_of};
+use crate::trace::{CAMERA, DUAL, Scene, camera_ray};
 
 /// Seeds of random numbers: of paths, of cones, of edges, of paths on both sides of these, and of samples on the film.
 pub(super) const SEED: usize = 0;
@@ -54,14 +54,6 @@ pub(super) fn camera(scene: &Scene) -> Camera {
     }
 }
 
-#[cube]
-fn camera_ray(scene: &Scene, film: Four, lens: V2, pixel: u32) -> CameraRay {
-    let middle = middle_of(scene, pixel);
-    let x = middle.x + sample_filter(scene.filter, 0usize, film.x);
-    let y = middle.y + sample_filter(scene.filter, 0usize, film.y);
-    camera(scene).ray(x, y, lens.x, lens.y)
-}
-
 /// A point of the lens, on the unit disk, and a time in the shutter.
 #[apply(record!)]
 pub(super) struct Exposure {
@@ -96,6 +88,27 @@ pub(super) struct Beginning {
     pub ray: CameraRay,
 }
 
+#[cube]
+impl Beginning {
+    /// Two pairs of random numbers, for the cones of a bounce and of a shadow ray.
+    pub fn cone(&self, scene: &Scene, bounce: u32) -> Four {
+        let mut drawn = Four::default();
+        if comptime!(scene.features.cones) {
+            drawn = self.cones.draw(scene.points, Dimensions::of_set(bounce));
+        }
+        drawn
+    }
+
+    pub fn direction(&self, scene: &Scene, bounce: u32) -> Four {
+        self.numbers
+            .draw(scene.points, Dimensions::direction(bounce))
+    }
+
+    pub fn choices(&self, scene: &Scene, bounce: u32) -> Four {
+        self.numbers.draw(scene.points, Dimensions::choices(bounce))
+    }
+}
+
 /// The beginning of a path of a pixel.
 #[cube]
 pub(super) fn begin(scene: &Scene, pixel: u32, sample: u32) -> Beginning {
@@ -108,6 +121,6 @@ pub(super) fn begin(scene: &Scene, pixel: u32, sample: u32) -> Beginning {
         cones,
         film,
         time: exposure.time,
-        ray: camera_ray(scene, film, exposure.lens, pixel),
+        ray: camera_ray(scene, &camera(scene), film, exposure.lens, pixel),
     }
 }

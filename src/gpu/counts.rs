@@ -3,21 +3,19 @@
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::{Backend, Cube, Dispatch, backend_extension};
-use burn::cubecl::{self, prelude::*};
 use burn::tensor::{DType, Device, Int, Tensor};
 
-use super::camera::begin;
+use crate::cube::*;
+
 use super::device::{floats, int_zeros};
-use super::job::{GROUP, Job, PATHS, groups};
-use super::path::path_light;
-use super::pieces::{Piece, pixel_at};
-use super::places::from_camera;
-use super::records::Room;
+use super::hit::Memory;
+use super::job::{GROUP, Job, PATHS, Paths, groups};
+use super::path::light_of_pixel;
 use crate::device::count_read_back;
 use crate::error::{Error, Result};
 use crate::kernel::RayCounts;
 use crate::model::integers::total;
-use crate::trace::{BOUNCES, Features, Scene};
+use crate::trace::BOUNCES;
 
 /// Adds to a count, which has 64 bits in two words.
 #[cube]
@@ -32,47 +30,15 @@ fn count(counts: &[Atomic<u32>], at: u32, more: u32) {
 /// Counts the rays of a piece, and how many of its paths looked for a next surface once, twice and so on: `of_view`
 /// counts for each view.
 #[cube(launch)]
-fn count_rays(
-    floats: &[f32],
-    words: &[u32],
-    pixels: &[u32],
-    counts: &[Atomic<u32>],
-    piece: Piece,
-    of_view: u32,
-    #[comptime] listed: bool,
-    #[comptime] features: Features,
-) {
-    if ABSOLUTE_POS < piece.paths() as usize {
-        let thread = ABSOLUTE_POS as u32;
-        let which = pixel_at(pixels, piece, thread % piece.count, listed);
-        let scene = Scene::of_view(floats, words, which.view, features);
-        let mut room = Array::<u32>::new(scene.features.stack);
-        let stack = room.as_mut_slice();
-        let sample = piece.from + thread / piece.count;
-        let path = begin(&scene, which.pixel, sample);
-        // Nothing is kept.
-        let mut records = Array::<u32>::new(1usize);
-        let room = Room {
-            thread: 0u32,
-            threads: 1u32,
-        };
-        let mut choice_room = Array::<u32>::new(scene.features.of_emitters.room);
-        let choice = choice_room.as_mut_slice();
-        let none = records.as_mut_slice();
-        let seen = path_light(
-            &scene,
-            stack,
-            choice,
-            none,
-            room,
-            path,
-            from_camera(),
-            false,
-            false,
-        );
+fn count_rays(paths: Paths, counts: &[Atomic<u32>], of_view: u32) {
+    if ABSOLUTE_POS < paths.piece.threads() as usize {
+        let which = paths.of_thread(ABSOLUTE_POS as u32);
+        let scene = paths.scene(which.view);
+        let mut memory = Memory::new(&scene);
+        let light = light_of_pixel(&scene, &mut memory, which.pixel, which.sample);
         let first = which.view * of_view;
-        count(counts, first, seen.rays);
-        count(counts, first + seen.looked, 1u32);
+        count(counts, first, light.rays);
+        count(counts, first + light.looked, 1u32);
     }
 }
 
@@ -89,20 +55,15 @@ impl CountBackend for Cube {
         let length = 2 * job.views.views * of_view as usize;
         let (tensor, counts) = int_zeros(&like, length);
         let (client, _) = floats(like);
-        let [floats, words, pixels] = job.lists(&client);
+        let lists = job.lists(&client);
         for piece in job.pieces(PATHS) {
             count_rays::launch(
                 &client,
-                groups(piece.paths()),
+                groups(piece.threads() as usize),
                 CubeDim::new_1d(GROUP),
-                floats.argument(),
-                words.argument(),
-                pixels.argument(),
+                job.paths(&lists, piece),
                 counts.argument(),
-                piece.argument(&job),
                 of_view,
-                job.pixels.is_some(),
-                job.views.features,
             );
         }
         tensor

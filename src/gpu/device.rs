@@ -1,4 +1,4 @@
-//! What kernels ask of a device, and burn's tensors there.
+//! What kernels ask of a device, lists of numbers there, and burn's tensors.
 
 use std::ops::Range;
 
@@ -7,16 +7,40 @@ use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::wgpu::{CubeBackend, CubeTensor};
 use burn::backend::{Cube, DispatchDevice, TensorMetadata};
 use burn::cubecl::prelude::*;
+use burn::cubecl::server::Handle;
 use burn::tensor::{Device, FloatDType, IntDType, Shape, Slice};
-
-use super::job::Job;
-use super::list::List;
-use crate::device::label;
-use crate::error::{Error, Result};
-use crate::trace::FIRST_SUM;
 
 /// Lists that a kernel takes, at most.
 const LISTS: u32 = 7;
+
+/// A list on a device.
+#[derive(Clone)]
+pub(crate) struct List {
+    pub handle: Handle,
+    pub length: usize,
+}
+
+impl List {
+    pub fn new<T: CubeElement>(client: &Client, list: &[T]) -> Self {
+        Self {
+            handle: client.create_from_slice(T::as_bytes(list)),
+            length: list.len(),
+        }
+    }
+
+    pub fn room(client: &Client, length: usize) -> Self {
+        Self {
+            handle: client.empty(4 * length),
+            length,
+        }
+    }
+
+    #[allow(unsafe_code)]
+    pub fn argument(&self) -> BufferArg {
+        // The handle was made with this length.
+        unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
+    }
+}
 
 /// With burn's fusion tensors may not be computed yet, and its clients have methods of these names, which compute
 /// them and come before a trait's. Without fusion all are computed.
@@ -71,33 +95,8 @@ pub(super) fn int_zeros(like: &FloatTensor<Cube>, length: usize) -> (IntTensor<C
     (tensor, numbers)
 }
 
-/// That a device has what views take: bindings, and room for each list.
-///
-/// # Errors
-/// With the name of the device, and the list that is too long for it.
-pub(crate) fn check<'a>(
-    device: &Device,
-    jobs: impl Iterator<Item = &'a Job>,
-    with_gradient: bool,
-) -> Result<()> {
-    let mut lists = Vec::new();
-    for job in jobs {
-        let scene = job.views.floats.len().max(job.views.words.len());
-        lists.push(("the scene", scene));
-        lists.push(("the image", job.count() * job.outputs.rows()));
-        if with_gradient {
-            let sums = FIRST_SUM + 2 * job.views.sums.count;
-            lists.push(("the sums of derivatives", job.views.sums.replicas() * sums));
-        }
-    }
-    has_room(device, &lists).map_err(|message| Error::device(label(device), message))
-}
-
 /// That a device has bindings for kernels, and room for lists of numbers; else what it lacks.
-pub(super) fn has_room(
-    device: &Device,
-    lists: &[(&str, usize)],
-) -> std::result::Result<(), String> {
+pub(super) fn has_room(device: &Device, lists: &[(&str, usize)]) -> Result<(), String> {
     let DispatchDevice::Cube(cube) = device.clone().inner().as_dispatch().clone() else {
         return Ok(());
     };
@@ -108,7 +107,7 @@ pub(super) fn has_room(
 }
 
 /// What a device with so many bindings and bytes of a buffer lacks for lists of numbers.
-fn fits(bindings: u32, bytes: u64, lists: &[(&str, usize)]) -> std::result::Result<(), String> {
+fn fits(bindings: u32, bytes: u64, lists: &[(&str, usize)]) -> Result<(), String> {
     const INSTEAD: &str = "a tensor of a CPU's device renders there";
     if bindings < LISTS {
         return Err(format!(

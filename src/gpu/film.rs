@@ -1,21 +1,157 @@
-//! Jumps of the image that the camera sees, one thread a sample.
+//! Jumps of the image that the camera sees, one thread a sample: edges on the films of views, as pieces and a table of
+//! the films, and the kernel that draws them.
 
-use burn::cubecl::{self, prelude::*};
+use rayon::prelude::*;
 
-use super::Outputs;
+use crate::cube::*;
+
 use super::camera::{
     Beginning, Exposure, SEED_OF_CONES, SEED_OF_EDGES, SEED_OF_FILM, camera, exposure, sampler,
 };
-use super::film_table::{ALL, DrawnPiece, MOST, OF_FILM, OWN, RADIUS, TOTAL, draw_piece, view_of};
-use super::hit::{Ray, trace};
-use super::passes::{is_asked, upstream_of};
-use super::side_light::{Approach, light_beside};
-use super::sums::{is_skipped, replica_of, sums_at};
-use crate::model::camera::CameraRay;
+use super::hit::{Memory, Ray, trace};
+use super::job::Views;
+use super::jumps::{Approach, light_beside};
+use super::passes::Loss;
+use super::sums::Adding;
+use crate::kernel::{Piece, View};
+use crate::model::camera::{Camera, CameraRay};
+use crate::model::film::BLOCK;
 use crate::model::jumps::Sides;
+use crate::model::lists::first_over;
 use crate::model::numbers::{is_finite, is_nonzero};
 use crate::sampling::Dimensions;
-use crate::trace::{Behind, Derivatives, Features, FilmPoint, NONE, Scene, film_point, hides};
+use crate::trace::{Behind, FilmPoint, NONE, Scene, Seen, Sums, film_point, hides};
+
+/// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
+/// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to [`WHOLE`].
+/// Behind all pieces are sums over blocks.
+pub(super) const OF_PIECE: u32 = 5;
+pub(super) const WHOLE: f32 = 16_777_216.0;
+
+/// Words of the table for each view. The number of samples of all views so far, and the most that are its own; its
+/// first piece, and the one past the last; the number of blocks of all views so far; the radius of the pixel filter,
+/// by its bits. Then what kernels leave: the sum of all weights, by its bits, and the number of its samples.
+const ALL: usize = 0;
+pub(super) const MOST: usize = 1;
+pub(super) const FIRST_PIECE: usize = 2;
+pub(super) const PAST_PIECE: usize = 3;
+pub(super) const BLOCKS: usize = 4;
+pub(super) const RADIUS: usize = 5;
+pub(super) const TOTAL: usize = 6;
+pub(super) const OWN: usize = 7;
+pub(super) const OF_FILM: u32 = 8;
+
+/// Edges on the films of views.
+#[derive(Default)]
+pub(crate) struct Films {
+    /// [`OF_PIECE`] numbers for each, one view after another, and room for sums over blocks.
+    pub(super) pieces: Vec<f32>,
+    pub(super) count: u32,
+    /// The table, then the row of each pixel if not all are asked for.
+    pub(super) table: Vec<u32>,
+    /// Samples of all views at most, and blocks.
+    pub(super) samples: u32,
+    pub(super) blocks: u32,
+}
+
+impl Films {
+    /// From views, whether jumps are added on the film of each and the most samples for them, and the pixels if not all
+    /// are asked for.
+    pub fn new(views: &[(&View, Option<u32>)], pixels: Option<&[u32]>) -> Self {
+        let mut films = Self::default();
+        // So many that their numbers have room.
+        let most = u32::MAX / 2 / views.len().max(1) as u32;
+        let pieces = |&(view, samples): &(&View, Option<u32>)| {
+            samples.map_or(Vec::new(), |_| view.film_pieces(|_| 1.0))
+        };
+        let pieces: Vec<Vec<Piece>> = views.par_iter().map(pieces).collect();
+        let mut size = 0;
+        for (&(view, samples), pieces) in views.iter().zip(&pieces) {
+            let (width, height) = (view.settings.width, view.settings.height);
+            size = (width * height) as usize;
+            let own = samples.filter(|_| !pieces.is_empty()).unwrap_or(0);
+            let own = own.min(most);
+            films.samples += own;
+            let first = films.count;
+            films.count += pieces.len() as u32;
+            films.blocks += (pieces.len() as u32).div_ceil(BLOCK);
+            films.table.extend([films.samples, own, first, films.count]);
+            let radius = view.filter.radius().to_bits();
+            films.table.extend([films.blocks, radius, 0, 0]);
+            let numbers = |p: &Piece| {
+                let cell = p.cell(width, height) as f32;
+                [p.from, p.to, p.weight, p.edge as f32, cell]
+            };
+            films.pieces.extend(pieces.iter().flat_map(numbers));
+        }
+        let blocks = films.blocks.max(1) as usize;
+        films.pieces.resize(films.pieces.len() + blocks, 0.0);
+        if let Some(pixels) = pixels {
+            let first = films.table.len();
+            films.table.resize(first + size, u32::MAX);
+            for (row, &pixel) in pixels.iter().enumerate() {
+                films.table[first + pixel as usize] = row as u32;
+            }
+        }
+        films
+    }
+}
+
+/// The view that a sample, a piece or a block belongs to, by the word of the table that counts those of all views so far.
+#[cube]
+pub(super) fn view_of(table: &[u32], views: u32, number: u32, #[comptime] word: usize) -> u32 {
+    let mut low = 0u32;
+    let mut high = views - 1;
+    while low < high {
+        let middle = (low + high) / 2;
+        if table[(OF_FILM * middle) as usize + word] <= number {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+/// A piece that was drawn, and its share of the sum of all weights.
+#[apply(record!)]
+struct DrawnPiece {
+    /// Where its numbers begin.
+    at: u32,
+    share: f32,
+}
+
+/// The number of blocks of the views before one.
+#[cube]
+pub(super) fn blocks_before(films: &[u32], view: u32) -> u32 {
+    let mut before = 0u32;
+    if view > 0 {
+        before = films[(OF_FILM * (view - 1)) as usize + BLOCKS];
+    }
+    before
+}
+
+/// The piece of a view that a part of the sum of all weights comes to, of `count` pieces of all views.
+#[cube]
+fn draw_piece(pieces: &[f32], films: &[u32], view: u32, part: f32, count: u32) -> DrawnPiece {
+    let film = (OF_FILM * view) as usize;
+    let first_block = blocks_before(films, view);
+    let sums = OF_PIECE * count + first_block;
+    let block = first_over(pieces, sums, films[film + BLOCKS] - first_block, 1u32, part);
+    let mut before = 0.0f32;
+    if block > 0 {
+        before = pieces[(sums + block - 1) as usize];
+    }
+    let first = films[film + FIRST_PIECE] + BLOCK * block;
+    let own = BLOCK.min(films[film + PAST_PIECE] - first);
+    let i = first_over(pieces, OF_PIECE * first + 2, own, OF_PIECE, part - before);
+    let at = OF_PIECE * (first + i);
+    let mut share = pieces[at as usize + 2];
+    if i > 0 {
+        share -= pieces[(at + 2 - OF_PIECE) as usize];
+    }
+    DrawnPiece { at, share }
+}
 
 /// The pixel of random numbers that are of no pixel.
 const NO_PIXEL: u32 = u32::MAX;
@@ -33,66 +169,79 @@ fn row_of(scene: &Scene, places: &[u32], x: f32, y: f32, #[comptime] listed: boo
     row
 }
 
-/// Adds the derivatives by jumps on the film, one thread a sample of all views, from a first one on; or with `spread`,
-/// of so many samples of each view, spread over its own. There are `count` pieces ([`film_table`](super::film_table)).
-#[cube(launch)]
-pub(super) fn film_jumps(
-    floats: &[f32],
-    words: &[u32],
-    pieces: &[f32],
-    films: &[u32],
-    upstream: &[f32],
-    totals: &[Atomic<u32>],
-    scales: &[f32],
-    replicas: u32,
-    region: u32,
+/// The samples of a launch on the films of views: a number of them from a first one on, of all views; or with `spread`
+/// so many of each view, spread over its own. There are `count` pieces.
+#[apply(argument!)]
+pub(super) struct FilmSamples {
     first: u32,
-    spread: u32,
     threads: u32,
-    count: u32,
+    spread: u32,
     views: u32,
     of_view: u32,
-    #[comptime] listed: bool,
-    #[comptime] outputs: Outputs,
-    #[comptime] features: Features,
-    #[comptime] of: Derivatives,
-) {
-    if ABSOLUTE_POS < threads as usize && !is_skipped(scales) {
-        let thread = first + ABSOLUTE_POS as u32;
-        let mut which = view_of(films, views, thread, ALL);
-        if spread > 0 {
-            which = thread / spread.max(1);
+    count: u32,
+}
+
+/// A sample on the film of a view, and the number of all that count there.
+#[apply(record!)]
+struct FilmSample {
+    view: u32,
+    sample: u32,
+    all: u32,
+}
+
+#[cube]
+impl FilmSamples {
+    fn of_thread(&self, films: &[u32], thread: u32) -> FilmSample {
+        let mut view = view_of(films, self.views, thread, ALL);
+        if self.spread > 0 {
+            view = thread / self.spread.max(1);
         }
-        let scene = Scene::of_view(floats, words, which, features);
-        let sums = sums_at(
-            &scene,
-            &totals[replica_of(thread, replicas, region)..],
-            scales,
-            of,
-        );
-        let places = &films[(OF_FILM * views) as usize..];
-        let film_of = (OF_FILM * which) as usize;
-        let all = films[film_of + OWN];
+        let film = (OF_FILM * view) as usize;
+        let all = films[film + OWN];
         let mut sample = thread;
-        if spread > 0 {
-            sample = ((thread % spread) as f32 * (all as f32 / spread as f32)) as u32;
+        if self.spread > 0 {
+            sample = ((thread % self.spread) as f32 * (all as f32 / self.spread as f32)) as u32;
         } else {
-            sample = thread - (films[film_of + ALL] - films[film_of + MOST]);
+            sample = thread - (films[film + ALL] - films[film + MOST]);
         }
+        FilmSample { view, sample, all }
+    }
+}
+
+/// Adds the derivatives by jumps on the film.
+#[cube(launch)]
+pub(super) fn film_jumps(
+    views: Views,
+    samples: FilmSamples,
+    pieces: &[f32],
+    films: &[u32],
+    loss: Loss,
+    adding: Adding,
+    #[comptime] listed: bool,
+) {
+    if ABSOLUTE_POS < samples.threads as usize && !loss.is_skipped() {
+        let thread = samples.first + ABSOLUTE_POS as u32;
+        let own = samples.of_thread(films, thread);
+        let which = own.view;
+        let sample = own.sample;
+        let scene = views.scene(which);
+        let sums = adding.of_thread(&scene, loss.scales, thread);
+        let places = &films[(OF_FILM * samples.views) as usize..];
+        let film_of = (OF_FILM * which) as usize;
         let total = f32::from_bits(films[film_of + TOTAL]);
         let radius = f32::from_bits(films[film_of + RADIUS]);
-        if sample < all && films[film_of + MOST] > 0 {
+        if sample < own.all && films[film_of + MOST] > 0 {
             let numbers = sampler(&scene, SEED_OF_FILM)
                 .of_one_pixel()
                 .stream(0u32, sample);
             let film = numbers.draw(scene.points, Dimensions::film());
             let Exposure { lens, time } = exposure(&scene, &numbers);
-            let drawn: DrawnPiece = draw_piece(pieces, films, which, film.x * total, count);
-            let piece = drawn.at;
+            let drawn: DrawnPiece = draw_piece(pieces, films, which, film.x * total, samples.count);
+            let piece = drawn.at as usize;
             let share = drawn.share;
             let length = pieces[piece + 1] - pieces[piece];
             let lambda = pieces[piece] + length * film.y;
-            let per_density = length * (total / share.max(1e-37)) / all as f32;
+            let per_density = length * (total / share.max(1e-37)) / own.all as f32;
             let c = camera(&scene);
             let edge = pieces[piece + 3] as u32;
             let mut f: FilmPoint = film_point(&scene, &c, edge, lambda, per_density, lens, time);
@@ -105,66 +254,68 @@ pub(super) fn film_jumps(
                 row = row_of(&scene, places, f.film.x, f.film.y, listed);
             }
             if row != NONE {
-                let g = upstream_of(
-                    scene.settings,
-                    upstream,
-                    which * of_view + row,
-                    1.0f32.runtime(),
-                    outputs,
-                );
-                if is_asked(&g) {
-                    let mut stack_room = Array::<u32>::new(scene.features.stack);
-                    let stack = stack_room.as_mut_slice();
-                    let mut choice_room = Array::<u32>::new(scene.features.of_emitters.room);
-                    let choice = choice_room.as_mut_slice();
-                    let p = f.point;
-                    let view = p.to.normalize();
-                    let sides: Sides = f.sides(&scene, &c, view, time);
-                    let ray = Ray {
-                        origin: f.origin,
-                        direction: sides.past,
+                let g = loss.of_row(&scene, which * samples.of_view + row);
+                if is_nonzero(g.size()) {
+                    let path = Beginning {
+                        numbers,
+                        cones: sampler(&scene, SEED_OF_CONES).stream(NO_PIXEL, sample),
+                        film,
                         time,
-                        from: 0.0f32,
-                        limit: f32::MAX,
-                    };
-                    let hit = trace(&scene, stack, ray, p.faces, false, true);
-                    if !hides(&scene, hit.triangle, hit.t, &p, time) {
-                        let approach = Approach {
-                            point: p,
+                        ray: CameraRay {
                             origin: f.origin,
-                            view,
-                            sides,
-                            behind: Behind {
-                                triangle: hit.triangle,
-                                distance: hit.t,
-                            },
-                        };
-                        let beginning = Beginning {
-                            numbers,
-                            cones: sampler(&scene, SEED_OF_CONES).stream(NO_PIXEL, sample),
-                            film,
-                            time,
-                            ray: CameraRay {
-                                origin: f.origin,
-                                direction: view,
-                                length: 1.0f32,
-                                x: 0.0f32,
-                                y: 0.0f32,
-                                lens_x: lens.x,
-                                lens_y: lens.y,
-                            },
-                        };
-                        let light = light_beside(
-                            &scene, stack, choice, beginning, 0u32, true, &approach, true,
-                        );
-                        let jump = g.jump(&light);
-                        let scale = jump * p.per_density;
-                        if is_nonzero(scale) && is_finite(scale) {
-                            f.backward(&scene, &sums, &c, jump, time);
-                        }
-                    }
+                            direction: f.point.to.normalize(),
+                            length: 1.0f32,
+                            x: 0.0f32,
+                            y: 0.0f32,
+                            lens_x: lens.x,
+                            lens_y: lens.y,
+                        },
+                    };
+                    add_film_jump(&scene, &sums, &c, &mut f, &g, path);
                 }
             }
+        }
+    }
+}
+
+/// Adds the derivatives by the jump at a point of an edge, of the loss by the pixel that sees it, if nothing hides it.
+#[cube]
+fn add_film_jump(
+    scene: &Scene,
+    sums: &Sums,
+    c: &Camera,
+    f: &mut FilmPoint,
+    g: &Seen,
+    path: Beginning,
+) {
+    let mut memory = Memory::new(scene);
+    let time = path.time;
+    let p = f.point;
+    let view = path.ray.direction;
+    let sides: Sides = f.sides(scene, c, view, time);
+    let ray = Ray {
+        origin: f.origin,
+        direction: sides.past,
+        time,
+        limit: f32::MAX,
+    };
+    let hit = trace(scene, &mut memory, ray, p.faces, false, true);
+    if !hides(scene, hit.triangle, hit.t, &p, time) {
+        let approach = Approach {
+            point: p,
+            origin: f.origin,
+            view,
+            sides,
+            behind: Behind {
+                triangle: hit.triangle,
+                distance: hit.t,
+            },
+        };
+        let light = light_beside(scene, &mut memory, path, 0u32, true, &approach, true);
+        let jump = g.jump(&light);
+        let scale = jump * p.per_density;
+        if is_nonzero(scale) && is_finite(scale) {
+            f.backward(scene, sums, c, jump, time);
         }
     }
 }

@@ -2,16 +2,14 @@
 
 use std::ops::Range;
 
-use burn::cubecl::{self, prelude::*};
+use crate::cube::*;
 
-use super::sum_places::Places;
-use super::sums::sum_at;
+use super::job::Views;
+use super::sums::{Places, sum_at};
 use crate::kernel::{Rows, View};
 use crate::model::{V3, component, splat, v3};
 use crate::scene::{LightPart, ParameterId};
-use crate::trace::{
-    AREAS, CAMERAS, Features, LIGHTS, OF_CAMERA, OF_LIGHT, Scene, TRIANGLES, VERTICES,
-};
+use crate::trace::{AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, Scene, TRIANGLES, VERTICES};
 
 /// The places of a view's tensors in a gradient.
 pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
@@ -170,8 +168,7 @@ fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 
 /// Adds the gradient of a view's tensors to that of all, one thread a number.
 #[cube(launch)]
 pub(super) fn write_gradient(
-    floats: &[f32],
-    words: &[u32],
+    views: Views,
     sums: &[u32],
     scales: &[f32],
     table: &[u32],
@@ -181,7 +178,7 @@ pub(super) fn write_gradient(
     numbers: u32,
 ) {
     if ABSOLUTE_POS < numbers as usize {
-        let scene = Scene::of_view(floats, words, view, comptime!(Features::default()));
+        let scene = views.scene(view);
         let mut row = 0usize;
         let mut i = ABSOLUTE_POS as u32;
         while i >= table[row + 1] {

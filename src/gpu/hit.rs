@@ -8,14 +8,29 @@ use crate::model::lists::vector;
 use crate::model::{V3, v3};
 use crate::trace::{Faces, NONE, Scene, is_open};
 
-/// A ray, and where hits count.
+/// Memory of a thread: a stack of nodes of the tree, and room for the choice of an emitter.
+#[derive(CubeType)]
+pub(super) struct Memory {
+    pub stack: Array<u32>,
+    pub choice: Array<u32>,
+}
+
+#[cube]
+impl Memory {
+    pub fn new(scene: &Scene) -> Memory {
+        Memory {
+            stack: Array::<u32>::new(scene.features.stack),
+            choice: Array::<u32>::new(scene.features.of_emitters.room),
+        }
+    }
+}
+
+/// A ray, and the distance up to which hits count.
 #[apply(record!)]
 pub(super) struct Ray {
     pub origin: V3,
     pub direction: V3,
     pub time: f32,
-    /// Hits count if they are farther than `from` and nearer than `limit`.
-    pub from: f32,
     pub limit: f32,
 }
 
@@ -37,12 +52,26 @@ pub(super) fn see_all() -> Faces {
     }
 }
 
+/// A ray on its way through the tree.
+#[apply(record!)]
+struct Cast {
+    ray: Ray,
+    /// Hits are farther than this.
+    from: f32,
+    /// What triangles and boxes are grown by.
+    margin: f32,
+    unseen: Faces,
+    /// Whether any hit will do.
+    any: bool,
+}
+
 /// Triangles are grown by this share of the largest coordinate near the ray.
 const ROUNDING: f32 = 4e-7;
 
-/// The distance at which a ray hits a triangle, its limit if it does not.
+/// The distance at which a ray hits a triangle, a limit if it does not.
 #[cube]
-fn meet(scene: &Scene, at: u32, ray: Ray, margin: f32, limit: f32) -> f32 {
+fn meet(scene: &Scene, at: u32, cast: Cast, limit: f32) -> f32 {
+    let ray = cast.ray;
     let mut origin = ray.origin;
     if comptime!(scene.features.moves) {
         origin -= vector(scene.hits, at + 17) * ray.time;
@@ -53,12 +82,12 @@ fn meet(scene: &Scene, at: u32, ray: Ray, margin: f32, limit: f32) -> f32 {
     let mut t = limit;
     if cosine.abs() > 1e-30 {
         let distance = (scene.hits[i + 3] - normal.dot(origin)) / cosine;
-        if distance > ray.from && distance < limit {
+        if distance > cast.from && distance < limit {
             let p = origin + ray.direction * distance;
             let ab = vector(scene.hits, at + 4).dot(p) + scene.hits[i + 7];
             let bc = vector(scene.hits, at + 8).dot(p) + scene.hits[i + 11];
             let ca = vector(scene.hits, at + 12).dot(p) + scene.hits[i + 15];
-            if ab.min(bc.min(ca)) > -margin - scene.hits[i + 16] {
+            if ab.min(bc.min(ca)) > -cast.margin - scene.hits[i + 16] {
                 t = distance;
             }
         }
@@ -66,18 +95,18 @@ fn meet(scene: &Scene, at: u32, ray: Ray, margin: f32, limit: f32) -> f32 {
     t
 }
 
-/// The distance at which a ray enters a box, a number over its limit if it does not.
+/// The distance at which a ray enters a box, a number over a limit if it does not.
 #[cube]
-fn enter(scene: &Scene, at: u32, ray: Ray, inverse: V3, margin: f32, limit: f32) -> f32 {
-    let low = vector(scene.boxes, at) - ray.origin;
-    let high = vector(scene.boxes, at + 3) - ray.origin;
-    let ax = (low.x - margin) * inverse.x;
-    let bx = (high.x + margin) * inverse.x;
-    let ay = (low.y - margin) * inverse.y;
-    let by = (high.y + margin) * inverse.y;
-    let az = (low.z - margin) * inverse.z;
-    let bz = (high.z + margin) * inverse.z;
-    let near = ray.from.max(ax.min(bx)).max(ay.min(by)).max(az.min(bz));
+fn enter(scene: &Scene, at: u32, cast: Cast, inverse: V3, limit: f32) -> f32 {
+    let low = vector(scene.boxes, at) - cast.ray.origin;
+    let high = vector(scene.boxes, at + 3) - cast.ray.origin;
+    let ax = (low.x - cast.margin) * inverse.x;
+    let bx = (high.x + cast.margin) * inverse.x;
+    let ay = (low.y - cast.margin) * inverse.y;
+    let by = (high.y + cast.margin) * inverse.y;
+    let az = (low.z - cast.margin) * inverse.z;
+    let bz = (high.z + cast.margin) * inverse.z;
+    let near = cast.from.max(ax.min(bx)).max(ay.min(by)).max(az.min(bz));
     let far = limit.min(ax.max(bx)).min(ay.max(by)).min(az.max(bz));
     let mut t = f32::MAX.runtime();
     if near <= far {
@@ -100,6 +129,37 @@ fn passes(scene: &Scene, at: u32, triangle: u32, ray: Ray, t: f32) -> bool {
     open
 }
 
+/// Meets triangles that follow each other in the tree, and takes the nearest if it is nearer than that which is known;
+/// with `any` the first.
+#[cube]
+fn meet_all(
+    scene: &Scene,
+    cast: Cast,
+    first: u32,
+    past: u32,
+    nearest: &mut Hit,
+    #[comptime] select: bool,
+) {
+    let mut k = first;
+    while k < past {
+        let at = k * HIT_STRIDE;
+        let t = meet(scene, at, cast, nearest.t);
+        if t < nearest.t {
+            let triangle = scene.hit_numbers[k as usize];
+            if !select || !cast.unseen.contains(triangle) {
+                if !passes(scene, at, triangle, cast.ray, t) {
+                    nearest.t = t;
+                    nearest.triangle = triangle;
+                    if cast.any {
+                        k = past - 1;
+                    }
+                }
+            }
+        }
+        k += 1;
+    }
+}
+
 /// 1/d, of a number that is not too small.
 #[cube]
 fn safe_inverse(d: f32) -> f32 {
@@ -117,7 +177,7 @@ fn safe_inverse(d: f32) -> f32 {
 #[cube]
 pub(super) fn trace(
     scene: &Scene,
-    stack: &mut [u32],
+    memory: &mut Memory,
     asked: Ray,
     unseen: Faces,
     any: bool,
@@ -130,18 +190,28 @@ pub(super) fn trace(
     if along * along > 256.0 {
         skipped = along;
     }
-    let mut ray = asked;
-    ray.origin += asked.direction * skipped;
-    ray.from -= skipped;
-    ray.limit = (asked.limit - skipped).min(f32::MAX);
-    let margin = ROUNDING * (1.0 + ray.origin.abs().max_element());
-    let mut t = ray.limit;
-    let mut triangle = NONE.runtime();
+    let origin = asked.origin + asked.direction * skipped;
+    let cast = Cast {
+        ray: Ray {
+            origin,
+            direction: asked.direction,
+            time: asked.time,
+            limit: asked.limit,
+        },
+        from: -skipped,
+        margin: ROUNDING * (1.0 + origin.abs().max_element()),
+        unseen,
+        any,
+    };
+    let mut nearest = Hit {
+        t: (asked.limit - skipped).min(f32::MAX),
+        triangle: NONE.runtime(),
+    };
     if comptime!(scene.features.boxes) {
         let inverse = v3(
-            safe_inverse(ray.direction.x),
-            safe_inverse(ray.direction.y),
-            safe_inverse(ray.direction.z),
+            safe_inverse(asked.direction.x),
+            safe_inverse(asked.direction.y),
+            safe_inverse(asked.direction.z),
         );
         let mut top = 0u32;
         let mut node = scene.root;
@@ -150,29 +220,16 @@ pub(super) fn trace(
             let mut popped = true;
             if node >= LEAF {
                 let leaf = (2 * (node - LEAF)) as usize;
-                let mut k = scene.leaves[leaf];
-                let past = k + scene.leaves[leaf + 1];
-                while k < past {
-                    let at = k * HIT_STRIDE;
-                    let found = meet(scene, at, ray, margin, t);
-                    if found < t {
-                        let number = scene.hit_numbers[k as usize];
-                        if !select || !unseen.contains(number) {
-                            if !passes(scene, at, number, ray, found) {
-                                t = found;
-                                triangle = number;
-                            }
-                        }
-                    }
-                    k += 1;
-                }
-                if any && triangle != NONE {
+                let first = scene.leaves[leaf];
+                let past = first + scene.leaves[leaf + 1];
+                meet_all(scene, cast, first, past, &mut nearest, select);
+                if any && nearest.triangle != NONE {
                     top = 0;
                 }
             } else {
                 let at = 12 * node;
-                let first = enter(scene, at, ray, inverse, margin, t);
-                let second = enter(scene, at + 6, ray, inverse, margin, t);
+                let first = enter(scene, at, cast, inverse, nearest.t);
+                let second = enter(scene, at + 6, cast, inverse, nearest.t);
                 let children = (2 * node) as usize;
                 let mut near = scene.children[children];
                 let mut far = scene.children[children + 1];
@@ -184,7 +241,7 @@ pub(super) fn trace(
                     node = near;
                     popped = false;
                     if first.max(second) < f32::MAX {
-                        stack[top as usize] = far;
+                        memory.stack[top as usize] = far;
                         top += 1;
                     }
                 }
@@ -194,29 +251,13 @@ pub(super) fn trace(
                     going = false;
                 } else {
                     top -= 1;
-                    node = stack[top as usize];
+                    node = memory.stack[top as usize];
                 }
             }
         }
     } else {
-        let mut k = 0u32;
-        while k < scene.hit_count {
-            let at = k * HIT_STRIDE;
-            let found = meet(scene, at, ray, margin, t);
-            if found < t && (!select || !unseen.contains(k)) {
-                if !passes(scene, at, k, ray, found) {
-                    t = found;
-                    triangle = k;
-                    if any {
-                        k = scene.hit_count - 1;
-                    }
-                }
-            }
-            k += 1;
-        }
+        meet_all(scene, cast, 0u32, scene.hit_count, &mut nearest, select);
     }
-    Hit {
-        t: t + skipped,
-        triangle,
-    }
+    nearest.t += skipped;
+    nearest
 }

@@ -2,11 +2,34 @@
 
 use std::sync::Arc;
 
-use burn::cubecl::prelude::*;
+use burn::tensor::Device;
 
-use super::list::List;
-use super::pieces::PieceLaunch;
-use super::{Outputs, Packed};
+use crate::cube::*;
+
+use super::device::{List, has_room};
+use super::packed::Packed;
+use crate::device::label;
+use crate::error::{Error, Result};
+use crate::trace::{FIRST_SUM, Features, Scene};
+
+/// The rows of an image that are asked for beside radiance.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(crate) struct Outputs {
+    pub opacity: bool,
+    pub depth: bool,
+    pub normals: bool,
+    /// Rows of shares of objects, the background's with them; 0 if they are not asked for.
+    pub objects: usize,
+}
+
+impl Outputs {
+    pub fn rows(self) -> usize {
+        3 + usize::from(self.opacity)
+            + usize::from(self.depth)
+            + if self.normals { 3 } else { 0 }
+            + self.objects
+    }
+}
 
 /// Views, and what of them is rendered.
 #[derive(Clone)]
@@ -33,30 +56,83 @@ pub(super) fn groups(threads: usize) -> CubeCount {
     CubeCount::Static(groups.min(MOST), groups.div_ceil(MOST), 1)
 }
 
-/// Samples `from` to `past` of pixels, which are counted over all views.
-#[derive(Clone, Copy)]
-pub(super) struct Samples {
-    pub first: usize,
-    pub stride: usize,
-    pub count: usize,
+/// The part of a job that a launch serves: samples of pixels, which are counted over all views.
+#[apply(argument!)]
+pub(super) struct Piece {
+    /// The first pixel, the distance to the next, and their number.
+    pub first: u32,
+    pub stride: u32,
+    pub count: u32,
+    /// The first sample of each, and the one past the last.
     pub from: u32,
     pub past: u32,
+    /// Samples that a thread takes of its pixel.
+    pub each: u32,
 }
 
-impl Samples {
-    pub fn paths(&self) -> usize {
-        self.count * (self.past - self.from) as usize
+#[cube]
+impl Piece {
+    pub fn threads(&self) -> u32 {
+        self.count * (self.past - self.from).div_ceil(self.each)
+    }
+}
+
+/// Views as kernels take them.
+#[apply(argument!)]
+pub(super) struct Views {
+    floats: &'static [f32],
+    words: &'static [u32],
+    #[cube(comptime)]
+    features: Features,
+}
+
+#[cube]
+impl Views {
+    pub fn scene(&self, view: u32) -> Scene<'static> {
+        Scene::of_view(self.floats, self.words, view, comptime!(self.features))
+    }
+}
+
+/// The paths of a launch.
+#[apply(argument!)]
+pub(super) struct Paths {
+    views: Views,
+    /// The pixels of a view, if not all are asked for.
+    pixels: &'static [u32],
+    pub piece: Piece,
+    of_view: u32,
+    #[cube(comptime)]
+    listed: bool,
+}
+
+/// The first path of a thread.
+#[apply(record!)]
+pub(super) struct PathAt {
+    /// The place of its pixel among those of all views.
+    pub row: u32,
+    pub view: u32,
+    pub pixel: u32,
+    pub sample: u32,
+}
+
+#[cube]
+impl Paths {
+    pub fn of_thread(&self, thread: u32) -> PathAt {
+        let row = self.piece.first + thread % self.piece.count * self.piece.stride;
+        let mut pixel = row % self.of_view;
+        if comptime!(self.listed) {
+            pixel = self.pixels[pixel as usize];
+        }
+        PathAt {
+            row,
+            view: row / self.of_view,
+            pixel,
+            sample: self.piece.from + thread / self.piece.count * self.piece.each,
+        }
     }
 
-    pub fn argument(&self, job: &Job) -> PieceLaunch {
-        PieceLaunch::new(
-            self.first as u32,
-            self.stride as u32,
-            self.count as u32,
-            self.from,
-            self.past,
-            job.of_view as u32,
-        )
+    pub fn scene(&self, view: u32) -> Scene<'static> {
+        self.views.scene(view)
     }
 }
 
@@ -67,7 +143,7 @@ impl Job {
     }
 
     /// All samples in pieces of so many paths at most.
-    pub(super) fn pieces(&self, paths: usize) -> Vec<Samples> {
+    pub(super) fn pieces(&self, paths: usize) -> Vec<Piece> {
         let at_once = paths.clamp(1, self.count().max(1));
         let samples_at_once = (paths / at_once).max(1) as u32;
         let mut pieces = Vec::new();
@@ -75,12 +151,13 @@ impl Job {
             let mut from = 0;
             while from < self.samples {
                 let past = self.samples.min(from.saturating_add(samples_at_once));
-                pieces.push(Samples {
-                    first,
+                pieces.push(Piece {
+                    first: first as u32,
                     stride: 1,
-                    count: at_once.min(self.count() - first),
+                    count: at_once.min(self.count() - first) as u32,
                     from,
                     past,
+                    each: 1,
                 });
                 from = past;
             }
@@ -88,10 +165,57 @@ impl Job {
         pieces
     }
 
+    /// The lists of its views, and that of its pixels.
     pub(super) fn lists(&self, client: &Client) -> [List; 3] {
         let none = vec![0];
         let pixels = self.pixels.as_deref().unwrap_or(&none);
         let [floats, words] = self.views.on_device(client);
         [floats, words, List::new(client, pixels)]
     }
+
+    /// Its views for kernels that need some features of them.
+    pub(super) fn views(&self, [floats, words, _]: &[List; 3], features: Features) -> ViewsLaunch {
+        ViewsLaunch::new(floats.argument(), words.argument(), features)
+    }
+
+    /// The paths of a piece.
+    pub(super) fn paths(&self, lists: &[List; 3], piece: Piece) -> PathsLaunch {
+        let Piece {
+            first,
+            stride,
+            count,
+            from,
+            past,
+            each,
+        } = piece;
+        PathsLaunch::new(
+            self.views(lists, self.views.features),
+            lists[2].argument(),
+            PieceLaunch::new(first, stride, count, from, past, each),
+            self.of_view as u32,
+            self.pixels.is_some(),
+        )
+    }
+}
+
+/// That a device has what views take: bindings, and room for each list.
+///
+/// # Errors
+/// With the name of the device, and the list that is too long for it.
+pub(crate) fn check<'a>(
+    device: &Device,
+    jobs: impl Iterator<Item = &'a Job>,
+    with_gradient: bool,
+) -> Result<()> {
+    let mut lists = Vec::new();
+    for job in jobs {
+        let scene = job.views.floats.len().max(job.views.words.len());
+        lists.push(("the scene", scene));
+        lists.push(("the image", job.count() * job.outputs.rows()));
+        if with_gradient {
+            let sums = FIRST_SUM + 2 * job.views.sums.count;
+            lists.push(("the sums of derivatives", job.views.sums.replicas() * sums));
+        }
+    }
+    has_room(device, &lists).map_err(|message| Error::device(label(device), message))
 }

@@ -1,22 +1,25 @@
-//! Jumps of the light that arrives at a point of a path, in a thread of a GPU.
+//! Jumps of the light that arrives at a point of a path, and the light beside edges, in a thread of a GPU: that of paths
+//! that start on both sides, from the faces there or from the surface behind.
 //!
 //! Calls are inlined in a kernel, so shadows of emitters and reflected light take turns in one loop.
 
 use crate::cube::*;
 
 use super::camera::{Beginning, SEED_OF_EDGES, SEED_OF_SIDES, sampler};
-use super::hit::{Ray, trace};
-use super::side_light::{Approach, light_beside};
+use super::hit::{Memory, Ray, trace};
+use super::packed::OF_TREE;
+use super::path::light_of;
+use super::walk::Start;
 use crate::kernel::{DrawnEdge, NO_EDGE, Root, draw_edge};
 use crate::model::choice::decided_by;
+use crate::model::jumps::Sides;
+use crate::model::{Pair, V3};
 use crate::sampling::Dimensions;
 use crate::trace::{
-    Behind, EdgeView, Jump, NONE, Observer, PointGradient, Scene, Search, Sums, edge_point,
-    edge_view, hides, jump_at, reflected_backward, search, shadow_backward,
+    Behind, EdgePoint, EdgeView, Jump, NONE, Observer, PointGradient, Scene, Search, SideLight,
+    Sums, beside, edge_point, edge_view, hides, is_crease, jump_at, point_at, reflected_backward,
+    search, shadow_backward, sky,
 };
-
-/// Words of a tree over edges ([`Scene::edge_trees`]).
-pub(super) const OF_TREE: u32 = 6;
 
 /// A tree over edges: the first over all, the second over those that move.
 #[cube]
@@ -34,22 +37,20 @@ fn root_of<'a>(scene: &Scene<'a>, tree: u32, #[comptime] has_nodes: bool) -> Roo
     }
 }
 
-/// Adds the derivatives by jumps at edges seen from a point of a path. `edges` and `choice` are room for drawing an edge
-/// and for the choice of an emitter.
+/// Adds the derivatives by jumps at edges seen from a point of a path.
 #[cube]
 pub(super) fn jumps_seen_from(
     scene: &Scene,
-    stack: &mut [u32],
-    edges: &mut [u32],
-    choice: &mut [u32],
+    memory: &mut Memory,
     sums: &Sums,
     path: &Beginning,
     o: &Observer,
     by: &mut PointGradient,
 ) {
+    let mut edge_room = Array::<u32>::new(sums.of.edge_room);
+    let edges = edge_room.as_mut_slice();
     let numbers = sampler(scene, SEED_OF_EDGES).stream(path.numbers.pixel, path.numbers.sample);
     let time = path.time;
-    let last = o.bounce >= scene.bounces;
     let mut turn = 1u32;
     if comptime!(scene.features.emitters) {
         turn = 0u32;
@@ -62,6 +63,7 @@ pub(super) fn jumps_seen_from(
             more = numbers.draw(scene.points, Dimensions::of_set(3 * o.bounce + 1));
         }
         turn += 1;
+        let choice = memory.choice.as_mut_slice();
         let s: Search = search(scene, drawn, more, o, of_light, time, choice, sums);
         let mut tree = 0u32;
         if !s.moves {
@@ -82,47 +84,154 @@ pub(super) fn jumps_seen_from(
             while k < e.past {
                 let jump: Jump = jump_at(scene, o, &s, &e, k, time);
                 if jump.limit > 0.0 {
-                    let ray = Ray {
-                        origin: e.start,
-                        direction: jump.sides.past,
-                        time,
-                        from: 0.0f32,
-                        limit: jump.limit,
-                    };
-                    let hit = trace(scene, stack, ray, p.faces, of_light, true);
-                    if of_light {
-                        if hit.triangle == NONE {
-                            shadow_backward(scene, sums, o, &s, &e, &jump, time, by);
-                        }
-                    } else if !hides(scene, hit.triangle, hit.t, &p, time) {
-                        let approach = Approach {
-                            point: p,
-                            origin: e.start,
-                            view: e.view,
-                            sides: jump.sides,
-                            behind: Behind {
-                                triangle: hit.triangle,
-                                distance: hit.t,
-                            },
-                        };
-                        let sides = sampler(scene, SEED_OF_SIDES);
-                        let numbers = sides.stream(path.numbers.pixel, path.numbers.sample);
-                        let beginning = Beginning {
-                            numbers,
-                            cones: path.cones,
-                            film: numbers.draw(scene.points, Dimensions::direction(o.bounce)),
-                            time,
-                            ray: path.ray,
-                        };
-                        let next = o.bounce + 1;
-                        let light = light_beside(
-                            scene, stack, choice, beginning, next, !last, &approach, false,
-                        );
-                        reflected_backward(scene, sums, o, &s, &e, &jump, &light, time, by);
-                    }
+                    add_jump(scene, memory, sums, path, o, &s, &e, &jump, of_light, by);
                 }
                 k += 1;
             }
         }
     }
+}
+
+/// Adds the derivatives by a jump of the light of emitters, or of reflected light, if nothing hides the edge.
+#[cube]
+fn add_jump(
+    scene: &Scene,
+    memory: &mut Memory,
+    sums: &Sums,
+    path: &Beginning,
+    o: &Observer,
+    s: &Search,
+    e: &EdgeView,
+    jump: &Jump,
+    of_light: bool,
+    by: &mut PointGradient,
+) {
+    let time = path.time;
+    let p = e.point;
+    let ray = Ray {
+        origin: e.start,
+        direction: jump.sides.past,
+        time,
+        limit: jump.limit,
+    };
+    let hit = trace(scene, memory, ray, p.faces, of_light, true);
+    if of_light {
+        if hit.triangle == NONE {
+            shadow_backward(scene, sums, o, s, e, jump, time, by);
+        }
+    } else if !hides(scene, hit.triangle, hit.t, &p, time) {
+        let approach = Approach {
+            point: p,
+            origin: e.start,
+            view: e.view,
+            sides: jump.sides,
+            behind: Behind {
+                triangle: hit.triangle,
+                distance: hit.t,
+            },
+        };
+        let sides = sampler(scene, SEED_OF_SIDES);
+        let numbers = sides.stream(path.numbers.pixel, path.numbers.sample);
+        let beginning = Beginning {
+            numbers,
+            cones: path.cones,
+            film: numbers.draw(scene.points, Dimensions::direction(o.bounce)),
+            time,
+            ray: path.ray,
+        };
+        let goes_on = o.bounce < scene.bounces;
+        let next = o.bounce + 1;
+        let light = light_beside(scene, memory, beginning, next, goes_on, &approach, false);
+        reflected_backward(scene, sums, o, s, e, jump, &light, time, by);
+    }
+}
+
+/// A ray that comes to an edge's point, and what is seen beside that.
+#[apply(record!)]
+pub(super) struct Approach {
+    pub point: EdgePoint,
+    pub origin: V3,
+    pub view: V3,
+    pub sides: Sides,
+    pub behind: Behind,
+}
+
+/// The normals on both sides.
+#[cube]
+fn normals_beside(scene: &Scene, a: &Approach, time: f32) -> Pair {
+    let mut pair = Pair::default();
+    let mut side = 0u32;
+    while side < 2 {
+        let on_plus = side == 1;
+        let at = beside(
+            scene, &a.point, &a.sides, a.origin, &a.behind, on_plus, time,
+        );
+        let point = point_at(scene, at.triangle, at.near, at.distance, at.direction, time);
+        if on_plus {
+            pair.second = point.shading.normal;
+        } else {
+            pair.first = point.shading.normal;
+        }
+        side += 1;
+    }
+    pair
+}
+
+/// The light that arrives beside an edge's point, of paths that begin there at a bounce, if they go on; with `film`
+/// what the camera sees of it.
+#[cube]
+pub(super) fn light_beside(
+    scene: &Scene,
+    memory: &mut Memory,
+    beginning: Beginning,
+    bounce: u32,
+    goes_on: bool,
+    a: &Approach,
+    #[comptime] film: bool,
+) -> SideLight {
+    let time = beginning.time;
+    let mut light = SideLight::default();
+    let mut pair = Pair {
+        first: a.view,
+        second: a.view,
+    };
+    let paired = goes_on && is_crease(scene, &a.sides);
+    if paired {
+        pair = normals_beside(scene, a, time);
+    }
+    let mut sign = 1.0f32;
+    while sign > -2.0f32 {
+        let at = beside(
+            scene,
+            &a.point,
+            &a.sides,
+            a.origin,
+            &a.behind,
+            sign < 0.0,
+            time,
+        );
+        if at.triangle == NONE {
+            light.sky += sign;
+            if comptime!(film || scene.features.sees_sky) {
+                light.radiance += sky(scene, a.view) * sign;
+            }
+        } else if goes_on {
+            let start = Start {
+                triangle: at.triangle,
+                near: at.near,
+                direction: at.direction,
+                distance: at.distance,
+                bounce,
+                pair,
+                paired,
+                emits: film.runtime(),
+            };
+            let seen = light_of(scene, memory, beginning, start, true).seen;
+            light.radiance += seen.radiance * sign;
+            light.depth += seen.depth * sign;
+            light.normal += seen.normal * sign;
+        }
+        sign -= 2.0f32;
+    }
+    light
 }

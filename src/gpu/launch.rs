@@ -1,16 +1,118 @@
-//! Kernels on burn's devices: an image, in launches that are not long.
+//! An image on burn's devices: its kernels, in launches that are not long.
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Cube, Dispatch, backend_extension};
-use burn::cubecl::prelude::*;
 use burn::tensor::{DType, Device, Shape, Tensor};
 
-use super::device::{floats, without_backtrace, zeros};
-use super::job::{GROUP, Job, PATHS, groups};
-use super::list::List;
-use super::{add_chunks, render_pixels};
+use crate::cube::*;
+
+use super::device::{List, floats, without_backtrace, zeros};
+use super::hit::Memory;
+use super::job::{GROUP, Job, Outputs, PATHS, Paths, Piece, groups};
+use super::path::light_of_pixel;
+use super::walk::PathLight;
 use crate::device::label;
 use crate::error::{Error, Result};
+use crate::trace::{NONE, Scene, UNIT};
+
+/// Adds what a path sees to a row of an image, times a factor.
+#[cube]
+fn add_to_row(
+    scene: &Scene,
+    image: &mut [f32],
+    row: usize,
+    light: &PathLight,
+    scale: f32,
+    #[comptime] outputs: Outputs,
+) {
+    let seen = light.seen;
+    image[row] += seen.radiance.x * scale;
+    image[row + 1] += seen.radiance.y * scale;
+    image[row + 2] += seen.radiance.z * scale;
+    let mut at = row + 3;
+    if comptime!(outputs.opacity) {
+        image[at] += seen.opacity * scale;
+        at += 1;
+    }
+    if comptime!(outputs.depth) {
+        image[at] += seen.depth * scale * scene.settings[UNIT];
+        at += 1;
+    }
+    if comptime!(outputs.normals) {
+        image[at] += seen.normal.x * scale;
+        image[at + 1] += seen.normal.y * scale;
+        image[at + 2] += seen.normal.z * scale;
+        at += 3;
+    }
+    if comptime!(outputs.objects > 0) {
+        let mut object = comptime!(outputs.objects as u32 - 1).runtime();
+        if light.object != NONE {
+            object = scene.counted[light.object as usize];
+        }
+        image[at + object as usize] += scale;
+    }
+}
+
+/// Adds the means over samples of pixels to rows, from a first row on; or sets rows to them, where they are `fresh`.
+/// Threads of a pixel have samples each, in rows of their own.
+#[cube(launch)]
+fn render_pixels(
+    paths: Paths,
+    image: &mut [f32],
+    row: u32,
+    fresh: u32,
+    scale: f32,
+    #[comptime] outputs: Outputs,
+) {
+    if ABSOLUTE_POS < paths.piece.threads() as usize {
+        let thread = ABSOLUTE_POS as u32;
+        let which = paths.of_thread(thread);
+        let scene = paths.scene(which.view);
+        let mut memory = Memory::new(&scene);
+        let rows = comptime!(outputs.rows());
+        let own = (row + thread) as usize * rows;
+        if fresh == 1 {
+            let mut k = 0usize;
+            while k < rows {
+                image[own + k] = 0.0;
+                k += 1;
+            }
+        }
+        let mut sample = which.sample;
+        let past = (sample + paths.piece.each).min(paths.piece.past);
+        while sample < past {
+            let light = light_of_pixel(&scene, &mut memory, which.pixel, sample);
+            add_to_row(&scene, image, own, &light, scale, outputs);
+            sample += 1;
+        }
+    }
+}
+
+/// Adds rows of chunks of samples to those of an image, in order, or sets these to them.
+#[cube(launch)]
+fn add_chunks(
+    partial: &[f32],
+    image: &mut [f32],
+    first: u32,
+    length: u32,
+    chunks: u32,
+    fresh: u32,
+) {
+    if ABSOLUTE_POS < length as usize {
+        let thread = ABSOLUTE_POS as u32;
+        let own = (first + thread) as usize;
+        let mut sum = 0.0f32;
+        if fresh == 0 {
+            sum = image[own];
+        }
+        let mut chunk = 0u32;
+        while chunk < chunks {
+            sum += partial[(chunk * length + thread) as usize];
+            chunk += 1;
+        }
+        image[own] = sum;
+    }
+}
 
 /// Threads that keep a GPU busy, about.
 const THREADS: usize = 1 << 17;
@@ -26,46 +128,42 @@ impl GpuBackend for Cube {
         let rows = job.outputs.rows();
         let (tensor, image) = zeros(&like, Shape::from([job.count(), rows]));
         let (client, _) = floats(like);
-        let [floats, words, pixels] = job.lists(&client);
+        let lists = job.lists(&client);
         for piece in job.pieces(PATHS) {
             let samples = piece.past - piece.from;
+            let count = piece.count as usize;
             // A pixel's samples are shared by threads where pixels are few.
-            let chunks = (THREADS / piece.count).clamp(1, samples as usize) as u32;
+            let chunks = (THREADS / count).clamp(1, samples as usize) as u32;
             let each = samples.div_ceil(chunks);
-            let chunks = samples.div_ceil(each) as usize;
-            let partial = (chunks > 1).then(|| List::room(&client, chunks * piece.count * rows));
+            let piece = Piece { each, ..piece };
+            let chunks = piece.threads() / piece.count;
+            let partial = (chunks > 1).then(|| List::room(&client, chunks as usize * count * rows));
             let first = u32::from(piece.from == 0);
+            let (row, fresh) = match partial {
+                Some(_) => (0, 1),
+                None => (piece.first, first),
+            };
             render_pixels::launch(
                 &client,
-                groups(chunks * piece.count),
+                groups(piece.threads() as usize),
                 CubeDim::new_1d(GROUP),
-                floats.argument(),
-                words.argument(),
-                pixels.argument(),
+                job.paths(&lists, piece),
                 partial.as_ref().unwrap_or(&image).argument(),
-                piece.argument(&job),
-                if partial.is_some() {
-                    0
-                } else {
-                    piece.first as u32
-                },
-                each,
-                if partial.is_some() { 1 } else { first },
+                row,
+                fresh,
                 1.0 / job.samples as f32,
-                job.pixels.is_some(),
                 job.outputs,
-                job.views.features,
             );
             if let Some(partial) = partial {
                 add_chunks::launch(
                     &client,
-                    groups(piece.count * rows),
+                    groups(count * rows),
                     CubeDim::new_1d(GROUP),
                     partial.argument(),
                     image.argument(),
-                    (piece.first * rows) as u32,
-                    (piece.count * rows) as u32,
-                    chunks as u32,
+                    piece.first * rows as u32,
+                    (count * rows) as u32,
+                    chunks,
                     first,
                 );
             }

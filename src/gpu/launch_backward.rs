@@ -1,40 +1,91 @@
 //! The backward pass on burn's devices: derivatives are measured, then added up and turned into gradients, without the
 //! host in between.
 
+use std::ops::Range;
+
 use burn::backend::Cube;
 use burn::backend::tensor::FloatTensor;
 use burn::cubecl::prelude::*;
+use burn::tensor::{Device, Shape};
 
-use super::device::floats;
-use super::film::film_jumps;
-use super::film_table::Films;
+use super::device::{List, floats, has_room, rows_of, without_backtrace, zeros};
+use super::film::{FilmSamplesLaunch, Films, OF_PIECE, WHOLE, film_jumps};
 use super::gradient::{Table, ViewPlaces, write_gradient};
-use super::job::{GROUP, Job, PATHS, Samples, groups};
-use super::list::List;
-use super::passes::{add_jumps, go_back, keep_paths};
+use super::job::{GROUP, Job, PATHS, Piece, groups};
+use super::passes::{LossLaunch, add_jumps, go_back, keep_paths};
+use super::pixel_gradients::look_at_pixels;
 use super::records::{JUMPED, RECORD};
 use super::sums::{
-    TYPICAL, add_replicas, bits_of_each, choose_scales, clear, kept, look_again, take_scales,
+    AddingLaunch, TYPICAL, add_replicas, bits_of_each, choose_scales, clear, kept, look_again,
+    take_scales,
 };
-use crate::trace::{FIRST_SUM, MEASURE, PARTS};
+use crate::device::label;
+use crate::model::film::samples_of_film;
+use crate::trace::{BOUNCES, FIRST_SUM, Features, MEASURE, PARTS};
 
 /// Words of a launch's records at most.
 const RECORDS: usize = 1 << 24;
 /// Pixels, and samples of films, that are looked at for the sizes of derivatives, at least.
 const MEASURED: usize = 4096;
 
+/// The gradient `[N]` of all tensors, from that of the rows of all views `[B·P, C]`, each group of views by a job.
+///
+/// # Panics
+/// If buffers can't be had, or kernels can't be compiled.
+pub(crate) fn gradient_of(
+    device: &Device,
+    upstream: &FloatTensor<Cube>,
+    jobs: &[(Range<usize>, Job)],
+    views: &[ViewPlaces],
+    numbers: usize,
+) -> FloatTensor<Cube> {
+    let fail = |why: String| -> ! { panic!("device {}: {why}", label(device)) };
+    let (gradient, list) = zeros(upstream, Shape::from([numbers]));
+    for (range, job) in jobs {
+        let rows = range.start * job.of_view..range.end * job.of_view;
+        let views = &views[range.clone()];
+        let samples = samples_of_film(job.of_view as u32, job.samples);
+        let of_film = views
+            .iter()
+            .map(|v| (v.0, v.0.has_edges.then_some(samples)));
+        let of_film: Vec<_> = of_film.collect();
+        let films = Films::new(&of_film, job.pixels.as_deref().map(Vec::as_slice));
+        let lists = [
+            ("the list of edges on films", films.pieces.len()),
+            ("the table of pixels", films.table.len()),
+        ];
+        if let Err(why) = has_room(device, &lists) {
+            fail(format!("{why}, or several batches of fewer views"));
+        }
+        let numbers = films.pieces.chunks_exact(OF_PIECE as usize);
+        if numbers
+            .take(films.count as usize)
+            .any(|p| p[3].max(p[4]) >= WHOLE)
+        {
+            fail(format!("more than {WHOLE} edges or cells of 8 × 8 pixels"));
+        }
+        Pass::new(rows_of(upstream, rows), job, &films).run(views, &list);
+    }
+    // Buffers that could not be had and kernels that could not be compiled are known now.
+    let (client, _) = floats(gradient.clone());
+    if let Err(why) = client.check([&list.handle]) {
+        fail(without_backtrace(why));
+    }
+    gradient
+}
+
 /// The launches of a backward pass.
-pub(crate) struct Pass<'a> {
-    pub(super) client: Client,
-    pub(super) job: &'a Job,
-    pub(super) films: &'a Films,
-    pub(super) scene: [List; 3],
-    pub(super) upstream: List,
+struct Pass<'a> {
+    client: Client,
+    job: &'a Job,
+    films: &'a Films,
+    scene: [List; 3],
+    upstream: List,
     records: List,
-    pub(super) pieces: List,
-    pub(super) table: List,
+    pieces: List,
+    table: List,
     /// Of the first pass, and of a second one where that has lost any.
-    pub(super) scales: [List; 2],
+    scales: [List; 2],
     /// Paths of a launch.
     at_once: usize,
     /// Bits of derivatives, times their scale.
@@ -44,7 +95,7 @@ pub(crate) struct Pass<'a> {
 
 impl<'a> Pass<'a> {
     /// From the derivatives by the rows of a job's views, in the order of their axes.
-    pub fn new(upstream: FloatTensor<Cube>, job: &'a Job, films: &'a Films) -> Self {
+    fn new(upstream: FloatTensor<Cube>, job: &'a Job, films: &'a Films) -> Self {
         let (client, upstream) = floats(upstream);
         let of_path = of_path(job);
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
@@ -66,12 +117,14 @@ impl<'a> Pass<'a> {
             job,
             films,
         };
-        pass.look_at_pixels();
+        let completed = [&pass.pieces, &pass.table, &pass.scales[0]];
+        let loss = pass.loss(&pass.scales[1], 1.0);
+        look_at_pixels(&pass.client, (job, films), &pass.scene, loss, completed);
         pass
     }
 
     /// Measures derivatives, adds them up, and adds the gradients of tensors to those of all.
-    pub fn run(self, views: &[ViewPlaces], gradient: &List) {
+    fn run(self, views: &[ViewPlaces], gradient: &List) {
         let numbers = self.job.views.sums.count;
         let [first, again] = &self.scales;
         // One sample of some pixels tells how large derivatives are.
@@ -79,24 +132,21 @@ impl<'a> Pass<'a> {
         let stride = self.job.count().div_ceil((paths / 16).max(MEASURED));
         // Odd, so that it is not that of columns.
         let stride = stride.max(1) | 1;
-        let some = Samples {
+        let some = Piece {
             first: 0,
-            stride,
-            count: self.job.count().div_ceil(stride).min(self.at_once),
+            stride: stride as u32,
+            count: self.job.count().div_ceil(stride).min(self.at_once) as u32,
             from: 0,
             past: 1,
+            each: 1,
         };
         let all = self.job.pieces(self.at_once);
         let spread = (MEASURED / self.job.views.views).max(64);
         let sizes = self.totals(0);
         let totals = self.totals(numbers);
         let sums = List::room(&self.client, 3 * numbers);
-        self.clear(&sizes, first);
-        self.add(&[some], spread, (&sizes, None), first);
-        self.choose(&sizes, first, kept(self.bits, false));
-        self.clear(&totals, first);
-        self.clear(&sums, first);
-        self.add(&all, 0, (&totals, Some(&sums)), first);
+        self.measure(&[some], spread, &sizes, first, false);
+        self.add_up(&all, (&totals, &sums), first);
         // Where some were much larger than those that were measured, all are.
         look_again::launch(
             &self.client,
@@ -108,12 +158,8 @@ impl<'a> Pass<'a> {
             self.replicas,
             region(numbers),
         );
-        self.clear(&sizes, again);
-        self.add(&all, 0, (&sizes, None), again);
-        self.choose(&sizes, again, kept(self.bits, true));
-        self.clear(&totals, again);
-        self.clear(&sums, again);
-        self.add(&all, 0, (&totals, Some(&sums)), again);
+        self.measure(&all, 0, &sizes, again, true);
+        self.add_up(&all, (&totals, &sums), again);
         take_scales::launch(
             &self.client,
             groups(PARTS),
@@ -142,7 +188,6 @@ impl<'a> Pass<'a> {
 
     /// Turns sums into gradients.
     fn write(&self, sums: &List, views: &[ViewPlaces], to: &List) {
-        let [floats, words, _] = &self.scene;
         for (v, &(view, scene, camera)) in views.iter().enumerate() {
             let table = Table::new(&self.job.views.sums, v, view, scene, camera);
             if table.numbers == 0 {
@@ -152,8 +197,7 @@ impl<'a> Pass<'a> {
                 &self.client,
                 groups(table.numbers),
                 CubeDim::new_1d(GROUP),
-                floats.argument(),
-                words.argument(),
+                self.job.views(&self.scene, Features::default()),
                 sums.argument(),
                 self.scales[0].argument(),
                 List::new(&self.client, &table.words).argument(),
@@ -183,7 +227,10 @@ impl<'a> Pass<'a> {
         );
     }
 
-    fn choose(&self, sizes: &List, scales: &List, keep: i32) {
+    /// Chooses scales by the sizes of the derivatives of some samples, or of all.
+    fn measure(&self, pieces: &[Piece], spread: usize, sizes: &List, scales: &List, all: bool) {
+        self.clear(sizes, scales);
+        self.add(pieces, spread, (sizes, None), scales);
         choose_scales::launch(
             &self.client,
             groups(PARTS),
@@ -192,23 +239,30 @@ impl<'a> Pass<'a> {
             scales.argument(),
             self.replicas,
             region(0),
-            keep,
+            kept(self.bits, all),
             self.job.views.views as u32,
         );
+    }
+
+    /// Adds all derivatives up.
+    fn add_up(&self, pieces: &[Piece], (totals, sums): (&List, &List), scales: &List) {
+        self.clear(totals, scales);
+        self.clear(sums, scales);
+        self.add(pieces, 0, (totals, Some(sums)), scales);
     }
 
     /// Adds all derivatives of some samples to totals, and these to sums, if there are any, before they have no room;
     /// `spread` is how many of a film are looked at, if not all.
     fn add(
         &self,
-        pieces: &[Samples],
+        pieces: &[Piece],
         spread: usize,
         (totals, sums): (&List, Option<&List>),
         scales: &List,
     ) {
         let region = (totals.length / self.replicas as usize) as u32;
         let fold = || sums.iter().for_each(|sums| self.fold(totals, sums, scales));
-        for piece in pieces {
+        for &piece in pieces {
             self.add_paths(piece, totals, scales, region);
             fold();
         }
@@ -226,69 +280,49 @@ impl<'a> Pass<'a> {
         }
     }
 
-    fn add_paths(&self, piece: &Samples, totals: &List, scales: &List, region: u32) {
-        let [floats, words, pixels] = &self.scene;
-        let job = self.job;
-        let (listed, outputs) = (job.pixels.is_some(), job.outputs);
-        let (features, of) = (job.views.features, job.views.derivatives);
-        let scale = 1.0 / job.samples as f32;
+    /// The derivatives of the loss, times a factor, and scales of sums.
+    fn loss(&self, scales: &List, scale: f32) -> LossLaunch {
+        let upstream = self.upstream.argument();
+        LossLaunch::new(upstream, scales.argument(), scale, self.job.outputs)
+    }
+
+    fn adding(&self, totals: &List, region: u32) -> AddingLaunch {
+        let of = self.job.views.derivatives;
+        AddingLaunch::new(totals.argument(), self.replicas, region, of)
+    }
+
+    fn add_paths(&self, piece: Piece, totals: &List, scales: &List, region: u32) {
+        let threads = piece.threads() as usize;
+        let paths = || self.job.paths(&self.scene, piece);
+        let loss = || self.loss(scales, 1.0 / self.job.samples as f32);
         keep_paths::launch(
             &self.client,
-            groups(piece.paths()),
+            groups(threads),
             CubeDim::new_1d(GROUP),
-            floats.argument(),
-            words.argument(),
-            pixels.argument(),
-            self.upstream.argument(),
+            paths(),
+            loss(),
             self.records.argument(),
-            scales.argument(),
-            piece.argument(job),
-            scale,
-            listed,
-            outputs,
-            features,
         );
-        if of.jumps {
+        if self.job.views.derivatives.jumps {
             add_jumps::launch(
                 &self.client,
-                groups(piece.paths() * points(job)),
+                groups(threads * points(self.job)),
                 CubeDim::new_1d(GROUP),
-                floats.argument(),
-                words.argument(),
-                pixels.argument(),
-                self.upstream.argument(),
+                paths(),
+                loss(),
                 self.records.argument(),
-                totals.argument(),
-                scales.argument(),
-                self.replicas,
-                region,
-                piece.argument(job),
-                scale,
-                listed,
-                outputs,
-                features,
-                of,
+                self.adding(totals, region),
+                self.job.views.words[BOUNCES],
             );
         }
         go_back::launch(
             &self.client,
-            groups(piece.paths()),
+            groups(threads),
             CubeDim::new_1d(GROUP),
-            floats.argument(),
-            words.argument(),
-            pixels.argument(),
-            self.upstream.argument(),
+            paths(),
+            loss(),
             self.records.argument(),
-            totals.argument(),
-            scales.argument(),
-            self.replicas,
-            region,
-            piece.argument(job),
-            scale,
-            listed,
-            outputs,
-            features,
-            of,
+            self.adding(totals, region),
         );
     }
 
@@ -299,31 +333,26 @@ impl<'a> Pass<'a> {
         scales: &List,
         region: u32,
     ) {
-        let [floats, words, _] = &self.scene;
         let job = self.job;
+        let samples = FilmSamplesLaunch::new(
+            first as u32,
+            threads as u32,
+            spread as u32,
+            job.views.views as u32,
+            job.of_view as u32,
+            self.films.count,
+        );
         film_jumps::launch(
             &self.client,
             groups(threads),
             CubeDim::new_1d(GROUP),
-            floats.argument(),
-            words.argument(),
+            job.views(&self.scene, job.views.features),
+            samples,
             self.pieces.argument(),
             self.table.argument(),
-            self.upstream.argument(),
-            totals.argument(),
-            scales.argument(),
-            self.replicas,
-            region,
-            first as u32,
-            spread as u32,
-            threads as u32,
-            self.films.count,
-            job.views.views as u32,
-            job.of_view as u32,
+            self.loss(scales, 1.0),
+            self.adding(totals, region),
             job.pixels.is_some(),
-            job.outputs,
-            job.views.features,
-            job.views.derivatives,
         );
     }
 }
@@ -335,7 +364,7 @@ fn region(numbers: usize) -> u32 {
 
 /// Points of a path at most.
 fn points(job: &Job) -> usize {
-    job.views.words[crate::trace::BOUNCES] as usize + 1
+    job.views.words[BOUNCES] as usize + 1
 }
 
 /// Words of a path's records.

@@ -1,45 +1,66 @@
 //! A path from the camera to its end, in a thread of a GPU.
 //!
-//! Calls are inlined in a kernel, so there is one place that traces a ray, in a loop over the rays of a path:
-//! the camera's, those to lights, and those with which the path goes on.
+//! Calls are inlined in a kernel, so there is one place that traces a ray, in a loop over the rays of a path. Where its
+//! ray ends the path arrives, or takes the light that the ray brings; then it is connected to the next light, and when
+//! there are no more it goes on.
 
 use crate::cube::*;
 
-use super::camera::Beginning;
-use super::emitters_along::next_emitter_hit;
-use super::hit::{Hit, Ray, see_all, trace};
-use super::places::{PathLight, Place, Start, no_point};
+use super::camera::{Beginning, begin};
+use super::hit::{Hit, Memory, Ray, see_all, trace};
 use super::records::{
-    ESCAPED, MOST_ALONG, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG, WENT_ON,
-    keep_vector, record_at,
+    Arrival, ESCAPED, MOST_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
+    SAW_MAP_ALONG, WENT_ON,
 };
-use crate::model::bsdf::Scatter;
-use crate::model::cone::Bend;
-use crate::model::connection::{ConeKernel, Target, no_connection};
-use crate::model::triangle::uniform_point;
+use super::walk::{
+    ENDED, OF_CAMERA, ONWARDS, PathLight, Start, TO_EMITTER, TO_EMITTERS_ALONG, TO_MAP,
+    TO_MAP_ALONG, Walk,
+};
+use crate::model::connection::{Target, no_connection};
 use crate::model::{splat, v2};
-use crate::sampling::{Chosen, Dimensions, Receiver};
+use crate::sampling::EmitterPlace;
 use crate::trace::{
-    CONE, Leaving, NONE, Scene, density_of_map, emitted, emitters_of, leave, map_of, point_at,
-    radiance_of, receiver_of, sky, target_of,
+    CONE, NONE, Scene, density_of_map, emitted, emitters_of, leave, map_of, point_at, radiance_of,
+    receiver_of, sky, target_of,
 };
 
-/// What the next ray of a path is for.
-pub(super) const OF_CAMERA: u32 = 0;
-pub(super) const TO_EMITTER: u32 = 1;
-pub(super) const TO_EMITTERS_ALONG: u32 = 2;
-pub(super) const TO_MAP: u32 = 3;
-pub(super) const TO_MAP_ALONG: u32 = 4;
-pub(super) const ONWARDS: u32 = 5;
-pub(super) const ENDED: u32 = 6;
+/// The light of a path of a pixel.
+#[cube]
+pub(super) fn light_of_pixel(
+    scene: &Scene,
+    memory: &mut Memory,
+    pixel: u32,
+    sample: u32,
+) -> PathLight {
+    let path = begin(scene, pixel, sample);
+    light_of(scene, memory, path, Start::default(), false)
+}
 
-/// Traces a path from its beginning, or with `beside` from a point. `stack` is room for nodes of the tree, `choice` for the
-/// choice of an emitter; with `keep` the path's points are left in `records`.
+/// The light of a path from its beginning, or with `beside` from a point.
+#[cube]
+pub(super) fn light_of(
+    scene: &Scene,
+    memory: &mut Memory,
+    path: Beginning,
+    start: Start,
+    #[comptime] beside: bool,
+) -> PathLight {
+    // Nothing is kept.
+    let mut records = Array::<u32>::new(1usize);
+    let none = records.as_mut_slice();
+    let room = Room {
+        thread: 0u32,
+        threads: 1u32,
+        bounces: 0u32,
+    };
+    path_light(scene, memory, none, room, path, start, beside, false)
+}
+
+/// Traces a path from its beginning, or with `beside` from a point; with `keep` its points are left in `records`.
 #[cube]
 pub(super) fn path_light(
     scene: &Scene,
-    stack: &mut [u32],
-    choice: &mut [u32],
+    memory: &mut Memory,
     records: &mut [u32],
     room: Room,
     path: Beginning,
@@ -47,66 +68,26 @@ pub(super) fn path_light(
     #[comptime] beside: bool,
     #[comptime] keep: bool,
 ) -> PathLight {
-    let numbers = path.numbers;
-    let cones = path.cones;
-    let time = path.time;
-    let first = path.ray;
-    let mut seen = PathLight {
-        radiance: splat(0.0),
-        opacity: 0.0f32,
-        depth: 0.0f32,
-        normal: splat(0.0),
-        object: NONE,
-        rays: 0u32,
-        looked: 0u32,
-        points: 0u32,
-    };
-    let mut from = Place {
-        point: no_point(scene),
-        cone: ConeKernel {
-            tangent: scene.settings[CONE],
-            u: 0.0f32,
-            v: 0.0f32,
-        },
-        share: 0.0f32,
-    };
-    // The emitter that the path's point is connected to.
-    let mut k = NONE.runtime();
-    let mut weights = v2(0.0, 0.0);
-    let mut throughput = splat(1.0);
-    let mut scatter = Scatter {
-        direction: splat(0.0),
-        weight: splat(0.0),
-        local: splat(0.0),
-        of_gloss: false,
-        u: 0.0f32,
-        v: 0.0f32,
-    };
-    // Random numbers for the emitter that the path's point is connected to, and for that of the next point.
-    let mut emitter_u = 0.0f32;
-    let mut emitter_v = 0.0f32;
-    let mut next_u = path.film.z;
-    let mut next_v = path.film.w;
-    let mut bounce = 0u32;
-    // Where the list of emitters along a direction goes on.
-    let mut next = 0u32;
-    // What was seen from the path's point, and the bit of the next emitter along a direction.
-    let mut bits = 0u32.runtime();
-    let mut bit = SAW_ALONG.runtime();
-    let mut purpose = OF_CAMERA.runtime();
-    let mut origin = first.origin;
-    let mut direction = first.direction;
-    let mut limit = f32::MAX.runtime();
-    let mut light = splat(0.0);
-    let bounces = scene.bounces;
-    let mut begins = true;
+    let mut light = PathLight::default();
+    light.object = NONE;
+    let mut walk = Walk::default();
+    walk.purpose = OF_CAMERA;
+    walk.throughput = splat(1.0);
+    walk.cone.tangent = scene.settings[CONE];
+    walk.next_emitter = v2(path.film.z, path.film.w);
+    walk.bit = SAW_ALONG;
     if beside {
-        bounce = start.bounce;
-        origin = start.near;
-        direction = start.direction;
-        limit = -1.0f32;
+        walk.bounce = start.bounce;
+        walk.origin = start.near;
+        walk.direction = start.direction;
+        walk.limit = -1.0f32;
+    } else {
+        walk.origin = path.ray.origin;
+        walk.direction = path.ray.direction;
+        walk.limit = f32::MAX;
     }
-    while purpose != ENDED {
+    let mut begins = true;
+    while walk.purpose != ENDED {
         let mut hit = Hit {
             t: 0.0f32,
             triangle: NONE,
@@ -117,254 +98,290 @@ pub(super) fn path_light(
                 begins = false;
             }
         }
-        if limit > 0.0 {
-            let any = purpose != OF_CAMERA && (purpose != ONWARDS || bounce >= bounces);
+        if walk.limit > 0.0 {
+            let any = !walk.arrives() || walk.is_last(scene);
             let ray = Ray {
-                origin,
-                direction,
-                time,
-                from: 0.0f32,
-                limit,
+                origin: walk.origin,
+                direction: walk.direction,
+                time: path.time,
+                limit: walk.limit,
             };
-            hit = trace(scene, stack, ray, see_all(), any, false);
-            seen.rays += 1;
+            hit = trace(scene, memory, ray, see_all(), any, false);
+            light.rays += 1;
             if !any {
-                seen.looked += 1;
+                light.looked += 1;
             }
         }
         let missed = hit.triangle == NONE;
-        let arrives = purpose == OF_CAMERA || purpose == ONWARDS;
-        if arrives {
-            if missed {
-                // With a map that is gathered at surfaces, rays that go on bring nothing.
-                if purpose == OF_CAMERA || comptime!(scene.features.sees_sky) {
-                    bits |= ESCAPED;
-                    seen.radiance += throughput.times(sky(scene, direction));
-                }
-                purpose = ENDED;
-            } else if purpose == ONWARDS && bounce >= bounces {
-                purpose = ENDED;
-            } else {
-                let near = origin + direction * hit.t;
-                let mut emits = true;
-                if beside {
-                    if purpose == OF_CAMERA {
-                        hit.t = start.distance;
-                        emits = start.emits;
-                    }
-                }
-                let mut point = point_at(scene, hit.triangle, near, hit.t, direction, time);
-                if purpose == OF_CAMERA {
-                    if beside {
-                        point.shading.pair = start.pair;
-                        point.shading.paired = start.paired;
-                    }
-                    if emits {
-                        seen.radiance += emitted(scene, &point);
-                    }
-                    seen.opacity = 1.0;
-                    seen.depth = hit.t;
-                    seen.normal = point.shading.geometric;
-                    seen.object = point.object;
-                } else {
-                    bounce += 1;
-                }
-                emitter_u = next_u;
-                emitter_v = next_v;
-                if keep {
-                    let k = seen.points;
-                    if k > 0 {
-                        records[record_at(room, k - 1, 11u32)] = bits;
-                    }
-                    records[record_at(room, k, 0u32)] = hit.triangle;
-                    records[record_at(room, k, 1u32)] = hit.t.to_bits();
-                    keep_vector(records, room, k, 2u32, origin);
-                    keep_vector(records, room, k, 5u32, direction);
-                    keep_vector(records, room, k, 8u32, throughput);
-                    bits = 0u32;
-                    bit = SAW_ALONG;
-                }
-                seen.points += 1;
-                let goes_on = bounce < bounces || comptime!(scene.features.sees_sky);
-                let by_scattering = comptime!(scene.features.combined) && point.shading.glossy;
-                from.point = point;
-                purpose = TO_EMITTER;
-                if !point.reflects || comptime!(scene.features.dark) {
-                    purpose = ENDED;
-                } else {
-                    if comptime!(scene.features.cones) {
-                        let set = cones.draw(scene.points, Dimensions::of_set(bounce));
-                        from.cone.u = set.z;
-                        from.cone.v = set.w;
-                    }
-                    if comptime!(scene.features.emitters) {
-                        from.share =
-                            emitters_of(scene).look(&receiver_of(&from.point, time), choice);
-                    }
-                }
-                if goes_on || by_scattering || comptime!(scene.features.gathers_map) {
-                    let drawn = numbers.draw(scene.points, Dimensions::direction(bounce));
-                    let mut lobe = 0.0f32;
-                    if point.shading.glossy {
-                        lobe = numbers.draw(scene.points, Dimensions::choices(bounce)).x;
-                    }
-                    scatter = point.shading.sample(drawn.x, drawn.y, lobe);
-                    next_u = drawn.z;
-                    next_v = drawn.w;
-                }
-                next = 0u32;
+        if !walk.arrives() {
+            take_light(&mut walk, &mut light, missed, keep);
+        } else if missed {
+            // With a map that is gathered at surfaces, rays that go on bring nothing.
+            if walk.purpose == OF_CAMERA || comptime!(scene.features.sees_sky) {
+                walk.bits |= ESCAPED;
+                light.seen.radiance += walk.throughput.times(sky(scene, walk.direction));
             }
+            walk.purpose = ENDED;
+        } else if walk.is_last(scene) {
+            walk.purpose = ENDED;
         } else {
-            if missed && limit > 0.0 {
-                seen.radiance += throughput.times(light);
-                if keep {
-                    if purpose == TO_EMITTER {
-                        bits |= SAW_EMITTER;
-                    } else if purpose == TO_EMITTERS_ALONG {
-                        bits |= bit;
-                    } else if purpose == TO_MAP {
-                        bits |= SAW_MAP;
-                    } else {
-                        bits |= SAW_MAP_ALONG;
-                    }
-                }
+            arrive(scene, &path, &start, &hit, &mut walk, &mut light, beside);
+            if keep {
+                keep_arrival(records, room, &hit, &mut walk, light.points);
             }
-            if purpose == TO_EMITTERS_ALONG {
-                // Where bits end the last one stands for all; no light hides behind so many others.
-                if bit < (1u32 << MOST_ALONG) {
-                    bit *= 2;
-                }
-            }
-            if purpose != TO_EMITTERS_ALONG {
-                purpose += 1;
-            }
+            light.points += 1;
+            look_around(scene, memory, &path, &mut walk);
         }
-        // The next ray.
-        let mut chosen = no_connection(from.point.position);
-        let mut target = Target::none();
-        let mut p = 1.0f32;
-        let mut is_emitter = false;
-        let mut along = false;
-        if purpose == TO_EMITTER || purpose == TO_EMITTERS_ALONG {
-            if comptime!(scene.features.emitters) {
-                is_emitter = true;
-            } else {
-                purpose = TO_MAP;
-            }
+        connect(scene, memory, &path, &mut walk);
+        if walk.purpose == ONWARDS {
+            go_on(scene, records, room, &path, &mut walk, light.points, keep);
         }
-        if is_emitter {
-            let combined = comptime!(scene.features.combined) && from.point.shading.glossy;
-            let x = from.point.position;
-            let at: Receiver = receiver_of(&from.point, time);
-            if purpose == TO_EMITTER {
-                let drawn: Chosen = emitters_of(scene).choose(emitter_u, &at, from.share, choice);
-                k = drawn.emitter;
-                p = drawn.chance;
-                weights = uniform_point(drawn.rest, emitter_v);
-            } else {
-                along = true;
-                k = NONE;
-                if combined {
-                    let found = next_emitter_hit(scene, next, x, scatter.direction, time);
-                    k = found.emitter;
-                    weights = found.weights;
-                    next = k + 1;
-                    if k != NONE {
-                        p = emitters_of(scene).chance(k, &at, from.share, choice);
-                    }
-                }
-            }
-            if k == NONE {
-                purpose = TO_MAP;
-            } else {
-                target = target_of(scene, k, weights, x, time, combined);
-            }
-        }
-        if purpose == TO_MAP || purpose == TO_MAP_ALONG {
-            if comptime!(scene.features.gathers_map) {
-                let mut towards = scatter.direction;
-                if purpose == TO_MAP {
-                    let drawn = numbers.draw(scene.points, Dimensions::choices(bounce));
-                    towards = map_of(scene).choose(scene.sky_density, drawn.z, drawn.w);
-                }
-                along = purpose == TO_MAP_ALONG;
-                p = density_of_map(scene, towards);
-                target = Target::of_map(towards);
-            } else {
-                purpose = ONWARDS;
-            }
-        }
-        if comptime!(scene.features.emitters || scene.features.gathers_map) {
-            let at = from.point;
-            chosen = target.connect(&at.shading, at.position, p, along, from.cone);
-            if chosen.limit > 0.0 {
-                if purpose < TO_MAP {
-                    if comptime!(scene.features.emitters) {
-                        target.radiance = radiance_of(scene, k, weights, target.facing());
-                    }
-                } else if comptime!(scene.features.gathers_map) {
-                    target.radiance = sky(scene, target.direction);
-                }
-            }
-            light = chosen.reflected.times(target.radiance) * chosen.scale;
-        }
-        if purpose == ONWARDS {
-            let last = bounce >= bounces;
-            let mut left = Leaving {
-                goes_on: false,
-                start: chosen.start,
-                bend: Bend {
-                    offset: chosen.start,
-                    mirrored: false,
-                    direction: chosen.start,
-                },
-                throughput,
-                survival: 1.0f32,
-            };
-            if !last || comptime!(scene.features.sees_sky) {
-                let mut u = 0.0f32;
-                if comptime!(scene.features.roulette) {
-                    u = numbers.draw(scene.points, Dimensions::choices(bounce)).y;
-                }
-                let mut cone_u = 0.0f32;
-                let mut cone_v = 0.0f32;
-                if comptime!(scene.features.cones) {
-                    let set = cones.draw(scene.points, Dimensions::of_set(bounce));
-                    cone_u = set.x;
-                    cone_v = set.y;
-                }
-                left = leave(
-                    scene,
-                    &from.point,
-                    &scatter,
-                    throughput,
-                    bounce,
-                    u,
-                    cone_u,
-                    cone_v,
-                );
-            }
-            throughput = left.throughput;
-            chosen.start = left.start;
-            chosen.direction = left.bend.direction;
-            chosen.limit = f32::MAX;
-            if left.goes_on {
-                if keep {
-                    bits |= WENT_ON;
-                    records[record_at(room, seen.points - 1, 12u32)] = left.survival.to_bits();
-                }
-            } else {
-                purpose = ENDED;
-            }
-        }
-        origin = chosen.start;
-        direction = chosen.direction;
-        limit = chosen.limit;
     }
     if keep {
-        if seen.points > 0 {
-            records[record_at(room, seen.points - 1, 11u32)] = bits;
+        if light.points > 0 {
+            records[room.at(light.points - 1, OF_BITS)] = walk.bits;
         }
     }
-    seen
+    light
+}
+
+/// Takes the light that a ray to a light brings; the next ray is to the next light.
+#[cube]
+fn take_light(walk: &mut Walk, light: &mut PathLight, missed: bool, #[comptime] keep: bool) {
+    if missed && walk.limit > 0.0 {
+        light.seen.radiance += walk.throughput.times(walk.light);
+        if keep {
+            if walk.purpose == TO_EMITTER {
+                walk.bits |= SAW_EMITTER;
+            } else if walk.purpose == TO_EMITTERS_ALONG {
+                walk.bits |= walk.bit;
+            } else if walk.purpose == TO_MAP {
+                walk.bits |= SAW_MAP;
+            } else {
+                walk.bits |= SAW_MAP_ALONG;
+            }
+        }
+    }
+    if walk.purpose == TO_EMITTERS_ALONG {
+        // Where bits end the last one stands for all; no light hides behind so many others.
+        if walk.bit < (1u32 << MOST_ALONG) {
+            walk.bit *= 2;
+        }
+    } else {
+        walk.purpose += 1;
+    }
+}
+
+/// Comes to the surface point that the path's ray hit.
+#[cube]
+fn arrive(
+    scene: &Scene,
+    path: &Beginning,
+    start: &Start,
+    hit: &Hit,
+    walk: &mut Walk,
+    light: &mut PathLight,
+    #[comptime] beside: bool,
+) {
+    let near = walk.origin + walk.direction * hit.t;
+    let mut distance = hit.t;
+    let mut emits = true;
+    if beside {
+        if walk.purpose == OF_CAMERA {
+            distance = start.distance;
+            emits = start.emits;
+        }
+    }
+    let mut point = point_at(
+        scene,
+        hit.triangle,
+        near,
+        distance,
+        walk.direction,
+        path.time,
+    );
+    if walk.purpose == OF_CAMERA {
+        if beside {
+            point.shading.pair = start.pair;
+            point.shading.paired = start.paired;
+        }
+        if emits {
+            light.seen.radiance += emitted(scene, &point);
+        }
+        light.seen.opacity = 1.0;
+        light.seen.depth = distance;
+        light.seen.normal = point.shading.geometric;
+        light.object = point.object;
+    } else {
+        walk.bounce += 1;
+    }
+    walk.point = point;
+}
+
+/// Keeps the point that the path came to, and what was seen from that before.
+#[cube]
+fn keep_arrival(records: &mut [u32], room: Room, hit: &Hit, walk: &mut Walk, points: u32) {
+    if points > 0 {
+        records[room.at(points - 1, OF_BITS)] = walk.bits;
+    }
+    let arrival = Arrival {
+        triangle: hit.triangle,
+        distance: hit.t,
+        origin: walk.origin,
+        incoming: walk.direction,
+        throughput: walk.throughput,
+    };
+    room.keep_arrival(records, points, &arrival);
+    walk.bits = 0u32;
+    walk.bit = SAW_ALONG;
+}
+
+/// Looks at emitters from the point that the path came to, and draws the way on.
+#[cube]
+fn look_around(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk) {
+    walk.emitter = walk.next_emitter;
+    walk.next = 0u32;
+    walk.purpose = TO_EMITTER;
+    if !walk.point.reflects || comptime!(scene.features.dark) {
+        walk.purpose = ENDED;
+    } else {
+        let cone = path.cone(scene, walk.bounce);
+        walk.cone.u = cone.z;
+        walk.cone.v = cone.w;
+        if comptime!(scene.features.emitters) {
+            let at = receiver_of(&walk.point, path.time);
+            walk.share = emitters_of(scene).look(&at, memory.choice.as_mut_slice());
+        }
+    }
+    let goes_on = walk.bounce < scene.bounces || comptime!(scene.features.sees_sky);
+    if goes_on || walk.looks_along(scene) || comptime!(scene.features.gathers_map) {
+        let drawn = path.direction(scene, walk.bounce);
+        let mut lobe = 0.0f32;
+        if walk.point.shading.glossy {
+            lobe = path.choices(scene, walk.bounce).x;
+        }
+        walk.scatter = walk.point.shading.sample(drawn.x, drawn.y, lobe);
+        walk.next_emitter = v2(drawn.z, drawn.w);
+    }
+}
+
+/// The next emitter that the path's point is connected to, if there is one.
+#[cube]
+fn next_emitter(
+    scene: &Scene,
+    memory: &mut Memory,
+    path: &Beginning,
+    walk: &mut Walk,
+) -> EmitterPlace {
+    let emitters = emitters_of(scene);
+    let at = receiver_of(&walk.point, path.time);
+    let choice = memory.choice.as_mut_slice();
+    let mut place = EmitterPlace::none();
+    if walk.purpose == TO_EMITTER {
+        let drawn = walk.emitter;
+        place = emitters.choose_place(drawn.x, drawn.y, &at, walk.share, choice);
+    } else if walk.looks_along(scene) {
+        let way = walk.scatter.direction;
+        place = emitters.place_along(walk.next, way, &at, walk.share, choice);
+        walk.next = place.emitter + 1;
+    }
+    place
+}
+
+/// Makes the ray to the next light that the path's point is connected to; if there are no more the path goes on.
+#[cube]
+fn connect(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk) {
+    let mut place = EmitterPlace::none();
+    let mut target = Target::none();
+    let mut chance = 1.0f32;
+    if walk.purpose == TO_EMITTER || walk.purpose == TO_EMITTERS_ALONG {
+        if comptime!(scene.features.emitters) {
+            place = next_emitter(scene, memory, path, walk);
+            if place.emitter == NONE {
+                walk.purpose = TO_MAP;
+            } else {
+                let combined = walk.looks_along(scene);
+                let x = walk.point.position;
+                chance = place.chance;
+                target = target_of(scene, place.emitter, place.weights, x, path.time, combined);
+            }
+        } else {
+            walk.purpose = TO_MAP;
+        }
+    }
+    if walk.purpose == TO_MAP || walk.purpose == TO_MAP_ALONG {
+        if comptime!(scene.features.gathers_map) {
+            let mut towards = walk.scatter.direction;
+            if walk.purpose == TO_MAP {
+                let drawn = path.choices(scene, walk.bounce);
+                towards = map_of(scene).choose(scene.sky_density, drawn.z, drawn.w);
+            }
+            chance = density_of_map(scene, towards);
+            target = Target::of_map(towards);
+        } else {
+            walk.purpose = ONWARDS;
+        }
+    }
+    let mut chosen = no_connection(walk.point.position);
+    if comptime!(scene.features.emitters || scene.features.gathers_map) {
+        let along = walk.purpose == TO_EMITTERS_ALONG || walk.purpose == TO_MAP_ALONG;
+        let x = walk.point.position;
+        chosen = target.connect(&walk.point.shading, x, chance, along, walk.cone);
+        if chosen.limit > 0.0 {
+            if walk.purpose < TO_MAP {
+                if comptime!(scene.features.emitters) {
+                    target.radiance =
+                        radiance_of(scene, place.emitter, place.weights, target.facing());
+                }
+            } else if comptime!(scene.features.gathers_map) {
+                target.radiance = sky(scene, target.direction);
+            }
+        }
+        walk.light = chosen.reflected.times(target.radiance) * chosen.scale;
+    }
+    walk.origin = chosen.start;
+    walk.direction = chosen.direction;
+    walk.limit = chosen.limit;
+}
+
+/// Leaves the path's point in the direction that was drawn, or ends the path.
+#[cube]
+fn go_on(
+    scene: &Scene,
+    records: &mut [u32],
+    room: Room,
+    path: &Beginning,
+    walk: &mut Walk,
+    points: u32,
+    #[comptime] keep: bool,
+) {
+    walk.purpose = ENDED;
+    if walk.bounce < scene.bounces || comptime!(scene.features.sees_sky) {
+        let mut u = 0.0f32;
+        if comptime!(scene.features.roulette) {
+            u = path.choices(scene, walk.bounce).y;
+        }
+        let cone = path.cone(scene, walk.bounce);
+        let left = leave(
+            scene,
+            &walk.point,
+            &walk.scatter,
+            walk.throughput,
+            walk.bounce,
+            u,
+            cone.x,
+            cone.y,
+        );
+        if left.goes_on {
+            walk.purpose = ONWARDS;
+            walk.throughput = left.throughput;
+            walk.origin = left.start;
+            walk.direction = left.bend.direction;
+            walk.limit = f32::MAX;
+            if keep {
+                walk.bits |= WENT_ON;
+                records[room.at(points - 1, OF_SURVIVAL)] = left.survival.to_bits();
+            }
+        }
+    }
 }

@@ -3,34 +3,95 @@
 
 use crate::cube::*;
 
-use super::Outputs;
-use super::film_table::{
-    BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, view_of,
+use super::device::List;
+use super::film::{
+    BLOCKS, FIRST_PIECE, Films, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL,
+    blocks_before, view_of,
 };
-use super::passes::upstream_of;
+use super::job::{GROUP, Job, Views, groups};
+use super::passes::{Loss, LossLaunch};
 use super::sums::TYPICAL;
 use crate::model::choice::is_positive;
 use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
 use crate::model::numbers::{is_finite, is_nonzero};
-use crate::trace::{HEADER, HEIGHT, HeaderWord, NONE, WIDTH};
+use crate::trace::{Features, HEIGHT, NONE, WIDTH};
+
+/// Looks at how much the loss depends on pixels, and so where edges are drawn on films: completes the edges there and
+/// their table, and sets the scales of views.
+pub(super) fn look_at_pixels(
+    client: &Client,
+    (job, films): (&Job, &Films),
+    scene: &[List; 3],
+    loss: LossLaunch,
+    [pieces, table, scales]: [&List; 3],
+) {
+    let views = job.views.views;
+    let header = &job.views.words;
+    let [columns, rows] = [header[WIDTH], header[HEIGHT]].map(|n| n.div_ceil(CELL));
+    let grid = || GridLaunch::new(views as u32, columns, rows);
+    let count = views * (columns * rows) as usize;
+    let cells = List::room(client, OF_CELL as usize * count);
+    let near = List::room(client, count);
+    let of_rows = List::room(client, OF_CELL as usize * views * rows as usize);
+    look_at_cells::launch(
+        client,
+        groups(count),
+        CubeDim::new_1d(GROUP),
+        job.views(scene, Features::default()),
+        grid(),
+        table.argument(),
+        loss,
+        cells.argument(),
+        job.of_view as u32,
+        job.pixels.is_some(),
+    );
+    look_around::launch(
+        client,
+        groups(count),
+        CubeDim::new_1d(GROUP),
+        grid(),
+        table.argument(),
+        cells.argument(),
+        near.argument(),
+        of_rows.argument(),
+    );
+    if films.blocks > 0 {
+        sum_blocks::launch(
+            client,
+            groups(films.blocks as usize),
+            CubeDim::new_1d(GROUP),
+            grid(),
+            table.argument(),
+            near.argument(),
+            pieces.argument(),
+            films.blocks,
+            films.count,
+        );
+    }
+    sum_views::launch(
+        client,
+        groups(views),
+        CubeDim::new_1d(GROUP),
+        grid(),
+        table.argument(),
+        of_rows.argument(),
+        pieces.argument(),
+        scales.argument(),
+        job.samples,
+        films.count,
+    );
+}
 
 /// Numbers of a cell, and of a row of cells: how much the loss depends on their pixels, how many of these it asks for,
 /// how much it depends on their radiance, and on that of how many.
-pub(super) const OF_CELL: u32 = 4;
+const OF_CELL: u32 = 4;
 
-/// Columns and rows of cells.
-#[apply(record!)]
-struct Grid {
+/// The cells of some views, in columns and rows.
+#[apply(argument!)]
+pub(super) struct Grid {
+    views: u32,
     columns: u32,
     rows: u32,
-}
-
-#[cube]
-fn grid(words: &[u32]) -> Grid {
-    Grid {
-        columns: words[WIDTH].div_ceil(CELL),
-        rows: words[HEIGHT].div_ceil(CELL),
-    }
 }
 
 /// A cell of a view.
@@ -42,61 +103,61 @@ struct Cell {
 }
 
 #[cube]
-fn cell_of(grid: &Grid, number: u32) -> Cell {
-    Cell {
-        view: number / (grid.columns * grid.rows),
-        row: number / grid.columns % grid.rows,
-        column: number % grid.columns,
+impl Grid {
+    fn cells(&self) -> u32 {
+        self.views * self.columns * self.rows
     }
-}
 
-/// The place of a cell's numbers.
-#[cube]
-fn cell_at(grid: &Grid, view: u32, x: u32, y: u32) -> usize {
-    (OF_CELL * ((view * grid.rows + y) * grid.columns + x)) as usize
+    fn cell(&self, number: u32) -> Cell {
+        Cell {
+            view: number / (self.columns * self.rows),
+            row: number / self.columns % self.rows,
+            column: number % self.columns,
+        }
+    }
+
+    /// The place of a cell's numbers.
+    fn at(&self, view: u32, x: u32, y: u32) -> usize {
+        (OF_CELL * ((view * self.rows + y) * self.columns + x)) as usize
+    }
 }
 
 /// Looks at the pixels of each cell, one thread a cell.
 #[cube(launch)]
-pub(super) fn look_at_cells(
-    floats: &[f32],
-    words: &[u32],
+fn look_at_cells(
+    views: Views,
+    grid: Grid,
     films: &[u32],
-    upstream: &[f32],
+    loss: Loss,
     cells: &mut [f32],
-    views: u32,
     of_view: u32,
     #[comptime] listed: bool,
-    #[comptime] outputs: Outputs,
 ) {
-    let grid = grid(words);
-    if ABSOLUTE_POS < (views * grid.columns * grid.rows) as usize {
-        let cell = cell_of(&grid, ABSOLUTE_POS as u32);
+    if ABSOLUTE_POS < grid.cells() as usize {
+        let cell = grid.cell(ABSOLUTE_POS as u32);
         let column = cell.column;
         let row = cell.row;
         let view = cell.view;
-        let settings = words[view as usize * HEADER + comptime!(HeaderWord::settings as usize)];
-        let floats = &floats[settings as usize..];
-        let places = &films[(OF_FILM * views) as usize..];
+        let scene = views.scene(view);
+        let places = &films[(OF_FILM * grid.views) as usize..];
         let mut weight = 0.0f32;
         let mut asked = 0.0f32;
         let mut radiance = 0.0f32;
         let mut lit = 0.0f32;
         let mut y = row * CELL;
-        let last_x = (column * CELL + CELL).min(words[WIDTH]);
-        let last_y = (row * CELL + CELL).min(words[HEIGHT]);
+        let last_x = (column * CELL + CELL).min(scene.width);
+        let last_y = (row * CELL + CELL).min(scene.height);
         while y < last_y {
             let mut x = column * CELL;
             while x < last_x {
-                let mut i = y * words[WIDTH] + x;
+                let mut i = y * scene.width + x;
                 if listed {
                     i = places[i as usize];
                 }
                 if i != NONE {
-                    let one = 1.0f32.runtime();
-                    let g = upstream_of(floats, upstream, view * of_view + i, one, outputs);
+                    let g = loss.of_row(&scene, view * of_view + i);
                     let own = g.radiance.abs().element_sum();
-                    let all = own + g.opacity.abs() + g.depth.abs() + g.normal.abs().element_sum();
+                    let all = g.size();
                     if is_nonzero(all) {
                         asked += 1.0;
                     }
@@ -113,7 +174,7 @@ pub(super) fn look_at_cells(
             }
             y += 1;
         }
-        let at = cell_at(&grid, view, column, row);
+        let at = grid.at(view, column, row);
         cells[at] = weight;
         cells[at + 1] = asked;
         cells[at + 2] = radiance;
@@ -124,17 +185,9 @@ pub(super) fn look_at_cells(
 /// How much the loss depends on the pixels that see a point of a cell, one thread a cell; those of the first column
 /// add up what the cells of their rows count as well.
 #[cube(launch)]
-pub(super) fn look_around(
-    words: &[u32],
-    films: &[u32],
-    cells: &[f32],
-    near: &mut [f32],
-    rows: &mut [f32],
-    views: u32,
-) {
-    let grid = grid(words);
-    if ABSOLUTE_POS < (views * grid.columns * grid.rows) as usize {
-        let cell = cell_of(&grid, ABSOLUTE_POS as u32);
+fn look_around(grid: Grid, films: &[u32], cells: &[f32], near: &mut [f32], rows: &mut [f32]) {
+    if ABSOLUTE_POS < grid.cells() as usize {
+        let cell = grid.cell(ABSOLUTE_POS as u32);
         let column = cell.column;
         let row = cell.row;
         let view = cell.view;
@@ -146,21 +199,21 @@ pub(super) fn look_around(
             let mut of_row = 0.0f32;
             let mut x = column - around.min(column);
             while x <= (column + around).min(grid.columns - 1) {
-                of_row += cells[cell_at(&grid, view, x, y)];
+                of_row += cells[grid.at(view, x, y)];
                 x += 1;
             }
             sum += of_row;
             y += 1;
         }
         // Its own counts most.
-        near[ABSOLUTE_POS] = NEIGHBOURS * sum + cells[cell_at(&grid, view, column, row)];
+        near[ABSOLUTE_POS] = NEIGHBOURS * sum + cells[grid.at(view, column, row)];
         if column == 0 {
             let mut k = 0u32;
             while k < OF_CELL {
                 let mut of_row = 0.0f32;
                 let mut x = 0u32;
                 while x < grid.columns {
-                    of_row += cells[cell_at(&grid, view, x, row) + k as usize];
+                    of_row += cells[grid.at(view, x, row) + k as usize];
                     x += 1;
                 }
                 rows[(OF_CELL * (view * grid.rows + row) + k) as usize] = of_row;
@@ -172,26 +225,21 @@ pub(super) fn look_around(
 
 /// Turns the weights of pieces into sums within blocks, one thread a block.
 #[cube(launch)]
-pub(super) fn sum_blocks(
-    words: &[u32],
+fn sum_blocks(
+    grid: Grid,
     films: &[u32],
     near: &[f32],
     pieces: &mut [f32],
-    views: u32,
     blocks: u32,
     count: u32,
 ) {
     if ABSOLUTE_POS < blocks as usize {
         let block = ABSOLUTE_POS as u32;
-        let view = view_of(films, views, block, BLOCKS);
+        let view = view_of(films, grid.views, block, BLOCKS);
         let film = (OF_FILM * view) as usize;
-        let mut before = 0u32;
-        if view > 0 {
-            before = films[film - OF_FILM as usize + BLOCKS];
-        }
+        let before = blocks_before(films, view);
         let first = films[film + FIRST_PIECE] + BLOCK * (block - before);
         let past = (first + BLOCK).min(films[film + PAST_PIECE]);
-        let grid = grid(words);
         let cells = view * grid.columns * grid.rows;
         let mut sum = 0.0f32;
         let mut i = first;
@@ -211,20 +259,18 @@ pub(super) fn sum_blocks(
 /// Adds up what rows of cells and blocks of pieces have, one thread a view: how much the loss depends on the radiance of
 /// a pixel and on a pixel as a whole, on average, the samples of edges on the film, and the sums of all blocks so far.
 #[cube(launch)]
-pub(super) fn sum_views(
-    words: &[u32],
+fn sum_views(
+    grid: Grid,
     films: &mut [u32],
     rows: &[f32],
     pieces: &mut [f32],
     scales: &mut [f32],
-    views: u32,
     samples: u32,
     count: u32,
 ) {
-    if ABSOLUTE_POS < views as usize {
+    if ABSOLUTE_POS < grid.views as usize {
         let view = ABSOLUTE_POS as u32;
         let film = (OF_FILM * view) as usize;
-        let grid = grid(words);
         let mut weight = 0.0f32;
         let mut asked = 0u32;
         let mut radiance = 0.0f32;
@@ -239,7 +285,7 @@ pub(super) fn sum_views(
             row += 1;
         }
         scales[TYPICAL + ABSOLUTE_POS] = radiance / lit.max(1.0);
-        scales[TYPICAL + (views + view) as usize] = weight / (asked as f32).max(1.0);
+        scales[TYPICAL + (grid.views + view) as usize] = weight / (asked as f32).max(1.0);
         films[film + OWN] = samples_of_film(asked, samples).min(films[film + MOST]);
         let mut block = 0u32;
         if view > 0 {

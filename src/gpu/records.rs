@@ -3,11 +3,14 @@
 use crate::cube::*;
 
 use crate::model::{V3, v3};
-use crate::trace::PointGradient;
+use crate::trace::{Point, PointGradient, Scene, point_at};
 
-/// Words of a record of a path's point: its triangle, what it was hit by (distance, origin, direction), the
-/// throughput that arrives, what was seen from it, and the probability with which the path went on.
+/// Words of a record of a path's point: where it arrived ([`Arrival`]), what was seen from it, and the probability with
+/// which the path went on.
 pub(super) const RECORD: u32 = 13;
+pub(super) const OF_TRIANGLE: u32 = 0;
+pub(super) const OF_BITS: u32 = 11;
+pub(super) const OF_SURVIVAL: u32 = 12;
 /// What was seen from a point, bit by bit: the emitter that was drawn, those along the way on (one bit each, as
 /// many as there is room for), the map in the direction that was drawn and in that of the way on; whether the
 /// path went on, and whether it ended in the environment.
@@ -18,87 +21,109 @@ pub(super) const SAW_MAP: u32 = 1 << 28;
 pub(super) const SAW_MAP_ALONG: u32 = 1 << 29;
 pub(super) const WENT_ON: u32 = 1 << 30;
 pub(super) const ESCAPED: u32 = 1 << 31;
+/// Words that a path leaves beside its records: the number of its points, and for each what jumps add.
+pub(super) const JUMPED: u32 = 14;
 
-/// Words that a path keeps for its way back, one word of all threads after another.
+/// Where the words of a path are: one word of all threads after another.
 #[apply(record!)]
 pub(super) struct Room {
     pub thread: u32,
     pub threads: u32,
+    pub bounces: u32,
 }
 
-/// The place of a word of a point's record.
-#[cube]
-pub(super) fn record_at(room: Room, point: u32, word: u32) -> usize {
-    ((point * RECORD + word) * room.threads + room.thread) as usize
-}
-
-#[cube]
-pub(super) fn keep_vector(records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
-    records[record_at(room, point, word)] = v.x.to_bits();
-    records[record_at(room, point, word + 1)] = v.y.to_bits();
-    records[record_at(room, point, word + 2)] = v.z.to_bits();
-}
-
-#[cube]
-pub(super) fn kept(records: &mut [u32], room: Room, point: u32, word: u32) -> f32 {
-    f32::from_bits(records[record_at(room, point, word)])
+/// A surface point that a path came to: a triangle, what it was hit by, and the throughput that arrives.
+#[apply(record!)]
+pub(super) struct Arrival {
+    pub triangle: u32,
+    pub distance: f32,
+    pub origin: V3,
+    pub incoming: V3,
+    pub throughput: V3,
 }
 
 #[cube]
-pub(super) fn kept_vector(records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
-    v3(
-        kept(records, room, point, word),
-        kept(records, room, point, word + 1),
-        kept(records, room, point, word + 2),
-    )
-}
-
-/// Words that a path leaves beside its records: the number of its points, and for each what jumps add.
-pub(super) const JUMPED: u32 = 14;
-
-/// The place of the number of a path's points.
-#[cube]
-pub(super) fn points_at(bounces: u32, room: Room) -> usize {
-    ((bounces + 1) * RECORD * room.threads + room.thread) as usize
-}
-
-/// The place of a word of what jumps add at a point.
-#[cube]
-pub(super) fn jumped_at(bounces: u32, room: Room, point: u32, word: u32) -> usize {
-    let before = (bounces + 1) * RECORD + 1;
-    ((before + point * JUMPED + word) * room.threads + room.thread) as usize
+impl Arrival {
+    /// The point at a time in the shutter.
+    pub fn point(&self, scene: &Scene, time: f32) -> Point {
+        let t = self.distance;
+        let direction = self.incoming;
+        let near = self.origin + direction * t;
+        point_at(scene, self.triangle, near, t, direction, time)
+    }
 }
 
 #[cube]
-pub(super) fn get(bounces: u32, records: &mut [u32], room: Room, point: u32, word: u32) -> V3 {
-    v3(
-        f32::from_bits(records[jumped_at(bounces, room, point, word)]),
-        f32::from_bits(records[jumped_at(bounces, room, point, word + 1)]),
-        f32::from_bits(records[jumped_at(bounces, room, point, word + 2)]),
-    )
-}
+impl Room {
+    /// The place of a word of a point's record. That of the first point that a path does not come to has the number of
+    /// its points, and what jumps add.
+    pub fn at(&self, point: u32, word: u32) -> usize {
+        ((point * RECORD + word) * self.threads + self.thread) as usize
+    }
 
-/// What jumps added at a point of a path.
-#[cube]
-pub(super) fn jumped(
-    bounces: u32,
-    records: &mut [u32],
-    room: Room,
-    point: u32,
-    by: &mut PointGradient,
-) {
-    by.position += get(bounces, records, room, point, 0u32);
-    by.geometric += get(bounces, records, room, point, 3u32);
-    by.shading.normal += get(bounces, records, room, point, 6u32);
-    by.shading.incoming += get(bounces, records, room, point, 9u32);
-    by.shading.exponent += f32::from_bits(records[jumped_at(bounces, room, point, 12u32)]);
-    // The index of refraction turns what passes a surface.
-    by.shading.specular.x += f32::from_bits(records[jumped_at(bounces, room, point, 13u32)]);
-}
+    /// The place of the number of a path's points.
+    pub fn points(&self) -> usize {
+        self.at(self.bounces + 1, 0u32)
+    }
 
-#[cube]
-pub(super) fn put(bounces: u32, records: &mut [u32], room: Room, point: u32, word: u32, v: V3) {
-    records[jumped_at(bounces, room, point, word)] = v.x.to_bits();
-    records[jumped_at(bounces, room, point, word + 1)] = v.y.to_bits();
-    records[jumped_at(bounces, room, point, word + 2)] = v.z.to_bits();
+    fn keep_vector(&self, records: &mut [u32], point: u32, word: u32, v: V3) {
+        records[self.at(point, word)] = v.x.to_bits();
+        records[self.at(point, word + 1)] = v.y.to_bits();
+        records[self.at(point, word + 2)] = v.z.to_bits();
+    }
+
+    pub fn number(&self, records: &mut [u32], point: u32, word: u32) -> f32 {
+        f32::from_bits(records[self.at(point, word)])
+    }
+
+    fn vector(&self, records: &mut [u32], point: u32, word: u32) -> V3 {
+        v3(
+            self.number(records, point, word),
+            self.number(records, point, word + 1),
+            self.number(records, point, word + 2),
+        )
+    }
+
+    pub fn keep_arrival(&self, records: &mut [u32], point: u32, a: &Arrival) {
+        records[self.at(point, OF_TRIANGLE)] = a.triangle;
+        records[self.at(point, 1u32)] = a.distance.to_bits();
+        self.keep_vector(records, point, 2u32, a.origin);
+        self.keep_vector(records, point, 5u32, a.incoming);
+        self.keep_vector(records, point, 8u32, a.throughput);
+    }
+
+    pub fn arrival(&self, records: &mut [u32], point: u32) -> Arrival {
+        Arrival {
+            triangle: records[self.at(point, OF_TRIANGLE)],
+            distance: self.number(records, point, 1u32),
+            origin: self.vector(records, point, 2u32),
+            incoming: self.vector(records, point, 5u32),
+            throughput: self.vector(records, point, 8u32),
+        }
+    }
+
+    /// Keeps what jumps add at a point.
+    pub fn keep_jumped(&self, records: &mut [u32], point: u32, by: &PointGradient) {
+        let last = self.bounces + 1;
+        let first = 1 + point * JUMPED;
+        self.keep_vector(records, last, first, by.position);
+        self.keep_vector(records, last, first + 3, by.geometric);
+        self.keep_vector(records, last, first + 6, by.shading.normal);
+        self.keep_vector(records, last, first + 9, by.shading.incoming);
+        records[self.at(last, first + 12)] = by.shading.exponent.to_bits();
+        // The index of refraction turns what passes a surface.
+        records[self.at(last, first + 13)] = by.shading.specular.x.to_bits();
+    }
+
+    /// Adds what jumps added at a point.
+    pub fn add_jumped(&self, records: &mut [u32], point: u32, by: &mut PointGradient) {
+        let last = self.bounces + 1;
+        let first = 1 + point * JUMPED;
+        by.position += self.vector(records, last, first);
+        by.geometric += self.vector(records, last, first + 3);
+        by.shading.normal += self.vector(records, last, first + 6);
+        by.shading.incoming += self.vector(records, last, first + 9);
+        by.shading.exponent += self.number(records, last, first + 12);
+        by.shading.specular.x += self.number(records, last, first + 13);
+    }
 }

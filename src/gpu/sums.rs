@@ -1,13 +1,69 @@
-//! The scales of sums in kernels ([`Totals`](crate::trace::Totals)), and launches that add them up.
+//! The sums of kernels ([`Totals`]): where they lie, their scales, and the kernels that add them up.
 
-use burn::cubecl::{self, prelude::*};
+use std::collections::HashMap;
 
+use crate::cube::*;
+
+use crate::kernel::View;
 use crate::model::choice::INFINITY;
 use crate::model::integers::total;
 use crate::model::numbers::not_a_number;
 use crate::trace::{
-    Derivatives, FIRST_SUM, LIMIT, LOST, MEASURE, PARTS, Scene, Sums, Totals, sums_of,
+    CAMERAS, Derivatives, FIRST_SUM, LIMIT, LOST, MEASURE, OF_CAMERA, PARTS, Scene, Sums, Totals,
+    sums_of,
 };
+
+/// Numbers of the sums of all replicas together, about.
+const REPLICATED: usize = 1 << 16;
+/// Replicas at most: as many as threads of a warp.
+const REPLICAS: usize = 32;
+
+/// Where the sums of each part of views begin, in numbers. Views of one scene share them, but for the camera's.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Places {
+    /// Of each view.
+    pub first: Vec<[u32; PARTS]>,
+    /// For each view, the first view of its scene.
+    owner: Vec<usize>,
+    pub count: usize,
+}
+
+impl Places {
+    /// For views, each with the number of its scene.
+    pub fn new<'a>(views: impl Iterator<Item = (&'a View, usize)>) -> Self {
+        let mut places = Self::default();
+        let mut known = HashMap::new();
+        for (v, (view, scene)) in views.enumerate() {
+            let owner = *known.entry(scene).or_insert(v);
+            let mut first = [0; PARTS];
+            if owner == v {
+                let counts = view.wanted.lengths(&view.scene);
+                // The camera's are last.
+                for (first, n) in first.iter_mut().zip(counts).take(CAMERAS as usize) {
+                    *first = places.count as u32;
+                    places.count += n;
+                }
+            } else {
+                first = places.first[owner];
+            }
+            first[CAMERAS as usize] = places.count as u32;
+            places.count += OF_CAMERA as usize;
+            places.first.push(first);
+            places.owner.push(owner);
+        }
+        places
+    }
+
+    /// Copies of all sums that kernels add to, so that threads of a warp don't wait for each other.
+    pub fn replicas(&self) -> usize {
+        (REPLICATED / self.count.max(1)).clamp(1, REPLICAS)
+    }
+
+    /// Whether a view is the first one of its scene.
+    pub fn owns(&self, view: usize) -> bool {
+        self.owner[view] == view
+    }
+}
 
 /// Behind the scales of all parts and [`LIMIT`], for each view how much a loss depends on the radiance of a pixel, then
 /// how much on a pixel as a whole, on average.
@@ -217,21 +273,35 @@ pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     value
 }
 
-/// The sums of a replica, as stages add to them.
-#[cube]
-pub(super) fn sums_at<'a>(
-    scene: &Scene<'a>,
-    totals: &'a [Atomic<u32>],
-    scales: &'a [f32],
-    #[comptime] of: Derivatives,
-) -> Sums<'a> {
-    sums_of(Totals::new(totals, scales, scene.first_sums, of))
+/// The sums that a launch adds to.
+#[apply(argument!)]
+pub(super) struct Adding {
+    totals: &'static [Atomic<u32>],
+    replicas: u32,
+    /// Words of a replica.
+    region: u32,
+    #[cube(comptime)]
+    of: Derivatives,
 }
 
-/// Where the words of a thread's replica begin.
 #[cube]
-pub(super) fn replica_of(thread: u32, replicas: u32, region: u32) -> usize {
-    (thread % replicas * region) as usize
+impl Adding {
+    /// Those of a thread's replica, as stages add to them.
+    pub fn of_thread(
+        &self,
+        scene: &Scene<'static>,
+        scales: &'static [f32],
+        thread: u32,
+    ) -> Sums<'static> {
+        let first = (thread % self.replicas * self.region) as usize;
+        let of = comptime!(self.of);
+        sums_of(Totals::new(
+            &self.totals[first..],
+            scales,
+            scene.first_sums,
+            of,
+        ))
+    }
 }
 
 /// Bits of derivatives, times their scale, of which so many have room in a sum: those of derivatives that were all

@@ -7,12 +7,11 @@
 //! square are all in them, and a point is projected by the inverse of the basis.
 
 use super::filter::filter_by_radius;
-use super::{Pair, V2, V3, splat, v2, v3};
+use super::{Pair, V2, V3, v2, v3};
 use crate::cube::*;
 
 /// A camera in a scene's inner units.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Camera {
     pub eye: V3,
     pub across: V3,
@@ -36,8 +35,7 @@ pub(crate) struct Camera {
 }
 
 /// Rows of the inverse of a basis.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Dual {
     pub x: V3,
     pub y: V3,
@@ -45,8 +43,7 @@ pub(crate) struct Dual {
 }
 
 /// Derivatives by what a camera is made of.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct CameraGradient {
     pub eye: V3,
     pub across: V3,
@@ -58,29 +55,8 @@ pub(crate) struct CameraGradient {
     pub filter: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
-impl CameraGradient {
-    #[inline(always)]
-    pub fn none() -> CameraGradient {
-        let zero = splat(0.0f32.runtime());
-        CameraGradient {
-            eye: zero,
-            across: zero,
-            upward: zero,
-            forward: zero,
-            lens: Pair {
-                first: zero,
-                second: zero,
-            },
-            per_focus: 0.0f32.runtime(),
-            filter: 0.0f32.runtime(),
-        }
-    }
-}
-
 /// A ray from a point of the lens (on the unit disk) through a point of the film.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct CameraRay {
     pub origin: V3,
     pub direction: V3,

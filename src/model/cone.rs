@@ -8,8 +8,7 @@ use super::{V3, splat};
 use crate::cube::*;
 
 /// A ray of a cone, and how it follows from the axis.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Bend {
     /// The vector that was added to the axis, across it.
     pub offset: V3,

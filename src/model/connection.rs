@@ -26,7 +26,7 @@ pub(crate) struct Target {
 }
 
 /// The kernel of a ray's cone: the tangent of its half-angle, and random numbers.
-#[apply(record!)]
+#[apply(zeroed!)]
 pub(crate) struct ConeKernel {
     pub tangent: f32,
     pub u: f32,

@@ -11,8 +11,7 @@ use super::{V2, V3, v2};
 use crate::cube::*;
 
 /// An edge seen from a point, beside an axis ω of a blurred direction.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct DirectionEdge {
     /// n·dl/dλ in the plane across ω: the + side lies towards it.
     pub across: V3,

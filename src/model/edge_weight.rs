@@ -20,8 +20,7 @@ pub(crate) struct Query {
 }
 
 /// The most that may jump at edges, by what makes it jump; of one edge between 0 and 1.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Jumps {
     /// Colours that always jump, and jumps of whether light passes.
     pub seen_always: f32,

@@ -152,7 +152,7 @@ pub(crate) fn arc_tangent(tangent: f32) -> f32 {
 pub(crate) fn arc_tangent_of(y: f32, x: f32) -> f32 {
     let mut angle = arc_tangent(y / x);
     if x < 0.0 {
-        let mut turn = PI;
+        let mut turn = PI.runtime();
         if y < 0.0 {
             turn = -PI;
         }

@@ -4,8 +4,7 @@ use super::V3;
 use crate::cube::*;
 
 /// How the axes n of emitters lie, weighted by power.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Axes {
     /// Their mean a.
     pub mean: V3,

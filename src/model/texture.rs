@@ -34,8 +34,7 @@ impl Texels {
 }
 
 /// Four texels of a list about a point, and the point's place between their centres.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Cell {
     pub a: u32,
     pub b: u32,

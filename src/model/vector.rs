@@ -8,8 +8,8 @@ use glam::DVec3;
 use crate::cube::*;
 
 /// A point, direction or colour.
-#[apply(record!)]
-#[derive(Default, PartialEq)]
+#[apply(zeroed!)]
+#[derive(PartialEq)]
 pub(crate) struct V3 {
     pub x: f32,
     pub y: f32,
@@ -17,16 +17,16 @@ pub(crate) struct V3 {
 }
 
 /// A point or direction in a plane.
-#[apply(record!)]
-#[derive(Default, PartialEq)]
+#[apply(zeroed!)]
+#[derive(PartialEq)]
 pub(crate) struct V2 {
     pub x: f32,
     pub y: f32,
 }
 
 /// Two vectors.
-#[apply(record!)]
-#[derive(Default, PartialEq)]
+#[apply(zeroed!)]
+#[derive(PartialEq)]
 pub(crate) struct Pair {
     pub first: V3,
     pub second: V3,

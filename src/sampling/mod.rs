@@ -7,6 +7,8 @@ mod sampler;
 mod strategies;
 mod stream;
 
+#[cfg(feature = "wgpu")]
+pub(crate) use emitters::EmitterPlace;
 pub(crate) use emitters::{
     Choosing, Chosen, Emitter, EmitterGroup, EmitterHit, EmitterKinds, EmitterLists,
     EmitterTriangle, Emitters, Fixed, LightTree, Met, Receiver, no_emitter_hit,

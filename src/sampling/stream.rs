@@ -10,8 +10,8 @@ use crate::cube::*;
 use crate::model::integers::{Wide, mixed, product, total, wide};
 
 /// Four random numbers.
-#[apply(record!)]
-#[derive(Default, PartialEq)]
+#[apply(zeroed!)]
+#[derive(PartialEq)]
 pub(crate) struct Four {
     pub x: f32,
     pub y: f32,

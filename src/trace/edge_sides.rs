@@ -9,7 +9,7 @@ use crate::model::edge::TOUCHING;
 use crate::model::jumps::{Sides, half_beside, inside};
 
 /// The light on the − side of an edge less that on the + side.
-#[apply(record!)]
+#[apply(zeroed!)]
 pub(crate) struct SideLight {
     pub radiance: V3,
     /// The same of the environment, where it is 1.

@@ -9,10 +9,16 @@ use super::seen::Seen;
 #[cfg(feature = "wgpu")]
 use super::seen::SeenExpand;
 use super::sums::{Sums, add_to_camera};
+#[cfg(feature = "wgpu")]
+use crate::model::camera::CameraRay;
 use crate::model::camera::{Camera, CameraGradient};
 use crate::model::filter::film_kernel;
+#[cfg(feature = "wgpu")]
+use crate::model::filter::sample_filter;
 use crate::model::jumps::Sides;
 use crate::model::{V2, V3, v2};
+#[cfg(feature = "wgpu")]
+use crate::sampling::Four;
 
 /// A point of an edge, and how the camera sees it through a point of its lens.
 #[apply(record!)]
@@ -36,6 +42,22 @@ pub(crate) struct FilmPoint {
 pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
     let width = scene.width;
     v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
+}
+
+/// The camera ray of a pixel, for two random numbers of the film and a point of the lens.
+#[cfg(feature = "wgpu")]
+#[cube]
+pub(crate) fn camera_ray(
+    scene: &Scene,
+    c: &Camera,
+    drawn: Four,
+    lens: V2,
+    pixel: u32,
+) -> CameraRay {
+    let middle = middle_of(scene, pixel);
+    let x = middle.x + sample_filter(scene.filter, 0usize, drawn.x);
+    let y = middle.y + sample_filter(scene.filter, 0usize, drawn.y);
+    c.ray(x, y, lens.x, lens.y)
 }
 
 /// A point of an edge by its place on it and 1 over the density of that.
@@ -90,7 +112,7 @@ impl FilmPoint {
     /// Adds the derivatives by the jump from one side to the other, of a loss that depends on what is seen.
     #[inline(always)]
     pub fn backward(&self, scene: &Scene, sums: &Sums, c: &Camera, jump: f32, time: f32) {
-        let mut by_camera = CameraGradient::none();
+        let mut by_camera = CameraGradient::default();
         let scale = jump * self.point.per_density;
         let by_film = v2(self.along.y * scale, -self.along.x * scale);
         let lens = self.lens;

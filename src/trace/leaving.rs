@@ -12,8 +12,7 @@ use crate::model::cone::{Bend, bend, bend_backward, lifted};
 use crate::model::{V3, splat};
 
 /// A ray with which a path leaves a surface point.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Leaving {
     /// Whether the path goes on.
     pub goes_on: bool,

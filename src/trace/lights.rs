@@ -183,8 +183,7 @@ pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3
 }
 
 /// Light that was seen: f·cos θ at the surface, and the divisor of the sample.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Arrived {
     pub reflected: V3,
     pub density: f32,

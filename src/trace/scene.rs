@@ -234,8 +234,7 @@ pub(crate) const UNIT: usize = 23;
 pub(crate) const DUAL: u32 = 24;
 
 /// A triangle, in inner coordinates at the start of the shutter.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Triangle {
     pub a: V3,
     pub b: V3,

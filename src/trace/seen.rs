@@ -4,8 +4,8 @@ use crate::cube::*;
 use crate::model::V3;
 
 /// The surface that a camera ray sees, and the light that its path brings back; or the derivatives of a loss by these.
-#[apply(record!)]
-#[derive(Default, PartialEq)]
+#[apply(zeroed!)]
+#[derive(PartialEq)]
 pub(crate) struct Seen {
     pub radiance: V3,
     /// 1 where there is a surface.
@@ -14,6 +14,18 @@ pub(crate) struct Seen {
     pub depth: f32,
     /// Its geometric normal on the side that is seen.
     pub normal: V3,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Seen {
+    /// The sum of the sizes of all numbers.
+    #[inline(always)]
+    pub fn size(&self) -> f32 {
+        self.radiance.abs().element_sum()
+            + self.opacity.abs()
+            + self.depth.abs()
+            + self.normal.abs().element_sum()
+    }
 }
 
 impl Seen {

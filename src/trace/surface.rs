@@ -20,8 +20,7 @@ use crate::model::{Pair, V2, V3, splat, v2, v3};
 use crate::sampling::Receiver;
 
 /// A point that a ray hit.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Point {
     pub triangle: u32,
     pub material: u32,
@@ -41,8 +40,7 @@ pub(crate) struct Point {
 }
 
 /// Derivatives by a surface point, but for those that its incoming ray takes part in.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct PointGradient {
     pub position: V3,
     pub geometric: V3,
@@ -51,28 +49,8 @@ pub(crate) struct PointGradient {
     pub emission: V3,
 }
 
-#[cfg(feature = "wgpu")]
-#[cube]
-pub(crate) fn no_point_gradient() -> PointGradient {
-    let zero = splat(0.0f32.runtime());
-    PointGradient {
-        position: zero,
-        geometric: zero,
-        shading: ShadingGradient {
-            geometric: zero,
-            normal: zero,
-            incoming: zero,
-            diffuse: zero,
-            specular: zero,
-            exponent: 0.0f32.runtime(),
-        },
-        emission: zero,
-    }
-}
-
 /// Derivatives by a ray.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct RayGradient {
     pub origin: V3,
     pub direction: V3,
@@ -107,8 +85,7 @@ pub(crate) fn on_triangle(tri: &Triangle, shift: V3, near: V3, direction: V3) ->
 }
 
 /// A triangle that a ray hit, from a distance along a direction, and its material.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct HitTriangle {
     pub triangle: u32,
     pub material: u32,
@@ -325,10 +302,7 @@ pub(crate) fn point_backward(
             by_uv.y += more.y;
         }
     }
-    let mut by_ray = RayGradient {
-        origin: splat(0.0),
-        direction: splat(0.0),
-    };
+    let mut by_ray = RayGradient::default();
     if comptime!(sums.of.rays) {
         let by_corners = corners_backward(scene, sums, p, by_uv, by_colour, shade.normal);
         let by_place = by_corners.place;

@@ -326,7 +326,6 @@ impl PixelGradients {
 
 /// How much a loss depends on a pixel; one whose derivative is not finite does not count.
 fn weight(g: &Seen) -> f32 {
-    let seen = g.radiance.abs().element_sum() + g.opacity.abs() + g.depth.abs();
-    let weight = seen + g.normal.abs().element_sum();
+    let weight = g.size();
     if weight.is_finite() { weight } else { 0.0 }
 }

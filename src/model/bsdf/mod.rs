@@ -41,8 +41,7 @@ models! {
 }
 
 /// A shaded point: directions, and what its material is there.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Shading {
     /// Unit normals on the side that the ray came from.
     pub geometric: V3,
@@ -91,8 +90,7 @@ impl Shading {
 }
 
 /// Derivatives by what a shaded point is made of.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct ShadingGradient {
     pub geometric: V3,
     pub normal: V3,

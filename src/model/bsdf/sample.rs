@@ -8,8 +8,7 @@ use crate::model::frame::{sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
 
 /// A direction drawn from the BSDF.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Scatter {
     pub direction: V3,
     /// f·cos θ over the density of the direction.

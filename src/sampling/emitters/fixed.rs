@@ -19,8 +19,7 @@ pub(crate) struct Fixed<'a> {
 }
 
 /// A choice that was made, its probability, and what is left of the random number.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Chosen {
     pub emitter: u32,
     pub chance: f32,

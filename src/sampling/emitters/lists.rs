@@ -124,8 +124,7 @@ pub(crate) fn no_emitter_hit() -> EmitterHit {
 }
 
 /// A choice among few emitters, which passes one after another.
-#[apply(record!)]
-#[derive(Default)]
+#[apply(zeroed!)]
 pub(crate) struct Choosing {
     emitter: u32,
     chance: f32,

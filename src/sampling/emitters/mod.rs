@@ -5,6 +5,8 @@ mod fixed;
 mod groups;
 mod lists;
 mod many;
+#[cfg(feature = "wgpu")]
+mod places;
 mod powers;
 #[cfg(test)]
 mod tests;
@@ -15,8 +17,7 @@ use crate::accel::LANES;
 use crate::accel::eights::NONE;
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
-pub(crate) use fixed::Chosen;
-pub(crate) use fixed::Fixed;
+pub(crate) use fixed::{Chosen, Fixed};
 pub(crate) use groups::EmitterGroup;
 use groups::group;
 use lists::FEW;
@@ -26,6 +27,8 @@ pub(crate) use lists::{
 };
 use many::ManyEmitters;
 pub(crate) use many::Met;
+#[cfg(feature = "wgpu")]
+pub(crate) use places::EmitterPlace;
 use powers::{powers_of_lights, running_sums};
 pub(crate) use tree::LightTree;
 

@@ -195,3 +195,47 @@ fn rays_meet_all_emitters() {
     }
     assert!(count > 100, "{count}");
 }
+
+/// Kernels find the emitters that a ray hits one after another, the host all at once.
+#[cfg(feature = "wgpu")]
+#[test]
+fn the_same_emitters_lie_along_a_ray() {
+    let (triangles, lights) = many();
+    let few = triangles[..30].to_vec();
+    let mut counted = 0;
+    for triangles in [triangles, few] {
+        let all = Emitters::new(
+            triangles,
+            lights.clone(),
+            (false, 1.0),
+            EmitterSampling::SolidAngle,
+        );
+        let (lists, mut met) = (all.lists(), Met::default());
+        let mut room = vec![0; EmitterKinds::MOST_ROOM];
+        for k in 0..200 {
+            let (a, b) = ((0.37 * k as f32).sin(), (0.61 * k as f32).cos());
+            let at = Receiver {
+                position: v3(a, -b, 0.2 - a * b),
+                normal: v3(0.0, 0.0, 1.0),
+                time: 0.0,
+            };
+            let direction = v3(b, a + 0.1, b - a).normalize();
+            let mut wanted = Vec::new();
+            all.each_hit_of_all(&at, direction, &mut met, |hit| wanted.push(hit.emitter));
+            wanted.sort_unstable();
+            let share = lists.look(&at, &mut room);
+            let (mut found, mut from) = (Vec::new(), 0);
+            loop {
+                let place = lists.place_along(from, direction, &at, share, &mut room);
+                if place.emitter == NONE {
+                    break;
+                }
+                found.push(place.emitter);
+                from = place.emitter + 1;
+            }
+            assert_eq!(found, wanted);
+            counted += found.len();
+        }
+    }
+    assert!(counted > 20, "{counted}");
+}
