@@ -1,9 +1,10 @@
 //! Paths, backward: derivatives by everything that they hit, level by level from their last points to the camera.
 
+use std::ops::Deref;
+
 use macro_rules_attribute::apply;
 
-use super::view::Tracer;
-use super::walk::{Back, Level, LightSample, Path, Seen, Walks, Way, Work};
+use super::walk::{Back, Level, PathBlock, Seen, Walks, Way, Work};
 use crate::accel::{NOTHING, stage};
 use crate::model::V3;
 use crate::model::camera::CameraGradient;
@@ -13,50 +14,67 @@ use crate::trace::{
     map_backward, middle_of, point_backward, seen_backward, sky_backward, target_of,
 };
 
-impl Tracer<'_> {
-    /// Goes back along paths that were kept: adds the derivatives of the light that each brought, times its part of
-    /// `upstream`. `typical` is how much the loss depends on a camera ray's light on average.
-    pub(super) fn walks_backward(
-        &self,
-        paths: &[Path],
-        walks: &Walks,
-        upstream: &[&Seen],
-        typical: f32,
-        work: &mut Work,
-        sums: &Sums,
-    ) {
+/// Paths that left records, on their way back.
+pub(super) struct Return<'a> {
+    pub of: PathBlock<'a>,
+    pub walks: &'a Walks,
+    /// The derivatives of the loss by what each path saw.
+    pub upstream: &'a [&'a Seen],
+    /// How much the loss depends on a camera ray's light on average.
+    pub typical: f32,
+    pub sums: &'a Sums<'a>,
+}
+
+impl<'a> Deref for Return<'a> {
+    type Target = PathBlock<'a>;
+
+    #[inline(always)]
+    fn deref(&self) -> &PathBlock<'a> {
+        &self.of
+    }
+}
+
+impl Return<'_> {
+    /// The derivative of the loss by the light of a lane's path.
+    #[inline(always)]
+    pub fn by_light(&self, level: &Level, lane: usize) -> V3 {
+        self.upstream[level.paths[lane] as usize].radiance
+    }
+
+    /// Goes back along the paths: adds the derivatives of the light that each brought, times its part of the loss's.
+    pub fn go_back(&self, work: &mut Work) {
         let mut back = std::mem::take(&mut work.back);
-        find_moving(self, walks, &mut back);
-        let last = &walks.levels[walks.depth - 1];
-        back.begin(last.len);
+        let walks = self.walks;
+        find_moving(self, &mut back);
+        back.begin(walks.levels[walks.depth - 1].len);
         for at in (0..walks.depth).rev() {
             let level = &walks.levels[at];
             back.points.clear();
             back.points.resize(level.len, PointGradient::default());
-            ways_backward(self, level, upstream, &mut back, sums);
+            ways_backward(self, level, &mut back);
             if self.settings.interior {
-                lights_backward(self, paths, level, upstream, &mut back, sums);
+                lights_backward(self, level, &mut back);
             }
             if self.has_edges && !self.features.dark {
-                let g = (upstream, typical);
-                self.edges_backward(paths, level, at as u32, g, &mut back, work, sums);
+                self.edges_backward(level, at as u32, &mut back, work);
             }
             let before = match at {
-                0 => paths.len(),
+                0 => self.paths.len(),
                 _ => walks.levels[at - 1].len,
             };
             back.step(before);
-            points_backward(self, paths, level, at == 0, upstream, &mut back, sums);
+            points_backward(self, level, at == 0, &mut back);
         }
-        cameras_backward(self, paths, walks, upstream, &back, sums);
+        cameras_backward(self, &back);
         work.back = back;
     }
 }
 
 /// Finds the points of paths that move, or from which the rays on turn: those behind a point that moves do.
 #[apply(stage!)]
-fn find_moving<'a>(tracer: &'a Tracer<'a>, walks: &'a Walks, back: &'a mut Back) {
-    let of = &tracer.wanted.of;
+fn find_moving<'a>(to: &'a Return<'a>, back: &'a mut Back) {
+    let walks = to.walks;
+    let of = &to.wanted.of;
     back.moves.resize_with(walks.depth, Vec::new);
     for (at, level) in walks.levels[..walks.depth].iter().enumerate() {
         let (before, rest) = back.moves.split_at_mut(at);
@@ -68,20 +86,14 @@ fn find_moving<'a>(tracer: &'a Tracer<'a>, walks: &'a Walks, back: &'a mut Back)
                 None => of.camera,
             };
             let point = level.points.get(lane);
-            moves.push(followed || tracer.lists.is_wanted(point.object));
+            moves.push(followed || to.lists.is_wanted(point.object));
         }
     }
 }
 
 /// Back over the rays with which paths leave their points.
 #[apply(stage!)]
-fn ways_backward<'a>(
-    tracer: &'a Tracer<'a>,
-    level: &'a Level,
-    upstream: &'a [&'a Seen],
-    back: &'a mut Back,
-    sums: &'a Sums<'a>,
-) {
+fn ways_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
     for lane in 0..level.len {
         let (by_next, by_leaving) = (back.throughputs[lane], back.rays[lane]);
         back.throughputs[lane] = V3::ZERO;
@@ -89,10 +101,10 @@ fn ways_backward<'a>(
             continue;
         }
         let left = level.leavings.get(lane);
-        let escaped = level.ways[lane] == Way::Escaped && tracer.settings.interior;
+        let escaped = level.ways[lane] == Way::Escaped && to.settings.interior;
         back.throughputs[lane] = leave_backward(
-            &tracer.lists,
-            sums,
+            &to.lists,
+            to.sums,
             &level.points.get(lane),
             &level.scatters.get(lane),
             &left.bend,
@@ -101,7 +113,7 @@ fn ways_backward<'a>(
             level.throughputs.get(lane),
             by_next,
             by_leaving,
-            upstream[level.paths[lane] as usize].radiance,
+            to.by_light(level, lane),
             &mut back.points[lane],
         );
     }
@@ -109,76 +121,30 @@ fn ways_backward<'a>(
 
 /// Back over light from emitters, delta lights and maps.
 #[apply(stage!)]
-fn lights_backward<'a>(
-    tracer: &'a Tracer<'a>,
-    paths: &'a [Path<'a>],
-    level: &'a Level,
-    upstream: &'a [&'a Seen],
-    back: &'a mut Back,
-    sums: &'a Sums<'a>,
-) {
+fn lights_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
+    let lists = &to.lists;
     for light in &level.lights {
-        let path = level.paths[light.lane as usize] as usize;
-        let (g, time) = (upstream[path].radiance, paths[path].time);
-        let by_throughput = if light.emitter == NONE {
-            of_map(tracer, level, light, g, back, sums)
+        let lane = light.lane as usize;
+        let (g, time) = (to.by_light(level, lane), to.path(level, lane).time);
+        let (point, carried) = (&level.points.get(lane), level.throughputs.get(lane));
+        let (k, weights, arrived) = (light.emitter, light.weights, light.arrived);
+        let (by, sums) = (&mut back.points[lane], to.sums);
+        back.throughputs[lane] += if k == NONE {
+            let target = Target::of_map(light.direction);
+            map_backward(lists, sums, point, target, arrived, carried, g, by)
         } else {
-            of_emitter(tracer, level, light, time, g, back, sums)
+            let target = target_of(lists, k, weights, point.position, time, false);
+            light_backward(
+                lists, sums, point, k, weights, target, arrived, carried, time, g, by,
+            )
         };
-        back.throughputs[light.lane as usize] += by_throughput;
     }
-}
-
-/// Back over light from an emitter or a delta light.
-#[inline(always)]
-fn of_emitter<'a>(
-    tracer: &'a Tracer<'a>,
-    level: &'a Level,
-    light: &'a LightSample,
-    time: f32,
-    g: V3,
-    back: &'a mut Back,
-    sums: &'a Sums<'a>,
-) -> V3 {
-    let (lists, lane) = (&tracer.lists, light.lane as usize);
-    let (k, weights, arrived) = (light.emitter, light.weights, light.arrived);
-    let (point, carried) = (level.points.get(lane), level.throughputs.get(lane));
-    let target = target_of(lists, k, weights, point.position, time, false);
-    let by = &mut back.points[lane];
-    light_backward(
-        lists, sums, &point, k, weights, target, arrived, carried, time, g, by,
-    )
-}
-
-/// Back over light of a map along a direction.
-#[inline(always)]
-fn of_map<'a>(
-    tracer: &'a Tracer<'a>,
-    level: &'a Level,
-    light: &'a LightSample,
-    g: V3,
-    back: &'a mut Back,
-    sums: &'a Sums<'a>,
-) -> V3 {
-    let (lists, lane) = (&tracer.lists, light.lane as usize);
-    let target = Target::of_map(light.direction);
-    let (point, carried) = (level.points.get(lane), level.throughputs.get(lane));
-    let by = &mut back.points[lane];
-    map_backward(lists, sums, &point, target, light.arrived, carried, g, by)
 }
 
 /// Back over points to the rays that came to them.
 #[apply(stage!)]
-fn points_backward<'a>(
-    tracer: &'a Tracer<'a>,
-    paths: &'a [Path<'a>],
-    level: &'a Level,
-    first: bool,
-    upstream: &'a [&'a Seen],
-    back: &'a mut Back,
-    sums: &'a Sums<'a>,
-) {
-    let interior = tracer.settings.interior;
+fn points_backward<'a>(to: &'a Return<'a>, level: &'a Level, first: bool, back: &'a mut Back) {
+    let interior = to.settings.interior;
     for lane in 0..level.len {
         let point = level.points.get(lane);
         // Light ends where nothing is reflected.
@@ -189,43 +155,36 @@ fn points_backward<'a>(
         let by = &mut back.points[lane];
         let mut by_t = 0.0;
         if first && interior {
-            by_t = seen_backward(&tracer.lists, sums, &point, upstream[path], by);
+            by_t = seen_backward(&to.lists, to.sums, &point, to.upstream[path], by);
         }
-        let time = paths[path].time;
+        let time = to.paths[path].time;
         let before = level.before[lane] as usize;
         back.throughputs_before[before] = back.throughputs[lane];
-        back.rays_before[before] = point_backward(&tracer.lists, sums, &point, time, by, by_t);
+        back.rays_before[before] = point_backward(&to.lists, to.sums, &point, time, by, by_t);
     }
     back.swap();
 }
 
 /// Back over camera rays, with the light of the environment that they see.
 #[apply(stage!)]
-fn cameras_backward<'a>(
-    tracer: &'a Tracer<'a>,
-    paths: &'a [Path<'a>],
-    walks: &'a Walks,
-    upstream: &'a [&'a Seen],
-    back: &'a Back,
-    sums: &'a Sums<'a>,
-) {
-    let (lists, of) = (&tracer.lists, &tracer.wanted.of);
-    let sky = of.sky || (of.camera && tracer.features.sky_map);
-    for (i, path) in paths.iter().enumerate() {
-        let ray = walks.cameras.get(i);
+fn cameras_backward<'a>(to: &'a Return<'a>, back: &'a Back) {
+    let (lists, of) = (&to.lists, &to.wanted.of);
+    let sky = of.sky || (of.camera && to.features.sky_map);
+    for (i, path) in to.paths.iter().enumerate() {
+        let ray = to.walks.cameras.get(i);
         let mut by = back.rays[i];
-        if walks.list[i].seen == NOTHING {
-            if !tracer.settings.interior || !sky {
+        if to.walks.list[i].seen == NOTHING {
+            if !to.settings.interior || !sky {
                 continue;
             }
-            by.direction = sky_backward(lists, sums, ray.direction, upstream[i].radiance);
+            by.direction = sky_backward(lists, to.sums, ray.direction, to.upstream[i].radiance);
         }
         if of.camera {
             let mut gradient = CameraGradient::default();
             let pixel = middle_of(lists, path.numbers.path().0);
             let (origin, direction) = (by.origin, by.direction);
-            (tracer.camera).ray_backward(&ray, pixel, origin, direction, &mut gradient);
-            add_to_camera(sums, &gradient);
+            (to.camera).ray_backward(&ray, pixel, origin, direction, &mut gradient);
+            add_to_camera(to.sums, &gradient);
         }
     }
 }

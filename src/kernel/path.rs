@@ -5,8 +5,7 @@ use macro_rules_attribute::apply;
 
 use super::direct::{direct_from_emitters, direct_from_map};
 use super::eights::{self, Eight};
-use super::view::Tracer;
-use super::walk::{Level, Path, Walk, Walks, Way, Work};
+use super::walk::{Level, PathBlock, Walk, Walks, Way, Work};
 use crate::accel::{Hit, HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
 use crate::model::{V3, v2};
@@ -15,22 +14,17 @@ use crate::trace::{
     HitTriangle, Point, Triangle, emitted, hit_triangle, leave, middle_of, point_at, sky,
 };
 
-impl Tracer<'_> {
-    /// Traces paths from their camera rays to their ends; all levels stay, if they are to be kept.
-    pub(super) fn camera_walks(
-        &self,
-        paths: &[Path],
-        walks: &mut Walks,
-        keep: bool,
-        work: &mut Work,
-    ) {
-        walks.clear(paths.len());
-        leave_cameras(self, paths, walks, work);
+impl PathBlock<'_> {
+    /// Traces paths from their camera rays to their ends.
+    pub(super) fn camera_walks(&mut self, walks: &mut Walks, work: &mut Work) {
+        let count = self.paths.len();
+        walks.clear(count);
+        leave_cameras(self, walks, work);
         self.find_hits::<false>(work);
-        work.counts.rays += paths.len() as u64;
-        work.counts.add_bounces_at(0, paths.len());
-        begin(self, paths, walks, work);
-        self.reflected(paths, walks, 0, keep, work);
+        work.counts.rays += count as u64;
+        work.counts.add_bounces_at(0, count);
+        begin(self, walks, work);
+        self.reflected(walks, work);
     }
 
     /// The hits of all rays.
@@ -40,41 +34,34 @@ impl Tracer<'_> {
         (scene.hierarchy).hits::<ANY, false>(self.arch, holes, &work.rays, hits);
     }
 
-    /// Adds the light that the surface points of the first level reflect towards the points that see them, after some
-    /// bounces, times their throughputs.
-    pub(super) fn reflected(
-        &self,
-        paths: &[Path],
-        walks: &mut Walks,
-        bounce: u32,
-        keep: bool,
-        work: &mut Work,
-    ) {
+    /// Adds the light that the surface points of the first level reflect towards the points that see them, times their
+    /// throughputs.
+    pub(super) fn reflected(&mut self, walks: &mut Walks, work: &mut Work) {
         if self.features.dark {
             return;
         }
-        let (mut bounce, mut at) = (bounce, 0);
-        draw_emitters(paths, &mut walks.levels[0], bounce);
+        let mut at = 0;
+        self.draw_emitters(&mut walks.levels[0]);
         while walks.levels[at].len > 0 {
-            let last = bounce >= self.settings.bounces;
+            let last = self.bounce >= self.settings.bounces;
             let goes_on = !last || self.features.sees_sky;
             let level = &mut walks.levels[at];
-            scatter(self, paths, level, bounce, goes_on);
-            self.gather_lights(paths, level, &mut walks.list, bounce, keep, work);
+            scatter(self, level, goes_on);
+            self.gather_lights(level, &mut walks.list, work);
             if !goes_on {
                 return;
             }
-            leave_surfaces(self, paths, level, bounce, last, work);
+            leave_surfaces(self, level, last, work);
             work.counts.rays += work.rays.len() as u64;
             if last {
                 self.find_hits::<true>(work);
                 escape(self, level, &mut walks.list, work);
                 return;
             }
-            bounce += 1;
+            self.bounce += 1;
             self.find_hits::<false>(work);
-            work.counts.add_bounces_at(bounce, work.rays.len());
-            let next = if keep { at + 1 } else { 1 - at };
+            work.counts.add_bounces_at(self.bounce, work.rays.len());
+            let next = if self.keep { at + 1 } else { 1 - at };
             let [from, to] = walks.levels_at(at, next);
             arrive(self, from, to, work);
             if self.features.sees_sky {
@@ -85,24 +72,25 @@ impl Tracer<'_> {
         }
     }
 
+    /// Draws the random numbers for the emitters that the first points are connected to.
+    fn draw_emitters(&self, level: &mut Level) {
+        for lane in 0..level.len {
+            let numbers = &self.path(level, lane).numbers;
+            let drawn = numbers.draw(Dimensions::emitter(self.bounce));
+            level.emitters.set(lane, v2(drawn.z, drawn.w));
+        }
+    }
+
     /// Adds the light of lights that paths are connected to where they are.
-    fn gather_lights(
-        &self,
-        paths: &[Path],
-        level: &mut Level,
-        list: &mut [Walk],
-        bounce: u32,
-        keep: bool,
-        work: &mut Work,
-    ) {
+    fn gather_lights(&self, level: &mut Level, list: &mut [Walk], work: &mut Work) {
         work.rays.clear();
         work.candidates.clear();
         work.samples.clear();
         if self.features.emitters {
-            direct_from_emitters(self, paths, level, bounce, keep, work);
+            direct_from_emitters(self, level, work);
         }
         if self.features.gathers_map {
-            direct_from_map(self, paths, level, bounce, keep, work);
+            direct_from_map(self, level, work);
         }
         self.find_hits::<true>(work);
         work.counts.rays += work.rays.len() as u64;
@@ -111,11 +99,9 @@ impl Tracer<'_> {
                 list[candidate.path as usize].radiance += candidate.light;
             }
         }
-        for (sample, blocker) in work.samples.iter().zip(&work.hits) {
-            if blocker.triangle == NOTHING {
-                level.lights.push(*sample);
-            }
-        }
+        let seen = work.samples.iter().zip(&work.hits);
+        let seen = seen.filter(|(_, blocker)| blocker.triangle == NOTHING);
+        level.lights.extend(seen.map(|(sample, _)| *sample));
     }
 
     /// The point that a ray hit.
@@ -125,34 +111,20 @@ impl Tracer<'_> {
         let near = origin + direction * t;
         point_at(&self.lists, hit.triangle, near, t, direction, ray.time)
     }
-
-    /// Two pairs of random numbers, for the cones of a bounce and of a shadow ray.
-    #[inline(always)]
-    pub(super) fn cone_numbers(&self, path: &Path, bounce: u32) -> Four {
-        match &path.cones {
-            Some(numbers) => numbers.draw(Dimensions::of_set(bounce)),
-            None => Four::default(),
-        }
-    }
 }
 
 /// Makes the camera rays of paths.
 #[apply(stage!)]
-fn leave_cameras<'a>(
-    tracer: &'a Tracer<'a>,
-    paths: &'a [Path<'a>],
-    walks: &'a mut Walks,
-    work: &'a mut Work,
-) {
+fn leave_cameras<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     work.rays.clear();
-    for (i, path) in paths.iter().enumerate() {
+    for (i, path) in of.paths.iter().enumerate() {
         let numbers = &path.numbers;
         let drawn = numbers.draw(Dimensions::film());
-        let middle = middle_of(&tracer.lists, numbers.path().0);
-        let x = middle.x + tracer.filter.sample(drawn.x);
-        let y = middle.y + tracer.filter.sample(drawn.y);
-        let lens = tracer.lens_point(numbers);
-        let ray = tracer.camera.ray(x, y, lens.x, lens.y);
+        let middle = middle_of(&of.lists, numbers.path().0);
+        let x = middle.x + of.filter.sample(drawn.x);
+        let y = middle.y + of.filter.sample(drawn.y);
+        let lens = of.lens_point(numbers);
+        let ray = of.camera.ray(x, y, lens.x, lens.y);
         let (origin, direction) = (ray.origin, ray.direction);
         let on = HitRay::new(origin, direction, path.time, f32::INFINITY);
         work.rays.push(on);
@@ -162,18 +134,13 @@ fn leave_cameras<'a>(
 
 /// Takes paths to the first surfaces that their rays hit, and adds the light that these emit, or that of the environment.
 #[apply(stage!)]
-fn begin<'a>(
-    tracer: &'a Tracer<'a>,
-    paths: &'a [Path<'a>],
-    walks: &'a mut Walks,
-    work: &'a mut Work,
-) {
-    let lists = &tracer.lists;
+fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
+    let lists = &of.lists;
     let Walks { list, levels, .. } = walks;
     let first = &mut levels[0];
     let mut rays = std::mem::take(&mut work.arriving);
     rays.clear();
-    for i in 0..paths.len() {
+    for i in 0..of.paths.len() {
         if work.hits[i].triangle == NOTHING {
             list[i].radiance = sky(lists, work.rays[i].direction.into());
         } else {
@@ -181,7 +148,7 @@ fn begin<'a>(
             first.add(i as u32, i as u32, V3::ONE);
         }
     }
-    points(tracer, first, &rays, work);
+    points(of, first, &rays, work);
     work.arriving = rays;
     for (lane, &path) in first.paths.iter().enumerate() {
         let (walk, point) = (&mut list[path as usize], first.points.get(lane));
@@ -192,19 +159,19 @@ fn begin<'a>(
 
 /// Finds the points that rays hit, one for each lane of a level.
 #[inline(always)]
-fn points(tracer: &Tracer, level: &mut Level, rays: &[u32], work: &Work) {
-    let lists = &tracer.lists;
+fn points(of: &PathBlock, level: &mut Level, rays: &[u32], work: &Work) {
+    let lists = &of.lists;
     let plain = lists.features.plain_points();
     for first in (0..level.len).step_by(LANES) {
         let lanes = first..level.len.min(first + LANES);
-        let of = |lane: usize| {
+        let hit_of = |lane: usize| {
             let k = rays[lane] as usize;
             (work.hits[k], &work.rays[k])
         };
         if !plain {
             for lane in lanes {
-                let (hit, ray) = of(lane);
-                level.points.set(lane, tracer.point(hit, ray));
+                let (hit, ray) = hit_of(lane);
+                level.points.set(lane, of.point(hit, ray));
             }
             continue;
         }
@@ -212,7 +179,7 @@ fn points(tracer: &Tracer, level: &mut Level, rays: &[u32], work: &Work) {
         let mut hits = Eight::<HitTriangle>::default();
         let [mut shifts, mut nears] = [Eight::<V3>::default(); 2];
         for lane in lanes {
-            let (Hit { t, triangle }, ray) = of(lane);
+            let (Hit { t, triangle }, ray) = hit_of(lane);
             let (origin, direction) = (V3::from(ray.origin), V3::from(ray.direction));
             let hit = hit_triangle(lists, triangle, t, direction);
             lists
@@ -226,25 +193,10 @@ fn points(tracer: &Tracer, level: &mut Level, rays: &[u32], work: &Work) {
     }
 }
 
-/// Draws the random numbers for the emitters that the first points are connected to.
-fn draw_emitters(paths: &[Path], level: &mut Level, bounce: u32) {
-    for lane in 0..level.len {
-        let numbers = &paths[level.paths[lane] as usize].numbers;
-        let drawn = numbers.draw(Dimensions::emitter(bounce));
-        level.emitters.set(lane, v2(drawn.z, drawn.w));
-    }
-}
-
 /// Draws the directions in which paths go on.
 #[apply(stage!)]
-fn scatter<'a>(
-    tracer: &'a Tracer<'a>,
-    paths: &'a [Path<'a>],
-    level: &'a mut Level,
-    bounce: u32,
-    goes_on: bool,
-) {
-    let always = goes_on || tracer.features.gathers_map;
+fn scatter<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, goes_on: bool) {
+    let always = goes_on || of.features.gathers_map;
     let mut drawn = Eight::<Four>::default();
     for first in (0..level.len).step_by(LANES) {
         let lanes = first..level.len.min(first + LANES);
@@ -253,8 +205,8 @@ fn scatter<'a>(
             continue;
         }
         for lane in lanes.clone() {
-            let numbers = &paths[level.paths[lane] as usize].numbers;
-            let own = numbers.draw(Dimensions::direction(bounce));
+            let numbers = of.path(level, lane).numbers;
+            let own = numbers.draw(Dimensions::direction(of.bounce));
             level.ahead.set(lane, v2(own.z, own.w));
             own.set(&mut drawn, lane);
         }
@@ -266,11 +218,11 @@ fn scatter<'a>(
         for lane in lanes {
             let point = level.points.get(lane);
             let glossy = point.shading.glossy;
-            if point.reflects && (always || (tracer.features.combined && glossy)) {
+            if point.reflects && (always || (of.features.combined && glossy)) {
                 let mut lobe = 0.0;
                 if glossy {
-                    let numbers = &paths[level.paths[lane] as usize].numbers;
-                    lobe = numbers.draw(Dimensions::choices(bounce)).x;
+                    let numbers = of.path(level, lane).numbers;
+                    lobe = numbers.draw(Dimensions::choices(of.bounce)).x;
                 }
                 let own = Four::get(&drawn, lane);
                 let scatter = point.shading.sample(own.x, own.y, lobe);
@@ -282,18 +234,11 @@ fn scatter<'a>(
 
 /// Makes the rays with which paths leave their points.
 #[apply(stage!)]
-fn leave_surfaces<'a>(
-    tracer: &'a Tracer<'a>,
-    paths: &'a [Path<'a>],
-    level: &'a mut Level,
-    bounce: u32,
-    last: bool,
-    work: &'a mut Work,
-) {
+fn leave_surfaces<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool, work: &'a mut Work) {
     work.rays.clear();
     work.lanes.clear();
-    let lists = &tracer.lists;
-    let plays = tracer.features.roulette && bounce >= lists.roulette_after && !last;
+    let lists = &of.lists;
+    let plays = of.features.roulette && of.bounce >= lists.roulette_after && !last;
     let sharp = !plays && !lists.features.cones;
     for first in (0..level.len).step_by(LANES) {
         let lanes = first..level.len.min(first + LANES);
@@ -307,17 +252,19 @@ fn leave_surfaces<'a>(
             if !points.reflects[lane % LANES] {
                 continue;
             }
-            let path = &paths[level.paths[lane] as usize];
+            let path = of.path(level, lane);
             if !at_once {
                 let u = if plays {
-                    path.numbers.draw(Dimensions::choices(bounce)).y
+                    path.numbers.draw(Dimensions::choices(of.bounce)).y
                 } else {
                     0.0
                 };
-                let cone = tracer.cone_numbers(path, bounce);
+                let cone = of.cone_numbers(path);
                 let (point, scatter) = (level.points.get(lane), level.scatters.get(lane));
                 let before = level.throughputs.get(lane);
-                let left = leave(lists, &point, &scatter, before, bounce, u, cone.x, cone.y);
+                let left = leave(
+                    lists, &point, &scatter, before, of.bounce, u, cone.x, cone.y,
+                );
                 level.leavings.set(lane, left);
             }
             let left = level.leavings.get(lane);
@@ -334,7 +281,7 @@ fn leave_surfaces<'a>(
 
 /// Takes paths to the next surfaces that their rays hit.
 #[apply(stage!)]
-fn arrive<'a>(tracer: &'a Tracer<'a>, from: &'a Level, to: &'a mut Level, work: &'a mut Work) {
+fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &'a mut Work) {
     to.clear(work.rays.len());
     let mut rays = std::mem::take(&mut work.arriving);
     rays.clear();
@@ -347,18 +294,18 @@ fn arrive<'a>(tracer: &'a Tracer<'a>, from: &'a Level, to: &'a mut Level, work: 
             to.add(from.paths[from_lane], lane, throughput);
         }
     }
-    points(tracer, to, &rays, work);
+    points(of, to, &rays, work);
     work.arriving = rays;
 }
 
 /// Adds the light of the environment where rays hit nothing.
 #[apply(stage!)]
-fn escape<'a>(tracer: &'a Tracer<'a>, level: &'a mut Level, list: &'a mut [Walk], work: &'a Work) {
+fn escape<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, list: &'a mut [Walk], work: &'a Work) {
     for (&lane, hit) in work.lanes.iter().zip(&work.hits) {
         if hit.triangle == NOTHING {
             let lane = lane as usize;
             let left = level.leavings.get(lane);
-            let light = left.throughput * sky(&tracer.lists, left.bend.direction);
+            let light = left.throughput * sky(&of.lists, left.bend.direction);
             list[level.paths[lane] as usize].radiance += light;
             level.ways[lane] = Way::Escaped;
         }

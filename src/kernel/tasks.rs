@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use macro_rules_attribute::apply;
 
+use super::backward::Return;
 use super::gradient::HostSums;
 use super::view::{Tracer, View};
-use super::walk::{Path, Seen, TOGETHER, Walks, Work};
+use super::walk::{Path, PathBlock, Seen, TOGETHER, Walks, Work};
 use crate::accel::stage;
 use crate::sampling::{Numbers, RUN, Run};
 
@@ -28,7 +29,8 @@ impl View {
                 let runs = draw_runs(&tracer, pixels, samples.start);
                 let cones = self.cones(&runs, &samples);
                 let paths = self.paths(&runs, &cones, &samples);
-                tracer.camera_walks(&paths, &mut walks, false, work);
+                let mut of = PathBlock::new(&tracer, &paths, false);
+                of.camera_walks(&mut walks, work);
                 for (k, walk) in walks.list.iter().enumerate() {
                     let i = block * together + k / samples.len();
                     walk.add_to(&mut all[i]);
@@ -74,12 +76,20 @@ impl View {
                 let runs = draw_runs(&tracer, pixels, samples.start);
                 let cones = self.cones(&runs, &samples);
                 let paths = self.paths(&runs, &cones, &samples);
-                tracer.camera_walks(&paths, &mut walks, true, work);
+                let mut of = PathBlock::new(&tracer, &paths, true);
+                of.camera_walks(&mut walks, work);
                 let of_paths = gradients
                     .iter()
                     .flat_map(|&g| samples.clone().map(move |_| g));
                 let upstream: Vec<&Seen> = of_paths.collect();
-                tracer.walks_backward(&paths, &walks, &upstream, typical, work, sums);
+                let back = Return {
+                    of,
+                    walks: &walks,
+                    upstream: &upstream,
+                    typical,
+                    sums,
+                };
+                back.go_back(work);
             }
         }
     }

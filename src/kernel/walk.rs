@@ -1,12 +1,15 @@
 //! The state of paths on their way, bounce by bounce, which is also the record that they leave for the backward pass.
 
+use std::ops::Deref;
+
 use super::eights::Eight;
+use super::view::Tracer;
 use crate::accel::{Hit, HitRay, NOTHING};
 use crate::lanes::Block;
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
 use crate::model::{V2, V3};
-use crate::sampling::{EmitterKinds, Met, Numbers};
+use crate::sampling::{Dimensions, EmitterKinds, Four, Met, Numbers};
 pub(crate) use crate::trace::Seen;
 use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient, SideLight};
 
@@ -21,6 +24,50 @@ pub(crate) struct Path<'a> {
     /// Random numbers for the kernels of cones.
     pub cones: Option<&'a Numbers<'static>>,
     pub time: f32,
+}
+
+/// Paths that go together after some bounces, through what they go, and whether they leave records.
+pub(super) struct PathBlock<'a> {
+    pub tracer: &'a Tracer<'a>,
+    pub paths: &'a [Path<'a>],
+    pub bounce: u32,
+    pub keep: bool,
+}
+
+impl<'a> Deref for PathBlock<'a> {
+    type Target = Tracer<'a>;
+
+    #[inline(always)]
+    fn deref(&self) -> &Tracer<'a> {
+        self.tracer
+    }
+}
+
+impl<'a> PathBlock<'a> {
+    /// Paths from the camera.
+    pub fn new(tracer: &'a Tracer<'a>, paths: &'a [Path<'a>], keep: bool) -> Self {
+        Self {
+            tracer,
+            paths,
+            bounce: 0,
+            keep,
+        }
+    }
+
+    /// The path of a lane.
+    #[inline(always)]
+    pub fn path(&self, level: &Level, lane: usize) -> &Path<'_> {
+        &self.paths[level.paths[lane] as usize]
+    }
+
+    /// Two pairs of random numbers, for the cones of a path's next ray and of its shadow rays.
+    #[inline(always)]
+    pub fn cone_numbers(&self, path: &Path) -> Four {
+        match &path.cones {
+            Some(numbers) => numbers.draw(Dimensions::of_set(self.bounce)),
+            None => Four::default(),
+        }
+    }
 }
 
 /// What a path saw first, and the light that it brought back so far.
@@ -175,19 +222,6 @@ pub(super) struct LightSample {
     pub weights: V2,
     pub direction: V3,
     pub arrived: Arrived,
-}
-
-impl LightSample {
-    /// A point of an emitter, or a delta light.
-    pub fn of_emitter(lane: u32, emitter: u32, weights: V2) -> Self {
-        Self {
-            lane,
-            emitter,
-            weights,
-            direction: V3::ZERO,
-            arrived: Arrived::default(),
-        }
-    }
 }
 
 /// A point of an emitter along the direction in which a path goes on, and the probability of the emitter.

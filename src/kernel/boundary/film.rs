@@ -9,7 +9,7 @@ use std::ops::Range;
 use macro_rules_attribute::apply;
 
 use super::film_edges::FilmEdges;
-use super::jumps::Approach;
+use super::jumps::{Approach, light_beside};
 use super::pieces::PixelGradients;
 use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
@@ -140,7 +140,7 @@ impl View {
             let Asked {
                 approaches, paths, ..
             } = &asked;
-            tracer.light_beside(approaches, paths, Some(0), true, work);
+            light_beside(&tracer, approaches, paths, Some(0), true, work);
             backward(&tracer, &asked, work, &sums);
             from = past;
         }

@@ -3,16 +3,17 @@
 use macro_rules_attribute::apply;
 
 use crate::accel::{HitRay, NOTHING, stage};
-use crate::kernel::view::Tracer;
-use crate::kernel::walk::{Back, Level, Path, Seen, Walk, Walks, Work};
+use crate::kernel::backward::Return;
+use crate::kernel::view::{Tracer, View};
+use crate::kernel::walk::{Back, Level, Path, PathBlock, Walk, Walks, Work};
 use crate::model::choice::decided_by;
 use crate::model::jumps::Sides;
 use crate::model::{Pair, V3};
 use crate::sampling::{Dimensions, Four};
 use crate::trace::{
-    Behind, EdgePoint, EdgeView, Jump, Observer, Point, Search, SideLight, Sums, beside,
-    edge_point, edge_view, emitted, hides, is_crease, jump_at, looks_for_edges, point_at,
-    reflected_backward, search, shadow_backward, sky,
+    Behind, EdgePoint, EdgeView, Jump, Observer, Point, Search, SideLight, beside, edge_point,
+    edge_view, emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward,
+    search, shadow_backward, sky,
 };
 
 /// A ray that comes to an edge's point, and the faces that are seen beside it.
@@ -55,32 +56,27 @@ impl Found {
     }
 }
 
-impl Tracer<'_> {
-    /// Adds the derivatives by jumps at edges seen from points of paths, times the part of `upstream` of each, whose
-    /// channels add up to `typical` on average.
-    #[allow(clippy::too_many_arguments)] // one place, called once
+impl Return<'_> {
+    /// Adds the derivatives by jumps at edges seen from points of paths.
     pub(in crate::kernel) fn edges_backward(
         &self,
-        paths: &[Path],
         level: &Level,
         bounce: u32,
-        (upstream, typical): (&[&Seen], f32),
         back: &mut Back,
         work: &mut Work,
-        sums: &Sums,
     ) {
-        let moves = &back.moves[bounce as usize];
-        let (mut shadows, mut reflections) = (Vec::new(), Vec::new());
-        let lists = [&mut reflections, &mut shadows];
-        find_jumps(
-            self, paths, level, bounce, upstream, typical, moves, work, sums, lists,
-        );
-        rays_past(paths, level, &shadows, &mut work.side_rays);
-        self.find_beside::<true>(work);
-        shadows_backward(self, &shadows, back, work, sums);
+        let [reflections, shadows] = find_jumps(self, level, bounce, back, work);
+        work.side_rays.clear();
+        for found in &shadows {
+            let time = self.path(level, found.lane).time;
+            let ray = found.approach().ray(time, found.jump.limit);
+            work.side_rays.push(ray);
+        }
+        find_beside::<true>(self, work);
+        shadows_backward(self, &shadows, back, work);
         let approaches: Vec<Approach> = reflections.iter().map(Found::approach).collect();
         let beside = |found: &Found| {
-            let path = &paths[level.paths[found.lane] as usize];
+            let path = self.path(level, found.lane);
             Path {
                 numbers: self.sides.numbers(path.numbers.path()),
                 ..*path
@@ -88,89 +84,89 @@ impl Tracer<'_> {
         };
         let beside: Vec<Path> = reflections.iter().map(beside).collect();
         let bounce = (bounce < self.settings.bounces).then_some(bounce + 1);
-        self.light_beside(&approaches, &beside, bounce, false, work);
-        reflections_backward(self, &reflections, &beside, back, work, sums);
+        light_beside(self, &approaches, &beside, bounce, false, work);
+        reflections_backward(self, &reflections, &beside, back, work);
     }
+}
 
-    /// The hits of rays past edges.
-    fn find_beside<const ANY: bool>(&self, work: &mut Work) {
-        let holes = self.scene.holes.as_deref();
-        let (rays, hits) = (&work.side_rays, &mut work.side_hits);
-        (self.scene.hierarchy).hits::<ANY, true>(self.arch, holes, rays, hits);
-    }
+/// The hits of rays past edges.
+fn find_beside<const ANY: bool>(view: &View, work: &mut Work) {
+    let holes = view.scene.holes.as_deref();
+    let (rays, hits) = (&work.side_rays, &mut work.side_hits);
+    (view.scene.hierarchy).hits::<ANY, true>(view.arch, holes, rays, hits);
+}
 
-    /// Finds the light beside points of edges, of paths that begin there at a bounce if they go on; with `film` what the
-    /// camera sees of it. None where something hides the edge.
-    pub(super) fn light_beside(
-        &self,
-        approaches: &[Approach],
-        paths: &[Path],
-        bounce: Option<u32>,
-        film: bool,
-        work: &mut Work,
-    ) {
-        work.side_rays.clear();
-        for (approach, path) in approaches.iter().zip(paths) {
-            let ray = approach.ray(path.time, f32::INFINITY);
-            work.side_rays.push(ray);
-        }
-        self.find_beside::<false>(work);
-        let mut walks = std::mem::take(&mut work.side_walks);
-        walks.clear(2 * approaches.len());
-        begin_beside(self, approaches, paths, film, &mut walks, work);
-        if let Some(bounce) = bounce {
-            let both: Vec<Path> = paths.iter().flat_map(|path| [*path; 2]).collect();
-            self.reflected(&both, &mut walks, bounce, false, work);
-        }
-        for (light, pair) in work.side_lights.iter_mut().zip(walks.list.chunks_exact(2)) {
-            if let Some(light) = light {
-                *light = difference(&pair[0], &pair[1]);
-            }
-        }
-        work.side_walks = walks;
+/// Finds the light beside points of edges, of paths that begin there at a bounce if they go on; with `film` what the
+/// camera sees of it. None where something hides the edge.
+pub(super) fn light_beside(
+    tracer: &Tracer,
+    approaches: &[Approach],
+    paths: &[Path],
+    bounce: Option<u32>,
+    film: bool,
+    work: &mut Work,
+) {
+    work.side_rays.clear();
+    for (approach, path) in approaches.iter().zip(paths) {
+        let ray = approach.ray(path.time, f32::INFINITY);
+        work.side_rays.push(ray);
     }
+    find_beside::<false>(tracer, work);
+    let mut walks = std::mem::take(&mut work.side_walks);
+    walks.clear(2 * approaches.len());
+    begin_beside(tracer, approaches, paths, film, &mut walks, work);
+    if let Some(bounce) = bounce {
+        let both: Vec<Path> = paths.iter().flat_map(|path| [*path; 2]).collect();
+        let mut of = PathBlock {
+            tracer,
+            paths: &both,
+            bounce,
+            keep: false,
+        };
+        of.reflected(&mut walks, work);
+    }
+    for (light, pair) in work.side_lights.iter_mut().zip(walks.list.chunks_exact(2)) {
+        if let Some(light) = light {
+            *light = difference(&pair[0], &pair[1]);
+        }
+    }
+    work.side_walks = walks;
 }
 
 /// Draws edges that points of paths see, and finds the jumps there of reflected light and of the light of emitters.
 #[apply(stage!)]
-#[allow(clippy::too_many_arguments)] // one place, called once
 fn find_jumps<'a>(
-    tracer: &'a Tracer<'a>,
-    paths: &'a [Path<'a>],
+    to: &'a Return<'a>,
     level: &'a Level,
     bounce: u32,
-    upstream: &'a [&'a Seen],
-    typical: f32,
-    moves: &'a [bool],
+    back: &'a Back,
     work: &'a mut Work,
-    sums: &'a Sums<'a>,
-    found: [&'a mut Vec<Found>; 2],
-) {
+) -> [Vec<Found>; 2] {
+    let mut found = [Vec::new(), Vec::new()];
     for lane in 0..level.len {
         let point = level.points.get(lane);
-        let index = level.paths[lane] as usize;
-        let carried = upstream[index].radiance * level.throughputs.get(lane);
-        let counts = carried.abs().element_sum() / typical;
+        let carried = to.by_light(level, lane) * level.throughputs.get(lane);
+        let counts = carried.abs().element_sum() / to.typical;
         if !point.reflects || counts.is_nan() || counts <= 0.0 {
             continue;
         }
         let observer = Observer {
             point,
             bounce,
-            moves: moves[lane],
+            moves: back.moves[bounce as usize][lane],
             carried,
             counts,
         };
-        let path = &paths[index];
-        let numbers = tracer.edges.numbers(path.numbers.path());
+        let path = to.path(level, lane);
+        let numbers = to.edges.numbers(path.numbers.path());
         for of_light in [true, false] {
-            if !tracer.features.emitters && of_light {
+            if !to.features.emitters && of_light {
                 continue;
             }
             let set = Dimensions::of_set(3 * bounce + if of_light { 1 } else { 2 });
             let pair = numbers.draw(set);
             let pick = if of_light { pair.y } else { pair.x };
-            if !looks_for_edges(&tracer.lists, bounce, counts, of_light, pick) {
+            if !looks_for_edges(&to.lists, bounce, counts, of_light, pick) {
                 continue;
             }
             let mut drawn = pair;
@@ -178,75 +174,59 @@ fn find_jumps<'a>(
                 drawn = numbers.draw(Dimensions::of_set(3 * bounce));
             }
             let numbers = [drawn, pair];
-            let jumps = jumps_at_edge(tracer, path.time, &observer, of_light, numbers, work, sums);
-            let found = &mut *found[usize::from(of_light)];
-            if let Some((search, view)) = jumps {
-                for k in view.first..view.past {
-                    let jump = jump_at(&tracer.lists, &observer, &search, &view, k, path.time);
-                    if jump.limit > 0.0 {
-                        found.push(Found {
-                            lane,
-                            observer,
-                            search,
-                            view,
-                            jump,
-                        });
-                    }
+            let edge = draw_edge(to, path.time, &observer, of_light, numbers, work);
+            let Some((search, view)) = edge else {
+                continue;
+            };
+            for k in view.first..view.past {
+                let jump = jump_at(&to.lists, &observer, &search, &view, k, path.time);
+                if jump.limit > 0.0 {
+                    found[usize::from(of_light)].push(Found {
+                        lane,
+                        observer,
+                        search,
+                        view,
+                        jump,
+                    });
                 }
             }
         }
     }
+    found
 }
 
 /// Draws an edge that a point sees, for the light of emitters or for reflected light.
 #[inline(always)]
-fn jumps_at_edge(
-    tracer: &Tracer,
+fn draw_edge(
+    to: &Return,
     time: f32,
     o: &Observer,
     of_light: bool,
     [drawn, more]: [Four; 2],
     work: &mut Work,
-    sums: &Sums,
 ) -> Option<(Search, EdgeView)> {
-    let (lists, room) = (&tracer.lists, &mut work.room);
-    let s = search(lists, drawn, more, o, of_light, time, room, sums);
+    let (lists, room) = (&to.lists, &mut work.room);
+    let s = search(lists, drawn, more, o, of_light, time, room, to.sums);
     if !s.asked {
         return None;
     }
-    let tree = tracer.edge_sets.as_ref()?.seen_by(s.moves);
+    let tree = to.edge_sets.as_ref()?.seen_by(s.moves);
     if tree.is_empty() {
         return None;
     }
     let random = decided_by(s.u, s.v);
-    let (edge, per_chance) = tree.sample(tracer.arch, &s.query, random)?;
+    let (edge, per_chance) = tree.sample(to.arch, &s.query, random)?;
     let p = edge_point(lists, edge, per_chance, &s.query, &o.point.shading, s.v);
     (p.per_density > 0.0).then(|| (s, edge_view(lists, o, &s, p)))
 }
 
-/// Makes the rays past edges to the emitters behind them.
-fn rays_past(paths: &[Path], level: &Level, list: &[Found], rays: &mut Vec<HitRay>) {
-    rays.clear();
-    for found in list {
-        let time = paths[level.paths[found.lane] as usize].time;
-        rays.push(found.approach().ray(time, found.jump.limit));
-    }
-}
-
 /// Adds the derivatives by jumps of the light of emitters, where nothing else hides it.
 #[apply(stage!)]
-fn shadows_backward<'a>(
-    tracer: &'a Tracer<'a>,
-    list: &'a [Found],
-    back: &'a mut Back,
-    work: &'a Work,
-    sums: &'a Sums<'a>,
-) {
-    for (found, (ray, hit)) in list.iter().zip(work.side_rays.iter().zip(&work.side_hits)) {
+fn shadows_backward<'a>(to: &'a Return<'a>, list: &'a [Found], back: &'a mut Back, work: &'a Work) {
+    for (f, (ray, hit)) in list.iter().zip(work.side_rays.iter().zip(&work.side_hits)) {
         if hit.triangle == NOTHING {
-            let Found { view, jump, .. } = found;
-            let (o, s, by) = (&found.observer, &found.search, &mut back.points[found.lane]);
-            shadow_backward(&tracer.lists, sums, o, s, view, jump, ray.time, by);
+            let (o, s, by) = (&f.observer, &f.search, &mut back.points[f.lane]);
+            shadow_backward(&to.lists, to.sums, o, s, &f.view, &f.jump, ray.time, by);
         }
     }
 }
@@ -254,18 +234,17 @@ fn shadows_backward<'a>(
 /// Adds the derivatives by jumps of light that surfaces reflect, and of the environment.
 #[apply(stage!)]
 fn reflections_backward<'a>(
-    tracer: &'a Tracer<'a>,
+    to: &'a Return<'a>,
     list: &'a [Found],
     beside: &'a [Path<'a>],
     back: &'a mut Back,
     work: &'a Work,
-    sums: &'a Sums<'a>,
 ) {
-    for ((found, path), light) in list.iter().zip(beside).zip(&work.side_lights) {
+    for ((f, path), light) in list.iter().zip(beside).zip(&work.side_lights) {
         if let Some(light) = light {
-            let Found { view, jump, .. } = found;
-            let (o, s, by) = (&found.observer, &found.search, &mut back.points[found.lane]);
-            reflected_backward(&tracer.lists, sums, o, s, view, jump, light, path.time, by);
+            let (o, s, by) = (&f.observer, &f.search, &mut back.points[f.lane]);
+            let (lists, sums, time) = (&to.lists, to.sums, path.time);
+            reflected_backward(lists, sums, o, s, &f.view, &f.jump, light, time, by);
         }
     }
 }
