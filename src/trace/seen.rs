@@ -1,7 +1,12 @@
 //! What a camera ray sees.
 
 use crate::cube::*;
-use crate::model::V3;
+
+use super::scene::{EMITS, Scene};
+use super::sums::Sums;
+use super::surface::{Point, PointGradient};
+use super::texture::{emission_backward, emission_of, glows};
+use crate::model::{V3, splat};
 
 /// The surface that a camera ray sees, and the light that its path brings back; or the derivatives of a loss by these.
 #[apply(zeroed!)]
@@ -37,4 +42,38 @@ impl Seen {
             normal: self.normal * factor,
         }
     }
+}
+
+/// The light that a surface point emits towards the point that sees it.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
+    let mut emission = splat(0.0);
+    if scene.bits_of(p.material) & EMITS != 0 {
+        let cosine = -p.side * p.shading.geometric.dot(p.shading.incoming);
+        emission = emission_of(scene, p.material, p.uv, cosine);
+    }
+    emission
+}
+
+/// Back over what the camera sees of a surface point, times the derivatives of a loss by that: light that it emits, where
+/// its place counts if that is a texture, its normal, and its distance, by which it returns the derivative.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn seen_backward(
+    scene: &Scene,
+    sums: &Sums,
+    p: &Point,
+    upstream: &Seen,
+    by: &mut PointGradient,
+) -> f32 {
+    if p.side > 0.0 && scene.bits_of(p.material) & EMITS != 0 {
+        if glows(scene, p.material) {
+            by.emission = upstream.radiance;
+        } else {
+            emission_backward(scene, sums, p.material, p.uv, upstream.radiance);
+        }
+    }
+    by.geometric += upstream.normal;
+    upstream.depth
 }

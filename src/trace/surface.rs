@@ -7,12 +7,9 @@ use super::corners::{
     uv_rows,
 };
 use super::parts::{COLOURS, NORMALS, TANGENTS, TRIANGLES};
-use super::scene::{COMPENSATED, EMITS, GLOSSY, MODEL, REFLECTS, Scene, Triangle};
-use super::seen::Seen;
+use super::scene::{COMPENSATED, GLOSSY, MODEL, REFLECTS, Scene, Triangle};
 use super::sums::Sums;
-use super::texture::{
-    colour, colour_backward, constant_of, emission_backward, emission_of, glows, texture_backward,
-};
+use super::texture::{colour, colour_backward, constant_of, emission_backward, texture_backward};
 use crate::model::bsdf::{Models, Shading, ShadingGradient};
 use crate::model::numbers::is_nonzero;
 use crate::model::triangle::hit_backward;
@@ -211,40 +208,6 @@ pub(crate) fn point_at(
     p.shading.pair.first = p.shading.normal;
     p.shading.pair.second = p.shading.normal;
     p
-}
-
-/// The light that a surface point emits towards the point that sees it.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
-    let mut emission = splat(0.0);
-    if scene.bits_of(p.material) & EMITS != 0 {
-        let cosine = -p.side * p.shading.geometric.dot(p.shading.incoming);
-        emission = emission_of(scene, p.material, p.uv, cosine);
-    }
-    emission
-}
-
-/// Back over what the camera sees of a surface point, times the derivatives of a loss by that: light that it emits, where
-/// its place counts if that is a texture, its normal, and its distance, by which it returns the derivative.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn seen_backward(
-    scene: &Scene,
-    sums: &Sums,
-    p: &Point,
-    upstream: &Seen,
-    by: &mut PointGradient,
-) -> f32 {
-    if p.side > 0.0 && scene.bits_of(p.material) & EMITS != 0 {
-        if glows(scene, p.material) {
-            by.emission = upstream.radiance;
-        } else {
-            emission_backward(scene, sums, p.material, p.uv, upstream.radiance);
-        }
-    }
-    by.geometric += upstream.normal;
-    upstream.depth
 }
 
 /// Adds the derivatives by the scene's parts of a point that has derivatives by its position, geometric normal,
