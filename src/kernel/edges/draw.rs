@@ -338,6 +338,8 @@ impl Task for Sample<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, _: M) -> DrawnEdge {
-        draw_edge(self.root, &mut [0; ROOM], self.query, self.random)
+        // Copies, so that compilers see that nothing writes them while edges are weighed, eight at once.
+        let (root, query) = (*self.root, *self.query);
+        draw_edge(&root, &mut [0; ROOM], &query, self.random)
     }
 }
