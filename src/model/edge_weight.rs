@@ -166,10 +166,10 @@ struct Span {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl SeenEdge {
-    /// An estimate of what it contributes, 0 only if it can't, in the cone of a query that is narrower than a half-space.
+    /// An estimate of what it contributes, by how much jumps at it; 0 only if it can't, in the cone of a query that is
+    /// narrower than a half-space.
     #[inline(always)]
-    pub fn weight_in_cone(&self, q: &Query) -> f32 {
-        let jump = self.jump(q);
+    pub fn weight_in_cone(&self, jump: f32, q: &Query) -> f32 {
         let mut weight = 0.0f32;
         if jump > 0.0 {
             weight = jump * self.in_cone(q);
@@ -179,8 +179,7 @@ impl SeenEdge {
 
     /// The same in a half-space.
     #[inline(always)]
-    pub fn weight_over_horizon(&self, q: &Query) -> f32 {
-        let jump = self.jump(q);
+    pub fn weight_over_horizon(&self, jump: f32, q: &Query) -> f32 {
         let mut weight = 0.0f32;
         if jump > 0.0 {
             weight = jump * self.over_horizon(q);
@@ -196,7 +195,7 @@ impl SeenEdge {
 
     /// The most that may jump at it.
     #[inline(always)]
-    fn jump(&self, q: &Query) -> f32 {
+    pub fn jump(&self, q: &Query) -> f32 {
         // The point's height over both faces.
         let front = -self.front.dot(self.to);
         let back = -self.back.dot(self.to);

@@ -163,23 +163,31 @@ fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32])
     }
 }
 
-/// The weights of the edges of a leaf.
+/// The weights of the edges of a leaf, and their sum. Where none jumps, as in most leaves, there is no more to look at.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) {
+fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) -> f32 {
     let first = LANES * LEAF * leaf;
     let block = &tree.leaves[first..first + LANES * LEAF];
-    if q.cos > 0.0 {
-        for i in 0..LANES {
-            room[i] = seen_edge(tree, block, i, q).weight_in_cone(q).to_bits();
-        }
-    } else {
-        for i in 0..LANES {
-            room[i] = seen_edge(tree, block, i, q)
-                .weight_over_horizon(q)
-                .to_bits();
-        }
+    for i in 0..LANES {
+        room[i] = seen_edge(tree, block, i, q).jump(q).to_bits();
     }
+    let mut sum = sum_of(&room[..LANES]);
+    if sum > 0.0 {
+        if q.cos > 0.0 {
+            for i in 0..LANES {
+                let edge = seen_edge(tree, block, i, q);
+                room[i] = edge.weight_in_cone(weight(room, i), q).to_bits();
+            }
+        } else {
+            for i in 0..LANES {
+                let edge = seen_edge(tree, block, i, q);
+                room[i] = edge.weight_over_horizon(weight(room, i), q).to_bits();
+            }
+        }
+        sum = sum_of(&room[..LANES]);
+    }
+    sum
 }
 
 /// Puts a child on the stack, which is come to with a probability, given by its inverse.
@@ -225,8 +233,7 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
         let inverse = f32::from_bits(room[top + 1]);
         let index = (child / 2) as usize;
         if child & 1 == 1 {
-            weigh_leaf(tree, index, q, room);
-            let sum = sum_of(&room[..LANES]);
+            let sum = weigh_leaf(tree, index, q, room);
             if sum > 0.0 {
                 let share = sum * inverse;
                 total += share;
