@@ -148,13 +148,14 @@ fn points_backward<'a>(to: &'a Return<'a>, level: &'a Level, first: bool, back: 
     for lane in 0..level.len {
         let point = level.points.get(lane);
         // Light ends where nothing is reflected.
-        if !point.reflects && !(first && interior) {
+        let seen = first && interior;
+        if !point.reflects && !seen {
             continue;
         }
         let path = level.paths[lane] as usize;
         let by = &mut back.points[lane];
         let mut by_t = 0.0;
-        if first && interior {
+        if seen {
             by_t = seen_backward(&to.lists, to.sums, &point, to.upstream[path], by);
         }
         let time = to.paths[path].time;

@@ -4,6 +4,11 @@
 //! Lanes come and go by value: compilers have to see that what a loop reads is not what it writes, which they do not see of
 //! references once functions are inlined.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over lanes are alike, whatever they read"
+)]
+
 use crate::lanes::{LANES, Record};
 use crate::model::bsdf::{Scatter, Shading};
 use crate::model::connection::{ConeKernel, Connection};

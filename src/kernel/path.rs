@@ -140,9 +140,9 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     let first = &mut levels[0];
     let mut rays = std::mem::take(&mut work.arriving);
     rays.clear();
-    for i in 0..of.paths.len() {
-        if work.hits[i].triangle == NOTHING {
-            list[i].radiance = sky(lists, work.rays[i].direction.into());
+    for (i, (hit, ray)) in work.hits.iter().zip(&work.rays).enumerate() {
+        if hit.triangle == NOTHING {
+            list[i].radiance = sky(lists, ray.direction.into());
         } else {
             rays.push(i as u32);
             first.add(i as u32, i as u32, V3::ONE);
