@@ -177,12 +177,14 @@ fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) -> f32 {
         if q.cos > 0.0 {
             for i in 0..LANES {
                 let edge = seen_edge(tree, block, i, q);
-                room[i] = edge.weight_in_cone(weight(room, i), q).to_bits();
+                let jump = f32::from_bits(room[i]);
+                room[i] = edge.weight_in_cone(jump, q).to_bits();
             }
         } else {
             for i in 0..LANES {
                 let edge = seen_edge(tree, block, i, q);
-                room[i] = edge.weight_over_horizon(weight(room, i), q).to_bits();
+                let jump = f32::from_bits(room[i]);
+                room[i] = edge.weight_over_horizon(jump, q).to_bits();
             }
         }
         sum = sum_of(&room[..LANES]);
