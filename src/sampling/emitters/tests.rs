@@ -237,5 +237,5 @@ fn the_same_emitters_lie_along_a_ray() {
             counted += found.len();
         }
     }
-    assert!(counted > 100, "{counted}");
+    assert!(counted > 50, "{counted}");
 }
