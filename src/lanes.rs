@@ -5,7 +5,7 @@
 //! function that is inlined, is what compilers make vector instructions of, as long as the stage has no calls and no
 //! indices that are checked.
 
-/// Records in a structure of arrays.
+/// The records of a structure of arrays.
 pub(crate) const LANES: usize = 8;
 
 /// A value of a path that has a form in lanes.
@@ -75,26 +75,6 @@ macro_rules! lanes {
     };
 }
 pub(crate) use lanes;
-
-/// Makes a type that all paths share one value of a [`Record`].
-macro_rules! shared_by_lanes {
-    ($type:ty) => {
-        impl crate::lanes::Record for $type {
-            type Lanes = Self;
-
-            #[inline(always)]
-            fn get(lanes: &Self, _: usize) -> Self {
-                *lanes
-            }
-
-            #[inline(always)]
-            fn set(self, lanes: &mut Self, _: usize) {
-                *lanes = self;
-            }
-        }
-    };
-}
-pub(crate) use shared_by_lanes;
 
 /// Records of any number of paths, eight in a structure of arrays and then the next eight.
 pub(crate) struct Block<T: Record> {

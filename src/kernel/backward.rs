@@ -14,7 +14,7 @@ use crate::trace::{
     map_backward, middle_of, point_backward, seen_backward, sky_backward, target_of,
 };
 
-/// Paths that left records, on their way back.
+/// Paths whose levels were kept, on their way back.
 pub(super) struct Return<'a> {
     pub of: PathBlock<'a>,
     pub walks: &'a Walks,
@@ -45,22 +45,27 @@ impl Return<'_> {
     pub fn go_back(&self, work: &mut Work) {
         let mut back = std::mem::take(&mut work.back);
         let walks = self.walks;
-        find_moving(self, &mut back);
-        back.begin(walks.levels[walks.depth - 1].len);
+        let jumps = self.wanted.of.jumps;
+        if jumps {
+            find_moving(self, &mut back);
+        }
+        // Nothing comes behind the last points.
+        back.step(walks.levels[walks.depth - 1].len());
+        back.swap();
         for at in (0..walks.depth).rev() {
             let level = &walks.levels[at];
             back.points.clear();
-            back.points.resize(level.len, PointGradient::default());
+            back.points.resize(level.len(), PointGradient::default());
             ways_backward(self, level, &mut back);
             if self.settings.interior {
                 lights_backward(self, level, &mut back);
             }
-            if self.has_edges && !self.features.dark {
+            if jumps {
                 self.edges_backward(level, at as u32, &mut back, work);
             }
             let before = match at {
                 0 => self.paths.len(),
-                _ => walks.levels[at - 1].len,
+                _ => walks.levels[at - 1].len(),
             };
             back.step(before);
             points_backward(self, level, at == 0, &mut back);
@@ -80,7 +85,7 @@ fn find_moving<'a>(to: &'a Return<'a>, back: &'a mut Back) {
         let (before, rest) = back.moves.split_at_mut(at);
         let moves = &mut rest[0];
         moves.clear();
-        for lane in 0..level.len {
+        for lane in 0..level.len() {
             let followed = match before.last() {
                 Some(before) => of.turns || before[level.before[lane] as usize],
                 None => of.camera,
@@ -94,7 +99,7 @@ fn find_moving<'a>(to: &'a Return<'a>, back: &'a mut Back) {
 /// Back over the rays with which paths leave their points.
 #[apply(stage!)]
 fn ways_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
-    for lane in 0..level.len {
+    for lane in 0..level.len() {
         let (by_next, by_leaving) = (back.throughputs[lane], back.rays[lane]);
         back.throughputs[lane] = V3::ZERO;
         if level.ways[lane] == Way::Ends {
@@ -145,7 +150,7 @@ fn lights_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back)
 #[apply(stage!)]
 fn points_backward<'a>(to: &'a Return<'a>, level: &'a Level, first: bool, back: &'a mut Back) {
     let interior = to.settings.interior;
-    for lane in 0..level.len {
+    for lane in 0..level.len() {
         let point = level.points.get(lane);
         // Light ends where nothing is reflected.
         let seen = first && interior;
@@ -191,12 +196,6 @@ fn cameras_backward<'a>(to: &'a Return<'a>, back: &'a Back) {
 }
 
 impl Back {
-    /// Begins behind the last points of paths.
-    fn begin(&mut self, lanes: usize) {
-        self.step(lanes);
-        self.swap();
-    }
-
     /// Makes room for the derivatives by what comes before points.
     fn step(&mut self, before: usize) {
         self.throughputs_before.clear();

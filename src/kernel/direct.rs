@@ -5,24 +5,13 @@ use std::ops::Range;
 use macro_rules_attribute::apply;
 
 use super::eights::{self, Eight};
-use super::walk::{Along, Candidate, Level, LightSample, PathBlock, Work};
+use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Work};
 use crate::accel::{HitRay, stage};
 use crate::lanes::{LANES, Record};
 use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Chosen, Dimensions, EmitterTriangle, Receiver};
 use crate::trace::{Arrived, NONE, density_of_map, is_light, map_of, radiance_of, sky, target_of};
-
-/// A connection of a lane's point to a light, before its ray is made.
-struct Connecting {
-    lane: usize,
-    /// [`NONE`] of a map.
-    emitter: u32,
-    weights: V2,
-    /// The probability or density with which it was drawn, or would have been if it was found by scattering.
-    chance: f32,
-    by_scattering: bool,
-}
 
 impl Connecting {
     /// Connects the point to a target.
@@ -95,8 +84,8 @@ pub(super) fn direct_from_emitters<'a>(
 ) {
     let lists = &of.lists;
     let simple = of.cone == 0.0 && !lists.features.holes;
-    for first in (0..level.len).step_by(LANES) {
-        let lanes = first..level.len.min(first + LANES);
+    for first in (0..level.len()).step_by(LANES) {
+        let lanes = first..level.len().min(first + LANES);
         let points = level.points.lanes(first);
         let mut times = [0.0; LANES];
         for lane in lanes.clone() {
@@ -112,8 +101,11 @@ pub(super) fn direct_from_emitters<'a>(
             continue;
         }
         let mut next = 0;
-        for lane in lanes.filter(|lane| points.reflects[lane % LANES]) {
+        for lane in lanes {
             let point = level.points.get(lane);
+            if !point.reflects {
+                continue;
+            }
             let own = Chosen::get(&chosen, lane);
             let mut connecting = Connecting {
                 lane,
@@ -129,17 +121,11 @@ pub(super) fn direct_from_emitters<'a>(
                 let target = target_of(lists, k, weights, x, time, combined);
                 let radiance = || radiance_of(lists, k, weights, target.facing());
                 connecting.connect(of, level, &target, radiance, work);
-                let Some(along) = work.along.get(next).filter(|a| a.lane == lane as u32) else {
+                let Some(along) = work.along.get(next).filter(|a| a.lane == lane) else {
                     break;
                 };
                 next += 1;
-                connecting = Connecting {
-                    lane,
-                    emitter: along.emitter,
-                    weights: along.weights,
-                    chance: along.chance,
-                    by_scattering: true,
-                };
+                connecting = *along;
             }
         }
     }
@@ -159,7 +145,7 @@ fn choose_emitters(
     let (emitters, kinds) = (&of.emitters, of.emitters.kinds);
     let mut chosen = Eight::<Chosen>::default();
     work.along.clear();
-    let are_few = !kinds.by_tree && !kinds.by_sums;
+    let are_few = !kinds.by_sums;
     if are_few {
         let few = &mut work.few[..emitters.tree.fixed.count as usize];
         if kinds.by_solid_angle {
@@ -177,13 +163,15 @@ fn choose_emitters(
     let mut room = std::mem::take(&mut work.room);
     for lane in lanes {
         let point = level.points.get(lane);
-        if !point.reflects {
+        let glossy = of.features.combined && point.shading.glossy;
+        if !point.reflects || (are_few && !glossy) {
             continue;
         }
         let own = Receiver::get(at, lane);
         let mut share = 0.0;
         if are_few {
-            for (room, few) in room.iter_mut().zip(&work.few) {
+            let few = &work.few[..emitters.tree.fixed.count as usize];
+            for (room, few) in room.iter_mut().zip(few) {
                 *room = few[lane % LANES].to_bits();
             }
         } else {
@@ -192,15 +180,16 @@ fn choose_emitters(
             let choice = emitters.choose(u, &own, share, &mut room);
             choice.set(&mut chosen, lane);
         }
-        if of.features.combined && point.shading.glossy {
+        if glossy {
             let direction = level.scatters.get(lane).direction;
             let (met, along) = (&mut work.met, &mut work.along);
             (of.scene.emitters).each_hit_of_all(&own, direction, met, |hit| {
-                along.push(Along {
-                    lane: lane as u32,
+                along.push(Connecting {
+                    lane,
                     emitter: hit.emitter,
                     weights: hit.weights,
                     chance: emitters.chance(hit.emitter, &own, share, &mut room),
+                    by_scattering: true,
                 });
             });
         }
@@ -227,7 +216,10 @@ fn connect_matt(
     }
     let points = level.points.lanes(lanes.start);
     let (directions, found) = eights::connect(*points, on, *weights, chosen.chance);
-    for lane in lanes.filter(|lane| points.reflects[lane % LANES]) {
+    for lane in lanes {
+        if !points.reflects[lane % LANES] {
+            continue;
+        }
         let (k, weights) = (chosen.emitter[lane % LANES], V2::get(weights, lane));
         let connecting = Connecting {
             lane,
@@ -247,7 +239,7 @@ fn connect_matt(
 #[apply(stage!)]
 pub(super) fn direct_from_map<'a>(of: &'a PathBlock<'a>, level: &'a Level, work: &'a mut Work) {
     let lists = &of.lists;
-    for lane in 0..level.len {
+    for lane in 0..level.len() {
         if !level.points.get(lane).reflects {
             continue;
         }

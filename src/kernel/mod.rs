@@ -1,10 +1,11 @@
 //! Path tracing on the host, in f32, with derivatives by hand: the stages of [`trace`](crate::trace) over paths that go
 //! together.
 //!
-//! `scene` holds a scene's lists, made of `lists` of triangles, `view` adds a camera and settings. `path` traces forward
-//! with direct light of `direct`; `backward` traces a path again and goes back along it. `edges` finds and draws edges at
+//! `scene` holds a scene's lists, made of `lists` of triangles, `view` adds a camera and settings. `walk` holds
+//! blocks of paths and the levels that they come to; `path` traces them forward with direct light of `direct`, and
+//! `eights` computes steps of matt surfaces for eight at once; `backward` goes back over the levels. `edges` finds and draws edges at
 //! which visibility jumps, `boundary` traces what the jumps contribute. `gradient` holds the sums of derivatives, `tasks`
-//! deals pixels to the machine.
+//! renders the pixels of a core.
 
 mod backward;
 mod boundary;

@@ -42,7 +42,7 @@ impl PathBlock<'_> {
         }
         let mut at = 0;
         self.draw_emitters(&mut walks.levels[0]);
-        while walks.levels[at].len > 0 {
+        while walks.levels[at].len() > 0 {
             let last = self.bounce >= self.settings.bounces;
             let goes_on = !last || self.features.sees_sky;
             let level = &mut walks.levels[at];
@@ -62,8 +62,9 @@ impl PathBlock<'_> {
             self.find_hits::<false>(work);
             work.counts.add_bounces_at(self.bounce, work.rays.len());
             let next = if self.keep { at + 1 } else { 1 - at };
-            let [from, to] = walks.levels_at(at, next);
-            arrive(self, from, to, work);
+            let mut to = std::mem::take(walks.level(next));
+            arrive(self, &walks.levels[at], &mut to, work);
+            walks.levels[next] = to;
             if self.features.sees_sky {
                 escape(self, &mut walks.levels[at], &mut walks.list, work);
             }
@@ -74,7 +75,7 @@ impl PathBlock<'_> {
 
     /// Draws the random numbers for the emitters that the first points are connected to.
     fn draw_emitters(&self, level: &mut Level) {
-        for lane in 0..level.len {
+        for lane in 0..level.len() {
             let numbers = &self.path(level, lane).numbers;
             let drawn = numbers.draw(Dimensions::emitter(self.bounce));
             level.emitters.set(lane, v2(drawn.z, drawn.w));
@@ -162,8 +163,8 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
 fn points(of: &PathBlock, level: &mut Level, rays: &[u32], work: &Work) {
     let lists = &of.lists;
     let plain = lists.features.plain_points();
-    for first in (0..level.len).step_by(LANES) {
-        let lanes = first..level.len.min(first + LANES);
+    for first in (0..level.len()).step_by(LANES) {
+        let lanes = first..level.len().min(first + LANES);
         let hit_of = |lane: usize| {
             let k = rays[lane] as usize;
             (work.hits[k], &work.rays[k])
@@ -198,10 +199,10 @@ fn points(of: &PathBlock, level: &mut Level, rays: &[u32], work: &Work) {
 fn scatter<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, goes_on: bool) {
     let always = goes_on || of.features.gathers_map;
     let mut drawn = Eight::<Four>::default();
-    for first in (0..level.len).step_by(LANES) {
-        let lanes = first..level.len.min(first + LANES);
+    for first in (0..level.len()).step_by(LANES) {
+        let lanes = first..level.len().min(first + LANES);
         let matt = eights::are_matt(level.points.lanes(first), lanes.len());
-        if matt && !always {
+        if !always && (matt || !of.features.combined) {
             continue;
         }
         for lane in lanes.clone() {
@@ -218,7 +219,7 @@ fn scatter<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, goes_on: bool) {
         for lane in lanes {
             let point = level.points.get(lane);
             let glossy = point.shading.glossy;
-            if point.reflects && (always || (of.features.combined && glossy)) {
+            if point.reflects && (always || glossy) {
                 let mut lobe = 0.0;
                 if glossy {
                     let numbers = of.path(level, lane).numbers;
@@ -240,8 +241,8 @@ fn leave_surfaces<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool, w
     let lists = &of.lists;
     let plays = of.features.roulette && of.bounce >= lists.roulette_after && !last;
     let sharp = !plays && !lists.features.cones;
-    for first in (0..level.len).step_by(LANES) {
-        let lanes = first..level.len.min(first + LANES);
+    for first in (0..level.len()).step_by(LANES) {
+        let lanes = first..level.len().min(first + LANES);
         let points = level.points.lanes(first);
         let at_once = sharp && eights::are_matt(points, lanes.len());
         if at_once {
@@ -289,7 +290,7 @@ fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &
         if hit.triangle != NOTHING {
             rays.push(k as u32);
             let from_lane = lane as usize;
-            to.emitters.set(to.len, from.ahead.get(from_lane));
+            to.emitters.set(to.len(), from.ahead.get(from_lane));
             let throughput = from.leavings.get(from_lane).throughput;
             to.add(from.paths[from_lane], lane, throughput);
         }

@@ -26,11 +26,12 @@ pub(crate) struct Path<'a> {
     pub time: f32,
 }
 
-/// Paths that go together after some bounces, through what they go, and whether they leave records.
+/// A block of paths after some bounces.
 pub(super) struct PathBlock<'a> {
     pub tracer: &'a Tracer<'a>,
     pub paths: &'a [Path<'a>],
     pub bounce: u32,
+    /// Whether all levels are kept, for the backward pass.
     pub keep: bool,
 }
 
@@ -132,31 +133,22 @@ impl Walks {
     pub fn begin_at(&mut self, path: usize, point: &Point) {
         self.list[path].see(point);
         let first = &mut self.levels[0];
-        first.points.set(first.len, *point);
+        first.points.set(first.len(), *point);
         first.add(path as u32, path as u32, V3::ONE);
     }
 
-    fn level(&mut self, index: usize) -> &mut Level {
+    /// A level, after those before it.
+    pub fn level(&mut self, index: usize) -> &mut Level {
         while self.levels.len() <= index {
             self.levels.push(Level::default());
         }
         &mut self.levels[index]
-    }
-
-    /// A level and another, which may be new.
-    pub fn levels_at(&mut self, from: usize, to: usize) -> [&mut Level; 2] {
-        self.level(to);
-        let [low, high] = [from.min(to), from.max(to)];
-        let (before, after) = self.levels.split_at_mut(high);
-        let (low, high) = (&mut before[low], &mut after[0]);
-        if from < to { [low, high] } else { [high, low] }
     }
 }
 
 /// The paths of a block that came to a surface point after some bounces: what each has there is in a lane of its own.
 #[derive(Default)]
 pub(crate) struct Level {
-    pub len: usize,
     /// The path of each lane, and its lane a bounce before.
     pub paths: Vec<u32>,
     pub before: Vec<u32>,
@@ -175,9 +167,12 @@ pub(crate) struct Level {
 }
 
 impl Level {
+    pub fn len(&self) -> usize {
+        self.paths.len()
+    }
+
     /// Makes room for a number of paths; none is there.
     pub fn clear(&mut self, room: usize) {
-        self.len = 0;
         self.paths.clear();
         self.before.clear();
         self.lights.clear();
@@ -194,11 +189,9 @@ impl Level {
     /// A path comes to a surface point, which is set apart from this.
     #[inline(always)]
     pub fn add(&mut self, path: u32, before: u32, throughput: V3) {
-        let lane = self.len;
+        self.throughputs.set(self.len(), throughput);
         self.paths.push(path);
         self.before.push(before);
-        self.throughputs.set(lane, throughput);
-        self.len = lane + 1;
     }
 }
 
@@ -224,12 +217,16 @@ pub(super) struct LightSample {
     pub arrived: Arrived,
 }
 
-/// A point of an emitter along the direction in which a path goes on, and the probability of the emitter.
-pub(super) struct Along {
-    pub lane: u32,
+/// A connection of a lane's point to a light, before its ray is made.
+#[derive(Clone, Copy)]
+pub(super) struct Connecting {
+    pub lane: usize,
+    /// [`NONE`] of a map.
     pub emitter: u32,
     pub weights: V2,
+    /// The probability or density with which it was drawn, or would have been if it was found by scattering.
     pub chance: f32,
+    pub by_scattering: bool,
 }
 
 /// Light that arrives if nothing is in between.
@@ -278,11 +275,12 @@ pub(crate) struct Work {
     pub(super) candidates: Vec<Candidate>,
     /// What is kept of each.
     pub(super) samples: Vec<LightSample>,
-    /// Of a choice of an emitter, of one path and of eight; and emitters that are met.
+    /// Of a choice of an emitter, of one path and of eight.
     pub(super) room: Vec<u32>,
     pub(super) few: Vec<Eight<f32>>,
     pub(super) met: Met,
-    pub(super) along: Vec<Along>,
+    /// Emitters that lie along the directions in which glossy paths go on.
+    pub(super) along: Vec<Connecting>,
     /// Paths on both sides of edges.
     pub(super) side_walks: Walks,
     pub(super) side_lights: Vec<Option<SideLight>>,

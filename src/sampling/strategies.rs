@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::cube::*;
+use crate::lanes::Record;
 
 /// The source of a render's random numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -20,7 +21,21 @@ pub enum Sequence {
 }
 
 known_to_kernels!(Sequence);
-crate::lanes::shared_by_lanes!(Sequence);
+
+/// All paths share it.
+impl Record for Sequence {
+    type Lanes = Self;
+
+    #[inline(always)]
+    fn get(lanes: &Self, _: usize) -> Self {
+        *lanes
+    }
+
+    #[inline(always)]
+    fn set(self, lanes: &mut Self, _: usize) {
+        *lanes = self;
+    }
+}
 
 /// The probabilities with which emitters, which are triangles and lights without a surface, are connected to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

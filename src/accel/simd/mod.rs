@@ -38,6 +38,7 @@ macro_rules! stage {
 
                 #[inline(always)]
                 fn run<M: $crate::accel::Machine>(self, _: M) -> Self::Output {
+                    #[allow(unused_variables, reason = "the first argument may name the machine alone")]
                     let Self { $first, $($argument,)* } = self;
                     $body
                 }

@@ -4,9 +4,11 @@ use macro_rules_attribute::apply;
 
 use crate::accel::{HitRay, NOTHING, stage};
 use crate::kernel::backward::Return;
+use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Back, Level, Path, PathBlock, Walk, Walks, Work};
-use crate::model::choice::decided_by;
+use crate::model::choice::{Uniform, decided_by};
+use crate::model::edge_weight::Query;
 use crate::model::jumps::Sides;
 use crate::model::{Pair, V3};
 use crate::sampling::{Dimensions, Four};
@@ -143,7 +145,7 @@ fn find_jumps<'a>(
     work: &'a mut Work,
 ) -> [Vec<Found>; 2] {
     let mut found = [Vec::new(), Vec::new()];
-    for lane in 0..level.len {
+    for lane in 0..level.len() {
         let point = level.points.get(lane);
         let carried = to.by_light(level, lane) * level.throughputs.get(lane);
         let counts = carried.abs().element_sum() / to.typical;
@@ -174,7 +176,7 @@ fn find_jumps<'a>(
                 drawn = numbers.draw(Dimensions::of_set(3 * bounce));
             }
             let numbers = [drawn, pair];
-            let edge = draw_edge(to, path.time, &observer, of_light, numbers, work);
+            let edge = seen_edge(to, path.time, &observer, of_light, numbers, work);
             let Some((search, view)) = edge else {
                 continue;
             };
@@ -197,7 +199,7 @@ fn find_jumps<'a>(
 
 /// Draws an edge that a point sees, for the light of emitters or for reflected light.
 #[inline(always)]
-fn draw_edge(
+fn seen_edge(
     to: &Return,
     time: f32,
     o: &Observer,
@@ -215,9 +217,25 @@ fn draw_edge(
         return None;
     }
     let random = decided_by(s.u, s.v);
-    let (edge, per_chance) = tree.sample(to.arch, &s.query, random)?;
+    let DrawnEdge { edge, per_chance } = draw(to, &tree, &s.query, random);
+    if edge == NO_EDGE {
+        return None;
+    }
     let p = edge_point(lists, edge, per_chance, &s.query, &o.point.shading, s.v);
     (p.per_density > 0.0).then(|| (s, edge_view(lists, o, &s, p)))
+}
+
+/// Draws an edge of a tree.
+#[apply(stage!)]
+fn draw<'a>(
+    to: &'a Return<'a>,
+    tree: &'a Root<'a>,
+    query: &'a Query,
+    random: Uniform,
+) -> DrawnEdge {
+    // Copies, so that compilers see that nothing writes them while edges are weighed, eight at once.
+    let (tree, query) = (*tree, *query);
+    draw_edge(&tree, &mut [0; ROOM], &query, random)
 }
 
 /// Adds the derivatives by jumps of the light of emitters, where nothing else hides it.

@@ -6,10 +6,8 @@
     reason = "the language of kernels has no other form"
 )]
 
-use pulp::Arch;
-
+use crate::accel::LANES;
 use crate::accel::eights::{number, sum_of, vector, weight};
-use crate::accel::{LANES, Machine, Task, dispatch};
 use crate::cube::*;
 use crate::model::V3;
 use crate::model::choice::{Uniform, is_positive};
@@ -317,38 +315,7 @@ fn edge_of_leaf(tree: &Root, weights: &[u32], leaf: usize, total: f32, u: f32) -
 }
 
 impl Root<'_> {
-    /// An edge, drawn in proportion to its weight, and one over its probability. None where there is none.
-    pub(crate) fn sample(&self, arch: Arch, query: &Query, random: Uniform) -> Option<(u32, f32)> {
-        let drawn = dispatch(
-            arch,
-            Sample {
-                root: self,
-                query,
-                random,
-            },
-        );
-        (drawn.edge != NO_EDGE).then_some((drawn.edge, drawn.per_chance))
-    }
-
     pub(crate) fn is_empty(&self) -> bool {
         self.count == 0
-    }
-}
-
-/// [`draw_edge`] as a task.
-struct Sample<'a> {
-    root: &'a Root<'a>,
-    query: &'a Query,
-    random: Uniform,
-}
-
-impl Task for Sample<'_> {
-    type Output = DrawnEdge;
-
-    #[inline(always)]
-    fn run<M: Machine>(self, _: M) -> DrawnEdge {
-        // Copies, so that compilers see that nothing writes them while edges are weighed, eight at once.
-        let (root, query) = (*self.root, *self.query);
-        draw_edge(&root, &mut [0; ROOM], &query, self.random)
     }
 }

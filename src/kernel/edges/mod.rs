@@ -15,10 +15,7 @@ use crate::model::V3;
 use crate::scene::HostScene;
 use crate::trace::{OF_EDGE, Scene};
 use bounds::EdgeList;
-pub(crate) use draw::ROOM;
-pub(crate) use draw::Root;
-#[cfg(feature = "wgpu")]
-pub(crate) use draw::{DrawnEdge, NO_EDGE, draw_edge};
+pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use tree::EdgeTree;
 
 /// Faces of an edge, at most; if there are more, the others count as what lies behind.
