@@ -5,8 +5,8 @@ use glam::DVec3;
 use pulp::Arch;
 
 use super::hierarchy::Hierarchy;
-use super::simd::{F8, LANES, Machine, Task, dispatch};
-use super::wide::{Grown, Planes8, Ray8, Visitor, Wide};
+use super::simd::{F8, LANES, Lanes, Machine, Task, dispatch};
+use super::wide::{Node, Planes8, Ray8, Visitor, Wide};
 
 /// Which hits of a ray matter.
 #[derive(Clone, Copy, Debug)]
@@ -99,11 +99,10 @@ impl<F: Fn(u32, f32) -> Counts> Task for Candidates<'_, F> {
             counts: self.counts,
             found: Vec::new(),
         };
-        let eight = search.eight;
         if wide.nodes.is_empty() {
             let _ = (0..wide.leaves.len()).all(|leaf| search.leaf(leaf));
         } else {
-            wide.traverse(machine, &eight, &mut search);
+            wide.traverse(&mut search);
         }
         (search.found, search.limit)
     }
@@ -123,14 +122,14 @@ struct Search<'a, M: Machine, F> {
     found: Vec<Candidate>,
 }
 
-impl<M: Machine, F: Fn(u32, f32) -> Counts> Visitor<M> for Search<'_, M, F> {
+impl<M: Machine, F: Fn(u32, f32) -> Counts> Visitor for Search<'_, M, F> {
     #[inline(always)]
     fn limit(&self) -> f32 {
         (self.limit - self.skipped) as f32
     }
 
     #[inline(always)]
-    fn grown(&self, near: f32) -> Grown<M> {
+    fn enter(&self, node: &Node, near: f32) -> (u32, Lanes) {
         let Reach { most, penalty, .. } = self.reach;
         let margin = 1e-6 * self.wide.extent;
         // What is met no earlier than this can't be passed as far beside it.
@@ -139,7 +138,8 @@ impl<M: Machine, F: Fn(u32, f32) -> Counts> Visitor<M> for Search<'_, M, F> {
             true => most.min((left.max(0.0) / penalty).sqrt()),
             false => most,
         };
-        self.eight.grown(self.machine, (within + margin) as f32)
+        let grown = self.eight.grown(self.machine, (within + margin) as f32);
+        self.eight.enter(self.machine, node, &grown, self.limit())
     }
 
     #[inline(always)]

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::simd::{LANES, Lanes};
 use super::triangle::HostTriangle;
-use super::wide::{Leaf, Node, Wide};
+use super::wide::{Boxes, Leaf, Node, Wide};
 
 impl Wide {
     pub fn new(triangles: &[HostTriangle], tree: Option<&Bvh2>, extent: f64) -> Self {
@@ -15,6 +15,8 @@ impl Wide {
         let mut wide = Self {
             nodes: Vec::new(),
             leaves: Vec::new(),
+            boxes: Vec::new(),
+            grain: f32::INFINITY,
             velocities: moves.then(Vec::new),
             extent,
         };
@@ -23,6 +25,7 @@ impl Wide {
                 let mut counts = vec![0; tree.nodes.len()];
                 count(tree, &mut counts);
                 wide.collapse(triangles, tree, &counts, 0);
+                wide.grain = grain(&wide.boxes);
             }
             None => {
                 for k in (0..triangles.len() as u32).step_by(LANES) {
@@ -37,6 +40,7 @@ impl Wide {
 
     fn leaf(&mut self, triangles: &[HostTriangle], list: &[u32]) -> u32 {
         self.leaves.push(Leaf::new(triangles, list));
+        self.boxes.push(Boxes::new(triangles, list));
         if let Some(all) = &mut self.velocities {
             all.push(velocities(triangles, list));
         }
@@ -48,12 +52,8 @@ impl Wide {
         let moves = triangles.par_iter().any(|t| t.velocity != DVec3::ZERO);
         let leaves = self.leaves.par_iter();
         let leaves: Vec<Leaf> = leaves.map(|l| Leaf::new(triangles, l.list())).collect();
-        let of_leaves = leaves.par_iter();
-        let of_leaf = |leaf: &Leaf| {
-            let boxes = leaf.list().iter().map(|&k| triangles[k as usize].swept());
-            boxes.fold(Aabb::INVALID, |a, b| a.union(&b))
-        };
-        let of_leaves: Vec<Aabb> = of_leaves.map(of_leaf).collect();
+        let boxes = leaves.par_iter().map(|l| Boxes::new(triangles, l.list()));
+        let boxes: Vec<Boxes> = boxes.collect();
         let mut of_nodes = vec![Aabb::INVALID; self.nodes.len()];
         let mut nodes = self.nodes.clone();
         // Children come after their parents.
@@ -61,11 +61,11 @@ impl Wide {
             for slot in 0..node.count as usize {
                 let child = node.child[slot] as usize;
                 let own = if child % 2 == 1 {
-                    of_leaves[child / 2]
+                    boxes[child / 2].around()
                 } else {
                     of_nodes[child / 2]
                 };
-                node.set(slot, &own);
+                node.boxes.set(slot, &own);
                 of_nodes[at] = of_nodes[at].union(&own);
             }
         }
@@ -76,6 +76,8 @@ impl Wide {
             }),
             nodes,
             leaves,
+            grain: grain(&boxes),
+            boxes,
             extent,
         }
     }
@@ -84,7 +86,8 @@ impl Wide {
     pub fn cost(&self) -> f64 {
         let of_node = |n: &Node| {
             let half = |i: usize| {
-                let [x, y, z] = [0, 1, 2].map(|axis| f64::from(n.max[axis][i] - n.min[axis][i]));
+                let [x, y, z] =
+                    [0, 1, 2].map(|axis| f64::from(n.boxes.max[axis][i] - n.boxes.min[axis][i]));
                 x * y + y * z + z * x
             };
             (0..n.count as usize).map(half).sum::<f64>()
@@ -123,19 +126,28 @@ impl Wide {
         }
         let at = self.nodes.len();
         self.nodes.push(Node {
-            min: [[0.0; LANES]; 3],
-            max: [[0.0; LANES]; 3],
+            boxes: Boxes::NONE,
             child: [u32::MAX; LANES],
             count: children.len() as u32,
         });
         for (slot, child) in children.into_iter().enumerate() {
             let index = self.collapse(triangles, tree, counts, child);
             let node = &mut self.nodes[at];
-            node.set(slot, tree.nodes[child].aabb());
+            node.boxes.set(slot, tree.nodes[child].aabb());
             node.child[slot] = index;
         }
         2 * at as u32
     }
+}
+
+/// The median of the sizes of leaves: roots of half areas.
+fn grain(boxes: &[Boxes]) -> f32 {
+    let mut sizes: Vec<f32> = boxes
+        .par_iter()
+        .map(|b| b.around().half_area().sqrt())
+        .collect();
+    let middle = sizes.len() / 2;
+    *sizes.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 /// Displacements of the triangles of a leaf.
@@ -147,15 +159,6 @@ fn velocities(triangles: &[HostTriangle], list: &[u32]) -> [Lanes; 3] {
         }
     }
     all
-}
-
-impl Node {
-    fn set(&mut self, slot: usize, own: &Aabb) {
-        for axis in 0..3 {
-            self.min[axis][slot] = own.min[axis];
-            self.max[axis][slot] = own.max[axis];
-        }
-    }
 }
 
 /// Triangles under each node.

@@ -1,69 +1,24 @@
 //! Pairs of triangles whose boxes overlap.
 
+use obvhs::aabb::Aabb;
 use pulp::Arch;
-use rayon::prelude::*;
 
 use super::hierarchy::Hierarchy;
-use super::simd::{F8, LANES, Lanes, Machine, Task, dispatch};
-use super::triangle::HostTriangle;
-use super::wide::{Leaf, Node, Wide};
+use super::simd::{F8, Machine, Task, dispatch};
+use super::wide::{Boxes, Node, Wide};
 
-/// Corners of eight boxes; of those that are not there nothing overlaps.
-struct Boxes {
-    min: [Lanes; 3],
-    max: [Lanes; 3],
-}
-
-/// The boxes of all triangles, swept over the shutter, leaf by leaf.
+/// The tree whose boxes are compared.
 pub(crate) struct Overlaps<'a> {
     arch: Arch,
     wide: &'a Wide,
-    boxes: Vec<Boxes>,
-}
-
-impl Boxes {
-    fn new(leaf: &Leaf, triangles: &[HostTriangle]) -> Self {
-        let mut boxes = Self {
-            min: [[f32::INFINITY; LANES]; 3],
-            max: [[f32::NEG_INFINITY; LANES]; 3],
-        };
-        for (i, &k) in leaf.list().iter().enumerate() {
-            let own = triangles[k as usize].swept();
-            for axis in 0..3 {
-                boxes.min[axis][i] = own.min[axis];
-                boxes.max[axis][i] = own.max[axis];
-            }
-        }
-        boxes
-    }
-
-    /// The box of one triangle.
-    fn one(&self, i: usize) -> [[f32; 3]; 2] {
-        [self.min.map(|x| x[i]), self.max.map(|x| x[i])]
-    }
-
-    /// The box around all.
-    fn all(&self) -> [[f32; 3]; 2] {
-        [
-            self.min
-                .map(|x| x.into_iter().fold(f32::INFINITY, f32::min)),
-            self.max
-                .map(|x| x.into_iter().fold(f32::NEG_INFINITY, f32::max)),
-        ]
-    }
 }
 
 /// Those of eight boxes that overlap one, one bit each.
 #[inline(always)]
-fn overlap<M: Machine>(
-    machine: M,
-    min: &[Lanes; 3],
-    max: &[Lanes; 3],
-    [low, high]: &[[f32; 3]; 2],
-) -> u32 {
+fn overlap<M: Machine>(machine: M, Boxes { min, max }: &Boxes, one: &Aabb) -> u32 {
     let apart = |axis: usize| {
-        let below = F8::splat(machine, high[axis]).less(F8::load(machine, &min[axis]));
-        let above = F8::load(machine, &max[axis]).less(F8::splat(machine, low[axis]));
+        let below = F8::splat(machine, one.max[axis]).less(F8::load(machine, &min[axis]));
+        let above = F8::load(machine, &max[axis]).less(F8::splat(machine, one.min[axis]));
         below.or(above)
     };
     apart(0).or(apart(1)).or(apart(2)).not().bits() & 0xff
@@ -71,18 +26,14 @@ fn overlap<M: Machine>(
 
 impl<'a> Overlaps<'a> {
     pub fn new(hierarchy: &'a Hierarchy) -> Self {
-        let leaves = hierarchy.wide.leaves.par_iter();
         Self {
             arch: Arch::new(),
             wide: &hierarchy.wide,
-            boxes: leaves
-                .map(|leaf| Boxes::new(leaf, &hierarchy.triangles))
-                .collect(),
         }
     }
 
     pub fn leaves(&self) -> usize {
-        self.boxes.len()
+        self.wide.leaves.len()
     }
 
     /// Adds the pairs of a triangle of a leaf and one of the same or a later leaf, the smaller number first, while any
@@ -124,7 +75,7 @@ impl Task for AddPairs<'_> {
             }
             return true;
         }
-        let around = self.all.boxes[self.leaf].all();
+        let around = wide.boxes[self.leaf].around();
         let mut open = vec![0u32];
         while let Some(at) = open.pop() {
             if at % 2 == 1 {
@@ -135,7 +86,7 @@ impl Task for AddPairs<'_> {
                 continue;
             }
             let node: &Node = &wide.nodes[at as usize / 2];
-            let mut met = overlap(machine, &node.min, &node.max, &around) & ((1 << node.count) - 1);
+            let mut met = overlap(machine, &node.boxes, &around) & ((1 << node.count) - 1);
             while met != 0 {
                 open.push(node.child[met.trailing_zeros() as usize]);
                 met &= met - 1;
@@ -153,14 +104,14 @@ impl AddPairs<'_> {
             return false;
         }
         *self.left -= 1;
-        let (own, boxes) = (&self.all.boxes[self.leaf], &self.all.boxes[other]);
+        let (own, boxes) = (&self.all.wide.boxes[self.leaf], &self.all.wide.boxes[other]);
         let (list, others) = (
             &self.all.wide.leaves[self.leaf],
             &self.all.wide.leaves[other],
         );
         let mut i = 0;
         while i < list.list().len() {
-            let mut met = overlap(machine, &boxes.min, &boxes.max, &own.one(i));
+            let mut met = overlap(machine, boxes, &own.one(i));
             if other == self.leaf {
                 met &= !((2 << i) - 1);
             }
@@ -187,6 +138,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::accel::HostTriangle;
 
     /// The pairs of a tree's leaves are those of all boxes, each once; looks that run out are told.
     #[test]

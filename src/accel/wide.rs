@@ -1,17 +1,24 @@
 //! A tree of nodes with eight boxes and leaves with eight triangles.
 
-use super::simd::{F8, LANES, Lanes, Machine};
+use super::simd::{F8, LANES, Lanes, Machine, Mask8};
 use super::triangle::HostTriangle;
 use glam::Vec3;
+use obvhs::aabb::Aabb;
 
 /// Up to so many triangles are tested without boxes.
 pub(super) const FEW: usize = 64;
 
+/// Corners of eight boxes; those that are not there are never met.
+#[derive(Clone)]
+pub(super) struct Boxes {
+    pub min: [Lanes; 3],
+    pub max: [Lanes; 3],
+}
+
 /// Boxes of up to eight children.
 #[derive(Clone)]
 pub(super) struct Node {
-    pub min: [Lanes; 3],
-    pub max: [Lanes; 3],
+    pub boxes: Boxes,
     /// Twice the index of a node, or of a leaf plus one.
     pub child: [u32; LANES],
     /// The number of children.
@@ -21,10 +28,54 @@ pub(super) struct Node {
 pub(super) struct Wide {
     pub nodes: Vec<Node>,
     pub leaves: Vec<Leaf>,
+    /// The boxes of the triangles of each leaf, swept over the shutter.
+    pub boxes: Vec<Boxes>,
+    /// The size of leaves, most of which are no larger; infinite where there are no nodes.
+    pub grain: f32,
     /// Displacements over the shutter of the triangles of each leaf, if any moves.
     pub velocities: Option<Vec<[Lanes; 3]>>,
     /// The largest distance of a corner from the origin of coordinates.
     pub extent: f64,
+}
+
+impl Boxes {
+    pub const NONE: Self = Self {
+        min: [[f32::INFINITY; LANES]; 3],
+        max: [[f32::NEG_INFINITY; LANES]; 3],
+    };
+
+    pub fn new(triangles: &[HostTriangle], list: &[u32]) -> Self {
+        let mut boxes = Self::NONE;
+        for (i, &k) in list.iter().enumerate() {
+            boxes.set(i, &triangles[k as usize].swept());
+        }
+        boxes
+    }
+
+    pub fn set(&mut self, i: usize, own: &Aabb) {
+        for axis in 0..3 {
+            self.min[axis][i] = own.min[axis];
+            self.max[axis][i] = own.max[axis];
+        }
+    }
+
+    /// One of them.
+    pub fn one(&self, i: usize) -> Aabb {
+        Aabb {
+            min: self.min.map(|x| x[i]).into(),
+            max: self.max.map(|x| x[i]).into(),
+        }
+    }
+
+    /// The box around all.
+    pub fn around(&self) -> Aabb {
+        let least = |x: [f32; LANES]| x.into_iter().fold(f32::INFINITY, f32::min);
+        let most = |x: [f32; LANES]| x.into_iter().fold(f32::NEG_INFINITY, f32::max);
+        Aabb {
+            min: self.min.map(least).into(),
+            max: self.max.map(most).into(),
+        }
+    }
 }
 
 impl Node {
@@ -117,19 +168,31 @@ impl Leaf {
         ray: &Ray8<M>,
     ) -> Planes8<M> {
         let load = |lanes: &Lanes| F8::load(machine, lanes);
-        let dot = |n: &[Lanes; 3], v: &[F8<M>; 3], last: F8<M>| {
-            let [x, y, z] = n;
-            load(x).mul_add(v[0], load(y).mul_add(v[1], load(z).mul_add(v[2], last)))
+        let origin = match velocity {
+            Some(velocity) => displaced(&ray.origin, velocity.each_ref().map(load), ray.less_time),
+            None => ray.origin,
         };
-        let (mut o, d) = (ray.origin, ray.direction);
-        if let Some(velocity) = velocity {
-            for (o, v) in o.iter_mut().zip(velocity) {
-                *o = load(v).mul_add(ray.less_time, *o);
-            }
-        }
-        let zero = F8::splat(machine, 0.0);
-        let cosine = dot(&self.normal, &d, zero);
-        let above = load(&self.plane) - dot(&self.normal, &o, zero);
+        self.meet(load, &origin, &ray.direction)
+    }
+
+    /// Where rays meet the planes of triangles, whose numbers are made of lanes: of eight triangles, or one of them.
+    #[inline(always)]
+    pub fn meet<M: Machine>(
+        &self,
+        of: impl Fn(&Lanes) -> F8<M>,
+        o: &[F8<M>; 3],
+        d: &[F8<M>; 3],
+    ) -> Planes8<M> {
+        let dot = |n: &[Lanes; 3], v: &[F8<M>; 3]| {
+            let [x, y, z] = n;
+            of(x).mul_add(v[0], of(y).mul_add(v[1], of(z) * v[2]))
+        };
+        let line = |n: &[Lanes; 3], v: &[F8<M>; 3], last: &Lanes| {
+            let [x, y, z] = n;
+            of(x).mul_add(v[0], of(y).mul_add(v[1], of(z).mul_add(v[2], of(last))))
+        };
+        let cosine = dot(&self.normal, d);
+        let above = of(&self.plane) - dot(&self.normal, o);
         let t = above.div(cosine);
         let p = [
             t.mul_add(d[0], o[0]),
@@ -138,7 +201,7 @@ impl Leaf {
         ];
         let [ab, bc, ca] = &self.lines;
         let [a, b, c] = &self.offsets;
-        let least = dot(ab, &p, load(a)).min(dot(bc, &p, load(b)).min(dot(ca, &p, load(c))));
+        let least = line(ab, &p, a).min(line(bc, &p, b).min(line(ca, &p, c)));
         Planes8 { t, cosine, least }
     }
 }
@@ -151,13 +214,23 @@ pub(super) struct Planes8<M: Machine> {
     pub least: F8<M>,
 }
 
+impl<M: Machine> Planes8<M> {
+    /// Where triangles that grow by less than −`below`, and by their own slack, are hit between two distances.
+    #[inline(always)]
+    pub fn hit(&self, below: F8<M>, slack: F8<M>, from: F8<M>, limit: F8<M>) -> Mask8<M> {
+        // Not a number counts as no hit: all comparisons with it are false.
+        let inside = (below - slack).less(self.least);
+        inside.and(from.less(self.t)).and(self.t.less(limit))
+    }
+}
+
 /// A ray, each of its numbers eight times.
 #[derive(Clone, Copy)]
 pub(super) struct Ray8<M: Machine> {
-    origin: [F8<M>; 3],
-    direction: [F8<M>; 3],
-    inverse: [F8<M>; 3],
-    less_time: F8<M>,
+    pub origin: [F8<M>; 3],
+    pub direction: [F8<M>; 3],
+    pub inverse: [F8<M>; 3],
+    pub less_time: F8<M>,
     /// Where it begins.
     pub from: F8<M>,
 }
@@ -166,18 +239,11 @@ impl<M: Machine> Ray8<M> {
     #[inline(always)]
     pub fn new(machine: M, origin: Vec3, direction: Vec3, time: f32, from: f32) -> Self {
         let splat = |x| F8::splat(machine, x);
-        // Finite, so that differences times it are numbers.
-        let inverse = |d: f32| {
-            1.0 / if d.abs() < 1e-12 {
-                1e-12f32.copysign(d)
-            } else {
-                d
-            }
-        };
+        let direction = direction.to_array().map(splat);
         Self {
             origin: origin.to_array().map(splat),
-            direction: direction.to_array().map(splat),
-            inverse: direction.to_array().map(|d| splat(inverse(d))),
+            direction,
+            inverse: direction.map(|d| inverse(machine, d)),
             less_time: splat(-time),
             from: splat(from),
         }
@@ -196,17 +262,42 @@ impl<M: Machine> Ray8<M> {
 
     /// The children of a node, their boxes grown, that it enters before a limit, one bit each; and where.
     #[inline(always)]
-    fn enter(&self, machine: M, node: &Node, grown: &Grown<M>, limit: f32) -> (u32, Lanes) {
+    pub fn enter(&self, machine: M, node: &Node, grown: &Grown<M>, limit: f32) -> (u32, Lanes) {
+        let Boxes { min, max } = &node.boxes;
         let (mut near, mut far) = (self.from, F8::splat(machine, limit));
         for axis in 0..3 {
-            let t0 = (F8::load(machine, &node.min[axis]) - grown.low[axis]) * self.inverse[axis];
-            let t1 = (F8::load(machine, &node.max[axis]) - grown.high[axis]) * self.inverse[axis];
+            let t0 = (F8::load(machine, &min[axis]) - grown.low[axis]) * self.inverse[axis];
+            let t1 = (F8::load(machine, &max[axis]) - grown.high[axis]) * self.inverse[axis];
             near = near.max(t0.min(t1));
             far = far.min(t0.max(t1));
         }
         let missed = far.less(near).bits();
         (!missed & ((1 << node.count) - 1), near.lanes())
     }
+}
+
+/// Origins of rays in the frame of triangles that are displaced with time.
+#[inline(always)]
+pub(super) fn displaced<M: Machine>(
+    origin: &[F8<M>; 3],
+    velocity: [F8<M>; 3],
+    less_time: F8<M>,
+) -> [F8<M>; 3] {
+    let ([x, y, z], [u, v, w]) = (origin, velocity);
+    [
+        u.mul_add(less_time, *x),
+        v.mul_add(less_time, *y),
+        w.mul_add(less_time, *z),
+    ]
+}
+
+/// 1 over directions, finite, so that differences times it are numbers.
+#[inline(always)]
+pub(super) fn inverse<M: Machine>(machine: M, d: F8<M>) -> F8<M> {
+    let (zero, least) = (F8::splat(machine, 0.0), F8::splat(machine, 1e-12));
+    let tiny = d.less(zero).select(zero - least, least);
+    let d = d.abs().less(least).select(tiny, d);
+    F8::splat(machine, 1.0).div(d)
 }
 
 /// A ray's origin for the lower and the upper corners of boxes.
@@ -216,22 +307,23 @@ pub(super) struct Grown<M: Machine> {
     high: [F8<M>; 3],
 }
 
-/// What is done on the way of a ray through the tree.
-pub(super) trait Visitor<M: Machine> {
+/// What is done on the way of a ray, or of rays that go together, through the tree.
+pub(super) trait Visitor {
     /// The distance beyond which nothing matters.
     fn limit(&self) -> f32;
 
-    /// The ray's origin for boxes that are entered at a distance.
-    fn grown(&self, near: f32) -> Grown<M>;
+    /// The children of a node that is entered at a distance which are entered before the limit, one bit each; and
+    /// where.
+    fn enter(&self, node: &Node, near: f32) -> (u32, Lanes);
 
     /// Looks at the triangles of a leaf. Whether it goes on.
     fn leaf(&mut self, index: usize) -> bool;
 }
 
 impl Wide {
-    /// Takes a visitor to all leaves that a ray may hit, the nearer child of a node first.
+    /// Takes a visitor to all leaves that its rays may hit, the nearer child of a node first.
     #[inline(always)]
-    pub fn traverse<M: Machine>(&self, machine: M, ray: &Ray8<M>, visitor: &mut impl Visitor<M>) {
+    pub fn traverse(&self, visitor: &mut impl Visitor) {
         let mut stack = [(0u32, 0f32); 64];
         stack[0].1 = f32::NEG_INFINITY;
         let mut spilled: Vec<(u32, f32)> = Vec::new();
@@ -256,7 +348,7 @@ impl Wide {
                 continue;
             }
             let node = &self.nodes[at];
-            let (mask, nears) = ray.enter(machine, node, &visitor.grown(near), visitor.limit());
+            let (mask, nears) = visitor.enter(node, near);
             if mask == 0 {
                 continue;
             }

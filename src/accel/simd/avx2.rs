@@ -1,6 +1,6 @@
 //! Eight numbers in a register of AVX2.
 
-use super::float8::{Lanes, Machine};
+use super::float8::{LANES, Lanes, Machine};
 
 /// Operations that are one instruction on registers.
 macro_rules! instructions {
@@ -70,6 +70,38 @@ impl Machine for pulp::x86::V3 {
     #[inline(always)]
     fn mask_bits(self, mask: Self::Mask) -> u32 {
         self.avx._mm256_movemask_ps(mask) as u32
+    }
+
+    #[inline(always)]
+    fn transpose(self, rows: &[Lanes; LANES]) -> [Self::Floats; LANES] {
+        let avx = self.avx;
+        // Pairs of rows, then fours of rows in each half, then halves.
+        let pair = |k: usize| {
+            let (a, b) = (self.load(&rows[k]), self.load(&rows[k + 1]));
+            [avx._mm256_unpacklo_ps(a, b), avx._mm256_unpackhi_ps(a, b)]
+        };
+        let four = |k: usize| {
+            let ([a, b], [c, d]) = (pair(k), pair(k + 2));
+            [
+                avx._mm256_shuffle_ps::<0b01_00_01_00>(a, c),
+                avx._mm256_shuffle_ps::<0b11_10_11_10>(a, c),
+                avx._mm256_shuffle_ps::<0b01_00_01_00>(b, d),
+                avx._mm256_shuffle_ps::<0b11_10_11_10>(b, d),
+            ]
+        };
+        let (first, last) = (four(0), four(4));
+        let low = |k: usize| avx._mm256_permute2f128_ps::<0x20>(first[k], last[k]);
+        let high = |k: usize| avx._mm256_permute2f128_ps::<0x31>(first[k], last[k]);
+        [
+            low(0),
+            low(1),
+            low(2),
+            low(3),
+            high(0),
+            high(1),
+            high(2),
+            high(3),
+        ]
     }
 
     #[inline(always)]

@@ -34,6 +34,8 @@ pub(crate) trait Machine: Copy {
     fn not(self, a: Self::Mask) -> Self::Mask;
     fn select(self, mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn mask_bits(self, mask: Self::Mask) -> u32;
+    /// The lanes of eight rows of numbers.
+    fn transpose(self, rows: &[Lanes; LANES]) -> [Self::Floats; LANES];
     /// The least of all lanes; none may be other than a number.
     fn least(self, a: Self::Floats) -> f32;
 }
@@ -64,7 +66,7 @@ impl<M: Machine> F8<M> {
     }
 
     #[inline(always)]
-    fn of(machine: M, floats: M::Floats) -> Self {
+    pub fn of(machine: M, floats: M::Floats) -> Self {
         Self { machine, floats }
     }
 

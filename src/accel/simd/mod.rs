@@ -7,8 +7,8 @@ mod plain;
 
 use pulp::Arch;
 
-pub(crate) use float8::{F8, LANES, Lanes, Machine};
-use plain::Plain;
+pub(crate) use float8::{F8, LANES, Lanes, Machine, Mask8};
+pub(crate) use plain::Plain;
 
 /// Something to do in code for what the machine has. Not a closure: those that only borrow go through a
 /// function of `core`, which is compiled for any machine. All that it calls is to be inlined, for the

@@ -81,6 +81,15 @@ impl<const FUSED: bool> Machine for Plain<FUSED> {
     }
 
     #[inline(always)]
+    fn transpose(self, rows: &[Lanes; LANES]) -> [Lanes; LANES] {
+        let mut all = [[0.0; LANES]; LANES];
+        for (k, lanes) in all.iter_mut().enumerate() {
+            *lanes = each(|i| rows[i][k]);
+        }
+        all
+    }
+
+    #[inline(always)]
     fn least(self, a: Lanes) -> f32 {
         let mut least = a[0];
         for x in a {

@@ -1,0 +1,87 @@
+//! Rays, eight at once.
+
+use super::hits::HitRay;
+use super::simd::{F8, LANES, Lanes, Machine};
+use super::wide::{ROUNDING, Ray8, inverse};
+
+/// The size of coordinates: scenes are measured in a unit near their size.
+const SIZE: f32 = 1.0;
+
+/// Eight rays, each beginning where it is near the scene: a distant origin would round by more than triangles are large.
+#[derive(Clone, Copy)]
+pub(super) struct Rays8 {
+    pub origin: [Lanes; 3],
+    pub direction: [Lanes; 3],
+    pub inverse: [Lanes; 3],
+    pub less_time: Lanes,
+    pub from: Lanes,
+    pub limit: Lanes,
+    /// What triangles grow by.
+    pub margin: Lanes,
+    /// How far from a ray's origin this one is.
+    pub skipped: Lanes,
+}
+
+impl Rays8 {
+    pub const NONE: Self = Self {
+        origin: [[0.0; LANES]; 3],
+        direction: [[0.0; LANES]; 3],
+        inverse: [[0.0; LANES]; 3],
+        less_time: [0.0; LANES],
+        from: [0.0; LANES],
+        limit: [0.0; LANES],
+        margin: [0.0; LANES],
+        skipped: [0.0; LANES],
+    };
+
+    /// Up to eight rays; the rest are like the first, and hit nothing.
+    #[inline(always)]
+    pub fn fill<M: Machine>(&mut self, machine: M, rays: &[HitRay]) {
+        let mut rows = [rays[0].head(); LANES];
+        self.limit = [f32::MIN; LANES];
+        let mut i = 0;
+        while i < rays.len() {
+            rows[i] = rays[i].head();
+            self.limit[i] = rays[i].limit;
+            i += 1;
+        }
+        let [x, y, z, u, v, w, time, from] = machine.transpose(&rows);
+        let all = |a| F8::of(machine, a);
+        let load = |lanes: &Lanes| F8::load(machine, lanes);
+        let splat = |x| F8::splat(machine, x);
+        let zero = splat(0.0);
+        let [x, y, z] = [x, y, z].map(all);
+        let [u, v, w] = [u, v, w].map(all);
+        let along = zero - x.mul_add(u, y.mul_add(v, z * w));
+        let far = splat(16.0 * SIZE).less(along.abs());
+        let skipped = far.select(along, zero);
+        let [x, y, z] = [
+            u.mul_add(skipped, x),
+            v.mul_add(skipped, y),
+            w.mul_add(skipped, z),
+        ];
+        let size = x.abs().max(y.abs()).max(z.abs()) + splat(SIZE);
+        self.origin = [x.lanes(), y.lanes(), z.lanes()];
+        self.inverse = [u, v, w].map(|d| inverse(machine, d).lanes());
+        self.direction = [u.lanes(), v.lanes(), w.lanes()];
+        self.less_time = (zero - all(time)).lanes();
+        self.from = (all(from) - skipped).lanes();
+        // Not infinite, so that differences are numbers.
+        self.limit = (load(&self.limit) - skipped).min(splat(f32::MAX)).lanes();
+        self.margin = (size * splat(ROUNDING)).lanes();
+        self.skipped = skipped.lanes();
+    }
+
+    /// One of them, each of its numbers eight times.
+    #[inline(always)]
+    pub fn one<M: Machine>(&self, machine: M, i: usize) -> Ray8<M> {
+        let splat = |lanes: &Lanes| F8::splat(machine, lanes[i]);
+        Ray8 {
+            origin: self.origin.each_ref().map(splat),
+            direction: self.direction.each_ref().map(splat),
+            inverse: self.inverse.each_ref().map(splat),
+            less_time: splat(&self.less_time),
+            from: splat(&self.from),
+        }
+    }
+}
