@@ -141,6 +141,11 @@ impl Weld {
         }
     }
 
+    /// The number of places.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
     /// The place of a vertex.
     pub(crate) fn place(&self, vertex: u32) -> u32 {
         self.of_vertex[vertex as usize]

@@ -63,6 +63,15 @@ impl Uniform {
             from = 0.0f32;
             share = chance;
         }
+        Decision {
+            happens,
+            rest: self.within(from, share),
+        }
+    }
+
+    /// What is left of it once it is known to lie in a part of its range.
+    #[inline(always)]
+    pub fn within(self, from: f32, share: f32) -> Self {
         let mut number = ((self.number - from) / share.max(1e-30)).min(MOST);
         let mut left = self.left * share;
         let mut key = self.key;
@@ -71,10 +80,7 @@ impl Uniform {
             number = (key >> 8) as f32 * (1.0f32 / 16_777_216.0f32);
             left = 1.0f32;
         }
-        Decision {
-            happens,
-            rest: Uniform { number, left, key },
-        }
+        Uniform { number, left, key }
     }
 }
 

@@ -58,7 +58,7 @@ const BUDGET: u32 = 64;
 const LARGE: f32 = 0.25;
 /// The same for the light of emitters, which fill a narrow cone, in which few edges lie: they are looked at closely.
 const BUDGET_OF_LIGHT: u32 = 1024;
-const LARGE_OF_LIGHT: f32 = 0.015;
+const LARGE_OF_LIGHT: f32 = 0.06;
 
 /// Room that a draw needs, in words: eight weights, whether those are entered, the weights of the leaf that is kept, and
 /// nodes that are to be entered with 1 over their probabilities.
@@ -253,26 +253,33 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
             }
             let all = budget > 0 && length + LANES as u32 <= ENTERED;
             let mut far = 0.0f32;
-            let mut taken = 0.0f32;
-            let mut branch = 0usize;
             for i in 0..LANES {
                 let own = f32::from_bits(room[i]);
                 if own > 0.0 {
                     if all && room[ENTERS + i] == 1 {
                         push(room, length, tree.children[LANES * index + i], inverse);
                         length += 1;
+                        room[i] = 0u32;
                     } else {
                         far += own;
-                        let decision = random.decide(own / far);
-                        random = decision.rest;
-                        if decision.happens {
-                            branch = i;
-                            taken = own;
-                        }
                     }
                 }
             }
-            if taken > 0.0 {
+            if far > 0.0 {
+                let target = random.number * far;
+                let mut branch = 0usize;
+                let mut passed = 0.0f32;
+                let mut before = 0.0f32;
+                for i in 0..LANES {
+                    let own = f32::from_bits(room[i]);
+                    if own > 0.0 && passed <= target {
+                        branch = i;
+                        before = passed;
+                    }
+                    passed += own;
+                }
+                let taken = f32::from_bits(room[branch]);
+                random = random.within(before / far, taken / far);
                 let child = tree.children[LANES * index + branch];
                 push(room, length, child, inverse * far / taken);
                 length += 1;

@@ -24,21 +24,40 @@ pub(super) fn of_object(
 ) -> Vec<Edge> {
     let weld = Weld::new(positions);
     let part = &scene.lists.objects[object];
-    // Both ends, ascending, and its place: a face's i-th edge runs from its i-th corner to the next.
-    let mut all: Vec<(u64, u32)> = faces
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(f, face)| {
-            let w = face.map(|v| u64::from(weld.place(v)));
-            let valid = scene.lists.surfaces[part.first_triangle + f][AREA] > 0.0;
-            (0..3).filter_map(move |i| {
-                let (p, q) = (w[i], w[(i + 1) % 3]);
-                (valid && p != q).then_some(((p.min(q) << 32) | p.max(q), 4 * f as u32 + i as u32))
-            })
-        })
-        .collect();
-    all.par_sort_unstable();
-    let groups: Vec<&[(u64, u32)]> = all.chunk_by(|a, b| a.0 == b.0).collect();
+    // An edge's other end and its place, by the end that comes first: a face's i-th edge runs from its i-th corner to
+    // the next.
+    let ends = |f: usize, i: usize| {
+        let [p, q] = [i, (i + 1) % 3].map(|i| weld.place(faces[f][i]));
+        let valid = scene.lists.surfaces[part.first_triangle + f][AREA] > 0.0;
+        (valid && p != q).then_some((p.min(q), p.max(q)))
+    };
+    let every = || (0..faces.len()).flat_map(|f| (0..3).map(move |i| (f, i)));
+    let mut past = vec![0u32; weld.count() + 1];
+    for (f, i) in every() {
+        if let Some((p, _)) = ends(f, i) {
+            past[p as usize] += 1;
+        }
+    }
+    let mut sum = 0;
+    for count in &mut past {
+        sum += std::mem::replace(count, sum);
+    }
+    let mut all = vec![(0, 0); sum as usize];
+    for (f, i) in every() {
+        if let Some((p, q)) = ends(f, i) {
+            all[past[p as usize] as usize] = (q, 4 * f as u32 + i as u32);
+            past[p as usize] += 1;
+        }
+    }
+    let mut groups: Vec<&[(u32, u32)]> = Vec::with_capacity(all.len() / 2);
+    let (mut rest, mut first) = (all.as_mut_slice(), 0);
+    for past in past {
+        let own;
+        (own, rest) = rest.split_at_mut((past - first) as usize);
+        first = past;
+        own.sort_unstable();
+        groups.extend((&*own).chunk_by(|a, b| a.0 == b.0));
+    }
     let transparent = |k: usize| scene.material(k as u32).kind.bsdf.refracts();
     let triangles = part.first_triangle..part.first_triangle + faces.len();
     let closed = !groups.is_empty() && groups.iter().all(|g| g.len() == 2);
@@ -56,7 +75,7 @@ fn edge_of(
     object: usize,
     weld: &Weld,
     faces: &[[u32; 3]],
-    group: &[(u64, u32)],
+    group: &[(u32, u32)],
     closed: bool,
 ) -> Option<Edge> {
     let part = &scene.lists.objects[object];
