@@ -10,6 +10,7 @@ use super::HostTriangle;
 use super::hierarchy::Hierarchy;
 use super::simd::{F8, LANES, Lanes, Machine, Task, dispatch};
 use super::wide::{Grown, Leaf, Planes8, ROUNDING, Ray8, Visitor, Wide};
+use crate::cube::*;
 use crate::model::texture::Masks;
 use crate::model::v3;
 use crate::scene::Holes;
@@ -50,7 +51,7 @@ impl HitRay {
 }
 
 /// A hit of a ray: a distance, and a triangle or [`NOTHING`].
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct Hit {
     pub t: f32,
     pub triangle: u32,

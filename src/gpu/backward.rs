@@ -15,9 +15,9 @@ use crate::model::connection::Target;
 use crate::model::{V3, splat};
 use crate::sampling::{EmitterPlace, Four};
 use crate::trace::{
-    Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, density_of_map,
-    emitters_of, leave_backward, light_backward, map_backward, map_of, middle_of, point_backward,
-    receiver_of, seen_backward, sky_backward, target_of,
+    Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, emitters_of,
+    leave_backward, light_backward, map_backward, map_of, middle_of, point_backward, receiver_of,
+    seen_backward, sky_backward, target_of,
 };
 
 /// A point of a path on the way back.
@@ -239,12 +239,13 @@ fn light_of_map_backward(scene: &Scene, sums: &Sums, v: &Vertex, by: &mut PointG
     while bit <= SAW_MAP_ALONG {
         if v.bits & bit != 0 {
             let along = bit == SAW_MAP_ALONG;
+            let map = map_of(scene);
             let mut towards = v.scatter.direction;
             if !along {
-                towards = map_of(scene).choose(scene.sky_density, v.choices.z, v.choices.w);
+                towards = map.choose(scene.sky_density, v.choices.z, v.choices.w);
             }
             let target = Target::of_map(towards);
-            let p = density_of_map(scene, towards);
+            let p = map.density(scene.sky_density, towards);
             let arrived = v.arrived(&target, p, along);
             by_throughput += map_backward(
                 scene,

@@ -10,17 +10,16 @@ use super::camera::{
 };
 use super::hit::{Memory, Ray, trace};
 use super::job::Views;
-use super::jumps::{Approach, light_beside};
+use super::jumps::light_beside;
 use super::passes::Loss;
 use super::sums::Adding;
 use crate::kernel::{Piece, View};
 use crate::model::camera::{Camera, CameraRay};
 use crate::model::film::BLOCK;
-use crate::model::jumps::Sides;
 use crate::model::lists::first_over;
 use crate::model::numbers::{is_finite, is_nonzero};
 use crate::sampling::Dimensions;
-use crate::trace::{Behind, FilmPoint, NONE, Scene, Seen, Sums, film_point, hides};
+use crate::trace::{FilmPoint, NONE, Scene, Seen, Sums, film_point, hides};
 
 /// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
 /// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to [`WHOLE`].
@@ -291,27 +290,16 @@ fn add_film_jump(
     let mut memory = Memory::new(scene);
     let time = path.time;
     let p = f.point;
-    let view = path.ray.direction;
-    let sides: Sides = f.sides(scene, c, view, time);
+    let approach = f.approach(scene, c, time);
     let ray = Ray {
         origin: f.origin,
-        direction: sides.past,
+        direction: approach.sides.past,
         time,
         limit: f32::MAX,
     };
     let hit = trace(scene, &mut memory, ray, p.faces, false, true);
-    if !hides(scene, hit.triangle, hit.t, &p, time) {
-        let approach = Approach {
-            point: p,
-            origin: f.origin,
-            view,
-            sides,
-            behind: Behind {
-                triangle: hit.triangle,
-                distance: hit.t,
-            },
-        };
-        let light = light_beside(scene, &mut memory, path, 0u32, true, &approach, true);
+    if !hides(scene, &hit, &p, time) {
+        let light = light_beside(scene, &mut memory, path, 0u32, true, &approach, &hit, true);
         let jump = g.jump(&light);
         let scale = jump * p.per_density;
         if is_nonzero(scale) && is_finite(scale) {

@@ -3,7 +3,7 @@
 
 use crate::cube::*;
 
-use crate::accel::{HIT_STRIDE, LEAF};
+use crate::accel::{HIT_STRIDE, Hit, LEAF};
 use crate::model::lists::vector;
 use crate::model::{V3, v3};
 use crate::trace::{Faces, NONE, Scene, is_open};
@@ -32,13 +32,6 @@ pub(super) struct Ray {
     pub direction: V3,
     pub time: f32,
     pub limit: f32,
-}
-
-/// A hit: a distance, and a triangle or [`NONE`].
-#[apply(record!)]
-pub(super) struct Hit {
-    pub t: f32,
-    pub triangle: u32,
 }
 
 /// All triangles are seen.

@@ -7,7 +7,7 @@
 use crate::cube::*;
 
 use super::camera::{Beginning, begin};
-use super::hit::{Hit, Memory, Ray, see_all, trace};
+use super::hit::{Memory, Ray, see_all, trace};
 use super::records::{
     Arrival, ESCAPED, MOST_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
     SAW_MAP_ALONG, WENT_ON,
@@ -16,12 +16,13 @@ use super::walk::{
     ENDED, OF_CAMERA, ONWARDS, PathLight, Start, TO_EMITTER, TO_EMITTERS_ALONG, TO_MAP,
     TO_MAP_ALONG, Walk,
 };
+use crate::accel::Hit;
 use crate::model::connection::{Target, no_connection};
 use crate::model::{splat, v2};
 use crate::sampling::EmitterPlace;
 use crate::trace::{
-    CONE, NONE, Scene, density_of_map, emitted, emitters_of, leave, map_of, point_at, radiance_of,
-    receiver_of, sky, target_of,
+    CONE, NONE, Scene, emitted, emitters_of, leave, map_of, point_at, radiance_of, receiver_of,
+    sky, target_of,
 };
 
 /// The light of a path of a pixel.
@@ -316,7 +317,7 @@ fn connect(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk
                 let drawn = path.choices(scene, walk.bounce);
                 towards = map_of(scene).choose(scene.sky_density, drawn.z, drawn.w);
             }
-            chance = density_of_map(scene, towards);
+            chance = map_of(scene).density(scene.sky_density, towards);
             target = Target::of_map(towards);
         } else {
             walk.purpose = ONWARDS;

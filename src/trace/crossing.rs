@@ -3,8 +3,8 @@
 use crate::cube::*;
 
 use super::scene::{Scene, Triangle};
+use crate::model::V3;
 use crate::model::edge::TOUCHING;
-use crate::model::{V3, splat};
 
 /// A triangle at a time.
 #[cfg_attr(feature = "wgpu", cube)]
@@ -26,7 +26,7 @@ fn size(t: &Triangle) -> f32 {
 }
 
 /// A segment of a line, by the places of its ends along that.
-#[apply(record!)]
+#[apply(zeroed!)]
 struct Segment {
     from: f32,
     to: f32,
@@ -39,13 +39,7 @@ struct Segment {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn through_plane(t: &Triangle, of: &Triangle, along: V3, tolerance: f32) -> Segment {
-    let mut found = Segment {
-        from: 0.0f32,
-        to: 0.0f32,
-        start: splat(0.0),
-        end: splat(0.0),
-        exists: false,
-    };
+    let mut found = Segment::default();
     let at_a = of.normal.dot(t.a - of.a);
     let at_b = of.normal.dot(t.b - of.a);
     let at_c = of.normal.dot(t.c - of.a);

@@ -9,14 +9,14 @@ use std::ops::Range;
 use macro_rules_attribute::apply;
 
 use super::film_edges::FilmEdges;
-use super::jumps::{Approach, light_beside};
+use super::jumps::light_beside;
 use super::pieces::PixelGradients;
 use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Path, Seen, TOGETHER, Work};
 use crate::sampling::{Dimensions, Numbers};
-use crate::trace::{FilmPoint, Sums, film_point};
+use crate::trace::{Approach, FilmPoint, Sums, film_point};
 
 /// What samples of edges on the film are drawn from.
 struct FilmSamples<'a> {
@@ -60,14 +60,7 @@ impl FilmSamples<'_> {
         if *g == Seen::default() {
             return None;
         }
-        let direction = point.point.to.normalize();
-        let sides = point.sides(lists, c, direction, time);
-        let approach = Approach {
-            point: point.point,
-            origin: point.origin,
-            view: direction,
-            sides,
-        };
+        let approach = point.approach(lists, c, time);
         Some((point, g, approach))
     }
 }
