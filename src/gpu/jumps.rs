@@ -193,10 +193,7 @@ pub(super) fn light_beside(
         }
         if at.triangle != NONE && goes_on {
             let start = Start {
-                triangle: at.triangle,
-                near: at.near,
-                direction: at.direction,
-                distance: at.distance,
+                at,
                 bounce,
                 pair,
                 paired,

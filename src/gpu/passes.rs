@@ -72,14 +72,10 @@ pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32]) {
     if ABSOLUTE_POS < threads as usize && !loss.is_skipped() {
         let thread = ABSOLUTE_POS as u32;
         let which = paths.of_thread(thread);
-        let scene = paths.scene(which.view);
+        let scene = paths.views.scene(which.view);
         let g = loss.of_row(&scene, which.row);
         if is_nonzero(g.size()) {
-            let room = Room {
-                thread,
-                threads,
-                bounces: scene.bounces,
-            };
+            let room = Room::new(thread, threads, scene.bounces);
             let mut memory = Memory::new(&scene);
             let path = begin(&scene, which.pixel, which.sample);
             let light = path_light(
@@ -134,13 +130,9 @@ pub(super) fn add_jumps(
         let thread = ABSOLUTE_POS as u32 % threads;
         let k = ABSOLUTE_POS as u32 / threads;
         let which = paths.of_thread(thread);
-        let scene = paths.scene(which.view);
+        let scene = paths.views.scene(which.view);
         let sums = adding.of_thread(&scene, loss.scales, thread);
-        let room = Room {
-            thread,
-            threads,
-            bounces,
-        };
+        let room = Room::new(thread, threads, bounces);
         let g = loss.of_row(&scene, which.row);
         let mut points = 0u32;
         if is_nonzero(g.size()) {
@@ -177,16 +169,12 @@ pub(super) fn go_back(paths: Paths, loss: Loss, records: &mut [u32], adding: Add
     if ABSOLUTE_POS < threads as usize && !loss.is_skipped() {
         let thread = ABSOLUTE_POS as u32;
         let which = paths.of_thread(thread);
-        let scene = paths.scene(which.view);
+        let scene = paths.views.scene(which.view);
         let sums = adding.of_thread(&scene, loss.scales, thread);
         let g = loss.of_row(&scene, which.row);
         if is_nonzero(g.size()) {
             let mut by_camera = CameraGradient::default();
-            let room = Room {
-                thread,
-                threads,
-                bounces: scene.bounces,
-            };
+            let room = Room::new(thread, threads, scene.bounces);
             let mut memory = Memory::new(&scene);
             let path = begin(&scene, which.pixel, which.sample);
             path_backward(

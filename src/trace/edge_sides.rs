@@ -32,7 +32,7 @@ pub(crate) fn hides(scene: &Scene, hit: &Hit, p: &EdgePoint, time: f32) -> bool 
 }
 
 /// A surface point beside an edge, by a place about there, seen along a direction from a distance; or the environment.
-#[apply(record!)]
+#[apply(zeroed!)]
 pub(crate) struct Beside {
     /// [`NONE`] where the environment is seen.
     pub triangle: u32,

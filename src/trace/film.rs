@@ -9,14 +9,9 @@ use super::seen::Seen;
 #[cfg(feature = "wgpu")]
 use super::seen::SeenExpand;
 use super::sums::{Sums, add_to_camera};
-#[cfg(feature = "wgpu")]
-use crate::model::camera::CameraRay;
-use crate::model::camera::{Camera, CameraGradient};
-use crate::model::filter::film_kernel;
-#[cfg(feature = "wgpu")]
-use crate::model::filter::sample_filter;
+use crate::model::camera::{Camera, CameraGradient, CameraRay};
+use crate::model::filter::{film_kernel, sample_filter};
 use crate::model::{V2, V3, v2};
-#[cfg(feature = "wgpu")]
 use crate::sampling::Four;
 
 /// A point of an edge, and how the camera sees it through a point of its lens.
@@ -44,8 +39,8 @@ pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
 }
 
 /// The camera ray of a pixel, for two random numbers of the film and a point of the lens.
-#[cfg(feature = "wgpu")]
-#[cube]
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
 pub(crate) fn camera_ray(
     scene: &Scene,
     c: &Camera,

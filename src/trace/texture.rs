@@ -10,17 +10,12 @@ use crate::model::sky::Map;
 use crate::model::texture::{Cell, Masks, texture_at};
 use crate::model::{V2, V3, splat, v2};
 
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(never)]
-fn colour_of_texture(words: &[u32], texels: &[f32], texture: u32, uv: V2) -> V3 {
-    texture_at(words, texture).cell_at(uv).colour(texels, 0u32)
-}
-
 /// The colour of a texture, by the place of its words among those of materials.
 #[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
+#[inline(never)]
 pub(crate) fn look_up(scene: &Scene, texture: u32, uv: V2) -> V3 {
-    colour_of_texture(scene.of_materials, scene.texels, texture, uv)
+    let cell = texture_at(scene.of_materials, texture).cell_at(uv);
+    cell.colour(scene.texels, 0u32)
 }
 
 /// The place of the words of a channel's texture; the first is [`NONE`] where it is a constant.
@@ -152,24 +147,18 @@ pub(crate) fn emission_backward(scene: &Scene, sums: &Sums, material: u32, uv: V
 /// Whether a triangle has a hole at the point with these weights of its corners.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn is_open(scene: &Scene, triangle: u32, weights: V3) -> bool {
+pub(crate) fn is_open<'a>(scene: &Scene<'a>, triangle: u32, weights: V3) -> bool {
     let mut open = false;
     if comptime!(scene.features.holes) {
-        open = masks_of(scene).open(triangle, weights);
+        let masks = Masks::<'a> {
+            masked: scene.masked,
+            images: scene.masks,
+            uvs: scene.masked_uvs,
+            alphas: scene.alphas,
+        };
+        open = masks.open(triangle, weights);
     }
     open
-}
-
-/// The masks of triangles.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn masks_of<'a>(scene: &Scene<'a>) -> Masks<'a> {
-    Masks::<'a> {
-        masked: scene.masked,
-        images: scene.masks,
-        uvs: scene.masked_uvs,
-        alphas: scene.alphas,
-    }
 }
 
 /// Whether a triangle has a hole at a place, at a time.

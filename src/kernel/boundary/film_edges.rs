@@ -2,8 +2,7 @@
 
 use super::pieces::{Piece, PixelGradients};
 use crate::kernel::view::View;
-use crate::model::film::BLOCK;
-use crate::model::lists;
+use crate::model::film::{BLOCK, DrawnPiece, draw_piece};
 
 /// Pieces of edges on the film of a view.
 pub(crate) struct FilmEdges {
@@ -42,17 +41,11 @@ impl FilmEdges {
     /// Draws a point of an edge for two uniform numbers.
     #[inline(always)]
     pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
-        let first_over = |sums: &[f32], value: f32| {
-            lists::first_over(sums, 0, sums.len() as u32, 1, value) as usize
-        };
-        let before = |sums: &[f32], i: usize| if i == 0 { 0.0 } else { sums[i - 1] };
+        let count = self.pieces.len() as u32;
         let total = self.blocks[self.blocks.len() - 1];
-        let block = first_over(&self.blocks, u * total);
-        let rest = u * total - before(&self.blocks, block);
-        let first = block * BLOCK as usize;
-        let sums = &self.sums[first..self.sums.len().min(first + BLOCK as usize)];
-        let i = first_over(sums, rest);
-        let (piece, share) = (&self.pieces[first + i], sums[i] - before(sums, i));
+        let DrawnPiece { piece, share } =
+            draw_piece(&self.sums, 0, 1, count, &self.blocks, 0, u * total);
+        let piece = &self.pieces[piece as usize];
         let length = piece.to - piece.from;
         (share > 0.0).then(|| Drawn {
             edge: piece.edge as usize,
