@@ -6,7 +6,7 @@ use crate::cube::*;
 use crate::accel::{HIT_STRIDE, Hit, LEAF};
 use crate::model::lists::vector;
 use crate::model::{V3, v3};
-use crate::trace::{Faces, NONE, Scene, is_open_at};
+use crate::trace::{Faces, NONE, Scene};
 
 /// Memory of a thread: a stack of nodes of the tree, and room for the choice of an emitter.
 #[derive(CubeType)]
@@ -116,7 +116,7 @@ fn meet_all(
             let triangle = scene.hit_numbers[k as usize];
             if !select || !cast.unseen.contains(triangle) {
                 let place = cast.ray.origin + cast.ray.direction * t;
-                if !is_open_at(scene, triangle, place, cast.ray.time) {
+                if !scene.is_open_at(triangle, place, cast.ray.time) {
                     nearest.t = t;
                     nearest.triangle = triangle;
                     if cast.any {

@@ -2,12 +2,10 @@
 
 use crate::cube::*;
 
-use super::corners::add_to_corners;
 use super::crossing::{Line, line_of_crossing};
 use super::parts::{VELOCITIES, VERTICES};
 use super::scene::{NONE, Scene};
 use super::sums::Sums;
-use super::texture::is_open_at;
 use crate::model::V3;
 use crate::model::bsdf::Shading;
 use crate::model::edge::is_above;
@@ -153,7 +151,7 @@ pub(crate) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32)
         let face = scene.of_edges[(p.edge + k) as usize];
         let mut there = face != NONE;
         if there {
-            there = !is_open_at(scene, face, p.position, time);
+            there = !scene.is_open_at(face, p.position, time);
         }
         if there {
             let mut inward = into_face(scene, face, p, time);
@@ -186,7 +184,7 @@ pub(crate) fn add_to_edge(scene: &Scene, sums: &Sums, p: &EdgePoint, g: V3, time
                 let on = scene.triangle(face);
                 let weights = on.weights(p.position - scene.shift(face, time));
                 let by_plane = by_crossing_plane(on.normal, scene.triangle(other).normal, g);
-                add_to_corners(scene, sums, face, weights, by_plane, time);
+                scene.add_to_corners(sums, face, weights, by_plane, time);
             }
             k += 1;
         }

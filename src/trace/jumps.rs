@@ -3,7 +3,6 @@
 
 use crate::cube::*;
 
-use super::corners::add_to_corners;
 use super::edge_points::{EdgePoint, add_to_edge, sides};
 use super::edge_search::{Observer, Search};
 use super::edge_sides::Approach;
@@ -12,7 +11,7 @@ use super::scene::{CONE, NONE, Scene};
 use super::seen::Seen;
 use super::sums::{Sums, add_to_light};
 use super::surface::PointGradient;
-use super::texture::{is_open, sky};
+use super::texture::sky;
 use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
 use crate::model::edge::{DirectionJump, direction_jump, mirrored};
 use crate::model::jumps::Sides;
@@ -211,7 +210,7 @@ fn light_behind(
     let normal = emitters_of(scene).triangle(k, time).normal;
     found.limit = up_to_plane(e.start, past, normal, x + e.axis * hit.distance);
     let dark = e.point.faces.contains(found.triangle);
-    if dark || e.point.to.length() >= found.limit || is_open(scene, found.triangle, found.weights) {
+    if dark || e.point.to.length() >= found.limit || scene.is_open(found.triangle, found.weights) {
         found.limit = -1.0f32;
     }
     let cosine = -normal.dot(e.axis);
@@ -283,7 +282,7 @@ pub(crate) fn shadow_backward(
         let by_to = by_axis.reject_from_normalized(e.axis) * (1.0 / light.distance);
         by.position -= by_to;
         if scene.is_wanted(scene.object_of(light.triangle)) {
-            add_to_corners(scene, sums, light.triangle, light.weights, by_to, time);
+            scene.add_to_corners(sums, light.triangle, light.weights, by_to, time);
         }
     }
     edge_backward(scene, sums, o, e, jump, scale, time, by);

@@ -3,12 +3,11 @@
 
 use crate::cube::*;
 
-use super::corners::{add_to_corners, add_to_uvs, uv_at};
 use super::parts::{AREAS, TRIANGLES};
 use super::scene::{OF_GROUP, Scene};
 use super::sums::{Sums, add_to_light};
 use super::surface::{Point, PointGradient};
-use super::texture::{emission_backward, emission_of, glows, is_open, sky, sky_backward};
+use super::texture::{sky, sky_backward};
 use crate::model::connection::Target;
 use crate::model::emitter::LightPoint;
 use crate::model::{V2, V3, v2, v3};
@@ -112,7 +111,7 @@ pub(crate) fn target_of(
     } else {
         target = target_on(&emitters.triangle(k, time), weights, x);
         target.combined = combined;
-        if is_open(scene, scene.emitters[k as usize], of_corners(weights)) {
+        if scene.is_open(scene.emitters[k as usize], of_corners(weights)) {
             target.angle = 0.0f32;
         }
     }
@@ -135,9 +134,9 @@ pub(crate) fn target_on(on: &EmitterTriangle, weights: V2, x: V3) -> Target {
 pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3, cosine: f32) -> V3 {
     let mut uv = v2(0.0, 0.0);
     if comptime!(scene.features.glows) {
-        uv = uv_at(scene, triangle, weights);
+        uv = scene.uv_at(triangle, weights);
     }
-    emission_of(scene, scene.material_of(triangle), uv, cosine)
+    scene.emission_of(scene.material_of(triangle), uv, cosine)
 }
 
 /// The radiance of that point at a cosine to the emitter's normal, or what a delta light brings.
@@ -210,10 +209,10 @@ pub(crate) fn light_backward(
         let corners = of_corners(weights);
         if comptime!(sums.of.emission || (sums.of.uvs && scene.features.glows)) {
             let material = scene.material_of(triangle);
-            let uv = uv_at(scene, triangle, corners);
-            let by_uv = emission_backward(scene, sums, material, uv, found.radiance);
-            if glows(scene, material) {
-                add_to_uvs(scene, sums, triangle, corners, by_uv);
+            let uv = scene.uv_at(triangle, corners);
+            let by_uv = scene.emission_backward(sums, material, uv, found.radiance);
+            if scene.glows(material) {
+                scene.add_to_uvs(sums, triangle, corners, by_uv);
             }
         }
         if comptime!(sums.of.rays) {
@@ -223,7 +222,7 @@ pub(crate) fn light_backward(
                 if scene.is_wanted(scene.object_of(triangle)) {
                     sums.add(triangle, by_light.area, AREAS);
                     sums.add_vector(3 * triangle, by_light.normal, TRIANGLES);
-                    add_to_corners(scene, sums, triangle, corners, by_light.position, time);
+                    scene.add_to_corners(sums, triangle, corners, by_light.position, time);
                 }
             }
             by.position -= by_light.position;
