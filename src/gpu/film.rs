@@ -12,7 +12,7 @@ use super::hit::{Memory, Ray, trace};
 use super::job::Views;
 use super::jumps::light_beside;
 use super::passes::Loss;
-use super::sums::Adding;
+use super::sums::{Adding, is_skipped};
 use crate::kernel::{Piece, View};
 use crate::model::camera::{Camera, CameraRay};
 use crate::model::film::{BLOCK, DrawnPiece, draw_piece};
@@ -187,7 +187,7 @@ pub(super) fn film_jumps(
     adding: Adding,
     #[comptime] listed: bool,
 ) {
-    if ABSOLUTE_POS < samples.threads as usize && !loss.is_skipped() {
+    if ABSOLUTE_POS < samples.threads as usize && !is_skipped(loss.scales) {
         let thread = samples.first + ABSOLUTE_POS as u32;
         let own = samples.of_thread(films, thread);
         let which = own.view;

@@ -158,8 +158,8 @@ fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Pair 
     pair
 }
 
-/// The light that arrives beside an edge's point on the − side less that on the + side, of paths that begin there at a bounce, if they go on; with `film`
-/// what the camera sees of it.
+/// The light that arrives beside an edge's point on the − side less that on the + side, of paths that begin there at a
+/// bounce, if they go on; with `film` what the camera sees of it.
 #[cube]
 pub(super) fn light_beside(
     scene: &Scene,

@@ -30,11 +30,6 @@ pub(super) struct Loss {
 
 #[cube]
 impl Loss {
-    /// Whether a pass has nothing to do.
-    pub fn is_skipped(&self) -> bool {
-        is_skipped(self.scales)
-    }
-
     /// Derivatives by the rows of a pixel.
     pub fn of_row(&self, scene: &Scene, row: u32) -> Seen {
         let outputs = comptime!(self.outputs);
@@ -69,7 +64,7 @@ impl Loss {
 #[cube(launch)]
 pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32]) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < threads as usize && !loss.is_skipped() {
+    if ABSOLUTE_POS < threads as usize && !is_skipped(loss.scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = paths.of_thread(thread);
         let scene = paths.views.scene(which.view);
@@ -126,7 +121,7 @@ pub(super) fn add_jumps(
     bounces: u32,
 ) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < (threads * (bounces + 1)) as usize && !loss.is_skipped() {
+    if ABSOLUTE_POS < (threads * (bounces + 1)) as usize && !is_skipped(loss.scales) {
         let thread = ABSOLUTE_POS as u32 % threads;
         let k = ABSOLUTE_POS as u32 / threads;
         let which = paths.of_thread(thread);
@@ -166,7 +161,7 @@ pub(super) fn add_jumps(
 #[cube(launch)]
 pub(super) fn go_back(paths: Paths, loss: Loss, records: &mut [u32], adding: Adding) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < threads as usize && !loss.is_skipped() {
+    if ABSOLUTE_POS < threads as usize && !is_skipped(loss.scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = paths.of_thread(thread);
         let scene = paths.views.scene(which.view);

@@ -102,7 +102,8 @@ impl HostCamera {
     }
 
     /// Adds the derivatives by a camera's parameters at their places, from those by its [`Model`]
-    /// ([`OF_CAMERA`](crate::trace::OF_CAMERA)) for an image of `aspect` (width over height), whose filter has a radius of `filter` pixels.
+    /// ([`OF_CAMERA`](crate::trace::OF_CAMERA)) for an image of `aspect` (width over height), whose filter has a radius
+    /// of `filter` pixels.
     pub fn backward(
         &self,
         sums: &[f64],

@@ -93,19 +93,19 @@ impl Rows {
 impl<'a> Scene<'a> {
     /// The rows of a triangle's texture coordinates.
     #[inline(always)]
-    pub(crate) fn uv_rows(&self, triangle: u32) -> Rows {
+    pub fn uv_rows(&self, triangle: u32) -> Rows {
         rows_at(self.triangles, TRIANGLE * triangle + UV_ROWS)
     }
 
     /// The rows of its normals.
     #[inline(always)]
-    pub(crate) fn normal_rows(&self, triangle: u32) -> Rows {
+    pub fn normal_rows(&self, triangle: u32) -> Rows {
         rows_at(self.triangles, TRIANGLE * triangle + NORMAL_ROWS)
     }
 
     /// Texture coordinates of a row.
     #[inline(always)]
-    pub(super) fn uv_of(&self, row: u32) -> V2 {
+    pub fn uv_of(&self, row: u32) -> V2 {
         let i = 2 * row as usize;
         let v = self.uvs[i + 1];
         v2(self.uvs[i], v)
@@ -113,7 +113,7 @@ impl<'a> Scene<'a> {
 
     /// Texture coordinates at a point of a triangle; 0 where nothing has a texture.
     #[inline(always)]
-    pub(crate) fn uv_at(&self, triangle: u32, weights: V3) -> V2 {
+    pub fn uv_at(&self, triangle: u32, weights: V3) -> V2 {
         let mut uv = v2(0.0, 0.0);
         if comptime!(self.features.textured) {
             let rows = self.uv_rows(triangle);
@@ -132,13 +132,13 @@ impl<'a> Scene<'a> {
 
     /// The rows of the colours that a triangle's diffuse albedo is multiplied by.
     #[inline(always)]
-    pub(crate) fn rows_of_colours(&self, triangle: u32) -> Rows {
+    pub fn rows_of_colours(&self, triangle: u32) -> Rows {
         rows_at(self.colour_rows, 3 * triangle)
     }
 
     /// The interpolated normal, on the side of the geometric one; that itself where the triangle has none.
     #[inline(always)]
-    pub(crate) fn normal_at(&self, triangle: u32, weights: V3, geometric: V3) -> V3 {
+    pub fn normal_at(&self, triangle: u32, weights: V3, geometric: V3) -> V3 {
         let mut normal = geometric;
         if comptime!(self.features.smooth) {
             let rows = self.normal_rows(triangle);
@@ -151,14 +151,7 @@ impl<'a> Scene<'a> {
 
     /// The tilt of a normal on the front side by its material's map, if the triangle has tangents.
     #[inline(always)]
-    pub(crate) fn tilt_at(
-        &self,
-        triangle: u32,
-        material: u32,
-        weights: V3,
-        uv: V2,
-        normal: V3,
-    ) -> TiltAt {
+    pub fn tilt_at(&self, triangle: u32, material: u32, weights: V3, uv: V2, normal: V3) -> TiltAt {
         let map = MATERIAL * material + NORMAL_MAP;
         let rows = rows_at(self.tangent_rows, 3 * triangle);
         let mut tilt = Tilt {
@@ -183,7 +176,7 @@ impl<'a> Scene<'a> {
 
     /// Adds a derivative by the texture coordinates at a point of a triangle.
     #[inline(always)]
-    pub(crate) fn add_to_uvs(&self, sums: &Sums, triangle: u32, weights: V3, by_uv: V2) {
+    pub fn add_to_uvs(&self, sums: &Sums, triangle: u32, weights: V3, by_uv: V2) {
         if comptime!(sums.of.uvs && self.features.textured) {
             let rows = self.uv_rows(triangle);
             if rows.exist() {
@@ -201,7 +194,7 @@ impl<'a> Scene<'a> {
 
     /// Adds a derivative by a point of a triangle, which moves with its corners.
     #[inline(always)]
-    pub(crate) fn add_to_corners(&self, sums: &Sums, triangle: u32, weights: V3, g: V3, time: f32) {
+    pub fn add_to_corners(&self, sums: &Sums, triangle: u32, weights: V3, g: V3, time: f32) {
         rows_at(self.vertex_rows, 3 * triangle).add(sums, weights, g, VERTICES);
         if comptime!(sums.of.velocities) {
             sums.add_vector(3 * self.object_of(triangle), g * time, VELOCITIES);

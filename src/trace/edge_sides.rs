@@ -41,7 +41,8 @@ pub(crate) struct Beside {
     pub distance: f32,
 }
 
-/// What is seen beside an edge's point, and where a ray past the edge hits. The line of a crossing divides the face: of its halves the one on that side is seen.
+/// What is seen beside an edge's point, from what a ray past the edge hits. The line of a crossing divides the face: of
+/// its halves the one on that side is seen.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn beside(

@@ -16,19 +16,19 @@ use crate::model::{V2, V3, splat, v2};
 impl<'a> Scene<'a> {
     /// The colour of a texture, by the place of its words among those of materials.
     #[inline(never)]
-    pub(crate) fn look_up(&self, texture: u32, uv: V2) -> V3 {
+    pub fn look_up(&self, texture: u32, uv: V2) -> V3 {
         let cell = texture_at(self.of_materials, texture).cell_at(uv);
         cell.colour(self.texels, 0u32)
     }
 
     #[inline(always)]
-    pub(super) fn constant_of(&self, material: u32, channel: u32) -> V3 {
+    pub fn constant_of(&self, material: u32, channel: u32) -> V3 {
         vector(self.materials, 3 * (CHANNELS * material + channel))
     }
 
     /// A channel of a material: a constant, or looked up in its texture.
     #[inline(always)]
-    pub(crate) fn colour(&self, material: u32, channel: u32, uv: V2) -> V3 {
+    pub fn colour(&self, material: u32, channel: u32, uv: V2) -> V3 {
         let mut found = self.constant_of(material, channel);
         if comptime!(self.features.textured) {
             let texture = texture_of(material, channel);
@@ -39,10 +39,10 @@ impl<'a> Scene<'a> {
         found
     }
 
-    /// What a material emits, where its texture has these coordinates, at a cosine to the normal of its front: from behind
-    /// nothing.
+    /// What a material emits, where its texture has these coordinates, at a cosine to the normal of its front: from
+    /// behind nothing.
     #[inline(always)]
-    pub(crate) fn emission_of(&self, material: u32, uv: V2, cosine: f32) -> V3 {
+    pub fn emission_of(&self, material: u32, uv: V2, cosine: f32) -> V3 {
         let mut found = splat(0.0);
         if cosine > 0.0 {
             found = self.constant_of(material, EMISSION);
@@ -55,7 +55,7 @@ impl<'a> Scene<'a> {
 
     /// Whether what the front of a material emits is not the same everywhere and in all directions.
     #[inline(always)]
-    pub(crate) fn glows(&self, material: u32) -> bool {
+    pub fn glows(&self, material: u32) -> bool {
         let mut found = false;
         if comptime!(self.features.glows) {
             found = self.bits_of(material) & GLOWS != 0;
@@ -66,14 +66,7 @@ impl<'a> Scene<'a> {
     /// Adds the derivatives of g·colour by the texels of a texture, if these are wanted; returns that by the texture
     /// coordinates.
     #[inline(never)]
-    pub(crate) fn texture_backward(
-        &self,
-        sums: &Sums,
-        texture: u32,
-        uv: V2,
-        g: V3,
-        wanted: bool,
-    ) -> V2 {
+    pub fn texture_backward(&self, sums: &Sums, texture: u32, uv: V2, g: V3, wanted: bool) -> V2 {
         let image = texture_at(self.of_materials, texture);
         let by = cell_backward(sums, self.texels, image.cell_at(uv), g, TEXELS, wanted);
         image.by_coordinates(by)
@@ -82,7 +75,7 @@ impl<'a> Scene<'a> {
     /// Adds the derivatives of g·colour by a channel of a material, if these are wanted; returns that by the texture
     /// coordinates.
     #[inline(always)]
-    pub(crate) fn colour_backward(
+    pub fn colour_backward(
         &self,
         sums: &Sums,
         material: u32,
@@ -108,7 +101,7 @@ impl<'a> Scene<'a> {
 
     /// Adds the derivatives of g times what a material emits; returns that by the texture coordinates.
     #[inline(always)]
-    pub(crate) fn emission_backward(&self, sums: &Sums, material: u32, uv: V2, g: V3) -> V2 {
+    pub fn emission_backward(&self, sums: &Sums, material: u32, uv: V2, g: V3) -> V2 {
         let mut by_uv = v2(0.0, 0.0);
         if comptime!(self.features.glows) {
             by_uv = self.colour_backward(sums, material, EMISSION, uv, g, sums.of.emission);
@@ -120,7 +113,7 @@ impl<'a> Scene<'a> {
 
     /// Whether a triangle has a hole at the point with these weights of its corners.
     #[inline(always)]
-    pub(crate) fn is_open(&self, triangle: u32, weights: V3) -> bool {
+    pub fn is_open(&self, triangle: u32, weights: V3) -> bool {
         let mut open = false;
         if comptime!(self.features.holes) {
             let masks = Masks::<'a> {
@@ -136,7 +129,7 @@ impl<'a> Scene<'a> {
 
     /// Whether a triangle has a hole at a place, at a time.
     #[inline(always)]
-    pub(crate) fn is_open_at(&self, triangle: u32, position: V3, time: f32) -> bool {
+    pub fn is_open_at(&self, triangle: u32, position: V3, time: f32) -> bool {
         let mut open = false;
         if comptime!(self.features.holes) {
             let at_rest = position - self.shift(triangle, time);

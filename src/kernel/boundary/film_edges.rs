@@ -14,7 +14,9 @@ pub(crate) struct FilmEdges {
 }
 
 impl FilmEdges {
-    fn new(pieces: Vec<Piece>) -> Self {
+    /// The pieces of edges that jump on the film where the loss depends on it.
+    pub fn new(view: &View, pixels: &PixelGradients) -> Self {
+        let pieces = view.film_pieces(|[x, y]| pixels.near(x, y));
         let mut sums = Vec::with_capacity(pieces.len());
         let mut blocks = Vec::new();
         let mut total = 0.0;
@@ -61,11 +63,4 @@ pub(super) struct Drawn {
     pub lambda: f32,
     /// 1 over the density of λ.
     pub per_density: f32,
-}
-
-impl View {
-    /// The pieces of edges that jump on the film where the loss depends on it.
-    pub fn film_edges(&self, pixels: &PixelGradients) -> FilmEdges {
-        FilmEdges::new(self.film_pieces(|[x, y]| pixels.near(x, y)))
-    }
 }
