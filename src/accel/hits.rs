@@ -13,6 +13,7 @@ use super::rays::Rays8;
 use super::shaft::{EIGHTS, Shaft};
 use super::simd::{LANES, Lanes, Machine, Task, dispatch};
 use super::wide::Wide;
+use crate::cube::*;
 use crate::model::texture::Masks;
 use crate::model::v3;
 use crate::scene::Holes;
@@ -59,7 +60,7 @@ impl HitRay {
 }
 
 /// A hit of a ray: a distance, and a triangle or [`NOTHING`].
-#[derive(Clone, Copy, Debug)]
+#[apply(record!)]
 pub(crate) struct Hit {
     pub t: f32,
     pub triangle: u32,

@@ -15,9 +15,9 @@ use crate::model::connection::Target;
 use crate::model::{V3, splat};
 use crate::sampling::{EmitterPlace, Four};
 use crate::trace::{
-    Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, density_of_map,
-    emitters_of, leave_backward, light_backward, map_backward, map_of, middle_of, point_backward,
-    receiver_of, seen_backward, sky_backward, target_of,
+    Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, emitters_of,
+    leave_backward, light_backward, map_backward, map_of, middle_of, point_backward, receiver_of,
+    seen_backward, sky_backward, target_of,
 };
 
 /// A point of a path on the way back.
@@ -47,6 +47,39 @@ impl Vertex {
     }
 }
 
+/// The i-th point of a path.
+#[cube]
+fn vertex(
+    scene: &Scene,
+    records: &mut [u32],
+    room: Room,
+    path: &Beginning,
+    i: u32,
+    g: V3,
+) -> Vertex {
+    let arrival = room.arrival(records, i);
+    let bits = records[room.at(i, OF_BITS)];
+    let point = arrival.point(scene, path.time);
+    let mut choices = path.film;
+    let mut scatter = Scatter::default();
+    if bits != 0 {
+        let drawn = path.direction(scene, i);
+        if comptime!(scene.features.glossy || scene.features.gathers_map) {
+            choices = path.choices(scene, i);
+        }
+        scatter = point.shading.sample(drawn.x, drawn.y, choices.x);
+    }
+    Vertex {
+        number: i,
+        point,
+        throughput: arrival.throughput,
+        g,
+        bits,
+        scatter,
+        choices,
+    }
+}
+
 /// Back along a path: adds the derivatives of the light that it brought, times `upstream`.
 #[cube]
 pub(super) fn path_backward(
@@ -71,47 +104,34 @@ pub(super) fn path_backward(
     while left > 0 {
         left -= 1;
         let i = left;
-        let arrival = room.arrival(records, i);
-        let bits = records[room.at(i, OF_BITS)];
-        let point = arrival.point(scene, path.time);
+        let v: Vertex = vertex(scene, records, room, &path, i, g);
         let mut by = PointGradient::default();
         let mut by_before = splat(0.0);
-        let mut choices = path.film;
-        let mut scatter = Scatter::default();
-        if bits != 0 {
-            let drawn = path.direction(scene, i);
-            if comptime!(scene.features.glossy || scene.features.gathers_map) {
-                choices = path.choices(scene, i);
-            }
-            scatter = point.shading.sample(drawn.x, drawn.y, choices.x);
-        }
-        let vertex = Vertex {
-            number: i,
-            point,
-            throughput: arrival.throughput,
-            g,
-            bits,
-            scatter,
-            choices,
-        };
-        if bits & WENT_ON != 0 {
-            let survival = room.number(records, i, OF_SURVIVAL);
-            by_before += leaving_backward(
+        if v.bits & WENT_ON != 0 {
+            let cone = path.cone(scene, i);
+            let way = v.scatter.direction;
+            let outer = v.point.shading.outer(way);
+            let bent = bend(way, outer, scene.settings[CONE], cone.x, cone.y);
+            by_before += leave_backward(
                 scene,
                 sums,
-                &path,
-                &vertex,
-                survival,
+                &v.point,
+                &v.scatter,
+                &bent,
+                room.number(records, i, OF_SURVIVAL),
+                v.bits & ESCAPED != 0,
+                v.throughput,
                 by_throughput,
                 by_ray,
+                g,
                 &mut by,
             );
         }
         if comptime!(scene.features.emitters) {
-            by_before += emitters_backward(scene, memory, sums, &path, &vertex, &mut by);
+            by_before += emitters_backward(scene, memory, sums, &path, &v, &mut by);
         }
         if comptime!(scene.features.gathers_map) {
-            by_before += light_of_map_backward(scene, sums, &vertex, &mut by);
+            by_before += light_of_map_backward(scene, sums, &v, &mut by);
         }
         by_throughput = by_before;
         if comptime!(sums.of.jumps) {
@@ -119,9 +139,9 @@ pub(super) fn path_backward(
         }
         let mut by_t = 0.0f32;
         if i == 0 {
-            by_t = seen_backward(scene, sums, &point, &upstream, &mut by);
+            by_t = seen_backward(scene, sums, &v.point, &upstream, &mut by);
         }
-        by_ray = point_backward(scene, sums, &point, path.time, &by, by_t);
+        by_ray = point_backward(scene, sums, &v.point, path.time, &by, by_t);
     }
     if comptime!(sums.of.camera) {
         camera(scene).ray_backward(
@@ -132,38 +152,6 @@ pub(super) fn path_backward(
             by_camera,
         );
     }
-}
-
-/// Back over the way on, and the light that it ended in.
-#[cube]
-fn leaving_backward(
-    scene: &Scene,
-    sums: &Sums,
-    path: &Beginning,
-    v: &Vertex,
-    survival: f32,
-    by_throughput: V3,
-    by_ray: RayGradient,
-    by: &mut PointGradient,
-) -> V3 {
-    let cone = path.cone(scene, v.number);
-    let tangent = scene.settings[CONE];
-    let outer = v.point.shading.outer(v.scatter.direction);
-    let bent = bend(v.scatter.direction, outer, tangent, cone.x, cone.y);
-    leave_backward(
-        scene,
-        sums,
-        &v.point,
-        &v.scatter,
-        &bent,
-        survival,
-        v.bits & ESCAPED != 0,
-        v.throughput,
-        by_throughput,
-        by_ray,
-        v.g,
-        by,
-    )
 }
 
 /// Back over the light of emitters that were seen: of that which was drawn, then of those along the way on.
@@ -239,12 +227,13 @@ fn light_of_map_backward(scene: &Scene, sums: &Sums, v: &Vertex, by: &mut PointG
     while bit <= SAW_MAP_ALONG {
         if v.bits & bit != 0 {
             let along = bit == SAW_MAP_ALONG;
+            let map = map_of(scene);
             let mut towards = v.scatter.direction;
             if !along {
-                towards = map_of(scene).choose(scene.sky_density, v.choices.z, v.choices.w);
+                towards = map.choose(scene.sky_density, v.choices.z, v.choices.w);
             }
             let target = Target::of_map(towards);
-            let p = density_of_map(scene, towards);
+            let p = map.density(scene.sky_density, towards);
             let arrived = v.arrived(&target, p, along);
             by_throughput += map_backward(
                 scene,

@@ -9,7 +9,7 @@ use crate::cube::*;
 
 use super::device::{floats, int_zeros};
 use super::hit::Memory;
-use super::job::{GROUP, Job, PATHS, Paths, groups};
+use super::job::{Job, PATHS, Paths, launch};
 use super::path::light_of_pixel;
 use crate::device::count_read_back;
 use crate::error::{Error, Result};
@@ -33,7 +33,7 @@ fn count(counts: &[Atomic<u32>], at: u32, more: u32) {
 fn count_rays(paths: Paths, counts: &[Atomic<u32>], of_view: u32) {
     if ABSOLUTE_POS < paths.piece.threads() as usize {
         let which = paths.of_thread(ABSOLUTE_POS as u32);
-        let scene = paths.scene(which.view);
+        let scene = paths.views.scene(which.view);
         let mut memory = Memory::new(&scene);
         let light = light_of_pixel(&scene, &mut memory, which.pixel, which.sample);
         let first = which.view * of_view;
@@ -57,13 +57,10 @@ impl CountBackend for Cube {
         let (client, _) = floats(like);
         let lists = job.lists(&client);
         for piece in job.pieces(PATHS) {
-            count_rays::launch(
+            launch!(
                 &client,
-                groups(piece.threads() as usize),
-                CubeDim::new_1d(GROUP),
-                job.paths(&lists, piece),
-                counts.argument(),
-                of_view,
+                piece.threads() as usize,
+                count_rays(job.paths(&lists, piece), &counts, of_view)
             );
         }
         tensor

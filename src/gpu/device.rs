@@ -42,6 +42,15 @@ impl List {
     }
 }
 
+/// What a kernel takes: it has the method's name in common with lists, whose own comes first.
+pub(super) trait Argument: Sized {
+    fn argument(self) -> Self {
+        self
+    }
+}
+
+impl<T> Argument for T {}
+
 /// With burn's fusion tensors may not be computed yet, and its clients have methods of these names, which compute
 /// them and come before a trait's. Without fusion all are computed.
 #[allow(dead_code)]

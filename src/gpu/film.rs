@@ -10,17 +10,15 @@ use super::camera::{
 };
 use super::hit::{Memory, Ray, trace};
 use super::job::Views;
-use super::jumps::{Approach, light_beside};
+use super::jumps::light_beside;
 use super::passes::Loss;
-use super::sums::Adding;
+use super::sums::{Adding, is_skipped};
 use crate::kernel::{Piece, View};
 use crate::model::camera::{Camera, CameraRay};
-use crate::model::film::BLOCK;
-use crate::model::jumps::Sides;
-use crate::model::lists::first_over;
+use crate::model::film::{BLOCK, DrawnPiece, draw_piece};
 use crate::model::numbers::{is_finite, is_nonzero};
 use crate::sampling::Dimensions;
-use crate::trace::{Behind, FilmPoint, NONE, Scene, Seen, Sums, film_point, hides};
+use crate::trace::{FilmPoint, NONE, Scene, Seen, Sums, film_point, hides};
 
 /// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
 /// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to [`WHOLE`].
@@ -113,14 +111,6 @@ pub(super) fn view_of(table: &[u32], views: u32, number: u32, #[comptime] word: 
     low
 }
 
-/// A piece that was drawn, and its share of the sum of all weights.
-#[apply(record!)]
-struct DrawnPiece {
-    /// Where its numbers begin.
-    at: u32,
-    share: f32,
-}
-
 /// The number of blocks of the views before one.
 #[cube]
 pub(super) fn blocks_before(films: &[u32], view: u32) -> u32 {
@@ -129,28 +119,6 @@ pub(super) fn blocks_before(films: &[u32], view: u32) -> u32 {
         before = films[(OF_FILM * (view - 1)) as usize + BLOCKS];
     }
     before
-}
-
-/// The piece of a view that a part of the sum of all weights comes to, of `count` pieces of all views.
-#[cube]
-fn draw_piece(pieces: &[f32], films: &[u32], view: u32, part: f32, count: u32) -> DrawnPiece {
-    let film = (OF_FILM * view) as usize;
-    let first_block = blocks_before(films, view);
-    let sums = OF_PIECE * count + first_block;
-    let block = first_over(pieces, sums, films[film + BLOCKS] - first_block, 1u32, part);
-    let mut before = 0.0f32;
-    if block > 0 {
-        before = pieces[(sums + block - 1) as usize];
-    }
-    let first = films[film + FIRST_PIECE] + BLOCK * block;
-    let own = BLOCK.min(films[film + PAST_PIECE] - first);
-    let i = first_over(pieces, OF_PIECE * first + 2, own, OF_PIECE, part - before);
-    let at = OF_PIECE * (first + i);
-    let mut share = pieces[at as usize + 2];
-    if i > 0 {
-        share -= pieces[(at + 2 - OF_PIECE) as usize];
-    }
-    DrawnPiece { at, share }
 }
 
 /// The pixel of random numbers that are of no pixel.
@@ -219,7 +187,7 @@ pub(super) fn film_jumps(
     adding: Adding,
     #[comptime] listed: bool,
 ) {
-    if ABSOLUTE_POS < samples.threads as usize && !loss.is_skipped() {
+    if ABSOLUTE_POS < samples.threads as usize && !is_skipped(loss.scales) {
         let thread = samples.first + ABSOLUTE_POS as u32;
         let own = samples.of_thread(films, thread);
         let which = own.view;
@@ -236,8 +204,17 @@ pub(super) fn film_jumps(
                 .stream(0u32, sample);
             let film = numbers.draw(scene.points, Dimensions::film());
             let Exposure { lens, time } = exposure(&scene, &numbers);
-            let drawn: DrawnPiece = draw_piece(pieces, films, which, film.x * total, samples.count);
-            let piece = drawn.at as usize;
+            let first = films[film_of + FIRST_PIECE];
+            let drawn: DrawnPiece = draw_piece(
+                pieces,
+                OF_PIECE * first + 2,
+                OF_PIECE,
+                films[film_of + PAST_PIECE] - first,
+                pieces,
+                OF_PIECE * samples.count + blocks_before(films, which),
+                film.x * total,
+            );
+            let piece = (OF_PIECE * (first + drawn.piece)) as usize;
             let share = drawn.share;
             let length = pieces[piece + 1] - pieces[piece];
             let lambda = pieces[piece] + length * film.y;
@@ -261,15 +238,8 @@ pub(super) fn film_jumps(
                         cones: sampler(&scene, SEED_OF_CONES).stream(NO_PIXEL, sample),
                         film,
                         time,
-                        ray: CameraRay {
-                            origin: f.origin,
-                            direction: f.point.to.normalize(),
-                            length: 1.0f32,
-                            x: 0.0f32,
-                            y: 0.0f32,
-                            lens_x: lens.x,
-                            lens_y: lens.y,
-                        },
+                        // It begins beside the edge.
+                        ray: CameraRay::default(),
                     };
                     add_film_jump(&scene, &sums, &c, &mut f, &g, path);
                 }
@@ -291,27 +261,16 @@ fn add_film_jump(
     let mut memory = Memory::new(scene);
     let time = path.time;
     let p = f.point;
-    let view = path.ray.direction;
-    let sides: Sides = f.sides(scene, c, view, time);
+    let approach = f.approach(scene, c, time);
     let ray = Ray {
         origin: f.origin,
-        direction: sides.past,
+        direction: approach.sides.past,
         time,
         limit: f32::MAX,
     };
     let hit = trace(scene, &mut memory, ray, p.faces, false, true);
-    if !hides(scene, hit.triangle, hit.t, &p, time) {
-        let approach = Approach {
-            point: p,
-            origin: f.origin,
-            view,
-            sides,
-            behind: Behind {
-                triangle: hit.triangle,
-                distance: hit.t,
-            },
-        };
-        let light = light_beside(scene, &mut memory, path, 0u32, true, &approach, true);
+    if !hides(scene, &hit, &p, time) {
+        let light = light_beside(scene, &mut memory, path, 0u32, true, &approach, &hit, true);
         let jump = g.jump(&light);
         let scale = jump * p.per_density;
         if is_nonzero(scale) && is_finite(scale) {

@@ -8,7 +8,7 @@ use super::job::Views;
 use super::sums::{Places, sum_at};
 use crate::kernel::{Rows, View};
 use crate::model::{V3, component, splat, v3};
-use crate::scene::{LightPart, ParameterId};
+use crate::scene::ParameterId;
 use crate::trace::{AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, Scene, TRIANGLES, VERTICES};
 
 /// The places of a view's tensors in a gradient.
@@ -51,7 +51,11 @@ impl Table {
         for (id, to) in scene.iter().filter(|_| sums.owns(v)) {
             if let ParameterId::Light(light, part) = *id {
                 let own = first[LIGHTS as usize] + OF_LIGHT * light as u32;
-                table.add_light(view, (light, part), to, own);
+                let by = |one: &[f64]| {
+                    let own = std::array::from_fn(|k| one[k]);
+                    view.scene.by_light(light, part, own).to_vec()
+                };
+                table.add_matrix(to, (LIGHTS, own), OF_LIGHT, by);
             } else if let Some(rows) = Rows::of(&view.scene, *id, to.len()) {
                 let part = rows.part;
                 let own = first[part as usize] + (rows.width * rows.first) as u32;
@@ -60,7 +64,14 @@ impl Table {
                 table.add(to, (part, own), kind, lengths, [rows.factor]);
             }
         }
-        table.add_camera(view, camera, first[CAMERAS as usize]);
+        for (id, to) in camera {
+            let by = |one: &[f64]| {
+                let mut by = vec![0.0; to.len()];
+                view.write_camera(one, &[(*id, 0..to.len())], &mut by);
+                by
+            };
+            table.add_matrix(to, (CAMERAS, first[CAMERAS as usize]), OF_CAMERA, by);
+        }
         table
     }
 
@@ -80,49 +91,23 @@ impl Table {
         self.numbers += to.len();
     }
 
-    fn add_light(
+    /// Adds a tensor whose gradient is `by` of some sums, which is linear.
+    fn add_matrix(
         &mut self,
-        view: &View,
-        (light, part): (usize, LightPart),
         to: &Range<usize>,
-        first: u32,
+        sums: (u32, u32),
+        count: u32,
+        by: impl Fn(&[f64]) -> Vec<f64>,
     ) {
+        let count = count as usize;
         let column = |k: usize| {
-            let one = std::array::from_fn(|j| f64::from(u8::from(j == k)));
-            view.scene.by_light(light, part, one)
-        };
-        let columns: Vec<[f64; 3]> = (0..OF_LIGHT as usize).map(column).collect();
-        let matrix = (0..to.len()).flat_map(|i| columns.iter().map(move |c| c[i]));
-        self.add(
-            to,
-            (LIGHTS, first),
-            MATRIX,
-            [to.len(), OF_LIGHT as usize],
-            matrix,
-        );
-    }
-
-    fn add_camera(&mut self, view: &View, places: TensorPlaces, first: u32) {
-        // As if they were alone.
-        let mut size = 0;
-        let alone = places.iter().map(|(id, to)| {
-            size += to.len();
-            (*id, size - to.len()..size)
-        });
-        let alone: Vec<(ParameterId, Range<usize>)> = alone.collect();
-        let column = |k: usize| {
-            let mut by = vec![0.0; size];
-            let mut one = [0.0; OF_CAMERA as usize];
+            let mut one = vec![0.0; count];
             one[k] = 1.0;
-            view.write_camera(&one, &alone, &mut by);
-            by
+            by(&one)
         };
-        let columns: Vec<Vec<f64>> = (0..OF_CAMERA as usize).map(column).collect();
-        for ((_, to), (_, own)) in places.iter().zip(&alone) {
-            let matrix = own.clone().flat_map(|i| columns.iter().map(move |c| c[i]));
-            let lengths = [to.len(), OF_CAMERA as usize];
-            self.add(to, (CAMERAS, first), MATRIX, lengths, matrix);
-        }
+        let columns: Vec<Vec<f64>> = (0..count).map(column).collect();
+        let matrix = (0..to.len()).flat_map(|i| columns.iter().map(move |c| c[i]));
+        self.add(to, sums, MATRIX, [to.len(), count], matrix);
     }
 }
 

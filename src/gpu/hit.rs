@@ -3,10 +3,10 @@
 
 use crate::cube::*;
 
-use crate::accel::{HIT_STRIDE, LEAF};
+use crate::accel::{HIT_STRIDE, Hit, LEAF};
 use crate::model::lists::vector;
 use crate::model::{V3, v3};
-use crate::trace::{Faces, NONE, Scene, is_open};
+use crate::trace::{Faces, NONE, Scene};
 
 /// Memory of a thread: a stack of nodes of the tree, and room for the choice of an emitter.
 #[derive(CubeType)]
@@ -32,24 +32,6 @@ pub(super) struct Ray {
     pub direction: V3,
     pub time: f32,
     pub limit: f32,
-}
-
-/// A hit: a distance, and a triangle or [`NONE`].
-#[apply(record!)]
-pub(super) struct Hit {
-    pub t: f32,
-    pub triangle: u32,
-}
-
-/// All triangles are seen.
-#[cube]
-pub(super) fn see_all() -> Faces {
-    Faces {
-        a: NONE,
-        b: NONE,
-        c: NONE,
-        d: NONE,
-    }
 }
 
 /// A ray on its way through the tree.
@@ -115,20 +97,6 @@ fn enter(scene: &Scene, at: u32, cast: Cast, inverse: V3, limit: f32) -> f32 {
     t
 }
 
-/// Whether a ray passes a triangle that it meets, since there is a hole.
-#[cube]
-fn passes(scene: &Scene, at: u32, triangle: u32, ray: Ray, t: f32) -> bool {
-    let mut open = false;
-    if comptime!(scene.features.holes) {
-        let mut point = ray.origin + ray.direction * t;
-        if comptime!(scene.features.moves) {
-            point -= vector(scene.hits, at + 17) * ray.time;
-        }
-        open = is_open(scene, triangle, scene.triangle(triangle).weights(point));
-    }
-    open
-}
-
 /// Meets triangles that follow each other in the tree, and takes the nearest if it is nearer than that which is known;
 /// with `any` the first.
 #[cube]
@@ -147,7 +115,8 @@ fn meet_all(
         if t < nearest.t {
             let triangle = scene.hit_numbers[k as usize];
             if !select || !cast.unseen.contains(triangle) {
-                if !passes(scene, at, triangle, cast.ray, t) {
+                let place = cast.ray.origin + cast.ray.direction * t;
+                if !scene.is_open_at(triangle, place, cast.ray.time) {
                     nearest.t = t;
                     nearest.triangle = triangle;
                     if cast.any {
@@ -173,7 +142,8 @@ fn safe_inverse(d: f32) -> f32 {
     1.0 / divisor
 }
 
-/// The nearest triangle that a ray hits; with `any` any, which takes less time. With `select` some are left out.
+/// The nearest triangle that a ray hits; with `any` any, which takes less time. With `select` some are left out,
+/// else none.
 #[cube]
 pub(super) fn trace(
     scene: &Scene,

@@ -46,15 +46,27 @@ pub(crate) struct Job {
 /// Paths of a launch at most, so that no launch is long.
 pub(super) const PATHS: usize = 1 << 20;
 /// Threads of a workgroup.
-pub(super) const GROUP: u32 = 64;
+const GROUP: u32 = 64;
 
-/// Workgroups for so many threads.
-pub(super) fn groups(threads: usize) -> CubeCount {
+/// Workgroups for so many threads, and the size of each.
+pub(super) fn groups(threads: usize) -> (CubeCount, CubeDim) {
     /// Along one axis.
     const MOST: u32 = 65_535;
     let groups = (threads as u32).div_ceil(GROUP).max(1);
-    CubeCount::Static(groups.min(MOST), groups.div_ceil(MOST), 1)
+    let count = CubeCount::Static(groups.min(MOST), groups.div_ceil(MOST), 1);
+    (count, CubeDim::new_1d(GROUP))
 }
+
+/// Launches a kernel with a number of threads at least; it takes lists on the device as they are.
+macro_rules! launch {
+    ($client:expr, $threads:expr, $kernel:ident($($argument:expr),* $(,)?)) => {{
+        #[allow(unused_imports)]
+        use $crate::gpu::device::Argument;
+        let (groups, group) = $crate::gpu::job::groups($threads);
+        $kernel::launch($client, groups, group, $($argument.argument()),*)
+    }};
+}
+pub(super) use launch;
 
 /// The part of a job that a launch serves: samples of pixels, which are counted over all views.
 #[apply(argument!)]
@@ -96,7 +108,7 @@ impl Views {
 /// The paths of a launch.
 #[apply(argument!)]
 pub(super) struct Paths {
-    views: Views,
+    pub views: Views,
     /// The pixels of a view, if not all are asked for.
     pixels: &'static [u32],
     pub piece: Piece,
@@ -129,10 +141,6 @@ impl Paths {
             pixel,
             sample: self.piece.from + thread / self.piece.count * self.piece.each,
         }
-    }
-
-    pub fn scene(&self, view: u32) -> Scene<'static> {
-        self.views.scene(view)
     }
 }
 
@@ -179,19 +187,11 @@ impl Job {
     }
 
     /// The paths of a piece.
-    pub(super) fn paths(&self, lists: &[List; 3], piece: Piece) -> PathsLaunch {
-        let Piece {
-            first,
-            stride,
-            count,
-            from,
-            past,
-            each,
-        } = piece;
+    pub(super) fn paths(&self, lists: &[List; 3], p: Piece) -> PathsLaunch {
         PathsLaunch::new(
             self.views(lists, self.views.features),
             lists[2].argument(),
-            PieceLaunch::new(first, stride, count, from, past, each),
+            PieceLaunch::new(p.first, p.stride, p.count, p.from, p.past, p.each),
             self.of_view as u32,
             self.pixels.is_some(),
         )

@@ -10,15 +10,15 @@ use super::hit::{Memory, Ray, trace};
 use super::packed::OF_TREE;
 use super::path::light_of;
 use super::walk::Start;
+use crate::accel::Hit;
 use crate::kernel::{DrawnEdge, NO_EDGE, Root, draw_edge};
+use crate::model::Pair;
 use crate::model::choice::decided_by;
-use crate::model::jumps::Sides;
-use crate::model::{Pair, V3};
 use crate::sampling::Dimensions;
 use crate::trace::{
-    Behind, EdgePoint, EdgeView, Jump, NONE, Observer, PointGradient, Scene, Search, SideLight,
-    Sums, beside, edge_point, edge_view, hides, is_crease, jump_at, point_at, reflected_backward,
-    search, shadow_backward, sky,
+    Approach, EdgeView, Jump, NONE, Observer, PointGradient, Scene, Search, Seen, Sums, beside,
+    edge_point, edge_view, hides, is_crease, jump_at, point_at, reflected_backward, search,
+    shadow_backward, sky,
 };
 
 /// A tree over edges: the first over all, the second over those that move.
@@ -119,17 +119,8 @@ fn add_jump(
         if hit.triangle == NONE {
             shadow_backward(scene, sums, o, s, e, jump, time, by);
         }
-    } else if !hides(scene, hit.triangle, hit.t, &p, time) {
-        let approach = Approach {
-            point: p,
-            origin: e.start,
-            view: e.view,
-            sides: jump.sides,
-            behind: Behind {
-                triangle: hit.triangle,
-                distance: hit.t,
-            },
-        };
+    } else if !hides(scene, &hit, &p, time) {
+        let approach = e.approach(jump.sides);
         let sides = sampler(scene, SEED_OF_SIDES);
         let numbers = sides.stream(path.numbers.pixel, path.numbers.sample);
         let beginning = Beginning {
@@ -141,31 +132,21 @@ fn add_jump(
         };
         let goes_on = o.bounce < scene.bounces;
         let next = o.bounce + 1;
-        let light = light_beside(scene, memory, beginning, next, goes_on, &approach, false);
+        let light = light_beside(
+            scene, memory, beginning, next, goes_on, &approach, &hit, false,
+        );
         reflected_backward(scene, sums, o, s, e, jump, &light, time, by);
     }
 }
 
-/// A ray that comes to an edge's point, and what is seen beside that.
-#[apply(record!)]
-pub(super) struct Approach {
-    pub point: EdgePoint,
-    pub origin: V3,
-    pub view: V3,
-    pub sides: Sides,
-    pub behind: Behind,
-}
-
 /// The normals on both sides.
 #[cube]
-fn normals_beside(scene: &Scene, a: &Approach, time: f32) -> Pair {
+fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Pair {
     let mut pair = Pair::default();
     let mut side = 0u32;
     while side < 2 {
         let on_plus = side == 1;
-        let at = beside(
-            scene, &a.point, &a.sides, a.origin, &a.behind, on_plus, time,
-        );
+        let at = beside(scene, a, behind, on_plus, time);
         let point = point_at(scene, at.triangle, at.near, at.distance, at.direction, time);
         if on_plus {
             pair.second = point.shading.normal;
@@ -177,8 +158,8 @@ fn normals_beside(scene: &Scene, a: &Approach, time: f32) -> Pair {
     pair
 }
 
-/// The light that arrives beside an edge's point, of paths that begin there at a bounce, if they go on; with `film`
-/// what the camera sees of it.
+/// The light that arrives beside an edge's point on the − side less that on the + side, of paths that begin there at a
+/// bounce, if they go on; with `film` what the camera sees of it.
 #[cube]
 pub(super) fn light_beside(
     scene: &Scene,
@@ -187,40 +168,32 @@ pub(super) fn light_beside(
     bounce: u32,
     goes_on: bool,
     a: &Approach,
+    behind: &Hit,
     #[comptime] film: bool,
-) -> SideLight {
+) -> Seen {
     let time = beginning.time;
-    let mut light = SideLight::default();
+    let mut light = Seen::default();
     let mut pair = Pair {
         first: a.view,
         second: a.view,
     };
     let paired = goes_on && is_crease(scene, &a.sides);
     if paired {
-        pair = normals_beside(scene, a, time);
+        pair = normals_beside(scene, a, behind, time);
     }
     let mut sign = 1.0f32;
     while sign > -2.0f32 {
-        let at = beside(
-            scene,
-            &a.point,
-            &a.sides,
-            a.origin,
-            &a.behind,
-            sign < 0.0,
-            time,
-        );
+        let at = beside(scene, a, behind, sign < 0.0, time);
         if at.triangle == NONE {
-            light.sky += sign;
             if comptime!(film || scene.features.sees_sky) {
                 light.radiance += sky(scene, a.view) * sign;
             }
-        } else if goes_on {
+        } else {
+            light.opacity += sign;
+        }
+        if at.triangle != NONE && goes_on {
             let start = Start {
-                triangle: at.triangle,
-                near: at.near,
-                direction: at.direction,
-                distance: at.distance,
+                at,
                 bounce,
                 pair,
                 paired,

@@ -8,7 +8,7 @@ use crate::cube::*;
 
 use super::device::{List, floats, without_backtrace, zeros};
 use super::hit::Memory;
-use super::job::{GROUP, Job, Outputs, PATHS, Paths, Piece, groups};
+use super::job::{Job, Outputs, PATHS, Paths, Piece, launch};
 use super::path::light_of_pixel;
 use super::walk::PathLight;
 use crate::device::label;
@@ -67,7 +67,7 @@ fn render_pixels(
     if ABSOLUTE_POS < paths.piece.threads() as usize {
         let thread = ABSOLUTE_POS as u32;
         let which = paths.of_thread(thread);
-        let scene = paths.scene(which.view);
+        let scene = paths.views.scene(which.view);
         let mut memory = Memory::new(&scene);
         let rows = comptime!(outputs.rows());
         let own = (row + thread) as usize * rows;
@@ -143,28 +143,30 @@ impl GpuBackend for Cube {
                 Some(_) => (0, 1),
                 None => (piece.first, first),
             };
-            render_pixels::launch(
+            launch!(
                 &client,
-                groups(piece.threads() as usize),
-                CubeDim::new_1d(GROUP),
-                job.paths(&lists, piece),
-                partial.as_ref().unwrap_or(&image).argument(),
-                row,
-                fresh,
-                1.0 / job.samples as f32,
-                job.outputs,
+                piece.threads() as usize,
+                render_pixels(
+                    job.paths(&lists, piece),
+                    partial.as_ref().unwrap_or(&image),
+                    row,
+                    fresh,
+                    1.0 / job.samples as f32,
+                    job.outputs
+                )
             );
             if let Some(partial) = partial {
-                add_chunks::launch(
+                launch!(
                     &client,
-                    groups(count * rows),
-                    CubeDim::new_1d(GROUP),
-                    partial.argument(),
-                    image.argument(),
-                    piece.first * rows as u32,
-                    (count * rows) as u32,
-                    chunks,
-                    first,
+                    count * rows,
+                    add_chunks(
+                        &partial,
+                        &image,
+                        piece.first * rows as u32,
+                        (count * rows) as u32,
+                        chunks,
+                        first
+                    )
                 );
             }
         }

@@ -11,7 +11,7 @@ use burn::tensor::{Device, Shape};
 use super::device::{List, floats, has_room, rows_of, without_backtrace, zeros};
 use super::film::{FilmSamplesLaunch, Films, OF_PIECE, WHOLE, film_jumps};
 use super::gradient::{Table, ViewPlaces, write_gradient};
-use super::job::{GROUP, Job, PATHS, Piece, groups};
+use super::job::{Job, PATHS, Piece, launch};
 use super::passes::{LossLaunch, add_jumps, go_back, keep_paths};
 use super::pixel_gradients::look_at_pixels;
 use super::records::{JUMPED, RECORD};
@@ -148,41 +148,31 @@ impl<'a> Pass<'a> {
         self.measure(&[some], spread, &sizes, first, false);
         self.add_up(&all, (&totals, &sums), first);
         // Where some were much larger than those that were measured, all are.
-        look_again::launch(
+        launch!(
             &self.client,
-            groups(first.length),
-            CubeDim::new_1d(GROUP),
-            totals.argument(),
-            first.argument(),
-            again.argument(),
-            self.replicas,
-            region(numbers),
+            first.length,
+            look_again(&totals, first, again, self.replicas, region(numbers))
         );
         self.measure(&all, 0, &sizes, again, true);
         self.add_up(&all, (&totals, &sums), again);
-        take_scales::launch(
-            &self.client,
-            groups(PARTS),
-            CubeDim::new_1d(GROUP),
-            again.argument(),
-            first.argument(),
-        );
+        launch!(&self.client, PARTS, take_scales(again, first));
         self.write(&sums, views, gradient);
     }
 
     /// Adds what a launch left in replicas to sums.
     fn fold(&self, totals: &List, sums: &List, scales: &List) {
         let numbers = sums.length / 3;
-        add_replicas::launch(
+        launch!(
             &self.client,
-            groups(numbers),
-            CubeDim::new_1d(GROUP),
-            totals.argument(),
-            scales.argument(),
-            sums.argument(),
-            self.replicas,
-            region(numbers),
-            numbers as u32,
+            numbers,
+            add_replicas(
+                totals,
+                scales,
+                sums,
+                self.replicas,
+                region(numbers),
+                numbers as u32
+            )
         );
     }
 
@@ -193,18 +183,19 @@ impl<'a> Pass<'a> {
             if table.numbers == 0 {
                 continue;
             }
-            write_gradient::launch(
+            launch!(
                 &self.client,
-                groups(table.numbers),
-                CubeDim::new_1d(GROUP),
-                self.job.views(&self.scene, Features::default()),
-                sums.argument(),
-                self.scales[0].argument(),
-                List::new(&self.client, &table.words).argument(),
-                List::new(&self.client, &table.factors).argument(),
-                to.argument(),
-                v as u32,
-                table.numbers as u32,
+                table.numbers,
+                write_gradient(
+                    self.job.views(&self.scene, Features::default()),
+                    sums,
+                    &self.scales[0],
+                    &List::new(&self.client, &table.words),
+                    &List::new(&self.client, &table.factors),
+                    to,
+                    v as u32,
+                    table.numbers as u32
+                )
             );
         }
     }
@@ -218,29 +209,24 @@ impl<'a> Pass<'a> {
     }
 
     fn clear(&self, totals: &List, scales: &List) {
-        clear::launch(
-            &self.client,
-            groups(totals.length),
-            CubeDim::new_1d(GROUP),
-            totals.argument(),
-            scales.argument(),
-        );
+        launch!(&self.client, totals.length, clear(totals, scales));
     }
 
     /// Chooses scales by the sizes of the derivatives of some samples, or of all.
     fn measure(&self, pieces: &[Piece], spread: usize, sizes: &List, scales: &List, all: bool) {
         self.clear(sizes, scales);
         self.add(pieces, spread, (sizes, None), scales);
-        choose_scales::launch(
+        launch!(
             &self.client,
-            groups(PARTS),
-            CubeDim::new_1d(GROUP),
-            sizes.argument(),
-            scales.argument(),
-            self.replicas,
-            region(0),
-            kept(self.bits, all),
-            self.job.views.views as u32,
+            PARTS,
+            choose_scales(
+                sizes,
+                scales,
+                self.replicas,
+                region(0),
+                kept(self.bits, all),
+                self.job.views.views as u32
+            )
         );
     }
 
@@ -295,34 +281,28 @@ impl<'a> Pass<'a> {
         let threads = piece.threads() as usize;
         let paths = || self.job.paths(&self.scene, piece);
         let loss = || self.loss(scales, 1.0 / self.job.samples as f32);
-        keep_paths::launch(
+        launch!(
             &self.client,
-            groups(threads),
-            CubeDim::new_1d(GROUP),
-            paths(),
-            loss(),
-            self.records.argument(),
+            threads,
+            keep_paths(paths(), loss(), &self.records)
         );
         if self.job.views.derivatives.jumps {
-            add_jumps::launch(
+            launch!(
                 &self.client,
-                groups(threads * points(self.job)),
-                CubeDim::new_1d(GROUP),
-                paths(),
-                loss(),
-                self.records.argument(),
-                self.adding(totals, region),
-                self.job.views.words[BOUNCES],
+                threads * points(self.job),
+                add_jumps(
+                    paths(),
+                    loss(),
+                    &self.records,
+                    self.adding(totals, region),
+                    self.job.views.words[BOUNCES]
+                )
             );
         }
-        go_back::launch(
+        launch!(
             &self.client,
-            groups(threads),
-            CubeDim::new_1d(GROUP),
-            paths(),
-            loss(),
-            self.records.argument(),
-            self.adding(totals, region),
+            threads,
+            go_back(paths(), loss(), &self.records, self.adding(totals, region))
         );
     }
 
@@ -342,17 +322,18 @@ impl<'a> Pass<'a> {
             job.of_view as u32,
             self.films.count,
         );
-        film_jumps::launch(
+        launch!(
             &self.client,
-            groups(threads),
-            CubeDim::new_1d(GROUP),
-            job.views(&self.scene, job.views.features),
-            samples,
-            self.pieces.argument(),
-            self.table.argument(),
-            self.loss(scales, 1.0),
-            self.adding(totals, region),
-            job.pixels.is_some(),
+            threads,
+            film_jumps(
+                job.views(&self.scene, job.views.features),
+                samples,
+                &self.pieces,
+                &self.table,
+                self.loss(scales, 1.0),
+                self.adding(totals, region),
+                job.pixels.is_some()
+            )
         );
     }
 }

@@ -110,22 +110,10 @@ impl Packed {
             (scene.first_sums, scene.points) = (&sums[v], &table);
             let mut header = [0; HEADER];
             for (place, list) in scene.float_lists() {
-                let first = packed.floats.len() as u32;
-                let at = *floats
-                    .entry((list.as_ptr(), list.len()))
-                    .or_insert_with(|| {
-                        packed.floats.extend(list);
-                        first
-                    });
-                header[place as usize] = at;
+                header[place as usize] = place_of(list, &mut packed.floats, &mut floats);
             }
             for (place, list) in scene.word_lists() {
-                let first = packed.words.len() as u32;
-                let at = *words.entry((list.as_ptr(), list.len())).or_insert_with(|| {
-                    packed.words.extend(list);
-                    first
-                });
-                header[place as usize] = at;
+                header[place as usize] = place_of(list, &mut packed.words, &mut words);
             }
             for (place, number) in scene.numbers() {
                 header[place as usize] = number;
@@ -145,6 +133,18 @@ impl Packed {
         };
         self.sent.get_or_init(send).clone()
     }
+}
+
+/// Where a list begins in a buffer that others are in, by their addresses.
+fn place_of<T: Copy>(
+    list: &[T],
+    buffer: &mut Vec<T>,
+    known: &mut HashMap<(*const T, usize), u32>,
+) -> u32 {
+    *known.entry((list.as_ptr(), list.len())).or_insert_with(|| {
+        buffer.extend(list);
+        (buffer.len() - list.len()) as u32
+    })
 }
 
 /// What GPUs need of a scene beside the lists that the host has.

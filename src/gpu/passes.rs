@@ -30,11 +30,6 @@ pub(super) struct Loss {
 
 #[cube]
 impl Loss {
-    /// Whether a pass has nothing to do.
-    pub fn is_skipped(&self) -> bool {
-        is_skipped(self.scales)
-    }
-
     /// Derivatives by the rows of a pixel.
     pub fn of_row(&self, scene: &Scene, row: u32) -> Seen {
         let outputs = comptime!(self.outputs);
@@ -69,17 +64,13 @@ impl Loss {
 #[cube(launch)]
 pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32]) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < threads as usize && !loss.is_skipped() {
+    if ABSOLUTE_POS < threads as usize && !is_skipped(loss.scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = paths.of_thread(thread);
-        let scene = paths.scene(which.view);
+        let scene = paths.views.scene(which.view);
         let g = loss.of_row(&scene, which.row);
         if is_nonzero(g.size()) {
-            let room = Room {
-                thread,
-                threads,
-                bounces: scene.bounces,
-            };
+            let room = Room::new(thread, threads, scene.bounces);
             let mut memory = Memory::new(&scene);
             let path = begin(&scene, which.pixel, which.sample);
             let light = path_light(
@@ -130,17 +121,13 @@ pub(super) fn add_jumps(
     bounces: u32,
 ) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < (threads * (bounces + 1)) as usize && !loss.is_skipped() {
+    if ABSOLUTE_POS < (threads * (bounces + 1)) as usize && !is_skipped(loss.scales) {
         let thread = ABSOLUTE_POS as u32 % threads;
         let k = ABSOLUTE_POS as u32 / threads;
         let which = paths.of_thread(thread);
-        let scene = paths.scene(which.view);
+        let scene = paths.views.scene(which.view);
         let sums = adding.of_thread(&scene, loss.scales, thread);
-        let room = Room {
-            thread,
-            threads,
-            bounces,
-        };
+        let room = Room::new(thread, threads, bounces);
         let g = loss.of_row(&scene, which.row);
         let mut points = 0u32;
         if is_nonzero(g.size()) {
@@ -174,19 +161,15 @@ pub(super) fn add_jumps(
 #[cube(launch)]
 pub(super) fn go_back(paths: Paths, loss: Loss, records: &mut [u32], adding: Adding) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < threads as usize && !loss.is_skipped() {
+    if ABSOLUTE_POS < threads as usize && !is_skipped(loss.scales) {
         let thread = ABSOLUTE_POS as u32;
         let which = paths.of_thread(thread);
-        let scene = paths.scene(which.view);
+        let scene = paths.views.scene(which.view);
         let sums = adding.of_thread(&scene, loss.scales, thread);
         let g = loss.of_row(&scene, which.row);
         if is_nonzero(g.size()) {
             let mut by_camera = CameraGradient::default();
-            let room = Room {
-                thread,
-                threads,
-                bounces: scene.bounces,
-            };
+            let room = Room::new(thread, threads, scene.bounces);
             let mut memory = Memory::new(&scene);
             let path = begin(&scene, which.pixel, which.sample);
             path_backward(

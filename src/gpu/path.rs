@@ -7,7 +7,7 @@
 use crate::cube::*;
 
 use super::camera::{Beginning, begin};
-use super::hit::{Hit, Memory, Ray, see_all, trace};
+use super::hit::{Memory, Ray, trace};
 use super::records::{
     Arrival, ESCAPED, MOST_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
     SAW_MAP_ALONG, WENT_ON,
@@ -16,11 +16,12 @@ use super::walk::{
     ENDED, OF_CAMERA, ONWARDS, PathLight, Start, TO_EMITTER, TO_EMITTERS_ALONG, TO_MAP,
     TO_MAP_ALONG, Walk,
 };
+use crate::accel::Hit;
 use crate::model::connection::{Target, no_connection};
 use crate::model::{splat, v2};
 use crate::sampling::EmitterPlace;
 use crate::trace::{
-    CONE, NONE, Scene, density_of_map, emitted, emitters_of, leave, map_of, point_at, radiance_of,
+    CONE, Faces, NONE, Scene, emitted, emitters_of, leave, map_of, point_at, radiance_of,
     receiver_of, sky, target_of,
 };
 
@@ -48,11 +49,7 @@ pub(super) fn light_of(
     // Nothing is kept.
     let mut records = Array::<u32>::new(1usize);
     let none = records.as_mut_slice();
-    let room = Room {
-        thread: 0u32,
-        threads: 1u32,
-        bounces: 0u32,
-    };
+    let room = Room::new(0u32, 1u32, 0u32);
     path_light(scene, memory, none, room, path, start, beside, false)
 }
 
@@ -78,8 +75,8 @@ pub(super) fn path_light(
     walk.bit = SAW_ALONG;
     if beside {
         walk.bounce = start.bounce;
-        walk.origin = start.near;
-        walk.direction = start.direction;
+        walk.origin = start.at.near;
+        walk.direction = start.at.direction;
         walk.limit = -1.0f32;
     } else {
         walk.origin = path.ray.origin;
@@ -94,7 +91,7 @@ pub(super) fn path_light(
         };
         if beside {
             if begins {
-                hit.triangle = start.triangle;
+                hit.triangle = start.at.triangle;
                 begins = false;
             }
         }
@@ -106,7 +103,7 @@ pub(super) fn path_light(
                 time: path.time,
                 limit: walk.limit,
             };
-            hit = trace(scene, memory, ray, see_all(), any, false);
+            hit = trace(scene, memory, ray, Faces::default(), any, false);
             light.rays += 1;
             if !any {
                 light.looked += 1;
@@ -188,7 +185,7 @@ fn arrive(
     let mut emits = true;
     if beside {
         if walk.purpose == OF_CAMERA {
-            distance = start.distance;
+            distance = start.at.distance;
             emits = start.emits;
         }
     }
@@ -316,7 +313,7 @@ fn connect(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk
                 let drawn = path.choices(scene, walk.bounce);
                 towards = map_of(scene).choose(scene.sky_density, drawn.z, drawn.w);
             }
-            chance = density_of_map(scene, towards);
+            chance = map_of(scene).density(scene.sky_density, towards);
             target = Target::of_map(towards);
         } else {
             walk.purpose = ONWARDS;

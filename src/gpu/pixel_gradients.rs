@@ -8,13 +8,13 @@ use super::film::{
     BLOCKS, FIRST_PIECE, Films, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL,
     blocks_before, view_of,
 };
-use super::job::{GROUP, Job, Views, groups};
+use super::job::{Job, Views, launch};
 use super::passes::{Loss, LossLaunch};
 use super::sums::TYPICAL;
 use crate::model::choice::is_positive;
 use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
 use crate::model::numbers::{is_finite, is_nonzero};
-use crate::trace::{Features, HEIGHT, NONE, WIDTH};
+use crate::trace::{Features, HeaderWord, NONE};
 
 /// Looks at how much the loss depends on pixels, and so where edges are drawn on films: completes the edges there and
 /// their table, and sets the scales of views.
@@ -27,58 +27,50 @@ pub(super) fn look_at_pixels(
 ) {
     let views = job.views.views;
     let header = &job.views.words;
-    let [columns, rows] = [header[WIDTH], header[HEIGHT]].map(|n| n.div_ceil(CELL));
+    let [columns, rows] =
+        [HeaderWord::width, HeaderWord::height].map(|n| header[n as usize].div_ceil(CELL));
     let grid = || GridLaunch::new(views as u32, columns, rows);
     let count = views * (columns * rows) as usize;
     let cells = List::room(client, OF_CELL as usize * count);
     let near = List::room(client, count);
     let of_rows = List::room(client, OF_CELL as usize * views * rows as usize);
-    look_at_cells::launch(
+    launch!(
         client,
-        groups(count),
-        CubeDim::new_1d(GROUP),
-        job.views(scene, Features::default()),
-        grid(),
-        table.argument(),
-        loss,
-        cells.argument(),
-        job.of_view as u32,
-        job.pixels.is_some(),
+        count,
+        look_at_cells(
+            job.views(scene, Features::default()),
+            grid(),
+            table,
+            loss,
+            &cells,
+            job.of_view as u32,
+            job.pixels.is_some()
+        )
     );
-    look_around::launch(
+    launch!(
         client,
-        groups(count),
-        CubeDim::new_1d(GROUP),
-        grid(),
-        table.argument(),
-        cells.argument(),
-        near.argument(),
-        of_rows.argument(),
+        count,
+        look_around(grid(), table, &cells, &near, &of_rows)
     );
     if films.blocks > 0 {
-        sum_blocks::launch(
+        launch!(
             client,
-            groups(films.blocks as usize),
-            CubeDim::new_1d(GROUP),
-            grid(),
-            table.argument(),
-            near.argument(),
-            pieces.argument(),
-            films.blocks,
-            films.count,
+            films.blocks as usize,
+            sum_blocks(grid(), table, &near, pieces, films.blocks, films.count)
         );
     }
-    sum_views::launch(
+    launch!(
         client,
-        groups(views),
-        CubeDim::new_1d(GROUP),
-        grid(),
-        table.argument(),
-        of_rows.argument(),
-        pieces.argument(),
-        scales.argument(),
-        job.samples,
-        films.count,
+        views,
+        sum_views(
+            grid(),
+            table,
+            &of_rows,
+            pieces,
+            scales,
+            job.samples,
+            films.count
+        )
     );
 }
 

@@ -27,9 +27,9 @@ pub(super) const JUMPED: u32 = 14;
 /// Where the words of a path are: one word of all threads after another.
 #[apply(record!)]
 pub(super) struct Room {
-    pub thread: u32,
-    pub threads: u32,
-    pub bounces: u32,
+    thread: u32,
+    threads: u32,
+    bounces: u32,
 }
 
 /// A surface point that a path came to: a triangle, what it was hit by, and the throughput that arrives.
@@ -55,6 +55,14 @@ impl Arrival {
 
 #[cube]
 impl Room {
+    pub fn new(thread: u32, threads: u32, bounces: u32) -> Room {
+        Room {
+            thread,
+            threads,
+            bounces,
+        }
+    }
+
     /// The place of a word of a point's record. That of the first point that a path does not come to has the number of
     /// its points, and what jumps add.
     pub fn at(&self, point: u32, word: u32) -> usize {

@@ -287,20 +287,14 @@ pub(super) struct Adding {
 #[cube]
 impl Adding {
     /// Those of a thread's replica, as stages add to them.
-    pub fn of_thread(
-        &self,
-        scene: &Scene<'static>,
-        scales: &'static [f32],
-        thread: u32,
-    ) -> Sums<'static> {
+    pub fn of_thread<'a>(&self, scene: &Scene<'a>, scales: &'a [f32], thread: u32) -> Sums<'a> {
         let first = (thread % self.replicas * self.region) as usize;
-        let of = comptime!(self.of);
-        sums_of(Totals::new(
-            &self.totals[first..],
+        sums_of(Totals::<'a> {
+            totals: &self.totals[first..],
             scales,
-            scene.first_sums,
-            of,
-        ))
+            first: scene.first_sums,
+            of: comptime!(self.of),
+        })
     }
 }
 

@@ -5,7 +5,7 @@ use crate::cube::*;
 use crate::model::bsdf::Scatter;
 use crate::model::connection::ConeKernel;
 use crate::model::{Pair, V2, V3};
-use crate::trace::{Point, Scene, Seen};
+use crate::trace::{Beside, Point, Scene, Seen};
 
 /// What the next ray of a path is for. The camera's comes first; at each point follow those to an emitter, to all
 /// emitters along the way on, to a direction of the map, and to the map along the way on; then the path goes on.
@@ -34,11 +34,7 @@ pub(super) struct PathLight {
 /// A surface point that a path starts from in place of the camera.
 #[apply(zeroed!)]
 pub(super) struct Start {
-    pub triangle: u32,
-    /// A place about there, and the direction in which it is seen.
-    pub near: V3,
-    pub direction: V3,
-    pub distance: f32,
+    pub at: Beside,
     pub bounce: u32,
     /// Normals about which directions are drawn, if it is paired ([`Shading`](crate::model::bsdf::Shading)).
     pub pair: Pair,

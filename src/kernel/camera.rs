@@ -5,8 +5,8 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::error::Result;
-use crate::model::Pair;
 use crate::model::camera::{Camera as Model, Dual};
+use crate::model::{Pair, V3};
 use crate::scene::{Camera, HostProjection, ParameterId, SceneFrame};
 
 #[derive(Clone, Copy, Debug)]
@@ -29,33 +29,6 @@ struct Frame {
     up: DVec3,
     scale: [f64; 2],
     shift: [f64; 2],
-}
-
-/// Derivatives by what a [`Model`] is made of.
-pub(crate) struct CameraSums {
-    eye: DVec3,
-    across: DVec3,
-    upward: DVec3,
-    forward: DVec3,
-    lens: [DVec3; 2],
-    per_focus: f64,
-    filter: f64,
-}
-
-impl CameraSums {
-    /// From a list of numbers ([`OF_CAMERA`](crate::trace::OF_CAMERA)).
-    pub fn of(numbers: &[f64]) -> Self {
-        let vector = |k: usize| DVec3::from_slice(&numbers[3 * k..]);
-        Self {
-            eye: vector(0),
-            across: vector(1),
-            upward: vector(2),
-            forward: vector(3),
-            lens: [vector(4), vector(5)],
-            per_focus: numbers[18],
-            filter: numbers[19],
-        }
-    }
 }
 
 impl HostCamera {
@@ -103,7 +76,8 @@ impl HostCamera {
             (f.right - f.forward * f.shift[0]) / f.scale[0],
             (f.up - f.forward * f.shift[1]) / f.scale[1],
             f.forward,
-        ];
+        ]
+        .map(V3::from);
         let (aperture, per_focus) = match self.lens {
             Some([aperture, focus]) => (aperture / inner.unit, inner.unit / focus),
             None => (0.0, 0.0),
@@ -113,11 +87,7 @@ impl HostCamera {
             across: across.into(),
             upward: upward.into(),
             forward: forward.into(),
-            dual: Dual {
-                x: x.into(),
-                y: y.into(),
-                z: z.into(),
-            },
+            dual: Dual { x, y, z },
             lens: Pair {
                 first: (f.right * aperture).into(),
                 second: (f.up * aperture).into(),
@@ -131,11 +101,12 @@ impl HostCamera {
         }
     }
 
-    /// Adds the derivatives by a camera's parameters at their places, from those by its [`Model`] for an
-    /// image of `aspect` (width over height), whose filter has a radius of `filter` pixels.
+    /// Adds the derivatives by a camera's parameters at their places, from those by its [`Model`]
+    /// ([`OF_CAMERA`](crate::trace::OF_CAMERA)) for an image of `aspect` (width over height), whose filter has a radius
+    /// of `filter` pixels.
     pub fn backward(
         &self,
-        g: &CameraSums,
+        sums: &[f64],
         unit: f64,
         (aspect, filter): (f64, f64),
         places: &[(ParameterId, Range<usize>)],
@@ -147,25 +118,28 @@ impl HostCamera {
         let f = self.frame(unit, aspect);
         let [aperture, focus] = self.lens.unwrap_or([0.0, 1.0]);
         let lens = aperture / unit;
-        let by_right = g.across * f.scale[0] + g.forward * f.shift[0] + g.lens[0] * lens;
-        let by_cross = g.upward * f.scale[1] + g.forward * f.shift[1] + g.lens[1] * lens;
+        let vector = |k: usize| DVec3::from_slice(&sums[3 * k..]);
+        let [by_eye, by_x, by_y, by_z, by_lens_x, by_lens_y] = std::array::from_fn(vector);
+        let (by_per_focus, by_radius) = (sums[18], sums[19]);
+        let by_right = by_x * f.scale[0] + by_z * f.shift[0] + by_lens_x * lens;
+        let by_cross = by_y * f.scale[1] + by_z * f.shift[1] + by_lens_y * lens;
         // right = (forward × up)/|…|, its up = right × forward, forward = (target − eye)/|…|.
         let view = self.target - self.eye;
         let up = self.up.normalize();
         let across = f.forward.cross(up);
         let by_right = by_right + f.forward.cross(by_cross);
         let by_across = (by_right - f.right * f.right.dot(by_right)) / across.length();
-        let by_forward = g.forward + by_cross.cross(f.right) + up.cross(by_across);
+        let by_forward = by_z + by_cross.cross(f.right) + up.cross(by_across);
         let by_up = by_across.cross(f.forward);
         let mut by_view = (by_forward - f.forward * f.forward.dot(by_forward)) / view.length();
         // The radius of a cone in pixels is in proportion to 1 over the height of what is seen at a distance of 1.
-        let by_filter = g.filter * filter;
+        let by_filter = by_radius * filter;
         if self.projection.is_parallel() {
             by_view += f.forward * (by_filter / view.length());
         }
-        let by_height = g.upward.dot(f.up) - by_filter / f.scale[1];
-        let by_shift = [g.forward.dot(f.right), g.forward.dot(f.up)];
-        let by_film = [g.across.dot(f.right), by_height, by_shift[0], by_shift[1]];
+        let by_height = by_y.dot(f.up) - by_filter / f.scale[1];
+        let by_shift = [by_z.dot(f.right), by_z.dot(f.up)];
+        let by_film = [by_x.dot(f.right), by_height, by_shift[0], by_shift[1]];
         let slopes = self.projection.slopes(unit, aspect).into_iter();
         let by = |slopes: [f64; 4]| slopes.iter().zip(by_film).map(|(s, g)| s * g).sum();
         let by_numbers: Vec<f64> = slopes.map(by).collect();
@@ -176,19 +150,17 @@ impl HostCamera {
                 }
             };
             match id {
-                ParameterId::Eye => add(all, &(g.eye / unit - by_view).to_array()),
+                ParameterId::Eye => add(all, &(by_eye / unit - by_view).to_array()),
                 ParameterId::Target => add(all, &by_view.to_array()),
                 ParameterId::Up => {
                     let by = (by_up - up * up.dot(by_up)) / self.up.length();
                     add(all, &by.to_array());
                 }
                 ParameterId::Aperture => {
-                    add(
-                        all,
-                        &[(g.lens[0].dot(f.right) + g.lens[1].dot(f.up)) / unit],
-                    );
+                    let by = by_lens_x.dot(f.right) + by_lens_y.dot(f.up);
+                    add(all, &[by / unit]);
                 }
-                ParameterId::Focus => add(all, &[-g.per_focus * unit / (focus * focus)]),
+                ParameterId::Focus => add(all, &[-by_per_focus * unit / (focus * focus)]),
                 ParameterId::FieldOfView | ParameterId::ViewHeight => add(all, &by_numbers),
                 ParameterId::FocalLength => add(all, &by_numbers[..2]),
                 ParameterId::PrincipalPoint => add(all, &by_numbers[2..]),

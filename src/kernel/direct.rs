@@ -11,7 +11,7 @@ use crate::lanes::{LANES, Record};
 use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Chosen, Dimensions, EmitterTriangle, Receiver};
-use crate::trace::{Arrived, NONE, density_of_map, is_light, map_of, radiance_of, sky, target_of};
+use crate::trace::{Arrived, NONE, map_of, radiance_of, sky, target_of};
 
 impl Connecting {
     /// Connects the point to a target.
@@ -96,7 +96,7 @@ pub(super) fn direct_from_emitters<'a>(
         let chosen = choose_emitters(of, level, lanes.clone(), matt, &at, work);
         let weights = eights::uniform_points(chosen.rest, level.emitters.lanes(first).y);
         let mut emitters = lanes.clone().map(|i| chosen.emitter[i % LANES]);
-        if simple && matt && emitters.all(|k| !is_light(lists, k)) {
+        if simple && matt && emitters.all(|k| !of.emitters.is_light(k)) {
             connect_matt(of, level, lanes, (&chosen, &weights), &times, work);
             continue;
         }
@@ -252,7 +252,7 @@ pub(super) fn direct_from_map<'a>(of: &'a PathBlock<'a>, level: &'a Level, work:
                 lane,
                 emitter: NONE,
                 weights: v2(0.0, 0.0),
-                chance: density_of_map(lists, direction),
+                chance: map_of(lists).density(lists.sky_density, direction),
                 by_scattering,
             };
             let target = Target::of_map(direction);

@@ -11,7 +11,7 @@ use crate::lanes::{LANES, Record};
 use crate::model::{V3, v2};
 use crate::sampling::{Dimensions, Four};
 use crate::trace::{
-    HitTriangle, Point, Triangle, emitted, hit_triangle, leave, middle_of, point_at, sky,
+    HitTriangle, Point, Triangle, camera_ray, emitted, hit_triangle, leave, point_at, sky,
 };
 
 impl PathBlock<'_> {
@@ -121,11 +121,8 @@ fn leave_cameras<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut 
     for (i, path) in of.paths.iter().enumerate() {
         let numbers = &path.numbers;
         let drawn = numbers.draw(Dimensions::film());
-        let middle = middle_of(&of.lists, numbers.path().0);
-        let x = middle.x + of.filter.sample(drawn.x);
-        let y = middle.y + of.filter.sample(drawn.y);
-        let lens = of.lens_point(numbers);
-        let ray = of.camera.ray(x, y, lens.x, lens.y);
+        let (lens, pixel) = (of.lens_point(numbers), numbers.path().0);
+        let ray = camera_ray(&of.lists, &of.camera, drawn, lens, pixel);
         let (origin, direction) = (ray.origin, ray.direction);
         let on = HitRay::new(origin, direction, path.time, f32::INFINITY);
         work.rays.push(on);

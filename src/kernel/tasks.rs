@@ -20,27 +20,42 @@ impl View {
         work: &mut Work,
         mut objects: Option<&mut [f32]>,
     ) -> Vec<Seen> {
-        let tracer = self.tracer();
         let mut all = vec![Seen::default(); pixels.len()];
+        self.each_block(pixels, samples, false, work, |first, each, _, walks, _| {
+            for (k, walk) in walks.list.iter().enumerate() {
+                let i = first + k / each;
+                walk.add_to(&mut all[i]);
+                if let Some(objects) = &mut objects {
+                    self.count_object(i, walk.seen, objects);
+                }
+            }
+        });
+        all
+    }
+
+    /// Traces samples of pixels, in blocks, and does something with each: with the place of its first pixel, its samples
+    /// of each pixel, and its paths.
+    fn each_block(
+        &self,
+        pixels: &[u32],
+        samples: Range<u32>,
+        keep: bool,
+        work: &mut Work,
+        mut act: impl FnMut(usize, usize, PathBlock, &Walks, &mut Work),
+    ) {
+        let tracer = self.tracer();
         let mut walks = Walks::default();
-        let together = together(&samples);
+        let together = TOGETHER.div_ceil(samples.len().clamp(1, RUN));
         for (block, pixels) in pixels.chunks(together).enumerate() {
             for samples in runs_of(&samples) {
                 let runs = draw_runs(&tracer, pixels, samples.start);
                 let cones = self.cones(&runs, &samples);
                 let paths = self.paths(&runs, &cones, &samples);
-                let mut of = PathBlock::new(&tracer, &paths, false);
+                let mut of = PathBlock::new(&tracer, &paths, keep);
                 of.camera_walks(&mut walks, work);
-                for (k, walk) in walks.list.iter().enumerate() {
-                    let i = block * together + k / samples.len();
-                    walk.add_to(&mut all[i]);
-                    if let Some(objects) = &mut objects {
-                        self.count_object(i, walk.seen, objects);
-                    }
-                }
+                act(block * together, samples.len(), of, &walks, work);
             }
         }
-        all
     }
 
     /// The mean of how much a loss depends on the radiance of a pixel, over those that it depends on.
@@ -66,32 +81,27 @@ impl View {
         work: &mut Work,
         sums: &mut HostSums,
     ) {
-        let (tracer, sums) = (self.tracer(), &sums.sums());
-        let mut walks = Walks::default();
+        let sums = &sums.sums();
         let asked = pixels.iter().filter(|p| p.1 != Seen::default());
         let (pixels, gradients): (Vec<u32>, Vec<&Seen>) = asked.map(|(i, g)| (*i, g)).unzip();
-        let together = together(&samples);
-        for (pixels, gradients) in pixels.chunks(together).zip(gradients.chunks(together)) {
-            for samples in runs_of(&samples) {
-                let runs = draw_runs(&tracer, pixels, samples.start);
-                let cones = self.cones(&runs, &samples);
-                let paths = self.paths(&runs, &cones, &samples);
-                let mut of = PathBlock::new(&tracer, &paths, true);
-                of.camera_walks(&mut walks, work);
-                let of_paths = gradients
-                    .iter()
-                    .flat_map(|&g| samples.clone().map(move |_| g));
+        self.each_block(
+            &pixels,
+            samples,
+            true,
+            work,
+            |first, each, of, walks, work| {
+                let of_paths = (0..of.paths.len()).map(|k| gradients[first + k / each]);
                 let upstream: Vec<&Seen> = of_paths.collect();
                 let back = Return {
                     of,
-                    walks: &walks,
+                    walks,
                     upstream: &upstream,
                     typical,
                     sums,
                 };
                 back.go_back(work);
-            }
-        }
+            },
+        );
     }
 
     /// Random numbers for the cones of samples of all runs, if there are cones.
@@ -138,11 +148,6 @@ impl View {
         };
         objects[i * width + k] += 1.0;
     }
-}
-
-/// The number of pixels whose paths go together.
-fn together(samples: &Range<u32>) -> usize {
-    TOGETHER.div_ceil(samples.len().clamp(1, RUN))
 }
 
 /// Samples in runs, whose numbers are drawn at once.

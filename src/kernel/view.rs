@@ -3,7 +3,7 @@
 use std::ops::{Deref, Range};
 use std::sync::{Arc, Once};
 
-use super::camera::{CameraSums, HostCamera};
+use super::camera::HostCamera;
 use super::edges::{EdgeSets, ROOM};
 use super::gradient::Wanted;
 use super::scene::KernelScene;
@@ -235,7 +235,6 @@ impl View {
         places: &[(ParameterId, Range<usize>)],
         all: &mut [f64],
     ) {
-        let sums = &CameraSums::of(sums);
         let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
         let unit = self.scene.frame.unit;
         let filter = f64::from(self.camera.filter);

@@ -11,7 +11,7 @@ use crate::model::camera::CameraRay;
 use crate::model::{V2, V3};
 use crate::sampling::{Dimensions, EmitterKinds, Four, Met, Numbers};
 pub(crate) use crate::trace::Seen;
-use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient, SideLight};
+use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient};
 
 /// Paths that go together, about: so many that stages fill their lanes, and the machine has others to do while it waits
 /// for one.
@@ -283,7 +283,7 @@ pub(crate) struct Work {
     pub(super) along: Vec<Connecting>,
     /// Paths on both sides of edges.
     pub(super) side_walks: Walks,
-    pub(super) side_lights: Vec<Option<SideLight>>,
+    pub(super) side_lights: Vec<Option<Seen>>,
     pub(super) side_rays: Vec<HitRay>,
     pub(super) side_hits: Vec<Hit>,
     pub(super) back: Back,

@@ -1,7 +1,7 @@
-//! Edges on the film: how many are drawn, and what pixels count for.
+//! Edges on the film: how many are drawn, which, and what pixels count for.
 
-#[cfg(feature = "wgpu")]
-use burn::cubecl::{self, prelude::*};
+use super::lists::first_over;
+use crate::cube::*;
 
 /// Pixels of a side of a cell, about which edges are drawn as much as the loss depends on its pixels.
 pub(crate) const CELL: u32 = 8;
@@ -25,6 +25,45 @@ pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
         (paths / 8 + (paths % 8).min(1)).max(few).max(1).min(MOST)
     } else {
         MOST
+    }
+}
+
+/// A piece of an edge that was drawn, and its share of the sum of all weights.
+#[apply(record!)]
+pub(crate) struct DrawnPiece {
+    pub piece: u32,
+    pub share: f32,
+}
+
+/// The piece that a part of the sum of all weights comes to, of `count` pieces. The sums of their weights up to each,
+/// within blocks, lie a stride apart from `first` on, sums up to each block from `first_block` on.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn draw_piece(
+    sums: &[f32],
+    first: u32,
+    stride: u32,
+    count: u32,
+    blocks: &[f32],
+    first_block: u32,
+    part: f32,
+) -> DrawnPiece {
+    let block = first_over(blocks, first_block, count.div_ceil(BLOCK), 1u32, part);
+    let mut before = 0.0f32;
+    if block > 0 {
+        before = blocks[(first_block + block - 1) as usize];
+    }
+    let in_block = BLOCK * block;
+    let own = BLOCK.min(count - in_block);
+    let i = first_over(sums, first + stride * in_block, own, stride, part - before);
+    let at = first + stride * (in_block + i);
+    let mut share = sums[at as usize];
+    if i > 0 {
+        share -= sums[(at - stride) as usize];
+    }
+    DrawnPiece {
+        piece: in_block + i,
+        share,
     }
 }
 

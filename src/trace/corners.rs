@@ -4,9 +4,10 @@
 use crate::cube::*;
 
 use super::parts::{UVS, VELOCITIES, VERTICES};
+#[cfg(feature = "wgpu")]
+use super::scene::SceneExpand;
 use super::scene::{MATERIAL, NONE, NORMAL_MAP, NORMAL_ROWS, Scene, TRIANGLE, UV_ROWS};
 use super::sums::Sums;
-use super::texture::look_up;
 use crate::model::lists::vector;
 use crate::model::normal_map::Tilt;
 use crate::model::{V2, V3, component, splat, v2};
@@ -88,54 +89,117 @@ impl Rows {
     }
 }
 
-/// The rows of a triangle's texture coordinates.
 #[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn uv_rows(scene: &Scene, triangle: u32) -> Rows {
-    rows_at(scene.triangles, TRIANGLE * triangle + UV_ROWS)
-}
+impl<'a> Scene<'a> {
+    /// The rows of a triangle's texture coordinates.
+    #[inline(always)]
+    pub fn uv_rows(&self, triangle: u32) -> Rows {
+        rows_at(self.triangles, TRIANGLE * triangle + UV_ROWS)
+    }
 
-/// The rows of its normals.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn normal_rows(scene: &Scene, triangle: u32) -> Rows {
-    rows_at(scene.triangles, TRIANGLE * triangle + NORMAL_ROWS)
-}
+    /// The rows of its normals.
+    #[inline(always)]
+    pub fn normal_rows(&self, triangle: u32) -> Rows {
+        rows_at(self.triangles, TRIANGLE * triangle + NORMAL_ROWS)
+    }
 
-/// Texture coordinates of a row.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(super) fn uv_of(scene: &Scene, row: u32) -> V2 {
-    let i = 2 * row as usize;
-    let v = scene.uvs[i + 1];
-    v2(scene.uvs[i], v)
-}
+    /// Texture coordinates of a row.
+    #[inline(always)]
+    pub fn uv_of(&self, row: u32) -> V2 {
+        let i = 2 * row as usize;
+        let v = self.uvs[i + 1];
+        v2(self.uvs[i], v)
+    }
 
-/// Texture coordinates at a point of a triangle; 0 where nothing has a texture.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn uv_at(scene: &Scene, triangle: u32, weights: V3) -> V2 {
-    let mut uv = v2(0.0, 0.0);
-    if comptime!(scene.features.textured) {
-        let rows = uv_rows(scene, triangle);
-        if rows.exist() {
-            let a = uv_of(scene, rows.a);
-            let b = uv_of(scene, rows.b);
-            let c = uv_of(scene, rows.c);
-            uv = v2(
-                a.x * weights.x + b.x * weights.y + c.x * weights.z,
-                a.y * weights.x + b.y * weights.y + c.y * weights.z,
-            );
+    /// Texture coordinates at a point of a triangle; 0 where nothing has a texture.
+    #[inline(always)]
+    pub fn uv_at(&self, triangle: u32, weights: V3) -> V2 {
+        let mut uv = v2(0.0, 0.0);
+        if comptime!(self.features.textured) {
+            let rows = self.uv_rows(triangle);
+            if rows.exist() {
+                let a = self.uv_of(rows.a);
+                let b = self.uv_of(rows.b);
+                let c = self.uv_of(rows.c);
+                uv = v2(
+                    a.x * weights.x + b.x * weights.y + c.x * weights.z,
+                    a.y * weights.x + b.y * weights.y + c.y * weights.z,
+                );
+            }
+        }
+        uv
+    }
+
+    /// The rows of the colours that a triangle's diffuse albedo is multiplied by.
+    #[inline(always)]
+    pub fn rows_of_colours(&self, triangle: u32) -> Rows {
+        rows_at(self.colour_rows, 3 * triangle)
+    }
+
+    /// The interpolated normal, on the side of the geometric one; that itself where the triangle has none.
+    #[inline(always)]
+    pub fn normal_at(&self, triangle: u32, weights: V3, geometric: V3) -> V3 {
+        let mut normal = geometric;
+        if comptime!(self.features.smooth) {
+            let rows = self.normal_rows(triangle);
+            if rows.exist() {
+                normal = facing(rows.of(self.normals, 3u32).at(weights), geometric).normal;
+            }
+        }
+        normal
+    }
+
+    /// The tilt of a normal on the front side by its material's map, if the triangle has tangents.
+    #[inline(always)]
+    pub fn tilt_at(&self, triangle: u32, material: u32, weights: V3, uv: V2, normal: V3) -> TiltAt {
+        let map = MATERIAL * material + NORMAL_MAP;
+        let rows = rows_at(self.tangent_rows, 3 * triangle);
+        let mut tilt = Tilt {
+            normal,
+            tangent: splat(0.0),
+            side: 1.0f32.runtime(),
+            texel: splat(0.0),
+        };
+        let exists = self.of_materials[map as usize] != NONE && rows.exist();
+        if exists {
+            tilt.tangent = rows.of(self.tangents, 4u32).at(weights);
+            tilt.side = self.tangents[(4 * rows.a + 3) as usize];
+            tilt.texel = self.look_up(map, uv);
+        }
+        TiltAt {
+            tilt,
+            exists,
+            map,
+            rows,
         }
     }
-    uv
-}
 
-/// The rows of the colours that a triangle's diffuse albedo is multiplied by.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn colour_rows(scene: &Scene, triangle: u32) -> Rows {
-    rows_at(scene.colour_rows, 3 * triangle)
+    /// Adds a derivative by the texture coordinates at a point of a triangle.
+    #[inline(always)]
+    pub fn add_to_uvs(&self, sums: &Sums, triangle: u32, weights: V3, by_uv: V2) {
+        if comptime!(sums.of.uvs && self.features.textured) {
+            let rows = self.uv_rows(triangle);
+            if rows.exist() {
+                let mut k = 0u32;
+                while k < 3 {
+                    let weight = component(weights, k);
+                    let at = 2 * rows.row(k);
+                    sums.add(at, by_uv.x * weight, UVS);
+                    sums.add(at + 1, by_uv.y * weight, UVS);
+                    k += 1;
+                }
+            }
+        }
+    }
+
+    /// Adds a derivative by a point of a triangle, which moves with its corners.
+    #[inline(always)]
+    pub fn add_to_corners(&self, sums: &Sums, triangle: u32, weights: V3, g: V3, time: f32) {
+        rows_at(self.vertex_rows, 3 * triangle).add(sums, weights, g, VERTICES);
+        if comptime!(sums.of.velocities) {
+            sums.add_vector(3 * self.object_of(triangle), g * time, VELOCITIES);
+        }
+    }
 }
 
 /// A sum with weights, of unit length and on the side of a geometric normal, and what it was multiplied by.
@@ -158,20 +222,6 @@ pub(super) fn facing(sum: V3, geometric: V3) -> Facing {
     }
 }
 
-/// The interpolated normal, on the side of the geometric one; that itself where the triangle has none.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn normal_at(scene: &Scene, triangle: u32, weights: V3, geometric: V3) -> V3 {
-    let mut normal = geometric;
-    if comptime!(scene.features.smooth) {
-        let rows = normal_rows(scene, triangle);
-        if rows.exist() {
-            normal = facing(rows.of(scene.normals, 3u32).at(weights), geometric).normal;
-        }
-    }
-    normal
-}
-
 /// A tilt of a normal, if there is one.
 #[apply(record!)]
 pub(crate) struct TiltAt {
@@ -180,73 +230,4 @@ pub(crate) struct TiltAt {
     /// The place of the words of the normal map, and the rows of tangents.
     pub map: u32,
     pub rows: Rows,
-}
-
-/// The tilt of a normal on the front side by its material's map, if the triangle has tangents.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn tilt_at(
-    scene: &Scene,
-    triangle: u32,
-    material: u32,
-    weights: V3,
-    uv: V2,
-    normal: V3,
-) -> TiltAt {
-    let map = MATERIAL * material + NORMAL_MAP;
-    let rows = rows_at(scene.tangent_rows, 3 * triangle);
-    let mut tilt = Tilt {
-        normal,
-        tangent: splat(0.0),
-        side: 1.0f32.runtime(),
-        texel: splat(0.0),
-    };
-    let exists = scene.of_materials[map as usize] != NONE && rows.exist();
-    if exists {
-        tilt.tangent = rows.of(scene.tangents, 4u32).at(weights);
-        tilt.side = scene.tangents[(4 * rows.a + 3) as usize];
-        tilt.texel = look_up(scene, map, uv);
-    }
-    TiltAt {
-        tilt,
-        exists,
-        map,
-        rows,
-    }
-}
-
-/// Adds a derivative by the texture coordinates at a point of a triangle.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn add_to_uvs(scene: &Scene, sums: &Sums, triangle: u32, weights: V3, by_uv: V2) {
-    if comptime!(sums.of.uvs && scene.features.textured) {
-        let rows = uv_rows(scene, triangle);
-        if rows.exist() {
-            let mut k = 0u32;
-            while k < 3 {
-                let weight = component(weights, k);
-                let at = 2 * rows.row(k);
-                sums.add(at, by_uv.x * weight, UVS);
-                sums.add(at + 1, by_uv.y * weight, UVS);
-                k += 1;
-            }
-        }
-    }
-}
-
-/// Adds a derivative by a point of a triangle, which moves with its corners.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn add_to_corners(
-    scene: &Scene,
-    sums: &Sums,
-    triangle: u32,
-    weights: V3,
-    g: V3,
-    time: f32,
-) {
-    rows_at(scene.vertex_rows, 3 * triangle).add(sums, weights, g, VERTICES);
-    if comptime!(sums.of.velocities) {
-        sums.add_vector(3 * scene.object_of(triangle), g * time, VELOCITIES);
-    }
 }

@@ -3,8 +3,8 @@
 use crate::cube::*;
 
 use super::scene::{Scene, Triangle};
+use crate::model::V3;
 use crate::model::edge::TOUCHING;
-use crate::model::{V3, splat};
 
 /// A triangle at a time.
 #[cfg_attr(feature = "wgpu", cube)]
@@ -26,66 +26,51 @@ fn size(t: &Triangle) -> f32 {
 }
 
 /// A segment of a line, by the places of its ends along that.
-#[apply(record!)]
+#[apply(zeroed!)]
 struct Segment {
     from: f32,
     to: f32,
     start: V3,
     end: V3,
-    exists: bool,
+    /// How many of them were found: two, or there is none.
+    ends: u32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Segment {
+    /// Passes a side of a triangle, whose ends are that far above a plane.
+    #[inline(always)]
+    fn pass(&mut self, p: V3, q: V3, above: f32, below: f32, along: V3) {
+        let passes = (above > 0.0 && below <= 0.0) || (above <= 0.0 && below > 0.0);
+        if passes && self.ends < 2 {
+            let point = p + (q - p) * (above / (above - below));
+            let place = along.dot(point);
+            if self.ends == 0 {
+                self.from = place;
+                self.start = point;
+            } else {
+                self.to = place;
+                self.end = point;
+            }
+            self.ends += 1;
+        }
+    }
 }
 
 /// The segment in which a triangle passes through the plane of another, if it does so by more than a tolerance.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn through_plane(t: &Triangle, of: &Triangle, along: V3, tolerance: f32) -> Segment {
-    let mut found = Segment {
-        from: 0.0f32,
-        to: 0.0f32,
-        start: splat(0.0),
-        end: splat(0.0),
-        exists: false,
-    };
+    let mut found = Segment::default();
     let at_a = of.normal.dot(t.a - of.a);
     let at_b = of.normal.dot(t.b - of.a);
     let at_c = of.normal.dot(t.c - of.a);
     let low = at_a.min(at_b).min(at_c);
     let high = at_a.max(at_b).max(at_c);
     if low <= -tolerance && high >= tolerance {
-        let mut count = 0u32;
-        let mut side = 0u32;
-        while side < 3 {
-            let mut p = t.a;
-            let mut q = t.b;
-            let mut above = at_a;
-            let mut below = at_b;
-            if side == 1 {
-                p = t.b;
-                q = t.c;
-                above = at_b;
-                below = at_c;
-            } else if side == 2 {
-                p = t.c;
-                q = t.a;
-                above = at_c;
-                below = at_a;
-            }
-            let passes = (above > 0.0 && below <= 0.0) || (above <= 0.0 && below > 0.0);
-            if passes && count < 2 {
-                let point = p + (q - p) * (above / (above - below));
-                let place = along.dot(point);
-                if count == 0 {
-                    found.from = place;
-                    found.start = point;
-                } else {
-                    found.to = place;
-                    found.end = point;
-                }
-                count += 1;
-            }
-            side += 1;
-        }
-        found.exists = count == 2;
+        found.pass(t.a, t.b, at_a, at_b, along);
+        found.pass(t.b, t.c, at_b, at_c, along);
+        found.pass(t.c, t.a, at_c, at_a, along);
         if found.from > found.to {
             let from = found.to;
             let start = found.end;
@@ -127,7 +112,7 @@ pub(crate) fn line_of_crossing(
     let mut line = Line {
         a: of_first.start,
         b: of_first.end,
-        exists: of_first.exists && of_second.exists,
+        exists: of_first.ends == 2 && of_second.ends == 2,
     };
     if of_second.from > from {
         from = of_second.from;

@@ -2,22 +2,20 @@
 
 use crate::cube::*;
 
-use super::corners::add_to_corners;
 use super::crossing::{Line, line_of_crossing};
 use super::parts::{VELOCITIES, VERTICES};
 use super::scene::{NONE, Scene};
 use super::sums::Sums;
-use super::texture::is_open_at;
+use crate::model::V3;
 use crate::model::bsdf::Shading;
 use crate::model::edge::is_above;
 use crate::model::edge_weight::Query;
 use crate::model::jumps::{Sides, by_crossing_plane, farthest};
 use crate::model::lists::vector;
 use crate::model::segment::{clip_to_cone, point_by_angle};
-use crate::model::{V3, splat};
 
 /// Up to four triangles, [`NONE`] where there are no more.
-#[apply(record!)]
+#[apply(zeroed!)]
 pub(crate) struct Faces {
     pub a: u32,
     pub b: u32,
@@ -34,7 +32,7 @@ impl Faces {
 }
 
 /// A point of an edge that is seen from a point.
-#[apply(record!)]
+#[apply(zeroed!)]
 pub(crate) struct EdgePoint {
     /// Where its words begin.
     pub edge: u32,
@@ -66,23 +64,18 @@ pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
     let edge = OF_EDGE as u32 * index;
     let list = &scene.of_edges[edge as usize..];
     let crossing = list[IS_CROSSING as usize];
-    let mut p = EdgePoint {
-        edge,
-        a: vector(scene.edges, 6 * index),
-        along: vector(scene.edges, 6 * index + 3),
-        crossing: crossing != 0,
-        faces: Faces {
-            a: list[0],
-            b: list[1],
-            c: list[2],
-            d: list[3],
-        },
-        lambda: 0.0f32,
-        per_density: 0.0f32,
-        exists: true,
-        to: splat(0.0),
-        position: splat(0.0),
+    let mut p = EdgePoint::default();
+    p.edge = edge;
+    p.a = vector(scene.edges, 6 * index);
+    p.along = vector(scene.edges, 6 * index + 3);
+    p.crossing = crossing != 0;
+    p.faces = Faces {
+        a: list[0],
+        b: list[1],
+        c: list[2],
+        d: list[3],
     };
+    p.exists = true;
     if comptime!(scene.features.flying_crossings) {
         if crossing == 2 {
             let first = p.faces.a;
@@ -158,7 +151,7 @@ pub(crate) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32)
         let face = scene.of_edges[(p.edge + k) as usize];
         let mut there = face != NONE;
         if there {
-            there = !is_open_at(scene, face, p.position, time);
+            there = !scene.is_open_at(face, p.position, time);
         }
         if there {
             let mut inward = into_face(scene, face, p, time);
@@ -191,7 +184,7 @@ pub(crate) fn add_to_edge(scene: &Scene, sums: &Sums, p: &EdgePoint, g: V3, time
                 let on = scene.triangle(face);
                 let weights = on.weights(p.position - scene.shift(face, time));
                 let by_plane = by_crossing_plane(on.normal, scene.triangle(other).normal, g);
-                add_to_corners(scene, sums, face, weights, by_plane, time);
+                scene.add_to_corners(sums, face, weights, by_plane, time);
             }
             k += 1;
         }

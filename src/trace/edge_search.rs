@@ -2,7 +2,7 @@
 
 use crate::cube::*;
 
-use super::lights::{GroupChoice, choose_group, delta_light, is_light};
+use super::lights::{GroupChoice, choose_group, emitters_of};
 use super::scene::{CONE, GROUP, Scene};
 use super::sums::Sums;
 use super::surface::{Point, receiver_of};
@@ -119,10 +119,10 @@ pub(crate) fn search(
                     s.moves = true;
                 }
                 s.scale = 1.0 / rate * (1.0 / choice.chance);
-                s.is_light = is_light(scene, s.first);
+                s.is_light = emitters_of(scene).is_light(s.first);
                 if s.is_light {
                     if comptime!(scene.features.of_emitters.lights) {
-                        let seen = delta_light(scene, s.first).seen_from(x);
+                        let seen = emitters_of(scene).light(s.first).seen_from(x);
                         s.query = towards_light(x, time, seen.direction, tangent);
                         // Without a cone its shadow's edge is none of an integral.
                         s.asked = tangent > 0.0 && seen.scale > 0.0;

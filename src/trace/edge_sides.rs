@@ -4,45 +4,35 @@ use crate::cube::*;
 
 use super::edge_points::EdgePoint;
 use super::scene::{NONE, Scene};
+use crate::accel::Hit;
 use crate::model::V3;
 use crate::model::edge::TOUCHING;
 use crate::model::jumps::{Sides, half_beside, inside};
 
-/// The light on the − side of an edge less that on the + side.
-#[apply(zeroed!)]
-pub(crate) struct SideLight {
-    pub radiance: V3,
-    /// The same of the environment, where it is 1.
-    pub sky: f32,
-    /// The same of the distance of the surface that is seen and of its normal.
-    pub depth: f32,
-    pub normal: V3,
+/// A ray that comes to an edge's point, and the faces that are seen beside it.
+#[apply(record!)]
+pub(crate) struct Approach {
+    pub point: EdgePoint,
+    pub origin: V3,
+    pub view: V3,
+    pub sides: Sides,
 }
 
-impl SideLight {
-    pub const NONE: Self = Self {
-        radiance: V3::ZERO,
-        sky: 0.0,
-        depth: 0.0,
-        normal: V3::ZERO,
-    };
-}
-
-/// Whether what a ray hit at a distance hides an edge's point, and does not touch it.
+/// Whether what a ray hit hides an edge's point, and does not touch it.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn hides(scene: &Scene, triangle: u32, distance: f32, p: &EdgePoint, time: f32) -> bool {
+pub(crate) fn hides(scene: &Scene, hit: &Hit, p: &EdgePoint, time: f32) -> bool {
     let mut hidden = false;
-    if triangle != NONE && distance < p.to.length() {
-        let at_rest = p.position - scene.shift(triangle, time);
-        let off = scene.triangle(triangle).above(at_rest);
+    if hit.triangle != NONE && hit.t < p.to.length() {
+        let at_rest = p.position - scene.shift(hit.triangle, time);
+        let off = scene.triangle(hit.triangle).above(at_rest);
         hidden = off.abs() > TOUCHING * (0.1 + p.position.abs().max_element());
     }
     hidden
 }
 
 /// A surface point beside an edge, by a place about there, seen along a direction from a distance; or the environment.
-#[apply(record!)]
+#[apply(zeroed!)]
 pub(crate) struct Beside {
     /// [`NONE`] where the environment is seen.
     pub triangle: u32,
@@ -51,19 +41,19 @@ pub(crate) struct Beside {
     pub distance: f32,
 }
 
-/// What is seen beside an edge's point from a ray's origin, if a ray past the edge hits a triangle at a distance, or
-/// [`NONE`]. The line of a crossing divides the face: of its halves the one on that side is seen.
+/// What is seen beside an edge's point, from what a ray past the edge hits. The line of a crossing divides the face: of
+/// its halves the one on that side is seen.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn beside(
     scene: &Scene,
-    p: &EdgePoint,
-    sides: &Sides,
-    origin: V3,
-    behind: &Behind,
+    a: &Approach,
+    behind: &Hit,
     on_plus: bool,
     time: f32,
 ) -> Beside {
+    let p = a.point;
+    let sides = a.sides;
     let mut face = sides.minus;
     let mut across = -sides.across;
     if on_plus {
@@ -72,9 +62,9 @@ pub(crate) fn beside(
     }
     let mut found = Beside {
         triangle: behind.triangle,
-        near: origin + sides.past * behind.distance,
+        near: a.origin + sides.past * behind.t,
         direction: sides.past,
-        distance: behind.distance,
+        distance: behind.t,
     };
     if face != NONE {
         let on = scene.triangle(face);
@@ -89,13 +79,6 @@ pub(crate) fn beside(
         found.distance = p.to.length();
     }
     found
-}
-
-/// What a ray past an edge hits: a triangle or [`NONE`], and its distance.
-#[apply(record!)]
-pub(crate) struct Behind {
-    pub triangle: u32,
-    pub distance: f32,
 }
 
 /// Whether the faces on both sides are of one material: then paths there go the same ways.

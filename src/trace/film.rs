@@ -3,21 +3,15 @@
 use crate::cube::*;
 
 use super::edge_points::{EdgePoint, add_to_edge, edge_of, sides};
-use super::edge_sides::SideLight;
+use super::edge_sides::Approach;
 use super::scene::Scene;
 use super::seen::Seen;
 #[cfg(feature = "wgpu")]
 use super::seen::SeenExpand;
 use super::sums::{Sums, add_to_camera};
-#[cfg(feature = "wgpu")]
-use crate::model::camera::CameraRay;
-use crate::model::camera::{Camera, CameraGradient};
-use crate::model::filter::film_kernel;
-#[cfg(feature = "wgpu")]
-use crate::model::filter::sample_filter;
-use crate::model::jumps::Sides;
+use crate::model::camera::{Camera, CameraGradient, CameraRay};
+use crate::model::filter::{film_kernel, sample_filter};
 use crate::model::{V2, V3, v2};
-#[cfg(feature = "wgpu")]
 use crate::sampling::Four;
 
 /// A point of an edge, and how the camera sees it through a point of its lens.
@@ -45,8 +39,8 @@ pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
 }
 
 /// The camera ray of a pixel, for two random numbers of the film and a point of the lens.
-#[cfg(feature = "wgpu")]
-#[cube]
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
 pub(crate) fn camera_ray(
     scene: &Scene,
     c: &Camera,
@@ -99,14 +93,20 @@ impl FilmPoint {
         self.film = v2(at.x - radius * self.kernel.x, at.y - radius * self.kernel.y);
     }
 
-    /// The faces that are seen beside it.
+    /// The ray that comes to it.
     #[inline(always)]
-    pub fn sides(&mut self, scene: &Scene, c: &Camera, view: V3, time: f32) -> Sides {
+    pub fn approach(&mut self, scene: &Scene, c: &Camera, time: f32) -> Approach {
         let p = self.point;
+        let view = p.to.normalize();
         self.along = c.project_along(p.position, p.along, self.lens.x, self.lens.y);
         // To the right of the edge's image, on a film whose y points down.
         let side = c.across * self.along.y + c.upward * self.along.x;
-        sides(scene, &p, view, side, time)
+        Approach {
+            point: p,
+            origin: self.origin,
+            view,
+            sides: sides(scene, &p, view, side, time),
+        }
     }
 
     /// Adds the derivatives by the jump from one side to the other, of a loss that depends on what is seen.
@@ -129,10 +129,12 @@ impl FilmPoint {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Seen {
-    /// Of derivatives: how much the loss changes from one side of an edge to the other.
+    /// Of derivatives: how much the loss changes from one side of an edge to the other, by what is seen on the − side
+    /// less what is on the + side.
     #[inline(always)]
-    pub fn jump(&self, light: &SideLight) -> f32 {
-        self.radiance.dot(light.radiance) - self.opacity * light.sky
+    pub fn jump(&self, light: &Seen) -> f32 {
+        self.radiance.dot(light.radiance)
+            + self.opacity * light.opacity
             + self.depth * light.depth
             + self.normal.dot(light.normal)
     }

@@ -3,15 +3,15 @@
 
 use crate::cube::*;
 
-use super::corners::add_to_corners;
 use super::edge_points::{EdgePoint, add_to_edge, sides};
 use super::edge_search::{Observer, Search};
-use super::edge_sides::SideLight;
-use super::lights::{delta_light, emission_at, emitters_of, of_corners, radiance_of, target_of};
+use super::edge_sides::Approach;
+use super::lights::{emission_at, emitters_of, of_corners, radiance_of, target_of};
 use super::scene::{CONE, NONE, Scene};
+use super::seen::Seen;
 use super::sums::{Sums, add_to_light};
 use super::surface::PointGradient;
-use super::texture::{is_open, sky};
+use super::texture::sky;
 use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
 use crate::model::edge::{DirectionJump, direction_jump, mirrored};
 use crate::model::jumps::Sides;
@@ -80,8 +80,22 @@ pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -
     }
 }
 
+#[cfg_attr(feature = "wgpu", cube)]
+impl EdgeView {
+    /// The ray that comes to it, and the faces beside it.
+    #[inline(always)]
+    pub fn approach(&self, sides: Sides) -> Approach {
+        Approach {
+            point: self.point,
+            origin: self.start,
+            view: self.view,
+            sides,
+        }
+    }
+}
+
 /// A light that lies along an axis behind an edge's point.
-#[apply(record!)]
+#[apply(zeroed!)]
 pub(crate) struct LightBehind {
     /// The limit of a ray to it that passes the edge; less than 0 if there is none.
     limit: f32,
@@ -95,13 +109,10 @@ pub(crate) struct LightBehind {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn no_light() -> LightBehind {
-    LightBehind {
-        limit: f32::MAX.runtime(),
-        distance: 1.0f32.runtime(),
-        weights: splat(0.0),
-        emission: splat(0.0),
-        triangle: 0u32.runtime(),
-    }
+    let mut none = LightBehind::default();
+    none.limit = f32::MAX;
+    none.distance = 1.0f32;
+    none
 }
 
 /// A jump at an edge, and the ray that says what is behind it: from where the view starts along `sides.past`.
@@ -199,7 +210,7 @@ fn light_behind(
     let normal = emitters_of(scene).triangle(k, time).normal;
     found.limit = up_to_plane(e.start, past, normal, x + e.axis * hit.distance);
     let dark = e.point.faces.contains(found.triangle);
-    if dark || e.point.to.length() >= found.limit || is_open(scene, found.triangle, found.weights) {
+    if dark || e.point.to.length() >= found.limit || scene.is_open(found.triangle, found.weights) {
         found.limit = -1.0f32;
     }
     let cosine = -normal.dot(e.axis);
@@ -255,7 +266,7 @@ pub(crate) fn shadow_backward(
     let by_axis = jump.motion.edge.by_axis * scale;
     if s.is_light {
         if comptime!(scene.features.of_emitters.lights) {
-            let delta = delta_light(scene, s.first);
+            let delta = emitters_of(scene).light(s.first);
             let seen = delta.seen_from(o.point.position);
             let found = delta.backward(&seen, 0.0f32, by_axis);
             by.position -= found.position;
@@ -271,13 +282,14 @@ pub(crate) fn shadow_backward(
         let by_to = by_axis.reject_from_normalized(e.axis) * (1.0 / light.distance);
         by.position -= by_to;
         if scene.is_wanted(scene.object_of(light.triangle)) {
-            add_to_corners(scene, sums, light.triangle, light.weights, by_to, time);
+            scene.add_to_corners(sums, light.triangle, light.weights, by_to, time);
         }
     }
     edge_backward(scene, sums, o, e, jump, scale, time, by);
 }
 
-/// Adds the derivatives by the jump of light that is reflected, or comes from the environment.
+/// Adds the derivatives by the jump of light that is reflected, or comes from the environment: what is seen on the −
+/// side of the edge less what is on the + side.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn reflected_backward(
@@ -287,7 +299,7 @@ pub(crate) fn reflected_backward(
     s: &Search,
     e: &EdgeView,
     jump: &Jump,
-    light: &SideLight,
+    light: &Seen,
     time: f32,
     by: &mut PointGradient,
 ) {
@@ -299,9 +311,9 @@ pub(crate) fn reflected_backward(
         shading.direction_backward(&drawn, jump.motion.edge.by_axis * scale, &mut by.shading);
     }
     if comptime!(scene.features.gathers_map) {
-        if light.sky != 0.0 {
+        if light.opacity != 0.0 {
             // Directions to a map stay where they are.
-            scale += e.carried.dot(sky(scene, e.axis)) * light.sky;
+            scale -= e.carried.dot(sky(scene, e.axis)) * light.opacity;
         }
     }
     edge_backward(scene, sums, o, e, jump, scale, time, by);

@@ -3,14 +3,12 @@
 
 use crate::cube::*;
 
-use super::corners::{add_to_corners, add_to_uvs, uv_at};
 use super::parts::{AREAS, TRIANGLES};
 use super::scene::{OF_GROUP, Scene};
 use super::sums::{Sums, add_to_light};
 use super::surface::{Point, PointGradient};
-use super::texture::{emission_backward, emission_of, glows, is_open, map_of, sky, sky_backward};
+use super::texture::{sky, sky_backward};
 use crate::model::connection::Target;
-use crate::model::delta_light::DeltaLight;
 use crate::model::emitter::LightPoint;
 use crate::model::{V2, V3, v2, v3};
 use crate::sampling::{Chosen, EmitterLists, EmitterTriangle, Fixed, LightTree, Receiver};
@@ -44,29 +42,8 @@ pub(crate) fn emitters_of<'a>(scene: &Scene<'a>) -> EmitterLists<'a> {
     }
 }
 
-/// Whether an emitter is a delta light.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn is_light(scene: &Scene, k: u32) -> bool {
-    emitters_of(scene).is_light(k)
-}
-
-/// The delta light that an emitter is.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn delta_light(scene: &Scene, k: u32) -> DeltaLight {
-    emitters_of(scene).light(k)
-}
-
-/// The triangle that an emitter is, at a time in the shutter.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn emitter(scene: &Scene, k: u32, time: f32) -> EmitterTriangle {
-    emitters_of(scene).triangle(k, time)
-}
-
 /// A group of emitters that was chosen, the first and the one past the last of them, and its probability.
-#[apply(record!)]
+#[apply(zeroed!)]
 pub(crate) struct GroupChoice {
     pub group: u32,
     pub first: u32,
@@ -87,13 +64,8 @@ pub(crate) fn choose_group(
     room: &mut [u32],
     grouped: bool,
 ) -> GroupChoice {
-    let mut choice = GroupChoice {
-        group: 0u32,
-        first: 0u32,
-        past: 0u32,
-        chance: 1.0f32,
-        moves: false,
-    };
+    let mut choice = GroupChoice::default();
+    choice.chance = 1.0f32;
     let emitters = emitters_of(scene);
     let mut share = 0.0f32;
     if grouped {
@@ -129,16 +101,17 @@ pub(crate) fn target_of(
     time: f32,
     combined: bool,
 ) -> Target {
+    let emitters = emitters_of(scene);
     let mut target = Target::none();
-    if is_light(scene, k) {
+    if emitters.is_light(k) {
         if comptime!(scene.features.of_emitters.lights) {
-            let light = delta_light(scene, k);
+            let light = emitters.light(k);
             target = light.target(&light.seen_from(x));
         }
     } else {
-        target = target_on(&emitter(scene, k, time), weights, x);
+        target = target_on(&emitters.triangle(k, time), weights, x);
         target.combined = combined;
-        if is_open(scene, scene.emitters[k as usize], of_corners(weights)) {
+        if scene.is_open(scene.emitters[k as usize], of_corners(weights)) {
             target.angle = 0.0f32;
         }
     }
@@ -161,19 +134,20 @@ pub(crate) fn target_on(on: &EmitterTriangle, weights: V2, x: V3) -> Target {
 pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3, cosine: f32) -> V3 {
     let mut uv = v2(0.0, 0.0);
     if comptime!(scene.features.glows) {
-        uv = uv_at(scene, triangle, weights);
+        uv = scene.uv_at(triangle, weights);
     }
-    emission_of(scene, scene.material_of(triangle), uv, cosine)
+    scene.emission_of(scene.material_of(triangle), uv, cosine)
 }
 
 /// The radiance of that point at a cosine to the emitter's normal, or what a delta light brings.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3 {
+    let emitters = emitters_of(scene);
     let mut radiance = v3(0.0, 0.0, 0.0);
-    if is_light(scene, k) {
+    if emitters.is_light(k) {
         if comptime!(scene.features.of_emitters.lights) {
-            radiance = delta_light(scene, k).strength;
+            radiance = emitters.light(k).strength;
         }
     } else {
         let triangle = scene.emitters[k as usize];
@@ -217,9 +191,10 @@ pub(crate) fn light_backward(
         throughput,
         &mut by.shading,
     );
-    if is_light(scene, k) {
+    let emitters = emitters_of(scene);
+    if emitters.is_light(k) {
         if comptime!(scene.features.of_emitters.lights) {
-            let light = delta_light(scene, k);
+            let light = emitters.light(k);
             let seen = light.seen_from(point.position);
             let by_light = light.backward(&seen, found.angle, found.direction);
             by.position -= by_light.position;
@@ -230,14 +205,14 @@ pub(crate) fn light_backward(
         }
     } else {
         let triangle = scene.emitters[k as usize];
-        let on = emitter(scene, k, time);
+        let on = emitters.triangle(k, time);
         let corners = of_corners(weights);
         if comptime!(sums.of.emission || (sums.of.uvs && scene.features.glows)) {
             let material = scene.material_of(triangle);
-            let uv = uv_at(scene, triangle, corners);
-            let by_uv = emission_backward(scene, sums, material, uv, found.radiance);
-            if glows(scene, material) {
-                add_to_uvs(scene, sums, triangle, corners, by_uv);
+            let uv = scene.uv_at(triangle, corners);
+            let by_uv = scene.emission_backward(sums, material, uv, found.radiance);
+            if scene.glows(material) {
+                scene.add_to_uvs(sums, triangle, corners, by_uv);
             }
         }
         if comptime!(sums.of.rays) {
@@ -247,20 +222,13 @@ pub(crate) fn light_backward(
                 if scene.is_wanted(scene.object_of(triangle)) {
                     sums.add(triangle, by_light.area, AREAS);
                     sums.add_vector(3 * triangle, by_light.normal, TRIANGLES);
-                    add_to_corners(scene, sums, triangle, corners, by_light.position, time);
+                    scene.add_to_corners(sums, triangle, corners, by_light.position, time);
                 }
             }
             by.position -= by_light.position;
         }
     }
     found.throughput
-}
-
-/// The density with which a direction to the map is drawn.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn density_of_map(scene: &Scene, direction: V3) -> f32 {
-    map_of(scene).density(scene.sky_density, direction)
 }
 
 /// Back over light of a map along a direction, which is fixed; returns the derivative by the throughput.

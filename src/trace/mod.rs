@@ -11,6 +11,7 @@
 #![allow(
     clippy::assign_op_pattern,
     clippy::collapsible_if,
+    clippy::field_reassign_with_default,
     reason = "the language of kernels has no other form, or conditions of compilation are nested so"
 )]
 

@@ -195,10 +195,6 @@ lists! {
 #[cfg(feature = "wgpu")]
 pub(crate) const HEADER: usize = HeaderWord::End as usize;
 #[cfg(feature = "wgpu")]
-pub(crate) const WIDTH: usize = HeaderWord::width as usize;
-#[cfg(feature = "wgpu")]
-pub(crate) const HEIGHT: usize = HeaderWord::height as usize;
-#[cfg(feature = "wgpu")]
 pub(crate) const BOUNCES: usize = HeaderWord::bounces as usize;
 
 pub(crate) const SURFACE: u32 = 14;

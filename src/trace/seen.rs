@@ -5,7 +5,6 @@ use crate::cube::*;
 use super::scene::{EMITS, Scene};
 use super::sums::Sums;
 use super::surface::{Point, PointGradient};
-use super::texture::{emission_backward, emission_of, glows};
 use crate::model::{V3, splat};
 
 /// The surface that a camera ray sees, and the light that its path brings back; or the derivatives of a loss by these.
@@ -51,7 +50,7 @@ pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
     let mut emission = splat(0.0);
     if scene.bits_of(p.material) & EMITS != 0 {
         let cosine = -p.side * p.shading.geometric.dot(p.shading.incoming);
-        emission = emission_of(scene, p.material, p.uv, cosine);
+        emission = scene.emission_of(p.material, p.uv, cosine);
     }
     emission
 }
@@ -68,10 +67,10 @@ pub(crate) fn seen_backward(
     by: &mut PointGradient,
 ) -> f32 {
     if p.side > 0.0 && scene.bits_of(p.material) & EMITS != 0 {
-        if glows(scene, p.material) {
+        if scene.glows(p.material) {
             by.emission = upstream.radiance;
         } else {
-            emission_backward(scene, sums, p.material, p.uv, upstream.radiance);
+            scene.emission_backward(sums, p.material, p.uv, upstream.radiance);
         }
     }
     by.geometric += upstream.normal;

@@ -2,14 +2,10 @@
 
 use crate::cube::*;
 
-use super::corners::{
-    add_to_corners, add_to_uvs, colour_rows, facing, normal_at, normal_rows, tilt_at, uv_at, uv_of,
-    uv_rows,
-};
+use super::corners::facing;
 use super::parts::{COLOURS, NORMALS, TANGENTS, TRIANGLES};
 use super::scene::{COMPENSATED, GLOSSY, MODEL, REFLECTS, Scene, Triangle};
 use super::sums::Sums;
-use super::texture::{colour, colour_backward, constant_of, emission_backward, texture_backward};
 use crate::model::bsdf::{Models, Shading, ShadingGradient};
 use crate::model::numbers::is_nonzero;
 use crate::model::triangle::hit_backward;
@@ -147,7 +143,7 @@ pub(crate) fn hit_triangle(
         material,
         object: scene.object_of(triangle),
         bits: scene.bits_of(material),
-        diffuse: constant_of(scene, material, 0u32),
+        diffuse: scene.constant_of(material, 0u32),
         distance,
         direction,
         models: comptime!(scene.features.models),
@@ -171,24 +167,24 @@ pub(crate) fn point_at(
     let on = on_triangle(&tri, shift, near, direction);
     let mut p = plain_point(&on, &hit);
     let material = hit.material;
-    p.uv = uv_at(scene, triangle, on.weights);
+    p.uv = scene.uv_at(triangle, on.weights);
     if comptime!(scene.features.smooth) {
-        p.shading.smooth = normal_rows(scene, triangle).exist();
-        p.shading.normal = normal_at(scene, triangle, on.weights, on.geometric);
+        p.shading.smooth = scene.normal_rows(triangle).exist();
+        p.shading.normal = scene.normal_at(triangle, on.weights, on.geometric);
     }
     if comptime!(scene.features.tilted) {
         let front = p.shading.normal * p.side;
-        let at = tilt_at(scene, triangle, material, on.weights, p.uv, front);
+        let at = scene.tilt_at(triangle, material, on.weights, p.uv, front);
         if at.exists {
             p.shading.normal = at.tilt.tilted() * p.side;
             p.shading.smooth = true;
         }
     }
     if comptime!(scene.features.textured) {
-        p.shading.diffuse = colour(scene, material, 0u32, p.uv);
+        p.shading.diffuse = scene.colour(material, 0u32, p.uv);
     }
     if comptime!(scene.features.tinted) {
-        let rows = colour_rows(scene, triangle);
+        let rows = scene.rows_of_colours(triangle);
         if rows.exist() {
             let tint = rows.of(scene.colours, 3u32).at(on.weights);
             p.shading.diffuse = p.shading.diffuse.times(tint);
@@ -197,8 +193,8 @@ pub(crate) fn point_at(
     if comptime!(scene.features.glossy) {
         if hit.bits & GLOSSY != 0 {
             p.shading.glossy = true;
-            p.shading.specular = colour(scene, material, 1u32, p.uv);
-            p.shading.exponent = colour(scene, material, 2u32, p.uv).x;
+            p.shading.specular = scene.colour(material, 1u32, p.uv);
+            p.shading.exponent = scene.colour(material, 2u32, p.uv).x;
         }
     }
     if comptime!(scene.features.models.has_others()) {
@@ -227,9 +223,9 @@ pub(crate) fn point_backward(
     let mut by_diffuse = shade.diffuse;
     let mut by_colour = splat(0.0);
     if comptime!(scene.features.tinted) {
-        let rows = colour_rows(scene, p.triangle);
+        let rows = scene.rows_of_colours(p.triangle);
         if rows.exist() {
-            by_colour = by_diffuse.times(colour(scene, p.material, 0u32, p.uv));
+            by_colour = by_diffuse.times(scene.colour(p.material, 0u32, p.uv));
             by_diffuse = by_diffuse.times(rows.of(scene.colours, 3u32).at(p.weights));
             if comptime!(sums.of.colours) {
                 rows.add(sums, p.weights, by_colour, COLOURS);
@@ -252,7 +248,7 @@ pub(crate) fn point_backward(
                 g = v3(shade.exponent, 0.0, 0.0);
             }
             let wanted = comptime!(sums.of.materials);
-            let more = colour_backward(scene, sums, p.material, channel, p.uv, g, wanted);
+            let more = scene.colour_backward(sums, p.material, channel, p.uv, g, wanted);
             by_uv.x += more.x;
             by_uv.y += more.y;
             channel += 1;
@@ -260,7 +256,7 @@ pub(crate) fn point_backward(
     }
     if comptime!(scene.features.glows) {
         if !by.emission.is_zero() {
-            let more = emission_backward(scene, sums, p.material, p.uv, by.emission);
+            let more = scene.emission_backward(sums, p.material, p.uv, by.emission);
             by_uv.x += more.x;
             by_uv.y += more.y;
         }
@@ -278,7 +274,7 @@ pub(crate) fn point_backward(
             if scene.is_wanted(p.object) {
                 sums.add_vector(3 * p.triangle, by_normal * p.side, TRIANGLES);
                 let g = with_plane - by_place;
-                add_to_corners(scene, sums, p.triangle, p.weights, g, time);
+                scene.add_to_corners(sums, p.triangle, p.weights, g, time);
             }
         }
         let through = by_point - with_plane;
@@ -325,14 +321,14 @@ fn corners_backward(
     let mut by_normal = by_normal;
     if comptime!(scene.features.tilted) {
         let geometric = p.shading.geometric;
-        let normal = normal_at(scene, p.triangle, p.weights, geometric);
+        let normal = scene.normal_at(p.triangle, p.weights, geometric);
         let front = normal * p.side;
-        let at = tilt_at(scene, p.triangle, p.material, p.weights, p.uv, front);
+        let at = scene.tilt_at(p.triangle, p.material, p.weights, p.uv, front);
         if at.exists {
             let by = at.tilt.backward(by_normal * p.side);
             by_normal = by.normal * p.side;
             let wanted = comptime!(sums.of.materials);
-            let more = texture_backward(scene, sums, at.map, p.uv, by.texel, wanted);
+            let more = scene.texture_backward(sums, at.map, p.uv, by.texel, wanted);
             by_uv.x += more.x;
             by_uv.y += more.y;
             let corners = at.rows.of(scene.tangents, 4u32);
@@ -344,7 +340,7 @@ fn corners_backward(
         }
     }
     if comptime!(scene.features.tinted) {
-        let rows = colour_rows(scene, p.triangle);
+        let rows = scene.rows_of_colours(p.triangle);
         if rows.exist() {
             let corners = rows.of(scene.colours, 3u32);
             by_b += by_colour.dot(corners.b - corners.a);
@@ -352,19 +348,19 @@ fn corners_backward(
         }
     }
     if comptime!(scene.features.textured) {
-        let rows = uv_rows(scene, p.triangle);
+        let rows = scene.uv_rows(p.triangle);
         if rows.exist() {
-            let a = uv_of(scene, rows.a);
-            let b = uv_of(scene, rows.b);
-            let c = uv_of(scene, rows.c);
+            let a = scene.uv_of(rows.a);
+            let b = scene.uv_of(rows.b);
+            let c = scene.uv_of(rows.c);
             by_b += by_uv.x * (b.x - a.x) + by_uv.y * (b.y - a.y);
             by_c += by_uv.x * (c.x - a.x) + by_uv.y * (c.y - a.y);
-            add_to_uvs(scene, sums, p.triangle, p.weights, by_uv);
+            scene.add_to_uvs(sums, p.triangle, p.weights, by_uv);
         }
     }
     let mut by_geometric = by_normal;
     if comptime!(scene.features.smooth) {
-        let rows = normal_rows(scene, p.triangle);
+        let rows = scene.normal_rows(p.triangle);
         if rows.exist() {
             let corners = rows.of(scene.normals, 3u32);
             let found = facing(corners.at(p.weights), p.shading.geometric);

@@ -3,6 +3,8 @@
 use crate::cube::*;
 
 use super::parts::{MATERIALS, SKY, TEXELS};
+#[cfg(feature = "wgpu")]
+use super::scene::SceneExpand;
 use super::scene::{CHANNELS, EMISSION, GLOWS, MATERIAL, NONE, Scene};
 use super::sums::Sums;
 use crate::model::lists::vector;
@@ -11,16 +13,130 @@ use crate::model::texture::{Cell, Masks, texture_at};
 use crate::model::{V2, V3, splat, v2};
 
 #[cfg_attr(feature = "wgpu", cube)]
-#[inline(never)]
-fn colour_of_texture(words: &[u32], texels: &[f32], texture: u32, uv: V2) -> V3 {
-    texture_at(words, texture).cell_at(uv).colour(texels, 0u32)
-}
+impl<'a> Scene<'a> {
+    /// The colour of a texture, by the place of its words among those of materials.
+    #[inline(never)]
+    pub fn look_up(&self, texture: u32, uv: V2) -> V3 {
+        let cell = texture_at(self.of_materials, texture).cell_at(uv);
+        cell.colour(self.texels, 0u32)
+    }
 
-/// The colour of a texture, by the place of its words among those of materials.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn look_up(scene: &Scene, texture: u32, uv: V2) -> V3 {
-    colour_of_texture(scene.of_materials, scene.texels, texture, uv)
+    #[inline(always)]
+    pub fn constant_of(&self, material: u32, channel: u32) -> V3 {
+        vector(self.materials, 3 * (CHANNELS * material + channel))
+    }
+
+    /// A channel of a material: a constant, or looked up in its texture.
+    #[inline(always)]
+    pub fn colour(&self, material: u32, channel: u32, uv: V2) -> V3 {
+        let mut found = self.constant_of(material, channel);
+        if comptime!(self.features.textured) {
+            let texture = texture_of(material, channel);
+            if self.of_materials[texture as usize] != NONE {
+                found = self.look_up(texture, uv);
+            }
+        }
+        found
+    }
+
+    /// What a material emits, where its texture has these coordinates, at a cosine to the normal of its front: from
+    /// behind nothing.
+    #[inline(always)]
+    pub fn emission_of(&self, material: u32, uv: V2, cosine: f32) -> V3 {
+        let mut found = splat(0.0);
+        if cosine > 0.0 {
+            found = self.constant_of(material, EMISSION);
+            if comptime!(self.features.glows) {
+                found = self.colour(material, EMISSION, uv);
+            }
+        }
+        found
+    }
+
+    /// Whether what the front of a material emits is not the same everywhere and in all directions.
+    #[inline(always)]
+    pub fn glows(&self, material: u32) -> bool {
+        let mut found = false;
+        if comptime!(self.features.glows) {
+            found = self.bits_of(material) & GLOWS != 0;
+        }
+        found
+    }
+
+    /// Adds the derivatives of g·colour by the texels of a texture, if these are wanted; returns that by the texture
+    /// coordinates.
+    #[inline(never)]
+    pub fn texture_backward(&self, sums: &Sums, texture: u32, uv: V2, g: V3, wanted: bool) -> V2 {
+        let image = texture_at(self.of_materials, texture);
+        let by = cell_backward(sums, self.texels, image.cell_at(uv), g, TEXELS, wanted);
+        image.by_coordinates(by)
+    }
+
+    /// Adds the derivatives of g·colour by a channel of a material, if these are wanted; returns that by the texture
+    /// coordinates.
+    #[inline(always)]
+    pub fn colour_backward(
+        &self,
+        sums: &Sums,
+        material: u32,
+        channel: u32,
+        uv: V2,
+        g: V3,
+        wanted: bool,
+    ) -> V2 {
+        let mut by_uv = v2(0.0, 0.0);
+        let mut constant = true;
+        if comptime!(self.features.textured) {
+            let texture = texture_of(material, channel);
+            if self.of_materials[texture as usize] != NONE {
+                constant = false;
+                by_uv = self.texture_backward(sums, texture, uv, g, wanted);
+            }
+        }
+        if wanted && constant {
+            sums.add_vector(3 * (CHANNELS * material + channel), g, MATERIALS);
+        }
+        by_uv
+    }
+
+    /// Adds the derivatives of g times what a material emits; returns that by the texture coordinates.
+    #[inline(always)]
+    pub fn emission_backward(&self, sums: &Sums, material: u32, uv: V2, g: V3) -> V2 {
+        let mut by_uv = v2(0.0, 0.0);
+        if comptime!(self.features.glows) {
+            by_uv = self.colour_backward(sums, material, EMISSION, uv, g, sums.of.emission);
+        } else if comptime!(sums.of.emission) {
+            sums.add_vector(3 * (CHANNELS * material + EMISSION), g, MATERIALS);
+        }
+        by_uv
+    }
+
+    /// Whether a triangle has a hole at the point with these weights of its corners.
+    #[inline(always)]
+    pub fn is_open(&self, triangle: u32, weights: V3) -> bool {
+        let mut open = false;
+        if comptime!(self.features.holes) {
+            let masks = Masks::<'a> {
+                masked: self.masked,
+                images: self.masks,
+                uvs: self.masked_uvs,
+                alphas: self.alphas,
+            };
+            open = masks.open(triangle, weights);
+        }
+        open
+    }
+
+    /// Whether a triangle has a hole at a place, at a time.
+    #[inline(always)]
+    pub fn is_open_at(&self, triangle: u32, position: V3, time: f32) -> bool {
+        let mut open = false;
+        if comptime!(self.features.holes) {
+            let at_rest = position - self.shift(triangle, time);
+            open = self.is_open(triangle, self.triangle(triangle).weights(at_rest));
+        }
+        open
+    }
 }
 
 /// The place of the words of a channel's texture; the first is [`NONE`] where it is a constant.
@@ -28,52 +144,6 @@ pub(crate) fn look_up(scene: &Scene, texture: u32, uv: V2) -> V3 {
 #[inline(always)]
 pub(crate) fn texture_of(material: u32, channel: u32) -> u32 {
     MATERIAL * material + 1 + 4 * channel
-}
-
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(super) fn constant_of(scene: &Scene, material: u32, channel: u32) -> V3 {
-    vector(scene.materials, 3 * (CHANNELS * material + channel))
-}
-
-/// A channel of a material: a constant, or looked up in its texture.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn colour(scene: &Scene, material: u32, channel: u32, uv: V2) -> V3 {
-    let mut found = constant_of(scene, material, channel);
-    if comptime!(scene.features.textured) {
-        let texture = texture_of(material, channel);
-        if scene.of_materials[texture as usize] != NONE {
-            found = look_up(scene, texture, uv);
-        }
-    }
-    found
-}
-
-/// What a material emits, where its texture has these coordinates, at a cosine to the normal of its front: from behind
-/// nothing.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn emission_of(scene: &Scene, material: u32, uv: V2, cosine: f32) -> V3 {
-    let mut found = splat(0.0);
-    if cosine > 0.0 {
-        found = constant_of(scene, material, EMISSION);
-        if comptime!(scene.features.glows) {
-            found = colour(scene, material, EMISSION, uv);
-        }
-    }
-    found
-}
-
-/// Whether what the front of a material emits is not the same everywhere and in all directions.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn glows(scene: &Scene, material: u32) -> bool {
-    let mut found = false;
-    if comptime!(scene.features.glows) {
-        found = scene.bits_of(material) & GLOWS != 0;
-    }
-    found
 }
 
 /// Adds the derivatives of g·colour by the texels of a cell to a part, if these are wanted; returns those by the point,
@@ -89,99 +159,6 @@ fn cell_backward(sums: &Sums, texels: &[f32], cell: Cell, g: V3, part: u32, want
         }
     }
     cell.slopes(texels, 0u32, g)
-}
-
-/// Adds the derivatives of g·colour by the texels of a texture, if these are wanted; returns that by the texture
-/// coordinates.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(never)]
-pub(crate) fn texture_backward(
-    scene: &Scene,
-    sums: &Sums,
-    texture: u32,
-    uv: V2,
-    g: V3,
-    wanted: bool,
-) -> V2 {
-    let image = texture_at(scene.of_materials, texture);
-    let by = cell_backward(sums, scene.texels, image.cell_at(uv), g, TEXELS, wanted);
-    image.by_coordinates(by)
-}
-
-/// Adds the derivatives of g·colour by a channel of a material, if these are wanted; returns that by the texture
-/// coordinates.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn colour_backward(
-    scene: &Scene,
-    sums: &Sums,
-    material: u32,
-    channel: u32,
-    uv: V2,
-    g: V3,
-    wanted: bool,
-) -> V2 {
-    let mut by_uv = v2(0.0, 0.0);
-    let mut constant = true;
-    if comptime!(scene.features.textured) {
-        let texture = texture_of(material, channel);
-        if scene.of_materials[texture as usize] != NONE {
-            constant = false;
-            by_uv = texture_backward(scene, sums, texture, uv, g, wanted);
-        }
-    }
-    if wanted && constant {
-        sums.add_vector(3 * (CHANNELS * material + channel), g, MATERIALS);
-    }
-    by_uv
-}
-
-/// Adds the derivatives of g times what a material emits; returns that by the texture coordinates.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn emission_backward(scene: &Scene, sums: &Sums, material: u32, uv: V2, g: V3) -> V2 {
-    let mut by_uv = v2(0.0, 0.0);
-    if comptime!(scene.features.glows) {
-        by_uv = colour_backward(scene, sums, material, EMISSION, uv, g, sums.of.emission);
-    } else if comptime!(sums.of.emission) {
-        sums.add_vector(3 * (CHANNELS * material + EMISSION), g, MATERIALS);
-    }
-    by_uv
-}
-
-/// Whether a triangle has a hole at the point with these weights of its corners.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn is_open(scene: &Scene, triangle: u32, weights: V3) -> bool {
-    let mut open = false;
-    if comptime!(scene.features.holes) {
-        open = masks_of(scene).open(triangle, weights);
-    }
-    open
-}
-
-/// The masks of triangles.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn masks_of<'a>(scene: &Scene<'a>) -> Masks<'a> {
-    Masks::<'a> {
-        masked: scene.masked,
-        images: scene.masks,
-        uvs: scene.masked_uvs,
-        alphas: scene.alphas,
-    }
-}
-
-/// Whether a triangle has a hole at a place, at a time.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn is_open_at(scene: &Scene, triangle: u32, position: V3, time: f32) -> bool {
-    let mut open = false;
-    if comptime!(scene.features.holes) {
-        let at_rest = position - scene.shift(triangle, time);
-        open = is_open(scene, triangle, scene.triangle(triangle).weights(at_rest));
-    }
-    open
 }
 
 /// The map of the environment.

@@ -30,30 +30,16 @@ pub(crate) const MEASURE: f32 = 0.0;
 /// The sums that a thread adds to, the scales of their parts, and the derivatives that are summed.
 #[derive(CubeType, Clone, Copy)]
 pub(crate) struct Totals<'a> {
-    totals: &'a [Atomic<u32>],
-    scales: &'a [f32],
+    pub totals: &'a [Atomic<u32>],
+    pub scales: &'a [f32],
     /// The first sum of each part.
-    first: &'a [u32],
+    pub first: &'a [u32],
     #[cube(comptime)]
     pub of: Derivatives,
 }
 
 #[cube]
 impl<'a> Totals<'a> {
-    pub fn new(
-        totals: &'a [Atomic<u32>],
-        scales: &'a [f32],
-        first: &'a [u32],
-        #[comptime] of: Derivatives,
-    ) -> Totals<'a> {
-        Totals::<'a> {
-            totals,
-            scales,
-            first,
-            of,
-        }
-    }
-
     /// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
     pub fn add(&self, at: u32, value: f32, part: u32) {
         if is_nonzero(value) {

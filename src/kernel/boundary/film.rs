@@ -9,14 +9,14 @@ use std::ops::Range;
 use macro_rules_attribute::apply;
 
 use super::film_edges::FilmEdges;
-use super::jumps::{Approach, light_beside};
+use super::jumps::light_beside;
 use super::pieces::PixelGradients;
 use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Path, Seen, TOGETHER, Work};
 use crate::sampling::{Dimensions, Numbers};
-use crate::trace::{FilmPoint, Sums, film_point};
+use crate::trace::{Approach, FilmPoint, Sums, film_point};
 
 /// What samples of edges on the film are drawn from.
 struct FilmSamples<'a> {
@@ -35,14 +35,9 @@ struct Asked<'a> {
 }
 
 impl FilmSamples<'_> {
-    /// The point of an edge that a sample draws, and the ray that comes there, where the loss depends on it.
+    /// The point of an edge that a sample draws, where the loss depends on it.
     #[inline(always)]
-    fn sample(
-        &self,
-        view: &Tracer,
-        sample: u32,
-        path: &Path,
-    ) -> Option<(FilmPoint, &Seen, Approach)> {
+    fn sample(&self, view: &Tracer, sample: u32, path: &Path) -> Option<(FilmPoint, &Seen)> {
         let (lists, c, time) = (&view.lists, &view.camera, path.time);
         let lens = view.lens_point(&path.numbers);
         let drawn = path.numbers.draw(Dimensions::film());
@@ -57,18 +52,7 @@ impl FilmSamples<'_> {
         let kernel = kernel.draw(Dimensions::of_set(0));
         point.project(c, kernel.x, kernel.y, view.filter.radius());
         let g = self.pixels.get(point.film.x, point.film.y)?;
-        if *g == Seen::default() {
-            return None;
-        }
-        let direction = point.point.to.normalize();
-        let sides = point.sides(lists, c, direction, time);
-        let approach = Approach {
-            point: point.point,
-            origin: point.origin,
-            view: direction,
-            sides,
-        };
-        Some((point, g, approach))
+        (*g != Seen::default()).then_some((point, g))
     }
 }
 
@@ -89,7 +73,8 @@ fn draw<'a>(
             cones: cones.get((sample - first) as usize),
             numbers,
         };
-        if let Some((point, g, approach)) = film.sample(view, sample, &path) {
+        if let Some((mut point, g)) = film.sample(view, sample, &path) {
+            let approach = point.approach(&view.lists, &view.camera, path.time);
             asked.points.push((point, g));
             asked.approaches.push(approach);
             asked.paths.push(path);

@@ -2,8 +2,7 @@
 
 use super::pieces::{Piece, PixelGradients};
 use crate::kernel::view::View;
-use crate::model::film::BLOCK;
-use crate::model::lists;
+use crate::model::film::{BLOCK, DrawnPiece, draw_piece};
 
 /// Pieces of edges on the film of a view.
 pub(crate) struct FilmEdges {
@@ -15,7 +14,9 @@ pub(crate) struct FilmEdges {
 }
 
 impl FilmEdges {
-    fn new(pieces: Vec<Piece>) -> Self {
+    /// The pieces of edges that jump on the film where the loss depends on it.
+    pub fn new(view: &View, pixels: &PixelGradients) -> Self {
+        let pieces = view.film_pieces(|[x, y]| pixels.near(x, y));
         let mut sums = Vec::with_capacity(pieces.len());
         let mut blocks = Vec::new();
         let mut total = 0.0;
@@ -42,17 +43,11 @@ impl FilmEdges {
     /// Draws a point of an edge for two uniform numbers.
     #[inline(always)]
     pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
-        let first_over = |sums: &[f32], value: f32| {
-            lists::first_over(sums, 0, sums.len() as u32, 1, value) as usize
-        };
-        let before = |sums: &[f32], i: usize| if i == 0 { 0.0 } else { sums[i - 1] };
+        let count = self.pieces.len() as u32;
         let total = self.blocks[self.blocks.len() - 1];
-        let block = first_over(&self.blocks, u * total);
-        let rest = u * total - before(&self.blocks, block);
-        let first = block * BLOCK as usize;
-        let sums = &self.sums[first..self.sums.len().min(first + BLOCK as usize)];
-        let i = first_over(sums, rest);
-        let (piece, share) = (&self.pieces[first + i], sums[i] - before(sums, i));
+        let DrawnPiece { piece, share } =
+            draw_piece(&self.sums, 0, 1, count, &self.blocks, 0, u * total);
+        let piece = &self.pieces[piece as usize];
         let length = piece.to - piece.from;
         (share > 0.0).then(|| Drawn {
             edge: piece.edge as usize,
@@ -68,11 +63,4 @@ pub(super) struct Drawn {
     pub lambda: f32,
     /// 1 over the density of λ.
     pub per_density: f32,
-}
-
-impl View {
-    /// The pieces of edges that jump on the film where the loss depends on it.
-    pub fn film_edges(&self, pixels: &PixelGradients) -> FilmEdges {
-        FilmEdges::new(self.film_pieces(|[x, y]| pixels.near(x, y)))
-    }
 }

@@ -2,29 +2,20 @@
 
 use macro_rules_attribute::apply;
 
-use crate::accel::{HitRay, NOTHING, stage};
+use crate::accel::{Hit, HitRay, NOTHING, stage};
 use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Back, Level, Path, PathBlock, Walk, Walks, Work};
+use crate::model::Pair;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
-use crate::model::jumps::Sides;
-use crate::model::{Pair, V3};
 use crate::sampling::{Dimensions, Four};
 use crate::trace::{
-    Behind, EdgePoint, EdgeView, Jump, Observer, Point, Search, SideLight, beside, edge_point,
-    edge_view, emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward,
-    search, shadow_backward, sky,
+    Approach, EdgeView, Jump, Observer, Point, Search, Seen, beside, edge_point, edge_view,
+    emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward, search,
+    shadow_backward, sky,
 };
-
-/// A ray that comes to an edge's point, and the faces that are seen beside it.
-pub(super) struct Approach {
-    pub point: EdgePoint,
-    pub origin: V3,
-    pub view: V3,
-    pub sides: Sides,
-}
 
 impl Approach {
     /// A ray past the edge, which does not see its faces.
@@ -49,12 +40,7 @@ struct Found {
 
 impl Found {
     fn approach(&self) -> Approach {
-        Approach {
-            point: self.view.point,
-            origin: self.view.start,
-            view: self.view.view,
-            sides: self.jump.sides,
-        }
+        self.view.approach(self.jump.sides)
     }
 }
 
@@ -281,18 +267,14 @@ fn begin_beside<'a>(
     work.side_lights.clear();
     for (i, (approach, path)) in approaches.iter().zip(paths).enumerate() {
         let (hit, p) = (work.side_hits[i], &approach.point);
-        let behind = Behind {
-            triangle: hit.triangle,
-            distance: hit.t,
-        };
-        let hidden = hides(lists, hit.triangle, hit.t, p, path.time);
-        work.side_lights.push((!hidden).then_some(SideLight::NONE));
+        let hidden = hides(lists, &hit, p, path.time);
+        work.side_lights.push((!hidden).then_some(Seen::default()));
         if hidden {
             continue;
         }
         let mut points = [
-            point_beside(tracer, approach, &behind, false, path.time),
-            point_beside(tracer, approach, &behind, true, path.time),
+            point_beside(tracer, approach, &hit, false, path.time),
+            point_beside(tracer, approach, &hit, true, path.time),
         ];
         if let [Some(minus), Some(plus)] = &mut points
             && is_crease(lists, &approach.sides)
@@ -328,13 +310,12 @@ fn begin_beside<'a>(
 fn point_beside(
     tracer: &Tracer,
     approach: &Approach,
-    behind: &Behind,
+    behind: &Hit,
     on_plus: bool,
     time: f32,
 ) -> Option<Point> {
     let lists = &tracer.lists;
-    let (point, sides) = (&approach.point, &approach.sides);
-    let at = beside(lists, point, sides, approach.origin, behind, on_plus, time);
+    let at = beside(lists, approach, behind, on_plus, time);
     let (k, near) = (at.triangle, at.near);
     if k == NOTHING {
         return None;
@@ -344,11 +325,11 @@ fn point_beside(
 
 /// What is seen on the − side of an edge less that on the + side.
 #[inline(always)]
-fn difference(minus: &Walk, plus: &Walk) -> SideLight {
-    let sky_of = |walk: &Walk| if walk.seen == NOTHING { 1.0 } else { 0.0 };
-    SideLight {
+fn difference(minus: &Walk, plus: &Walk) -> Seen {
+    let opacity = |walk: &Walk| if walk.seen == NOTHING { 0.0 } else { 1.0 };
+    Seen {
         radiance: minus.radiance - plus.radiance,
-        sky: sky_of(minus) - sky_of(plus),
+        opacity: opacity(minus) - opacity(plus),
         depth: minus.first.0 - plus.first.0,
         normal: minus.first.1 - plus.first.1,
     }

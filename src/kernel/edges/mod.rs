@@ -51,9 +51,7 @@ impl Edge {
         }
         wanted.objects[self.object as usize] != 0
     }
-}
 
-impl Edge {
     /// Its words in a list ([`EdgePoint`](crate::trace::EdgePoint)).
     fn words(&self) -> [u32; OF_EDGE] {
         let crossing = u32::from(self.kind == Kind::Crossing) + u32::from(self.apart);

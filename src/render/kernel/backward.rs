@@ -97,7 +97,7 @@ impl Backward {
             let pixels = PixelGradients::new(&upstream, view);
             let asked = upstream.iter().filter(|p| p.1 != Seen::default());
             film = Some(Film {
-                edges: view.film_edges(&pixels),
+                edges: FilmEdges::new(view, &pixels),
                 pixels,
                 samples: samples_of_film(asked.count() as u32, self.samples),
             });
