@@ -10,7 +10,7 @@ use crate::accel::{HitRay, stage};
 use crate::lanes::{LANES, Record};
 use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::{V2, V3, v2};
-use crate::sampling::{Chosen, Dimensions, EmitterTriangle, Receiver};
+use crate::sampling::{Chosen, EmitterTriangle, Receiver};
 use crate::trace::{Arrived, NONE, density_of_map, is_light, map_of, radiance_of, sky, target_of};
 
 impl Connecting {
@@ -25,7 +25,7 @@ impl Connecting {
         work: &mut Work,
     ) {
         let point = level.points.get(self.lane);
-        let numbers = of.cone_numbers(of.path(level, self.lane));
+        let numbers = level.cones.get(self.lane);
         let cone = ConeKernel {
             tangent: of.cone,
             u: numbers.z,
@@ -52,7 +52,7 @@ impl Connecting {
         if found.limit <= 0.0 {
             return;
         }
-        let (path, time) = (level.paths[self.lane], of.path(level, self.lane).time);
+        let (path, time) = (level.paths[self.lane], of.time(level, self.lane));
         let ray = HitRay::new(found.start, found.direction, time, found.limit);
         work.rays.push(ray);
         let light = found.reflected * radiance() * found.scale;
@@ -83,20 +83,19 @@ pub(super) fn direct_from_emitters<'a>(
     work: &'a mut Work,
 ) {
     let lists = &of.lists;
-    let simple = of.cone == 0.0 && !lists.features.holes;
     for first in (0..level.len()).step_by(LANES) {
         let lanes = first..level.len().min(first + LANES);
         let points = level.points.lanes(first);
         let mut times = [0.0; LANES];
         for lane in lanes.clone() {
-            times[lane % LANES] = of.path(level, lane).time;
+            times[lane % LANES] = of.time(level, lane);
         }
         let at = eights::receivers(points, times);
-        let matt = eights::are_matt(points, lanes.len());
+        let matt = level.matt[first / LANES];
         let chosen = choose_emitters(of, level, lanes.clone(), matt, &at, work);
         let weights = eights::uniform_points(chosen.rest, level.emitters.lanes(first).y);
         let mut emitters = lanes.clone().map(|i| chosen.emitter[i % LANES]);
-        if simple && matt && emitters.all(|k| !is_light(lists, k)) {
+        if matt && !lists.features.holes && emitters.all(|k| !is_light(lists, k)) {
             connect_matt(of, level, lanes, (&chosen, &weights), &times, work);
             continue;
         }
@@ -215,7 +214,12 @@ fn connect_matt(
         triangle.set(&mut on, lane);
     }
     let points = level.points.lanes(lanes.start);
-    let (directions, found) = eights::connect(*points, on, *weights, chosen.chance);
+    let cones = (of.cone, *level.cones.lanes(lanes.start));
+    let (directions, found) = if of.features.cones {
+        eights::connect::<true>(*points, on, *weights, chosen.chance, cones)
+    } else {
+        eights::connect::<false>(*points, on, *weights, chosen.chance, cones)
+    };
     for lane in lanes {
         if !points.reflects[lane % LANES] {
             continue;
@@ -243,8 +247,7 @@ pub(super) fn direct_from_map<'a>(of: &'a PathBlock<'a>, level: &'a Level, work:
         if !level.points.get(lane).reflects {
             continue;
         }
-        let numbers = &of.path(level, lane).numbers;
-        let numbers = numbers.draw(Dimensions::choices(of.bounce));
+        let numbers = level.choices.get(lane);
         let drawn = map_of(lists).choose(lists.sky_density, numbers.z, numbers.w);
         let scattered = level.scatters.get(lane).direction;
         for (by_scattering, direction) in [(false, drawn), (true, scattered)] {

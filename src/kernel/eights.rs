@@ -11,7 +11,10 @@
 
 use crate::lanes::{LANES, Record};
 use crate::model::bsdf::{Scatter, Shading};
+use crate::model::camera::{Camera, CameraRay};
+use crate::model::cone::{self, Bend};
 use crate::model::connection::{ConeKernel, Connection};
+use crate::model::filter::{filter_between, filter_entries, filter_place, uniform_disk};
 use crate::model::triangle::uniform_point;
 use crate::model::{V2, V3};
 use crate::sampling::{Choosing, Chosen, EmitterLists, EmitterTriangle, Four, Receiver};
@@ -48,6 +51,58 @@ pub(super) fn plain_points(
     out
 }
 
+/// Points of the pixel filter for two random numbers.
+#[inline(always)]
+pub(super) fn filter_points(table: &[f32], u: Eight<f32>, v: Eight<f32>) -> Eight<V2> {
+    Eight::<V2> {
+        x: filter_of(table, u),
+        y: filter_of(table, v),
+    }
+}
+
+#[inline(always)]
+fn filter_of(table: &[f32], u: Eight<f32>) -> Eight<f32> {
+    let mut places = [0.0; LANES];
+    for i in 0..LANES {
+        places[i] = filter_place(u[i]);
+    }
+    let mut entries = Eight::<V2>::default();
+    for i in 0..LANES {
+        filter_entries(table, 0, places[i]).set(&mut entries, i);
+    }
+    let mut out = [0.0; LANES];
+    for i in 0..LANES {
+        out[i] = filter_between(V2::get(&entries, i), places[i], u[i]);
+    }
+    out
+}
+
+/// Points of the lens.
+#[inline(always)]
+pub(super) fn lens_points(drawn: Eight<Four>) -> Eight<V2> {
+    let mut out = Eight::<V2>::default();
+    for i in 0..LANES {
+        uniform_disk(drawn.x[i], drawn.y[i]).set(&mut out, i);
+    }
+    out
+}
+
+/// The rays through film points, which are given about the middles of pixels, from points of the lens.
+#[inline(always)]
+pub(super) fn camera_rays(
+    camera: Camera,
+    middles: Eight<V2>,
+    places: Eight<V2>,
+    lens: Eight<V2>,
+) -> Eight<CameraRay> {
+    let mut out = Eight::<CameraRay>::default();
+    for i in 0..LANES {
+        let (x, y) = (middles.x[i] + places.x[i], middles.y[i] + places.y[i]);
+        camera.ray(x, y, lens.x[i], lens.y[i]).set(&mut out, i);
+    }
+    out
+}
+
 /// The rays with which paths leave matt surfaces, without cones and roulette.
 #[inline(always)]
 pub(super) fn leave(
@@ -61,6 +116,25 @@ pub(super) fn leave(
         point.shading = point.shading.as_matt();
         let (scatter, throughput) = (Scatter::get(&scatters, i), V3::get(&throughputs, i));
         leave_sharply(&point, &scatter, throughput).set(&mut out, i);
+    }
+    out
+}
+
+/// The rays of cones about the directions in which paths leave matt surfaces.
+#[inline(always)]
+pub(super) fn bend(
+    points: Eight<Point>,
+    scatters: Eight<Scatter>,
+    tangent: f32,
+    numbers: Eight<Four>,
+) -> Eight<Bend> {
+    let mut out = Eight::<Bend>::default();
+    for i in 0..LANES {
+        let (direction, outer) = (
+            V3::get(&scatters.direction, i),
+            V3::get(&points.shading.geometric, i),
+        );
+        cone::bend(direction, outer, tangent, numbers.x[i], numbers.y[i]).set(&mut out, i);
     }
     out
 }
@@ -158,26 +232,28 @@ pub(super) fn uniform_points(u: Eight<f32>, v: Eight<f32>) -> Eight<V2> {
     out
 }
 
-/// Connections of matt surfaces to points of emitters, and the directions to these; without cones.
+/// Connections of matt surfaces to points of emitters, and the directions to these; with `CONES` along rays of cones of
+/// a tangent, for random numbers.
 #[inline(always)]
-pub(super) fn connect(
+pub(super) fn connect<const CONES: bool>(
     points: Eight<Point>,
     on: Eight<EmitterTriangle>,
     weights: Eight<V2>,
     chances: Eight<f32>,
+    (tangent, numbers): (f32, Eight<Four>),
 ) -> (Eight<V3>, Eight<Connection>) {
     let (mut directions, mut out) = (Eight::<V3>::default(), Eight::<Connection>::default());
     for i in 0..LANES {
         let point = Point::get(&points, i);
         let on = EmitterTriangle::get(&on, i);
         let target = target_on(&on, V2::get(&weights, i), point.position);
-        let sharp = ConeKernel {
-            tangent: 0.0,
-            u: 0.0,
-            v: 0.0,
+        let cone = ConeKernel {
+            tangent: if CONES { tangent } else { 0.0 },
+            u: numbers.z[i],
+            v: numbers.w[i],
         };
         let (shading, chance) = (point.shading.as_matt(), chances[i]);
-        let found = target.connect(&shading, point.position, chance, false, sharp);
+        let found = target.connect(&shading, point.position, chance, false, cone);
         target.direction.set(&mut directions, i);
         found.set(&mut out, i);
     }
