@@ -19,7 +19,7 @@ use crate::model::triangle::uniform_point;
 use crate::model::{V2, V3};
 use crate::sampling::{Choosing, Chosen, EmitterLists, EmitterTriangle, Four, Receiver};
 use crate::trace::{
-    HitTriangle, Leaving, Point, Triangle, leave_sharply, on_triangle, plain_point, target_on,
+    HitTriangle, Leaving, Plane, Point, Triangle, leave_sharply, on_plane, plain_point, target_on,
 };
 
 /// The lanes of a record.
@@ -31,12 +31,12 @@ pub(super) fn are_matt(points: &Eight<Point>, lanes: usize) -> bool {
     (0..lanes).all(|i| Point::get(points, i).shading.is_matt())
 }
 
-/// The points of triangles that rays hit, about there, where these are plain ([`Features::plain_points`]).
+/// The points of planes that rays hit, about there, where these are plain ([`Features::plain_points`]).
 ///
 /// [`Features::plain_points`]: crate::trace::Features::plain_points
 #[inline(always)]
 pub(super) fn plain_points(
-    triangles: Eight<Triangle>,
+    planes: Eight<Plane>,
     shifts: Eight<V3>,
     nears: Eight<V3>,
     hits: Eight<HitTriangle>,
@@ -45,8 +45,26 @@ pub(super) fn plain_points(
     for i in 0..LANES {
         let hit = HitTriangle::get(&hits, i);
         let (near, shift) = (V3::get(&nears, i), V3::get(&shifts, i));
-        let on = on_triangle(&Triangle::get(&triangles, i), shift, near, hit.direction);
+        let on = on_plane(&Plane::get(&planes, i), shift, near, hit.direction);
         plain_point(&on, &hit).set(&mut out, i);
+    }
+    out
+}
+
+/// The weights of the corners of triangles in these points.
+#[inline(always)]
+pub(super) fn weights(
+    triangles: Eight<Triangle>,
+    shifts: Eight<V3>,
+    nears: Eight<V3>,
+    directions: Eight<V3>,
+) -> Eight<V3> {
+    let mut out = Eight::<V3>::default();
+    for i in 0..LANES {
+        let triangle = Triangle::get(&triangles, i);
+        let (near, shift) = (V3::get(&nears, i), V3::get(&shifts, i));
+        let on = on_plane(&triangle.plane(), shift, near, V3::get(&directions, i));
+        triangle.weights(on.at_rest).set(&mut out, i);
     }
     out
 }
@@ -230,6 +248,58 @@ pub(super) fn uniform_points(u: Eight<f32>, v: Eight<f32>) -> Eight<V2> {
         uniform_point(u[i], v[i]).set(&mut out, i);
     }
     out
+}
+
+/// The triangles of a few emitters that were chosen.
+#[inline(always)]
+pub(super) fn chosen_triangles(
+    emitters: &EmitterLists,
+    chosen: Eight<u32>,
+    times: Eight<f32>,
+) -> Eight<EmitterTriangle> {
+    let mut out = Eight::<EmitterTriangle>::default();
+    for k in 0..emitters.triangle_count {
+        let (at_rest, velocity) = (emitters.at_rest(k), emitters.velocity(k));
+        for i in 0..LANES {
+            // A factor in place of a condition: loads under one are not made vector instructions of.
+            let own = if chosen[i] == k { 1.0 } else { 0.0 };
+            let (to, on) = (
+                EmitterTriangle::get(&out, i),
+                at_rest.moved(velocity * times[i]),
+            );
+            let sum = EmitterTriangle {
+                a: to.a + on.a * own,
+                b: to.b + on.b * own,
+                c: to.c + on.c * own,
+                normal: to.normal + on.normal * own,
+                area: to.area + on.area * own,
+            };
+            sum.set(&mut out, i);
+        }
+    }
+    out
+}
+
+/// The light that connections bring to the paths of points, if nothing is in between.
+#[inline(always)]
+pub(super) fn lights(
+    found: Eight<Connection>,
+    radiances: Eight<V3>,
+    throughputs: Eight<V3>,
+) -> Eight<V3> {
+    let mut out = Eight::<V3>::default();
+    for i in 0..LANES {
+        let (radiance, throughput) = (V3::get(&radiances, i), V3::get(&throughputs, i));
+        let light = brought(&Connection::get(&found, i), radiance, throughput);
+        light.set(&mut out, i);
+    }
+    out
+}
+
+/// The light that a connection brings to the path of a point.
+#[inline(always)]
+pub(super) fn brought(found: &Connection, radiance: V3, throughput: V3) -> V3 {
+    throughput * (found.reflected * radiance * found.scale)
 }
 
 /// Connections of matt surfaces to points of emitters, and the directions to these; with `CONES` along rays of cones of

@@ -13,7 +13,7 @@ use crate::lanes::{LANES, Record};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Dimensions, Four, Stream, draw_eight};
 use crate::trace::{
-    HitTriangle, Point, Triangle, emitted, hit_triangle, leave, middle_of, point_at, sky,
+    HitTriangle, Plane, Point, Triangle, emitted, hit_triangle, leave, middle_of, point_at, sky,
 };
 
 impl PathBlock<'_> {
@@ -222,21 +222,32 @@ fn points(of: &PathBlock, level: &mut Level, rays: &[u32], work: &Work) {
             }
             continue;
         }
-        let mut triangles = Eight::<Triangle>::default();
+        let mut planes = Eight::<Plane>::default();
         let mut hits = Eight::<HitTriangle>::default();
         let [mut shifts, mut nears] = [Eight::<V3>::default(); 2];
-        for lane in lanes {
+        for lane in lanes.clone() {
             let (Hit { t, triangle }, ray) = hit_of(lane);
             let (origin, direction) = (V3::from(ray.origin), V3::from(ray.direction));
             let hit = hit_triangle(lists, triangle, t, direction);
-            lists
-                .displacement(hit.object, ray.time)
-                .set(&mut shifts, lane);
-            lists.triangle(triangle).set(&mut triangles, lane);
+            if lists.features.moves {
+                let shift = lists.displacement(hit.object, ray.time);
+                shift.set(&mut shifts, lane);
+            }
+            lists.plane(triangle).set(&mut planes, lane);
             (origin + direction * t).set(&mut nears, lane);
             hit.set(&mut hits, lane);
         }
-        *level.points.lanes_mut(first) = eights::plain_points(triangles, shifts, nears, hits);
+        let points = level.points.lanes_mut(first);
+        *points = eights::plain_points(planes, shifts, nears, hits);
+        // Nothing but derivatives asks for them.
+        if of.keep {
+            let mut triangles = Eight::<Triangle>::default();
+            for lane in lanes {
+                let triangle = lists.triangle(hits.triangle[lane % LANES]);
+                triangle.set(&mut triangles, lane);
+            }
+            points.weights = eights::weights(triangles, shifts, nears, hits.direction);
+        }
     }
 }
 
@@ -252,7 +263,7 @@ fn draw<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool) {
         let matt = eights::are_matt(level.points.lanes(first), lanes.len());
         level.matt.push(matt);
         if features.cones {
-            let stream = |lane: usize| &of.paths[paths[lane] as usize].cones;
+            let stream = |lane: usize| &of.cones[of.paths[paths[lane] as usize].cones as usize];
             let drawn = drawn_by(stream, lanes.clone(), Dimensions::of_set(of.bounce));
             *level.cones.lanes_mut(first) = drawn;
         }

@@ -7,7 +7,7 @@ use macro_rules_attribute::apply;
 use super::backward::Return;
 use super::gradient::HostSums;
 use super::view::{Tracer, View};
-use super::walk::{Path, PathBlock, RUN, Seen, TOGETHER, Walks, Work};
+use super::walk::{Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work};
 use crate::accel::stage;
 
 impl View {
@@ -21,7 +21,7 @@ impl View {
     ) -> Vec<Seen> {
         let tracer = self.tracer();
         let mut all = vec![Seen::default(); pixels.len()];
-        let (mut walks, mut paths) = (Walks::default(), Vec::new());
+        let (mut walks, mut paths) = (Walks::default(), Paths::default());
         let together = together(&samples);
         for (block, pixels) in pixels.chunks(together).enumerate() {
             for samples in runs_of(&samples) {
@@ -66,7 +66,7 @@ impl View {
         sums: &mut HostSums,
     ) {
         let (tracer, sums) = (self.tracer(), &sums.sums());
-        let (mut walks, mut paths) = (Walks::default(), Vec::new());
+        let (mut walks, mut paths) = (Walks::default(), Paths::default());
         let asked = pixels.iter().filter(|p| p.1 != Seen::default());
         let (pixels, gradients): (Vec<u32>, Vec<&Seen>) = asked.map(|(i, g)| (*i, g)).unzip();
         let together = together(&samples);
@@ -127,23 +127,27 @@ fn begin_paths<'a>(
     tracer: &'a Tracer<'a>,
     pixels: &'a [u32],
     samples: Range<u32>,
-    paths: &'a mut Vec<Path>,
+    paths: &'a mut Paths,
 ) {
-    paths.clear();
+    let Paths { list, cones } = paths;
+    list.clear();
+    cones.clear();
     let (first, with_cones) = (samples.start, tracer.cone > 0.0);
     for &pixel in pixels {
         let numbers = tracer.settings.sampler.stream(pixel, first);
-        let mut cones = numbers;
-        if with_cones {
-            cones = tracer.cones.stream(pixel, first);
-        }
         for i in 0..samples.len() as u32 {
             let numbers = numbers.after(i);
-            paths.push(Path {
+            list.push(Path {
                 time: tracer.time(&numbers),
-                cones: if with_cones { cones.after(i) } else { cones },
+                cones: list.len() as u32,
                 numbers,
             });
+        }
+        if with_cones {
+            let numbers = tracer.cones.stream(pixel, first);
+            for i in 0..samples.len() as u32 {
+                cones.push(numbers.after(i));
+            }
         }
     }
 }

@@ -23,16 +23,26 @@ pub(super) const RUN: usize = 8;
 /// The constants of a path.
 #[derive(Clone, Copy)]
 pub(crate) struct Path {
-    /// What its random numbers come from, and those for the kernels of cones.
+    /// What its random numbers come from.
     pub numbers: Stream,
-    pub cones: Stream,
+    /// Where those for the kernels of cones come from.
+    pub cones: u32,
     pub time: f32,
+}
+
+/// Paths from the camera.
+#[derive(Default)]
+pub(super) struct Paths {
+    pub list: Vec<Path>,
+    pub cones: Vec<Stream>,
 }
 
 /// A block of paths after some bounces.
 pub(super) struct PathBlock<'a> {
     pub tracer: &'a Tracer<'a>,
     pub paths: &'a [Path],
+    /// What random numbers for cones come from, if there are any.
+    pub cones: &'a [Stream],
     pub bounce: u32,
     /// Whether all levels are kept, for the backward pass.
     pub keep: bool,
@@ -49,10 +59,11 @@ impl<'a> Deref for PathBlock<'a> {
 
 impl<'a> PathBlock<'a> {
     /// Paths from the camera.
-    pub fn new(tracer: &'a Tracer<'a>, paths: &'a [Path], keep: bool) -> Self {
+    pub fn new(tracer: &'a Tracer<'a>, paths: &'a Paths, keep: bool) -> Self {
         Self {
             tracer,
-            paths,
+            paths: &paths.list,
+            cones: &paths.cones,
             bounce: 0,
             keep,
         }

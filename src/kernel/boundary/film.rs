@@ -15,7 +15,7 @@ use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Path, Seen, TOGETHER, Work};
-use crate::sampling::Dimensions;
+use crate::sampling::{Dimensions, Stream};
 use crate::trace::{FilmPoint, Sums, film_point};
 
 /// What samples of edges on the film are drawn from.
@@ -32,6 +32,7 @@ struct Asked<'a> {
     points: Vec<(FilmPoint, &'a Seen)>,
     approaches: Vec<Approach>,
     paths: Vec<Path>,
+    cones: Vec<Stream>,
 }
 
 impl FilmSamples<'_> {
@@ -80,13 +81,16 @@ fn draw<'a>(view: &'a Tracer<'a>, film: &'a FilmSamples<'a>, samples: Range<u32>
         let numbers = view.film.stream(0, sample);
         let path = Path {
             time: view.time(&numbers),
-            cones: view.cones.stream(u32::MAX, sample),
+            cones: asked.cones.len() as u32,
             numbers,
         };
         if let Some((point, g, approach)) = film.sample(view, sample, &path) {
             asked.points.push((point, g));
             asked.approaches.push(approach);
             asked.paths.push(path);
+            if view.features.cones {
+                asked.cones.push(view.cones.stream(u32::MAX, sample));
+            }
         }
     }
     asked
@@ -129,9 +133,12 @@ impl View {
             let past = range.end.min(from.saturating_add(TOGETHER as u32));
             let asked = draw(&tracer, &film, from..past);
             let Asked {
-                approaches, paths, ..
+                approaches,
+                paths,
+                cones,
+                ..
             } = &asked;
-            light_beside(&tracer, approaches, paths, Some(0), true, work);
+            light_beside(&tracer, approaches, (paths, cones), Some(0), true, work);
             backward(&tracer, &asked, work, &sums);
             from = past;
         }

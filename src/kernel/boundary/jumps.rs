@@ -12,7 +12,7 @@ use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
 use crate::model::jumps::Sides;
 use crate::model::{Pair, V3};
-use crate::sampling::{Dimensions, Four};
+use crate::sampling::{Dimensions, Four, Stream};
 use crate::trace::{
     Behind, EdgePoint, EdgeView, Jump, Observer, Point, Search, SideLight, beside, edge_point,
     edge_view, emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward,
@@ -87,7 +87,8 @@ impl Return<'_> {
         };
         let beside: Vec<Path> = reflections.iter().map(beside).collect();
         let bounce = (bounce < self.settings.bounces).then_some(bounce + 1);
-        light_beside(self, &approaches, &beside, bounce, false, work);
+        let paths = (&*beside, self.cones);
+        light_beside(self, &approaches, paths, bounce, false, work);
         reflections_backward(self, &reflections, &beside, back, work);
     }
 }
@@ -104,7 +105,7 @@ fn find_beside<const ANY: bool>(view: &View, work: &mut Work) {
 pub(super) fn light_beside(
     tracer: &Tracer,
     approaches: &[Approach],
-    paths: &[Path],
+    (paths, cones): (&[Path], &[Stream]),
     bounce: Option<u32>,
     film: bool,
     work: &mut Work,
@@ -123,6 +124,7 @@ pub(super) fn light_beside(
         let mut of = PathBlock {
             tracer,
             paths: &both,
+            cones,
             bounce,
             keep: false,
         };
