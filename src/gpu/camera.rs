@@ -3,12 +3,12 @@
 use crate::cube::*;
 
 use crate::model::camera::{Camera, CameraRay, Dual};
-use crate::model::filter::uniform_disk;
+use crate::model::filter::{sample_filter, uniform_disk};
 use crate::model::integers::wide;
 use crate::model::lists::vector;
 use crate::model::{Pair, V2, v2};
 use crate::sampling::{Dimensions, Four, Sampler, Stream};
-use crate::trace::{CAMERA, DUAL, Scene, camera_ray};
+use crate::trace::{CAMERA, DUAL, Scene, middle_of};
 
 /// Seeds of random numbers: of paths, of cones, of edges, of paths on both sides of these, and of samples on the film.
 pub(super) const SEED: usize = 0;
@@ -116,11 +116,14 @@ pub(super) fn begin(scene: &Scene, pixel: u32, sample: u32) -> Beginning {
     let cones = sampler(scene, SEED_OF_CONES).stream(pixel, sample);
     let film = numbers.draw(scene.points, Dimensions::film());
     let exposure: Exposure = exposure(scene, &numbers);
+    let (middle, lens) = (middle_of(scene, pixel), exposure.lens);
+    let x = middle.x + sample_filter(scene.filter, 0usize, film.x);
+    let y = middle.y + sample_filter(scene.filter, 0usize, film.y);
     Beginning {
         numbers,
         cones,
         film,
         time: exposure.time,
-        ray: camera_ray(scene, &camera(scene), film, exposure.lens, pixel),
+        ray: camera(scene).ray(x, y, lens.x, lens.y),
     }
 }

@@ -187,7 +187,7 @@ fn cameras_backward<'a>(to: &'a Return<'a>, back: &'a Back) {
         }
         if of.camera {
             let mut gradient = CameraGradient::default();
-            let pixel = middle_of(lists, path.numbers.path().0);
+            let pixel = middle_of(lists, path.numbers.pixel);
             let (origin, direction) = (by.origin, by.direction);
             (to.camera).ray_backward(&ray, pixel, origin, direction, &mut gradient);
             add_to_camera(to.sums, &gradient);

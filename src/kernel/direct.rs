@@ -4,13 +4,13 @@ use std::ops::Range;
 
 use macro_rules_attribute::apply;
 
-use super::eights::{self, Eight};
+use super::eights::{self, Eight, brought};
 use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Work};
 use crate::accel::{HitRay, stage};
 use crate::lanes::{LANES, Record};
 use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::{V2, V3, v2};
-use crate::sampling::{Chosen, Dimensions, EmitterTriangle, Receiver};
+use crate::sampling::{Chosen, EmitterTriangle, Receiver};
 use crate::trace::{Arrived, NONE, map_of, radiance_of, sky, target_of};
 
 impl Connecting {
@@ -25,7 +25,7 @@ impl Connecting {
         work: &mut Work,
     ) {
         let point = level.points.get(self.lane);
-        let numbers = of.cone_numbers(of.path(level, self.lane));
+        let numbers = level.cones.get(self.lane);
         let cone = ConeKernel {
             tangent: of.cone,
             u: numbers.z,
@@ -33,11 +33,15 @@ impl Connecting {
         };
         let (x, chance) = (point.position, self.chance);
         let found = target.connect(&point.shading, x, chance, self.by_scattering, cone);
-        self.push(of, level, &found, target.direction, radiance, work);
+        // It starts behind the light, or there is none.
+        if found.limit > 0.0 {
+            let throughput = level.throughputs.get(self.lane);
+            let light = brought(&found, radiance(), throughput);
+            self.push(of, level, &found, target.direction, light, work);
+        }
     }
 
-    /// Adds the ray of a connection and the light that arrives if nothing is in between; its radiance is looked up where
-    /// it counts.
+    /// Adds the ray of a connection and the light that arrives if nothing is in between.
     #[inline(always)]
     fn push(
         &self,
@@ -45,21 +49,13 @@ impl Connecting {
         level: &Level,
         found: &Connection,
         direction: V3,
-        radiance: impl FnOnce() -> V3,
+        light: V3,
         work: &mut Work,
     ) {
-        // It starts behind the light, or there is none.
-        if found.limit <= 0.0 {
-            return;
-        }
-        let (path, time) = (level.paths[self.lane], of.path(level, self.lane).time);
+        let (path, time) = (level.paths[self.lane], of.time(level, self.lane));
         let ray = HitRay::new(found.start, found.direction, time, found.limit);
         work.rays.push(ray);
-        let light = found.reflected * radiance() * found.scale;
-        work.candidates.push(Candidate {
-            path,
-            light: level.throughputs.get(self.lane) * light,
-        });
+        work.candidates.push(Candidate { path, light });
         if of.keep {
             work.samples.push(LightSample {
                 lane: self.lane as u32,
@@ -83,20 +79,19 @@ pub(super) fn direct_from_emitters<'a>(
     work: &'a mut Work,
 ) {
     let lists = &of.lists;
-    let simple = of.cone == 0.0 && !lists.features.holes;
     for first in (0..level.len()).step_by(LANES) {
         let lanes = first..level.len().min(first + LANES);
         let points = level.points.lanes(first);
         let mut times = [0.0; LANES];
         for lane in lanes.clone() {
-            times[lane % LANES] = of.path(level, lane).time;
+            times[lane % LANES] = of.time(level, lane);
         }
         let at = eights::receivers(points, times);
-        let matt = eights::are_matt(points, lanes.len());
+        let matt = level.matt[first / LANES];
         let chosen = choose_emitters(of, level, lanes.clone(), matt, &at, work);
         let weights = eights::uniform_points(chosen.rest, level.emitters.lanes(first).y);
         let mut emitters = lanes.clone().map(|i| chosen.emitter[i % LANES]);
-        if simple && matt && emitters.all(|k| !of.emitters.is_light(k)) {
+        if matt && !lists.features.holes && emitters.all(|k| !of.emitters.is_light(k)) {
             connect_matt(of, level, lanes, (&chosen, &weights), &times, work);
             continue;
         }
@@ -208,31 +203,60 @@ fn connect_matt(
     times: &Eight<f32>,
     work: &mut Work,
 ) {
-    let mut on = Eight::<EmitterTriangle>::default();
-    for lane in lanes.clone() {
-        let k = chosen.emitter[lane % LANES];
-        let triangle = of.emitters.triangle(k, times[lane % LANES]);
-        triangle.set(&mut on, lane);
-    }
     let points = level.points.lanes(lanes.start);
-    let (directions, found) = eights::connect(*points, on, *weights, chosen.chance);
+    let (on, radiances) = chosen_emitters(of, lanes.clone(), (chosen, weights), times);
+    let cones = (of.cone, *level.cones.lanes(lanes.start));
+    let (directions, found) = if of.features.cones {
+        eights::connect::<true>(*points, on, *weights, chosen.chance, cones)
+    } else {
+        eights::connect::<false>(*points, on, *weights, chosen.chance, cones)
+    };
+    let lights = eights::lights(found, radiances, *level.throughputs.lanes(lanes.start));
     for lane in lanes {
-        if !points.reflects[lane % LANES] {
+        if !points.reflects[lane % LANES] || found.limit[lane % LANES] <= 0.0 {
             continue;
         }
-        let (k, weights) = (chosen.emitter[lane % LANES], V2::get(weights, lane));
         let connecting = Connecting {
             lane,
-            emitter: k,
-            weights,
+            emitter: chosen.emitter[lane % LANES],
+            weights: V2::get(weights, lane),
             chance: chosen.chance[lane % LANES],
             by_scattering: false,
         };
         let (found, direction) = (Connection::get(&found, lane), V3::get(&directions, lane));
-        let cosine = -EmitterTriangle::get(&on, lane).normal.dot(direction);
-        let radiance = || radiance_of(&of.lists, k, weights, cosine);
-        connecting.push(of, level, &found, direction, radiance, work);
+        let light = V3::get(&lights, lane);
+        connecting.push(of, level, &found, direction, light, work);
     }
+}
+
+/// Up to so many triangles that emit are passed to find those that lanes chose.
+const PASSED: u32 = 8;
+
+/// The triangles of emitters that lanes chose, and what their fronts emit there.
+#[inline(always)]
+fn chosen_emitters(
+    of: &PathBlock,
+    lanes: Range<usize>,
+    (chosen, weights): (&Eight<Chosen>, &Eight<V2>),
+    times: &Eight<f32>,
+) -> (Eight<EmitterTriangle>, Eight<V3>) {
+    let (lists, emitters) = (&of.lists, &of.emitters);
+    let mut on = Eight::<EmitterTriangle>::default();
+    let passed = emitters.triangle_count <= PASSED;
+    if passed {
+        on = eights::chosen_triangles(emitters, chosen.emitter, *times);
+    }
+    let mut radiances = Eight::<V3>::default();
+    for lane in lanes {
+        let k = chosen.emitter[lane % LANES];
+        if !passed {
+            let triangle = emitters.triangle(k, times[lane % LANES]);
+            triangle.set(&mut on, lane);
+        }
+        let radiance = radiance_of(lists, k, V2::get(weights, lane), 1.0);
+        radiance.set(&mut radiances, lane);
+    }
+    (on, radiances)
 }
 
 /// Light of a map along a direction drawn from it, and along that in which the path goes on.
@@ -243,8 +267,7 @@ pub(super) fn direct_from_map<'a>(of: &'a PathBlock<'a>, level: &'a Level, work:
         if !level.points.get(lane).reflects {
             continue;
         }
-        let numbers = &of.path(level, lane).numbers;
-        let numbers = numbers.draw(Dimensions::choices(of.bounce));
+        let numbers = level.choices.get(lane);
         let drawn = map_of(lists).choose(lists.sky_density, numbers.z, numbers.w);
         let scattered = level.scatters.get(lane).direction;
         for (by_scattering, direction) in [(false, drawn), (true, scattered)] {

@@ -11,12 +11,15 @@
 
 use crate::lanes::{LANES, Record};
 use crate::model::bsdf::{Scatter, Shading};
+use crate::model::camera::{Camera, CameraRay};
+use crate::model::cone::{self, Bend};
 use crate::model::connection::{ConeKernel, Connection};
+use crate::model::filter::{filter_between, filter_entries, filter_place, uniform_disk};
 use crate::model::triangle::uniform_point;
 use crate::model::{V2, V3};
 use crate::sampling::{Choosing, Chosen, EmitterLists, EmitterTriangle, Four, Receiver};
 use crate::trace::{
-    HitTriangle, Leaving, Point, Triangle, leave_sharply, on_triangle, plain_point, target_on,
+    HitTriangle, Leaving, Plane, Point, Triangle, leave_sharply, on_plane, plain_point, target_on,
 };
 
 /// The lanes of a record.
@@ -28,12 +31,12 @@ pub(super) fn are_matt(points: &Eight<Point>, lanes: usize) -> bool {
     (0..lanes).all(|i| Point::get(points, i).shading.is_matt())
 }
 
-/// The points of triangles that rays hit, about there, where these are plain ([`Features::plain_points`]).
+/// The points of planes that rays hit, about there, where these are plain ([`Features::plain_points`]).
 ///
 /// [`Features::plain_points`]: crate::trace::Features::plain_points
 #[inline(always)]
 pub(super) fn plain_points(
-    triangles: Eight<Triangle>,
+    planes: Eight<Plane>,
     shifts: Eight<V3>,
     nears: Eight<V3>,
     hits: Eight<HitTriangle>,
@@ -42,8 +45,78 @@ pub(super) fn plain_points(
     for i in 0..LANES {
         let hit = HitTriangle::get(&hits, i);
         let (near, shift) = (V3::get(&nears, i), V3::get(&shifts, i));
-        let on = on_triangle(&Triangle::get(&triangles, i), shift, near, hit.direction);
+        let on = on_plane(&Plane::get(&planes, i), shift, near, hit.direction);
         plain_point(&on, &hit).set(&mut out, i);
+    }
+    out
+}
+
+/// The weights of the corners of triangles in these points.
+#[inline(always)]
+pub(super) fn weights(
+    triangles: Eight<Triangle>,
+    shifts: Eight<V3>,
+    nears: Eight<V3>,
+    directions: Eight<V3>,
+) -> Eight<V3> {
+    let mut out = Eight::<V3>::default();
+    for i in 0..LANES {
+        let triangle = Triangle::get(&triangles, i);
+        let (near, shift) = (V3::get(&nears, i), V3::get(&shifts, i));
+        let on = on_plane(&triangle.plane(), shift, near, V3::get(&directions, i));
+        triangle.weights(on.at_rest).set(&mut out, i);
+    }
+    out
+}
+
+/// Points of the pixel filter for two random numbers.
+#[inline(always)]
+pub(super) fn filter_points(table: &[f32], u: Eight<f32>, v: Eight<f32>) -> Eight<V2> {
+    Eight::<V2> {
+        x: filter_of(table, u),
+        y: filter_of(table, v),
+    }
+}
+
+#[inline(always)]
+fn filter_of(table: &[f32], u: Eight<f32>) -> Eight<f32> {
+    let mut places = [0.0; LANES];
+    for i in 0..LANES {
+        places[i] = filter_place(u[i]);
+    }
+    let mut entries = Eight::<V2>::default();
+    for i in 0..LANES {
+        filter_entries(table, 0, places[i]).set(&mut entries, i);
+    }
+    let mut out = [0.0; LANES];
+    for i in 0..LANES {
+        out[i] = filter_between(V2::get(&entries, i), places[i], u[i]);
+    }
+    out
+}
+
+/// Points of the lens.
+#[inline(always)]
+pub(super) fn lens_points(drawn: Eight<Four>) -> Eight<V2> {
+    let mut out = Eight::<V2>::default();
+    for i in 0..LANES {
+        uniform_disk(drawn.x[i], drawn.y[i]).set(&mut out, i);
+    }
+    out
+}
+
+/// The rays through film points, which are given about the middles of pixels, from points of the lens.
+#[inline(always)]
+pub(super) fn camera_rays(
+    camera: Camera,
+    middles: Eight<V2>,
+    places: Eight<V2>,
+    lens: Eight<V2>,
+) -> Eight<CameraRay> {
+    let mut out = Eight::<CameraRay>::default();
+    for i in 0..LANES {
+        let (x, y) = (middles.x[i] + places.x[i], middles.y[i] + places.y[i]);
+        camera.ray(x, y, lens.x[i], lens.y[i]).set(&mut out, i);
     }
     out
 }
@@ -61,6 +134,25 @@ pub(super) fn leave(
         point.shading = point.shading.as_matt();
         let (scatter, throughput) = (Scatter::get(&scatters, i), V3::get(&throughputs, i));
         leave_sharply(&point, &scatter, throughput).set(&mut out, i);
+    }
+    out
+}
+
+/// The rays of cones about the directions in which paths leave matt surfaces.
+#[inline(always)]
+pub(super) fn bend(
+    points: Eight<Point>,
+    scatters: Eight<Scatter>,
+    tangent: f32,
+    numbers: Eight<Four>,
+) -> Eight<Bend> {
+    let mut out = Eight::<Bend>::default();
+    for i in 0..LANES {
+        let (direction, outer) = (
+            V3::get(&scatters.direction, i),
+            V3::get(&points.shading.geometric, i),
+        );
+        cone::bend(direction, outer, tangent, numbers.x[i], numbers.y[i]).set(&mut out, i);
     }
     out
 }
@@ -158,26 +250,80 @@ pub(super) fn uniform_points(u: Eight<f32>, v: Eight<f32>) -> Eight<V2> {
     out
 }
 
-/// Connections of matt surfaces to points of emitters, and the directions to these; without cones.
+/// The triangles of a few emitters that were chosen.
 #[inline(always)]
-pub(super) fn connect(
+pub(super) fn chosen_triangles(
+    emitters: &EmitterLists,
+    chosen: Eight<u32>,
+    times: Eight<f32>,
+) -> Eight<EmitterTriangle> {
+    let mut out = Eight::<EmitterTriangle>::default();
+    for k in 0..emitters.triangle_count {
+        let (at_rest, velocity) = (emitters.at_rest(k), emitters.velocity(k));
+        for i in 0..LANES {
+            // A factor in place of a condition: loads under one are not made vector instructions of.
+            let own = if chosen[i] == k { 1.0 } else { 0.0 };
+            let (to, on) = (
+                EmitterTriangle::get(&out, i),
+                at_rest.moved(velocity * times[i]),
+            );
+            let sum = EmitterTriangle {
+                a: to.a + on.a * own,
+                b: to.b + on.b * own,
+                c: to.c + on.c * own,
+                normal: to.normal + on.normal * own,
+                area: to.area + on.area * own,
+            };
+            sum.set(&mut out, i);
+        }
+    }
+    out
+}
+
+/// The light that connections bring to the paths of points, if nothing is in between.
+#[inline(always)]
+pub(super) fn lights(
+    found: Eight<Connection>,
+    radiances: Eight<V3>,
+    throughputs: Eight<V3>,
+) -> Eight<V3> {
+    let mut out = Eight::<V3>::default();
+    for i in 0..LANES {
+        let (radiance, throughput) = (V3::get(&radiances, i), V3::get(&throughputs, i));
+        let light = brought(&Connection::get(&found, i), radiance, throughput);
+        light.set(&mut out, i);
+    }
+    out
+}
+
+/// The light that a connection brings to the path of a point.
+#[inline(always)]
+pub(super) fn brought(found: &Connection, radiance: V3, throughput: V3) -> V3 {
+    throughput * (found.reflected * radiance * found.scale)
+}
+
+/// Connections of matt surfaces to points of emitters, and the directions to these; with `CONES` along rays of cones of
+/// a tangent, for random numbers.
+#[inline(always)]
+pub(super) fn connect<const CONES: bool>(
     points: Eight<Point>,
     on: Eight<EmitterTriangle>,
     weights: Eight<V2>,
     chances: Eight<f32>,
+    (tangent, numbers): (f32, Eight<Four>),
 ) -> (Eight<V3>, Eight<Connection>) {
     let (mut directions, mut out) = (Eight::<V3>::default(), Eight::<Connection>::default());
     for i in 0..LANES {
         let point = Point::get(&points, i);
         let on = EmitterTriangle::get(&on, i);
         let target = target_on(&on, V2::get(&weights, i), point.position);
-        let sharp = ConeKernel {
-            tangent: 0.0,
-            u: 0.0,
-            v: 0.0,
+        let cone = ConeKernel {
+            tangent: if CONES { tangent } else { 0.0 },
+            u: numbers.z[i],
+            v: numbers.w[i],
         };
         let (shading, chance) = (point.shading.as_matt(), chances[i]);
-        let found = target.connect(&shading, point.position, chance, false, sharp);
+        let found = target.connect(&shading, point.position, chance, false, cone);
         target.direction.set(&mut directions, i);
         found.set(&mut out, i);
     }

@@ -1,6 +1,8 @@
 //! Paths, forward: from camera rays to the light that they bring back. Each stage goes over all paths of a block before the
 //! next begins.
 
+use std::ops::Range;
+
 use macro_rules_attribute::apply;
 
 use super::direct::{direct_from_emitters, direct_from_map};
@@ -8,10 +10,10 @@ use super::eights::{self, Eight};
 use super::walk::{Level, PathBlock, Walk, Walks, Way, Work};
 use crate::accel::{Hit, HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
-use crate::model::{V3, v2};
-use crate::sampling::{Dimensions, Four};
+use crate::model::{V2, V3, v2};
+use crate::sampling::{Dimensions, Four, Stream, draw_eight};
 use crate::trace::{
-    HitTriangle, Point, Triangle, camera_ray, emitted, hit_triangle, leave, point_at, sky,
+    HitTriangle, Plane, Point, Triangle, emitted, hit_triangle, leave, middle_of, point_at, sky,
 };
 
 impl PathBlock<'_> {
@@ -41,12 +43,12 @@ impl PathBlock<'_> {
             return;
         }
         let mut at = 0;
-        self.draw_emitters(&mut walks.levels[0]);
         while walks.levels[at].len() > 0 {
             let last = self.bounce >= self.settings.bounces;
             let goes_on = !last || self.features.sees_sky;
             let level = &mut walks.levels[at];
-            scatter(self, level, goes_on);
+            draw(self, level, last);
+            scatter(self, level);
             self.gather_lights(level, &mut walks.list, work);
             if !goes_on {
                 return;
@@ -73,13 +75,9 @@ impl PathBlock<'_> {
         }
     }
 
-    /// Draws the random numbers for the emitters that the first points are connected to.
-    fn draw_emitters(&self, level: &mut Level) {
-        for lane in 0..level.len() {
-            let numbers = &self.path(level, lane).numbers;
-            let drawn = numbers.draw(Dimensions::emitter(self.bounce));
-            level.emitters.set(lane, v2(drawn.z, drawn.w));
-        }
+    /// Whether paths that leave their points may end by roulette.
+    fn plays(&self, last: bool) -> bool {
+        self.features.roulette && self.bounce >= self.lists.roulette_after && !last
     }
 
     /// Adds the light of lights that paths are connected to where they are.
@@ -114,19 +112,66 @@ impl PathBlock<'_> {
     }
 }
 
+/// The random numbers of eight paths, of which the first are there.
+#[inline(always)]
+fn drawn_by<'a>(
+    stream: impl Fn(usize) -> &'a Stream,
+    lanes: Range<usize>,
+    what: Dimensions,
+) -> Eight<Four> {
+    let mut streams = [stream(lanes.start); LANES];
+    for lane in lanes {
+        streams[lane % LANES] = stream(lane);
+    }
+    draw_eight(streams, what)
+}
+
 /// Makes the camera rays of paths.
 #[apply(stage!)]
 fn leave_cameras<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     work.rays.clear();
-    for (i, path) in of.paths.iter().enumerate() {
-        let numbers = &path.numbers;
-        let drawn = numbers.draw(Dimensions::film());
-        let (lens, pixel) = (of.lens_point(numbers), numbers.path().0);
-        let ray = camera_ray(&of.lists, &of.camera, drawn, lens, pixel);
-        let (origin, direction) = (ray.origin, ray.direction);
-        let on = HitRay::new(origin, direction, path.time, f32::INFINITY);
-        work.rays.push(on);
-        walks.cameras.set(i, ray);
+    let (mut pixel, mut middle) = (0, middle_of(&of.lists, 0));
+    for first in (0..of.paths.len()).step_by(LANES) {
+        let lanes = first..of.paths.len().min(first + LANES);
+        let stream = |lane: usize| &of.paths[lane].numbers;
+        let drawn = drawn_by(stream, lanes.clone(), Dimensions::film());
+        let mut lens = Eight::<V2>::default();
+        if of.features.lens {
+            lens =
+                eights::lens_points(drawn_by(stream, lanes.clone(), Dimensions::lens_and_time()));
+        }
+        let mut middles = Eight::<V2>::default();
+        for lane in lanes.clone() {
+            let own = of.paths[lane].numbers.pixel;
+            if own != pixel {
+                (pixel, middle) = (own, middle_of(&of.lists, own));
+            }
+            middle.set(&mut middles, lane);
+        }
+        let places = eights::filter_points(&of.filter.table, drawn.x, drawn.y);
+        let rays = eights::camera_rays(of.camera, middles, places, lens);
+        for lane in lanes {
+            let (origin, direction) = (V3::get(&rays.origin, lane), V3::get(&rays.direction, lane));
+            let time = of.paths[lane].time;
+            let on = HitRay::new(origin, direction, time, f32::INFINITY);
+            work.rays.push(on);
+        }
+        *walks.film.lanes_mut(first) = drawn;
+        *walks.cameras.lanes_mut(first) = rays;
+    }
+}
+
+/// Draws the random numbers for the emitters that the first points are connected to.
+#[apply(stage!)]
+pub(super) fn draw_emitters<'a>(of: &'a PathBlock<'a>, level: &'a mut Level) {
+    for first in (0..level.len()).step_by(LANES) {
+        let lanes = first..level.len().min(first + LANES);
+        let stream = |lane: usize| &of.path(level, lane).numbers;
+        let drawn = drawn_by(stream, lanes, Dimensions::emitter(of.bounce));
+        *level.emitters.lanes_mut(first) = Eight::<V2> {
+            x: drawn.z,
+            y: drawn.w,
+        };
     }
 }
 
@@ -134,7 +179,9 @@ fn leave_cameras<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut 
 #[apply(stage!)]
 fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     let lists = &of.lists;
-    let Walks { list, levels, .. } = walks;
+    let Walks {
+        list, levels, film, ..
+    } = walks;
     let first = &mut levels[0];
     let mut rays = std::mem::take(&mut work.arriving);
     rays.clear();
@@ -143,6 +190,8 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
             list[i].radiance = sky(lists, ray.direction.into());
         } else {
             rays.push(i as u32);
+            let drawn = film.get(i);
+            first.emitters.set(first.len(), v2(drawn.z, drawn.w));
             first.add(i as u32, i as u32, V3::ONE);
         }
     }
@@ -173,56 +222,81 @@ fn points(of: &PathBlock, level: &mut Level, rays: &[u32], work: &Work) {
             }
             continue;
         }
-        let mut triangles = Eight::<Triangle>::default();
+        let mut planes = Eight::<Plane>::default();
         let mut hits = Eight::<HitTriangle>::default();
         let [mut shifts, mut nears] = [Eight::<V3>::default(); 2];
-        for lane in lanes {
+        for lane in lanes.clone() {
             let (Hit { t, triangle }, ray) = hit_of(lane);
             let (origin, direction) = (V3::from(ray.origin), V3::from(ray.direction));
             let hit = hit_triangle(lists, triangle, t, direction);
-            lists
-                .displacement(hit.object, ray.time)
-                .set(&mut shifts, lane);
-            lists.triangle(triangle).set(&mut triangles, lane);
+            if lists.features.moves {
+                let shift = lists.displacement(hit.object, ray.time);
+                shift.set(&mut shifts, lane);
+            }
+            lists.plane(triangle).set(&mut planes, lane);
             (origin + direction * t).set(&mut nears, lane);
             hit.set(&mut hits, lane);
         }
-        *level.points.lanes_mut(first) = eights::plain_points(triangles, shifts, nears, hits);
+        let points = level.points.lanes_mut(first);
+        *points = eights::plain_points(planes, shifts, nears, hits);
+        // Nothing but derivatives asks for them.
+        if of.keep {
+            let mut triangles = Eight::<Triangle>::default();
+            for lane in lanes {
+                let triangle = lists.triangle(hits.triangle[lane % LANES]);
+                triangle.set(&mut triangles, lane);
+            }
+            points.weights = eights::weights(triangles, shifts, nears, hits.direction);
+        }
     }
 }
 
-/// Draws the directions in which paths go on.
+/// Draws the random numbers that paths use at their points.
 #[apply(stage!)]
-fn scatter<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, goes_on: bool) {
-    let always = goes_on || of.features.gathers_map;
-    let mut drawn = Eight::<Four>::default();
+fn draw<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool) {
+    let features = &of.features;
+    let always = !last || features.sees_sky || features.gathers_map;
+    let choices = features.gathers_map || of.plays(last);
+    let paths = &level.paths;
+    for first in (0..paths.len()).step_by(LANES) {
+        let lanes = first..paths.len().min(first + LANES);
+        let matt = eights::are_matt(level.points.lanes(first), lanes.len());
+        level.matt.push(matt);
+        if features.cones {
+            let stream = |lane: usize| &of.cones[of.paths[paths[lane] as usize].cones as usize];
+            let drawn = drawn_by(stream, lanes.clone(), Dimensions::of_set(of.bounce));
+            *level.cones.lanes_mut(first) = drawn;
+        }
+        let stream = |lane: usize| &of.paths[paths[lane] as usize].numbers;
+        if always || (!matt && features.combined) {
+            let drawn = drawn_by(stream, lanes.clone(), Dimensions::direction(of.bounce));
+            *level.numbers.lanes_mut(first) = drawn;
+            if choices || !matt {
+                let drawn = drawn_by(stream, lanes, Dimensions::choices(of.bounce));
+                *level.choices.lanes_mut(first) = drawn;
+            }
+        }
+    }
+}
+
+/// Draws the directions in which paths go on, or would go.
+#[apply(stage!)]
+fn scatter<'a>(of: &'a PathBlock<'a>, level: &'a mut Level) {
     for first in (0..level.len()).step_by(LANES) {
         let lanes = first..level.len().min(first + LANES);
-        let matt = eights::are_matt(level.points.lanes(first), lanes.len());
-        if !always && (matt || !of.features.combined) {
-            continue;
-        }
-        for lane in lanes.clone() {
-            let numbers = of.path(level, lane).numbers;
-            let own = numbers.draw(Dimensions::direction(of.bounce));
-            level.ahead.set(lane, v2(own.z, own.w));
-            own.set(&mut drawn, lane);
-        }
-        if matt {
+        let drawn = *level.numbers.lanes(first);
+        if level.matt[first / LANES] {
             let shadings = level.points.lanes(first).shading;
             *level.scatters.lanes_mut(first) = eights::scatter(shadings, drawn);
             continue;
         }
         for lane in lanes {
             let point = level.points.get(lane);
-            let glossy = point.shading.glossy;
-            if point.reflects && (always || glossy) {
-                let mut lobe = 0.0;
-                if glossy {
-                    let numbers = of.path(level, lane).numbers;
-                    lobe = numbers.draw(Dimensions::choices(of.bounce)).x;
+            if point.reflects {
+                let (own, mut lobe) = (Four::get(&drawn, lane), 0.0);
+                if point.shading.glossy {
+                    lobe = level.choices.get(lane).x;
                 }
-                let own = Four::get(&drawn, lane);
                 let scatter = point.shading.sample(own.x, own.y, lobe);
                 level.scatters.set(lane, scatter);
             }
@@ -236,28 +310,27 @@ fn leave_surfaces<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool, w
     work.rays.clear();
     work.lanes.clear();
     let lists = &of.lists;
-    let plays = of.features.roulette && of.bounce >= lists.roulette_after && !last;
-    let sharp = !plays && !lists.features.cones;
+    let plays = of.plays(last);
     for first in (0..level.len()).step_by(LANES) {
         let lanes = first..level.len().min(first + LANES);
+        let at_once = !plays && level.matt[first / LANES];
         let points = level.points.lanes(first);
-        let at_once = sharp && eights::are_matt(points, lanes.len());
+        let cones = level.cones.lanes(first);
         if at_once {
             let (scatters, before) = (level.scatters.lanes(first), level.throughputs.lanes(first));
-            *level.leavings.lanes_mut(first) = eights::leave(*points, *scatters, *before);
+            let mut left = eights::leave(*points, *scatters, *before);
+            if of.features.cones {
+                left.bend = eights::bend(*points, *scatters, of.cone, *cones);
+            }
+            *level.leavings.lanes_mut(first) = left;
         }
         for lane in lanes {
             if !points.reflects[lane % LANES] {
                 continue;
             }
-            let path = of.path(level, lane);
             if !at_once {
-                let u = if plays {
-                    path.numbers.draw(Dimensions::choices(of.bounce)).y
-                } else {
-                    0.0
-                };
-                let cone = of.cone_numbers(path);
+                let u = level.choices.get(lane).y;
+                let cone = Four::get(cones, lane);
                 let (point, scatter) = (level.points.get(lane), level.scatters.get(lane));
                 let before = level.throughputs.get(lane);
                 let left = leave(
@@ -265,12 +338,16 @@ fn leave_surfaces<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool, w
                 );
                 level.leavings.set(lane, left);
             }
-            let left = level.leavings.get(lane);
-            if left.goes_on {
+            let left = level.leavings.lanes(first);
+            if left.goes_on[lane % LANES] {
                 level.ways[lane] = Way::On;
                 work.lanes.push(lane as u32);
-                let (start, direction) = (left.start, left.bend.direction);
-                let ray = HitRay::new(start, direction, path.time, f32::INFINITY);
+                let (start, direction) = (
+                    V3::get(&left.start, lane),
+                    V3::get(&left.bend.direction, lane),
+                );
+                let time = of.time(level, lane);
+                let ray = HitRay::new(start, direction, time, f32::INFINITY);
                 work.rays.push(ray);
             }
         }
@@ -287,7 +364,8 @@ fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &
         if hit.triangle != NOTHING {
             rays.push(k as u32);
             let from_lane = lane as usize;
-            to.emitters.set(to.len(), from.ahead.get(from_lane));
+            let numbers = from.numbers.get(from_lane);
+            to.emitters.set(to.len(), v2(numbers.z, numbers.w));
             let throughput = from.leavings.get(from_lane).throughput;
             to.add(from.paths[from_lane], lane, throughput);
         }

@@ -7,9 +7,8 @@ use macro_rules_attribute::apply;
 use super::backward::Return;
 use super::gradient::HostSums;
 use super::view::{Tracer, View};
-use super::walk::{Path, PathBlock, Seen, TOGETHER, Walks, Work};
+use super::walk::{Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work};
 use crate::accel::stage;
-use crate::sampling::{Numbers, RUN, Run};
 
 impl View {
     /// Sums over samples of pixels. `objects` counts, for each pixel, what its rays hit.
@@ -22,11 +21,13 @@ impl View {
     ) -> Vec<Seen> {
         let mut all = vec![Seen::default(); pixels.len()];
         self.each_block(pixels, samples, false, work, |first, each, _, walks, _| {
-            for (k, walk) in walks.list.iter().enumerate() {
-                let i = first + k / each;
-                walk.add_to(&mut all[i]);
-                if let Some(objects) = &mut objects {
-                    self.count_object(i, walk.seen, objects);
+            for (k, walks) in walks.list.chunks(each).enumerate() {
+                let i = first + k;
+                for walk in walks {
+                    walk.add_to(&mut all[i]);
+                    if let Some(objects) = &mut objects {
+                        self.count_object(i, walk.seen, objects);
+                    }
                 }
             }
         });
@@ -44,13 +45,11 @@ impl View {
         mut act: impl FnMut(usize, usize, PathBlock, &Walks, &mut Work),
     ) {
         let tracer = self.tracer();
-        let mut walks = Walks::default();
+        let (mut walks, mut paths) = (Walks::default(), Paths::default());
         let together = TOGETHER.div_ceil(samples.len().clamp(1, RUN));
         for (block, pixels) in pixels.chunks(together).enumerate() {
             for samples in runs_of(&samples) {
-                let runs = draw_runs(&tracer, pixels, samples.start);
-                let cones = self.cones(&runs, &samples);
-                let paths = self.paths(&runs, &cones, &samples);
+                begin_paths(&tracer, pixels, samples.clone(), &mut paths);
                 let mut of = PathBlock::new(&tracer, &paths, keep);
                 of.camera_walks(&mut walks, work);
                 act(block * together, samples.len(), of, &walks, work);
@@ -104,37 +103,6 @@ impl View {
         );
     }
 
-    /// Random numbers for the cones of samples of all runs, if there are cones.
-    fn cones(&self, runs: &[Run], samples: &Range<u32>) -> Vec<Numbers<'static>> {
-        let with_cones = if self.cone > 0.0 { runs } else { &[] };
-        let of_run = |run: &Run| {
-            let pixel = run.pixel();
-            samples.clone().map(move |s| self.cones.numbers((pixel, s)))
-        };
-        with_cones.iter().flat_map(of_run).collect()
-    }
-
-    /// Samples of all runs, those of one after another.
-    fn paths<'a>(
-        &'a self,
-        runs: &'a [Run],
-        cones: &'a [Numbers<'static>],
-        samples: &Range<u32>,
-    ) -> Vec<Path<'a>> {
-        let mut paths = Vec::with_capacity(runs.len() * samples.len());
-        for run in runs {
-            for sample in samples.clone() {
-                let numbers = run.numbers(sample);
-                paths.push(Path {
-                    time: self.time(&numbers),
-                    cones: cones.get(paths.len()),
-                    numbers,
-                });
-            }
-        }
-        paths
-    }
-
     /// Counts an object that a ray of the i-th pixel hit; the last is the background.
     fn count_object(&self, i: usize, triangle: u32, objects: &mut [f32]) {
         let lists = &self.scene.lists;
@@ -150,7 +118,7 @@ impl View {
     }
 }
 
-/// Samples in runs, whose numbers are drawn at once.
+/// Samples in runs, which lie side by side in a sequence.
 fn runs_of(samples: &Range<u32>) -> impl Iterator<Item = Range<u32>> + use<> {
     let run = RUN as u32;
     let (start, end) = (samples.start, samples.end);
@@ -160,15 +128,33 @@ fn runs_of(samples: &Range<u32>) -> impl Iterator<Item = Range<u32>> + use<> {
     })
 }
 
-/// The random numbers of the run of samples that one of them is in, of some pixels.
+/// The paths of samples of pixels, those of a pixel one after another.
 #[apply(stage!)]
-fn draw_runs<'a>(tracer: &'a Tracer<'a>, pixels: &'a [u32], sample: u32) -> Vec<Run> {
-    let first = sample - sample % RUN as u32;
-    let mut runs = Vec::with_capacity(pixels.len());
+fn begin_paths<'a>(
+    tracer: &'a Tracer<'a>,
+    pixels: &'a [u32],
+    samples: Range<u32>,
+    paths: &'a mut Paths,
+) {
+    let Paths { list, cones } = paths;
+    list.clear();
+    cones.clear();
+    let (first, with_cones) = (samples.start, tracer.cone > 0.0);
     for &pixel in pixels {
-        let samples = first..first.saturating_add(RUN as u32);
-        let run = tracer.settings.sampler.run(pixel, samples, tracer.drawn);
-        runs.push(run);
+        let numbers = tracer.settings.sampler.stream(pixel, first);
+        for i in 0..samples.len() as u32 {
+            let numbers = numbers.after(i);
+            list.push(Path {
+                time: tracer.time(&numbers),
+                cones: list.len() as u32,
+                numbers,
+            });
+        }
+        if with_cones {
+            let numbers = tracer.cones.stream(pixel, first);
+            for i in 0..samples.len() as u32 {
+                cones.push(numbers.after(i));
+            }
+        }
     }
-    runs
 }

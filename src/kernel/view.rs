@@ -10,7 +10,7 @@ use super::scene::KernelScene;
 use crate::model::camera::Camera;
 use crate::model::filter::{PixelFilter, uniform_disk};
 use crate::model::{V2, V3, v2};
-use crate::sampling::{Dimensions, EmitterGroup, EmitterLists, Numbers, Sampler};
+use crate::sampling::{Dimensions, EmitterGroup, EmitterLists, Sampler, Stream};
 use crate::scene::ParameterId;
 use crate::trace::{Features, NONE, Scene, emitters_of};
 
@@ -32,8 +32,6 @@ pub(crate) struct View {
     /// Random numbers for edges on the film.
     pub film: Sampler,
     pub arch: pulp::Arch,
-    /// The sets of random numbers that most paths use (`Sampler::run`).
-    pub drawn: u8,
     pub features: Features,
     pub wanted: Wanted,
     /// What stages read beside the lists of the scene ([`Scene`]).
@@ -109,7 +107,6 @@ impl View {
             sides: settings.sampler.of_purpose(3),
             film: settings.sampler.of_purpose(4).of_one_pixel(),
             arch: pulp::Arch::new(),
-            drawn: 0,
             features: Features::default(),
             flat: Flat::default(),
             has_edges: edge_sets.as_ref().is_some_and(|e| !e.is_empty()),
@@ -121,7 +118,6 @@ impl View {
         view.features = view.features();
         view.add_derivatives();
         view.flat = view.flat();
-        view.drawn = view.sets();
         view
     }
 
@@ -242,39 +238,21 @@ impl View {
             .backward(sums, unit, (aspect, filter), places, all);
     }
 
-    /// The sets of random numbers that paths use at their first surfaces (`Dimensions`).
-    fn sets(&self) -> u8 {
-        let glossy = self.features.glossy;
-        let to_the_end = self.features.sees_sky
-            || self.features.gathers_map
-            || (glossy && self.features.combined);
-        let directions = self.settings.bounces.saturating_add(u32::from(to_the_end));
-        let more = glossy || self.features.gathers_map || self.settings.roulette_after.is_some();
-        let mut sets = 1;
-        if self.camera.aperture > 0.0 || self.features.moves {
-            sets |= 2;
-        }
-        for bounce in 0..directions.min(3) {
-            sets |= if more { 12 } else { 4 } << (2 * bounce);
-        }
-        sets
-    }
-
     /// A point of the lens, on the unit disk.
     #[inline(always)]
-    pub fn lens_point(&self, numbers: &Numbers) -> V2 {
+    pub fn lens_point(&self, numbers: &Stream) -> V2 {
         if self.camera.aperture == 0.0 {
             return v2(0.0, 0.0);
         }
-        let drawn = numbers.draw(Dimensions::lens_and_time());
+        let drawn = numbers.numbers(Dimensions::lens_and_time());
         uniform_disk(drawn.x, drawn.y)
     }
 
     /// The time of a path in the shutter.
     #[inline(always)]
-    pub fn time(&self, numbers: &Numbers) -> f32 {
+    pub fn time(&self, numbers: &Stream) -> f32 {
         if self.features.moves {
-            numbers.draw(Dimensions::lens_and_time()).z
+            numbers.numbers(Dimensions::lens_and_time()).z
         } else {
             0.0
         }

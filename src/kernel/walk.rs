@@ -9,7 +9,7 @@ use crate::lanes::Block;
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
 use crate::model::{V2, V3};
-use crate::sampling::{Dimensions, EmitterKinds, Four, Met, Numbers};
+use crate::sampling::{EmitterKinds, Four, Met, Stream};
 pub(crate) use crate::trace::Seen;
 use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient};
 
@@ -17,19 +17,32 @@ use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient};
 /// for one.
 pub(super) const TOGETHER: usize = 64;
 
+/// Samples of a pixel that go together, at most.
+pub(super) const RUN: usize = 8;
+
 /// The constants of a path.
 #[derive(Clone, Copy)]
-pub(crate) struct Path<'a> {
-    pub numbers: Numbers<'a>,
-    /// Random numbers for the kernels of cones.
-    pub cones: Option<&'a Numbers<'static>>,
+pub(crate) struct Path {
+    /// What its random numbers come from.
+    pub numbers: Stream,
+    /// Where those for the kernels of cones come from.
+    pub cones: u32,
     pub time: f32,
+}
+
+/// Paths from the camera.
+#[derive(Default)]
+pub(super) struct Paths {
+    pub list: Vec<Path>,
+    pub cones: Vec<Stream>,
 }
 
 /// A block of paths after some bounces.
 pub(super) struct PathBlock<'a> {
     pub tracer: &'a Tracer<'a>,
-    pub paths: &'a [Path<'a>],
+    pub paths: &'a [Path],
+    /// What random numbers for cones come from, if there are any.
+    pub cones: &'a [Stream],
     pub bounce: u32,
     /// Whether all levels are kept, for the backward pass.
     pub keep: bool,
@@ -46,10 +59,11 @@ impl<'a> Deref for PathBlock<'a> {
 
 impl<'a> PathBlock<'a> {
     /// Paths from the camera.
-    pub fn new(tracer: &'a Tracer<'a>, paths: &'a [Path<'a>], keep: bool) -> Self {
+    pub fn new(tracer: &'a Tracer<'a>, paths: &'a Paths, keep: bool) -> Self {
         Self {
             tracer,
-            paths,
+            paths: &paths.list,
+            cones: &paths.cones,
             bounce: 0,
             keep,
         }
@@ -57,16 +71,17 @@ impl<'a> PathBlock<'a> {
 
     /// The path of a lane.
     #[inline(always)]
-    pub fn path(&self, level: &Level, lane: usize) -> &Path<'_> {
+    pub fn path(&self, level: &Level, lane: usize) -> &'a Path {
         &self.paths[level.paths[lane] as usize]
     }
 
-    /// Two pairs of random numbers, for the cones of a path's next ray and of its shadow rays.
+    /// The time of a lane's path.
     #[inline(always)]
-    pub fn cone_numbers(&self, path: &Path) -> Four {
-        match &path.cones {
-            Some(numbers) => numbers.draw(Dimensions::of_set(self.bounce)),
-            None => Four::default(),
+    pub fn time(&self, level: &Level, lane: usize) -> f32 {
+        if self.features.moves {
+            self.path(level, lane).time
+        } else {
+            0.0
         }
     }
 }
@@ -111,6 +126,8 @@ impl Walk {
 #[derive(Default)]
 pub(crate) struct Walks {
     pub list: Vec<Walk>,
+    /// Random numbers of the film.
+    pub film: Block<Four>,
     pub cameras: Block<CameraRay>,
     /// The surface points that paths come to, bounce by bounce. Where they are not kept two take turns.
     pub levels: Vec<Level>,
@@ -123,6 +140,7 @@ impl Walks {
     pub fn clear(&mut self, count: usize) {
         self.list.clear();
         self.list.resize(count, Walk::NEW);
+        self.film.reserve(count);
         self.cameras.reserve(count);
         self.level(0).clear(count);
         self.depth = 1;
@@ -155,9 +173,14 @@ pub(crate) struct Level {
     pub points: Block<Point>,
     /// The throughput of the path where it arrives.
     pub throughputs: Block<V3>,
-    /// Random numbers for the emitter that it is connected to here, and at the next point.
+    /// Random numbers for the emitter that it is connected to.
     pub emitters: Block<V2>,
-    pub ahead: Block<V2>,
+    /// For the way on and the next emitter, for choices, and for the cones of the next ray and of that to a light.
+    pub numbers: Block<Four>,
+    pub choices: Block<Four>,
+    pub cones: Block<Four>,
+    /// Whether all of eight lanes are of matt surfaces.
+    pub matt: Vec<bool>,
     /// The way on, where the path goes on.
     pub scatters: Block<Scatter>,
     pub leavings: Block<Leaving>,
@@ -175,13 +198,16 @@ impl Level {
     pub fn clear(&mut self, room: usize) {
         self.paths.clear();
         self.before.clear();
+        self.matt.clear();
         self.lights.clear();
         self.ways.clear();
         self.ways.resize(room, Way::Ends);
         self.points.reserve(room);
         self.throughputs.reserve(room);
         self.emitters.reserve(room);
-        self.ahead.reserve(room);
+        self.numbers.reserve(room);
+        self.choices.reserve(room);
+        self.cones.reserve(room);
         self.scatters.reserve(room);
         self.leavings.reserve(room);
     }

@@ -138,16 +138,39 @@ impl PixelFilter {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn sample_filter(list: &[f32], table: usize, u: f32) -> f32 {
-    let upper = u > 0.5;
-    let mut half = u;
-    if upper {
-        half = 1.0 - u;
-    }
-    let place = (2.0 * half).sqrt().sqrt() * ENTRIES as f32;
-    let i = (place as usize).min(ENTRIES - 1);
-    let a = list[table + i];
-    let mut x = a + (list[table + i + 1] - a) * (place - i as f32);
-    if upper {
+    let place = filter_place(u);
+    filter_between(filter_entries(list, table, place), place, u)
+}
+
+/// The place of a number in the filter's table.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn filter_place(u: f32) -> f32 {
+    (2.0 * u.min(1.0 - u)).sqrt().sqrt() * ENTRIES as f32
+}
+
+/// The entry before a place of the table.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn entry_before(place: f32) -> f32 {
+    place.floor().min((ENTRIES - 1) as f32)
+}
+
+/// The entries about a place of the table, which begins at some place of a list.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn filter_entries(list: &[f32], table: usize, place: f32) -> V2 {
+    let i = table + entry_before(place) as usize;
+    let after = list[i + 1];
+    v2(list[i], after)
+}
+
+/// The point of the filter between the entries about its place, on the half that a number is of.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn filter_between(entries: V2, place: f32, u: f32) -> f32 {
+    let mut x = entries.x + (entries.y - entries.x) * (place - entry_before(place));
+    if u > 0.5 {
         x = -x;
     }
     x

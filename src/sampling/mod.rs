@@ -13,9 +13,9 @@ pub(crate) use emitters::{
     Choosing, Chosen, Emitter, EmitterGroup, EmitterHit, EmitterKinds, EmitterLists,
     EmitterTriangle, Emitters, Fixed, LightTree, Met, Receiver, no_emitter_hit,
 };
-pub(crate) use numbers::{Numbers, RUN, Run};
+pub(crate) use numbers::draw_eight;
 pub(crate) use sampler::Sampler;
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
-pub(crate) use stream::{Dimensions, Four};
 #[cfg(feature = "wgpu")]
-pub(crate) use stream::{Stream, points};
+pub(crate) use stream::points;
+pub(crate) use stream::{Dimensions, Four, Stream};

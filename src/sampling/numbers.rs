@@ -1,134 +1,83 @@
-//! The random numbers of paths on the host, and those of neighbouring samples at once.
-
-use std::ops::Range;
+//! The random numbers of paths on the host, and those of eight paths at once.
 
 use super::Sequence;
 use super::sampler::Sampler;
-use super::stream::{Dimensions, Four, Stream, number, point_of, points, scrambled, scrambles};
+use super::stream::{
+    Dimensions, Four, OF_SET, SETS, Stream, number, point_of, points, scrambled, scrambles,
+};
+use crate::lanes::{LANES, Record};
 
-/// The random numbers of one path, some of which are drawn already.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Numbers<'a> {
-    stream: Stream,
-    /// Sets that are drawn already, one bit each of the first eight, and their numbers.
-    drawn: u8,
-    fours: &'a [Four],
-}
+/// The bits of a shuffled place that neighbours in a sequence share.
+const SHARED: u32 = u32::MAX >> 4;
 
-impl Numbers<'_> {
-    /// Pixel and sample.
-    pub fn path(&self) -> (u32, u32) {
-        (self.stream.pixel, self.stream.sample)
-    }
-
-    #[inline(always)]
-    pub fn draw(&self, what: Dimensions) -> Four {
-        if what.set < 8 && self.drawn & (1 << what.set) != 0 {
-            return self.fours[what.set as usize];
-        }
-        self.draw_now(what)
-    }
-
+impl Stream {
+    /// Four numbers.
     #[inline(never)]
-    fn draw_now(&self, what: Dimensions) -> Four {
-        self.stream.draw(points(), what)
-    }
-}
-
-/// Samples of a pixel whose numbers are drawn at once.
-pub(crate) const RUN: usize = 8;
-
-/// The numbers of neighbouring samples of a pixel.
-pub(crate) struct Run {
-    first: Stream,
-    shuffled: [u32; RUN],
-    drawn: u8,
-    fours: [[Four; 8]; RUN],
-}
-
-impl Run {
-    pub fn pixel(&self) -> u32 {
-        self.first.pixel
+    pub(crate) fn numbers(&self, what: Dimensions) -> Four {
+        self.draw(points(), what)
     }
 
-    /// The numbers of one of the samples.
-    pub fn numbers(&self, sample: u32) -> Numbers<'_> {
-        let i = (sample - self.first.sample) as usize % RUN;
-        Numbers {
-            // Samples of a run share a block, and lie side by side in it.
-            stream: Stream {
-                sample,
-                index: self.first.index + i as u32,
-                shuffled: self.shuffled[i],
-                ..self.first
-            },
-            drawn: self.drawn,
-            fours: &self.fours[i],
+    /// That of the same pixel so many samples on, where these lie side by side in the sequence.
+    #[inline(always)]
+    pub(crate) fn after(&self, samples: u32) -> Self {
+        let index = self.index + samples;
+        Self {
+            sample: self.sample + samples,
+            index,
+            shuffled: scrambled(index.reverse_bits(), self.stage.low),
+            ..*self
         }
     }
+}
+
+/// Four numbers of each of eight paths. Those of neighbouring samples share most of the work.
+#[inline(always)]
+pub(crate) fn draw_eight(streams: [&Stream; LANES], what: Dimensions) -> <Four as Record>::Lanes {
+    let mut out = <Four as Record>::Lanes::default();
+    if streams[0].sequence == Sequence::Independent || what.set >= SETS {
+        for (i, stream) in streams.into_iter().enumerate() {
+            stream.numbers(what).set(&mut out, i);
+        }
+        return out;
+    }
+    let first = what.set as usize * OF_SET;
+    let of_set: &[u32] = &points()[first..first + OF_SET];
+    let [mut coordinates, mut seeds] = [[[0; 4]; LANES]; 2];
+    let (mut last, mut point, mut scramble) = (streams[0], [0; 4], [0; 4]);
+    for (i, stream) in streams.into_iter().enumerate() {
+        let rest = stream.shuffled & SHARED;
+        if i == 0 || stream.stage != last.stage || rest != last.shuffled & SHARED {
+            let shared = point_of(points(), what.set, rest);
+            let s = scrambles(stream.stage, what.set);
+            point = [shared.x, shared.y, shared.z, shared.w];
+            scramble = [s.x, s.y, s.z, s.w];
+            last = stream;
+        }
+        let own = 4 * (stream.shuffled >> 28) as usize;
+        let own = &of_set[own..own + 4];
+        for d in 0..4 {
+            coordinates[i][d] = point[d] ^ own[d];
+        }
+        seeds[i] = scramble;
+    }
+    let mut numbers = [[0.0; 4]; LANES];
+    let all = coordinates.as_flattened().iter().zip(seeds.as_flattened());
+    for (drawn, (&coordinate, &seed)) in numbers.as_flattened_mut().iter_mut().zip(all) {
+        *drawn = number(coordinate, seed);
+    }
+    for (i, [x, y, z, w]) in numbers.into_iter().enumerate() {
+        Four { x, y, z, w }.set(&mut out, i);
+    }
+    out
 }
 
 impl Sampler {
-    /// The numbers of one path, each (pixel, sample).
-    pub(crate) fn numbers(&self, (pixel, sample): (u32, u32)) -> Numbers<'static> {
-        Numbers {
-            stream: self.stream(pixel, sample),
-            drawn: 0,
-            fours: &[],
-        }
-    }
-
-    /// The numbers of up to [`RUN`] samples of a pixel, of which the first is a multiple of it, with some
-    /// of the first eight sets of four dimensions (one bit each) drawn for all at once, which is much
-    /// less work than one by one.
-    #[inline(always)]
-    pub(crate) fn run(&self, pixel: u32, samples: Range<u32>, sets: u8) -> Run {
-        let first = self.stream(pixel, samples.start);
-        let mut run = Run {
-            first,
-            shuffled: [0; RUN],
-            drawn: match self.sequence {
-                Sequence::Sobol => sets,
-                Sequence::Independent => 0,
-            },
-            fours: [[Four::default(); 8]; RUN],
-        };
-        for (i, shuffled) in run.shuffled.iter_mut().enumerate() {
-            let index = first.index + i as u32;
-            *shuffled = scrambled(index.reverse_bits(), first.stage.low);
-        }
-        let mut left = run.drawn;
-        while left != 0 {
-            let set = left.trailing_zeros();
-            left &= left - 1;
-            let mut point = [[0; RUN]; 4];
-            for (i, &shuffled) in run.shuffled.iter().enumerate() {
-                let found = point_of(points(), set, shuffled);
-                for (values, value) in point.iter_mut().zip([found.x, found.y, found.z, found.w]) {
-                    values[i] = value;
-                }
-            }
-            let s = scrambles(first.stage, set);
-            let mut drawn = [[0.0; RUN]; 4];
-            for (d, scramble) in [s.x, s.y, s.z, s.w].into_iter().enumerate() {
-                for i in 0..RUN {
-                    drawn[d][i] = number(point[d][i], scramble);
-                }
-            }
-            for (i, fours) in run.fours.iter_mut().enumerate() {
-                let [x, y, z, w] = [drawn[0][i], drawn[1][i], drawn[2][i], drawn[3][i]];
-                fours[set as usize % 8] = Four { x, y, z, w };
-            }
-        }
-        run
-    }
-
     /// Numbers of four dimensions for a list of paths, each (pixel, sample). They have 24 bits, so that they are the
     /// same numbers in f32 and f64.
     pub(crate) fn uniform(&self, paths: &[(u32, u32)], what: Dimensions) -> [Vec<f64>; 4] {
         let mut found = [(); 4].map(|()| Vec::with_capacity(paths.len()));
         for &path in paths {
-            let Four { x, y, z, w } = self.numbers(path).draw(what);
+            let Four { x, y, z, w } = self.stream(path.0, path.1).numbers(what);
             for (values, number) in found.iter_mut().zip([x, y, z, w]) {
                 values.push(f64::from(number));
             }
@@ -147,6 +96,28 @@ impl Sampler {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn eight_paths_draw_the_numbers_of_each() {
+        for sequence in [Sequence::Independent, Sequence::Sobol] {
+            let sampler = Sampler::new(3, sequence, 64, 32);
+            let first = sampler.stream(77, 16);
+            let run = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| first.after(i));
+            let others = [5, 6, 0, 900, 41, 7, 7, 8].map(|i| sampler.stream(3 * i, i));
+            let mixed =
+                [0, 1, 2, 3, 4, 5, 6, 7].map(|i| if i % 3 == 0 { run[i] } else { others[i] });
+            for streams in [run, others, mixed] {
+                for set in [0, 1, 7, 63, 64, 200] {
+                    let what = Dimensions::of_set(set);
+                    let found = draw_eight(streams.each_ref(), what);
+                    for (i, stream) in streams.iter().enumerate() {
+                        let own = sampler.stream(stream.pixel, stream.sample);
+                        assert_eq!(Four::get(&found, i), own.numbers(what));
+                    }
+                }
+            }
+        }
+    }
 
     #[test]
     fn numbers_are_uniform_and_uncorrelated_between_dimensions() {

@@ -168,9 +168,9 @@ impl Stream {
 }
 
 /// Sets of four dimensions in a table of points, and the words of each.
-const SETS: u32 = 64;
+pub(super) const SETS: u32 = 64;
 const _: () = assert!(SETS == NUM_DIMENSION_SETS_4D);
-const OF_SET: usize = 256;
+pub(super) const OF_SET: usize = 256;
 
 /// Points of the Sobol sequence, for each set of four dimensions by four bits of the index at a time: a point is the
 /// sum, without carry, of those of the four parts of its index.

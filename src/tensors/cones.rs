@@ -61,8 +61,9 @@ impl Cones {
         if self.tangent == 0.0 {
             return Four::default();
         }
-        let numbers = self.sampler.numbers(at.paths[i]);
-        numbers.draw(Dimensions::of_set(at.bounce))
+        let (pixel, sample) = at.paths[i];
+        let numbers = self.sampler.stream(pixel, sample);
+        numbers.numbers(Dimensions::of_set(at.bounce))
     }
 
     /// The side's normal of the surface that a ray leaves, if it leaves one.

@@ -9,10 +9,9 @@ use super::seen::Seen;
 #[cfg(feature = "wgpu")]
 use super::seen::SeenExpand;
 use super::sums::{Sums, add_to_camera};
-use crate::model::camera::{Camera, CameraGradient, CameraRay};
-use crate::model::filter::{film_kernel, sample_filter};
+use crate::model::camera::{Camera, CameraGradient};
+use crate::model::filter::film_kernel;
 use crate::model::{V2, V3, v2};
-use crate::sampling::Four;
 
 /// A point of an edge, and how the camera sees it through a point of its lens.
 #[apply(record!)]
@@ -36,22 +35,6 @@ pub(crate) struct FilmPoint {
 pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
     let width = scene.width;
     v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
-}
-
-/// The camera ray of a pixel, for two random numbers of the film and a point of the lens.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn camera_ray(
-    scene: &Scene,
-    c: &Camera,
-    drawn: Four,
-    lens: V2,
-    pixel: u32,
-) -> CameraRay {
-    let middle = middle_of(scene, pixel);
-    let x = middle.x + sample_filter(scene.filter, 0usize, drawn.x);
-    let y = middle.y + sample_filter(scene.filter, 0usize, drawn.y);
-    c.ray(x, y, lens.x, lens.y)
 }
 
 /// A point of an edge by its place on it and 1 over the density of that.

@@ -238,8 +238,24 @@ pub(crate) struct Triangle {
     /// Unit normal of the front.
     pub normal: V3,
     /// normal · corner.
-    pub plane: f32,
+    pub offset: f32,
     pub area: f32,
+}
+
+/// The plane of a triangle.
+#[apply(zeroed!)]
+pub(crate) struct Plane {
+    pub normal: V3,
+    pub offset: f32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Plane {
+    /// How far a point is from it.
+    #[inline(always)]
+    pub fn above(&self, point: V3) -> f32 {
+        self.normal.dot(point) - self.offset
+    }
 }
 
 impl Triangle {
@@ -276,10 +292,18 @@ impl Triangle {
         }
     }
 
+    #[inline(always)]
+    pub fn plane(&self) -> Plane {
+        Plane {
+            normal: self.normal,
+            offset: self.offset,
+        }
+    }
+
     /// How far a point is from its plane.
     #[inline(always)]
     pub fn above(&self, point: V3) -> f32 {
-        self.normal.dot(point) - self.plane
+        self.plane().above(point)
     }
 }
 
@@ -295,7 +319,7 @@ pub(crate) fn triangle_at(surfaces: &[f32], k: u32) -> Triangle {
         b: vector(list, 3u32),
         c: vector(list, 6u32),
         normal: vector(list, 9u32),
-        plane: list[12],
+        offset: list[12],
         area,
     }
 }
@@ -305,6 +329,18 @@ impl<'a> Scene<'a> {
     #[inline(always)]
     pub fn triangle(&self, k: u32) -> Triangle {
         triangle_at(self.surfaces, k)
+    }
+
+    /// The plane of a triangle.
+    #[inline(always)]
+    pub fn plane(&self, k: u32) -> Plane {
+        let at = SURFACE * k + 9;
+        // The last number first: then the host checks one index.
+        let offset = self.surfaces[(at + 3) as usize];
+        Plane {
+            normal: vector(self.surfaces, at),
+            offset,
+        }
     }
 
     #[inline(always)]

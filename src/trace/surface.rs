@@ -4,7 +4,7 @@ use crate::cube::*;
 
 use super::corners::facing;
 use super::parts::{COLOURS, NORMALS, TANGENTS, TRIANGLES};
-use super::scene::{COMPENSATED, GLOSSY, MODEL, REFLECTS, Scene, Triangle};
+use super::scene::{COMPENSATED, GLOSSY, MODEL, Plane, REFLECTS, Scene};
 use super::sums::Sums;
 use crate::model::bsdf::{Models, Shading, ShadingGradient};
 use crate::model::numbers::is_nonzero;
@@ -49,31 +49,32 @@ pub(crate) struct RayGradient {
     pub direction: V3,
 }
 
-/// A point of a triangle and the side that is seen, without what its material is there.
-#[apply(record!)]
-pub(crate) struct OnTriangle {
+/// A point of a triangle's plane and the side that is seen.
+#[apply(zeroed!)]
+pub(crate) struct OnPlane {
     position: V3,
-    weights: V3,
+    /// Where it was at the start of the shutter.
+    pub at_rest: V3,
     side: f32,
     geometric: V3,
 }
 
-/// The point of a triangle that has moved by a shift, about there, seen along a direction.
+/// The point of a plane that has moved by a shift, about there, seen along a direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn on_triangle(tri: &Triangle, shift: V3, near: V3, direction: V3) -> OnTriangle {
+pub(crate) fn on_plane(plane: &Plane, shift: V3, near: V3, direction: V3) -> OnPlane {
     let mut at_rest = near - shift;
     // Back onto the plane: how far off it is was rounded by the ray's length.
-    at_rest -= tri.normal * tri.above(at_rest);
+    at_rest -= plane.normal * plane.above(at_rest);
     let mut side = (-1.0f32).runtime();
-    if tri.normal.dot(direction) < 0.0 {
+    if plane.normal.dot(direction) < 0.0 {
         side = 1.0f32;
     }
-    OnTriangle {
+    OnPlane {
         position: at_rest + shift,
-        weights: tri.weights(at_rest),
+        at_rest,
         side,
-        geometric: tri.normal * side,
+        geometric: plane.normal * side,
     }
 }
 
@@ -92,17 +93,17 @@ pub(crate) struct HitTriangle {
     pub models: Models,
 }
 
-/// A point whose normal is that of its triangle, and whose material is matt and the same everywhere.
+/// A point whose normal is that of its triangle, and whose material is matt and the same everywhere; without its weights.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn plain_point(on: &OnTriangle, hit: &HitTriangle) -> Point {
+pub(crate) fn plain_point(on: &OnPlane, hit: &HitTriangle) -> Point {
     Point {
         triangle: hit.triangle,
         material: hit.material,
         object: hit.object,
         distance: hit.distance,
         position: on.position,
-        weights: on.weights,
+        weights: splat(0.0),
         side: on.side,
         uv: v2(0.0, 0.0),
         shading: Shading {
@@ -164,17 +165,18 @@ pub(crate) fn point_at(
     let hit = hit_triangle(scene, triangle, distance, direction);
     let shift = scene.displacement(hit.object, time);
     let tri = scene.triangle(triangle);
-    let on = on_triangle(&tri, shift, near, direction);
+    let on = on_plane(&tri.plane(), shift, near, direction);
     let mut p = plain_point(&on, &hit);
+    p.weights = tri.weights(on.at_rest);
     let material = hit.material;
-    p.uv = scene.uv_at(triangle, on.weights);
+    p.uv = scene.uv_at(triangle, p.weights);
     if comptime!(scene.features.smooth) {
         p.shading.smooth = scene.normal_rows(triangle).exist();
-        p.shading.normal = scene.normal_at(triangle, on.weights, on.geometric);
+        p.shading.normal = scene.normal_at(triangle, p.weights, on.geometric);
     }
     if comptime!(scene.features.tilted) {
         let front = p.shading.normal * p.side;
-        let at = scene.tilt_at(triangle, material, on.weights, p.uv, front);
+        let at = scene.tilt_at(triangle, material, p.weights, p.uv, front);
         if at.exists {
             p.shading.normal = at.tilt.tilted() * p.side;
             p.shading.smooth = true;
@@ -186,7 +188,7 @@ pub(crate) fn point_at(
     if comptime!(scene.features.tinted) {
         let rows = scene.rows_of_colours(triangle);
         if rows.exist() {
-            let tint = rows.of(scene.colours, 3u32).at(on.weights);
+            let tint = rows.of(scene.colours, 3u32).at(p.weights);
             p.shading.diffuse = p.shading.diffuse.times(tint);
         }
     }

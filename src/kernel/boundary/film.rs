@@ -15,7 +15,7 @@ use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Path, Seen, TOGETHER, Work};
-use crate::sampling::{Dimensions, Numbers};
+use crate::sampling::{Dimensions, Stream};
 use crate::trace::{Approach, FilmPoint, Sums, film_point};
 
 /// What samples of edges on the film are drawn from.
@@ -31,7 +31,8 @@ struct FilmSamples<'a> {
 struct Asked<'a> {
     points: Vec<(FilmPoint, &'a Seen)>,
     approaches: Vec<Approach>,
-    paths: Vec<Path<'a>>,
+    paths: Vec<Path>,
+    cones: Vec<Stream>,
 }
 
 impl FilmSamples<'_> {
@@ -40,7 +41,7 @@ impl FilmSamples<'_> {
     fn sample(&self, view: &Tracer, sample: u32, path: &Path) -> Option<(FilmPoint, &Seen)> {
         let (lists, c, time) = (&view.lists, &view.camera, path.time);
         let lens = view.lens_point(&path.numbers);
-        let drawn = path.numbers.draw(Dimensions::film());
+        let drawn = path.numbers.numbers(Dimensions::film());
         let drawn = self.edges.choose(drawn.x, drawn.y)?;
         let (edge, per_density) = (drawn.edge as u32, drawn.per_density / self.count as f32);
         let mut point = film_point(lists, c, edge, drawn.lambda, per_density, lens, time);
@@ -48,8 +49,8 @@ impl FilmSamples<'_> {
             return None;
         }
         // The pixel whose ray would come here.
-        let kernel = view.edges.numbers((u32::MAX, sample));
-        let kernel = kernel.draw(Dimensions::of_set(0));
+        let kernel = view.edges.stream(u32::MAX, sample);
+        let kernel = kernel.numbers(Dimensions::of_set(0));
         point.project(c, kernel.x, kernel.y, view.filter.radius());
         let g = self.pixels.get(point.film.x, point.film.y)?;
         (*g != Seen::default()).then_some((point, g))
@@ -58,19 +59,13 @@ impl FilmSamples<'_> {
 
 /// Draws points of edges by some samples.
 #[apply(stage!)]
-fn draw<'a>(
-    view: &'a Tracer<'a>,
-    film: &'a FilmSamples<'a>,
-    samples: Range<u32>,
-    cones: &'a [Numbers<'static>],
-) -> Asked<'a> {
+fn draw<'a>(view: &'a Tracer<'a>, film: &'a FilmSamples<'a>, samples: Range<u32>) -> Asked<'a> {
     let mut asked = Asked::default();
-    let first = samples.start;
     for sample in samples {
-        let numbers = view.film.numbers((0, sample));
+        let numbers = view.film.stream(0, sample);
         let path = Path {
             time: view.time(&numbers),
-            cones: cones.get((sample - first) as usize),
+            cones: asked.cones.len() as u32,
             numbers,
         };
         if let Some((mut point, g)) = film.sample(view, sample, &path) {
@@ -78,6 +73,9 @@ fn draw<'a>(
             asked.points.push((point, g));
             asked.approaches.push(approach);
             asked.paths.push(path);
+            if view.features.cones {
+                asked.cones.push(view.cones.stream(u32::MAX, sample));
+            }
         }
     }
     asked
@@ -118,14 +116,14 @@ impl View {
         let mut from = range.start;
         while from < range.end {
             let past = range.end.min(from.saturating_add(TOGETHER as u32));
-            let with_cones = if self.cone > 0.0 { from..past } else { 0..0 };
-            let cones = with_cones.map(|sample| self.cones.numbers((u32::MAX, sample)));
-            let cones: Vec<Numbers> = cones.collect();
-            let asked = draw(&tracer, &film, from..past, &cones);
+            let asked = draw(&tracer, &film, from..past);
             let Asked {
-                approaches, paths, ..
+                approaches,
+                paths,
+                cones,
+                ..
             } = &asked;
-            light_beside(&tracer, approaches, paths, Some(0), true, work);
+            light_beside(&tracer, approaches, (paths, cones), Some(0), true, work);
             backward(&tracer, &asked, work, &sums);
             from = past;
         }

@@ -5,12 +5,13 @@ use macro_rules_attribute::apply;
 use crate::accel::{Hit, HitRay, NOTHING, stage};
 use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
+use crate::kernel::path::draw_emitters;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Back, Level, Path, PathBlock, Walk, Walks, Work};
 use crate::model::Pair;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
-use crate::sampling::{Dimensions, Four};
+use crate::sampling::{Dimensions, Four, Stream};
 use crate::trace::{
     Approach, EdgeView, Jump, Observer, Point, Search, Seen, beside, edge_point, edge_view,
     emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward, search,
@@ -66,13 +67,14 @@ impl Return<'_> {
         let beside = |found: &Found| {
             let path = self.path(level, found.lane);
             Path {
-                numbers: self.sides.numbers(path.numbers.path()),
+                numbers: self.sides.stream(path.numbers.pixel, path.numbers.sample),
                 ..*path
             }
         };
         let beside: Vec<Path> = reflections.iter().map(beside).collect();
         let bounce = (bounce < self.settings.bounces).then_some(bounce + 1);
-        light_beside(self, &approaches, &beside, bounce, false, work);
+        let paths = (&*beside, self.cones);
+        light_beside(self, &approaches, paths, bounce, false, work);
         reflections_backward(self, &reflections, &beside, back, work);
     }
 }
@@ -89,7 +91,7 @@ fn find_beside<const ANY: bool>(view: &View, work: &mut Work) {
 pub(super) fn light_beside(
     tracer: &Tracer,
     approaches: &[Approach],
-    paths: &[Path],
+    (paths, cones): (&[Path], &[Stream]),
     bounce: Option<u32>,
     film: bool,
     work: &mut Work,
@@ -108,9 +110,11 @@ pub(super) fn light_beside(
         let mut of = PathBlock {
             tracer,
             paths: &both,
+            cones,
             bounce,
             keep: false,
         };
+        draw_emitters(&of, &mut walks.levels[0]);
         of.reflected(&mut walks, work);
     }
     for (light, pair) in work.side_lights.iter_mut().zip(walks.list.chunks_exact(2)) {
@@ -146,20 +150,20 @@ fn find_jumps<'a>(
             counts,
         };
         let path = to.path(level, lane);
-        let numbers = to.edges.numbers(path.numbers.path());
+        let numbers = to.edges.stream(path.numbers.pixel, path.numbers.sample);
         for of_light in [true, false] {
             if !to.features.emitters && of_light {
                 continue;
             }
             let set = Dimensions::of_set(3 * bounce + if of_light { 1 } else { 2 });
-            let pair = numbers.draw(set);
+            let pair = numbers.numbers(set);
             let pick = if of_light { pair.y } else { pair.x };
             if !looks_for_edges(&to.lists, bounce, counts, of_light, pick) {
                 continue;
             }
             let mut drawn = pair;
             if of_light {
-                drawn = numbers.draw(Dimensions::of_set(3 * bounce));
+                drawn = numbers.numbers(Dimensions::of_set(3 * bounce));
             }
             let numbers = [drawn, pair];
             let edge = seen_edge(to, path.time, &observer, of_light, numbers, work);
@@ -240,7 +244,7 @@ fn shadows_backward<'a>(to: &'a Return<'a>, list: &'a [Found], back: &'a mut Bac
 fn reflections_backward<'a>(
     to: &'a Return<'a>,
     list: &'a [Found],
-    beside: &'a [Path<'a>],
+    beside: &'a [Path],
     back: &'a mut Back,
     work: &'a Work,
 ) {
@@ -258,7 +262,7 @@ fn reflections_backward<'a>(
 fn begin_beside<'a>(
     tracer: &'a Tracer<'a>,
     approaches: &'a [Approach],
-    paths: &'a [Path<'a>],
+    paths: &'a [Path],
     film: bool,
     walks: &'a mut Walks,
     work: &'a mut Work,

@@ -131,8 +131,8 @@ pub(crate) struct Choosing {
     /// The sums of the probabilities before it and before the next.
     before: f32,
     passed: f32,
-    /// Whether it is the one.
-    found: bool,
+    /// The sum with it: it is the one where this is over the random number.
+    past: f32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
@@ -144,7 +144,7 @@ impl Choosing {
             chance: 1.0f32.runtime(),
             before: 0.0f32.runtime(),
             passed: 0.0f32.runtime(),
-            found: false.runtime(),
+            past: 0.0f32.runtime(),
         }
     }
 
@@ -152,11 +152,11 @@ impl Choosing {
     /// leave the sum of all a little under 1: then the last that can be is taken.
     #[inline(always)]
     pub fn pass(&mut self, k: u32, chance: f32, u: f32) {
-        if !self.found && chance > 0.0 {
+        if u >= self.past && chance > 0.0 {
             self.emitter = k;
             self.chance = chance;
             self.before = self.passed;
-            self.found = u < self.passed + chance;
+            self.past = self.passed + chance;
         }
         self.passed += chance;
     }
