@@ -6,6 +6,7 @@ mod numbers;
 mod sampler;
 mod strategies;
 mod stream;
+mod table;
 
 #[cfg(feature = "wgpu")]
 pub(crate) use emitters::EmitterPlace;
@@ -16,6 +17,6 @@ pub(crate) use emitters::{
 pub(crate) use numbers::draw_eight;
 pub(crate) use sampler::Sampler;
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
-#[cfg(feature = "wgpu")]
-pub(crate) use stream::points;
 pub(crate) use stream::{Dimensions, Four, Stream};
+#[cfg(feature = "wgpu")]
+pub(crate) use table::points;

@@ -2,9 +2,8 @@
 
 use super::Sequence;
 use super::sampler::Sampler;
-use super::stream::{
-    Dimensions, Four, OF_SET, SETS, Stream, number, point_of, points, scrambled, scrambles,
-};
+use super::stream::{Dimensions, Four, Stream, number, point_of, scrambled, scrambles};
+use super::table::{OF_PAIR, PAIRS, points};
 use crate::lanes::{LANES, Record};
 
 /// The bits of a shuffled place that neighbours in a sequence share.
@@ -34,30 +33,42 @@ impl Stream {
 #[inline(always)]
 pub(crate) fn draw_eight(streams: [&Stream; LANES], what: Dimensions) -> <Four as Record>::Lanes {
     let mut out = <Four as Record>::Lanes::default();
-    if streams[0].sequence == Sequence::Independent || what.set >= SETS {
+    if streams[0].sequence == Sequence::Independent {
         for (i, stream) in streams.into_iter().enumerate() {
             stream.numbers(what).set(&mut out, i);
         }
         return out;
     }
-    let first = what.set as usize * OF_SET;
-    let of_set: &[u32] = &points()[first..first + OF_SET];
+    let [first, second] = [what.first, what.second].map(|pair| pair % PAIRS);
+    let rounds = [what.first, what.second].map(|pair| pair / PAIRS);
+    let places = places(&streams, rounds[0]);
+    let others = if rounds[1] == rounds[0] {
+        places
+    } else {
+        self::places(&streams, rounds[1])
+    };
+    let [of_first, of_second] = [first, second].map(|pair| of_pair(pair));
     let [mut coordinates, mut seeds] = [[[0; 4]; LANES]; 2];
-    let (mut last, mut point, mut scramble) = (streams[0], [0; 4], [0; 4]);
+    let (mut last, mut rests) = (streams[0], [0; 2]);
+    let (mut point, mut scramble) = ([0; 4], [0; 4]);
     for (i, stream) in streams.into_iter().enumerate() {
-        let rest = stream.shuffled & SHARED;
-        if i == 0 || stream.stage != last.stage || rest != last.shuffled & SHARED {
-            let shared = point_of(points(), what.set, rest);
+        let own = [places[i], others[i]];
+        if i == 0 || stream.stage != last.stage || own.map(|p| p & SHARED) != rests {
+            rests = own.map(|p| p & SHARED);
+            let a = point_of(points(), first, rests[0]);
+            let b = point_of(points(), second, rests[1]);
             let s = scrambles(stream.stage, what.set);
-            point = [shared.x, shared.y, shared.z, shared.w];
+            point = [a.x, a.y, b.x, b.y];
             scramble = [s.x, s.y, s.z, s.w];
             last = stream;
         }
-        let own = 4 * (stream.shuffled >> 28) as usize;
-        let own = &of_set[own..own + 4];
-        for d in 0..4 {
-            coordinates[i][d] = point[d] ^ own[d];
-        }
+        let [a, b] = own.map(|p| 2 * (p >> 28) as usize);
+        coordinates[i] = [
+            point[0] ^ of_first[a],
+            point[1] ^ of_first[a + 1],
+            point[2] ^ of_second[b],
+            point[3] ^ of_second[b + 1],
+        ];
         seeds[i] = scramble;
     }
     let mut numbers = [[0.0; 4]; LANES];
@@ -69,6 +80,27 @@ pub(crate) fn draw_eight(streams: [&Stream; LANES], what: Dimensions) -> <Four a
         Four { x, y, z, w }.set(&mut out, i);
     }
     out
+}
+
+/// The words of a pair of dimensions.
+#[inline(always)]
+fn of_pair(pair: u32) -> &'static [u32] {
+    let first = pair as usize * OF_PAIR;
+    &points()[first..first + OF_PAIR]
+}
+
+/// The places of eight paths in the sequence of a round.
+#[inline(always)]
+fn places(streams: &[&Stream; LANES], round: u32) -> [u32; LANES] {
+    if round > 0 {
+        return later_places(streams, round);
+    }
+    streams.map(|stream| stream.shuffled)
+}
+
+#[inline(never)]
+fn later_places(streams: &[&Stream; LANES], round: u32) -> [u32; LANES] {
+    streams.map(|stream| stream.place(round))
 }
 
 impl Sampler {

@@ -1,11 +1,7 @@
 //! Random numbers from a stream of them, in Rust and in kernels of GPUs.
 
-use std::sync::OnceLock;
-
-use sobol_burley::NUM_DIMENSION_SETS_4D;
-use sobol_burley::parts::sobol_rev;
-
 use super::Sequence;
+use super::table::{OF_PAIR, PAIRS};
 use crate::cube::*;
 use crate::model::integers::{Wide, mixed, product, total, wide};
 
@@ -28,11 +24,23 @@ pub(crate) struct Words {
     pub w: u32,
 }
 
-/// Four dimensions whose numbers are needed together. What matters most in most scenes comes first, since early
-/// dimensions of a sequence are spread best.
+/// The coordinates of a point in a pair of dimensions, their bits reversed.
+#[apply(record!)]
+pub(crate) struct Coordinates {
+    pub x: u32,
+    pub y: u32,
+}
+
+/// Four dimensions whose numbers are needed together: two pairs of the sequence's.
+///
+/// What a path is connected to at a point, and the way on from there, bring light that is added up. So their numbers may
+/// come from the same pair of dimensions, scrambled apart: few dimensions, which are spread best, are enough.
 #[apply(record!)]
 pub(crate) struct Dimensions {
-    /// The set of the Sobol sequence.
+    /// The pairs, counted over all rounds through the sequence's dimensions.
+    pub first: u32,
+    pub second: u32,
+    /// What their scrambles are made from.
     pub set: u32,
     /// Independent numbers have a purpose each, the first two at a bounce, the others at another.
     bounce: u32,
@@ -45,33 +53,38 @@ impl Dimensions {
     /// Film x and y, and for an emitter and a point on it, seen from the first surface.
     #[inline(always)]
     pub fn film() -> Dimensions {
-        dimensions(0u32, 0u32, 0u32, words(0u32, 1u32, 6u32, 7u32))
+        let purposes = words(0u32, 1u32, 6u32, 7u32);
+        dimensions(0u32, of_light(0u32), 0u32, 0u32, 0u32, purposes)
     }
 
     /// Lens radius and angle, and time.
     #[inline(always)]
     pub fn lens_and_time() -> Dimensions {
-        dimensions(1u32, 0u32, 0u32, words(2u32, 3u32, 4u32, 4u32))
+        let purposes = words(2u32, 3u32, 4u32, 4u32);
+        dimensions(4u32, 5u32, 1u32, 0u32, 0u32, purposes)
     }
 
     /// For a direction, and for an emitter and a point on it, seen from where it leads.
     #[inline(always)]
     pub fn direction(bounce: u32) -> Dimensions {
         let purposes = words(11u32, 12u32, 6u32, 7u32);
-        dimensions(2 + 2 * bounce, bounce, bounce + 1, purposes)
+        let (here, there) = (of_light(bounce), of_light(bounce + 1));
+        dimensions(here, there, 2 + 2 * bounce, bounce, bounce + 1, purposes)
     }
 
     /// For the choice of a lobe, for survival, and for a direction to the environment.
     #[inline(always)]
     pub fn choices(bounce: u32) -> Dimensions {
         let purposes = words(10u32, 13u32, 8u32, 9u32);
-        dimensions(3 + 2 * bounce, bounce, bounce, purposes)
+        let (own, light) = (of_choices(bounce), of_light(bounce));
+        dimensions(own, light, 3 + 2 * bounce, bounce, bounce, purposes)
     }
 
     /// For a stream that serves one purpose.
     #[inline(always)]
     pub fn of_set(set: u32) -> Dimensions {
-        dimensions(set, set, set, words(16u32, 17u32, 18u32, 19u32))
+        let purposes = words(16u32, 17u32, 18u32, 19u32);
+        dimensions(2 * set, 2 * set + 1, set, set, set, purposes)
     }
 }
 
@@ -86,10 +99,41 @@ impl Dimensions {
     }
 }
 
+/// The pair of dimensions for light that comes to the point at a bounce.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-fn dimensions(set: u32, bounce: u32, next: u32, purposes: Words) -> Dimensions {
+fn of_light(bounce: u32) -> u32 {
+    let mut pair = bounce + 1;
+    if bounce > 2 {
+        pair = 2 * bounce + 2;
+    }
+    pair
+}
+
+/// The pair of dimensions for choices there.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn of_choices(bounce: u32) -> u32 {
+    let mut pair = bounce + 6;
+    if bounce > 1 {
+        pair = 2 * bounce + 5;
+    }
+    pair
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn dimensions(
+    first: u32,
+    second: u32,
+    set: u32,
+    bounce: u32,
+    next: u32,
+    purposes: Words,
+) -> Dimensions {
     Dimensions {
+        first,
+        second,
         set,
         bounce,
         next,
@@ -122,11 +166,11 @@ pub(crate) struct Stream {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Stream {
-    /// Four numbers, from the points of the Sobol sequence.
+    /// Four numbers, from the points of the sequence.
     #[inline(always)]
     pub fn draw(self, points: &[u32], what: Dimensions) -> Four {
         if comptime!(self.sequence == Sequence::Sobol) {
-            self.of_sequence(points, what.set)
+            self.of_sequence(points, what)
         } else {
             Four {
                 x: self.independent(what.bounce, what.purposes.x),
@@ -145,44 +189,30 @@ impl Stream {
         (h.high >> 8) as f32 * (1.0f32 / 16_777_216.0f32)
     }
 
-    /// A set of four dimensions of the sequence of the path's block: Burley's shuffled and scrambled points. After the
-    /// last set come others with other scrambles.
+    /// Four dimensions of the sequence of the path's block: its points, shuffled and scrambled as by Burley (2020).
     #[inline(always)]
-    fn of_sequence(self, points: &[u32], set: u32) -> Four {
-        let later = set / SETS;
-        let mut stage = self.stage;
-        let mut shuffled = self.shuffled;
-        if later > 0 {
-            stage = mixed(self.block.xor(wide(0u32, later)));
-            shuffled = scrambled(self.index.reverse_bits(), stage.low);
-        }
-        let point = point_of(points, set % SETS, shuffled);
-        let seeds = scrambles(stage, set);
+    fn of_sequence(self, points: &[u32], what: Dimensions) -> Four {
+        let first = point_of(points, what.first % PAIRS, self.place(what.first / PAIRS));
+        let second = point_of(points, what.second % PAIRS, self.place(what.second / PAIRS));
+        let seeds = scrambles(self.stage, what.set);
         Four {
-            x: number(point.x, seeds.x),
-            y: number(point.y, seeds.y),
-            z: number(point.z, seeds.z),
-            w: number(point.w, seeds.w),
+            x: number(first.x, seeds.x),
+            y: number(first.y, seeds.y),
+            z: number(second.x, seeds.z),
+            w: number(second.y, seeds.w),
         }
     }
-}
 
-/// Sets of four dimensions in a table of points, and the words of each.
-pub(super) const SETS: u32 = 64;
-const _: () = assert!(SETS == NUM_DIMENSION_SETS_4D);
-pub(super) const OF_SET: usize = 256;
-
-/// Points of the Sobol sequence, for each set of four dimensions by four bits of the index at a time: a point is the
-/// sum, without carry, of those of the four parts of its index.
-pub(crate) fn points() -> &'static [u32] {
-    static POINTS: OnceLock<Vec<u32>> = OnceLock::new();
-    POINTS.get_or_init(|| {
-        let of = |i: u32| {
-            let (set, part, bits, d) = (i >> 8, (i >> 6) & 3, (i >> 2) & 15, i & 3);
-            sobol_rev(bits << (28 - 4 * part), 4 * set + d)
-        };
-        (0..SETS * OF_SET as u32).map(of).collect()
-    })
+    /// The place in the sequence, shuffled and its bits reversed: the dimensions of later rounds come from another each.
+    #[inline(always)]
+    pub(super) fn place(self, round: u32) -> u32 {
+        let mut shuffled = self.shuffled;
+        if round > 0 {
+            let key = mixed(self.block.xor(wide(0u32, round)));
+            shuffled = scrambled(self.index.reverse_bits(), key.low);
+        }
+        shuffled
+    }
 }
 
 /// The seeds that scramble a set of four dimensions.
@@ -194,22 +224,20 @@ pub(super) fn scrambles(stage: Wide, set: u32) -> Words {
     words(a.low, a.high, b.low, b.high)
 }
 
-/// A point of a set of dimensions: the sum, without carry, of those of the parts of its index.
+/// A point of a pair of dimensions: the sum, without carry, of those of the parts of its index.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(super) fn point_of(points: &[u32], set: u32, index: u32) -> Words {
-    let first = set as usize * OF_SET;
-    let of_set = &points[first..first + OF_SET];
-    let a = ((index >> 28) * 4) as usize;
-    let b = (64 + ((index >> 24) & 15) * 4) as usize;
-    let c = (128 + ((index >> 20) & 15) * 4) as usize;
-    let d = (192 + ((index >> 16) & 15) * 4) as usize;
-    words(
-        of_set[a] ^ of_set[b] ^ of_set[c] ^ of_set[d],
-        of_set[a + 1] ^ of_set[b + 1] ^ of_set[c + 1] ^ of_set[d + 1],
-        of_set[a + 2] ^ of_set[b + 2] ^ of_set[c + 2] ^ of_set[d + 2],
-        of_set[a + 3] ^ of_set[b + 3] ^ of_set[c + 3] ^ of_set[d + 3],
-    )
+pub(super) fn point_of(points: &[u32], pair: u32, index: u32) -> Coordinates {
+    let first = pair as usize * OF_PAIR;
+    let of_pair = &points[first..first + OF_PAIR];
+    let a = ((index >> 28) * 2) as usize;
+    let b = (32 + ((index >> 24) & 15) * 2) as usize;
+    let c = (64 + ((index >> 20) & 15) * 2) as usize;
+    let d = (96 + ((index >> 16) & 15) * 2) as usize;
+    Coordinates {
+        x: of_pair[a] ^ of_pair[b] ^ of_pair[c] ^ of_pair[d],
+        y: of_pair[a + 1] ^ of_pair[b + 1] ^ of_pair[c + 1] ^ of_pair[d + 1],
+    }
 }
 
 /// Owen's scrambling of a number whose bits are reversed, by a hash (Burley 2020, Vegdahl 2021).
@@ -238,16 +266,13 @@ mod tests {
     use crate::model::integers::mix;
 
     #[test]
-    fn numbers_are_those_of_sobol_burley() {
+    fn scrambles_are_those_of_sobol_burley() {
         let mut x = 3u64;
-        for set in (0..SETS).cycle().take(500) {
+        for _ in 0..500 {
             let [n, scramble] = [x as u32, (x >> 32) as u32];
             assert_eq!(scrambled(n, scramble), owen_scramble_rev(n, scramble));
             let found = owen_scramble_rev(n, scramble).reverse_bits();
             assert_eq!(number(n, scramble), u32_to_f32_norm(found));
-            let Words { x: a, y: b, z, w } = point_of(points(), set, n);
-            let wanted = [0, 1, 2, 3].map(|d| sobol_rev(n, 4 * set + d));
-            assert_eq!([a, b, z, w], wanted);
             x = mix(x);
         }
     }
