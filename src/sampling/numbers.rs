@@ -175,7 +175,7 @@ mod tests {
     /// Each of n samples of a pixel falls into another n-th of every dimension, and scrambles of
     /// other seeds, pixels and rounds are others.
     #[test]
-    fn sobol_numbers_are_stratified() {
+    fn numbers_of_the_sequence_are_stratified() {
         let of = |seed, pixel: u32, what| {
             let paths: Vec<_> = (0..64).map(|s| (pixel, s)).collect();
             Sampler::new(seed, Sequence::Sobol, 8, 64).uniform(&paths, what)
