@@ -47,7 +47,7 @@ pub(crate) fn draw_eight(streams: [&Stream; LANES], what: Dimensions) -> <Four a
     } else {
         self::places(&streams, rounds[1])
     };
-    let [of_first, of_second] = [first, second].map(|pair| of_pair(pair));
+    let [of_first, of_second] = [first, second].map(of_pair);
     let [mut coordinates, mut seeds] = [[[0; 4]; LANES]; 2];
     let (mut last, mut rests) = (streams[0], [0; 2]);
     let (mut point, mut scramble) = ([0; 4], [0; 4]);
