@@ -47,7 +47,7 @@ pub(crate) fn draw_eight(streams: [&Stream; LANES], what: Dimensions) -> <Four a
     } else {
         self::places(&streams, rounds[1])
     };
-    let [of_first, of_second] = [first, second].map(|pair| of_pair(pair));
+    let [of_first, of_second] = [first, second].map(of_pair);
     let [mut coordinates, mut seeds] = [[[0; 4]; LANES]; 2];
     let (mut last, mut rests) = (streams[0], [0; 2]);
     let (mut point, mut scramble) = ([0; 4], [0; 4]);
@@ -175,7 +175,7 @@ mod tests {
     /// Each of n samples of a pixel falls into another n-th of every dimension, and scrambles of
     /// other seeds, pixels and rounds are others.
     #[test]
-    fn sobol_numbers_are_stratified() {
+    fn numbers_of_the_sequence_are_stratified() {
         let of = |seed, pixel: u32, what| {
             let paths: Vec<_> = (0..64).map(|s| (pixel, s)).collect();
             Sampler::new(seed, Sequence::Sobol, 8, 64).uniform(&paths, what)

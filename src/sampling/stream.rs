@@ -114,9 +114,9 @@ fn of_light(bounce: u32) -> u32 {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn of_choices(bounce: u32) -> u32 {
-    let mut pair = bounce + 6;
-    if bounce > 1 {
-        pair = 2 * bounce + 5;
+    let mut pair = 2 * bounce + 5;
+    if bounce < 2 {
+        pair = 7 - bounce;
     }
     pair
 }

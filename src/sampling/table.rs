@@ -13,12 +13,12 @@ pub(super) const OF_PAIR: usize = 128;
 /// Digits of an index, of four bits each.
 const DIGITS: u32 = 4;
 
-/// Bits by which the digits of dimensions differ, so that boxes are those of a smaller field: each row is one bit of the
-/// product. The first makes a pair of one dimension, the second four of a pair, the others 16 of four; these were
-/// searched for, so that few points are spread well, too.
+/// What is done to the digits of dimensions so that boxes are those of a smaller field, too: each row is one bit of the
+/// product. The first makes a pair of one dimension, the second four of a pair; the last, one for each four dimensions,
+/// leaves those as they are, and spreads fewer points than 256 well in other pairs.
 const IN_PAIR: [u8; 4] = [15, 10, 12, 8];
 const IN_FOUR: [u8; 4] = [13, 6, 4, 8];
-const OF_FOUR: [[u8; 4]; 4] = [[1, 2, 4, 8], [5, 10, 4, 8], [3, 2, 12, 8], [11, 6, 12, 8]];
+const OF_FOUR: [[u8; 4]; 4] = [[1, 2, 4, 8], [5, 10, 4, 8], [9, 14, 4, 8], [13, 6, 4, 8]];
 
 /// The product of two elements of the field of four, 0, 1, w and w + 1.
 fn product_of_four(a: u8, b: u8) -> u8 {

@@ -167,7 +167,7 @@ lists! {
         vertex_corners,
         /// The first sum of each part.
         first_sums,
-        /// The points of the Sobol sequence, and seeds.
+        /// The points of the sequence of random numbers, and seeds.
         points,
         seeds,
     }
