@@ -3,104 +3,18 @@
 //! Triangles are intersected in f32, eight at a time, each grown by what coordinates are rounded by: so no ray
 //! slips through a seam, and outlines are off by no more than rounding.
 
-use glam::Vec3;
 use pulp::Arch;
 
-use super::HostTriangle;
 use super::hierarchy::Hierarchy;
-use super::nearest::NearRay;
-use super::rays::Rays8;
+use super::nearest::Pierced;
+use super::rays::{Hit, HitRay, Rays8};
 use super::shaft::{EIGHTS, Shaft};
-use super::simd::{LANES, Lanes, Machine, Task, dispatch};
+use super::simd::{LANES, Machine, Task, dispatch};
 use super::wide::Wide;
-use crate::cube::*;
-use crate::model::texture::Masks;
-use crate::model::v3;
 use crate::scene::Holes;
 
 /// Rays that are made ready at once.
 const BLOCK: usize = 64;
-
-/// No triangle.
-pub(crate) const NOTHING: u32 = u32::MAX;
-
-/// A ray that looks for triangles: a segment of it, and up to four triangles that it does not see.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)] // so that the head is read at once
-pub(crate) struct HitRay {
-    pub origin: Vec3,
-    pub direction: Vec3,
-    pub time: f32,
-    /// Hits count if they are farther than `from` and nearer than `limit`.
-    pub from: f32,
-    pub limit: f32,
-    pub unseen: [u32; 4],
-}
-
-impl HitRay {
-    /// Origin, direction, time, and where it begins.
-    #[inline(always)]
-    pub(super) fn head(&self) -> Lanes {
-        let ([x, y, z], [u, v, w]) = (self.origin.to_array(), self.direction.to_array());
-        [x, y, z, u, v, w, self.time, self.from]
-    }
-
-    /// From its origin to a limit, seeing all triangles.
-    #[inline(always)]
-    pub fn new(origin: impl Into<Vec3>, direction: impl Into<Vec3>, time: f32, limit: f32) -> Self {
-        Self {
-            origin: origin.into(),
-            direction: direction.into(),
-            time,
-            from: 0.0,
-            limit,
-            unseen: [NOTHING; 4],
-        }
-    }
-}
-
-/// A hit of a ray: a distance, and a triangle or [`NOTHING`].
-#[apply(record!)]
-pub(crate) struct Hit {
-    pub t: f32,
-    pub triangle: u32,
-}
-
-impl Hit {
-    const NONE: Self = Self {
-        t: f32::INFINITY,
-        triangle: NOTHING,
-    };
-}
-
-/// Holes of triangles, which rays pass.
-#[derive(Clone, Copy)]
-pub(crate) struct Pierced<'a> {
-    masks: Masks<'a>,
-    triangles: &'a [HostTriangle],
-}
-
-impl Pierced<'_> {
-    /// Whether a ray passes a triangle that it meets at a distance.
-    #[inline(always)]
-    pub(super) fn passes<M: Machine>(&self, ray: &NearRay<M>, t: f32, k: u32) -> bool {
-        let place = self.masks.masked[k as usize];
-        if place == NOTHING {
-            return false;
-        }
-        let triangle = &self.triangles[k as usize];
-        let HitRay {
-            origin,
-            direction,
-            time,
-            ..
-        } = *ray.of;
-        let point = (origin + direction * (ray.skipped + t)).as_dvec3();
-        let at_rest = point - triangle.velocity * f64::from(time);
-        let [x, y, z] = triangle.weights(at_rest).map(|w| w as f32);
-        self.masks.open_at(place, v3(x, y, z))
-    }
-}
 
 impl Hierarchy {
     /// The hit of each ray: the nearest triangle, or with `ANY` any, which takes less time. `SELECT` leaves out the ray's

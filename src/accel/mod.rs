@@ -23,7 +23,7 @@ pub(crate) use candidates::{Counts, Reach};
 pub(crate) use gpu::{GpuTree, HIT_STRIDE, LEAF};
 pub(crate) use hierarchy::Hierarchy;
 pub use hierarchy::HierarchyCache;
-pub(crate) use hits::{Hit, HitRay, NOTHING};
 pub(crate) use overlaps::Overlaps;
+pub(crate) use rays::{Hit, HitRay, NOTHING};
 pub(crate) use simd::{LANES, Machine, Task, dispatch, stage};
 pub(crate) use triangle::HostTriangle;

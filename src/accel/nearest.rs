@@ -1,9 +1,11 @@
 //! The nearest triangle that a ray hits.
 
-use super::hits::{Hit, HitRay, NOTHING, Pierced};
-use super::rays::Rays8;
+use super::HostTriangle;
+use super::rays::{Hit, HitRay, NOTHING, Rays8};
 use super::simd::{F8, LANES, Lanes, Machine};
 use super::wide::{Grown, Leaf, Node, Ray8, Visitor, Wide};
+use crate::model::texture::Masks;
+use crate::model::v3;
 
 /// The numbers of lanes.
 const LANE: Lanes = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
@@ -34,9 +36,9 @@ impl Leaf {
 
 /// A ray on its way.
 #[derive(Clone, Copy)]
-pub(super) struct NearRay<'a, M: Machine> {
-    pub of: &'a HitRay,
-    pub skipped: f32,
+struct NearRay<'a, M: Machine> {
+    of: &'a HitRay,
+    skipped: f32,
     eight: Ray8<M>,
     limit: f32,
     /// Less than 0: how far outside of a triangle a hit may lie.
@@ -59,6 +61,35 @@ impl<'a, M: Machine> NearRay<'a, M> {
             below: F8::splat(machine, -rays.margin[i]),
             grown: eight.grown(machine, rays.margin[i]),
         }
+    }
+}
+
+/// Holes of triangles, which rays pass.
+#[derive(Clone, Copy)]
+pub(super) struct Pierced<'a> {
+    pub masks: Masks<'a>,
+    pub triangles: &'a [HostTriangle],
+}
+
+impl Pierced<'_> {
+    /// Whether a ray passes a triangle that it meets at a distance.
+    #[inline(always)]
+    fn passes<M: Machine>(&self, ray: &NearRay<M>, t: f32, k: u32) -> bool {
+        let place = self.masks.masked[k as usize];
+        if place == NOTHING {
+            return false;
+        }
+        let triangle = &self.triangles[k as usize];
+        let HitRay {
+            origin,
+            direction,
+            time,
+            ..
+        } = *ray.of;
+        let point = (origin + direction * (ray.skipped + t)).as_dvec3();
+        let at_rest = point - triangle.velocity * f64::from(time);
+        let [x, y, z] = triangle.weights(at_rest).map(|w| w as f32);
+        self.masks.open_at(place, v3(x, y, z))
     }
 }
 

@@ -1,8 +1,62 @@
-//! Rays, eight at once.
+//! Rays and their hits; eight rays at once.
 
-use super::hits::HitRay;
+use glam::Vec3;
+
 use super::simd::{F8, LANES, Lanes, Machine};
 use super::wide::{ROUNDING, Ray8, inverse};
+use crate::cube::*;
+
+/// No triangle.
+pub(crate) const NOTHING: u32 = u32::MAX;
+
+/// A ray that looks for triangles: a segment of it, and up to four triangles that it does not see.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)] // so that the head is read at once
+pub(crate) struct HitRay {
+    pub origin: Vec3,
+    pub direction: Vec3,
+    pub time: f32,
+    /// Hits count if they are farther than `from` and nearer than `limit`.
+    pub from: f32,
+    pub limit: f32,
+    pub unseen: [u32; 4],
+}
+
+impl HitRay {
+    /// Origin, direction, time, and where it begins.
+    #[inline(always)]
+    fn head(&self) -> Lanes {
+        let ([x, y, z], [u, v, w]) = (self.origin.to_array(), self.direction.to_array());
+        [x, y, z, u, v, w, self.time, self.from]
+    }
+
+    /// From its origin to a limit, seeing all triangles.
+    #[inline(always)]
+    pub fn new(origin: impl Into<Vec3>, direction: impl Into<Vec3>, time: f32, limit: f32) -> Self {
+        Self {
+            origin: origin.into(),
+            direction: direction.into(),
+            time,
+            from: 0.0,
+            limit,
+            unseen: [NOTHING; 4],
+        }
+    }
+}
+
+/// A hit of a ray: a distance, and a triangle or [`NOTHING`].
+#[apply(record!)]
+pub(crate) struct Hit {
+    pub t: f32,
+    pub triangle: u32,
+}
+
+impl Hit {
+    pub const NONE: Self = Self {
+        t: f32::INFINITY,
+        triangle: NOTHING,
+    };
+}
 
 /// The size of coordinates: scenes are measured in a unit near their size.
 const SIZE: f32 = 1.0;

@@ -1,7 +1,6 @@
 //! Bounds of rays that go the same way: what no ray of them meets is left out for all at once.
 
-use super::hits::{Hit, NOTHING};
-use super::rays::Rays8;
+use super::rays::{Hit, NOTHING, Rays8};
 use super::simd::{F8, LANES, Lanes, Machine};
 use super::wide::{Boxes, Node, Visitor, Wide, displaced};
 

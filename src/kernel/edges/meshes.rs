@@ -56,7 +56,8 @@ pub(super) fn of_object(
         (own, rest) = rest.split_at_mut((past - first) as usize);
         first = past;
         own.sort_unstable();
-        groups.extend((&*own).chunk_by(|a, b| a.0 == b.0));
+        let own: &[(u32, u32)] = own;
+        groups.extend(own.chunk_by(|a, b| a.0 == b.0));
     }
     let transparent = |k: usize| scene.material(k as u32).kind.bsdf.refracts();
     let triangles = part.first_triangle..part.first_triangle + faces.len();
