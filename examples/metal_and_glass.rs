@@ -118,7 +118,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         .run(|surfaces: &Surfaces, step: &_| {
             let roughness = sigmoid(surfaces.roughness.val());
             let scene = scene(&roughness, &device);
-            let few = options.clone().samples(8);
+            let few = options.clone().samples(arguments.either(16, 8));
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
             let loss = loss::mse_unbiased(a.clone(), b, target.clone());
