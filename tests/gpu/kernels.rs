@@ -19,7 +19,8 @@ const EIGHT: Effort = Effort {
     ..CONES
 };
 
-/// The same random numbers and formulas: images differ by rounding, and repeat to the bit.
+/// The same random numbers and formulas: images differ by rounding, and repeat to the bit. A ray along a seam may pass on
+/// one side of it here and on the other there, so that one path of a pixel in a thousand is another.
 #[test]
 fn images_are_those_of_the_host() {
     for bounces in [0, 3] {
@@ -31,9 +32,14 @@ fn images_are_those_of_the_host() {
         let gpu = at(&device());
         assert_eq!(gpu, at(&device()));
         let host = at(&Device::flex());
-        let worst = largest(pairs(&gpu, &host).map(|(a, b)| (a - b) / (1.0 + b)));
-        println!("{bounces} bounces: {worst:e} apart");
-        assert!(worst < 2e-6, "{worst:e}");
+        let apart: Vec<f64> = pairs(&gpu, &host)
+            .map(|(a, b)| ((a - b) / (1.0 + b)).abs())
+            .collect();
+        let pixels = apart.chunks(3).map(|c| largest(c.iter().copied()));
+        let others: Vec<f64> = pixels.filter(|&x| x.is_nan() || x >= 2e-6).collect();
+        println!("{bounces} bounces: {others:?} apart");
+        assert!(others.len() <= 4, "{others:?}");
+        assert!(others.iter().all(|&x| x < 1e-2), "{others:?}");
     }
 }
 
