@@ -19,8 +19,8 @@ const EIGHT: Effort = Effort {
     ..CONES
 };
 
-/// The same random numbers and formulas: images differ by rounding, and repeat to the bit. A ray along a seam may pass on
-/// one side of it here and on the other there, so that one path of a pixel in a thousand is another.
+/// The same random numbers and formulas: images differ by rounding, and repeat to the bit. In few pixels a path goes
+/// another way by rounding, such as at a seam.
 #[test]
 fn images_are_those_of_the_host() {
     for bounces in [0, 3] {
