@@ -39,6 +39,8 @@ pub(crate) struct Job {
     pub pixels: Option<Arc<Vec<u32>>>,
     /// Pixels of a view.
     pub of_view: usize,
+    /// The first sample of each pixel, and their number.
+    pub from: u32,
     pub samples: u32,
     pub outputs: Outputs,
 }
@@ -156,9 +158,9 @@ impl Job {
         let samples_at_once = (paths / at_once).max(1) as u32;
         let mut pieces = Vec::new();
         for first in (0..self.count()).step_by(at_once) {
-            let mut from = 0;
-            while from < self.samples {
-                let past = self.samples.min(from.saturating_add(samples_at_once));
+            let (mut from, all) = (self.from, self.from + self.samples);
+            while from < all {
+                let past = all.min(from.saturating_add(samples_at_once));
                 pieces.push(Piece {
                     first: first as u32,
                     stride: 1,

@@ -278,7 +278,8 @@ impl RayCounts {
         }
     }
 
-    pub fn add_bounces(&mut self, o: &Self) {
+    pub fn add(&mut self, o: &Self) {
+        self.rays += o.rays;
         let reached = o.bounces.iter().rposition(|&b| b > 0).map_or(0, |r| r + 1);
         if self.bounces.len() < reached {
             self.bounces.resize(reached, 0);

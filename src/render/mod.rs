@@ -1,5 +1,6 @@
 //! Renders of scenes, by kernels or in tensors.
 
+mod adaptive;
 mod batch;
 mod debug;
 mod film;
@@ -8,6 +9,7 @@ mod node;
 mod options;
 mod overview;
 mod tensors;
+mod tiles;
 
 use std::collections::HashMap;
 use std::sync::Arc;

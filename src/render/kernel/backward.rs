@@ -10,7 +10,8 @@ use super::prepare::Places;
 use super::rows::Rows;
 use crate::kernel::{FilmEdges, HostSums, PixelGradients, Seen, View, Work};
 use crate::model::film::samples_of_film;
-use crate::render::options::{RenderOptions, Tile};
+use crate::render::options::RenderOptions;
+use crate::render::tiles::Tile;
 
 /// Numbers in the sums of derivatives of all accumulators together.
 const ACCUMULATED: usize = 1 << 24;
@@ -42,7 +43,7 @@ impl Backward {
         let pixels = pixels.unwrap_or_else(all);
         Self {
             views,
-            tiles: camera_tiles(options, pixels.len()),
+            tiles: camera_tiles(options, pixels.len(), 0..options.samples),
             pixels,
             rows,
             samples: options.samples,

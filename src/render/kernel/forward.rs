@@ -1,5 +1,6 @@
 //! The forward pass: tiles of all views on all cores, and their sums as rows of images.
 
+use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 
 use burn::tensor::{Element, TensorData};
@@ -9,14 +10,19 @@ use super::prepare::Places;
 use super::rows::Rows;
 use crate::error::Result;
 use crate::kernel::{RayCounts, View, Work};
-use crate::render::options::{RenderOptions, Tile, tiles};
+use crate::render::options::RenderOptions;
+use crate::render::tiles::{Tile, tiles};
 
 /// Camera rays of a tile.
 const RAYS: usize = 1 << 13;
 
-/// The tiles of a view.
-pub(super) fn camera_tiles(options: &RenderOptions, pixels: usize) -> Vec<Tile> {
-    tiles(options, pixels, RAYS)
+/// The tiles of samples of a view's pixels.
+pub(super) fn camera_tiles(
+    options: &RenderOptions,
+    pixels: usize,
+    samples: Range<u32>,
+) -> Vec<Tile> {
+    tiles(options, pixels, samples, RAYS)
 }
 
 /// The forward pass: what its views have in common.
@@ -24,11 +30,12 @@ pub(super) struct Forward<'a> {
     pub options: &'a RenderOptions,
     /// The pixels, if not all.
     pub pixels: Option<&'a Vec<u32>>,
+    /// The samples of each.
+    pub samples: usize,
     pub tiles: &'a [Tile],
     pub rows: &'a Rows,
-    /// Tiles of all views.
-    pub all: usize,
-    pub done: &'a AtomicUsize,
+    /// The number of tiles that are done, of how many.
+    pub done: Option<(&'a AtomicUsize, usize)>,
 }
 
 /// Counts of a forward pass.
@@ -42,9 +49,8 @@ pub(super) struct Traced {
 }
 
 impl Traced {
-    fn add(&mut self, other: &Self) {
-        self.counts.rays += other.counts.rays;
-        self.counts.add_bounces(&other.counts);
+    pub fn add(&mut self, other: &Self) {
+        self.counts.add(&other.counts);
         self.non_finite += other.non_finite;
         self.lit |= other.lit;
     }
@@ -98,7 +104,7 @@ impl Forward<'_> {
             for (i, mean) in means.iter_mut().enumerate() {
                 let sum: f64 = sums.iter().map(|s| s.0[i]).sum();
                 traced.lit |= sum != 0.0 && i % channels < 3;
-                *mean = cast(sum / f64::from(self.options.samples));
+                *mean = cast(sum / self.samples as f64);
             }
             traced
         };
@@ -143,7 +149,9 @@ impl Forward<'_> {
                 }
             }
         }
-        self.options.progress.tile(self.done, self.all);
+        if let Some((done, all)) = self.done {
+            self.options.progress.tile(done, all);
+        }
         let counts = work.counts;
         let traced = Traced {
             counts,
