@@ -20,6 +20,8 @@ pub(crate) struct Outputs {
     pub normals: bool,
     /// Rows of shares of objects, the background's with them; 0 if they are not asked for.
     pub objects: usize,
+    /// The number of rays, as a last row.
+    pub rays: bool,
 }
 
 impl Outputs {
@@ -28,6 +30,7 @@ impl Outputs {
             + usize::from(self.depth)
             + if self.normals { 3 } else { 0 }
             + self.objects
+            + usize::from(self.rays)
     }
 }
 

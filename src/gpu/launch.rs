@@ -50,6 +50,10 @@ fn add_to_row(
             object = scene.counted[light.object as usize];
         }
         image[at + object as usize] += scale;
+        at += outputs.objects;
+    }
+    if comptime!(outputs.rays) {
+        image[at] += light.rays as f32 * scale;
     }
 }
 

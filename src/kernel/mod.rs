@@ -34,5 +34,6 @@ pub(crate) use edges::{DrawnEdge, NO_EDGE, Root, draw_edge};
 pub(crate) use gradient::Rows;
 pub(crate) use gradient::{HostSums, Wanted};
 pub(crate) use scene::KernelScene;
+pub(crate) use tasks::Counted;
 pub(crate) use view::{View, ViewSettings};
 pub(crate) use walk::{RayCounts, Seen, Work};

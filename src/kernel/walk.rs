@@ -44,8 +44,23 @@ pub(super) struct PathBlock<'a> {
     /// What random numbers for cones come from, if there are any.
     pub cones: &'a [Stream],
     pub bounce: u32,
-    /// Whether all levels are kept, for the backward pass.
-    pub keep: bool,
+    pub kept: Kept,
+}
+
+/// What paths leave behind beside the light that they bring back.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Kept {
+    /// All levels, for the backward pass.
+    pub levels: bool,
+    /// The number of rays of each path.
+    pub counts: bool,
+}
+
+impl Kept {
+    pub const LEVELS: Self = Self {
+        levels: true,
+        counts: false,
+    };
 }
 
 impl<'a> Deref for PathBlock<'a> {
@@ -59,13 +74,13 @@ impl<'a> Deref for PathBlock<'a> {
 
 impl<'a> PathBlock<'a> {
     /// Paths from the camera.
-    pub fn new(tracer: &'a Tracer<'a>, paths: &'a Paths, keep: bool) -> Self {
+    pub fn new(tracer: &'a Tracer<'a>, paths: &'a Paths, kept: Kept) -> Self {
         Self {
             tracer,
             paths: &paths.list,
             cones: &paths.cones,
             bounce: 0,
-            keep,
+            kept,
         }
     }
 
@@ -94,6 +109,8 @@ pub(crate) struct Walk {
     /// Distance and geometric normal of the first surface.
     pub first: (f32, V3),
     pub radiance: V3,
+    /// Its rays, where they are counted.
+    pub rays: u32,
 }
 
 impl Walk {
@@ -101,6 +118,7 @@ impl Walk {
         seen: NOTHING,
         first: (0.0, V3::ZERO),
         radiance: V3::ZERO,
+        rays: 1,
     };
 
     /// The first ray hit a surface point.

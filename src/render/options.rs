@@ -184,10 +184,11 @@ impl RenderOptions {
         /// later one (0: after the surface that the camera sees).
         russian_roulette(after: u32) roulette_after = Some(after);
         /// Adaptive sampling: each pixel has between ¼ and 16 times [`samples`](Self::samples) paths, the more the
-        /// noisier the image is about it, and all pixels together as many as without. How noisy it is comes from two
-        /// images of a 64th as many samples (of one, for fewer than 128), which are not part of the result, so each
-        /// pixel's mean stays unbiased. Gradients have `samples` paths of each pixel, and so have lists of pixels
-        /// ([`render_pixels`](super::render_pixels)) and renders of less than 8 samples. The softmax and
+        /// noisier the image is about it and the fewer rays its paths have, so that all take about as long as without.
+        /// How noisy it is comes from two images of a 64th as many samples, which are not part of the result, so each
+        /// pixel's mean stays unbiased. Where they show that little would be gained, all pixels have `samples`. It
+        /// pays off where noise sits in few pixels, such as in penumbras and at the outlines of lamps. Gradients have `samples` paths of each pixel, and so have lists of pixels
+        /// ([`render_pixels`](super::render_pixels)) and renders of less than 32 samples. The softmax and
         /// [`Engine::Tensors`] don't know it.
         adaptive() adaptive = true;
         /// The most rays processed at once. Bounds the memory of a render without gradient; by

@@ -21,7 +21,7 @@ use softray::prelude::*;
 fn agree_with_central_differences(effort: Effort, mut cases: Vec<Case>) {
     let device = Device::flex();
     let (precision, seeds) = if common::long() {
-        (0.01, [100, 12_000])
+        (0.01, [100, 40_000])
     } else {
         cases.retain(|case| !case.noisy);
         (0.08, [32, 2000])

@@ -7,7 +7,7 @@ use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use crate::kernel::path::draw_emitters;
 use crate::kernel::view::{Tracer, View};
-use crate::kernel::walk::{Back, Level, Path, PathBlock, Walk, Walks, Work};
+use crate::kernel::walk::{Back, Kept, Level, Path, PathBlock, Walk, Walks, Work};
 use crate::model::Pair;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
@@ -112,7 +112,7 @@ pub(super) fn light_beside(
             paths: &both,
             cones,
             bounce,
-            keep: false,
+            kept: Kept::default(),
         };
         draw_emitters(&of, &mut walks.levels[0]);
         of.reflected(&mut walks, work);

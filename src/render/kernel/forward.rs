@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::prepare::Places;
 use super::rows::Rows;
 use crate::error::Result;
-use crate::kernel::{RayCounts, View, Work};
+use crate::kernel::{Counted, RayCounts, View, Work};
 use crate::render::options::RenderOptions;
 use crate::render::tiles::{Tile, tiles};
 
@@ -128,12 +128,12 @@ impl Forward<'_> {
             }
         };
         let mut work = Work::new(self.options.bounces);
-        let mut objects = self
-            .rows
-            .objects
-            .map(|_| vec![0.0; (own + 1) * tile.pixels]);
+        let mut more = Counted {
+            objects: (self.rows.objects).map(|_| vec![0.0; (own + 1) * tile.pixels]),
+            rays: self.rows.rays.then(|| vec![0.0; tile.pixels]),
+        };
         let samples = tile.from..tile.to;
-        let sums = view.render(pixels, samples, &mut work, objects.as_deref_mut());
+        let sums = view.render(pixels, samples, &mut work, &mut more);
         let channels = self.rows.count();
         let mut rows = vec![0.0; channels * tile.pixels];
         let mut non_finite = 0;
@@ -141,8 +141,11 @@ impl Forward<'_> {
             let values = self.rows.of(sum, view.scene.frame.unit);
             row.iter_mut().zip(values).for_each(|(r, v)| *r = v);
             non_finite += row[..3].iter().filter(|v| !v.is_finite()).count() as u64;
-            if let (Some(objects), Some(all)) = (&objects, self.rows.objects) {
-                let first = channels - all - 1;
+            if let Some(rays) = &more.rays {
+                row[channels - 1] = f64::from(rays[i]);
+            }
+            if let (Some(objects), Some(all)) = (&more.objects, self.rows.objects) {
+                let first = channels - usize::from(self.rows.rays) - all - 1;
                 for (k, share) in objects[i * (own + 1)..][..=own].iter().enumerate() {
                     // The background comes last, whatever the number of objects.
                     row[first + if k == own { all } else { k }] = f64::from(*share);

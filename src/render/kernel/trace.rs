@@ -96,17 +96,20 @@ impl Pass<'_> {
 
     /// As many samples of each pixel as two images of few say.
     fn adaptive(&self, all: &Together, pilots: [Range<u32>; 2]) -> Result<Images> {
-        let [first, second] = pilots.map(|samples| self.rows(all, &self.share(samples), None));
-        let (pilots, counted) = ([first?, second?])
-            .into_iter()
-            .unzip::<_, _, Vec<_>, Vec<_>>();
-        let radiance = |rows: &Tensor<2>| -> Result<Vec<[f64; 3]>> {
-            let rows = rows.clone().slice([0..rows.dims()[0], 0..3]);
-            Ok(host_values(&rows)?.as_chunks().0.to_vec())
+        let rows = &Rows::with_rays();
+        let pilot = Pass {
+            rows,
+            pixels: None,
+            ..*self
         };
-        let [first, second] = [radiance(&pilots[0])?, radiance(&pilots[1])?];
+        let of = |samples: Range<u32>| -> Result<(Vec<f64>, Vec<Traced>)> {
+            let (image, traced) = pilot.rows(all, &pilot.share(samples), None)?;
+            Ok((host_values(&image)?, traced))
+        };
+        let [first, second] = pilots.map(of);
+        let ((first, counted), (second, more)) = (first?, second?);
         let (width, samples) = (self.options.width, self.options.samples);
-        let of_view = |(a, b): (&[[f64; 3]], &[[f64; 3]])| -> Vec<Share> {
+        let of_view = |(a, b): (&[[f64; 4]], &[[f64; 4]])| -> Vec<Share> {
             let of_count = |(count, pixels): (u32, Vec<u32>)| Share {
                 count: pixels.len(),
                 pixels: Some(Arc::new(pixels)),
@@ -117,7 +120,8 @@ impl Pass<'_> {
                 .map(of_count)
                 .collect()
         };
-        let pilots = first.chunks(self.count).zip(second.chunks(self.count));
+        let [first, second] = [&first, &second].map(|image| image.as_chunks().0.chunks(self.count));
+        let pilots = first.zip(second);
         let shares: Vec<Vec<Share>> = pilots.map(of_view).collect();
         let tiles = |s: &Share| camera_tiles(self.options, s.count, s.samples.clone()).len();
         let done = (
@@ -128,9 +132,8 @@ impl Pass<'_> {
         let mut traced = Vec::with_capacity(shares.len());
         for (v, shares) in shares.iter().enumerate() {
             let (image, mut own) = self.view(v, shares, Some((&done.0, done.1)))?;
-            counted
-                .iter()
-                .for_each(|pilot| own.counts.add(&pilot[v].counts));
+            own.counts.add(&counted[v].counts);
+            own.counts.add(&more[v].counts);
             images.push(image);
             traced.push(own);
         }
