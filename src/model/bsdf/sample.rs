@@ -45,6 +45,13 @@ impl Shading {
             v,
         };
         self.draw(&mut drawn, normal, lobe);
+        if self.mirrored {
+            let across = self.pair.first - self.pair.second;
+            let square = across.dot(across);
+            if square > 0.0 {
+                drawn.direction -= across * (2.0 * drawn.direction.dot(across) / square);
+            }
+        }
         // Without gloss, on a flat surface, f·cos θ over the density is k_d, whatever the direction.
         if !self.glossy && !self.smooth && !self.paired {
             drawn.weight = self.diffuse;
