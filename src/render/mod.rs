@@ -1,6 +1,7 @@
 //! Renders of scenes, by kernels or in tensors.
 
 mod batch;
+mod cache;
 mod debug;
 mod film;
 mod kernel;
@@ -19,10 +20,10 @@ use crate::scene::{
     Camera, Collect, Material, ParameterId, Scene, Visit, look_at_scene, visit_camera,
 };
 
-pub use crate::accel::HierarchyCache;
 pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use crate::tensors::{Diagnostics, Visibility};
 pub use batch::Batch;
+pub use cache::HierarchyCache;
 pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
 pub use overview::overview;
