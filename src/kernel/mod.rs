@@ -27,9 +27,9 @@ mod walk;
 pub(crate) use boundary::Piece;
 pub(crate) use boundary::{FilmEdges, PixelGradients};
 pub(crate) use camera::HostCamera;
-pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]
 pub(crate) use edges::{DrawnEdge, NO_EDGE, Root, draw_edge};
+pub(crate) use edges::{EdgeSets, LastEdges};
 #[cfg(feature = "wgpu")]
 pub(crate) use gradient::Rows;
 pub(crate) use gradient::{HostSums, Wanted};

@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod batch;
+mod cache;
 mod debug;
 mod film;
 mod kernel;
@@ -21,10 +22,10 @@ use crate::scene::{
     Camera, Collect, Material, ParameterId, Scene, Visit, look_at_scene, visit_camera,
 };
 
-pub use crate::accel::HierarchyCache;
 pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use crate::tensors::{Diagnostics, Visibility};
 pub use batch::Batch;
+pub use cache::HierarchyCache;
 pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
 pub use overview::overview;

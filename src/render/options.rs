@@ -8,7 +8,7 @@ use burn::config::Config;
 use serde::{Deserialize, Serialize};
 
 use super::adaptive::MOST;
-use crate::accel::HierarchyCache;
+use super::cache::HierarchyCache;
 use crate::error::{Error, Result};
 use crate::sampling::{Sampler, Sampling};
 use crate::scene::{Bounds, Normalization};
@@ -262,8 +262,7 @@ impl RenderOptions {
         self.bounds.map(Normalization::from).or(self.normalization)
     }
 
-    /// Keeps the hierarchy of boxes from render to render: while the same triangles move a little it
-    /// is fitted, not built.
+    /// Keeps what a render prepares for the next ([`HierarchyCache`]).
     pub fn cache(mut self, cache: &HierarchyCache) -> Self {
         self.cache = Some(cache.clone());
         self

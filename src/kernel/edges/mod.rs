@@ -9,6 +9,10 @@ mod draw;
 mod meshes;
 mod tree;
 
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::prelude::*;
+
 use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
@@ -16,7 +20,8 @@ use crate::scene::HostScene;
 use crate::trace::{OF_EDGE, Scene};
 use bounds::EdgeList;
 pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
-use tree::EdgeTree;
+use meshes::MeshEdges;
+use tree::{Division, EdgeTree};
 
 /// Faces of an edge, at most; if there are more, the others count as what lies behind.
 pub(in crate::kernel) const FACES: usize = 4;
@@ -72,12 +77,66 @@ pub(crate) enum Kind {
     Crossing,
 }
 
-/// Edges that something can jump at, and trees over them.
-pub(crate) struct EdgeSets {
-    pub(crate) edges: Vec<Edge>,
+/// A list of edges.
+#[derive(Default)]
+struct Edges {
     /// What stages read of them.
     flat: Vec<[[f32; 3]; 2]>,
     words: Vec<[u32; OF_EDGE]>,
+    /// What only trees and films ask for.
+    kinds: Vec<(Kind, f32, bool)>,
+}
+
+impl Edges {
+    fn len(&self) -> usize {
+        self.words.len()
+    }
+
+    /// Adds so many edges.
+    fn extend(&mut self, count: usize, edge: impl Fn(usize) -> Edge + Sync) {
+        let (first, len) = (self.len(), self.len() + count);
+        self.flat.resize(len, Default::default());
+        self.words.resize(len, Default::default());
+        self.kinds.resize(len, (Kind::Border, 0.0, false));
+        let flat = self.flat[first..].par_iter_mut();
+        let all = flat
+            .zip(&mut self.words[first..])
+            .zip(&mut self.kinds[first..]);
+        all.enumerate().for_each(|(i, ((flat, words), kind))| {
+            let e = edge(i);
+            *flat = [e.a, e.along].map(V3::to_array);
+            *words = e.words();
+            *kind = (e.kind, e.crease, e.closed);
+        });
+    }
+
+    fn get(&self, i: usize) -> Edge {
+        let [k, l, m, n, a, b, c, d, object, crossing] = self.words[i];
+        let [start, along] = self.flat[i].map(V3::from);
+        let (kind, crease, closed) = self.kinds[i];
+        Edge {
+            a: start,
+            along,
+            faces: [k, l, m, n],
+            rows: [[a, b], [c, d]],
+            object,
+            kind,
+            crease,
+            closed,
+            apart: crossing == 2,
+        }
+    }
+
+    /// What tells edges of meshes apart: the first face, and where an edge begins there.
+    fn name(&self, i: u32) -> [u32; 2] {
+        let words = &self.words[i as usize];
+        [words[0], words[4]]
+    }
+}
+
+/// Edges that something can jump at, and trees over them.
+pub(crate) struct EdgeSets {
+    edges: Edges,
     any_apart: bool,
     all: EdgeTree,
     moving: Moving,
@@ -93,43 +152,72 @@ enum Moving {
     Part,
 }
 
+/// What the edges of the last render leave for the next, where they are the same or moved.
+#[derive(Clone, Default)]
+pub(crate) struct LastEdges(Arc<Mutex<Kept>>);
+
+#[derive(Default)]
+struct Kept {
+    meshes: Vec<MeshEdges>,
+    /// Of the edges that move, and of the others or all.
+    divisions: [Division; 2],
+}
+
 impl EdgeSets {
-    pub fn new(host: &HostScene, scene: &KernelScene, wanted: &Wanted) -> Self {
-        let mut edges = Vec::new();
-        for (i, o) in host.objects.iter().enumerate() {
-            edges.extend(meshes::of_object(scene, i, &o.positions, &o.faces));
+    pub fn new(host: &HostScene, scene: &KernelScene, wanted: &Wanted, last: &LastEdges) -> Self {
+        let lock = || last.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = std::mem::take(&mut *lock());
+        kept.meshes
+            .resize_with(host.objects.len(), MeshEdges::default);
+        let mut edges = Edges::default();
+        for (i, (mesh, object)) in kept.meshes.iter_mut().zip(&host.objects).enumerate() {
+            mesh.update(scene, i, object);
+            mesh.add_to(&mut edges, scene, i);
         }
-        edges.extend(crossings::find(scene));
-        let moves = |&i: &u32| edges[i as usize].moves(scene, wanted);
+        let crossings = crossings::find(scene);
+        edges.extend(crossings.len(), |i| crossings[i]);
+        let all_move = wanted.objects.iter().all(|&object| object != 0);
+        let moves = |&i: &u32| all_move || edges.get(i as usize).moves(scene, wanted);
         let numbers = 0..edges.len() as u32;
         let (moving, others): (Vec<u32>, Vec<u32>) = numbers.clone().partition(moves);
-        let source = EdgeList::new(&edges, scene);
-        let (all, moving) = if others.is_empty() {
-            (EdgeTree::new(&source, moving), Moving::All)
-        } else if EdgeTree::is_list(&moving) {
-            let own = EdgeTree::new(&source, moving);
-            (EdgeTree::new(&source, numbers.collect()), Moving::Own(own))
-        } else {
-            (EdgeTree::joint(&source, moving, others), Moving::Part)
+        let source = EdgeList {
+            edges: &edges,
+            scene,
         };
+        let [first, second] = &mut kept.divisions;
+        let (all, moving) = if others.is_empty() {
+            (EdgeTree::new(&source, &moving, first), Moving::All)
+        } else if EdgeTree::is_list(&moving) {
+            let own = EdgeTree::new(&source, &moving, first);
+            let all: Vec<u32> = numbers.collect();
+            (EdgeTree::new(&source, &all, second), Moving::Own(own))
+        } else {
+            let parts = [(&*moving, first), (&*others, second)];
+            (EdgeTree::joint(&source, parts), Moving::Part)
+        };
+        *lock() = kept;
         Self {
-            any_apart: edges.iter().any(|e| e.apart),
-            flat: edges
-                .iter()
-                .map(|e| [e.a, e.along].map(V3::to_array))
-                .collect(),
-            words: edges.iter().map(Edge::words).collect(),
+            any_apart: crossings.iter().any(|e| e.apart),
             all,
             moving,
             edges,
         }
     }
 
+    pub fn len(&self) -> usize {
+        self.edges.len()
+    }
+
+    /// One of the edges.
+    pub fn edge(&self, i: usize) -> Edge {
+        self.edges.get(i)
+    }
+
     /// Adds them to the lists of a view.
     #[inline(always)]
     pub fn add_to<'a>(&'a self, scene: &mut Scene<'a>) {
-        scene.edges = self.flat.as_flattened().as_flattened();
-        scene.of_edges = self.words.as_flattened();
+        scene.edges = self.edges.flat.as_flattened().as_flattened();
+        scene.of_edges = self.edges.words.as_flattened();
     }
 
     /// Whether a line of a crossing moves while the shutter is open.

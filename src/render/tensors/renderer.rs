@@ -253,7 +253,10 @@ fn sight(
 ) -> Result<(Sight, Option<PixelFilter>)> {
     let hierarchy = || match hierarchy {
         Some(hierarchy) => Ok(hierarchy),
-        None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
+        None => hierarchy_of(
+            &scene.triangles,
+            options.cache.as_ref().map(|cache| &cache.boxes),
+        ),
     };
     match options.visibility.form(scene.unit) {
         VisibilityForm::Cones { angle, pixels } => {
