@@ -17,7 +17,7 @@ def noise(images):
 
 
 def measure(programs, a):
-    seeds, counts = (4, (16, 64)) if a.quick else (12, (16, 64, 256, 1024))
+    seeds, counts = (4, (16, 64)) if a.quick else (8, (16, 64, 256, 1024))
     known = scenes.images(common.SCENES)
     rows = []
     for name, (title, scene, bounces) in known.items():
