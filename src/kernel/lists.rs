@@ -90,6 +90,9 @@ impl Lists {
         let mut lists = Self::default();
         let coloured = scene.objects.iter().any(|o| o.colours.is_some());
         let tangents = scene.objects.iter().any(|o| o.tangents.is_some());
+        let faces = scene.objects.iter().map(|o| o.faces.len()).sum();
+        lists.triangles.reserve_exact(faces);
+        lists.vertex_rows.reserve_exact(faces);
         for i in 0..scene.objects.len() {
             lists.add_object(scene, i, frame, [coloured, tangents]);
         }

@@ -80,6 +80,8 @@ pub(crate) enum Kind {
 /// A list of edges.
 #[derive(Default)]
 struct Edges {
+    /// How many there are: there may be room for more.
+    count: usize,
     /// What stages read of them.
     flat: Vec<[[f32; 3]; 2]>,
     words: Vec<[u32; OF_EDGE]>,
@@ -88,17 +90,14 @@ struct Edges {
 }
 
 impl Edges {
-    fn len(&self) -> usize {
-        self.words.len()
-    }
-
     /// Adds so many edges.
     fn extend(&mut self, count: usize, edge: impl Fn(usize) -> Edge + Sync) {
-        let (first, len) = (self.len(), self.len() + count);
-        self.flat.resize(len, Default::default());
-        self.words.resize(len, Default::default());
-        self.kinds.resize(len, (Kind::Border, 0.0, false));
-        let flat = self.flat[first..].par_iter_mut();
+        let first = self.count;
+        self.count += count;
+        if self.words.len() < self.count {
+            self.resize();
+        }
+        let flat = self.flat[first..self.count].par_iter_mut();
         let all = flat
             .zip(&mut self.words[first..])
             .zip(&mut self.kinds[first..]);
@@ -108,6 +107,13 @@ impl Edges {
             *words = e.words();
             *kind = (e.kind, e.crease, e.closed);
         });
+    }
+
+    /// Gives room to all edges, and to no more.
+    fn resize(&mut self) {
+        self.flat.resize(self.count, Default::default());
+        self.words.resize(self.count, Default::default());
+        self.kinds.resize(self.count, (Kind::Border, 0.0, false));
     }
 
     fn get(&self, i: usize) -> Edge {
@@ -158,27 +164,40 @@ pub(crate) struct LastEdges(Arc<Mutex<Kept>>);
 
 #[derive(Default)]
 struct Kept {
+    /// Its memory is used again where no other render has it.
+    last: Option<Arc<EdgeSets>>,
     meshes: Vec<MeshEdges>,
     /// Of the edges that move, and of the others or all.
     divisions: [Division; 2],
 }
 
 impl EdgeSets {
-    pub fn new(host: &HostScene, scene: &KernelScene, wanted: &Wanted, last: &LastEdges) -> Self {
+    pub fn new(
+        host: &HostScene,
+        scene: &KernelScene,
+        wanted: &Wanted,
+        last: &LastEdges,
+    ) -> Arc<Self> {
         let lock = || last.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut kept = std::mem::take(&mut *lock());
         kept.meshes
             .resize_with(host.objects.len(), MeshEdges::default);
         let mut edges = Edges::default();
+        if let Some(sets) = kept.last.take().and_then(Arc::into_inner) {
+            edges = sets.edges;
+            edges.count = 0;
+            kept.divisions[0].room = sets.all.into_room();
+        }
         for (i, (mesh, object)) in kept.meshes.iter_mut().zip(&host.objects).enumerate() {
             mesh.update(scene, i, object);
             mesh.add_to(&mut edges, scene, i);
         }
         let crossings = crossings::find(scene);
         edges.extend(crossings.len(), |i| crossings[i]);
+        edges.resize();
         let all_move = wanted.objects.iter().all(|&object| object != 0);
         let moves = |&i: &u32| all_move || edges.get(i as usize).moves(scene, wanted);
-        let numbers = 0..edges.len() as u32;
+        let numbers = 0..edges.count as u32;
         let (moving, others): (Vec<u32>, Vec<u32>) = numbers.clone().partition(moves);
         let source = EdgeList {
             edges: &edges,
@@ -195,17 +214,19 @@ impl EdgeSets {
             let parts = [(&*moving, first), (&*others, second)];
             (EdgeTree::joint(&source, parts), Moving::Part)
         };
-        *lock() = kept;
-        Self {
+        let sets = Arc::new(Self {
             any_apart: crossings.iter().any(|e| e.apart),
             all,
             moving,
             edges,
-        }
+        });
+        kept.last = Some(sets.clone());
+        *lock() = kept;
+        sets
     }
 
     pub fn len(&self) -> usize {
-        self.edges.len()
+        self.edges.count
     }
 
     /// One of the edges.

@@ -33,6 +33,8 @@ pub(super) struct Division {
     shape: Shape,
     /// Σ half areas of the leaves' boxes when they were divided.
     cost: f32,
+    /// The memory of a tree's leaves, to be used again.
+    pub room: Vec<f32>,
 }
 
 /// An edge of a list that is divided.
@@ -54,7 +56,7 @@ impl Division {
             names: list.par_iter().map(|&i| source.edges.name(i)).collect(),
             order: items.iter().map(|item| item.place).collect(),
             shape,
-            cost: 0.0,
+            ..Self::default()
         };
         this.cost = this.cost_of(source, list);
         this
@@ -65,7 +67,9 @@ impl Division {
         let is = |(&i, &name): (&u32, &[u32; 2])| source.edges.name(i) == name;
         let same = self.names.len() == list.len() && list.par_iter().zip(&self.names).all(is);
         if !same || self.cost_of(source, list) > 1.5 * self.cost {
+            let room = std::mem::take(&mut self.room);
             *self = Self::new(source, list);
+            self.room = room;
         }
     }
 
@@ -126,14 +130,15 @@ impl EdgeTree {
     /// A tree over some edges of a list, those of meshes divided as they were where that serves.
     pub fn new(source: &EdgeList, which: &[u32], last: &mut Division) -> Self {
         if !Self::is_list(which) {
-            return Self::shaped(source, &divided(source, which, last));
+            let divided = divided(source, which, last);
+            return Self::shaped(source, &divided, std::mem::take(&mut last.room));
         }
         let leaves = (0..which.len()).step_by(LANES);
         let shape = Shape {
             leaves: leaves.map(|i| i..which.len().min(i + LANES)).collect(),
             ..Shape::default()
         };
-        Self::shaped(source, &(which.to_vec(), shape))
+        Self::shaped(source, &(which.to_vec(), shape), Vec::new())
     }
 
     /// Whether so few edges are a list, not a tree.
@@ -143,19 +148,24 @@ impl EdgeTree {
 
     /// A tree over some edges, not a list, and others, in which the tree over the first alone begins at node 1.
     pub fn joint(source: &EdgeList, parts: [(&[u32], &mut Division); 2]) -> Self {
+        let room = std::mem::take(&mut parts[0].1.room);
         let parts = parts.map(|(which, last)| divided(source, which, last));
-        Self::shaped(source, &joined(parts))
+        Self::shaped(source, &joined(parts), room)
     }
 
-    /// A tree of a shape, over edges in its order.
-    fn shaped(source: &EdgeList, (which, shape): &Divided) -> Self {
-        let mut leaves = vec![0.0; LANES * LEAF * shape.leaves.len()];
+    /// A tree of a shape, over edges in its order, in memory that it may use.
+    fn shaped(source: &EdgeList, (which, shape): &Divided, mut leaves: Vec<f32>) -> Self {
+        let numbers = LANES * LEAF * shape.leaves.len();
+        if leaves.len() != numbers {
+            leaves = vec![0.0; numbers];
+        }
         let mut edges = vec![NONE; LANES * shape.leaves.len()];
         let blocks = leaves.par_chunks_mut(LANES * LEAF);
         let blocks = blocks.zip(edges.par_chunks_mut(LANES)).zip(&shape.leaves);
         let of_leaves = blocks.map_init(Vec::new, |seen, ((block, edges), list)| {
             let list = &which[list.clone()];
             edges[..list.len()].copy_from_slice(list);
+            block.fill(0.0);
             seen.clear();
             seen.extend(list.iter().map(|&i| source.seen(i)));
             for (i, (edge, velocity)) in seen.iter().enumerate() {
@@ -192,6 +202,11 @@ impl EdgeTree {
             edges,
             moves: source.scene.velocities.is_some(),
         }
+    }
+
+    /// Its memory, for another.
+    pub fn into_room(self) -> Vec<f32> {
+        self.leaves
     }
 
     pub fn is_empty(&self) -> bool {

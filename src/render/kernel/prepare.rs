@@ -113,7 +113,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
                     let last = options.cache.as_ref().filter(|_| *scene == 0);
                     let last = last.map(|cache| cache.edges.clone()).unwrap_or_default();
                     let (host, scene) = (&hosts[*scene], &scenes[*scene]);
-                    Arc::new(EdgeSets::new(host, scene, &wanted, &last))
+                    EdgeSets::new(host, scene, &wanted, &last)
                 })
                 .clone()
         });
