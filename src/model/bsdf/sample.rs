@@ -7,6 +7,9 @@ use crate::cube::*;
 use crate::model::frame::{sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
 
+/// The squared difference of two normals up to which they are alike: what is between them would be their rounding.
+const ALIKE: f32 = 1e-6;
+
 /// A direction drawn from the BSDF.
 #[apply(zeroed!)]
 pub(crate) struct Scatter {
@@ -48,7 +51,7 @@ impl Shading {
         if self.mirrored {
             let across = self.pair.first - self.pair.second;
             let square = across.dot(across);
-            if square > 0.0 {
+            if square > ALIKE {
                 drawn.direction -= across * (2.0 * drawn.direction.dot(across) / square);
             }
         }
