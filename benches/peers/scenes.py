@@ -204,6 +204,12 @@ def cases(folder):
     for level, faces in FINE.items():
         title = f"a ball and its shadow, {faces} faces, by its z"
         found[f"ball-{20 * 4**level}"] = case(title, ball(folder, level), 1, 0.02, "sphere", translate=[0, 0, 1])
+    for level in (2, 4):
+        name = f"ball-sky-{20 * 4**level}"
+        parts = [("sphere", icosphere(level, 0.8, (0, 0.8, 0)), {"Kd": (0.3, 0.5, 0.8)})]
+        scene = write(folder, name, parts, DOWN_TO_ORIGIN, (0.3, 0.35, 0.4))
+        title = f"a ball before a constant sky, {FINE[level]} faces, by its x"
+        found[name] = case(title, scene, 1, 0.02, "sphere", translate=[1, 0, 0])
     return found
 
 

@@ -20,7 +20,7 @@ RENDERERS = [
 #: The case of the README's plot.
 FIRST = "cornell"
 QUICK = ("shadow", "sky", "ball-320")
-RECORD = ("shadow", "cornell", "torus", "mirror", "sky", "ball-320", "ball-5120", "ball-81920")
+RECORD = ("shadow", "cornell", "torus", "mirror", "sky", "ball-320", "ball-5120", "ball-81920", "ball-sky-320", "ball-sky-5120")
 #: σ of the paper's form, scene units squared.
 SIGMA = 1e-4
 

@@ -24,17 +24,14 @@ def measure(programs, a):
         if a.cases and name not in a.cases:
             continue
         for samples in counts:
-            means = {}
             for renderer in filter(programs.wanted, RENDERERS):
                 # Mitsuba's film has a box filter, so softray gets that in place of its own.
                 request = {"measure": "image", "scene": scene, "size": SIZE, "bounces": bounces, "pixels": 0.0}
                 answer = programs.ask(renderer, {**request, "samples": samples, "seeds": seeds})
                 images = np.array(answer["images"])
-                means[renderer] = images.mean()
                 row = {"case": name, "title": title, "renderer": renderer, "samples": samples}
                 row |= {"mean": float(images.mean()), "noise": noise(images), "clipped": noise(images.clip(0, 1))}
                 row |= {"seconds": float(np.median(answer["times"]))}
-                # The mean of all pixels' own deviation, as one number's error.
                 row |= {"error of mean": float(images.mean(1).std(ddof=1) / seeds**0.5)}
                 rows.append(row)
                 print(row, file=sys.stderr, flush=True)
@@ -80,7 +77,7 @@ def section(result, kind):
 def report(result, folder):
     text = f"Noise × √seconds of an image of {result['size']} × {result['size']} pixels with a box filter, over its mean: the root "
     text += f"of the mean variance of a pixel's channel over {result['seeds']} seeds, by as many images as a second has. In brackets over "
-    text += "that of Mitsuba's best sampler of four, whatever the number of samples of softray's row: less than 1 is less noise.\n\n"
+    text += "that of Mitsuba's best sampler of four at as many samples: less than 1 is less noise.\n\n"
     text += section(result, "noise")
     text += "\nThe same of values clipped to [0, 1], in which bright lamps and fireflies count for no more than white:\n\n"
     return text + section(result, "clipped")
