@@ -13,6 +13,7 @@ use super::walk::Start;
 use crate::accel::Hit;
 use crate::kernel::{DrawnEdge, NO_EDGE, Root, draw_edge};
 use crate::model::Pair;
+use crate::model::bsdf::normals_differ;
 use crate::model::choice::decided_by;
 use crate::sampling::Dimensions;
 use crate::trace::{
@@ -139,13 +140,15 @@ fn add_jump(
     }
 }
 
-/// The normals on both sides of a crease, and whether directions about them may be mirrored.
+/// Normals on both sides of a crease.
 #[apply(zeroed!)]
 struct Normals {
     pair: Pair,
+    /// Whether directions about them are mirrored, too.
     mirrors: bool,
 }
 
+/// The normals on both sides of a crease, by a ray past its edge and what that hits.
 #[cube]
 fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Normals {
     let mut found = Normals::default();
@@ -163,6 +166,7 @@ fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Norma
         found.mirrors = found.mirrors && point.shading.scatters_evenly();
         side += 1;
     }
+    found.mirrors = found.mirrors && normals_differ(&found.pair);
     found
 }
 

@@ -9,6 +9,7 @@ use crate::kernel::path::draw_emitters;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Back, Kept, Level, Path, PathBlock, Walk, Walks, Work};
 use crate::model::Pair;
+use crate::model::bsdf::normals_differ;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
 use crate::sampling::{Dimensions, Four, Stream};
@@ -291,9 +292,7 @@ fn begin_beside<'a>(
         if let [Some(minus), Some(plus)] = &mut points
             && is_crease(lists, &approach.sides)
         {
-            if minus.shading.scatters_evenly() && plus.shading.scatters_evenly() {
-                count = WALKS;
-            }
+            let evenly = minus.shading.scatters_evenly() && plus.shading.scatters_evenly();
             // Paths on both sides of a crease go the same ways.
             let pair = Pair {
                 first: minus.shading.normal,
@@ -302,6 +301,9 @@ fn begin_beside<'a>(
             for point in [minus, plus] {
                 point.shading.pair = pair;
                 point.shading.paired = true;
+            }
+            if normals_differ(&pair) && evenly {
+                count = WALKS;
             }
         }
         for k in 0..count {

@@ -101,6 +101,17 @@ impl Shading {
     }
 }
 
+/// The squared difference of two normals up to which they are the same but for rounding.
+const ALIKE: f32 = 1e-6;
+
+/// Whether two normals differ, so that there is a plane between them to mirror directions in.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn normals_differ(pair: &Pair) -> bool {
+    let across = pair.first - pair.second;
+    across.dot(across) > ALIKE
+}
+
 /// Derivatives by what a shaded point is made of.
 #[apply(zeroed!)]
 pub(crate) struct ShadingGradient {

@@ -7,9 +7,6 @@ use crate::cube::*;
 use crate::model::frame::{sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
 
-/// The squared difference of two normals up to which they are alike: what is between them would be their rounding.
-const ALIKE: f32 = 1e-6;
-
 /// A direction drawn from the BSDF.
 #[apply(zeroed!)]
 pub(crate) struct Scatter {
@@ -50,10 +47,8 @@ impl Shading {
         self.draw(&mut drawn, normal, lobe);
         if self.mirrored {
             let across = self.pair.first - self.pair.second;
-            let square = across.dot(across);
-            if square > ALIKE {
-                drawn.direction -= across * (2.0 * drawn.direction.dot(across) / square);
-            }
+            let per_square = 1.0 / across.dot(across);
+            drawn.direction -= across * (2.0 * drawn.direction.dot(across) * per_square);
         }
         // Without gloss, on a flat surface, f·cos θ over the density is k_d, whatever the direction.
         if !self.glossy && !self.smooth && !self.paired {
