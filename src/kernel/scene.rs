@@ -90,7 +90,7 @@ impl KernelScene {
         let last = last.filter(|last| last.is_of(lists.triangles.len(), triangle));
         let hierarchy = match (last, like, cache) {
             (Some(last), ..) => last,
-            (_, Some(like), _) => {
+            (_, Some(like), _) if like.triangles.len() == lists.triangles.len() => {
                 let mut own = like.clone();
                 own.update(lists.for_boxes(way), spare);
                 Arc::new(own)

@@ -3,9 +3,9 @@
 
 use crate::common::errors::{message, says};
 use crate::common::memory::peak;
-use crate::common::numbers::{largest, pairs};
+use crate::common::numbers::{apart, largest, pairs};
 use crate::common::process::again;
-use crate::common::scenes::scene_file;
+use crate::common::scenes::{diffuse, floor, scene_file};
 use crate::common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
 use burn::tensor::{DType, Device};
 use softray::prelude::*;
@@ -169,16 +169,9 @@ fn of_steps(options: &RenderOptions, steps: std::ops::Range<i32>) -> Vec<Vec<f64
     };
     let gradient_of = |step: i32| {
         let vertices = at(step).autodiff().require_grad();
-        let floor = shapes::quad(
-            [-3.0, -0.4, 3.0],
-            [3.0, -0.4, 3.0],
-            [3.0, -0.4, -3.0],
-            [-3.0, -0.4, -3.0],
-            &device,
-        );
         let scene = Scene::new()
             .with(Object::new(ball.clone().with_vertices(vertices.clone())))
-            .with(Object::new(floor).material(Material::diffuse([0.3, 0.6, 0.2])))
+            .with(diffuse(floor(3.0, -0.4, &device), [0.3, 0.6, 0.2]))
             .environment([0.6, 0.8, 1.0]);
         let camera = Camera::look_at([0.0, 2.0, 4.0], [0.0; 3]).fov_y(40.0);
         let image = render(&scene, &camera, options).expect("an image");
@@ -195,11 +188,6 @@ fn kept_edges_serve_the_next_step() {
     let cached = || of_steps(&options.clone().cache(&HierarchyCache::default()), 0..6);
     let (kept, alone) = (cached(), of_steps(&options, 0..6));
     assert_eq!(kept, cached());
-    let apart = |a: &[f64], b: &[f64]| {
-        let square = |x: f64| x * x;
-        let far: f64 = a.iter().zip(b).map(|(a, b)| square(a - b)).sum();
-        (far / b.iter().map(|b| square(*b)).sum::<f64>()).sqrt()
-    };
     // The first finds nothing.
     assert_eq!(kept[0], alone[0]);
     let other_seed = of_steps(&options.clone().seed(1), 0..6);

@@ -69,7 +69,7 @@ fn estimate(all: &[[f64; 3]], i: usize) -> (f64, f64) {
 
 #[test]
 fn mean_and_gradients_stay() {
-    let seeds = if common::long() { 1024 } else { 128 };
+    let seeds = if common::long() { 1024 } else { 96 };
     let run = |s| -> Vec<[f64; 3]> { (0..seeds).map(|seed| of(s, seed)).collect() };
     let plain = run(Sampling::paper());
     for (name, sampling) in variants() {

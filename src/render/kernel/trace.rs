@@ -131,7 +131,14 @@ impl Pass<'_> {
         let mut images = Vec::with_capacity(shares.len());
         let mut traced = Vec::with_capacity(shares.len());
         for (v, shares) in shares.iter().enumerate() {
-            let (image, mut own) = self.view(v, shares, Some((&done.0, done.1)))?;
+            let own;
+            let view = if self.views.len() == 1 {
+                all
+            } else {
+                own = self.together(v..v + 1);
+                &own
+            };
+            let (image, mut own) = self.view(view, shares, Some((&done.0, done.1)))?;
             own.counts.add(&counted[v].counts);
             own.counts.add(&more[v].counts);
             images.push(image);
@@ -141,9 +148,8 @@ impl Pass<'_> {
     }
 
     /// Shares of all pixels of a view, as one image.
-    fn view(&self, view: usize, shares: &[Share], done: Done) -> Result<(Tensor<2>, Traced)> {
-        let together = self.together(view..view + 1);
-        let of_share = |share: &Share| self.rows(&together, share, done);
+    fn view(&self, view: &Together, shares: &[Share], done: Done) -> Result<(Tensor<2>, Traced)> {
+        let of_share = |share: &Share| self.rows(view, share, done);
         let found = if self.on_gpu() {
             shares.iter().map(of_share).collect::<Result<Vec<_>>>()?
         } else {
