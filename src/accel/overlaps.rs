@@ -101,7 +101,7 @@ impl Task for AddPairs<'_> {
         if wide.nodes.is_empty() {
             let mut other = self.leaf;
             while other < wide.leaves.len() {
-                if !self.add(machine, other) {
+                if !self.add(machine, other, &wide.boxes[other].around()) {
                     return false;
                 }
                 other += 1;
@@ -111,18 +111,18 @@ impl Task for AddPairs<'_> {
         let around = wide.boxes[self.leaf].around();
         let mut open = vec![0u32];
         while let Some(at) = open.pop() {
-            if at % 2 == 1 {
-                let other = at as usize / 2;
-                if other >= self.leaf && !self.add(machine, other) {
-                    return false;
-                }
-                continue;
-            }
             let node: &Node = &wide.nodes[at as usize / 2];
             let mut met = overlap(machine, &node.boxes, &around) & ((1 << node.count) - 1);
             while met != 0 {
-                open.push(node.child[met.trailing_zeros() as usize]);
+                let slot = met.trailing_zeros() as usize;
                 met &= met - 1;
+                let child = node.child[slot];
+                let other = child as usize / 2;
+                if child.is_multiple_of(2) {
+                    open.push(child);
+                } else if other >= self.leaf && !self.add(machine, other, &node.boxes.one(slot)) {
+                    return false;
+                }
             }
         }
         true
@@ -130,9 +130,9 @@ impl Task for AddPairs<'_> {
 }
 
 impl AddPairs<'_> {
-    /// Adds the pairs with triangles of another leaf, or within this one.
+    /// Adds the pairs with triangles of another leaf, which lie in a box, or within this one.
     #[inline(always)]
-    fn add<M: Machine>(&mut self, machine: M, other: usize) -> bool {
+    fn add<M: Machine>(&mut self, machine: M, other: usize, around: &Aabb) -> bool {
         if *self.left == 0 {
             return false;
         }
@@ -142,8 +142,10 @@ impl AddPairs<'_> {
             &self.all.wide.leaves[self.leaf],
             &self.all.wide.leaves[other],
         );
-        let mut i = 0;
-        while i < list.list().len() {
+        let mut near = overlap(machine, own, around) & list.used;
+        while near != 0 {
+            let i = near.trailing_zeros() as usize;
+            near &= near - 1;
             let mut met = overlap(machine, boxes, &own.one(i));
             if met != 0 && self.all.wide.velocities.is_none() {
                 let corners = self.all.triangles[list.triangle[i] as usize].corners;
@@ -164,7 +166,6 @@ impl AddPairs<'_> {
                 *self.left -= 1;
                 self.pairs.push([k.min(l), k.max(l)]);
             }
-            i += 1;
         }
         true
     }

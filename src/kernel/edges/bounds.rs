@@ -38,7 +38,10 @@ impl EdgeList<'_> {
     fn normals(&self, e: &Edge) -> [V3; 2] {
         let [first, second, ..] = e.faces;
         let second = if second == u32::MAX { first } else { second };
-        [first, second].map(|k| self.scene.triangle(k).normal)
+        [
+            self.scene.triangle(first).normal,
+            self.scene.triangle(second).normal,
+        ]
     }
 }
 

@@ -108,6 +108,8 @@ impl MeshEdges {
                 closed &= group.len() == 2;
             }
         }
+        // What follows each other lies near to each other.
+        groups.par_sort_unstable();
         self.closed = closed && !groups.is_empty();
         self.groups = groups;
     }
