@@ -91,34 +91,23 @@ impl<'a> PathBlock<'a> {
 pub(crate) struct Walk {
     /// The triangle that the first ray hit, or [`NOTHING`].
     pub seen: u32,
-    /// Distance and geometric normal of the first surface.
-    pub first: (f32, V3),
-    pub radiance: V3,
+    pub light: Seen,
 }
 
 impl Walk {
-    pub const NEW: Self = Self {
-        seen: NOTHING,
-        first: (0.0, V3::ZERO),
-        radiance: V3::ZERO,
-    };
-
     /// The first ray hit a surface point.
     #[inline(always)]
     pub fn see(&mut self, point: &Point) {
         self.seen = point.triangle;
-        self.first = (point.distance, point.shading.geometric);
+        self.light.opacity = 1.0;
+        self.light.depth = point.distance;
+        self.light.normal = point.shading.geometric;
     }
 
     /// Adds the surface that the camera ray saw and the light that the path brought back.
     #[inline(always)]
     pub fn add_to(&self, seen: &mut Seen) {
-        seen.radiance += self.radiance;
-        if self.seen != NOTHING {
-            seen.opacity += 1.0;
-            seen.depth += self.first.0;
-            seen.normal += self.first.1;
-        }
+        seen.add(&self.light, 1.0);
     }
 }
 
@@ -139,7 +128,8 @@ impl Walks {
     /// Begins with a number of paths, none of which has come to a surface.
     pub fn clear(&mut self, count: usize) {
         self.list.clear();
-        self.list.resize(count, Walk::NEW);
+        let (seen, light) = (NOTHING, Seen::default());
+        self.list.resize(count, Walk { seen, light });
         self.film.reserve(count);
         self.cameras.reserve(count);
         self.level(0).clear(count);

@@ -7,15 +7,15 @@ use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use crate::kernel::path::draw_emitters;
 use crate::kernel::view::{Tracer, View};
-use crate::kernel::walk::{Back, Level, Path, PathBlock, Walk, Walks, Work};
+use crate::kernel::walk::{Back, Level, Path, PathBlock, Walks, Work};
 use crate::model::Pair;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
 use crate::sampling::{Dimensions, Four, Stream};
 use crate::trace::{
-    Approach, EdgeView, Jump, Observer, Point, Search, Seen, beside, edge_point, edge_view,
-    emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward, search,
-    shadow_backward, sky,
+    Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Point, Search, Seen, beside,
+    edge_point, edge_view, emitted, hides, is_crease, jump_at, looks_for_edges, point_at,
+    reflected_backward, sampler, search, shadow_backward, sky,
 };
 
 impl Approach {
@@ -64,10 +64,11 @@ impl Return<'_> {
         find_beside::<true>(self, work);
         shadows_backward(self, &shadows, back, work);
         let approaches: Vec<Approach> = reflections.iter().map(Found::approach).collect();
+        let sides = sampler(&self.lists, OF_SIDES);
         let beside = |found: &Found| {
             let path = self.path(level, found.lane);
             Path {
-                numbers: self.sides.stream(path.numbers.pixel, path.numbers.sample),
+                numbers: sides.stream(path.numbers.pixel, path.numbers.sample),
                 ..*path
             }
         };
@@ -119,7 +120,9 @@ pub(super) fn light_beside(
     }
     for (light, pair) in work.side_lights.iter_mut().zip(walks.list.chunks_exact(2)) {
         if let Some(light) = light {
-            *light = difference(&pair[0], &pair[1]);
+            // What is seen on the − side of the edge less that on the + side.
+            *light = pair[0].light;
+            light.add(&pair[1].light, -1.0);
         }
     }
     work.side_walks = walks;
@@ -135,6 +138,7 @@ fn find_jumps<'a>(
     work: &'a mut Work,
 ) -> [Vec<Found>; 2] {
     let mut found = [Vec::new(), Vec::new()];
+    let edges = sampler(&to.lists, OF_EDGES);
     for lane in 0..level.len() {
         let point = level.points.get(lane);
         let carried = to.by_light(level, lane) * level.throughputs.get(lane);
@@ -150,7 +154,7 @@ fn find_jumps<'a>(
             counts,
         };
         let path = to.path(level, lane);
-        let numbers = to.edges.stream(path.numbers.pixel, path.numbers.sample);
+        let numbers = edges.stream(path.numbers.pixel, path.numbers.sample);
         for of_light in [true, false] {
             if !to.features.emitters && of_light {
                 continue;
@@ -299,9 +303,9 @@ fn begin_beside<'a>(
             }
             let walk = &mut walks.list[2 * i + k];
             match point {
-                Some(point) if film => walk.radiance = emitted(lists, point),
+                Some(point) if film => walk.light.radiance = emitted(lists, point),
                 None if film || tracer.features.sees_sky => {
-                    walk.radiance = sky(lists, approach.view);
+                    walk.light.radiance = sky(lists, approach.view);
                 }
                 _ => {}
             }
@@ -325,16 +329,4 @@ fn point_beside(
         return None;
     }
     Some(point_at(lists, k, near, at.distance, at.direction, time))
-}
-
-/// What is seen on the − side of an edge less that on the + side.
-#[inline(always)]
-fn difference(minus: &Walk, plus: &Walk) -> Seen {
-    let opacity = |walk: &Walk| if walk.seen == NOTHING { 0.0 } else { 1.0 };
-    Seen {
-        radiance: minus.radiance - plus.radiance,
-        opacity: opacity(minus) - opacity(plus),
-        depth: minus.first.0 - plus.first.0,
-        normal: minus.first.1 - plus.first.1,
-    }
 }

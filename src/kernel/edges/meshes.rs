@@ -6,7 +6,8 @@ use super::{Edge, FACES, Kind};
 use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
-use crate::trace::{AREA, NONE, NORMAL_ROWS, UV_ROWS};
+use crate::model::triangle::AREA;
+use crate::trace::{NONE, NORMAL_ROWS, UV_ROWS};
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;
