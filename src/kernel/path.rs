@@ -113,7 +113,7 @@ impl PathBlock<'_> {
 
 /// The random numbers of eight paths, of which the first are there.
 #[inline(always)]
-fn drawn_by<'a>(
+pub(super) fn drawn_by<'a>(
     stream: impl Fn(usize) -> &'a Stream,
     lanes: Range<usize>,
     what: Dimensions,

@@ -316,6 +316,8 @@ pub(super) struct Back {
     /// By the throughput that leaves the point before, and by its ray.
     pub throughputs_before: Vec<V3>,
     pub rays_before: Vec<RayGradient>,
+    /// Random numbers for edges, of each path.
+    pub edges: Vec<Stream>,
     /// Of each level whether points move, or the directions in which they are seen turn.
     pub moves: Vec<Vec<bool>>,
 }

@@ -5,9 +5,11 @@ use macro_rules_attribute::apply;
 use crate::accel::{Hit, HitRay, NOTHING, stage};
 use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
-use crate::kernel::path::draw_emitters;
+use crate::kernel::eights::Eight;
+use crate::kernel::path::{draw_emitters, drawn_by};
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Back, Level, Path, PathBlock, Walks, Work};
+use crate::lanes::{LANES, Record};
 use crate::model::Pair;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
@@ -46,6 +48,22 @@ impl Found {
 }
 
 impl Return<'_> {
+    /// Begins the random numbers for edges of all paths.
+    pub(in crate::kernel) fn begin_edges(&self, edges: &mut Vec<Stream>) {
+        let sampler = sampler(&self.lists, OF_EDGES);
+        edges.clear();
+        for path in self.paths {
+            let (pixel, sample) = (path.numbers.pixel, path.numbers.sample);
+            edges.push(match edges.last() {
+                // Samples of a pixel lie side by side.
+                Some(last) if last.pixel == pixel && last.sample < sample => {
+                    last.after(sample - last.sample)
+                }
+                _ => sampler.stream(pixel, sample),
+            });
+        }
+    }
+
     /// Adds the derivatives by jumps at edges seen from points of paths.
     pub(in crate::kernel) fn edges_backward(
         &self,
@@ -138,44 +156,49 @@ fn find_jumps<'a>(
     work: &'a mut Work,
 ) -> [Vec<Found>; 2] {
     let mut found = [Vec::new(), Vec::new()];
-    let edges = sampler(&to.lists, OF_EDGES);
+    let mut numbers = [Eight::<Four>::default(); 2];
     for lane in 0..level.len() {
-        let point = level.points.get(lane);
+        let stream = |lane: usize| &back.edges[level.paths[lane] as usize];
+        if lane % LANES == 0 {
+            let lanes = lane..level.len().min(lane + LANES);
+            numbers = [2, 1].map(|k| {
+                let set = Dimensions::of_set(3 * bounce + k);
+                drawn_by(stream, lanes.clone(), set)
+            });
+        }
         let carried = to.by_light(level, lane) * level.throughputs.get(lane);
         let counts = carried.abs().element_sum() / to.typical;
-        if !point.reflects || counts.is_nan() || counts <= 0.0 {
+        let reflects = level.points.lanes(lane).reflects[lane % LANES];
+        if !reflects || counts.is_nan() || counts <= 0.0 {
             continue;
         }
-        let observer = Observer {
-            point,
-            bounce,
-            moves: back.moves[bounce as usize][lane],
-            carried,
-            counts,
-        };
-        let path = to.path(level, lane);
-        let numbers = edges.stream(path.numbers.pixel, path.numbers.sample);
+        let time = to.time(level, lane);
         for of_light in [true, false] {
             if !to.features.emitters && of_light {
                 continue;
             }
-            let set = Dimensions::of_set(3 * bounce + if of_light { 1 } else { 2 });
-            let pair = numbers.numbers(set);
+            let pair = Four::get(&numbers[usize::from(of_light)], lane);
             let pick = if of_light { pair.y } else { pair.x };
             if !looks_for_edges(&to.lists, bounce, counts, of_light, pick) {
                 continue;
             }
             let mut drawn = pair;
             if of_light {
-                drawn = numbers.numbers(Dimensions::of_set(3 * bounce));
+                drawn = stream(lane).numbers(Dimensions::of_set(3 * bounce));
             }
-            let numbers = [drawn, pair];
-            let edge = seen_edge(to, path.time, &observer, of_light, numbers, work);
+            let observer = Observer {
+                point: level.points.get(lane),
+                bounce,
+                moves: back.moves[bounce as usize][lane],
+                carried,
+                counts,
+            };
+            let edge = seen_edge(to, time, &observer, of_light, [drawn, pair], work);
             let Some((search, view)) = edge else {
                 continue;
             };
             for k in view.first..view.past {
-                let jump = jump_at(&to.lists, &observer, &search, &view, k, path.time);
+                let jump = jump_at(&to.lists, &observer, &search, &view, k, time);
                 if jump.limit > 0.0 {
                     found[usize::from(of_light)].push(Found {
                         lane,
