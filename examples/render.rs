@@ -36,6 +36,9 @@ pub struct Arguments {
     /// Paths a pixel.
     #[arg(long, default_value_t = 64)]
     spp: u32,
+    /// More of them where the image is noisy, fewer elsewhere.
+    #[arg(long, conflicts_with = "softmax")]
+    adaptive: bool,
     /// Bounces after the surface that the camera sees.
     #[arg(long, default_value_t = 3)]
     bounces: u32,
@@ -136,7 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     HostImage::check_room(&arguments.out, size.0, size.1)?;
 
     let (bar, progress) = common::render_progress("rendering");
-    let options = RenderOptions::new(size.0, size.1)
+    let mut options = RenderOptions::new(size.0, size.1)
         .samples(arguments.spp)
         .bounces(arguments.bounces)
         .visibility(match arguments.softmax {
@@ -152,6 +155,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         })
         .seed(arguments.seed)
         .progress(progress);
+    if arguments.adaptive {
+        options = options.adaptive();
+    }
     let start = Instant::now();
     let mut image = render(&scene, &camera, &options)?;
     let mut host = HostImage::take(image.radiance)?;

@@ -5,6 +5,7 @@ mod bits;
 mod camera;
 mod fits;
 mod gradient;
+mod image;
 mod scenes;
 mod speed;
 
@@ -19,6 +20,8 @@ type Answer = Result<serde_json::Value, Box<dyn Error>>;
 enum Request {
     /// Seconds of an image, or of an image and its backward pass.
     Speed(speed::Request),
+    /// Images of several seeds, with their times.
+    Image(image::Request),
     /// Estimates of one derivative, with their times.
     Gradient(gradient::Request),
     /// The bits of an image and of its gradient.
@@ -37,6 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let answer = match serde_json::from_str(&request)? {
         Request::Speed(r) => r.answer()?,
+        Request::Image(r) => r.answer()?,
         Request::Gradient(r) => r.answer()?,
         Request::Bits(r) => r.answer()?,
         Request::Camera(r) => r.answer()?,

@@ -13,6 +13,8 @@ mi.set_log_level(mi.LogLevel.Error)
 import drjit as dr  # noqa: E402
 
 BLOCKS = 8
+#: Degrees by which Mitsuba's maps of the environment are turned to lie as this project's.
+SKY_TURN = 180
 
 
 class Phong(mi.BSDF):
@@ -88,13 +90,18 @@ def bsdf(material):
     kd, ks = material.get("Kd", [0.8] * 3), material.get("Ks", [0.0] * 3)
     if any(ks):
         return phong(kd, ks, material["Ns"][0])
+    if material.get("bsdf") == "dielectric":
+        alpha = material["roughness"] ** 2
+        rough = {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha, "int_ior": material["ior"]}
+        return mi.load_dict(rough)
     matt = {"type": "diffuse", "reflectance": {"type": "rgb", "value": kd}}
     return mi.load_dict({"type": "twosided", "bsdf": matt})
 
 
 def mesh(name, vertices, faces, material, uvs=None):
     props = mi.Properties()
-    props["bsdf"] = material.get("bsdf") or bsdf(material)
+    own = material.get("bsdf")
+    props["bsdf"] = own if isinstance(own, mi.BSDF) else bsdf(material)
     if any(material.get("Ke", [0])):
         radiance = {"type": "rgb", "value": material["Ke"]}
         props["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
@@ -160,8 +167,12 @@ def load(path, size, sampler="independent", materials=None):
             material[word] = [float(x) for x in rest]
     scene = {"type": "scene", "sensor": sensor(file["camera"], size, sampler)}
     sky = file.get("environment") or [0, 0, 0]
-    if any(sky):
+    if isinstance(sky, str):
+        turned = mi.ScalarTransform4f().rotate([0, 1, 0], SKY_TURN)
+        scene["sky"] = {"type": "envmap", "filename": str(path.parent / sky), "to_world": turned}
+    elif any(sky):
         scene["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": sky}}
+    others = {**file.get("materials", {}), **others}
     for part, material, corners, faces in meshes(obj):
         chosen = others.get(part, materials[material])
         uvs = corners[:, [0, 2]] / (2 * chosen["half"]) + 0.5 if "half" in chosen else None
@@ -213,6 +224,22 @@ def speed(r):
 
     triangles = sum(s.face_count() for s in scene.shapes())
     return {"triangles": triangles, "reading": reading, **timed(r["seconds"], run)[0]}
+
+
+def image(r):
+    """Images of several seeds, with their times; the method is `path` and a sampler."""
+    method, sampler = r["method"].split()
+    scene = load(r["scene"], r["size"], sampler)
+    how = integrator(method, r["bounces"])
+    times, images = [], []
+    for seed in range(r["seeds"] + 1):
+        start = time.perf_counter()
+        found = np.array(mi.render(scene, integrator=how, spp=r["samples"], seed=seed))
+        # The first is not counted.
+        if seed:
+            times.append(time.perf_counter() - start)
+            images.append(found.reshape(-1).tolist())
+    return {"times": times, "images": images}
 
 
 class Moved:
@@ -560,5 +587,5 @@ def fit(r):
 
 if __name__ == "__main__":
     request = json.loads(sys.argv[1])
-    answers = {"speed": speed, "gradient": gradient, "bits": bits, "camera": camera, "fit": fit}
+    answers = {"speed": speed, "image": image, "gradient": gradient, "bits": bits, "camera": camera, "fit": fit}
     print(json.dumps(answers[request["measure"]](request)))

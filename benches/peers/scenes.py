@@ -73,7 +73,7 @@ def turned(mesh, axis, degrees, centre):
     return (v - centre) @ turn.T + centre, f
 
 
-def write(folder, name, parts, camera, sky=(0, 0, 0), fov=40.0, size=SIZE):
+def write(folder, name, parts, camera, sky=(0, 0, 0), fov=40.0, size=SIZE, materials=None):
     """Parts are (name, (vertices, faces), {"Kd": colour, "Ks": .., "Ns": .., "Ke": ..}). Meshes are written as arrays
     too, so that what Python needs to read text is not counted as a renderer's."""
     folder = folder / name
@@ -93,8 +93,23 @@ def write(folder, name, parts, camera, sky=(0, 0, 0), fov=40.0, size=SIZE):
     arrays = {f"{part} {key}": array for part, mesh, _ in parts for key, array in zip("vf", mesh)}
     np.savez(folder / "scene.npz", **arrays)
     camera = {**camera, "fov_y_degrees": fov, "width": size, "height": size}
-    path.write_text(json.dumps({"obj": f"{name}.obj", "camera": camera, "environment": list(sky)}))
+    if isinstance(sky, np.ndarray):
+        write_hdr(folder / "sky.hdr", sky)
+        sky = "sky.hdr"
+    sky = sky if isinstance(sky, str) else list(sky)
+    more = {"materials": materials} if materials else {}
+    path.write_text(json.dumps({"obj": f"{name}.obj", "camera": camera, "environment": sky, **more}))
     return str(path)
+
+
+def write_hdr(path, texels):
+    """Radiance's format, without runs."""
+    height, width, _ = texels.shape
+    _, exponents = np.frexp(texels.max(2))
+    mantissas = np.ldexp(texels, 8 - exponents[..., None])
+    pixels = np.concatenate([mantissas, (exponents + 128)[..., None]], 2).astype(np.uint8)
+    head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n"
+    path.write_bytes(head.encode() + pixels.tobytes())
 
 
 def ball(folder, level):
@@ -109,6 +124,31 @@ def ball(folder, level):
         ("light", lamp(1.5, 3, 1.5, 0.5), {"Kd": (0, 0, 0), "Ke": (20, 18, 15)}),
     ]
     return write(folder, name, parts, DOWN_TO_ORIGIN, (0.3, 0.35, 0.4))
+
+
+def images(folder):
+    """Scenes of images by name: title, file, bounces."""
+    known = lambda name: str(DATA / name / "scene.json")  # noqa: E731
+    light = {"Kd": (0, 0, 0), "Ke": (20, 18, 15)}
+    ground = ("floor", floor(), {"Kd": (0.6, 0.5, 0.4)})
+    sphere = ("sphere", icosphere(3, 0.8, (0, 0.8, 0)), {"Kd": (0.3, 0.5, 0.8)})
+    glass = {"sphere": {"bsdf": "dielectric", "ior": 1.5, "roughness": 0.3}}
+    lit = [ground, sphere, ("light", lamp(1.5, 3, 1.5, 0.5), light)]
+    grid = [(x, z) for x in range(-4, 4) for z in range(-4, 4)]
+    lamps = [(f"light{i}", lamp(x + 0.5, 3, z + 0.5, 0.05), {"Kd": (0, 0, 0), "Ke": (31, 28, 23)}) for i, (x, z) in enumerate(grid)]
+    # A sky that is brighter at its horizon, with a sun.
+    up, around = np.meshgrid(np.linspace(0.5, -0.5, 64), np.linspace(-0.5, 0.5, 128, endpoint=False), indexing="ij")
+    sky = np.array([0.3, 0.4, 0.6]) * (0.2 + np.exp(-8 * np.abs(up)))[..., None]
+    sky = sky + np.array([90, 80, 60]) * np.exp(-((up - 0.25) ** 2 + 4 * (around - 0.1) ** 2) / 0.002)[..., None]
+    return {
+        "cornell": ("Cornell box", known("cornell"), 2),
+        "shadow": ("a shadow", known("shadow"), 0),
+        "ball": ("a ball of 1,280 faces", ball(folder, 3), 1),
+        "gloss": ("a glossy ball", known("glossy_sphere"), 1),
+        "glass": ("a ball of rough glass", write(folder, "glass", lit, DOWN_TO_ORIGIN, (0.3, 0.35, 0.4), materials=glass), 4),
+        "map": ("a ball under a sky with a sun", write(folder, "map", [ground, sphere], DOWN_TO_ORIGIN, sky), 1),
+        "lamps": ("a ball under 64 lamps", write(folder, "lamps", [ground, sphere, *lamps], DOWN_TO_ORIGIN), 1),
+    }
 
 
 #: Of the cube under a uniform sky.

@@ -61,20 +61,26 @@ pub(crate) trait Divide<T>: Sync {
     /// Of some parts the one that costs the most is divided next.
     fn cost(&self, list: &[T]) -> f32;
 
-    /// Divides a list of several in two.
-    fn split<'a>(&self, list: &'a mut [T]) -> [&'a mut [T]; 2];
+    /// Parts of so many are not divided further among the branches of a list's node.
+    fn enough(&self, _list: &[T]) -> usize {
+        1
+    }
+
+    /// Divides a list of more than enough in two.
+    fn split<'a>(&self, list: &'a mut [T], enough: usize) -> [&'a mut [T]; 2];
 
     /// Divides a part of a list, which begins at a place of that, into up to eight.
     fn parts<'a>(&self, first: usize, list: &'a mut [T]) -> Vec<(usize, &'a mut [T])> {
+        let enough = self.enough(list);
         let (mut costs, mut parts) = (vec![self.cost(list)], vec![(first, list)]);
         while parts.len() < LANES {
-            let several = (0..parts.len()).filter(|&i| parts[i].1.len() > 1);
+            let several = (0..parts.len()).filter(|&i| parts[i].1.len() > enough);
             let Some(worst) = several.max_by(|&a, &b| costs[a].total_cmp(&costs[b])) else {
                 break;
             };
             costs.swap_remove(worst);
             let (first, part) = parts.swap_remove(worst);
-            let [left, right] = self.split(part);
+            let [left, right] = self.split(part, enough);
             costs.extend([self.cost(left), self.cost(right)]);
             let middle = first + left.len();
             parts.extend([(first, left), (middle, right)]);
@@ -89,7 +95,7 @@ pub(crate) const NONE: u32 = u32::MAX;
 const MANY: usize = 2048;
 
 /// How a list is divided.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Shape {
     /// The children of each node, which come after it: twice the index of a node, or of a leaf plus one, or [`NONE`].
     pub nodes: Vec<[u32; LANES]>,
@@ -110,7 +116,7 @@ impl Shape {
         Self::join(parts)
     }
 
-    /// Up to eight under one node, which is the first.
+    /// Up to eight under one node, which is the first; their lists follow each other.
     pub fn join(parts: impl IntoIterator<Item = Self>) -> Self {
         let mut shape = Self::default();
         shape.nodes.push([NONE; LANES]);

@@ -47,21 +47,25 @@ impl Wide {
         2 * (self.leaves.len() as u32 - 1) + 1
     }
 
-    /// The same tree about triangles that moved.
-    pub fn fit(&self, triangles: &[HostTriangle], extent: f64) -> Self {
+    /// Fits it to triangles that moved.
+    pub fn fit(&mut self, triangles: &[HostTriangle], extent: f64) {
+        let of_leaves = self.leaves.par_iter_mut().zip(&mut self.boxes);
+        of_leaves.for_each(|(leaf, boxes)| {
+            *leaf = Leaf::new(triangles, leaf.list());
+            *boxes = Boxes::new(triangles, leaf.list());
+        });
         let moves = triangles.par_iter().any(|t| t.velocity != DVec3::ZERO);
-        let leaves = self.leaves.par_iter();
-        let leaves: Vec<Leaf> = leaves.map(|l| Leaf::new(triangles, l.list())).collect();
-        let boxes = leaves.par_iter().map(|l| Boxes::new(triangles, l.list()));
-        let boxes: Vec<Boxes> = boxes.collect();
+        self.velocities = moves.then(|| {
+            let leaves = self.leaves.par_iter();
+            leaves.map(|l| velocities(triangles, l.list())).collect()
+        });
         let mut of_nodes = vec![Aabb::INVALID; self.nodes.len()];
-        let mut nodes = self.nodes.clone();
         // Children come after their parents.
-        for (at, node) in nodes.iter_mut().enumerate().rev() {
+        for (at, node) in self.nodes.iter_mut().enumerate().rev() {
             for slot in 0..node.count as usize {
                 let child = node.child[slot] as usize;
                 let own = if child % 2 == 1 {
-                    boxes[child / 2].around()
+                    self.boxes[child / 2].around()
                 } else {
                     of_nodes[child / 2]
                 };
@@ -69,17 +73,8 @@ impl Wide {
                 of_nodes[at] = of_nodes[at].union(&own);
             }
         }
-        Self {
-            velocities: moves.then(|| {
-                let leaves = leaves.par_iter();
-                leaves.map(|l| velocities(triangles, l.list())).collect()
-            }),
-            nodes,
-            leaves,
-            grain: grain(&boxes),
-            boxes,
-            extent,
-        }
+        self.grain = grain(&self.boxes);
+        self.extent = extent;
     }
 
     /// Σ half areas of the boxes.

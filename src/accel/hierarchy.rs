@@ -1,7 +1,6 @@
 //! Boxes over triangles: how they are built, and fitted to triangles that moved.
 
-use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::build::{Spare, tree};
 use super::triangle::HostTriangle;
@@ -11,6 +10,7 @@ use rayon::prelude::*;
 
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
 /// testing each is faster.
+#[derive(Clone)]
 pub(crate) struct Hierarchy {
     /// The triangles, in the scene's order.
     pub triangles: Vec<HostTriangle>,
@@ -20,8 +20,8 @@ pub(crate) struct Hierarchy {
     /// The binary tree that the nodes were gathered from, with boxes about the triangles of then.
     #[cfg(feature = "wgpu")]
     pub(super) built: Option<Arc<obvhs::bvh2::Bvh2>>,
-    /// Σ half areas of the boxes, now and when they were built.
-    cost: [f64; 2],
+    /// Σ half areas of the boxes when they were built.
+    cost: f64,
 }
 
 impl Hierarchy {
@@ -36,7 +36,7 @@ impl Hierarchy {
         };
         let wide = Wide::new(&triangles, nodes.as_ref(), extent(&triangles));
         Self {
-            cost: [wide.cost(); 2],
+            cost: wide.cost(),
             wide,
             triangles,
             complete,
@@ -45,36 +45,24 @@ impl Hierarchy {
         }
     }
 
-    /// Boxes over triangles, and whether they are those of another hierarchy, of triangles that are not far from
-    /// these, fitted to them: as long as these have not grown by half.
-    pub(crate) fn like(
-        triangles: Vec<HostTriangle>,
-        other: Option<&Self>,
+    /// Takes other triangles in place of its own, and whether its boxes were fitted to these: they are as long as there
+    /// are as many triangles, and boxes have not grown by half. Else they are built anew.
+    pub(crate) fn update(
+        &mut self,
+        triangles: impl IndexedParallelIterator<Item = HostTriangle>,
         spare: Spare,
-    ) -> (Self, bool) {
-        let alike = |other: &&Self| {
-            let same = other.complete && other.triangles.len() == triangles.len();
-            same && !other.wide.nodes.is_empty()
-        };
-        let fitted = other.filter(alike).and_then(|other| {
-            let wide = other.wide.fit(&triangles, extent(&triangles));
-            let cost = wide.cost();
-            (cost <= 1.5 * other.cost[1]).then_some((wide, cost, other))
-        });
-        match fitted {
-            Some((wide, cost, other)) => {
-                let fitted = Self {
-                    wide,
-                    triangles,
-                    complete: true,
-                    #[cfg(feature = "wgpu")]
-                    built: other.built.clone(),
-                    cost: [cost, other.cost[1]],
-                };
-                (fitted, true)
+    ) -> bool {
+        let alike = self.complete && !self.wide.nodes.is_empty();
+        let alike = alike && self.triangles.len() == triangles.len();
+        triangles.collect_into_vec(&mut self.triangles);
+        if alike {
+            self.wide.fit(&self.triangles, extent(&self.triangles));
+            if self.wide.cost() <= 1.5 * self.cost {
+                return true;
             }
-            None => (Self::new(triangles, spare), false),
         }
+        *self = Self::new(std::mem::take(&mut self.triangles), spare);
+        false
     }
 
     /// Whether these are its triangles, all in it: corners, and displacement over the shutter.
@@ -97,10 +85,10 @@ fn extent(triangles: &[HostTriangle]) -> f64 {
     triangles.par_iter().map(reach).reduce(|| 0.0, f64::max)
 }
 
-/// A hierarchy kept from render to render: its boxes are fitted to triangles that moved, and built
-/// anew when they have grown by half, or there are other triangles.
+/// The hierarchy of the last render: its boxes are fitted to triangles that moved, and built anew when they have grown by
+/// half, or there are other triangles.
 #[derive(Clone, Default)]
-pub struct HierarchyCache(Arc<Mutex<Cached>>);
+pub(crate) struct LastHierarchy(Arc<Mutex<Cached>>);
 
 #[derive(Default)]
 struct Cached {
@@ -109,36 +97,38 @@ struct Cached {
     fits: u64,
 }
 
-impl HierarchyCache {
+impl LastHierarchy {
+    fn lock(&self) -> MutexGuard<'_, Cached> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// The numbers of times that boxes were built and fitted.
     pub fn counts(&self) -> [u64; 2] {
-        let cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let cached = self.lock();
         [cached.builds, cached.fits]
     }
 
-    /// The hierarchy of the last render.
-    pub(crate) fn last(&self) -> Option<Arc<Hierarchy>> {
-        let cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        cached.last.clone()
+    pub fn last(&self) -> Option<Arc<Hierarchy>> {
+        self.lock().last.clone()
     }
 
-    /// A hierarchy of these triangles, some of which may be spare.
-    pub(crate) fn take(&self, triangles: Vec<HostTriangle>, spare: Spare) -> Arc<Hierarchy> {
-        let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let (hierarchy, fitted) = Hierarchy::like(triangles, cached.last.as_deref(), spare);
+    /// A hierarchy of these triangles, some of which may be spare. The last one is overwritten where no other render has
+    /// it.
+    pub fn take(
+        &self,
+        triangles: impl IndexedParallelIterator<Item = HostTriangle>,
+        spare: Spare,
+    ) -> Arc<Hierarchy> {
+        let last = self.lock().last.take();
+        let mut own = last.unwrap_or_else(|| Arc::new(Hierarchy::new(Vec::new(), None)));
+        let fitted = Arc::make_mut(&mut own).update(triangles, spare);
+        let mut cached = self.lock();
         if fitted {
             cached.fits += 1;
         } else {
             cached.builds += 1;
         }
-        let hierarchy = Arc::new(hierarchy);
-        cached.last = Some(hierarchy.clone());
-        hierarchy
-    }
-}
-
-impl fmt::Debug for HierarchyCache {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "HierarchyCache({:?})", self.counts())
+        cached.last = Some(own.clone());
+        own
     }
 }

@@ -21,8 +21,7 @@ pub(crate) use build::Spare;
 pub(crate) use candidates::{Counts, Reach};
 #[cfg(feature = "wgpu")]
 pub(crate) use gpu::{GpuTree, HIT_STRIDE, LEAF};
-pub(crate) use hierarchy::Hierarchy;
-pub use hierarchy::HierarchyCache;
+pub(crate) use hierarchy::{Hierarchy, LastHierarchy};
 pub(crate) use overlaps::Overlaps;
 pub(crate) use rays::{Hit, HitRay, NOTHING};
 pub(crate) use simd::{LANES, Machine, Task, dispatch, stage};

@@ -25,6 +25,7 @@ pub(super) struct Node {
     pub count: u32,
 }
 
+#[derive(Clone)]
 pub(super) struct Wide {
     pub nodes: Vec<Node>,
     pub leaves: Vec<Leaf>,
@@ -109,6 +110,7 @@ impl Node {
 }
 
 /// Up to eight triangles: planes, and in each the lines of the borders as distances, positive inside.
+#[derive(Clone)]
 pub(super) struct Leaf {
     pub(super) normal: [Lanes; 3],
     pub(super) plane: Lanes,

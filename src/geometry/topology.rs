@@ -113,7 +113,7 @@ impl Hasher for Mix {
 }
 
 /// Vertices of an object by place.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Weld {
     /// The place of each vertex.
     of_vertex: Vec<u32>,
@@ -124,20 +124,38 @@ pub struct Weld {
 impl Weld {
     /// Joins the vertices that are at the same place.
     pub fn new(positions: &[[f64; 3]]) -> Self {
-        let mut weld: HashMap<[u64; 3], u32, BuildHasherDefault<Mix>> =
-            HashMap::with_capacity_and_hasher(positions.len(), BuildHasherDefault::default());
-        let of_vertex = positions
-            .iter()
-            .map(|p| {
-                // −0 and 0 are one place.
-                let key = p.map(|x| (x + 0.0).to_bits());
-                let next = weld.len() as u32;
-                *weld.entry(key).or_insert(next)
-            })
-            .collect();
+        // −0 and 0 are one place.
+        let key = |p: &[f64; 3]| p.map(|x| (x + 0.0).to_bits());
+        // A bit for each value of a hash that vertices have, and for each that several have: others are alone.
+        let bits = (16 * positions.len()).next_power_of_two().max(64);
+        let (mut once, mut again) = (vec![0u64; bits / 64], vec![0u64; bits / 64]);
+        let place_of = |p: &[f64; 3]| {
+            let mut hash = Mix::default();
+            key(p).into_iter().for_each(|word| hash.write_u64(word));
+            let place = hash.finish() as usize % bits;
+            (place / 64, 1 << (place % 64))
+        };
+        for (word, bit) in positions.iter().map(place_of) {
+            again[word] |= once[word] & bit;
+            once[word] |= bit;
+        }
+        let mut several: HashMap<[u64; 3], u32, BuildHasherDefault<Mix>> = HashMap::default();
+        let mut count = 0;
+        let place = |p| {
+            let (word, bit) = place_of(p);
+            let next = count;
+            let place = if again[word] & bit == 0 {
+                next
+            } else {
+                *several.entry(key(p)).or_insert(next)
+            };
+            count += u32::from(place == next);
+            place
+        };
+        let of_vertex = positions.iter().map(place).collect();
         Self {
             of_vertex,
-            count: weld.len(),
+            count: count as usize,
         }
     }
 

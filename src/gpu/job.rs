@@ -20,6 +20,8 @@ pub(crate) struct Outputs {
     pub normals: bool,
     /// Rows of shares of objects, the background's with them; 0 if they are not asked for.
     pub objects: usize,
+    /// The number of rays, as a last row.
+    pub rays: bool,
 }
 
 impl Outputs {
@@ -28,6 +30,7 @@ impl Outputs {
             + usize::from(self.depth)
             + if self.normals { 3 } else { 0 }
             + self.objects
+            + usize::from(self.rays)
     }
 }
 
@@ -39,6 +42,8 @@ pub(crate) struct Job {
     pub pixels: Option<Arc<Vec<u32>>>,
     /// Pixels of a view.
     pub of_view: usize,
+    /// The first sample of each pixel, and their number.
+    pub from: u32,
     pub samples: u32,
     pub outputs: Outputs,
 }
@@ -156,9 +161,9 @@ impl Job {
         let samples_at_once = (paths / at_once).max(1) as u32;
         let mut pieces = Vec::new();
         for first in (0..self.count()).step_by(at_once) {
-            let mut from = 0;
-            while from < self.samples {
-                let past = self.samples.min(from.saturating_add(samples_at_once));
+            let (mut from, all) = (self.from, self.from + self.samples);
+            while from < all {
+                let past = all.min(from.saturating_add(samples_at_once));
                 pieces.push(Piece {
                     first: first as u32,
                     stride: 1,

@@ -139,23 +139,31 @@ fn add_jump(
     }
 }
 
-/// The normals on both sides.
+/// The normals on both sides of a crease, and whether directions about them may be mirrored.
+#[apply(zeroed!)]
+struct Normals {
+    pair: Pair,
+    mirrors: bool,
+}
+
 #[cube]
-fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Pair {
-    let mut pair = Pair::default();
+fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Normals {
+    let mut found = Normals::default();
+    found.mirrors = true;
     let mut side = 0u32;
     while side < 2 {
         let on_plus = side == 1;
         let at = beside(scene, a, behind, on_plus, time);
         let point = point_at(scene, at.triangle, at.near, at.distance, at.direction, time);
         if on_plus {
-            pair.second = point.shading.normal;
+            found.pair.second = point.shading.normal;
         } else {
-            pair.first = point.shading.normal;
+            found.pair.first = point.shading.normal;
         }
+        found.mirrors = found.mirrors && point.shading.scatters_evenly();
         side += 1;
     }
-    pair
+    found
 }
 
 /// The light that arrives beside an edge's point on the − side less that on the + side, of paths that begin there at a
@@ -173,16 +181,19 @@ pub(super) fn light_beside(
 ) -> Seen {
     let time = beginning.time;
     let mut light = Seen::default();
-    let mut pair = Pair {
-        first: a.view,
-        second: a.view,
-    };
+    let mut normals = Normals::default();
     let paired = goes_on && is_crease(scene, &a.sides);
     if paired {
-        pair = normals_beside(scene, a, behind, time);
+        normals = normals_beside(scene, a, behind, time);
     }
+    // On both sides; at a crease twice, with directions mirrored.
+    let mut left = 2u32;
     let mut sign = 1.0f32;
-    while sign > -2.0f32 {
+    if normals.mirrors {
+        left = 4u32;
+        sign = 0.5f32;
+    }
+    while left > 0 {
         let at = beside(scene, a, behind, sign < 0.0, time);
         if at.triangle == NONE {
             if comptime!(film || scene.features.sees_sky) {
@@ -192,14 +203,16 @@ pub(super) fn light_beside(
             let start = Start {
                 at,
                 bounce,
-                pair,
+                pair: normals.pair,
                 paired,
+                mirrored: left > 2,
                 emits: film.runtime(),
             };
             let seen = light_of(scene, memory, beginning, start, true).seen;
             light.add(&seen, sign);
         }
-        sign -= 2.0f32;
+        sign = -sign;
+        left -= 1;
     }
     light
 }

@@ -50,6 +50,10 @@ fn add_to_row(
             object = scene.counted[light.object as usize];
         }
         image[at + object as usize] += scale;
+        at += outputs.objects;
+    }
+    if comptime!(outputs.rays) {
+        image[at] += light.rays as f32 * scale;
     }
 }
 
@@ -138,7 +142,7 @@ impl GpuBackend for Cube {
             let piece = Piece { each, ..piece };
             let chunks = piece.threads() / piece.count;
             let partial = (chunks > 1).then(|| List::room(&client, chunks as usize * count * rows));
-            let first = u32::from(piece.from == 0);
+            let first = u32::from(piece.from == job.from);
             let (row, fresh) = match partial {
                 Some(_) => (0, 1),
                 None => (piece.first, first),

@@ -40,4 +40,4 @@ pub(crate) use counts::counts_of;
 pub(crate) use job::{Job, Outputs, check};
 pub(crate) use launch::trace;
 pub(crate) use launch_backward::gradient_of;
-pub(crate) use packed::pack;
+pub(crate) use packed::{Packed, pack};

@@ -201,6 +201,7 @@ fn arrive(
         if beside {
             point.shading.pair = start.pair;
             point.shading.paired = start.paired;
+            point.shading.mirrored = start.mirrored;
         }
         if emits {
             light.seen.radiance += emitted(scene, &point);

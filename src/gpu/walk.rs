@@ -39,6 +39,7 @@ pub(super) struct Start {
     /// Normals about which directions are drawn, if it is paired ([`Shading`](crate::model::bsdf::Shading)).
     pub pair: Pair,
     pub paired: bool,
+    pub mirrored: bool,
     /// Whether what it emits counts.
     pub emits: bool,
 }

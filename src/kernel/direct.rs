@@ -56,7 +56,7 @@ impl Connecting {
         let ray = HitRay::new(found.start, found.direction, time, found.limit);
         work.rays.push(ray);
         work.candidates.push(Candidate { path, light });
-        if of.keep {
+        if of.kept.levels {
             work.samples.push(LightSample {
                 lane: self.lane as u32,
                 emitter: self.emitter,

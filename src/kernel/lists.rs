@@ -56,8 +56,17 @@ impl<const C: usize> Corners<C> {
     }
 }
 
-/// Vertices of an object that several cores are worth waking for.
+/// Rows that several cores are worth waking for.
 const TOGETHER: usize = 4096;
+
+/// Adds so many rows.
+fn extend<T: Send>(list: &mut Vec<T>, count: usize, row: impl Fn(usize) -> T + Sync + Send) {
+    if count < TOGETHER {
+        list.extend((0..count).map(row));
+    } else {
+        list.par_extend((0..count).into_par_iter().map(row));
+    }
+}
 
 /// Lists of a scene's triangles ([`Scene`](crate::trace::Scene)).
 #[derive(Default)]
@@ -82,6 +91,9 @@ impl Lists {
         let mut lists = Self::default();
         let coloured = scene.objects.iter().any(|o| o.colours.is_some());
         let tangents = scene.objects.iter().any(|o| o.tangents.is_some());
+        let faces = scene.objects.iter().map(|o| o.faces.len()).sum();
+        lists.triangles.reserve_exact(faces);
+        lists.vertex_rows.reserve_exact(faces);
         for i in 0..scene.objects.len() {
             lists.add_object(scene, i, frame, [coloured, tangents]);
         }
@@ -116,26 +128,24 @@ impl Lists {
         if !o.faces.is_empty() {
             self.counted.push(i);
         }
-        let inner = |&p: &[f64; 3]| frame.inner(p.into());
-        if o.positions.len() < TOGETHER {
-            self.vertices.extend(o.positions.iter().map(inner));
-        } else {
-            self.vertices.par_extend(o.positions.par_iter().map(inner));
-        }
+        extend(&mut self.vertices, o.positions.len(), |v| {
+            frame.inner(o.positions[v].into())
+        });
         let rows = |of: Option<&Vec<[u32; 3]>>, f: usize, first: usize| match of {
             None => [NONE; 3],
             Some(faces) => faces[f].map(|v| v + first as u32),
         };
         let of_uvs = o.uvs.as_ref().map(|a| &*a.faces);
         let of_normals = o.normals.as_ref().map(|a| &*a.faces);
-        self.triangles.extend((0..o.faces.len()).map(|f| {
+        extend(&mut self.triangles, o.faces.len(), |f| {
             let own = o.face_materials.get(f).copied().unwrap_or(0);
             let [a, b, c] = rows(of_uvs, f, part.first_uv);
             let [p, q, r] = rows(of_normals, f, part.first_normal);
             [o.first_material as u32 + own, i as u32, a, b, c, p, q, r]
-        }));
-        let vertices = (0..o.faces.len()).map(|f| rows(Some(&o.faces), f, part.first_vertex));
-        self.vertex_rows.extend(vertices);
+        });
+        extend(&mut self.vertex_rows, o.faces.len(), |f| {
+            rows(Some(&o.faces), f, part.first_vertex)
+        });
         if let Some(HostAttribute { values, .. }) = &o.uvs {
             self.uvs.extend_from_slice(values);
         }
@@ -157,18 +167,18 @@ impl Lists {
 
     /// All triangles as boxes are made about them, from the ways of objects over the shutter. One whose area has no
     /// inverse in f32 counts as without area and is never hit.
-    pub fn for_boxes(&self, velocity: impl Fn(u32) -> DVec3 + Sync) -> Vec<HostTriangle> {
-        let triangle = |k: usize| {
+    pub fn for_boxes(
+        &self,
+        velocity: impl Fn(u32) -> DVec3 + Sync + Send,
+    ) -> impl IndexedParallelIterator<Item = HostTriangle> {
+        let triangle = move |k: usize| {
             let object = self.triangles[k][1];
             let mut t = HostTriangle::new(self.corners(k), velocity(object), true);
             let area = t.area() as f32;
             t.valid &= area > 1e-35 && area.is_finite();
             t
         };
-        (0..self.triangles.len())
-            .into_par_iter()
-            .map(triangle)
-            .collect()
+        (0..self.triangles.len()).into_par_iter().map(triangle)
     }
 
     /// Adds all triangles as paths meet them, from those in boxes.

@@ -25,12 +25,13 @@ mod walk;
 #[cfg(feature = "wgpu")]
 pub(crate) use boundary::Piece;
 pub(crate) use boundary::{FilmEdges, PixelGradients};
-pub(crate) use edges::EdgeSets;
 #[cfg(feature = "wgpu")]
 pub(crate) use edges::{DrawnEdge, NO_EDGE, Root, draw_edge};
+pub(crate) use edges::{EdgeSets, LastEdges};
 #[cfg(feature = "wgpu")]
 pub(crate) use gradient::Rows;
 pub(crate) use gradient::{HostSums, Wanted};
 pub(crate) use scene::KernelScene;
+pub(crate) use tasks::Counted;
 pub(crate) use view::{View, ViewSettings};
 pub(crate) use walk::{RayCounts, Seen, Work};

@@ -54,6 +54,10 @@ impl PathBlock<'_> {
             }
             leave_surfaces(self, level, last, work);
             work.counts.rays += work.rays.len() as u64;
+            if self.kept.counts {
+                let paths = work.lanes.iter().map(|&lane| level.paths[lane as usize]);
+                paths.for_each(|path| walks.list[path as usize].rays += 1);
+            }
             if last {
                 self.find_hits::<true>(work);
                 escape(self, level, &mut walks.list, work);
@@ -62,7 +66,7 @@ impl PathBlock<'_> {
             self.bounce += 1;
             self.find_hits::<false>(work);
             work.counts.add_bounces_at(self.bounce, work.rays.len());
-            let next = if self.keep { at + 1 } else { 1 - at };
+            let next = if self.kept.levels { at + 1 } else { 1 - at };
             let mut to = std::mem::take(walks.level(next));
             arrive(self, &walks.levels[at], &mut to, work);
             walks.levels[next] = to;
@@ -92,6 +96,10 @@ impl PathBlock<'_> {
         }
         self.find_hits::<true>(work);
         work.counts.rays += work.rays.len() as u64;
+        if self.kept.counts {
+            let paths = work.candidates.iter().map(|candidate| candidate.path);
+            paths.for_each(|path| list[path as usize].rays += 1);
+        }
         for (candidate, blocker) in work.candidates.iter().zip(&work.hits) {
             if blocker.triangle == NOTHING {
                 list[candidate.path as usize].light.radiance += candidate.light;
@@ -239,7 +247,7 @@ fn points(of: &PathBlock, level: &mut Level, rays: &[u32], work: &Work) {
         let points = level.points.lanes_mut(first);
         *points = eights::plain_points(planes, shifts, nears, hits);
         // Nothing but derivatives asks for them.
-        if of.keep {
+        if of.kept.levels {
             let mut triangles = Eight::<Triangle>::default();
             for lane in lanes {
                 let triangle = lists.triangle(hits.triangle[lane % LANES]);

@@ -4,9 +4,10 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::DVec3;
+use rayon::iter::ParallelIterator;
 
 use super::lists::Lists;
-use crate::accel::{Hierarchy, HierarchyCache, Spare};
+use crate::accel::{Hierarchy, LastHierarchy, Spare};
 use crate::model::V3;
 use crate::model::bsdf::Models;
 use crate::model::delta_light::DeltaLight;
@@ -66,7 +67,7 @@ impl KernelScene {
         scene: &mut HostScene,
         sampling: EmitterSampling,
         like: Option<&Hierarchy>,
-        cache: Option<&HierarchyCache>,
+        cache: Option<&LastHierarchy>,
     ) -> Self {
         let frame = SceneFrame::new(scene);
         let moves = scene.objects.iter().any(|o| o.velocity.is_some());
@@ -76,8 +77,6 @@ impl KernelScene {
         let ways: Vec<DVec3> = ways.collect();
         let velocities = moves.then(|| ways.iter().map(|v| v.as_vec3().to_array()).collect());
         let way = |object: u32| ways[object as usize];
-        // As in the last render, while a fit looks at a scene from elsewhere or by other light.
-        let last = cache.and_then(HierarchyCache::last);
         let triangle = |k: usize| (lists.corners(k), way(lists.triangles[k][1]));
         // Rays don't tell triangles from copies of them, unless they emit or have holes.
         let (materials, holes) = (&scene.materials, &scene.holes);
@@ -86,10 +85,18 @@ impl KernelScene {
             !emits && holes.as_ref().is_none_or(|holes| !holes.are_in(k))
         };
         let spare: Spare = Some(&plain);
+        // As in the last render, while a fit looks at a scene from elsewhere or by other light.
+        let last = cache.and_then(LastHierarchy::last);
+        let last = last.filter(|last| last.is_of(lists.triangles.len(), triangle));
         let hierarchy = match (last, like, cache) {
-            (Some(last), ..) if last.is_of(lists.triangles.len(), triangle) => last,
-            (_, None, Some(cache)) => cache.take(lists.for_boxes(way), spare),
-            _ => Arc::new(Hierarchy::like(lists.for_boxes(way), like, spare).0),
+            (Some(last), ..) => last,
+            (_, Some(like), _) => {
+                let mut own = like.clone();
+                own.update(lists.for_boxes(way), spare);
+                Arc::new(own)
+            }
+            (_, _, Some(cache)) => cache.take(lists.for_boxes(way), spare),
+            _ => Arc::new(Hierarchy::new(lists.for_boxes(way).collect(), spare)),
         };
         lists.add_surfaces(&hierarchy.triangles);
         let mut packed = Packed::default();

@@ -7,26 +7,42 @@ use macro_rules_attribute::apply;
 use super::backward::Return;
 use super::gradient::HostSums;
 use super::view::{Tracer, View};
-use super::walk::{Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work};
+use super::walk::{Kept, Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work};
 use crate::accel::stage;
 
+/// What is counted of pixels, if it is not `None`.
+#[derive(Default)]
+pub(crate) struct Counted {
+    /// How many rays of the camera hit each object of those that are counted, or something else.
+    pub objects: Option<Vec<f32>>,
+    /// The rays of paths.
+    pub rays: Option<Vec<f32>>,
+}
+
 impl View {
-    /// Sums over samples of pixels. `objects` counts, for each pixel, what its rays hit.
+    /// Sums over samples of pixels, and what is counted of each.
     pub fn render(
         &self,
         pixels: &[u32],
         samples: Range<u32>,
         work: &mut Work,
-        mut objects: Option<&mut [f32]>,
+        counted: &mut Counted,
     ) -> Vec<Seen> {
         let mut all = vec![Seen::default(); pixels.len()];
-        self.each_block(pixels, samples, false, work, |first, each, _, walks, _| {
+        let kept = Kept {
+            counts: counted.rays.is_some(),
+            ..Kept::default()
+        };
+        self.each_block(pixels, samples, kept, work, |first, each, _, walks, _| {
             for (k, walks) in walks.list.chunks(each).enumerate() {
                 let i = first + k;
                 for walk in walks {
                     walk.add_to(&mut all[i]);
-                    if let Some(objects) = &mut objects {
+                    if let Some(objects) = &mut counted.objects {
                         self.count_object(i, walk.seen, objects);
+                    }
+                    if let Some(rays) = &mut counted.rays {
+                        rays[i] += walk.rays as f32;
                     }
                 }
             }
@@ -40,7 +56,7 @@ impl View {
         &self,
         pixels: &[u32],
         samples: Range<u32>,
-        keep: bool,
+        kept: Kept,
         work: &mut Work,
         mut act: impl FnMut(usize, usize, PathBlock, &Walks, &mut Work),
     ) {
@@ -50,7 +66,7 @@ impl View {
         for (block, pixels) in pixels.chunks(together).enumerate() {
             for samples in runs_of(&samples) {
                 begin_paths(&tracer, pixels, samples.clone(), &mut paths);
-                let mut of = PathBlock::new(&tracer, &paths, keep);
+                let mut of = PathBlock::new(&tracer, &paths, kept);
                 of.camera_walks(&mut walks, work);
                 act(block * together, samples.len(), of, &walks, work);
             }
@@ -86,7 +102,7 @@ impl View {
         self.each_block(
             &pixels,
             samples,
-            true,
+            Kept::LEVELS,
             work,
             |first, each, of, walks, work| {
                 let of_paths = (0..of.paths.len()).map(|k| gradients[first + k / each]);

@@ -44,8 +44,23 @@ pub(super) struct PathBlock<'a> {
     /// What random numbers for cones come from, if there are any.
     pub cones: &'a [Stream],
     pub bounce: u32,
-    /// Whether all levels are kept, for the backward pass.
-    pub keep: bool,
+    pub kept: Kept,
+}
+
+/// What paths leave behind beside the light that they bring back.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Kept {
+    /// All levels, for the backward pass.
+    pub levels: bool,
+    /// The number of rays of each path.
+    pub counts: bool,
+}
+
+impl Kept {
+    pub const LEVELS: Self = Self {
+        levels: true,
+        counts: false,
+    };
 }
 
 impl<'a> Deref for PathBlock<'a> {
@@ -59,13 +74,13 @@ impl<'a> Deref for PathBlock<'a> {
 
 impl<'a> PathBlock<'a> {
     /// Paths from the camera.
-    pub fn new(tracer: &'a Tracer<'a>, paths: &'a Paths, keep: bool) -> Self {
+    pub fn new(tracer: &'a Tracer<'a>, paths: &'a Paths, kept: Kept) -> Self {
         Self {
             tracer,
             paths: &paths.list,
             cones: &paths.cones,
             bounce: 0,
-            keep,
+            kept,
         }
     }
 
@@ -92,6 +107,8 @@ pub(crate) struct Walk {
     /// The triangle that the first ray hit, or [`NOTHING`].
     pub seen: u32,
     pub light: Seen,
+    /// Its rays, where they are counted.
+    pub rays: u32,
 }
 
 impl Walk {
@@ -128,8 +145,12 @@ impl Walks {
     /// Begins with a number of paths, none of which has come to a surface.
     pub fn clear(&mut self, count: usize) {
         self.list.clear();
-        let (seen, light) = (NOTHING, Seen::default());
-        self.list.resize(count, Walk { seen, light });
+        let new = Walk {
+            seen: NOTHING,
+            light: Seen::default(),
+            rays: 1,
+        };
+        self.list.resize(count, new);
         self.film.reserve(count);
         self.cameras.reserve(count);
         self.level(0).clear(count);
@@ -268,7 +289,8 @@ impl RayCounts {
         }
     }
 
-    pub fn add_bounces(&mut self, o: &Self) {
+    pub fn add(&mut self, o: &Self) {
+        self.rays += o.rays;
         let reached = o.bounces.iter().rposition(|&b| b > 0).map_or(0, |r| r + 1);
         if self.bounces.len() < reached {
             self.bounces.resize(reached, 0);

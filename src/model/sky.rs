@@ -3,7 +3,7 @@
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
-use super::frame::sin_cos_of_turns;
+use super::frame::{arc_tangent_of, sin_cos_of_turns};
 use super::lists::first_over;
 use super::texture::{AROUND, Cell, Texture};
 use super::{V2, V3, v2, v3};
@@ -62,8 +62,8 @@ impl Map {
     pub fn place(&self, d: V3) -> V2 {
         let around = (d.x * d.x + d.z * d.z).sqrt();
         v2(
-            (0.5 + d.x.atan2(-d.z) / TAU) * self.width as f32,
-            around.atan2(d.y) / PI * self.height as f32,
+            (0.5 + arc_tangent_of(d.x, -d.z) / TAU) * self.width as f32,
+            arc_tangent_of(around, d.y) / PI * self.height as f32,
         )
     }
 

@@ -1,6 +1,8 @@
 //! Renders of scenes, by kernels or in tensors.
 
+mod adaptive;
 mod batch;
+mod cache;
 mod debug;
 mod film;
 mod kernel;
@@ -8,6 +10,7 @@ mod node;
 mod options;
 mod overview;
 mod tensors;
+mod tiles;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -19,10 +22,10 @@ use crate::scene::{
     Camera, Collect, Material, ParameterId, Scene, Visit, look_at_scene, visit_camera,
 };
 
-pub use crate::accel::HierarchyCache;
 pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use crate::tensors::{Diagnostics, Visibility};
 pub use batch::Batch;
+pub use cache::HierarchyCache;
 pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
 pub use overview::overview;

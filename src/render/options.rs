@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use burn::config::Config;
 use serde::{Deserialize, Serialize};
 
-use crate::accel::HierarchyCache;
+use super::adaptive::MOST;
+use super::cache::HierarchyCache;
 use crate::error::{Error, Result};
 use crate::sampling::{Sampler, Sampling};
 use crate::scene::{Bounds, Normalization};
@@ -15,6 +16,9 @@ use crate::tensors::Visibility;
 
 /// Bounces of a path, at most.
 const MOST_BOUNCES: u32 = 10_000;
+
+/// Samples of a pixel with adaptive sampling, at most.
+const MOST_ADAPTIVE: u32 = 1 << 24;
 
 /// The program that computes a render. Both give the same image, up to rounding, for the same seed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,6 +67,7 @@ pub struct RenderOptions {
     pub(crate) seed: u64,
     pub(super) roulette_after: Option<u32>,
     pub(super) rays_per_tile: Option<usize>,
+    pub(super) adaptive: bool,
     bounds: Option<Bounds>,
     /// The normalization where no bounds are set.
     #[serde(skip)]
@@ -145,6 +150,7 @@ impl RenderOptions {
             seed: 0,
             roulette_after: None,
             rays_per_tile: None,
+            adaptive: false,
             bounds: None,
             normalization: None,
             outputs: Outputs::default(),
@@ -177,6 +183,14 @@ impl RenderOptions {
         /// Ends paths at random, in proportion to their throughput, after the given bounce and every
         /// later one (0: after the surface that the camera sees).
         russian_roulette(after: u32) roulette_after = Some(after);
+        /// Adaptive sampling: each pixel has between ¼ and 16 times [`samples`](Self::samples) paths, the more the
+        /// noisier the image is about it and the fewer rays its paths have, so that all take about as long as without.
+        /// How noisy it is comes from two images of a 64th as many samples, which are not part of the result, so each
+        /// pixel's mean stays unbiased. Where they show that little would be gained, all pixels have `samples`. It
+        /// pays off where noise sits in few pixels, such as in penumbras and at the outlines of lamps. Gradients have `samples` paths of each pixel, and so have lists of pixels
+        /// ([`render_pixels`](super::render_pixels)) and renders of less than 32 samples. The softmax and
+        /// [`Engine::Tensors`] don't know it.
+        adaptive() adaptive = true;
         /// The most rays processed at once. Bounds the memory of a render without gradient; by
         /// default chosen from the number of triangles.
         rays_per_tile(rays: usize) rays_per_tile = Some(rays);
@@ -248,8 +262,7 @@ impl RenderOptions {
         self.bounds.map(Normalization::from).or(self.normalization)
     }
 
-    /// Keeps the hierarchy of boxes from render to render: while the same triangles move a little it
-    /// is fitted, not built.
+    /// Keeps what a render prepares for the next ([`HierarchyCache`]).
     pub fn cache(mut self, cache: &HierarchyCache) -> Self {
         self.cache = Some(cache.clone());
         self
@@ -319,6 +332,14 @@ impl RenderOptions {
         if self.engine == Engine::Kernels && self.visibility.is_softmax() {
             return wrong("engine", &"Kernels", "Auto or Tensors for the softmax");
         }
+        if self.adaptive && (self.visibility.is_softmax() || self.engine == Engine::Tensors) {
+            let expected = "false for the softmax and Engine::Tensors";
+            return wrong("adaptive", &true, expected);
+        }
+        if self.adaptive && self.samples > MOST_ADAPTIVE {
+            let expected = "at most 2²⁴ with adaptive sampling";
+            return wrong("samples", &self.samples, expected);
+        }
         if let Some(b) = self.bounds {
             let is_box = b.size().iter().all(|&s| s >= 0.0) && b.radius().is_finite();
             if !(is_box && b.radius() > 0.0 && b.center().iter().all(|c| c.is_finite())) {
@@ -330,36 +351,12 @@ impl RenderOptions {
     }
 }
 
-/// Pixels `first..first + pixels` with samples `from..to`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tile {
-    pub first: usize,
-    pub pixels: usize,
-    pub from: u32,
-    pub to: u32,
-}
-
 /// The random numbers of a render.
 pub(super) fn sampler(o: &RenderOptions) -> Sampler {
-    Sampler::new(o.seed, o.sampling.sequence, o.width, o.samples)
-}
-
-/// Pixels in pieces of about so many rays.
-pub(super) fn tiles(options: &RenderOptions, pixels: usize, rays: usize) -> Vec<Tile> {
-    let samples = options.samples as usize;
-    let rays = options.rays_per_tile.unwrap_or(rays);
-    let per_tile = (rays / samples).max(1);
-    let samples_per_tile = rays.min(samples);
-    let mut tiles = Vec::new();
-    for first in (0..pixels).step_by(per_tile) {
-        for from in (0..samples).step_by(samples_per_tile) {
-            tiles.push(Tile {
-                first,
-                pixels: per_tile.min(pixels - first),
-                from: from as u32,
-                to: (from + samples_per_tile).min(samples) as u32,
-            });
-        }
-    }
-    tiles
+    let most = if o.adaptive {
+        o.samples * MOST
+    } else {
+        o.samples
+    };
+    Sampler::new(o.seed, o.sampling.sequence, o.width, most)
 }

@@ -38,7 +38,7 @@ pub use corners::CornerAttribute;
 pub use environment::Environment;
 pub(crate) use flatten::{EnvironmentMap, Flattened, Normalization, SkyTensors};
 pub(crate) use holes::{Holes, OF_MASKED};
-pub(crate) use host::{HostAttribute, HostMaterial, HostScene, SceneFrame};
+pub(crate) use host::{HostAttribute, HostMaterial, HostObject, HostScene, SceneFrame};
 pub(crate) use host_textures::HostTexture;
 pub use light::Light;
 pub(crate) use light::{HostLight, LightKind, LightPart, LightPlanes};

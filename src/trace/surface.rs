@@ -124,6 +124,7 @@ pub(crate) fn plain_point(on: &OnPlane, hit: &HitTriangle) -> Point {
                 second: on.geometric,
             },
             paired: false.runtime(),
+            mirrored: false.runtime(),
         },
         reflects: hit.bits & REFLECTS != 0,
     }

@@ -1,6 +1,6 @@
 //! Batches on a GPU: views in one launch, of scenes that they share and of others, and what a training step reads back.
 
-use crate::common::numbers::apart;
+use crate::common::numbers::{apart, pairs};
 use crate::common::process::alone;
 use crate::common::scenes::{diffuse, floor, lamp};
 use crate::common::tensors::{gradient, leaf, tensor, values};
@@ -71,4 +71,28 @@ fn batches_are_those_of_the_host() {
         // Scenes and cameras together.
         assert_eq!(read, [1, 0]);
     }
+}
+
+/// The images that say where noise is differ by rounding, by which few pixels have another number of samples.
+#[test]
+fn adaptive_images_are_those_of_the_host() {
+    let on = |device: &Device| {
+        let options = RenderOptions::new(12, 10).samples(32).bounces(1);
+        let options = options.seed(4).adaptive().with_statistics();
+        let images = render_batch(&batch(device).0, &options).expect("images");
+        let paths = images.statistics.iter().map(|s| s.bounces[0]);
+        (values(&images.radiance), paths.collect::<Vec<u64>>())
+    };
+    let ((gpu, counted), (host, wanted)) = (on(&device()), on(&Device::flex()));
+    println!("paths {counted:?} and {wanted:?}");
+    for (a, b) in counted.iter().zip(&wanted) {
+        assert!(a.abs_diff(*b) * 50 < *b, "{a} and {b}");
+    }
+    let same =
+        |(a, b): &(&[f64], &[f64])| pairs(a, b).all(|(a, b)| (a - b).abs() < 1e-5 * (1.0 + b));
+    let all = gpu.chunks(3).zip(host.chunks(3));
+    let (same, all) = (all.clone().filter(same).count(), all.count());
+    println!("{same} of {all} pixels are the same");
+    assert!(same * 20 > all * 19, "{same} of {all}");
+    assert!(apart(&gpu, &host) < 0.05);
 }

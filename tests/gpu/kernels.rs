@@ -237,9 +237,9 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// How far derivatives of one seed may be from those of the host: fifty times what rounding makes of most.
+/// How far derivatives of one seed may be from those of the host: twice what rounding makes of light beside creases.
 fn limit(class: &Class) -> f64 {
-    1e-4 + class.flips
+    2e-4 + class.flips
 }
 
 /// Every class of parameter, at one seed.
@@ -293,7 +293,7 @@ fn derivatives_by_vertices() {
         let apart = apart(&found, &wanted);
         println!("{}: {apart:e} of {}", case.name, norm(&wanted));
         assert_eq!(found, again, "{}", case.name);
-        assert!(apart < 1e-5, "{}: {apart:e}", case.name);
+        assert!(apart < 3e-5, "{}: {apart:e}", case.name);
     }
 }
 

@@ -146,3 +146,77 @@ fn memory_is_that_of_a_tile() {
         }
     }
 }
+
+/// Steps of a fit that keep what they prepared: a ball that passes through a floor and is deformed, then shrunk by half, then
+/// loses an edge. Of each its gradient by all vertices.
+fn of_steps(options: &RenderOptions, steps: std::ops::Range<i32>) -> Vec<Vec<f64>> {
+    let device = Device::flex();
+    let ball = shapes::icosphere(3, &device);
+    let base = values(&ball.vertices);
+    let faces = ball.faces.len();
+    let at = |step: i32| {
+        let mut moved = base.clone();
+        for row in moved.chunks_exact_mut(3) {
+            let bump = 1.0 + 0.02 * f64::from(step.min(3)) * (5.0 * row[0] + 3.0 * row[1]).sin();
+            let size = if step > 3 { 0.5 } else { 1.0 };
+            row.iter_mut().for_each(|x| *x *= size * bump);
+        }
+        if step > 4 {
+            let [from, to] = [0, 1].map(|i| 3 * ball.faces[faces / 2][i] as usize);
+            moved.copy_within(to..to + 3, from);
+        }
+        tensor(&moved, [moved.len() / 3, 3], &device, DType::F32)
+    };
+    let gradient_of = |step: i32| {
+        let vertices = at(step).autodiff().require_grad();
+        let floor = shapes::quad(
+            [-3.0, -0.4, 3.0],
+            [3.0, -0.4, 3.0],
+            [3.0, -0.4, -3.0],
+            [-3.0, -0.4, -3.0],
+            &device,
+        );
+        let scene = Scene::new()
+            .with(Object::new(ball.clone().with_vertices(vertices.clone())))
+            .with(Object::new(floor).material(Material::diffuse([0.3, 0.6, 0.2])))
+            .environment([0.6, 0.8, 1.0]);
+        let camera = Camera::look_at([0.0, 2.0, 4.0], [0.0; 3]).fov_y(40.0);
+        let image = render(&scene, &camera, options).expect("an image");
+        let gradients = image.radiance.powf_scalar(2.0).sum().backward();
+        gradient(&vertices, &gradients)
+    };
+    steps.map(gradient_of).collect()
+}
+
+/// What is kept from step to step repeats to the bit, serves where edges are the same, and not where they aren't.
+#[test]
+fn kept_edges_serve_the_next_step() {
+    let options = RenderOptions::new(24, 24).samples(64).bounces(1);
+    let cached = || of_steps(&options.clone().cache(&HierarchyCache::default()), 0..6);
+    let (kept, alone) = (cached(), of_steps(&options, 0..6));
+    assert_eq!(kept, cached());
+    let apart = |a: &[f64], b: &[f64]| {
+        let square = |x: f64| x * x;
+        let far: f64 = a.iter().zip(b).map(|(a, b)| square(a - b)).sum();
+        (far / b.iter().map(|b| square(*b)).sum::<f64>()).sqrt()
+    };
+    // The first finds nothing.
+    assert_eq!(kept[0], alone[0]);
+    let other_seed = of_steps(&options.clone().seed(1), 0..6);
+    for (step, (kept, alone)) in kept.iter().zip(&alone).enumerate() {
+        // All that differs is which edges are drawn.
+        let (far, noise) = (apart(kept, alone), apart(&other_seed[step], alone));
+        println!("{step}: {far:.4}, by the seed {noise:.4}");
+        assert!(far < 1.2 * noise, "{step}: {far} and {noise}");
+        let sum = |of: &[f64], axis: usize| of.iter().skip(axis).step_by(3).sum::<f64>();
+        for axis in 0..3 {
+            let (a, b, c) = (
+                sum(kept, axis),
+                sum(alone, axis),
+                sum(&other_seed[step], axis),
+            );
+            let allowed = 4.0 * (b - c).abs() + 0.03 * alone.iter().map(|g| g.abs()).sum::<f64>();
+            assert!((a - b).abs() < allowed, "{step}, {axis}: {a} and {b}");
+        }
+    }
+}

@@ -5,6 +5,7 @@ mod common;
 mod detail;
 mod images;
 
+mod adaptive;
 mod alpha_masks;
 mod batch;
 mod camera;

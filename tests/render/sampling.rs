@@ -69,7 +69,7 @@ fn estimate(all: &[[f64; 3]], i: usize) -> (f64, f64) {
 
 #[test]
 fn mean_and_gradients_stay() {
-    let seeds = if common::long() { 1024 } else { 96 };
+    let seeds = if common::long() { 1024 } else { 128 };
     let run = |s| -> Vec<[f64; 3]> { (0..seeds).map(|seed| of(s, seed)).collect() };
     let plain = run(Sampling::paper());
     for (name, sampling) in variants() {
@@ -188,7 +188,7 @@ fn many_emitters_by_a_tree() {
         let lamps = gradient(&of_lamps, &gradients)[0];
         ([values(&mean)[0], ball, lamps], values(&image.radiance))
     };
-    let seeds = if common::long() { 1024 } else { 96 };
+    let seeds = if common::long() { 1024 } else { 128 };
     let run = |emitters| {
         let all: Vec<_> = (0..seeds).map(|seed| of(emitters, seed)).collect();
         let apart = all.windows(2).map(|two| rmse(&two[0].1, &two[1].1));

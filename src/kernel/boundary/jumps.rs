@@ -8,7 +8,7 @@ use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use crate::kernel::eights::Eight;
 use crate::kernel::path::{draw_emitters, drawn_by};
 use crate::kernel::view::{Tracer, View};
-use crate::kernel::walk::{Back, Level, Path, PathBlock, Walks, Work};
+use crate::kernel::walk::{Back, Kept, Level, Path, PathBlock, Walks, Work};
 use crate::lanes::{LANES, Record};
 use crate::model::Pair;
 use crate::model::choice::{Uniform, decided_by};
@@ -31,6 +31,9 @@ impl Approach {
         }
     }
 }
+
+/// Paths beside an edge: on its − and + side, and at a crease two whose first directions are mirrored.
+const WALKS: usize = 4;
 
 /// A jump at an edge that the point in a lane sees.
 struct Found {
@@ -122,25 +125,29 @@ pub(super) fn light_beside(
     }
     find_beside::<false>(tracer, work);
     let mut walks = std::mem::take(&mut work.side_walks);
-    walks.clear(2 * approaches.len());
+    walks.clear(WALKS * approaches.len());
     begin_beside(tracer, approaches, paths, film, &mut walks, work);
     if let Some(bounce) = bounce {
-        let both: Vec<Path> = paths.iter().flat_map(|path| [*path; 2]).collect();
+        let both: Vec<Path> = paths.iter().flat_map(|path| [*path; WALKS]).collect();
         let mut of = PathBlock {
             tracer,
             paths: &both,
             cones,
             bounce,
-            keep: false,
+            kept: Kept::default(),
         };
         draw_emitters(&of, &mut walks.levels[0]);
         of.reflected(&mut walks, work);
     }
-    for (light, pair) in work.side_lights.iter_mut().zip(walks.list.chunks_exact(2)) {
-        if let Some(light) = light {
-            // What is seen on the − side of the edge less that on the + side.
-            *light = pair[0].light;
-            light.add(&pair[1].light, -1.0);
+    let all = walks.list.as_chunks::<WALKS>().0;
+    for (light, [minus, plus, others @ ..]) in work.side_lights.iter_mut().zip(all) {
+        let Some(light) = light else { continue };
+        // What is seen on the − side of the edge less that on the + side.
+        *light = minus.light;
+        light.add(&plus.light, -1.0);
+        if others[0].seen != NOTHING {
+            let other = others[0].light.radiance - others[1].light.radiance;
+            light.radiance = (light.radiance + other) * 0.5;
         }
     }
     work.side_walks = walks;
@@ -307,9 +314,13 @@ fn begin_beside<'a>(
             point_beside(tracer, approach, &hit, false, path.time),
             point_beside(tracer, approach, &hit, true, path.time),
         ];
+        let mut count = 2;
         if let [Some(minus), Some(plus)] = &mut points
             && is_crease(lists, &approach.sides)
         {
+            if minus.shading.scatters_evenly() && plus.shading.scatters_evenly() {
+                count = WALKS;
+            }
             // Paths on both sides of a crease go the same ways.
             let pair = Pair {
                 first: minus.shading.normal,
@@ -320,11 +331,13 @@ fn begin_beside<'a>(
                 point.shading.paired = true;
             }
         }
-        for (k, point) in points.iter().enumerate() {
+        for k in 0..count {
+            let point = &mut points[k % 2];
             if let Some(point) = point {
-                walks.begin_at(2 * i + k, point);
+                point.shading.mirrored = k >= 2;
+                walks.begin_at(WALKS * i + k, point);
             }
-            let walk = &mut walks.list[2 * i + k];
+            let walk = &mut walks.list[WALKS * i + k];
             match point {
                 Some(point) if film => walk.light.radiance = emitted(lists, point),
                 None if film || tracer.features.sees_sky => {

@@ -44,26 +44,20 @@ impl View {
         };
         // A camera that moves sees all edges move.
         let seen = |e: &Edge| self.wanted.of.camera || e.moves(&self.scene, &self.wanted);
-        const CHUNK: usize = 4096;
-        let lists: Vec<Vec<Piece>> = sets
-            .edges
-            .par_chunks(CHUNK)
-            .enumerate()
-            .map(|(chunk, edges)| {
-                let mut found = Vec::new();
-                for (i, e) in edges.iter().enumerate().filter(|(_, e)| seen(e)) {
-                    let index = (chunk * CHUNK + i) as u32;
-                    self.pieces_of(index, e, &mut |mut piece| {
-                        piece.weight *= near(piece.middle);
-                        if piece.weight > 0.0 {
-                            found.push(piece);
-                        }
-                    });
-                }
-                found
-            })
-            .collect();
-        let mut pieces: Vec<Piece> = lists.into_iter().flatten().collect();
+        let of_edge = |mut found: Vec<Piece>, index: usize| {
+            let e = sets.edge(index);
+            if seen(&e) {
+                self.pieces_of(index as u32, &e, &mut |mut piece| {
+                    piece.weight *= near(piece.middle);
+                    if piece.weight > 0.0 {
+                        found.push(piece);
+                    }
+                });
+            }
+            found
+        };
+        let lists = (0..sets.len()).into_par_iter().fold(Vec::new, of_edge);
+        let mut pieces: Vec<Piece> = lists.flatten_iter().collect();
         pieces.par_sort_by_key(|p| p.place);
         pieces
     }

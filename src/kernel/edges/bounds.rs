@@ -1,52 +1,37 @@
 //! Bounds of edges: a sphere, a cone of normals, and what jumps.
 
-use rayon::prelude::*;
-
-use super::{Edge, Kind};
+use super::{Edge, Edges, Kind};
 use crate::kernel::scene::KernelScene;
 use crate::model::edge_weight::{Jumps, SeenEdge, Subtree};
 use crate::model::{V3, v3};
 
 /// Edges with the triangles that they belong to.
 pub(super) struct EdgeList<'a> {
-    pub edges: &'a [Edge],
+    pub edges: &'a Edges,
     pub scene: &'a KernelScene,
-    /// Their middles: trees are built by these.
-    middles: Vec<V3>,
 }
 
-impl<'a> EdgeList<'a> {
-    pub fn new(edges: &'a [Edge], scene: &'a KernelScene) -> Self {
-        let middles = edges.par_iter().map(|e| e.a + e.along * 0.5);
-        Self {
-            middles: middles.collect(),
-            edges,
-            scene,
-        }
-    }
-
-    /// The way of an edge over the shutter.
-    pub fn velocity(&self, e: &Edge) -> V3 {
-        let all = self.scene.velocities.as_ref();
-        all.map_or(V3::ZERO, |v| v[e.object as usize].into())
-    }
-
+impl EdgeList<'_> {
     pub fn middle(&self, index: u32) -> V3 {
-        self.middles[index as usize]
+        let [a, along] = self.edges.flat[index as usize].map(V3::from);
+        a + along * 0.5
     }
 
-    /// An edge as it is seen from the origin at the start of the shutter.
-    pub fn seen(&self, index: u32) -> SeenEdge {
-        let e = &self.edges[index as usize];
+    /// An edge as it is seen from the origin at the start of the shutter, and its way over the shutter.
+    pub fn seen(&self, index: u32) -> (SeenEdge, V3) {
+        let e = &self.edges.get(index as usize);
         let [front, back] = self.normals(e);
-        SeenEdge {
+        let seen = SeenEdge {
             to: self.middle(index),
             half: 0.5 * e.along.length(),
             along: e.along,
             front,
             back,
             jumps: e.jumps(),
-        }
+        };
+        let velocities = self.scene.velocities.as_ref();
+        let velocity = velocities.map_or(V3::ZERO, |v| v[e.object as usize].into());
+        (seen, velocity)
     }
 
     /// The normals of the first two faces; twice that of the only one.
@@ -99,48 +84,46 @@ fn direction(sum: V3) -> V3 {
     }
 }
 
-/// The angle between unit vectors, radians.
-fn angle(a: V3, b: V3) -> f32 {
-    // By both, so that small angles keep their digits.
-    a.cross(b).length().atan2(a.dot(b))
+/// The angle between unit vectors that are so far apart, radians.
+fn angle(apart: f32) -> f32 {
+    // By their distance, so that small angles keep their digits.
+    2.0 * (0.5 * apart).min(1.0).asin()
 }
 
 impl Bounds {
-    pub fn new(source: &EdgeList, list: &[u32]) -> Self {
-        let edges = || list.iter().map(|&i| &source.edges[i as usize]);
-        let folds = || edges().filter(|e| e.kind == Kind::Fold);
-        let (mut low, mut high) = (V3::ONE * f32::MAX, V3::ONE * f32::MIN);
-        let mut jumps = Jumps {
-            closed: 1.0,
-            ..Jumps::default()
+    /// Of edges with their ways over the shutter.
+    pub fn new(edges: &[(SeenEdge, V3)]) -> Self {
+        let mut this = Self {
+            low: V3::ONE * f32::MAX,
+            high: V3::ONE * f32::MIN,
+            normals: V3::ZERO,
+            angle: 0.0,
+            jumps: Jumps {
+                closed: 1.0,
+                ..Jumps::default()
+            },
         };
-        for e in edges() {
-            let v = source.velocity(e);
-            for p in [e.a, e.a + e.along, e.a + v, e.a + e.along + v] {
-                low = low.min(p);
-                high = high.max(p);
+        let folds = || edges.iter().filter(|(e, _)| e.jumps.fold > 0.0);
+        for &(e, v) in edges {
+            let (half, length) = (e.along * 0.5, 2.0 * e.half);
+            for p in [e.to - half, e.to + half] {
+                this.low = this.low.min(p).min(p + v);
+                this.high = this.high.max(p).max(p + v);
             }
-            let (length, own) = (e.along.length(), e.jumps());
-            jumps.seen_always += length * own.seen_always;
-            jumps.passes_always += length * own.passes_always;
-            jumps.crease += length * own.crease;
+            let (sum, own) = (&mut this.jumps, &e.jumps);
+            sum.seen_always += length * own.seen_always;
+            sum.passes_always += length * own.passes_always;
+            sum.crease += length * own.crease;
+            sum.fold += length * own.fold * (e.front - e.back).length();
         }
-        let mut normals = V3::ZERO;
-        for e in folds() {
-            let [n, m] = source.normals(e);
-            normals += n + m;
-            jumps.fold += e.along.length() * (n - m).length();
-            jumps.closed = jumps.closed.min(e.jumps().closed);
+        for (e, _) in folds() {
+            this.normals += e.front + e.back;
+            this.jumps.closed = this.jumps.closed.min(e.jumps.closed);
         }
-        let axis = direction(normals);
-        let angles = folds().flat_map(|e| source.normals(e).map(|n| angle(n, axis)));
-        Self {
-            low,
-            high,
-            normals,
-            angle: angles.fold(0.0, f32::max),
-            jumps,
-        }
+        let axis = direction(this.normals);
+        let apart = folds().flat_map(|(e, _)| [e.front, e.back].map(|n| (n - axis).length()));
+        this.angle = angle(apart.fold(0.0, f32::max));
+        this
     }
 
     pub fn subtree(&self) -> Subtree {
@@ -174,7 +157,7 @@ impl Bounds {
         let folds = parts
             .iter()
             .filter(|p| p.normals != V3::ZERO || p.angle > 0.0);
-        let reach = folds.map(|p| p.angle + angle(direction(p.normals), axis));
+        let reach = folds.map(|p| p.angle + angle((direction(p.normals) - axis).length()));
         all.angle = reach.fold(0.0, f32::max);
         all
     }

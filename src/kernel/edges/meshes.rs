@@ -1,12 +1,15 @@
 //! The edges of meshes at which something may jump: silhouettes, borders, creases, seams.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
-use super::{Edge, FACES, Kind};
+use super::{Edge, Edges, FACES, Kind};
 use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
-use crate::model::triangle::AREA;
+use crate::model::triangle::{self, AREA};
+use crate::scene::HostObject;
 use crate::trace::{NONE, NORMAL_ROWS, UV_ROWS};
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
@@ -16,115 +19,183 @@ const SMOOTH: f32 = 0.25;
 /// Normals that differ by less are the same.
 const FLAT: f32 = 1e-5;
 
-/// The edges of an object that can jump, from its welded vertices.
-pub(super) fn of_object(
-    scene: &KernelScene,
-    object: usize,
-    positions: &[[f64; 3]],
-    faces: &[[u32; 3]],
-) -> Vec<Edge> {
-    let weld = Weld::new(positions);
-    let part = &scene.lists.objects[object];
-    // An edge's other end and its place, by the end that comes first: a face's i-th edge runs from its i-th corner to
-    // the next.
-    let ends = |f: usize, i: usize| {
-        let [p, q] = [i, (i + 1) % 3].map(|i| weld.place(faces[f][i]));
-        let valid = scene.lists.surfaces[part.first_triangle + f][AREA] > 0.0;
-        (valid && p != q).then_some((p.min(q), p.max(q)))
-    };
-    let every = || (0..faces.len()).flat_map(|f| (0..3).map(move |i| (f, i)));
-    let mut past = vec![0u32; weld.count() + 1];
-    for (f, i) in every() {
-        if let Some((p, _)) = ends(f, i) {
-            past[p as usize] += 1;
-        }
-    }
-    let mut sum = 0;
-    for count in &mut past {
-        sum += std::mem::replace(count, sum);
-    }
-    let mut all = vec![(0, 0); sum as usize];
-    for (f, i) in every() {
-        if let Some((p, q)) = ends(f, i) {
-            all[past[p as usize] as usize] = (q, 4 * f as u32 + i as u32);
-            past[p as usize] += 1;
-        }
-    }
-    let mut groups: Vec<&[(u32, u32)]> = Vec::with_capacity(all.len() / 2);
-    let (mut rest, mut first) = (all.as_mut_slice(), 0);
-    for past in past {
-        let own;
-        (own, rest) = rest.split_at_mut((past - first) as usize);
-        first = past;
-        own.sort_unstable();
-        let own: &[(u32, u32)] = own;
-        groups.extend(own.chunk_by(|a, b| a.0 == b.0));
-    }
-    let transparent = |k: usize| scene.material(k as u32).kind.bsdf.refracts();
-    let triangles = part.first_triangle..part.first_triangle + faces.len();
-    let closed = !groups.is_empty() && groups.iter().all(|g| g.len() == 2);
-    let pierced = |k: usize| scene.holes.as_ref().is_some_and(|h| h.are_in(k));
-    // One sees into what is clear or has holes.
-    let closed = closed && !triangles.into_iter().any(|k| transparent(k) || pierced(k));
-    groups
-        .par_iter()
-        .filter_map(|group| edge_of(scene, object, &weld, faces, group, closed))
-        .collect()
+/// What an edge is whose faces are not two that lie side by side.
+const BORDER: (Kind, f32) = (Kind::Border, 1.0);
+
+/// A triangle, and its corners where an edge begins and ends.
+type Ends = (usize, usize, usize);
+
+/// The faces at each edge of a mesh, which stay while its faces and the places of its vertices do.
+#[derive(Default)]
+pub(super) struct MeshEdges {
+    /// The first of its triangles.
+    first: usize,
+    faces: Arc<Vec<[u32; 3]>>,
+    weld: Weld,
+    /// Faces without area, which have no edges.
+    empty: Vec<u32>,
+    /// Up to [`FACES`] faces of each edge: 4 × a face and the corner of it where the edge begins, [`NONE`] where there are
+    /// no more.
+    groups: Vec<[u32; FACES]>,
+    /// Whether all edges have two faces.
+    closed: bool,
 }
 
-fn edge_of(
-    scene: &KernelScene,
-    object: usize,
-    weld: &Weld,
-    faces: &[[u32; 3]],
-    group: &[(u32, u32)],
-    closed: bool,
-) -> Option<Edge> {
-    let part = &scene.lists.objects[object];
-    let ends = |at: u32| {
-        let (f, i) = ((at / 4) as usize, (at % 4) as usize);
-        let k = part.first_triangle + f;
-        (k, i, (i + 1) % 3)
-    };
-    let (k, i, j) = ends(group[0].1);
-    let corners = scene.triangle(k as u32).corners();
-    let rows = scene.lists.vertex_rows[k];
-    let own = [rows[i], rows[j]];
-    let mut edge = Edge {
-        a: corners[i],
-        along: corners[j] - corners[i],
-        faces: [u32::MAX; FACES],
-        rows: [own, own],
-        object: object as u32,
-        kind: Kind::Border,
-        crease: 1.0,
-        closed,
-        apart: false,
-    };
-    for (to, &(_, at)) in edge.faces.iter_mut().zip(group) {
-        *to = ends(at).0 as u32;
+impl MeshEdges {
+    /// Those of an object, found anew where they are not as they were.
+    pub fn update(&mut self, scene: &KernelScene, object: usize, host: &HostObject) {
+        let weld = Weld::new(&host.positions);
+        self.first = scene.lists.objects[object].first_triangle;
+        let surfaces = &scene.lists.surfaces[self.first..self.first + host.faces.len()];
+        let empty =
+            |(f, s): (usize, &[f32; triangle::NUMBERS])| (s[AREA] <= 0.0).then_some(f as u32);
+        let empty: Vec<u32> = surfaces.iter().enumerate().filter_map(empty).collect();
+        if self.faces == host.faces && self.weld == weld && self.empty == empty {
+            return;
+        }
+        *self = Self {
+            first: self.first,
+            faces: host.faces.clone(),
+            weld,
+            empty,
+            ..Self::default()
+        };
+        self.find();
     }
-    if group.len() != 2 {
-        return Some(edge);
+
+    fn find(&mut self) {
+        let (faces, weld) = (&self.faces, &self.weld);
+        let mut valid = vec![true; faces.len()];
+        self.empty.iter().for_each(|&f| valid[f as usize] = false);
+        // An edge's other end and its place, by the end that comes first: a face's i-th edge runs from its i-th corner
+        // to the next.
+        let ends = |f: usize, i: usize| {
+            let [p, q] = [i, (i + 1) % 3].map(|i| weld.place(faces[f][i]));
+            (valid[f] && p != q).then_some((p.min(q), p.max(q)))
+        };
+        let every = || (0..faces.len()).flat_map(|f| (0..3).map(move |i| (f, i)));
+        let mut past = vec![0u32; weld.count() + 1];
+        for (f, i) in every() {
+            if let Some((p, _)) = ends(f, i) {
+                past[p as usize] += 1;
+            }
+        }
+        let mut sum = 0;
+        for count in &mut past {
+            sum += std::mem::replace(count, sum);
+        }
+        let mut all = vec![(0, 0); sum as usize];
+        for (f, i) in every() {
+            if let Some((p, q)) = ends(f, i) {
+                all[past[p as usize] as usize] = (q, 4 * f as u32 + i as u32);
+                past[p as usize] += 1;
+            }
+        }
+        let mut groups = Vec::with_capacity(all.len() / 2);
+        let mut closed = true;
+        let (mut rest, mut first) = (all.as_mut_slice(), 0);
+        for past in past {
+            let own;
+            (own, rest) = rest.split_at_mut((past - first) as usize);
+            first = past;
+            own.sort_unstable();
+            for group in own.chunk_by(|a, b| a.0 == b.0) {
+                let mut places = [NONE; FACES];
+                places
+                    .iter_mut()
+                    .zip(group)
+                    .for_each(|(to, own)| *to = own.1);
+                groups.push(places);
+                closed &= group.len() == 2;
+            }
+        }
+        self.closed = closed && !groups.is_empty();
+        self.groups = groups;
     }
-    let (k2, i2, j2) = ends(group[1].1);
-    let rows2 = scene.lists.vertex_rows[k2];
-    let turned = weld.place(faces[(group[0].1 / 4) as usize][i])
-        == weld.place(faces[(group[1].1 / 4) as usize][i2]);
-    edge.rows[1] = if turned {
-        [rows2[i2], rows2[j2]]
-    } else {
-        [rows2[j2], rows2[i2]]
-    };
-    // Faces of one direction can't be told apart by their sides.
-    if turned {
-        return Some(edge);
+
+    /// The triangle at a place of a group, and its corners where the edge begins and ends there.
+    fn ends(&self, at: u32) -> Ends {
+        let i = (at % 4) as usize;
+        (self.first + (at / 4) as usize, i, (i + 1) % 3)
     }
-    edge.kind = Kind::Fold;
-    let normals = [k, k2].map(|k| scene.triangle(k as u32).normal);
-    edge.crease = crease(scene, [k, k2], normals, [[i, j], [j2, i2]]);
-    let flat = (normals[0] - normals[1]).length() < FLAT;
-    (!flat || edge.crease > 0.0).then_some(edge)
+
+    /// The faces of an edge that has two, and whether both run along it in one direction.
+    fn pair(&self, group: &[u32; FACES]) -> Option<([Ends; 2], bool)> {
+        let [first, second, NONE, _] = *group else {
+            return None;
+        };
+        let place = |at: u32| {
+            self.weld
+                .place(self.faces[(at / 4) as usize][(at % 4) as usize])
+        };
+        let ends = |at: u32| self.ends(at);
+        (second != NONE).then(|| ([first, second].map(ends), place(first) == place(second)))
+    }
+
+    /// Adds the edges that can jump.
+    pub fn add_to(&self, edges: &mut Edges, scene: &KernelScene, object: usize) {
+        let mut triangles = self.first..self.first + self.faces.len();
+        let transparent = |k: usize| scene.material(k as u32).kind.bsdf.refracts();
+        let pierced = |k: usize| scene.holes.as_ref().is_some_and(|h| h.are_in(k));
+        // One sees into what is clear or has holes.
+        let closed = self.closed && !triangles.any(|k| transparent(k) || pierced(k));
+        let kinds = self.groups.par_iter().map(|group| self.kind(scene, group));
+        let kinds: Vec<Option<(Kind, f32)>> = kinds.collect();
+        let jumping = (0..kinds.len() as u32).filter(|&i| kinds[i as usize].is_some());
+        let jumping: Vec<u32> = jumping.collect();
+        edges.extend(jumping.len(), |i| {
+            let i = jumping[i] as usize;
+            let (kind, crease) = kinds[i].unwrap_or(BORDER);
+            let edge = self.edge(scene, &self.groups[i]);
+            Edge {
+                object: object as u32,
+                kind,
+                crease,
+                closed,
+                ..edge
+            }
+        });
+    }
+
+    /// What an edge is, and how much colours may jump at it where both of its faces are seen; None if nothing can.
+    fn kind(&self, scene: &KernelScene, group: &[u32; FACES]) -> Option<(Kind, f32)> {
+        let Some(([(k, i, j), (k2, i2, j2)], false)) = self.pair(group) else {
+            // Faces of one direction can't be told apart by their sides.
+            return Some(BORDER);
+        };
+        let normals = [k, k2].map(|k| scene.triangle(k as u32).normal);
+        let crease = crease(scene, [k, k2], normals, [[i, j], [j2, i2]]);
+        let flat = (normals[0] - normals[1]).length() < FLAT;
+        (!flat || crease > 0.0).then_some((Kind::Fold, crease))
+    }
+
+    /// An edge, but for what it is.
+    fn edge(&self, scene: &KernelScene, group: &[u32; FACES]) -> Edge {
+        let rows = |(k, i, j): Ends| {
+            let rows = scene.lists.vertex_rows[k];
+            [rows[i], rows[j]]
+        };
+        let (k, i, j) = self.ends(group[0]);
+        let own = rows((k, i, j));
+        let other = match self.pair(group) {
+            None => own,
+            Some(([_, ends], true)) => rows(ends),
+            Some(([_, (k, i, j)], false)) => rows((k, j, i)),
+        };
+        let corners = scene.triangle(k as u32).corners();
+        let triangle = |at: u32| self.first as u32 + at / 4;
+        Edge {
+            a: corners[i],
+            along: corners[j] - corners[i],
+            faces: group.map(|at| if at == NONE { NONE } else { triangle(at) }),
+            rows: [own, other],
+            object: 0,
+            kind: BORDER.0,
+            crease: BORDER.1,
+            closed: false,
+            apart: false,
+        }
+    }
 }
 
 /// The most by which colours may jump where both faces are seen: two triangles with their normals, and the corners of

@@ -9,6 +9,10 @@ mod draw;
 mod meshes;
 mod tree;
 
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::prelude::*;
+
 use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
@@ -16,7 +20,8 @@ use crate::scene::HostScene;
 use crate::trace::{OF_EDGE, Scene};
 use bounds::EdgeList;
 pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
-use tree::EdgeTree;
+use meshes::MeshEdges;
+use tree::{Division, EdgeTree};
 
 /// Faces of an edge, at most; if there are more, the others count as what lies behind.
 pub(in crate::kernel) const FACES: usize = 4;
@@ -72,12 +77,72 @@ pub(crate) enum Kind {
     Crossing,
 }
 
-/// Edges that something can jump at, and trees over them.
-pub(crate) struct EdgeSets {
-    pub(crate) edges: Vec<Edge>,
+/// A list of edges.
+#[derive(Default)]
+struct Edges {
+    /// How many there are: there may be room for more.
+    count: usize,
     /// What stages read of them.
     flat: Vec<[[f32; 3]; 2]>,
     words: Vec<[u32; OF_EDGE]>,
+    /// What only trees and films ask for.
+    kinds: Vec<(Kind, f32, bool)>,
+}
+
+impl Edges {
+    /// Adds so many edges.
+    fn extend(&mut self, count: usize, edge: impl Fn(usize) -> Edge + Sync) {
+        let first = self.count;
+        self.count += count;
+        if self.words.len() < self.count {
+            self.resize();
+        }
+        let flat = self.flat[first..self.count].par_iter_mut();
+        let all = flat
+            .zip(&mut self.words[first..])
+            .zip(&mut self.kinds[first..]);
+        all.enumerate().for_each(|(i, ((flat, words), kind))| {
+            let e = edge(i);
+            *flat = [e.a, e.along].map(V3::to_array);
+            *words = e.words();
+            *kind = (e.kind, e.crease, e.closed);
+        });
+    }
+
+    /// Gives room to all edges, and to no more.
+    fn resize(&mut self) {
+        self.flat.resize(self.count, Default::default());
+        self.words.resize(self.count, Default::default());
+        self.kinds.resize(self.count, (Kind::Border, 0.0, false));
+    }
+
+    fn get(&self, i: usize) -> Edge {
+        let [k, l, m, n, a, b, c, d, object, crossing] = self.words[i];
+        let [start, along] = self.flat[i].map(V3::from);
+        let (kind, crease, closed) = self.kinds[i];
+        Edge {
+            a: start,
+            along,
+            faces: [k, l, m, n],
+            rows: [[a, b], [c, d]],
+            object,
+            kind,
+            crease,
+            closed,
+            apart: crossing == 2,
+        }
+    }
+
+    /// What tells edges of meshes apart: the first face, and where an edge begins there.
+    fn name(&self, i: u32) -> [u32; 2] {
+        let words = &self.words[i as usize];
+        [words[0], words[4]]
+    }
+}
+
+/// Edges that something can jump at, and trees over them.
+pub(crate) struct EdgeSets {
+    edges: Edges,
     any_apart: bool,
     all: EdgeTree,
     moving: Moving,
@@ -93,43 +158,87 @@ enum Moving {
     Part,
 }
 
+/// What the edges of the last render leave for the next, where they are the same or moved.
+#[derive(Clone, Default)]
+pub(crate) struct LastEdges(Arc<Mutex<Kept>>);
+
+#[derive(Default)]
+struct Kept {
+    /// Its memory is used again where no other render has it.
+    last: Option<Arc<EdgeSets>>,
+    meshes: Vec<MeshEdges>,
+    /// Of the edges that move, and of the others or all.
+    divisions: [Division; 2],
+}
+
 impl EdgeSets {
-    pub fn new(host: &HostScene, scene: &KernelScene, wanted: &Wanted) -> Self {
-        let mut edges = Vec::new();
-        for (i, o) in host.objects.iter().enumerate() {
-            edges.extend(meshes::of_object(scene, i, &o.positions, &o.faces));
+    pub fn new(
+        host: &HostScene,
+        scene: &KernelScene,
+        wanted: &Wanted,
+        last: &LastEdges,
+    ) -> Arc<Self> {
+        let lock = || last.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = std::mem::take(&mut *lock());
+        kept.meshes
+            .resize_with(host.objects.len(), MeshEdges::default);
+        let mut edges = Edges::default();
+        if let Some(sets) = kept.last.take().and_then(Arc::into_inner) {
+            edges = sets.edges;
+            edges.count = 0;
+            kept.divisions[0].room = sets.all.into_room();
         }
-        edges.extend(crossings::find(scene));
-        let moves = |&i: &u32| edges[i as usize].moves(scene, wanted);
-        let numbers = 0..edges.len() as u32;
+        for (i, (mesh, object)) in kept.meshes.iter_mut().zip(&host.objects).enumerate() {
+            mesh.update(scene, i, object);
+            mesh.add_to(&mut edges, scene, i);
+        }
+        let crossings = crossings::find(scene);
+        edges.extend(crossings.len(), |i| crossings[i]);
+        edges.resize();
+        let all_move = wanted.objects.iter().all(|&object| object != 0);
+        let moves = |&i: &u32| all_move || edges.get(i as usize).moves(scene, wanted);
+        let numbers = 0..edges.count as u32;
         let (moving, others): (Vec<u32>, Vec<u32>) = numbers.clone().partition(moves);
-        let source = EdgeList::new(&edges, scene);
-        let (all, moving) = if others.is_empty() {
-            (EdgeTree::new(&source, moving), Moving::All)
-        } else if EdgeTree::is_list(&moving) {
-            let own = EdgeTree::new(&source, moving);
-            (EdgeTree::new(&source, numbers.collect()), Moving::Own(own))
-        } else {
-            (EdgeTree::joint(&source, moving, others), Moving::Part)
+        let source = EdgeList {
+            edges: &edges,
+            scene,
         };
-        Self {
-            any_apart: edges.iter().any(|e| e.apart),
-            flat: edges
-                .iter()
-                .map(|e| [e.a, e.along].map(V3::to_array))
-                .collect(),
-            words: edges.iter().map(Edge::words).collect(),
+        let [first, second] = &mut kept.divisions;
+        let (all, moving) = if others.is_empty() {
+            (EdgeTree::new(&source, &moving, first), Moving::All)
+        } else if EdgeTree::is_list(&moving) {
+            let own = EdgeTree::new(&source, &moving, first);
+            let all: Vec<u32> = numbers.collect();
+            (EdgeTree::new(&source, &all, second), Moving::Own(own))
+        } else {
+            let parts = [(&*moving, first), (&*others, second)];
+            (EdgeTree::joint(&source, parts), Moving::Part)
+        };
+        let sets = Arc::new(Self {
+            any_apart: crossings.iter().any(|e| e.apart),
             all,
             moving,
             edges,
-        }
+        });
+        kept.last = Some(sets.clone());
+        *lock() = kept;
+        sets
+    }
+
+    pub fn len(&self) -> usize {
+        self.edges.count
+    }
+
+    /// One of the edges.
+    pub fn edge(&self, i: usize) -> Edge {
+        self.edges.get(i)
     }
 
     /// Adds them to the lists of a view.
     #[inline(always)]
     pub fn add_to<'a>(&'a self, scene: &mut Scene<'a>) {
-        scene.edges = self.flat.as_flattened().as_flattened();
-        scene.of_edges = self.words.as_flattened();
+        scene.edges = self.edges.flat.as_flattened().as_flattened();
+        scene.of_edges = self.edges.words.as_flattened();
     }
 
     /// Whether a line of a crossing moves while the shutter is open.

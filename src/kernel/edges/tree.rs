@@ -1,7 +1,10 @@
 //! A tree over edges, built from the top: eight parts of edges that are near to each other, and so on.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
+use super::Kind;
 use super::bounds::{Bounds, EdgeList};
 use super::draw::{LEAF, NODE, Root};
 use crate::accel::LANES;
@@ -20,19 +23,122 @@ pub(super) struct EdgeTree {
     moves: bool,
 }
 
-impl EdgeTree {
-    /// A tree over some edges of a list.
-    pub fn new(source: &EdgeList, mut which: Vec<u32>) -> Self {
-        let shape = if Self::is_list(&which) {
-            let leaves = (0..which.len()).step_by(LANES);
-            Shape {
-                leaves: leaves.map(|i| i..which.len().min(i + LANES)).collect(),
-                ..Shape::default()
-            }
-        } else {
-            Shape::of(0, &mut which, source)
+/// How some edges of meshes are divided, which serves as long as they are near to each other.
+#[derive(Default)]
+pub(super) struct Division {
+    /// Which they are ([`Edges::name`](super::Edges)).
+    names: Vec<[u32; 2]>,
+    /// Their places in this list, in the order of the leaves.
+    order: Vec<u32>,
+    shape: Shape,
+    /// Σ half areas of the leaves' boxes when they were divided.
+    cost: f32,
+    /// The memory of a tree's leaves, to be used again.
+    pub room: Vec<f32>,
+}
+
+/// An edge of a list that is divided.
+#[derive(Clone, Copy)]
+struct Item {
+    middle: V3,
+    place: u32,
+}
+
+impl Division {
+    fn new(source: &EdgeList, list: &[u32]) -> Self {
+        let item = |(place, &i): (usize, &u32)| Item {
+            middle: source.middle(i),
+            place: place as u32,
         };
-        Self::shaped(source, &which, &shape)
+        let mut items: Vec<Item> = list.par_iter().enumerate().map(item).collect();
+        let shape = Shape::of(0, &mut items, &ByPlace);
+        let mut this = Self {
+            names: list.par_iter().map(|&i| source.edges.name(i)).collect(),
+            order: items.iter().map(|item| item.place).collect(),
+            shape,
+            ..Self::default()
+        };
+        this.cost = this.cost_of(source, list);
+        this
+    }
+
+    /// Divides a list anew unless it has the same edges, whose boxes have not grown by half.
+    fn update(&mut self, source: &EdgeList, list: &[u32]) {
+        let is = |(&i, &name): (&u32, &[u32; 2])| source.edges.name(i) == name;
+        let same = self.names.len() == list.len() && list.par_iter().zip(&self.names).all(is);
+        if !same || self.cost_of(source, list) > 1.5 * self.cost {
+            let room = std::mem::take(&mut self.room);
+            *self = Self::new(source, list);
+            self.room = room;
+        }
+    }
+
+    fn cost_of(&self, source: &EdgeList, list: &[u32]) -> f32 {
+        let of_leaf = |leaf: &Range<usize>| {
+            let places = self.order[leaf.clone()].iter();
+            let middles = places.map(|&place| source.middle(list[place as usize]));
+            let (low, high) = around(middles);
+            let V3 { x, y, z } = high - low;
+            x * y + y * z + z * x
+        };
+        // In an order that doesn't depend on threads.
+        let costs: Vec<f32> = self.shape.leaves.par_iter().map(of_leaf).collect();
+        costs.iter().sum()
+    }
+}
+
+/// The corners of a box around points.
+fn around(points: impl Iterator<Item = V3>) -> (V3, V3) {
+    points.fold(
+        (V3::ONE * f32::MAX, V3::ONE * f32::MIN),
+        |(low, high), p| (low.min(p), high.max(p)),
+    )
+}
+
+/// Edges in the order of leaves, and the tree's shape over them.
+type Divided = (Vec<u32>, Shape);
+
+/// Some edges, divided: those of meshes, which come first, as they were where that serves.
+fn divided(source: &EdgeList, list: &[u32], of_meshes: &mut Division) -> Divided {
+    let is_of_mesh = |&i: &u32| source.edges.kinds[i as usize].0 != Kind::Crossing;
+    let (meshes, crossings) = list.split_at(list.partition_point(is_of_mesh));
+    let own = |division: &Division, list: &[u32]| {
+        let order = division.order.iter().map(|&place| list[place as usize]);
+        (order.collect(), division.shape.clone())
+    };
+    if meshes.is_empty() {
+        return own(&Division::new(source, crossings), crossings);
+    }
+    of_meshes.update(source, meshes);
+    let all = own(of_meshes, meshes);
+    if crossings.is_empty() {
+        return all;
+    }
+    joined([all, own(&Division::new(source, crossings), crossings)])
+}
+
+fn joined(parts: [Divided; 2]) -> Divided {
+    let [(mut all, first), (mut order, mut second)] = parts;
+    for leaf in &mut second.leaves {
+        *leaf = leaf.start + all.len()..leaf.end + all.len();
+    }
+    all.append(&mut order);
+    (all, Shape::join([first, second]))
+}
+
+impl EdgeTree {
+    /// A tree over some edges of a list, those of meshes divided as they were where that serves.
+    pub fn new(source: &EdgeList, which: &[u32], last: &mut Division) -> Self {
+        if !Self::is_list(which) {
+            let divided = divided(source, which, last);
+            return Self::shaped(source, &divided, std::mem::take(&mut last.room));
+        }
+        let leaves = (0..which.len()).step_by(LANES);
+        let shape = Shape {
+            leaves: leaves.map(|i| i..which.len().min(i + LANES)).collect(),
+            ..Shape::default()
+        };
+        Self::shaped(source, &(which.to_vec(), shape), Vec::new())
     }
 
     /// Whether so few edges are a list, not a tree.
@@ -41,29 +147,31 @@ impl EdgeTree {
     }
 
     /// A tree over some edges, not a list, and others, in which the tree over the first alone begins at node 1.
-    pub fn joint(source: &EdgeList, mut first: Vec<u32>, mut others: Vec<u32>) -> Self {
-        let parts = [
-            Shape::of(0, &mut first, source),
-            Shape::of(first.len(), &mut others, source),
-        ];
-        first.append(&mut others);
-        Self::shaped(source, &first, &Shape::join(parts))
+    pub fn joint(source: &EdgeList, parts: [(&[u32], &mut Division); 2]) -> Self {
+        let room = std::mem::take(&mut parts[0].1.room);
+        let parts = parts.map(|(which, last)| divided(source, which, last));
+        Self::shaped(source, &joined(parts), room)
     }
 
-    /// A tree of a shape, over edges in its order.
-    fn shaped(source: &EdgeList, which: &[u32], shape: &Shape) -> Self {
-        let mut leaves = vec![0.0; LANES * LEAF * shape.leaves.len()];
+    /// A tree of a shape, over edges in its order, in memory that it may use.
+    fn shaped(source: &EdgeList, (which, shape): &Divided, mut leaves: Vec<f32>) -> Self {
+        let numbers = LANES * LEAF * shape.leaves.len();
+        if leaves.len() != numbers {
+            leaves = vec![0.0; numbers];
+        }
         let mut edges = vec![NONE; LANES * shape.leaves.len()];
         let blocks = leaves.par_chunks_mut(LANES * LEAF);
         let blocks = blocks.zip(edges.par_chunks_mut(LANES)).zip(&shape.leaves);
-        let of_leaves = blocks.map(|((block, edges), list)| {
+        let of_leaves = blocks.map_init(Vec::new, |seen, ((block, edges), list)| {
             let list = &which[list.clone()];
             edges[..list.len()].copy_from_slice(list);
-            for (i, &index) in list.iter().enumerate() {
-                let velocity = source.velocity(&source.edges[index as usize]);
-                set(block, i, source.seen(index).numbers(velocity));
+            block.fill(0.0);
+            seen.clear();
+            seen.extend(list.iter().map(|&i| source.seen(i)));
+            for (i, (edge, velocity)) in seen.iter().enumerate() {
+                set(block, i, edge.numbers(*velocity));
             }
-            Bounds::new(source, list)
+            Bounds::new(seen)
         });
         let of_leaves: Vec<Bounds> = of_leaves.collect();
         let mut nodes = vec![0.0; LANES * NODE * shape.nodes.len()];
@@ -96,6 +204,11 @@ impl EdgeTree {
         }
     }
 
+    /// Its memory, for another.
+    pub fn into_room(self) -> Vec<f32> {
+        self.leaves
+    }
+
     pub fn is_empty(&self) -> bool {
         self.edges.is_empty()
     }
@@ -120,31 +233,38 @@ impl EdgeTree {
     }
 }
 
-impl Divide<u32> for EdgeList<'_> {
-    fn is_leaf(&self, list: &[u32]) -> bool {
+/// Edges are divided by their places, so that all leaves but one are full.
+struct ByPlace;
+
+impl Divide<Item> for ByPlace {
+    fn is_leaf(&self, list: &[Item]) -> bool {
         list.len() <= LANES
     }
 
-    fn cost(&self, list: &[u32]) -> f32 {
+    fn cost(&self, list: &[Item]) -> f32 {
         list.len() as f32
     }
 
-    /// Halves edges along the axis in which their middles spread the most.
-    fn split<'a>(&self, part: &'a mut [u32]) -> [&'a mut [u32]; 2] {
-        let (mut low, mut high) = (V3::ONE * f32::MAX, V3::ONE * f32::MIN);
-        for &i in part.iter() {
-            let m = self.middle(i);
-            low = low.min(m);
-            high = high.max(m);
+    /// What the largest full tree holds of which a node can have as many as it needs.
+    fn enough(&self, list: &[Item]) -> usize {
+        let mut most = LANES;
+        while most * LANES < list.len() {
+            most *= LANES;
         }
+        most
+    }
+
+    /// Halves edges along the axis in which their middles spread the most, but for a multiple of what is enough.
+    fn split<'a>(&self, part: &'a mut [Item], enough: usize) -> [&'a mut [Item]; 2] {
+        let (low, high) = around(part.iter().map(|item| item.middle));
         let size = (high - low).to_array();
         let axis = (0..3)
             .max_by(|&a, &b| size[a].total_cmp(&size[b]))
             .unwrap_or(0);
-        let half = part.len() / 2;
-        part.select_nth_unstable_by(half, |&a, &b| {
-            let (p, q) = (self.middle(a).to_array(), self.middle(b).to_array());
-            p[axis].total_cmp(&q[axis]).then(a.cmp(&b))
+        let half = (part.len() / 2).next_multiple_of(enough);
+        part.select_nth_unstable_by(half, |a, b| {
+            let along = |item: &Item| item.middle.to_array()[axis];
+            along(a).total_cmp(&along(b)).then(a.place.cmp(&b.place))
         });
         part.split_at_mut(half).into()
     }

@@ -11,7 +11,9 @@ use super::ShadingExpand;
 use super::ranges::roughness_of;
 use super::{Scatter, Shading, ShadingGradient};
 use crate::cube::*;
-use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
+use crate::model::frame::{
+    arc_tangent_of, from_local, from_local_backward, sin_cos_of_turns, to_local,
+};
 use crate::model::{V3, splat, v3};
 
 /// The least α: a lobe of a twentieth of a degree, which f32 still resolves.
@@ -291,7 +293,7 @@ impl Facets {
         let sum = v3(local.x, local.y, self.alpha * local.z);
         let sum = sum * (1.0 / sum.length_squared().max(TINY).sqrt());
         let cap = sum * (2.0 * sum.dot(stretched)) - stretched;
-        let mut turn = cap.y.atan2(cap.x) / TAU;
+        let mut turn = arc_tangent_of(cap.y, cap.x) / TAU;
         turn -= turn.floor();
         let u = ((1.0 - cap.z) / (1.0 + stretched.z)).clamp(0.0, 1.0);
         v3(u, turn, 0.0)

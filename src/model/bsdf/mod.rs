@@ -70,13 +70,16 @@ pub(crate) struct Shading {
     /// crease is flat.
     pub pair: Pair,
     pub paired: bool,
+    /// Whether the direction is mirrored in the plane between both: with the light along it and its mirror image
+    /// together, none of the difference is left where light is the same from all directions.
+    pub mirrored: bool,
 }
 
 impl Shading {
     /// Whether it is matt alone: what it scatters then takes the same steps for every direction.
     #[inline(always)]
     pub fn is_matt(&self) -> bool {
-        self.model == Bsdf::Phong as u32 && !self.glossy && !self.paired
+        self.scatters_evenly() && !self.paired
     }
 
     /// It as one that is known to be matt.
@@ -86,6 +89,15 @@ impl Shading {
         self.models = Models::MATT;
         (self.glossy, self.paired) = (false, false);
         self
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Shading {
+    /// Whether it has no lobe but the matt one, so that directions about two normals may be mirrored.
+    #[inline(always)]
+    pub fn scatters_evenly(&self) -> bool {
+        self.model == Bsdf::Phong as u32 && !self.glossy
     }
 }
 

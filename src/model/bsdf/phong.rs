@@ -7,7 +7,9 @@ use super::ShadingExpand;
 use super::{IMPOSSIBLE, LEAST, Lobe, Scatter, Shading, ShadingGradient};
 #[cfg(feature = "wgpu")]
 use crate::cube::*;
-use crate::model::frame::{from_local, from_local_backward, sin_cos_of_turns, to_local};
+use crate::model::frame::{
+    arc_tangent_of, from_local, from_local_backward, sin_cos_of_turns, to_local,
+};
 use crate::model::{V3, splat, v3};
 
 /// The share of the specular lobe in the albedo.
@@ -129,7 +131,7 @@ pub(super) fn weight_backward(
 pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
     if drawn.of_gloss {
         let local = to_local(shading.mirror(), drawn.direction);
-        let turn = local.y.atan2(local.x) / TAU;
+        let turn = arc_tangent_of(local.y, local.x) / TAU;
         drawn.local = local;
         drawn.u = phong(shading.exponent + 1.0, local.z);
         drawn.v = turn - turn.floor();

@@ -7,6 +7,9 @@ use crate::cube::*;
 use crate::model::frame::{sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
 
+/// The squared difference of two normals up to which they are alike: what is between them would be their rounding.
+const ALIKE: f32 = 1e-6;
+
 /// A direction drawn from the BSDF.
 #[apply(zeroed!)]
 pub(crate) struct Scatter {
@@ -45,6 +48,13 @@ impl Shading {
             v,
         };
         self.draw(&mut drawn, normal, lobe);
+        if self.mirrored {
+            let across = self.pair.first - self.pair.second;
+            let square = across.dot(across);
+            if square > ALIKE {
+                drawn.direction -= across * (2.0 * drawn.direction.dot(across) / square);
+            }
+        }
         // Without gloss, on a flat surface, f·cos θ over the density is k_d, whatever the direction.
         if !self.glossy && !self.smooth && !self.paired {
             drawn.weight = self.diffuse;

@@ -1,6 +1,8 @@
 //! The backward pass: paths are traced again, and derivatives add up in the parent's gradient.
 
-use std::sync::Arc;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use burn::tensor::TensorData;
 use rayon::prelude::*;
@@ -10,7 +12,8 @@ use super::prepare::Places;
 use super::rows::Rows;
 use crate::kernel::{FilmEdges, HostSums, PixelGradients, Seen, View, Work};
 use crate::model::film::samples_of_film;
-use crate::render::options::{RenderOptions, Tile};
+use crate::render::options::RenderOptions;
+use crate::render::tiles::Tile;
 
 /// Numbers in the sums of derivatives of all accumulators together.
 const ACCUMULATED: usize = 1 << 24;
@@ -42,7 +45,7 @@ impl Backward {
         let pixels = pixels.unwrap_or_else(all);
         Self {
             views,
-            tiles: camera_tiles(options, pixels.len()),
+            tiles: camera_tiles(options, pixels.len(), 0..options.samples),
             pixels,
             rows,
             samples: options.samples,
@@ -113,8 +116,7 @@ impl Backward {
         }
         // Tiles in accumulators that have their sums to themselves: as many whatever the machine, so that
         // sums come out the same.
-        let zero = HostSums::new(&view.scene, &view.wanted);
-        let accumulators = (ACCUMULATED / zero.len()).clamp(4, 64);
+        let accumulators = (ACCUMULATED / all.len()).clamp(4, 64);
         let each = self.tiles.len().div_ceil(accumulators).max(1);
         let per_sample = f64::from(self.samples).recip() as f32;
         let upstream: Vec<(u32, Seen)> = asked
@@ -123,42 +125,53 @@ impl Backward {
             .map(|&(pixel, g)| (pixel, g.times(per_sample)))
             .collect();
         let typical = View::typical(&upstream);
-        let of_accumulator = |tiles: &[Tile]| {
-            let mut sums = zero.clone();
-            let mut work = Work::new(0);
-            for tile in tiles {
+        let tiles: Vec<&[Tile]> = self.tiles.chunks(each).collect();
+        add_in_order(view, tiles.len(), all, |i, work, sums| {
+            for tile in tiles[i] {
                 let pixels = &upstream[tile.first..tile.first + tile.pixels];
-                let samples = tile.from..tile.to;
-                view.backward(pixels, typical, samples, &mut work, &mut sums);
+                view.backward(pixels, typical, tile.from..tile.to, work, sums);
             }
-            sums
-        };
-        let sums: Vec<HostSums> = self.tiles.par_chunks(each).map(of_accumulator).collect();
-        sums.iter().for_each(|s| all.add(s));
+        });
         let Some(film) = asked.film.as_ref().filter(|f| !f.edges.is_empty()) else {
             return;
         };
         let count = film.samples;
         let each = count.div_ceil(accumulators as u32).max(256);
-        let sums: Vec<HostSums> = (0..count.div_ceil(each))
-            .into_par_iter()
-            .map(|i| {
-                let mut sums = zero.clone();
-                let mut work = Work::new(0);
-                let range = i * each..((i + 1) * each).min(count);
-                view.film_backward(
-                    &film.edges,
-                    &film.pixels,
-                    range,
-                    count,
-                    &mut work,
-                    &mut sums,
-                );
-                sums
-            })
-            .collect();
-        sums.iter().for_each(|s| all.add(s));
+        add_in_order(view, count.div_ceil(each) as usize, all, |i, work, sums| {
+            let first = i as u32 * each;
+            let range = first..(first + each).min(count);
+            view.film_backward(&film.edges, &film.pixels, range, count, work, sums);
+        });
     }
+}
+
+/// Adds parts that are computed on all cores, each in sums of its own, in their order: few are held at once.
+fn add_in_order(
+    view: &View,
+    count: usize,
+    all: &mut HostSums,
+    part: impl Fn(usize, &mut Work, &mut HostSums) + Sync,
+) {
+    let next = AtomicUsize::new(0);
+    // The sums, the number of parts in them, and parts that came before their turn.
+    let added = Mutex::new((all, 0, BTreeMap::new()));
+    let of_core = |_| loop {
+        let i = next.fetch_add(1, Ordering::Relaxed);
+        if i >= count {
+            return;
+        }
+        let mut sums = HostSums::new(&view.scene, &view.wanted);
+        part(i, &mut Work::new(0), &mut sums);
+        let mut added = added.lock().unwrap_or_else(PoisonError::into_inner);
+        let (all, past, early) = &mut *added;
+        early.insert(i, sums);
+        while let Some(sums) = early.remove(past) {
+            all.add(&sums);
+            *past += 1;
+        }
+    };
+    let cores = (0..rayon::current_num_threads()).into_par_iter();
+    cores.with_max_len(1).for_each(of_core);
 }
 
 /// What a loss depends on in a view.

@@ -1,5 +1,6 @@
 //! The forward pass: tiles of all views on all cores, and their sums as rows of images.
 
+use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 
 use burn::tensor::{Element, TensorData};
@@ -8,15 +9,20 @@ use rayon::prelude::*;
 use super::prepare::Places;
 use super::rows::Rows;
 use crate::error::Result;
-use crate::kernel::{RayCounts, View, Work};
-use crate::render::options::{RenderOptions, Tile, tiles};
+use crate::kernel::{Counted, RayCounts, View, Work};
+use crate::render::options::RenderOptions;
+use crate::render::tiles::{Tile, tiles};
 
 /// Camera rays of a tile.
 const RAYS: usize = 1 << 13;
 
-/// The tiles of a view.
-pub(super) fn camera_tiles(options: &RenderOptions, pixels: usize) -> Vec<Tile> {
-    tiles(options, pixels, RAYS)
+/// The tiles of samples of a view's pixels.
+pub(super) fn camera_tiles(
+    options: &RenderOptions,
+    pixels: usize,
+    samples: Range<u32>,
+) -> Vec<Tile> {
+    tiles(options, pixels, samples, RAYS)
 }
 
 /// The forward pass: what its views have in common.
@@ -24,11 +30,12 @@ pub(super) struct Forward<'a> {
     pub options: &'a RenderOptions,
     /// The pixels, if not all.
     pub pixels: Option<&'a Vec<u32>>,
+    /// The samples of each.
+    pub samples: usize,
     pub tiles: &'a [Tile],
     pub rows: &'a Rows,
-    /// Tiles of all views.
-    pub all: usize,
-    pub done: &'a AtomicUsize,
+    /// The number of tiles that are done, of how many.
+    pub done: Option<(&'a AtomicUsize, usize)>,
 }
 
 /// Counts of a forward pass.
@@ -42,9 +49,8 @@ pub(super) struct Traced {
 }
 
 impl Traced {
-    fn add(&mut self, other: &Self) {
-        self.counts.rays += other.counts.rays;
-        self.counts.add_bounces(&other.counts);
+    pub fn add(&mut self, other: &Self) {
+        self.counts.add(&other.counts);
         self.non_finite += other.non_finite;
         self.lit |= other.lit;
     }
@@ -98,7 +104,7 @@ impl Forward<'_> {
             for (i, mean) in means.iter_mut().enumerate() {
                 let sum: f64 = sums.iter().map(|s| s.0[i]).sum();
                 traced.lit |= sum != 0.0 && i % channels < 3;
-                *mean = cast(sum / f64::from(self.options.samples));
+                *mean = cast(sum / self.samples as f64);
             }
             traced
         };
@@ -122,12 +128,12 @@ impl Forward<'_> {
             }
         };
         let mut work = Work::new(self.options.bounces);
-        let mut objects = self
-            .rows
-            .objects
-            .map(|_| vec![0.0; (own + 1) * tile.pixels]);
+        let mut more = Counted {
+            objects: (self.rows.objects).map(|_| vec![0.0; (own + 1) * tile.pixels]),
+            rays: self.rows.rays.then(|| vec![0.0; tile.pixels]),
+        };
         let samples = tile.from..tile.to;
-        let sums = view.render(pixels, samples, &mut work, objects.as_deref_mut());
+        let sums = view.render(pixels, samples, &mut work, &mut more);
         let channels = self.rows.count();
         let mut rows = vec![0.0; channels * tile.pixels];
         let mut non_finite = 0;
@@ -135,15 +141,20 @@ impl Forward<'_> {
             let values = self.rows.of(sum, view.scene.frame.unit);
             row.iter_mut().zip(values).for_each(|(r, v)| *r = v);
             non_finite += row[..3].iter().filter(|v| !v.is_finite()).count() as u64;
-            if let (Some(objects), Some(all)) = (&objects, self.rows.objects) {
-                let first = channels - all - 1;
+            if let Some(rays) = &more.rays {
+                row[channels - 1] = f64::from(rays[i]);
+            }
+            if let (Some(objects), Some(all)) = (&more.objects, self.rows.objects) {
+                let first = channels - usize::from(self.rows.rays) - all - 1;
                 for (k, share) in objects[i * (own + 1)..][..=own].iter().enumerate() {
                     // The background comes last, whatever the number of objects.
                     row[first + if k == own { all } else { k }] = f64::from(*share);
                 }
             }
         }
-        self.options.progress.tile(self.done, self.all);
+        if let Some((done, all)) = self.done {
+            self.options.progress.tile(done, all);
+        }
         let counts = work.counts;
         let traced = Traced {
             counts,

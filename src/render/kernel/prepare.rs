@@ -73,7 +73,8 @@ fn read(batch: &Batch) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
 /// The scenes as kernels have them; the boxes of the first serve the others.
 fn pack(hosts: &mut [HostScene], options: &RenderOptions) -> Vec<Arc<KernelScene>> {
     let emitters = options.sampling.emitters;
-    let first = KernelScene::new(&mut hosts[0], emitters, None, options.cache.as_ref());
+    let boxes = options.cache.as_ref().map(|cache| &cache.boxes);
+    let first = KernelScene::new(&mut hosts[0], emitters, None, boxes);
     let first = Arc::new(first);
     let others: Vec<Arc<KernelScene>> = hosts[1..]
         .par_iter_mut()
@@ -110,7 +111,10 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
         let edges = wanted.moves().then(|| {
             edge_sets[*scene]
                 .get_or_insert_with(|| {
-                    Arc::new(EdgeSets::new(&hosts[*scene], &scenes[*scene], &wanted))
+                    let last = options.cache.as_ref().filter(|_| *scene == 0);
+                    let last = last.map(|cache| cache.edges.clone()).unwrap_or_default();
+                    let (host, scene) = (&hosts[*scene], &scenes[*scene]);
+                    EdgeSets::new(host, scene, &wanted, &last)
                 })
                 .clone()
         });

@@ -5,12 +5,14 @@ use glam::DVec3;
 use crate::kernel::Seen;
 use crate::render::options::Outputs;
 
-/// The rows of an image: radiance, opacity, depth, normal, share of each object and the background.
+/// The rows of an image: radiance, opacity, depth, normal, share of each object and the background, rays of a path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows {
     outputs: Outputs,
     /// The number of objects, if their shares are asked for.
     pub objects: Option<usize>,
+    /// Whether rays are counted.
+    pub rays: bool,
 }
 
 impl Rows {
@@ -18,6 +20,15 @@ impl Rows {
         Self {
             outputs,
             objects: outputs.object_ids.then_some(objects),
+            rays: false,
+        }
+    }
+
+    /// Radiance, and rays.
+    pub fn with_rays() -> Self {
+        Self {
+            rays: true,
+            ..Self::new(Outputs::default(), 0)
         }
     }
 
@@ -30,13 +41,14 @@ impl Rows {
             depth: o.depth,
             normals: o.normals,
             objects: self.objects.map_or(0, |n| n + 1),
+            rays: self.rays,
         }
     }
 
     /// The number of rows.
     pub fn count(&self) -> usize {
         let of_pixel = self.of(&Seen::default(), 1.0).count();
-        of_pixel + self.objects.map_or(0, |n| n + 1)
+        of_pixel + self.objects.map_or(0, |n| n + 1) + usize::from(self.rays)
     }
 
     /// All but the shares of objects, in a scene whose distances are in so many scene units.

@@ -11,7 +11,8 @@ use crate::accel::Hierarchy;
 use crate::device::is_cpu;
 use crate::error::{Error, Result};
 use crate::model::filter::PixelFilter;
-use crate::render::options::{RenderOptions, Tile, sampler, tiles};
+use crate::render::options::{RenderOptions, sampler};
+use crate::render::tiles::{Tile, tiles};
 use crate::sampling::{Dimensions, Sampler};
 use crate::scene::{Camera, Flattened};
 use crate::tensors::{
@@ -132,7 +133,7 @@ impl<'a> TensorRenderer<'a> {
             let rays = rays
                 .min((pairs[pass] as f64 / pairs_a_ray) as usize)
                 .max(32);
-            tiles(self.options, self.pixels(), rays)
+            tiles(self.options, self.pixels(), 0..self.options.samples, rays)
         };
         Ok([tiles(0), tiles(1)])
     }
@@ -252,7 +253,10 @@ fn sight(
 ) -> Result<(Sight, Option<PixelFilter>)> {
     let hierarchy = || match hierarchy {
         Some(hierarchy) => Ok(hierarchy),
-        None => hierarchy_of(&scene.triangles, options.cache.as_ref()),
+        None => hierarchy_of(
+            &scene.triangles,
+            options.cache.as_ref().map(|cache| &cache.boxes),
+        ),
     };
     match options.visibility.form(scene.unit) {
         VisibilityForm::Cones { angle, pixels } => {

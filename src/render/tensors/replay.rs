@@ -12,7 +12,8 @@ use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::render::kernel;
-use crate::render::options::{RenderOptions, Tile};
+use crate::render::options::RenderOptions;
+use crate::render::tiles::Tile;
 use crate::scene::{Camera, Flattened, HostScene, Normalization, Replace, Scene, visit_tensors};
 
 /// The backward pass of a view.

@@ -120,7 +120,7 @@ impl Divide<Item> for ByEstimates {
         bins.fold(Bin::EMPTY, |sum, bin| sum.and(&bin)).cost()
     }
 
-    fn split<'a>(&self, items: &'a mut [Item]) -> [&'a mut [Item]; 2] {
+    fn split<'a>(&self, items: &'a mut [Item], _: usize) -> [&'a mut [Item]; 2] {
         let middle = |item: &Item| ((item.low + item.high) * 0.5).to_array();
         let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
         for item in items.iter() {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::coverage::CoverageSettings;
 use super::pairs::List;
 use super::weights::Softmax;
-use crate::accel::{Counts, Hierarchy, HierarchyCache, HostTriangle, Reach};
+use crate::accel::{Counts, Hierarchy, HostTriangle, LastHierarchy, Reach};
 use crate::error::Result;
 use crate::geometry::{Topology, Triangles, host_values, host_vectors};
 use crate::scene::Flattened;
@@ -206,7 +206,7 @@ pub(crate) fn grouped(lists: &[Option<List>]) -> Vec<Vec<u32>> {
 /// Boxes over triangles that are read back, or those of a cache fitted to them.
 pub(crate) fn hierarchy_of(
     triangles: &Triangles,
-    cache: Option<&HierarchyCache>,
+    cache: Option<&LastHierarchy>,
 ) -> Result<Arc<Hierarchy>> {
     let corners = &triangles.corners;
     let (a, b) = (host_vectors(&corners.a)?, host_vectors(&corners.b)?);
@@ -217,9 +217,9 @@ pub(crate) fn hierarchy_of(
         let shift = velocity.as_ref().map_or(DVec3::ZERO, |v| v[k]);
         HostTriangle::new([a[k], b[k], c[k]], shift, valid[k] > 0.0)
     };
-    let list = (0..a.len()).into_par_iter().map(triangle).collect();
+    let list = (0..a.len()).into_par_iter().map(triangle);
     Ok(match cache {
         Some(cache) => cache.take(list, None),
-        None => Arc::new(Hierarchy::new(list, None)),
+        None => Arc::new(Hierarchy::new(list.collect(), None)),
     })
 }

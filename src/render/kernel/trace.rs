@@ -1,0 +1,273 @@
+//! The forward pass of a batch, by kernels on its device where it is a GPU and numbers are f32, else on the host.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+
+use burn::tensor::{DType, Int, Tensor};
+use rayon::prelude::*;
+
+use super::forward::{Forward, Traced, camera_tiles};
+use super::prepare::Places;
+use super::rows::Rows;
+use crate::error::Result;
+use crate::geometry::{Context, host_values};
+#[cfg(feature = "wgpu")]
+use crate::gpu::{Job, Packed, pack};
+use crate::kernel::View;
+use crate::render::adaptive::{pilots, shares};
+use crate::render::options::RenderOptions;
+
+/// What is traced, and how.
+pub(super) struct Pass<'a> {
+    pub options: &'a RenderOptions,
+    pub views: &'a [(View, Places)],
+    pub context: &'a Context,
+    pub rows: &'a Rows,
+    /// The pixels of a view, if not all, and their number.
+    pub pixels: Option<Arc<Vec<u32>>>,
+    pub count: usize,
+}
+
+/// Rows of the pixels of some views `[B·P, C]`, and what was counted of each view.
+type Images = (Tensor<2>, Vec<Traced>);
+
+/// Views that are traced together.
+struct Together {
+    views: Range<usize>,
+    /// On a GPU, in groups.
+    #[cfg(feature = "wgpu")]
+    packed: Vec<(Range<usize>, Arc<Packed>)>,
+}
+
+/// Pixels of a view, by their number and perhaps a list, and their samples.
+#[derive(Clone)]
+struct Share {
+    pixels: Option<Arc<Vec<u32>>>,
+    count: usize,
+    samples: Range<u32>,
+}
+
+/// How many tiles of how many are done.
+type Done<'a> = Option<(&'a AtomicUsize, usize)>;
+
+/// What the backward pass needs to run on a GPU.
+#[cfg(feature = "wgpu")]
+pub(super) type Jobs = Vec<(Range<usize>, Job)>;
+/// Without GPUs there is nothing.
+#[cfg(not(feature = "wgpu"))]
+pub(super) type Jobs = std::convert::Infallible;
+
+impl Pass<'_> {
+    /// The rows of all pixels of all views, what was counted, and what was run on a GPU if so.
+    pub fn trace(&self, with_gradient: bool) -> Result<(Images, Option<Jobs>)> {
+        let all = self.together(0..self.views.len());
+        let share = self.share(0..self.options.samples);
+        #[cfg(feature = "wgpu")]
+        let jobs = self.on_gpu().then(|| self.jobs(&all, &share));
+        #[cfg(feature = "wgpu")]
+        if let Some(jobs) = &jobs {
+            let device = &self.context.device;
+            crate::gpu::check(device, jobs.iter().map(|j| &j.1), with_gradient)?;
+        }
+        #[cfg(not(feature = "wgpu"))]
+        let (jobs, _) = (None, with_gradient);
+        let pilots = pilots(self.options.samples);
+        let pilots = pilots.filter(|_| self.options.adaptive && self.pixels.is_none());
+        let images = match pilots {
+            Some(pilots) => self.adaptive(&all, pilots)?,
+            None => {
+                let tiles = camera_tiles(self.options, self.count, share.samples.clone()).len();
+                let done = AtomicUsize::new(0);
+                self.rows(&all, &share, Some((&done, tiles * self.views.len())))?
+            }
+        };
+        Ok((images, jobs))
+    }
+
+    /// Samples of all pixels.
+    fn share(&self, samples: Range<u32>) -> Share {
+        Share {
+            pixels: self.pixels.clone(),
+            count: self.count,
+            samples,
+        }
+    }
+
+    /// As many samples of each pixel as two images of few say.
+    fn adaptive(&self, all: &Together, pilots: [Range<u32>; 2]) -> Result<Images> {
+        let rows = &Rows::with_rays();
+        let pilot = Pass {
+            rows,
+            pixels: None,
+            ..*self
+        };
+        let of = |samples: Range<u32>| -> Result<(Vec<f64>, Vec<Traced>)> {
+            let (image, traced) = pilot.rows(all, &pilot.share(samples), None)?;
+            Ok((host_values(&image)?, traced))
+        };
+        let [first, second] = pilots.map(of);
+        let ((first, counted), (second, more)) = (first?, second?);
+        let (width, samples) = (self.options.width, self.options.samples);
+        let of_view = |(a, b): (&[[f64; 4]], &[[f64; 4]])| -> Vec<Share> {
+            let of_count = |(count, pixels): (u32, Vec<u32>)| Share {
+                count: pixels.len(),
+                pixels: Some(Arc::new(pixels)),
+                samples: 0..count,
+            };
+            shares([a, b], width, samples)
+                .into_iter()
+                .map(of_count)
+                .collect()
+        };
+        let [first, second] = [&first, &second].map(|image| image.as_chunks().0.chunks(self.count));
+        let pilots = first.zip(second);
+        let shares: Vec<Vec<Share>> = pilots.map(of_view).collect();
+        let tiles = |s: &Share| camera_tiles(self.options, s.count, s.samples.clone()).len();
+        let done = (
+            AtomicUsize::new(0),
+            shares.iter().flatten().map(tiles).sum(),
+        );
+        let mut images = Vec::with_capacity(shares.len());
+        let mut traced = Vec::with_capacity(shares.len());
+        for (v, shares) in shares.iter().enumerate() {
+            let (image, mut own) = self.view(v, shares, Some((&done.0, done.1)))?;
+            own.counts.add(&counted[v].counts);
+            own.counts.add(&more[v].counts);
+            images.push(image);
+            traced.push(own);
+        }
+        Ok((Tensor::cat(images, 0), traced))
+    }
+
+    /// Shares of all pixels of a view, as one image.
+    fn view(&self, view: usize, shares: &[Share], done: Done) -> Result<(Tensor<2>, Traced)> {
+        let together = self.together(view..view + 1);
+        let of_share = |share: &Share| self.rows(&together, share, done);
+        let found = if self.on_gpu() {
+            shares.iter().map(of_share).collect::<Result<Vec<_>>>()?
+        } else {
+            shares
+                .par_iter()
+                .map(of_share)
+                .collect::<Result<Vec<_>>>()?
+        };
+        let mut row_of_each = vec![0i32; self.count];
+        let pixels = shares
+            .iter()
+            .flat_map(|s| s.pixels.iter().flat_map(|p| &**p));
+        for (row, &pixel) in pixels.enumerate() {
+            row_of_each[pixel as usize] = row as i32;
+        }
+        let mut traced = Traced::default();
+        found
+            .iter()
+            .for_each(|(_, of_share)| traced.add(&of_share[0]));
+        let rows = Tensor::cat(found.into_iter().map(|f| f.0).collect(), 0);
+        let order = Tensor::<1, Int>::from_data(row_of_each.as_slice(), &self.context.device);
+        Ok((rows.select(0, order), traced))
+    }
+
+    /// Means over a share of samples.
+    fn rows(&self, of: &Together, share: &Share, done: Done) -> Result<Images> {
+        #[cfg(feature = "wgpu")]
+        if self.on_gpu() {
+            return self.rows_of_gpu(&self.jobs(of, share));
+        }
+        let tiles = camera_tiles(self.options, share.count, share.samples.clone());
+        let pass = Forward {
+            options: self.options,
+            pixels: share.pixels.as_deref(),
+            samples: share.samples.len(),
+            tiles: &tiles,
+            rows: self.rows,
+            done,
+        };
+        let views = &self.views[of.views.clone()];
+        let (means, traced) = if self.context.dtype == DType::F64 {
+            pass.views(views, share.count, |value| value)?
+        } else {
+            pass.views(views, share.count, |value| value as f32)?
+        };
+        let on = (&self.context.device, self.context.dtype);
+        Ok((Tensor::from_data(means, on), traced))
+    }
+}
+
+#[cfg(not(feature = "wgpu"))]
+impl Pass<'_> {
+    fn on_gpu(&self) -> bool {
+        false
+    }
+
+    fn together(&self, views: Range<usize>) -> Together {
+        Together { views }
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl Pass<'_> {
+    fn on_gpu(&self) -> bool {
+        self.context.dtype == DType::F32 && crate::device::runs_kernels(&self.context.device)
+    }
+
+    fn together(&self, views: Range<usize>) -> Together {
+        let of: Vec<&View> = self.views[views.clone()].iter().map(|v| &v.0).collect();
+        let packed = if self.on_gpu() { pack(&of) } else { Vec::new() };
+        let packed = packed
+            .into_iter()
+            .map(|(range, packed)| (range, Arc::new(packed)));
+        Together {
+            views,
+            packed: packed.collect(),
+        }
+    }
+
+    fn jobs(&self, of: &Together, share: &Share) -> Jobs {
+        let job = |(range, packed): &(Range<usize>, Arc<Packed>)| {
+            let job = Job {
+                views: packed.clone(),
+                pixels: share.pixels.clone(),
+                of_view: share.count,
+                from: share.samples.start,
+                samples: share.samples.len() as u32,
+                outputs: self.rows.for_gpu(),
+            };
+            (range.clone(), job)
+        };
+        of.packed.iter().map(job).collect()
+    }
+
+    fn rows_of_gpu(&self, jobs: &Jobs) -> Result<Images> {
+        let device = &self.context.device;
+        let images = jobs
+            .iter()
+            .map(|(_, job)| crate::gpu::trace(device, job.clone()));
+        let image = Tensor::cat(images.collect::<Result<_>>()?, 0);
+        let views = jobs.last().map_or(0, |j| j.0.end);
+        // Light that is not black is not known before the image is read.
+        let mut traced = vec![
+            Traced {
+                lit: true,
+                ..Traced::default()
+            };
+            views
+        ];
+        if self.options.statistics {
+            for (range, job) in jobs {
+                let counts = crate::gpu::counts_of(device, job)?;
+                for (traced, counts) in traced[range.clone()].iter_mut().zip(counts) {
+                    traced.counts = counts;
+                }
+            }
+        }
+        if self.options.diagnostics {
+            let [rows, _] = image.dims();
+            let values = host_values(&image.clone().slice([0..rows, 0..3]))?;
+            for (traced, values) in traced.iter_mut().zip(values.chunks_exact(3 * rows / views)) {
+                traced.non_finite = values.iter().filter(|v| !v.is_finite()).count() as u64;
+            }
+        }
+        Ok((image, traced))
+    }
+}
