@@ -5,9 +5,7 @@ use rayon::prelude::*;
 
 use crate::cube::*;
 
-use super::camera::{
-    Beginning, Exposure, SEED_OF_CONES, SEED_OF_EDGES, SEED_OF_FILM, camera, exposure, sampler,
-};
+use super::camera::{Beginning, camera};
 use super::hit::{Memory, Ray, trace};
 use super::job::Views;
 use super::jumps::light_beside;
@@ -17,8 +15,12 @@ use crate::kernel::{Piece, View};
 use crate::model::camera::{Camera, CameraRay};
 use crate::model::film::{BLOCK, DrawnPiece, draw_piece};
 use crate::model::numbers::{is_finite, is_nonzero};
+use crate::model::segment::OnSegment;
 use crate::sampling::Dimensions;
-use crate::trace::{FilmPoint, NONE, Scene, Seen, Sums, film_point, hides};
+use crate::trace::{
+    Exposure, FilmPoint, NO_PIXEL, NONE, OF_CONES, ON_FILM, Scene, Seen, Sums, exposure,
+    film_point, hides, sampler,
+};
 
 /// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
 /// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to [`WHOLE`].
@@ -121,9 +123,6 @@ pub(super) fn blocks_before(films: &[u32], view: u32) -> u32 {
     before
 }
 
-/// The pixel of random numbers that are of no pixel.
-const NO_PIXEL: u32 = u32::MAX;
-
 /// The place of a pixel of the film in the rows of a view's image, or [`NONE`].
 #[cube]
 fn row_of(scene: &Scene, places: &[u32], x: f32, y: f32, #[comptime] listed: bool) -> u32 {
@@ -199,11 +198,9 @@ pub(super) fn film_jumps(
         let total = f32::from_bits(films[film_of + TOTAL]);
         let radius = f32::from_bits(films[film_of + RADIUS]);
         if sample < own.all && films[film_of + MOST] > 0 {
-            let numbers = sampler(&scene, SEED_OF_FILM)
-                .of_one_pixel()
-                .stream(0u32, sample);
+            let numbers = sampler(&scene, ON_FILM).of_one_pixel().stream(0u32, sample);
             let film = numbers.draw(scene.points, Dimensions::film());
-            let Exposure { lens, time } = exposure(&scene, &numbers);
+            let at: Exposure = exposure(&scene, &numbers);
             let first = films[film_of + FIRST_PIECE];
             let drawn: DrawnPiece = draw_piece(
                 pieces,
@@ -215,19 +212,13 @@ pub(super) fn film_jumps(
                 film.x * total,
             );
             let piece = (OF_PIECE * (first + drawn.piece)) as usize;
-            let share = drawn.share;
-            let length = pieces[piece + 1] - pieces[piece];
-            let lambda = pieces[piece] + length * film.y;
-            let per_density = length * (total / share.max(1e-37)) / own.all as f32;
+            let on: OnSegment = drawn.point(pieces[piece], pieces[piece + 1], total, film.y);
             let c = camera(&scene);
             let edge = pieces[piece + 3] as u32;
-            let mut f: FilmPoint = film_point(&scene, &c, edge, lambda, per_density, lens, time);
+            let mut f: FilmPoint = film_point(&scene, &c, edge, on, own.all, &at);
             let mut row = NONE.runtime();
-            if share > 0.0 && f.is_seen {
-                // The pixel whose ray would come here.
-                let kernel = sampler(&scene, SEED_OF_EDGES).stream(NO_PIXEL, sample);
-                let drawn = kernel.draw(scene.points, Dimensions::of_set(0u32));
-                f.project(&c, drawn.x, drawn.y, radius);
+            if drawn.share > 0.0 && f.is_seen {
+                f.project(&scene, &c, sample, radius);
                 row = row_of(&scene, places, f.film.x, f.film.y, listed);
             }
             if row != NONE {
@@ -235,9 +226,9 @@ pub(super) fn film_jumps(
                 if is_nonzero(g.size()) {
                     let path = Beginning {
                         numbers,
-                        cones: sampler(&scene, SEED_OF_CONES).stream(NO_PIXEL, sample),
+                        cones: sampler(&scene, OF_CONES).stream(NO_PIXEL, sample),
                         film,
-                        time,
+                        time: at.time,
                         // It begins beside the edge.
                         ray: CameraRay::default(),
                     };

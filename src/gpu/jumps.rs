@@ -5,7 +5,7 @@
 
 use crate::cube::*;
 
-use super::camera::{Beginning, SEED_OF_EDGES, SEED_OF_SIDES, sampler};
+use super::camera::Beginning;
 use super::hit::{Memory, Ray, trace};
 use super::packed::OF_TREE;
 use super::path::light_of;
@@ -17,9 +17,9 @@ use crate::model::bsdf::normals_differ;
 use crate::model::choice::decided_by;
 use crate::sampling::Dimensions;
 use crate::trace::{
-    Approach, EdgeView, Jump, NONE, Observer, PointGradient, Scene, Search, Seen, Sums, beside,
-    edge_point, edge_view, hides, is_crease, jump_at, point_at, reflected_backward, search,
-    shadow_backward, sky,
+    Approach, EdgeView, Jump, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient, Scene, Search,
+    Seen, Sums, beside, edge_point, edge_view, hides, is_crease, jump_at, point_at,
+    reflected_backward, sampler, search, shadow_backward, sky,
 };
 
 /// A tree over edges: the first over all, the second over those that move.
@@ -50,7 +50,7 @@ pub(super) fn jumps_seen_from(
 ) {
     let mut edge_room = Array::<u32>::new(sums.of.edge_room);
     let edges = edge_room.as_mut_slice();
-    let numbers = sampler(scene, SEED_OF_EDGES).stream(path.numbers.pixel, path.numbers.sample);
+    let numbers = sampler(scene, OF_EDGES).stream(path.numbers.pixel, path.numbers.sample);
     let time = path.time;
     let mut turn = 1u32;
     if comptime!(scene.features.emitters) {
@@ -122,7 +122,7 @@ fn add_jump(
         }
     } else if !hides(scene, &hit, &p, time) {
         let approach = e.approach(jump.sides);
-        let sides = sampler(scene, SEED_OF_SIDES);
+        let sides = sampler(scene, OF_SIDES);
         let numbers = sides.stream(path.numbers.pixel, path.numbers.sample);
         let beginning = Beginning {
             numbers,
@@ -203,10 +203,7 @@ pub(super) fn light_beside(
             if comptime!(film || scene.features.sees_sky) {
                 light.radiance += sky(scene, a.view) * sign;
             }
-        } else {
-            light.opacity += sign;
-        }
-        if at.triangle != NONE && goes_on {
+        } else if goes_on {
             let start = Start {
                 at,
                 bounce,
@@ -216,9 +213,7 @@ pub(super) fn light_beside(
                 emits: film.runtime(),
             };
             let seen = light_of(scene, memory, beginning, start, true).seen;
-            light.radiance += seen.radiance * sign;
-            light.depth += seen.depth * sign;
-            light.normal += seen.normal * sign;
+            light.add(&seen, sign);
         }
         sign = -sign;
         left -= 1;

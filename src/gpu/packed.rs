@@ -12,7 +12,6 @@ use super::device::List;
 use super::sums::Places;
 use crate::accel::GpuTree;
 use crate::kernel::{Root, View};
-use crate::sampling::points;
 use crate::trace::{Derivatives, Features, HEADER, Scene};
 
 /// Words of a tree over edges ([`Scene::edge_trees`]): where its lists begin, its root, and the number of its edges.
@@ -104,10 +103,9 @@ impl Packed {
         // Where lists begin that are in the buffers.
         let (mut floats, mut words) = (HashMap::new(), HashMap::new());
         let sums = packed.sums.first.clone();
-        let table = points();
         for (v, &(view, _, of_scene)) in views.iter().enumerate() {
             let mut scene = of_scene.add_to(view.lists());
-            (scene.first_sums, scene.points) = (&sums[v], &table);
+            scene.first_sums = &sums[v];
             let mut header = [0; HEADER];
             for (place, list) in scene.float_lists() {
                 header[place as usize] = place_of(list, &mut packed.floats, &mut floats);

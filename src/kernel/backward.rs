@@ -48,6 +48,7 @@ impl Return<'_> {
         let jumps = self.wanted.of.jumps;
         if jumps {
             find_moving(self, &mut back);
+            self.begin_edges(&mut back.edges);
         }
         // Nothing comes behind the last points.
         back.step(walks.levels[walks.depth - 1].len());

@@ -4,8 +4,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::accel::HostTriangle;
+use crate::model::triangle;
 use crate::scene::{HostAttribute, HostScene, SceneFrame};
-use crate::trace::{NONE, SURFACE, TRIANGLE};
+use crate::trace::{NONE, TRIANGLE};
 
 /// The place of an object's parts in the scene's lists.
 #[derive(Clone, Debug)]
@@ -75,7 +76,7 @@ pub(crate) struct Lists {
     pub objects: Vec<ObjectPart>,
     /// The object of the scene that each object with triangles is, in order.
     pub counted: Vec<usize>,
-    pub surfaces: Vec<[f32; SURFACE as usize]>,
+    pub surfaces: Vec<[f32; triangle::NUMBERS]>,
     pub triangles: Vec<[u32; TRIANGLE as usize]>,
     pub vertex_rows: Vec<[u32; 3]>,
     pub uvs: Vec<[f32; 2]>,
@@ -189,7 +190,7 @@ impl Lists {
                 plane = t.normal.dot(t.corners[0]);
             }
             let [a, b, c] = t.corners;
-            let mut surface = [0.0; SURFACE as usize];
+            let mut surface = [0.0; triangle::NUMBERS];
             let vectors = [a, b, c, normal].map(|v| v.to_array());
             let numbers = vectors.as_flattened().iter().copied();
             let numbers = numbers.chain([plane, t.area()]);

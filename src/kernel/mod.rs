@@ -9,7 +9,6 @@
 
 mod backward;
 mod boundary;
-mod camera;
 mod direct;
 mod edges;
 mod eights;
@@ -26,7 +25,6 @@ mod walk;
 #[cfg(feature = "wgpu")]
 pub(crate) use boundary::Piece;
 pub(crate) use boundary::{FilmEdges, PixelGradients};
-pub(crate) use camera::HostCamera;
 #[cfg(feature = "wgpu")]
 pub(crate) use edges::{DrawnEdge, NO_EDGE, Root, draw_edge};
 pub(crate) use edges::{EdgeSets, LastEdges};

@@ -10,11 +10,10 @@ use super::eights::{self, Eight};
 use super::walk::{Level, PathBlock, Walk, Walks, Way, Work};
 use crate::accel::{Hit, HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
+use crate::model::triangle::{Plane, Triangle};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Dimensions, Four, Stream, draw_eight};
-use crate::trace::{
-    HitTriangle, Plane, Point, Triangle, emitted, hit_triangle, leave, middle_of, point_at, sky,
-};
+use crate::trace::{HitTriangle, Point, emitted, hit_triangle, leave, middle_of, point_at, sky};
 
 impl PathBlock<'_> {
     /// Traces paths from their camera rays to their ends.
@@ -103,7 +102,7 @@ impl PathBlock<'_> {
         }
         for (candidate, blocker) in work.candidates.iter().zip(&work.hits) {
             if blocker.triangle == NOTHING {
-                list[candidate.path as usize].radiance += candidate.light;
+                list[candidate.path as usize].light.radiance += candidate.light;
             }
         }
         let seen = work.samples.iter().zip(&work.hits);
@@ -122,7 +121,7 @@ impl PathBlock<'_> {
 
 /// The random numbers of eight paths, of which the first are there.
 #[inline(always)]
-fn drawn_by<'a>(
+pub(super) fn drawn_by<'a>(
     stream: impl Fn(usize) -> &'a Stream,
     lanes: Range<usize>,
     what: Dimensions,
@@ -195,7 +194,7 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     rays.clear();
     for (i, (hit, ray)) in work.hits.iter().zip(&work.rays).enumerate() {
         if hit.triangle == NOTHING {
-            list[i].radiance = sky(lists, ray.direction.into());
+            list[i].light.radiance = sky(lists, ray.direction.into());
         } else {
             rays.push(i as u32);
             let drawn = film.get(i);
@@ -208,7 +207,7 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     for (lane, &path) in first.paths.iter().enumerate() {
         let (walk, point) = (&mut list[path as usize], first.points.get(lane));
         walk.see(&point);
-        walk.radiance = emitted(lists, &point);
+        walk.light.radiance = emitted(lists, &point);
     }
 }
 
@@ -390,7 +389,7 @@ fn escape<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, list: &'a mut [Walk],
             let lane = lane as usize;
             let left = level.leavings.get(lane);
             let light = left.throughput * sky(&of.lists, left.bend.direction);
-            list[level.paths[lane] as usize].radiance += light;
+            list[level.paths[lane] as usize].light.radiance += light;
             level.ways[lane] = Way::Escaped;
         }
     }

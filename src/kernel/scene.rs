@@ -13,14 +13,14 @@ use crate::model::bsdf::Models;
 use crate::model::delta_light::DeltaLight;
 use crate::model::sky::Sky;
 use crate::model::texture::{Colour, Texels, Texture};
+use crate::model::triangle::{AREA, Triangle, triangle_at};
 use crate::sampling::{Emitter, EmitterGroup, EmitterSampling, Emitters};
 use crate::scene::{
     CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart, MaterialKind,
     SceneFrame,
 };
 use crate::trace::{
-    AREA, COMPENSATED, EMITS, Features, GLOSSY, GLOWS, MATERIAL, MODEL, NONE, REFLECTS, Scene,
-    Triangle, triangle_at,
+    COMPENSATED, EMITS, Features, GLOSSY, GLOWS, MATERIAL, MODEL, NONE, REFLECTS, Scene,
 };
 
 /// A scene as kernels trace it.

@@ -3,16 +3,15 @@
 use std::ops::{Deref, Range};
 use std::sync::{Arc, Once};
 
-use super::camera::HostCamera;
 use super::edges::{EdgeSets, ROOM};
 use super::gradient::Wanted;
 use super::scene::KernelScene;
-use crate::model::camera::Camera;
-use crate::model::filter::{PixelFilter, uniform_disk};
-use crate::model::{V2, V3, v2};
-use crate::sampling::{Dimensions, EmitterGroup, EmitterLists, Sampler, Stream};
+use crate::model::camera::{Camera, HostCamera};
+use crate::model::filter::PixelFilter;
+use crate::model::integers::Wide;
+use crate::sampling::{EmitterGroup, EmitterLists, Sampler, Stream, points};
 use crate::scene::ParameterId;
-use crate::trace::{Features, NONE, Scene, emitters_of};
+use crate::trace::{Features, NONE, OF_CONES, OF_PATHS, PURPOSES, Scene, emitters_of, exposure};
 
 /// A scene as a camera sees it, with the settings of a render.
 pub(crate) struct View {
@@ -25,12 +24,6 @@ pub(crate) struct View {
     pub cone: f32,
     /// Random numbers for the kernels of cones.
     pub cones: Sampler,
-    /// Random numbers for edges.
-    pub edges: Sampler,
-    /// Random numbers for paths on both sides of edges.
-    pub sides: Sampler,
-    /// Random numbers for edges on the film.
-    pub film: Sampler,
     pub arch: pulp::Arch,
     pub features: Features,
     pub wanted: Wanted,
@@ -46,7 +39,7 @@ pub(crate) struct View {
 struct Flat {
     settings: Vec<f32>,
     of_groups: Vec<[u32; 3]>,
-    seeds: [[u32; 2]; 5],
+    seeds: [[u32; 2]; PURPOSES],
 }
 
 /// A view while its paths are traced: with the lists that stages read.
@@ -54,6 +47,14 @@ pub(super) struct Tracer<'a> {
     view: &'a View,
     pub lists: Scene<'a>,
     pub emitters: EmitterLists<'a>,
+}
+
+impl Tracer<'_> {
+    /// The time of a path in the shutter.
+    #[inline(always)]
+    pub fn time(&self, numbers: &Stream) -> f32 {
+        exposure(&self.lists, numbers).time
+    }
 }
 
 impl Deref for Tracer<'_> {
@@ -102,10 +103,7 @@ impl View {
             camera: model,
             filter,
             cone: settings.cone as f32,
-            cones: settings.sampler.of_purpose(1),
-            edges: settings.sampler.of_purpose(2),
-            sides: settings.sampler.of_purpose(3),
-            film: settings.sampler.of_purpose(4).of_one_pixel(),
+            cones: settings.sampler.of_purpose(OF_CONES as u64),
             arch: pulp::Arch::new(),
             features: Features::default(),
             flat: Flat::default(),
@@ -152,20 +150,8 @@ impl View {
     }
 
     fn flat(&self) -> Flat {
-        let c = &self.camera;
-        let vectors = [
-            c.eye,
-            c.across,
-            c.upward,
-            c.forward,
-            c.lens.first,
-            c.lens.second,
-        ];
-        let mut settings: Vec<f32> = vectors.into_iter().flat_map(V3::to_array).collect();
-        settings.extend([c.per_focus, c.width, c.height, c.filter]);
+        let mut settings = self.camera.numbers().to_vec();
         settings.extend([self.cone, self.scene.frame.unit as f32]);
-        let dual = [c.dual.x, c.dual.y, c.dual.z];
-        settings.extend(dual.into_iter().flat_map(V3::to_array));
         let emitters = &self.scene.emitters;
         let group = |g: &EmitterGroup| {
             // Members follow each other.
@@ -175,17 +161,15 @@ impl View {
             });
             [g.members[0], g.members.len() as u32, u32::from(moves)]
         };
-        let samplers = [
-            &self.settings.sampler,
-            &self.cones,
-            &self.edges,
-            &self.sides,
-            &self.film,
-        ];
+        let paths = &self.settings.sampler;
+        let seed = |purpose: usize| match purpose {
+            OF_PATHS => paths.seed,
+            _ => paths.of_purpose(purpose as u64).seed,
+        };
         Flat {
             settings,
             of_groups: emitters.groups.iter().map(group).collect(),
-            seeds: samplers.map(|s| [s.seed.low, s.seed.high]),
+            seeds: std::array::from_fn(seed).map(|seed: Wide| [seed.low, seed.high]),
         }
     }
 
@@ -209,6 +193,7 @@ impl View {
             of_groups: flat.of_groups.as_flattened(),
             wanted_objects: &self.wanted.objects,
             wanted_lights: &self.wanted.lights,
+            points: points(),
             seeds: flat.seeds.as_flattened(),
             width: settings.width,
             height: settings.height,
@@ -236,26 +221,6 @@ impl View {
         let filter = f64::from(self.camera.filter);
         self.host_camera
             .backward(sums, unit, (aspect, filter), places, all);
-    }
-
-    /// A point of the lens, on the unit disk.
-    #[inline(always)]
-    pub fn lens_point(&self, numbers: &Stream) -> V2 {
-        if self.camera.aperture == 0.0 {
-            return v2(0.0, 0.0);
-        }
-        let drawn = numbers.numbers(Dimensions::lens_and_time());
-        uniform_disk(drawn.x, drawn.y)
-    }
-
-    /// The time of a path in the shutter.
-    #[inline(always)]
-    pub fn time(&self, numbers: &Stream) -> f32 {
-        if self.features.moves {
-            numbers.numbers(Dimensions::lens_and_time()).z
-        } else {
-            0.0
-        }
     }
 
     /// Tells that shadows of delta lights have hard edges, whose derivative is left out.

@@ -106,37 +106,25 @@ impl<'a> PathBlock<'a> {
 pub(crate) struct Walk {
     /// The triangle that the first ray hit, or [`NOTHING`].
     pub seen: u32,
-    /// Distance and geometric normal of the first surface.
-    pub first: (f32, V3),
-    pub radiance: V3,
+    pub light: Seen,
     /// Its rays, where they are counted.
     pub rays: u32,
 }
 
 impl Walk {
-    pub const NEW: Self = Self {
-        seen: NOTHING,
-        first: (0.0, V3::ZERO),
-        radiance: V3::ZERO,
-        rays: 1,
-    };
-
     /// The first ray hit a surface point.
     #[inline(always)]
     pub fn see(&mut self, point: &Point) {
         self.seen = point.triangle;
-        self.first = (point.distance, point.shading.geometric);
+        self.light.opacity = 1.0;
+        self.light.depth = point.distance;
+        self.light.normal = point.shading.geometric;
     }
 
     /// Adds the surface that the camera ray saw and the light that the path brought back.
     #[inline(always)]
     pub fn add_to(&self, seen: &mut Seen) {
-        seen.radiance += self.radiance;
-        if self.seen != NOTHING {
-            seen.opacity += 1.0;
-            seen.depth += self.first.0;
-            seen.normal += self.first.1;
-        }
+        seen.add(&self.light, 1.0);
     }
 }
 
@@ -157,7 +145,12 @@ impl Walks {
     /// Begins with a number of paths, none of which has come to a surface.
     pub fn clear(&mut self, count: usize) {
         self.list.clear();
-        self.list.resize(count, Walk::NEW);
+        let new = Walk {
+            seen: NOTHING,
+            light: Seen::default(),
+            rays: 1,
+        };
+        self.list.resize(count, new);
         self.film.reserve(count);
         self.cameras.reserve(count);
         self.level(0).clear(count);
@@ -345,6 +338,8 @@ pub(super) struct Back {
     /// By the throughput that leaves the point before, and by its ray.
     pub throughputs_before: Vec<V3>,
     pub rays_before: Vec<RayGradient>,
+    /// Random numbers for edges, of each path.
+    pub edges: Vec<Stream>,
     /// Of each level whether points move, or the directions in which they are seen turn.
     pub moves: Vec<Vec<bool>>,
 }

@@ -1,6 +1,7 @@
 //! Edges on the film: how many are drawn, which, and what pixels count for.
 
 use super::lists::first_over;
+use super::segment::OnSegment;
 use crate::cube::*;
 
 /// Pixels of a side of a cell, about which edges are drawn as much as the loss depends on its pixels.
@@ -33,6 +34,19 @@ pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
 pub(crate) struct DrawnPiece {
     pub piece: u32,
     pub share: f32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl DrawnPiece {
+    /// A point of it for a uniform number, from one λ of the edge to another, of the sum of all weights.
+    #[inline(always)]
+    pub fn point(&self, from: f32, to: f32, total: f32, u: f32) -> OnSegment {
+        let length = to - from;
+        OnSegment {
+            lambda: from + length * u,
+            per_density: length * (total / self.share.max(1e-37)),
+        }
+    }
 }
 
 /// The piece that a part of the sum of all weights comes to, of `count` pieces. The sums of their weights up to each,

@@ -12,6 +12,7 @@ pub(crate) mod camera;
 pub(crate) mod choice;
 pub(crate) mod cone;
 pub(crate) mod connection;
+pub(crate) mod crossing;
 pub(crate) mod delta_light;
 pub(crate) mod edge;
 pub(crate) mod edge_weight;

@@ -1,9 +1,139 @@
-//! Points of triangles that rays hit, and how they move.
+//! Triangles, points of them that rays hit, and how they move.
 
 use super::frame::arc_tangent_of;
+use super::lists::vector;
 use super::{Pair, V2, V3, v2, v3};
-#[cfg(feature = "wgpu")]
 use crate::cube::*;
+
+/// A triangle, in inner coordinates at the start of the shutter.
+#[apply(zeroed!)]
+pub(crate) struct Triangle {
+    pub a: V3,
+    pub b: V3,
+    pub c: V3,
+    /// Unit normal of the front.
+    pub normal: V3,
+    /// normal · corner.
+    pub offset: f32,
+    pub area: f32,
+}
+
+/// The plane of a triangle.
+#[apply(zeroed!)]
+pub(crate) struct Plane {
+    pub normal: V3,
+    pub offset: f32,
+}
+
+/// Numbers of a triangle in a list, in the order of its fields, and the places of its plane and its area among them.
+pub(crate) const NUMBERS: usize = 14;
+const PLANE: usize = 9;
+pub(crate) const AREA: usize = 13;
+
+/// A triangle of a list.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn triangle_at(triangles: &[f32], k: u32) -> Triangle {
+    let list = &triangles[NUMBERS * k as usize..];
+    // The last number first: then the host checks one index.
+    let area = list[AREA];
+    Triangle {
+        a: vector(list, 0u32),
+        b: vector(list, 3u32),
+        c: vector(list, 6u32),
+        normal: vector(list, 9u32),
+        offset: list[12],
+        area,
+    }
+}
+
+/// The plane of a triangle of a list.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn plane_at(triangles: &[f32], k: u32) -> Plane {
+    let at = NUMBERS * k as usize + PLANE;
+    // The last number first, as above.
+    let offset = triangles[at + 3];
+    Plane {
+        normal: vector(triangles, at as u32),
+        offset,
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Plane {
+    /// How far a point is from it.
+    #[inline(always)]
+    pub fn above(&self, point: V3) -> f32 {
+        self.normal.dot(point) - self.offset
+    }
+}
+
+impl Triangle {
+    pub fn corners(&self) -> [V3; 3] {
+        [self.a, self.b, self.c]
+    }
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Triangle {
+    /// It moved by a vector.
+    #[inline(always)]
+    pub fn moved(&self, shift: V3) -> Triangle {
+        Triangle {
+            a: self.a + shift,
+            b: self.b + shift,
+            c: self.c + shift,
+            normal: self.normal,
+            offset: self.offset + self.normal.dot(shift),
+            area: self.area,
+        }
+    }
+
+    /// The weights of its corners in a point of its plane.
+    #[inline(always)]
+    pub fn weights(&self, at_rest: V3) -> V3 {
+        weights_at(self.a, self.b, self.c, self.normal, self.area, at_rest)
+    }
+
+    /// ∂/∂point of the weights of the second and third corner.
+    #[inline(always)]
+    pub fn slopes(&self) -> Pair {
+        let inverse = 0.5 / self.area;
+        Pair {
+            first: (self.c - self.a).cross(self.normal) * inverse,
+            second: self.normal.cross(self.b - self.a) * inverse,
+        }
+    }
+
+    /// From derivatives by its normal and its area to those by b − a and c − a.
+    #[inline(always)]
+    pub fn sides_backward(&self, by_normal: V3, by_area: f32) -> Pair {
+        let across = by_normal.reject_from_normalized(self.normal);
+        let ab = self.b - self.a;
+        let ac = self.c - self.a;
+        // Lengths before they are divided by the area, which may be tiny.
+        let per_area = 0.5 / self.area;
+        Pair {
+            first: ac.cross(across) * per_area + ac.cross(self.normal) * (0.5 * by_area),
+            second: across.cross(ab) * per_area + self.normal.cross(ab) * (0.5 * by_area),
+        }
+    }
+
+    #[inline(always)]
+    pub fn plane(&self) -> Plane {
+        Plane {
+            normal: self.normal,
+            offset: self.offset,
+        }
+    }
+
+    /// How far a point is from its plane.
+    #[inline(always)]
+    pub fn above(&self, point: V3) -> f32 {
+        self.plane().above(point)
+    }
+}
 
 /// Weights of a triangle's corners in a point of its plane. No length is squared, so that triangles may be
 /// tiny and huge.
@@ -17,17 +147,6 @@ pub(crate) fn weights_at(a: V3, b: V3, c: V3, normal: V3, area: f32, point: V3) 
     let second = from_a.cross(ac).dot(normal) * inverse;
     let third = ab.cross(from_a).dot(normal) * inverse;
     v3(1.0 - second - third, second, third)
-}
-
-/// ∂/∂point of the weights of the second and third corner.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn barycentric_slopes(a: V3, b: V3, c: V3, normal: V3, area: f32) -> Pair {
-    let inverse = 0.5 / area;
-    Pair {
-        first: (c - a).cross(normal) * inverse,
-        second: normal.cross(b - a) * inverse,
-    }
 }
 
 /// The solid angle under which a point sees a triangle, negative from behind (Van Oosterom and Strackee
@@ -54,6 +173,7 @@ pub(crate) fn solid_angle(first: V3, second: V3, third: V3, from: V3) -> f32 {
 pub(crate) fn hit_backward(normal: V3, direction: V3, g: V3) -> V3 {
     normal * (g.dot(direction) / normal.dot(direction))
 }
+
 /// Weights of the second and third corner in a point of a triangle, for two uniform numbers: with the density
 /// 1/area.
 #[cfg_attr(feature = "wgpu", cube)]
@@ -74,29 +194,33 @@ mod tests {
     use super::*;
     use crate::model::v3;
 
-    fn barycentric([a, b, c]: [V3; 3], normal: V3, area: f32, point: V3) -> [f32; 3] {
-        weights_at(a, b, c, normal, area, point).to_array()
-    }
-
     const CORNERS: [V3; 3] = [v3(0.2, -0.3, 1.2), v3(1.3, -0.2, 2.1), v3(0.4, 1.1, 1.5)];
     const STEPS: [V3; 3] = V3::AXES;
 
-    fn normal_and_area() -> (V3, f32) {
-        let cross = (CORNERS[1] - CORNERS[0]).cross(CORNERS[2] - CORNERS[0]);
-        (cross.normalize(), 0.5 * cross.length())
+    fn triangle() -> Triangle {
+        let [a, b, c] = CORNERS;
+        let cross = (b - a).cross(c - a);
+        let (normal, area) = (cross.normalize(), 0.5 * cross.length());
+        let offset = normal.dot(a);
+        Triangle {
+            a,
+            b,
+            c,
+            normal,
+            offset,
+            area,
+        }
     }
 
     #[test]
     fn weights_of_corners_and_their_derivatives() {
-        let (normal, area) = normal_and_area();
-        let weights = |p: V3| barycentric(CORNERS, normal, area, p);
+        let weights = |p: V3| triangle().weights(p).to_array();
         let p = at(CORNERS, [0.2, 0.5, 0.3]);
         let found = weights(p);
         for (found, wanted) in found.into_iter().zip([0.2, 0.5, 0.3]) {
             assert!((found - wanted).abs() < 1e-6);
         }
-        let [a, b, c] = CORNERS;
-        let slopes = barycentric_slopes(a, b, c, normal, area);
+        let slopes = triangle().slopes();
         let slopes = [slopes.first, slopes.second];
         for step in STEPS {
             let (up, down) = (weights(p + step * 0.1), weights(p - step * 0.1));
@@ -126,10 +250,9 @@ mod tests {
             let t = n.dot(corners[0] - origin) / n.dot(direction);
             (origin + direction * t, t)
         };
-        let (normal, area) = normal_and_area();
         let (point, t) = hit(CORNERS, origin, direction);
-        let weights = barycentric(CORNERS, normal, area, point);
-        let with_plane = hit_backward(normal, direction, g);
+        let weights = triangle().weights(point).to_array();
+        let with_plane = hit_backward(triangle().normal, direction, g);
         let h = 1e-2;
         for step in STEPS {
             let slope = |f: &dyn Fn(V3) -> V3| g.dot(f(step * h) - f(step * -h)) / (2.0 * h);

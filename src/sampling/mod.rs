@@ -18,5 +18,4 @@ pub(crate) use numbers::draw_eight;
 pub(crate) use sampler::Sampler;
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub(crate) use stream::{Dimensions, Four, Stream};
-#[cfg(feature = "wgpu")]
 pub(crate) use table::points;

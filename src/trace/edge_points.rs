@@ -2,12 +2,12 @@
 
 use crate::cube::*;
 
-use super::crossing::{Line, line_of_crossing};
 use super::parts::{VELOCITIES, VERTICES};
 use super::scene::{NONE, Scene};
 use super::sums::Sums;
 use crate::model::V3;
 use crate::model::bsdf::Shading;
+use crate::model::crossing::{Line, line_of_crossing};
 use crate::model::edge::is_above;
 use crate::model::edge_weight::Query;
 use crate::model::jumps::{Sides, by_crossing_plane, farthest};
@@ -82,7 +82,9 @@ pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
             let second = p.faces.b;
             let shift = scene.shift(first, time);
             let other = scene.shift(second, time);
-            let line: Line = line_of_crossing(scene, first, second, shift, other);
+            let t = scene.triangle(first).moved(shift);
+            let s = scene.triangle(second).moved(other);
+            let line: Line = line_of_crossing(&t, &s);
             p.exists = line.exists;
             p.a = line.a - shift;
             p.along = line.b - line.a;

@@ -4,6 +4,7 @@ use crate::cube::*;
 
 use super::edge_points::{EdgePoint, add_to_edge, edge_of, sides};
 use super::edge_sides::Approach;
+use super::numbers::{Exposure, NO_PIXEL, OF_EDGES, sampler};
 use super::scene::Scene;
 use super::seen::Seen;
 #[cfg(feature = "wgpu")]
@@ -11,7 +12,9 @@ use super::seen::SeenExpand;
 use super::sums::{Sums, add_to_camera};
 use crate::model::camera::{Camera, CameraGradient};
 use crate::model::filter::film_kernel;
+use crate::model::segment::OnSegment;
 use crate::model::{V2, V3, v2};
+use crate::sampling::Dimensions;
 
 /// A point of an edge, and how the camera sees it through a point of its lens.
 #[apply(record!)]
@@ -37,22 +40,22 @@ pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
     v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
 }
 
-/// A point of an edge by its place on it and 1 over the density of that.
+/// A point of an edge, of which so many are drawn.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn film_point(
     scene: &Scene,
     c: &Camera,
     edge: u32,
-    lambda: f32,
-    per_density: f32,
-    lens: V2,
-    time: f32,
+    on: OnSegment,
+    count: u32,
+    at: &Exposure,
 ) -> FilmPoint {
-    let mut p = edge_of(scene, edge, time);
-    p.lambda = lambda;
-    p.per_density = per_density;
-    p.position = p.a + p.along * lambda + scene.shift(p.faces.a, time);
+    let lens = at.lens;
+    let mut p = edge_of(scene, edge, at.time);
+    p.lambda = on.lambda;
+    p.per_density = on.per_density / count as f32;
+    p.position = p.a + p.along * on.lambda + scene.shift(p.faces.a, at.time);
     let origin = c.origin_towards(p.position, lens.x, lens.y);
     p.to = p.position - origin;
     FilmPoint {
@@ -68,11 +71,13 @@ pub(crate) fn film_point(
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl FilmPoint {
-    /// Chooses the film point, by two uniform numbers and the radius of the pixel filter.
+    /// Chooses the film point of a sample, whose pixel's ray would come here, by the radius of the pixel filter.
     #[inline(always)]
-    pub fn project(&mut self, c: &Camera, u: f32, v: f32, radius: f32) {
+    pub fn project(&mut self, scene: &Scene, c: &Camera, sample: u32, radius: f32) {
+        let numbers = sampler(scene, OF_EDGES).stream(NO_PIXEL, sample);
+        let drawn = numbers.draw(scene.points, Dimensions::of_set(0u32));
         let at = c.project(self.point.position, self.lens.x, self.lens.y);
-        self.kernel = v2(film_kernel(u), film_kernel(v));
+        self.kernel = v2(film_kernel(drawn.x), film_kernel(drawn.y));
         self.film = v2(at.x - radius * self.kernel.x, at.y - radius * self.kernel.y);
     }
 

@@ -1,10 +1,10 @@
 //! The stages of a path: small functions over the lists of a scene, one source for the host and for kernels of GPUs.
 //!
 //! `scene` holds the lists, `features` what is in them. `corners`, `texture` and `surface` make the point that a ray hits,
-//! `lights` connects it to lights, `leaving` sends the path on. `edge_search`, `edge_points`, `crossing`, `edge_sides`,
-//! `jumps` and `film` are of the jumps at edges. Beside each stage is its way back, whose derivatives go to `sums`, by
-//! `parts`; in kernels these are `totals`. What calls the stages, traces rays
-//! and keeps records is in `kernel` and `gpu`.
+//! `lights` connects it to lights, `leaving` sends the path on, by random `numbers`. `edge_search`, `edge_points`,
+//! `edge_sides`, `jumps` and `film` are of the jumps at edges. Beside each stage is its way back, whose derivatives go to
+//! `sums`, by `parts`; in kernels these are `totals`. What calls the stages, traces rays and keeps records is in `kernel`
+//! and `gpu`.
 
 #![allow(unused_assignments)] // Variables of a kernel need a first value.
 #![allow(clippy::too_many_arguments)] // Kernels have no globals.
@@ -16,7 +16,6 @@
 )]
 
 mod corners;
-mod crossing;
 mod edge_points;
 mod edge_search;
 mod edge_sides;
@@ -25,6 +24,7 @@ mod film;
 mod jumps;
 mod leaving;
 mod lights;
+mod numbers;
 mod parts;
 mod scene;
 mod seen;
@@ -42,6 +42,7 @@ pub(crate) use film::*;
 pub(crate) use jumps::*;
 pub(crate) use leaving::*;
 pub(crate) use lights::*;
+pub(crate) use numbers::*;
 pub(crate) use parts::*;
 pub(crate) use scene::*;
 pub(crate) use seen::*;

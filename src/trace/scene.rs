@@ -7,8 +7,8 @@
 
 use crate::cube::*;
 use crate::model::lists::vector;
-use crate::model::triangle::{barycentric_slopes, weights_at};
-use crate::model::{Pair, V3, splat};
+use crate::model::triangle::{Plane, Triangle, plane_at, triangle_at};
+use crate::model::{V3, camera, splat};
 use crate::scene::Channel;
 
 use super::Features;
@@ -76,7 +76,7 @@ macro_rules! lists {
 
 lists! {
     floats {
-        /// [`SURFACE`] of each triangle: its corners, normal, plane and area.
+        /// Each triangle ([`Triangle`]).
         surfaces,
         /// The displacement of each object over the shutter, if any moves.
         velocities,
@@ -197,9 +197,7 @@ pub(crate) const HEADER: usize = HeaderWord::End as usize;
 #[cfg(feature = "wgpu")]
 pub(crate) const BOUNCES: usize = HeaderWord::bounces as usize;
 
-pub(crate) const SURFACE: u32 = 14;
-/// The place of a triangle's area among its numbers, and those of its rows among its words.
-pub(crate) const AREA: usize = 13;
+/// The places of a triangle's rows among its words.
 pub(crate) const UV_ROWS: u32 = 2;
 pub(crate) const NORMAL_ROWS: u32 = 5;
 pub(crate) const TRIANGLE: u32 = 8;
@@ -222,107 +220,9 @@ pub(crate) const COMPENSATED: u32 = 8;
 pub(crate) const MODEL: u32 = 16;
 pub(crate) const GLOWS: u32 = 8 * MODEL;
 
-/// A view's settings: the camera, the tangent of the half-angle of cones, scene units in a unit of the lists, and the
-/// rows of the inverse of the camera's basis.
-pub(crate) const CAMERA: u32 = 0;
-pub(crate) const CONE: usize = 22;
-pub(crate) const UNIT: usize = 23;
-pub(crate) const DUAL: u32 = 24;
-
-/// A triangle, in inner coordinates at the start of the shutter.
-#[apply(zeroed!)]
-pub(crate) struct Triangle {
-    pub a: V3,
-    pub b: V3,
-    pub c: V3,
-    /// Unit normal of the front.
-    pub normal: V3,
-    /// normal · corner.
-    pub offset: f32,
-    pub area: f32,
-}
-
-/// The plane of a triangle.
-#[apply(zeroed!)]
-pub(crate) struct Plane {
-    pub normal: V3,
-    pub offset: f32,
-}
-
-#[cfg_attr(feature = "wgpu", cube)]
-impl Plane {
-    /// How far a point is from it.
-    #[inline(always)]
-    pub fn above(&self, point: V3) -> f32 {
-        self.normal.dot(point) - self.offset
-    }
-}
-
-impl Triangle {
-    pub fn corners(&self) -> [V3; 3] {
-        [self.a, self.b, self.c]
-    }
-}
-
-#[cfg_attr(feature = "wgpu", cube)]
-impl Triangle {
-    /// The weights of its corners in a point of its plane.
-    #[inline(always)]
-    pub fn weights(&self, at_rest: V3) -> V3 {
-        weights_at(self.a, self.b, self.c, self.normal, self.area, at_rest)
-    }
-
-    /// ∂/∂point of the weights of the second and third corner.
-    #[inline(always)]
-    pub fn slopes(&self) -> Pair {
-        barycentric_slopes(self.a, self.b, self.c, self.normal, self.area)
-    }
-
-    /// From derivatives by its normal and its area to those by b − a and c − a.
-    #[inline(always)]
-    pub fn sides_backward(&self, by_normal: V3, by_area: f32) -> Pair {
-        let across = by_normal.reject_from_normalized(self.normal);
-        let ab = self.b - self.a;
-        let ac = self.c - self.a;
-        // Lengths before they are divided by the area, which may be tiny.
-        let per_area = 0.5 / self.area;
-        Pair {
-            first: ac.cross(across) * per_area + ac.cross(self.normal) * (0.5 * by_area),
-            second: across.cross(ab) * per_area + self.normal.cross(ab) * (0.5 * by_area),
-        }
-    }
-
-    #[inline(always)]
-    pub fn plane(&self) -> Plane {
-        Plane {
-            normal: self.normal,
-            offset: self.offset,
-        }
-    }
-
-    /// How far a point is from its plane.
-    #[inline(always)]
-    pub fn above(&self, point: V3) -> f32 {
-        self.plane().above(point)
-    }
-}
-
-/// A triangle of a list of surfaces.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-pub(crate) fn triangle_at(surfaces: &[f32], k: u32) -> Triangle {
-    let list = &surfaces[SURFACE as usize * k as usize..];
-    // The last number first: then the host checks one index.
-    let area = list[AREA];
-    Triangle {
-        a: vector(list, 0u32),
-        b: vector(list, 3u32),
-        c: vector(list, 6u32),
-        normal: vector(list, 9u32),
-        offset: list[12],
-        area,
-    }
-}
+/// A view's settings: the camera, the tangent of the half-angle of cones, and scene units in a unit of the lists.
+pub(crate) const CONE: usize = camera::NUMBERS;
+pub(crate) const UNIT: usize = CONE + 1;
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl<'a> Scene<'a> {
@@ -334,13 +234,7 @@ impl<'a> Scene<'a> {
     /// The plane of a triangle.
     #[inline(always)]
     pub fn plane(&self, k: u32) -> Plane {
-        let at = SURFACE * k + 9;
-        // The last number first: then the host checks one index.
-        let offset = self.surfaces[(at + 3) as usize];
-        Plane {
-            normal: vector(self.surfaces, at),
-            offset,
-        }
+        plane_at(self.surfaces, k)
     }
 
     #[inline(always)]

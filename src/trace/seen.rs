@@ -30,16 +30,22 @@ impl Seen {
             + self.depth.abs()
             + self.normal.abs().element_sum()
     }
+
+    /// Adds another, times a factor.
+    #[inline(always)]
+    pub fn add(&mut self, other: &Seen, factor: f32) {
+        self.radiance += other.radiance * factor;
+        self.opacity += other.opacity * factor;
+        self.depth += other.depth * factor;
+        self.normal += other.normal * factor;
+    }
 }
 
 impl Seen {
     pub fn times(&self, factor: f32) -> Self {
-        Self {
-            radiance: self.radiance * factor,
-            opacity: self.opacity * factor,
-            depth: self.depth * factor,
-            normal: self.normal * factor,
-        }
+        let mut all = Self::default();
+        all.add(self, factor);
+        all
     }
 }
 

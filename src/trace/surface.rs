@@ -4,11 +4,11 @@ use crate::cube::*;
 
 use super::corners::facing;
 use super::parts::{COLOURS, NORMALS, TANGENTS, TRIANGLES};
-use super::scene::{COMPENSATED, GLOSSY, MODEL, Plane, REFLECTS, Scene};
+use super::scene::{COMPENSATED, GLOSSY, MODEL, REFLECTS, Scene};
 use super::sums::Sums;
 use crate::model::bsdf::{Models, Shading, ShadingGradient};
 use crate::model::numbers::is_nonzero;
-use crate::model::triangle::hit_backward;
+use crate::model::triangle::{Plane, hit_backward};
 use crate::model::{Pair, V2, V3, splat, v2, v3};
 use crate::sampling::Receiver;
 

@@ -16,7 +16,9 @@ use crate::kernel::gradient::HostSums;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Path, Seen, TOGETHER, Work};
 use crate::sampling::{Dimensions, Stream};
-use crate::trace::{Approach, FilmPoint, Sums, film_point};
+use crate::trace::{
+    Approach, Exposure, FilmPoint, NO_PIXEL, ON_FILM, Sums, exposure, film_point, sampler,
+};
 
 /// What samples of edges on the film are drawn from.
 struct FilmSamples<'a> {
@@ -38,20 +40,21 @@ struct Asked<'a> {
 impl FilmSamples<'_> {
     /// The point of an edge that a sample draws, where the loss depends on it.
     #[inline(always)]
-    fn sample(&self, view: &Tracer, sample: u32, path: &Path) -> Option<(FilmPoint, &Seen)> {
-        let (lists, c, time) = (&view.lists, &view.camera, path.time);
-        let lens = view.lens_point(&path.numbers);
-        let drawn = path.numbers.numbers(Dimensions::film());
-        let drawn = self.edges.choose(drawn.x, drawn.y)?;
-        let (edge, per_density) = (drawn.edge as u32, drawn.per_density / self.count as f32);
-        let mut point = film_point(lists, c, edge, drawn.lambda, per_density, lens, time);
+    fn sample(
+        &self,
+        view: &Tracer,
+        sample: u32,
+        numbers: &Stream,
+        at: &Exposure,
+    ) -> Option<(FilmPoint, &Seen)> {
+        let (lists, c) = (&view.lists, &view.camera);
+        let drawn = numbers.numbers(Dimensions::film());
+        let (edge, on) = self.edges.choose(drawn.x, drawn.y)?;
+        let mut point = film_point(lists, c, edge, on, self.count, at);
         if !point.is_seen {
             return None;
         }
-        // The pixel whose ray would come here.
-        let kernel = view.edges.stream(u32::MAX, sample);
-        let kernel = kernel.numbers(Dimensions::of_set(0));
-        point.project(c, kernel.x, kernel.y, view.filter.radius());
+        point.project(lists, c, sample, view.filter.radius());
         let g = self.pixels.get(point.film.x, point.film.y)?;
         (*g != Seen::default()).then_some((point, g))
     }
@@ -62,19 +65,20 @@ impl FilmSamples<'_> {
 fn draw<'a>(view: &'a Tracer<'a>, film: &'a FilmSamples<'a>, samples: Range<u32>) -> Asked<'a> {
     let mut asked = Asked::default();
     for sample in samples {
-        let numbers = view.film.stream(0, sample);
-        let path = Path {
-            time: view.time(&numbers),
-            cones: asked.cones.len() as u32,
-            numbers,
-        };
-        if let Some((mut point, g)) = film.sample(view, sample, &path) {
-            let approach = point.approach(&view.lists, &view.camera, path.time);
+        let numbers = sampler(&view.lists, ON_FILM).of_one_pixel();
+        let numbers = numbers.stream(0, sample);
+        let at = exposure(&view.lists, &numbers);
+        if let Some((mut point, g)) = film.sample(view, sample, &numbers, &at) {
+            let approach = point.approach(&view.lists, &view.camera, at.time);
             asked.points.push((point, g));
             asked.approaches.push(approach);
-            asked.paths.push(path);
+            asked.paths.push(Path {
+                time: at.time,
+                cones: asked.cones.len() as u32,
+                numbers,
+            });
             if view.features.cones {
-                asked.cones.push(view.cones.stream(u32::MAX, sample));
+                asked.cones.push(view.cones.stream(NO_PIXEL, sample));
             }
         }
     }

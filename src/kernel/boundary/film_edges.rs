@@ -2,7 +2,8 @@
 
 use super::pieces::{Piece, PixelGradients};
 use crate::kernel::view::View;
-use crate::model::film::{BLOCK, DrawnPiece, draw_piece};
+use crate::model::film::{BLOCK, draw_piece};
+use crate::model::segment::OnSegment;
 
 /// Pieces of edges on the film of a view.
 pub(crate) struct FilmEdges {
@@ -40,27 +41,14 @@ impl FilmEdges {
         self.pieces.is_empty()
     }
 
-    /// Draws a point of an edge for two uniform numbers.
+    /// Draws an edge and a point of it for two uniform numbers.
     #[inline(always)]
-    pub(super) fn choose(&self, u: f32, v: f32) -> Option<Drawn> {
+    pub(super) fn choose(&self, u: f32, v: f32) -> Option<(u32, OnSegment)> {
         let count = self.pieces.len() as u32;
         let total = self.blocks[self.blocks.len() - 1];
-        let DrawnPiece { piece, share } =
-            draw_piece(&self.sums, 0, 1, count, &self.blocks, 0, u * total);
-        let piece = &self.pieces[piece as usize];
-        let length = piece.to - piece.from;
-        (share > 0.0).then(|| Drawn {
-            edge: piece.edge as usize,
-            lambda: piece.from + length * v,
-            per_density: length * (total / share),
-        })
+        let drawn = draw_piece(&self.sums, 0, 1, count, &self.blocks, 0, u * total);
+        let piece = &self.pieces[drawn.piece as usize];
+        let point = drawn.point(piece.from, piece.to, total, v);
+        (drawn.share > 0.0).then_some((piece.edge, point))
     }
-}
-
-/// A point of an edge that was drawn.
-pub(super) struct Drawn {
-    pub edge: usize,
-    pub lambda: f32,
-    /// 1 over the density of λ.
-    pub per_density: f32,
 }

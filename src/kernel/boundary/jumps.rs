@@ -5,18 +5,20 @@ use macro_rules_attribute::apply;
 use crate::accel::{Hit, HitRay, NOTHING, stage};
 use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
-use crate::kernel::path::draw_emitters;
+use crate::kernel::eights::Eight;
+use crate::kernel::path::{draw_emitters, drawn_by};
 use crate::kernel::view::{Tracer, View};
-use crate::kernel::walk::{Back, Kept, Level, Path, PathBlock, Walk, Walks, Work};
+use crate::kernel::walk::{Back, Kept, Level, Path, PathBlock, Walks, Work};
+use crate::lanes::{LANES, Record};
 use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
 use crate::sampling::{Dimensions, Four, Stream};
 use crate::trace::{
-    Approach, EdgeView, Jump, Observer, Point, Search, Seen, beside, edge_point, edge_view,
-    emitted, hides, is_crease, jump_at, looks_for_edges, point_at, reflected_backward, search,
-    shadow_backward, sky,
+    Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Point, Search, Seen, beside,
+    edge_point, edge_view, emitted, hides, is_crease, jump_at, looks_for_edges, point_at,
+    reflected_backward, sampler, search, shadow_backward, sky,
 };
 
 impl Approach {
@@ -50,6 +52,22 @@ impl Found {
 }
 
 impl Return<'_> {
+    /// Begins the random numbers for edges of all paths.
+    pub(in crate::kernel) fn begin_edges(&self, edges: &mut Vec<Stream>) {
+        let sampler = sampler(&self.lists, OF_EDGES);
+        edges.clear();
+        for path in self.paths {
+            let (pixel, sample) = (path.numbers.pixel, path.numbers.sample);
+            edges.push(match edges.last() {
+                // Samples of a pixel lie side by side.
+                Some(last) if last.pixel == pixel && last.sample < sample => {
+                    last.after(sample - last.sample)
+                }
+                _ => sampler.stream(pixel, sample),
+            });
+        }
+    }
+
     /// Adds the derivatives by jumps at edges seen from points of paths.
     pub(in crate::kernel) fn edges_backward(
         &self,
@@ -68,10 +86,11 @@ impl Return<'_> {
         find_beside::<true>(self, work);
         shadows_backward(self, &shadows, back, work);
         let approaches: Vec<Approach> = reflections.iter().map(Found::approach).collect();
+        let sides = sampler(&self.lists, OF_SIDES);
         let beside = |found: &Found| {
             let path = self.path(level, found.lane);
             Path {
-                numbers: self.sides.stream(path.numbers.pixel, path.numbers.sample),
+                numbers: sides.stream(path.numbers.pixel, path.numbers.sample),
                 ..*path
             }
         };
@@ -124,10 +143,12 @@ pub(super) fn light_beside(
     let all = walks.list.as_chunks::<WALKS>().0;
     for (light, [minus, plus, others @ ..]) in work.side_lights.iter_mut().zip(all) {
         let Some(light) = light else { continue };
-        *light = difference(minus, plus);
+        // What is seen on the − side of the edge less that on the + side.
+        *light = minus.light;
+        light.add(&plus.light, -1.0);
         if others[0].seen != NOTHING {
-            let other = difference(&others[0], &others[1]);
-            light.radiance = (light.radiance + other.radiance) * 0.5;
+            let other = others[0].light.radiance - others[1].light.radiance;
+            light.radiance = (light.radiance + other) * 0.5;
         }
     }
     work.side_walks = walks;
@@ -143,43 +164,49 @@ fn find_jumps<'a>(
     work: &'a mut Work,
 ) -> [Vec<Found>; 2] {
     let mut found = [Vec::new(), Vec::new()];
+    let mut numbers = [Eight::<Four>::default(); 2];
     for lane in 0..level.len() {
-        let point = level.points.get(lane);
+        let stream = |lane: usize| &back.edges[level.paths[lane] as usize];
+        if lane % LANES == 0 {
+            let lanes = lane..level.len().min(lane + LANES);
+            numbers = [2, 1].map(|k| {
+                let set = Dimensions::of_set(3 * bounce + k);
+                drawn_by(stream, lanes.clone(), set)
+            });
+        }
         let carried = to.by_light(level, lane) * level.throughputs.get(lane);
         let counts = carried.abs().element_sum() / to.typical;
-        if !point.reflects || counts.is_nan() || counts <= 0.0 {
+        let reflects = level.points.lanes(lane).reflects[lane % LANES];
+        if !reflects || counts.is_nan() || counts <= 0.0 {
             continue;
         }
-        let observer = Observer {
-            point,
-            bounce,
-            moves: back.moves[bounce as usize][lane],
-            carried,
-            counts,
-        };
-        let path = to.path(level, lane);
-        let numbers = to.edges.stream(path.numbers.pixel, path.numbers.sample);
+        let time = to.time(level, lane);
         for of_light in [true, false] {
             if !to.features.emitters && of_light {
                 continue;
             }
-            let set = Dimensions::of_set(3 * bounce + if of_light { 1 } else { 2 });
-            let pair = numbers.numbers(set);
+            let pair = Four::get(&numbers[usize::from(of_light)], lane);
             let pick = if of_light { pair.y } else { pair.x };
             if !looks_for_edges(&to.lists, bounce, counts, of_light, pick) {
                 continue;
             }
             let mut drawn = pair;
             if of_light {
-                drawn = numbers.numbers(Dimensions::of_set(3 * bounce));
+                drawn = stream(lane).numbers(Dimensions::of_set(3 * bounce));
             }
-            let numbers = [drawn, pair];
-            let edge = seen_edge(to, path.time, &observer, of_light, numbers, work);
+            let observer = Observer {
+                point: level.points.get(lane),
+                bounce,
+                moves: back.moves[bounce as usize][lane],
+                carried,
+                counts,
+            };
+            let edge = seen_edge(to, time, &observer, of_light, [drawn, pair], work);
             let Some((search, view)) = edge else {
                 continue;
             };
             for k in view.first..view.past {
-                let jump = jump_at(&to.lists, &observer, &search, &view, k, path.time);
+                let jump = jump_at(&to.lists, &observer, &search, &view, k, time);
                 if jump.limit > 0.0 {
                     found[usize::from(of_light)].push(Found {
                         lane,
@@ -314,9 +341,9 @@ fn begin_beside<'a>(
             }
             let walk = &mut walks.list[WALKS * i + k];
             match point {
-                Some(point) if film => walk.radiance = emitted(lists, point),
+                Some(point) if film => walk.light.radiance = emitted(lists, point),
                 None if film || tracer.features.sees_sky => {
-                    walk.radiance = sky(lists, approach.view);
+                    walk.light.radiance = sky(lists, approach.view);
                 }
                 _ => {}
             }
@@ -340,16 +367,4 @@ fn point_beside(
         return None;
     }
     Some(point_at(lists, k, near, at.distance, at.direction, time))
-}
-
-/// What is seen on the − side of an edge less that on the + side.
-#[inline(always)]
-fn difference(minus: &Walk, plus: &Walk) -> Seen {
-    let opacity = |walk: &Walk| if walk.seen == NOTHING { 0.0 } else { 1.0 };
-    Seen {
-        radiance: minus.radiance - plus.radiance,
-        opacity: opacity(minus) - opacity(plus),
-        depth: minus.first.0 - plus.first.0,
-        normal: minus.first.1 - plus.first.1,
-    }
 }

@@ -8,7 +8,7 @@ use crate::accel::Overlaps;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 use crate::model::edge::TOUCHING;
-use crate::trace::Triangle;
+use crate::model::triangle::Triangle;
 
 /// Times in the shutter at which moving objects are looked at.
 const TIMES: [f32; 5] = [0.5, 0.0, 1.0, 0.25, 0.75];

@@ -8,8 +8,9 @@ use super::{Edge, Edges, FACES, Kind};
 use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
+use crate::model::triangle::{self, AREA};
 use crate::scene::HostObject;
-use crate::trace::{AREA, NONE, NORMAL_ROWS, SURFACE, UV_ROWS};
+use crate::trace::{NONE, NORMAL_ROWS, UV_ROWS};
 
 /// Jumps of colour at a crease are about this share of the difference of its normals.
 const CREASE: f32 = 0.5;
@@ -47,7 +48,7 @@ impl MeshEdges {
         self.first = scene.lists.objects[object].first_triangle;
         let surfaces = &scene.lists.surfaces[self.first..self.first + host.faces.len()];
         let empty =
-            |(f, s): (usize, &[f32; SURFACE as usize])| (s[AREA] <= 0.0).then_some(f as u32);
+            |(f, s): (usize, &[f32; triangle::NUMBERS])| (s[AREA] <= 0.0).then_some(f as u32);
         let empty: Vec<u32> = surfaces.iter().enumerate().filter_map(empty).collect();
         if self.faces == host.faces && self.weld == weld && self.empty == empty {
             return;

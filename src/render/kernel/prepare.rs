@@ -10,7 +10,8 @@ use rayon::prelude::*;
 use crate::device::label;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, detached};
-use crate::kernel::{EdgeSets, HostCamera, KernelScene, View, ViewSettings, Wanted};
+use crate::kernel::{EdgeSets, KernelScene, View, ViewSettings, Wanted};
+use crate::model::camera::HostCamera;
 use crate::render::batch::{Batch, in_batch};
 use crate::render::options::{RenderOptions, sampler};
 use crate::scene::{

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::{Camera as Model, Dual};
 use crate::error::Result;
-use crate::model::camera::{Camera as Model, Dual};
 use crate::model::{Pair, V3};
 use crate::scene::{Camera, HostProjection, ParameterId, SceneFrame};
 

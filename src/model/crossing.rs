@@ -1,23 +1,11 @@
-//! Lines in which two triangles pass through each other at a time in the shutter.
+//! Lines in which two triangles pass through each other.
 
+use super::V3;
+use super::edge::TOUCHING;
+use super::triangle::Triangle;
 use crate::cube::*;
 
-use super::scene::{Scene, Triangle};
-use crate::model::V3;
-use crate::model::edge::TOUCHING;
-
-/// A triangle at a time.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn flying(scene: &Scene, triangle: u32, shift: V3) -> Triangle {
-    let mut t = scene.triangle(triangle);
-    t.a += shift;
-    t.b += shift;
-    t.c += shift;
-    t
-}
-
-/// The largest coordinate of its corners.
+/// The largest coordinate of a triangle's corners.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn size(t: &Triangle) -> f32 {
@@ -91,22 +79,14 @@ pub(crate) struct Line {
     pub exists: bool,
 }
 
-/// The line in which two triangles that have moved pass through each other, if they do so by more than rounding.
+/// The line in which two triangles pass through each other, if they do so by more than rounding.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn line_of_crossing(
-    scene: &Scene,
-    first: u32,
-    second: u32,
-    shift_of_first: V3,
-    shift_of_second: V3,
-) -> Line {
-    let t = flying(scene, first, shift_of_first);
-    let s = flying(scene, second, shift_of_second);
-    let tolerance = TOUCHING * size(&t).max(size(&s)).max(0.1);
+pub(crate) fn line_of_crossing(t: &Triangle, s: &Triangle) -> Line {
+    let tolerance = TOUCHING * size(t).max(size(s)).max(0.1);
     let along = t.normal.cross(s.normal);
-    let of_second: Segment = through_plane(&s, &t, along, tolerance);
-    let of_first: Segment = through_plane(&t, &s, along, tolerance);
+    let of_second: Segment = through_plane(s, t, along, tolerance);
+    let of_first: Segment = through_plane(t, s, along, tolerance);
     let mut from = of_first.from;
     let mut to = of_first.to;
     let mut line = Line {

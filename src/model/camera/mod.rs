@@ -6,9 +6,16 @@
 //! y·upward. The three vectors are any basis, so a field of view, a principal point and pixels that are not
 //! square are all in them, and a point is projected by the inverse of the basis.
 
+mod host;
+#[cfg(test)]
+mod tests;
+
 use super::filter::filter_by_radius;
+#[cfg(feature = "wgpu")]
+use super::lists::vector;
 use super::{Pair, V2, V3, v2, v3};
 use crate::cube::*;
+pub(crate) use host::HostCamera;
 
 /// A camera in a scene's inner units.
 #[apply(zeroed!)]
@@ -232,133 +239,50 @@ impl Camera {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Numbers of a camera in a list.
+pub(crate) const NUMBERS: usize = 31;
 
-    impl Camera {
-        /// The inverse of its basis.
-        fn inverted(mut self) -> Self {
-            let volume = 1.0 / self.across.dot(self.upward.cross(self.forward));
-            self.dual = Dual {
-                x: self.upward.cross(self.forward) * volume,
-                y: self.forward.cross(self.across) * volume,
-                z: self.across.cross(self.upward) * volume,
-            };
-            self
+impl Camera {
+    /// Its numbers in a list.
+    pub fn numbers(&self) -> [f32; NUMBERS] {
+        let (lens, dual) = (&self.lens, &self.dual);
+        let basis = [self.eye, self.across, self.upward, self.forward];
+        let others = [lens.first, lens.second, dual.x, dual.y, dual.z];
+        let mut numbers = [self.per_focus; NUMBERS];
+        for (to, v) in numbers
+            .chunks_exact_mut(3)
+            .zip(basis.into_iter().chain(others))
+        {
+            to.copy_from_slice(&v.to_array());
         }
+        numbers[28..].copy_from_slice(&[self.width, self.height, self.filter]);
+        numbers
     }
+}
 
-    /// A camera with pixels that are not square and a principal point beside the middle.
-    fn camera(aperture: f32, parallel: bool) -> Camera {
-        let forward = v3(0.1, -0.2, -1.0).normalize();
-        let right = forward.cross(v3(0.0, 1.0, 0.0)).normalize();
-        let up = right.cross(forward);
-        let mut shift = V3::ZERO;
-        if !parallel {
-            shift = right * 0.1 - up * 0.05;
-        }
-        Camera {
-            eye: v3(0.3, 0.4, 2.0),
-            across: right * 0.5,
-            upward: up * 0.4,
-            forward: forward + shift,
-            lens: Pair {
-                first: right * aperture,
-                second: up * aperture,
-            },
-            aperture,
-            per_focus: if aperture > 0.0 { 0.4 } else { 0.0 },
-            parallel,
-            width: 60.0,
-            height: 40.0,
-            filter: 0.0,
-            dual: Dual::default(),
-        }
-        .inverted()
-    }
-
-    const KINDS: [(f32, bool); 3] = [(0.0, false), (0.2, false), (0.0, true)];
-
-    #[test]
-    fn a_point_on_a_ray_is_seen_by_its_film_point() {
-        for (aperture, parallel) in KINDS {
-            let c = camera(aperture, parallel);
-            let ray = c.ray(13.0, 29.0, 0.4, -0.6);
-            let point = ray.origin + ray.direction * 3.7;
-            let found = c.project(point, 0.4, -0.6);
-            assert!((found.x - 13.0).abs() < 1e-3 && (found.y - 29.0).abs() < 1e-3);
-            let origin = c.origin_towards(point, 0.4, -0.6);
-            assert!((origin - ray.origin).length() < 1e-5, "{origin:?}");
-            let (p, along) = (v3(0.2, 0.1, -1.0), v3(0.3, -0.2, 0.5));
-            let h = 1e-2;
-            let (a, b) = (
-                c.project(p + along * h, 0.4, -0.6),
-                c.project(p - along * h, 0.4, -0.6),
-            );
-            let got = c.project_along(p, along, 0.4, -0.6);
-            assert!((got.x - (a.x - b.x) / (2.0 * h)).abs() < 2e-2, "{got:?}");
-            assert!((got.y - (a.y - b.y) / (2.0 * h)).abs() < 2e-2, "{got:?}");
-        }
-    }
-
-    /// Both backward passes against central differences, in every vector of a camera.
-    #[test]
-    fn derivatives() {
-        let (p, g) = (v3(0.2, 0.1, -1.0), v2(0.7, -0.4));
-        let (g_o, g_d) = (v3(0.3, -0.8, 0.4), v3(-0.5, 0.2, 0.9));
-        for (aperture, parallel) in KINDS {
-            let c = camera(aperture, parallel);
-            let of_ray = |c: &Camera| {
-                let r = c.ray(13.0, 29.0, 0.4, -0.6);
-                f64::from(g_o.dot(r.origin) + g_d.dot(r.direction))
-            };
-            let of_film = |c: &Camera| {
-                let f = c.inverted().project(p, 0.4, -0.6);
-                f64::from(g.x * f.x + g.y * f.y)
-            };
-            let mut by_ray = CameraGradient::default();
-            let ray = c.ray(13.0, 29.0, 0.4, -0.6);
-            c.ray_backward(&ray, v2(13.5, 28.5), g_o, g_d, &mut by_ray);
-            let mut by_film = CameraGradient::default();
-            c.project_backward(p, 0.4, -0.6, g, &mut by_film);
-            type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f32);
-            let numbers: [Number; 12] = [
-                (|c| &mut c.eye.x, |g| g.eye.x),
-                (|c| &mut c.eye.z, |g| g.eye.z),
-                (|c| &mut c.forward.y, |g| g.forward.y),
-                (|c| &mut c.forward.z, |g| g.forward.z),
-                (|c| &mut c.across.x, |g| g.across.x),
-                (|c| &mut c.across.z, |g| g.across.z),
-                (|c| &mut c.upward.y, |g| g.upward.y),
-                (|c| &mut c.upward.z, |g| g.upward.z),
-                (|c| &mut c.lens.first.x, |g| g.lens.first.x),
-                (|c| &mut c.lens.first.z, |g| g.lens.first.z),
-                (|c| &mut c.lens.second.y, |g| g.lens.second.y),
-                (|c| &mut c.per_focus, |g| g.per_focus),
-            ];
-            for (i, (number, gradient)) in numbers.into_iter().enumerate() {
-                // Without a lens there is none to differentiate by.
-                if aperture == 0.0 && i >= 8 {
-                    continue;
-                }
-                for (name, f, by) in [
-                    ("ray", &of_ray as &dyn Fn(&Camera) -> f64, &by_ray),
-                    ("film", &of_film, &by_film),
-                ] {
-                    let h = 3e-3;
-                    let (mut a, mut b) = (c, c);
-                    *number(&mut a) += h;
-                    *number(&mut b) -= h;
-                    let wanted = (f(&a) - f(&b)) / (2.0 * f64::from(h));
-                    let got = f64::from(gradient(by));
-                    let scale = wanted.abs().max(0.1);
-                    assert!(
-                        (got - wanted).abs() < 1e-2 * scale,
-                        "{name} {i} of {aperture} {parallel}: {got} {wanted}"
-                    );
-                }
-            }
-        }
+/// The camera that a list begins with, for rays and film points.
+#[cfg(feature = "wgpu")]
+#[cube]
+pub(crate) fn camera_at(list: &[f32], parallel: bool) -> Camera {
+    Camera {
+        eye: vector(list, 0u32),
+        across: vector(list, 3u32),
+        upward: vector(list, 6u32),
+        forward: vector(list, 9u32),
+        lens: Pair {
+            first: vector(list, 12u32),
+            second: vector(list, 15u32),
+        },
+        dual: Dual {
+            x: vector(list, 18u32),
+            y: vector(list, 21u32),
+            z: vector(list, 24u32),
+        },
+        aperture: 0.0f32.runtime(),
+        per_focus: list[27],
+        parallel,
+        width: list[28],
+        height: list[29],
+        filter: list[30],
     }
 }
