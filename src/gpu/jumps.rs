@@ -199,11 +199,15 @@ pub(super) fn light_beside(
     }
     while left > 0 {
         let at = beside(scene, a, behind, sign < 0.0, time);
+        // As one condition with what follows, or without an else, this loses the light of maps (CubeCL 0.11, SPIR-V).
         if at.triangle == NONE {
             if comptime!(film || scene.features.sees_sky) {
                 light.radiance += sky(scene, a.view) * sign;
             }
-        } else if goes_on {
+        } else {
+            light.opacity += sign;
+        }
+        if at.triangle != NONE && goes_on {
             let start = Start {
                 at,
                 bounce,
@@ -213,7 +217,9 @@ pub(super) fn light_beside(
                 emits: film.runtime(),
             };
             let seen = light_of(scene, memory, beginning, start, true).seen;
-            light.add(&seen, sign);
+            light.radiance += seen.radiance * sign;
+            light.depth += seen.depth * sign;
+            light.normal += seen.normal * sign;
         }
         sign = -sign;
         left -= 1;
