@@ -124,7 +124,7 @@ fn glass_cases() -> Vec<Case> {
         }),
         // What is seen through it moves at every bounce.
         Case {
-            noisy: true,
+            precision: 0.2,
             ..case("glass that moves", 0.0, 0.012, 2, |d, t, p| {
                 moved(p, Material::dielectric(1.5, 0.6), d, t)
             })

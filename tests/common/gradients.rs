@@ -23,8 +23,8 @@ pub struct Case {
     pub build: fn(&Device, DType, Tensor<1>) -> (Scene, Camera),
     /// By what share of the derivative two programs in f32 may differ since a sample sees another surface by rounding.
     pub flips: f64,
-    /// Whether it takes the samples of the long tier to tell the derivative from noise.
-    pub noisy: bool,
+    /// The standard error of the derivative, over it, at which the long tier compares.
+    pub precision: f64,
 }
 
 const SIZE: usize = 12;
@@ -113,7 +113,7 @@ pub fn case(
         build,
         weight: |x, y| 0.8 + 0.6 * x + 0.3 * y,
         flips: 0.0,
-        noisy: false,
+        precision: 0.015,
     }
 }
 
