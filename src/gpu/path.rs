@@ -113,10 +113,16 @@ pub(super) fn path_light(
         if !walk.arrives() {
             take_light(&mut walk, &mut light, missed, keep);
         } else if missed {
-            // With a map that is gathered at surfaces, rays that go on bring nothing.
+            // With a map that is gathered at surfaces, rays that go on bring what waits for them.
             if walk.purpose == OF_CAMERA || comptime!(scene.features.sees_sky) {
                 walk.bits |= ESCAPED;
                 light.seen.radiance += walk.throughput.times(sky(scene, walk.direction));
+            }
+            if comptime!(scene.features.gathers_map) {
+                if walk.waits {
+                    walk.bits |= SAW_MAP_ALONG;
+                    light.seen.radiance += walk.waiting;
+                }
             }
             walk.purpose = ENDED;
         } else if walk.is_last(scene) {
@@ -238,6 +244,7 @@ fn keep_arrival(records: &mut [u32], room: Room, hit: &Hit, walk: &mut Walk, poi
 #[cube]
 fn look_around(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk) {
     walk.emitter = walk.next_emitter;
+    walk.waits = false;
     walk.next = 0u32;
     walk.purpose = TO_EMITTER;
     if !walk.point.reflects || comptime!(scene.features.dark) {
@@ -340,6 +347,13 @@ fn connect(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk
     walk.origin = chosen.start;
     walk.direction = chosen.direction;
     walk.limit = chosen.limit;
+    if comptime!(scene.features.gathers_map) {
+        if walk.purpose == TO_MAP_ALONG && walk.limit > 0.0 && walk.goes_straight_on(scene) {
+            walk.waits = true;
+            walk.waiting = walk.throughput.times(walk.light);
+            walk.limit = -1.0f32;
+        }
+    }
 }
 
 /// Leaves the path's point in the direction that was drawn, or ends the path.

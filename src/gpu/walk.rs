@@ -54,6 +54,9 @@ pub(super) struct Walk {
     pub limit: f32,
     /// What a ray to a light brings if nothing is in between.
     pub light: V3,
+    /// Light of the map along the way on, if the ray on tells whether it is seen.
+    pub waits: bool,
+    pub waiting: V3,
     pub bounce: u32,
     pub throughput: V3,
     /// The point that it came to, the way on from there, and random numbers for the cones of shadow rays.
@@ -82,6 +85,15 @@ impl Walk {
     /// Whether its ray can see the environment alone.
     pub fn is_last(&self, scene: &Scene) -> bool {
         self.purpose == ONWARDS && self.bounce >= scene.bounces
+    }
+
+    /// Whether the path goes on from its point for sure, in the very direction that was drawn.
+    pub fn goes_straight_on(&self, scene: &Scene) -> bool {
+        let mut goes_on = self.bounce < scene.bounces && !self.scatter.weight.is_zero();
+        if comptime!(scene.features.roulette) {
+            goes_on = goes_on && self.bounce < scene.roulette_after;
+        }
+        goes_on && comptime!(!scene.features.cones)
     }
 
     /// Whether directions that the point scatters are looked along for lights.

@@ -5,9 +5,10 @@ use std::ops::Range;
 use macro_rules_attribute::apply;
 
 use super::eights::{self, Eight, brought};
-use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Work};
-use crate::accel::{HitRay, stage};
+use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Waiting, Walk, Work};
+use crate::accel::{HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
+use crate::model::bsdf::Scatter;
 use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Chosen, EmitterTriangle, Receiver};
@@ -259,17 +260,28 @@ fn chosen_emitters(
     (on, radiances)
 }
 
-/// Light of a map along a direction drawn from it, and along that in which the path goes on.
+/// Light of a map along a direction drawn from it, and along that in which the path goes on: where that is sure, the ray on
+/// finds whether the map is seen there.
 #[apply(stage!)]
-pub(super) fn direct_from_map<'a>(of: &'a PathBlock<'a>, level: &'a Level, work: &'a mut Work) {
+pub(super) fn direct_from_map<'a>(
+    of: &'a PathBlock<'a>,
+    level: &'a Level,
+    last: bool,
+    work: &'a mut Work,
+) {
     let lists = &of.lists;
+    let surely_on = !last && !of.plays(last) && !of.features.cones;
     for lane in 0..level.len() {
         if !level.points.get(lane).reflects {
             continue;
         }
         let numbers = level.choices.get(lane);
         let drawn = map_of(lists).choose(lists.sky_density, numbers.z, numbers.w);
-        let scattered = level.scatters.get(lane).direction;
+        let Scatter {
+            direction: scattered,
+            weight,
+            ..
+        } = level.scatters.get(lane);
         for (by_scattering, direction) in [(false, drawn), (true, scattered)] {
             let connecting = Connecting {
                 lane,
@@ -279,7 +291,31 @@ pub(super) fn direct_from_map<'a>(of: &'a PathBlock<'a>, level: &'a Level, work:
                 by_scattering,
             };
             let target = Target::of_map(direction);
+            let before = work.rays.len();
             connecting.connect(of, level, &target, || sky(lists, direction), work);
+            if by_scattering && surely_on && work.rays.len() > before && !weight.is_zero() {
+                work.rays.truncate(before);
+                work.waiting.extend(work.candidates.pop().map(|c| Waiting {
+                    lane: lane as u32,
+                    light: c.light,
+                    sample: work.samples.pop(),
+                }));
+            }
+        }
+    }
+}
+
+/// Adds the light of the map that waits for rays on, where these hit nothing.
+pub(super) fn see_map(level: &mut Level, list: &mut [Walk], work: &Work) {
+    let mut rays = work.lanes.iter().zip(&work.hits);
+    for waiting in &work.waiting {
+        // Both are in the order of lanes.
+        let own = rays.find(|(lane, _)| **lane == waiting.lane);
+        if own.is_some_and(|(_, hit)| hit.triangle == NOTHING) {
+            list[level.paths[waiting.lane as usize] as usize]
+                .light
+                .radiance += waiting.light;
+            level.lights.extend(waiting.sample);
         }
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use macro_rules_attribute::apply;
 
-use super::direct::{direct_from_emitters, direct_from_map};
+use super::direct::{direct_from_emitters, direct_from_map, see_map};
 use super::eights::{self, Eight};
 use super::walk::{Level, PathBlock, Walk, Walks, Way, Work};
 use crate::accel::{Hit, HitRay, NOTHING, stage};
@@ -48,7 +48,7 @@ impl PathBlock<'_> {
             let level = &mut walks.levels[at];
             draw(self, level, last);
             scatter(self, level);
-            self.gather_lights(level, &mut walks.list, work);
+            self.gather_lights(level, last, &mut walks.list, work);
             if !goes_on {
                 return;
             }
@@ -72,6 +72,8 @@ impl PathBlock<'_> {
             walks.levels[next] = to;
             if self.features.sees_sky {
                 escape(self, &mut walks.levels[at], &mut walks.list, work);
+            } else if self.features.gathers_map {
+                see_map(&mut walks.levels[at], &mut walks.list, work);
             }
             at = next;
             walks.depth = at + 1;
@@ -79,20 +81,21 @@ impl PathBlock<'_> {
     }
 
     /// Whether paths that leave their points may end by roulette.
-    fn plays(&self, last: bool) -> bool {
+    pub(super) fn plays(&self, last: bool) -> bool {
         self.features.roulette && self.bounce >= self.lists.roulette_after && !last
     }
 
     /// Adds the light of lights that paths are connected to where they are.
-    fn gather_lights(&self, level: &mut Level, list: &mut [Walk], work: &mut Work) {
+    fn gather_lights(&self, level: &mut Level, last: bool, list: &mut [Walk], work: &mut Work) {
         work.rays.clear();
         work.candidates.clear();
         work.samples.clear();
+        work.waiting.clear();
         if self.features.emitters {
             direct_from_emitters(self, level, work);
         }
         if self.features.gathers_map {
-            direct_from_map(self, level, work);
+            direct_from_map(self, level, last, work);
         }
         self.find_hits::<true>(work);
         work.counts.rays += work.rays.len() as u64;

@@ -273,6 +273,14 @@ pub(super) struct Candidate {
     pub light: V3,
 }
 
+/// Light of a map along the way on, which arrives if the ray on hits nothing.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Waiting {
+    pub lane: u32,
+    pub light: V3,
+    pub sample: Option<LightSample>,
+}
+
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RayCounts {
     /// Camera, bounce and shadow rays.
@@ -313,6 +321,7 @@ pub(crate) struct Work {
     pub(super) candidates: Vec<Candidate>,
     /// What is kept of each.
     pub(super) samples: Vec<LightSample>,
+    pub(super) waiting: Vec<Waiting>,
     /// Of a choice of an emitter, of one path and of eight.
     pub(super) room: Vec<u32>,
     pub(super) few: Vec<Eight<f32>>,
