@@ -67,14 +67,19 @@ pub fn cases() -> Vec<Case> {
             (with_lamp(d, t), c)
         })),
         shift(case("principal point", 6.2, 0.1, 0, |d, t, p| {
-            let mut c = camera();
             let centre = vector(p, [1.0, 0.9, 0.0], d, t).slice([0..2]);
-            c.projection = Projection::Intrinsics {
+            let projection = Projection::Intrinsics {
                 focal: [17.0, 18.0].into(),
                 principal: centre.into(),
                 size: [12, 12],
             };
-            (with_lamp(d, t), c)
+            (
+                with_lamp(d, t),
+                Camera {
+                    projection,
+                    ..camera()
+                },
+            )
         })),
         growth(case("orthographic height", 3.0, 0.04, 1, |d, t, p| {
             (with_lamp(d, t), camera().orthographic(p))
