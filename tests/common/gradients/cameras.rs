@@ -5,10 +5,13 @@ use softray::prelude::*;
 use super::{Case, camera, case, constant, offset, shift, vector, with_lamp};
 use crate::common::long;
 
+/// A wide step passes kinks of pixels without a filter, which is 10 % of this derivative; a narrow one takes many seeds.
+fn step_of_pose() -> f64 {
+    if long() { 0.005 } else { 0.02 }
+}
+
 /// Numbers of cameras of every kind.
 pub fn cases() -> Vec<Case> {
-    // A wide step passes kinks of pixels without a filter, which is 10 % of this one; a narrow one takes many seeds.
-    let step_of_pose = if long() { 0.005 } else { 0.02 };
     let growth = |case: Case| Case {
         weight: |x, y| x * x + y * y,
         ..case
@@ -35,7 +38,7 @@ pub fn cases() -> Vec<Case> {
         })),
         Case {
             precision: 0.03,
-            ..shift(case("pose matrix", 0.0, step_of_pose, 0, |d, t, p| {
+            ..shift(case("pose matrix", 0.0, step_of_pose(), 0, |d, t, p| {
                 let pose = [
                     0.95, -0.3, 0.05, 0.2, 0.3, 0.95, 0.1, 1.3, -0.05, -0.1, 1.0, 4.2, 0.0, 0.0,
                     0.0, 1.0,
@@ -67,19 +70,14 @@ pub fn cases() -> Vec<Case> {
             (with_lamp(d, t), c)
         })),
         shift(case("principal point", 6.2, 0.1, 0, |d, t, p| {
+            let mut c = camera();
             let centre = vector(p, [1.0, 0.9, 0.0], d, t).slice([0..2]);
-            let projection = Projection::Intrinsics {
+            c.projection = Projection::Intrinsics {
                 focal: [17.0, 18.0].into(),
                 principal: centre.into(),
                 size: [12, 12],
             };
-            (
-                with_lamp(d, t),
-                Camera {
-                    projection,
-                    ..camera()
-                },
-            )
+            (with_lamp(d, t), c)
         })),
         growth(case("orthographic height", 3.0, 0.04, 1, |d, t, p| {
             (with_lamp(d, t), camera().orthographic(p))
