@@ -237,7 +237,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// How far derivatives of one seed may be from those of the host: twice what rounding makes of light beside creases.
+/// How far derivatives of one seed may be from those of the host: twice what rounding makes of the index of glass.
 fn limit(class: &Class) -> f64 {
     2e-4 + class.flips
 }
