@@ -15,6 +15,7 @@ use crate::kernel::{DrawnEdge, NO_EDGE, Root, draw_edge};
 use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::decided_by;
+use crate::model::jumps::{SEARCH_SETS, searches};
 use crate::sampling::Dimensions;
 use crate::trace::{
     Approach, EdgeView, Jump, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient, Scene, Search,
@@ -45,7 +46,7 @@ pub(super) fn jumps_seen_from(
     memory: &mut Memory,
     sums: &Sums,
     path: &Beginning,
-    o: &Observer,
+    observer: &Observer,
     by: &mut PointGradient,
 ) {
     let mut edge_room = Array::<u32>::new(sums.of.edge_room);
@@ -56,16 +57,24 @@ pub(super) fn jumps_seen_from(
     if comptime!(scene.features.emitters) {
         turn = 0u32;
     }
+    let mut again = 0u32;
     while turn < 2 {
         let of_light = turn == 0;
-        let drawn = numbers.draw(scene.points, Dimensions::of_set(3 * o.bounce + 2 * turn));
+        let count = searches(of_light, observer.counts);
+        let o: Observer = observer.part(count);
+        let first = 3 * o.bounce + SEARCH_SETS * again;
+        let drawn = numbers.draw(scene.points, Dimensions::of_set(first + 2 * turn));
         let mut more = drawn;
         if of_light {
-            more = numbers.draw(scene.points, Dimensions::of_set(3 * o.bounce + 1));
+            more = numbers.draw(scene.points, Dimensions::of_set(first + 1));
         }
-        turn += 1;
+        again += 1;
+        if again >= count {
+            again = 0u32;
+            turn += 1;
+        }
         let choice = memory.choice.as_mut_slice();
-        let s: Search = search(scene, drawn, more, o, of_light, time, choice, sums);
+        let s: Search = search(scene, drawn, more, &o, of_light, time, choice, sums);
         let mut tree = 0u32;
         if !s.moves {
             tree = 1u32;
@@ -80,12 +89,12 @@ pub(super) fn jumps_seen_from(
                 per_chance = drawn.per_chance;
             }
             let p = edge_point(scene, edge, per_chance, &s.query, &o.point.shading, s.v);
-            let e: EdgeView = edge_view(scene, o, &s, p);
+            let e: EdgeView = edge_view(scene, &o, &s, p);
             let mut k = e.first;
             while k < e.past {
-                let jump: Jump = jump_at(scene, o, &s, &e, k, time);
+                let jump: Jump = jump_at(scene, &o, &s, &e, k, time);
                 if jump.limit > 0.0 {
-                    add_jump(scene, memory, sums, path, o, &s, &e, &jump, of_light, by);
+                    add_jump(scene, memory, sums, path, &o, &s, &e, &jump, of_light, by);
                 }
                 k += 1;
             }

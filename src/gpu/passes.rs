@@ -148,6 +148,7 @@ pub(super) fn add_jumps(
                     moves: moves_at(&scene, records, room, k, sums.of),
                     carried,
                     counts,
+                    searches: 1u32.runtime(),
                 };
                 let mut memory = Memory::new(&scene);
                 jumps_seen_from(&scene, &mut memory, &sums, &path, &at, &mut by);

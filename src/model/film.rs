@@ -15,7 +15,7 @@ pub(crate) const BLOCK: u32 = 128;
 /// The most samples of edges that a film is given.
 const MOST: u32 = 1_000_000_000;
 
-/// Samples of edges on the film for so many pixels that a loss depends on, and samples of each: one for four paths, and
+/// Samples of edges on the film for so many pixels that a loss depends on, and samples of each: one for two paths, and
 /// a thousand, which take no time, where paths are few.
 #[cfg_attr(feature = "wgpu", cube)]
 pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
@@ -23,7 +23,7 @@ pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
     if pixels as f32 * samples as f32 <= 4.0e9 {
         let paths = pixels * samples;
         let few = (8 * paths.min(1024)).min(1024);
-        (paths / 4 + (paths % 4).min(1)).max(few).max(1).min(MOST)
+        paths.div_ceil(2).max(few).max(1).min(MOST)
     } else {
         MOST
     }
@@ -91,9 +91,9 @@ mod tests {
             (0, 4, 1),
             (1, 1, 8),
             (200, 2, 1024),
-            (1024, 16, 4096),
-            (1001, 16, 4004),
-            (1003, 9, 2257),
+            (1024, 16, 8192),
+            (1001, 16, 8008),
+            (1003, 9, 4514),
             (1 << 22, 1 << 12, MOST),
         ] {
             assert_eq!(

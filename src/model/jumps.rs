@@ -10,20 +10,42 @@ use crate::cube::*;
 
 /// Points count at least for this share of an average camera ray.
 const LEAST: f32 = 0.05;
-/// The probabilities with which a point that counts as much as a camera ray does on average looks for edges of the
-/// lights' shadows, and of reflected light, which takes two more paths.
-pub(crate) const OF_SHADOWS: f32 = 0.25;
-pub(crate) const OF_REFLECTED: f32 = 0.125;
+/// How many searches a point that counts as much as a camera ray does on average makes for edges of the lights' shadows,
+/// and of reflected light, which takes two more paths.
+const OF_SHADOWS: f32 = 0.5;
+const OF_REFLECTED: f32 = 0.25;
+/// The most searches of a point for either.
+const MOST_SEARCHES: f32 = 8.0;
+/// Sets of random numbers from one search of a point to the next.
+pub(crate) const SEARCH_SETS: u32 = 192;
 /// Points beside an edge are this far from it, over the largest coordinate.
 const BESIDE: f32 = 2e-5;
 /// No triangle.
 const NOTHING: u32 = u32::MAX;
 
-/// The probability with which a point looks for edges, which counts for so much of an average camera ray.
+/// The mean number of searches of a point that counts for so much of an average camera ray.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn probability(rate: f32, counts: f32) -> f32 {
-    (rate * counts.max(LEAST)).min(1.0)
+fn mean_searches(of_light: bool, counts: f32) -> f32 {
+    let mut rate = OF_REFLECTED.runtime();
+    if of_light {
+        rate = OF_SHADOWS.runtime();
+    }
+    rate * counts.max(LEAST)
+}
+
+/// The most searches of such a point.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn searches(of_light: bool, counts: f32) -> u32 {
+    mean_searches(of_light, counts).min(MOST_SEARCHES).ceil() as u32
+}
+
+/// The probability with which each of so many searches is made.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn probability(of_light: bool, counts: f32, searches: u32) -> f32 {
+    (mean_searches(of_light, counts) / searches as f32).min(1.0)
 }
 
 /// The search in the cone that a group of emitters fills, widened by that of the rays; in the hemisphere if it is

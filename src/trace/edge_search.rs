@@ -9,9 +9,7 @@ use super::surface::{Point, receiver_of};
 use crate::model::V3;
 use crate::model::bsdf::Lobe;
 use crate::model::edge_weight::Query;
-use crate::model::jumps::{
-    LobeSearch, OF_REFLECTED, OF_SHADOWS, of_lobe, probability, towards_group, towards_light,
-};
+use crate::model::jumps::{LobeSearch, of_lobe, probability, towards_group, towards_light};
 use crate::model::lists::vector;
 use crate::sampling::{Four, Receiver};
 
@@ -22,10 +20,24 @@ pub(crate) struct Observer {
     pub bounce: u32,
     /// Whether it moves, or the directions that it looks in turn.
     pub moves: bool,
-    /// The derivative of the loss by the light that leaves it, times the path's throughput.
+    /// The derivative of the loss by the light that leaves it, times the path's throughput: what a search has of it.
     pub carried: V3,
-    /// The sum of the channels of that, over the average of camera rays.
+    /// The sum of the channels of the whole derivative, over the average of camera rays.
     pub counts: f32,
+    /// The most searches that it makes.
+    pub searches: u32,
+}
+
+#[cfg_attr(feature = "wgpu", cube)]
+impl Observer {
+    /// It in each of so many searches.
+    #[inline(always)]
+    pub fn part(&self, searches: u32) -> Observer {
+        let mut o = *self;
+        o.carried = self.carried * (1.0 / searches as f32);
+        o.searches = searches;
+        o
+    }
 }
 
 /// A search for an edge, and what is done with it.
@@ -52,23 +64,20 @@ pub(crate) struct Search {
     pub is_light: bool,
 }
 
-/// Whether a point looks for an edge of the light of emitters, or of reflected light, by a uniform number.
+/// Whether a search for an edge of the light of emitters, or of reflected light, is made, by a uniform number.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn looks_for_edges(
     scene: &Scene,
     bounce: u32,
     counts: f32,
+    searches: u32,
     of_light: bool,
     u: f32,
 ) -> bool {
-    let mut looks = u < probability(OF_SHADOWS, counts);
-    if !of_light {
-        // At the end of a path only the environment is seen.
-        let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
-        looks = u < probability(OF_REFLECTED, counts) && (bounce < scene.bounces || sees);
-    }
-    looks
+    // At the end of a path only the environment is seen.
+    let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
+    u < probability(of_light, counts, searches) && (of_light || bounce < scene.bounces || sees)
 }
 
 /// A search for an edge of the light of emitters, or of reflected light, by four uniform numbers; of light by two more.
@@ -106,8 +115,8 @@ pub(crate) fn search(
     };
     if of_light {
         if comptime!(scene.features.emitters) {
-            let rate = probability(OF_SHADOWS, o.counts);
-            s.asked = looks_for_edges(scene, o.bounce, o.counts, true, more.y);
+            let rate = probability(true, o.counts, o.searches);
+            s.asked = looks_for_edges(scene, o.bounce, o.counts, o.searches, true, more.y);
             s.cone_v = more.x;
             if s.asked {
                 let at: Receiver = receiver_of(&o.point, time);
@@ -136,8 +145,8 @@ pub(crate) fn search(
             }
         }
     } else {
-        let rate = probability(OF_REFLECTED, o.counts);
-        s.asked = looks_for_edges(scene, o.bounce, o.counts, false, drawn.x);
+        let rate = probability(false, o.counts, o.searches);
+        s.asked = looks_for_edges(scene, o.bounce, o.counts, o.searches, false, drawn.x);
         if comptime!(sums.of.turns) {
             s.moves = true;
         }

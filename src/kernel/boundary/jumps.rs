@@ -14,6 +14,7 @@ use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
+use crate::model::jumps::{SEARCH_SETS, searches};
 use crate::sampling::{Dimensions, Four, Stream};
 use crate::trace::{
     Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Point, Search, Seen, beside,
@@ -181,45 +182,73 @@ fn find_jumps<'a>(
             continue;
         }
         let time = to.time(level, lane);
-        for of_light in [true, false] {
-            if !to.features.emitters && of_light {
-                continue;
-            }
-            let pair = Four::get(&numbers[usize::from(of_light)], lane);
-            let pick = if of_light { pair.y } else { pair.x };
-            if !looks_for_edges(&to.lists, bounce, counts, of_light, pick) {
-                continue;
-            }
-            let mut drawn = pair;
-            if of_light {
-                drawn = stream(lane).numbers(Dimensions::of_set(3 * bounce));
-            }
-            let observer = Observer {
+        let observer = |count: u32| {
+            let o = Observer {
                 point: level.points.get(lane),
                 bounce,
                 moves: back.moves[bounce as usize][lane],
                 carried,
                 counts,
+                searches: 1,
             };
-            let edge = seen_edge(to, time, &observer, of_light, [drawn, pair], work);
-            let Some((search, view)) = edge else {
+            o.part(count)
+        };
+        for of_light in [true, false] {
+            if !to.features.emitters && of_light {
                 continue;
-            };
-            for k in view.first..view.past {
-                let jump = jump_at(&to.lists, &observer, &search, &view, k, time);
-                if jump.limit > 0.0 {
-                    found[usize::from(of_light)].push(Found {
-                        lane,
-                        observer,
-                        search,
-                        view,
-                        jump,
-                    });
+            }
+            let count = searches(of_light, counts);
+            for again in 0..count {
+                let set = |k| Dimensions::of_set(3 * bounce + SEARCH_SETS * again + k);
+                let more = match again {
+                    0 => Four::get(&numbers[usize::from(of_light)], lane),
+                    _ => stream(lane).numbers(set(if of_light { 1 } else { 2 })),
+                };
+                let pick = if of_light { more.y } else { more.x };
+                if !looks_for_edges(&to.lists, bounce, counts, count, of_light, pick) {
+                    continue;
                 }
+                let drawn = match of_light {
+                    true => stream(lane).numbers(set(0)),
+                    false => more,
+                };
+                let found = &mut found[usize::from(of_light)];
+                let (o, numbers) = (observer(count), [drawn, more]);
+                find_jump(to, time, lane, o, of_light, numbers, work, found);
             }
         }
     }
     found
+}
+
+/// Adds the jumps at an edge that is drawn for a point.
+#[inline(always)]
+fn find_jump(
+    to: &Return,
+    time: f32,
+    lane: usize,
+    observer: Observer,
+    of_light: bool,
+    numbers: [Four; 2],
+    work: &mut Work,
+    found: &mut Vec<Found>,
+) {
+    let edge = seen_edge(to, time, &observer, of_light, numbers, work);
+    let Some((search, view)) = edge else {
+        return;
+    };
+    for k in view.first..view.past {
+        let jump = jump_at(&to.lists, &observer, &search, &view, k, time);
+        if jump.limit > 0.0 {
+            found.push(Found {
+                lane,
+                observer,
+                search,
+                view,
+                jump,
+            });
+        }
+    }
 }
 
 /// Draws an edge that a point sees, for the light of emitters or for reflected light.
