@@ -36,6 +36,8 @@ pub(crate) struct Outcome {
     pub baselines: Baselines,
     pub before: [f64; 2],
     pub after: [f64; 2],
+    /// After training, of as many objects of the training set.
+    pub learned: [f64; 2],
 }
 
 impl Outcome {
@@ -43,6 +45,8 @@ impl Outcome {
         let line = |what: &str, [input, other]: [f64; 2]| {
             println!("validation IoU {what}: {input:.4} input view, {other:.4} other views");
         };
+        let [input, other] = self.learned;
+        println!("training IoU of the network: {input:.4} input view, {other:.4} other views");
         line("of the network", self.after);
         line("of the network before training", self.before);
         line("of the mean shape", self.baselines.mean);
@@ -113,6 +117,8 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
 
     let network = &trained.module;
     let after = predict_and_measure(&validation, network, &fine, &device)?;
+    let learned = make("part of the training set", 0, settings.validation)?;
+    let learned = predict_and_measure(&learned, network, &fine, &device)?;
     let bodies = predict(&validation, network, &fine, &device);
     let path = arguments.out.join("mesh_predictor.png");
     let shown = (&fine, &bodies);
@@ -145,6 +151,7 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
         baselines,
         before,
         after,
+        learned,
     })
 }
 

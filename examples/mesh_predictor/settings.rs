@@ -70,14 +70,14 @@ impl Settings {
     /// 26 minutes on two cores.
     pub fn full() -> Self {
         Self {
-            train: 1536,
+            train: 3072,
             validation: 96,
             views: 3,
             subdivisions: [2, 3],
             degree: 8,
             channels: vec![16, 32, 64, 128],
             hidden: 256,
-            steps: 2400,
+            steps: 4800,
             batch: 16,
             samples: 1,
             rate: 1.5e-3,

@@ -33,10 +33,14 @@ impl Observer {
     /// It in each of so many searches.
     #[inline(always)]
     pub fn part(&self, searches: u32) -> Observer {
-        let mut o = *self;
-        o.carried = self.carried * (1.0 / searches as f32);
-        o.searches = searches;
-        o
+        Observer {
+            point: self.point,
+            bounce: self.bounce,
+            moves: self.moves,
+            carried: self.carried * (1.0 / searches as f32),
+            counts: self.counts,
+            searches,
+        }
     }
 }
 
