@@ -259,3 +259,21 @@ pub(crate) fn by_crossing_plane(normal: V3, other: V3, g: V3) -> V3 {
     let dual = (normal - other * cosine) * (1.0 / (1.0 - cosine * cosine).max(1e-12));
     normal * g.dot(dual)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_make_as_many_searches_as_they_count_for() {
+        for of_light in [true, false] {
+            for counts in [1e-6, 0.05, 0.3, 1.0, 2.0, 3.7, 16.0, 1e30, f32::INFINITY] {
+                let most = searches(of_light, counts);
+                let mean = most as f32 * probability(of_light, counts, most);
+                let wanted = mean_searches(of_light, counts).min(MOST_SEARCHES);
+                assert!((1..=MOST_SEARCHES as u32).contains(&most), "{counts}");
+                assert!((mean - wanted).abs() <= 1e-6 * wanted, "{counts}: {mean}");
+            }
+        }
+    }
+}

@@ -214,7 +214,7 @@ fn find_jumps<'a>(
                 };
                 let found = &mut found[usize::from(of_light)];
                 let (o, numbers) = (observer(count), [drawn, more]);
-                find_jump(to, time, lane, o, of_light, numbers, work, found);
+                find_jump(to, (lane, time), o, of_light, numbers, work, found);
             }
         }
     }
@@ -225,8 +225,7 @@ fn find_jumps<'a>(
 #[inline(always)]
 fn find_jump(
     to: &Return,
-    time: f32,
-    lane: usize,
+    (lane, time): (usize, f32),
     observer: Observer,
     of_light: bool,
     numbers: [Four; 2],
