@@ -45,7 +45,7 @@ def problems(a):
                 "blur": [0.04, 0.005],
             },
         }, {
-            "softray": {"samples": 2, "rate": [0.1, 0.01], "lambda": 8.0},
+            "softray": {"samples": 1, "rate": [0.1, 0.01], "lambda": 8.0},
             # Its tutorial's integrator, λ, optimiser and rate; samples and the fall of the rate are ours.
             "Mitsuba": {"method": "direct_projective", "samples": 16, "rate": [0.1, 0.01], "lambda": 25.0},
         }
