@@ -13,6 +13,7 @@ use super::records::{OF_TRIANGLE, Room};
 use super::sums::{Adding, TYPICAL, is_skipped};
 use super::walk::Start;
 use crate::model::camera::CameraGradient;
+use crate::model::jumps::counts_of;
 use crate::model::numbers::is_nonzero;
 use crate::model::{V3, v3};
 use crate::trace::{Derivatives, Observer, PointGradient, Scene, Seen, UNIT, add_to_camera};
@@ -138,7 +139,7 @@ pub(super) fn add_jumps(
             let arrival = room.arrival(records, k);
             let carried = g.radiance.times(arrival.throughput);
             let typical = loss.typical(which.view);
-            let counts = carried.abs().element_sum() / typical.max(1e-37);
+            let counts = counts_of(carried, typical.max(1e-37), scene.samples_log);
             let path = begin(&scene, which.pixel, which.sample);
             let point = arrival.point(&scene, path.time);
             if counts > 0.0 && point.reflects {

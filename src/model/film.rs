@@ -1,5 +1,6 @@
 //! Edges on the film: how many are drawn, which, and what pixels count for.
 
+use super::jumps::FEW_SAMPLES;
 use super::lists::first_over;
 use super::segment::OnSegment;
 use crate::cube::*;
@@ -15,15 +16,19 @@ pub(crate) const BLOCK: u32 = 128;
 /// The most samples of edges that a film is given.
 const MOST: u32 = 1_000_000_000;
 
-/// Samples of edges on the film for so many pixels that a loss depends on, and samples of each: one for two paths, and
-/// a thousand, which take no time, where paths are few.
+/// Samples of edges on the film for so many pixels that a loss depends on, and samples of each: one for two paths, for four
+/// where a pixel has few ([`FEW_SAMPLES`]), and a thousand, which take no time, where paths are few.
 #[cfg_attr(feature = "wgpu", cube)]
 pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
     // The product would not fit otherwise.
     if pixels as f32 * samples as f32 <= 4.0e9 {
         let paths = pixels * samples;
         let few = (8 * paths.min(1024)).min(1024);
-        paths.div_ceil(2).max(few).max(1).min(MOST)
+        let mut each = 2u32;
+        if samples <= 1u32 << FEW_SAMPLES {
+            each = 4u32;
+        }
+        paths.div_ceil(each).max(few).max(1).min(MOST)
     } else {
         MOST
     }
@@ -92,6 +97,8 @@ mod tests {
             (1, 1, 8),
             (200, 2, 1024),
             (1024, 16, 8192),
+            (4096, 4, 4096),
+            (4096, 5, 10240),
             (1001, 16, 8008),
             (1003, 9, 4514),
             (1 << 22, 1 << 12, MOST),

@@ -14,6 +14,9 @@ const LEAST: f32 = 0.05;
 /// and of reflected light, which takes two more paths.
 const OF_SHADOWS: f32 = 0.5;
 const OF_REFLECTED: f32 = 0.25;
+/// Up to so many samples a pixel (log₂) a point makes half as many, and the film has half as many samples: many steps of a
+/// fit with few paths each gain more from time than from quiet gradients.
+pub(crate) const FEW_SAMPLES: u32 = 2;
 /// The most searches of a point for either.
 const MOST_SEARCHES: f32 = 8.0;
 /// Sets of random numbers from one search of a point to the next.
@@ -22,6 +25,18 @@ pub(crate) const SEARCH_SETS: u32 = 192;
 const BESIDE: f32 = 2e-5;
 /// No triangle.
 const NOTHING: u32 = u32::MAX;
+
+/// What a point counts for: the sum of the channels of the derivative that it carries, over the typical one of a camera
+/// ray, by how many samples a pixel has (log₂).
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn counts_of(carried: V3, typical: f32, samples_log: u32) -> f32 {
+    let mut counts = carried.abs().element_sum() / typical;
+    if samples_log <= FEW_SAMPLES {
+        counts *= 0.5;
+    }
+    counts
+}
 
 /// The mean number of searches of a point that counts for so much of an average camera ray.
 #[cfg_attr(feature = "wgpu", cube)]

@@ -22,7 +22,7 @@ pub(crate) struct Observer {
     pub moves: bool,
     /// The derivative of the loss by the light that leaves it, times the path's throughput: what a search has of it.
     pub carried: V3,
-    /// The sum of the channels of the whole derivative, over the average of camera rays.
+    /// What it counts for (`counts_of`), in all of its searches.
     pub counts: f32,
     /// The most searches that it makes.
     pub searches: u32,

@@ -14,7 +14,7 @@ use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
-use crate::model::jumps::{SEARCH_SETS, searches};
+use crate::model::jumps::{SEARCH_SETS, counts_of, searches};
 use crate::sampling::{Dimensions, Four, Stream};
 use crate::trace::{
     Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Point, Search, Seen, beside,
@@ -176,7 +176,7 @@ fn find_jumps<'a>(
             });
         }
         let carried = to.by_light(level, lane) * level.throughputs.get(lane);
-        let counts = carried.abs().element_sum() / to.typical;
+        let counts = counts_of(carried, to.typical, to.lists.samples_log);
         let reflects = level.points.lanes(lane).reflects[lane % LANES];
         if !reflects || counts.is_nan() || counts <= 0.0 {
             continue;
