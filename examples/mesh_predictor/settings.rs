@@ -67,7 +67,7 @@ impl Settings {
         }
     }
 
-    /// 26 minutes on two cores.
+    /// About half an hour on two cores that have nothing else to do.
     pub fn full() -> Self {
         Self {
             train: 3072,
