@@ -112,15 +112,18 @@ impl LastHierarchy {
         self.lock().last.clone()
     }
 
-    /// A hierarchy of these triangles, some of which may be spare. The last one is overwritten where no other render has
-    /// it.
+    /// A hierarchy of these triangles, some of which may be spare: the last one, or where that has another number of
+    /// triangles one that they are `like`, fitted to them. The last one is overwritten where no other render has it.
     pub fn take(
         &self,
+        like: Option<&Arc<Hierarchy>>,
         triangles: impl IndexedParallelIterator<Item = HostTriangle>,
         spare: Spare,
     ) -> Arc<Hierarchy> {
         let last = self.lock().last.take();
-        let mut own = last.unwrap_or_else(|| Arc::new(Hierarchy::new(Vec::new(), None)));
+        let last = last.filter(|last| last.triangles.len() == triangles.len());
+        let own = last.or_else(|| like.cloned());
+        let mut own = own.unwrap_or_else(|| Arc::new(Hierarchy::new(Vec::new(), None)));
         let fitted = Arc::make_mut(&mut own).update(triangles, spare);
         let mut cached = self.lock();
         if fitted {

@@ -4,7 +4,6 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::DVec3;
-use rayon::iter::ParallelIterator;
 
 use super::lists::Lists;
 use crate::accel::{Hierarchy, LastHierarchy, Spare};
@@ -62,12 +61,12 @@ impl KernelScene {
             .count() as u64
     }
 
-    /// Packs a scene; boxes are fitted to those of another where they still serve.
+    /// Packs a scene; boxes of the last render, or of another scene, are fitted where they still serve.
     pub fn new(
         scene: &mut HostScene,
         sampling: EmitterSampling,
-        like: Option<&Hierarchy>,
-        cache: Option<&LastHierarchy>,
+        like: Option<&Arc<Hierarchy>>,
+        cache: &LastHierarchy,
     ) -> Self {
         let frame = SceneFrame::new(scene);
         let moves = scene.objects.iter().any(|o| o.velocity.is_some());
@@ -86,18 +85,9 @@ impl KernelScene {
         };
         let spare: Spare = Some(&plain);
         // As in the last render, while a fit looks at a scene from elsewhere or by other light.
-        let last = cache.and_then(LastHierarchy::last);
+        let last = cache.last();
         let last = last.filter(|last| last.is_of(lists.triangles.len(), triangle));
-        let hierarchy = match (last, like, cache) {
-            (Some(last), ..) => last,
-            (_, Some(like), _) if like.triangles.len() == lists.triangles.len() => {
-                let mut own = like.clone();
-                own.update(lists.for_boxes(way), spare);
-                Arc::new(own)
-            }
-            (_, _, Some(cache)) => cache.take(lists.for_boxes(way), spare),
-            _ => Arc::new(Hierarchy::new(lists.for_boxes(way).collect(), spare)),
-        };
+        let hierarchy = last.unwrap_or_else(|| cache.take(like, lists.for_boxes(way), spare));
         lists.add_surfaces(&hierarchy.triangles);
         let mut packed = Packed::default();
         let materials = scene.materials.iter_mut();

@@ -3,6 +3,7 @@
 use burn::tensor::{Device, Tensor};
 
 use super::scene::KernelScene;
+use crate::accel::LastHierarchy;
 use crate::sampling::EmitterSampling;
 use crate::scene::{Albedo, HostScene, Material, Mesh, Object, Scene};
 
@@ -38,7 +39,12 @@ fn a_textured_emitter_is_chosen_by_its_mean_radiance() {
         .with(triangle(uvs[1], 1.0, texture))
         .with(triangle([[0.0; 2]; 3], 2.0, [constant; 3].into()));
     let mut host = HostScene::new(&scene).expect("values");
-    let packed = KernelScene::new(&mut host, EmitterSampling::Power, None, None);
+    let packed = KernelScene::new(
+        &mut host,
+        EmitterSampling::Power,
+        None,
+        &LastHierarchy::default(),
+    );
     let fine = 400;
     let mean_over = |uvs: [[f32; 2]; 3]| {
         let (mut sum, mut count) = (0.0, 0.0);

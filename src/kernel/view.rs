@@ -19,7 +19,7 @@ pub(crate) struct View {
     pub settings: ViewSettings,
     pub host_camera: HostCamera,
     pub camera: Camera,
-    pub filter: PixelFilter,
+    pub filter: Arc<PixelFilter>,
     /// The tangent of the half-angle of the cones of bounce and shadow rays.
     pub cone: f32,
     /// Random numbers for the kernels of cones.
@@ -71,12 +71,8 @@ impl Deref for Tracer<'_> {
 pub(crate) struct ViewSettings {
     pub width: u32,
     pub height: u32,
-    /// The least radius of the pixel filter, in pixels.
-    pub pixels: f64,
     /// The tangent of the half-angle of the cones of bounce and shadow rays.
     pub cone: f64,
-    /// The same for camera rays, where that is wider than the filter.
-    pub camera_cone: f64,
     pub bounces: u32,
     pub roulette_after: Option<u32>,
     pub multiple_importance: bool,
@@ -89,14 +85,12 @@ impl View {
     pub fn new(
         scene: Arc<KernelScene>,
         camera: HostCamera,
+        filter: Arc<PixelFilter>,
         settings: ViewSettings,
         wanted: Wanted,
         edge_sets: Option<Arc<EdgeSets>>,
     ) -> Self {
         let mut model = camera.model(&scene.frame, settings.width, settings.height);
-        let pixels_per_tangent = 0.5 * f64::from(settings.height) / camera.half_height;
-        let wide = settings.camera_cone * pixels_per_tangent;
-        let filter = PixelFilter::of_cone(settings.pixels, wide);
         model.filter = filter.cone_radius();
         let mut view = Self {
             host_camera: camera,

@@ -1,5 +1,7 @@
 //! The kernels that blur: of the film and of cones.
 
+use std::sync::Arc;
+
 use super::frame::sin_cos_of_turns;
 use super::{V2, v2};
 #[cfg(feature = "wgpu")]
@@ -71,9 +73,9 @@ pub(crate) fn film_kernel(u: f32) -> f32 {
 /// The filter of a pixel along one axis: a box of one pixel, smoothed by [`film_kernel`] of a radius in
 /// pixels. Its inverse cumulative distribution is tabulated, for one half, over the fourth root of the
 /// number: the filter ends like a fourth power, so that its tail is as exact as its middle.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct PixelFilter {
-    radius: f32,
+    radius: f64,
     /// Whether the radius is that of a cone, which changes with the field of view.
     is_cone: bool,
     pub table: Vec<f32>,
@@ -98,7 +100,7 @@ impl PixelFilter {
             (0.5 * (low + high)) as f32
         });
         Self {
-            radius: radius as f32,
+            radius,
             is_cone: false,
             table: table.collect(),
         }
@@ -114,23 +116,41 @@ impl PixelFilter {
 
     /// The radius in pixels where it changes with the field of view, else 0.
     pub fn cone_radius(&self) -> f32 {
-        if self.is_cone { self.radius } else { 0.0 }
+        if self.is_cone { self.radius() } else { 0.0 }
     }
 
     /// The derivative of a point of the filter by the radius, times the radius, in pixels.
     pub fn spread(&self, x: f32) -> f64 {
-        f64::from(self.radius * filter_by_radius(x, self.radius))
+        let radius = self.radius();
+        f64::from(radius * filter_by_radius(x, radius))
     }
 
     /// The radius of the kernel that smooths the box, in pixels.
     pub fn radius(&self) -> f32 {
-        self.radius
+        self.radius as f32
     }
 
     /// A point of the filter about the middle of a pixel, in pixels, for a uniform number.
     #[inline(always)]
     pub fn sample(&self, u: f32) -> f32 {
         sample_filter(&self.table, 0, u)
+    }
+}
+
+/// The filters of views, which share those that are the same.
+#[derive(Default)]
+pub(crate) struct Filters(Vec<Arc<PixelFilter>>);
+
+impl Filters {
+    /// [`PixelFilter::of_cone`].
+    pub fn of_cone(&mut self, least: f64, cone: f64) -> Arc<PixelFilter> {
+        let same =
+            |f: &&Arc<PixelFilter>| f.radius == least.max(cone) && f.is_cone == (cone > least);
+        if let Some(known) = self.0.iter().find(same) {
+            return known.clone();
+        }
+        self.0.push(Arc::new(PixelFilter::of_cone(least, cone)));
+        self.0[self.0.len() - 1].clone()
     }
 }
 

@@ -2,22 +2,38 @@
 
 use std::fmt;
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use crate::accel::LastHierarchy;
 use crate::kernel::LastEdges;
 
 /// What is kept from render to render, as in the steps of a fit: boxes over triangles, which edges meshes have, and how
-/// these are divided. Boxes are fitted to triangles that moved, and built anew when they have grown by half, or there are
-/// other triangles.
+/// these are divided, for each scene of a batch by its number. Boxes are fitted to triangles that moved, and built anew
+/// when they have grown by half, or there are other triangles.
 #[derive(Clone, Default)]
-pub struct HierarchyCache {
-    pub(super) boxes: LastHierarchy,
-    pub(super) edges: LastEdges,
+pub struct HierarchyCache(Arc<Mutex<Vec<LastScene>>>);
+
+/// What a scene leaves for the next render.
+#[derive(Clone, Default)]
+pub(super) struct LastScene {
+    pub boxes: LastHierarchy,
+    pub edges: LastEdges,
 }
 
 impl HierarchyCache {
     /// The numbers of times that boxes were built and fitted.
     pub fn counts(&self) -> [u64; 2] {
-        self.boxes.counts()
+        let scenes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let counts = scenes.iter().map(|scene| scene.boxes.counts());
+        counts.fold([0; 2], |[a, b], [builds, fits]| [a + builds, b + fits])
+    }
+
+    /// What so many scenes of a batch left.
+    pub(super) fn scenes(&self, count: usize) -> Vec<LastScene> {
+        let mut scenes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let most = scenes.len().max(count);
+        scenes.resize_with(most, LastScene::default);
+        scenes[..count].to_vec()
     }
 }
 

@@ -7,12 +7,15 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
+use crate::accel::Hierarchy;
 use crate::device::label;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, detached};
 use crate::kernel::{EdgeSets, KernelScene, View, ViewSettings, Wanted};
 use crate::model::camera::HostCamera;
+use crate::model::filter::Filters;
 use crate::render::batch::{Batch, in_batch};
+use crate::render::cache::LastScene;
 use crate::render::options::{RenderOptions, sampler};
 use crate::scene::{
     Camera, Collect, HostScene, ParameterId, Scene, Visit, check_devices, look_at_scene, to_host,
@@ -70,19 +73,21 @@ fn read(batch: &Batch) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
     Ok((hosts, cameras.collect::<Result<_>>()?))
 }
 
-/// The scenes as kernels have them; the boxes of the first serve the others.
-fn pack(hosts: &mut [HostScene], options: &RenderOptions) -> Vec<Arc<KernelScene>> {
-    let emitters = options.sampling.emitters;
-    let boxes = options.cache.as_ref().map(|cache| &cache.boxes);
-    let first = KernelScene::new(&mut hosts[0], emitters, None, boxes);
-    let first = Arc::new(first);
-    let others: Vec<Arc<KernelScene>> = hosts[1..]
-        .par_iter_mut()
-        .map(|host| {
-            let like = Some(&*first.hierarchy);
-            Arc::new(KernelScene::new(host, emitters, like, None))
-        })
-        .collect();
+/// The scenes as kernels have them; the boxes of the first serve the others, where these have none of their own.
+fn pack(
+    hosts: &mut [HostScene],
+    last: &[LastScene],
+    options: &RenderOptions,
+) -> Vec<Arc<KernelScene>> {
+    let pack = |(host, last): (&mut HostScene, &LastScene), like: Option<&Arc<Hierarchy>>| {
+        let emitters = options.sampling.emitters;
+        Arc::new(KernelScene::new(host, emitters, like, &last.boxes))
+    };
+    let (host, others) = hosts.split_first_mut().expect("a batch has a scene");
+    let first = pack((host, &last[0]), None);
+    let others = others.par_iter_mut().zip(&last[1..]);
+    let others = others.map(|of_scene| pack(of_scene, Some(&first.hierarchy)));
+    let others: Vec<Arc<KernelScene>> = others.collect();
     std::iter::once(first).chain(others).collect()
 }
 
@@ -94,12 +99,15 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let (mut hosts, cameras) = read(batch)?;
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);
-    let scenes = pack(&mut hosts, options);
+    let last = options.cache.clone().unwrap_or_default();
+    let last = last.scenes(hosts.len());
+    let scenes = pack(&mut hosts, &last, options);
 
     let mut row = Collect::default();
     let scene_places = collect_scenes(&mut row, batch);
-    let mut views = Vec::with_capacity(batch.views.len());
-    let mut edge_sets: Vec<Option<Arc<EdgeSets>>> = vec![None; scenes.len()];
+    let mut of_views = Vec::with_capacity(batch.views.len());
+    // For each scene the first view with derivatives by what jumps.
+    let mut moving = vec![None; scenes.len()];
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
         visit_camera(&mut camera.clone(), &mut row);
         let places = Places {
@@ -108,23 +116,29 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
         };
         let ids = places.scene.iter().chain(&places.camera).map(|p| p.0);
         let wanted = Wanted::new(&scenes[*scene], ids);
-        let edges = wanted.moves().then(|| {
-            edge_sets[*scene]
-                .get_or_insert_with(|| {
-                    let last = options.cache.as_ref().filter(|_| *scene == 0);
-                    let last = last.map(|cache| cache.edges.clone()).unwrap_or_default();
-                    let (host, scene) = (&hosts[*scene], &scenes[*scene]);
-                    EdgeSets::new(host, scene, &wanted, &last)
-                })
-                .clone()
-        });
+        if wanted.moves() {
+            moving[*scene].get_or_insert(index);
+        }
+        of_views.push((wanted, places));
+    }
+    let edges = |(s, view): (usize, &Option<usize>)| {
+        let wanted = &of_views[(*view)?].0;
+        Some(EdgeSets::new(&hosts[s], &scenes[s], wanted, &last[s].edges))
+    };
+    let edge_sets: Vec<Option<Arc<EdgeSets>>> = moving.par_iter().enumerate().map(edges).collect();
+    let mut filters = Filters::default();
+    let of_batch = batch.views.iter().zip(&cameras).enumerate();
+    let of_batch = of_batch.zip(of_views);
+    let views = of_batch.map(|((index, ((scene, _), camera)), (wanted, places))| {
+        // With a blur of all rays the camera's is as wide as the others.
+        let wide = options.blur.map_or(0.0, f64::tan);
+        let pixels_per_tangent = 0.5 * options.height as f64 / camera.half_height;
+        let filter = filters.of_cone(pixels, wide * pixels_per_tangent);
+        let edges = edge_sets[*scene].clone().filter(|_| wanted.moves());
         let settings = ViewSettings {
             width: options.width as u32,
             height: options.height as u32,
-            pixels,
             cone: angle.tan(),
-            // With a blur of all rays the camera's is as wide as the others.
-            camera_cone: options.blur.map_or(0.0, f64::tan),
             bounces: options.bounces,
             roulette_after: options.roulette_after,
             multiple_importance: options.sampling.multiple_importance,
@@ -132,12 +146,12 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
             interior,
         };
         let scene = scenes[*scene].clone();
-        let view = View::new(scene, cameras[index], settings, wanted, edges);
+        let view = View::new(scene, *camera, filter, settings, wanted, edges);
         view.warn_of_hard_shadows();
-        views.push((view, places));
-    }
+        (view, places)
+    });
     Ok(Prepared {
-        views,
+        views: views.collect(),
         parent: (!row.rows.is_empty()).then(|| Tensor::cat(row.rows, 0)),
         context,
         lit,

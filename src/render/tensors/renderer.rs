@@ -253,10 +253,10 @@ fn sight(
 ) -> Result<(Sight, Option<PixelFilter>)> {
     let hierarchy = || match hierarchy {
         Some(hierarchy) => Ok(hierarchy),
-        None => hierarchy_of(
-            &scene.triangles,
-            options.cache.as_ref().map(|cache| &cache.boxes),
-        ),
+        None => {
+            let cache = options.cache.clone().unwrap_or_default();
+            hierarchy_of(&scene.triangles, &cache.scenes(1)[0].boxes)
+        }
     };
     match options.visibility.form(scene.unit) {
         VisibilityForm::Cones { angle, pixels } => {

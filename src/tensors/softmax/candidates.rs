@@ -204,10 +204,7 @@ pub(crate) fn grouped(lists: &[Option<List>]) -> Vec<Vec<u32>> {
 }
 
 /// Boxes over triangles that are read back, or those of a cache fitted to them.
-pub(crate) fn hierarchy_of(
-    triangles: &Triangles,
-    cache: Option<&LastHierarchy>,
-) -> Result<Arc<Hierarchy>> {
+pub(crate) fn hierarchy_of(triangles: &Triangles, cache: &LastHierarchy) -> Result<Arc<Hierarchy>> {
     let corners = &triangles.corners;
     let (a, b) = (host_vectors(&corners.a)?, host_vectors(&corners.b)?);
     let c = host_vectors(&corners.c)?;
@@ -218,8 +215,5 @@ pub(crate) fn hierarchy_of(
         HostTriangle::new([a[k], b[k], c[k]], shift, valid[k] > 0.0)
     };
     let list = (0..a.len()).into_par_iter().map(triangle);
-    Ok(match cache {
-        Some(cache) => cache.take(list, None),
-        None => Arc::new(Hierarchy::new(list.collect(), None)),
-    })
+    Ok(cache.take(None, list, None))
 }
