@@ -76,10 +76,8 @@ fn render_pixels(
         let rows = comptime!(outputs.rows());
         let own = (row + thread) as usize * rows;
         if fresh == 1 {
-            let mut k = 0usize;
-            while k < rows {
+            for k in 0..rows {
                 image[own + k] = 0.0;
-                k += 1;
             }
         }
         let mut sample = which.sample;
@@ -94,25 +92,16 @@ fn render_pixels(
 
 /// Adds rows of chunks of samples to those of an image, in order, or sets these to them.
 #[cube(launch)]
-fn add_chunks(
-    partial: &[f32],
-    image: &mut [f32],
-    first: u32,
-    length: u32,
-    chunks: u32,
-    fresh: u32,
-) {
-    if ABSOLUTE_POS < length as usize {
-        let thread = ABSOLUTE_POS as u32;
-        let own = (first + thread) as usize;
+fn add_chunks(partial: &[f32], image: &mut [f32], first: u32, chunks: u32, fresh: u32) {
+    let length = partial.len() / chunks as usize;
+    if ABSOLUTE_POS < length {
+        let own = first as usize + ABSOLUTE_POS;
         let mut sum = 0.0f32;
         if fresh == 0 {
             sum = image[own];
         }
-        let mut chunk = 0u32;
-        while chunk < chunks {
-            sum += partial[(chunk * length + thread) as usize];
-            chunk += 1;
+        for chunk in 0..chunks {
+            sum += partial[chunk as usize * length + ABSOLUTE_POS];
         }
         image[own] = sum;
     }
@@ -160,17 +149,11 @@ impl GpuBackend for Cube {
                 )
             );
             if let Some(partial) = partial {
+                let to = piece.first * rows as u32;
                 launch!(
                     &client,
                     count * rows,
-                    add_chunks(
-                        &partial,
-                        &image,
-                        piece.first * rows as u32,
-                        (count * rows) as u32,
-                        chunks,
-                        first
-                    )
+                    add_chunks(&partial, &image, to, chunks, first)
                 );
             }
         }
