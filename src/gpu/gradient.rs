@@ -26,6 +26,7 @@ const OF_VERTICES: u32 = 1;
 const MATRIX: u32 = 2;
 
 /// How the gradient of a view's tensors follows from sums.
+#[derive(Default)]
 pub(super) struct Table {
     pub words: Vec<u32>,
     pub factors: Vec<f32>,
@@ -42,11 +43,7 @@ impl Table {
         scene: TensorPlaces,
         camera: TensorPlaces,
     ) -> Self {
-        let mut table = Self {
-            words: Vec::new(),
-            factors: Vec::new(),
-            numbers: 0,
-        };
+        let mut table = Self::default();
         let first = &sums.first[v];
         for (id, to) in scene.iter().filter(|_| sums.owns(v)) {
             if let ParameterId::Light(light, part) = *id {
@@ -111,25 +108,21 @@ impl Table {
     }
 }
 
-#[cube]
-fn vector_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> V3 {
-    v3(
-        sum_at(sums, scales, at, part),
-        sum_at(sums, scales, at + 1, part),
-        sum_at(sums, scales, at + 2, part),
-    )
-}
-
 /// The part of a vertex's derivative that comes from the normals and areas of its triangles.
 #[cube]
 fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 {
     let mut by = splat(0.0);
-    let mut i = scene.vertex_starts[vertex as usize];
-    while i < scene.vertex_starts[vertex as usize + 1] {
+    let first = scene.vertex_starts[vertex as usize];
+    let past = scene.vertex_starts[vertex as usize + 1];
+    for i in first..past {
         let corner = scene.vertex_corners[i as usize];
         let k = corner / 3;
         let normals = scene.first_sums[comptime!(TRIANGLES as usize)] + 3 * k;
-        let by_normal = vector_at(sums, scales, normals, TRIANGLES);
+        let by_normal = v3(
+            sum_at(sums, scales, normals, TRIANGLES),
+            sum_at(sums, scales, normals + 1, TRIANGLES),
+            sum_at(sums, scales, normals + 2, TRIANGLES),
+        );
         let areas = scene.first_sums[comptime!(AREAS as usize)] + k;
         let by_area = sum_at(sums, scales, areas, AREAS);
         let triangle = scene.triangle(k);
@@ -145,7 +138,6 @@ fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 
                 by += sides.second;
             }
         }
-        i += 1;
     }
     by
 }
@@ -178,11 +170,9 @@ pub(super) fn write_gradient(
         let factor = table[row + 7];
         let mut value = 0.0f32;
         if kind == MATRIX {
-            let mut k = 0u32;
-            while k < of_sums {
+            for k in 0..of_sums {
                 let by = sum_at(sums, scales, first + k, part);
                 value += factors[(factor + i * of_sums + k) as usize] * by;
-                k += 1;
             }
         } else {
             let column = i % own;
