@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::device::List;
 use super::sums::Places;
 use crate::accel::GpuTree;
-use crate::kernel::{Root, View};
+use crate::kernel::View;
 use crate::trace::{Derivatives, Features, HEADER, Scene};
 
 /// Words of a tree over edges ([`Scene::edge_trees`]): where its lists begin, its root, and the number of its edges.
@@ -173,32 +173,20 @@ impl OfScene {
             this.add_vertex_corners(view);
         }
         if let Some(sets) = &view.edge_sets {
-            let [all, moving] = [true, false].map(|rays_move| sets.seen_by(rays_move));
-            this.add_edge_tree(&all);
-            if std::ptr::eq(all.nodes, moving.nodes) && std::ptr::eq(all.leaves, moving.leaves) {
-                let [a, b, c, d, ..] = this.edge_trees[0];
-                this.edge_trees
-                    .push([a, b, c, d, moving.start, moving.count]);
-            } else {
-                this.add_edge_tree(&moving);
+            // The trees may share their lists.
+            let (mut floats, mut words) = (HashMap::new(), HashMap::new());
+            for root in [true, false].map(|rays_move| sets.seen_by(rays_move)) {
+                this.edge_trees.push([
+                    place_of(root.nodes, &mut this.edge_nodes, &mut floats),
+                    place_of(root.children, &mut this.edge_children, &mut words),
+                    place_of(root.leaves, &mut this.edge_leaves, &mut floats),
+                    place_of(root.edges, &mut this.edges_of_leaves, &mut words),
+                    root.start,
+                    root.count,
+                ]);
             }
         }
         this
-    }
-
-    fn add_edge_tree(&mut self, root: &Root) {
-        let lengths = [
-            self.edge_nodes.len(),
-            self.edge_children.len(),
-            self.edge_leaves.len(),
-            self.edges_of_leaves.len(),
-        ];
-        let [a, b, c, d] = lengths.map(|length| length as u32);
-        self.edge_trees.push([a, b, c, d, root.start, root.count]);
-        self.edge_nodes.extend(root.nodes);
-        self.edge_children.extend(root.children);
-        self.edge_leaves.extend(root.leaves);
-        self.edges_of_leaves.extend(root.edges);
     }
 
     /// The corners of triangles at each vertex.
