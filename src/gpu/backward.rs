@@ -2,8 +2,9 @@
 
 use crate::cube::*;
 
-use super::camera::{Beginning, camera};
+use super::camera::{Beginning, begin, camera};
 use super::hit::Memory;
+use super::job::PathAt;
 use super::records::{
     ESCAPED, MOST_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
     SAW_MAP_ALONG, WENT_ON,
@@ -15,9 +16,9 @@ use crate::model::connection::Target;
 use crate::model::{V3, splat};
 use crate::sampling::{EmitterPlace, Four};
 use crate::trace::{
-    Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, emitters_of,
-    leave_backward, light_backward, map_backward, map_of, middle_of, point_backward, receiver_of,
-    seen_backward, sky_backward, target_of,
+    Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, add_to_camera,
+    emitters_of, leave_backward, light_backward, map_backward, map_of, middle_of, point_backward,
+    receiver_of, seen_backward, sky_backward, target_of,
 };
 
 /// A point of a path on the way back.
@@ -80,19 +81,18 @@ fn vertex(
     }
 }
 
-/// Back along a path: adds the derivatives of the light that it brought, times `upstream`.
+/// Back along a path of a pixel: adds the derivatives of the light that it brought, times `upstream`.
 #[cube]
 pub(super) fn path_backward(
     scene: &Scene,
     records: &mut [u32],
-    memory: &mut Memory,
     sums: &Sums,
     room: Room,
-    path: Beginning,
-    pixel: u32,
+    which: PathAt,
     upstream: Seen,
-    by_camera: &mut CameraGradient,
 ) {
+    let mut memory = Memory::new(scene);
+    let path = begin(scene, which.pixel, which.sample);
     let g = upstream.radiance;
     let points = records[room.points()];
     let mut by_throughput = splat(0.0);
@@ -128,7 +128,7 @@ pub(super) fn path_backward(
             );
         }
         if comptime!(scene.features.emitters) {
-            by_before += emitters_backward(scene, memory, sums, &path, &v, &mut by);
+            by_before += emitters_backward(scene, &mut memory, sums, &path, &v, &mut by);
         }
         if comptime!(scene.features.gathers_map) {
             by_before += light_of_map_backward(scene, sums, &v, &mut by);
@@ -144,13 +144,15 @@ pub(super) fn path_backward(
         by_ray = point_backward(scene, sums, &v.point, path.time, &by, by_t);
     }
     if comptime!(sums.of.camera) {
+        let mut by_camera = CameraGradient::default();
         camera(scene).ray_backward(
             &path.ray,
-            middle_of(scene, pixel),
+            middle_of(scene, which.pixel),
             by_ray.origin,
             by_ray.direction,
-            by_camera,
+            &mut by_camera,
         );
+        add_to_camera(sums, &by_camera);
     }
 }
 

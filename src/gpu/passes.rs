@@ -12,11 +12,10 @@ use super::path::path_light;
 use super::records::{OF_TRIANGLE, Room};
 use super::sums::{Adding, TYPICAL, is_skipped};
 use super::walk::Start;
-use crate::model::camera::CameraGradient;
 use crate::model::jumps::counts_of;
 use crate::model::numbers::is_nonzero;
 use crate::model::{V3, v3};
-use crate::trace::{Derivatives, Observer, PointGradient, Scene, Seen, UNIT, add_to_camera};
+use crate::trace::{Derivatives, Observer, PointGradient, Scene, Seen, UNIT};
 
 /// The derivatives of a loss by the rows of an image, and the scales of sums.
 #[apply(argument!)]
@@ -170,24 +169,8 @@ pub(super) fn go_back(paths: Paths, loss: Loss, records: &mut [u32], adding: Add
         let sums = adding.of_thread(&scene, loss.scales, thread);
         let g = loss.of_row(&scene, which.row);
         if is_nonzero(g.size()) {
-            let mut by_camera = CameraGradient::default();
             let room = Room::new(thread, threads, scene.bounces);
-            let mut memory = Memory::new(&scene);
-            let path = begin(&scene, which.pixel, which.sample);
-            path_backward(
-                &scene,
-                records,
-                &mut memory,
-                &sums,
-                room,
-                path,
-                which.pixel,
-                g,
-                &mut by_camera,
-            );
-            if comptime!(sums.of.camera) {
-                add_to_camera(&sums, &by_camera);
-            }
+            path_backward(&scene, records, &sums, room, which, g);
         }
     }
 }
