@@ -6,14 +6,15 @@ use rayon::prelude::*;
 use crate::cube::*;
 
 use super::camera::{Beginning, camera};
+use super::gradient::ViewPlaces;
 use super::hit::{Memory, Ray, trace};
-use super::job::Views;
+use super::job::{Job, Views};
 use super::jumps::light_beside;
 use super::passes::Loss;
 use super::sums::{Adding, is_skipped};
-use crate::kernel::{Piece, View};
+use crate::kernel::Piece;
 use crate::model::camera::{Camera, CameraRay};
-use crate::model::film::{BLOCK, DrawnPiece, draw_piece};
+use crate::model::film::{BLOCK, DrawnPiece, draw_piece, samples_of_film};
 use crate::model::numbers::{is_finite, is_nonzero};
 use crate::model::segment::OnSegment;
 use crate::sampling::Dimensions;
@@ -55,22 +56,19 @@ pub(crate) struct Films {
 }
 
 impl Films {
-    /// From views, whether jumps are added on the film of each and the most samples for them, and the pixels if not all
-    /// are asked for.
-    pub fn new(views: &[(&View, Option<u32>)], pixels: Option<&[u32]>) -> Self {
+    /// Of the views of a job.
+    pub fn new(views: &[ViewPlaces], job: &Job) -> Self {
         let mut films = Self::default();
-        // So many that their numbers have room.
+        // So many at most that their numbers have room.
         let most = u32::MAX / 2 / views.len().max(1) as u32;
-        let pieces = |&(view, samples): &(&View, Option<u32>)| {
-            samples.map_or(Vec::new(), |_| view.film_pieces(|_| 1.0))
-        };
+        let samples = samples_of_film(job.of_view as u32, job.samples).min(most);
+        let pieces = |v: &ViewPlaces| v.0.film_pieces(|_| 1.0);
         let pieces: Vec<Vec<Piece>> = views.par_iter().map(pieces).collect();
         let mut size = 0;
-        for (&(view, samples), pieces) in views.iter().zip(&pieces) {
+        for (&(view, ..), pieces) in views.iter().zip(&pieces) {
             let (width, height) = (view.settings.width, view.settings.height);
             size = (width * height) as usize;
-            let own = samples.filter(|_| !pieces.is_empty()).unwrap_or(0);
-            let own = own.min(most);
+            let own = if pieces.is_empty() { 0 } else { samples };
             films.samples += own;
             let first = films.count;
             films.count += pieces.len() as u32;
@@ -86,7 +84,7 @@ impl Films {
         }
         let blocks = films.blocks.max(1) as usize;
         films.pieces.resize(films.pieces.len() + blocks, 0.0);
-        if let Some(pixels) = pixels {
+        if let Some(pixels) = &job.pixels {
             let first = films.table.len();
             films.table.resize(first + size, u32::MAX);
             for (row, &pixel) in pixels.iter().enumerate() {

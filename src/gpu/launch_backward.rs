@@ -13,14 +13,12 @@ use super::film::{FilmSamplesLaunch, Films, OF_PIECE, WHOLE, film_jumps};
 use super::gradient::{Table, ViewPlaces, write_gradient};
 use super::job::{Job, PATHS, Piece, launch};
 use super::passes::{LossLaunch, add_jumps, go_back, keep_paths};
-use super::pixel_gradients::look_at_pixels;
 use super::records::{JUMPED, RECORD};
 use super::sums::{
     AddingLaunch, TYPICAL, add_replicas, bits_of_each, choose_scales, clear, kept, look_again,
     take_scales,
 };
 use crate::device::label;
-use crate::model::film::samples_of_film;
 use crate::trace::{BOUNCES, FIRST_SUM, Features, MEASURE, PARTS};
 
 /// Words of a launch's records at most.
@@ -44,12 +42,7 @@ pub(crate) fn gradient_of(
     for (range, job) in jobs {
         let rows = range.start * job.of_view..range.end * job.of_view;
         let views = &views[range.clone()];
-        let samples = samples_of_film(job.of_view as u32, job.samples);
-        let of_film = views
-            .iter()
-            .map(|v| (v.0, v.0.has_edges.then_some(samples)));
-        let of_film: Vec<_> = of_film.collect();
-        let films = Films::new(&of_film, job.pixels.as_deref().map(Vec::as_slice));
+        let films = Films::new(views, job);
         let lists = [
             ("the list of edges on films", films.pieces.len()),
             ("the table of pixels", films.table.len()),
@@ -75,17 +68,21 @@ pub(crate) fn gradient_of(
 }
 
 /// The launches of a backward pass.
-struct Pass<'a> {
-    client: Client,
-    job: &'a Job,
-    films: &'a Films,
-    scene: [List; 3],
+pub(super) struct Pass<'a> {
+    pub client: Client,
+    pub job: &'a Job,
+    pub films: &'a Films,
+    pub scene: [List; 3],
     upstream: List,
     records: List,
-    pieces: List,
-    table: List,
+    pub pieces: List,
+    pub table: List,
+    /// The largest derivatives, sums in replicas, and those of all replicas and launches.
+    sizes: List,
+    totals: List,
+    sums: List,
     /// Of the first pass, and of a second one where that has lost any.
-    scales: [List; 2],
+    pub scales: [List; 2],
     /// Paths of a launch.
     at_once: usize,
     /// Bits of derivatives, times their scale.
@@ -103,29 +100,30 @@ impl<'a> Pass<'a> {
         let mut scales = vec![MEASURE; PARTS];
         scales.push(2.0f32.powi(bits));
         scales.resize(TYPICAL + 2 * job.views.views, 0.0);
+        let (replicas, numbers) = (job.views.sums.replicas(), job.views.sums.count);
         let pass = Self {
             scene: job.lists(&client),
             upstream,
             records: List::room(&client, of_path * at_once),
             pieces: List::new(&client, &films.pieces),
             table: List::new(&client, &films.table),
+            sizes: List::room(&client, replicas * FIRST_SUM),
+            totals: List::room(&client, replicas * (FIRST_SUM + 2 * numbers)),
+            sums: List::room(&client, 3 * numbers),
             scales: [0, 1].map(|_| List::new(&client, &scales)),
             at_once,
             bits,
-            replicas: job.views.sums.replicas() as u32,
+            replicas: replicas as u32,
             client,
             job,
             films,
         };
-        let completed = [&pass.pieces, &pass.table, &pass.scales[0]];
-        let loss = pass.loss(&pass.scales[1], 1.0);
-        look_at_pixels(&pass.client, (job, films), &pass.scene, loss, completed);
+        pass.look_at_pixels();
         pass
     }
 
     /// Measures derivatives, adds them up, and adds the gradients of tensors to those of all.
     fn run(self, views: &[ViewPlaces], gradient: &List) {
-        let numbers = self.job.views.sums.count;
         let [first, again] = &self.scales;
         // One sample of some pixels tells how large derivatives are.
         let paths = self.job.count().saturating_mul(self.job.samples as usize);
@@ -142,42 +140,22 @@ impl<'a> Pass<'a> {
         };
         let all = self.job.pieces(self.at_once);
         let spread = (MEASURED / self.job.views.views).max(64);
-        let sizes = self.totals(0);
-        let totals = self.totals(numbers);
-        let sums = List::room(&self.client, 3 * numbers);
-        self.measure(&[some], spread, &sizes, first, false);
-        self.add_up(&all, (&totals, &sums), first);
+        self.measure(&[some], spread, first, false);
+        self.add_up(&all, first);
         // Where some were much larger than those that were measured, all are.
         launch!(
             &self.client,
             first.length,
-            look_again(&totals, first, again, self.replicas, region(numbers))
+            look_again(&self.totals, first, again, self.replicas)
         );
-        self.measure(&all, 0, &sizes, again, true);
-        self.add_up(&all, (&totals, &sums), again);
+        self.measure(&all, 0, again, true);
+        self.add_up(&all, again);
         launch!(&self.client, PARTS, take_scales(again, first));
-        self.write(&sums, views, gradient);
-    }
-
-    /// Adds what a launch left in replicas to sums.
-    fn fold(&self, totals: &List, sums: &List, scales: &List) {
-        let numbers = sums.length / 3;
-        launch!(
-            &self.client,
-            numbers,
-            add_replicas(
-                totals,
-                scales,
-                sums,
-                self.replicas,
-                region(numbers),
-                numbers as u32
-            )
-        );
+        self.write(views, gradient);
     }
 
     /// Turns sums into gradients.
-    fn write(&self, sums: &List, views: &[ViewPlaces], to: &List) {
+    fn write(&self, views: &[ViewPlaces], to: &List) {
         for (v, &(view, scene, camera)) in views.iter().enumerate() {
             let table = Table::new(&self.job.views.sums, v, view, scene, camera);
             if table.numbers == 0 {
@@ -188,7 +166,7 @@ impl<'a> Pass<'a> {
                 table.numbers,
                 write_gradient(
                     self.job.views(&self.scene, Features::default()),
-                    sums,
+                    &self.sums,
                     &self.scales[0],
                     &List::new(&self.client, &table.words),
                     &List::new(&self.client, &table.factors),
@@ -200,57 +178,43 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Room for sums.
-    fn totals(&self, numbers: usize) -> List {
-        List::room(
-            &self.client,
-            self.replicas as usize * region(numbers) as usize,
-        )
-    }
-
-    fn clear(&self, totals: &List, scales: &List) {
-        launch!(&self.client, totals.length, clear(totals, scales));
+    fn clear(&self, words: &List, scales: &List) {
+        launch!(&self.client, words.length, clear(words, scales));
     }
 
     /// Chooses scales by the sizes of the derivatives of some samples, or of all.
-    fn measure(&self, pieces: &[Piece], spread: usize, sizes: &List, scales: &List, all: bool) {
+    fn measure(&self, pieces: &[Piece], spread: usize, scales: &List, all: bool) {
+        let sizes = &self.sizes;
         self.clear(sizes, scales);
-        self.add(pieces, spread, (sizes, None), scales);
+        self.add(pieces, spread, sizes, scales, || {});
+        let keep = kept(self.bits, all);
         launch!(
             &self.client,
             PARTS,
-            choose_scales(
-                sizes,
-                scales,
-                self.replicas,
-                region(0),
-                kept(self.bits, all),
-                self.job.views.views as u32
-            )
+            choose_scales(sizes, scales, self.replicas, keep)
         );
     }
 
-    /// Adds all derivatives up.
-    fn add_up(&self, pieces: &[Piece], (totals, sums): (&List, &List), scales: &List) {
+    /// Adds all derivatives up: those of a launch in replicas, and these to sums before they have no room.
+    fn add_up(&self, pieces: &[Piece], scales: &List) {
+        let (totals, sums) = (&self.totals, &self.sums);
         self.clear(totals, scales);
         self.clear(sums, scales);
-        self.add(pieces, 0, (totals, Some(sums)), scales);
+        self.add(pieces, 0, totals, scales, || {
+            launch!(
+                &self.client,
+                sums.length / 3,
+                add_replicas(totals, scales, sums, self.replicas)
+            );
+        });
     }
 
-    /// Adds all derivatives of some samples to totals, and these to sums, if there are any, before they have no room;
-    /// `spread` is how many of a film are looked at, if not all.
-    fn add(
-        &self,
-        pieces: &[Piece],
-        spread: usize,
-        (totals, sums): (&List, Option<&List>),
-        scales: &List,
-    ) {
-        let region = (totals.length / self.replicas as usize) as u32;
-        let fold = || sums.iter().for_each(|sums| self.fold(totals, sums, scales));
+    /// Adds all derivatives of some samples to totals, and does something `after` each launch; `spread` is how many of a
+    /// film are looked at, if not all.
+    fn add(&self, pieces: &[Piece], spread: usize, totals: &List, scales: &List, after: impl Fn()) {
         for &piece in pieces {
-            self.add_paths(piece, totals, scales, region);
-            fold();
+            self.add_paths(piece, totals, scales);
+            after();
         }
         if self.films.count == 0 {
             return;
@@ -260,24 +224,25 @@ impl<'a> Pass<'a> {
             spread => spread * self.job.views.views,
         };
         for first in (0..samples).step_by(PATHS) {
-            let threads = [first, spread, (samples - first).min(PATHS)];
-            self.add_film(threads, totals, scales, region);
-            fold();
+            let threads = (samples - first).min(PATHS);
+            self.add_film([first, threads, spread], totals, scales);
+            after();
         }
     }
 
     /// The derivatives of the loss, times a factor, and scales of sums.
-    fn loss(&self, scales: &List, scale: f32) -> LossLaunch {
+    pub fn loss(&self, scales: &List, scale: f32) -> LossLaunch {
         let upstream = self.upstream.argument();
         LossLaunch::new(upstream, scales.argument(), scale, self.job.outputs)
     }
 
-    fn adding(&self, totals: &List, region: u32) -> AddingLaunch {
+    fn adding(&self, totals: &List) -> AddingLaunch {
+        let region = totals.length as u32 / self.replicas;
         let of = self.job.views.derivatives;
         AddingLaunch::new(totals.argument(), self.replicas, region, of)
     }
 
-    fn add_paths(&self, piece: Piece, totals: &List, scales: &List, region: u32) {
+    fn add_paths(&self, piece: Piece, totals: &List, scales: &List) {
         let threads = piece.threads() as usize;
         let paths = || self.job.paths(&self.scene, piece);
         let loss = || self.loss(scales, 1.0 / self.job.samples as f32);
@@ -290,57 +255,35 @@ impl<'a> Pass<'a> {
             launch!(
                 &self.client,
                 threads * points(self.job),
-                add_jumps(
-                    paths(),
-                    loss(),
-                    &self.records,
-                    self.adding(totals, region),
-                    self.job.views.words[BOUNCES]
-                )
+                add_jumps(paths(), loss(), &self.records, self.adding(totals))
             );
         }
         launch!(
             &self.client,
             threads,
-            go_back(paths(), loss(), &self.records, self.adding(totals, region))
+            go_back(paths(), loss(), &self.records, self.adding(totals))
         );
     }
 
-    fn add_film(
-        &self,
-        [first, spread, threads]: [usize; 3],
-        totals: &List,
-        scales: &List,
-        region: u32,
-    ) {
+    fn add_film(&self, samples: [usize; 3], totals: &List, scales: &List) {
         let job = self.job;
-        let samples = FilmSamplesLaunch::new(
-            first as u32,
-            threads as u32,
-            spread as u32,
-            job.views.views as u32,
-            job.of_view as u32,
-            self.films.count,
-        );
+        let [first, threads, spread] = samples.map(|n| n as u32);
+        let (views, of_view) = (job.views.views as u32, job.of_view as u32);
+        let count = self.films.count;
         launch!(
             &self.client,
-            threads,
+            threads as usize,
             film_jumps(
                 job.views(&self.scene, job.views.features),
-                samples,
+                FilmSamplesLaunch::new(first, threads, spread, views, of_view, count),
                 &self.pieces,
                 &self.table,
                 self.loss(scales, 1.0),
-                self.adding(totals, region),
+                self.adding(totals),
                 job.pixels.is_some()
             )
         );
     }
-}
-
-/// Words of a replica of sums.
-fn region(numbers: usize) -> u32 {
-    (FIRST_SUM + 2 * numbers) as u32
 }
 
 /// Points of a path at most.
@@ -350,10 +293,6 @@ fn points(job: &Job) -> usize {
 
 /// Words of a path's records.
 fn of_path(job: &Job) -> usize {
-    let jumped = if job.views.derivatives.jumps {
-        JUMPED
-    } else {
-        0
-    };
+    let jumped = JUMPED * u32::from(job.views.derivatives.jumps);
     (RECORD + jumped) as usize * points(job) + 1
 }

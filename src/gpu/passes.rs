@@ -53,11 +53,6 @@ impl Loss {
         let g = self.upstream;
         v3(g[at], g[at + 1], g[at + 2]) * self.scale
     }
-
-    /// How much it depends on the radiance of a pixel of a view, on average.
-    fn typical(&self, view: u32) -> f32 {
-        self.scales[TYPICAL + view as usize] * self.scale
-    }
 }
 
 /// Traces the paths of a piece, those of the first sample before those of the next, and leaves records.
@@ -113,31 +108,26 @@ fn moves_at(
 
 /// Adds the derivatives by jumps at edges that points of paths see, one thread a point.
 #[cube(launch)]
-pub(super) fn add_jumps(
-    paths: Paths,
-    loss: Loss,
-    records: &mut [u32],
-    adding: Adding,
-    bounces: u32,
-) {
+pub(super) fn add_jumps(paths: Paths, loss: Loss, records: &mut [u32], adding: Adding) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < (threads * (bounces + 1)) as usize && !is_skipped(loss.scales) {
+    if !is_skipped(loss.scales) {
         let thread = ABSOLUTE_POS as u32 % threads;
         let k = ABSOLUTE_POS as u32 / threads;
         let which = paths.of_thread(thread);
         let scene = paths.views.scene(which.view);
         let sums = adding.of_thread(&scene, loss.scales, thread);
-        let room = Room::new(thread, threads, bounces);
+        let room = Room::new(thread, threads, scene.bounces);
         let g = loss.of_row(&scene, which.row);
         let mut points = 0u32;
         if is_nonzero(g.size()) {
             points = records[room.points()];
         }
+        // Paths have fewer points than there are threads for.
         if k < points {
             let mut by = PointGradient::default();
             let arrival = room.arrival(records, k);
             let carried = g.radiance.times(arrival.throughput);
-            let typical = loss.typical(which.view);
+            let typical = loss.scales[TYPICAL + which.view as usize] * loss.scale;
             let counts = counts_of(carried, typical.max(1e-37), scene.samples_log);
             let path = begin(&scene, which.pixel, which.sample);
             let point = arrival.point(&scene, path.time);

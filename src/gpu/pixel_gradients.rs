@@ -5,73 +5,65 @@ use crate::cube::*;
 
 use super::device::List;
 use super::film::{
-    BLOCKS, FIRST_PIECE, Films, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL,
-    blocks_before, view_of,
+    BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, blocks_before,
+    view_of,
 };
-use super::job::{Job, Views, launch};
-use super::passes::{Loss, LossLaunch};
+use super::job::{Views, launch};
+use super::launch_backward::Pass;
+use super::passes::Loss;
 use super::sums::TYPICAL;
 use crate::model::choice::is_positive;
 use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
 use crate::model::numbers::{is_finite, is_nonzero};
 use crate::trace::{Features, HeaderWord, NONE};
 
-/// Looks at how much the loss depends on pixels, and so where edges are drawn on films: completes the edges there and
-/// their table, and sets the scales of views.
-pub(super) fn look_at_pixels(
-    client: &Client,
-    (job, films): (&Job, &Films),
-    scene: &[List; 3],
-    loss: LossLaunch,
-    [pieces, table, scales]: [&List; 3],
-) {
-    let views = job.views.views;
-    let header = &job.views.words;
-    let [columns, rows] =
-        [HeaderWord::width, HeaderWord::height].map(|n| header[n as usize].div_ceil(CELL));
-    let grid = || GridLaunch::new(views as u32, columns, rows);
-    let count = views * (columns * rows) as usize;
-    let cells = List::room(client, OF_CELL as usize * count);
-    let near = List::room(client, count);
-    let of_rows = List::room(client, OF_CELL as usize * views * rows as usize);
-    launch!(
-        client,
-        count,
-        look_at_cells(
-            job.views(scene, Features::default()),
-            grid(),
-            table,
-            loss,
-            &cells,
-            job.of_view as u32,
-            job.pixels.is_some()
-        )
-    );
-    launch!(
-        client,
-        count,
-        look_around(grid(), table, &cells, &near, &of_rows)
-    );
-    if films.blocks > 0 {
+impl Pass<'_> {
+    /// Looks at how much the loss depends on pixels, and so where edges are drawn on films: completes the edges there
+    /// and their table, and sets the scales of views.
+    pub fn look_at_pixels(&self) {
+        let (client, job, films) = (&self.client, self.job, self.films);
+        let (table, pieces) = (&self.table, &self.pieces);
+        let (scales, count) = (&self.scales[0], films.count);
+        let views = job.views.views;
+        let header = &job.views.words;
+        let [columns, rows] =
+            [HeaderWord::width, HeaderWord::height].map(|n| header[n as usize].div_ceil(CELL));
+        let grid = || GridLaunch::new(views as u32, columns, rows);
+        let all = views * (columns * rows) as usize;
+        let cells = List::room(client, OF_CELL as usize * all);
+        let near = List::room(client, all);
+        let of_rows = List::room(client, OF_CELL as usize * views * rows as usize);
         launch!(
             client,
-            films.blocks as usize,
-            sum_blocks(grid(), table, &near, pieces, films.blocks, films.count)
+            all,
+            look_at_cells(
+                job.views(&self.scene, Features::default()),
+                grid(),
+                table,
+                self.loss(scales, 1.0),
+                &cells,
+                job.of_view as u32,
+                job.pixels.is_some()
+            )
+        );
+        launch!(
+            client,
+            all,
+            look_around(grid(), table, &cells, &near, &of_rows)
+        );
+        if films.blocks > 0 {
+            launch!(
+                client,
+                films.blocks as usize,
+                sum_blocks(grid(), table, &near, pieces, count)
+            );
+        }
+        launch!(
+            client,
+            views,
+            sum_views(grid(), table, &of_rows, pieces, scales, job.samples, count)
         );
     }
-    launch!(
-        client,
-        views,
-        sum_views(
-            grid(),
-            table,
-            &of_rows,
-            pieces,
-            scales,
-            job.samples,
-            films.count
-        )
-    );
 }
 
 /// Numbers of a cell, and of a row of cells: how much the loss depends on their pixels, how many of these it asks for,
@@ -127,27 +119,22 @@ fn look_at_cells(
 ) {
     if ABSOLUTE_POS < grid.cells() as usize {
         let cell = grid.cell(ABSOLUTE_POS as u32);
-        let column = cell.column;
-        let row = cell.row;
-        let view = cell.view;
-        let scene = views.scene(view);
+        let first_x = cell.column * CELL;
+        let first_y = cell.row * CELL;
+        let scene = views.scene(cell.view);
         let places = &films[(OF_FILM * grid.views) as usize..];
         let mut weight = 0.0f32;
         let mut asked = 0.0f32;
         let mut radiance = 0.0f32;
         let mut lit = 0.0f32;
-        let mut y = row * CELL;
-        let last_x = (column * CELL + CELL).min(scene.width);
-        let last_y = (row * CELL + CELL).min(scene.height);
-        while y < last_y {
-            let mut x = column * CELL;
-            while x < last_x {
+        for y in first_y..(first_y + CELL).min(scene.height) {
+            for x in first_x..(first_x + CELL).min(scene.width) {
                 let mut i = y * scene.width + x;
                 if listed {
                     i = places[i as usize];
                 }
                 if i != NONE {
-                    let g = loss.of_row(&scene, view * of_view + i);
+                    let g = loss.of_row(&scene, cell.view * of_view + i);
                     let own = g.radiance.abs().element_sum();
                     let all = g.size();
                     if is_nonzero(all) {
@@ -162,11 +149,9 @@ fn look_at_cells(
                         lit += 1.0;
                     }
                 }
-                x += 1;
             }
-            y += 1;
         }
-        let at = grid.at(view, column, row);
+        let at = grid.at(cell.view, cell.column, cell.row);
         cells[at] = weight;
         cells[at + 1] = asked;
         cells[at + 2] = radiance;
@@ -186,30 +171,22 @@ fn look_around(grid: Grid, films: &[u32], cells: &[f32], near: &mut [f32], rows:
         let radius = f32::from_bits(films[(OF_FILM * view) as usize + RADIUS]);
         let around = 1 + (radius * (1.0f32 / CELL as f32)).ceil() as u32;
         let mut sum = 0.0f32;
-        let mut y = row - around.min(row);
-        while y <= (row + around).min(grid.rows - 1) {
+        for y in row - around.min(row)..(row + around + 1).min(grid.rows) {
             let mut of_row = 0.0f32;
-            let mut x = column - around.min(column);
-            while x <= (column + around).min(grid.columns - 1) {
+            for x in column - around.min(column)..(column + around + 1).min(grid.columns) {
                 of_row += cells[grid.at(view, x, y)];
-                x += 1;
             }
             sum += of_row;
-            y += 1;
         }
         // Its own counts most.
         near[ABSOLUTE_POS] = NEIGHBOURS * sum + cells[grid.at(view, column, row)];
         if column == 0 {
-            let mut k = 0u32;
-            while k < OF_CELL {
+            for k in 0..OF_CELL {
                 let mut of_row = 0.0f32;
-                let mut x = 0u32;
-                while x < grid.columns {
+                for x in 0..grid.columns {
                     of_row += cells[grid.at(view, x, row) + k as usize];
-                    x += 1;
                 }
                 rows[(OF_CELL * (view * grid.rows + row) + k) as usize] = of_row;
-                k += 1;
             }
         }
     }
@@ -217,15 +194,8 @@ fn look_around(grid: Grid, films: &[u32], cells: &[f32], near: &mut [f32], rows:
 
 /// Turns the weights of pieces into sums within blocks, one thread a block.
 #[cube(launch)]
-fn sum_blocks(
-    grid: Grid,
-    films: &[u32],
-    near: &[f32],
-    pieces: &mut [f32],
-    blocks: u32,
-    count: u32,
-) {
-    if ABSOLUTE_POS < blocks as usize {
+fn sum_blocks(grid: Grid, films: &[u32], near: &[f32], pieces: &mut [f32], count: u32) {
+    if ABSOLUTE_POS < blocks_before(films, grid.views) as usize {
         let block = ABSOLUTE_POS as u32;
         let view = view_of(films, grid.views, block, BLOCKS);
         let film = (OF_FILM * view) as usize;
@@ -234,15 +204,13 @@ fn sum_blocks(
         let past = (first + BLOCK).min(films[film + PAST_PIECE]);
         let cells = view * grid.columns * grid.rows;
         let mut sum = 0.0f32;
-        let mut i = first;
-        while i < past {
+        for i in first..past {
             let at = (OF_PIECE * i) as usize;
             let weight = pieces[at + 2] * near[(cells + pieces[at + 4] as u32) as usize];
             if weight > 0.0 {
                 sum += weight;
             }
             pieces[at + 2] = sum;
-            i += 1;
         }
         pieces[(OF_PIECE * count + block) as usize] = sum;
     }
@@ -267,28 +235,25 @@ fn sum_views(
         let mut asked = 0u32;
         let mut radiance = 0.0f32;
         let mut lit = 0.0f32;
-        let mut row = view * grid.rows;
-        while row < (view + 1) * grid.rows {
+        for row in view * grid.rows..(view + 1) * grid.rows {
             let at = (OF_CELL * row) as usize;
             weight += rows[at];
             asked += rows[at + 1] as u32;
             radiance += rows[at + 2];
             lit += rows[at + 3];
-            row += 1;
         }
         scales[TYPICAL + ABSOLUTE_POS] = radiance / lit.max(1.0);
         scales[TYPICAL + (grid.views + view) as usize] = weight / (asked as f32).max(1.0);
         films[film + OWN] = samples_of_film(asked, samples).min(films[film + MOST]);
-        let mut block = 0u32;
+        let mut first = 0u32;
         if view > 0 {
-            block = films[film - OF_FILM as usize + BLOCKS];
+            first = films[film - OF_FILM as usize + BLOCKS];
         }
         let mut total = 0.0f32;
-        while block < films[film + BLOCKS] {
+        for block in first..films[film + BLOCKS] {
             let at = (OF_PIECE * count + block) as usize;
             total += pieces[at];
             pieces[at] = total;
-            block += 1;
         }
         films[film + TOTAL] = total.to_bits();
     }

@@ -75,7 +75,7 @@ const NO_SCALE: f32 = -1.0;
 /// A power of two for a part, from the bits of its largest derivative and of the largest of all parts: steps of the
 /// sums are 2 to the power of −`keep` of it, the rest of 63 bits is room.
 #[cube]
-pub(super) fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
+fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
     let mut bits = largest;
     if bits == 0 {
         // A part that was not reached has the scale of the others.
@@ -108,23 +108,16 @@ pub(super) fn is_skipped(scales: &[f32]) -> bool {
 
 /// Lets a second pass look at all derivatives, where the first has lost any; else it has nothing to do.
 #[cube(launch)]
-pub(super) fn look_again(
-    totals: &[u32],
-    scales: &[f32],
-    again: &mut [f32],
-    replicas: u32,
-    region: u32,
-) {
+pub(super) fn look_again(totals: &[u32], scales: &[f32], again: &mut [f32], replicas: u32) {
     if ABSOLUTE_POS < scales.len() {
         let mut scale = scales[ABSOLUTE_POS];
         if ABSOLUTE_POS < PARTS {
             scale = SKIPPED;
-            let mut replica = 0u32;
-            while replica < replicas {
-                if totals[(replica * region) as usize + LOST] > 0 {
+            let region = totals.len() / replicas as usize;
+            for replica in 0..replicas {
+                if totals[replica as usize * region + LOST] > 0 {
                     scale = MEASURE;
                 }
-                replica += 1;
             }
         }
         again[ABSOLUTE_POS] = scale;
@@ -133,24 +126,15 @@ pub(super) fn look_again(
 
 /// Chooses the scales of parts from the largest derivatives that a measuring launch left in all replicas.
 #[cube(launch)]
-pub(super) fn choose_scales(
-    totals: &[u32],
-    scales: &mut [f32],
-    replicas: u32,
-    region: u32,
-    keep: i32,
-    views: u32,
-) {
+pub(super) fn choose_scales(totals: &[u32], scales: &mut [f32], replicas: u32, keep: i32) {
     if ABSOLUTE_POS < PARTS && scales[ABSOLUTE_POS] != SKIPPED {
+        let region = totals.len() / replicas as usize;
         let mut own = 0u32;
         let mut most = 0u32;
-        let mut part = 0usize;
-        while part < PARTS {
+        for part in 0..PARTS {
             let mut largest = 0u32;
-            let mut replica = 0u32;
-            while replica < replicas {
-                largest = largest.max(totals[(replica * region) as usize + part]);
-                replica += 1;
+            for replica in 0..replicas {
+                largest = largest.max(totals[replica as usize * region + part]);
             }
             if part == ABSOLUTE_POS {
                 own = largest;
@@ -158,48 +142,45 @@ pub(super) fn choose_scales(
             if largest < INFINITY {
                 most = most.max(largest);
             }
-            part += 1;
         }
         if most == 0 {
             // Nothing was reached, perhaps since the loss depends on few pixels.
-            let mut view = 0usize;
-            while view < views as usize {
-                let bits = scales[TYPICAL + views as usize + view].to_bits();
+            let views = (scales.len() - TYPICAL) / 2;
+            for view in 0..views {
+                let bits = scales[TYPICAL + views + view].to_bits();
                 if bits < INFINITY {
                     most = most.max(bits);
                 }
-                view += 1;
             }
         }
         scales[ABSOLUTE_POS] = scale_of(own, most, keep);
     }
 }
 
+/// 1 if a sum of two words, of which one is given, has wrapped.
+#[cube]
+fn carry(sum: u32, word: u32) -> u32 {
+    let mut carried = 0u32;
+    if sum < word {
+        carried = 1u32;
+    }
+    carried
+}
+
 /// Adds what all replicas have of a number to its sum of three words, and takes it from them.
 #[cube(launch)]
-pub(super) fn add_replicas(
-    totals: &mut [u32],
-    scales: &[f32],
-    sums: &mut [u32],
-    replicas: u32,
-    region: u32,
-    numbers: u32,
-) {
-    if ABSOLUTE_POS < numbers as usize && !is_skipped(scales) {
+pub(super) fn add_replicas(totals: &mut [u32], scales: &[f32], sums: &mut [u32], replicas: u32) {
+    if ABSOLUTE_POS < sums.len() / 3 && !is_skipped(scales) {
+        let region = totals.len() / replicas as usize;
         let mut low = 0u32;
         let mut high = 0u32;
-        let mut replica = 0u32;
-        while replica < replicas {
-            let from = (replica * region) as usize + FIRST_SUM + 2 * ABSOLUTE_POS;
+        for replica in 0..replicas {
+            let from = replica as usize * region + FIRST_SUM + 2 * ABSOLUTE_POS;
             let own = totals[from];
             low = total(low, own);
-            high = total(high, totals[from + 1]);
-            if low < own {
-                high = total(high, 1u32);
-            }
+            high = total(high, total(totals[from + 1], carry(low, own)));
             totals[from] = 0;
             totals[from + 1] = 0;
-            replica += 1;
         }
         // The sign goes on in the third word.
         let mut above = 0u32;
@@ -208,16 +189,10 @@ pub(super) fn add_replicas(
         }
         let at = 3 * ABSOLUTE_POS;
         let first = total(sums[at], low);
-        let mut second = total(sums[at + 1], high);
-        if second < high {
-            above = total(above, 1u32);
-        }
-        if first < low {
-            second = total(second, 1u32);
-            if second == 0 {
-                above = total(above, 1u32);
-            }
-        }
+        let more = carry(first, low);
+        let own = total(sums[at + 1], high);
+        let second = total(own, more);
+        above = total(above, carry(own, high) + carry(second, more));
         sums[at] = first;
         sums[at + 1] = second;
         sums[at + 2] = total(sums[at + 2], above);
@@ -252,14 +227,9 @@ pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     if negative {
         // The two's complement.
         low = total(!low, 1u32);
-        high = !high;
-        above = !above;
-        if low == 0 {
-            high = total(high, 1u32);
-            if high == 0 {
-                above = total(above, 1u32);
-            }
-        }
+        let more = carry(low, 1u32);
+        high = total(!high, more);
+        above = total(!above, carry(high, more));
     }
     let mut value = (above as f32 * 4_294_967_296.0 + high as f32) * 4_294_967_296.0 + low as f32;
     if negative {
