@@ -89,23 +89,17 @@ impl Wanted {
     pub fn lengths(&self, scene: &KernelScene) -> [usize; PARTS] {
         let of = &self.of;
         let some = |wanted: bool, count: usize| if wanted { count } else { 0 };
-        let lists = &scene.lists;
+        let (lists, texels) = (&scene.lists, scene.texels.len());
         let mut lengths = [0; PARTS];
         for (part, length) in [
             (VERTICES, some(of.objects, 3 * scene.vertices())),
             (TRIANGLES, some(of.objects, 3 * lists.surfaces.len())),
             (AREAS, some(of.objects, lists.surfaces.len())),
-            (
-                VELOCITIES,
-                some(of.velocities, 3 * scene.lists.objects.len()),
-            ),
+            (VELOCITIES, some(of.velocities, 3 * lists.objects.len())),
             (UVS, some(of.uvs, 2 * lists.uvs.len())),
             (NORMALS, some(of.normals, 3 * lists.normals.len())),
             (MATERIALS, 3 * CHANNELS * scene.materials.len()),
-            (
-                TEXELS,
-                some(of.materials || of.emission, scene.texels.0.len()),
-            ),
+            (TEXELS, some(of.materials || of.emission, texels)),
             (SKY, some(of.sky, scene.sky.values.len())),
             (COLOURS, some(of.colours, 3 * lists.colours.values.len())),
             (TANGENTS, some(of.tangents, 3 * lists.tangents.values.len())),

@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::accel::HostTriangle;
-use crate::model::triangle;
+use crate::model::triangle::{self, AREA};
 use crate::scene::{HostAttribute, HostScene, SceneFrame};
 use crate::trace::{NONE, TRIANGLE};
 
@@ -184,20 +184,16 @@ impl Lists {
     /// Adds all triangles as paths meet them, from those in boxes.
     pub fn add_surfaces(&mut self, in_boxes: &[HostTriangle]) {
         let surface = |t: &HostTriangle| {
-            let (mut normal, mut plane) = (DVec3::Z, 0.0);
-            if t.valid {
-                normal = t.normal;
-                plane = t.normal.dot(t.corners[0]);
-            }
             let [a, b, c] = t.corners;
+            let (normal, plane) = match t.valid {
+                true => (t.normal, t.normal.dot(a)),
+                false => (DVec3::Z, 0.0),
+            };
+            let vectors = [a, b, c, normal].map(|v| v.as_vec3().to_array());
             let mut surface = [0.0; triangle::NUMBERS];
-            let vectors = [a, b, c, normal].map(|v| v.to_array());
-            let numbers = vectors.as_flattened().iter().copied();
-            let numbers = numbers.chain([plane, t.area()]);
-            surface
-                .iter_mut()
-                .zip(numbers)
-                .for_each(|(to, n)| *to = n as f32);
+            let (corners_and_normal, others) = surface.split_at_mut(AREA - 1);
+            corners_and_normal.copy_from_slice(vectors.as_flattened());
+            others.copy_from_slice(&[plane as f32, t.area() as f32]);
             surface
         };
         self.surfaces = in_boxes.par_iter().map(surface).collect();

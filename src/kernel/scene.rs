@@ -54,11 +54,8 @@ struct Flat {
 impl KernelScene {
     /// The number of triangles without area.
     pub fn degenerate(&self) -> u64 {
-        self.lists
-            .surfaces
-            .iter()
-            .filter(|t| t[AREA] <= 0.0)
-            .count() as u64
+        let surfaces = self.lists.surfaces.iter();
+        surfaces.filter(|t| t[AREA] <= 0.0).count() as u64
     }
 
     /// Packs a scene; boxes of the last render, or of another scene, are fitted where they still serve.
@@ -131,14 +128,13 @@ impl KernelScene {
             let emission = &material.channels[Channel::Emission.place()];
             let uv = |row: u32| self.lists.uvs.get(row as usize).copied();
             let uvs = [words[2], words[3], words[4]].map(|row| uv(row).unwrap_or_default());
-            let velocities = self.velocities.as_ref();
             Some(Emitter {
                 triangle: k as u32,
                 object: words[1],
                 corners: t.corners(),
                 normal: t.normal,
                 area: t.area,
-                velocity: velocities.map_or(V3::ZERO, |v| v[words[1] as usize].into()),
+                velocity: self.shift(k as u32, 1.0),
                 radiance: emission.mean_over(&self.texels, uvs),
                 group: 0,
             })
@@ -300,25 +296,20 @@ impl Packed {
 
     /// Packs a colour; the texels of a texture move to the others.
     fn colour(&mut self, colour: &mut HostTexture) -> Colour {
-        match colour {
-            HostTexture::Constant(c) => Colour {
-                constant: DVec3::from(*c).into(),
-                texture: None,
-            },
+        let (constant, texture) = match colour {
+            HostTexture::Constant(c) => (DVec3::from(*c).into(), None),
             HostTexture::Image {
                 texels,
                 width,
                 height,
                 wrap,
-            } => Colour {
-                constant: V3::ZERO,
-                texture: Some(Texture::new(
-                    self.place(std::mem::take(texels)),
-                    [*width, *height],
-                    *wrap,
-                )),
-            },
-        }
+            } => {
+                let first = self.place(std::mem::take(texels));
+                let texture = Texture::new(first, [*width, *height], *wrap);
+                (V3::ZERO, Some(texture))
+            }
+        };
+        Colour { constant, texture }
     }
 
     /// The number of the first of some texels, which are packed once.
