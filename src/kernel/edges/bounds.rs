@@ -4,6 +4,7 @@ use super::{Edge, Edges, Kind};
 use crate::kernel::scene::KernelScene;
 use crate::model::edge_weight::{Jumps, SeenEdge, Subtree};
 use crate::model::{V3, v3};
+use crate::trace::NONE;
 
 /// Edges with the triangles that they belong to.
 pub(super) struct EdgeList<'a> {
@@ -20,7 +21,10 @@ impl EdgeList<'_> {
     /// An edge as it is seen from the origin at the start of the shutter, and its way over the shutter.
     pub fn seen(&self, index: u32) -> (SeenEdge, V3) {
         let e = &self.edges.get(index as usize);
-        let [front, back] = self.normals(e);
+        // Twice that of the only face of an edge that has one.
+        let [first, second, ..] = e.faces;
+        let second = if second == NONE { first } else { second };
+        let [front, back] = [first, second].map(|k| self.scene.triangle(k).normal);
         let seen = SeenEdge {
             to: self.middle(index),
             half: 0.5 * e.along.length(),
@@ -29,40 +33,24 @@ impl EdgeList<'_> {
             back,
             jumps: e.jumps(),
         };
-        let velocities = self.scene.velocities.as_ref();
-        let velocity = velocities.map_or(V3::ZERO, |v| v[e.object as usize].into());
-        (seen, velocity)
-    }
-
-    /// The normals of the first two faces; twice that of the only one.
-    fn normals(&self, e: &Edge) -> [V3; 2] {
-        let [first, second, ..] = e.faces;
-        let second = if second == u32::MAX { first } else { second };
-        [
-            self.scene.triangle(first).normal,
-            self.scene.triangle(second).normal,
-        ]
+        (seen, self.scene.shift(first, 1.0))
     }
 }
 
 impl Edge {
     fn jumps(&self) -> Jumps {
-        let mut jumps = Jumps {
-            closed: f32::from(u8::from(self.closed)),
-            ..Jumps::default()
+        let (seen_always, passes_always, fold) = match self.kind {
+            Kind::Fold => (0.0, 0.0, 1.0),
+            Kind::Border => (1.0, 1.0, 0.0),
+            Kind::Crossing => (1.0, 0.0, 0.0),
         };
-        match self.kind {
-            Kind::Fold => {
-                jumps.fold = 1.0;
-                jumps.crease = self.crease;
-            }
-            Kind::Border => {
-                jumps.seen_always = 1.0;
-                jumps.passes_always = 1.0;
-            }
-            Kind::Crossing => jumps.seen_always = 1.0,
+        Jumps {
+            seen_always,
+            passes_always,
+            fold,
+            crease: fold * self.crease,
+            closed: f32::from(u8::from(self.closed)),
         }
-        jumps
     }
 }
 

@@ -3,12 +3,13 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Edge, FACES, Kind};
+use super::{Edge, Kind};
 use crate::accel::Overlaps;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 use crate::model::edge::TOUCHING;
 use crate::model::triangle::Triangle;
+use crate::trace::NONE;
 
 /// Times in the shutter at which moving objects are looked at.
 const TIMES: [f32; 5] = [0.5, 0.0, 1.0, 0.25, 0.75];
@@ -40,32 +41,20 @@ fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<[V3; 2]> {
         if low > -tolerance || high < tolerance {
             return None;
         }
-        let mut found = [None; 2];
-        let mut count = 0;
-        for i in 0..3 {
-            let j = (i + 1) % 3;
-            if (d[i] > 0.0) != (d[j] > 0.0) && count < 2 {
-                let at = c[i] + (c[j] - c[i]) * (d[i] / (d[i] - d[j]));
-                found[count] = Some((along.dot(at), at));
-                count += 1;
-            }
-        }
-        let [a, b] = found;
-        let (a, b) = (a?, b?);
+        let sides = [(0, 1), (1, 2), (2, 0)].into_iter();
+        let passing = sides.filter(|&(i, j)| (d[i] > 0.0) != (d[j] > 0.0));
+        let mut found = passing.map(|(i, j)| {
+            let at = c[i] + (c[j] - c[i]) * (d[i] / (d[i] - d[j]));
+            (along.dot(at), at)
+        });
+        let (a, b) = (found.next()?, found.next()?);
         Some(if a.0 <= b.0 { [a, b] } else { [b, a] })
     };
     let first = passes(&q, n, p[0])?;
     let second = passes(&p, m, q[0])?;
-    let from = if first[0].0 > second[0].0 {
-        first[0]
-    } else {
-        second[0]
-    };
-    let to = if first[1].0 < second[1].0 {
-        first[1]
-    } else {
-        second[1]
-    };
+    let end = |of_first: bool, i: usize| if of_first { first[i] } else { second[i] };
+    let from = end(first[0].0 > second[0].0, 0);
+    let to = end(first[1].0 < second[1].0, 1);
     let [a, b] = [from.1, to.1];
     (from.0 < to.0 && a.distance(b) > tolerance).then(|| [a.into(), b.into()])
 }
@@ -127,27 +116,17 @@ fn may_cross(scene: &KernelScene, k: u32, l: u32) -> bool {
 }
 
 fn crossing(scene: &KernelScene, k: u32, l: u32, [a, b]: [V3; 2], time: f32) -> Edge {
-    let mut faces = [u32::MAX; FACES];
-    faces[..2].copy_from_slice(&[k, l]);
-    let object = scene.object_of(k);
     // At the start of the shutter, as if both moved like the first.
     let shift = scene.shift(k, time);
-    let apart = match &scene.velocities {
-        Some(v) => {
-            let other = scene.object_of(l);
-            v[object as usize] != v[other as usize]
-        }
-        None => false,
-    };
     Edge {
         a: a - shift,
         along: b - a,
-        faces,
+        faces: [k, l, NONE, NONE],
         rows: [[0; 2]; 2],
-        object,
+        object: scene.object_of(k),
         kind: Kind::Crossing,
         crease: 1.0,
         closed: false,
-        apart,
+        apart: scene.shift(k, 1.0) != scene.shift(l, 1.0),
     }
 }

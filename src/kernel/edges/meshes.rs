@@ -100,12 +100,8 @@ impl MeshEdges {
             first = past;
             own.sort_unstable();
             for group in own.chunk_by(|a, b| a.0 == b.0) {
-                let mut places = [NONE; FACES];
-                places
-                    .iter_mut()
-                    .zip(group)
-                    .for_each(|(to, own)| *to = own.1);
-                groups.push(places);
+                let place = |i: usize| group.get(i).map_or(NONE, |own| own.1);
+                groups.push(std::array::from_fn(place));
                 closed &= group.len() == 2;
             }
         }
@@ -147,14 +143,11 @@ impl MeshEdges {
         let jumping: Vec<u32> = jumping.collect();
         edges.extend(jumping.len(), |i| {
             let i = jumping[i] as usize;
-            let (kind, crease) = kinds[i].unwrap_or(BORDER);
-            let edge = self.edge(scene, &self.groups[i]);
+            let kind = kinds[i].unwrap_or(BORDER);
             Edge {
                 object: object as u32,
-                kind,
-                crease,
                 closed,
-                ..edge
+                ..self.edge(scene, &self.groups[i], kind)
             }
         });
     }
@@ -171,8 +164,8 @@ impl MeshEdges {
         (!flat || crease > 0.0).then_some((Kind::Fold, crease))
     }
 
-    /// An edge, but for what it is.
-    fn edge(&self, scene: &KernelScene, group: &[u32; FACES]) -> Edge {
+    /// An edge, but for its object and whether that is closed.
+    fn edge(&self, scene: &KernelScene, group: &[u32; FACES], (kind, crease): (Kind, f32)) -> Edge {
         let rows = |(k, i, j): Ends| {
             let rows = scene.lists.vertex_rows[k];
             [rows[i], rows[j]]
@@ -192,8 +185,8 @@ impl MeshEdges {
             faces: group.map(|at| if at == NONE { NONE } else { triangle(at) }),
             rows: [own, other],
             object: 0,
-            kind: BORDER.0,
-            crease: BORDER.1,
+            kind,
+            crease,
             closed: false,
             apart: false,
         }
@@ -230,11 +223,8 @@ fn crease(
             NONE => geometric,
             row => V3::from(lists.normals[row as usize]).normalize(),
         };
-        let normals = [
-            normal(words, c, geometric[0]),
-            normal(words2, c2, geometric[1]),
-        ];
-        jump = jump.max((normals[0] - normals[1]).length());
+        let between = normal(words, c, geometric[0]) - normal(words2, c2, geometric[1]);
+        jump = jump.max(between.length());
         if textured {
             let at = |words: &[u32], c: usize| match words[UV_ROWS as usize + c] {
                 NONE => [0.0; 2],
