@@ -94,6 +94,7 @@ impl View {
         model.filter = filter.cone_radius();
         let mut view = Self {
             host_camera: camera,
+        let has_edges = |sets: &Arc<EdgeSets>| sets.seen_by(true).count > 0;
             camera: model,
             filter,
             cone: settings.cone as f32,
@@ -101,7 +102,7 @@ impl View {
             arch: pulp::Arch::new(),
             features: Features::default(),
             flat: Flat::default(),
-            has_edges: edge_sets.as_ref().is_some_and(|e| !e.is_empty()),
+            has_edges: edge_sets.as_ref().is_some_and(has_edges),
             edge_sets,
             wanted,
             scene,
@@ -119,7 +120,7 @@ impl View {
         let gathers_map = of_scene.sky_map && settings.multiple_importance;
         let shines = of_scene.sky_map || of_scene.sky_constant;
         Features {
-            flying_crossings: (self.edge_sets.as_ref()).is_some_and(|e| e.any_apart()),
+            flying_crossings: (self.edge_sets.as_ref()).is_some_and(|e| e.any_apart),
             lens: self.camera.aperture > 0.0,
             parallel: self.camera.parallel,
             // Points on emitters are chosen by the BSDF as well.

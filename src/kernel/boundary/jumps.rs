@@ -266,7 +266,7 @@ fn seen_edge(
         return None;
     }
     let tree = to.edge_sets.as_ref()?.seen_by(s.moves);
-    if tree.is_empty() {
+    if tree.count == 0 {
         return None;
     }
     let random = decided_by(s.u, s.v);

@@ -45,7 +45,7 @@ impl View {
         // A camera that moves sees all edges move.
         let seen = |e: &Edge| self.wanted.of.camera || e.moves(&self.scene, &self.wanted);
         let of_edge = |mut found: Vec<Piece>, index: usize| {
-            let e = sets.edge(index);
+            let e = sets.edges.get(index);
             if seen(&e) {
                 self.pieces_of(index as u32, &e, &mut |mut piece| {
                     piece.weight *= near(piece.middle);
@@ -56,7 +56,8 @@ impl View {
             }
             found
         };
-        let lists = (0..sets.len()).into_par_iter().fold(Vec::new, of_edge);
+        let indices = (0..sets.edges.count).into_par_iter();
+        let lists = indices.fold(Vec::new, of_edge);
         let mut pieces: Vec<Piece> = lists.flatten_iter().collect();
         pieces.par_sort_by_key(|p| p.place);
         pieces
@@ -123,30 +124,21 @@ impl View {
                 let deeper = depth(from) * (ratio.powf(k as f32 / parts as f32) - 1.0);
                 from + deeper / (b[2] - a[2])
             };
-            let mut piece = Piece {
-                edge: index,
-                from: start,
-                to: end,
-                weight: 0.0,
-                middle: [0.0; 2],
-                place: 0,
-            };
+            if let Some((part, ends)) = self.on_film([start, end], [a, b], moved) {
+                push_pieces(index, (!e.apart).then_some(part), ends, jump, found);
+            }
             start = end;
-            let Some([p, q]) = self.on_film(&mut piece, [a, b], moved) else {
-                continue;
-            };
-            push_pieces(piece, e.apart, [p, q], jump, found);
         }
     }
 
-    /// Cuts off what can't be seen of a part of an edge, whose ends are in the camera's frame; returns its own
-    /// ends on the film, with their depths and the probability that a point there is seen.
+    /// Cuts off what can't be seen of a part of an edge, whose ends are in the camera's frame; returns what is left of
+    /// it, and its ends on the film, with their depths and the probability that a point there is seen.
     fn on_film(
         &self,
-        piece: &mut Piece,
+        mut part: [f32; 2],
         [a, b]: [[f32; 3]; 2],
         moved: f32,
-    ) -> Option<[[f32; 4]; 2]> {
+    ) -> Option<([f32; 2], [[f32; 4]; 2])> {
         let c = &self.camera;
         let at = |l: f32| -> [f32; 3] { std::array::from_fn(|k| a[k] + (b[k] - a[k]) * l) };
         // Coordinates are divided by this; by depth in a perspective.
@@ -162,10 +154,9 @@ impl View {
             }
             lens + 0.5 * moved * moves * per
         };
-        let more = margin(at(piece.from)).max(margin(at(piece.to)));
+        let more = margin(at(part[0])).max(margin(at(part[1])));
         let aspect = c.width / c.height;
         let reach = (0.5 + self.filter.radius()) * 2.0 / c.height;
-        let mut part = [piece.from, piece.to];
         for (k, limit) in [(0, aspect + reach + more), (1, 1.0 + reach + more)] {
             let (at_a, at_b) = (limit * divisor(a), limit * divisor(b));
             part = clip_linear(part, at_a + a[k], at_b + b[k]);
@@ -174,9 +165,8 @@ impl View {
         if part[0] >= part[1] {
             return None;
         }
-        [piece.from, piece.to] = part;
         let share = 1.0 / (1.0 + more);
-        Some(part.map(|l| {
+        let on_film = |l: f32| {
             let p = at(l);
             let scale = 0.5 * c.height / divisor(p);
             [
@@ -185,44 +175,39 @@ impl View {
                 divisor(p),
                 share * share,
             ]
-        }))
+        };
+        Some((part, part.map(on_film)))
     }
 }
 
-/// A part of an edge in pieces of equal lengths on the film; as a whole, if its line moves.
+/// A part of an edge in pieces of equal lengths on the film; the whole edge in one, if its line moves.
 fn push_pieces(
-    part: Piece,
-    apart: bool,
+    edge: u32,
+    part: Option<[f32; 2]>,
     [p, q]: [[f32; 4]; 2],
     jump: f32,
     found: &mut impl FnMut(Piece),
 ) {
     let length = (q[0] - p[0]).hypot(q[1] - p[1]);
-    let (count, part) = if apart {
-        let whole = Piece {
-            from: 0.0,
-            to: 1.0,
-            ..part
-        };
-        (1, whole)
-    } else {
-        ((length / PIECE).ceil().clamp(1.0, 4096.0) as usize, part)
+    let (count, [from, to]) = match part {
+        None => (1, [0.0, 1.0]),
+        Some(part) => ((length / PIECE).ceil().clamp(1.0, 4096.0) as usize, part),
     };
     let lambda = |i: usize| {
         let s = i as f32 / count as f32;
         let share = s * p[2] / (q[2] * (1.0 - s) + s * p[2]);
-        part.from + (part.to - part.from) * share
+        from + (to - from) * share
     };
     for i in 0..count {
         let s = (i as f32 + 0.5) / count as f32;
         let (x, y) = (p[0] + (q[0] - p[0]) * s, p[1] + (q[1] - p[1]) * s);
         found(Piece {
+            edge,
             from: lambda(i),
             to: lambda(i + 1),
             weight: (length / count as f32) * jump * p[3],
             middle: [x, y],
             place: place(x, y, jump < 1.0),
-            ..part
         });
     }
 }
@@ -264,7 +249,11 @@ impl PixelGradients {
         let mut own = vec![0.0; columns * rows];
         for (pixel, g) in list {
             let (x, y) = (pixel % width, pixel / width);
-            own[(y / CELL) as usize * columns + (x / CELL) as usize] += weight(g);
+            let size = g.size();
+            // One whose derivative is not finite does not count.
+            if size.is_finite() {
+                own[(y / CELL) as usize * columns + (x / CELL) as usize] += size;
+            }
         }
         // The cells of pixels that see a point of a cell.
         let around = 1 + (view.filter.radius() / CELL as f32).ceil() as usize;
@@ -316,10 +305,4 @@ impl PixelGradients {
     pub(super) fn near(&self, x: f32, y: f32) -> f32 {
         self.cells[cell_of([x, y], self.width, self.height) as usize]
     }
-}
-
-/// How much a loss depends on a pixel; one whose derivative is not finite does not count.
-fn weight(g: &Seen) -> f32 {
-    let weight = g.size();
-    if weight.is_finite() { weight } else { 0.0 }
 }

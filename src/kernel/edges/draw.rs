@@ -218,12 +218,8 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
     }
     let mut length = 0u32;
     while length < tree.count {
-        push(
-            room,
-            length,
-            tree.start + 2 * (tree.count - 1 - length),
-            1.0,
-        );
+        let child = tree.start + 2 * (tree.count - 1 - length);
+        push(room, length, child, 1.0);
         length += 1;
     }
     while length > 0 {
@@ -319,10 +315,4 @@ fn edge_of_leaf(tree: &Root, weights: &[u32], leaf: usize, total: f32, u: f32) -
         }
     }
     drawn
-}
-
-impl Root<'_> {
-    pub(crate) fn is_empty(&self) -> bool {
-        self.count == 0
-    }
 }

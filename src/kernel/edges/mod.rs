@@ -79,9 +79,9 @@ pub(crate) enum Kind {
 
 /// A list of edges.
 #[derive(Default)]
-struct Edges {
+pub(super) struct Edges {
     /// How many there are: there may be room for more.
-    count: usize,
+    pub count: usize,
     /// What stages read of them.
     flat: Vec<[[f32; 3]; 2]>,
     words: Vec<[u32; OF_EDGE]>,
@@ -116,7 +116,7 @@ impl Edges {
         self.kinds.resize(self.count, (Kind::Border, 0.0, false));
     }
 
-    fn get(&self, i: usize) -> Edge {
+    pub fn get(&self, i: usize) -> Edge {
         let [k, l, m, n, a, b, c, d, object, crossing] = self.words[i];
         let [start, along] = self.flat[i].map(V3::from);
         let (kind, crease, closed) = self.kinds[i];
@@ -142,8 +142,9 @@ impl Edges {
 
 /// Edges that something can jump at, and trees over them.
 pub(crate) struct EdgeSets {
-    edges: Edges,
-    any_apart: bool,
+    pub(super) edges: Edges,
+    /// Whether a line of a crossing moves while the shutter is open.
+    pub any_apart: bool,
     all: EdgeTree,
     moving: Moving,
 }
@@ -225,29 +226,11 @@ impl EdgeSets {
         sets
     }
 
-    pub fn len(&self) -> usize {
-        self.edges.count
-    }
-
-    /// One of the edges.
-    pub fn edge(&self, i: usize) -> Edge {
-        self.edges.get(i)
-    }
-
     /// Adds them to the lists of a view.
     #[inline(always)]
     pub fn add_to<'a>(&'a self, scene: &mut Scene<'a>) {
         scene.edges = self.edges.flat.as_flattened().as_flattened();
         scene.of_edges = self.edges.words.as_flattened();
-    }
-
-    /// Whether a line of a crossing moves while the shutter is open.
-    pub(crate) fn any_apart(&self) -> bool {
-        self.any_apart
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.all.is_empty()
     }
 
     /// The tree over the edges that matter to rays: all to rays that move, else those that move.

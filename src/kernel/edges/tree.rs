@@ -175,25 +175,19 @@ impl EdgeTree {
         });
         let of_leaves: Vec<Bounds> = of_leaves.collect();
         let mut nodes = vec![0.0; LANES * NODE * shape.nodes.len()];
-        let mut of_nodes: Vec<Option<Bounds>> = vec![None; shape.nodes.len()];
+        let mut of_nodes = vec![Bounds::new(&[]); shape.nodes.len()];
         let mut parts = Vec::with_capacity(LANES);
         // Children come after their parents.
         let blocks = nodes.chunks_mut(LANES * NODE).zip(&shape.nodes);
         for (at, (block, children)) in blocks.enumerate().rev() {
             parts.clear();
             for (i, &child) in children.iter().enumerate().filter(|(_, c)| **c != NONE) {
-                let index = child as usize / 2;
-                let own = if child % 2 == 1 {
-                    Some(of_leaves[index])
-                } else {
-                    of_nodes[index]
-                };
-                if let Some(own) = own {
-                    set(block, i, own.subtree().numbers());
-                    parts.push(own);
-                }
+                let list = [&of_nodes, &of_leaves][child as usize % 2];
+                let own = list[child as usize / 2];
+                set(block, i, own.subtree().numbers());
+                parts.push(own);
             }
-            of_nodes[at] = Some(Bounds::joined(&parts));
+            of_nodes[at] = Bounds::joined(&parts);
         }
         Self {
             nodes,
@@ -207,10 +201,6 @@ impl EdgeTree {
     /// Its memory, for another.
     pub fn into_room(self) -> Vec<f32> {
         self.leaves
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.edges.is_empty()
     }
 
     /// The part of it under a node, or all of a list.
